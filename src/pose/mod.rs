@@ -1,0 +1,1 @@
+//! The spine: points, skeletons, poses, rotations, kinematics. No I/O, no flags.

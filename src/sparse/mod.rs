@@ -1,0 +1,1 @@
+//! Sparse coding: pursuit, K-SVD and dictionaries.
