@@ -1,1 +1,19 @@
 //! The spine: points, skeletons, poses, rotations, kinematics. No I/O, no flags.
+
+pub mod align;
+pub mod body;
+pub mod joints;
+pub mod kinematics;
+pub mod poses;
+pub mod rotation;
+pub mod skeleton;
+
+pub use align::{Similarity, fit_similarity};
+pub use body::Body;
+pub use poses::Poses;
+pub use skeleton::{Bone, Channel, Dof, Skeleton};
+
+/// Centimetres in one unit of CMU's raw ASF files (`length 0.45`): 2.54 / 0.45 = 5.644.
+///
+/// The paper's errors are mean squares in this unit, and so is its "standard Gaussian noise".
+pub const ASF_UNIT_CM: f64 = 2.54 / 0.45;

@@ -1,0 +1,118 @@
+//! CMU's joints: names, order, chains (figure 2 of the posing paper).
+//!
+//! A joint is the end point of the bone of the same name; joint 1 is the root.
+
+/// The 23 joints in the paper's order: 69 numbers a pose.
+pub const CMU: [&str; 23] = [
+    "root",
+    "lhipjoint",
+    "lfemur",
+    "ltibia",
+    "lfoot",
+    "rhipjoint",
+    "rfemur",
+    "rtibia",
+    "rfoot",
+    "lowerback",
+    "upperback",
+    "thorax",
+    "lowerneck",
+    "upperneck",
+    "head",
+    "lclavicle",
+    "lhumerus",
+    "lradius",
+    "lwrist",
+    "rclavicle",
+    "rhumerus",
+    "rradius",
+    "rwrist",
+];
+
+/// The parent of each joint of [`CMU`]; the root is its own.
+pub const CMU_PARENT: [usize; 23] =
+    [0, 0, 1, 2, 3, 0, 5, 6, 7, 0, 9, 10, 11, 12, 13, 11, 15, 16, 17, 11, 19, 20, 21];
+
+/// The six joints observed in the paper's completion test (16, 20, 19, 23, 5 and 9).
+pub const PAPER_SIX: [&str; 6] = ["lclavicle", "rclavicle", "lwrist", "rwrist", "lfoot", "rfoot"];
+
+/// CMU's joints as owned names, as a table without a header is read.
+pub fn cmu_names() -> Vec<String> {
+    CMU.iter().map(|s| s.to_string()).collect()
+}
+
+/// For each name its parent among the same names, by CMU's hierarchy.
+///
+/// Bones that the names leave out are bridged: without `lhipjoint`, the parent of `lfemur` is `root`.
+/// `None` for the root, for names CMU does not know and for those with no ancestor in the list.
+pub fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
+    names
+        .iter()
+        .map(|name| {
+            let mut at = CMU.iter().position(|c| c == name)?;
+            while at != 0 {
+                at = CMU_PARENT[at];
+                if let Some(found) = names.iter().position(|n| n == CMU[at]) {
+                    return Some(found);
+                }
+            }
+            None
+        })
+        .collect()
+}
+
+/// The counterpart of a left or right joint (`lfemur` and `rfemur`, `LeftArm` and `RightArm`), if `names` holds it.
+pub fn mirrored(names: &[String], index: usize) -> Option<usize> {
+    let name = names.get(index)?;
+    let other = if let Some(rest) = name.strip_prefix("Left") {
+        format!("Right{rest}")
+    } else if let Some(rest) = name.strip_prefix("Right") {
+        format!("Left{rest}")
+    } else if let Some(rest) = name.strip_prefix('l') {
+        format!("r{rest}")
+    } else if let Some(rest) = name.strip_prefix('r') {
+        format!("l{rest}")
+    } else {
+        return None;
+    };
+    names.iter().position(|n| *n == other)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parents_come_first_and_make_the_papers_chains() {
+        assert!(CMU_PARENT.iter().enumerate().skip(1).all(|(i, &p)| p < i));
+        let chain = |mut j: usize| {
+            let mut c = vec![j + 1];
+            while j != 0 {
+                j = CMU_PARENT[j];
+                c.push(j + 1);
+            }
+            c.reverse();
+            c
+        };
+        assert_eq!(chain(4), [1, 2, 3, 4, 5]);
+        assert_eq!(chain(8), [1, 6, 7, 8, 9]);
+        assert_eq!(chain(14), [1, 10, 11, 12, 13, 14, 15]);
+        assert_eq!(chain(18), [1, 10, 11, 12, 16, 17, 18, 19]);
+        assert_eq!(chain(22), [1, 10, 11, 12, 20, 21, 22, 23]);
+    }
+
+    #[test]
+    fn left_out_bones_are_bridged() {
+        let names: Vec<String> = ["lfemur", "root", "tail"].iter().map(|s| s.to_string()).collect();
+        assert_eq!(parents_by_name(&names), [Some(1), None, None]);
+    }
+
+    #[test]
+    fn counterparts() {
+        let names = cmu_names();
+        let l = names.iter().position(|n| n == "lwrist").unwrap();
+        assert_eq!(mirrored(&names, l).map(|i| names[i].as_str()), Some("rwrist"));
+        assert_eq!(mirrored(&names, 0), None);
+        assert_eq!(mirrored(&names, names.iter().position(|n| n == "lowerback").unwrap()), None);
+    }
+}

@@ -1,0 +1,177 @@
+//! From the values of a frame to the places of the joints, and how the places change with the values.
+//!
+//! Letters: `q` the values of a frame (radians and centimetres, [`Skeleton::dof_count`] of them); `C` a bone's own
+//! axes; `M = R_n … R_1` its rotations, the first named turning first; `L = C M C⁻¹`; `G` the bone's global rotation,
+//! `G = G_parent L`; a bone ends at `start + G (offset)`, where its children start.
+
+use super::skeleton::{Channel, Skeleton};
+use glam::{DMat3, DVec3};
+
+/// A skeleton in one posture.
+#[derive(Debug, Clone, Default)]
+pub struct Posture {
+    /// The global rotation of each bone.
+    pub rotations: Vec<DMat3>,
+    /// Where each bone starts, centimetres.
+    pub starts: Vec<DVec3>,
+    /// Where each bone ends: its joint, centimetres.
+    pub ends: Vec<DVec3>,
+}
+
+impl Skeleton {
+    /// The posture for the values `q`. (The root's joint is where it starts.)
+    pub fn posture(&self, q: &[f64]) -> Posture {
+        let mut out = Posture::default();
+        self.posture_into(q, &mut out);
+        out
+    }
+
+    /// As [`Skeleton::posture`], into an old posture, without allocating.
+    pub fn posture_into(&self, q: &[f64], out: &mut Posture) {
+        out.rotations.clear();
+        out.starts.clear();
+        out.ends.clear();
+        for (i, bone) in self.bones().iter().enumerate() {
+            let (mut turn, mut shift, mut longer) = (DMat3::IDENTITY, DVec3::ZERO, 0.0);
+            for (dof, &value) in bone.dofs.iter().zip(&q[self.dofs_of(i)]) {
+                let value = value + dof.offset;
+                match dof.channel {
+                    Channel::Rotate(axis) => turn = axis.rotation(value) * turn,
+                    Channel::Translate(axis) => shift += axis.unit() * value,
+                    Channel::Length => longer += value,
+                }
+            }
+            let local = bone.axis * turn * bone.axis.transpose();
+            let (before, start) = match bone.parent {
+                Some(p) => (out.rotations[p], out.ends[p]),
+                None => (DMat3::IDENTITY, DVec3::ZERO),
+            };
+            let start = start + before * (bone.axis * shift);
+            let rotation = before * local;
+            let along = bone.offset.try_normalize().unwrap_or(DVec3::ZERO);
+            out.rotations.push(rotation);
+            out.starts.push(start);
+            out.ends.push(start + rotation * (bone.offset + along * longer));
+        }
+    }
+
+    /// How the joint of each bone in `joints` moves with each value: rows 3·joint + coordinate, columns values,
+    /// centimetres a radian or a centimetre. `out` is row-major, `3 * joints.len()` by [`Skeleton::dof_count`].
+    pub fn jacobian(&self, q: &[f64], posture: &Posture, joints: &[usize], out: &mut Vec<f64>) {
+        let columns = self.dof_count();
+        out.clear();
+        out.resize(3 * joints.len() * columns, 0.0);
+        for (i, bone) in self.bones().iter().enumerate() {
+            let before = bone.parent.map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
+            let range = self.dofs_of(i);
+            for (n, dof) in bone.dofs.iter().enumerate() {
+                // The rotations named after this one still turn its axis.
+                let mut later = DMat3::IDENTITY;
+                for (d, &value) in bone.dofs[n + 1..].iter().zip(&q[range.start + n + 1..range.end]) {
+                    if let Channel::Rotate(axis) = d.channel {
+                        later = axis.rotation(value + d.offset) * later;
+                    }
+                }
+                for (row, &joint) in joints.iter().enumerate() {
+                    if !self.is_below(joint, i) {
+                        continue;
+                    }
+                    let motion = match dof.channel {
+                        Channel::Rotate(axis) => (before * (bone.axis * (later * axis.unit())))
+                            .cross(posture.ends[joint] - posture.starts[i]),
+                        Channel::Translate(axis) => before * (bone.axis * axis.unit()),
+                        Channel::Length => {
+                            posture.rotations[i] * bone.offset.try_normalize().unwrap_or(DVec3::ZERO)
+                        }
+                    };
+                    for c in 0..3 {
+                        out[(3 * row + c) * columns + range.start + n] = motion[c];
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rotation::{Axis, compose, parse_order};
+    use super::super::skeleton::{Bone, Dof};
+    use super::*;
+
+    fn dof(channel: &str, offset: f64) -> Dof {
+        Dof { channel: Channel::parse(channel).unwrap(), limits: None, offset }
+    }
+
+    pub(crate) fn arm() -> Skeleton {
+        let order = parse_order("XYZ").unwrap();
+        Skeleton::new(vec![
+            Bone {
+                name: "root".into(),
+                parent: None,
+                offset: DVec3::ZERO,
+                axis: DMat3::IDENTITY,
+                dofs: ["tx", "ty", "tz", "rx", "ry", "rz"].map(|c| dof(c, 0.1)).to_vec(),
+            },
+            Bone {
+                name: "upper".into(),
+                parent: Some(0),
+                offset: DVec3::new(10.0, 1.0, 0.0),
+                axis: compose(&order, &[0.2, -0.4, 0.9]),
+                dofs: vec![dof("rz", 0.0), dof("rx", 0.0), dof("tx", 0.0), dof("l", 0.0)],
+            },
+            Bone {
+                name: "lower".into(),
+                parent: Some(1),
+                offset: DVec3::new(0.0, 8.0, 0.0),
+                axis: compose(&order, &[-1.2, 0.4, 0.3]),
+                dofs: vec![dof("ry", 0.0)],
+            },
+            Bone {
+                name: "other".into(),
+                parent: Some(0),
+                offset: DVec3::new(0.0, -3.0, 0.0),
+                axis: DMat3::IDENTITY,
+                dofs: vec![],
+            },
+        ])
+        .unwrap()
+    }
+
+    #[test]
+    fn the_jacobian_is_the_derivative() {
+        let s = arm();
+        let q: Vec<f64> = (0..s.dof_count()).map(|i| 0.3 * (i as f64 * 1.7).sin()).collect();
+        let joints = [0, 1, 2, 3];
+        let mut j = Vec::new();
+        s.jacobian(&q, &s.posture(&q), &joints, &mut j);
+        let h = 1e-6;
+        for d in 0..s.dof_count() {
+            let moved = |by: f64| {
+                let mut q = q.clone();
+                q[d] += by;
+                s.posture(&q).ends
+            };
+            let (plus, minus) = (moved(h), moved(-h));
+            for (row, &joint) in joints.iter().enumerate() {
+                let want = (plus[joint] - minus[joint]) / (2.0 * h);
+                for c in 0..3 {
+                    let got = j[(3 * row + c) * s.dof_count() + d];
+                    assert!((got - want[c]).abs() <= 1e-7, "{d} {joint} {c}: {got} {}", want[c]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_bones_rotation_turns_the_bone_itself() {
+        let s = arm();
+        let mut q = vec![0.0; s.dof_count()];
+        let rest = s.posture(&q).ends;
+        q[s.dofs_of(2).start] = 0.5;
+        let turned = s.posture(&q).ends;
+        assert!((turned[1] - rest[1]).length() <= 1e-12);
+        assert!((turned[2] - rest[2]).length() > 1.0);
+        assert!((Axis::Y.unit() - DVec3::Y).length() <= 0.0);
+    }
+}

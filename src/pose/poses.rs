@@ -1,0 +1,146 @@
+//! Poses: frames of named points, with their takes and times.
+
+use ndarray::{Array2, ArrayView1};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Frames x points: positions of named points over time.
+#[derive(Debug, Clone, Default)]
+pub struct Poses {
+    /// The points' names, J of them.
+    pub points: Vec<String>,
+    /// (frames, 3 J), centimetres, y up; NaN is missing.
+    pub xyz: Array2<f64>,
+    /// Seconds, one a frame, where the table has them.
+    pub time: Option<Vec<f64>>,
+    /// The take of each frame, where the table names them.
+    pub take: Option<Vec<Arc<str>>>,
+}
+
+impl Poses {
+    /// How many frames there are.
+    pub fn frames(&self) -> usize {
+        self.xyz.nrows()
+    }
+
+    /// One frame, 3 J numbers.
+    pub fn frame(&self, index: usize) -> ArrayView1<'_, f64> {
+        self.xyz.row(index)
+    }
+
+    /// Frames a second: 1 / the median step of time, rounded to a whole number (or n/1.001) when that close.
+    ///
+    /// `None` without times, or when no step goes forward.
+    pub fn rate(&self) -> Option<f64> {
+        let time = self.time.as_deref()?;
+        rate_of(time, |i| self.same_take(i))
+    }
+
+    /// Runs of frames that follow one another: a new take, a time that does not go forward and a step of more than
+    /// 1.5 frames each start a new run. Nothing is ever interpolated across runs.
+    pub fn runs(&self) -> Vec<Range<usize>> {
+        let step = self.rate().map(|r| 1.0 / r);
+        let mut runs = Vec::new();
+        let mut start = 0;
+        for i in 1..self.frames() {
+            let broken = match (&self.time, step) {
+                (Some(t), Some(step)) => !(t[i] > t[i - 1] && t[i] - t[i - 1] <= 1.5 * step),
+                (Some(t), None) => !(t[i] > t[i - 1]),
+                (None, _) => false,
+            };
+            if broken || !self.same_take(i) {
+                runs.push(start..i);
+                start = i;
+            }
+        }
+        if start < self.frames() {
+            runs.push(start..self.frames());
+        }
+        runs
+    }
+
+    /// Runs of frames of one take, however their times jump.
+    pub fn takes(&self) -> Vec<Range<usize>> {
+        let mut takes = Vec::new();
+        let mut start = 0;
+        for i in 1..=self.frames() {
+            if i == self.frames() || !self.same_take(i) {
+                takes.push(start..i);
+                start = i;
+            }
+        }
+        takes
+    }
+
+    /// Whether frame `i` and the one before it belong to the same take.
+    fn same_take(&self, i: usize) -> bool {
+        self.take.as_ref().is_none_or(|t| t[i] == t[i - 1])
+    }
+}
+
+/// The rate of a series of times; `joined(i)` tells whether step `i - 1 -> i` counts.
+fn rate_of(time: &[f64], joined: impl Fn(usize) -> bool) -> Option<f64> {
+    let mut steps: Vec<f64> = (1..time.len())
+        .filter(|&i| joined(i))
+        .map(|i| time[i] - time[i - 1])
+        .filter(|&s| s > 0.0)
+        .collect();
+    if steps.is_empty() {
+        return None;
+    }
+    let middle = steps.len() / 2;
+    let (_, &mut step, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
+    Some(round_rate(1.0 / step))
+}
+
+/// The nearest whole rate, or NTSC rate (n/1.001), when it is within 1e-4 of it.
+pub fn round_rate(rate: f64) -> f64 {
+    let whole = rate.round();
+    let ntsc = (rate * 1.001).round() / 1.001;
+    let close = |r: f64| r >= 1.0 && (r - rate).abs() <= 1e-4 * r;
+    if close(whole) {
+        whole
+    } else if close(ntsc) {
+        ntsc
+    } else {
+        rate
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn poses(time: &[f64], take: Option<&[&str]>) -> Poses {
+        Poses {
+            points: vec!["a".into()],
+            xyz: Array2::zeros((time.len(), 3)),
+            time: Some(time.to_vec()),
+            take: take.map(|t| t.iter().map(|&s| Arc::from(s)).collect()),
+        }
+    }
+
+    #[test]
+    fn rates_are_rounded_only_when_close() {
+        let at = |f: f64| poses(&(0..9).map(|i| i as f64 / f).collect::<Vec<_>>(), None).rate();
+        assert_eq!(at(120.0), Some(120.0));
+        assert_eq!(at(119.999), Some(120.0));
+        assert!((at(29.97002997).unwrap() - 30.0 / 1.001).abs() <= 1e-9);
+        assert!((at(59.5).unwrap() - 59.5).abs() <= 1e-6);
+        assert_eq!(poses(&[1.0], None).rate(), None);
+        assert_eq!(poses(&[], None).rate(), None);
+        // A slow rate below one frame a second is kept.
+        assert!((at(0.2).unwrap() - 0.2).abs() <= 1e-9);
+    }
+
+    #[test]
+    fn runs_break_at_takes_gaps_and_steps_back() {
+        let p = poses(&[0.0, 0.1, 0.2, 0.4, 0.5, 0.1, 0.2], None);
+        assert_eq!(p.runs(), [0..3, 3..5, 5..7]);
+        let p = poses(&[0.0, 0.1, 0.2, 0.3], Some(&["a", "a", "b", "b"]));
+        assert_eq!(p.runs(), [0..2, 2..4]);
+        assert_eq!(p.takes(), [0..2, 2..4]);
+        assert!(poses(&[], None).runs().is_empty());
+        assert!(poses(&[], None).takes().is_empty());
+    }
+}

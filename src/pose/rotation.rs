@@ -1,0 +1,208 @@
+//! Rotations: axes, Euler angles of any order, both poles included, and the nearest rotation.
+//!
+//! Angles are radians. `R` is a rotation matrix that acts on columns: `y = R x`.
+
+use glam::{DMat3, DVec3};
+
+/// One coordinate axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Axis {
+    /// The first axis.
+    X,
+    /// The second axis.
+    Y,
+    /// The third axis.
+    Z,
+}
+
+impl Axis {
+    /// 0, 1 or 2.
+    pub fn index(self) -> usize {
+        self as usize
+    }
+    /// The unit vector along the axis.
+    pub fn unit(self) -> DVec3 {
+        DVec3::AXES[self.index()]
+    }
+    /// `x`, `y` or `z` in either case.
+    pub fn parse(letter: char) -> Option<Axis> {
+        match letter.to_ascii_lowercase() {
+            'x' => Some(Axis::X),
+            'y' => Some(Axis::Y),
+            'z' => Some(Axis::Z),
+            _ => None,
+        }
+    }
+    /// The rotation about this axis.
+    pub fn rotation(self, angle: f64) -> DMat3 {
+        match self {
+            Axis::X => DMat3::from_rotation_x(angle),
+            Axis::Y => DMat3::from_rotation_y(angle),
+            Axis::Z => DMat3::from_rotation_z(angle),
+        }
+    }
+}
+
+/// Three different axes read from text such as `XYZ`; `None` when it is anything else.
+pub fn parse_order(text: &str) -> Option<[Axis; 3]> {
+    let axes: Vec<Axis> = text.trim().chars().map(Axis::parse).collect::<Option<_>>()?;
+    let order: [Axis; 3] = axes.try_into().ok()?;
+    (order[0] != order[1] && order[1] != order[2] && order[0] != order[2]).then_some(order)
+}
+
+/// The rotation that turns about the first axis first: `R = R_last … R_first` (the ASF convention).
+pub fn compose(order: &[Axis], angles: &[f64]) -> DMat3 {
+    order.iter().zip(angles).fold(DMat3::IDENTITY, |m, (axis, &a)| axis.rotation(a) * m)
+}
+
+/// The angles `(a, b, c)` with `R = R_i(a) R_j(b) R_k(c)` for `order = [i, j, k]` (the BVH convention: the last
+/// named turns first), chosen near `near`.
+///
+/// Each rotation has two such triples, and each angle is free by whole turns: the triple with the smallest
+/// largest step from `near` is taken, so that following a motion never jumps by more than half a turn.
+/// At the poles (`b` a quarter turn) only `a + c` or `a - c` is determined: `c` keeps its value from `near`.
+pub fn decompose(r: &DMat3, order: [Axis; 3], near: [f64; 3]) -> [f64; 3] {
+    let [i, j, k] = order.map(Axis::index);
+    // +1 for an even order (xyz, yzx, zxy), -1 for an odd one.
+    let e = if (i + 1) % 3 == j { 1.0 } else { -1.0 };
+    let m = |row: usize, column: usize| r.col(column)[row];
+    let cos_b = m(i, i).hypot(m(i, j));
+    let b = (e * m(i, k)).atan2(cos_b);
+    if cos_b < 1e-9 {
+        // R_j(±90°): with c fixed, a follows from the remaining entries.
+        let c = near[2];
+        let rest = *r * order[2].rotation(-c) * order[1].rotation(-b);
+        let a = (e * rest.col(j)[k]).atan2(rest.col(j)[j]);
+        return [closest_turn(a, near[0]), closest_turn(b, near[1]), c];
+    }
+    let a = (-e * m(j, k)).atan2(m(k, k));
+    let c = (-e * m(i, j)).atan2(m(i, i));
+    let half = std::f64::consts::PI;
+    let first = [a, b, c];
+    let second = [a + half, half - b, c + half];
+    let to_near = |t: [f64; 3]| [0, 1, 2].map(|n| closest_turn(t[n], near[n]));
+    let step = |t: &[f64; 3]| (0..3).map(|n| (t[n] - near[n]).abs()).fold(0.0, f64::max);
+    let (first, second) = (to_near(first), to_near(second));
+    if step(&second) < step(&first) - 1e-9 { second } else { first }
+}
+
+/// `angle` plus whole turns, as close to `near` as it gets.
+pub fn closest_turn(angle: f64, near: f64) -> f64 {
+    let turn = std::f64::consts::TAU;
+    angle + ((near - angle) / turn).round() * turn
+}
+
+/// The matrix `[v]x` with `[v]x u = v × u`.
+pub fn cross_matrix(v: DVec3) -> DMat3 {
+    DMat3::from_cols(
+        DVec3::new(0.0, v.z, -v.y),
+        DVec3::new(-v.z, 0.0, v.x),
+        DVec3::new(v.y, -v.x, 0.0),
+    )
+}
+
+/// The rotation by the vector `v`: about its direction, by its length.
+pub fn exponential(v: DVec3) -> DMat3 {
+    let angle = v.length();
+    if angle < 1e-12 {
+        return DMat3::IDENTITY + cross_matrix(v);
+    }
+    DMat3::from_axis_angle(v / angle, angle)
+}
+
+/// The angle between two rotations, 0 to pi.
+pub fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
+    let d = a.transpose() * *b;
+    let cos = (d.x_axis.x + d.y_axis.y + d.z_axis.z - 1.0) / 2.0;
+    let sin = DVec3::new(
+        d.y_axis.z - d.z_axis.y,
+        d.z_axis.x - d.x_axis.z,
+        d.x_axis.y - d.y_axis.x,
+    )
+    .length()
+        / 2.0;
+    sin.atan2(cos)
+}
+
+/// The shortest rotation that carries the direction of `from` to that of `to`.
+///
+/// `None` when a vector has no direction. Opposite directions turn about an axis chosen from `from` alone.
+pub fn swing(from: DVec3, to: DVec3) -> Option<DMat3> {
+    let (f, t) = (from.try_normalize()?, to.try_normalize()?);
+    let axis = f.cross(t);
+    let (sin, cos) = (axis.length(), f.dot(t));
+    if sin < 1e-12 {
+        if cos > 0.0 {
+            return Some(DMat3::IDENTITY);
+        }
+        return Some(DMat3::from_axis_angle(f.any_orthonormal_vector(), std::f64::consts::PI));
+    }
+    Some(DMat3::from_axis_angle(axis / sin, sin.atan2(cos)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn orders() -> Vec<[Axis; 3]> {
+        ["xyz", "xzy", "yxz", "yzx", "zxy", "zyx"].iter().map(|o| parse_order(o).unwrap()).collect()
+    }
+
+    fn outer(order: [Axis; 3], t: [f64; 3]) -> DMat3 {
+        order[0].rotation(t[0]) * order[1].rotation(t[1]) * order[2].rotation(t[2])
+    }
+
+    #[test]
+    fn every_order_turns_back_into_its_matrix_poles_included() {
+        let quarter = std::f64::consts::FRAC_PI_2;
+        for order in orders() {
+            for b in [0.3, -1.2, quarter, -quarter, quarter - 1e-7, -quarter + 1e-10, 3.0] {
+                for (a, c) in [(0.4, -2.0), (3.1, 0.0), (-1.0, 1.0)] {
+                    let r = outer(order, [a, b, c]);
+                    let t = decompose(&r, order, [0.2, -0.1, 0.7]);
+                    let err = angle_between(&r, &outer(order, t));
+                    assert!(err <= 1e-7, "{order:?} {a} {b} {c}: {err}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn following_a_motion_through_a_pole_keeps_steps_small() {
+        let order = parse_order("zyx").unwrap();
+        let mut near = [0.1, 1.2, 0.3];
+        for step in 0..100 {
+            let t = [0.1, 1.2 + 0.01 * step as f64, 0.3];
+            let got = decompose(&outer(order, t), order, near);
+            assert!((0..3).all(|n| (got[n] - near[n]).abs() <= 0.02), "{step}: {got:?} {near:?}");
+            near = got;
+        }
+    }
+
+    #[test]
+    fn composing_turns_the_first_named_first() {
+        let order = parse_order("XYZ").unwrap();
+        let m = compose(&order, &[0.1, 0.2, 0.3]);
+        let want = Axis::Z.rotation(0.3) * Axis::Y.rotation(0.2) * Axis::X.rotation(0.1);
+        assert!(angle_between(&m, &want) <= 1e-15);
+        assert!(parse_order("XYX").is_none() && parse_order("XY").is_none());
+    }
+
+    #[test]
+    fn a_swing_carries_one_direction_to_the_other() {
+        for to in [DVec3::new(0.0, 2.0, 0.1), -DVec3::X, DVec3::X] {
+            let r = swing(DVec3::X * 3.0, to).unwrap();
+            assert!((r * DVec3::X - to.normalize()).length() <= 1e-12);
+        }
+        assert!(swing(DVec3::ZERO, DVec3::X).is_none());
+    }
+
+    #[test]
+    fn the_exponential_is_a_rotation_about_its_vector() {
+        let v = DVec3::new(0.3, -0.2, 0.9);
+        assert!((exponential(v) * v - v).length() <= 1e-14);
+        assert!((angle_between(&DMat3::IDENTITY, &exponential(v)) - v.length()).abs() <= 1e-14);
+        let tiny = DVec3::new(1e-14, 0.0, 0.0);
+        assert!((exponential(tiny) * DVec3::Y - DVec3::new(0.0, 1.0, 1e-14)).length() <= 1e-20);
+    }
+}

@@ -1,0 +1,132 @@
+//! Skeletons: bones in a tree, each with the degrees of freedom its file gives it.
+
+use super::rotation::Axis;
+use crate::{Error, Result};
+use glam::{DMat3, DVec3};
+
+/// What one value of a frame does to its bone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Channel {
+    /// Moves the bone along an axis of its own frame, in centimetres.
+    Translate(Axis),
+    /// Turns the bone about an axis of its own frame, in radians.
+    Rotate(Axis),
+    /// Lengthens the bone, in centimetres.
+    Length,
+}
+
+impl Channel {
+    /// `tx ty tz rx ry rz l` in either case.
+    pub fn parse(text: &str) -> Option<Channel> {
+        let mut letters = text.chars();
+        let (kind, axis) = (letters.next()?, letters.next());
+        match (kind.to_ascii_lowercase(), axis, letters.next()) {
+            ('t', Some(a), None) => Axis::parse(a).map(Channel::Translate),
+            ('r', Some(a), None) => Axis::parse(a).map(Channel::Rotate),
+            ('l', None, None) => Some(Channel::Length),
+            _ => None,
+        }
+    }
+    /// Whether the channel is an angle.
+    pub fn is_angle(self) -> bool {
+        matches!(self, Channel::Rotate(_))
+    }
+}
+
+/// One degree of freedom.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Dof {
+    /// What the value does.
+    pub channel: Channel,
+    /// The range it may have (radians or centimetres), where the file gives one.
+    pub limits: Option<(f64, f64)>,
+    /// What is added to the file's value (the root's own position and orientation; else 0).
+    pub offset: f64,
+}
+
+/// A bone: from its parent's end to its own. The joint of the same name is that end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bone {
+    /// Its name.
+    pub name: String,
+    /// The index of the bone it starts from; `None` for the root alone.
+    pub parent: Option<usize>,
+    /// From its start to its end in the rest pose, global axes, centimetres. Zero for the root.
+    pub offset: DVec3,
+    /// The axes of its own frame `C` in global coordinates; its motion is `L = C M C⁻¹`.
+    pub axis: DMat3,
+    /// Its degrees of freedom in the file's order: the first named turns first.
+    pub dofs: Vec<Dof>,
+}
+
+/// Bones in an order in which a parent precedes its children; the first is the root.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Skeleton {
+    bones: Vec<Bone>,
+    first_dof: Vec<usize>,
+    dof_count: usize,
+}
+
+impl Skeleton {
+    /// Checks that the first bone is the only root, that each parent comes before its children and that no name
+    /// stands twice.
+    pub fn new(bones: Vec<Bone>) -> Result<Skeleton> {
+        let fail = |what: String| Err(Error::usage(format!("not a skeleton: {what}")));
+        for (i, bone) in bones.iter().enumerate() {
+            match bone.parent {
+                None if i > 0 => return fail(format!("a second root, {}", bone.name)),
+                Some(p) if p >= i => return fail(format!("{} comes before its parent", bone.name)),
+                _ => {}
+            }
+            if bones[..i].iter().any(|b| b.name == bone.name) {
+                return fail(format!("two bones are named {}", bone.name));
+            }
+        }
+        if bones.first().is_none_or(|b| b.parent.is_some()) {
+            return fail("it has no root".into());
+        }
+        let mut first_dof = Vec::with_capacity(bones.len());
+        let mut dof_count = 0;
+        for bone in &bones {
+            first_dof.push(dof_count);
+            dof_count += bone.dofs.len();
+        }
+        Ok(Skeleton { bones, first_dof, dof_count })
+    }
+
+    /// The bones, parents first.
+    pub fn bones(&self) -> &[Bone] {
+        &self.bones
+    }
+    /// How many values a frame has.
+    pub fn dof_count(&self) -> usize {
+        self.dof_count
+    }
+    /// Where the values of a bone stand in a frame.
+    pub fn dofs_of(&self, bone: usize) -> std::ops::Range<usize> {
+        self.first_dof[bone]..self.first_dof[bone] + self.bones[bone].dofs.len()
+    }
+    /// The bone of a name.
+    pub fn find(&self, name: &str) -> Option<usize> {
+        self.bones.iter().position(|b| b.name == name)
+    }
+    /// The bones that start where `bone` ends, in order.
+    pub fn children(&self, bone: usize) -> impl Iterator<Item = usize> + '_ {
+        (0..self.bones.len()).filter(move |&i| self.bones[i].parent == Some(bone))
+    }
+    /// Whether `bone` is `ancestor` or hangs below it.
+    pub fn is_below(&self, mut bone: usize, ancestor: usize) -> bool {
+        while bone > ancestor {
+            match self.bones[bone].parent {
+                Some(p) => bone = p,
+                None => return false,
+            }
+        }
+        bone == ancestor
+    }
+    /// The limits of every value, infinite where there are none.
+    pub fn limits(&self) -> Vec<(f64, f64)> {
+        let open = (f64::NEG_INFINITY, f64::INFINITY);
+        self.bones.iter().flat_map(|b| &b.dofs).map(|d| d.limits.unwrap_or(open)).collect()
+    }
+}
