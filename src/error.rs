@@ -45,11 +45,19 @@ pub struct Place {
 impl Place {
     /// A whole file.
     pub fn file(file: impl Into<String>) -> Self {
-        Place { file: file.into(), line: None, part: None }
+        Place {
+            file: file.into(),
+            line: None,
+            part: None,
+        }
     }
     /// One line of a file, counted from 1.
     pub fn line(file: impl Into<String>, line: u64) -> Self {
-        Place { file: file.into(), line: Some(line), part: None }
+        Place {
+            file: file.into(),
+            line: Some(line),
+            part: None,
+        }
     }
     /// The same place with a column, bone or array named.
     pub fn part(mut self, part: impl Into<String>) -> Self {
@@ -74,7 +82,10 @@ impl fmt::Display for Place {
 impl Error {
     /// Unusable data at a place.
     pub fn data(place: Place, what: impl Into<String>) -> Self {
-        Error::Data { place, what: what.into() }
+        Error::Data {
+            place,
+            what: what.into(),
+        }
     }
     /// Arguments that cannot be used.
     pub fn usage(what: impl Into<String>) -> Self {
@@ -82,7 +93,10 @@ impl Error {
     }
     /// A failed read or write of a file.
     pub fn io(path: impl AsRef<Path>, source: io::Error) -> Self {
-        Error::Io { place: path.as_ref().display().to_string(), source }
+        Error::Io {
+            place: path.as_ref().display().to_string(),
+            source,
+        }
     }
     /// 2 for wrong usage, 1 for everything else.
     pub fn exit_code(&self) -> u8 {

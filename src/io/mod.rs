@@ -1,1 +1,14 @@
-//! Readers and writers.
+//! Readers and writers, nothing else: they know `pose` and no flags.
+
+pub mod amc;
+pub mod asf;
+pub mod csv;
+pub mod input;
+pub mod model;
+pub mod npy;
+pub mod output;
+pub mod table;
+pub mod text;
+
+pub use input::Input;
+pub use table::{Columns, Row, Table};

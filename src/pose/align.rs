@@ -21,8 +21,11 @@ impl Default for Similarity {
 
 impl Similarity {
     /// Moves nothing.
-    pub const IDENTITY: Similarity =
-        Similarity { rotation: DMat3::IDENTITY, shift: DVec3::ZERO, scale: 1.0 };
+    pub const IDENTITY: Similarity = Similarity {
+        rotation: DMat3::IDENTITY,
+        shift: DVec3::ZERO,
+        scale: 1.0,
+    };
 
     /// Where `x` is carried.
     pub fn apply(&self, x: DVec3) -> DVec3 {
@@ -105,8 +108,16 @@ pub fn fit_similarity(
     };
     let error = spread_to - 2.0 * scale * gain + scale * scale * spread_from;
     let shift = to - rotation * from * scale;
-    let similarity = Similarity { rotation, shift, scale };
-    Some(Fit { similarity, error: error.max(0.0), determined })
+    let similarity = Similarity {
+        rotation,
+        shift,
+        scale,
+    };
+    Some(Fit {
+        similarity,
+        error: error.max(0.0),
+        determined,
+    })
 }
 
 /// The rotation R that maximises `trace(R M)` for `M = Σ w a bᵀ`, that maximum, and whether R is unique.
@@ -115,10 +126,30 @@ pub fn nearest_rotation(m: &DMat3) -> (DMat3, f64, bool) {
     let s = |a: usize, b: usize| m.col(b)[a];
     let (xx, yy, zz) = (s(0, 0), s(1, 1), s(2, 2));
     let n = [
-        [xx + yy + zz, s(1, 2) - s(2, 1), s(2, 0) - s(0, 2), s(0, 1) - s(1, 0)],
-        [s(1, 2) - s(2, 1), xx - yy - zz, s(0, 1) + s(1, 0), s(2, 0) + s(0, 2)],
-        [s(2, 0) - s(0, 2), s(0, 1) + s(1, 0), yy - xx - zz, s(1, 2) + s(2, 1)],
-        [s(0, 1) - s(1, 0), s(2, 0) + s(0, 2), s(1, 2) + s(2, 1), zz - xx - yy],
+        [
+            xx + yy + zz,
+            s(1, 2) - s(2, 1),
+            s(2, 0) - s(0, 2),
+            s(0, 1) - s(1, 0),
+        ],
+        [
+            s(1, 2) - s(2, 1),
+            xx - yy - zz,
+            s(0, 1) + s(1, 0),
+            s(2, 0) + s(0, 2),
+        ],
+        [
+            s(2, 0) - s(0, 2),
+            s(0, 1) + s(1, 0),
+            yy - xx - zz,
+            s(1, 2) + s(2, 1),
+        ],
+        [
+            s(0, 1) - s(1, 0),
+            s(2, 0) + s(0, 2),
+            s(1, 2) + s(2, 1),
+            zz - xx - yy,
+        ],
     ];
     let (values, vectors) = eigen_symmetric(n);
     let mut order = [0, 1, 2, 3];
@@ -138,7 +169,10 @@ pub fn eigen_symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64
     }
     // Six sweeps suffice at these sizes (convergence is quadratic); thirty is a bound for odd input.
     for _ in 0..30 {
-        let off: f64 = (0..N).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| a[i][j] * a[i][j]).sum();
+        let off: f64 = (0..N)
+            .flat_map(|i| (0..i).map(move |j| (i, j)))
+            .map(|(i, j)| a[i][j] * a[i][j])
+            .sum();
         let diagonal: f64 = (0..N).map(|i| a[i][i] * a[i][i]).sum();
         if !(off > 1e-30 * diagonal) {
             break;
@@ -181,13 +215,23 @@ mod tests {
     use super::*;
 
     fn cloud() -> Vec<DVec3> {
-        (0..7).map(|i| DVec3::new((i as f64).sin(), (i as f64 * 2.0).cos(), 0.3 * i as f64)).collect()
+        (0..7)
+            .map(|i| DVec3::new((i as f64).sin(), (i as f64 * 2.0).cos(), 0.3 * i as f64))
+            .collect()
     }
 
     #[test]
     fn a_known_similarity_is_recovered() {
-        for v in [DVec3::new(0.3, 2.0, -1.0), DVec3::ZERO, DVec3::new(0.0, std::f64::consts::PI, 0.0)] {
-            let want = Similarity { rotation: exponential(v), shift: DVec3::new(3.0, -2.0, 9.0), scale: 1.7 };
+        for v in [
+            DVec3::new(0.3, 2.0, -1.0),
+            DVec3::ZERO,
+            DVec3::new(0.0, std::f64::consts::PI, 0.0),
+        ] {
+            let want = Similarity {
+                rotation: exponential(v),
+                shift: DVec3::new(3.0, -2.0, 9.0),
+                scale: 1.7,
+            };
             let pairs = cloud().into_iter().map(|a| (a, want.apply(a), 2.0));
             let fit = fit_similarity(pairs, Free::Similarity).unwrap();
             assert!(fit.determined);
@@ -202,7 +246,9 @@ mod tests {
 
     #[test]
     fn a_mirror_image_is_answered_by_a_rotation() {
-        let pairs = cloud().into_iter().map(|a| (a, DVec3::new(-a.x, a.y, a.z), 1.0));
+        let pairs = cloud()
+            .into_iter()
+            .map(|a| (a, DVec3::new(-a.x, a.y, a.z), 1.0));
         let fit = fit_similarity(pairs, Free::Rigid).unwrap();
         assert!((fit.similarity.rotation.determinant() - 1.0).abs() <= 1e-12);
         assert!(fit.error > 0.1);

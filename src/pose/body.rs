@@ -49,7 +49,10 @@ impl Body {
                 *seen.select_nth_unstable_by(middle, f64::total_cmp).1
             })
             .collect();
-        Body { parents: parents.to_vec(), lengths }
+        Body {
+            parents: parents.to_vec(),
+            lengths,
+        }
     }
 
     /// The points in an order in which parents come first.
@@ -79,7 +82,10 @@ impl Body {
         let mut all: Vec<f64> = (0..self.lengths.len()).map(ratio).filter(known).collect();
         all.sort_by(f64::total_cmp);
         let usual = all.get(all.len() / 2).copied().unwrap_or(1.0);
-        (0..self.lengths.len()).map(ratio).map(|r| if known(&r) { r } else { usual }).collect()
+        (0..self.lengths.len())
+            .map(ratio)
+            .map(|r| if known(&r) { r } else { usual })
+            .collect()
     }
 
     /// Carries a pose of 3 J numbers to another body: bone k becomes `ratios[k]` times as long, and keeps its
@@ -138,9 +144,18 @@ mod tests {
 
     #[test]
     fn unknown_bones_take_the_usual_ratio() {
-        let a = Body { parents: vec![None, Some(0), Some(0)], lengths: vec![f64::NAN, 2.0, f64::NAN] };
-        let b = Body { parents: a.parents.clone(), lengths: vec![f64::NAN, 3.0, 9.0] };
+        let a = Body {
+            parents: vec![None, Some(0), Some(0)],
+            lengths: vec![f64::NAN, 2.0, f64::NAN],
+        };
+        let b = Body {
+            parents: a.parents.clone(),
+            lengths: vec![f64::NAN, 3.0, 9.0],
+        };
         assert_eq!(a.ratios_to(&b), [1.5, 1.5, 1.5]);
-        assert_eq!(a.ratios_to(&Body::unknown(a.parents.clone())), [1.0, 1.0, 1.0]);
+        assert_eq!(
+            a.ratios_to(&Body::unknown(a.parents.clone())),
+            [1.0, 1.0, 1.0]
+        );
     }
 }

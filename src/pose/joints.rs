@@ -30,11 +30,19 @@ pub const CMU: [&str; 23] = [
 ];
 
 /// The parent of each joint of [`CMU`]; the root is its own.
-pub const CMU_PARENT: [usize; 23] =
-    [0, 0, 1, 2, 3, 0, 5, 6, 7, 0, 9, 10, 11, 12, 13, 11, 15, 16, 17, 11, 19, 20, 21];
+pub const CMU_PARENT: [usize; 23] = [
+    0, 0, 1, 2, 3, 0, 5, 6, 7, 0, 9, 10, 11, 12, 13, 11, 15, 16, 17, 11, 19, 20, 21,
+];
 
 /// The six joints observed in the paper's completion test (16, 20, 19, 23, 5 and 9).
-pub const PAPER_SIX: [&str; 6] = ["lclavicle", "rclavicle", "lwrist", "rwrist", "lfoot", "rfoot"];
+pub const PAPER_SIX: [&str; 6] = [
+    "lclavicle",
+    "rclavicle",
+    "lwrist",
+    "rwrist",
+    "lfoot",
+    "rfoot",
+];
 
 /// CMU's joints as owned names, as a table without a header is read.
 pub fn cmu_names() -> Vec<String> {
@@ -103,7 +111,10 @@ mod tests {
 
     #[test]
     fn left_out_bones_are_bridged() {
-        let names: Vec<String> = ["lfemur", "root", "tail"].iter().map(|s| s.to_string()).collect();
+        let names: Vec<String> = ["lfemur", "root", "tail"]
+            .iter()
+            .map(|s| s.to_string())
+            .collect();
         assert_eq!(parents_by_name(&names), [Some(1), None, None]);
     }
 
@@ -111,8 +122,14 @@ mod tests {
     fn counterparts() {
         let names = cmu_names();
         let l = names.iter().position(|n| n == "lwrist").unwrap();
-        assert_eq!(mirrored(&names, l).map(|i| names[i].as_str()), Some("rwrist"));
+        assert_eq!(
+            mirrored(&names, l).map(|i| names[i].as_str()),
+            Some("rwrist")
+        );
         assert_eq!(mirrored(&names, 0), None);
-        assert_eq!(mirrored(&names, names.iter().position(|n| n == "lowerback").unwrap()), None);
+        assert_eq!(
+            mirrored(&names, names.iter().position(|n| n == "lowerback").unwrap()),
+            None
+        );
     }
 }

@@ -51,7 +51,8 @@ impl Skeleton {
             let along = bone.offset.try_normalize().unwrap_or(DVec3::ZERO);
             out.rotations.push(rotation);
             out.starts.push(start);
-            out.ends.push(start + rotation * (bone.offset + along * longer));
+            out.ends
+                .push(start + rotation * (bone.offset + along * longer));
         }
     }
 
@@ -62,12 +63,17 @@ impl Skeleton {
         out.clear();
         out.resize(3 * joints.len() * columns, 0.0);
         for (i, bone) in self.bones().iter().enumerate() {
-            let before = bone.parent.map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
+            let before = bone
+                .parent
+                .map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
             let range = self.dofs_of(i);
             for (n, dof) in bone.dofs.iter().enumerate() {
                 // The rotations named after this one still turn its axis.
                 let mut later = DMat3::IDENTITY;
-                for (d, &value) in bone.dofs[n + 1..].iter().zip(&q[range.start + n + 1..range.end]) {
+                for (d, &value) in bone.dofs[n + 1..]
+                    .iter()
+                    .zip(&q[range.start + n + 1..range.end])
+                {
                     if let Channel::Rotate(axis) = d.channel {
                         later = axis.rotation(value + d.offset) * later;
                     }
@@ -81,7 +87,8 @@ impl Skeleton {
                             .cross(posture.ends[joint] - posture.starts[i]),
                         Channel::Translate(axis) => before * (bone.axis * axis.unit()),
                         Channel::Length => {
-                            posture.rotations[i] * bone.offset.try_normalize().unwrap_or(DVec3::ZERO)
+                            posture.rotations[i]
+                                * bone.offset.try_normalize().unwrap_or(DVec3::ZERO)
                         }
                     };
                     for c in 0..3 {
@@ -100,7 +107,11 @@ mod tests {
     use super::*;
 
     fn dof(channel: &str, offset: f64) -> Dof {
-        Dof { channel: Channel::parse(channel).unwrap(), limits: None, offset }
+        Dof {
+            channel: Channel::parse(channel).unwrap(),
+            limits: None,
+            offset,
+        }
     }
 
     pub(crate) fn arm() -> Skeleton {
@@ -111,14 +122,21 @@ mod tests {
                 parent: None,
                 offset: DVec3::ZERO,
                 axis: DMat3::IDENTITY,
-                dofs: ["tx", "ty", "tz", "rx", "ry", "rz"].map(|c| dof(c, 0.1)).to_vec(),
+                dofs: ["tx", "ty", "tz", "rx", "ry", "rz"]
+                    .map(|c| dof(c, 0.1))
+                    .to_vec(),
             },
             Bone {
                 name: "upper".into(),
                 parent: Some(0),
                 offset: DVec3::new(10.0, 1.0, 0.0),
                 axis: compose(&order, &[0.2, -0.4, 0.9]),
-                dofs: vec![dof("rz", 0.0), dof("rx", 0.0), dof("tx", 0.0), dof("l", 0.0)],
+                dofs: vec![
+                    dof("rz", 0.0),
+                    dof("rx", 0.0),
+                    dof("tx", 0.0),
+                    dof("l", 0.0),
+                ],
             },
             Bone {
                 name: "lower".into(),
@@ -141,7 +159,9 @@ mod tests {
     #[test]
     fn the_jacobian_is_the_derivative() {
         let s = arm();
-        let q: Vec<f64> = (0..s.dof_count()).map(|i| 0.3 * (i as f64 * 1.7).sin()).collect();
+        let q: Vec<f64> = (0..s.dof_count())
+            .map(|i| 0.3 * (i as f64 * 1.7).sin())
+            .collect();
         let joints = [0, 1, 2, 3];
         let mut j = Vec::new();
         s.jacobian(&q, &s.posture(&q), &joints, &mut j);
@@ -157,7 +177,11 @@ mod tests {
                 let want = (plus[joint] - minus[joint]) / (2.0 * h);
                 for c in 0..3 {
                     let got = j[(3 * row + c) * s.dof_count() + d];
-                    assert!((got - want[c]).abs() <= 1e-7, "{d} {joint} {c}: {got} {}", want[c]);
+                    assert!(
+                        (got - want[c]).abs() <= 1e-7,
+                        "{d} {joint} {c}: {got} {}",
+                        want[c]
+                    );
                 }
             }
         }

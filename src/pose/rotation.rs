@@ -45,14 +45,21 @@ impl Axis {
 
 /// Three different axes read from text such as `XYZ`; `None` when it is anything else.
 pub fn parse_order(text: &str) -> Option<[Axis; 3]> {
-    let axes: Vec<Axis> = text.trim().chars().map(Axis::parse).collect::<Option<_>>()?;
+    let axes: Vec<Axis> = text
+        .trim()
+        .chars()
+        .map(Axis::parse)
+        .collect::<Option<_>>()?;
     let order: [Axis; 3] = axes.try_into().ok()?;
     (order[0] != order[1] && order[1] != order[2] && order[0] != order[2]).then_some(order)
 }
 
 /// The rotation that turns about the first axis first: `R = R_last … R_first` (the ASF convention).
 pub fn compose(order: &[Axis], angles: &[f64]) -> DMat3 {
-    order.iter().zip(angles).fold(DMat3::IDENTITY, |m, (axis, &a)| axis.rotation(a) * m)
+    order
+        .iter()
+        .zip(angles)
+        .fold(DMat3::IDENTITY, |m, (axis, &a)| axis.rotation(a) * m)
 }
 
 /// The angles `(a, b, c)` with `R = R_i(a) R_j(b) R_k(c)` for `order = [i, j, k]` (the BVH convention: the last
@@ -83,7 +90,11 @@ pub fn decompose(r: &DMat3, order: [Axis; 3], near: [f64; 3]) -> [f64; 3] {
     let to_near = |t: [f64; 3]| [0, 1, 2].map(|n| closest_turn(t[n], near[n]));
     let step = |t: &[f64; 3]| (0..3).map(|n| (t[n] - near[n]).abs()).fold(0.0, f64::max);
     let (first, second) = (to_near(first), to_near(second));
-    if step(&second) < step(&first) - 1e-9 { second } else { first }
+    if step(&second) < step(&first) - 1e-9 {
+        second
+    } else {
+        first
+    }
 }
 
 /// `angle` plus whole turns, as close to `near` as it gets.
@@ -135,7 +146,10 @@ pub fn swing(from: DVec3, to: DVec3) -> Option<DMat3> {
         if cos > 0.0 {
             return Some(DMat3::IDENTITY);
         }
-        return Some(DMat3::from_axis_angle(f.any_orthonormal_vector(), std::f64::consts::PI));
+        return Some(DMat3::from_axis_angle(
+            f.any_orthonormal_vector(),
+            std::f64::consts::PI,
+        ));
     }
     Some(DMat3::from_axis_angle(axis / sin, sin.atan2(cos)))
 }
@@ -145,7 +159,10 @@ mod tests {
     use super::*;
 
     fn orders() -> Vec<[Axis; 3]> {
-        ["xyz", "xzy", "yxz", "yzx", "zxy", "zyx"].iter().map(|o| parse_order(o).unwrap()).collect()
+        ["xyz", "xzy", "yxz", "yzx", "zxy", "zyx"]
+            .iter()
+            .map(|o| parse_order(o).unwrap())
+            .collect()
     }
 
     fn outer(order: [Axis; 3], t: [f64; 3]) -> DMat3 {
@@ -156,7 +173,15 @@ mod tests {
     fn every_order_turns_back_into_its_matrix_poles_included() {
         let quarter = std::f64::consts::FRAC_PI_2;
         for order in orders() {
-            for b in [0.3, -1.2, quarter, -quarter, quarter - 1e-7, -quarter + 1e-10, 3.0] {
+            for b in [
+                0.3,
+                -1.2,
+                quarter,
+                -quarter,
+                quarter - 1e-7,
+                -quarter + 1e-10,
+                3.0,
+            ] {
                 for (a, c) in [(0.4, -2.0), (3.1, 0.0), (-1.0, 1.0)] {
                     let r = outer(order, [a, b, c]);
                     let t = decompose(&r, order, [0.2, -0.1, 0.7]);
@@ -174,7 +199,10 @@ mod tests {
         for step in 0..100 {
             let t = [0.1, 1.2 + 0.01 * step as f64, 0.3];
             let got = decompose(&outer(order, t), order, near);
-            assert!((0..3).all(|n| (got[n] - near[n]).abs() <= 0.02), "{step}: {got:?} {near:?}");
+            assert!(
+                (0..3).all(|n| (got[n] - near[n]).abs() <= 0.02),
+                "{step}: {got:?} {near:?}"
+            );
             near = got;
         }
     }

@@ -91,7 +91,11 @@ impl Skeleton {
             first_dof.push(dof_count);
             dof_count += bone.dofs.len();
         }
-        Ok(Skeleton { bones, first_dof, dof_count })
+        Ok(Skeleton {
+            bones,
+            first_dof,
+            dof_count,
+        })
     }
 
     /// The bones, parents first.
@@ -127,6 +131,10 @@ impl Skeleton {
     /// The limits of every value, infinite where there are none.
     pub fn limits(&self) -> Vec<(f64, f64)> {
         let open = (f64::NEG_INFINITY, f64::INFINITY);
-        self.bones.iter().flat_map(|b| &b.dofs).map(|d| d.limits.unwrap_or(open)).collect()
+        self.bones
+            .iter()
+            .flat_map(|b| &b.dofs)
+            .map(|d| d.limits.unwrap_or(open))
+            .collect()
     }
 }

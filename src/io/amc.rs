@@ -1,0 +1,426 @@
+//! Acclaim motion (AMC): read frame by frame, and written.
+//!
+//! A frame is its number on a line of its own, then a line a bone: its name and one value for each of its degrees of
+//! freedom, in the ASF's order. Bones without degrees of freedom may be left out or stand there without values.
+
+use super::Input;
+use super::asf::Asf;
+use super::text::{Lines, number, short};
+use crate::{Error, Place, Result};
+use std::collections::HashMap;
+use std::io::BufRead;
+
+/// One frame of a take.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Frame {
+    /// The number that the file gives it; the first of a take need not be 1.
+    pub number: u64,
+    /// One value for each degree of freedom of the skeleton, radians and centimetres.
+    pub values: Vec<f64>,
+}
+
+/// Reads the frames of a take one at a time.
+pub struct Reader<'a> {
+    asf: &'a Asf,
+    by_name: HashMap<&'a str, usize>,
+    lines: Lines<Box<dyn BufRead>>,
+    degrees: bool,
+    /// The number of the frame whose number line was read already.
+    next: Option<u64>,
+    last: Option<u64>,
+    whole: u64,
+    keep_whole: bool,
+    /// Set when `keep_whole` dropped the last, cut off frame: its number.
+    pub dropped: Option<u64>,
+    seen: Vec<bool>,
+}
+
+/// What one line of a take is.
+enum Line {
+    Number(u64),
+    Bone(usize),
+    Nothing,
+}
+
+/// What a line of values was found to be; a wrong count may be the take's cut off end.
+enum Fault {
+    Cut(Error),
+    Wrong(Error),
+}
+
+impl<'a> Reader<'a> {
+    /// Reads the take's head. With `keep_whole`, a take cut off in its last frame ends before that frame.
+    pub fn new(asf: &'a Asf, input: Input, keep_whole: bool) -> Result<Reader<'a>> {
+        let by_name = asf
+            .skeleton
+            .bones()
+            .iter()
+            .enumerate()
+            .map(|(i, b)| (b.name.as_str(), i))
+            .collect();
+        let name = input.name.clone();
+        let mut reader = Reader {
+            asf,
+            by_name,
+            lines: Lines::new(name, input.into_reader()),
+            degrees: asf.degrees,
+            next: None,
+            last: None,
+            whole: 0,
+            keep_whole,
+            dropped: None,
+            seen: vec![false; asf.skeleton.bones().len()],
+        };
+        reader.head()?;
+        Ok(reader)
+    }
+
+    fn head(&mut self) -> Result<()> {
+        while let Some(line) = self.lines.next_line()? {
+            let text = line.split('#').next().unwrap_or("").trim();
+            match text.to_ascii_uppercase().as_str() {
+                "" => continue,
+                ":DEGREES" => self.degrees = true,
+                ":RADIANS" => self.degrees = false,
+                other if other.starts_with(':') => continue,
+                _ => {
+                    let first = text.split_whitespace().next().unwrap_or("");
+                    let found = short(first);
+                    self.next = Some(first.parse::<u64>().map_err(|_| {
+                        Error::data(
+                            self.lines.here(),
+                            format!("expected a frame's number, found \"{found}\""),
+                        )
+                    })?);
+                    return Ok(());
+                }
+            }
+        }
+        Err(Error::data(Place::file(&self.lines.name), "holds no frame"))
+    }
+
+    /// The next frame into `frame`; `false` at the end of the take.
+    pub fn read(&mut self, frame: &mut Frame) -> Result<bool> {
+        let Some(number) = self.next.take() else {
+            return Ok(false);
+        };
+        if let Some(last) = self.last {
+            if Some(number) != last.checked_add(1) {
+                let kind = if number == last {
+                    "repeats"
+                } else {
+                    "does not follow"
+                };
+                let what = format!(
+                    "frame {number} {kind} frame {last}; frames must be numbered without a gap"
+                );
+                return Err(Error::data(self.lines.here(), what));
+            }
+        }
+        self.last = Some(number);
+        frame.number = number;
+        frame.values.clear();
+        frame.values.resize(self.asf.skeleton.dof_count(), 0.0);
+        self.seen.fill(false);
+        loop {
+            match self.bone_line(frame) {
+                Ok(Some(Line::Number(next))) => {
+                    self.next = Some(next);
+                    let line = self.lines.number;
+                    if let Some(bone) = self.missing() {
+                        let what = format!("frame {number} ends without bone \"{bone}\"");
+                        return Err(Error::data(Place::line(&self.lines.name, line), what));
+                    }
+                    break;
+                }
+                Ok(Some(Line::Bone(bone))) => {
+                    if std::mem::replace(&mut self.seen[bone], true) {
+                        let name = &self.asf.skeleton.bones()[bone].name;
+                        let what = format!("bone \"{name}\" stands twice in frame {number}");
+                        return Err(Error::data(self.lines.here(), what));
+                    }
+                }
+                Ok(Some(Line::Nothing)) => {}
+                Ok(None) => match self.missing() {
+                    Some(bone) => {
+                        return self.cut_off(number, &format!("bone \"{bone}\" is not there"));
+                    }
+                    None => break,
+                },
+                Err(Fault::Wrong(e)) => return Err(e),
+                // A short or broken line is the cut off end of a take only when nothing follows it.
+                Err(Fault::Cut(e)) => {
+                    while let Some(line) = self.lines.next_line()? {
+                        if !line.trim().is_empty() {
+                            return Err(e);
+                        }
+                    }
+                    let what = match e {
+                        Error::Data { what, .. } => what,
+                        e => return Err(e),
+                    };
+                    return self.cut_off(number, &what);
+                }
+            }
+        }
+        self.whole += 1;
+        Ok(true)
+    }
+
+    fn missing(&self) -> Option<&'a str> {
+        let bones = self.asf.skeleton.bones();
+        let at = (0..bones.len()).find(|&i| !self.seen[i] && !bones[i].dofs.is_empty())?;
+        Some(&bones[at].name)
+    }
+
+    fn cut_off(&mut self, number: u64, why: &str) -> Result<bool> {
+        if self.keep_whole && self.whole > 0 {
+            self.dropped = Some(number);
+            return Ok(false);
+        }
+        let what = if self.whole > 0 {
+            format!(
+                "the take is cut off in frame {number} ({why}) after {} whole frames; --keep-whole keeps those",
+                self.whole
+            )
+        } else {
+            format!("the take is cut off in its first frame, {number} ({why})")
+        };
+        Err(Error::data(self.lines.here(), what))
+    }
+
+    fn bone_line(&mut self, frame: &mut Frame) -> std::result::Result<Option<Line>, Fault> {
+        let degrees = self.degrees;
+        let Some(line) = self.lines.next_line().map_err(Fault::Wrong)? else {
+            return Ok(None);
+        };
+        let text = line.split('#').next().unwrap_or("").trim();
+        let mut words = text.split_ascii_whitespace();
+        let Some(name) = words.next() else {
+            return Ok(Some(Line::Nothing));
+        };
+        if name.starts_with(|c: char| c.is_ascii_digit()) && words.clone().next().is_none() {
+            if let Ok(number) = name.parse() {
+                return Ok(Some(Line::Number(number)));
+            }
+        }
+        let Some(&bone) = self.by_name.get(name) else {
+            let what = format!("the skeleton has no bone \"{}\"", short(name));
+            return Err(Fault::Cut(Error::data(self.lines.here(), what)));
+        };
+        let skeleton = &self.asf.skeleton;
+        let range = skeleton.dofs_of(bone);
+        let mut count = 0;
+        let mut fault = None;
+        for word in words {
+            if count < range.len() {
+                match number(word) {
+                    Ok(value) => {
+                        let angle = skeleton.bones()[bone].dofs[count].channel.is_angle();
+                        frame.values[range.start + count] = match (angle, degrees) {
+                            (true, true) => value.to_radians(),
+                            (true, false) => value,
+                            (false, _) => value * self.asf.unit,
+                        };
+                    }
+                    Err(what) => {
+                        fault = Some(what);
+                        break;
+                    }
+                }
+            }
+            count += 1;
+        }
+        let here = || self.lines.here().part(&skeleton.bones()[bone].name);
+        if let Some(what) = fault {
+            return Err(Fault::Cut(Error::data(here(), what)));
+        }
+        if count != range.len() {
+            let what = format!("expected {} values, found {count}", range.len());
+            return Err(Fault::Cut(Error::data(here(), what)));
+        }
+        Ok(Some(Line::Bone(bone)))
+    }
+}
+
+/// The head of an AMC file, in degrees as CMU's are.
+pub fn write_head(out: &mut Vec<u8>) {
+    out.extend_from_slice(b":FULLY-SPECIFIED\n:DEGREES\n");
+}
+
+/// Appends one frame in degrees and raw units. Ten decimals: a millionth of a millimetre at arm's length.
+pub fn write_frame(out: &mut Vec<u8>, asf: &Asf, frame: &Frame) {
+    use std::io::Write;
+    // Writing to memory cannot fail.
+    let _ = writeln!(out, "{}", frame.number);
+    for (i, bone) in asf.skeleton.bones().iter().enumerate() {
+        if bone.dofs.is_empty() {
+            continue;
+        }
+        out.extend_from_slice(bone.name.as_bytes());
+        for (dof, &value) in bone.dofs.iter().zip(&frame.values[asf.skeleton.dofs_of(i)]) {
+            let value = if dof.channel.is_angle() {
+                value.to_degrees()
+            } else {
+                value / asf.unit
+            };
+            out.push(b' ');
+            let rounded = (value * 1e10).round() / 1e10;
+            super::text::push_number(
+                out,
+                if rounded.is_finite() {
+                    rounded + 0.0
+                } else {
+                    value
+                },
+            );
+        }
+        out.push(b'\n');
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ASF: &str = "\u{feff}# made for tests\r\n:version 1.10\r\n:units\r\n  length 0.45\r\n  angle deg\r\n:root\n order TX TY TZ RX RY RZ\n axis XYZ\n position 0 0 0\n orientation 0 0 0\n:bonedata\n begin\n id 1\n name hip\n direction 1 0 0\n length 2\n axis 0 0 0 XYZ\n end\n begin\n name leg\n direction 0 -1 0\n length 4.5\n axis 10 20 30 ZYX\n dof rx rz\n limits (-10 20)\n (-inf inf)\n end\n:hierarchy\n begin\n root hip\n hip leg\n end\n";
+
+    fn asf() -> Asf {
+        super::super::asf::parse("t.asf", ASF.as_bytes()).unwrap()
+    }
+
+    fn take(text: &str, keep: bool) -> Result<Vec<Frame>> {
+        let asf = asf();
+        let mut reader = Reader::new(
+            &asf,
+            Input::new("t.amc", std::io::Cursor::new(text.as_bytes().to_vec()))?,
+            keep,
+        )?;
+        let (mut frames, mut frame) = (Vec::new(), Frame::default());
+        while reader.read(&mut frame)? {
+            frames.push(frame.clone());
+        }
+        Ok(frames)
+    }
+
+    const TWO: &str = "#!OML\r\n:FULLY-SPECIFIED\r\n:DEGREES\r\n7\r\nroot 1 2 3 4 5 6\r\n\r\nhip\r\nleg 90 -45\r\n# between\r\n8\r\nleg 1 2\r\nroot 1 2 3 4 5 6";
+
+    #[test]
+    fn a_take_is_read_in_centimetres_and_radians() {
+        let frames = take(TWO, false).unwrap();
+        assert_eq!(frames.iter().map(|f| f.number).collect::<Vec<_>>(), [7, 8]);
+        assert!((frames[0].values[0] - 2.54 / 0.45).abs() <= 1e-12);
+        assert!((frames[0].values[6] - std::f64::consts::FRAC_PI_2).abs() <= 1e-12);
+        let radians = take(&TWO.replace("DEGREES", "RADIANS"), false).unwrap();
+        assert_eq!(radians[0].values[6], 90.0);
+        let limits = asf().skeleton.limits();
+        assert!((limits[6].0 + 10f64.to_radians()).abs() <= 1e-12 && limits[7].1.is_infinite());
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let asf = asf();
+        let frames = take(TWO, false).unwrap();
+        let mut out = Vec::new();
+        write_head(&mut out);
+        frames.iter().for_each(|f| write_frame(&mut out, &asf, f));
+        let back = take(std::str::from_utf8(&out).unwrap(), false).unwrap();
+        for (a, b) in frames.iter().zip(&back) {
+            assert!(
+                a.values
+                    .iter()
+                    .zip(&b.values)
+                    .all(|(x, y)| (x - y).abs() <= 1e-9)
+            );
+        }
+    }
+
+    #[test]
+    fn bad_takes_are_refused_with_line_and_reason() {
+        let says = |text: &str, line: u64, part: &str| {
+            let e = take(text, false).unwrap_err().to_string();
+            assert!(
+                e.starts_with(&format!("t.amc:{line}")) && e.contains(part),
+                "{e}"
+            );
+            assert_eq!(e.lines().count(), 1);
+        };
+        says(&TWO.replace("leg 1 2", "tail 1"), 11, "no bone \"tail\"");
+        says(
+            &TWO.replace("leg 90 -45\r\n", ""),
+            9,
+            "without bone \"leg\"",
+        );
+        says(
+            &TWO.replace("leg 1 2", "leg 1"),
+            11,
+            "expected 2 values, found 1",
+        );
+        says(&TWO.replace("leg 1 2", "leg 1 2 3"), 11, "found 3");
+        says(&TWO.replace("leg 1 2", "leg 1 abc"), 11, "found \"abc\"");
+        says(&TWO.replace("leg 1 2", "leg 1 nan"), 11, "finite");
+        says(&TWO.replace("\n8\r", "\n9\r"), 10, "does not follow");
+        says(&TWO.replace("\n8\r", "\n7\r"), 10, "repeats");
+        says(
+            &TWO.replace("leg 1 2\r\n", "leg 1 2\r\nleg 1 2\r\n"),
+            12,
+            "twice",
+        );
+        assert!(
+            take("", false)
+                .unwrap_err()
+                .to_string()
+                .contains("holds no frame")
+        );
+    }
+
+    #[test]
+    fn a_cut_take_names_its_whole_frames_and_the_flag() {
+        for cut in [
+            "leg 1 2\r\nroot 1 2",
+            "leg 1 2\r\nro",
+            "leg 1 2\r\nroot 1 2 3 4 5 -",
+        ] {
+            let text = format!("{}{cut}", &TWO[..TWO.find("leg 1").unwrap()]);
+            let e = take(&text, false).unwrap_err().to_string();
+            assert!(e.contains("after 1 whole frames; --keep-whole"), "{e}");
+            assert_eq!(take(&text, true).unwrap().len(), 1);
+        }
+        assert!(
+            take(":DEGREES\n1\nroot 1", true)
+                .unwrap_err()
+                .to_string()
+                .contains("first frame")
+        );
+    }
+
+    #[test]
+    fn bad_skeletons_are_refused() {
+        let says = |text: String, part: &str| {
+            let e = super::super::asf::parse("t.asf", std::io::Cursor::new(text.into_bytes()))
+                .unwrap_err()
+                .to_string();
+            assert!(e.starts_with("t.asf") && e.contains(part), "{e}");
+        };
+        says(
+            ASF.replace(" root hip\n", " root leg\n")
+                .replace(" hip leg\n", " hip hip\n"),
+            "cycle",
+        );
+        says(ASF.replace(" hip leg\n", ""), "orphan");
+        says(ASF.replace(" hip leg\n", " hip leg tail\n"), "\"tail\"");
+        says(
+            ASF.replace(" hip leg\n", " hip leg\n root leg\n"),
+            "two parents",
+        );
+        says(ASF.replace("length 0.45", "mass 1"), "--units");
+        says(ASF.replace("length 2\n", "length x\n"), "found \"x\"");
+        says(
+            ASF.replace("limits (-10 20)\n (-inf inf)", "limits (-10 20)"),
+            "limits",
+        );
+        says(ASF.replace("dof rx rz", "dof rx qz"), "qz");
+        says(ASF[..ASF.find("dof").unwrap()].to_string(), "cut off");
+        says(String::new(), "holds no skeleton");
+    }
+}

@@ -1,0 +1,137 @@
+//! Opening an input: what it is comes from its content, never from its name.
+
+use crate::{Error, Place, Result};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::Path;
+
+/// How much is buffered of an input.
+const BUFFER: usize = 1 << 16;
+
+/// An opened input, decompressed, with the name its messages use.
+pub struct Input {
+    /// As the user wrote it, or `standard input`.
+    pub name: String,
+    reader: Box<dyn BufRead>,
+}
+
+/// What an input holds, by its first bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// NumPy's array file.
+    Npy,
+    /// A ZIP archive, as `.npz` is.
+    Npz,
+    /// Nothing at all.
+    Empty,
+    /// Anything else: text.
+    Text,
+}
+
+impl Input {
+    /// Opens a file; gzip and zstd are decompressed.
+    pub fn open(path: &Path) -> Result<Input> {
+        let fail = |e| Error::io(path, e);
+        let file = File::open(path).map_err(fail)?;
+        if file.metadata().map_err(fail)?.is_dir() {
+            return Err(Error::data(
+                Place::file(path.display().to_string()),
+                "is a directory, expected a file",
+            ));
+        }
+        Input::new(path.display().to_string(), file)
+    }
+
+    /// Wraps a stream; gzip and zstd are decompressed.
+    pub fn new(name: impl Into<String>, stream: impl Read + 'static) -> Result<Input> {
+        let name = name.into();
+        let mut reader = BufReader::with_capacity(BUFFER, stream);
+        let start = peek(&mut reader).map_err(|e| Error::io(&name, e))?;
+        let reader: Box<dyn BufRead> = if start.starts_with(&[0x1f, 0x8b]) {
+            Box::new(BufReader::with_capacity(
+                BUFFER,
+                flate2::bufread::MultiGzDecoder::new(reader),
+            ))
+        } else if start.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) {
+            let decoder = zstd::Decoder::with_buffer(reader).map_err(|e| Error::io(&name, e))?;
+            Box::new(BufReader::with_capacity(BUFFER, decoder))
+        } else {
+            Box::new(reader)
+        };
+        Ok(Input { name, reader })
+    }
+
+    /// What the input holds. Reads nothing past the buffer.
+    pub fn kind(&mut self) -> Result<Kind> {
+        let start = peek(&mut self.reader).map_err(|e| Error::io(&self.name, e))?;
+        Ok(match start {
+            [] => Kind::Empty,
+            s if s.starts_with(b"\x93NUMPY") => Kind::Npy,
+            s if s.starts_with(b"PK\x03\x04") || s.starts_with(b"PK\x05\x06") => Kind::Npz,
+            _ => Kind::Text,
+        })
+    }
+
+    /// Everything that is left, as bytes; an error beyond `limit` bytes.
+    pub fn read_all(mut self, limit: u64) -> Result<Vec<u8>> {
+        let mut bytes = Vec::new();
+        let fail = |e| Error::io(&self.name, e);
+        self.reader
+            .by_ref()
+            .take(limit)
+            .read_to_end(&mut bytes)
+            .map_err(fail)?;
+        if bytes.len() as u64 == limit && !self.reader.fill_buf().map_err(fail)?.is_empty() {
+            let what = format!("is larger than {} MiB", limit >> 20);
+            return Err(Error::data(Place::file(self.name), what));
+        }
+        Ok(bytes)
+    }
+
+    /// The stream itself.
+    pub fn into_reader(self) -> Box<dyn BufRead> {
+        self.reader
+    }
+}
+
+/// The first bytes without consuming them; short reads of a pipe are retried.
+fn peek(reader: &mut dyn BufRead) -> io::Result<&[u8]> {
+    loop {
+        match reader.fill_buf() {
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
+            Err(e) => return Err(e),
+            Ok(_) => break,
+        }
+    }
+    reader.fill_buf()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn compressed_streams_are_opened_by_content() {
+        let mut gz = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+        gz.write_all(b"take,time\n").unwrap();
+        let gz = gz.finish().unwrap();
+        let zst = zstd::encode_all(&b"take,time\n"[..], 1).unwrap();
+        for bytes in [b"take,time\n".to_vec(), gz, zst] {
+            let mut input = Input::new("x", io::Cursor::new(bytes)).unwrap();
+            assert_eq!(input.kind().unwrap(), Kind::Text);
+            assert_eq!(input.read_all(1000).unwrap(), b"take,time\n");
+        }
+    }
+
+    #[test]
+    fn kinds_and_limits() {
+        let kind = |b: &'static [u8]| Input::new("x", b).unwrap().kind().unwrap();
+        assert_eq!(kind(b""), Kind::Empty);
+        assert_eq!(kind(b"\x93NUMPY\x01"), Kind::Npy);
+        assert_eq!(kind(b"PK\x03\x04"), Kind::Npz);
+        assert!(Input::new("x", &b"12345"[..]).unwrap().read_all(4).is_err());
+        assert!(Input::new("x", &b"1234"[..]).unwrap().read_all(4).is_ok());
+        assert!(Input::open(Path::new(".")).is_err());
+    }
+}

@@ -1,0 +1,464 @@
+//! NumPy's array files as pose tables: (frames, 3 x points) or (frames, points, 3), `<f4` or `<f8`, C or Fortran
+//! order; NaN is missing. Read without seeking, so standard input works.
+
+use super::Input;
+use super::table::{Columns, ReadOptions, Row};
+use super::text::short;
+use crate::{Error, Place, Result};
+use ndarray::Array2;
+use std::io::{BufRead, Read, Write};
+
+/// Reads the frames of an array one at a time.
+pub struct NpyReader {
+    /// The name that messages use.
+    pub name: String,
+    /// What the columns mean.
+    pub columns: Columns,
+    reader: Box<dyn BufRead>,
+    wide: bool,
+    frames: u64,
+    next: u64,
+    /// The frames of a Fortran-order array, transposed after reading it whole.
+    whole: Option<Vec<f64>>,
+    bytes: Vec<u8>,
+}
+
+/// What a header says.
+struct Header {
+    descr: String,
+    fortran: bool,
+    shape: Vec<u64>,
+}
+
+impl Header {
+    /// Whether the floats are f64; an error when they are not floats.
+    fn wide(&self) -> std::result::Result<bool, String> {
+        match self.descr.as_str() {
+            "<f8" => Ok(true),
+            "<f4" => Ok(false),
+            other => Err(format!(
+                "holds values of type {}, expected <f4 or <f8",
+                short(other)
+            )),
+        }
+    }
+}
+
+impl NpyReader {
+    /// Reads the header; an array in Fortran order is read whole.
+    pub fn new(input: Input, options: &ReadOptions) -> Result<NpyReader> {
+        let name = input.name.clone();
+        let place = Place::file(&name);
+        let mut reader = input.into_reader();
+        let header = read_header(&mut reader, &place)?;
+        let fail = |what: String| Err(Error::data(place.clone(), what));
+        let wide = header
+            .wide()
+            .map_err(|what| Error::data(place.clone(), what))?;
+        let (frames, width) = match header.shape[..] {
+            [frames, width] => (frames, width),
+            [frames, points, 3] => (frames, points.saturating_mul(3)),
+            _ => {
+                return fail(format!(
+                    "has the shape {:?}, expected (frames, 3 x points) or (frames, points, 3)",
+                    header.shape
+                ));
+            }
+        };
+        if width == 0 || width % 3 != 0 || width > 3_000_000 {
+            return fail(format!("has {width} columns, expected three a point"));
+        }
+        let columns = Columns::of_array(width as usize, options.joints.as_deref(), &place)?;
+        let mut out = NpyReader {
+            name,
+            columns,
+            reader,
+            wide,
+            frames,
+            next: 0,
+            whole: None,
+            bytes: Vec::new(),
+        };
+        if header.fortran {
+            out.whole = Some(out.read_fortran(&header.shape)?);
+        }
+        Ok(out)
+    }
+
+    /// Reads the next frame; `false` at the end.
+    pub fn read(&mut self, row: &mut Row) -> Result<bool> {
+        let width = self.columns.width();
+        *row = Row {
+            xyz: std::mem::take(&mut row.xyz),
+            ..Row::default()
+        };
+        row.xyz.clear();
+        if self.next == self.frames {
+            // Bytes behind the array would be lost: that is no array file.
+            let rest = self
+                .reader
+                .fill_buf()
+                .map_err(|e| Error::io(&self.name, e))?;
+            if !rest.is_empty() {
+                return Err(self.fail("has more bytes than its header says"));
+            }
+            return Ok(false);
+        }
+        match &self.whole {
+            Some(all) => {
+                let at = self.next as usize * width;
+                row.xyz.extend_from_slice(&all[at..at + width]);
+            }
+            None => {
+                let need = width * if self.wide { 8 } else { 4 };
+                self.bytes.resize(need, 0);
+                let done = self.reader.read_exact(&mut self.bytes);
+                done.map_err(|e| self.short_read(e))?;
+                decode(&self.bytes, self.wide, &mut row.xyz);
+            }
+        }
+        self.next += 1;
+        if let Some(bad) = row.xyz.iter().position(|v| v.is_infinite()) {
+            let what = format!(
+                "frame {}, column {bad}: the value is infinite",
+                self.next - 1
+            );
+            return Err(self.fail(&what));
+        }
+        Ok(true)
+    }
+
+    fn read_fortran(&mut self, shape: &[u64]) -> Result<Vec<f64>> {
+        // Read in pieces: a header that lies about its size must not take memory before the bytes are there.
+        let size = if self.wide { 8 } else { 4 };
+        let count = self.frames.saturating_mul(self.columns.width() as u64);
+        let mut bytes = Vec::new();
+        let limit = count.saturating_mul(size);
+        self.reader
+            .by_ref()
+            .take(limit)
+            .read_to_end(&mut bytes)
+            .map_err(|e| Error::io(&self.name, e))?;
+        if (bytes.len() as u64) < limit {
+            return Err(self.fail("ends before its last frame"));
+        }
+        let mut values = Vec::new();
+        decode(&bytes, self.wide, &mut values);
+        let (frames, points) = (self.frames as usize, shape[1] as usize);
+        let width = self.columns.width();
+        let mut out = vec![0.0; values.len()];
+        for (i, v) in values.into_iter().enumerate() {
+            let (frame, column) = (i % frames, i / frames);
+            // In a (frames, points, 3) array the points run before the axes.
+            let column = if shape.len() == 3 {
+                3 * (column % points) + column / points
+            } else {
+                column
+            };
+            out[frame * width + column] = v;
+        }
+        Ok(out)
+    }
+
+    fn fail(&self, what: &str) -> Error {
+        Error::data(Place::file(&self.name), what)
+    }
+
+    fn short_read(&self, e: std::io::Error) -> Error {
+        if e.kind() == std::io::ErrorKind::UnexpectedEof {
+            return self.fail(&format!(
+                "ends before its last frame: {} of {} are there",
+                self.next, self.frames
+            ));
+        }
+        Error::io(&self.name, e)
+    }
+}
+
+fn decode(bytes: &[u8], wide: bool, out: &mut Vec<f64>) {
+    if wide {
+        out.extend(
+            bytes
+                .chunks_exact(8)
+                .map(|b| f64::from_le_bytes(b.try_into().unwrap_or_default())),
+        );
+    } else {
+        out.extend(
+            bytes
+                .chunks_exact(4)
+                .map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap_or_default()))),
+        );
+    }
+}
+
+fn read_header(reader: &mut dyn Read, place: &Place) -> Result<Header> {
+    let fail = |what: String| Error::data(place.clone(), what);
+    let cut = |_| fail("ends inside its header".to_string());
+    let mut start = [0; 8];
+    reader.read_exact(&mut start).map_err(cut)?;
+    let length = match start[6] {
+        1 => {
+            let mut n = [0; 2];
+            reader.read_exact(&mut n).map_err(cut)?;
+            u32::from(u16::from_le_bytes(n))
+        }
+        2 | 3 => {
+            let mut n = [0; 4];
+            reader.read_exact(&mut n).map_err(cut)?;
+            u32::from_le_bytes(n)
+        }
+        v => {
+            return Err(fail(format!(
+                "is an NPY file of version {v}, expected 1 to 3"
+            )));
+        }
+    };
+    if length > 65_536 {
+        return Err(fail("has an NPY header longer than 64 KiB".into()));
+    }
+    let mut text = vec![0; length as usize];
+    reader.read_exact(&mut text).map_err(cut)?;
+    let text = String::from_utf8_lossy(&text);
+    parse_header(&text).map_err(fail)
+}
+
+/// Reads `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 69), }`.
+fn parse_header(text: &str) -> std::result::Result<Header, String> {
+    let field = |key: &str| -> std::result::Result<&str, String> {
+        let quoted = [format!("'{key}'"), format!("\"{key}\"")];
+        let at = quoted
+            .iter()
+            .find_map(|q| text.find(q.as_str()).map(|i| i + q.len()));
+        let rest = at
+            .map(|i| text[i..].trim_start())
+            .and_then(|r| r.strip_prefix(':'));
+        rest.map(str::trim_start)
+            .ok_or_else(|| format!("has no \"{key}\" in its header"))
+    };
+    let descr: String = field("descr")?
+        .chars()
+        .skip(1)
+        .take_while(|c| !"'\"".contains(*c))
+        .collect();
+    let fortran = match field("fortran_order")? {
+        v if v.starts_with("True") => true,
+        v if v.starts_with("False") => false,
+        _ => return Err("has no plain fortran_order in its header".into()),
+    };
+    let shape = field("shape")?
+        .strip_prefix('(')
+        .and_then(|s| s.split(')').next());
+    let shape = shape.ok_or("has no plain shape in its header")?;
+    let shape = shape
+        .split(',')
+        .map(str::trim)
+        .filter(|s| !s.is_empty())
+        .map(|s| s.trim_end_matches('L').parse::<u64>())
+        .collect::<std::result::Result<Vec<_>, _>>()
+        .map_err(|_| format!("has the shape ({}) in its header", short(shape)))?;
+    Ok(Header {
+        descr,
+        fortran,
+        shape,
+    })
+}
+
+/// The header of a C-order `<f8` array of (frames, width): always 128 bytes for sizes in use, so that a file can be
+/// written first and its count of frames set last.
+pub fn header(frames: u64, width: usize) -> Vec<u8> {
+    header_of("<f8", &[frames as usize, width])
+}
+
+/// The header of a C-order array.
+pub fn header_of(descr: &str, shape: &[usize]) -> Vec<u8> {
+    let shape = match shape {
+        [one] => format!("({one},)"),
+        more => format!(
+            "({})",
+            more.iter()
+                .map(usize::to_string)
+                .collect::<Vec<_>>()
+                .join(", ")
+        ),
+    };
+    let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
+    let padded = (10 + text.len() + 1).next_multiple_of(64).max(128) - 10 - 1;
+    text.push_str(&" ".repeat(padded - text.len()));
+    text.push('\n');
+    let mut out = b"\x93NUMPY\x01\x00".to_vec();
+    out.extend_from_slice(&(text.len() as u16).to_le_bytes());
+    out.extend_from_slice(text.as_bytes());
+    out
+}
+
+/// The bytes of a one-dimensional `|u1` array in memory.
+pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
+    let mut rest = file;
+    let header = read_header(&mut rest, place)?;
+    if header.descr != "|u1" || header.shape[..] != [rest.len() as u64] {
+        return Err(Error::data(place.clone(), "is no plain array of bytes"));
+    }
+    Ok(rest)
+}
+
+/// A one- or two-dimensional array of floats in memory, as f32 (a vector has one column).
+pub fn matrix_of(file: &[u8], place: &Place) -> Result<Array2<f32>> {
+    let fail = |what: String| Error::data(place.clone(), what);
+    let mut rest = file;
+    let header = read_header(&mut rest, place)?;
+    let wide = header.wide().map_err(fail)?;
+    let (rows, columns) = match header.shape[..] {
+        [n] => (n, 1),
+        [n, d] => (n, d),
+        _ => {
+            return Err(fail(format!(
+                "has the shape {:?}, expected a matrix",
+                header.shape
+            )));
+        }
+    };
+    let size = rows
+        .saturating_mul(columns)
+        .saturating_mul(if wide { 8 } else { 4 });
+    if size != rest.len() as u64 {
+        return Err(fail(format!(
+            "holds {} bytes, its shape wants {size}",
+            rest.len()
+        )));
+    }
+    let mut values = Vec::new();
+    decode(rest, wide, &mut values);
+    let values = values.into_iter().map(|v| v as f32).collect();
+    let (rows, columns) = (rows as usize, columns as usize);
+    let array = if header.fortran {
+        Array2::from_shape_vec((columns, rows), values)
+            .map(|a| a.reversed_axes().as_standard_layout().into_owned())
+    } else {
+        Array2::from_shape_vec((rows, columns), values)
+    };
+    array.map_err(|e| fail(e.to_string()))
+}
+
+/// Writes frames as `<f8`.
+pub fn write_values(
+    out: &mut dyn Write,
+    xyz: &[f64],
+    scratch: &mut Vec<u8>,
+) -> std::io::Result<()> {
+    scratch.clear();
+    for v in xyz {
+        scratch.extend_from_slice(&v.to_le_bytes());
+    }
+    out.write_all(scratch)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::Table;
+    use super::*;
+
+    fn array(descr: &str, fortran: &str, shape: &str, values: &[f64]) -> Vec<u8> {
+        let text =
+            format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}\n");
+        let mut out = b"\x93NUMPY\x01\x00".to_vec();
+        out.extend_from_slice(&(text.len() as u16).to_le_bytes());
+        out.extend_from_slice(text.as_bytes());
+        for &v in values {
+            if descr == "<f4" {
+                out.extend_from_slice(&(v as f32).to_le_bytes());
+            } else {
+                out.extend_from_slice(&v.to_le_bytes());
+            }
+        }
+        out
+    }
+
+    fn read(bytes: Vec<u8>, joints: Option<&str>) -> Result<Table> {
+        let joints = joints.map(|j| j.split(',').map(String::from).collect());
+        Table::read(
+            Input::new("t.npy", std::io::Cursor::new(bytes))?,
+            &ReadOptions {
+                joints,
+                ..Default::default()
+            },
+        )
+    }
+
+    #[test]
+    fn both_widths_orders_and_shapes() {
+        let c: Vec<f64> = (0..12).map(f64::from).collect();
+        // (2, 6): value = 6 frame + column. Fortran order runs over frames first.
+        let f: Vec<f64> = (0..12).map(|i| f64::from(6 * (i % 2) + i / 2)).collect();
+        // (2, 2, 3) in Fortran order: frame, then point, then axis.
+        let f3: Vec<f64> = (0..12)
+            .map(|i| f64::from(6 * (i % 2) + 3 * (i / 2 % 2) + i / 4))
+            .collect();
+        for bytes in [
+            array("<f8", "False", "(2, 6)", &c),
+            array("<f4", "False", "(2, 2, 3)", &c),
+            array("<f8", "True", "(2, 6)", &f),
+            array("<f4", "True", "(2, 2, 3)", &f3),
+        ] {
+            let table = read(bytes, Some("a,b")).unwrap();
+            assert_eq!(table.poses.xyz.as_slice().unwrap(), c.as_slice());
+            assert_eq!(table.columns.points, ["a", "b"]);
+        }
+    }
+
+    #[test]
+    fn our_own_header_reads_back() {
+        for frames in [0, 1, 123_456_789] {
+            let h = header(frames, 69);
+            assert_eq!(h.len(), 128);
+            let parsed = parse_header(std::str::from_utf8(&h[10..]).unwrap()).unwrap();
+            assert_eq!(parsed.shape, [frames, 69]);
+        }
+        assert_eq!(read(header(0, 69), None).unwrap().poses.frames(), 0);
+    }
+
+    #[test]
+    fn bad_arrays_are_refused_in_one_line() {
+        let values = [0.0; 6];
+        let says = |bytes: Vec<u8>, names: &str, part: &str| {
+            let e = read(bytes, Some(names)).unwrap_err().to_string();
+            assert!(e.contains(part) && e.lines().count() == 1, "{e}");
+        };
+        says(
+            array("<f8", "False", "(2, 6)", &values),
+            "a,b",
+            "ends before its last frame: 1 of 2",
+        );
+        says(
+            array("<f8", "True", "(2, 6)", &values),
+            "a,b",
+            "ends before its last frame",
+        );
+        says(
+            array("<f8", "True", "(99999999999999, 6)", &values),
+            "a,b",
+            "ends before",
+        );
+        says(array("<f8", "False", "(1, 3)", &values), "a", "more bytes");
+        says(array("<f8", "False", "(6,)", &values), "a,b", "shape");
+        says(array("<f8", "False", "(1, 5)", &values), "a,b", "5 columns");
+        says(array("<i8", "False", "(1, 6)", &values), "a,b", "<i8");
+        says(
+            array("<f8", "False", "(1, 6)", &[f64::INFINITY; 6]),
+            "a,b",
+            "infinite",
+        );
+        says(
+            array("<f8", "False", "(1, 6)", &values),
+            "a",
+            "--joints names 1",
+        );
+        says(b"\x93NUMPY\x01\x00\xff\xff{".to_vec(), "a", "header");
+        says(b"\x93NUMPY\x09\x00\x00\x00".to_vec(), "a", "version");
+        assert!(
+            read(array("<f8", "False", "(1, 6)", &values), None)
+                .unwrap_err()
+                .to_string()
+                .contains("--joints")
+        );
+    }
+}

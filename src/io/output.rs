@@ -1,0 +1,126 @@
+//! Writing an output so that nothing is ever half written.
+
+use crate::{Error, Result};
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// A file being written: a temporary file in the same folder, renamed over the target by [`OutputFile::finish`].
+/// Dropped before that, it leaves nothing behind.
+///
+/// A target that exists and is no regular file (a pipe, `/dev/null`) is written to directly.
+pub struct OutputFile {
+    path: PathBuf,
+    sink: Sink,
+}
+
+enum Sink {
+    Temporary(BufWriter<NamedTempFile>),
+    Direct(BufWriter<File>),
+}
+
+impl OutputFile {
+    /// Starts writing the file that will stand at `path`.
+    pub fn create(path: &Path) -> Result<OutputFile> {
+        let fail = |e| Error::io(path, e);
+        let special = fs::metadata(path).is_ok_and(|m| !m.is_file());
+        let sink = if special {
+            let file = fs::OpenOptions::new()
+                .write(true)
+                .open(path)
+                .map_err(fail)?;
+            Sink::Direct(BufWriter::new(file))
+        } else {
+            let folder = match path.parent() {
+                Some(p) if !p.as_os_str().is_empty() => p,
+                _ => Path::new("."),
+            };
+            let file = tempfile::Builder::new()
+                .prefix(".posing-")
+                .suffix(".tmp")
+                .permissions(permissions(path))
+                .tempfile_in(folder)
+                .map_err(fail)?;
+            Sink::Temporary(BufWriter::with_capacity(1 << 16, file))
+        };
+        Ok(OutputFile {
+            path: path.to_path_buf(),
+            sink,
+        })
+    }
+
+    /// Flushes, syncs and renames: only now is the file there.
+    pub fn finish(self) -> Result<()> {
+        let path = self.path;
+        let fail = |e| Error::io(&path, e);
+        match self.sink {
+            Sink::Direct(mut file) => file.flush().map_err(fail),
+            Sink::Temporary(file) => {
+                let file = file.into_inner().map_err(|e| fail(e.into_error()))?;
+                file.as_file().sync_all().map_err(fail)?;
+                file.persist(&path).map_err(|e| fail(e.error))?;
+                Ok(())
+            }
+        }
+    }
+}
+
+/// The mode the file has now, or what the umask leaves of 0666 (a temporary file would be 0600).
+#[cfg(unix)]
+fn permissions(path: &Path) -> fs::Permissions {
+    use std::os::unix::fs::PermissionsExt;
+    fs::metadata(path)
+        .map(|m| m.permissions())
+        .unwrap_or(fs::Permissions::from_mode(0o666))
+}
+
+impl Write for OutputFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.sink {
+            Sink::Temporary(f) => f.write(bytes),
+            Sink::Direct(f) => f.write(bytes),
+        }
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        match &mut self.sink {
+            Sink::Temporary(f) => f.flush(),
+            Sink::Direct(f) => f.flush(),
+        }
+    }
+}
+
+/// Writes a whole file at once, atomically.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = OutputFile::create(path)?;
+    file.write_all(bytes).map_err(|e| Error::io(path, e))?;
+    file.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_there_only_when_finished() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("x.csv");
+        let mut file = OutputFile::create(&path).unwrap();
+        file.write_all(b"half").unwrap();
+        drop(file);
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+        write_file(&path, b"whole").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"whole");
+        write_file(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
+        assert!(OutputFile::create(&dir.path().join("no/where")).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_full_device_is_an_error() {
+        assert!(write_file(Path::new("/dev/full"), &[0; 100_000]).is_err());
+        assert!(write_file(Path::new("/dev/null"), b"x").is_ok());
+    }
+}

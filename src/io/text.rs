@@ -1,0 +1,164 @@
+//! What the text readers share: lines of any ending, numbers that must be finite, numbers written short.
+
+use crate::{Error, Place, Result};
+use std::io::{BufRead, Read};
+
+/// The longest line a text format may have. (A BVH with all its frames on one line is read elsewhere.)
+pub const LONGEST_LINE: usize = 1 << 20;
+
+/// Lines of a text, numbered from 1, without their ending (LF, CRLF or none) and without a byte-order mark.
+///
+/// Bytes that are no UTF-8 are replaced: old files have Latin-1 names in their comments.
+pub struct Lines<R> {
+    reader: R,
+    /// The name that messages use.
+    pub name: String,
+    /// The number of the line last read.
+    pub number: u64,
+    buffer: Vec<u8>,
+    text: String,
+}
+
+impl<R: BufRead> Lines<R> {
+    /// Lines of `reader`.
+    pub fn new(name: impl Into<String>, reader: R) -> Self {
+        Lines {
+            reader,
+            name: name.into(),
+            number: 0,
+            buffer: Vec::new(),
+            text: String::new(),
+        }
+    }
+
+    /// The next line, or `None` at the end.
+    pub fn next_line(&mut self) -> Result<Option<&str>> {
+        self.buffer.clear();
+        let limit = LONGEST_LINE as u64 + 1;
+        let read = self
+            .reader
+            .by_ref()
+            .take(limit)
+            .read_until(b'\n', &mut self.buffer);
+        if read.map_err(|e| Error::io(&self.name, e))? == 0 {
+            return Ok(None);
+        }
+        self.number += 1;
+        if self.buffer.len() > LONGEST_LINE {
+            return Err(Error::data(
+                self.here(),
+                format!("the line is longer than {LONGEST_LINE} bytes"),
+            ));
+        }
+        while matches!(self.buffer.last(), Some(b'\n' | b'\r')) {
+            self.buffer.pop();
+        }
+        let mut bytes = &self.buffer[..];
+        if self.number == 1 {
+            bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        }
+        self.text.clear();
+        match std::str::from_utf8(bytes) {
+            Ok(text) => self.text.push_str(text),
+            Err(_) => self.text.push_str(&String::from_utf8_lossy(bytes)),
+        }
+        Ok(Some(&self.text))
+    }
+
+    /// The place of the line last read.
+    pub fn here(&self) -> Place {
+        Place::line(&self.name, self.number)
+    }
+}
+
+/// A finite number, or what stands there instead.
+pub fn number(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() => Ok(v),
+        Ok(_) => Err(format!(
+            "expected a finite number, found \"{}\"",
+            short(text)
+        )),
+        Err(_) => Err(format!("expected a number, found \"{}\"", short(text))),
+    }
+}
+
+/// Text from a file, fit for one line of a message.
+pub fn short(text: &str) -> String {
+    let clean: String = text
+        .chars()
+        .take(41)
+        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
+        .collect();
+    if clean.chars().count() > 40 {
+        format!("{}…", clean.chars().take(40).collect::<String>())
+    } else {
+        clean
+    }
+}
+
+/// Appends the shortest text that reads back to `value`; nothing for NaN (an empty cell is a missing value).
+pub fn push_number(out: &mut Vec<u8>, value: f64) {
+    if value.is_nan() {
+        return;
+    }
+    let mut buffer = ryu::Buffer::new();
+    let text = buffer.format(value);
+    out.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_any_ending() {
+        let mut lines = Lines::new("x", &b"\xef\xbb\xbfa b\r\n\n# \xf6\nlast"[..]);
+        let mut seen = Vec::new();
+        while let Some(line) = lines.next_line().unwrap() {
+            seen.push(line.to_string());
+        }
+        assert_eq!(seen, ["a b", "", "# \u{fffd}", "last"]);
+        assert_eq!(lines.here().to_string(), "x:4");
+    }
+
+    #[test]
+    fn an_endless_line_is_refused() {
+        let long = vec![b'x'; LONGEST_LINE + 10];
+        assert!(Lines::new("x", &long[..]).next_line().is_err());
+    }
+
+    #[test]
+    fn numbers_are_short_and_read_back() {
+        for v in [
+            0.0,
+            -0.0,
+            1.0,
+            0.1,
+            1e300,
+            -2.5e-12,
+            123456.75,
+            f64::MIN_POSITIVE,
+        ] {
+            let mut out = Vec::new();
+            push_number(&mut out, v);
+            let back: f64 = std::str::from_utf8(&out).unwrap().parse().unwrap();
+            assert_eq!(back.to_bits(), v.to_bits());
+        }
+        let mut out = Vec::new();
+        push_number(&mut out, 3.0);
+        push_number(&mut out, f64::NAN);
+        assert_eq!(out, b"3");
+    }
+
+    #[test]
+    fn messages_stay_on_one_line() {
+        assert_eq!(
+            number("a\nb").unwrap_err(),
+            "expected a number, found \"a\u{fffd}b\""
+        );
+        assert!(number("inf").unwrap_err().contains("finite"));
+        assert!(number("1e999").is_err() && number("").is_err());
+        assert!(short(&"x".repeat(100)).chars().count() == 41);
+    }
+}
