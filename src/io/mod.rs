@@ -11,4 +11,5 @@ pub mod table;
 pub mod text;
 
 pub use input::Input;
+pub use model::Model;
 pub use table::{Columns, Row, Table};

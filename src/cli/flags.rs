@@ -1,0 +1,274 @@
+//! Flags that several commands share.
+
+use super::say;
+use crate::io::table::{ReadOptions, point_names};
+use crate::pose::{ASF_UNIT_CM, Poses};
+use crate::{Error, Result};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Flags of every command.
+#[derive(Debug, Clone, Args)]
+pub struct Common {
+    /// Threads to use (default: all processors); the result is the same for any number
+    #[arg(long, value_name = "N", help_heading = "Shared")]
+    pub threads: Option<usize>,
+    /// Say nothing but errors
+    #[arg(short, long, help_heading = "Shared")]
+    pub quiet: bool,
+    /// Say more
+    #[arg(short, long, conflicts_with = "quiet", help_heading = "Shared")]
+    pub verbose: bool,
+}
+
+impl Common {
+    /// Sets the threads and the loudness; called once, first.
+    pub fn apply(&self) -> Result<()> {
+        say::set_level(self.quiet, self.verbose);
+        if let Some(threads) = self.threads {
+            if threads == 0 || threads > 4096 {
+                return Err(Error::usage(format!("--threads {threads}: expected 1 to 4096")));
+            }
+            // Fails only when a pool is there already, and then nothing is lost but speed.
+            let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        }
+        Ok(())
+    }
+}
+
+/// Units of length in files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Units {
+    /// Centimetres
+    Cm,
+    /// Metres
+    M,
+    /// Millimetres
+    Mm,
+    /// Inches
+    In,
+    /// Raw units of CMU's ASF files, 5.644 cm
+    Asf,
+}
+
+impl Units {
+    /// Centimetres in one unit.
+    pub fn centimetres(self) -> f64 {
+        match self {
+            Units::Cm => 1.0,
+            Units::M => 100.0,
+            Units::Mm => 0.1,
+            Units::In => 2.54,
+            Units::Asf => ASF_UNIT_CM,
+        }
+    }
+    /// The name a user types.
+    pub fn name(self) -> &'static str {
+        match self {
+            Units::Cm => "cm",
+            Units::M => "m",
+            Units::Mm => "mm",
+            Units::In => "in",
+            Units::Asf => "asf",
+        }
+    }
+}
+
+/// A length with or without a unit: `3`, `3cm`, `1asf`, `0.02m`; centimetres when none is named.
+pub fn parse_length(text: &str) -> std::result::Result<f64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match &text[digits.len()..] {
+        "" => Units::Cm,
+        name => Units::from_str(name, true).map_err(|_| format!("unknown unit \"{name}\"; use cm, m, mm, in or asf"))?,
+    };
+    match digits.parse::<f64>() {
+        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v * unit.centimetres()),
+        _ => Err("expected a length such as 3, 3cm or 1asf".into()),
+    }
+}
+
+/// The axis that points up in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Up {
+    /// x is up
+    X,
+    /// y is up, as in the tables of posing
+    Y,
+    /// z is up
+    Z,
+}
+
+impl Up {
+    /// Turns a point of the file into one with y up (right-handed both).
+    pub fn to_y(self, p: [f64; 3]) -> [f64; 3] {
+        match self {
+            Up::X => [-p[1], p[0], p[2]],
+            Up::Y => p,
+            Up::Z => [p[0], p[2], -p[1]],
+        }
+    }
+    /// Turns a point with y up into one of the file.
+    pub fn from_y(self, p: [f64; 3]) -> [f64; 3] {
+        match self {
+            Up::X => [p[1], -p[0], p[2]],
+            Up::Y => p,
+            Up::Z => [p[0], -p[2], p[1]],
+        }
+    }
+}
+
+/// Where poses come from.
+#[derive(Debug, Clone, Args)]
+pub struct TableIn {
+    /// Pose tables, CSV or NPY; - or none: standard input
+    #[arg(value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+    /// Frames a second, where the table has no time
+    #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
+    pub fps: Option<f64>,
+    /// The points' names of an array without any: 23 (CMU's) or a list with commas
+    #[arg(long, value_name = "LIST", help_heading = "Input")]
+    pub joints: Option<String>,
+    /// The input's unit of length
+    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm", help_heading = "Input")]
+    pub units: Units,
+    /// The input's axis that points up
+    #[arg(long, value_enum, value_name = "AXIS", default_value = "y", help_heading = "Input")]
+    pub up: Up,
+}
+
+impl TableIn {
+    /// How the library is to read it.
+    pub fn options(&self, planar: bool, cells: bool) -> Result<ReadOptions> {
+        let joints = self.joints.as_deref().map(point_names).transpose()?;
+        Ok(ReadOptions { joints, planar, cells })
+    }
+
+    /// Carries a frame to centimetres, y up.
+    pub fn convert(&self, xyz: &mut [f64]) {
+        if self.units == Units::Cm && self.up == Up::Y {
+            return;
+        }
+        let scale = self.units.centimetres();
+        for p in xyz.chunks_exact_mut(3) {
+            p.copy_from_slice(&self.up.to_y([p[0] * scale, p[1] * scale, p[2] * scale]));
+        }
+    }
+
+    /// The rate of a table: from its times, or from `--fps`; they must not contradict each other.
+    pub fn rate(&self, poses: &Poses) -> Result<Option<f64>> {
+        match (poses.rate(), self.fps) {
+            (Some(table), Some(flag)) if (table - flag).abs() > 1e-4 * table => Err(Error::usage(format!(
+                "--fps {flag} contradicts the table's times, which step {table} times a second"
+            ))),
+            (Some(table), _) => Ok(Some(table)),
+            (None, flag) => Ok(flag),
+        }
+    }
+}
+
+/// A rate: above zero.
+pub fn parse_rate(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() && v > 0.0 && v <= 1e6 => Ok(v),
+        _ => Err("expected frames a second, above zero".into()),
+    }
+}
+
+/// A number above zero.
+pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
+        _ => Err("expected a number above zero".into()),
+    }
+}
+
+/// Where a table goes.
+#[derive(Debug, Clone, Args)]
+pub struct TableOut {
+    /// Write to FILE (complete or not at all) in place of standard output
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    pub output: Option<PathBuf>,
+    /// The output's format, where FILE's name does not tell
+    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    pub to: Option<Format>,
+}
+
+/// Formats of a table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// Text with a header
+    Csv,
+    /// NumPy's array file
+    Npy,
+}
+
+impl TableOut {
+    /// What `--to` says, else what the file's name tells, else CSV.
+    pub fn format(&self) -> Format {
+        let npy = |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
+        match self.to {
+            Some(format) => format,
+            None if self.output.as_ref().is_some_and(npy) => Format::Npy,
+            None => Format::Csv,
+        }
+    }
+}
+
+/// The space poses are worked on in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Space {
+    /// Each pose is carried to the model's space by its placement, worked on there and carried back
+    World,
+    /// Rows are used as they are: root at the origin, no global rotation
+    Body,
+}
+
+impl Space {
+    /// The name a user types.
+    pub fn name(self) -> &'static str {
+        match self {
+            Space::World => "world",
+            Space::Body => "body",
+        }
+    }
+}
+
+/// Where randomness starts.
+#[derive(Debug, Clone, Args)]
+pub struct Seed {
+    /// Where randomness starts: the same seed gives the same result
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Shared")]
+    pub seed: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_have_units() {
+        assert_eq!(parse_length("3"), Ok(3.0));
+        assert_eq!(parse_length("2m"), Ok(200.0));
+        assert!((parse_length("1asf").unwrap() - 5.644).abs() <= 1e-3);
+        for bad in ["", "x", "3ft", "-1", "inf", "nan"] {
+            assert!(parse_length(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn up_axes_turn_and_turn_back() {
+        for up in [Up::X, Up::Y, Up::Z] {
+            let unit = match up {
+                Up::X => [1.0, 0.0, 0.0],
+                Up::Y => [0.0, 1.0, 0.0],
+                Up::Z => [0.0, 0.0, 1.0],
+            };
+            assert_eq!(up.to_y(unit)[1], 1.0);
+            assert_eq!(up.from_y(up.to_y([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
+            // Right-handed stays right-handed: e1 x e2 = e3.
+            let [a, b, c] = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| glam::DVec3::from_array(up.to_y(e)));
+            assert_eq!(a.cross(b), c);
+        }
+    }
+}

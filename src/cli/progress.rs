@@ -1,0 +1,35 @@
+//! A progress bar on standard error, on a terminal only, never with `-q`.
+
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+
+/// A bar that may be invisible.
+pub struct Progress(ProgressBar);
+
+impl Progress {
+    /// A bar over `steps` steps; `what` says of what.
+    pub fn new(what: &str, steps: u64) -> Progress {
+        if super::say::is_quiet() || !std::io::stderr().is_terminal() {
+            return Progress(ProgressBar::hidden());
+        }
+        let style = ProgressStyle::with_template("{msg} [{bar:32}] {pos}/{len}  {elapsed} + {eta}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+        let bar = ProgressBar::new(steps).with_style(style.progress_chars("━╸ "));
+        bar.set_message(what.to_string());
+        Progress(bar)
+    }
+    /// Shows that `done` steps are done.
+    pub fn set(&self, done: u64) {
+        self.0.set_position(done);
+    }
+    /// Shows other words.
+    pub fn tell(&self, what: String) {
+        self.0.set_message(what);
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
+}

@@ -1,0 +1,49 @@
+//! Words to the user, on standard error, one line each, with the command's name before them.
+
+use std::io::Write;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+static NAME: OnceLock<String> = OnceLock::new();
+/// 0 quiet, 1 as usual, 2 verbose.
+static LEVEL: AtomicU8 = AtomicU8::new(1);
+
+/// The name that stands before every line.
+pub fn set_name(name: &str) {
+    let _ = NAME.set(name.to_string());
+}
+
+/// `-q` and `-v`.
+pub fn set_level(quiet: bool, verbose: bool) {
+    LEVEL.store(if quiet { 0 } else if verbose { 2 } else { 1 }, Ordering::Relaxed);
+}
+
+/// Whether `-q` was given.
+pub fn is_quiet() -> bool {
+    LEVEL.load(Ordering::Relaxed) == 0
+}
+
+fn line(text: &str) {
+    let name = NAME.get().map_or("posing", String::as_str);
+    // Nowhere is left to tell that telling failed.
+    let _ = writeln!(std::io::stderr(), "{name}: {text}");
+}
+
+/// Why the command failed: always said.
+pub fn error(text: &str) {
+    line(text);
+}
+
+/// What the user should know of a run that goes on; silenced by `-q`.
+pub fn note(text: &str) {
+    if LEVEL.load(Ordering::Relaxed) >= 1 {
+        line(text);
+    }
+}
+
+/// What only `-v` shows.
+pub fn detail(text: &str) {
+    if LEVEL.load(Ordering::Relaxed) >= 2 {
+        line(text);
+    }
+}

@@ -1,0 +1,232 @@
+//! Inputs and outputs of the commands: files, standard input and output, tables on either.
+
+use super::flags::{Format, TableIn, TableOut};
+use crate::io::csv::{After, CsvWriter};
+use crate::io::npy;
+use crate::io::output::OutputFile;
+use crate::io::table::{Builder, Columns, Row, RowReader, Table};
+use crate::io::{Input, Model};
+use crate::{Error, Place, Result};
+use std::fs::File;
+use std::io::{self, BufWriter, IsTerminal, Seek, Write};
+use std::path::{Path, PathBuf};
+
+/// The name of standard output in messages.
+const STDOUT: &str = "standard output";
+
+/// Opens a file, or standard input for `-`.
+pub fn open(path: &Path) -> Result<Input> {
+    if path == Path::new("-") { Input::new("standard input", io::stdin()) } else { Input::open(path) }
+}
+
+/// Reads a model from a file or, for `-`, from standard input.
+pub fn open_model(path: &Path) -> Result<Model> {
+    Model::read(open(path)?)
+}
+
+/// Fails where two things would be read from standard input.
+pub fn one_stdin<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
+    match paths.into_iter().filter(|p| *p == Path::new("-")).count() {
+        0 | 1 => Ok(()),
+        _ => Err(Error::usage("standard input (-) is named more than once")),
+    }
+}
+
+/// Rows of several tables with the same columns, one after another.
+pub struct RowStream<'a> {
+    flags: &'a TableIn,
+    planar: bool,
+    cells: bool,
+    rest: std::vec::IntoIter<PathBuf>,
+    reader: RowReader,
+    columns: Columns,
+}
+
+impl<'a> RowStream<'a> {
+    /// Opens the first of the files (standard input when there is none).
+    pub fn open(flags: &'a TableIn, planar: bool, cells: bool) -> Result<RowStream<'a>> {
+        one_stdin(&flags.files)?;
+        let files = if flags.files.is_empty() { vec![PathBuf::from("-")] } else { flags.files.clone() };
+        let mut rest = files.into_iter();
+        let first = rest.next().unwrap_or_default();
+        let reader = RowReader::new(open(&first)?, &flags.options(planar, cells)?)?;
+        let columns = reader.columns().clone();
+        Ok(RowStream { flags, planar, cells, rest, reader, columns })
+    }
+
+    /// What the columns mean.
+    pub fn columns(&self) -> &Columns {
+        &self.columns
+    }
+
+    /// The name of the file being read.
+    pub fn name(&self) -> &str {
+        self.reader.name()
+    }
+
+    /// The next frame, in centimetres, y up; `false` at the end of the last file.
+    pub fn read(&mut self, row: &mut Row) -> Result<bool> {
+        while !self.reader.read(row)? {
+            let Some(next) = self.rest.next() else { return Ok(false) };
+            self.reader = RowReader::new(open(&next)?, &self.flags.options(self.planar, self.cells)?)?;
+            if self.reader.columns() != &self.columns {
+                let what = format!("has other columns than {}", self.flags.files[0].display());
+                return Err(Error::data(Place::file(self.reader.name()), what));
+            }
+        }
+        self.flags.convert(&mut row.xyz);
+        Ok(true)
+    }
+}
+
+/// Reads whole tables, one after another, into one.
+pub fn read_table(flags: &TableIn, planar: bool, cells: bool) -> Result<Table> {
+    let mut stream = RowStream::open(flags, planar, cells)?;
+    let columns = stream.columns().clone();
+    let name = stream.name().to_string();
+    let (mut builder, mut kept, mut row) = (Builder::new(&columns), Vec::new(), Row::default());
+    while stream.read(&mut row)? {
+        builder.push(&row);
+        if cells {
+            kept.push(std::mem::take(&mut row.cells));
+        }
+    }
+    Ok(Table { name, columns, poses: builder.finish(), cells: kept })
+}
+
+/// A stream that is written to: a file that appears when it is complete, or standard output.
+pub enum Sink {
+    /// A file.
+    File(OutputFile, PathBuf),
+    /// Standard output.
+    Stdout(Box<BufWriter<io::Stdout>>),
+}
+
+impl Sink {
+    /// Opens the output; binary is never written to a terminal.
+    pub fn open(path: Option<&Path>, binary: bool) -> Result<Sink> {
+        match path {
+            Some(path) if path != Path::new("-") => Ok(Sink::File(OutputFile::create(path)?, path.to_path_buf())),
+            _ if binary && io::stdout().is_terminal() => {
+                Err(Error::usage("binary output would go to the terminal; name a file with -o, or pipe it on"))
+            }
+            _ => Ok(Sink::Stdout(Box::new(BufWriter::with_capacity(1 << 16, io::stdout())))),
+        }
+    }
+    /// Flushes, and lets a file appear.
+    pub fn finish(self) -> Result<()> {
+        match self {
+            Sink::File(file, _) => file.finish(),
+            Sink::Stdout(mut out) => out.flush().map_err(|e| Error::io(STDOUT, e)),
+        }
+    }
+    /// An error of writing here.
+    pub fn fail(&self, e: io::Error) -> Error {
+        match self {
+            Sink::File(_, path) => Error::io(path, e),
+            Sink::Stdout(_) => Error::io(STDOUT, e),
+        }
+    }
+    /// Writes everything, or says where it failed.
+    pub fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.write_all(bytes).map_err(|e| self.fail(e))
+    }
+}
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Sink::File(f, _) => f.write(bytes),
+            Sink::Stdout(f) => f.write(bytes),
+        }
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Sink::File(f, _) => f.flush(),
+            Sink::Stdout(f) => f.flush(),
+        }
+    }
+}
+
+/// Writes bytes to a file or standard output.
+pub fn write_bytes(path: Option<&Path>, bytes: &[u8], binary: bool) -> Result<()> {
+    let mut sink = Sink::open(path, binary)?;
+    sink.put(bytes)?;
+    sink.finish()
+}
+
+/// A table being written, in either format.
+pub struct TableSink {
+    sink: Sink,
+    csv: CsvWriter,
+    /// An array's values wait in an unnamed file: its header, which comes first, counts them.
+    spool: Option<BufWriter<File>>,
+    frames: u64,
+    width: usize,
+    scratch: Vec<u8>,
+}
+
+impl TableSink {
+    /// Starts a table such as `columns` with `added` columns (which an array cannot carry).
+    pub fn create(flags: &TableOut, columns: &Columns, added: &[(String, After)]) -> Result<TableSink> {
+        let binary = flags.format() == Format::Npy;
+        let mut sink = Sink::open(flags.output.as_deref(), binary)?;
+        let mut csv = CsvWriter::new(columns, added);
+        let spool = if binary {
+            let file = tempfile::tempfile().map_err(|e| Error::io("a temporary file", e))?;
+            Some(BufWriter::with_capacity(1 << 16, file))
+        } else {
+            csv.head(&mut sink).map_err(|e| sink.fail(e))?;
+            None
+        };
+        Ok(TableSink { sink, csv, spool, frames: 0, width: columns.width(), scratch: Vec::new() })
+    }
+
+    /// Writes a frame: see [`CsvWriter::row`].
+    pub fn write(&mut self, row: &Row, xyz: &[f64], added: &[String]) -> Result<()> {
+        self.frames += 1;
+        match &mut self.spool {
+            Some(spool) => {
+                npy::write_values(spool, xyz, &mut self.scratch).map_err(|e| Error::io("a temporary file", e))
+            }
+            None => self.csv.row(&mut self.sink, row, xyz, added).map_err(|e| self.sink.fail(e)),
+        }
+    }
+
+    /// Completes the table.
+    pub fn finish(mut self) -> Result<()> {
+        if let Some(spool) = self.spool {
+            let fail = |e| Error::io("a temporary file", e);
+            let mut file = spool.into_inner().map_err(|e| fail(e.into_error()))?;
+            file.rewind().map_err(fail)?;
+            self.sink.put(&npy::header(self.frames, self.width))?;
+            io::copy(&mut file, &mut self.sink).map_err(|e| self.sink.fail(e))?;
+        }
+        self.sink.finish()
+    }
+}
+
+/// Writes a whole table whose numbers became `xyz`; `added` gives each frame's added cells.
+pub fn write_table(
+    flags: &TableOut,
+    table: &Table,
+    xyz: ndarray::ArrayView2<'_, f64>,
+    added: &[(String, After)],
+    mut cells: impl FnMut(usize) -> Vec<String>,
+) -> Result<()> {
+    let mut sink = TableSink::create(flags, &table.columns, added)?;
+    let poses = &table.poses;
+    let mut row = Row::default();
+    let mut numbers = Vec::new();
+    for i in 0..poses.frames() {
+        row.xyz.clear();
+        row.xyz.extend(poses.frame(i));
+        row.time = poses.time.as_ref().map(|t| t[i]);
+        row.take = poses.take.as_ref().map(|t| t[i].clone());
+        row.cells = table.cells.get(i).cloned().unwrap_or_default();
+        numbers.clear();
+        numbers.extend(xyz.row(i));
+        sink.write(&row, &numbers, &cells(i))?;
+    }
+    sink.finish()
+}
