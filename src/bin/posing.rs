@@ -22,7 +22,11 @@ use std::process::{Command, ExitCode, Stdio};
 )]
 struct Args {
     /// A command, or help, man, completions
-    #[arg(value_name = "COMMAND", trailing_var_arg = true, allow_hyphen_values = true)]
+    #[arg(
+        value_name = "COMMAND",
+        trailing_var_arg = true,
+        allow_hyphen_values = true
+    )]
     command: Vec<std::ffi::OsString>,
 }
 
@@ -42,14 +46,22 @@ fn main() -> ExitCode {
 }
 
 fn work(args: &Args) -> Result<Outcome> {
-    let word = |i: usize| args.command.get(i).map(|w| w.to_string_lossy().into_owned());
+    let word = |i: usize| {
+        args.command
+            .get(i)
+            .map(|w| w.to_string_lossy().into_owned())
+    };
     match (word(0).as_deref(), word(1)) {
         (None, _) | (Some("help"), None) => list()?,
         (Some("help"), Some(name)) => help(&name)?,
-        (Some("man"), Some(name)) => streams::write_bytes(None, &page(&name, &[pages::MAN])?, false)?,
+        (Some("man"), Some(name)) => {
+            streams::write_bytes(None, &page(&name, &[pages::MAN])?, false)?
+        }
         (Some("completions"), Some(shell)) => completions(&shell)?,
         (Some("man"), None) => return Err(Error::usage("man wants a command's name")),
-        (Some("completions"), None) => return Err(Error::usage("completions wants bash, zsh or fish")),
+        (Some("completions"), None) => {
+            return Err(Error::usage("completions wants bash, zsh or fish"));
+        }
         (Some(other), _) => {
             find(other)?;
         }
@@ -62,36 +74,60 @@ fn list() -> Result<()> {
     for command in COMMANDS {
         let _ = writeln!(text, "  {:<12} {}", command.name, command.about);
     }
-    text.push_str("\nposing help COMMAND opens a command's page; COMMAND --help is the short of it.\n");
+    text.push_str(
+        "\nposing help COMMAND opens a command's page; COMMAND --help is the short of it.\n",
+    );
     streams::write_bytes(None, text.as_bytes(), false)
 }
 
 /// The command's binary: beside this one, or in libexec.
 fn find(name: &str) -> Result<PathBuf> {
     if !COMMANDS.iter().any(|c| c.name == name) {
-        return Err(Error::usage(format!("no command \"{name}\"; posing alone lists them")));
+        return Err(Error::usage(format!(
+            "no command \"{name}\"; posing alone lists them"
+        )));
     }
     let here = std::env::current_exe().map_err(|e| Error::io("posing", e))?;
     // An installed launcher may be reached by a link.
     let here = here.canonicalize().unwrap_or(here);
     let folder = here.parent().map(PathBuf::from).unwrap_or_default();
-    [folder.join(name), folder.join("../libexec/posing").join(name)]
-        .into_iter()
-        .find(|p| p.is_file())
-        .ok_or_else(|| Error::io(folder.join(name), std::io::Error::from(std::io::ErrorKind::NotFound)))
+    [
+        folder.join(name),
+        folder.join("../libexec/posing").join(name),
+    ]
+    .into_iter()
+    .find(|p| p.is_file())
+    .ok_or_else(|| {
+        Error::io(
+            folder.join(name),
+            std::io::Error::from(std::io::ErrorKind::NotFound),
+        )
+    })
 }
 
 /// What a command prints when asked for a page.
 fn page(name: &str, request: &[&str]) -> Result<Vec<u8>> {
-    let path = if name == "posing" { std::env::current_exe().map_err(|e| Error::io("posing", e))? } else { find(name)? };
-    let out = Command::new(&path).args(request).stdin(Stdio::null()).output().map_err(|e| Error::io(&path, e))?;
+    let path = if name == "posing" {
+        std::env::current_exe().map_err(|e| Error::io("posing", e))?
+    } else {
+        find(name)?
+    };
+    let out = Command::new(&path)
+        .args(request)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|e| Error::io(&path, e))?;
     Ok(out.stdout)
 }
 
 /// Opens the page in man where man is there, else prints the long help.
 fn help(name: &str) -> Result<()> {
     let roff = page(name, &[pages::MAN])?;
-    let file = tempfile::Builder::new().prefix(name).suffix(".1").tempfile().map_err(|e| Error::io(name, e))?;
+    let file = tempfile::Builder::new()
+        .prefix(name)
+        .suffix(".1")
+        .tempfile()
+        .map_err(|e| Error::io(name, e))?;
     std::fs::write(file.path(), roff).map_err(|e| Error::io(file.path(), e))?;
     match Command::new("man").arg("-l").arg(file.path()).status() {
         Ok(status) if status.success() => Ok(()),
@@ -100,7 +136,11 @@ fn help(name: &str) -> Result<()> {
 }
 
 fn completions(shell: &str) -> Result<()> {
-    let known: Shell = shell.parse().map_err(|_| Error::usage(format!("no completions for \"{shell}\"; use bash, zsh or fish")))?;
+    let known: Shell = shell.parse().map_err(|_| {
+        Error::usage(format!(
+            "no completions for \"{shell}\"; use bash, zsh or fish"
+        ))
+    })?;
     let shell = known.to_string();
     let mut out = page("posing", &[pages::COMPLETIONS, &shell])?;
     for command in COMMANDS {

@@ -11,12 +11,20 @@ pub struct Listed {
 }
 
 const fn listed(name: &'static str, about: &'static str, on_path: bool) -> Listed {
-    Listed { name, about, on_path }
+    Listed {
+        name,
+        about,
+        on_path,
+    }
 }
 
 /// In the order in which the launcher lists them.
 pub const COMMANDS: &[Listed] = &[
-    listed("amc2xyz", "Turn ASF/AMC takes into a table of joint positions", true),
+    listed(
+        "amc2xyz",
+        "Turn ASF/AMC takes into a table of joint positions",
+        true,
+    ),
     listed("cluster", "Group poses by hierarchical k-means", true),
     listed("ksvd-train", "Learn a dictionary of poses", true),
     listed("dict-concat", "Join dictionaries into one", true),
@@ -29,6 +37,14 @@ pub const COMMANDS: &[Listed] = &[
     listed("decode", "Turn sparse codes back into poses", false),
     listed("corrupt", "Damage poses on purpose, for tests", false),
     listed("score", "Compare poses with the truth", false),
-    listed("plot", "Draw a table as SVG, or as a page that plays it", false),
-    listed("model", "Tell what a model is and where it came from", false),
+    listed(
+        "plot",
+        "Draw a table as SVG, or as a page that plays it",
+        false,
+    ),
+    listed(
+        "model",
+        "Tell what a model is and where it came from",
+        false,
+    ),
 ];

@@ -27,10 +27,14 @@ impl Common {
         say::set_level(self.quiet, self.verbose);
         if let Some(threads) = self.threads {
             if threads == 0 || threads > 4096 {
-                return Err(Error::usage(format!("--threads {threads}: expected 1 to 4096")));
+                return Err(Error::usage(format!(
+                    "--threads {threads}: expected 1 to 4096"
+                )));
             }
             // Fails only when a pool is there already, and then nothing is lost but speed.
-            let _ = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+            let _ = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build_global();
         }
         Ok(())
     }
@@ -79,7 +83,8 @@ pub fn parse_length(text: &str) -> std::result::Result<f64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
     let unit = match &text[digits.len()..] {
         "" => Units::Cm,
-        name => Units::from_str(name, true).map_err(|_| format!("unknown unit \"{name}\"; use cm, m, mm, in or asf"))?,
+        name => Units::from_str(name, true)
+            .map_err(|_| format!("unknown unit \"{name}\"; use cm, m, mm, in or asf"))?,
     };
     match digits.parse::<f64>() {
         Ok(v) if v.is_finite() && v >= 0.0 => Ok(v * unit.centimetres()),
@@ -130,10 +135,22 @@ pub struct TableIn {
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     pub joints: Option<String>,
     /// The input's unit of length
-    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm", help_heading = "Input")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "UNIT",
+        default_value = "cm",
+        help_heading = "Input"
+    )]
     pub units: Units,
     /// The input's axis that points up
-    #[arg(long, value_enum, value_name = "AXIS", default_value = "y", help_heading = "Input")]
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        default_value = "y",
+        help_heading = "Input"
+    )]
     pub up: Up,
 }
 
@@ -141,7 +158,11 @@ impl TableIn {
     /// How the library is to read it.
     pub fn options(&self, planar: bool, cells: bool) -> Result<ReadOptions> {
         let joints = self.joints.as_deref().map(point_names).transpose()?;
-        Ok(ReadOptions { joints, planar, cells })
+        Ok(ReadOptions {
+            joints,
+            planar,
+            cells,
+        })
     }
 
     /// Carries a frame to centimetres, y up.
@@ -158,9 +179,11 @@ impl TableIn {
     /// The rate of a table: from its times, or from `--fps`; they must not contradict each other.
     pub fn rate(&self, poses: &Poses) -> Result<Option<f64>> {
         match (poses.rate(), self.fps) {
-            (Some(table), Some(flag)) if (table - flag).abs() > 1e-4 * table => Err(Error::usage(format!(
-                "--fps {flag} contradicts the table's times, which step {table} times a second"
-            ))),
+            (Some(table), Some(flag)) if (table - flag).abs() > 1e-4 * table => {
+                Err(Error::usage(format!(
+                    "--fps {flag} contradicts the table's times, which step {table} times a second"
+                )))
+            }
             (Some(table), _) => Ok(Some(table)),
             (None, flag) => Ok(flag),
         }
@@ -267,7 +290,8 @@ mod tests {
             assert_eq!(up.to_y(unit)[1], 1.0);
             assert_eq!(up.from_y(up.to_y([1.0, 2.0, 3.0])), [1.0, 2.0, 3.0]);
             // Right-handed stays right-handed: e1 x e2 = e3.
-            let [a, b, c] = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| glam::DVec3::from_array(up.to_y(e)));
+            let [a, b, c] = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]]
+                .map(|e| glam::DVec3::from_array(up.to_y(e)));
             assert_eq!(a.cross(b), c);
         }
     }

@@ -23,14 +23,19 @@ pub enum Outcome {
 
 /// Parses the arguments, runs `work` and turns what came of it into an exit code: 0 done (a closed standard output
 /// included), 1 bad data, 2 wrong usage, 3 finished with findings.
-pub fn run<A: CommandFactory + FromArgMatches>(work: impl FnOnce(A) -> Result<Outcome>) -> ExitCode {
+pub fn run<A: CommandFactory + FromArgMatches>(
+    work: impl FnOnce(A) -> Result<Outcome>,
+) -> ExitCode {
     let command = A::command();
     let name = command.get_name().to_string();
     say::set_name(&name);
     if let Some(code) = pages::on_request(&command) {
         return code;
     }
-    let args = match command.try_get_matches().and_then(|m| A::from_arg_matches(&m)) {
+    let args = match command
+        .try_get_matches()
+        .and_then(|m| A::from_arg_matches(&m))
+    {
         Ok(args) => args,
         Err(e) => return parse_failure(&name, &e),
     };

@@ -37,7 +37,11 @@ pub fn man_page(command: Command) -> Vec<u8> {
     // Writing to memory cannot fail.
     let _ = man.render(&mut out);
     out.extend_from_slice(b".SH \"SEE ALSO\"\n");
-    let see = if name == "posing" { "posing\\-table(5)" } else { "posing(1), posing\\-table(5)" };
+    let see = if name == "posing" {
+        "posing\\-table(5)"
+    } else {
+        "posing(1), posing\\-table(5)"
+    };
     let _ = writeln!(out, "{see}");
     out
 }

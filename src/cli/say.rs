@@ -15,7 +15,16 @@ pub fn set_name(name: &str) {
 
 /// `-q` and `-v`.
 pub fn set_level(quiet: bool, verbose: bool) {
-    LEVEL.store(if quiet { 0 } else if verbose { 2 } else { 1 }, Ordering::Relaxed);
+    LEVEL.store(
+        if quiet {
+            0
+        } else if verbose {
+            2
+        } else {
+            1
+        },
+        Ordering::Relaxed,
+    );
 }
 
 /// Whether `-q` was given.

@@ -16,7 +16,11 @@ const STDOUT: &str = "standard output";
 
 /// Opens a file, or standard input for `-`.
 pub fn open(path: &Path) -> Result<Input> {
-    if path == Path::new("-") { Input::new("standard input", io::stdin()) } else { Input::open(path) }
+    if path == Path::new("-") {
+        Input::new("standard input", io::stdin())
+    } else {
+        Input::open(path)
+    }
 }
 
 /// Reads a model from a file or, for `-`, from standard input.
@@ -46,12 +50,23 @@ impl<'a> RowStream<'a> {
     /// Opens the first of the files (standard input when there is none).
     pub fn open(flags: &'a TableIn, planar: bool, cells: bool) -> Result<RowStream<'a>> {
         one_stdin(&flags.files)?;
-        let files = if flags.files.is_empty() { vec![PathBuf::from("-")] } else { flags.files.clone() };
+        let files = if flags.files.is_empty() {
+            vec![PathBuf::from("-")]
+        } else {
+            flags.files.clone()
+        };
         let mut rest = files.into_iter();
         let first = rest.next().unwrap_or_default();
         let reader = RowReader::new(open(&first)?, &flags.options(planar, cells)?)?;
         let columns = reader.columns().clone();
-        Ok(RowStream { flags, planar, cells, rest, reader, columns })
+        Ok(RowStream {
+            flags,
+            planar,
+            cells,
+            rest,
+            reader,
+            columns,
+        })
     }
 
     /// What the columns mean.
@@ -67,8 +82,11 @@ impl<'a> RowStream<'a> {
     /// The next frame, in centimetres, y up; `false` at the end of the last file.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         while !self.reader.read(row)? {
-            let Some(next) = self.rest.next() else { return Ok(false) };
-            self.reader = RowReader::new(open(&next)?, &self.flags.options(self.planar, self.cells)?)?;
+            let Some(next) = self.rest.next() else {
+                return Ok(false);
+            };
+            self.reader =
+                RowReader::new(open(&next)?, &self.flags.options(self.planar, self.cells)?)?;
             if self.reader.columns() != &self.columns {
                 let what = format!("has other columns than {}", self.flags.files[0].display());
                 return Err(Error::data(Place::file(self.reader.name()), what));
@@ -91,7 +109,12 @@ pub fn read_table(flags: &TableIn, planar: bool, cells: bool) -> Result<Table> {
             kept.push(std::mem::take(&mut row.cells));
         }
     }
-    Ok(Table { name, columns, poses: builder.finish(), cells: kept })
+    Ok(Table {
+        name,
+        columns,
+        poses: builder.finish(),
+        cells: kept,
+    })
 }
 
 /// A stream that is written to: a file that appears when it is complete, or standard output.
@@ -106,11 +129,16 @@ impl Sink {
     /// Opens the output; binary is never written to a terminal.
     pub fn open(path: Option<&Path>, binary: bool) -> Result<Sink> {
         match path {
-            Some(path) if path != Path::new("-") => Ok(Sink::File(OutputFile::create(path)?, path.to_path_buf())),
-            _ if binary && io::stdout().is_terminal() => {
-                Err(Error::usage("binary output would go to the terminal; name a file with -o, or pipe it on"))
+            Some(path) if path != Path::new("-") => {
+                Ok(Sink::File(OutputFile::create(path)?, path.to_path_buf()))
             }
-            _ => Ok(Sink::Stdout(Box::new(BufWriter::with_capacity(1 << 16, io::stdout())))),
+            _ if binary && io::stdout().is_terminal() => Err(Error::usage(
+                "binary output would go to the terminal; name a file with -o, or pipe it on",
+            )),
+            _ => Ok(Sink::Stdout(Box::new(BufWriter::with_capacity(
+                1 << 16,
+                io::stdout(),
+            )))),
         }
     }
     /// Flushes, and lets a file appear.
@@ -168,7 +196,11 @@ pub struct TableSink {
 
 impl TableSink {
     /// Starts a table such as `columns` with `added` columns (which an array cannot carry).
-    pub fn create(flags: &TableOut, columns: &Columns, added: &[(String, After)]) -> Result<TableSink> {
+    pub fn create(
+        flags: &TableOut,
+        columns: &Columns,
+        added: &[(String, After)],
+    ) -> Result<TableSink> {
         let binary = flags.format() == Format::Npy;
         let mut sink = Sink::open(flags.output.as_deref(), binary)?;
         let mut csv = CsvWriter::new(columns, added);
@@ -179,17 +211,26 @@ impl TableSink {
             csv.head(&mut sink).map_err(|e| sink.fail(e))?;
             None
         };
-        Ok(TableSink { sink, csv, spool, frames: 0, width: columns.width(), scratch: Vec::new() })
+        Ok(TableSink {
+            sink,
+            csv,
+            spool,
+            frames: 0,
+            width: columns.width(),
+            scratch: Vec::new(),
+        })
     }
 
     /// Writes a frame: see [`CsvWriter::row`].
     pub fn write(&mut self, row: &Row, xyz: &[f64], added: &[String]) -> Result<()> {
         self.frames += 1;
         match &mut self.spool {
-            Some(spool) => {
-                npy::write_values(spool, xyz, &mut self.scratch).map_err(|e| Error::io("a temporary file", e))
-            }
-            None => self.csv.row(&mut self.sink, row, xyz, added).map_err(|e| self.sink.fail(e)),
+            Some(spool) => npy::write_values(spool, xyz, &mut self.scratch)
+                .map_err(|e| Error::io("a temporary file", e)),
+            None => self
+                .csv
+                .row(&mut self.sink, row, xyz, added)
+                .map_err(|e| self.sink.fail(e)),
         }
     }
 

@@ -18,7 +18,27 @@ pub struct Posture {
     pub ends: Vec<DVec3>,
 }
 
+/// Where a take's poses stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Space {
+    /// Where they were captured.
+    World,
+    /// The root at the origin, the global rotation kept.
+    Root,
+    /// The root at the origin and no global rotation: the paper's training poses.
+    Body,
+}
+
 impl Skeleton {
+    /// Sets the root's values so that the posture stands in `space`.
+    pub fn settle(&self, q: &mut [f64], space: Space) {
+        for (dof, value) in self.bones()[0].dofs.iter().zip(q) {
+            if space == Space::Body || (space == Space::Root && !dof.channel.is_angle()) {
+                *value = -dof.offset;
+            }
+        }
+    }
+
     /// The posture for the values `q`. (The root's joint is where it starts.)
     pub fn posture(&self, q: &[f64]) -> Posture {
         let mut out = Posture::default();

@@ -1,0 +1,143 @@
+//! Turns ASF/AMC takes into a table of joint positions.
+
+use clap::{Parser, ValueEnum};
+use posing::cli::flags::{Common, TableOut, Units, parse_rate};
+use posing::cli::streams::{TableSink, one_stdin, open};
+use posing::cli::{Outcome, run, say};
+use posing::io::amc::{Frame, Reader};
+use posing::io::asf::{self, Asf};
+use posing::io::table::{Columns, Row, point_names};
+use posing::pose::kinematics::{Posture, Space};
+use posing::{Error, Place, Result};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Turn ASF/AMC takes into a table of joint positions
+///
+/// Writes a pose table in centimetres, y up: a row a frame, three columns a joint. A joint is the end of the bone of
+/// the same name. Several takes make one table; the column `take` tells them apart, and `time` is the frame's number
+/// less one, over the rate.
+#[derive(Parser)]
+#[command(
+    name = "amc2xyz",
+    version,
+    after_help = "Examples:\n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc > walk.csv\n  posing amc2xyz --asf 07.asf --fps 120 --space body -o poses.npy 07_*.amc"
+)]
+struct Args {
+    /// Takes (AMC); - or none: standard input
+    #[arg(value_name = "TAKE.amc")]
+    takes: Vec<PathBuf>,
+    /// The takes' skeleton
+    #[arg(long, value_name = "SUBJECT.asf")]
+    asf: PathBuf,
+    /// Frames a second: an AMC file does not say, and published labels err
+    #[arg(long, value_name = "F", value_parser = parse_rate)]
+    fps: f64,
+    /// Where the poses stand
+    #[arg(long, value_enum, default_value = "world")]
+    space: SpaceFlag,
+    /// The joints to write: 23 (the paper's), all, or a list with commas
+    #[arg(long, value_name = "23|all|LIST", default_value = "23")]
+    joints: String,
+    /// The unit of the skeleton's lengths, where its own :units are wrong or missing
+    #[arg(long, value_enum, value_name = "UNIT")]
+    units: Option<Units>,
+    /// Keep the whole frames of a take that is cut off in its last one
+    #[arg(long)]
+    keep_whole: bool,
+    #[command(flatten)]
+    out: TableOut,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SpaceFlag {
+    /// As captured
+    World,
+    /// Root at the origin, global rotation kept
+    Root,
+    /// Root at the origin, no global rotation: the paper's training poses
+    Body,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let takes = if args.takes.is_empty() {
+        vec![PathBuf::from("-")]
+    } else {
+        args.takes.clone()
+    };
+    one_stdin(takes.iter().chain([&args.asf]))?;
+    let asf = asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
+    let joints = joints(&asf, args)?;
+    let names = joints
+        .iter()
+        .map(|&j| asf.skeleton.bones()[j].name.clone())
+        .collect();
+    let mut sink = TableSink::create(&args.out, &Columns::fresh(names, true, true), &[])?;
+    for take in &takes {
+        convert(args, &asf, &joints, take, &mut sink)?;
+    }
+    sink.finish()?;
+    Ok(Outcome::Done)
+}
+
+/// The bones whose joints are written.
+fn joints(asf: &Asf, args: &Args) -> Result<Vec<usize>> {
+    if args.joints == "all" {
+        return Ok((0..asf.skeleton.bones().len()).collect());
+    }
+    let find = |name: &String| {
+        asf.skeleton.find(name).ok_or_else(|| {
+            let what = format!("has no bone \"{name}\"; --joints names those to write");
+            Error::data(Place::file(args.asf.display().to_string()), what)
+        })
+    };
+    point_names(&args.joints)?.iter().map(find).collect()
+}
+
+fn convert(
+    args: &Args,
+    asf: &Asf,
+    joints: &[usize],
+    take: &Path,
+    sink: &mut TableSink,
+) -> Result<()> {
+    let space = match args.space {
+        SpaceFlag::World => Space::World,
+        SpaceFlag::Root => Space::Root,
+        SpaceFlag::Body => Space::Body,
+    };
+    let mut reader = Reader::new(asf, open(take)?, args.keep_whole)?;
+    let name = take
+        .file_stem()
+        .unwrap_or(take.as_os_str())
+        .to_string_lossy();
+    let mut row = Row {
+        take: Some(Arc::from(&*name)),
+        ..Row::default()
+    };
+    let (mut frame, mut posture) = (Frame::default(), Posture::default());
+    while reader.read(&mut frame)? {
+        asf.skeleton.settle(&mut frame.values, space);
+        asf.skeleton.posture_into(&frame.values, &mut posture);
+        row.time = Some((frame.number as f64 - 1.0) / args.fps);
+        row.xyz.clear();
+        row.xyz
+            .extend(joints.iter().flat_map(|&j| posture.ends[j].to_array()));
+        sink.write(&row, &row.xyz, &[])?;
+    }
+    if let Some(number) = reader.dropped {
+        say::note(&format!(
+            "{}: dropped frame {number}, which is cut off",
+            take.display()
+        ));
+    }
+    Ok(())
+}
