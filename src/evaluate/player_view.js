@@ -1,0 +1,322 @@
+
+"use strict";
+// The scene as the page carries it: points decoded, what is missing counted, the camera, the drawing.
+
+const scene = JSON.parse(document.getElementById("scene").textContent);
+const STATUS = ["observed", "changed", "inferred", "rejected", "unknown", "missing"];
+const MISSING = 5;
+const points = scene.points.length, frames = scene.frames;
+
+function decode(figure) {
+  const text = atob(figure.data), bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  const columns = 3 * points, xyz = new Float32Array(frames * columns);
+  const read = new DataView(bytes.buffer);
+  for (let i = 0; i < xyz.length; i++) {
+    if (figure.format === "f32") { xyz[i] = read.getFloat32(4 * i, true); continue; }
+    const q = read.getInt16(2 * i, true), column = i % columns;
+    xyz[i] = q === -32768 ? NaN : figure.low[column] + (q + 32767) * figure.step[column];
+  }
+  return xyz;
+}
+
+/** The status of every point in every frame; what has no coordinates is missing. */
+function statuses(figure, xyz) {
+  const status = new Uint8Array(frames * points);
+  (figure.status || []).forEach((runs, p) => {
+    let frame = 0;
+    for (let i = 0; i < runs.length; i += 2)
+      for (let end = frame + runs[i + 1]; frame < end; frame++) status[frame * points + p] = runs[i];
+  });
+  for (let i = 0; i < status.length; i++) if (Number.isNaN(xyz[3 * i])) status[i] = MISSING;
+  return status;
+}
+
+const figures = scene.figures.map(source => {
+  const xyz = decode(source), status = statuses(source, xyz);
+  const counts = new Uint16Array(frames * 6);
+  for (let i = 0; i < status.length; i++) counts[Math.floor(i / points) * 6 + status[i]]++;
+  const has = STATUS.map((_, s) => status.includes(s));
+  return { name: source.name, xyz, status, counts, has, shown: true };
+});
+
+/** The index in scene.runs of the run that a frame belongs to; -1 without runs. */
+function runOf(frame) {
+  let run = scene.runs.length - 1;
+  while (run > 0 && scene.runs[run][1] > frame) run--;
+  return run;
+}
+function moment(frame) {
+  const run = runOf(frame);
+  if (run < 0) return ["", frame / scene.rate];
+  const [name, first, time] = scene.runs[run];
+  return [name, time + (frame - first) / scene.rate];
+}
+
+// ---- where the figure goes, smoothed, for the camera to go with it ----
+
+function quantile(values, share) {
+  const sorted = Float64Array.from(values).sort();
+  return sorted.length ? sorted[Math.round((sorted.length - 1) * share)] : 0;
+}
+
+function journey() {
+  const xyz = figures.length ? figures[scene.reference].xyz : new Float32Array(0);
+  const x = new Float64Array(frames), z = new Float64Array(frames), seen = [];
+  const tops = [], radii = [];
+  for (let t = 0; t < frames; t++) {
+    const xs = [], zs = [];
+    let top = -Infinity;
+    for (let i = t * points * 3; i < (t + 1) * points * 3; i += 3) {
+      if (Number.isNaN(xyz[i])) continue;
+      xs.push(xyz[i]); zs.push(xyz[i + 2]);
+      top = Math.max(top, xyz[i + 1]);
+    }
+    if (!xs.length) { x[t] = z[t] = NaN; continue; }
+    // Medians, and not the farthest point: a stray one must not carry the camera away.
+    x[t] = quantile(xs, .5); z[t] = quantile(zs, .5);
+    seen.push(t); tops.push(top - scene.ground);
+    radii.push(1.2 * quantile(xs.map((_, i) => Math.hypot(xs[i] - x[t], zs[i] - z[t])), .95));
+  }
+  const box = axis => seen.reduce(([a, b], t) => [Math.min(a, axis[t]), Math.max(b, axis[t])], [Infinity, -Infinity]);
+  const [x0, x1] = seen.length ? box(x) : [0, 0], [z0, z1] = seen.length ? box(z) : [0, 0];
+  const height = Math.max(quantile(tops, .98), .3 * scene.size);
+  const radius = Math.max(quantile(radii, .98), .2 * scene.size);
+  smooth(x); smooth(z);
+  return {
+    x, z, height, radius,
+    middle: [(x0 + x1) / 2, (z0 + z1) / 2], reach: Math.hypot(x1 - x0, z1 - z0) / 2 + radius,
+  };
+}
+
+/** Holds a path over gaps and averages it twice over half a second, within each run. */
+function smooth(path) {
+  let last = path.find(v => !Number.isNaN(v)) || 0;
+  for (let t = 0; t < frames; t++) { if (Number.isNaN(path[t])) path[t] = last; last = path[t]; }
+  const half = Math.round(scene.rate / 4);
+  const starts = scene.runs.length ? scene.runs.map(run => run[1]) : [0];
+  starts.forEach((start, i) => {
+    const end = i + 1 < starts.length ? starts[i + 1] : frames;
+    for (let pass = 0; pass < 2; pass++) {
+      const sums = new Float64Array(end - start + 1);
+      for (let t = start; t < end; t++) sums[t - start + 1] = sums[t - start] + path[t];
+      for (let t = start; t < end; t++) {
+        const a = Math.max(start, t - half), b = Math.min(end, t + half + 1);
+        path[t] = (sums[b - start] - sums[a - start]) / (b - a);
+      }
+    }
+  });
+}
+const path = journey();
+
+// ---- the camera, one for all panels ----
+
+const camera = { azimuth: 0, elevation: 0, zoom: 1, shift: [0, 0], follow: true };
+function resetCamera() {
+  camera.azimuth = scene.azimuth * Math.PI / 180;
+  camera.elevation = 12 * Math.PI / 180;
+  camera.zoom = 1;
+  camera.shift = [0, 0];
+}
+resetCamera();
+
+/** A function from centimetres to [x, y, depth, pixels a centimetre] in a panel of this size. */
+function projection(width, height, frame) {
+  const at = camera.follow ? [path.x[frame], path.z[frame]] : path.middle;
+  const radius = camera.follow ? path.radius : path.reach;
+  const se = Math.sin(camera.elevation), ce = Math.cos(camera.elevation);
+  const sa = Math.sin(camera.azimuth), ca = Math.cos(camera.azimuth);
+  const tall = path.height * ce + 2 * radius * Math.abs(se);
+  const fit = Math.min(height * .84 / tall, width * .9 / (2 * radius)) * camera.zoom;
+  const eye = 5 * Math.max(radius, path.height / 2), near = eye * .12;
+  const up = scene.ground + path.height / 2;
+  return (x, y, z) => {
+    x -= at[0]; y -= up; z -= at[1];
+    const right = x * ca - z * sa, toward = x * sa + z * ca;
+    const depth = toward * ce + y * se, rise = y * ce - toward * se;
+    const scale = fit * eye / Math.max(eye - depth, near);
+    return [width / 2 + camera.shift[0] + right * scale, height / 2 + camera.shift[1] - rise * scale, depth, scale];
+  };
+}
+
+// ---- drawing ----
+
+let ink = {};
+function readInk() {
+  const style = getComputedStyle(document.documentElement), get = name => style.getPropertyValue("--" + name).trim();
+  for (const name of ["panel", "text", "grid", "shadow", "middle", "left", "right", "accent"].concat(STATUS.slice(1))) ink[name] = get(name);
+  ink.figures = [0, 1, 2, 3, 4, 5].map(i => get("f" + i));
+}
+
+const LIMB = { l: "left", r: "right", m: "middle" };
+/** A limb's colour: its side, or (overlaid) its figure, paler on the right. */
+function limbColor(figure, side, overlaid) {
+  if (!overlaid) return ink[LIMB[side]];
+  const color = ink.figures[figure % 6];
+  return side === "r" ? `color-mix(in srgb, ${color} 50%, ${ink.panel})` : color;
+}
+const boneSide = ([a, b]) => scene.sides[b] !== "m" ? scene.sides[b] : scene.sides[a];
+
+function drawGrid(ctx, project, frame) {
+  const at = camera.follow ? [path.x[frame], path.z[frame]] : path.middle;
+  const reach = Math.max(camera.follow ? 2.2 * scene.size : 1.3 * path.reach, 100);
+  let step = 50;
+  while (reach / step > 24) step *= 2;
+  const [x0, z0] = at.map(v => Math.round(v / step) * step), lines = Math.ceil(reach / step);
+  ctx.strokeStyle = ink.grid;
+  ctx.lineWidth = 1;
+  const piece = (a, b) => {
+    const far = Math.hypot((a[0] + b[0]) / 2 - at[0], (a[1] + b[1]) / 2 - at[1]) / reach;
+    if (far >= 1) return;
+    const p = project(a[0], scene.ground, a[1]), q = project(b[0], scene.ground, b[1]);
+    ctx.globalAlpha = .75 * (1 - far * far);
+    ctx.beginPath(); ctx.moveTo(p[0], p[1]); ctx.lineTo(q[0], q[1]); ctx.stroke();
+  };
+  for (let i = -lines; i <= lines; i++) for (let j = -lines; j < lines; j++) {
+    const u = i * step, v = j * step;
+    piece([x0 + u, z0 + v], [x0 + u, z0 + v + step]);
+    piece([x0 + v, z0 + u], [x0 + v + step, z0 + u]);
+  }
+  ctx.globalAlpha = 1;
+}
+
+function drawShadow(ctx, project, figure, frame) {
+  const { xyz } = figures[figure], base = frame * points * 3;
+  ctx.strokeStyle = ink.shadow; ctx.globalAlpha = .16; ctx.lineCap = "round"; ctx.beginPath();
+  let scale = 1;
+  for (const [a, b] of scene.bones) {
+    const i = base + 3 * a, j = base + 3 * b;
+    if (Number.isNaN(xyz[i]) || Number.isNaN(xyz[j])) continue;
+    const p = project(xyz[i], scene.ground, xyz[i + 2]), q = project(xyz[j], scene.ground, xyz[j + 2]);
+    ctx.moveTo(p[0], p[1]); ctx.lineTo(q[0], q[1]); scale = p[3];
+  }
+  ctx.lineWidth = Math.max(1.5, 4 * scale); ctx.stroke(); ctx.globalAlpha = 1;
+}
+
+/** Where a point was in the last second and a half: fading, dashed where it was inferred. */
+function drawTrail(ctx, project, figure, frame, point, color) {
+  const { xyz, status } = figures[figure], long = Math.max(1, Math.round(1.5 * scene.rate)), run = runOf(frame);
+  const first = Math.max(0, run >= 0 ? scene.runs[run][1] : 0, frame - long);
+  ctx.strokeStyle = color; ctx.lineWidth = 2.2; ctx.lineCap = "round";
+  let before = null;
+  for (let t = first; t <= frame; t++) {
+    const i = 3 * (t * points + point);
+    const here = Number.isNaN(xyz[i]) ? null : project(xyz[i], xyz[i + 1], xyz[i + 2]);
+    if (here && before) {
+      ctx.globalAlpha = .08 + .8 * (t - frame + long) / long;
+      ctx.strokeStyle = status[t * points + point] === 2 ? ink.inferred : color;
+      ctx.beginPath(); ctx.moveTo(before[0], before[1]); ctx.lineTo(here[0], here[1]); ctx.stroke();
+    }
+    before = here;
+  }
+  ctx.globalAlpha = 1;
+}
+
+function drawDot(ctx, x, y, radius, color, status) {
+  ctx.beginPath();
+  ctx.setLineDash([]);
+  if (status === 3) {
+    const r = Math.min(radius, 5) * 1.3;
+    ctx.moveTo(x - r, y - r); ctx.lineTo(x + r, y + r); ctx.moveTo(x - r, y + r); ctx.lineTo(x + r, y - r);
+    ctx.strokeStyle = ink.rejected; ctx.lineWidth = 2; ctx.stroke();
+    return;
+  }
+  const hollow = status === 2 || status === 4;
+  ctx.arc(x, y, status ? Math.max(radius, 3.4) : radius, 0, 7);
+  ctx.fillStyle = hollow ? ink.panel : status === 1 ? ink.changed : color;
+  ctx.fill();
+  if (hollow) { ctx.strokeStyle = status === 2 ? ink.inferred : ink.unknown; ctx.lineWidth = 2; ctx.stroke(); }
+}
+
+/** The background's edge along a bone, by which the nearer of two that cross is seen; clear of the joints. */
+function drawEdge(ctx, a, b, thick) {
+  const long = Math.hypot(b[0] - a[0], b[1] - a[1]), free = 2.4 * thick;
+  if (long < 2.5 * free) return;
+  const dx = (b[0] - a[0]) * free / long, dy = (b[1] - a[1]) * free / long;
+  ctx.beginPath(); ctx.moveTo(a[0] + dx, a[1] + dy); ctx.lineTo(b[0] - dx, b[1] - dy);
+  ctx.setLineDash([]); ctx.lineCap = "butt"; ctx.strokeStyle = ink.panel; ctx.lineWidth = thick * 1.9; ctx.stroke();
+}
+
+/** One figure, from the farthest part to the nearest; what can be hovered over goes into `hits`. */
+function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked) {
+  // Overlaid figures are drawn thinner and thinner, so that the first still frames the last.
+  const thickness = scale => Math.min(9, Math.max(1.6, 2.4 * scale)) * (1 + .5 * Math.min(above, 3));
+  const { xyz, status } = figures[figure], at = new Array(points), parts = [];
+  for (let p = 0; p < points; p++) {
+    const i = 3 * (frame * points + p);
+    if (Number.isNaN(xyz[i])) continue;
+    at[p] = project(xyz[i], xyz[i + 1], xyz[i + 2]);
+    parts.push([at[p][2] + .03 * scene.size, p, null]);
+    hits.push({ x: at[p][0], y: at[p][1], figure, point: p });
+  }
+  for (const bone of scene.bones) {
+    const a = at[bone[0]], b = at[bone[1]];
+    if (a && b) parts.push([(a[2] + b[2]) / 2, -1, bone]);
+  }
+  parts.sort((a, b) => a[0] - b[0]);
+  for (const [, p, bone] of parts) {
+    if (bone) {
+      const a = at[bone[0]], b = at[bone[1]], thick = thickness((a[3] + b[3]) / 2);
+      const guessed = status[frame * points + bone[0]] === 2 || status[frame * points + bone[1]] === 2;
+      if (!overlaid) drawEdge(ctx, a, b, thick);
+      ctx.beginPath(); ctx.moveTo(a[0], a[1]); ctx.lineTo(b[0], b[1]);
+      ctx.setLineDash(guessed ? [thick * 1.6, thick * 1.1] : []);
+      ctx.lineCap = guessed ? "butt" : "round";
+      ctx.strokeStyle = limbColor(figure, boneSide(bone), overlaid); ctx.lineWidth = thick; ctx.stroke();
+      continue;
+    }
+    const [x, y, , scale] = at[p], thick = thickness(scale);
+    const radius = p === scene.head ? .039 * scene.size * scale + 2 * above : scene.bones.length ? thick * .72 : Math.max(3, thick);
+    drawDot(ctx, x, y, radius, limbColor(figure, scene.sides[p], overlaid), status[frame * points + p]);
+    if (p === marked) {
+      ctx.beginPath(); ctx.arc(x, y, Math.max(radius, 4) + 4, 0, 7);
+      ctx.strokeStyle = ink.accent; ctx.lineWidth = 2; ctx.stroke();
+    }
+  }
+  ctx.setLineDash([]);
+}
+
+function drawPanel(panel, frame, trail, hover) {
+  const { canvas, ctx } = panel, dots = window.devicePixelRatio || 1;
+  const width = canvas.clientWidth, height = canvas.clientHeight;
+  const w = Math.round(width * dots), h = Math.round(height * dots);
+  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+  ctx.setTransform(dots, 0, 0, dots, 0, 0);
+  ctx.clearRect(0, 0, width, height);
+  const project = projection(width, height, frame), overlaid = panel.figures.length > 1;
+  const shown = panel.figures.filter(f => figures[f].shown);
+  panel.hits = [];
+  drawGrid(ctx, project, frame);
+  for (const f of shown) drawShadow(ctx, project, f, frame);
+  if (trail >= 0) for (const f of shown)
+    drawTrail(ctx, project, f, frame, trail, overlaid ? ink.figures[f % 6] : ink.accent);
+  shown.forEach((f, i) => {
+    const above = overlaid ? shown.length - 1 - i : 0;
+    const hovered = hover && hover.figure === f ? hover.point : -1;
+    drawBody(ctx, project, f, frame, above, overlaid, panel.hits, hovered >= 0 ? hovered : above ? -1 : trail);
+  });
+}
+
+/** The strip below the slider: at each place, the share of points that were not simply observed. */
+const MARKS = [MISSING, 4, 3, 2, 1];
+function drawStrip(canvas, figure) {
+  const dots = window.devicePixelRatio || 1, ctx = canvas.getContext("2d"), { counts } = figures[figure];
+  const width = canvas.width = Math.round(canvas.clientWidth * dots), height = canvas.height = Math.round(canvas.clientHeight * dots);
+  const last = Math.max(1, frames - 1);
+  for (let x = 0; x < width; x++) {
+    const a = Math.min(frames - 1, Math.round(x / width * last)), b = Math.max(a + 1, Math.round((x + 1) / width * last));
+    let y = height;
+    for (const mark of MARKS) {
+      let most = 0;
+      for (let t = a; t < b; t++) most = Math.max(most, counts[t * 6 + mark]);
+      if (!most) continue;
+      // A single point of many must still be seen, so the share's square root is drawn.
+      const tall = Math.max(3 * dots, Math.sqrt(most / points) * height);
+      ctx.fillStyle = ink[STATUS[mark]];
+      ctx.fillRect(x, y - tall, 1, tall);
+      y -= tall;
+    }
+  }
+  ctx.fillStyle = ink.text;
+  scene.runs.slice(1).forEach(run => ctx.fillRect(Math.round(run[1] / last * width), 0, dots, height));
+}

@@ -1,0 +1,351 @@
+//! What the pictures are made of: figures that move over the same frames, and what is said beside them.
+//!
+//! [`figure::svg`](super::figure::svg) and [`player::page`](super::player::page) draw the same [`Scene`].
+
+use crate::{Error, Result};
+use ndarray::ArrayView2;
+
+/// What became of a point in a frame, as the column `NAME.status` of a table tells it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Status {
+    /// Measured, and left as it was.
+    #[default]
+    Observed,
+    /// Measured, and moved.
+    Changed,
+    /// Not measured: the model's estimate.
+    Inferred,
+    /// Measured, left as it was, and distrusted.
+    Rejected,
+    /// Nothing could be said.
+    Unknown,
+}
+
+impl Status {
+    /// Every status, in the order of their numbers in a page.
+    pub const ALL: [Status; 5] = [
+        Status::Observed,
+        Status::Changed,
+        Status::Inferred,
+        Status::Rejected,
+        Status::Unknown,
+    ];
+
+    /// The word that tables use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Observed => "observed",
+            Status::Changed => "changed",
+            Status::Inferred => "inferred",
+            Status::Rejected => "rejected",
+            Status::Unknown => "unknown",
+        }
+    }
+
+    /// The status that a table's word means; `None` for any other word.
+    pub fn from_name(name: &str) -> Option<Status> {
+        Status::ALL.into_iter().find(|status| status.name() == name)
+    }
+}
+
+/// One take or table: the same points over the same frames as its neighbours in the scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Figure<'a> {
+    /// What it is called in the picture: "truth", "damaged", "restored".
+    pub name: &'a str,
+    /// Frames x (3 x points): x, y, z of each point in centimetres, right-handed, y up.
+    /// A point is missing where one of its three is not finite (or beyond 100 km); an axis that is missing
+    /// throughout (a 2-D capture) is drawn as zero.
+    pub xyz: ArrayView2<'a, f64>,
+    /// Frames x points, if known. A point without coordinates is missing whatever its status.
+    pub status: Option<ArrayView2<'a, Status>>,
+}
+
+/// A stretch of consecutive frames: a take, or what lies between two cuts in one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Run<'a> {
+    /// The take's name.
+    pub name: &'a str,
+    /// Its first frame, counted from 0 over the whole scene.
+    pub first: usize,
+    /// The time of that frame, in seconds.
+    pub time: f64,
+}
+
+/// A small table of text below the figures, scores for instance.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Table {
+    /// What the table shows; may be empty.
+    pub caption: String,
+    /// The heads of the columns.
+    pub header: Vec<String>,
+    /// The rows; one shorter than the header is filled up with empty cells, cells past it are an error.
+    pub rows: Vec<Vec<String>>,
+}
+
+/// What is drawn: one or more figures over the same frames.
+#[derive(Debug, Clone, Default)]
+pub struct Scene<'a> {
+    /// The heading.
+    pub title: &'a str,
+    /// The points' names.
+    pub points: &'a [String],
+    /// Pairs of points to join, the one nearer to the root first; without any, only points are drawn.
+    pub bones: &'a [(usize, usize)],
+    /// Frames a second: finite and above 0.
+    pub rate: f64,
+    /// The figures, in the order of their panels. The first is the reference for camera and ground
+    /// unless another misses fewer points.
+    pub figures: Vec<Figure<'a>>,
+    /// Where runs begin, in rising order, the first at frame 0; empty: one run from time 0.
+    pub runs: &'a [Run<'a>],
+    /// A sentence below the heading.
+    pub note: Option<&'a str>,
+    /// A table below the figures (the page only).
+    pub table: Option<Table>,
+    /// Whom the data is owed to; the last line.
+    pub credit: Option<&'a str>,
+}
+
+impl Scene<'_> {
+    /// The number of frames (0 without figures).
+    pub fn frames(&self) -> usize {
+        self.figures.first().map_or(0, |figure| figure.xyz.nrows())
+    }
+
+    /// The take that a frame belongs to (empty without runs) and its time in seconds.
+    pub fn moment(&self, frame: usize) -> (&str, f64) {
+        let run = self.runs.iter().rev().find(|run| run.first <= frame);
+        let (name, first, time) = run.map_or(("", 0, 0.0), |run| (run.name, run.first, run.time));
+        (name, time + (frame - first) as f64 / self.rate)
+    }
+
+    /// Up to `count` frames spread evenly from the first to the last, both included.
+    pub fn spread(&self, count: usize) -> Vec<usize> {
+        let frames = self.frames();
+        let count = count.min(frames);
+        match count {
+            0 => Vec::new(),
+            1 => vec![0],
+            _ => (0..count).map(|i| i * (frames - 1) / (count - 1)).collect(),
+        }
+    }
+
+    /// Fails on what could not be drawn: a rate that is none, bones between no points,
+    /// figures of different shapes, runs out of order, a table's row longer than its header.
+    pub fn check(&self) -> Result<()> {
+        let usage = |what: String| Err(Error::usage(what));
+        let points = self.points.len();
+        if !(self.rate.is_finite() && self.rate > 0.0) {
+            return usage(format!(
+                "rate {} must be above 0 frames a second",
+                self.rate
+            ));
+        }
+        if let Some((a, b)) = self.bones.iter().find(|(a, b)| *a.max(b) >= points) {
+            return usage(format!(
+                "bone {a}-{b}: there are {points} points, counted from 0"
+            ));
+        }
+        for figure in &self.figures {
+            let wanted = (self.frames(), 3 * points);
+            if figure.xyz.dim() != wanted {
+                return usage(format!(
+                    "figure {}: {:?} frames and columns, expected {wanted:?}",
+                    figure.name,
+                    figure.xyz.dim(),
+                ));
+            }
+            let wanted = (self.frames(), points);
+            if let Some(dim) = figure.status.map(|s| s.dim()).filter(|dim| *dim != wanted) {
+                return usage(format!(
+                    "figure {}: statuses are {dim:?} frames and points, expected {wanted:?}",
+                    figure.name,
+                ));
+            }
+        }
+        let starts_late = self.runs.first().is_some_and(|run| run.first != 0);
+        if starts_late
+            || self
+                .runs
+                .windows(2)
+                .any(|pair| pair[0].first >= pair[1].first)
+        {
+            return usage("runs must begin at frame 0 and follow one another".into());
+        }
+        if let Some(run) = self.runs.iter().find(|run| !run.time.is_finite()) {
+            return usage(format!(
+                "run {}: its time {} must be finite",
+                run.name, run.time
+            ));
+        }
+        if let Some(table) = &self.table {
+            let columns = table.header.len();
+            if let Some(row) = table.rows.iter().find(|row| row.len() > columns) {
+                return usage(format!(
+                    "table: a row of {} cells, {columns} heads",
+                    row.len()
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    #[test]
+    fn each_rule_has_its_message() {
+        let names = ["a".to_string(), "b".to_string()];
+        let xyz = Array2::<f64>::zeros((3, 6));
+        let figure = Figure {
+            name: "f",
+            xyz: xyz.view(),
+            status: None,
+        };
+        let good = Scene {
+            points: &names,
+            rate: 60.0,
+            figures: vec![figure],
+            ..Scene::default()
+        };
+        assert!(good.check().is_ok());
+
+        let fails = |scene: Scene<'_>, with: &str| {
+            let error = scene.check().unwrap_err();
+            assert!(error.to_string().contains(with), "{error}");
+            assert_eq!(error.exit_code(), 2);
+        };
+        for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            fails(
+                Scene {
+                    rate,
+                    ..good.clone()
+                },
+                "above 0",
+            );
+        }
+        fails(
+            Scene {
+                bones: &[(0, 2)],
+                ..good.clone()
+            },
+            "2 points",
+        );
+        let short = Array2::<f64>::zeros((2, 6));
+        let other = Figure {
+            name: "g",
+            xyz: short.view(),
+            status: None,
+        };
+        fails(
+            Scene {
+                figures: vec![figure, other],
+                ..good.clone()
+            },
+            "figure g",
+        );
+        let status = Array2::from_elem((3, 1), Status::Observed);
+        let other = Figure {
+            status: Some(status.view()),
+            ..figure
+        };
+        fails(
+            Scene {
+                figures: vec![other],
+                ..good.clone()
+            },
+            "statuses",
+        );
+        let late = [Run {
+            name: "",
+            first: 1,
+            time: 0.0,
+        }];
+        fails(
+            Scene {
+                runs: &late,
+                ..good.clone()
+            },
+            "begin at frame 0",
+        );
+        let timeless = [Run {
+            name: "t",
+            first: 0,
+            time: f64::NAN,
+        }];
+        fails(
+            Scene {
+                runs: &timeless,
+                ..good.clone()
+            },
+            "finite",
+        );
+        let table = Table {
+            rows: vec![vec!["1".into()]],
+            ..Table::default()
+        };
+        fails(
+            Scene {
+                table: Some(table),
+                ..good
+            },
+            "1 cells",
+        );
+    }
+
+    #[test]
+    fn frames_are_spread_from_first_to_last() {
+        let names = ["a".to_string()];
+        let xyz = Array2::<f64>::zeros((10, 3));
+        let figure = Figure {
+            name: "f",
+            xyz: xyz.view(),
+            status: None,
+        };
+        let scene = Scene {
+            points: &names,
+            rate: 60.0,
+            figures: vec![figure],
+            ..Scene::default()
+        };
+        assert_eq!(scene.spread(4), [0, 3, 6, 9]);
+        assert_eq!(scene.spread(1), [0]);
+        assert_eq!(scene.spread(99).len(), 10);
+        assert!(Scene::default().spread(3).is_empty());
+    }
+
+    #[test]
+    fn a_frame_knows_its_take_and_time() {
+        let runs = [
+            Run {
+                name: "a",
+                first: 0,
+                time: 1.0,
+            },
+            Run {
+                name: "b",
+                first: 4,
+                time: 0.0,
+            },
+        ];
+        let scene = Scene {
+            rate: 2.0,
+            runs: &runs,
+            ..Scene::default()
+        };
+        assert_eq!(scene.moment(3), ("a", 2.5));
+        assert_eq!(scene.moment(5), ("b", 0.5));
+    }
+
+    #[test]
+    fn statuses_read_back() {
+        for status in Status::ALL {
+            assert_eq!(Status::from_name(status.name()), Some(status));
+        }
+        assert_eq!(Status::from_name("fine"), None);
+    }
+}
