@@ -1,0 +1,342 @@
+//! Codes of many poses, by tiles of poses that share the products with the atoms.
+
+use super::Dictionary;
+use super::fit::Fit;
+use super::pursuit::{Pursuit, Stop};
+use super::tile::{Tile, poses_at_once};
+use crate::{Error, Place, Result, par};
+use ndarray::{Array2, ArrayView2, Axis, s};
+use std::ops::Range;
+
+/// Marks a place of [`Codes::atoms`] that holds no atom.
+pub const UNUSED: u32 = u32::MAX;
+
+/// The codes of m poses, at most k atoms each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Codes {
+    /// The atoms of each pose (m, k) in the order in which they were taken, then [`UNUSED`].
+    /// k = min(sparsity, n, D): more atoms are never independent.
+    pub atoms: Array2<u32>,
+    /// Their coefficients (m, k) in the poses' unit, 0 where there is no atom.
+    pub coefficients: Array2<f32>,
+    /// sum_i w_i (y_i - (A x)_i)^2 of each pose (m), for the coefficients before they were rounded to f32.
+    pub squared_residuals: Vec<f64>,
+    /// Why each pose has no more atoms (m).
+    pub stops: Vec<Stop>,
+}
+
+impl Codes {
+    /// Empty codes of `m` poses.
+    pub(super) fn empty(m: usize, k: usize) -> Self {
+        Codes {
+            atoms: Array2::from_elem((m, k), UNUSED),
+            coefficients: Array2::zeros((m, k)),
+            squared_residuals: vec![0.0; m],
+            stops: vec![Stop::Nothing; m],
+        }
+    }
+
+    /// How many poses there are.
+    pub fn len(&self) -> usize {
+        self.atoms.nrows()
+    }
+
+    /// Whether there are no poses.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How many atoms pose `i` has.
+    pub fn count(&self, i: usize) -> usize {
+        self.entries(i).count()
+    }
+
+    /// The atoms and coefficients of pose `i`.
+    pub fn entries(&self, i: usize) -> impl Iterator<Item = (u32, f32)> {
+        let pairs = self.atoms.row(i).into_iter().zip(self.coefficients.row(i));
+        pairs
+            .map(|(&a, &x)| (a, x))
+            .take_while(|&(a, _)| a != UNUSED)
+    }
+
+    /// The mean number of atoms a pose; 0 if there are no poses.
+    pub fn mean_sparsity(&self) -> f64 {
+        let used = self.atoms.iter().filter(|&&a| a != UNUSED).count();
+        used as f64 / self.len().max(1) as f64
+    }
+
+    /// The mean squared residual a coordinate, sum / (m D); 0 if there are no poses.
+    pub fn mean_squared_error(&self, d: usize) -> f64 {
+        self.squared_residuals.iter().sum::<f64>() / (self.len() * d).max(1) as f64
+    }
+
+    /// A x of each pose (m, D), missing coordinates included.
+    ///
+    /// # Errors
+    /// A code that names an atom the dictionary does not have.
+    pub fn decode(&self, dictionary: &Dictionary) -> Result<Array2<f32>> {
+        let (n, d) = (dictionary.len(), dictionary.width());
+        let worst = self.atoms.iter().filter(|&&a| a != UNUSED).max();
+        if let Some(atom) = worst.filter(|&&a| a as usize >= n) {
+            return Err(Error::data(
+                Place::file("codes"),
+                format!("atom {atom} of a dictionary of {n}: they do not belong together"),
+            ));
+        }
+        let mut poses = Array2::zeros((self.len(), d));
+        for (i, mut pose) in poses.outer_iter_mut().enumerate() {
+            for (atom, x) in self.entries(i) {
+                pose.scaled_add(x, &dictionary.atom(atom as usize));
+            }
+        }
+        Ok(poses)
+    }
+
+    /// Puts the codes of `part` in the rows from `from` on.
+    pub(super) fn put(&mut self, from: usize, part: Codes) {
+        let rows = s![from..from + part.len(), ..];
+        self.atoms.slice_mut(rows).assign(&part.atoms);
+        self.coefficients.slice_mut(rows).assign(&part.coefficients);
+        self.squared_residuals[from..from + part.len()].copy_from_slice(&part.squared_residuals);
+        self.stops[from..from + part.len()].copy_from_slice(&part.stops);
+    }
+
+    /// Writes what `fit` found in row `i`. `x` is room for the coefficients.
+    pub(super) fn set(&mut self, i: usize, fit: &Fit, x: &mut [f64]) {
+        fit.coefficients(x);
+        self.atoms.row_mut(i).fill(UNUSED);
+        self.coefficients.row_mut(i).fill(0.0);
+        for (j, (&atom, &x)) in fit.support.iter().zip(x.iter()).enumerate() {
+            self.atoms[[i, j]] = atom;
+            self.coefficients[[i, j]] = x as f32;
+        }
+        self.squared_residuals[i] = fit.squared_residual();
+        self.stops[i] = fit.stop.unwrap_or(Stop::Sparsity);
+    }
+}
+
+impl Pursuit {
+    /// Codes many poses (m, D) with weights (m, D, not negative; all 1 if not given), on all of rayon's threads.
+    ///
+    /// Where a weight is 0 the pose may be NaN. The codes do not depend on the number of threads, nor on which
+    /// poses are coded together. Memory: beside the codes, 8 to 12 bytes for each atom and each pose of a tile (16 to 64
+    /// poses) a thread.
+    ///
+    /// # Errors
+    /// A parameter or a shape that cannot be used; a number that is not finite where it is observed, or a weight that is
+    /// negative or not finite (the row is named, counted from 1).
+    pub fn code_batch(
+        &self,
+        dictionary: &Dictionary,
+        poses: ArrayView2<f32>,
+        weights: Option<ArrayView2<f32>>,
+    ) -> Result<Codes> {
+        self.check()?;
+        let (m, d) = poses.dim();
+        if d != dictionary.width() {
+            let said = format!(
+                "{d} numbers a pose, but the atoms have {}",
+                dictionary.width()
+            );
+            return Err(Error::data(Place::file("poses"), said));
+        }
+        if let Some(shape) = weights.map(|w| w.dim()).filter(|&shape| shape != (m, d)) {
+            let said = format!("shape {shape:?}, but the poses have {:?}", (m, d));
+            return Err(Error::data(Place::file("weights"), said));
+        }
+        let at_once = poses_at_once(dictionary.len()).min(m);
+        // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
+        let tiles = (m / (at_once.max(1) * 16)).clamp(1, 8);
+        let parts = par::map_chunks(m, at_once * tiles, |rows| {
+            let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
+            let part = poses.slice(s![rows.clone(), ..]);
+            self.code_chunk(dictionary, at_once, rows, part, weights)
+        });
+        let mut codes = Codes::empty(m, self.capacity(dictionary));
+        let mut from = 0;
+        for part in parts {
+            let part = part?;
+            let len = part.len();
+            codes.put(from, part);
+            from += len;
+        }
+        Ok(codes)
+    }
+
+    fn code_chunk(
+        &self,
+        dictionary: &Dictionary,
+        at_once: usize,
+        rows: Range<usize>,
+        poses: ArrayView2<f32>,
+        weights: Option<ArrayView2<f32>>,
+    ) -> Result<Codes> {
+        let k = self.capacity(dictionary);
+        let mut codes = Codes::empty(rows.len(), k);
+        let mut tile = Tile::new(dictionary, self.rule, at_once);
+        let mut fits: Vec<Fit> = (0..at_once)
+            .map(|_| Fit::new(k, dictionary.width()))
+            .collect();
+        let mut x = vec![0.0; k];
+        for from in (0..rows.len()).step_by(at_once) {
+            let here = from..(from + at_once).min(rows.len());
+            let fits = &mut fits[..here.len()];
+            for (i, fit) in here.clone().zip(fits.iter_mut()) {
+                let weights = weights.as_ref().map(|w| w.index_axis(Axis(0), i));
+                fit.start(poses.row(i), weights, self.tolerance)
+                    .map_err(|what| {
+                        Error::data(Place::line("poses", (rows.start + i + 1) as u64), what)
+                    })?;
+            }
+            tile.code(fits, self.sparsity);
+            here.zip(fits.iter())
+                .for_each(|(i, fit)| codes.set(i, fit, &mut x));
+        }
+        Ok(codes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pursuit::{Rule, Tolerance};
+    use super::*;
+    use ndarray::ShapeBuilder;
+    use rand::Rng;
+
+    fn random(n: usize, d: usize, seed: u64) -> Array2<f32> {
+        let mut g = par::generator(seed, 0);
+        Array2::from_shape_fn((n, d), |(_, j)| g.random::<f32>() - 0.5 + (j as f32).sin())
+    }
+
+    fn pursuits() -> impl Iterator<Item = Pursuit> {
+        let rules = [Rule::Optimised, Rule::Plain].into_iter();
+        rules.flat_map(|rule| {
+            [Tolerance::Never, Tolerance::Rms(0.2)].map(|tolerance| Pursuit {
+                sparsity: 4,
+                rule,
+                tolerance,
+            })
+        })
+    }
+
+    #[test]
+    fn many_poses_get_the_codes_that_each_gets_alone() {
+        // More atoms than a block, more poses than a tile, and a last tile and block that are not full.
+        let d = Dictionary::from_rows(random(300, 21, 1).view()).unwrap();
+        let y = random(150, 21, 2);
+        let w = random(150, 21, 3).mapv(|v| if v > 0.2 { 0.0 } else { v.abs() });
+        for p in pursuits() {
+            for weights in [None, Some(w.view())] {
+                let codes = p.code_batch(&d, y.view(), weights).unwrap();
+                for i in 0..y.nrows() {
+                    let weights = weights.map(|w| w.row(i).mapv(f64::from));
+                    let weights = weights.as_ref().map(|w| w.view());
+                    let one = p
+                        .code(&d, y.row(i).mapv(f64::from).view(), weights)
+                        .unwrap();
+                    let (atoms, x): (Vec<u32>, Vec<f32>) = codes.entries(i).unzip();
+                    assert_eq!(atoms, one.atoms);
+                    assert_eq!(
+                        x,
+                        one.coefficients
+                            .iter()
+                            .map(|&x| x as f32)
+                            .collect::<Vec<_>>()
+                    );
+                    assert_eq!(codes.squared_residuals[i], one.squared_residual);
+                    assert_eq!(
+                        (codes.stops[i], codes.count(i)),
+                        (one.stop, one.atoms.len())
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn threads_and_layouts_change_nothing() {
+        let d = Dictionary::from_rows(random(200, 9, 4).view()).unwrap();
+        let y = random(2500, 9, 5);
+        let w = random(2500, 9, 6).mapv(f32::abs);
+        let mut f = Array2::zeros((2500, 9).f());
+        f.assign(&y);
+        for weights in [None, Some(w.view())] {
+            let of = |threads, y: ArrayView2<f32>| {
+                let pool = rayon::ThreadPoolBuilder::new()
+                    .num_threads(threads)
+                    .build()
+                    .unwrap();
+                pool.install(|| Pursuit::default().code_batch(&d, y, weights).unwrap())
+            };
+            let one = of(1, y.view());
+            assert!([2, 7].iter().all(|&t| of(t, y.view()) == one));
+            assert_eq!(of(2, f.view()), one);
+        }
+    }
+
+    #[test]
+    fn decoding_gives_back_what_the_residuals_say() {
+        let d = Dictionary::from_rows(random(100, 12, 7).view()).unwrap();
+        let y = random(90, 12, 8);
+        let codes = Pursuit::default().code_batch(&d, y.view(), None).unwrap();
+        let back = codes.decode(&d).unwrap();
+        for (i, r) in (&y - &back).outer_iter().enumerate() {
+            let left = r.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
+            assert!((left - codes.squared_residuals[i]).abs() <= 1e-5);
+        }
+        let mse = codes.squared_residuals.iter().sum::<f64>() / (90.0 * 12.0);
+        assert!((codes.mean_squared_error(12) - mse).abs() <= 1e-12);
+        assert!((codes.mean_sparsity() - 3.0).abs() <= 1e-12);
+        let fewer = Dictionary::from_rows(random(2, 12, 7).view()).unwrap();
+        assert!(codes.decode(&fewer).is_err());
+    }
+
+    #[test]
+    fn no_poses_and_zero_poses() {
+        let d = Dictionary::from_rows(random(10, 6, 9).view()).unwrap();
+        let none = Pursuit::default()
+            .code_batch(&d, Array2::zeros((0, 6)).view(), None)
+            .unwrap();
+        assert!(
+            none.is_empty() && none.mean_sparsity() == 0.0 && none.mean_squared_error(6) == 0.0
+        );
+        let zero = Pursuit::default()
+            .code_batch(&d, Array2::zeros((3, 6)).view(), None)
+            .unwrap();
+        assert_eq!(zero.stops, vec![Stop::Nothing; 3]);
+        assert!(zero.atoms.iter().all(|&a| a == UNUSED));
+    }
+
+    #[test]
+    fn a_bad_number_is_refused_with_its_row_unless_it_has_no_weight() {
+        let d = Dictionary::from_rows(random(10, 6, 10).view()).unwrap();
+        for bad in [f32::NAN, f32::INFINITY, f32::MAX] {
+            let mut y = random(500, 6, 11);
+            y[[432, 2]] = bad;
+            let said = Pursuit::default()
+                .code_batch(&d, y.view(), None)
+                .unwrap_err();
+            assert!(said.to_string().contains(":433"), "{said}");
+            let mut w = Array2::ones((500, 6));
+            w[[432, 2]] = 0.0;
+            assert!(
+                Pursuit::default()
+                    .code_batch(&d, y.view(), Some(w.view()))
+                    .is_ok()
+            );
+            w[[7, 0]] = -1.0;
+            let said = Pursuit::default()
+                .code_batch(&d, y.view(), Some(w.view()))
+                .unwrap_err();
+            assert!(said.to_string().contains(":8"), "{said}");
+        }
+        let y = random(5, 7, 12);
+        assert!(Pursuit::default().code_batch(&d, y.view(), None).is_err());
+        let w = Array2::ones((4, 6));
+        assert!(
+            Pursuit::default()
+                .code_batch(&d, random(5, 6, 1).view(), Some(w.view()))
+                .is_err()
+        );
+    }
+}

@@ -1,0 +1,230 @@
+//! The least-squares fit of one pose on atoms that are added one at a time.
+//!
+//! With weights w and chosen atoms a_1..a_k the coefficients x minimise
+//!
+//! ```text
+//! sum_i w_i (y_i - sum_j x_j a_ji)^2 = |√w∘y - [√w∘a_1 ... √w∘a_k] x|^2
+//! ```
+//!
+//! kept as a QR factorisation that grows by a column an atom: q_j (D) orthonormal, R (k x k) upper triangular,
+//! z = Qᵀ(√w∘y), R x = z. All in f64, at O(k D) an atom. The signal is scaled to unit norm first, so that every
+//! limit below is a plain number; the scale comes back in the answers.
+
+use super::pursuit::{Stop, Tolerance};
+use ndarray::ArrayView1;
+
+/// An atom counts as dependent on those chosen when at most this share of its squared (weighted) norm is left
+/// outside their span: an angle of 1e-5. Atoms are f32: two copies of one direction differ by some 1e-7.
+const DEPENDENT: f64 = 1e-10;
+
+/// A pose counts as reached when at most this share of its squared norm is left: 3e-7 of its length, which is
+/// what rounding the atoms to f32 leaves of a pose that they describe exactly.
+const REACHED: f64 = 1e-13;
+
+/// The largest squared norm of a pose: squares and sums of squares of such numbers are finite in f32 too.
+const LARGEST: f64 = 1e30;
+
+/// One pose and the atoms chosen for it so far.
+pub(super) struct Fit {
+    capacity: usize,
+    /// √(w / max w), or nothing if all weights are equal.
+    pub root: Option<Vec<f64>>,
+    /// What the atoms leave of the weighted, unit-norm signal (D).
+    pub residual: Vec<f64>,
+    /// |residual|^2, from 1 downwards.
+    left: f64,
+    /// The residual at which to stop, on the same scale.
+    enough: f64,
+    /// |√w∘y|^2: what turns the unit signal's numbers into the pose's.
+    energy: f64,
+    /// max w, which the weights were divided by.
+    heaviest: f64,
+    q: Vec<f64>, // (capacity, D)
+    r: Vec<f64>, // (capacity, capacity), column j at j * capacity
+    z: Vec<f64>,
+    /// The atoms chosen, in that order.
+    pub support: Vec<u32>,
+    /// Why no more atoms are wanted, once that is so.
+    pub stop: Option<Stop>,
+}
+
+impl Fit {
+    /// Room for `capacity` atoms of `d` numbers.
+    pub fn new(capacity: usize, d: usize) -> Self {
+        Fit {
+            capacity,
+            root: None,
+            residual: vec![0.0; d],
+            left: 0.0,
+            enough: 0.0,
+            energy: 0.0,
+            heaviest: 1.0,
+            q: vec![0.0; capacity * d],
+            r: vec![0.0; capacity * capacity],
+            z: vec![0.0; capacity],
+            support: Vec::with_capacity(capacity),
+            stop: Some(Stop::Nothing),
+        }
+    }
+
+    /// Starts on a pose. Where a weight is 0 the pose may hold anything, NaN too.
+    ///
+    /// `Err` says what is wrong with the pose or the weights.
+    pub fn start<T, W>(
+        &mut self,
+        pose: ArrayView1<T>,
+        weights: Option<ArrayView1<W>>,
+        tolerance: Tolerance,
+    ) -> Result<(), String>
+    where
+        T: Into<f64> + Copy,
+        W: Into<f64> + Copy,
+    {
+        let d = self.residual.len();
+        let mut total = d as f64;
+        self.heaviest = 1.0;
+        match weights {
+            Some(weights) => {
+                let root = self.root.get_or_insert_with(|| vec![0.0; d]);
+                (total, self.heaviest) = roots(weights, root)?;
+                for ((r, &y), &w) in self.residual.iter_mut().zip(pose).zip(&*root) {
+                    *r = if w > 0.0 { y.into() * w } else { 0.0 };
+                }
+            }
+            None => {
+                self.root = None;
+                for (r, &y) in self.residual.iter_mut().zip(pose) {
+                    *r = y.into();
+                }
+            }
+        }
+        if let Some(i) = self.residual.iter().position(|r| !r.is_finite()) {
+            return Err(format!(
+                "number {i} is missing or not finite: give it the weight 0"
+            ));
+        }
+        self.energy = dot(&self.residual, &self.residual);
+        if self.energy > LARGEST {
+            return Err("its numbers are too large: a pose may be at most 1e15 long".into());
+        }
+        self.support.clear();
+        self.left = 0.0;
+        self.stop = Some(Stop::Nothing);
+        if self.energy > 0.0 {
+            let scale = 1.0 / self.energy.sqrt();
+            self.residual.iter_mut().for_each(|r| *r *= scale);
+            self.left = 1.0;
+            self.enough = tolerance.squared(total) / (self.energy * self.heaviest);
+            self.stop = (self.left <= self.enough).then_some(Stop::Tolerance);
+        }
+        Ok(())
+    }
+
+    /// Adds an atom; `false`, with nothing changed, if it depends on those chosen where the pose is observed.
+    pub fn push(&mut self, index: u32, atom: &[f32]) -> bool {
+        let (d, k, cap) = (self.residual.len(), self.support.len(), self.capacity);
+        if k == cap {
+            return false;
+        }
+        let (done, rest) = self.q.split_at_mut(k * d);
+        let v = &mut rest[..d];
+        match &self.root {
+            Some(root) => v
+                .iter_mut()
+                .zip(atom)
+                .zip(root)
+                .for_each(|((v, &a), w)| *v = f64::from(a) * w),
+            None => v.iter_mut().zip(atom).for_each(|(v, &a)| *v = f64::from(a)),
+        }
+        let column = &mut self.r[k * cap..(k + 1) * cap];
+        column.fill(0.0);
+        let whole = dot(v, v);
+        // Twice: what one pass of Gram-Schmidt leaves behind when the atom is nearly dependent, the second removes.
+        for _ in 0..2 {
+            for (q, r) in done.chunks_exact(d).zip(column.iter_mut()) {
+                let c = dot(q, v);
+                add(v, -c, q);
+                *r += c;
+            }
+        }
+        let left = dot(v, v);
+        if left <= DEPENDENT * whole {
+            return false;
+        }
+        let norm = left.sqrt();
+        column[k] = norm;
+        v.iter_mut().for_each(|v| *v /= norm);
+        let z = dot(v, &self.residual);
+        add(&mut self.residual, -z, v);
+        self.z[k] = z;
+        self.left = dot(&self.residual, &self.residual);
+        self.support.push(index);
+        if self.left <= self.enough.max(REACHED) {
+            self.stop = Some(Stop::Tolerance);
+        }
+        true
+    }
+
+    /// The newest direction q_k (D) and the signal's part along it.
+    pub fn newest(&self) -> (&[f64], f64) {
+        let (d, k) = (self.residual.len(), self.support.len() - 1);
+        (&self.q[k * d..(k + 1) * d], self.z[k])
+    }
+
+    /// The coefficients of the chosen atoms, in their order: back substitution in R x = z.
+    pub fn coefficients(&self, x: &mut [f64]) {
+        let (k, cap) = (self.support.len(), self.capacity);
+        let scale = self.energy.sqrt();
+        for i in (0..k).rev() {
+            let known: f64 = (i + 1..k).map(|j| self.r[j * cap + i] * x[j]).sum();
+            x[i] = (self.z[i] - known) / self.r[i * cap + i];
+        }
+        x[..k].iter_mut().for_each(|x| *x *= scale);
+    }
+
+    /// sum_i w_i (y_i - (Ax)_i)^2.
+    pub fn squared_residual(&self) -> f64 {
+        self.left * self.energy * self.heaviest
+    }
+}
+
+/// √(w / max w) into `root`; gives the weights' sum and maximum.
+fn roots<W: Into<f64> + Copy>(
+    weights: ArrayView1<W>,
+    root: &mut [f64],
+) -> Result<(f64, f64), String> {
+    let (mut total, mut heaviest) = (0f64, 0f64);
+    for (i, &w) in weights.iter().enumerate() {
+        let w: f64 = w.into();
+        if !(0.0..=1e100).contains(&w) {
+            return Err(format!(
+                "the weight {w} of number {i}: it must be between 0 and 1e100"
+            ));
+        }
+        total += w;
+        heaviest = heaviest.max(w);
+    }
+    let scale = if heaviest > 0.0 { heaviest } else { 1.0 };
+    for (r, &w) in root.iter_mut().zip(weights) {
+        *r = (w.into() / scale).sqrt();
+    }
+    Ok((total, scale))
+}
+
+/// <a, b> with four running sums, so that the compiler may use vector registers.
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0f64; 4];
+    let ((a4, a1), (b4, b1)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    for (a, b) in a4.iter().zip(b4) {
+        for l in 0..4 {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    let rest: f64 = a1.iter().zip(b1).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+}
+
+/// v += c u.
+pub(super) fn add(v: &mut [f64], c: f64, u: &[f64]) {
+    v.iter_mut().zip(u).for_each(|(v, u)| *v += c * u);
+}
