@@ -7,7 +7,7 @@
 //! | [`batch`] | many poses at a time, by matrix products |
 //! | [`ksvd`] | learning a dictionary from poses |
 //! | [`size`] | how many atoms a given error asks for |
-//! | [`concat`] | joining dictionaries, finding and dropping near duplicates |
+//! | [`mod@concat`] | joining dictionaries, finding and dropping near duplicates |
 //! | `tile`, `fit` | the scan over all atoms for a tile of poses; the growing fit of one pose |
 //! | `draw`, `update`, `rank_one`, `replace` | the atoms that learning starts from, their update, new ones for useless ones |
 //! | `nearness` | how close atoms are to each other |
@@ -26,9 +26,9 @@ pub mod size;
 mod tile;
 mod update;
 
-pub use batch::Codes;
-pub use concat::{Concat, Joined};
+pub use batch::{Codes, UNUSED};
+pub use concat::{Closeness, Concat, Joined};
 pub use dictionary::Dictionary;
-pub use ksvd::{Ksvd, Report, State};
-pub use pursuit::{Code, Pursuit, Rule, Stop, Tolerance};
-pub use size::SizeSearch;
+pub use ksvd::{Ksvd, Report, State, draw};
+pub use pursuit::{Code, Pursuit, Rule, Stop, Tolerance, refit};
+pub use size::{SizeSearch, Start, Tried};
