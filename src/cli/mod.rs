@@ -4,8 +4,10 @@ pub mod commands;
 pub mod flags;
 pub mod pages;
 pub mod progress;
+pub mod restoring;
 pub mod say;
 pub mod streams;
+pub mod training;
 
 use crate::Result;
 use clap::{CommandFactory, FromArgMatches};

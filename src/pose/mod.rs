@@ -4,12 +4,16 @@ pub mod align;
 pub mod body;
 pub mod joints;
 pub mod kinematics;
+pub mod map;
+pub mod placement;
 pub mod poses;
 pub mod rotation;
 pub mod skeleton;
 
 pub use align::{Similarity, fit_similarity};
 pub use body::Body;
+pub use map::PoseMap;
+pub use placement::Anchor;
 pub use poses::Poses;
 pub use skeleton::{Bone, Channel, Dof, Skeleton};
 

@@ -1,1 +1,15 @@
-//! Restoring poses.
+//! Restoring poses: one function of a pose and the variances of its coordinates; `denoise` and `complete` are two
+//! settings of it.
+
+pub mod adapt;
+pub mod complete;
+pub mod denoise;
+pub mod frame;
+pub mod job;
+pub mod planar;
+pub mod smooth;
+pub mod suspects;
+pub mod synthesis;
+
+pub use frame::{Restoration, Restored, Restorer, Status};
+pub use job::Job;

@@ -1,0 +1,156 @@
+//! Groups poses by hierarchical k-means.
+
+use clap::Parser;
+use posing::cli::flags::{Common, Seed, TableIn, TableOut};
+use posing::cli::progress::Progress;
+use posing::cli::streams::{self, TableSink};
+use posing::cli::{Outcome, run, say};
+use posing::cluster::{self, Clustering, Parameters, Report};
+use posing::io::Model;
+use posing::io::csv::After;
+use posing::io::table::{Row, Table};
+use posing::prior::training::{digest, entry};
+use posing::{Error, Place, Result};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Group poses by hierarchical k-means
+///
+/// Adds the column `cluster` (from 0), or with --split writes a table a cluster. Rows are used as they are: project or
+/// place them first where that matters.
+#[derive(Parser)]
+#[command(
+    name = "cluster",
+    version,
+    after_help = "Examples:\n  posing cluster -k 8 poses.csv > grouped.csv\n  posing cluster -k 8 --split parts poses.csv\n  posing cluster -k 2000 --branch 10 --save centroids.npz -o grouped.csv poses.npy"
+)]
+struct Args {
+    #[command(flatten)]
+    input: TableIn,
+    /// How many clusters
+    #[arg(short, long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    k: u32,
+    /// Build a tree, each node of which has so many children: much faster for large K
+    #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(2..))]
+    branch: Option<u32>,
+    /// Runs from different starts, the best of which is kept
+    #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    restarts: u32,
+    /// Write the centroids to a model
+    #[arg(long, value_name = "CENTROIDS.npz")]
+    save: Option<PathBuf>,
+    /// Write one table a cluster into DIR (0.csv, 1.csv, …) in place of one table with a column more
+    #[arg(long, value_name = "DIR")]
+    split: Option<PathBuf>,
+    #[command(flatten)]
+    seed: Seed,
+    #[command(flatten)]
+    out: TableOut,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let table = streams::read_table(&args.input, false, true)?;
+    let poses = table.poses.xyz.mapv(|v| v as f32);
+    if let Some(bad) = poses
+        .rows()
+        .into_iter()
+        .position(|r| r.iter().any(|v| v.is_nan()))
+    {
+        let what = format!(
+            "frame {} lacks a value: fill it in first (posing complete)",
+            bad + 1
+        );
+        return Err(Error::data(Place::file(&table.name), what));
+    }
+    let parameters = Parameters {
+        k: args.k as usize,
+        seed: args.seed.seed,
+        restarts: args.restarts as usize,
+        branch: args.branch.map(|b| b as usize),
+        ..Parameters::default()
+    };
+    let bar = Progress::new("cluster", u64::from(args.k));
+    let clustering = cluster::fit(poses.view(), &parameters, &mut |report| match report {
+        Report::Seeds { seeds, .. } => bar.set(*seeds as u64),
+        Report::Split { leaves } => bar.set(*leaves as u64),
+        _ => {}
+    })?;
+    drop(bar);
+    let rms = (clustering.inertia / poses.len().max(1) as f64).sqrt();
+    say::detail(&format!(
+        "{} iterations, rms {rms:.4} cm a coordinate",
+        clustering.iterations
+    ));
+    if !clustering.converged {
+        say::note("stopped before the clusters settled");
+    }
+    if let Some(path) = &args.save {
+        save(args, &table, &clustering, poses.view(), path)?;
+    }
+    match &args.split {
+        Some(folder) => split(args, &table, &clustering, folder)?,
+        None => {
+            let added = [("cluster".to_string(), After::All)];
+            let label = |t: usize| vec![clustering.labels[t].to_string()];
+            streams::write_table(&args.out, &table, table.poses.xyz.view(), &added, label)?;
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+fn save(
+    args: &Args,
+    table: &Table,
+    clustering: &Clustering,
+    poses: ndarray::ArrayView2<'_, f32>,
+    path: &Path,
+) -> Result<()> {
+    let mut model = Model::new("centroids", &table.columns.points, "body");
+    model
+        .arrays
+        .insert("centroids".into(), clustering.centroids.mapv(|v| v as f32));
+    let mut flags = vec![
+        ("k", args.k.to_string()),
+        ("seed", args.seed.seed.to_string()),
+        ("restarts", args.restarts.to_string()),
+    ];
+    flags.extend(args.branch.map(|b| ("branch", b.to_string())));
+    model.meta.history.push(entry(
+        "cluster",
+        &flags,
+        vec![digest(&table.columns.points, poses)],
+    ));
+    streams::write_bytes(Some(path), &model.to_bytes()?, true)
+}
+
+/// One table a cluster. All columns are kept, so that the parts put together are the whole.
+fn split(args: &Args, table: &Table, clustering: &Clustering, folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    let width = (clustering.sizes.len() - 1).to_string().len();
+    let poses = &table.poses;
+    for cluster in 0..clustering.sizes.len() {
+        let out = TableOut {
+            output: Some(folder.join(format!("{cluster:0width$}.csv"))),
+            to: args.out.to,
+        };
+        let mut sink = TableSink::create(&out, &table.columns, &[])?;
+        for t in (0..poses.frames()).filter(|&t| clustering.labels[t] as usize == cluster) {
+            let row = Row {
+                xyz: poses.frame(t).to_vec(),
+                time: poses.time.as_ref().map(|s| s[t]),
+                take: poses.take.as_ref().map(|s| s[t].clone()),
+                cells: table.cells.get(t).cloned().unwrap_or_default(),
+            };
+            sink.write(&row, &row.xyz, &[])?;
+        }
+        sink.finish()?;
+    }
+    Ok(())
+}

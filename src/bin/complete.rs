@@ -1,0 +1,74 @@
+//! Fills in what a capture did not see.
+
+use clap::Parser;
+use posing::Result;
+use posing::cli::flags::{Common, Space, TableIn, TableOut, parse_positive};
+use posing::cli::restoring::{self, ModelFlags, StatusFlag};
+use posing::cli::{Outcome, run};
+use posing::io::table::point_names;
+use posing::restore::complete::Complete;
+use std::process::ExitCode;
+
+/// Fill in what a capture did not see
+///
+/// Fills the empty cells of a pose table from a model of what poses look like; values that are there are not changed.
+/// In a take (a table with times, or --fps) the answer is carried over to what was seen at both ends of a gap; without
+/// times each frame is answered by itself. A frame that shows too little stays as it is, and is counted.
+#[derive(Parser)]
+#[command(
+    name = "complete",
+    version,
+    after_help = "Examples:\n  posing complete walk.csv > whole.csv\n  posing complete --status --max-gap 0.5 -o whole.csv walk.csv\n  posing complete --observe lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv"
+)]
+struct Args {
+    #[command(flatten)]
+    input: TableIn,
+    #[command(flatten)]
+    model: ModelFlags,
+    /// Points that count as seen; all others count as missing
+    #[arg(long, value_name = "LIST")]
+    observe: Option<String>,
+    /// Leave gaps longer than this empty
+    #[arg(long, value_name = "SECONDS", value_parser = parse_positive)]
+    max_gap: Option<f64>,
+    /// Change points that cannot be where they were captured, too
+    #[arg(long)]
+    overwrite_observed: bool,
+    /// Answer each frame by itself, in constant memory
+    #[arg(long)]
+    per_frame: bool,
+    #[command(flatten)]
+    status: StatusFlag,
+    /// Where the poses stand: anywhere, or with the root at the origin and no global rotation
+    #[arg(long, value_enum, default_value = "world")]
+    space: Space,
+    #[command(flatten)]
+    out: TableOut,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let observe = args.observe.as_deref().map(point_names).transpose()?;
+    let settings = Complete {
+        max_gap: args.max_gap,
+        overwrite: args.overwrite_observed,
+    };
+    restoring::complete(
+        &restoring::Task {
+            input: &args.input,
+            out: &args.out,
+            model: &args.model,
+            world: args.space == Space::World,
+            per_frame: args.per_frame,
+            status: args.status.status,
+        },
+        settings,
+        observe.as_deref(),
+    )
+}

@@ -1,0 +1,107 @@
+//! Turns sparse codes back into poses.
+
+use clap::Parser;
+use posing::cli::flags::{Common, TableOut};
+use posing::cli::streams::{TableSink, open, open_model};
+use posing::cli::{Outcome, run};
+use posing::io::table::{Columns, Row};
+use posing::io::text::number;
+use posing::sparse::Dictionary;
+use posing::{Error, Place, Result};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Turn sparse codes back into poses
+#[derive(Parser)]
+#[command(
+    name = "decode",
+    version,
+    after_help = "Examples:\n  posing encode -m dict.npz poses.npy | posing decode -m dict.npz > again.csv"
+)]
+struct Args {
+    /// Codes as encode writes them; - or none: standard input
+    #[arg(value_name = "FILE", default_value = "-")]
+    file: PathBuf,
+    /// The dictionary
+    #[arg(short, long, value_name = "DICT.npz")]
+    model: PathBuf,
+    #[command(flatten)]
+    out: TableOut,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let model = open_model(&args.model)?;
+    let dictionary =
+        Dictionary::from_rows(model.array("atoms", &args.model.display().to_string())?)?;
+    let input = open(&args.file)?;
+    let name = input.name.clone();
+    let mut reader = csv::ReaderBuilder::new()
+        .flexible(true)
+        .from_reader(input.into_reader());
+    let header = reader
+        .headers()
+        .map_err(|e| Error::data(Place::file(&name), e.to_string()))?
+        .clone();
+    let pairs: Vec<(usize, usize)> = (1..)
+        .map_while(|k| {
+            let find = |what: &str| header.iter().position(|h| h == format!("{what}{k}"));
+            find("atom").zip(find("coef"))
+        })
+        .collect();
+    if pairs.is_empty() {
+        return Err(Error::data(
+            Place::line(&name, 1),
+            "no atom1 and coef1: expected codes as encode writes them",
+        ));
+    }
+    let columns = Columns::fresh(model.meta.points.clone(), false, false);
+    let mut sink = TableSink::create(&args.out, &columns, &[])?;
+    for record in reader.records() {
+        let record = record.map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let place = |part: String| Place::line(&name, line).part(part);
+        let mut pose = vec![0.0; columns.width()];
+        for (k, &(atom, coefficient)) in pairs.iter().enumerate() {
+            let (atom, coefficient) = (
+                record.get(atom).unwrap_or(""),
+                record.get(coefficient).unwrap_or(""),
+            );
+            if atom.is_empty() {
+                continue;
+            }
+            let index = atom
+                .parse::<usize>()
+                .ok()
+                .filter(|a| *a < dictionary.len())
+                .ok_or_else(|| {
+                    let what = format!(
+                        "expected an atom from 0 to {}, found \"{atom}\"",
+                        dictionary.len() - 1
+                    );
+                    Error::data(place(format!("atom{}", k + 1)), what)
+                })?;
+            let c = number(coefficient)
+                .map_err(|what| Error::data(place(format!("coef{}", k + 1)), what))?;
+            pose.iter_mut()
+                .zip(dictionary.atom(index))
+                .for_each(|(p, a)| *p += c * f64::from(*a));
+        }
+        sink.write(
+            &Row {
+                xyz: pose.clone(),
+                ..Row::default()
+            },
+            &pose,
+            &[],
+        )?;
+    }
+    sink.finish()?;
+    Ok(Outcome::Done)
+}

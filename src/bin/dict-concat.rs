@@ -1,0 +1,123 @@
+//! Joins dictionaries into one.
+
+use clap::Parser;
+use posing::cli::flags::{Common, parse_positive};
+use posing::cli::{Outcome, run, say, streams};
+use posing::io::Model;
+use posing::prior::training::{digest, entry};
+use posing::sparse::{Concat, Dictionary};
+use posing::{Error, Place, Result};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Join dictionaries into one
+///
+/// The atoms of all dictionaries, one after another. Reports how many are copies and how much the parts repeat each
+/// other (cross-coherence: for each atom of the later part the closest of the earlier one).
+#[derive(Parser)]
+#[command(
+    name = "dict-concat",
+    version,
+    after_help = "Examples:\n  posing dict-concat part-*.npz -o dict.npz\n  posing dict-concat --prune 0.99 walk.npz run.npz -o dict.npz"
+)]
+struct Args {
+    /// Dictionaries
+    #[arg(value_name = "DICT.npz", required = true)]
+    dictionaries: Vec<PathBuf>,
+    /// Drop atoms closer than this to an earlier one (1: exact copies alone)
+    #[arg(long, value_name = "COHERENCE", value_parser = parse_positive)]
+    prune: Option<f64>,
+    /// Skip the report, whose time grows with the square of the atoms
+    #[arg(long)]
+    no_report: bool,
+    /// The joined dictionary
+    #[arg(short, long, value_name = "DICT.npz")]
+    output: PathBuf,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    streams::one_stdin(&args.dictionaries)?;
+    let models = args
+        .dictionaries
+        .iter()
+        .map(|p| streams::open_model(p))
+        .collect::<Result<Vec<_>>>()?;
+    let mut parts = Vec::new();
+    for (model, path) in models.iter().zip(&args.dictionaries) {
+        agrees(model, &models[0], path)?;
+        parts.push(Dictionary::from_rows(
+            model.array("atoms", &path.display().to_string())?,
+        )?);
+    }
+    let joined = Concat {
+        compare: !args.no_report && parts.len() > 1,
+        prune: args.prune,
+    }
+    .join(&parts)?;
+    report(args, &parts, &joined);
+    let flags: Vec<_> = args
+        .prune
+        .map(|p| ("prune", p.to_string()))
+        .into_iter()
+        .collect();
+    let inputs = parts
+        .iter()
+        .map(|p| digest(&models[0].meta.points, p.atoms()))
+        .collect();
+    let model = posing::prior::training::joined_model(
+        &models,
+        &joined.dictionary,
+        entry("dict-concat", &flags, inputs),
+    );
+    streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;
+    Ok(Outcome::Done)
+}
+
+/// Parts must be of the same kind, points and space.
+fn agrees(model: &Model, first: &Model, path: &std::path::Path) -> Result<()> {
+    let what = if model.meta.kind != "sparse" {
+        format!(
+            "is a model of kind \"{}\", expected a dictionary (kind sparse)",
+            model.meta.kind
+        )
+    } else if model.meta.points != first.meta.points {
+        "has other points than the first dictionary".to_string()
+    } else if model.meta.space != first.meta.space {
+        format!(
+            "was learnt in {} space, the first dictionary in {} space",
+            model.meta.space, first.meta.space
+        )
+    } else {
+        return Ok(());
+    };
+    Err(Error::data(Place::file(path.display().to_string()), what))
+}
+
+fn report(args: &Args, parts: &[Dictionary], joined: &posing::sparse::Joined) {
+    let name = |i: usize| args.dictionaries[i].display();
+    for c in &joined.closeness {
+        say::note(&format!(
+            "{} ~ {}: coherence median {:.4}, 90% {:.4}, 99% {:.4}, largest {:.6}",
+            name(c.first),
+            name(c.second),
+            c.median,
+            c.p90,
+            c.p99,
+            c.max
+        ));
+    }
+    let all: usize = parts.iter().map(Dictionary::len).sum();
+    say::note(&format!(
+        "{all} atoms, {} of them copies, {} dropped, {} written",
+        joined.copies,
+        joined.dropped.len(),
+        joined.dictionary.len()
+    ));
+}

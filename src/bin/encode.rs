@@ -1,0 +1,114 @@
+//! Turns poses into sparse codes.
+
+use clap::Parser;
+use ndarray::Array2;
+use posing::cli::flags::{Common, TableIn};
+use posing::cli::restoring::PursuitFlag;
+use posing::cli::streams::{RowStream, Sink, open_model};
+use posing::cli::{Outcome, run};
+use posing::io::table::Row;
+use posing::io::text::push_number;
+use posing::sparse::{Dictionary, Pursuit};
+use posing::{Error, Place, Result};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Turn poses into sparse codes
+///
+/// Rows are coded as they are, as codes.csv: atom1,coef1,…,atomK,coefK,rms. Atoms count from 0; unused cells are empty;
+/// rms is the error a coordinate, over what is not missing, in the table's unit.
+#[derive(Parser)]
+#[command(
+    name = "encode",
+    version,
+    after_help = "Examples:\n  posing encode -m dict.npz poses.npy > codes.csv\n  posing encode -m dict.npz --sparsity 5 --pursuit omp poses.csv"
+)]
+struct Args {
+    #[command(flatten)]
+    input: TableIn,
+    /// The dictionary
+    #[arg(short, long, value_name = "DICT.npz")]
+    model: PathBuf,
+    /// At most so many atoms a pose
+    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    sparsity: u32,
+    /// How atoms are chosen
+    #[arg(long, value_enum, default_value = "oomp")]
+    pursuit: PursuitFlag,
+    /// Write to FILE (complete or not at all) in place of standard output
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Poses coded together.
+const BATCH: usize = 8192;
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let model = open_model(&args.model)?;
+    let dictionary =
+        Dictionary::from_rows(model.array("atoms", &args.model.display().to_string())?)?;
+    let mut stream = RowStream::open(&args.input, false, false)?;
+    if stream.columns().points != model.meta.points {
+        let what = format!(
+            "its points are not the dictionary's ({}, …) in their order",
+            model.meta.points[0]
+        );
+        return Err(Error::data(Place::file(stream.name()), what));
+    }
+    let pursuit = Pursuit {
+        sparsity: args.sparsity as usize,
+        rule: args.pursuit.rule(),
+        ..Pursuit::default()
+    };
+    let mut sink = Sink::open(args.output.as_deref(), false)?;
+    let header: Vec<String> = (1..=args.sparsity)
+        .map(|k| format!("atom{k},coef{k}"))
+        .collect();
+    sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
+    let width = stream.columns().width();
+    loop {
+        let (mut values, mut row) = (Vec::new(), Row::default());
+        while values.len() < BATCH * width && stream.read(&mut row)? {
+            values.extend(row.xyz.iter().map(|v| *v as f32));
+        }
+        if values.is_empty() {
+            sink.finish()?;
+            return Ok(Outcome::Done);
+        }
+        let poses =
+            Array2::from_shape_vec((values.len() / width, width), values).unwrap_or_default();
+        sink.put(&coded(&pursuit, &dictionary, &poses)?)?;
+    }
+}
+
+/// The lines of some poses.
+fn coded(pursuit: &Pursuit, dictionary: &Dictionary, poses: &Array2<f32>) -> Result<Vec<u8>> {
+    let seen = poses.mapv(|v| f32::from(v.is_finite()));
+    let gaps = seen.iter().any(|w| *w == 0.0);
+    let codes = pursuit.code_batch(dictionary, poses.view(), gaps.then(|| seen.view()))?;
+    let mut out = Vec::new();
+    for i in 0..codes.len() {
+        let mut used = 0;
+        for (atom, coefficient) in codes.entries(i) {
+            out.extend_from_slice(format!("{atom},").as_bytes());
+            push_number(&mut out, f64::from(coefficient));
+            out.push(b',');
+            used += 1;
+        }
+        out.extend(std::iter::repeat_n(b',', 2 * (pursuit.sparsity - used)));
+        let count = seen.row(i).sum().max(1.0);
+        push_number(
+            &mut out,
+            (codes.squared_residuals[i] / f64::from(count)).sqrt(),
+        );
+        out.push(b'\n');
+    }
+    Ok(out)
+}

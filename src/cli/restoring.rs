@@ -1,0 +1,422 @@
+//! What `denoise` and `complete` share: the model, tables in and out, frames in batches or takes whole, statuses.
+
+use super::flags::{TableIn, TableOut};
+use super::progress::Progress;
+use super::streams::{RowStream, TableSink, open_model, read_table, write_table};
+use super::{Outcome, say};
+use crate::io::csv::After;
+use crate::io::table::{Columns, Row};
+use crate::io::text::push_number;
+use crate::prior::{Choice, builtin};
+use crate::restore::complete::{self, Complete};
+use crate::restore::denoise::{self, Denoise};
+use crate::restore::{Job, Restoration, Status};
+use crate::sparse::Rule;
+use crate::{Error, Result};
+use clap::{Args, ValueEnum};
+use ndarray::{Array2, ArrayView2, s};
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Frames worked on at a time where each is answered by itself: enough for many threads, little memory.
+const BATCH: usize = 512;
+
+/// Which model, and how it is used.
+#[derive(Debug, Clone, Args)]
+pub struct ModelFlags {
+    /// The model (default: the one built in)
+    #[arg(short, long, value_name = "MODEL.npz", help_heading = "Model")]
+    pub model: Option<PathBuf>,
+    /// At most so many atoms a pose; auto: as many as the model was learnt with
+    #[arg(long, value_name = "K|auto", default_value = "auto", value_parser = parse_sparsity, help_heading = "Model")]
+    pub sparsity: Sparsity,
+    /// How atoms are chosen: oomp (the better one) or omp (the paper's)
+    #[arg(long, value_enum, default_value = "oomp", help_heading = "Model")]
+    pub pursuit: PursuitFlag,
+    /// Answer with the sparse code alone, as published, without what the model knows of its own errors
+    #[arg(long, help_heading = "Model")]
+    pub published: bool,
+}
+
+/// How many atoms a pose.
+#[derive(Debug, Clone, Copy)]
+pub struct Sparsity(Option<usize>);
+
+fn parse_sparsity(text: &str) -> std::result::Result<Sparsity, String> {
+    match text.parse::<usize>() {
+        _ if text == "auto" => Ok(Sparsity(None)),
+        Ok(k) if (1..=1000).contains(&k) => Ok(Sparsity(Some(k))),
+        _ => Err("expected a number of atoms from 1 to 1000, or auto".into()),
+    }
+}
+
+/// How atoms are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PursuitFlag {
+    /// Optimised orthogonal matching pursuit
+    Oomp,
+    /// Orthogonal matching pursuit, as in the paper
+    Omp,
+}
+
+impl PursuitFlag {
+    /// The library's word for it.
+    pub fn rule(self) -> Rule {
+        match self {
+            PursuitFlag::Oomp => Rule::Optimised,
+            PursuitFlag::Omp => Rule::Plain,
+        }
+    }
+}
+
+/// Whether statuses are written.
+#[derive(Debug, Clone, Args)]
+pub struct StatusFlag {
+    /// Add NAME.status (observed, changed, inferred, rejected, unknown) and NAME.sd (cm) for each point
+    #[arg(long, help_heading = "Output")]
+    pub status: bool,
+}
+
+/// One run of either command.
+pub struct Task<'a> {
+    /// Where poses come from.
+    pub input: &'a TableIn,
+    /// Where they go.
+    pub out: &'a TableOut,
+    /// The model.
+    pub model: &'a ModelFlags,
+    /// Whether poses are placed.
+    pub world: bool,
+    /// Whether each frame is answered by itself.
+    pub per_frame: bool,
+    /// Whether statuses are written.
+    pub status: bool,
+}
+
+/// Frames each by itself.
+type Frames<'a> = dyn Fn(&Job, ArrayView2<'_, f64>) -> Restoration + 'a;
+/// A take with its runs and rate.
+type Take<'a> = dyn Fn(&Job, ArrayView2<'_, f64>, &[Range<usize>], f64, &(dyn Fn(usize) + Sync)) -> Restoration
+    + 'a;
+
+/// Completes a table.
+pub fn complete(
+    task: &Task<'_>,
+    settings: Complete,
+    observe: Option<&[String]>,
+) -> Result<Outcome> {
+    if task.per_frame && settings.max_gap.is_some() {
+        return Err(Error::usage(
+            "--max-gap wants time: it does not go with --per-frame",
+        ));
+    }
+    let frames = |job: &Job, xyz: ArrayView2<'_, f64>| complete::frames(job, xyz);
+    let take = |job: &Job,
+                xyz: ArrayView2<'_, f64>,
+                runs: &[Range<usize>],
+                rate: f64,
+                done: &(dyn Fn(usize) + Sync)| {
+        complete::take(job, xyz, runs, rate, settings, done)
+    };
+    let mut tally = Tally {
+        max_gap: settings.max_gap.is_some(),
+        ..Tally::default()
+    };
+    go(task, observe, true, &frames, &take, &mut tally)?;
+    tally.tell("too little is seen to fill in what is missing");
+    Ok(Outcome::Done)
+}
+
+/// Denoises a table.
+pub fn denoise(task: &Task<'_>, settings: Denoise) -> Result<Outcome> {
+    let frames = |job: &Job, xyz: ArrayView2<'_, f64>| denoise::frames(job, xyz, settings);
+    let take = |job: &Job,
+                xyz: ArrayView2<'_, f64>,
+                runs: &[Range<usize>],
+                rate: f64,
+                done: &(dyn Fn(usize) + Sync)| {
+        denoise::take(job, xyz, runs, rate, settings, done)
+    };
+    let mut tally = Tally::default();
+    go(task, None, false, &frames, &take, &mut tally)?;
+    tally.tell("too little is seen to place the model");
+    Ok(Outcome::Done)
+}
+
+fn go(
+    task: &Task<'_>,
+    observe: Option<&[String]>,
+    planar: bool,
+    frames: &Frames<'_>,
+    take: &Take<'_>,
+    tally: &mut Tally,
+) -> Result<()> {
+    if task.per_frame {
+        return by_frames(task, observe, planar, frames, tally);
+    }
+    let table = read_table(task.input, planar, true)?;
+    let hidden = hidden(&table.columns, observe)?;
+    let job = job(task, &table.columns)?;
+    let Some(rate) = task.input.rate(&table.poses)? else {
+        say::note("the table has no time: each frame is answered by itself (--fps gives the rate)");
+        let xyz = hide(table.poses.xyz.clone(), &hidden);
+        let restored = frames(&job, job.gather(xyz.view()).view());
+        let out = scatter(&job, &table.poses.xyz, &restored, task.world);
+        tally.add(&restored, job.gather(table.poses.xyz.view()).view());
+        return write_table(
+            task.out,
+            &table,
+            out.view(),
+            &added(task, &table.columns),
+            |t| {
+                cells(
+                    task,
+                    &job,
+                    &table.columns,
+                    &restored,
+                    t,
+                    &table.poses.xyz.row(t).to_vec(),
+                )
+            },
+        );
+    };
+    let bar = Progress::new(
+        if planar { "complete" } else { "denoise" },
+        table.poses.frames() as u64,
+    );
+    let finished = AtomicU64::new(0);
+    let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
+    let mut out = table.poses.xyz.clone();
+    let mut all = Vec::new();
+    let runs = table.poses.runs();
+    for range in table.poses.takes() {
+        let xyz = hide(
+            table.poses.xyz.slice(s![range.clone(), ..]).to_owned(),
+            &hidden,
+        );
+        let runs: Vec<Range<usize>> = runs
+            .iter()
+            .filter(|r| r.start >= range.start && r.end <= range.end)
+            .map(|r| r.start - range.start..r.end - range.start)
+            .collect();
+        let gathered = job.gather(xyz.view());
+        let restored = take(&job, gathered.view(), &runs, rate, &progress);
+        tally.add(&restored, gathered.view());
+        let whole = scatter(
+            &job,
+            &table.poses.xyz.slice(s![range.clone(), ..]).to_owned(),
+            &restored,
+            task.world,
+        );
+        out.slice_mut(s![range.clone(), ..]).assign(&whole);
+        all.push((range.start, restored));
+    }
+    drop(bar);
+    write_table(
+        task.out,
+        &table,
+        out.view(),
+        &added(task, &table.columns),
+        |t| {
+            let at = all
+                .partition_point(|(start, _)| *start <= t)
+                .saturating_sub(1);
+            let before = table.poses.xyz.row(t).to_vec();
+            all.get(at).map_or_else(Vec::new, |(start, r)| {
+                cells(task, &job, &table.columns, r, t - start, &before)
+            })
+        },
+    )
+}
+
+/// Frames in batches as they come: constant memory.
+fn by_frames(
+    task: &Task<'_>,
+    observe: Option<&[String]>,
+    planar: bool,
+    frames: &Frames<'_>,
+    tally: &mut Tally,
+) -> Result<()> {
+    let mut stream = RowStream::open(task.input, planar, true)?;
+    let columns = stream.columns().clone();
+    let hidden = hidden(&columns, observe)?;
+    let job = job(task, &columns)?;
+    let mut sink = TableSink::create(task.out, &columns, &added(task, &columns))?;
+    loop {
+        let mut rows = Vec::with_capacity(BATCH);
+        let mut row = Row::default();
+        while rows.len() < BATCH && stream.read(&mut row)? {
+            rows.push(std::mem::take(&mut row));
+        }
+        if rows.is_empty() {
+            return sink.finish();
+        }
+        let flat: Vec<f64> = rows.iter().flat_map(|r| r.xyz.iter().copied()).collect();
+        let xyz = Array2::from_shape_vec((rows.len(), columns.width()), flat).unwrap_or_default();
+        let gathered = job.gather(hide(xyz.clone(), &hidden).view());
+        let restored = frames(&job, gathered.view());
+        tally.add(&restored, gathered.view());
+        let out = scatter(&job, &xyz, &restored, task.world);
+        for (t, row) in rows.iter().enumerate() {
+            let cells = cells(task, &job, &columns, &restored, t, &row.xyz);
+            sink.write(row, &out.row(t).to_vec(), &cells)?;
+        }
+    }
+}
+
+fn job(task: &Task<'_>, columns: &Columns) -> Result<Job> {
+    let choice = Choice {
+        sparsity: task.model.sparsity.0,
+        rule: task.model.pursuit.rule(),
+        published: task.model.published,
+    };
+    let (model, name) = match &task.model.model {
+        Some(path) => (open_model(path)?, path.display().to_string()),
+        None => (builtin::model()?, "the built-in model".to_string()),
+    };
+    Job::new(&model, &choice, &name, &columns.points, task.world)
+}
+
+/// The columns that `--observe` hides.
+fn hidden(columns: &Columns, observe: Option<&[String]>) -> Result<Vec<usize>> {
+    let Some(observe) = observe else {
+        return Ok(Vec::new());
+    };
+    if let Some(name) = observe.iter().find(|n| !columns.points.contains(n)) {
+        return Err(Error::usage(format!(
+            "--observe {name}: the table has no such point"
+        )));
+    }
+    let hidden = (0..columns.points.len()).filter(|&p| !observe.contains(&columns.points[p]));
+    Ok(hidden.flat_map(|p| 3 * p..3 * p + 3).collect())
+}
+
+fn hide(mut xyz: Array2<f64>, hidden: &[usize]) -> Array2<f64> {
+    for &i in hidden {
+        xyz.column_mut(i).fill(f64::NAN);
+    }
+    xyz
+}
+
+/// The table's numbers with the restored ones in place.
+fn scatter(job: &Job, before: &Array2<f64>, restored: &Restoration, _world: bool) -> Array2<f64> {
+    let mut out = before.clone();
+    for p in 0..restored.points() {
+        let Some(at) = job.in_table(p) else { continue };
+        for axis in 0..3 {
+            out.column_mut(3 * at + axis)
+                .assign(&restored.xyz.column(3 * p + axis));
+        }
+    }
+    out
+}
+
+/// The columns that `--status` adds.
+fn added(task: &Task<'_>, columns: &Columns) -> Vec<(String, After)> {
+    if !task.status {
+        return Vec::new();
+    }
+    let names = columns.points.iter().enumerate();
+    names
+        .flat_map(|(p, n)| {
+            [
+                (format!("{n}.status"), After::Point(p)),
+                (format!("{n}.sd"), After::Point(p)),
+            ]
+        })
+        .collect()
+}
+
+/// Their cells for one frame: points that the model does not know are as they were.
+fn cells(
+    task: &Task<'_>,
+    job: &Job,
+    columns: &Columns,
+    restored: &Restoration,
+    t: usize,
+    before: &[f64],
+) -> Vec<String> {
+    if !task.status {
+        return Vec::new();
+    }
+    let mut of_point: Vec<(Status, f64)> = (0..columns.points.len())
+        .map(|p| {
+            let missing = before[3 * p..3 * p + 3].iter().any(|v| v.is_nan());
+            (
+                if missing {
+                    Status::Unknown
+                } else {
+                    Status::Observed
+                },
+                f64::NAN,
+            )
+        })
+        .collect();
+    for p in 0..restored.points() {
+        if let Some(at) = job.in_table(p) {
+            of_point[at] = restored.of_point(t, p);
+        }
+    }
+    let sd = |sd: f64| {
+        let mut text = Vec::new();
+        push_number(&mut text, (sd * 1e4).round() / 1e4);
+        String::from_utf8(text).unwrap_or_default()
+    };
+    of_point
+        .into_iter()
+        .flat_map(|(status, s)| [status.name().to_string(), sd(s)])
+        .collect()
+}
+
+/// What is said at the end.
+#[derive(Default)]
+struct Tally {
+    frames: usize,
+    too_little: usize,
+    filled: usize,
+    rejected: usize,
+    left: usize,
+    max_gap: bool,
+    noise: f64,
+}
+
+impl Tally {
+    fn add(&mut self, restored: &Restoration, before: ArrayView2<'_, f64>) {
+        self.noise += restored.noise * before.nrows() as f64;
+        self.frames += before.nrows();
+        self.too_little += restored.too_little;
+        let count = |status: Status| restored.status.iter().filter(|s| **s == status).count();
+        self.filled += count(Status::Inferred);
+        self.rejected += count(Status::Rejected);
+        self.left += count(Status::Unknown);
+    }
+
+    fn tell(&self, too_little: &str) {
+        if self.too_little > 0 {
+            say::note(&format!(
+                "in {} of {} frames {too_little}",
+                self.too_little, self.frames
+            ));
+        }
+        if self.rejected > 0 {
+            say::note(&format!(
+                "{} points cannot be where they were captured and counted for nothing",
+                self.rejected
+            ));
+        }
+        if self.max_gap && self.left > 0 {
+            say::note(&format!("{} points stay missing", self.left));
+        }
+        say::detail(&format!(
+            "{} frames, {} points filled in",
+            self.frames, self.filled
+        ));
+        if self.noise > 0.0 {
+            say::detail(&format!(
+                "noise {:.3} cm a coordinate",
+                self.noise / self.frames.max(1) as f64
+            ));
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! What `ksvd-train` does around the library: the log, the checkpoint, the bar.
+
+use super::progress::Progress;
+use super::{say, streams};
+use crate::io::{Input, Model};
+use crate::sparse::{Dictionary, Ksvd, Report, State};
+use crate::{Error, Place, Result};
+use ndarray::ArrayView2;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// A training run: what it learns from, and where it leaves its traces.
+pub struct Run<'a> {
+    /// The parameters.
+    pub ksvd: &'a Ksvd,
+    /// (m, D).
+    pub poses: ArrayView2<'a, f32>,
+    /// (v, D).
+    pub validation: Option<ArrayView2<'a, f32>>,
+    /// Says which run a checkpoint belongs to.
+    pub digest: String,
+    /// Where the state is kept.
+    pub checkpoint: Option<&'a Path>,
+    /// Where each iteration leaves a line of JSON.
+    pub log: Option<&'a Path>,
+}
+
+impl Run<'_> {
+    /// Trains, from the checkpoint if there is one, else from what `start` gives.
+    pub fn train(&self, start: impl FnOnce() -> Result<Dictionary>) -> Result<State> {
+        let resumed = self.resume()?;
+        let mut log = self.open_log(resumed.is_some())?;
+        let bar = Progress::new("ksvd-train", self.ksvd.iterations as u64);
+        let began = Instant::now();
+        let mut observe = |state: &State| -> Result<()> {
+            let Some(report) = state.history.last() else {
+                return Ok(());
+            };
+            bar.set(report.iteration as u64);
+            bar.tell(format!("rms {:.3} cm", report.fresh_rms));
+            say::detail(&format!(
+                "iteration {}: rms {:.4} cm",
+                report.iteration, report.fresh_rms
+            ));
+            if let Some((file, path)) = &mut log {
+                write_log(file, path, report, began.elapsed().as_secs_f64())?;
+            }
+            self.save(state)
+        };
+        match resumed {
+            Some(mut state) => {
+                say::note(&format!(
+                    "goes on from iteration {} of its checkpoint",
+                    state.iteration()
+                ));
+                self.ksvd
+                    .run(&mut state, self.poses, self.validation, &mut observe)?;
+                Ok(state)
+            }
+            None => self
+                .ksvd
+                .train(start()?, self.poses, self.validation, &mut observe),
+        }
+    }
+
+    /// Removes the checkpoint of a finished run.
+    pub fn finish(&self) -> Result<()> {
+        match self.checkpoint.filter(|p| p.exists()) {
+            Some(path) => std::fs::remove_file(path).map_err(|e| Error::io(path, e)),
+            None => Ok(()),
+        }
+    }
+
+    fn open_log(&self, append: bool) -> Result<Option<(std::fs::File, PathBuf)>> {
+        let Some(path) = self.log else {
+            return Ok(None);
+        };
+        let mut options = std::fs::OpenOptions::new();
+        options.create(true);
+        // A resumed run goes on with its log; a new one starts it afresh.
+        if append {
+            options.append(true)
+        } else {
+            options.write(true).truncate(true)
+        };
+        let file = options.open(path).map_err(|e| Error::io(path, e))?;
+        Ok(Some((file, path.to_path_buf())))
+    }
+
+    /// The state after an iteration is its dictionary and history: its codes are those of coding anew.
+    fn save(&self, state: &State) -> Result<()> {
+        let Some(path) = self.checkpoint else {
+            return Ok(());
+        };
+        let mut model = Model::new("checkpoint", &["checkpoint".to_string()], "body");
+        let json = |e: serde_json::Error| Error::data(Place::file("checkpoint"), e.to_string());
+        model
+            .meta
+            .details
+            .insert("digest".into(), self.digest.clone().into());
+        model.meta.details.insert(
+            "history".into(),
+            serde_json::to_value(&state.history).map_err(json)?,
+        );
+        model
+            .arrays
+            .insert("atoms".into(), state.dictionary.atoms().to_owned());
+        crate::io::output::write_file(path, &model.to_bytes()?)
+    }
+
+    fn resume(&self) -> Result<Option<State>> {
+        let Some(path) = self.checkpoint.filter(|p| p.exists()) else {
+            return Ok(None);
+        };
+        let name = path.display().to_string();
+        let fail = |what: &str| Error::data(Place::file(&name), what);
+        let model = Model::read(Input::open(path)?)?;
+        let details = &model.meta.details;
+        if model.meta.kind != "checkpoint" {
+            return Err(fail("is no checkpoint of a training run"));
+        }
+        if details.get("digest").and_then(|d| d.as_str()) != Some(&self.digest) {
+            return Err(fail(
+                "is the checkpoint of another run (other poses or flags); remove it to start afresh",
+            ));
+        }
+        let history: Vec<Report> = details
+            .get("history")
+            .and_then(|h| serde_json::from_value(h.clone()).ok())
+            .ok_or_else(|| fail("has no history; remove it to start afresh"))?;
+        let dictionary = Dictionary::from_rows(model.array("atoms", &name)?)?;
+        let codes = self
+            .ksvd
+            .pursuit
+            .code_batch(&dictionary, self.poses, None)?;
+        Ok(Some(State {
+            dictionary,
+            support: codes.atoms,
+            coefficients: codes.coefficients,
+            history,
+        }))
+    }
+}
+
+fn write_log(file: &mut std::fs::File, path: &Path, report: &Report, seconds: f64) -> Result<()> {
+    #[derive(serde::Serialize)]
+    struct Line<'a> {
+        #[serde(flatten)]
+        report: &'a Report,
+        seconds: f64,
+    }
+    let mut line = serde_json::to_string(&Line { report, seconds }).unwrap_or_default();
+    line.push('\n');
+    file.write_all(line.as_bytes())
+        .map_err(|e| Error::io(path, e))
+}
+
+/// Reads the poses of a file in the flags of a table, ready for learning.
+pub fn ready(
+    flags: &super::flags::TableIn,
+    files: Vec<PathBuf>,
+    world: bool,
+) -> Result<crate::prior::training::TrainingPoses> {
+    let flags = super::flags::TableIn {
+        files,
+        ..flags.clone()
+    };
+    let table = streams::read_table(&flags, false, false)?;
+    let ready = crate::prior::training::ready(&table.poses, world, &table.name)?;
+    for (count, why) in [
+        (ready.incomplete, "lack a point and are not learnt from"),
+        (ready.unplaced, "cannot be placed and are not learnt from"),
+    ] {
+        if count > 0 {
+            say::note(&format!("{count} of {} frames {why}", table.poses.frames()));
+        }
+    }
+    Ok(ready)
+}

@@ -1,0 +1,106 @@
+//! Linear maps of whole poses: to another body, or turned. Models are carried through them.
+
+use super::Body;
+use glam::{DMat3, DVec3};
+use ndarray::{Array2, ArrayView2};
+
+/// A linear map of poses of 3 J numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub enum PoseMap {
+    /// Each bone becomes so many times as long (see [`Body::reshape`]).
+    Reshape {
+        /// What hangs on what.
+        body: Body,
+        /// The points, parents first.
+        order: Vec<usize>,
+        /// One a point.
+        ratios: Vec<f64>,
+    },
+    /// Each point is turned about the origin.
+    Turn(DMat3),
+}
+
+impl PoseMap {
+    /// From one body to another.
+    pub fn reshape(from: &Body, to: &Body) -> PoseMap {
+        PoseMap::Reshape {
+            order: from.order(),
+            ratios: from.ratios_to(to),
+            body: from.clone(),
+        }
+    }
+
+    /// Whether the map changes nothing.
+    pub fn is_identity(&self) -> bool {
+        match self {
+            PoseMap::Reshape { ratios, .. } => ratios.iter().all(|r| *r == 1.0),
+            PoseMap::Turn(r) => *r == DMat3::IDENTITY,
+        }
+    }
+
+    /// Carries one pose.
+    pub fn apply(&self, pose: &[f64], out: &mut [f64]) {
+        match self {
+            PoseMap::Reshape {
+                body,
+                order,
+                ratios,
+            } => body.reshape(order, ratios, pose, out),
+            PoseMap::Turn(r) => {
+                for (x, y) in pose.chunks_exact(3).zip(out.chunks_exact_mut(3)) {
+                    y.copy_from_slice(&(*r * DVec3::from_slice(x)).to_array());
+                }
+            }
+        }
+    }
+
+    /// Carries the rows of an array.
+    pub fn apply_rows(&self, poses: ArrayView2<'_, f64>) -> Array2<f64> {
+        let mut out = Array2::zeros(poses.dim());
+        let mut pose = vec![0.0; poses.ncols()];
+        let mut mapped = pose.clone();
+        for (row, mut to) in poses.rows().into_iter().zip(out.rows_mut()) {
+            pose.iter_mut().zip(row).for_each(|(p, r)| *p = *r);
+            self.apply(&pose, &mut mapped);
+            to.iter_mut().zip(&mapped).for_each(|(t, m)| *t = *m);
+        }
+        out
+    }
+
+    /// Carries a covariance: `T Σ Tᵀ`.
+    pub fn apply_covariance(&self, covariance: ArrayView2<'_, f64>) -> Array2<f64> {
+        let half = self.apply_rows(covariance);
+        self.apply_rows(half.t()).reversed_axes()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::rotation::exponential;
+
+    #[test]
+    fn covariances_follow_their_poses() {
+        let body = Body {
+            parents: vec![None, Some(0), Some(1)],
+            lengths: vec![f64::NAN, 2.0, 3.0],
+        };
+        let to = Body {
+            lengths: vec![f64::NAN, 4.0, 2.0],
+            ..body.clone()
+        };
+        for map in [
+            PoseMap::reshape(&body, &to),
+            PoseMap::Turn(exponential(DVec3::new(0.3, 1.0, -0.2))),
+        ] {
+            assert!(!map.is_identity());
+            // The covariance of outer products is the outer product of what they become.
+            let x = Array2::from_shape_fn((1, 9), |(_, i)| (i as f64 * 0.9).sin());
+            let y = map.apply_rows(x.view());
+            let want = y.t().dot(&y);
+            let got = map.apply_covariance(x.t().dot(&x).view());
+            assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-12));
+        }
+        assert!(PoseMap::reshape(&body, &body).is_identity());
+    }
+}

@@ -1,0 +1,147 @@
+//! Placement: how a captured pose is carried into the model's space and back.
+//!
+//! For CMU's joints the model's space is the root's frame, found from the root, the hip joints (which are rigid with it)
+//! and, where one of those is missing, the lower back; for other points it is a rigid fit to the mean pose.
+
+use super::align::{Fit, Free, Similarity, fit_similarity};
+use super::rotation::angle_between;
+use glam::{DMat3, DVec3};
+
+/// Where CMU's hip joints and lower back stand in the root's frame: means over the database's skeletons, cm.
+const CMU_PELVIS: [(&str, [f64; 3], f64); 4] = [
+    ("root", [0.0, 0.0, 0.0], 1.0),
+    ("lhipjoint", [9.4, -9.9, 5.1], 1.0),
+    ("rhipjoint", [-9.1, -10.0, 5.1], 1.0),
+    // The lower back turns against the pelvis: it only decides where the others do not.
+    ("lowerback", [0.1, 11.8, -0.1], 1e-3),
+];
+
+/// A pose within this angle of the model's frame, its root at the origin, is in place already.
+const IN_PLACE: f64 = 0.26;
+
+/// What a pose is placed by.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Anchor {
+    /// The point at the model's origin, if there is one.
+    pub root: Option<usize>,
+    /// Points, where they stand in the model's space (cm), and their weights.
+    points: Vec<(usize, DVec3, f64)>,
+}
+
+impl Anchor {
+    /// CMU's pelvis, where the points have its root and both hip joints.
+    pub fn pelvis(names: &[String]) -> Option<Anchor> {
+        let find = |name: &str| names.iter().position(|n| n == name);
+        let mut points = Vec::new();
+        for (name, place, weight) in CMU_PELVIS {
+            match find(name) {
+                Some(i) => points.push((i, DVec3::from_array(place), weight)),
+                None if weight == 1.0 => return None,
+                None => {}
+            }
+        }
+        Some(Anchor {
+            root: find("root"),
+            points,
+        })
+    }
+
+    /// All points, by a mean pose of 3 J numbers.
+    pub fn mean(pose: &[f64]) -> Anchor {
+        let points = pose.chunks_exact(3).map(DVec3::from_slice).enumerate();
+        Anchor {
+            root: None,
+            points: points.map(|(i, p)| (i, p, 1.0)).collect(),
+        }
+    }
+
+    /// The placement of a pose of 3 J numbers: what carries the model's space to where the pose stands.
+    ///
+    /// `None` when the points that the pose shows do not determine it. A pose in place already gets the identity.
+    pub fn place(&self, pose: &[f64]) -> Option<Similarity> {
+        let at = |i: usize| DVec3::from_slice(&pose[3 * i..3 * i + 3]);
+        let seen = || self.points.iter().filter(|(i, ..)| at(*i).is_finite());
+        let pairs = seen().map(|&(i, place, weight)| (place, at(i), weight));
+        let Fit {
+            mut similarity,
+            determined,
+            ..
+        } = fit_similarity(pairs, Free::Rigid)?;
+        if let Some(root) = self.root.map(at).filter(|r| r.is_finite()) {
+            // The root's own place is exact; the turn is about it.
+            let pairs = seen().map(|&(i, place, weight)| (place, at(i) - root, weight));
+            let turn = fit_similarity(pairs, Free::Rotation)?;
+            if root.length() <= 1e-6
+                && angle_between(&turn.similarity.rotation, &DMat3::IDENTITY) <= IN_PLACE
+            {
+                return turn.determined.then_some(Similarity::IDENTITY);
+            }
+            similarity = Similarity {
+                shift: root,
+                ..turn.similarity
+            };
+            return turn.determined.then_some(similarity);
+        }
+        determined.then_some(similarity)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::joints::cmu_names;
+    use super::super::rotation::exponential;
+    use super::*;
+
+    fn pose() -> Vec<f64> {
+        let names = cmu_names();
+        let mut pose: Vec<f64> = (0..69).map(|i| (i as f64 * 0.7).sin() * 30.0).collect();
+        for (name, place, _) in CMU_PELVIS {
+            let i = names.iter().position(|n| n == name).unwrap();
+            pose[3 * i..3 * i + 3].copy_from_slice(&place);
+        }
+        pose
+    }
+
+    #[test]
+    fn a_turned_pose_is_placed_by_its_pelvis() {
+        let anchor = Anchor::pelvis(&cmu_names()).unwrap();
+        let moved = Similarity {
+            rotation: exponential(DVec3::new(0.4, 2.0, -0.3)),
+            shift: DVec3::new(9.0, 90.0, 3.0),
+            scale: 1.0,
+        };
+        let mut world = vec![0.0; 69];
+        moved.apply_pose(&pose(), &mut world);
+        let found = anchor.place(&world).unwrap();
+        assert!(angle_between(&found.rotation, &moved.rotation) <= 1e-9);
+        assert!((found.shift - moved.shift).length() <= 1e-9);
+        // One hip joint missing: the lower back decides.
+        world[3..6].fill(f64::NAN);
+        let found = anchor.place(&world).unwrap();
+        assert!(angle_between(&found.rotation, &moved.rotation) <= 1e-6);
+        world[15..18].fill(f64::NAN);
+        world[27..30].fill(f64::NAN);
+        assert!(anchor.place(&world).is_none());
+    }
+
+    #[test]
+    fn a_pose_in_place_stays_as_it_is() {
+        let anchor = Anchor::pelvis(&cmu_names()).unwrap();
+        assert_eq!(anchor.place(&pose()), Some(Similarity::IDENTITY));
+        assert!(Anchor::pelvis(&["root".to_string()]).is_none());
+    }
+
+    #[test]
+    fn other_points_are_fitted_to_their_mean() {
+        let mean: Vec<f64> = (0..12).map(|i| (i as f64 * 1.3).cos() * 10.0).collect();
+        let moved = Similarity {
+            rotation: exponential(DVec3::X),
+            shift: DVec3::Y * 5.0,
+            scale: 1.0,
+        };
+        let mut world = vec![0.0; 12];
+        moved.apply_pose(&mean, &mut world);
+        let found = Anchor::mean(&mean).place(&world).unwrap();
+        assert!(angle_between(&found.rotation, &moved.rotation) <= 1e-7);
+    }
+}

@@ -1,0 +1,12 @@
+//! The model that is compiled in, for commands that name none. Made by `make model`; see `posing model info`.
+
+use crate::Result;
+use crate::io::Model;
+
+/// The file as `make model` left it.
+static BYTES: &[u8] = include_bytes!("builtin.npz");
+
+/// Opens the built-in model.
+pub fn model() -> Result<Model> {
+    Model::from_bytes(BYTES, "the built-in model")
+}

@@ -1,0 +1,342 @@
+//! The paper's model: a pose is a sparse code over a learnt dictionary.
+//!
+//! On top of the published estimate A x, the model may carry the covariance S of the training poses' residuals y − A x.
+//! Then the pose answered is A x + S_:o (S_oo + R)⁻¹ (y_o − (A x)_o): what three atoms cannot say, and what neighbouring
+//! coordinates tell about each other, is not lost. [`Choice::published`] answers A x alone, as the paper does.
+
+use super::conditional::Conditional;
+use super::{EXACT, Fit, Posterior, Prior};
+use crate::io::Model;
+use crate::pose::PoseMap;
+use crate::sparse::pursuit::{Code, Pursuit, Rule, Tolerance, refit};
+use crate::sparse::{Codes, Dictionary};
+use crate::{Error, Place, Result};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
+
+/// How a sparse model is to be used.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Choice {
+    /// At most so many atoms a pose; `None`: as many as it was trained with.
+    pub sparsity: Option<usize>,
+    /// How atoms are chosen.
+    pub rule: Rule,
+    /// Answer with A x alone, as published.
+    pub published: bool,
+}
+
+/// Variance a coordinate of a model that does not tell what it leaves unexplained, cm².
+const UNKNOWN_RESIDUAL: f64 = 1.0;
+
+/// A dictionary, and what its codes leave.
+#[derive(Debug, Clone)]
+pub struct SparsePrior {
+    dictionary: Dictionary,
+    pursuit: Pursuit,
+    published: bool,
+    /// S (D, D), cm².
+    residual: Array2<f64>,
+    /// Its diagonal.
+    variance: Vec<f64>,
+    typical: Array2<f64>,
+}
+
+impl SparsePrior {
+    /// From the arrays of a model of kind `sparse`: `atoms` (n, D), and where they are there `residual` (D, D) and
+    /// `typical` (k, D).
+    pub fn from_model(model: &Model, choice: &Choice, source: &str) -> Result<SparsePrior> {
+        let width = 3 * model.meta.points.len();
+        let atoms = model.array("atoms", source)?;
+        let shaped = |name: &str, array: ArrayView2<'_, f32>, rows: Option<usize>| {
+            let (n, d) = array.dim();
+            if d != width || n == 0 || rows.is_some_and(|r| r != n) {
+                let what = format!("has the shape ({n}, {d}), expected {width} columns");
+                return Err(Error::data(Place::file(source).part(name), what));
+            }
+            if array.iter().any(|v| !v.is_finite()) {
+                return Err(Error::data(
+                    Place::file(source).part(name),
+                    "holds a value that is not finite",
+                ));
+            }
+            Ok(())
+        };
+        shaped("atoms", atoms, None)?;
+        let place = |e: Error| Error::data(Place::file(source).part("atoms"), e.to_string());
+        let dictionary = Dictionary::from_rows(atoms).map_err(place)?;
+        let residual = match model.arrays.get("residual") {
+            Some(array) => {
+                shaped("residual", array.view(), Some(width))?;
+                array.mapv(f64::from)
+            }
+            None => {
+                let rms = model.meta.training_rms.filter(|r| r.is_finite());
+                Array2::from_diag_elem(width, rms.map_or(UNKNOWN_RESIDUAL, |r| r * r))
+            }
+        };
+        let typical = match model.arrays.get("typical") {
+            Some(array) => {
+                shaped("typical", array.view(), None)?;
+                array.mapv(f64::from)
+            }
+            None => typical_of(&dictionary),
+        };
+        let sparsity = choice.sparsity.or(model.meta.sparsity).unwrap_or(3).max(1);
+        let pursuit = Pursuit {
+            sparsity,
+            rule: choice.rule,
+            tolerance: Tolerance::Never,
+        };
+        Ok(SparsePrior::new(
+            dictionary,
+            pursuit,
+            choice.published,
+            residual,
+            typical,
+        ))
+    }
+
+    fn new(
+        dictionary: Dictionary,
+        pursuit: Pursuit,
+        published: bool,
+        mut residual: Array2<f64>,
+        typical: Array2<f64>,
+    ) -> SparsePrior {
+        residual.diag_mut().mapv_inplace(|v| v.max(0.0) + EXACT);
+        let variance = residual.diag().to_vec();
+        SparsePrior {
+            dictionary,
+            pursuit,
+            published,
+            residual,
+            variance,
+            typical,
+        }
+    }
+
+    /// The weights of an observation: 1 / (noise + what the model leaves unexplained), 0 where missing.
+    fn weights(&self, noise: &[f64]) -> Array1<f64> {
+        noise
+            .iter()
+            .zip(&self.variance)
+            .map(|(n, v)| if n.is_finite() { 1.0 / (n + v) } else { 0.0 })
+            .collect()
+    }
+
+    fn fit_of(&self, code: Code) -> Fit {
+        Fit {
+            pose: code.decode(&self.dictionary).to_vec(),
+            support: code.atoms,
+            objective: code.squared_residual,
+        }
+    }
+
+    /// How the unsure coefficients spread over the coordinates, beside the residual's own variance:
+    /// the diagonal of B (A_oᵀ W A_o)⁻¹ Bᵀ with B = A − K A_o.
+    fn coefficient_variance(
+        &self,
+        weights: &Array1<f64>,
+        conditional: Option<&Conditional<'_>>,
+        support: &[u32],
+    ) -> Vec<f64> {
+        let d = self.width();
+        let atoms: Vec<Vec<f64>> = support
+            .iter()
+            .map(|&a| {
+                self.dictionary
+                    .atom(a as usize)
+                    .iter()
+                    .map(|v| f64::from(*v))
+                    .collect()
+            })
+            .collect();
+        let k = atoms.len();
+        let mut normal = Array2::<f64>::zeros((k, k));
+        for i in 0..k {
+            for j in 0..k {
+                normal[[i, j]] = (0..d).map(|c| weights[c] * atoms[i][c] * atoms[j][c]).sum();
+            }
+        }
+        // Noise of infinite variance on the missing directions would spread without bound: people are finite.
+        normal.diag_mut().mapv_inplace(|v| v + 1e-4);
+        let spread: Vec<Vec<f64>> = atoms
+            .iter()
+            .map(|a| match conditional {
+                None => a.clone(),
+                Some(c) => a.iter().zip(c.mean(a)).map(|(a, k)| a - k).collect(),
+            })
+            .collect();
+        // (N⁻¹)ᵢⱼ by conditioning: the covariance of coefficients with normal matrix N.
+        let inverse = invert(normal);
+        (0..d)
+            .map(|c| {
+                let mut sum = 0.0;
+                for i in 0..k {
+                    for j in 0..k {
+                        sum += spread[i][c] * inverse[[i, j]] * spread[j][c];
+                    }
+                }
+                sum.max(0.0)
+            })
+            .collect()
+    }
+}
+
+impl Prior for SparsePrior {
+    fn width(&self) -> usize {
+        self.dictionary.width()
+    }
+
+    fn variance(&self) -> &[f64] {
+        &self.variance
+    }
+
+    fn fit(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
+        let weights = self.weights(noise);
+        let y = ArrayView1::from(y);
+        // Coding fails only for numbers that are not finite where observed, which readers refuse.
+        let fresh = self.pursuit.code(&self.dictionary, y, Some(weights.view()));
+        let fresh = fresh.map(|c| self.fit_of(c)).unwrap_or_else(|_| Fit {
+            pose: vec![0.0; self.width()],
+            support: Vec::new(),
+            objective: f64::INFINITY,
+        });
+        // Greedy coding anew can be worse than the old support refitted: keep that one, so that the objective falls.
+        match before.and_then(|b| refit(&self.dictionary, &b.support, y, Some(weights.view())).ok())
+        {
+            Some(kept) if kept.squared_residual < fresh.objective => self.fit_of(kept),
+            _ => fresh,
+        }
+    }
+
+    fn posterior(&self, y: &[f64], noise: &[f64], fit: &Fit) -> Posterior {
+        let weights = self.weights(noise);
+        if self.published {
+            let coefficients = self.coefficient_variance(&weights, None, &fit.support);
+            let variance = self
+                .variance
+                .iter()
+                .zip(coefficients)
+                .map(|(v, c)| v + c)
+                .collect();
+            return Posterior {
+                mean: fit.pose.clone(),
+                variance,
+            };
+        }
+        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
+        let conditional = Conditional::new(self.residual.view(), &noise);
+        let rest: Vec<f64> = y.iter().zip(&fit.pose).map(|(y, p)| y - p).collect();
+        let mean = fit
+            .pose
+            .iter()
+            .zip(conditional.mean(&rest))
+            .map(|(p, e)| p + e)
+            .collect();
+        let coefficients = self.coefficient_variance(&weights, Some(&conditional), &fit.support);
+        let variance = conditional
+            .variance()
+            .into_iter()
+            .zip(coefficients)
+            .map(|(v, c)| v + c)
+            .collect();
+        Posterior { mean, variance }
+    }
+
+    fn typical(&self) -> ArrayView2<'_, f64> {
+        self.typical.view()
+    }
+
+    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+        if map.is_identity() {
+            return Box::new(self.clone());
+        }
+        let atoms = map.apply_rows(self.dictionary.atoms().mapv(f64::from).view());
+        // A linear map of full rank turns no atom into nothing.
+        let dictionary =
+            Dictionary::from_rows(atoms.view()).unwrap_or_else(|_| self.dictionary.clone());
+        let mut residual = map.apply_covariance(self.residual.view());
+        residual.diag_mut().mapv_inplace(|v| v - EXACT);
+        let typical = map.apply_rows(self.typical.view());
+        Box::new(SparsePrior::new(
+            dictionary,
+            self.pursuit,
+            self.published,
+            residual,
+            typical,
+        ))
+    }
+}
+
+/// The inverse of a small positive definite matrix, by Gauss and Jordan.
+fn invert(mut a: Array2<f64>) -> Array2<f64> {
+    let n = a.nrows();
+    let mut b = Array2::eye(n);
+    for i in 0..n {
+        let pivot = if a[[i, i]].abs() > 1e-300 {
+            a[[i, i]]
+        } else {
+            1e-300
+        };
+        for j in 0..n {
+            a[[i, j]] /= pivot;
+            b[[i, j]] /= pivot;
+        }
+        for r in (0..n).filter(|&r| r != i) {
+            let factor = a[[r, i]];
+            for j in 0..n {
+                a[[r, j]] -= factor * a[[i, j]];
+                b[[r, j]] -= factor * b[[i, j]];
+            }
+        }
+    }
+    b
+}
+
+/// Stand-ins for typical poses where a model has none: up to 24 atoms, far apart, the right way up.
+///
+/// Atoms are poses of length 1, perhaps turned inside out; headings are fitted with a free scale, so only the sign
+/// matters. It is chosen by the mean atom, as poses share the mean body.
+fn typical_of(dictionary: &Dictionary) -> Array2<f64> {
+    let atoms = dictionary.atoms().mapv(f64::from);
+    let leader = atoms.row(0).to_owned();
+    let signed: Array2<f64> = {
+        let mut a = atoms;
+        for mut row in a.rows_mut() {
+            if row.dot(&leader) < 0.0 {
+                row.mapv_inplace(|v| -v);
+            }
+        }
+        a
+    };
+    let mut chosen = vec![0];
+    let mut nearest = vec![f64::INFINITY; signed.nrows()];
+    while chosen.len() < signed.nrows().min(24) {
+        let last = signed.row(chosen[chosen.len() - 1]);
+        for (n, row) in nearest.iter_mut().zip(signed.rows()) {
+            *n = n.min((&row - &last).mapv(|v| v * v).sum());
+        }
+        let far = (0..nearest.len()).max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]));
+        match far {
+            Some(i) if nearest[i] > 0.0 => chosen.push(i),
+            _ => break,
+        }
+    }
+    signed.select(ndarray::Axis(0), &chosen)
+}
+
+/// The covariance of the residuals y − A x of coded poses (m, D), uncentred, cm².
+pub fn residual_covariance(
+    dictionary: &Dictionary,
+    poses: ArrayView2<'_, f32>,
+    codes: &Codes,
+) -> Result<Array2<f64>> {
+    let rest = &poses - &codes.decode(dictionary)?;
+    let mut sum = Array2::<f64>::zeros((poses.ncols(), poses.ncols()));
+    // In f64 by fixed blocks: the same sum for any number of threads.
+    for block in rest.axis_chunks_iter(ndarray::Axis(0), 4096) {
+        let block = block.mapv(f64::from);
+        sum += &block.t().dot(&block);
+    }
+    Ok(sum / poses.nrows().max(1) as f64)
+}

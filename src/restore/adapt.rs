@@ -1,0 +1,89 @@
+//! Another body than the model's: its bones are measured, and the model is carried to it.
+//!
+//! Carrying the model (linear, see [`PoseMap`]) in place of the poses works whatever joints a frame lacks, and leaves
+//! nothing to undo.
+
+use crate::pose::{Body, PoseMap};
+use ndarray::ArrayView2;
+
+/// How much people's bone lengths differ: the standard deviation of a ratio's logarithm.
+const PEOPLE_DIFFER: f64 = 0.1;
+
+/// What carries poses of the model's body to the body that `xyz` (frames, 3 J) shows; `noise` is the standard deviation
+/// of a coordinate, cm.
+///
+/// A noisy length is too long (each end adds 3 noise²) and unsure, so ratios are drawn towards the usual one by how
+/// unsure they are. Bones never seen take the usual ratio, their counterpart's first.
+pub fn map_to(
+    model: &Body,
+    xyz: ArrayView2<'_, f64>,
+    noise: f64,
+    mirror: &[Option<usize>],
+) -> PoseMap {
+    let seen = Body::measure(&model.parents, xyz);
+    let frames = xyz.nrows().max(1) as f64;
+    let mut target = seen.clone();
+    for k in 0..target.lengths.len() {
+        let (length, reference) = (seen.lengths[k], model.lengths[k]);
+        if !length.is_finite() || !(reference > 0.0) {
+            target.lengths[k] = f64::NAN;
+            continue;
+        }
+        let true_length = (length * length - 4.0 * noise * noise)
+            .max(0.25 * reference * reference)
+            .sqrt();
+        let log = (true_length / reference).ln().clamp(-1.5, 1.5);
+        let unsure = 2.0 * noise * noise / (reference * reference) / frames.sqrt();
+        let keep = PEOPLE_DIFFER.powi(2) / (PEOPLE_DIFFER.powi(2) + unsure);
+        target.lengths[k] = reference * (keep * log).exp();
+    }
+    for k in 0..target.lengths.len() {
+        if target.lengths[k].is_nan()
+            && let Some(m) =
+                mirror[k].filter(|&m| target.lengths[m].is_finite() && model.lengths[m] > 0.0)
+        {
+            target.lengths[k] = model.lengths[k] * target.lengths[m] / model.lengths[m];
+        }
+    }
+    PoseMap::reshape(model, &target)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    #[test]
+    fn a_longer_body_is_measured_and_noise_is_allowed_for() {
+        let model = Body {
+            parents: vec![None, Some(0), Some(1)],
+            lengths: vec![f64::NAN, 20.0, 30.0],
+        };
+        let ratios = |map: &PoseMap| match map {
+            PoseMap::Reshape { ratios, .. } => ratios.clone(),
+            PoseMap::Turn(_) => vec![],
+        };
+        let mut xyz = Array2::zeros((50, 9));
+        xyz.column_mut(3).fill(22.0);
+        xyz.column_mut(6).fill(22.0);
+        xyz.column_mut(7).fill(33.0);
+        let mirror = vec![None; 3];
+        let exact = ratios(&map_to(&model, xyz.view(), 0.0, &mirror));
+        assert!(exact[1..].iter().all(|r| (r - 1.1).abs() <= 1e-9));
+        // Under heavy noise in one frame the ratio stays near the model's.
+        let noisy = ratios(&map_to(
+            &model,
+            xyz.slice(ndarray::s![..1, ..]),
+            8.0,
+            &mirror,
+        ));
+        assert!(
+            noisy[1..].iter().all(|r| (0.85..1.1).contains(r)),
+            "{noisy:?}"
+        );
+        // The second bone is never seen: it takes the first one's ratio.
+        xyz.column_mut(8).fill(f64::NAN);
+        let usual = ratios(&map_to(&model, xyz.view(), 0.0, &mirror));
+        assert!((usual[2] - 1.1).abs() <= 1e-9);
+    }
+}

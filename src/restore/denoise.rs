@@ -1,0 +1,258 @@
+//! Denoising: captured values are changed to what they more likely were.
+//!
+//! Frame by frame, the model answers from all points, each trusted by its noise. In a take, a smoother first takes the
+//! noise that neighbouring frames can tell from motion; what it leaves is what the model is told of.
+
+use super::frame::{Restoration, Status};
+use super::job::Job;
+use super::smooth;
+use super::suspects::RigidBones;
+use crate::par;
+use crate::prior::EXACT;
+use ndarray::{Array2, ArrayView2, s};
+use std::ops::Range;
+
+/// How noise is dealt with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Denoise {
+    /// The standard deviation of a coordinate, cm; `None`: found from the take or the frame.
+    pub noise: Option<f64>,
+    /// Whether points that cannot be where they were captured count for nothing.
+    pub outliers: bool,
+    /// Whether missing points are filled in as well.
+    pub fill: bool,
+}
+
+impl Default for Denoise {
+    fn default() -> Self {
+        Denoise {
+            noise: None,
+            outliers: true,
+            fill: false,
+        }
+    }
+}
+
+/// One frame's answer.
+struct Answer {
+    found: Option<super::Restored>,
+    suspects: Vec<usize>,
+    noise: f64,
+}
+
+/// Denoises frames each by itself (in the model's order).
+pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>, settings: Denoise) -> Restoration {
+    let answers = par::map_chunks(xyz.nrows(), 8, |range| {
+        range
+            .map(|t| one(job, xyz.slice(s![t..t + 1, ..]), settings))
+            .collect::<Vec<_>>()
+    });
+    gather(xyz, answers.into_iter().flatten(), settings)
+}
+
+fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
+    let y = frame.row(0).to_vec();
+    let adapted = job.prior_for(frame, settings.noise.unwrap_or(2.0));
+    let restorer = job.restorer(&adapted);
+    let noise = settings
+        .noise
+        .unwrap_or_else(|| noise_of_frame(&restorer, &y));
+    let variances: Vec<f64> = y.iter().map(|v| variance(*v, noise)).collect();
+    let found = restorer.restore(&y, &variances);
+    Answer {
+        found,
+        suspects: Vec::new(),
+        noise,
+    }
+}
+
+fn variance(value: f64, noise: f64) -> f64 {
+    if value.is_finite() {
+        (noise * noise).max(EXACT)
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// The noise of one frame by itself: what the model leaves of most of its points beyond what it leaves of clean ones.
+///
+/// The quarter of the points that fits worst does not count, as it may be outliers.
+fn noise_of_frame(restorer: &super::Restorer<'_>, y: &[f64]) -> f64 {
+    // First guess: a centimetre, so that the answer does not follow the noise.
+    let first: Vec<f64> = y.iter().map(|v| variance(*v, 1.0)).collect();
+    let Some(found) = restorer.restore(y, &first) else {
+        return 0.0;
+    };
+    let model = restorer.prior.variance();
+    let mut rest: Vec<f64> = (0..y.len() / 3)
+        .filter(|p| y[3 * p..3 * p + 3].iter().all(|v| v.is_finite()))
+        .map(|p| {
+            let v: f64 = model[3 * p..3 * p + 3].iter().sum();
+            // The answer lies between model and observation: y - mean = (noise + v) share of the residual.
+            let share = 3.0 / (3.0 + v);
+            let d = super::frame::moved(y, &found.mean, p) / share;
+            (d * d - v) / 3.0
+        })
+        .collect();
+    rest.sort_by(f64::total_cmp);
+    rest.truncate((rest.len() * 3).div_ceil(4));
+    let mean = rest.iter().sum::<f64>() / rest.len().max(1) as f64;
+    // Three quarters of the points, the better ones, hold about half of the squared noise of all.
+    (2.0 * mean).max(0.0).sqrt()
+}
+
+/// Denoises one take: `runs` are the stretches of frames that follow one another, `rate` frames a second.
+pub fn take(
+    job: &Job,
+    xyz: ArrayView2<'_, f64>,
+    runs: &[Range<usize>],
+    rate: f64,
+    settings: Denoise,
+    done: &(dyn Fn(usize) + Sync),
+) -> Restoration {
+    let noise = noise_by_point(xyz, runs, settings.noise);
+    let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
+    let suspects = suspects(job, xyz, usual, settings);
+    let mut counted = xyz.to_owned();
+    for (t, points) in suspects.iter().enumerate() {
+        for &p in points {
+            counted.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
+        }
+    }
+    let (mean, variances) = smoothed(&counted, runs, rate, &noise);
+    let adapted = job.prior_for(mean_where_seen(&counted, &mean).view(), 0.0);
+    let restorer = job.restorer(&adapted);
+    let answers = par::map_chunks(xyz.nrows(), 8, |range| {
+        let out: Vec<Answer> = range
+            .clone()
+            .map(|t| {
+                let found = restorer.restore(&mean.row(t).to_vec(), &variances.row(t).to_vec());
+                Answer {
+                    found,
+                    suspects: suspects[t].clone(),
+                    noise: usual,
+                }
+            })
+            .collect();
+        done(range.len());
+        out
+    });
+    gather(xyz, answers.into_iter().flatten(), settings)
+}
+
+fn suspects(job: &Job, xyz: ArrayView2<'_, f64>, noise: f64, settings: Denoise) -> Vec<Vec<usize>> {
+    if !settings.outliers {
+        return vec![Vec::new(); xyz.nrows()];
+    }
+    let bones = RigidBones::measure(&job.parents(), xyz);
+    par::map_chunks(xyz.nrows(), 64, |range| {
+        range
+            .map(|t| bones.suspects(&xyz.row(t).to_vec(), noise, |_| 0.0))
+            .collect::<Vec<_>>()
+    })
+    .concat()
+}
+
+/// The noise of each point, cm: given, or from the third differences of its coordinates.
+fn noise_by_point(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>], given: Option<f64>) -> Vec<f64> {
+    let points = xyz.ncols() / 3;
+    if let Some(noise) = given {
+        return vec![noise; points];
+    }
+    (0..points)
+        .map(|p| {
+            let found: Vec<f64> = (3 * p..3 * p + 3)
+                .filter_map(|i| {
+                    // Runs are joined by a missing value, which no difference crosses.
+                    let series: Vec<f64> = runs
+                        .iter()
+                        .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain([f64::NAN]))
+                        .collect();
+                    smooth::noise_of(&series)
+                })
+                .collect();
+            found.iter().sum::<f64>() / found.len().max(1) as f64
+        })
+        .collect()
+}
+
+/// The smoothed coordinates and their variances; infinite where the smoother cannot say more than the model.
+fn smoothed(
+    counted: &Array2<f64>,
+    runs: &[Range<usize>],
+    rate: f64,
+    noise: &[f64],
+) -> (Array2<f64>, Array2<f64>) {
+    let columns = par::map_chunks(counted.ncols(), 1, |range| {
+        let column = counted.column(range.start);
+        let r = (noise[range.start / 3].powi(2)).max(EXACT);
+        let (mut mean, mut variance) = (column.to_vec(), vec![f64::INFINITY; column.len()]);
+        for run in runs {
+            let series = column.slice(s![run.clone()]).to_vec();
+            let out = smooth::smooth(&series, r, 1.0 / rate);
+            for (k, t) in run.clone().enumerate() {
+                // A missing value is the model's business: the smoother only guesses there.
+                if series[k].is_finite() {
+                    mean[t] = out.mean[k];
+                    variance[t] = out.variance[k].clamp(EXACT, r);
+                }
+            }
+        }
+        (mean, variance)
+    });
+    let (mut mean, mut variances) = (counted.clone(), counted.clone());
+    for (i, (m, v)) in columns.into_iter().enumerate() {
+        mean.column_mut(i).assign(&ndarray::Array1::from(m));
+        variances.column_mut(i).assign(&ndarray::Array1::from(v));
+    }
+    (mean, variances)
+}
+
+fn mean_where_seen(counted: &Array2<f64>, mean: &Array2<f64>) -> Array2<f64> {
+    let mut out = mean.clone();
+    out.zip_mut_with(counted, |m, c| {
+        if c.is_nan() {
+            *m = f64::NAN;
+        }
+    });
+    out
+}
+
+/// Puts the answers together.
+fn gather(
+    xyz: ArrayView2<'_, f64>,
+    answers: impl Iterator<Item = Answer>,
+    settings: Denoise,
+) -> Restoration {
+    let mut out = Restoration::of(xyz.to_owned());
+    for (t, answer) in answers.enumerate() {
+        out.too_little += usize::from(answer.found.is_none());
+        out.noise += answer.noise / xyz.nrows() as f64;
+        let before = xyz.row(t).to_vec();
+        for p in 0..out.points() {
+            let missing = before[3 * p..3 * p + 3].iter().any(|v| v.is_nan());
+            let (status, sd) = match &answer.found {
+                None if missing => (Status::Unknown, f64::NAN),
+                None => (Status::Observed, answer.noise),
+                Some(_) if missing && !settings.fill => (Status::Unknown, f64::NAN),
+                Some(found) => {
+                    for i in 3 * p..3 * p + 3 {
+                        out.xyz[[t, i]] = found.mean[i];
+                    }
+                    let status = if missing {
+                        Status::Inferred
+                    } else if answer.suspects.contains(&p) {
+                        Status::Rejected
+                    } else if super::frame::moved(&before, &found.mean, p) <= 1e-9 {
+                        Status::Observed
+                    } else {
+                        Status::Changed
+                    };
+                    (status, found.sd[p])
+                }
+            };
+            out.set(t, p, status, sd);
+        }
+    }
+    out
+}

@@ -1,0 +1,122 @@
+//! A table and a model put together: which point of the one is which of the other, whose body, which space.
+
+use super::adapt;
+use super::frame::Restorer;
+use super::synthesis::Synthesis;
+use crate::io::Model;
+use crate::pose::{Anchor, Body, PoseMap, joints};
+use crate::prior::{self, Choice, Prior};
+use crate::{Error, Place, Result};
+use ndarray::{Array2, ArrayView2};
+
+/// Bodies within this share of the model's bones are the model's.
+const SAME_BODY: f64 = 0.002;
+
+/// A model made ready for the points of a table. Everything inside is in the model's order of points.
+pub struct Job {
+    prior: Box<dyn Prior>,
+    anchor: Option<Anchor>,
+    /// The model's bones, for world space; the captured body's replace them.
+    body: Option<Body>,
+    mirror: Vec<Option<usize>>,
+    /// Where each point of the model stands in the table.
+    index: Vec<Option<usize>>,
+    synthesis: Synthesis,
+}
+
+impl Job {
+    /// Opens `model` for a table of `points`. In world space poses are placed; else rows are used as they are.
+    pub fn new(
+        model: &Model,
+        choice: &Choice,
+        source: &str,
+        points: &[String],
+        world: bool,
+    ) -> Result<Job> {
+        let prior = prior::open(model, choice, source)?;
+        let names = &model.meta.points;
+        let index: Vec<_> = names
+            .iter()
+            .map(|n| points.iter().position(|p| p == n))
+            .collect();
+        if index.iter().all(Option::is_none) {
+            let shown =
+                |list: &[String]| list.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
+            let what = format!(
+                "the table has none of the model's points ({}, …); it has {}",
+                shown(names),
+                shown(points)
+            );
+            return Err(Error::data(Place::file(source), what));
+        }
+        let anchor = world.then(|| match Anchor::pelvis(names) {
+            Some(pelvis) => pelvis,
+            None => Anchor::mean(&prior.typical().row(0).to_vec()),
+        });
+        let body = if world {
+            model.meta.body.as_ref().map(Body::from)
+        } else {
+            None
+        };
+        let mirror = (0..names.len())
+            .map(|i| joints::mirrored(names, i))
+            .collect();
+        Ok(Job {
+            prior,
+            anchor,
+            body,
+            mirror,
+            index,
+            synthesis: Synthesis::default(),
+        })
+    }
+
+    /// How many points the model has.
+    pub fn points(&self) -> usize {
+        self.index.len()
+    }
+
+    /// Where a point of the model stands in the table.
+    pub fn in_table(&self, point: usize) -> Option<usize> {
+        self.index[point]
+    }
+
+    /// The bones between the model's points, as far as they are known.
+    pub fn parents(&self) -> Vec<Option<usize>> {
+        self.body
+            .as_ref()
+            .map_or_else(|| vec![None; self.points()], |b| b.parents.clone())
+    }
+
+    /// Rows of the table in the model's order; points that the table lacks are missing.
+    pub fn gather(&self, rows: ArrayView2<'_, f64>) -> Array2<f64> {
+        let mut out = Array2::from_elem((rows.nrows(), 3 * self.points()), f64::NAN);
+        for (i, at) in self.index.iter().enumerate() {
+            let Some(at) = at else { continue };
+            for axis in 0..3 {
+                out.column_mut(3 * i + axis)
+                    .assign(&rows.column(3 * at + axis));
+            }
+        }
+        out
+    }
+
+    /// The prior for the body that these frames (of one take, in the model's order) show; `None`: the model's own fits.
+    pub fn prior_for(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Box<dyn Prior>> {
+        let map = adapt::map_to(self.body.as_ref()?, frames, noise, &self.mirror);
+        let same = match &map {
+            PoseMap::Reshape { ratios, .. } => ratios.iter().all(|r| (r - 1.0).abs() <= SAME_BODY),
+            PoseMap::Turn(_) => false,
+        };
+        (!same).then(|| self.prior.mapped(&map))
+    }
+
+    /// What restores frames, with the prior that [`Job::prior_for`] gave.
+    pub fn restorer<'a>(&'a self, adapted: &'a Option<Box<dyn Prior>>) -> Restorer<'a> {
+        Restorer {
+            prior: adapted.as_deref().unwrap_or(&*self.prior),
+            anchor: self.anchor.as_ref(),
+            synthesis: self.synthesis.clone(),
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! The paper's 2-D input: of some points only two coordinates are observed, as in a picture.
+//!
+//! The rotation is then no closed form, and turning a point mixes what is seen with what is not. So the model is turned
+//! in place of the points: with R fixed, the code of the turned atoms on the observed coordinates is P1a as before; with
+//! the code fixed, R and t follow by damped Gauss-Newton on the observed coordinates. The scale is the code's: atoms
+//! pass through the origin.
+
+use super::frame::{Restored, point_sd};
+use super::synthesis::{Observed, Synthesis};
+use crate::pose::rotation::exponential;
+use crate::pose::{PoseMap, Similarity};
+use crate::prior::{Fit, Prior};
+use glam::{DMat3, DVec3};
+
+/// Restores one frame with points observed in part. `None` with fewer than four points.
+pub fn restore(prior: &dyn Prior, seen: Observed<'_>, synthesis: &Synthesis) -> Option<Restored> {
+    let count = seen
+        .noise
+        .chunks_exact(3)
+        .filter(|n| n.iter().any(|v| v.is_finite()))
+        .count();
+    if count < 4 {
+        return None;
+    }
+    let mut best: Option<(Fit, DMat3, DVec3)> = None;
+    for start in starts(prior, seen, synthesis.headings) {
+        let solved = descend(prior, seen, start, synthesis.iterations.min(12));
+        if best
+            .as_ref()
+            .is_none_or(|(b, ..)| solved.0.objective < b.objective)
+        {
+            best = Some(solved);
+        }
+    }
+    let (fit, rotation, mut shift) = best?;
+    // The depth of the whole is not observed: the model's origin gets depth 0 where nothing says otherwise.
+    for axis in 0..3 {
+        if seen
+            .noise
+            .iter()
+            .skip(axis)
+            .step_by(3)
+            .all(|n| !n.is_finite())
+        {
+            shift[axis] = 0.0;
+        }
+    }
+    let turned = prior.mapped(&PoseMap::Turn(rotation));
+    let moved = shifted(seen.y, -shift);
+    let posterior = turned.posterior(&moved, seen.noise, &fit);
+    Some(Restored {
+        mean: shifted(&posterior.mean, shift),
+        sd: point_sd(&posterior.variance),
+        placement: Similarity {
+            rotation,
+            shift,
+            scale: 1.0,
+        },
+    })
+}
+
+/// Every point moved by `by`.
+fn shifted(pose: &[f64], by: DVec3) -> Vec<f64> {
+    pose.iter()
+        .enumerate()
+        .map(|(i, v)| v + by[i % 3])
+        .collect()
+}
+
+/// The coordinates observed: (index, value, weight).
+fn observed(prior: &dyn Prior, seen: Observed<'_>) -> Vec<(usize, f64, f64)> {
+    (0..seen.y.len())
+        .filter(|&i| seen.noise[i].is_finite())
+        .map(|i| (i, seen.y[i], 1.0 / (seen.noise[i] + prior.variance()[i])))
+        .collect()
+}
+
+/// Alternates code and placement from one start; the objective never rises.
+fn descend(
+    prior: &dyn Prior,
+    seen: Observed<'_>,
+    start: (DMat3, DVec3),
+    iterations: usize,
+) -> (Fit, DMat3, DVec3) {
+    let code = |r: DMat3, t: DVec3, before: Option<&Fit>| {
+        let turned = prior.mapped(&PoseMap::Turn(r));
+        turned.fit(&shifted(seen.y, -t), seen.noise, before)
+    };
+    let coordinates = observed(prior, seen);
+    let (mut rotation, mut shift) = start;
+    let mut fit = code(rotation, shift, None);
+    for _ in 0..iterations {
+        // The fitted pose is in the observation's directions; turned back it is the model's.
+        let (r, t) = place(&coordinates, &fit.pose, rotation, shift);
+        let next = code(r, t, Some(&fit));
+        if !(next.objective < fit.objective) {
+            break;
+        }
+        let settled = fit.objective - next.objective <= 1e-5 * fit.objective;
+        (rotation, shift, fit) = (r, t, next);
+        if settled {
+            break;
+        }
+    }
+    (fit, rotation, shift)
+}
+
+/// Turns and shifts `pose` (already turned by `rotation`) onto the coordinates by Gauss-Newton with falling steps.
+fn place(
+    coordinates: &[(usize, f64, f64)],
+    pose: &[f64],
+    rotation: DMat3,
+    shift: DVec3,
+) -> (DMat3, DVec3) {
+    let cost = |r: DMat3, t: DVec3| -> f64 {
+        coordinates
+            .iter()
+            .map(|&(i, y, w)| {
+                let p = r * DVec3::from_slice(&pose[3 * (i / 3)..]) + t;
+                w * (p[i % 3] - y).powi(2)
+            })
+            .sum()
+    };
+    let (mut turn, mut t) = (DMat3::IDENTITY, shift);
+    let mut value = cost(turn, t);
+    let mut damping = 1e-3;
+    for _ in 0..15 {
+        let mut normal = [[0.0; 6]; 6];
+        let mut gradient = [0.0; 6];
+        for &(i, y, w) in coordinates {
+            let x = turn * DVec3::from_slice(&pose[3 * (i / 3)..]);
+            let axis = DVec3::AXES[i % 3];
+            // d(axis · exp(ω) x)/dω = x × axis.
+            let turning = x.cross(axis);
+            let row = [turning.x, turning.y, turning.z, axis.x, axis.y, axis.z];
+            let rest = (x + t)[i % 3] - y;
+            for a in 0..6 {
+                gradient[a] += w * row[a] * rest;
+                for b in 0..6 {
+                    normal[a][b] += w * row[a] * row[b];
+                }
+            }
+        }
+        for (a, row) in normal.iter_mut().enumerate() {
+            row[a] += damping * row[a] + 1e-9;
+        }
+        let step = solve6(normal, gradient);
+        let next_turn = exponential(-DVec3::new(step[0], step[1], step[2])) * turn;
+        let next_t = t - DVec3::new(step[3], step[4], step[5]);
+        let next = cost(next_turn, next_t);
+        if next < value {
+            let settled = value - next <= 1e-9 * value;
+            (turn, t, value) = (next_turn, next_t, next);
+            damping /= 10.0;
+            if settled {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+            if damping > 1e6 {
+                break;
+            }
+        }
+    }
+    (turn * rotation, t)
+}
+
+/// Solves a small symmetric positive definite system by elimination.
+fn solve6(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> [f64; 6] {
+    for i in 0..6 {
+        for r in i + 1..6 {
+            let factor = a[r][i] / a[i][i];
+            for c in i..6 {
+                a[r][c] -= factor * a[i][c];
+            }
+            b[r] -= factor * b[i];
+        }
+    }
+    for i in (0..6).rev() {
+        let known: f64 = (i + 1..6).map(|c| a[i][c] * b[c]).sum();
+        b[i] = (b[i] - known) / a[i][i];
+    }
+    b
+}
+
+/// Headings from typical poses: the best scaled orthographic view of each, the better ones first.
+///
+/// The affine map M (2 x 3) that carries a typical pose onto the picture is linear least squares; the nearest pair of
+/// orthonormal rows gives the rotation.
+fn starts(prior: &dyn Prior, seen: Observed<'_>, most: usize) -> Vec<(DMat3, DVec3)> {
+    let planar: Vec<(usize, DVec3)> = (0..seen.y.len() / 3)
+        .filter(|j| seen.noise[3 * j].is_finite() && seen.noise[3 * j + 1].is_finite())
+        .map(|j| (j, DVec3::new(seen.y[3 * j], seen.y[3 * j + 1], 0.0)))
+        .collect();
+    let centre = planar.iter().map(|(_, y)| *y).sum::<DVec3>() / planar.len().max(1) as f64;
+    let mut found = Vec::new();
+    for typical in prior.typical().rows() {
+        let at = |j: usize| DVec3::new(typical[3 * j], typical[3 * j + 1], typical[3 * j + 2]);
+        let middle = planar.iter().map(|(j, _)| at(*j)).sum::<DVec3>() / planar.len().max(1) as f64;
+        let (mut spread, mut cross) = (DMat3::IDENTITY * 1e-3, DMat3::ZERO);
+        for (j, y) in &planar {
+            let (x, y) = (at(*j) - middle, *y - centre);
+            spread += DMat3::from_cols(x * x.x, x * x.y, x * x.z);
+            cross += DMat3::from_cols(y * x.x, y * x.y, y * x.z);
+        }
+        let affine = cross * spread.inverse();
+        let (r1, r2) = (affine.row(0), affine.row(1));
+        // The nearest orthonormal pair: M ← (M Mᵀ)^(-1/2) M, by its closed form in two dimensions.
+        let (a, b, d) = (r1.length_squared(), r1.dot(r2), r2.length_squared());
+        let root = (a * d - b * b).max(0.0).sqrt();
+        let trace = (a + d + 2.0 * root).sqrt();
+        if !(root > 1e-12 && trace > 0.0) {
+            continue;
+        }
+        let s = 1.0 / (root * trace);
+        let u = (r1 * (d + root) - r2 * b) * s;
+        let v = (r2 * (a + root) - r1 * b) * s;
+        let rotation = DMat3::from_cols(u, v, u.cross(v)).transpose();
+        let scale = trace / 2.0;
+        let rest: f64 = planar
+            .iter()
+            .map(|(j, y)| {
+                let p = rotation * (at(*j) - middle) * scale;
+                (DVec3::new(p.x, p.y, 0.0) - (*y - centre)).length_squared()
+            })
+            .sum();
+        found.push((rest, rotation, centre - rotation * middle * scale));
+    }
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    found
+        .into_iter()
+        .take(most.max(1))
+        .map(|(_, r, t)| (r, t))
+        .collect()
+}

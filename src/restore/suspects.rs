@@ -1,0 +1,155 @@
+//! Points that cannot be where they were captured: a rigid bone that ends there has the wrong length.
+
+use crate::pose::Body;
+use glam::DVec3;
+use ndarray::ArrayView2;
+
+/// A bone counts as rigid when its length spreads by no more than this over the take (cm, and share of its length).
+const RIGID: (f64, f64) = (0.3, 0.01);
+/// A rigid bone is broken when its length is off by more than this (cm, and share of its length).
+const BROKEN: (f64, f64) = (1.0, 0.03);
+
+/// The rigid bones of a take: (point, parent, length).
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RigidBones(Vec<(usize, usize, f64)>);
+
+impl RigidBones {
+    /// Measures the bones of frames x 3 J numbers; at most 2,000 frames are looked at. At least ten must show a bone.
+    pub fn measure(parents: &[Option<usize>], xyz: ArrayView2<'_, f64>) -> RigidBones {
+        let body = Body::measure(parents, xyz);
+        let step = xyz.nrows().div_ceil(2000).max(1);
+        let mut bones = Vec::new();
+        for (k, parent) in parents.iter().enumerate() {
+            let (Some(p), length) = (*parent, body.lengths[k]) else {
+                continue;
+            };
+            let mut off: Vec<f64> = xyz
+                .rows()
+                .into_iter()
+                .step_by(step)
+                .map(|row| {
+                    let at = |j: usize| DVec3::new(row[3 * j], row[3 * j + 1], row[3 * j + 2]);
+                    ((at(k) - at(p)).length() - length).abs()
+                })
+                .filter(|d| d.is_finite())
+                .collect();
+            if off.len() < 10 || !(length > 0.0) {
+                continue;
+            }
+            // Two thirds of the frames: a third of them may be bad.
+            let at = off.len() * 2 / 3;
+            let spread = *off.select_nth_unstable_by(at, f64::total_cmp).1;
+            if spread <= RIGID.0.max(RIGID.1 * length) {
+                bones.push((k, p, length));
+            }
+        }
+        RigidBones(bones)
+    }
+
+    /// The bones of a body whose lengths are known beforehand.
+    pub fn known(body: &Body) -> RigidBones {
+        let bone = |(k, p): (usize, &Option<usize>)| {
+            let length = body.lengths[k];
+            (length > 0.0).then_some(()).and(p.map(|p| (k, p, length)))
+        };
+        RigidBones(body.parents.iter().enumerate().filter_map(bone).collect())
+    }
+
+    /// The points of a frame that break rigid bones; `noise` is the standard deviation of a coordinate.
+    ///
+    /// While a bone is broken, the end with the most broken bones is blamed, then the one with the larger share of its
+    /// bones broken, then the one that `doubt` (a distance from what the model expects) points at.
+    pub fn suspects(&self, y: &[f64], noise: f64, doubt: impl Fn(usize) -> f64) -> Vec<usize> {
+        let at = |j: usize| DVec3::from_slice(&y[3 * j..3 * j + 3]);
+        let seen: Vec<_> = self
+            .0
+            .iter()
+            .map(|&(k, p, length)| (k, p, length, (at(k) - at(p)).length()))
+            .filter(|(.., now)| now.is_finite())
+            .collect();
+        let broken = |length: f64, now: f64| {
+            (now - length).abs() > BROKEN.0.max(BROKEN.1 * length) + 6.0 * noise
+        };
+        let mut blamed: Vec<usize> = Vec::new();
+        loop {
+            // point -> (broken, all)
+            let mut tally = std::collections::BTreeMap::<usize, (usize, usize)>::new();
+            for &(k, p, length, now) in &seen {
+                if blamed.contains(&k) || blamed.contains(&p) {
+                    continue;
+                }
+                for end in [k, p] {
+                    let entry = tally.entry(end).or_default();
+                    entry.1 += 1;
+                    entry.0 += usize::from(broken(length, now));
+                }
+            }
+            let worst =
+                tally
+                    .into_iter()
+                    .filter(|(_, (bad, _))| *bad > 0)
+                    .max_by(|(a, x), (b, y)| {
+                        let share = |t: &(usize, usize)| t.0 as f64 / t.1 as f64;
+                        x.0.cmp(&y.0)
+                            .then(share(x).total_cmp(&share(y)))
+                            .then(doubt(*a).total_cmp(&doubt(*b)))
+                    });
+            match worst {
+                Some((point, _)) => blamed.push(point),
+                None => return blamed,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    fn chain() -> (Vec<Option<usize>>, Vec<f64>) {
+        let parents = vec![None, Some(0), Some(1), Some(2)];
+        (
+            parents,
+            vec![0., 0., 0., 0., 10., 0., 0., 20., 0., 0., 30., 0.],
+        )
+    }
+
+    #[test]
+    fn the_moved_point_is_blamed() {
+        let (parents, pose) = chain();
+        let xyz = Array2::from_shape_fn((20, 12), |(_, i)| pose[i]);
+        let bones = RigidBones::measure(&parents, xyz.view());
+        assert!(bones.suspects(&pose, 0.0, |_| 0.0).is_empty());
+        for moved in 0..4 {
+            let mut y = pose.clone();
+            y[3 * moved] += 15.0;
+            // At a chain's end both ends of the one broken bone are blamed alike but for their other bones.
+            assert_eq!(
+                bones.suspects(&y, 0.0, |j| f64::from(j == moved)),
+                [moved],
+                "{moved}"
+            );
+            // Noise of that size explains it.
+            assert!(bones.suspects(&y, 5.0, |_| 0.0).is_empty());
+        }
+        let mut y = pose.clone();
+        y[3..6].fill(f64::NAN);
+        assert!(bones.suspects(&y, 0.0, |_| 0.0).is_empty());
+    }
+
+    #[test]
+    fn bones_that_stretch_are_not_rigid() {
+        let (parents, pose) = chain();
+        let mut xyz = Array2::from_shape_fn((20, 12), |(_, i)| pose[i]);
+        for t in 0..20 {
+            xyz[[t, 10]] += t as f64;
+        }
+        let bones = RigidBones::measure(&parents, xyz.view());
+        assert_eq!(bones.0.len(), 2);
+        assert_eq!(
+            RigidBones::measure(&parents, Array2::zeros((0, 12)).view()),
+            RigidBones::default()
+        );
+    }
+}

@@ -1,0 +1,394 @@
+//! P1: the pose and its placement, found alternately (equations 7 to 13 of the posing paper).
+//!
+//! ```text
+//! min over x, R, t   Σ wᵢ |R (A x)ᵢ + t − yᵢ|² + Σ Wₖ (τₖ − τ₀ₖ)²    with at most kappa entries of x
+//! ```
+//!
+//! y are the observed points, w their precisions, R = Rz Ry Rx of the angles τ. Fixed (R, t), coding the points carried
+//! back is P1a; fixed x, the rotation and shift are P1b: closed form (Horn) while the prior weights W are zero, damped
+//! Gauss-Newton otherwise. The code keeps its old support, refitted, where greedy coding anew would be worse, so the
+//! objective never rises. It is not convex: headings to start from are found by fitting typical poses to the points, so
+//! a turned observation gives the turned answer.
+
+use crate::pose::align::{Free, fit_similarity};
+use crate::pose::rotation::{angle_between, cross_matrix};
+use crate::pose::{Anchor, Similarity};
+use crate::prior::{Fit, Prior};
+use glam::{DMat3, DVec3};
+
+/// Headings nearer to each other than this are one (radians).
+const SAME_HEADING: f64 = 0.35;
+
+/// How P1 is solved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Synthesis {
+    /// How many headings are tried, the most promising first.
+    pub headings: usize,
+    /// At most so many alternations a heading.
+    pub iterations: usize,
+    /// An alternation that lowers the objective by less than this share is the last.
+    pub tolerance: f64,
+    /// W of the rotation prior about x, y and z, in the objective's unit a radian²; zero: closed form.
+    pub rotation_prior: DVec3,
+}
+
+impl Default for Synthesis {
+    fn default() -> Self {
+        Synthesis {
+            headings: 4,
+            iterations: 30,
+            tolerance: 1e-5,
+            rotation_prior: DVec3::ZERO,
+        }
+    }
+}
+
+/// A solved P1.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// From the model's space to the observation's.
+    pub placement: Similarity,
+    /// The code in the model's space; its objective is (7), the rotation prior's part left out.
+    pub fit: Fit,
+    /// (7) whole.
+    pub objective: f64,
+    /// Alternations made from the heading that won.
+    pub iterations: usize,
+}
+
+/// An observation: 3 J numbers with the variance of the noise of each; infinite where missing.
+#[derive(Debug, Clone, Copy)]
+pub struct Observed<'a> {
+    /// Numbers, cm.
+    pub y: &'a [f64],
+    /// Variances, cm².
+    pub noise: &'a [f64],
+}
+
+impl<'a> Observed<'a> {
+    /// The points of which all three coordinates are observed, with their precision against `model` variances.
+    pub fn points(
+        &self,
+        model: &'a [f64],
+    ) -> impl Iterator<Item = (usize, DVec3, f64)> + Clone + 'a {
+        let (y, noise) = (self.y, self.noise);
+        (0..y.len() / 3).filter_map(move |j| {
+            let variance: f64 = (3 * j..3 * j + 3).map(|c| noise[c] + model[c]).sum();
+            variance
+                .is_finite()
+                .then(|| (j, DVec3::from_slice(&y[3 * j..]), 3.0 / variance))
+        })
+    }
+
+    /// Whether some point is observed in part: the paper's 2-D input.
+    pub fn is_partial(&self) -> bool {
+        self.noise.chunks_exact(3).any(|n| {
+            let seen = n.iter().filter(|v| v.is_finite()).count();
+            seen == 1 || seen == 2
+        })
+    }
+}
+
+impl Synthesis {
+    /// Solves P1 from the headings that the points suggest and from `known` ones (a pelvis, the frame before).
+    ///
+    /// `None` when the points do not determine a rotation: fewer than three, or all on a line.
+    pub fn solve(
+        &self,
+        prior: &dyn Prior,
+        seen: Observed<'_>,
+        anchor: &Anchor,
+        known: &[Similarity],
+    ) -> Option<Solution> {
+        let starts = self.headings(prior, seen, known)?;
+        let mut best: Option<Solution> = None;
+        for start in starts {
+            let solved = self.descend(prior, seen, anchor, start);
+            if best.as_ref().is_none_or(|b| solved.objective < b.objective) {
+                best = Some(solved);
+            }
+        }
+        best
+    }
+
+    /// The headings to start from: the known ones, or those of the typical poses that fit the points best, far apart.
+    fn headings(
+        &self,
+        prior: &dyn Prior,
+        seen: Observed<'_>,
+        known: &[Similarity],
+    ) -> Option<Vec<Similarity>> {
+        let points = seen.points(prior.variance());
+        let mut found: Vec<(f64, Similarity)> = Vec::new();
+        for typical in prior.typical().rows() {
+            let at = |j: usize| DVec3::new(typical[3 * j], typical[3 * j + 1], typical[3 * j + 2]);
+            let pairs = points.clone().map(|(j, y, w)| (at(j), y, w));
+            let fit = fit_similarity(pairs, Free::Similarity)?;
+            if fit.determined {
+                found.push((
+                    fit.error,
+                    Similarity {
+                        scale: 1.0,
+                        ..fit.similarity
+                    },
+                ));
+            }
+        }
+        if found.is_empty() {
+            return None;
+        }
+        if !known.is_empty() {
+            return Some(known.to_vec());
+        }
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut starts: Vec<Similarity> = Vec::new();
+        for (_, start) in found {
+            let near = |s: &Similarity| angle_between(&s.rotation, &start.rotation) < SAME_HEADING;
+            if !starts.iter().any(near) {
+                starts.push(start);
+            }
+            if starts.len() == self.headings.max(1) {
+                break;
+            }
+        }
+        Some(starts)
+    }
+
+    /// Alternates from one heading until the objective settles.
+    fn descend(
+        &self,
+        prior: &dyn Prior,
+        seen: Observed<'_>,
+        anchor: &Anchor,
+        start: Similarity,
+    ) -> Solution {
+        let mut back = vec![0.0; seen.y.len()];
+        let noise = pointwise(seen.noise);
+        let mut code = |placement: &Similarity, before: Option<&Fit>| {
+            placement.undo_pose(seen.y, &mut back);
+            prior.fit(&back, &noise, before)
+        };
+        let mut placement = self.shifted(prior, seen, anchor, start, None);
+        let mut fit = code(&placement, None);
+        let mut objective = fit.objective + self.prior_cost(&placement, &start);
+        for iteration in 1..=self.iterations {
+            let next = self.place(prior, seen, anchor, &start, &placement, &fit);
+            let next_fit = code(&next, Some(&fit));
+            let next_objective = next_fit.objective + self.prior_cost(&next, &start);
+            // Rounding aside the objective cannot rise; where it does not fall there is nothing left to do.
+            if !(next_objective < objective) {
+                return Solution {
+                    placement,
+                    fit,
+                    objective,
+                    iterations: iteration,
+                };
+            }
+            let settled = objective - next_objective <= self.tolerance * objective;
+            (placement, fit, objective) = (next, next_fit, next_objective);
+            if settled {
+                return Solution {
+                    placement,
+                    fit,
+                    objective,
+                    iterations: iteration,
+                };
+            }
+        }
+        Solution {
+            placement,
+            fit,
+            objective,
+            iterations: self.iterations,
+        }
+    }
+
+    /// P1b: rotation and shift for a given pose of the model.
+    fn place(
+        &self,
+        prior: &dyn Prior,
+        seen: Observed<'_>,
+        anchor: &Anchor,
+        start: &Similarity,
+        now: &Similarity,
+        fit: &Fit,
+    ) -> Similarity {
+        let at = |j: usize| DVec3::from_slice(&fit.pose[3 * j..3 * j + 3]);
+        let pairs = || seen.points(prior.variance()).map(|(j, y, w)| (at(j), y, w));
+        if self.rotation_prior == DVec3::ZERO {
+            return match fit_similarity(pairs(), Free::Rigid) {
+                Some(f) => f.similarity,
+                None => *now,
+            };
+        }
+        let rotation = self.rotate_with_prior(pairs(), &start.rotation, &now.rotation);
+        let turned = Similarity { rotation, ..*now };
+        self.shifted(prior, seen, anchor, turned, Some(fit))
+    }
+
+    /// The best shift for a rotation: that of the root where it is observed, else of the weighted centre.
+    fn shifted(
+        &self,
+        prior: &dyn Prior,
+        seen: Observed<'_>,
+        anchor: &Anchor,
+        start: Similarity,
+        fit: Option<&Fit>,
+    ) -> Similarity {
+        if let Some(fit) = fit {
+            let (mut weight, mut sum) = (0.0, DVec3::ZERO);
+            for (j, y, w) in seen.points(prior.variance()) {
+                weight += w;
+                sum += (y - start.rotation * DVec3::from_slice(&fit.pose[3 * j..3 * j + 3])) * w;
+            }
+            return Similarity {
+                shift: if weight > 0.0 {
+                    sum / weight
+                } else {
+                    start.shift
+                },
+                ..start
+            };
+        }
+        let root = anchor
+            .root
+            .filter(|&r| seen.noise[3 * r..3 * r + 3].iter().all(|n| n.is_finite()));
+        match root {
+            Some(r) => Similarity {
+                shift: DVec3::from_slice(&seen.y[3 * r..]),
+                ..start
+            },
+            None => start,
+        }
+    }
+
+    fn prior_cost(&self, placement: &Similarity, start: &Similarity) -> f64 {
+        if self.rotation_prior == DVec3::ZERO {
+            return 0.0;
+        }
+        let angles = angles_from(&start.rotation, &placement.rotation);
+        (self.rotation_prior * angles * angles).element_sum()
+    }
+
+    /// Gauss-Newton on the angles of R = Rz Ry Rx · R_start with the prior W; every step that is kept lowers the
+    /// objective. (The paper's gradient (13) lacks the factor 2 and is not the derivative; this one is.)
+    fn rotate_with_prior(
+        &self,
+        pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone,
+        start: &DMat3,
+        now: &DMat3,
+    ) -> DMat3 {
+        // The shift is eliminated: both sets about their weighted centres.
+        let (mut weight, mut from, mut to) = (0.0, DVec3::ZERO, DVec3::ZERO);
+        for (a, b, w) in pairs.clone() {
+            weight += w;
+            from += a * w;
+            to += b * w;
+        }
+        let (from, to) = (from / weight, to / weight);
+        let cost = |tau: DVec3| {
+            let r = turn(tau) * *start;
+            let data: f64 = pairs
+                .clone()
+                .map(|(a, b, w)| w * (r * (a - from) - (b - to)).length_squared())
+                .sum();
+            data + (self.rotation_prior * tau * tau).element_sum()
+        };
+        let mut tau = angles_from(start, now);
+        let mut value = cost(tau);
+        for _ in 0..10 {
+            let derivatives = turn_derivatives(tau);
+            let (mut normal, mut gradient) = (
+                DMat3::from_diagonal(self.rotation_prior),
+                self.rotation_prior * tau,
+            );
+            for (a, b, w) in pairs.clone() {
+                let x = *start * (a - from);
+                let rest = turn(tau) * x - (b - to);
+                let j =
+                    DMat3::from_cols(derivatives[0] * x, derivatives[1] * x, derivatives[2] * x);
+                normal += (j.transpose() * j) * w;
+                gradient += j.transpose() * rest * w;
+            }
+            let step = (normal + DMat3::IDENTITY * 1e-9).inverse() * gradient;
+            let mut share = 1.0;
+            let better = loop {
+                let next = tau - step * share;
+                let next_value = cost(next);
+                if next_value < value {
+                    break Some((next, next_value));
+                }
+                share /= 2.0;
+                if share < 1e-3 {
+                    break None;
+                }
+            };
+            let Some((next, next_value)) = better else {
+                break;
+            };
+            let done = value - next_value <= 1e-12 * value;
+            (tau, value) = (next, next_value);
+            if done {
+                break;
+            }
+        }
+        turn(tau) * *start
+    }
+}
+
+/// The noise of whole points: turning a point mixes its coordinates, so each gets their mean.
+pub(super) fn pointwise(noise: &[f64]) -> Vec<f64> {
+    noise
+        .chunks_exact(3)
+        .flat_map(|n| [n.iter().sum::<f64>() / 3.0; 3])
+        .collect()
+}
+
+/// R = Rz Ry Rx.
+fn turn(tau: DVec3) -> DMat3 {
+    DMat3::from_rotation_z(tau.z) * DMat3::from_rotation_y(tau.y) * DMat3::from_rotation_x(tau.x)
+}
+
+/// dR/dτx = Rz Ry Rx [ex]×, dR/dτy = Rz Ry [ey]× Rx, dR/dτz = [ez]× R.
+fn turn_derivatives(tau: DVec3) -> [DMat3; 3] {
+    let (x, y, z) = (
+        DMat3::from_rotation_x(tau.x),
+        DMat3::from_rotation_y(tau.y),
+        DMat3::from_rotation_z(tau.z),
+    );
+    [
+        z * y * x * cross_matrix(DVec3::X),
+        z * y * cross_matrix(DVec3::Y) * x,
+        cross_matrix(DVec3::Z) * z * y * x,
+    ]
+}
+
+/// The angles τ with R(τ) R_start = R.
+fn angles_from(start: &DMat3, now: &DMat3) -> DVec3 {
+    use crate::pose::rotation::{decompose, parse_order};
+    let relative = *now * start.transpose();
+    let order = parse_order("zyx").unwrap_or([crate::pose::rotation::Axis::Z; 3]);
+    let [z, y, x] = decompose(&relative, order, [0.0; 3]);
+    DVec3::new(x, y, z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_derivatives_of_the_turn_are_right() {
+        let tau = DVec3::new(0.3, -0.8, 1.9);
+        let h = 1e-6;
+        for (k, d) in turn_derivatives(tau).into_iter().enumerate() {
+            let e = DVec3::AXES[k] * h;
+            let want = (turn(tau + e) - turn(tau - e)) * (0.5 / h);
+            assert!(
+                (0..3).all(|c| (d.col(c) - want.col(c)).length() <= 1e-8),
+                "{k}"
+            );
+        }
+        let r = turn(tau);
+        assert!((angles_from(&DMat3::IDENTITY, &r) - tau).length() <= 1e-9);
+    }
+}
