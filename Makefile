@@ -1,0 +1,61 @@
+# make demo    what posing does, on a real take: installs what is missing, builds, restores, writes a page to look at
+# make test    the tests: installs what is missing, then cargo test
+# The rest is for developers; see README.md.
+
+CARGO  ?= cargo
+PREFIX ?= /usr/local
+BIN    := target/release
+# The path of the CMU takes (a folder NN/ a subject with NN.asf and NN_*.amc), for `make model`.
+CMU    ?=
+
+ON_PATH  := amc2xyz cluster ksvd-train dict-concat denoise complete xyz2bvh
+BESIDE   := bvh2xyz xyz2amc encode decode corrupt score plot model
+
+.PHONY: demo test build needs model bench bless install uninstall clean
+
+demo: needs build
+	@POSING_BIN=$(BIN) sh testdata/examples/demo.sh target/demo
+
+test: needs
+	$(CARGO) test --release
+
+build: needs
+	$(CARGO) build --release
+
+# OpenBLAS and pkg-config, where they are missing.
+needs:
+	@sh testdata/examples/needs.sh
+
+# Learns the built-in model from the CMU takes: every fourth frame of every take.
+model: build
+	@test -n "$(CMU)" || { echo 'make model: name the CMU takes: make model CMU=path' >&2; exit 2; }
+	@POSING_BIN=$(BIN) sh testdata/examples/builtin.sh "$(CMU)" src/prior/builtin.npz
+
+bench: needs
+	$(CARGO) bench
+
+# Writes pages of the manual and goldens anew, on purpose: look at the difference before you commit it.
+bless: needs
+	POSING_BLESS=1 $(CARGO) test --release
+
+install: build
+	install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/libexec/posing" \
+	  "$(DESTDIR)$(PREFIX)/share/man/man1" "$(DESTDIR)$(PREFIX)/share/man/man5" \
+	  "$(DESTDIR)$(PREFIX)/share/bash-completion/completions" \
+	  "$(DESTDIR)$(PREFIX)/share/zsh/site-functions" "$(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d"
+	install -m 755 $(addprefix $(BIN)/,posing $(ON_PATH)) "$(DESTDIR)$(PREFIX)/bin"
+	install -m 755 $(addprefix $(BIN)/,$(BESIDE)) "$(DESTDIR)$(PREFIX)/libexec/posing"
+	install -m 644 man/*.1 "$(DESTDIR)$(PREFIX)/share/man/man1"
+	install -m 644 man/*.5 "$(DESTDIR)$(PREFIX)/share/man/man5"
+	$(BIN)/posing completions bash > "$(DESTDIR)$(PREFIX)/share/bash-completion/completions/posing"
+	$(BIN)/posing completions zsh > "$(DESTDIR)$(PREFIX)/share/zsh/site-functions/_posing"
+	$(BIN)/posing completions fish > "$(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/posing.fish"
+
+uninstall:
+	cd "$(DESTDIR)$(PREFIX)" && rm -rf libexec/posing && rm -f $(addprefix bin/,posing $(ON_PATH)) \
+	  share/bash-completion/completions/posing share/zsh/site-functions/_posing share/fish/vendor_completions.d/posing.fish
+	for page in man/*.1; do rm -f "$(DESTDIR)$(PREFIX)/share/man/man1/$${page#man/}"; done
+	for page in man/*.5; do rm -f "$(DESTDIR)$(PREFIX)/share/man/man5/$${page#man/}"; done
+
+clean:
+	$(CARGO) clean

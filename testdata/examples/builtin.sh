@@ -1,0 +1,14 @@
+#!/bin/sh
+# Learns the built-in model from a folder of CMU takes: builtin.sh CMU OUT.npz
+set -eu
+cmu=$1 out=$2 bin=${POSING_BIN:-}
+run() { name=$1; shift; "${bin:+$bin/}$name" "$@"; }
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+for folder in "$cmu"/*/; do
+  subject=$(basename "$folder")
+  # Every fourth frame: at 120 frames a second its neighbours say the same.
+  run amc2xyz --asf "$folder/$subject.asf" --fps 120 "$folder/$subject"_*.amc | awk 'NR == 1 || NR % 4 == 2' > "$work/$subject.csv"
+done
+run ksvd-train -n 3000 --sparsity 3 --iterations 20 --coherence 0.99 --credit "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217." -o "$out" "$work"/*.csv
+run model info "$out"
