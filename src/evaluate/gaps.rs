@@ -3,11 +3,11 @@
 use super::corruption::Stream;
 use crate::pose::Poses;
 use crate::{Error, Result};
-use ndarray::ArrayView2;
+use ndarray::{ArrayView2, s};
 use rand::Rng;
 use std::ops::Range;
 
-/// What gaps every take is to have.
+/// What gaps a take is to have.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Gaps {
     /// How many, at least 1.
@@ -29,14 +29,12 @@ pub struct Gap {
     pub points: Vec<usize>,
 }
 
-/// The gaps of one take.
+/// What came of laying gaps into a take.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Laid {
-    /// The take's frames.
-    pub take: Range<usize>,
-    /// Its gaps; fewer than asked for where no more fit.
+    /// The gaps; fewer than asked for where no more fit.
     pub gaps: Vec<Gap>,
-    /// The length of its longest run; below the gaps' length, none can be laid.
+    /// The length of the take's longest run; below a gap's length, none can be laid.
     pub longest: usize,
 }
 
@@ -46,7 +44,7 @@ pub struct Laid {
 /// [`Error::Usage`] when that is none.
 pub fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
     let frames = (seconds * rate).round();
-    if !(frames >= 1.0) {
+    if frames.is_nan() || frames < 1.0 {
         return Err(Error::usage(format!(
             "--length {seconds} is less than half a frame at {rate} frames a second"
         )));
@@ -56,52 +54,45 @@ pub fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
 }
 
 impl Gaps {
-    /// Lays the gaps of every take (of the whole table where it names no takes).
+    /// Lays the gaps of the take number `index`, whose frames are `take`: what they hide becomes NaN.
     ///
     /// A gap lies within one run and hides points that are observed throughout, in all its frames and in the frame before
     /// and after it; so two gaps of a point never touch, each is as long as asked for, and the first and last frame of
-    /// a run stay as they are. Only where no run of a take is longer than the gap by two frames may a gap reach the
-    /// run's ends. Among the places left, each is equally likely.
+    /// a run stay as they are. Only where no run of the take is longer than a gap by two frames may one reach the run's
+    /// ends. Among the places left, each is equally likely. Cost and memory are those of reading the take once.
     ///
     /// # Errors
     /// [`Error::Usage`] when a number is 0, or there are fewer points than a gap is to have.
-    pub fn lay(&self, poses: &Poses) -> Result<Vec<Laid>> {
-        let points = poses.points.len();
+    pub fn lay(&self, take: &mut Poses, index: u64) -> Result<Laid> {
+        let (asked, points) = (self.points, take.points.len());
         if self.count == 0 || self.frames == 0 {
             return Err(Error::usage("--gaps and --length: expected at least one"));
         }
-        if self.points == 0 || self.points > points {
-            let asked = self.points;
+        if asked == 0 || asked > points {
             return Err(Error::usage(format!(
                 "--points {asked}: expected 1 to {points} (the table's points)"
             )));
         }
-        let runs = poses.runs();
-        let mut rest = &runs[..];
-        let takes = poses.takes().into_iter().enumerate();
-        let laid = takes.map(|(index, take)| {
-            // A run ends where its take does, so each take has its own stretch of the runs.
-            let own = rest.partition_point(|r| r.end <= take.end);
-            let (runs, others) = rest.split_at(own);
-            rest = others;
-            let mut random = Stream::Gaps.generator(self.seed, index as u64);
-            Laid {
-                gaps: self.lay_one(poses.xyz.view(), &take, runs, &mut random),
-                longest: runs.iter().map(Range::len).max().unwrap_or(0),
-                take,
+        let runs = take.runs();
+        let mut random = Stream::Gaps.generator(self.seed, index);
+        let gaps = self.choose(take.xyz.view(), &runs, &mut random);
+        for gap in &gaps {
+            for &point in &gap.points {
+                let hidden = s![gap.frames.clone(), 3 * point..3 * point + 3];
+                take.xyz.slice_mut(hidden).fill(f64::NAN);
             }
-        });
-        Ok(laid.collect())
+        }
+        let longest = runs.iter().map(Range::len).max().unwrap_or(0);
+        Ok(Laid { gaps, longest })
     }
 
-    fn lay_one(
+    fn choose(
         &self,
         xyz: ArrayView2<'_, f64>,
-        take: &Range<usize>,
         runs: &[Range<usize>],
         random: &mut impl Rng,
     ) -> Vec<Gap> {
-        let mut room = Room::new(self, xyz, take, runs);
+        let mut room = Room::new(self, xyz, runs);
         let mut gaps = Vec::new();
         while gaps.len() < self.count && !room.open.is_empty() {
             let start = room.open[random.random_range(0..room.open.len())];
@@ -112,9 +103,8 @@ impl Gaps {
                 .collect::<Vec<_>>();
             points.sort_unstable();
             room.occupy(start, &points);
-            let first = take.start + start;
             gaps.push(Gap {
-                frames: first..first + self.frames,
+                frames: start..start + self.frames,
                 points,
             });
         }
@@ -122,7 +112,7 @@ impl Gaps {
     }
 }
 
-/// Where in a take a gap may still start. Frames count from the take's first.
+/// Where in a take a gap may still start.
 struct Room {
     /// Length of a gap in frames, and how many points it needs.
     frames: usize,
@@ -139,13 +129,8 @@ struct Room {
 }
 
 impl Room {
-    fn new(
-        gaps: &Gaps,
-        xyz: ArrayView2<'_, f64>,
-        take: &Range<usize>,
-        runs: &[Range<usize>],
-    ) -> Room {
-        let points = xyz.ncols() / 3;
+    fn new(gaps: &Gaps, xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Room {
+        let (frames, points) = (xyz.nrows(), xyz.ncols() / 3);
         let mut room = Room {
             frames: gaps.frames,
             needed: gaps.points,
@@ -158,16 +143,16 @@ impl Room {
         if runs.iter().all(|r| r.len() < gaps.frames) {
             return room;
         }
-        room.free = vec![false; take.len() * points];
-        room.left = vec![0; take.len()];
-        room.slot = vec![None; take.len()];
+        room.free = vec![false; frames * points];
+        room.left = vec![0; frames];
+        room.slot = vec![None; frames];
         let margin = usize::from(runs.iter().any(|r| r.len() - 1 > gaps.frames));
         for run in runs.iter().filter(|r| r.len() >= gaps.frames + 2 * margin) {
             for point in 0..points {
-                room.free_in_run(xyz, take.start, run, margin, point);
+                room.free_in_run(xyz, run, margin, point);
             }
         }
-        for start in 0..take.len() {
+        for start in 0..frames {
             if room.left[start] >= room.needed {
                 room.slot[start] = Some(room.open.len());
                 room.open.push(start);
@@ -180,7 +165,6 @@ impl Room {
     fn free_in_run(
         &mut self,
         xyz: ArrayView2<'_, f64>,
-        first: usize,
         run: &Range<usize>,
         margin: usize,
         point: usize,
@@ -191,7 +175,7 @@ impl Room {
             let observed = (0..3).all(|a| !xyz[[frame, 3 * point + a]].is_nan());
             seen = if observed { seen + 1 } else { 0 };
             if seen >= window {
-                let start = frame + 1 - window + margin - first;
+                let start = frame + 1 - window + margin;
                 self.free[start * self.points + point] = true;
                 self.left[start] += 1;
             }
@@ -235,7 +219,6 @@ mod tests {
     use super::*;
     use ndarray::Array2;
     use proptest::prelude::*;
-    use std::sync::Arc;
 
     fn poses(frames: usize, points: usize) -> Poses {
         Poses {
@@ -255,20 +238,19 @@ mod tests {
         }
     }
 
-    /// Lengths of the stretches in which a point is missing.
-    fn stretches(poses: &Poses, laid: &[Laid]) -> Vec<usize> {
-        let mut missing = Array2::from_elem((poses.frames(), poses.points.len()), false);
-        for gap in laid.iter().flat_map(|l| &l.gaps) {
-            for f in gap.frames.clone() {
-                for &p in &gap.points {
-                    assert!(!std::mem::replace(&mut missing[[f, p]], true), "overlap");
-                }
-            }
-        }
+    /// Lays into a copy.
+    fn lay(what: &Gaps, take: &Poses) -> (Laid, Poses) {
+        let mut take = take.clone();
+        (what.lay(&mut take, 0).unwrap(), take)
+    }
+
+    /// Lengths of the stretches in which a coordinate is missing.
+    fn stretches(take: &Poses) -> Vec<usize> {
         let mut found = Vec::new();
-        for column in missing.columns() {
+        for column in take.xyz.columns() {
             let column = column.to_vec();
-            found.extend(column.split(|m| !m).map(<[bool]>::len).filter(|l| *l > 0));
+            let runs = column.split(|v| !v.is_nan()).map(<[f64]>::len);
+            found.extend(runs.filter(|l| *l > 0));
         }
         found
     }
@@ -278,65 +260,65 @@ mod tests {
         fn gaps_have_their_number_length_and_points(
             count in 1usize..6, frames in 1usize..12, points in 1usize..5, seed in 0u64..1000
         ) {
-            let poses = poses(150, 9);
+            let whole = poses(150, 9);
             let what = Gaps { count, frames, points, seed };
-            let laid = what.lay(&poses).unwrap();
-            prop_assert_eq!(&what.lay(&poses).unwrap(), &laid);
-            prop_assert_eq!(laid.len(), 1);
-            prop_assert_eq!(laid[0].gaps.len(), count);
-            for gap in &laid[0].gaps {
+            let (laid, take) = lay(&what, &whole);
+            prop_assert_eq!(&lay(&what, &whole).0, &laid);
+            prop_assert_eq!(laid.gaps.len(), count);
+            for gap in &laid.gaps {
                 prop_assert!(gap.frames.start >= 1 && gap.frames.end <= 149);
                 prop_assert_eq!(gap.frames.len(), frames);
                 prop_assert_eq!(gap.points.len(), points);
                 prop_assert!(gap.points.windows(2).all(|w| w[0] < w[1]));
             }
             // Two gaps of a point never touch, so every stretch is one gap.
-            prop_assert_eq!(stretches(&poses, &laid), vec![frames; count * points]);
+            prop_assert_eq!(stretches(&take), vec![frames; 3 * count * points]);
         }
     }
 
     #[test]
-    fn every_take_has_its_gaps_and_none_crosses_a_run() {
-        let mut poses = poses(60, 2);
-        poses.take = Some(
-            (0..60)
-                .map(|i| Arc::from(if i < 40 { "a" } else { "b" }))
-                .collect(),
-        );
-        // The first take is broken after 15 frames.
-        let time = |i: usize| i as f64 / 10.0 + if (15..40).contains(&i) { 9.0 } else { 0.0 };
-        poses.time = Some((0..60).map(time).collect());
+    fn takes_have_gaps_of_their_own() {
+        let what = gaps(2, 6, 1);
+        let laid = |index| what.lay(&mut poses(60, 9), index).unwrap().gaps;
+        assert_eq!(laid(3), laid(3));
+        assert_ne!(laid(3), laid(4));
+    }
+
+    #[test]
+    fn no_gap_crosses_a_run() {
+        let mut take = poses(40, 2);
+        // Broken after 15 frames.
+        let time = |i: usize| i as f64 / 10.0 + if i < 15 { 0.0 } else { 9.0 };
+        take.time = Some((0..40).map(time).collect());
         for seed in 0..50 {
-            let laid = Gaps {
-                seed,
-                ..gaps(2, 6, 1)
-            }
-            .lay(&poses)
-            .unwrap();
-            assert_eq!(
-                laid.iter().map(|l| l.gaps.len()).collect::<Vec<_>>(),
-                [2, 2]
+            let (laid, _) = lay(
+                &Gaps {
+                    seed,
+                    ..gaps(2, 6, 1)
+                },
+                &take,
             );
-            assert_eq!(laid[0].longest, 25);
-            for gap in laid.iter().flat_map(|l| &l.gaps) {
+            assert_eq!((laid.gaps.len(), laid.longest), (2, 25));
+            for gap in &laid.gaps {
                 let inside = |r: Range<usize>| gap.frames.start > r.start && gap.frames.end < r.end;
-                assert!(inside(0..15) || inside(15..40) || inside(40..60), "{gap:?}");
+                assert!(inside(0..15) || inside(15..40), "{gap:?}");
             }
         }
     }
 
     #[test]
     fn every_place_is_as_likely() {
-        let poses = poses(12, 2);
+        let take = poses(12, 2);
         let mut starts = [0; 12];
         for seed in 0..8000 {
-            let laid = Gaps {
-                seed,
-                ..gaps(1, 3, 1)
-            }
-            .lay(&poses)
-            .unwrap();
-            starts[laid[0].gaps[0].frames.start] += 1;
+            let (laid, _) = lay(
+                &Gaps {
+                    seed,
+                    ..gaps(1, 3, 1)
+                },
+                &take,
+            );
+            starts[laid.gaps[0].frames.start] += 1;
         }
         assert!(starts[0] == 0 && starts[9..] == [0; 3]);
         for s in &starts[1..9] {
@@ -346,51 +328,49 @@ mod tests {
 
     #[test]
     fn short_takes_have_gaps_at_their_ends_or_none() {
-        let fits = |n: usize| gaps(1, 5, 1).lay(&poses(n, 1)).unwrap().remove(0);
+        let fits = |n: usize| lay(&gaps(1, 5, 1), &poses(n, 1)).0;
+        assert!(fits(0).gaps.is_empty() && fits(0).longest == 0);
         assert!(fits(4).gaps.is_empty() && fits(4).longest == 4);
         assert_eq!(fits(5).gaps[0].frames, 0..5);
         assert_eq!(fits(6).gaps.len(), 1);
         assert_eq!(fits(7).gaps[0].frames, 1..6);
-        assert!(gaps(1, 5, 1).lay(&poses(0, 1)).unwrap().is_empty());
-        assert!(
-            gaps(1, usize::MAX, 1).lay(&poses(9, 1)).unwrap()[0]
-                .gaps
-                .is_empty()
-        );
+        let endless = gaps(1, usize::MAX, 1);
+        assert!(lay(&endless, &poses(9, 1)).0.gaps.is_empty());
     }
 
     #[test]
     fn what_is_missing_already_is_no_place_for_a_gap() {
-        let mut poses = poses(30, 2);
-        poses.xyz.column_mut(4).fill(f64::NAN);
-        poses.xyz[[10, 0]] = f64::NAN;
+        let mut take = poses(30, 2);
+        take.xyz.column_mut(4).fill(f64::NAN);
+        take.xyz[[10, 0]] = f64::NAN;
         for seed in 0..100 {
-            let laid = Gaps {
-                seed,
-                ..gaps(1, 5, 1)
-            }
-            .lay(&poses)
-            .unwrap();
-            let gap = &laid[0].gaps[0];
+            let (laid, _) = lay(
+                &Gaps {
+                    seed,
+                    ..gaps(1, 5, 1)
+                },
+                &take,
+            );
+            let gap = &laid.gaps[0];
             assert_eq!(gap.points, [0]);
             assert!(gap.frames.end < 10 || gap.frames.start > 11, "{gap:?}");
         }
         // No two points are observed at once: no gap of two.
-        assert!(gaps(1, 5, 2).lay(&poses).unwrap()[0].gaps.is_empty());
+        assert!(lay(&gaps(1, 5, 2), &take).0.gaps.is_empty());
     }
 
     #[test]
     fn a_full_take_has_as_many_gaps_as_fit() {
         // Gaps of one frame and their neighbours fill at most every other frame.
-        let laid = gaps(1000, 1, 1).lay(&poses(21, 1)).unwrap();
-        assert!((5..=10).contains(&laid[0].gaps.len()));
-        assert!(stretches(&poses(21, 1), &laid).iter().all(|l| *l == 1));
+        let (laid, take) = lay(&gaps(1000, 1, 1), &poses(21, 1));
+        assert!((5..=10).contains(&laid.gaps.len()));
+        assert!(stretches(&take).iter().all(|l| *l == 1));
     }
 
     #[test]
     fn limits_are_named() {
         let says = |g: Gaps, part: &str| {
-            let e = g.lay(&poses(9, 3)).unwrap_err();
+            let e = g.lay(&mut poses(9, 3), 0).unwrap_err();
             assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
         };
         says(gaps(0, 1, 1), "--gaps");
@@ -398,12 +378,8 @@ mod tests {
         says(gaps(1, 1, 4), "--points 4: expected 1 to 3");
         assert_eq!(frames_in(0.4, 120.0).unwrap(), 48);
         for bad in [0.0, 0.001, f64::NAN] {
-            assert!(
-                frames_in(bad, 120.0)
-                    .unwrap_err()
-                    .to_string()
-                    .contains("--length")
-            );
+            let e = frames_in(bad, 120.0).unwrap_err().to_string();
+            assert!(e.contains("--length"));
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Corruptions, scores, figures.
 
 pub mod corruption;
+pub mod damage;
 pub mod figure;
 pub mod gaps;
 mod markup;

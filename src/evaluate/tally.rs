@@ -90,6 +90,11 @@ pub(super) fn mean(sum: f64, count: u64) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
+/// Point `i` of a frame.
+pub(super) fn point(xyz: &[f64], i: usize) -> [f64; 3] {
+    [xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
