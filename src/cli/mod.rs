@@ -2,6 +2,7 @@
 
 pub mod commands;
 pub mod flags;
+pub mod instep;
 pub mod pages;
 pub mod progress;
 pub mod restoring;

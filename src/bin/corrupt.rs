@@ -1,0 +1,191 @@
+//! Damages poses on purpose, for tests.
+
+use clap::Parser;
+use ndarray::Array2;
+use posing::cli::flags::{Common, Seed, TableIn, TableOut, parse_length, parse_positive};
+use posing::cli::streams::{RowStream, TableSink};
+use posing::cli::{Outcome, run, say};
+use posing::evaluate::corruption::Corruption;
+use posing::evaluate::gaps::{Gaps, frames_in};
+use posing::io::table::{Row, point_names};
+use posing::pose::Poses;
+use posing::{Error, Place, Result};
+use std::process::ExitCode;
+
+/// Damage poses on purpose, for tests
+///
+/// Adds Gaussian noise, hides points, lays gaps; several at once in the order dense, sparse, keep and drop, gaps. What is
+/// missing stays missing, unchanged cells keep their text, and the same seed does the same damage. Noise and hidden
+/// points take a frame at a time in constant memory; for gaps a whole take is held at a time (the whole table, where it
+/// names no takes).
+#[derive(Parser)]
+#[command(
+    name = "corrupt",
+    version,
+    after_help = "Examples:\n  posing corrupt --dense 1asf --seed 1 walk.csv > noisy.csv\n  posing corrupt --sparse 1asf --share 0.2 walk.csv > outliers.csv\n  posing corrupt --keep lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > six.csv\n  posing corrupt --gaps 8 --length 0.4 --points 3 walk.csv > gaps.csv"
+)]
+struct Args {
+    /// Add Gaussian noise of this standard deviation to every coordinate: cm, or with a unit (1asf = 5.644 cm)
+    #[arg(long, value_name = "SD", value_parser = parse_length)]
+    dense: Option<f64>,
+    /// Add Gaussian noise of this standard deviation to a random share of the points of each frame
+    #[arg(long, value_name = "SD", value_parser = parse_length)]
+    sparse: Option<f64>,
+    /// The probability that --sparse chooses a point of a frame, each independently (Bernoulli), 0 to 1
+    #[arg(long, value_name = "P", default_value_t = 0.2, requires = "sparse")]
+    share: f64,
+    /// Keep these points alone; all others become empty
+    #[arg(long, value_name = "LIST")]
+    keep: Option<String>,
+    /// These points become empty
+    #[arg(long, value_name = "LIST")]
+    drop: Option<String>,
+    /// Lay N gaps into each take, inside its runs and away from their first and last frame where they are long enough
+    #[arg(long, value_name = "N", requires = "length")]
+    gaps: Option<usize>,
+    /// The length of a gap; needs a rate: times in the table, or --fps
+    #[arg(long, value_name = "SECONDS", requires = "gaps", value_parser = parse_positive)]
+    length: Option<f64>,
+    /// How many points a gap hides, chosen at random
+    #[arg(long, value_name = "M", default_value_t = 1, requires = "gaps")]
+    points: usize,
+    #[command(flatten)]
+    table: TableIn,
+    #[command(flatten)]
+    out: TableOut,
+    #[command(flatten)]
+    seed: Seed,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let noise = args.dense.is_some() || args.sparse.is_some();
+    let hiding = args.keep.is_some() || args.drop.is_some();
+    if !noise && !hiding && args.gaps.is_none() {
+        let what = "nothing to do; name --dense, --sparse, --keep, --drop or --gaps";
+        return Err(Error::usage(what));
+    }
+    let corruption = Corruption {
+        dense: args.dense.unwrap_or(0.0),
+        sparse: args.sparse.unwrap_or(0.0),
+        share: args.share,
+        keep: args.keep.as_deref().map(point_names).transpose()?,
+        drop: match &args.drop {
+            Some(list) => point_names(list)?,
+            None => Vec::new(),
+        },
+        seed: args.seed.seed,
+    };
+    let mut rows = RowStream::open(&args.table, false, true)?;
+    let corruptor = corruption.check(&rows.columns().points)?;
+    let gaps = args.gaps.zip(args.length);
+    if gaps.is_some() && rows.columns().time.is_none() && args.table.fps.is_none() {
+        let what = "has no time column to tell its rate; --fps F gives it";
+        return Err(Error::data(Place::file(rows.name()), what));
+    }
+    let mut sink = TableSink::create(&args.out, rows.columns(), &[])?;
+    let mut takes = Takes::default();
+    let (mut row, mut frame) = (Row::default(), 0);
+    while rows.read(&mut row)? {
+        let mut xyz = row.xyz.clone();
+        corruptor.apply(frame, &mut xyz);
+        frame += 1;
+        match gaps {
+            None => sink.write(&row, &xyz, &[])?,
+            Some(gaps) => {
+                if takes.rows.last().is_some_and(|last| last.take != row.take) {
+                    takes.finish(args, gaps, &rows, &mut sink)?;
+                }
+                takes.xyz.extend(xyz);
+                takes.rows.push(row.clone());
+            }
+        }
+    }
+    if let Some(gaps) = gaps {
+        takes.finish(args, gaps, &rows, &mut sink)?;
+        if takes.whole == takes.done && frame > 0 {
+            let what = "no take is as long as a gap; a shorter --length would fit";
+            return Err(Error::data(Place::file(rows.name()), what));
+        }
+    }
+    sink.finish()?;
+    Ok(Outcome::Done)
+}
+
+/// The take being gathered for its gaps.
+#[derive(Default)]
+struct Takes {
+    /// Its frames as they were read.
+    rows: Vec<Row>,
+    /// Their numbers, with noise and hidden points.
+    xyz: Vec<f64>,
+    /// How many takes are done, and how many of them were too short for a gap.
+    done: u64,
+    whole: u64,
+}
+
+impl Takes {
+    /// Lays the gaps of the take gathered and writes it.
+    fn finish(
+        &mut self,
+        args: &Args,
+        (count, seconds): (usize, f64),
+        table: &RowStream,
+        sink: &mut TableSink,
+    ) -> Result<()> {
+        let rows = std::mem::take(&mut self.rows);
+        let Some(take) = rows.first().map(|row| row.take.clone()) else {
+            return Ok(());
+        };
+        let mut poses = Poses {
+            points: table.columns().points.clone(),
+            xyz: Array2::from_shape_vec(
+                (rows.len(), table.columns().width()),
+                std::mem::take(&mut self.xyz),
+            )
+            .unwrap_or_default(),
+            time: rows.iter().map(|row| row.time).collect(),
+            take: None,
+        };
+        let take = take.map_or("the table".into(), |take| format!("take \"{take}\""));
+        let short = |why: String| say::note(&format!("{}: {take} has no gap: {why}", table.name()));
+        let index = self.done;
+        self.done += 1;
+        if let Some(rate) = args.table.rate(&poses)? {
+            let gaps = Gaps {
+                count,
+                frames: frames_in(seconds, rate)?,
+                points: args.points,
+                seed: args.seed.seed,
+            };
+            let laid = gaps.lay(&mut poses, index)?;
+            let (fit, frames) = (laid.gaps.len(), gaps.frames);
+            if laid.longest < frames {
+                self.whole += 1;
+                let longest = laid.longest;
+                short(format!(
+                    "it is shorter ({longest} frames in a run) than one of {frames} frames"
+                ));
+            } else if fit < count {
+                let what = format!(
+                    "{take}: only {fit} of {count} gaps of {frames} frames in {} points fit; fewer --gaps, a shorter --length or fewer --points would",
+                    args.points
+                );
+                return Err(Error::data(Place::file(table.name()), what));
+            }
+        } else {
+            self.whole += 1;
+            short("its times tell no rate".into());
+        }
+        for (row, xyz) in rows.iter().zip(poses.xyz.rows()) {
+            sink.write(row, &xyz.to_vec(), &[])?;
+        }
+        Ok(())
+    }
+}

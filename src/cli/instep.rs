@@ -1,0 +1,172 @@
+//! Tables of the same frames, read in step.
+
+use super::flags::TableIn;
+use super::streams::{RowStream, one_stdin};
+use crate::io::table::Row;
+use crate::{Error, Place, Result};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Times that differ by no more are the same, in seconds: other tools round them.
+const SAME_TIME: f64 = 1e-4;
+
+/// Tables with the same frames, one frame of each at a time, in constant memory.
+///
+/// Points are matched by name: all come in the first table's order. Where two tables tell a frame's take or time, they
+/// must agree. A table of 2-D points has no z.
+pub struct InStep<'a> {
+    tables: Vec<Table<'a>>,
+    points: Vec<String>,
+    frames: u64,
+}
+
+struct Table<'a> {
+    stream: RowStream<'a>,
+    row: Row,
+    /// Where each of the first table's points stands in this one.
+    order: Vec<usize>,
+}
+
+/// A frame of every table.
+#[derive(Debug, Clone, Default)]
+pub struct Step {
+    /// A table each: three numbers a point, NaN is missing.
+    pub xyz: Vec<Vec<f64>>,
+    /// Seconds, from the first table that tells.
+    pub time: Option<f64>,
+    /// The take, from the first table that tells.
+    pub take: Option<Arc<str>>,
+}
+
+impl<'a> InStep<'a> {
+    /// Opens the tables (each of one file, or standard input).
+    ///
+    /// # Errors
+    /// When one cannot be read, or lacks a point of the first.
+    pub fn open(inputs: &'a [TableIn]) -> Result<InStep<'a>> {
+        one_stdin(inputs.iter().flat_map(|t| &t.files))?;
+        let mut points = Vec::new();
+        let mut tables: Vec<Table> = Vec::new();
+        for input in inputs {
+            let stream = RowStream::open(input, true, true)?;
+            let order = match tables.first() {
+                None => {
+                    points = stream.columns().points.clone();
+                    (0..points.len()).collect()
+                }
+                Some(first) => order(&points, first.stream.name(), &stream)?,
+            };
+            tables.push(Table {
+                stream,
+                row: Row::default(),
+                order,
+            });
+        }
+        Ok(InStep {
+            tables,
+            points,
+            frames: 0,
+        })
+    }
+
+    /// The points, in the first table's order.
+    pub fn points(&self) -> &[String] {
+        &self.points
+    }
+
+    /// For each table its name and how many points it has that the first has not; those are left out.
+    pub fn left_out(&self) -> impl Iterator<Item = (&str, usize)> {
+        let more = |t: &Table| t.stream.columns().points.len() - self.points.len();
+        self.tables.iter().map(move |t| (t.stream.name(), more(t)))
+    }
+
+    /// The next frame of every table; `false` when all end here.
+    ///
+    /// # Errors
+    /// When a table cannot be read, ends before another, or tells another take or time.
+    pub fn read(&mut self, step: &mut Step) -> Result<bool> {
+        let mut ended = Vec::new();
+        for table in &mut self.tables {
+            ended.push(!table.stream.read(&mut table.row)?);
+        }
+        if ended.contains(&true) {
+            return self.end(&ended);
+        }
+        self.frames += 1;
+        step.xyz.resize(self.tables.len(), Vec::new());
+        for (table, xyz) in self.tables.iter().zip(&mut step.xyz) {
+            xyz.clear();
+            for &point in &table.order {
+                xyz.extend_from_slice(&table.row.xyz[3 * point..3 * point + 3]);
+            }
+        }
+        step.take = self.agreed(|row| row.take.clone(), |a, b| a == b, "take")?;
+        step.time = self.agreed(|r| r.time, |a, b| (a - b).abs() <= SAME_TIME, "time")?;
+        Ok(true)
+    }
+
+    /// All must end together.
+    fn end(&self, ended: &[bool]) -> Result<bool> {
+        let short = ended.iter().position(|e| *e).unwrap_or(0);
+        let Some(long) = ended.iter().position(|e| !*e) else {
+            return Ok(false);
+        };
+        let [short, long] = [short, long].map(|i| self.tables[i].stream.name());
+        let frames = self.frames;
+        Err(Error::data(
+            Place::file(short),
+            format!("ends after {frames} frames, {long} goes on; they must have the same frames"),
+        ))
+    }
+
+    /// What the first table that tells of it says, after asking that the others say the same.
+    fn agreed<T: std::fmt::Display>(
+        &self,
+        of: impl Fn(&Row) -> Option<T>,
+        same: impl Fn(&T, &T) -> bool,
+        what: &str,
+    ) -> Result<Option<T>> {
+        let mut told: Option<(&Table, T)> = None;
+        for table in &self.tables {
+            let Some(value) = of(&table.row) else {
+                continue;
+            };
+            match &told {
+                None => told = Some((table, value)),
+                Some((first, known)) if !same(known, &value) => {
+                    let other = self.place(first);
+                    return Err(Error::data(
+                        self.place(table).part(what),
+                        format!(
+                            "\"{value}\", but \"{known}\" in {other}; they must have the same frames"
+                        ),
+                    ));
+                }
+                Some(_) => {}
+            }
+        }
+        Ok(told.map(|(_, value)| value))
+    }
+
+    /// The line a table was last read at.
+    fn place(&self, table: &Table) -> Place {
+        let line = table.row.cells.position().map(csv::Position::line);
+        Place {
+            line,
+            ..Place::file(table.stream.name())
+        }
+    }
+}
+
+/// Where the points stand in a table.
+fn order(points: &[String], first: &str, stream: &RowStream) -> Result<Vec<usize>> {
+    let own = stream.columns().points.iter().enumerate();
+    let own: HashMap<&str, usize> = own.map(|(i, p)| (p.as_str(), i)).collect();
+    let find = |point: &String| {
+        own.get(point.as_str()).copied().ok_or_else(|| {
+            let what = format!("has no point \"{point}\", which {first} has");
+            Error::data(Place::file(stream.name()), what)
+        })
+    };
+    points.iter().map(find).collect()
+}

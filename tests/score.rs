@@ -1,0 +1,236 @@
+//! The command `score` from outside.
+
+use assert_cmd::Command;
+use predicates::prelude::PredicateBooleanExt;
+use predicates::str::contains;
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Folder {
+        Folder(tempfile::tempdir().unwrap())
+    }
+    fn file(&self, name: &str, text: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.0.path().join(name);
+        fs::write(&path, text).unwrap();
+        path
+    }
+}
+
+fn score(args: &[&str], files: &[&Path], input: &str) -> assert_cmd::assert::Assert {
+    Command::new(env!("CARGO_BIN_EXE_score"))
+        .args(args)
+        .args(files)
+        .write_stdin(input)
+        .assert()
+}
+
+fn json(args: &[&str], files: &[&Path]) -> Value {
+    let done = score(&[&["--json"], args].concat(), files, "").success();
+    serde_json::from_slice(&done.get_output().stdout).unwrap()
+}
+
+const TRUTH: &str = "take,time,root.x,root.y,root.z,lhipjoint.x,lhipjoint.y,lhipjoint.z\n\
+    w,0,0,0,0,3,4,0\nw,0.1,0,0,0,3,4,0\nw,0.2,0,0,0,3,4,0\nw,0.3,0,0,0,,,\n";
+
+#[test]
+fn points_are_matched_by_name_and_missing_ones_counted() {
+    let dir = Folder::new();
+    let truth = dir.file("truth.csv", TRUTH);
+    let result = dir.file(
+        "result.csv",
+        "lhipjoint.x,lhipjoint.y,lhipjoint.z,hat.x,hat.y,hat.z,root.z,root.y,root.x\n\
+         3,4,0,,,,0,0,2\n3,4,0,,,,0,0,0\n3,6,0,,,,0,0,0\n3,4,0,,,,0,,0\n",
+    );
+    let files = [truth.as_path(), &result];
+    let r = json(&[], &files);
+    assert_eq!(r["frames"], 4);
+    assert_eq!(r["rate"], 10.0);
+    assert_eq!(r["all"]["coordinates"], 20);
+    assert_eq!(r["all"]["still_missing"], 1);
+    assert_eq!(r["all"]["mse"], 8.0 / 20.0);
+    assert_eq!(r["all"]["max"], 2.0);
+    assert_eq!(r["all"]["mean_distance"], 4.0 / 6.0);
+    assert_eq!(r["by_point"][0]["point"], "root");
+    assert_eq!(r["by_point"][1]["mse"], 4.0 / 9.0);
+    assert_eq!(r["bones"]["by_bone"][0]["truth"], 5.0);
+    let said = score(&[], &files, "").success();
+    said.stderr(contains("left out 1 of its points"))
+        .stdout(contains("still missing: 1 of 21"));
+}
+
+#[test]
+fn units_scale_what_is_printed() {
+    let dir = Folder::new();
+    let truth = dir.file("t.csv", "a.x,a.y,a.z\n0,0,0\n");
+    let result = dir.file("r.csv", "a.x,a.y,a.z\n10,10,10\n");
+    for (unit, cm) in [("cm", 1.0), ("m", 100.0), ("asf", 2.54 / 0.45)] {
+        let r = json(&["--units", unit], &[&truth, &result]);
+        assert_eq!(r["units"], unit);
+        let mse = r["all"]["mse"].as_f64().unwrap();
+        assert!((mse * cm * cm - 100.0).abs() <= 1e-9);
+        let max = r["all"]["max"].as_f64().unwrap();
+        assert!((max * cm - 10.0).abs() <= 1e-9);
+    }
+}
+
+#[test]
+fn a_damaged_table_tells_what_was_missing() {
+    let dir = Folder::new();
+    let rows = |at: &dyn Fn(usize) -> &'static str| -> String {
+        let rows = (0..20).map(|i| format!("{},{}\n", i as f64 / 10.0, at(i)));
+        "time,a.x,a.y,a.z\n".to_string() + &rows.collect::<String>()
+    };
+    let truth = dir.file("t.csv", rows(&|_| "0,0,0"));
+    let hole = |i| (5..8).contains(&i) || i == 10;
+    let damaged = dir.file("d.csv", rows(&|i| if hole(i) { ",," } else { "0,0,0" }));
+    let result = dir.file(
+        "r.csv",
+        rows(&|i| match i {
+            5..8 => "2,2,2",
+            10 => "1,1,",
+            0 => "3,0,0",
+            _ => "0,0,0",
+        }),
+    );
+    let damaged = damaged.to_str().unwrap();
+    let d = &json(&["--damaged", damaged], &[&truth, &result])["damaged"];
+    assert_eq!(d["missing"]["coordinates"], 11);
+    assert_eq!(d["missing"]["still_missing"], 1);
+    assert_eq!(d["missing"]["mse"], (9.0 * 4.0 + 2.0) / 11.0);
+    assert_eq!(d["by_gap"][0]["gaps"], 1);
+    assert_eq!(d["by_gap"][1]["gaps"], 1);
+    assert_eq!(d["by_gap"][1]["rms"], 2.0);
+    assert_eq!(d["by_gap"][1]["up_to"], 0.3);
+    assert_eq!(d["observed"]["coordinates"], 48);
+    assert_eq!(d["changed"]["coordinates"], 1);
+    assert_eq!(d["before"]["still_missing"], 12);
+    let said = score(&["--damaged", damaged], &[&truth, &result], "").success();
+    said.stdout(contains("1 gap <= 0.1 s").and(contains("1 gap <= 0.3 s")));
+}
+
+#[test]
+fn frames_must_be_the_same() {
+    let dir = Folder::new();
+    let truth = dir.file("truth.csv", TRUTH);
+    let says = |text: &str, part: &str| {
+        let other = dir.file("other.csv", text);
+        for files in [[truth.as_path(), &other], [&other, truth.as_path()]] {
+            let said = score(&[], &files, "").failure().code(1);
+            let said = String::from_utf8_lossy(&said.get_output().stderr).to_string();
+            assert!(said.contains(part) && said.lines().count() == 1, "{said}");
+        }
+    };
+    says(&TRUTH.replace("w,0.2", "w,0.25"), ".csv:4: time:");
+    says(&TRUTH.replace("w,0.2", "v,0.2"), ".csv:4: take:");
+    says(
+        &TRUTH.replace("w,0.3,0,0,0,,,\n", ""),
+        "ends after 3 frames",
+    );
+    // A time that was rounded is the same.
+    let other = dir.file("other.csv", TRUTH.replace("w,0.2", "w,0.20001"));
+    score(&[], &[&truth, &other], "").success();
+}
+
+#[test]
+fn bad_inputs_are_told() {
+    let dir = Folder::new();
+    let truth = dir.file("truth.csv", TRUTH);
+    let less = dir.file("less.csv", "root.x,root.y,root.z\n0,0,0\n");
+    let head = dir.file("head.csv", "root.x,root.y,root.z\n");
+    let dash = Path::new("-");
+    let lacks = "less.csv: has no point \"lhipjoint\"";
+    score(&[], &[&truth, &less], "")
+        .code(1)
+        .stderr(contains(lacks));
+    let damaged = ["--damaged", less.to_str().unwrap()];
+    score(&damaged, &[&truth, &truth], "")
+        .code(1)
+        .stderr(contains(lacks));
+    score(&[], &[&head, &head], "")
+        .code(1)
+        .stderr(contains("no frames"));
+    score(&[], &[dash, dash], TRUTH)
+        .code(2)
+        .stderr(contains("more than once"));
+    score(&[], &[&truth], "").code(2);
+    score(&[], &[&truth, dash], "")
+        .code(1)
+        .stderr(contains("empty"));
+    let fps = ["--fps", "20"];
+    score(&fps, &[&truth, &truth], "")
+        .code(2)
+        .stderr(contains("--fps 20 contradicts"));
+    score(&[], &[&truth, dash], TRUTH).success();
+    score(&[], &[dash, &truth], TRUTH).success();
+}
+
+#[test]
+fn an_array_is_scored_against_a_table() {
+    let dir = Folder::new();
+    let text = "time,a.x,a.y,a.z\n0,1,2,3\n0.5,4,5,6\n1,7,8,9\n";
+    let truth = dir.file("t.csv", text);
+    let array = dir.0.path().join("r.npy");
+    let made = Command::new(env!("CARGO_BIN_EXE_corrupt"))
+        .args(["--drop", "a", "-o"])
+        .arg(&array)
+        .write_stdin(text)
+        .assert();
+    made.success();
+    let r = json(&["--joints", "a"], &[&truth, &array]);
+    assert_eq!(r["all"]["still_missing"], 9);
+    assert_eq!(r["all"]["mse"], Value::Null);
+    // Whichever tells the time.
+    assert_eq!(json(&["--joints", "a"], &[&array, &truth])["rate"], 2.0);
+    assert_eq!(
+        json(&["--joints", "a", "--fps", "9"], &[&array, &array])["rate"],
+        9.0
+    );
+}
+
+/// More frames than the rate is told from: none is lost or counted twice.
+#[test]
+fn long_tables_are_scored_to_the_end() {
+    let dir = Folder::new();
+    for frames in [1023, 1024, 1025, 3000] {
+        let rows = (0..frames).map(|i| format!("{},1,2,3\n", f64::from(i) / 100.0));
+        let text = "time,a.x,a.y,a.z\n".to_string() + &rows.collect::<String>();
+        let truth = dir.file("t.csv", text);
+        let r = json(&[], &[&truth, &truth]);
+        assert_eq!(r["frames"], frames);
+        assert_eq!(r["accelerations"]["count"], 3 * (frames - 2));
+    }
+}
+
+#[test]
+fn noise_of_one_unit_on_a_real_take_is_an_mse_of_one() {
+    let cmu = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/cmu/07");
+    if !cmu.exists() {
+        println!("skipped: no captures at {}", cmu.display());
+        return;
+    }
+    let dir = Folder::new();
+    let truth = dir.0.path().join("walk.csv");
+    Command::new(env!("CARGO_BIN_EXE_amc2xyz"))
+        .args(["--fps", "120", "--asf"])
+        .arg(cmu.join("07.asf"))
+        .arg(cmu.join("07_02.amc"))
+        .arg("-o")
+        .arg(&truth)
+        .assert()
+        .success();
+    let noisy = dir.0.path().join("noisy.csv");
+    Command::new(env!("CARGO_BIN_EXE_corrupt"))
+        .args(["--dense", "1asf", "--seed", "1", "-o"])
+        .args([&noisy, &truth])
+        .assert()
+        .success();
+    let r = json(&["--units", "asf"], &[&truth, &noisy]);
+    assert!((r["all"]["mse"].as_f64().unwrap() - 1.0).abs() <= 0.05);
+    assert_eq!(r["bones"]["by_bone"].as_array().unwrap().len(), 22);
+    let sd = r["bones"]["truth_sd"].as_f64().unwrap();
+    assert!(sd <= 1e-9, "{sd}");
+}
