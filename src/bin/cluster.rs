@@ -147,6 +147,7 @@ fn split(args: &Args, table: &Table, clustering: &Clustering, folder: &Path) -> 
                 time: poses.time.as_ref().map(|s| s[t]),
                 take: poses.take.as_ref().map(|s| s[t].clone()),
                 cells: table.cells.get(t).cloned().unwrap_or_default(),
+                converted: table.converted,
             };
             sink.write(&row, &row.xyz, &[])?;
         }

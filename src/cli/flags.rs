@@ -165,15 +165,16 @@ impl TableIn {
         })
     }
 
-    /// Carries a frame to centimetres, y up.
-    pub fn convert(&self, xyz: &mut [f64]) {
+    /// Carries a frame to centimetres, y up; whether that changed it.
+    pub fn convert(&self, xyz: &mut [f64]) -> bool {
         if self.units == Units::Cm && self.up == Up::Y {
-            return;
+            return false;
         }
         let scale = self.units.centimetres();
         for p in xyz.chunks_exact_mut(3) {
             p.copy_from_slice(&self.up.to_y([p[0] * scale, p[1] * scale, p[2] * scale]));
         }
+        true
     }
 
     /// The rate of a table: from its times, or from `--fps`; they must not contradict each other.

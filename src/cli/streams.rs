@@ -92,7 +92,7 @@ impl<'a> RowStream<'a> {
                 return Err(Error::data(Place::file(self.reader.name()), what));
             }
         }
-        self.flags.convert(&mut row.xyz);
+        row.converted = self.flags.convert(&mut row.xyz);
         Ok(true)
     }
 }
@@ -114,6 +114,7 @@ pub fn read_table(flags: &TableIn, planar: bool, cells: bool) -> Result<Table> {
         columns,
         poses: builder.finish(),
         cells: kept,
+        converted: row.converted,
     })
 }
 
@@ -265,6 +266,7 @@ pub fn write_table(
         row.time = poses.time.as_ref().map(|t| t[i]);
         row.take = poses.take.as_ref().map(|t| t[i].clone());
         row.cells = table.cells.get(i).cloned().unwrap_or_default();
+        row.converted = table.converted;
         numbers.clear();
         numbers.extend(xyz.row(i));
         sink.write(&row, &numbers, &cells(i))?;

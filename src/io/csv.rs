@@ -263,7 +263,7 @@ impl CsvWriter {
                 Source::Number(value, column) => {
                     let new = xyz[value];
                     match column {
-                        Some(c) if kept && same(new, row.xyz[value]) => {
+                        Some(c) if kept && !row.converted && same(new, row.xyz[value]) => {
                             push_cell(&mut self.line, &row.cells[c])
                         }
                         _ => push_number(&mut self.line, new),

@@ -144,6 +144,8 @@ pub struct Row {
     pub take: Option<Arc<str>>,
     /// The cells as they stood; empty for NPY.
     pub cells: ByteRecord,
+    /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
+    pub converted: bool,
 }
 
 /// How a table is to be read.
@@ -215,6 +217,8 @@ pub struct Table {
     pub poses: Poses,
     /// The cells as they stood, a row each, if they were kept; else empty.
     pub cells: Vec<ByteRecord>,
+    /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
+    pub converted: bool,
 }
 
 impl Table {
@@ -236,6 +240,7 @@ impl Table {
             columns,
             poses: builder.finish(),
             cells,
+            converted: false,
         })
     }
 }

@@ -176,7 +176,8 @@ pub fn sparse_model(
         if world { "world" } else { "body" },
     );
     let codes = pursuit.code_batch(dictionary, poses.xyz.view(), None)?;
-    let residual = residual_covariance(dictionary, poses.xyz.view(), &codes)? + covariance(poses.xyz.view()) * UNSEEN;
+    let residual = residual_covariance(dictionary, poses.xyz.view(), &codes)?
+        + covariance(poses.xyz.view()) * UNSEEN;
     model.meta.body = poses.body.as_ref().map(BodyMeta::from);
     model.meta.sparsity = Some(pursuit.sparsity);
     model.meta.training_rms = Some(codes.mean_squared_error(poses.xyz.ncols()).sqrt());
