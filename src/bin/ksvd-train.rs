@@ -9,7 +9,7 @@ use posing::io::{Model, Table};
 use posing::prior::training::{TrainingPoses, digest, entry, sparse_model};
 use posing::sparse::{Dictionary, Ksvd, Pursuit, Rule, SizeSearch, ksvd::draw};
 use posing::{Result, prior};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Learn a dictionary of poses
@@ -177,7 +177,7 @@ fn start(
 }
 
 /// `--init`: a model's atoms, or a table's poses.
-fn initial(args: &Args, path: &PathBuf, world: bool) -> Result<Dictionary> {
+fn initial(args: &Args, path: &Path, world: bool) -> Result<Dictionary> {
     let mut input = streams::open(path)?;
     let name = input.name.clone();
     let dictionary = if input.kind()? == Kind::Npz {

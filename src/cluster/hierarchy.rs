@@ -301,3 +301,103 @@ fn level_by_level(buds: &[Bud]) -> (Tree, Vec<usize>) {
         Tree::from_parts(centroids, children).expect("every bud but the root has one parent");
     (tree, order)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit;
+    use super::super::testdata::{blobs, noise, repeated};
+    use super::*;
+
+    fn tree_of(table: &Array2<f32>, k: usize, branch: usize) -> Clustering {
+        let parameters = Parameters {
+            k,
+            branch: Some(branch),
+            ..Parameters::default()
+        };
+        fit(table.view(), &parameters, &mut |_| ()).unwrap()
+    }
+
+    #[test]
+    fn leaves_number_k_and_descending_finds_them() {
+        let tables = [
+            noise(900, 69, 1),
+            blobs(900, 4, 30, 2),
+            repeated(&noise(70, 3, 3), 5),
+        ];
+        for table in tables {
+            for (k, branch) in [(1, 2), (2, 2), (3, 2), (10, 3), (64, 4), (65, 8), (70, 50)] {
+                let found = tree_of(&table, k, branch);
+                let tree = found.tree.as_ref().unwrap();
+                assert_eq!((tree.leaves(), found.centroids.nrows()), (k, k));
+                let (labels, squares) = tree.assign(table.view()).unwrap();
+                assert_eq!(labels, found.labels);
+                let total: f64 = squares.iter().sum();
+                assert!((total - found.inertia).abs() <= 1e-9 * total + 1e-12);
+                assert_eq!(found.sizes, Groups::new(&labels, k).sizes());
+                assert!(found.sizes.iter().all(|&s| s > 0));
+                assert!(tree.nodes().iter().all(|n| n.children.len() <= branch));
+                for (i, node) in tree.nodes().iter().enumerate() {
+                    if node.children.is_empty() {
+                        let leaf = node.leaves.start;
+                        assert_eq!(node.leaves.len(), 1);
+                        assert_eq!(tree.centroids().row(i), found.centroids.row(leaf));
+                    } else {
+                        let mut next = node.leaves.start;
+                        for child in node.children.clone() {
+                            assert_eq!(tree.nodes()[child].leaves.start, next);
+                            next = tree.nodes()[child].leaves.end;
+                        }
+                        assert_eq!(next, node.leaves.end);
+                    }
+                }
+                let leaf = tree.descend(table.row(5)).unwrap();
+                assert_eq!(leaf, found.labels[5] as usize);
+                let children = tree.nodes().iter().map(|n| n.children.clone()).collect();
+                let again = Tree::from_parts(tree.centroids().to_owned(), children).unwrap();
+                assert_eq!(&again, tree);
+            }
+        }
+    }
+
+    #[test]
+    fn a_tree_of_one_level_is_flat() {
+        let table = noise(500, 5, 8);
+        let flat = Parameters {
+            k: 12,
+            ..Parameters::default()
+        };
+        let flat = fit(table.view(), &flat, &mut |_| ()).unwrap();
+        let tree = tree_of(&table, 12, 12);
+        assert_eq!((flat.labels, flat.centroids), (tree.labels, tree.centroids));
+    }
+
+    #[test]
+    fn more_leaves_less_inertia() {
+        let table = blobs(2000, 7, 60, 9);
+        let ends: Vec<f64> = [1, 5, 20, 60]
+            .iter()
+            .map(|&k| tree_of(&table, k, 4).inertia)
+            .collect();
+        assert!(ends.windows(2).all(|w| w[1] < w[0]), "{ends:?}");
+    }
+
+    #[test]
+    fn trees_that_do_not_fit_together_are_refused() {
+        let refused = |rows, children: Vec<Range<usize>>| {
+            assert!(Tree::from_parts(Array2::zeros((rows, 2)), children).is_err());
+        };
+        refused(0, vec![]);
+        refused(2, vec![0..0]);
+        refused(1, vec![0..1]);
+        refused(2, vec![0..0, 0..0]);
+        refused(3, vec![1..2, 1..3, 0..0]);
+        refused(3, vec![1..9, 0..0, 0..0]);
+        refused(3, vec![2..3, 0..0, 0..0]);
+        let tree = Tree::from_parts(Array2::zeros((3, 2)), vec![1..3, 0..0, 0..0]).unwrap();
+        assert!(tree.assign(Array2::zeros((1, 3)).view()).is_err());
+        assert!(
+            tree.descend(ndarray::arr1(&[0.0, f32::NAN]).view())
+                .is_err()
+        );
+    }
+}

@@ -301,3 +301,328 @@ fn filled(
         labels = search.labels;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::nearest::exact_nearest;
+    use super::super::testdata::{blobs, grid, noise, on_threads, repeated};
+    use super::*;
+    use ndarray::{Array2, ShapeBuilder, array};
+
+    fn quiet(poses: &Array2<f32>, parameters: &Parameters) -> Result<Clustering> {
+        fit(poses.view(), parameters, &mut |_| ())
+    }
+
+    fn with_k(k: usize) -> Parameters {
+        Parameters {
+            k,
+            ..Parameters::default()
+        }
+    }
+
+    /// Lloyd without any pruning, from the same seeds.
+    fn plain(poses: Poses<'_>, parameters: &Parameters) -> (Array2<f64>, Vec<u32>, usize) {
+        let mut generator = par::generator(parameters.seed, 0);
+        let (seeds, _) = seeding::plus_plus(poses, parameters.k, &mut generator, &mut |_| ());
+        let mut centroids = Array2::from_shape_fn((parameters.k, poses.d), |(j, i)| {
+            f64::from(poses.row(seeds[j] as usize)[i])
+        });
+        let assign = |centroids: &Array2<f64>| -> Vec<u32> {
+            let rows: Vec<&[f64]> = centroids.as_slice().unwrap().chunks(poses.d).collect();
+            let all = || (0u32..).zip(rows.iter().copied());
+            (0..poses.n)
+                .map(|i| exact_nearest(poses.row(i), all()).label)
+                .collect()
+        };
+        let mut labels = assign(&centroids);
+        for iteration in 1..=parameters.max_iterations {
+            let groups = Groups::new(&labels, parameters.k);
+            assert!(
+                groups.sizes().iter().all(|&s| s > 0),
+                "the reference knows no repair"
+            );
+            centroids = means(poses, &groups, centroids.view(), |_| true);
+            let old = std::mem::replace(&mut labels, assign(&centroids));
+            if old == labels {
+                return (centroids, labels, iteration);
+            }
+        }
+        (centroids, labels, parameters.max_iterations)
+    }
+
+    #[test]
+    fn pruning_changes_no_label() {
+        let tables = [
+            noise(700, 69, 1),
+            noise(900, 3, 2),
+            noise(500, 1, 3),
+            blobs(900, 69, 12, 4),
+            blobs(900, 5, 30, 5) + 1e4f32,
+            repeated(&noise(60, 7, 6), 9),
+            grid(12) * 3.0,
+            noise(400, 10, 7) * 1e-22f32,
+            noise(400, 10, 8) * 1e14f32,
+        ];
+        for (t, table) in tables.iter().enumerate() {
+            for k in [1, 2, 7, 40] {
+                for max_iterations in [1, 3, 60] {
+                    let asked = Parameters {
+                        k,
+                        max_iterations,
+                        tolerance: 0.0,
+                        ..with_k(k)
+                    };
+                    let found = quiet(table, &asked).unwrap();
+                    let standard = table.as_standard_layout();
+                    let (centroids, labels, iterations) =
+                        plain(Poses::check(&standard).unwrap(), &asked);
+                    assert_eq!(found.labels, labels, "table {t}, k {k}");
+                    assert_eq!(found.centroids, centroids, "table {t}, k {k}");
+                    assert_eq!(found.iterations, iterations, "table {t}, k {k}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn inertia_is_the_sum_of_squares_and_falls() {
+        let table = blobs(600, 9, 20, 1);
+        let mut last = f64::INFINITY;
+        for max_iterations in 1..30 {
+            let asked = Parameters {
+                max_iterations,
+                tolerance: 0.0,
+                ..with_k(25)
+            };
+            let found = quiet(&table, &asked).unwrap();
+            let squares = |(row, &label): (ndarray::ArrayView1<f32>, &u32)| -> f64 {
+                let c = found.centroids.row(label as usize);
+                row.iter()
+                    .zip(c)
+                    .map(|(&x, c)| (f64::from(x) - c).powi(2))
+                    .sum()
+            };
+            let direct: f64 = table
+                .rows()
+                .into_iter()
+                .zip(&found.labels)
+                .map(squares)
+                .sum();
+            assert!((found.inertia - direct).abs() <= 1e-9 * direct);
+            assert!(found.inertia <= last * (1.0 + 1e-12));
+            last = found.inertia;
+        }
+    }
+
+    #[test]
+    fn finds_what_was_planted() {
+        let found = quiet(&blobs(1000, 69, 8, 3), &with_k(8)).unwrap();
+        for j in 0..8u32 {
+            let first = found.labels[j as usize];
+            assert!(
+                (0..1000)
+                    .filter(|i| i % 8 == j as usize)
+                    .all(|i| found.labels[i] == first)
+            );
+        }
+        assert!(found.converged);
+    }
+
+    #[test]
+    fn as_many_clusters_as_poses() {
+        let found = quiet(&noise(50, 4, 1), &with_k(50)).unwrap();
+        assert_eq!(found.sizes, vec![1; 50]);
+        assert_eq!(found.inertia, 0.0);
+        let one = quiet(&noise(1, 4, 1), &with_k(1)).unwrap();
+        assert_eq!((one.labels, one.inertia), (vec![0], 0.0));
+    }
+
+    #[test]
+    fn one_cluster_is_the_mean() {
+        let found = quiet(&array![[1.0f32, 2.0], [3.0, 6.0]], &with_k(1)).unwrap();
+        assert_eq!(found.centroids, array![[2.0, 4.0]]);
+        assert!(found.converged);
+    }
+
+    #[test]
+    fn too_many_clusters_are_refused_with_the_limit() {
+        let says = |table: &Array2<f32>, k, branch, what: &str| {
+            let error = quiet(
+                table,
+                &Parameters {
+                    branch,
+                    ..with_k(k)
+                },
+            )
+            .unwrap_err();
+            assert_eq!(error.exit_code(), 2);
+            assert!(error.to_string().contains(what), "{error}");
+        };
+        let table = repeated(&noise(3, 5, 1), 20);
+        for branch in [None, Some(2), Some(5)] {
+            says(&table, 61, branch, "from 1 to 60, the number of poses");
+            says(
+                &table,
+                4,
+                branch,
+                "from 1 to 3, the number of different poses",
+            );
+            says(
+                &Array2::ones((9, 2)),
+                2,
+                branch,
+                "from 1 to 1, the number of different poses",
+            );
+            says(&Array2::zeros((0, 2)), 1, branch, "from 1 to 0");
+            says(&Array2::zeros((5, 0)), 1, branch, "1 column");
+            let found = quiet(
+                &table,
+                &Parameters {
+                    branch,
+                    ..with_k(3)
+                },
+            )
+            .unwrap();
+            assert_eq!(found.sizes, [20; 3]);
+            assert!(found.inertia <= 1e-20);
+        }
+        // The sign of a zero makes no other pose.
+        says(&array![[0.0f32], [-0.0]], 2, None, "different");
+    }
+
+    #[test]
+    fn poses_apart_by_less_than_f32_can_square() {
+        let table = array![[0.0f32, 0.0], [0.0, 1e-30], [0.0, 2e-30], [0.0, 1e-30]];
+        let found = quiet(&table, &with_k(3)).unwrap();
+        assert_eq!(found.inertia, 0.0);
+        assert_eq!(found.labels[1], found.labels[3]);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_placed() {
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e20] {
+            let mut table = noise(30, 3, 1);
+            table[[17, 2]] = bad;
+            table[[20, 0]] = f32::NAN;
+            let error = quiet(&table, &with_k(2)).unwrap_err();
+            assert_eq!(error.exit_code(), 1);
+            assert!(error.to_string().starts_with("poses:18: "), "{error}");
+        }
+    }
+
+    #[test]
+    fn parameters_out_of_range() {
+        let refused = |parameters: Parameters| {
+            assert_eq!(
+                parameters.check().unwrap_err().exit_code(),
+                2,
+                "{parameters:?}"
+            );
+        };
+        refused(with_k(0));
+        refused(Parameters {
+            restarts: 0,
+            ..with_k(2)
+        });
+        refused(Parameters {
+            max_iterations: 0,
+            ..with_k(2)
+        });
+        refused(Parameters {
+            tolerance: f64::NAN,
+            ..with_k(2)
+        });
+        refused(Parameters {
+            tolerance: -1.0,
+            ..with_k(2)
+        });
+        refused(Parameters {
+            branch: Some(1),
+            ..with_k(2)
+        });
+        assert!(Parameters::default().check().is_ok());
+    }
+
+    #[test]
+    fn the_same_at_any_number_of_threads_and_in_either_layout() {
+        let table = blobs(9000, 11, 40, 2);
+        for branch in [None, Some(3)] {
+            let asked = Parameters {
+                k: 37,
+                seed: 5,
+                restarts: 2,
+                branch,
+                ..with_k(37)
+            };
+            let first = quiet(&table, &asked).unwrap();
+            for threads in [1, 2, 7] {
+                assert_eq!(
+                    on_threads(threads, || quiet(&table, &asked).unwrap()),
+                    first
+                );
+            }
+            let mut columns = Array2::zeros(table.dim().f());
+            columns.assign(&table);
+            assert_eq!(quiet(&columns, &asked).unwrap(), first);
+        }
+    }
+
+    #[test]
+    fn the_best_restart_is_kept_whole() {
+        let table = noise(800, 3, 4);
+        let mut ends = Vec::new();
+        for restarts in 1..6 {
+            let mut runs = Vec::new();
+            let asked = Parameters {
+                restarts,
+                ..with_k(30)
+            };
+            let found = fit(table.view(), &asked, &mut |report| {
+                if let Report::Iteration {
+                    restart, iteration, ..
+                } = report
+                {
+                    runs.resize(restart + 1, 0);
+                    runs[*restart] = *iteration;
+                }
+            })
+            .unwrap();
+            assert_eq!(runs.len(), restarts);
+            assert!(runs.contains(&found.iterations));
+            assert_eq!(found.sizes, Groups::new(&found.labels, 30).sizes());
+            let (labels, _) = super::super::assign(table.view(), found.centroids.view()).unwrap();
+            assert_eq!(labels, found.labels);
+            ends.push(found.inertia);
+        }
+        assert!(ends.windows(2).all(|w| w[1] <= w[0]), "{ends:?}");
+    }
+
+    #[test]
+    fn empty_clusters_are_repaired() {
+        let table = repeated(&noise(50, 4, 9), 3);
+        let poses = Poses::trusted(table.as_slice().unwrap(), 4);
+        let mut start = Array2::from_elem((20, 4), 1e6);
+        start.row_mut(0).fill(0.0);
+        for max_iterations in [1, 2, 100] {
+            let centroids = Centroids::new(start.clone(), &[0.0; 4]);
+            let asked = Parameters {
+                max_iterations,
+                ..with_k(20)
+            };
+            let start = (centroids, vec![0; 150]);
+            let found = lloyd(poses, start, &[0.0; 4], &asked, 0.0, &mut |_, _| ());
+            assert!(found.sizes.iter().all(|&s| s > 0), "{:?}", found.sizes);
+            let one = quiet(&table, &with_k(1)).unwrap();
+            assert!(found.inertia < one.inertia);
+        }
+    }
+
+    #[test]
+    fn centroids_left_empty_at_the_end_are_put_on_poses() {
+        let table = noise(40, 4, 2);
+        let poses = Poses::trusted(table.as_slice().unwrap(), 4);
+        let start = Centroids::new(Array2::from_elem((10, 4), 1e3), &[0.0; 4]);
+        let (_, labels) = filled(poses, start, &[0.0; 4], vec![0; 40]);
+        assert!(Groups::new(&labels, 10).sizes().iter().all(|&s| s > 0));
+    }
+}

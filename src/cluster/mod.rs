@@ -47,3 +47,55 @@ mod update;
 pub use hierarchy::{Node, Tree};
 pub use kmeans::{Clustering, Parameters, Report, fit};
 pub use nearest::assign;
+
+#[cfg(test)]
+mod testdata {
+    //! Tables that several of the tests use.
+
+    use crate::par;
+    use ndarray::{Array2, Axis, concatenate};
+    use rand::Rng;
+
+    /// Uniform in the unit cube.
+    pub fn noise(n: usize, d: usize, seed: u64) -> Array2<f32> {
+        let mut generator = par::generator(seed, 0);
+        Array2::from_shape_simple_fn((n, d), || generator.random::<f32>())
+    }
+
+    /// `count` tight heaps far from each other; pose i is of heap i modulo `count`.
+    pub fn blobs(n: usize, d: usize, count: usize, seed: u64) -> Array2<f32> {
+        let centres = noise(count, d, seed) * 100.0;
+        let mut poses = noise(n, d, seed + 1);
+        poses
+            .rows_mut()
+            .into_iter()
+            .enumerate()
+            .for_each(|(i, mut row)| row += &centres.row(i % count));
+        poses
+    }
+
+    /// The whole table `times` times over.
+    pub fn repeated(table: &Array2<f32>, times: usize) -> Array2<f32> {
+        concatenate(Axis(0), &vec![table.view(); times]).expect("equal widths")
+    }
+
+    /// Whole numbers in the plane, where most distances tie.
+    pub fn grid(side: usize) -> Array2<f32> {
+        Array2::from_shape_fn((side * side, 2), |(i, j)| {
+            if j == 0 {
+                (i / side) as f32
+            } else {
+                (i % side) as f32
+            }
+        })
+    }
+
+    /// What `work` gives on a pool of that many threads.
+    pub fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .expect("a pool")
+            .install(work)
+    }
+}

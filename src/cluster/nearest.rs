@@ -451,3 +451,103 @@ pub fn assign(
         .map(|near| (near.label, near.squared))
         .unzip())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::testdata::{blobs, grid, noise, on_threads, repeated};
+    use super::*;
+
+    #[test]
+    fn assignment_is_that_of_f64() {
+        let pairs = [
+            (noise(300, 69, 1), noise(700, 69, 2)),
+            (blobs(400, 8, 9, 1) + 1e5f32, blobs(50, 8, 9, 1) + 1e5f32),
+            (grid(20), grid(20) + 0.5f32),
+            (grid(10), repeated(&grid(10), 7)),
+            (noise(9, 2, 1), noise(1, 2, 2)),
+            (noise(0, 2, 1), noise(3, 2, 2)),
+        ];
+        for (poses, centroids) in pairs {
+            let centroids = centroids.mapv(f64::from);
+            let (labels, squares) = assign(poses.view(), centroids.view()).unwrap();
+            assert_eq!(labels.len(), poses.nrows());
+            for ((pose, label), squared) in poses.rows().into_iter().zip(&labels).zip(&squares) {
+                let all = centroids.rows().into_iter().enumerate();
+                let all = all.map(|(j, c)| (j as u32, c.to_slice().unwrap()));
+                let near = exact_nearest(pose.as_slice().unwrap(), all);
+                assert_eq!((near.label, near.squared), (*label, *squared));
+            }
+            for threads in [1, 2, 7] {
+                let again = on_threads(threads, || assign(poses.view(), centroids.view()).unwrap());
+                assert_eq!(again, (labels.clone(), squares.clone()));
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_are_bounds() {
+        for (table, seed) in [(noise(400, 69, 1), 2), (blobs(400, 6, 5, 3) + 300f32, 4)] {
+            let poses = Poses::trusted(table.as_slice().unwrap(), table.ncols());
+            let exact = table.select(ndarray::Axis(0), &(0..200).collect::<Vec<_>>());
+            let exact = exact.mapv(f64::from) + seed as f64 * 0.01;
+            let middle: Vec<f32> = poses.moments().0.iter().map(|&m| m as f32).collect();
+            let centroids = Centroids::new(exact, &middle);
+            let (mut scratch, mut found) = (Scratch::new(poses.d), Vec::new());
+            let ids: Vec<u32> = (0..100).collect();
+            let some: Vec<u32> = (0..200).step_by(3).collect();
+            centroids.nearest(poses, &ids, Some(&some), &mut scratch, &mut found);
+            for (&i, near) in ids.iter().zip(&found) {
+                let rows = some.iter().map(|&j| (j, centroids.row(j as usize)));
+                let direct = exact_nearest(poses.row(i as usize), rows);
+                assert_eq!((near.label, near.squared), (direct.label, direct.squared));
+                assert!(near.second <= direct.second);
+                assert!(
+                    near.second >= direct.second * 0.9 - 1.0,
+                    "the bound is tight"
+                );
+            }
+            let apart = centroids.apart(&[0, 7, 199], &mut scratch);
+            for (row, j) in apart.rows().into_iter().zip([0, 7, 199]) {
+                for (l, &bound) in row.iter().enumerate() {
+                    let gaps = centroids.row(j).iter().zip(centroids.row(l));
+                    let direct = gaps.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                    assert!(f64::from(bound) <= direct);
+                    assert!(f64::from(bound) >= direct * 0.95 - 1.0);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn two_smallest_of_rows_of_any_length() {
+        for len in 1..40 {
+            let table = noise(1, len, len as u64);
+            let row = table.as_slice().unwrap();
+            let mut sorted = row.to_vec();
+            sorted.sort_by(f32::total_cmp);
+            let (first, second, at) = two_smallest(row);
+            assert_eq!((first, row[at]), (sorted[0], sorted[0]));
+            assert_eq!(second, *sorted.get(1).unwrap_or(&f32::INFINITY));
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let code = |poses: &Array2<f32>, centroids: &Array2<f64>| {
+            assign(poses.view(), centroids.view())
+                .unwrap_err()
+                .exit_code()
+        };
+        assert_eq!(code(&Array2::ones((2, 3)), &Array2::ones((2, 4))), 2);
+        assert_eq!(code(&Array2::ones((2, 3)), &Array2::ones((0, 3))), 2);
+        assert_eq!(code(&Array2::ones((2, 0)), &Array2::ones((1, 0))), 2);
+        assert_eq!(
+            code(&Array2::ones((2, 3)), &Array2::from_elem((1, 3), f64::NAN)),
+            2
+        );
+        assert_eq!(
+            code(&Array2::from_elem((2, 3), f32::NAN), &Array2::ones((1, 3))),
+            1
+        );
+    }
+}

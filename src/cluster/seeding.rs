@@ -331,3 +331,71 @@ fn add_unseen(poses: Poses<'_>, k: usize, seeds: &mut Vec<u32>) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::testdata::{blobs, grid, noise, on_threads, repeated};
+    use super::*;
+    use ndarray::Array2;
+
+    fn seeds(table: &Array2<f32>, k: usize, seed: u64) -> (Vec<u32>, Vec<u32>) {
+        let poses = Poses::trusted(table.as_slice().expect("rows"), table.ncols());
+        plus_plus(poses, k, &mut par::generator(seed, 0), &mut |_| ())
+    }
+
+    #[test]
+    fn seeds_are_different_poses() {
+        let doubled = repeated(&noise(40, 5, 1), 4);
+        for (table, k, expected) in [
+            (noise(500, 69, 1), 100, 100),
+            (doubled.clone(), 40, 40),
+            (doubled, 60, 40),
+            (grid(9), 81, 81),
+            (noise(30, 3, 2) * 1e-25, 30, 30),
+            (Array2::ones((7, 2)), 3, 1),
+        ] {
+            let (seeds, labels) = seeds(&table, k, 3);
+            let keys: HashSet<Vec<u32>> = seeds
+                .iter()
+                .map(|&i| key(table.row(i as usize).as_slice().unwrap()))
+                .collect();
+            assert_eq!((seeds.len(), keys.len()), (expected, expected));
+            assert_eq!(labels.len(), table.nrows());
+            assert!(labels.iter().all(|&l| (l as usize) < seeds.len()));
+        }
+    }
+
+    #[test]
+    fn passing_cells_over_loses_no_nearer_seed() {
+        for table in [noise(3000, 69, 4), blobs(3000, 4, 50, 5)] {
+            let (seeds, labels) = seeds(&table, 120, 1);
+            let row = |i: u32| table.row(i as usize).to_slice().unwrap();
+            for (i, &label) in labels.iter().enumerate() {
+                let pose = row(i as u32);
+                let least = seeds
+                    .iter()
+                    .map(|&s| squared_distance(pose, row(s)))
+                    .fold(f32::MAX, f32::min);
+                let own = squared_distance(pose, row(seeds[label as usize]));
+                assert!(own <= least * (1.0 + 1e-4) + 1e-4, "{own} {least}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_seed_a_heap() {
+        let (seeds, _) = seeds(&blobs(2000, 10, 25, 6), 25, 2);
+        let heaps: HashSet<u32> = seeds.iter().map(|i| i % 25).collect();
+        assert_eq!(heaps.len(), 25);
+    }
+
+    #[test]
+    fn the_same_at_any_number_of_threads() {
+        let table = noise(9000, 6, 7);
+        let first = seeds(&table, 60, 1);
+        for threads in [1, 2, 7] {
+            assert_eq!(on_threads(threads, || seeds(&table, 60, 1)), first);
+        }
+        assert_ne!(seeds(&table, 60, 2), first);
+    }
+}

@@ -104,18 +104,18 @@ impl<'a> Reader<'a> {
         let Some(number) = self.next.take() else {
             return Ok(false);
         };
-        if let Some(last) = self.last {
-            if Some(number) != last.checked_add(1) {
-                let kind = if number == last {
-                    "repeats"
-                } else {
-                    "does not follow"
-                };
-                let what = format!(
-                    "frame {number} {kind} frame {last}; frames must be numbered without a gap"
-                );
-                return Err(Error::data(self.lines.here(), what));
-            }
+        if let Some(last) = self.last
+            && Some(number) != last.checked_add(1)
+        {
+            let kind = if number == last {
+                "repeats"
+            } else {
+                "does not follow"
+            };
+            let what = format!(
+                "frame {number} {kind} frame {last}; frames must be numbered without a gap"
+            );
+            return Err(Error::data(self.lines.here(), what));
         }
         self.last = Some(number);
         frame.number = number;
@@ -199,10 +199,11 @@ impl<'a> Reader<'a> {
         let Some(name) = words.next() else {
             return Ok(Some(Line::Nothing));
         };
-        if name.starts_with(|c: char| c.is_ascii_digit()) && words.clone().next().is_none() {
-            if let Ok(number) = name.parse() {
-                return Ok(Some(Line::Number(number)));
-            }
+        if name.starts_with(|c: char| c.is_ascii_digit())
+            && words.clone().next().is_none()
+            && let Ok(number) = name.parse()
+        {
+            return Ok(Some(Line::Number(number)));
         }
         let Some(&bone) = self.by_name.get(name) else {
             let what = format!("the skeleton has no bone \"{}\"", short(name));
