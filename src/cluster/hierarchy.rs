@@ -387,8 +387,8 @@ mod tests {
             assert!(Tree::from_parts(Array2::zeros((rows, 2)), children).is_err());
         };
         refused(0, vec![]);
-        refused(2, vec![0..0]);
-        refused(1, vec![0..1]);
+        refused(2, Vec::from([0..0]));
+        refused(1, Vec::from([0..1]));
         refused(2, vec![0..0, 0..0]);
         refused(3, vec![1..2, 1..3, 0..0]);
         refused(3, vec![1..9, 0..0, 0..0]);

@@ -1,0 +1,188 @@
+//! How fast the commands are, as whole processes: `make bench`.
+//!
+//! Every figure is the median of five runs on this machine, beside `cat` of the same bytes; absolute times on another
+//! machine mean little, the ratios more.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+const RUNS: usize = 5;
+
+macro_rules! bin {
+    ($name:literal) => {
+        Command::new(env!(concat!("CARGO_BIN_EXE_", $name)))
+    };
+}
+
+fn main() {
+    let work = tempfile::tempdir().expect("a temporary folder");
+    let (asf, takes) = takes();
+    println!("takes: {} files of {}", takes.len(), asf.display());
+    let bytes = |paths: &[PathBuf]| {
+        paths
+            .iter()
+            .map(|p| fs::metadata(p).map_or(0, |m| m.len()))
+            .sum::<u64>() as f64
+    };
+    let cat = |paths: &[PathBuf]| rate(bytes(paths), Command::new("cat").args(paths));
+    println!(
+        "{:<34} {:>9} {:>9} {:>9}",
+        "bytes in", "MB/s", "cat MB/s", "ratio"
+    );
+    let line = |what: &str, ours: f64, cat: f64| {
+        println!("{what:<34} {ours:>9.0} {cat:>9.0} {:>9.3}", ours / cat)
+    };
+    let amc2xyz = || {
+        let mut command = bin!("amc2xyz");
+        command
+            .arg("--asf")
+            .arg(&asf)
+            .args(["--fps", "120", "--space", "body"]);
+        command
+    };
+    let amc = bytes(&takes);
+    line(
+        "amc2xyz, AMC to CSV",
+        rate(amc, amc2xyz().args(&takes)),
+        cat(&takes),
+    );
+    line(
+        "amc2xyz, AMC to NPY",
+        rate(amc, amc2xyz().args(["--to", "npy"]).args(&takes)),
+        cat(&takes),
+    );
+    let (csv, npy) = (work.path().join("a.csv"), work.path().join("a.npy"));
+    for out in [&csv, &npy] {
+        assert!(
+            amc2xyz()
+                .arg("-o")
+                .arg(out)
+                .args(&takes)
+                .status()
+                .is_ok_and(|s| s.success())
+        );
+    }
+    for (what, file, to) in [
+        ("CSV to CSV (nothing changed)", &csv, "csv"),
+        ("CSV to NPY", &csv, "npy"),
+        ("NPY to CSV", &npy, "csv"),
+        ("NPY to NPY", &npy, "npy"),
+    ] {
+        let files = [file.clone()];
+        let ours = rate(
+            bytes(&files),
+            bin!("corrupt").args(["--dense", "0", "--to", to]).arg(file),
+        );
+        line(what, ours, cat(&files));
+    }
+    let one = work.path().join("one.npy");
+    assert!(
+        amc2xyz()
+            .arg("-o")
+            .arg(&one)
+            .arg(&takes[0])
+            .status()
+            .is_ok_and(|s| s.success())
+    );
+    learning(work.path(), &npy, &one);
+}
+
+/// K-SVD over all takes, and denoising the first with what it learnt.
+fn learning(work: &Path, npy: &Path, one: &Path) {
+    println!(
+        "\n{:<34} {:>12} {:>14}",
+        "atoms", "s/iteration", "denoise /s"
+    );
+    for atoms in ["1000", "5000"] {
+        let (log, model) = (work.join("log"), work.join("m.npz"));
+        let status = bin!("ksvd-train")
+            .args([
+                "-q",
+                "-n",
+                atoms,
+                "--iterations",
+                "5",
+                "--space",
+                "body",
+                "--log",
+            ])
+            .arg(&log)
+            .arg("-o")
+            .arg(&model)
+            .arg(npy)
+            .status();
+        assert!(status.is_ok_and(|s| s.success()));
+        let seconds: Vec<f64> = fs::read_to_string(&log)
+            .unwrap_or_default()
+            .lines()
+            .filter_map(|l| {
+                serde_json::from_str::<serde_json::Value>(l)
+                    .ok()?
+                    .get("seconds")?
+                    .as_f64()
+            })
+            .collect();
+        let mut steps: Vec<f64> = seconds.windows(2).map(|w| w[1] - w[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        let frames = (fs::metadata(one).map_or(0, |m| m.len()) / (69 * 8)) as f64;
+        let per_second = rate(
+            frames * 1e6,
+            bin!("denoise")
+                .args([
+                    "-q",
+                    "--per-frame",
+                    "--space",
+                    "body",
+                    "--noise",
+                    "1asf",
+                    "--to",
+                    "npy",
+                    "-m",
+                ])
+                .arg(&model)
+                .arg(one),
+        );
+        println!(
+            "{atoms:<34} {:>12.3} {per_second:>14.0}",
+            steps[steps.len() / 2]
+        );
+    }
+}
+
+/// Megabytes a second: the median of some runs, the output thrown away.
+fn rate(bytes: f64, command: &mut Command) -> f64 {
+    let mut seconds: Vec<f64> = (0..RUNS)
+        .map(|_| {
+            let began = Instant::now();
+            let status = command.stdin(Stdio::null()).stdout(Stdio::null()).status();
+            assert!(status.is_ok_and(|s| s.success()), "{command:?}");
+            began.elapsed().as_secs_f64()
+        })
+        .collect();
+    seconds.sort_by(f64::total_cmp);
+    bytes / 1e6 / seconds[RUNS / 2]
+}
+
+/// A subject with many takes where one is at hand, else the take in testdata.
+fn takes() -> (PathBuf, Vec<PathBuf>) {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let shared = here.join("../shared/data/cmu/01");
+    let folder = if shared.is_dir() {
+        shared
+    } else {
+        here.join("testdata/cmu/07")
+    };
+    let files = |end: &str| {
+        let mut files: Vec<PathBuf> = fs::read_dir(&folder)
+            .into_iter()
+            .flatten()
+            .filter_map(|e| Some(e.ok()?.path()))
+            .filter(|p| p.extension().is_some_and(|e| e == end))
+            .collect();
+        files.sort();
+        files
+    };
+    (files("asf").remove(0), files("amc"))
+}
