@@ -6,83 +6,77 @@
 
 use ndarray::ArrayView2;
 
-/// A factorised conditioning: what was observed, and the Cholesky factor of S_oo + R.
-pub struct Conditional<'a> {
-    covariance: ArrayView2<'a, f64>,
+/// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the variances that are left.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Conditional {
     observed: Vec<usize>,
-    /// Lower triangle by rows, (n, n).
-    factor: Vec<f64>,
+    /// The gain's transpose by rows: one row of D numbers for each observed coordinate.
+    gain: Vec<f64>,
+    /// The variance of each of the D coordinates.
+    pub variance: Vec<f64>,
 }
 
-impl<'a> Conditional<'a> {
+impl Conditional {
     /// Conditions `covariance` (D, D) on the coordinates whose `noise` variance is finite.
-    pub fn new(covariance: ArrayView2<'a, f64>, noise: &[f64]) -> Conditional<'a> {
-        let observed: Vec<usize> = (0..noise.len()).filter(|&i| noise[i].is_finite()).collect();
+    pub fn new(covariance: ArrayView2<'_, f64>, noise: &[f64]) -> Conditional {
+        let d = noise.len();
+        let observed: Vec<usize> = (0..d).filter(|&i| noise[i].is_finite()).collect();
         let n = observed.len();
         let mut a = vec![0.0; n * n];
+        // S_o: by rows, D wide: all triangular solves at once, along the rows.
+        let mut rows = Vec::with_capacity(n * d);
         for (row, &i) in observed.iter().enumerate() {
             for (column, &j) in observed[..=row].iter().enumerate() {
                 a[row * n + column] = covariance[[i, j]];
             }
             a[row * n + row] += noise[i];
+            rows.extend(covariance.row(i));
         }
         factorise(&mut a, n);
+        let mut variance: Vec<f64> = covariance.diag().to_vec();
+        for i in 0..n {
+            let (before, rest) = rows.split_at_mut(i * d);
+            let row = &mut rest[..d];
+            for (j, other) in before.chunks_exact(d).enumerate() {
+                subtract(row, other, a[i * n + j]);
+            }
+            let scale = 1.0 / a[i * n + i];
+            for (v, left) in row.iter_mut().zip(&mut variance) {
+                *v *= scale;
+                *left -= *v * *v;
+            }
+        }
+        variance.iter_mut().for_each(|v| *v = v.max(0.0));
+        for i in (0..n).rev() {
+            let (before, rest) = rows.split_at_mut(i * d);
+            let row = &mut rest[..d];
+            let scale = 1.0 / a[i * n + i];
+            row.iter_mut().for_each(|v| *v *= scale);
+            for (j, other) in before.chunks_exact_mut(d).enumerate() {
+                subtract(other, row, a[i * n + j]);
+            }
+        }
         Conditional {
-            covariance,
             observed,
-            factor: a,
+            gain: rows,
+            variance,
         }
     }
 
     /// The mean of all D coordinates given the residuals `r` (D; read where observed).
     pub fn mean(&self, r: &[f64]) -> Vec<f64> {
-        let mut x: Vec<f64> = self.observed.iter().map(|&i| r[i]).collect();
-        self.solve_lower(&mut x);
-        self.solve_upper(&mut x);
-        (0..self.covariance.nrows())
-            .map(|i| {
-                self.observed
-                    .iter()
-                    .zip(&x)
-                    .map(|(&o, x)| self.covariance[[i, o]] * x)
-                    .sum()
-            })
-            .collect()
-    }
-
-    /// The variances of all D coordinates.
-    pub fn variance(&self) -> Vec<f64> {
-        let mut v = vec![0.0; self.observed.len()];
-        (0..self.covariance.nrows())
-            .map(|i| {
-                v.iter_mut()
-                    .zip(&self.observed)
-                    .for_each(|(v, &o)| *v = self.covariance[[i, o]]);
-                self.solve_lower(&mut v);
-                (self.covariance[[i, i]] - v.iter().map(|v| v * v).sum::<f64>()).max(0.0)
-            })
-            .collect()
-    }
-
-    fn solve_lower(&self, x: &mut [f64]) {
-        let n = x.len();
-        for i in 0..n {
-            let row = &self.factor[i * n..i * n + i];
-            let sum: f64 = row.iter().zip(&x[..i]).map(|(l, x)| l * x).sum();
-            x[i] = (x[i] - sum) / self.factor[i * n + i];
+        let d = self.variance.len();
+        let mut out = vec![0.0; d];
+        for (row, &o) in self.gain.chunks_exact(d).zip(&self.observed) {
+            subtract(&mut out, row, -r[o]);
         }
+        out
     }
+}
 
-    fn solve_upper(&self, x: &mut [f64]) {
-        let n = x.len();
-        for i in (0..n).rev() {
-            x[i] /= self.factor[i * n + i];
-            let xi = x[i];
-            for j in 0..i {
-                x[j] -= self.factor[i * n + j] * xi;
-            }
-        }
-    }
+/// a −= s b.
+fn subtract(a: &mut [f64], b: &[f64], s: f64) {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a -= s * b);
 }
 
 /// Cholesky in place, lower triangle by rows. A pivot that rounding has eaten becomes a small one: the direction is
@@ -112,22 +106,22 @@ mod tests {
         let c = Conditional::new(s.view(), &[1.0, f64::INFINITY]);
         let mean = c.mean(&[5.0, f64::NAN]);
         assert!((mean[0] - 4.0).abs() <= 1e-12 && (mean[1] - 2.0).abs() <= 1e-12);
-        let v = c.variance();
+        let v = &c.variance;
         assert!((v[0] - 0.8).abs() <= 1e-12 && (v[1] - 2.2).abs() <= 1e-12);
     }
 
     #[test]
     fn exact_observations_are_met_and_nothing_observed_is_the_prior() {
-        let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 7 + j * 3) as f64).sin());
+        let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * i * 7 + j * 3 * (i + 1)) as f64).sin());
         let s = b.dot(&b.t());
         let r = [1.0, -2.0, 0.5, 0.0, 0.0, 0.0];
         let inf = f64::INFINITY;
         let c = Conditional::new(s.view(), &[0.0, 0.0, 0.0, inf, inf, inf]);
         let mean = c.mean(&r);
         assert!((0..3).all(|i| (mean[i] - r[i]).abs() <= 1e-6));
-        assert!(c.variance()[..3].iter().all(|v| *v <= 1e-6));
+        assert!(c.variance[..3].iter().all(|v| *v <= 1e-6));
         let none = Conditional::new(s.view(), &[inf; 6]);
         assert!(none.mean(&r).iter().all(|m| *m == 0.0));
-        assert_eq!(none.variance()[2], s[[2, 2]]);
+        assert_eq!(none.variance[2], s[[2, 2]]);
     }
 }

@@ -12,6 +12,8 @@ use crate::sparse::pursuit::{Code, Pursuit, Rule, Tolerance, refit};
 use crate::sparse::{Codes, Dictionary};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// How a sparse model is to be used.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -38,7 +40,12 @@ pub struct SparsePrior {
     /// Its diagonal.
     variance: Vec<f64>,
     typical: Array2<f64>,
+    /// Conditionings met before, by their noise variances: frames of a take share a few.
+    met: Arc<Mutex<HashMap<Vec<u64>, Arc<Conditional>>>>,
 }
+
+/// So many conditionings are remembered (40 kB each).
+const MOST_MET: usize = 64;
 
 impl SparsePrior {
     /// From the arrays of a model of kind `sparse`: `atoms` (n, D), and where they are there `residual` (D, D) and
@@ -104,6 +111,7 @@ impl SparsePrior {
     ) -> SparsePrior {
         residual.diag_mut().mapv_inplace(|v| v.max(0.0) + EXACT);
         let variance = residual.diag().to_vec();
+        let met = Arc::default();
         SparsePrior {
             dictionary,
             pursuit,
@@ -111,7 +119,24 @@ impl SparsePrior {
             residual,
             variance,
             typical,
+            met,
         }
+    }
+
+    /// The residual's Gaussian conditioned on coordinates with this noise.
+    fn conditional(&self, noise: &[f64]) -> Arc<Conditional> {
+        let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
+        let lock = || self.met.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = lock().get(&key) {
+            return found.clone();
+        }
+        let made = Arc::new(Conditional::new(self.residual.view(), noise));
+        let mut met = lock();
+        if met.len() >= MOST_MET {
+            met.clear();
+        }
+        met.insert(key, made.clone());
+        made
     }
 
     /// The weights of an observation: 1 / (noise + what the model leaves unexplained), 0 where missing.
@@ -136,7 +161,7 @@ impl SparsePrior {
     fn coefficient_variance(
         &self,
         weights: &Array1<f64>,
-        conditional: Option<&Conditional<'_>>,
+        conditional: Option<&Conditional>,
         support: &[u32],
     ) -> Vec<f64> {
         let d = self.width();
@@ -225,7 +250,7 @@ impl Prior for SparsePrior {
             };
         }
         let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
-        let conditional = Conditional::new(self.residual.view(), &noise);
+        let conditional = self.conditional(&noise);
         let rest: Vec<f64> = y.iter().zip(&fit.pose).map(|(y, p)| y - p).collect();
         let mean = fit
             .pose
@@ -235,8 +260,8 @@ impl Prior for SparsePrior {
             .collect();
         let coefficients = self.coefficient_variance(&weights, Some(&conditional), &fit.support);
         let variance = conditional
-            .variance()
-            .into_iter()
+            .variance
+            .iter()
             .zip(coefficients)
             .map(|(v, c)| v + c)
             .collect();
