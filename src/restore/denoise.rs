@@ -3,6 +3,7 @@
 //! Frame by frame, the model answers from all points, each trusted by its noise. In a take, a smoother first takes the
 //! noise that neighbouring frames can tell from motion; what it leaves is what the model is told of.
 
+use super::complete::{self, Complete};
 use super::frame::{Restoration, Status};
 use super::job::Job;
 use super::smooth;
@@ -137,7 +138,25 @@ pub fn take(
         done(range.len());
         out
     });
-    gather(xyz, answers.into_iter().flatten(), settings)
+    let mut out = gather(xyz, answers.into_iter().flatten(), Denoise { fill: false, ..settings });
+    if settings.fill {
+        fill(job, &mut out, runs, rate);
+    }
+    out
+}
+
+/// Fills what is missing from the denoised points, as completing does: carried over from both ends of a gap.
+fn fill(job: &Job, out: &mut Restoration, runs: &[Range<usize>], rate: f64) {
+    let filled = complete::take(job, out.xyz.view(), runs, rate, Complete::default(), &|_| {});
+    for t in 0..out.xyz.nrows() {
+        for p in 0..out.points() {
+            if out.of_point(t, p).0 == Status::Unknown {
+                let (status, sd) = filled.of_point(t, p);
+                out.set(t, p, status, sd);
+            }
+        }
+    }
+    out.xyz = filled.xyz;
 }
 
 fn suspects(job: &Job, xyz: ArrayView2<'_, f64>, noise: f64, settings: Denoise) -> Vec<Vec<usize>> {

@@ -4,7 +4,8 @@
 //! is seen with noise r (a Kalman filter forth, Rauch-Tung-Striebel back). q is the likeliest on a grid.
 
 /// The standard deviation of a series' noise, from its third differences: motion hardly has any, white noise has √20
-/// times its own. Robust: the median of their sizes. `None` with fewer than eight differences.
+/// times its own. Robust: the lower quartile of their sizes, so that spikes in a fifth of the frames (each of which spoils
+/// four differences) do not count. `None` with fewer than eight differences.
 pub fn noise_of(series: &[f64]) -> Option<f64> {
     let mut sizes: Vec<f64> = series
         .windows(4)
@@ -14,10 +15,10 @@ pub fn noise_of(series: &[f64]) -> Option<f64> {
     if sizes.len() < 8 {
         return None;
     }
-    let middle = sizes.len() / 2;
-    let median = *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
-    // The median of |N(0, 1)| is 0.6745.
-    Some(median / 0.6745 / 20f64.sqrt())
+    let at = sizes.len() / 4;
+    let quartile = *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
+    // The lower quartile of |N(0, 1)| is 0.3186.
+    Some(quartile / 0.3186 / 20f64.sqrt())
 }
 
 /// A smoothed series: the mean and its variance at every frame, seen or not.

@@ -36,8 +36,8 @@ impl RigidBones {
             if off.len() < 10 || !(length > 0.0) {
                 continue;
             }
-            // Two thirds of the frames: a third of them may be bad.
-            let at = off.len() * 2 / 3;
+            // Half of the frames: nearly as many may be bad (a fifth of all points makes a third of all bones).
+            let at = off.len() / 2;
             let spread = *off.select_nth_unstable_by(at, f64::total_cmp).1;
             if spread <= RIGID.0.max(RIGID.1 * length) {
                 bones.push((k, p, length));
