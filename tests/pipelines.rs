@@ -55,7 +55,7 @@ parts := $(wildcard parts/*.csv)
 dict.npz: $(parts:.csv=.npz)
 \tposing dict-concat -o $@ $^
 %.npz: %.csv
-\tposing ksvd-train -q -n 60 --iterations 5 -o $@ $<
+\tposing ksvd-train -q -n 20 --iterations 5 -o $@ $<
 ";
 
 #[test]

@@ -269,7 +269,7 @@ fn binary_never_goes_to_a_terminal() {
     }
     let out = bash(
         dir.path(),
-        "script -qec 'complete --to npy s.csv' /dev/null < /dev/null",
+        "script -qec 'posing complete --to npy s.csv' /dev/null < /dev/null",
     );
     let said = String::from_utf8_lossy(&out.stdout);
     assert_eq!(out.status.code(), Some(2), "{said}");
