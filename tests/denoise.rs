@@ -33,7 +33,7 @@ fn clean_poses_stay_nearly_as_they_are() {
 
 #[test]
 fn empty_cells_stay_empty_unless_asked_for() {
-    let Some(walk) = walk(120) else { return };
+    let Some(walk) = walk(60) else { return };
     let gaps = [
         "--gaps", "3", "--length", "0.2", "--points", "3", "--dense", "1",
     ];
