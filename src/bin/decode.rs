@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::flags::{Common, TableOut};
-use posing::cli::streams::{TableSink, open, open_model};
+use posing::cli::streams::{TableSink, one_stdin, open, open_model};
 use posing::cli::{Outcome, run};
 use posing::io::table::{Columns, Row};
 use posing::io::text::number;
@@ -37,6 +37,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    one_stdin([&args.file, &args.model])?;
     let model = open_model(&args.model)?;
     let dictionary =
         Dictionary::from_rows(model.array("atoms", &args.model.display().to_string())?)?;

@@ -4,7 +4,7 @@ use clap::Parser;
 use ndarray::Array2;
 use posing::cli::flags::{Common, TableIn};
 use posing::cli::restoring::PursuitFlag;
-use posing::cli::streams::{RowStream, Sink, open_model};
+use posing::cli::streams::{RowStream, Sink, one_stdin_with, open_model};
 use posing::cli::{Outcome, run};
 use posing::io::table::Row;
 use posing::io::text::push_number;
@@ -51,6 +51,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    one_stdin_with(&args.input, [&args.model])?;
     let model = open_model(&args.model)?;
     let dictionary =
         Dictionary::from_rows(model.array("atoms", &args.model.display().to_string())?)?;

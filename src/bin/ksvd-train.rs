@@ -85,7 +85,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    streams::one_stdin(args.input.files.iter().chain(&args.init).chain(&args.valid))?;
+    streams::one_stdin_with(&args.input, args.init.iter().chain(&args.valid))?;
     let world = args.space == Space::World;
     let poses = ready(&args.input, args.input.files.clone(), world)?;
     let valid = args

@@ -2,7 +2,7 @@
 
 use super::flags::{TableIn, TableOut};
 use super::progress::Progress;
-use super::streams::{RowStream, TableSink, open_model, read_table, write_table};
+use super::streams::{RowStream, TableSink, one_stdin_with, open_model, read_table, write_table};
 use super::{Outcome, say};
 use crate::io::csv::After;
 use crate::io::table::{Columns, Row};
@@ -152,6 +152,7 @@ fn go(
     take: &Take<'_>,
     tally: &mut Tally,
 ) -> Result<()> {
+    one_stdin_with(task.input, &task.model.model)?;
     if task.per_frame {
         return by_frames(task, observe, planar, frames, tally);
     }

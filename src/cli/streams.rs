@@ -36,6 +36,22 @@ pub fn one_stdin<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()>
     }
 }
 
+/// Fails where a table and another file would both be read from standard input, which is where a table without a name
+/// comes from.
+pub fn one_stdin_with<'a>(
+    table: &'a TableIn,
+    others: impl IntoIterator<Item = &'a PathBuf>,
+) -> Result<()> {
+    let unnamed = usize::from(table.files.is_empty());
+    let named = table.files.iter().chain(others);
+    match named.filter(|p| *p == Path::new("-")).count() + unnamed {
+        0 | 1 => Ok(()),
+        _ => Err(Error::usage(
+            "standard input (-) would be read for two things; name a file",
+        )),
+    }
+}
+
 /// Rows of several tables with the same columns, one after another.
 pub struct RowStream<'a> {
     flags: &'a TableIn,

@@ -5,7 +5,7 @@
 
 use super::Input;
 use super::asf::Asf;
-use super::text::{Lines, number, short};
+use super::text::{Lines, number, short, within};
 use crate::{Error, Place, Result};
 use std::collections::HashMap;
 use std::io::BufRead;
@@ -128,14 +128,14 @@ impl<'a> Reader<'a> {
                     self.next = Some(next);
                     let line = self.lines.number;
                     if let Some(bone) = self.missing() {
-                        let what = format!("frame {number} ends without bone \"{bone}\"");
+                        let what = format!("frame {number} ends without bone \"{}\"", short(bone));
                         return Err(Error::data(Place::line(&self.lines.name, line), what));
                     }
                     break;
                 }
                 Ok(Some(Line::Bone(bone))) => {
                     if std::mem::replace(&mut self.seen[bone], true) {
-                        let name = &self.asf.skeleton.bones()[bone].name;
+                        let name = short(&self.asf.skeleton.bones()[bone].name);
                         let what = format!("bone \"{name}\" stands twice in frame {number}");
                         return Err(Error::data(self.lines.here(), what));
                     }
@@ -143,7 +143,8 @@ impl<'a> Reader<'a> {
                 Ok(Some(Line::Nothing)) => {}
                 Ok(None) => match self.missing() {
                     Some(bone) => {
-                        return self.cut_off(number, &format!("bone \"{bone}\" is not there"));
+                        let why = format!("bone \"{}\" is not there", short(bone));
+                        return self.cut_off(number, &why);
                     }
                     None => break,
                 },
@@ -215,15 +216,14 @@ impl<'a> Reader<'a> {
         let mut fault = None;
         for word in words {
             if count < range.len() {
-                match number(word) {
-                    Ok(value) => {
-                        let angle = skeleton.bones()[bone].dofs[count].channel.is_angle();
-                        frame.values[range.start + count] = match (angle, degrees) {
-                            (true, true) => value.to_radians(),
-                            (true, false) => value,
-                            (false, _) => value * self.asf.unit,
-                        };
-                    }
+                let angle = skeleton.bones()[bone].dofs[count].channel.is_angle();
+                let value = number(word).and_then(|value| match (angle, degrees) {
+                    (true, true) => Ok(value.to_radians()),
+                    (true, false) => Ok(value),
+                    (false, _) => within(value * self.asf.unit),
+                });
+                match value {
+                    Ok(value) => frame.values[range.start + count] = value,
                     Err(what) => {
                         fault = Some(what);
                         break;
@@ -232,7 +232,7 @@ impl<'a> Reader<'a> {
             }
             count += 1;
         }
-        let here = || self.lines.here().part(&skeleton.bones()[bone].name);
+        let here = || self.lines.here().part(short(&skeleton.bones()[bone].name));
         if let Some(what) = fault {
             return Err(Fault::Cut(Error::data(here(), what)));
         }

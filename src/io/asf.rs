@@ -4,7 +4,7 @@
 //! frame is `C = Rz Ry Rx` of its `axis` line, in the order it names; its direction is in global coordinates.
 
 use super::Input;
-use super::text::{Lines, number, short};
+use super::text::{Lines, number, short, within};
 use crate::pose::rotation::{Axis, compose, parse_order};
 use crate::pose::{Bone, Channel, Dof, Skeleton};
 use crate::{Error, Place, Result};
@@ -48,8 +48,9 @@ struct Parser {
     bones: Vec<RawBone>,
     open: Option<RawBone>,
     limits_open: bool,
-    /// child -> (parent, line)
-    parents: HashMap<String, (String, u64)>,
+    /// The line that hangs a child on its parent. (Not the parent's name: one long name with many children on one
+    /// line would be copied for each.)
+    parents: HashMap<String, u64>,
     children: Vec<(String, Vec<String>)>,
     hierarchy_seen: bool,
 }
@@ -235,11 +236,7 @@ impl Parser {
         }
         let parent = words[0].to_string();
         for child in &words[1..] {
-            if self
-                .parents
-                .insert(child.to_string(), (parent.clone(), line))
-                .is_some()
-            {
+            if self.parents.insert(child.to_string(), line).is_some() {
                 return Err(format!("bone \"{}\" hangs on two parents", short(child)));
             }
         }
@@ -270,6 +267,14 @@ impl Parser {
         };
         if self.root_order.is_empty() {
             return fail("has no order in :root".into());
+        }
+        let reach = self
+            .bones
+            .iter()
+            .map(|b| (b.direction.unwrap_or(DVec3::ZERO) * b.length.unwrap_or(0.0)).length())
+            .fold(1.0 + self.position.length(), f64::max);
+        if let Err(what) = within(reach * unit) {
+            return fail(format!("its longest bone or :units are damaged: {what}"));
         }
         let degrees = self.degrees.unwrap_or(true);
         let bones = self.in_order(name, unit, if degrees { 1f64.to_radians() } else { 1.0 })?;
@@ -302,7 +307,7 @@ impl Parser {
             .map(|c| (*c, 0))
             .collect();
         while let Some((child, parent)) = stack.pop() {
-            let (_, line) = &self.parents[child];
+            let line = &self.parents[child];
             let Some(raw) = known.get(child) else {
                 let what = format!(
                     "the hierarchy names \"{}\", which :bonedata does not",
@@ -338,7 +343,7 @@ impl Parser {
             };
             return Err(Error::data(Place::line(name, raw.line), what));
         }
-        if let Some((child, (_, line))) = self
+        if let Some((child, line)) = self
             .parents
             .iter()
             .filter(|(c, _)| *c == "root" || !known.contains_key(c.as_str()))

@@ -2,7 +2,7 @@
 
 use super::Input;
 use super::table::{Columns, ReadOptions, Row};
-use super::text::{push_number, short};
+use super::text::{push_number, short, within};
 use crate::{Error, Place, Result};
 use std::io::{BufRead, Write};
 use std::sync::Arc;
@@ -67,9 +67,12 @@ impl CsvReader {
             for (axis, column) in place.iter().enumerate() {
                 let value = match column {
                     None => f64::NAN,
-                    Some(column) => parse(&row.cells[*column]).map_err(|what| {
-                        let part =
-                            format!("{}.{}", self.columns.points[point], ["x", "y", "z"][axis]);
+                    Some(column) => coordinate(&row.cells[*column]).map_err(|what| {
+                        let part = format!(
+                            "{}.{}",
+                            short(&self.columns.points[point]),
+                            ["x", "y", "z"][axis]
+                        );
                         Error::data(Place::line(&self.name, line).part(part), what)
                     })?,
                 };
@@ -108,6 +111,14 @@ fn parse(cell: &[u8]) -> std::result::Result<f64, String> {
         return Ok(f64::NAN);
     }
     super::text::number(text)
+}
+
+/// A cell's coordinate: NaN is a missing one.
+fn coordinate(cell: &[u8]) -> std::result::Result<f64, String> {
+    match parse(cell)? {
+        v if v.is_nan() => Ok(v),
+        v => within(v),
+    }
 }
 
 /// One line for an error of the csv crate.

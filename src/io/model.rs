@@ -4,6 +4,7 @@
 
 use super::Input;
 use super::npy;
+use super::text::short;
 use crate::pose::Body;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2};
@@ -18,6 +19,10 @@ pub const FORMAT: u32 = 1;
 
 /// No model is larger.
 const LARGEST: u64 = 8 << 30;
+
+/// An archive may unpack to so many times its own size, and a little more: floats hardly compress, so one that does
+/// is made to fill the memory.
+const MOST_PACKED: u64 = 50;
 
 /// What a model is and where it came from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -171,9 +176,13 @@ impl Model {
     /// Reads a model from its bytes; `name` is for messages.
     pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Model> {
         let fail = |what: String| Error::data(Place::file(name), what);
-        let broken = |e: zip::result::ZipError| fail(format!("is no sound NPZ archive: {e}"));
+        let broken = |e: zip::result::ZipError| {
+            let e = e.to_string();
+            fail(format!("is no sound NPZ archive: {}", short(&e)))
+        };
         let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(broken)?;
         let (mut meta, mut arrays) = (None, BTreeMap::new());
+        let mut budget = (MOST_PACKED * bytes.len() as u64 + (1 << 20)).min(LARGEST);
         for i in 0..zip.len() {
             let mut entry = zip.by_index(i).map_err(broken)?;
             let key = entry
@@ -183,22 +192,20 @@ impl Model {
                 .to_string();
             // Read in pieces, up to what a model may hold: the directory's sizes are not to be trusted.
             let mut content = Vec::new();
-            let read = entry.by_ref().take(LARGEST).read_to_end(&mut content);
-            read.map_err(|e| Error::data(Place::file(name).part(&key), e.to_string()))?;
+            let at = Place::file(name).part(short(&key));
+            let read = entry.by_ref().take(budget + 1).read_to_end(&mut content);
+            read.map_err(|e| Error::data(at.clone(), short(&e.to_string())))?;
+            budget = match budget.checked_sub(content.len() as u64) {
+                Some(left) => left,
+                None => return Err(Error::data(at, "unpacks to far more than the file's size")),
+            };
             if key == "meta" {
-                let json = npy::bytes_of(&content, &Place::file(name).part("meta"))?;
-                let read: Meta = serde_json::from_slice(json).map_err(|e| {
-                    Error::data(
-                        Place::file(name).part("meta"),
-                        super::text::short(&e.to_string()),
-                    )
-                })?;
+                let json = npy::bytes_of(&content, &at)?;
+                let read: Meta = serde_json::from_slice(json)
+                    .map_err(|e| Error::data(at, short(&e.to_string())))?;
                 meta = Some(read);
             } else {
-                arrays.insert(
-                    key.clone(),
-                    npy::matrix_of(&content, &Place::file(name).part(&key))?,
-                );
+                arrays.insert(key, npy::matrix_of(&content, &at)?);
             }
         }
         let Some(meta) = meta else {

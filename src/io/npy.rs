@@ -3,7 +3,7 @@
 
 use super::Input;
 use super::table::{Columns, ReadOptions, Row};
-use super::text::short;
+use super::text::{short, within};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 use std::io::{BufRead, Read, Write};
@@ -118,12 +118,16 @@ impl NpyReader {
             }
         }
         self.next += 1;
-        if let Some(bad) = row.xyz.iter().position(|v| v.is_infinite()) {
-            let what = format!(
-                "frame {}, column {bad}: the value is infinite",
-                self.next - 1
-            );
-            return Err(self.fail(&what));
+        let bad = row
+            .xyz
+            .iter()
+            .position(|v| !v.is_nan() && within(*v).is_err());
+        if let Some(bad) = bad {
+            let what = match row.xyz[bad] {
+                v if v.is_infinite() => "the value is infinite".to_string(),
+                v => within(v).err().unwrap_or_default(),
+            };
+            return Err(self.fail(&format!("frame {}, column {bad}: {what}", self.next - 1)));
         }
         Ok(true)
     }

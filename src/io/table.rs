@@ -7,6 +7,7 @@ use super::Input;
 use super::csv::CsvReader;
 use super::input::Kind;
 use super::npy::NpyReader;
+use super::text::short;
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
 use ::csv::ByteRecord;
@@ -37,7 +38,7 @@ impl Columns {
             if index.insert(name.as_str(), i).is_some() {
                 return Err(Error::data(
                     place.clone(),
-                    format!("two columns are named \"{name}\""),
+                    format!("two columns are named \"{}\"", short(name)),
                 ));
             }
         }

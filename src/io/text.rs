@@ -83,6 +83,21 @@ pub fn number(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
+/// No coordinate or length is further from zero, centimetres: a larger one is damage, and its square would not be
+/// finite much longer.
+pub const FURTHEST: f64 = 1e12;
+
+/// A length in centimetres that is no damage, or what is wrong with it.
+pub fn within(centimetres: f64) -> std::result::Result<f64, String> {
+    if centimetres.abs() <= FURTHEST {
+        Ok(centimetres)
+    } else {
+        Err(format!(
+            "{centimetres:e} cm is no length: expected at most {FURTHEST:e} cm"
+        ))
+    }
+}
+
 /// Text from a file, fit for one line of a message.
 pub fn short(text: &str) -> String {
     let clean: String = text

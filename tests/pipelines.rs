@@ -1,0 +1,97 @@
+//! The pipelines of the manual, as they are typed.
+
+mod common;
+
+use common::{bin, cmu};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// Runs a line as a user would; its standard output.
+fn typed(folder: &Path, line: &str) -> String {
+    let path = std::env::var("PATH").unwrap();
+    let out = Command::new("bash")
+        .args(["-c", &format!("set -o pipefail; {line}")])
+        .env("PATH", format!("{}:{path}", bin().display()))
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success(), "{line}: {said}");
+    assert!(!said.contains("panicked"), "{said}");
+    String::from_utf8(out.stdout).unwrap()
+}
+
+/// A folder with these takes; `None`, with a message, where one is not there.
+fn folder(files: &[&str]) -> Option<tempfile::TempDir> {
+    let dir = tempfile::tempdir().unwrap();
+    for file in files {
+        let name = Path::new(file).file_name().unwrap();
+        fs::copy(cmu(file)?, dir.path().join(name)).unwrap();
+    }
+    Some(dir)
+}
+
+#[test]
+fn a_gappy_walk_becomes_a_bvh() {
+    let Some(dir) = folder(&["07/07.asf", "07/07_01.amc"]) else {
+        return;
+    };
+    if !bin().join("xyz2bvh").exists() {
+        eprintln!("skipped: xyz2bvh is not built");
+        return;
+    }
+    typed(
+        dir.path(),
+        "posing amc2xyz --asf 07.asf --fps 120 07_01.amc | posing corrupt --gaps 8 --length 0.4 --points 3 | posing complete | posing xyz2bvh --skeleton 07.asf -o walk.bvh",
+    );
+    let bvh = fs::read_to_string(dir.path().join("walk.bvh")).unwrap();
+    assert!(bvh.starts_with("HIERARCHY") && bvh.contains("Frames: 316"));
+}
+
+/// Until testdata has its own: a dictionary for each part, then one of all.
+const MAKEFILE: &str = "\
+parts := $(wildcard parts/*.csv)
+dict.npz: $(parts:.csv=.npz)
+\tposing dict-concat -o $@ $^
+%.npz: %.csv
+\tposing ksvd-train -q -n 20 --iterations 5 -o $@ $<
+";
+
+#[test]
+fn parts_are_learnt_side_by_side_and_denoise_another_take() {
+    let takes = [
+        "01/01.asf",
+        "01/01_01.amc",
+        "01/01_02.amc",
+        "07/07.asf",
+        "07/07_02.amc",
+    ];
+    let Some(dir) = folder(&takes) else {
+        return;
+    };
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/examples/train.mk");
+    let makefile = fs::read_to_string(own).unwrap_or_else(|_| MAKEFILE.to_string());
+    fs::write(dir.path().join("Makefile"), makefile).unwrap();
+    // Thousands of frames of takes are more than a test needs: the same line on the first of each.
+    for name in ["01_01.amc", "01_02.amc", "07_02.amc"] {
+        let path = dir.path().join(name);
+        let text = fs::read_to_string(&path).unwrap().replace('\r', "");
+        let end = text.find("\n401\n").unwrap_or(text.len() - 1);
+        fs::write(&path, &text[..=end]).unwrap();
+    }
+    typed(
+        dir.path(),
+        "posing amc2xyz --asf 01.asf --fps 120 01_*.amc | posing cluster -k 8 --split parts && make -j2 dict.npz",
+    );
+    assert!(
+        fs::read(dir.path().join("dict.npz"))
+            .unwrap()
+            .starts_with(b"PK")
+    );
+    let score = typed(
+        dir.path(),
+        "posing amc2xyz --asf 07.asf --fps 120 07_02.amc | posing corrupt --dense 1asf --seed 1 | posing denoise -m dict.npz | posing score --units asf <(posing amc2xyz --asf 07.asf --fps 120 07_02.amc) -",
+    );
+    assert!(score.to_lowercase().contains("mse"), "{score}");
+}

@@ -1,0 +1,450 @@
+//! What every command does with its streams and files: closed pipes, full disks, missing files, formats, exit codes.
+
+mod common;
+
+use common::{bin, command, fails, run, text};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// A table long enough to fill every buffer on its way.
+fn long(frames: usize) -> String {
+    let mut out = String::from("take,time,root.x,root.y,root.z,note,lfemur.x,lfemur.y,lfemur.z\n");
+    for i in 0..frames {
+        let t = i as f64 / 100.0;
+        out += &format!("walk,{t},{}.5,80,1e1,\"so, so\",5,4{i},0.125\n", i % 7);
+    }
+    out
+}
+
+/// Runs a line under bash, the binaries on its path (and without its builtin of the name `complete`).
+fn bash(folder: &Path, line: &str) -> Output {
+    let path = std::env::var("PATH").unwrap();
+    Command::new("bash")
+        .args([
+            "-c",
+            &format!("set -o pipefail; enable -n complete; {line}"),
+        ])
+        .env("PATH", format!("{}:{path}", bin().display()))
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+/// A folder with a table, a model and codes.
+fn folder() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    fs::write(at("t.csv"), long(20_000)).unwrap();
+    fs::write(at("s.csv"), long(40)).unwrap();
+    let train = "ksvd-train -q --space body -n 8 --sparsity 2 --iterations 1 -o m.npz s.csv";
+    assert!(bash(dir.path(), train).status.success());
+    dir
+}
+
+/// Each command that writes a table, reading t.csv.
+const STREAMING: [&str; 8] = [
+    "corrupt --dense 1 t.csv",
+    "corrupt --gaps 2 --length 0.5 t.csv",
+    "complete --per-frame t.csv",
+    "complete t.csv",
+    "denoise --per-frame t.csv",
+    "encode -m m.npz --sparsity 2 t.csv",
+    "cluster -k 2 t.csv",
+    "encode -m m.npz --sparsity 2 t.csv | decode -m m.npz",
+];
+
+#[test]
+fn a_closed_pipe_is_success_and_silence() {
+    let dir = folder();
+    for line in STREAMING {
+        let out = bash(dir.path(), &format!("{line} | head -1"));
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert!(out.status.success(), "{line}: {:?} {said}", out.status);
+        assert_eq!(said, "", "{line}");
+        assert_eq!(String::from_utf8_lossy(&out.stdout).lines().count(), 1);
+    }
+    if let (Some(asf), Some(amc)) = (common::cmu("07/07.asf"), common::cmu("07/07_01.amc")) {
+        let line = format!(
+            "amc2xyz --asf {} --fps 120 {} | head -1",
+            text(&asf),
+            text(&amc)
+        );
+        let out = bash(Path::new("/"), &line);
+        assert!(out.status.success() && out.stderr.is_empty());
+    }
+    for line in [
+        "posing | head -1",
+        "complete --help | head -1",
+        "posing man complete | head -1",
+    ] {
+        let out = bash(dir.path(), line);
+        assert!(out.status.success() && out.stderr.is_empty(), "{line}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_an_error_of_one_line() {
+    let dir = folder();
+    for line in STREAMING {
+        for to in [" > /dev/full", " -o /dev/full"] {
+            let out = bash(dir.path(), &format!("{line}{to}"));
+            let said = String::from_utf8_lossy(&out.stderr);
+            assert_eq!(out.status.code(), Some(1), "{line}{to}: {said}");
+            assert_eq!(said.lines().count(), 1, "{line}{to}: {said}");
+            assert!(said.contains("space"), "{line}{to}: {said}");
+        }
+    }
+    for line in [
+        "score s.csv s.csv",
+        "posing",
+        "model info m.npz",
+        "complete --help",
+        "posing man score",
+    ] {
+        let out = bash(dir.path(), &format!("{line} > /dev/full"));
+        assert_eq!(out.status.code(), Some(1), "{line}");
+    }
+    let out = bash(
+        dir.path(),
+        "ksvd-train -q --space body -n 4 --iterations 1 -o /dev/full s.csv",
+    );
+    assert_eq!(out.status.code(), Some(1));
+}
+
+#[test]
+fn inputs_that_cannot_be_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let empty = dir.path().join("empty.csv");
+    fs::write(&empty, "").unwrap();
+    let here = text(dir.path());
+    for name in ["complete", "denoise", "corrupt --dense 1", "cluster -k 2"] {
+        let (name, flags) = name.split_once(' ').unwrap_or((name, ""));
+        let with = |file: &str| -> Vec<String> {
+            let flags = flags.split_whitespace().chain([file]);
+            flags.map(String::from).collect()
+        };
+        let said = |file: &str| {
+            let args = with(file);
+            fails(
+                name,
+                &args.iter().map(String::as_str).collect::<Vec<_>>(),
+                b"",
+                1,
+            )
+        };
+        assert!(said("missing.csv").contains("missing.csv: "));
+        assert!(said(here).contains("is a directory"));
+        assert!(said(text(&empty)).contains("empty.csv: is empty"));
+        assert!(said("-").contains("standard input: is empty"));
+    }
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let closed = dir.path().join("closed.csv");
+        fs::write(&closed, long(2)).unwrap();
+        fs::set_permissions(&closed, fs::Permissions::from_mode(0)).unwrap();
+        // Root reads whatever it likes.
+        if fs::File::open(&closed).is_err() {
+            let said = fails("complete", &[text(&closed)], b"", 1);
+            assert!(said.contains("closed.csv"), "{said}");
+        } else {
+            eprintln!("skipped: the unreadable file, which this user can read");
+        }
+    }
+    let out = bash(dir.path(), "complete < .");
+    assert_eq!(out.status.code(), Some(1));
+    assert_eq!(String::from_utf8_lossy(&out.stderr).lines().count(), 1);
+}
+
+#[test]
+fn an_output_appears_whole_or_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out.csv");
+    let bad = format!("{}walk,1,2\n", long(3000));
+    for name in ["complete", "denoise"] {
+        for flag in [&["--per-frame"][..], &[]] {
+            let args = [flag, &["-o", text(&out)]].concat();
+            let said = fails(name, &args, bad.as_bytes(), 1);
+            assert!(
+                said.contains("standard input:3002: expected 9 cells, found 3"),
+                "{said}"
+            );
+            assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
+        }
+    }
+    // A file that was there stays as it was, or is replaced whole; its mode stays.
+    fs::write(&out, "before").unwrap();
+    fails(
+        "complete",
+        &["--per-frame", "-o", text(&out)],
+        bad.as_bytes(),
+        1,
+    );
+    assert_eq!(fs::read(&out).unwrap(), b"before");
+    run("complete", &["--per-frame", "-o", text(&out)], &long(3));
+    assert_eq!(fs::read_to_string(&out).unwrap().lines().count(), 4);
+    // A command may write over its own input.
+    fs::write(&out, long(500)).unwrap();
+    run(
+        "corrupt",
+        &["--dense", "0", "-o", text(&out), text(&out)],
+        "",
+    );
+    assert_eq!(fs::read_to_string(&out).unwrap(), long(500));
+    let said = fails(
+        "corrupt",
+        &["--dense", "0", "-o", "/no/where/x.csv"],
+        long(1).as_bytes(),
+        1,
+    );
+    assert!(said.contains("/no/where/x.csv"), "{said}");
+}
+
+#[test]
+fn exit_codes() {
+    let dir = folder();
+    let code = |line: &str, want: i32| {
+        let out = bash(dir.path(), line);
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(want), "{line}: {said}");
+        assert!(want == 0 || said.lines().count() == 1, "{line}: {said}");
+    };
+    for fine in [
+        "complete --version",
+        "complete -h",
+        "posing",
+        "complete -q s.csv",
+    ] {
+        code(fine, 0);
+    }
+    for usage in [
+        "complete --nonsense",
+        "posing nonsense",
+        "corrupt s.csv",
+        "complete --threads 0 s.csv",
+        "complete --max-gap -1 s.csv",
+        "complete --max-gap 1 --per-frame s.csv",
+        "complete --observe nobody s.csv",
+        "complete --fps 50 s.csv",
+        "amc2xyz --asf x.asf x.amc",
+        "ksvd-train -o x.npz s.csv",
+        "ksvd-train -n 0 -o x.npz s.csv",
+        "complete -q - - < s.csv",
+        "complete -m - - < m.npz",
+        "denoise -m - < m.npz",
+        "encode -m - < m.npz",
+        "decode -m - < m.npz",
+        "score - - < s.csv",
+        "amc2xyz --asf - --fps 120 < s.csv",
+        "ksvd-train -n 2 --valid - -o x.npz < s.csv",
+        "dict-concat -o x.npz - - < m.npz",
+    ] {
+        code(usage, 2);
+    }
+    for bad in [
+        "complete m.npz",
+        "complete -m s.csv s.csv",
+        "complete -m missing.npz s.csv",
+        "echo 'a.x,a.y,a.z' | complete -m m.npz",
+        "echo hello | complete",
+        "model info s.csv",
+    ] {
+        code(bad, 1);
+    }
+}
+
+#[test]
+fn binary_never_goes_to_a_terminal() {
+    let dir = folder();
+    // script gives its command a terminal.
+    if !Command::new("script")
+        .arg("--version")
+        .output()
+        .is_ok_and(|o| o.status.success())
+    {
+        eprintln!("skipped: no command script to make a terminal");
+        return;
+    }
+    let out = bash(
+        dir.path(),
+        "script -qec 'posing complete --to npy s.csv' /dev/null < /dev/null",
+    );
+    let said = String::from_utf8_lossy(&out.stdout);
+    assert_eq!(out.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("binary output would go to the terminal"),
+        "{said}"
+    );
+    let out = bash(dir.path(), "complete -q --to npy s.csv | head -c 6");
+    assert_eq!(out.stdout, b"\x93NUMPY");
+}
+
+#[test]
+fn inputs_are_known_by_content() {
+    use std::io::Write;
+    let dir = tempfile::tempdir().unwrap();
+    let plain = long(50);
+    let mut gz = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    gz.write_all(plain.as_bytes()).unwrap();
+    let same = ["corrupt", "--dense", "0"];
+    let gz = gz.finish().unwrap();
+    for bytes in [gz.clone(), zstd::encode_all(plain.as_bytes(), 3).unwrap()] {
+        let file = dir.path().join("named.npy");
+        fs::write(&file, &bytes).unwrap();
+        assert_eq!(
+            run(same[0], &[&same[1..], &[text(&file)]].concat(), ""),
+            plain
+        );
+        let piped = command(same[0])
+            .args(&same[1..])
+            .write_stdin(bytes)
+            .output()
+            .unwrap();
+        assert_eq!(String::from_utf8(piped.stdout).unwrap(), plain);
+    }
+    // Cut off in the middle, it is an error, not a shorter table.
+    let said = fails("corrupt", &["--dense", "0"], &gz[..gz.len() / 2], 1);
+    assert!(said.starts_with("corrupt: standard input"), "{said}");
+}
+
+#[test]
+fn line_endings_marks_and_comments() {
+    let plain = long(20);
+    let same = |input: &str| run("corrupt", &["--dense", "0"], input);
+    assert_eq!(same(&plain.replace('\n', "\r\n")), plain);
+    assert_eq!(same(&format!("\u{feff}{plain}")), plain);
+    assert_eq!(same(plain.trim_end()), plain);
+    // Blank lines are no rows.
+    assert_eq!(same(&plain.replace('\n', "\n\n")), plain);
+    let said = fails(
+        "corrupt",
+        &["--dense", "0"],
+        format!("# made by hand\n{plain}").as_bytes(),
+        1,
+    );
+    assert!(
+        said.contains("standard input:1: starts with a comment"),
+        "{said}"
+    );
+    // Takes and skeletons have comments, and old ones DOS line ends.
+    let (Some(asf), Some(amc)) = (common::cmu("07/07.asf"), common::cmu("07/07_01.amc")) else {
+        return;
+    };
+    let dir = tempfile::tempdir().unwrap();
+    let read = |path: &Path| String::from_utf8_lossy(&fs::read(path).unwrap()).replace('\r', "");
+    let (asf, amc) = (read(&asf), read(&amc));
+    let convert = |asf: &str, amc: &str| {
+        let (a, m) = (dir.path().join("a.asf"), dir.path().join("m.amc"));
+        fs::write(&a, asf).unwrap();
+        fs::write(&m, amc).unwrap();
+        run(
+            "amc2xyz",
+            &["--asf", text(&a), "--fps", "120", text(&m)],
+            "",
+        )
+    };
+    let odd = |t: &str| format!("\u{feff}# a comment\n\n{t}").replace('\n', "  # more\r\n\r\n");
+    assert_eq!(convert(&odd(&asf), &odd(&amc)), convert(&asf, &amc));
+}
+
+/// An NPY file of these values, (frames, 6), C order.
+fn array(values: &[f64], narrow: bool, fortran: bool) -> Vec<u8> {
+    let frames = values.len() / 6;
+    let (kind, order) = (
+        if narrow { "<f4" } else { "<f8" },
+        if fortran { "True" } else { "False" },
+    );
+    let head =
+        format!("{{'descr': '{kind}', 'fortran_order': {order}, 'shape': ({frames}, 6), }}\n");
+    let mut out = b"\x93NUMPY\x01\x00".to_vec();
+    out.extend_from_slice(&(head.len() as u16).to_le_bytes());
+    out.extend_from_slice(head.as_bytes());
+    for i in 0..values.len() {
+        let v = values[if fortran {
+            i % frames * 6 + i / frames
+        } else {
+            i
+        }];
+        if narrow {
+            out.extend_from_slice(&(v as f32).to_le_bytes());
+        } else {
+            out.extend_from_slice(&v.to_le_bytes());
+        }
+    }
+    out
+}
+
+#[test]
+fn arrays_and_tables_turn_into_each_other_exactly() {
+    let mut values: Vec<f64> = (0..60)
+        .map(|i| (f64::from(i) * 0.7).sin() * 1e3 / 3.0)
+        .collect();
+    values[7] = f64::NAN;
+    values[20] = 0.1 + 0.2;
+    values[21] = -0.0;
+    let flags = ["--dense", "0", "--joints", "a,b"];
+    let convert = |bytes: Vec<u8>, to: &str| {
+        let args = [&flags[..], &["--to", to]].concat();
+        let out = command("corrupt")
+            .args(args)
+            .write_stdin(bytes)
+            .output()
+            .unwrap();
+        assert!(
+            out.status.success(),
+            "{}",
+            String::from_utf8_lossy(&out.stderr)
+        );
+        out.stdout
+    };
+    let numbers = |csv: &[u8]| -> Vec<u64> {
+        let table = common::Numbers::read(std::str::from_utf8(csv).unwrap());
+        assert_eq!(table.points, ["a", "b"]);
+        table.rows.concat().iter().map(|v| v.to_bits()).collect()
+    };
+    for narrow in [false, true] {
+        let want: Vec<u64> = values
+            .iter()
+            .map(|&v| if narrow { f64::from(v as f32) } else { v })
+            .map(|v| {
+                if v.is_nan() {
+                    f64::NAN.to_bits()
+                } else {
+                    v.to_bits()
+                }
+            })
+            .collect();
+        for fortran in [false, true] {
+            let csv = convert(array(&values, narrow, fortran), "csv");
+            assert_eq!(numbers(&csv), want, "f32 {narrow}, Fortran {fortran}");
+            let npy = convert(csv.clone(), "npy");
+            assert_eq!(convert(npy, "csv"), csv);
+        }
+    }
+}
+
+#[test]
+fn a_cut_off_take_keeps_its_whole_frames_on_request() {
+    let Some(amc) = common::shared("data/cmu-broken/07_12.amc") else {
+        return;
+    };
+    let Some(asf) = common::cmu("07/07.asf") else {
+        return;
+    };
+    let args = ["--asf", text(&asf), "--fps", "120", text(&amc)];
+    let said = fails("amc2xyz", &args, b"", 1);
+    assert!(
+        said.contains("07_12.amc:") && said.contains("--keep-whole"),
+        "{said}"
+    );
+    let out = command("amc2xyz")
+        .arg("--keep-whole")
+        .args(args)
+        .output()
+        .unwrap();
+    assert!(out.status.success());
+    assert!(String::from_utf8_lossy(&out.stderr).contains("dropped frame"));
+    assert!(String::from_utf8_lossy(&out.stdout).lines().count() > 10);
+}
