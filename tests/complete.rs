@@ -139,7 +139,6 @@ fn two_dimensions_are_given_the_third() {
 }
 
 #[test]
-#[ignore = "the smoothing of filled-in frames also smooths the x and y that were seen"]
 fn two_dimensions_are_given_the_third_in_a_take() {
     flat_input(&["-q"]);
 }

@@ -112,7 +112,9 @@ mod tests {
 
     #[test]
     fn exact_observations_are_met_and_nothing_observed_is_the_prior() {
-        let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * i * 7 + j * 3 * (i + 1)) as f64).sin());
+        let b = Array2::from_shape_fn((6, 6), |(i, j)| {
+            ((i * i * 7 + j * 3 * (i + 1)) as f64).sin()
+        });
         let s = b.dot(&b.t());
         let r = [1.0, -2.0, 0.5, 0.0, 0.0, 0.0];
         let inf = f64::INFINITY;

@@ -172,7 +172,7 @@ pub fn take(
             settings.overwrite,
         );
     }
-    settle(&mut out, &gaps, runs, rate);
+    settle(&mut out, &counted, &gaps, runs, rate);
     if let Some(longest) = settings.max_gap {
         for gap in gaps
             .iter()
@@ -335,7 +335,13 @@ fn corrections(
 }
 
 /// Takes the frame-to-frame jitter out of what was filled in: a Gaussian of 25 ms over the filled and seen around.
-fn settle(out: &mut Restoration, gaps: &[Gap], runs: &[Range<usize>], rate: f64) {
+fn settle(
+    out: &mut Restoration,
+    counted: &Array2<f64>,
+    gaps: &[Gap],
+    runs: &[Range<usize>],
+    rate: f64,
+) {
     let sigma = 0.025 * rate;
     let reach = (3.0 * sigma).floor() as usize;
     if reach == 0 {
@@ -353,7 +359,8 @@ fn settle(out: &mut Restoration, gaps: &[Gap], runs: &[Range<usize>], rate: f64)
             }
             // Never past either end of the run, and symmetric, so that a straight line stays one.
             let reach = reach.min(t - run.start).min(run.end - 1 - t);
-            for i in 3 * gap.point..3 * gap.point + 3 {
+            // A coordinate that was seen stays as it was (2-D input).
+            for i in (3 * gap.point..3 * gap.point + 3).filter(|&i| counted[[t, i]].is_nan()) {
                 let (mut sum, mut weight) = (0.0, 0.0);
                 for k in t - reach..=t + reach {
                     let w = (-0.5 * ((k as f64 - t as f64) / sigma).powi(2)).exp();

@@ -138,7 +138,14 @@ pub fn take(
         done(range.len());
         out
     });
-    let mut out = gather(xyz, answers.into_iter().flatten(), Denoise { fill: false, ..settings });
+    let mut out = gather(
+        xyz,
+        answers.into_iter().flatten(),
+        Denoise {
+            fill: false,
+            ..settings
+        },
+    );
     if settings.fill {
         fill(job, &mut out, runs, rate);
     }
@@ -147,7 +154,14 @@ pub fn take(
 
 /// Fills what is missing from the denoised points, as completing does: carried over from both ends of a gap.
 fn fill(job: &Job, out: &mut Restoration, runs: &[Range<usize>], rate: f64) {
-    let filled = complete::take(job, out.xyz.view(), runs, rate, Complete::default(), &|_| {});
+    let filled = complete::take(
+        job,
+        out.xyz.view(),
+        runs,
+        rate,
+        Complete::default(),
+        &|_| {},
+    );
     for t in 0..out.xyz.nrows() {
         for p in 0..out.points() {
             if out.of_point(t, p).0 == Status::Unknown {
