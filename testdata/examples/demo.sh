@@ -27,7 +27,7 @@ row() {
     END { printf "%s,%s,%s,%s,%s\n", name, still, missing, noisy, trembling }'
 }
 {
-  echo ',missing,in gaps,elsewhere,acceleration'
+  echo ',left,in gaps,elsewhere,accel.'
   row truth
   row damaged
   row restored
@@ -35,7 +35,7 @@ row() {
 
 run plot --title 'A walk: truth, damaged, restored' --names truth,damaged,restored \
   --note 'CMU take 07_01, damaged on purpose (1 cm of noise, 8 gaps of 0.4 s in 3 points each), restored by denoise, then complete. The built-in model learnt from every fourth frame of CMU takes, this one among them: the figures below do not tell how it does on motion it has not seen.' \
-  --table "$out/scores.csv" --caption 'Coordinates still missing, RMS error (cm) in the gaps and elsewhere, RMS acceleration (cm/s²)' --credit "$credit" \
+  --table "$out/scores.csv" --caption 'Coordinates left missing, RMS error (cm) in the gaps and elsewhere, RMS acceleration (cm/s²)' --credit "$credit" \
   -o "$out/demo.html" "$out/truth.csv" "$out/damaged.csv" "$out/restored.csv"
 
 awk -F, 'BEGIN { printf "\n%-10s %14s %18s %16s %18s\n%-10s %14s %18s %16s %18s\n", "", "coordinates", "RMS error (cm)", "RMS error (cm)", "RMS acceleration",
