@@ -45,6 +45,8 @@ fn bash(script: &str, folder: &Path) -> Output {
         .current_dir(folder)
         .env("PATH", path)
         .env("TAKES", takes)
+        // Else help wraps its examples.
+        .env("COLUMNS", "1000")
         // The launcher's `help` would open a pager.
         .env("MANPAGER", "cat")
         .output()
