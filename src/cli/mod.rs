@@ -1,6 +1,7 @@
 //! What every command shares: the wrapper around `main`, flags, streams, progress, pages of the manual.
 
 pub mod commands;
+pub mod drawing;
 pub mod flags;
 pub mod instep;
 pub mod pages;

@@ -1,0 +1,234 @@
+//! Draws a table as SVG, or as a page that plays it.
+
+use clap::Parser;
+use posing::cli::drawing::{Drawn, bones, name_of, runs, text_table};
+use posing::cli::flags::{Common, TableIn};
+use posing::cli::streams::{one_stdin, write_bytes};
+use posing::cli::{Outcome, run, say};
+use posing::evaluate::figure::{self, Layout};
+use posing::evaluate::player;
+use posing::evaluate::scene::{Figure, Scene};
+use posing::{Error, Result};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Frames that are drawn where nothing is said.
+const SPREAD: usize = 6;
+/// More frames than this make an SVG that nothing opens.
+const MOST_DRAWN: usize = 500;
+
+/// Draw a table as SVG, or as a page that plays it
+///
+/// Several tables are several figures side by side: they must have the same points (matched by name) and frames. CMU's
+/// joints are joined by bones, other points by --bones. Where a table has the columns NAME.status (from denoise --status
+/// or complete --status), what was measured, changed and inferred is told apart.
+#[derive(Parser)]
+#[command(
+    name = "plot",
+    version,
+    after_help = "Examples:\n  posing plot -o walk.svg walk.csv\n  posing plot --frames 0,30,60 --overlaid -o compare.svg truth.csv restored.csv\n  posing plot --title \"A walk\" --names truth,damaged,restored -o walk.html truth.csv damaged.csv restored.csv\n  posing complete --status walk.csv | posing plot -o walk.html"
+)]
+struct Args {
+    #[command(flatten)]
+    input: TableIn,
+    /// The figures' names (default: the files')
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    names: Vec<String>,
+    /// Pairs of points to join, such as head-neck,neck-chest
+    #[arg(long, value_name = "LIST")]
+    bones: Option<String>,
+    /// Show one frame of every N
+    #[arg(long, value_name = "N", conflicts_with = "frames")]
+    every: Option<usize>,
+    /// The heading
+    #[arg(long, value_name = "TEXT", default_value = "")]
+    title: String,
+    /// A sentence below the heading
+    #[arg(long, value_name = "TEXT")]
+    note: Option<String>,
+    /// Whom the data is owed to; the last line
+    #[arg(long, value_name = "TEXT")]
+    credit: Option<String>,
+    /// Frames to draw, counted from 0 (default: six, evenly spread)
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "SVG")]
+    frames: Vec<usize>,
+    /// Draw the figures on top of each other
+    #[arg(long, conflicts_with = "trail", help_heading = "SVG")]
+    overlaid: bool,
+    /// Draw all frames where they are in the world
+    #[arg(long, help_heading = "SVG")]
+    trail: bool,
+    /// Where the viewer stands: 0 at +z, 90 at +x (default: at the figure's side)
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        allow_negative_numbers = true,
+        help_heading = "SVG"
+    )]
+    azimuth: Option<f64>,
+    /// How far the viewer looks down (default: 12)
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        allow_negative_numbers = true,
+        help_heading = "SVG"
+    )]
+    elevation: Option<f64>,
+    /// A CSV file shown below the figures as it is: scores, for instance
+    #[arg(long, value_name = "CSV", help_heading = "Page")]
+    table: Option<PathBuf>,
+    /// What the table shows
+    #[arg(
+        long,
+        value_name = "TEXT",
+        default_value = "",
+        requires = "table",
+        help_heading = "Page"
+    )]
+    caption: String,
+    /// Write to FILE (complete or not at all) in place of standard output
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// What to draw, where FILE's name does not tell
+    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    to: Option<To>,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
+enum To {
+    /// A picture of some frames
+    Svg,
+    /// One self-contained page that plays all frames
+    Html,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let to = format(args)?;
+    let files = match args.input.files.as_slice() {
+        [] => &[PathBuf::from("-")][..],
+        files => files,
+    };
+    one_stdin(files)?;
+    let names: Vec<String> = match args.names.len() {
+        0 => files.iter().map(|f| name_of(f)).collect(),
+        n if n == files.len() => args.names.clone(),
+        n => {
+            let what = format!("--names names {n} figures, there are {}", files.len());
+            return Err(Error::usage(what));
+        }
+    };
+    let mut drawn: Vec<Drawn> = Vec::new();
+    for file in files {
+        let mut table = Drawn::read(&TableIn {
+            files: vec![file.clone()],
+            ..args.input.clone()
+        })?;
+        if let Some(first) = drawn.first() {
+            table.match_to(first)?;
+        }
+        drawn.push(table);
+    }
+    let clock = drawn.iter().find(|d| d.poses.time.is_some());
+    let clock = &clock.unwrap_or(&drawn[0]).poses;
+    let Some(rate) = args.input.rate(clock)? else {
+        let what = "no rate can be told from the table's times; give frames a second with --fps";
+        return Err(Error::usage(what));
+    };
+    let bones = bones(args.bones.as_deref(), &clock.points)?;
+    if bones.is_empty() {
+        say::note("none of the points is joined to another: name the bones with --bones");
+    }
+    let figures = drawn.iter().zip(&names).map(|(table, name)| Figure {
+        name,
+        xyz: table.poses.xyz.view(),
+        status: table.status.as_ref().map(|s| s.view()),
+    });
+    let caption = args.caption.as_str();
+    let table = args.table.as_ref().map(|t| text_table(t, caption));
+    let scene = Scene {
+        title: &args.title,
+        points: &clock.points,
+        bones: &bones,
+        rate,
+        figures: figures.collect(),
+        runs: &runs(clock),
+        note: args.note.as_deref(),
+        table: table.transpose()?,
+        credit: args.credit.as_deref(),
+    };
+    let text = match to {
+        To::Svg => svg(args, &scene)?,
+        To::Html => {
+            let options = player::Options {
+                every: args.every,
+                ..player::Options::default()
+            };
+            player::page(&scene, &options)?
+        }
+    };
+    write_bytes(args.output.as_deref(), text.as_bytes(), false)?;
+    Ok(Outcome::Done)
+}
+
+/// What `--to` or the file's name says; a flag of the other format is refused rather than passed over.
+fn format(args: &Args) -> Result<To> {
+    let ending = args.output.as_ref().and_then(|p| p.extension());
+    let ending = ending.map(|e| e.to_string_lossy().to_lowercase());
+    let to = match (args.to, ending.as_deref()) {
+        (Some(to), _) => to,
+        (None, Some("svg")) => To::Svg,
+        (None, Some("html" | "htm")) => To::Html,
+        _ => {
+            let what = "an SVG or a page? Name it: -o FILE.svg, -o FILE.html, or --to svg|html";
+            return Err(Error::usage(what));
+        }
+    };
+    let picture = [
+        ("--frames", !args.frames.is_empty()),
+        ("--overlaid", args.overlaid),
+        ("--trail", args.trail),
+        ("--azimuth", args.azimuth.is_some()),
+        ("--elevation", args.elevation.is_some()),
+    ];
+    let page = [("--table", args.table.is_some())];
+    let (others, only) = match to {
+        To::Svg => (&page[..], "a page"),
+        To::Html => (&picture[..], "an SVG"),
+    };
+    match others.iter().find(|(_, given)| *given) {
+        Some((flag, _)) => Err(Error::usage(format!("{flag} is for {only} only"))),
+        None => Ok(to),
+    }
+}
+
+fn svg(args: &Args, scene: &Scene<'_>) -> Result<String> {
+    let frames = match args.every {
+        Some(0) => return Err(Error::usage("--every 0: must be at least 1")),
+        Some(every) => (0..scene.frames()).step_by(every).collect(),
+        None if args.frames.is_empty() => scene.spread(SPREAD),
+        None => args.frames.clone(),
+    };
+    if frames.len() > MOST_DRAWN {
+        let what = format!("{} frames in one SVG: at most {MOST_DRAWN}", frames.len());
+        return Err(Error::usage(what));
+    }
+    let defaults = figure::Options::default();
+    let options = figure::Options {
+        layout: match (args.overlaid, args.trail) {
+            (true, _) => Layout::Overlaid,
+            (_, true) => Layout::Trail,
+            _ => Layout::Grid,
+        },
+        azimuth: args.azimuth,
+        elevation: args.elevation.unwrap_or(defaults.elevation),
+        ..defaults
+    };
+    figure::svg(scene, &frames, &options)
+}

@@ -1,0 +1,221 @@
+//! The sources themselves: arrows between rooms run one way, and what belongs to one room stays in it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// What each room may name of the crate, besides itself and `Error`, `Place`, `Result`.
+/// `par` (threads, generators) and `linalg` stand below all rooms.
+const MAY_NAME: &[(&str, &[&str])] = &[
+    ("pose", &["par", "linalg"]),
+    ("io", &["pose"]),
+    ("cluster", &["pose", "par", "linalg"]),
+    ("sparse", &["pose", "par", "linalg"]),
+    ("metric", &["pose", "par", "linalg"]),
+    ("body", &["pose", "par", "linalg"]),
+    // A model is data that a prior is made from and turned into: these two may name `io::Model` and
+    // `io::model`, nothing else of io (see `MODEL_ONLY`).
+    (
+        "prior",
+        &[
+            "pose", "par", "linalg", "cluster", "sparse", "metric", "body", "io",
+        ],
+    ),
+    (
+        "restore",
+        &[
+            "pose", "par", "linalg", "cluster", "sparse", "metric", "body", "prior", "io",
+        ],
+    ),
+    (
+        "evaluate",
+        &[
+            "pose", "par", "linalg", "cluster", "sparse", "metric", "body", "prior", "restore",
+        ],
+    ),
+    (
+        "cli",
+        &[
+            "pose", "par", "linalg", "io", "cluster", "sparse", "metric", "body", "prior",
+            "restore", "evaluate",
+        ],
+    ),
+];
+
+/// Rooms that know io only as the home of the model.
+const MODEL_ONLY: &[&str] = &["prior", "restore"];
+
+/// Words, and the only places under src/ that may hold them.
+const HOMES: &[(&str, &[&str])] = &[
+    ("clap", &["cli/", "bin/"]),
+    ("indicatif", &["cli/", "bin/"]),
+    ("println!", &["cli/", "bin/"]),
+    ("print!", &["cli/", "bin/"]),
+    ("process::exit", &["cli/", "bin/"]),
+    ("stdin(", &["cli/", "bin/"]),
+    ("stdout(", &["cli/", "bin/"]),
+    ("ndarray_linalg", &["linalg.rs"]),
+    ("bvh_anim", &["io/bvh"]),
+];
+
+fn sources() -> Vec<(String, String)> {
+    fn walk(folder: &Path, out: &mut Vec<PathBuf>) {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                walk(&path, out);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                out.push(path);
+            }
+        }
+    }
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut paths = Vec::new();
+    walk(&src, &mut paths);
+    paths.sort();
+    let read = |path: &PathBuf| {
+        let name = path
+            .strip_prefix(&src)
+            .unwrap()
+            .to_string_lossy()
+            .into_owned();
+        (name, code(&fs::read_to_string(path).unwrap()))
+    };
+    paths.iter().map(read).collect()
+}
+
+/// The source without comments (line for line), so that documentation may link upwards, and without spaces in paths.
+fn code(source: &str) -> String {
+    let line = |line: &str| match line.find("//") {
+        // `://` is an address in a text.
+        Some(at) if !line[..at].ends_with(':') => line[..at].to_string(),
+        _ => line.to_string(),
+    };
+    source.lines().map(|l| line(l) + "\n").collect()
+}
+
+/// What follows each `crate::`: the words named, a group `{a, b::c}` taken apart.
+fn named(source: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    for (at, _) in source.match_indices("crate::") {
+        // `$crate::` counts, `mycrate::` does not.
+        if source[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_') {
+            continue;
+        }
+        let rest = &source[at + "crate::".len()..];
+        match rest.strip_prefix('{') {
+            Some(group) => {
+                let (mut depth, mut word) = (0, String::new());
+                for c in group.chars() {
+                    match c {
+                        '{' => depth += 1,
+                        '}' if depth == 0 => break,
+                        '}' => depth -= 1,
+                        ',' if depth == 0 => found.push(std::mem::take(&mut word)),
+                        _ => {}
+                    }
+                    if !c.is_whitespace() && (c != ',' || depth > 0) {
+                        word.push(c);
+                    }
+                }
+                found.push(word);
+            }
+            None => {
+                let path = |c: char| c.is_alphanumeric() || "_:".contains(c);
+                found.push(rest.chars().take_while(|c| path(*c)).collect());
+            }
+        }
+    }
+    found.retain(|path| !path.is_empty());
+    found
+}
+
+fn broken(name: &str, source: &str) -> Vec<String> {
+    let mut broken = Vec::new();
+    let Some((room, _)) = name.split_once('/') else {
+        return broken;
+    };
+    let Some((_, may)) = MAY_NAME.iter().find(|(r, _)| *r == room) else {
+        if room != "bin" {
+            broken.push(format!(
+                "src/{name}: the room {room} has no arrows in MAY_NAME"
+            ));
+        }
+        return broken;
+    };
+    for path in named(source) {
+        let to = path.split("::").next().unwrap_or_default();
+        let is_room = MAY_NAME.iter().any(|(r, _)| *r == to) || ["par", "linalg"].contains(&to);
+        if is_room && to != room && !may.contains(&to) {
+            broken.push(format!("src/{name}: {room} -> {to} ({path})"));
+        }
+        let model = path.starts_with("io::Model") || path.starts_with("io::model");
+        if to == "io" && MODEL_ONLY.contains(&room) && !model {
+            broken.push(format!(
+                "src/{name}: {room} may name io::Model only ({path})"
+            ));
+        }
+    }
+    broken
+}
+
+#[test]
+fn arrows_run_one_way() {
+    let broken: Vec<String> = sources()
+        .iter()
+        .flat_map(|(name, source)| broken(name, source))
+        .collect();
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
+
+#[test]
+fn a_broken_arrow_is_seen() {
+    assert_eq!(broken("pose/x.rs", "use crate::io::Model;").len(), 1);
+    assert_eq!(
+        broken(
+            "sparse/x.rs",
+            "use crate::{Error, cluster::{Kmeans, Tree}, pose::Poses};"
+        )
+        .len(),
+        1
+    );
+    assert_eq!(
+        broken(
+            "restore/x.rs",
+            "let t = crate::io::table::Table::default();"
+        )
+        .len(),
+        1
+    );
+    assert_eq!(broken("cellar/x.rs", "").len(), 1);
+    assert!(
+        broken(
+            "prior/x.rs",
+            "use crate::io::{Model};\nuse crate::io::Model;"
+        )
+        .len()
+            <= 1
+    );
+    assert!(
+        broken(
+            "prior/x.rs",
+            &code("/// [`crate::restore`] uses it\nuse crate::io::Model;")
+        )
+        .is_empty()
+    );
+}
+
+#[test]
+fn words_stay_at_home() {
+    let mut strays = Vec::new();
+    for (name, source) in sources() {
+        for (word, homes) in HOMES {
+            if source.contains(word) && !homes.iter().any(|home| name.starts_with(home)) {
+                strays.push(format!(
+                    "src/{name}: {word} belongs to src/{}",
+                    homes.join(", src/")
+                ));
+            }
+        }
+    }
+    assert!(strays.is_empty(), "{}", strays.join("\n"));
+}

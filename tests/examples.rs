@@ -1,0 +1,174 @@
+//! The examples of every help text, typed as they stand, in a folder that holds the files they name.
+
+use posing::cli::commands::COMMANDS;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Makes the files that the examples name: from a take of CMU, by the commands themselves.
+const SETUP: &str = r#"
+set -euo pipefail
+cp "$TAKES"/07/07.asf "$TAKES"/07/07_01.amc .
+posing amc2xyz --asf 07.asf --fps 120 -o truth.csv 07_01.amc
+posing corrupt --gaps 2 --length 0.1 --points 2 truth.csv > walk.csv
+posing corrupt --dense 1cm truth.csv > noisy.csv
+cp walk.csv damaged.csv; cp walk.csv gaps.csv
+posing complete walk.csv > restored.csv
+cp restored.csv completed.csv
+posing denoise noisy.csv > denoised.csv
+posing amc2xyz --asf 07.asf --fps 120 --space body -o poses.npy 07_01.amc
+posing amc2xyz --asf 07.asf --fps 120 --space body -o poses.csv 07_01.amc
+awk 'NR % 7 == 1' poses.csv > other.csv
+posing ksvd-train -q -n 20 --iterations 2 -o dict.npz poses.csv
+for name in walk run part-0 part-1; do cp dict.npz $name.npz; done
+"#;
+
+/// Examples of minutes, typed with a smaller number.
+const SMALLER: &[(&str, &str)] = &[
+    ("-k 2000 --branch 10", "-k 20 --branch 4"),
+    ("-n 1000", "-n 20"),
+];
+
+/// What the examples of BVH read, where the commands that write it are there.
+const BVH: &str = "
+set -e
+posing xyz2bvh -o walk.bvh truth.csv
+cp walk.bvh old.bvh; cp walk.bvh from-blender.bvh
+";
+
+fn bash(script: &str, folder: &Path) -> Output {
+    let bin = Path::new(env!("CARGO_BIN_EXE_posing")).parent().unwrap();
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
+    let takes = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cmu");
+    Command::new("bash")
+        .args(["-o", "pipefail", "-c", script])
+        .current_dir(folder)
+        .env("PATH", path)
+        .env("TAKES", takes)
+        // Else help wraps its examples.
+        .env("COLUMNS", "1000")
+        // The launcher's `help` would open a pager.
+        .env("MANPAGER", "cat")
+        .output()
+        .unwrap()
+}
+
+fn must(script: &str, folder: &Path) -> String {
+    let out = bash(script, folder);
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success(), "{script}\n{}\n{said}", out.status);
+    String::from_utf8_lossy(&out.stdout).into_owned()
+}
+
+/// The lines below `Examples:`; what stands after three spaces or more tells what the line does.
+fn examples(help: &str) -> Vec<String> {
+    let below = help
+        .split_once("\nExamples:\n")
+        .map_or("", |(_, below)| below);
+    let command = |line: &str| {
+        line.trim()
+            .split("   ")
+            .next()
+            .unwrap_or_default()
+            .to_string()
+    };
+    below
+        .lines()
+        .map(command)
+        .filter(|line| line.starts_with("posing"))
+        .collect()
+}
+
+#[test]
+fn examples_run_as_they_stand() {
+    let base = tempfile::tempdir().unwrap();
+    let base = base.path();
+    must(SETUP, base);
+    let bin = Path::new(env!("CARGO_BIN_EXE_posing")).parent().unwrap();
+    let built = |name: &str| bin.join(name).is_file() && source(name).is_file();
+    if built("xyz2bvh") {
+        must(BVH, base);
+    }
+    for name in COMMANDS
+        .iter()
+        .map(|c| c.name)
+        .filter(|n| built(n))
+        .chain(["posing"])
+    {
+        let lines = examples(&must(
+            &format!("{name} --help", name = bin.join(name).display()),
+            base,
+        ));
+        assert!(!lines.is_empty(), "{name}: no examples");
+        for line in lines {
+            let wants_all = line.starts_with("posing completions");
+            if wants_all && !COMMANDS.iter().all(|c| built(c.name))
+                || line.contains("xyz2bvh") && !built("xyz2bvh")
+            {
+                continue;
+            }
+            // Each in a fresh copy of the folder, so that none lives on what another left.
+            let folder = tempfile::tempdir().unwrap();
+            must(&format!("cp -R '{}'/. .", base.display()), folder.path());
+            let smaller = SMALLER.iter().fold(line, |l, (a, b)| l.replace(a, b));
+            must(&smaller, folder.path());
+        }
+    }
+}
+
+fn source(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/bin/{name}.rs"))
+}
+
+#[test]
+fn training_by_make_goes_as_the_readme_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    must(SETUP, folder);
+    let root = env!("CARGO_MANIFEST_DIR");
+    let out = must(
+        &format!(
+            "cp '{root}/testdata/examples/train.mk' Makefile
+            posing cluster -q -k 3 --split parts poses.csv
+            make -s -j2 dict.npz ATOMS=10 ROUNDS=1 && make -q dict.npz
+            posing model info dict.npz"
+        ),
+        folder,
+    );
+    assert!(out.contains("sparse"), "{out}");
+}
+
+#[test]
+fn a_night_skips_what_is_done_and_logs_what_failed() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    must(SETUP, folder);
+    let script = format!(
+        "sh '{}/testdata/examples/nightly.sh' takes clean",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    must(
+        "mkdir takes && cp walk.csv takes/a.csv && cp walk.csv takes/b.csv",
+        folder,
+    );
+    must(&script, folder);
+    let first = fs::metadata(folder.join("clean/a.csv"))
+        .unwrap()
+        .modified()
+        .unwrap();
+    must("echo nonsense > takes/c.csv", folder);
+    let out = bash(&script, folder);
+    assert_eq!(out.status.code(), Some(3));
+    assert_eq!(
+        fs::metadata(folder.join("clean/a.csv"))
+            .unwrap()
+            .modified()
+            .unwrap(),
+        first
+    );
+    let log = fs::read_to_string(folder.join("clean/failures.log")).unwrap();
+    assert!(
+        log.contains("c.csv") && !folder.join("clean/c.csv").exists(),
+        "{log}"
+    );
+}

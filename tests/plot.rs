@@ -1,0 +1,123 @@
+//! The command `plot` from outside.
+
+use assert_cmd::Command;
+use predicates::prelude::PredicateBooleanExt;
+use predicates::str::contains;
+use std::fs;
+
+const TABLE: &str = "take,time,root.x,root.y,root.z,lfemur.x,lfemur.y,lfemur.z,lfemur.status\n\
+    w,0,0,90,0,5,50,0,observed\nw,0.1,1,90,0,6,50,0,inferred\nw,0.2,2,90,0,,,,unknown\n";
+
+fn plot(args: &[&str], input: &str) -> assert_cmd::assert::Assert {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_plot"));
+    command.args(args).write_stdin(input).assert()
+}
+
+#[test]
+fn a_table_becomes_a_picture_or_a_page() {
+    let svg = plot(&["--to", "svg", "--frames", "0,2"], TABLE).success();
+    svg.stdout(
+        contains("<svg")
+            .and(contains("frame 2"))
+            .and(contains("frame 1").not()),
+    );
+    let page = plot(
+        &["--to", "html", "--title", "A <walk>", "--credit", "owed"],
+        TABLE,
+    )
+    .success();
+    page.stdout(
+        contains("A &lt;walk&gt;")
+            .and(contains("owed"))
+            .and(contains("\"every\":1")),
+    );
+    let dir = tempfile::tempdir().unwrap();
+    for (name, with) in [("x.svg", "<svg"), ("x.HTML", "<!doctype html>")] {
+        let path = dir.path().join(name);
+        plot(&["-o", path.to_str().unwrap()], TABLE)
+            .success()
+            .stdout("");
+        assert!(
+            fs::read_to_string(path)
+                .unwrap()
+                .to_lowercase()
+                .contains(with)
+        );
+    }
+}
+
+#[test]
+fn tables_drawn_together_must_fit() {
+    let dir = tempfile::tempdir().unwrap();
+    let truth = dir.path().join("truth.csv");
+    fs::write(&truth, TABLE).unwrap();
+    let truth = truth.to_str().unwrap();
+    let args = ["--to", "svg", truth, "-"];
+    let swapped =
+        "lfemur.x,lfemur.y,lfemur.z,root.x,root.y,root.z\n1,2,3,4,5,6\n1,2,3,4,5,6\n1,2,3,4,5,6\n";
+    plot(&args, swapped)
+        .success()
+        .stdout(contains("truth").and(contains("standard input")));
+    for (other, said) in [
+        (
+            "root.x,root.y,root.z\n1,2,3\n1,2,3\n1,2,3\n",
+            "no point lfemur",
+        ),
+        (
+            "lfemur.x,lfemur.y,lfemur.z,root.x,root.y,root.z\n1,2,3,4,5,6\n",
+            "1 frames",
+        ),
+        (&TABLE.replace("w,", "v,"), "of take v"),
+        (&TABLE.replace("w,0.2", "w,0.25"), "at 0.25 s"),
+        (&TABLE.replace("unknown", "lost"), "\"lost\" is no status"),
+        ("root.x,root.y,root.z\n", "no frames"),
+    ] {
+        plot(&args, other).code(1).stderr(contains(said));
+    }
+}
+
+#[test]
+fn nothing_is_guessed_and_no_flag_passed_over() {
+    let timeless = "root.x,root.y,root.z\n1,2,3\n";
+    plot(&["--to", "svg"], timeless)
+        .code(2)
+        .stderr(contains("--fps"));
+    plot(&["--to", "svg", "--fps", "60"], timeless)
+        .success()
+        .stderr(contains("--bones"));
+    plot(&[], TABLE).code(2).stderr(contains("--to svg|html"));
+    plot(&["--to", "html", "--frames", "0"], TABLE)
+        .code(2)
+        .stderr(contains("--frames is for an SVG"));
+    plot(&["--to", "svg", "--frames", "3"], TABLE)
+        .code(2)
+        .stderr(contains("there are 3"));
+    plot(&["--to", "svg", "--every", "0"], TABLE).code(2);
+    plot(&["--to", "html", "--every", "0"], TABLE).code(2);
+    plot(&["--to", "svg", "--names", "a,b"], TABLE)
+        .code(2)
+        .stderr(contains("there are 1"));
+    plot(&["--to", "svg", "--bones", "root-x"], TABLE)
+        .code(2)
+        .stderr(contains("root-x"));
+}
+
+#[test]
+fn a_table_of_text_is_shown_as_it_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("scores.csv");
+    fs::write(&path, ",error\nwalk,1.50\n").unwrap();
+    let args = [
+        "--to",
+        "html",
+        "--table",
+        path.to_str().unwrap(),
+        "--caption",
+        "Scores",
+    ];
+    plot(&args, TABLE)
+        .success()
+        .stdout(contains(">1.50</td>").and(contains("Scores")));
+    fs::write(&path, "a\n1,2\n").unwrap();
+    plot(&args, TABLE).code(1).stderr(contains("scores.csv"));
+}
