@@ -9,7 +9,7 @@
 //! which is what flat k-means costs.
 
 use super::kmeans::{Clustering, Parameters, Report, best_run};
-use super::nearest::{Near, Poses, exact_nearest};
+use super::poses::{Near, Poses, exact_nearest};
 use super::update::{Groups, distances};
 use crate::{Error, Result, par};
 use ndarray::{Array2, ArrayView1, ArrayView2};
