@@ -9,7 +9,7 @@
 //! which is what flat k-means costs.
 
 use super::kmeans::{Clustering, Parameters, Report, best_run};
-use super::nearest::{Near, Poses, exact_nearest};
+use super::poses::{Near, Poses, exact_nearest};
 use super::update::{Groups, distances};
 use crate::{Error, Result, par};
 use ndarray::{Array2, ArrayView1, ArrayView2};
@@ -383,16 +383,17 @@ mod tests {
 
     #[test]
     fn trees_that_do_not_fit_together_are_refused() {
-        let refused = |rows, children: Vec<Range<usize>>| {
+        let refused = |rows, children: &[(usize, usize)]| {
+            let children = children.iter().map(|&(start, end)| start..end).collect();
             assert!(Tree::from_parts(Array2::zeros((rows, 2)), children).is_err());
         };
-        refused(0, vec![]);
-        refused(2, Vec::from([0..0]));
-        refused(1, Vec::from([0..1]));
-        refused(2, vec![0..0, 0..0]);
-        refused(3, vec![1..2, 1..3, 0..0]);
-        refused(3, vec![1..9, 0..0, 0..0]);
-        refused(3, vec![2..3, 0..0, 0..0]);
+        refused(0, &[]);
+        refused(2, &[(0, 0)]);
+        refused(1, &[(0, 1)]);
+        refused(2, &[(0, 0), (0, 0)]);
+        refused(3, &[(1, 2), (1, 3), (0, 0)]);
+        refused(3, &[(1, 9), (0, 0), (0, 0)]);
+        refused(3, &[(2, 3), (0, 0), (0, 0)]);
         let tree = Tree::from_parts(Array2::zeros((3, 2)), vec![1..3, 0..0, 0..0]).unwrap();
         assert!(tree.assign(Array2::zeros((1, 3)).view()).is_err());
         assert!(

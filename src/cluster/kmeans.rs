@@ -4,7 +4,8 @@
 //! turn, until no label changes or the centroids hardly move.
 
 use super::hierarchy::{self, Tree};
-use super::nearest::{Centroids, Poses};
+use super::nearest::Centroids;
+use super::poses::Poses;
 use super::search::Search;
 use super::seeding;
 use super::update::{Groups, distances, farthest, means};
@@ -304,7 +305,7 @@ fn filled(
 
 #[cfg(test)]
 mod tests {
-    use super::super::nearest::exact_nearest;
+    use super::super::poses::exact_nearest;
     use super::super::testdata::{blobs, grid, noise, on_threads, repeated};
     use super::*;
     use ndarray::{Array2, ShapeBuilder, array};

@@ -15,16 +15,19 @@
 //! | `seeding` | greedy k-means++, with whole cells skipped by the triangle inequality |
 //! | `kmeans` | Lloyd's alternation from those seeds, empty clusters repaired, restarts |
 //! | `search` | the assignment step with Hamerly's bounds and a ball of candidates around each centroid |
+//! | `poses` | the checked table, the exact distance |
 //! | `nearest` | distances in blocks that stay in cache; exact where rounding could change an answer |
 //! | `update` | means, and poses for empty clusters |
 //! | `hierarchy` | a tree with branch B: K leaves at the cost of about B log K distances a pose |
 //!
 //! **A label is exact.** It is the centroid with the least squared distance summed in f64, the
 //! lowest number on a tie. Pruning and the f32 products only decide which distances need not be
-//! computed, with their rounding bounded; so a pruned run gives the labels of a plain one, the same
-//! at any number of threads and on any machine.
+//! computed, with their rounding bounded; so from the same seeds a pruned run gives the labels of a
+//! plain one, at any number of threads. (The seeding weighs candidates by f32 products: another kind
+//! of processor may, on a near tie, choose other seeds.)
 //!
 //! Memory: about 40 bytes a pose besides the table, K x D centroids twice, and a fixed tile a thread.
+//! The seeding holds the poses once more, arranged by cell, and up to twice that while cells shrink.
 //!
 //! ```
 //! use ndarray::array;
@@ -40,6 +43,7 @@
 mod hierarchy;
 mod kmeans;
 mod nearest;
+mod poses;
 mod search;
 mod seeding;
 mod update;

@@ -11,7 +11,8 @@
 //!
 //! Cost of a step: n at the least, k products of k for the balls, n k D at the most.
 
-use super::nearest::{Centroids, Near, Poses, SLACK, Scratch, TILE, squared_distance};
+use super::nearest::{Centroids, SLACK, Scratch, TILE};
+use super::poses::{Near, Poses, squared_distance};
 use super::update::Groups;
 use crate::par;
 

@@ -9,7 +9,7 @@
 //! the way is passed over whole, and of the others only such poses are measured. The cost falls from
 //! n k ln k distances to a small part of it as the cells shrink.
 
-use super::nearest::Poses;
+use super::poses::Poses;
 use super::update::key;
 use crate::par;
 use ndarray::linalg::general_mat_mul;

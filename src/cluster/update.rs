@@ -1,6 +1,7 @@
 //! The update step: means of clusters, and poses for those that are empty.
 
-use super::nearest::{Centroids, Poses, add, squared_distance};
+use super::nearest::Centroids;
+use super::poses::{Poses, add, squared_distance};
 use crate::par;
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashSet;
