@@ -2,10 +2,15 @@
 //! settings of it.
 
 pub mod adapt;
+pub mod bones;
 pub mod complete;
 pub mod denoise;
+pub mod fit;
 pub mod frame;
+pub mod greedy;
+pub mod ik;
 pub mod job;
+pub mod measured;
 pub mod planar;
 pub mod smooth;
 pub mod suspects;
