@@ -22,7 +22,7 @@ const TO_REST: f64 = 1e-6;
 /// A noisy take's share of its mean squared misfit: one centimetre of noise is about 0.4 radians of twist.
 const OF_NOISE: f64 = 5.0;
 /// A root-mean-square misfit (centimetres a joint) below which nothing is searched for.
-const FITS: f64 = 1e-3;
+const FITS: f64 = 1e-4;
 
 /// How a take is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]

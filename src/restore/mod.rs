@@ -12,9 +12,11 @@ pub mod ik;
 pub mod job;
 pub mod measured;
 pub mod planar;
+pub mod report;
 pub mod smooth;
 pub mod suspects;
 pub mod synthesis;
+pub mod take;
 
 pub use frame::{Restoration, Restored, Restorer, Status};
 pub use job::Job;
