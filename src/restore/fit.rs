@@ -62,7 +62,7 @@ pub struct Fit {
     pub unplaced: usize,
     /// Frames that needed another start.
     pub restarted: usize,
-    /// Frames whose solution ended without converging.
+    /// Frames that neither fit nor converged.
     pub unconverged: usize,
 }
 
@@ -249,6 +249,22 @@ impl<'a> Fitter<'a> {
         } else {
             self.solve(before.clone(), to_before, TO_REST)
         };
+        // Near a pole the values must run far for a small turn, and what holds them costs a part of it: let go by steps.
+        for _ in 0..3 {
+            if fits(&best) {
+                break;
+            }
+            self.q.copy_from_slice(&best.q);
+            let next = self.solve(best.q.clone(), to_before, TO_REST);
+            let gain = next.misfit < 0.5 * best.misfit;
+            if gain {
+                best = next;
+            }
+            self.q.copy_from_slice(&before);
+            if !gain {
+                break;
+            }
+        }
         if !fits(&best) {
             out.restarted += 1;
             let mut q = before.clone();
@@ -265,7 +281,7 @@ impl<'a> Fitter<'a> {
         if !self.settings.solve.limits {
             self.nearest_turns(&mut best.q, &before);
         }
-        out.unconverged += usize::from(!best.converged);
+        out.unconverged += usize::from(!best.converged && !fits(&best));
         if seen > 0 {
             // About the last twenty frames.
             self.usual += 0.05 * (best.misfit / seen as f64 - self.usual);
