@@ -244,6 +244,8 @@ impl<'a> Fitter<'a> {
                     converged: true,
                 }
             } else {
+                let nearer = self.solver.misfit(&before, &self.targets) < misfit;
+                let q = if nearer { before.clone() } else { q };
                 self.solve(q, to_before, TO_REST)
             }
         } else {

@@ -74,7 +74,7 @@ impl<'a> Greedy<'a> {
     pub fn pose(&self, targets: &[f64], q: &mut [f64]) {
         let mut posture = Posture::default();
         for (i, bone) in self.skeleton.bones().iter().enumerate() {
-            let (before, start) = match bone.parent {
+            let (before, above) = match bone.parent {
                 Some(p) => (posture.rotations[p], posture.ends[p]),
                 None => (DMat3::IDENTITY, DVec3::ZERO),
             };
@@ -90,7 +90,7 @@ impl<'a> Greedy<'a> {
             if i == 0 {
                 self.place_root(&hard, &soft, q);
             }
-            let (start, _) = self.local(i, q, before, start);
+            let (start, _) = self.local(i, q, before, above);
             let arms = |pairs: &[(DVec3, DVec3)]| -> Vec<(DVec3, DVec3)> {
                 pairs
                     .iter()
@@ -109,7 +109,7 @@ impl<'a> Greedy<'a> {
                 }
                 None => self.set_hinges(i, &hard_arms, &before, q),
             }
-            let (start, rotation) = self.local(i, q, before, start);
+            let (start, rotation) = self.local(i, q, before, above);
             posture.starts.push(start);
             posture.ends.push(start + rotation * self.grown(i, q));
             posture.rotations.push(rotation);
@@ -279,4 +279,60 @@ fn best_angle(
         sin += b.dot(axis.cross(a));
     }
     (sin.hypot(cos) > 1e-12).then(|| sin.atan2(cos))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::{Bone, Dof};
+
+    /// A trunk that forks, all ball joints: 0 root, 1 trunk, 2 and 3 arms on it, 4 a hand on 3, 5 a leg on the root.
+    fn body() -> Skeleton {
+        let axes = [Axis::X, Axis::Y, Axis::Z];
+        let ball = axes.map(Channel::Rotate).to_vec();
+        let slide = axes.map(Channel::Translate).to_vec();
+        let bone = |name: &str, parent, offset: [f64; 3], channels: Vec<Channel>| Bone {
+            name: name.into(),
+            parent,
+            offset: DVec3::from_array(offset),
+            axis: DMat3::from_rotation_x(0.3) * DMat3::from_rotation_z(0.2 * offset[0]),
+            dofs: channels
+                .into_iter()
+                .map(|channel| Dof {
+                    channel,
+                    limits: None,
+                    offset: 0.0,
+                })
+                .collect(),
+        };
+        Skeleton::new(vec![
+            bone("root", None, [0., 0., 0.], [slide, ball.clone()].concat()),
+            bone("trunk", Some(0), [0., 30., 1.], ball.clone()),
+            bone("left", Some(1), [20., 2., 0.], ball.clone()),
+            bone("right", Some(1), [-20., 3., 0.], ball.clone()),
+            bone("hand", Some(3), [-9., 0., 0.], ball.clone()),
+            bone("leg", Some(0), [5., -40., 0.], ball),
+        ])
+        .unwrap()
+    }
+
+    #[test]
+    fn ball_joints_are_solved_exactly() {
+        let s = body();
+        let joints = [0, 1, 2, 3, 4, 5];
+        let greedy = Greedy::new(&s, &joints);
+        assert!(greedy.is_exact());
+        for round in 0..50 {
+            let q: Vec<f64> = (0..s.dof_count())
+                .map(|i| 3.0 * ((1 + i + 31 * round) as f64 * 1.7).sin())
+                .collect();
+            let want = s.posture(&q).ends;
+            let targets: Vec<f64> = want.iter().flat_map(|e| e.to_array()).collect();
+            let mut found = vec![0.0; q.len()];
+            greedy.pose(&targets, &mut found);
+            for (a, b) in s.posture(&found).ends.iter().zip(&want) {
+                assert!((*a - *b).length() <= 1e-9, "{round}: {a} {b}");
+            }
+        }
+    }
 }

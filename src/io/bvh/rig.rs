@@ -35,8 +35,9 @@ pub struct Rig {
 impl Rig {
     /// The skeleton of `joints`; `turn` carries the file's axes to ours (y up).
     ///
-    /// With `sliding` every position channel is a value of the skeleton. Without, the root's alone are: bones keep
-    /// their lengths, as when a posture is solved for.
+    /// With `sliding` every position channel is a value of the skeleton. Without, bones keep their lengths, as when a
+    /// posture is solved for, and only those move the body as a whole: the root's, and its only child's, and so on
+    /// until the first fork (some rigs have a root that stays where it is and hips that walk).
     pub fn new(joints: &[Joint], turn: DMat3, sliding: bool) -> Result<Rig> {
         let mut builder = Builder::default();
         // By joint: the bone that turns with it; by place: the bone that ends there.
@@ -47,8 +48,13 @@ impl Rig {
         let (mut channels, mut still) = (Vec::new(), Vec::new());
         let mut origins = Vec::new();
         let mut end_sites = Vec::new();
+        let trunk = (0..joints.len()).find(|&i| {
+            let on = joints.iter().filter(|j| j.parent == Some(i)).count();
+            on + joints[i].ends.len() != 1
+        });
+        let trunk = trunk.unwrap_or(0);
         for (i, joint) in joints.iter().enumerate() {
-            let moves = |c: &Channel| c.is_angle() || sliding || i == 0;
+            let moves = |c: &Channel| c.is_angle() || sliding || i <= trunk;
             let slides = joint.channels.iter().any(|c| !c.is_angle() && moves(c));
             // A position channel takes the place of its component.
             let mut fixed = joint.offset;
