@@ -76,7 +76,8 @@ fn work(args: &Args) -> Result<Outcome> {
         ));
     }
     let rate = rate(args, &loaded.bvh, &name)?;
-    let turn = DMat3::from_cols_array_2d(&[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| up.to_y(e)));
+    let turn =
+        DMat3::from_cols_array_2d(&[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| up.to_y(e)));
     let rig = Rig::new(&loaded.bvh.joints, turn, true)?;
     write(args, &path, &loaded.bvh, &rig, rate)?;
     Ok(Outcome::Done)
@@ -106,10 +107,17 @@ fn rate(args: &Args, bvh: &Bvh, name: &str) -> Result<f64> {
 }
 
 fn write(args: &Args, path: &Path, bvh: &Bvh, rig: &Rig, rate: f64) -> Result<()> {
-    let points = rig.points(if args.ends { Points::Ends } else { Points::Origins });
+    let points = rig.points(if args.ends {
+        Points::Ends
+    } else {
+        Points::Origins
+    });
     let names = points.iter().map(|(name, _)| name.clone()).collect();
     let mut sink = TableSink::create(&args.out, &Columns::fresh(names, true, true), &[])?;
-    let take = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy();
+    let take = path
+        .file_stem()
+        .unwrap_or(path.as_os_str())
+        .to_string_lossy();
     let mut row = Row {
         take: Some(Arc::from(&*take)),
         ..Row::default()
@@ -120,7 +128,11 @@ fn write(args: &Args, path: &Path, bvh: &Bvh, rig: &Rig, rate: f64) -> Result<()
         rig.skeleton.posture_into(&q, &mut posture);
         row.time = Some(i as f64 / rate);
         row.xyz.clear();
-        row.xyz.extend(points.iter().flat_map(|&(_, bone)| posture.ends[bone].to_array()));
+        row.xyz.extend(
+            points
+                .iter()
+                .flat_map(|&(_, bone)| posture.ends[bone].to_array()),
+        );
         sink.write(&row, &row.xyz, &[])?;
     }
     sink.finish()

@@ -2,14 +2,14 @@
 
 use clap::Parser;
 use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
+use posing::cli::progress::Progress;
 use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
 use posing::cli::{Outcome, run, say};
 use posing::io::amc::{Frame, write_frame, write_head};
 use posing::io::asf;
 use posing::pose::Poses;
 use posing::restore::fit::{Fit, FitSettings, fit};
-use posing::restore::report::match_names;
-use posing::restore::ik::Settings;
+use posing::restore::report::match_points;
 use posing::restore::take::one_take;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -62,7 +62,11 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let stdin = PathBuf::from("-");
-    let files = if args.files.is_empty() { std::slice::from_ref(&stdin) } else { &args.files };
+    let files = if args.files.is_empty() {
+        std::slice::from_ref(&stdin)
+    } else {
+        &args.files
+    };
     one_stdin(files.iter().chain([&args.asf]))?;
     let asf = asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
     let input = TableIn {
@@ -75,22 +79,33 @@ fn work(args: &Args) -> Result<Outcome> {
     let table = read_table(&input, false, false)?;
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let rate = input.rate(&poses)?;
-    let matched = match_names(&poses, |name| asf.skeleton.find(name));
+    let joints: Vec<_> = poses.points.iter().map(|n| asf.skeleton.find(n)).collect();
+    let matched = match_points(&poses, &joints);
     if matched.joints.is_empty() {
         let what = format!("no point has the name of a bone of {}", args.asf.display());
         return Err(Error::data(Place::file(table.name), what));
     }
     matched.notes(&table.name).iter().for_each(|n| say::note(n));
-    let settings = FitSettings {
-        solve: Settings {
-            limits: args.limits,
-            ..Settings::default()
-        },
-        ..FitSettings::default()
-    };
-    let fitted = fit(&asf.skeleton, &matched.joints, matched.xyz.view(), &settings, &mut |_| {})?;
-    fitted.notes(&matched.names).iter().for_each(|n| say::note(n));
-    write_bytes(args.output.as_deref(), &render(&asf, &fitted, first_number(&poses, rate)), false)?;
+    let mut settings = FitSettings::default();
+    settings.solve.limits = args.limits;
+    let progress = Progress::new("solving", poses.frames() as u64);
+    let fitted = fit(
+        &asf.skeleton,
+        &matched.joints,
+        matched.xyz.view(),
+        &settings,
+        &mut |n| progress.set(n as u64),
+    )?;
+    drop(progress);
+    fitted
+        .notes(&matched.names)
+        .iter()
+        .for_each(|n| say::note(n));
+    write_bytes(
+        args.output.as_deref(),
+        &render(&asf, &fitted, first_number(&poses, rate)),
+        false,
+    )?;
     Ok(Outcome::Done)
 }
 

@@ -3,20 +3,16 @@
 use clap::Parser;
 use glam::DMat3;
 use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
+use posing::cli::progress::Progress;
 use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
 use posing::cli::{Outcome, run, say};
-use posing::io::bvh::{self, Bvh, Converter, Loaded, Rig};
-use posing::io::{Input, asf};
-use posing::pose::kinematics::Posture;
+use posing::io::bvh::{self, Target};
 use posing::pose::rotation::{Axis, parse_order};
-use posing::pose::{Poses, Skeleton};
-use posing::restore::fit::{Fit, FitSettings, fit};
-use posing::restore::ik::Settings;
+use posing::restore::fit::{FitSettings, fit};
 use posing::restore::measured::measure;
-use posing::restore::report::{Matched, match_names};
+use posing::restore::report::match_points;
 use posing::restore::take::one_take;
 use posing::{Error, Place, Result};
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -67,12 +63,6 @@ struct Args {
     common: Common,
 }
 
-/// Where the bones come from.
-enum Frame {
-    Bones(Skeleton),
-    Template(Box<(Loaded, Rig)>),
-}
-
 fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
@@ -84,10 +74,18 @@ fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let stdin = PathBuf::from("-");
-    let files = if args.files.is_empty() { std::slice::from_ref(&stdin) } else { &args.files };
+    let files = if args.files.is_empty() {
+        std::slice::from_ref(&stdin)
+    } else {
+        &args.files
+    };
     one_stdin(files.iter().chain(&args.skeleton))?;
     // The skeleton's faults are told before a long table is read.
-    let given = args.skeleton.as_ref().map(|path| skeleton(args, path)).transpose()?;
+    let given = args
+        .skeleton
+        .as_ref()
+        .map(|p| target(args, p))
+        .transpose()?;
     let input = TableIn {
         files: args.files.clone(),
         fps: args.fps,
@@ -98,37 +96,45 @@ fn work(args: &Args) -> Result<Outcome> {
     let table = read_table(&input, false, false)?;
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let Some(rate) = input.rate(&poses)? else {
-        return Err(Error::usage(format!("{}: has no rate; give it with --fps", table.name)));
+        let what = format!("{}: has no rate; give it with --fps", table.name);
+        return Err(Error::usage(what));
     };
     let gaps = poses.runs().len().saturating_sub(1);
     if gaps > 0 {
-        say::note(&format!("{}: the time jumps {gaps} times; BVH has no time, so those frames follow at once", table.name));
+        let place = &table.name;
+        say::note(&format!(
+            "{place}: the time jumps {gaps} times; in a BVH those frames follow at once"
+        ));
     }
-    let frame = match given {
-        Some(frame) => frame,
-        None => Frame::Bones(measure(&poses)?),
+    let target = match given {
+        Some(target) => target,
+        None => Target::Bones(measure(&poses)?),
     };
-    let matched = matched(&frame, &poses);
+    let matched = match_points(&poses, &target.joints(&poses.points));
     if matched.joints.is_empty() {
         let what = "no point has the name of a joint of the skeleton";
         return Err(Error::data(Place::file(table.name), what));
     }
     matched.notes(&table.name).iter().for_each(|n| say::note(n));
-    let settings = FitSettings {
-        solve: Settings {
-            limits: args.limits,
-            ..Settings::default()
-        },
-        ..FitSettings::default()
-    };
-    let skeleton = match &frame {
-        Frame::Bones(skeleton) => skeleton,
-        Frame::Template(template) => &template.1.skeleton,
-    };
-    let fitted = fit(skeleton, &matched.joints, matched.xyz.view(), &settings, &mut |_| {})?;
-    fitted.notes(&matched.names).iter().for_each(|n| say::note(n));
-    let bvh = motion(args, &frame, &fitted, 1.0 / rate)?;
-    write_bytes(args.output.as_deref(), &bvh::render(&bvh, args.units.centimetres()), false)?;
+    let mut settings = FitSettings::default();
+    settings.solve.limits = args.limits;
+    let progress = Progress::new("solving", poses.frames() as u64);
+    let fitted = fit(
+        target.skeleton(),
+        &matched.joints,
+        matched.xyz.view(),
+        &settings,
+        &mut |n| progress.set(n as u64),
+    )?;
+    drop(progress);
+    fitted
+        .notes(&matched.names)
+        .iter()
+        .for_each(|n| say::note(n));
+    let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
+    let bvh = target.motion(fitted.values.view(), order, turn(args.up), 1.0 / rate)?;
+    let text = bvh::render(&bvh, args.units.centimetres());
+    write_bytes(args.output.as_deref(), &text, false)?;
     Ok(Outcome::Done)
 }
 
@@ -137,64 +143,13 @@ fn turn(up: Up) -> DMat3 {
     DMat3::from_cols_array_2d(&[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| up.to_y(e)))
 }
 
-/// Reads either kind, told apart by content.
-fn skeleton(args: &Args, path: &Path) -> Result<Frame> {
-    let input = open(path)?;
-    let name = input.name.clone();
-    let bytes = input.read_all(2 << 30)?;
-    let start = String::from_utf8_lossy(&bytes[..bytes.len().min(100)]);
-    let is_bvh = start.trim_start_matches('\u{feff}').trim_start().to_ascii_uppercase().starts_with("HIERARCHY");
-    let input = Input::new(name, Cursor::new(bytes))?;
-    if !is_bvh {
-        return Ok(Frame::Bones(asf::read(input, None)?.skeleton));
+fn target(args: &Args, path: &Path) -> Result<Target> {
+    let unit = args.units.centimetres();
+    let (target, notes) = Target::read(open(path)?, unit, turn(args.up))?;
+    notes.iter().for_each(|n| say::note(n));
+    if matches!(target, Target::Template(..)) && args.order.is_some() {
+        let what = "--order: a BVH given as skeleton keeps the order of its channels";
+        return Err(Error::usage(what));
     }
-    if args.order.is_some() {
-        return Err(Error::usage("--order: a BVH given as skeleton keeps the order of its channels"));
-    }
-    let loaded = bvh::read(input, args.units.centimetres(), true)?;
-    loaded.notes.iter().for_each(|n| say::note(n));
-    let rig = Rig::new(&loaded.bvh.joints, turn(args.up), false)?;
-    Ok(Frame::Template(Box::new((loaded, rig))))
-}
-
-/// The table's points that the skeleton knows.
-fn matched(frame: &Frame, poses: &Poses) -> Matched {
-    match frame {
-        Frame::Bones(skeleton) => match_names(poses, |name| skeleton.find(name)),
-        Frame::Template(template) => {
-            let rig = &template.1;
-            let points = rig.points(rig.points_among(&poses.points));
-            match_names(poses, |name| points.iter().find(|p| p.0 == name).map(|p| p.1))
-        }
-    }
-}
-
-/// The fitted take in the file's joints.
-fn motion(args: &Args, frame: &Frame, fitted: &Fit, frame_time: f64) -> Result<Bvh> {
-    let mut values = Vec::new();
-    let rows = fitted.values.rows().into_iter().map(|row| row.to_vec());
-    let joints = match frame {
-        Frame::Template(template) => {
-            let (loaded, rig) = &**template;
-            rows.for_each(|q| values.extend(rig.frame(&q)));
-            loaded.bvh.joints.clone()
-        }
-        Frame::Bones(skeleton) => {
-            let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
-            let mut converter = Converter::new(skeleton, order, turn(args.up).transpose());
-            let mut posture = Posture::default();
-            for q in rows {
-                skeleton.posture_into(&q, &mut posture);
-                converter.frame(&posture, &mut values);
-            }
-            converter.joints().to_vec()
-        }
-    };
-    let shape = (fitted.values.nrows(), Bvh::channels(&joints));
-    let motion = ndarray::Array2::from_shape_vec(shape, values).map_err(|e| Error::usage(e.to_string()))?;
-    Ok(Bvh {
-        joints,
-        frame_time,
-        motion,
-    })
+    Ok(target)
 }

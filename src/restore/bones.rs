@@ -76,9 +76,7 @@ impl Bones {
         }
         let mut next = 0;
         while next < bones.order.len() {
-            bones
-                .order
-                .extend_from_slice(&children[bones.order[next]]);
+            bones.order.extend_from_slice(&children[bones.order[next]]);
             next += 1;
         }
         let mut reached = vec![false; n];

@@ -86,7 +86,9 @@ pub fn fit(
         )));
     }
     if joints.is_empty() || xyz.ncols() != 3 * joints.len() {
-        return Err(Error::usage("no point of the table is a joint of the skeleton"));
+        return Err(Error::usage(
+            "no point of the table is a joint of the skeleton",
+        ));
     }
     let mut fitter = Fitter::new(skeleton, joints, settings);
     let mut out = Fit {
@@ -98,7 +100,11 @@ pub fn fit(
     let Some(first) = fitter.best_seen(xyz) else {
         return Ok(out);
     };
-    fitter.start(xyz.row(first).as_slice().unwrap_or(&xyz.row(first).to_vec()));
+    fitter.start(
+        xyz.row(first)
+            .as_slice()
+            .unwrap_or(&xyz.row(first).to_vec()),
+    );
     let (mut sum, mut count) = (0.0, 0u64);
     for (i, row) in xyz.rows().into_iter().enumerate() {
         let y = row.to_vec();
@@ -147,6 +153,8 @@ struct Fitter<'a> {
     root: Option<usize>,
     /// The usual misfit a joint, squared centimetres.
     usual: f64,
+    /// Frames to go before other starts are tried again, and how many it was the last time.
+    pause: (usize, usize),
 }
 
 /// One frame's answer.
@@ -174,6 +182,7 @@ impl<'a> Fitter<'a> {
             rest,
             root: joints.iter().position(|&j| j == 0),
             usual: 0.0,
+            pause: (0, 0),
         }
     }
 
@@ -267,8 +276,10 @@ impl<'a> Fitter<'a> {
                 break;
             }
         }
-        if !fits(&best) {
+        self.pause.0 = self.pause.0.saturating_sub(1);
+        if !fits(&best) && self.pause.0 == 0 {
             out.restarted += 1;
+            let found = best.misfit;
             let mut q = before.clone();
             if !exact && placed {
                 self.greedy.pose(&self.targets, &mut q);
@@ -279,6 +290,14 @@ impl<'a> Fitter<'a> {
             }
             let tries = self.settings.restarts;
             self.search(&mut best, tries, to_before, TO_REST, limit);
+            // A skeleton that cannot fit must not cost a search every frame.
+            let helped = best.misfit < 0.25 * found;
+            let pause = if helped {
+                0
+            } else {
+                (2 * self.pause.1).clamp(2, 64)
+            };
+            self.pause = (pause, pause);
         }
         if !self.settings.solve.limits {
             self.nearest_turns(&mut best.q, &before);
@@ -308,7 +327,14 @@ impl<'a> Fitter<'a> {
     }
 
     /// Other starts, until one fits to `limit`: the bones above the joints that do not fit are turned at random.
-    fn search(&mut self, best: &mut Answer, tries: usize, to_before: f64, to_rest: f64, limit: f64) {
+    fn search(
+        &mut self,
+        best: &mut Answer,
+        tries: usize,
+        to_before: f64,
+        to_rest: f64,
+        limit: f64,
+    ) {
         let seen = self.seen();
         for _ in 0..tries {
             if best.misfit <= limit * limit * seen as f64 {
@@ -336,7 +362,12 @@ impl<'a> Fitter<'a> {
             .collect();
         let worst = far.iter().fold(0.0, |z: f64, &f| z.max(f));
         let mut angles = Vec::new();
-        for (&joint, _) in self.joints.iter().zip(&far).filter(|(_, f)| **f >= 0.5 * worst) {
+        for (&joint, _) in self
+            .joints
+            .iter()
+            .zip(&far)
+            .filter(|(_, f)| **f >= 0.5 * worst)
+        {
             let (mut at, mut turning) = (Some(joint), 0);
             while let Some(bone) = at.filter(|_| turning < 3) {
                 let b = &self.skeleton.bones()[bone];
@@ -344,7 +375,11 @@ impl<'a> Fitter<'a> {
                 // The root's own turn is found in closed form.
                 if b.parent.is_some() && !dofs.is_empty() {
                     turning += 1;
-                    angles.extend(dofs.filter(|i| b.dofs[i - self.skeleton.dofs_of(bone).start].channel.is_angle()));
+                    angles.extend(dofs.filter(|i| {
+                        b.dofs[i - self.skeleton.dofs_of(bone).start]
+                            .channel
+                            .is_angle()
+                    }));
                 }
                 at = b.parent;
             }

@@ -170,14 +170,7 @@ impl<'a> Greedy<'a> {
     }
 
     /// The angles of a ball joint for its global rotation, the nearest to the ones before.
-    fn set_ball(
-        &self,
-        i: usize,
-        order: [Axis; 3],
-        before: &DMat3,
-        global: &DMat3,
-        q: &mut [f64],
-    ) {
+    fn set_ball(&self, i: usize, order: [Axis; 3], before: &DMat3, global: &DMat3, q: &mut [f64]) {
         let bone = &self.skeleton.bones()[i];
         let own = bone.axis.transpose() * before.transpose() * *global * bone.axis;
         let at: Vec<usize> = (0..bone.dofs.len())
@@ -217,7 +210,9 @@ impl<'a> Greedy<'a> {
                 }
                 let inner = inner * bone.axis.transpose();
                 let outer = *before * bone.axis * outer;
-                let pairs = arms.iter().map(|&(v, y)| (inner * v, outer.transpose() * y));
+                let pairs = arms
+                    .iter()
+                    .map(|&(v, y)| (inner * v, outer.transpose() * y));
                 if let Some(angle) = best_angle(axis.unit(), pairs, 0.0) {
                     q[n] = closest_turn(angle - bone.dofs[n].offset, q[n]);
                 }
@@ -268,11 +263,7 @@ fn ball(hard: &[(DVec3, DVec3)], soft: &[(DVec3, DVec3)], before: &DMat3) -> Opt
 }
 
 /// The angle about `axis` that carries each first vector nearest to its second; `still` votes for no turn at all.
-fn best_angle(
-    axis: DVec3,
-    pairs: impl Iterator<Item = (DVec3, DVec3)>,
-    still: f64,
-) -> Option<f64> {
+fn best_angle(axis: DVec3, pairs: impl Iterator<Item = (DVec3, DVec3)>, still: f64) -> Option<f64> {
     let (mut sin, mut cos) = (0.0, still);
     for (a, b) in pairs {
         cos += b.dot(a) - b.dot(axis) * a.dot(axis);

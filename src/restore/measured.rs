@@ -120,7 +120,11 @@ mod tests {
     #[test]
     fn what_hangs_on_nothing_is_left_out() {
         let names = |n: &[&str]| n.iter().map(|s| s.to_string()).collect::<Vec<_>>();
-        let s = measure(&poses(names(&["tail", "lradius", "lhumerus", "lwrist"]), 1.0)).unwrap();
+        let s = measure(&poses(
+            names(&["tail", "lradius", "lhumerus", "lwrist"]),
+            1.0,
+        ))
+        .unwrap();
         let got: Vec<&str> = s.bones().iter().map(|b| b.name.as_str()).collect();
         assert_eq!(got, ["lhumerus", "lradius", "lwrist"]);
         for few in [&["root"][..], &["a", "b"], &[]] {

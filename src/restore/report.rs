@@ -20,12 +20,12 @@ pub struct Matched {
     pub strange: Vec<String>,
 }
 
-/// Finds the bone of each point by its name. Two points of one bone are kept both: they are fitted in the mean.
-pub fn match_names(poses: &Poses, find: impl Fn(&str) -> Option<usize>) -> Matched {
+/// Keeps the points for which `joints` gives a bone.
+pub fn match_points(poses: &Poses, joints: &[Option<usize>]) -> Matched {
     let mut out = Matched::default();
     let mut columns = Vec::new();
-    for (k, name) in poses.points.iter().enumerate() {
-        match find(name) {
+    for (k, (name, joint)) in poses.points.iter().zip(joints).enumerate() {
+        match *joint {
             Some(bone) => {
                 out.joints.push(bone);
                 out.names.push(name.clone());
@@ -49,15 +49,27 @@ impl Matched {
         if count > LISTED {
             names.push_str(", ...");
         }
-        let points = if count == 1 { "1 point is" } else { &format!("{count} points are") };
-        vec![format!("{table}: {points} no joint of the skeleton and left out: {names}")]
+        let points = if count == 1 {
+            "1 point is"
+        } else {
+            &format!("{count} points are")
+        };
+        vec![format!(
+            "{table}: {points} no joint of the skeleton and left out: {names}"
+        )]
     }
 }
 
 impl Fit {
     /// What the user should know of the fit; `names` are the points'.
     pub fn notes(&self, names: &[String]) -> Vec<String> {
-        let frames = |n: usize| if n == 1 { "1 frame".into() } else { format!("{n} frames") };
+        let frames = |n: usize| {
+            if n == 1 {
+                "1 frame".into()
+            } else {
+                format!("{n} frames")
+            }
+        };
         let mut lines = Vec::new();
         match self.worst {
             Some((frame, point)) => lines.push(format!(
@@ -93,7 +105,11 @@ impl Fit {
 
 /// Four decimals, or fewer figures of something smaller.
 fn length(cm: f64) -> String {
-    if cm < 1e-4 { format!("{cm:.0e}") } else { format!("{cm:.4}") }
+    if cm < 1e-4 {
+        format!("{cm:.0e}")
+    } else {
+        format!("{cm:.4}")
+    }
 }
 
 #[cfg(test)]
@@ -107,7 +123,7 @@ mod tests {
             xyz: Array2::from_shape_fn((1, 9), |(_, j)| j as f64),
             ..Poses::default()
         };
-        let m = match_names(&poses, |n| (n != "b").then_some(n.len()));
+        let m = match_points(&poses, &[Some(1), None, Some(0)]);
         assert_eq!(m.names, ["a", "c"]);
         assert_eq!(m.xyz.as_slice().unwrap(), [0., 1., 2., 6., 7., 8.]);
         assert_eq!(m.notes("t").len(), 1);
@@ -124,7 +140,10 @@ mod tests {
             ..Fit::default()
         };
         let lines = fit.notes(&["lfoot".into()]);
-        assert_eq!(lines[0], "fit: mean 0.5000 cm, max 2.0000 cm (lfoot in row 7)");
+        assert_eq!(
+            lines[0],
+            "fit: mean 0.5000 cm, max 2.0000 cm (lfoot in row 7)"
+        );
         assert_eq!(lines.len(), 2);
         assert!(Fit::default().notes(&[])[0].contains("no point"));
     }

@@ -26,7 +26,12 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
         }
     }
     let listed = || {
-        let mut text = names.iter().take(LISTED).map(|n| n.to_string()).collect::<Vec<_>>().join(", ");
+        let mut text = names
+            .iter()
+            .take(LISTED)
+            .map(|n| n.to_string())
+            .collect::<Vec<_>>()
+            .join(", ");
         if names.len() > LISTED {
             text.push_str(", ...");
         }
@@ -39,10 +44,15 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
             Err(Error::data(Place::file(name), what))
         }
         (Some(wanted), Some(takes)) if names.iter().any(|n| **n == *wanted) => {
-            let rows: Vec<usize> = (0..poses.frames()).filter(|&i| *takes[i] == *wanted).collect();
+            let rows: Vec<usize> = (0..poses.frames())
+                .filter(|&i| *takes[i] == *wanted)
+                .collect();
             Ok(Poses {
                 xyz: poses.xyz.select(Axis(0), &rows),
-                time: poses.time.as_ref().map(|t| rows.iter().map(|&i| t[i]).collect()),
+                time: poses
+                    .time
+                    .as_ref()
+                    .map(|t| rows.iter().map(|&i| t[i]).collect()),
                 take: Some(rows.iter().map(|&i| takes[i].clone()).collect()),
                 points: poses.points,
             })
@@ -83,7 +93,10 @@ mod tests {
     fn one_of_several_is_chosen_by_name() {
         let two = || poses(Some(&["w", "w", "v"]));
         let e = one_take(two(), None, "x.csv").unwrap_err().to_string();
-        assert_eq!(e, "x.csv: holds several takes (w, v); choose one with --take");
+        assert_eq!(
+            e,
+            "x.csv: holds several takes (w, v); choose one with --take"
+        );
         let v = one_take(two(), Some("v"), "x").unwrap();
         assert_eq!((v.frames(), v.xyz[[0, 0]]), (1, 6.0));
         assert!(one_take(two(), Some("u"), "x").is_err());

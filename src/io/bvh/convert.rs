@@ -43,7 +43,12 @@ impl<'a> Converter<'a> {
         }
         let joints = bones.iter().map(|&i| {
             let bone = &all[i];
-            let slides = |i: usize| all[i].dofs.iter().any(|d| matches!(d.channel, Channel::Translate(_)));
+            let slides = |i: usize| {
+                all[i]
+                    .dofs
+                    .iter()
+                    .any(|d| matches!(d.channel, Channel::Translate(_)))
+            };
             let grows = |i: usize| all[i].dofs.iter().any(|d| d.channel == Channel::Length);
             let free = bone.parent.is_none_or(|p| slides(i) || grows(p));
             let positions = [Axis::X, Axis::Y, Axis::Z].map(Channel::Translate);

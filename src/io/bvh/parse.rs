@@ -54,7 +54,11 @@ pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Loaded> {
     }
     let mut joints = parser.joints;
     if let Some((at, word, count)) = parser.stray {
-        let more = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
+        let more = if count > 1 {
+            format!(" and {} more", count - 1)
+        } else {
+            String::new()
+        };
         notes.push(format!(
             "{name}:{}: \"{}\"{more} does not belong there and is passed over",
             parser.words.line_of(at),
@@ -89,7 +93,11 @@ pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Loaded> {
     if let Some(first) = renamed.first() {
         notes.push(format!(
             "{name}: {} of a name that stands twice; the first is called {first} here",
-            if renamed.len() == 1 { "1 joint is".into() } else { format!("{} joints are", renamed.len()) }
+            if renamed.len() == 1 {
+                "1 joint is".into()
+            } else {
+                format!("{} joints are", renamed.len())
+            }
         ));
     }
     joints.iter_mut().for_each(|j| {
@@ -123,7 +131,9 @@ impl<'a> Words<'a> {
         let rest = &self.text[self.at..];
         let start = self.at + rest.find(|c: char| !c.is_ascii_whitespace())?;
         let rest = &self.text[start..];
-        let end = rest.find(|c: char| c.is_ascii_whitespace()).unwrap_or(rest.len());
+        let end = rest
+            .find(|c: char| c.is_ascii_whitespace())
+            .unwrap_or(rest.len());
         // A brace is a word of its own even where no space follows.
         let end = if rest.starts_with(['{', '}']) { 1 } else { end };
         self.at = start + end;
@@ -154,9 +164,12 @@ impl<'a> Words<'a> {
     fn numbers<const N: usize>(&mut self) -> std::result::Result<[f64; N], Fault> {
         let mut out = [0.0; N];
         for v in &mut out {
-            let (at, word) = self
-                .next()
-                .ok_or_else(|| Fault(self.text.len(), "expected a number; the file is cut off".into()))?;
+            let (at, word) = self.next().ok_or_else(|| {
+                Fault(
+                    self.text.len(),
+                    "expected a number; the file is cut off".into(),
+                )
+            })?;
             *v = bounded(word).map_err(|what| Fault(at, what))?;
         }
         Ok(out)
@@ -166,7 +179,10 @@ impl<'a> Words<'a> {
 fn bounded(word: &str) -> std::result::Result<f64, String> {
     match number(word)? {
         v if v.abs() <= LARGEST_NUMBER => Ok(v),
-        _ => Err(format!("\"{}\" is no length or angle of a body", short(word))),
+        _ => Err(format!(
+            "\"{}\" is no length or angle of a body",
+            short(word)
+        )),
     }
 }
 
@@ -194,7 +210,10 @@ impl Parser<'_> {
             None => return Err(Fault(0, "is empty, expected a BVH file".into())),
             Some((_, word)) if word.eq_ignore_ascii_case("HIERARCHY") => {}
             Some((at, word)) => {
-                let what = format!("expected HIERARCHY, found \"{}\"; this is no BVH file", short(word));
+                let what = format!(
+                    "expected HIERARCHY, found \"{}\"; this is no BVH file",
+                    short(word)
+                );
                 return Err(Fault(at, what));
             }
         }
@@ -245,28 +264,43 @@ impl Parser<'_> {
         match self.words.next() {
             Some((_, "{")) => Ok(()),
             Some((at, word)) => Err(Fault(at, format!("expected {{, found \"{}\"", short(word)))),
-            None => Err(Fault(self.words.text.len(), "expected {; the file is cut off".into())),
+            None => Err(Fault(
+                self.words.text.len(),
+                "expected {; the file is cut off".into(),
+            )),
         }
     }
 
     fn count(&mut self, at: usize) -> std::result::Result<(), Fault> {
         self.nodes += 1;
         if self.nodes > MOST_JOINTS {
-            return Err(Fault(at, format!("more than {MOST_JOINTS} joints and End Sites")));
+            return Err(Fault(
+                at,
+                format!("more than {MOST_JOINTS} joints and End Sites"),
+            ));
         }
         Ok(())
     }
 
     fn open_joint(&mut self, at: usize) -> std::result::Result<(), Fault> {
         self.count(at)?;
-        let name: String = self.words.rest_of_line().chars().filter(|c| !c.is_control()).collect();
+        let name: String = self
+            .words
+            .rest_of_line()
+            .chars()
+            .filter(|c| !c.is_control())
+            .collect();
         let index = self.joints.len();
         let parent = match self.stack.last() {
             Some(Open::Joint(p, ..)) => Some(*p),
             _ => None,
         };
         self.joints.push(Joint {
-            name: if name.is_empty() { format!("joint{}", index + 1) } else { name },
+            name: if name.is_empty() {
+                format!("joint{}", index + 1)
+            } else {
+                name
+            },
             parent,
             offset: DVec3::ZERO,
             channels: Vec::new(),
@@ -337,23 +371,36 @@ impl Parser<'_> {
         let joint = *joint;
         let [count] = self.words.numbers::<1>()?;
         if !(count.fract() == 0.0 && (0.0..=6.0).contains(&count)) {
-            return Err(Fault(at, format!("expected 0 to 6 channels, found {count}")));
+            return Err(Fault(
+                at,
+                format!("expected 0 to 6 channels, found {count}"),
+            ));
         }
         for _ in 0..count as usize {
             let (at, word) = self.words.next().unwrap_or((at, ""));
             let channel = channel(word).ok_or_else(|| {
-                Fault(at, format!("expected a channel such as Xrotation, found \"{}\"", short(word)))
+                Fault(
+                    at,
+                    format!(
+                        "expected a channel such as Xrotation, found \"{}\"",
+                        short(word)
+                    ),
+                )
             })?;
             let channels = &mut self.joints[joint].channels;
             if channels.contains(&channel) {
-                return Err(Fault(at, format!("channel \"{}\" stands twice", short(word))));
+                return Err(Fault(
+                    at,
+                    format!("channel \"{}\" stands twice", short(word)),
+                ));
             }
             channels.push(channel);
         }
         match self.words.peek() {
-            Some((at, word)) if channel(word).is_some() => {
-                Err(Fault(at, format!("more channels are named than the {count} counted")))
-            }
+            Some((at, word)) if channel(word).is_some() => Err(Fault(
+                at,
+                format!("more channels are named than the {count} counted"),
+            )),
             _ => Ok(()),
         }
     }
@@ -382,14 +429,16 @@ fn labelled(
     label: &[&str],
     shown: &str,
 ) -> std::result::Result<(f64, usize), Fault> {
-    let expected = |at: usize, word: &str| {
-        Fault(at, format!("expected {shown}, found \"{}\"", short(word)))
-    };
+    let expected =
+        |at: usize, word: &str| Fault(at, format!("expected {shown}, found \"{}\"", short(word)));
     let (mut start, mut letters) = (None, String::new());
     let wanted = label.concat();
     while letters != wanted {
         let Some((at, word)) = words.next() else {
-            return Err(Fault(words.text.len(), format!("expected {shown}; the file is cut off")));
+            return Err(Fault(
+                words.text.len(),
+                format!("expected {shown}; the file is cut off"),
+            ));
         };
         start.get_or_insert(at);
         let (text, value) = match word.split_once(':') {
@@ -417,15 +466,17 @@ fn labelled(
 }
 
 /// Everything after the head, in radians and centimetres.
-fn values(
-    words: &mut Words,
-    joints: &[Joint],
-    unit: f64,
-) -> std::result::Result<Vec<f64>, Fault> {
+fn values(words: &mut Words, joints: &[Joint], unit: f64) -> std::result::Result<Vec<f64>, Fault> {
     let scales: Vec<f64> = joints
         .iter()
         .flat_map(|j| &j.channels)
-        .map(|c| if c.is_angle() { 1f64.to_radians() } else { unit })
+        .map(|c| {
+            if c.is_angle() {
+                1f64.to_radians()
+            } else {
+                unit
+            }
+        })
         .collect();
     let mut out = Vec::new();
     let mut channel = 0;

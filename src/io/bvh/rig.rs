@@ -5,8 +5,8 @@
 //! that turns. Joints that start at one place share it, so that it is the end of the bone above them.
 
 use super::Joint;
-use crate::pose::{Bone, Channel, Dof, Skeleton};
 use crate::Result;
+use crate::pose::{Bone, Channel, Dof, Skeleton};
 use glam::{DMat3, DVec3};
 use std::collections::HashMap;
 
@@ -44,7 +44,8 @@ impl Rig {
         let mut turning: Vec<usize> = Vec::with_capacity(joints.len());
         let mut places: HashMap<(usize, [u64; 3]), usize> = HashMap::new();
         // By joint: the first and second place that something stands on it, and the sum and count of all of them.
-        let mut carried: Vec<(Vec<usize>, DVec3, f64)> = vec![(Vec::new(), DVec3::ZERO, 0.0); joints.len()];
+        let mut carried: Vec<(Vec<usize>, DVec3, f64)> =
+            vec![(Vec::new(), DVec3::ZERO, 0.0); joints.len()];
         let (mut channels, mut still) = (Vec::new(), Vec::new());
         let mut origins = Vec::new();
         let mut end_sites = Vec::new();
@@ -69,26 +70,39 @@ impl Rig {
                 Some(p) => {
                     let key = (turning[p], bits(fixed));
                     let known = places.get(&key).copied().filter(|_| !slides);
-                    let bone = known.unwrap_or_else(|| builder.fixed(Some(turning[p]), turn * fixed));
+                    let bone =
+                        known.unwrap_or_else(|| builder.fixed(Some(turning[p]), turn * fixed));
                     if !slides {
                         places.insert(key, bone);
                     }
+                    // What slides stands where its own bone, the next, does.
+                    let stands = if slides { builder.bones.len() } else { bone };
                     let (on, sum, count) = &mut carried[p];
-                    if !on.contains(&bone) && on.len() < 2 {
-                        on.push(bone);
+                    if !on.contains(&stands) && on.len() < 2 {
+                        on.push(stands);
                     }
                     (*sum, *count) = (*sum + joint.offset, *count + 1.0);
                     Some(bone)
                 }
             };
             let at = builder.bones.len();
-            let free: Vec<(usize, Channel)> = joint.channels.iter().copied().filter(moves).enumerate().collect();
+            let free: Vec<(usize, Channel)> = joint
+                .channels
+                .iter()
+                .copied()
+                .filter(moves)
+                .enumerate()
+                .collect();
             let first = builder.values;
             // The last named turns first, and a skeleton's first.
             let dofs: Vec<Dof> = free
                 .iter()
                 .rev()
-                .map(|&(_, channel)| Dof { channel, limits: None, offset: 0.0 })
+                .map(|&(_, channel)| Dof {
+                    channel,
+                    limits: None,
+                    offset: 0.0,
+                })
                 .collect();
             let mut n = 0;
             for channel in &joint.channels {
@@ -107,13 +121,19 @@ impl Rig {
             origins.push((joint.name.clone(), at));
             for (n, &end) in joint.ends.iter().enumerate() {
                 let key = (at, bits(end));
-                let bone = *places.entry(key).or_insert_with(|| builder.fixed(Some(at), turn * end));
+                let bone = *places
+                    .entry(key)
+                    .or_insert_with(|| builder.fixed(Some(at), turn * end));
                 let (on, sum, count) = &mut carried[i];
                 if !on.contains(&bone) && on.len() < 2 {
                     on.push(bone);
                 }
                 (*sum, *count) = (*sum + end, *count + 1.0);
-                let suffix = if n == 0 { String::new() } else { format!("_{}", n + 1) };
+                let suffix = if n == 0 {
+                    String::new()
+                } else {
+                    format!("_{}", n + 1)
+                };
                 end_sites.push((format!("{}_end{suffix}", joint.name), bone));
             }
         }
@@ -212,7 +232,9 @@ fn unique(points: &mut [(String, usize)]) {
     let mut taken = std::collections::HashSet::new();
     for (name, _) in points {
         if !taken.insert(name.clone()) {
-            let free = (2..).map(|n| format!("{name}_{n}")).find(|n| !taken.contains(n));
+            let free = (2..)
+                .map(|n| format!("{name}_{n}"))
+                .find(|n| !taken.contains(n));
             *name = free.unwrap_or_default();
             taken.insert(name.clone());
         }
