@@ -12,9 +12,11 @@
 //! can only write what its reader read: the builder drops the joints.
 
 mod convert;
+mod motion;
 mod parse;
 mod rig;
 mod target;
+mod words;
 
 pub use convert::Converter;
 pub use parse::{Loaded, read};

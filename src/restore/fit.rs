@@ -336,7 +336,9 @@ impl<'a> Fitter<'a> {
         limit: f64,
     ) {
         let seen = self.seen();
-        for _ in 0..tries {
+        // A step costs the cube of the values: large skeletons get fewer tries, none of a body's size does.
+        let n = self.rest.len().max(1);
+        for _ in 0..tries.min(1 + 4_000_000 / (n * n)) {
             if best.misfit <= limit * limit * seen as f64 {
                 return;
             }
@@ -397,5 +399,118 @@ impl<'a> Fitter<'a> {
                 *q = closest_turn(*q, *near);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::rotation::Axis;
+    use crate::pose::{Bone, Channel, Dof};
+    use glam::DMat3;
+
+    /// A root that slides and turns, an arm that is a ball joint, a hinge on it.
+    fn arm() -> Skeleton {
+        let axes = [Axis::X, Axis::Y, Axis::Z];
+        let turns = axes.map(Channel::Rotate).to_vec();
+        let bone = |name: &str, parent, offset: [f64; 3], channels: Vec<Channel>| Bone {
+            name: name.into(),
+            parent,
+            offset: DVec3::from_array(offset),
+            axis: DMat3::from_rotation_y(0.4),
+            dofs: channels
+                .into_iter()
+                .map(|channel| Dof {
+                    channel,
+                    limits: None,
+                    offset: 0.0,
+                })
+                .collect(),
+        };
+        let six = [axes.map(Channel::Translate).to_vec(), turns.clone()].concat();
+        Skeleton::new(vec![
+            bone("root", None, [0., 0., 0.], six),
+            bone("a", Some(0), [9., 1., 0.], vec![]),
+            bone("b", Some(0), [-9., 0., 2.], vec![]),
+            bone("upper", Some(1), [0., -30., 1.], turns),
+            bone(
+                "lower",
+                Some(3),
+                [0., -25., 3.],
+                vec![Channel::Rotate(Axis::X)],
+            ),
+        ])
+        .unwrap()
+    }
+
+    /// A motion that leaps far from frame to frame.
+    fn leaps(s: &Skeleton, frames: usize) -> Array2<f64> {
+        let mut xyz = Array2::zeros((frames, 15));
+        for (i, mut row) in xyz.rows_mut().into_iter().enumerate() {
+            let q: Vec<f64> = (0..s.dof_count())
+                .map(|k| 1.5 * ((k + 1 + 13 * i) as f64 * 2.3).sin())
+                .collect();
+            let places = s.posture(&q).ends.into_iter().flat_map(|e| e.to_array());
+            row.iter_mut().zip(places).for_each(|(a, b)| *a = b);
+        }
+        xyz
+    }
+
+    #[test]
+    fn even_leaps_are_followed_and_the_same_take_gives_the_same_values() {
+        let (s, joints) = (arm(), [0, 1, 2, 3, 4]);
+        let xyz = leaps(&s, 40);
+        let mut told = 0;
+        let run = |watch: &mut dyn FnMut(usize)| {
+            fit(&s, &joints, xyz.view(), &FitSettings::default(), watch)
+        };
+        let found = run(&mut |n| told = n).unwrap();
+        assert_eq!((told, found.incomplete, found.unplaced), (40, 0, 0));
+        // Leaps of a radian a frame look like noise, which holds the values a little.
+        assert!(found.max <= 0.05, "{}", found.max);
+        assert_eq!(found.values, run(&mut |_| {}).unwrap().values);
+    }
+
+    #[test]
+    fn what_is_not_there_is_no_fault() {
+        let (s, joints) = (arm(), [0, 1, 2, 3, 4]);
+        let none = Array2::from_elem((3, 15), f64::NAN);
+        let found = fit(
+            &s,
+            &joints,
+            none.view(),
+            &FitSettings::default(),
+            &mut |_| {},
+        )
+        .unwrap();
+        assert!(found.mean.is_nan() && found.values.iter().all(|v| *v == 0.0));
+        let empty = Array2::zeros((0, 15));
+        assert_eq!(
+            fit(
+                &s,
+                &joints,
+                empty.view(),
+                &FitSettings::default(),
+                &mut |_| {}
+            )
+            .unwrap()
+            .values
+            .nrows(),
+            0
+        );
+        assert!(fit(&s, &[], empty.view(), &FitSettings::default(), &mut |_| {}).is_err());
+        // Infinite and huge points are no places.
+        let mut odd = leaps(&s, 4);
+        odd[[1, 4]] = f64::INFINITY;
+        odd[[2, 7]] = 1e200;
+        let found = fit(
+            &s,
+            &joints,
+            odd.view(),
+            &FitSettings::default(),
+            &mut |_| {},
+        )
+        .unwrap();
+        assert!(found.values.iter().all(|v| v.is_finite()));
     }
 }

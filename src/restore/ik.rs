@@ -15,7 +15,7 @@ use crate::pose::kinematics::Posture;
 use ndarray::{Array1, Array2};
 
 /// The most values a skeleton may have: the normal equations are dense.
-pub const MOST_VALUES: usize = 2000;
+pub const MOST_VALUES: usize = 1200;
 
 /// When a solution counts as found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -452,15 +452,16 @@ mod tests {
         let hinge = s.dofs_of(4).start;
         want[hinge] = 1.2;
         let targets = places(&s, &want, &joints);
-        // From within, and from the limit itself, which must be left again. (P2 has other minima farther off.)
-        for start in [0.3, 0.0] {
-            let mut q = vec![0.0; s.dof_count()];
-            q[hinge] = start;
-            solve(&s, &joints, &targets, &mut q, true);
-            assert!((0.0..=0.5).contains(&q[hinge]), "{}", q[hinge]);
-            assert!(q[hinge] >= 0.49, "{}", q[hinge]);
-            solve(&s, &joints, &targets, &mut q, false);
-            assert!((q[hinge] - 1.2).abs() <= 1e-4, "{}", q[hinge]);
-        }
+        let mut q = vec![0.0; s.dof_count()];
+        q[hinge] = 0.3;
+        solve(&s, &joints, &targets, &mut q, true);
+        assert!((0.49..=0.5).contains(&q[hinge]), "{}", q[hinge]);
+        solve(&s, &joints, &targets, &mut q, false);
+        assert!((q[hinge] - 1.2).abs() <= 1e-4, "{}", q[hinge]);
+        // What is beyond a limit comes back to it, and what stands on one may leave it.
+        want[hinge] = 0.2;
+        let targets = places(&s, &want, &joints);
+        solve(&s, &joints, &targets, &mut q, true);
+        assert!((q[hinge] - 0.2).abs() <= 1e-4, "{}", q[hinge]);
     }
 }

@@ -4,9 +4,11 @@
 //! read with a note (stray words and braces, a wrong count of frames, names that stand twice); everything else is an
 //! error with its line.
 
+use super::motion::{motion_head, values};
+use super::words::{Fault, Words};
 use super::{Bvh, Joint, MOST_JOINTS};
 use crate::io::Input;
-use crate::io::text::{number, short};
+use crate::io::text::short;
 use crate::pose::Channel;
 use crate::pose::rotation::Axis;
 use crate::{Error, Place, Result};
@@ -16,8 +18,6 @@ use std::collections::{HashMap, HashSet};
 
 /// Larger files are refused; an hour at 120 frames a second takes a fifth of it.
 const LARGEST_FILE: u64 = 2 << 30;
-/// Numbers beyond this are no lengths and no angles.
-const LARGEST_NUMBER: f64 = 1e9;
 
 /// A file that was read, and what there is to say of it.
 #[derive(Debug, Clone, Default)]
@@ -114,76 +114,6 @@ pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Loaded> {
         motion,
     };
     Ok(Loaded { bvh, notes })
-}
-
-/// Where in the text, and what is wrong there.
-struct Fault(usize, String);
-
-/// The text's words, separated by white space.
-struct Words<'a> {
-    text: &'a str,
-    at: usize,
-}
-
-impl<'a> Words<'a> {
-    /// The next word and where it starts.
-    fn next(&mut self) -> Option<(usize, &'a str)> {
-        let rest = &self.text[self.at..];
-        let start = self.at + rest.find(|c: char| !c.is_ascii_whitespace())?;
-        let rest = &self.text[start..];
-        let end = rest
-            .find(|c: char| c.is_ascii_whitespace())
-            .unwrap_or(rest.len());
-        // A brace is a word of its own even where no space follows.
-        let end = if rest.starts_with(['{', '}']) { 1 } else { end };
-        self.at = start + end;
-        Some((start, &rest[..end]))
-    }
-
-    fn peek(&mut self) -> Option<(usize, &'a str)> {
-        let at = self.at;
-        let word = self.next();
-        self.at = at;
-        word
-    }
-
-    /// What is left of the line, up to a brace: a name may have spaces.
-    fn rest_of_line(&mut self) -> &'a str {
-        let rest = &self.text[self.at..];
-        let end = rest.find(['\n', '\r', '{', '}']).unwrap_or(rest.len());
-        self.at += end;
-        rest[..end].trim()
-    }
-
-    fn line_of(&self, at: usize) -> u64 {
-        let before = &self.text.as_bytes()[..at.min(self.text.len())];
-        1 + before.iter().filter(|&&b| b == b'\n').count() as u64
-    }
-
-    /// Three numbers, or the one asked for.
-    fn numbers<const N: usize>(&mut self) -> std::result::Result<[f64; N], Fault> {
-        let mut out = [0.0; N];
-        for v in &mut out {
-            let (at, word) = self.next().ok_or_else(|| {
-                Fault(
-                    self.text.len(),
-                    "expected a number; the file is cut off".into(),
-                )
-            })?;
-            *v = bounded(word).map_err(|what| Fault(at, what))?;
-        }
-        Ok(out)
-    }
-}
-
-fn bounded(word: &str) -> std::result::Result<f64, String> {
-    match number(word)? {
-        v if v.abs() <= LARGEST_NUMBER => Ok(v),
-        _ => Err(format!(
-            "\"{}\" is no length or angle of a body",
-            short(word)
-        )),
-    }
 }
 
 /// A node whose brace is open.
@@ -414,84 +344,6 @@ fn channel(word: &str) -> Option<Channel> {
         "rotation" => Some(Channel::Rotate(axis)),
         _ => None,
     }
-}
-
-/// The count of frames, the Frame Time, and where the count stands.
-fn motion_head(words: &mut Words) -> std::result::Result<(f64, f64, usize), Fault> {
-    let (frames, start) = labelled(words, &["frames"], "Frames:")?;
-    let (time, _) = labelled(words, &["frame", "time"], "Frame Time:")?;
-    Ok((frames, time, start))
-}
-
-/// A number after a label, however the colon is spaced.
-fn labelled(
-    words: &mut Words,
-    label: &[&str],
-    shown: &str,
-) -> std::result::Result<(f64, usize), Fault> {
-    let expected =
-        |at: usize, word: &str| Fault(at, format!("expected {shown}, found \"{}\"", short(word)));
-    let (mut start, mut letters) = (None, String::new());
-    let wanted = label.concat();
-    while letters != wanted {
-        let Some((at, word)) = words.next() else {
-            return Err(Fault(
-                words.text.len(),
-                format!("expected {shown}; the file is cut off"),
-            ));
-        };
-        start.get_or_insert(at);
-        let (text, value) = match word.split_once(':') {
-            Some((text, value)) => (text, value),
-            None => (word, ""),
-        };
-        letters.push_str(&text.to_ascii_lowercase());
-        if !wanted.starts_with(&letters) {
-            return Err(expected(at, word));
-        }
-        if !value.is_empty() {
-            if letters != wanted {
-                return Err(expected(at, word));
-            }
-            return Ok((number(value).map_err(|what| Fault(at, what))?, at));
-        }
-    }
-    let (mut at, mut word) = words.next().unwrap_or((words.text.len(), ""));
-    if word == ":" {
-        (at, word) = words.next().unwrap_or((words.text.len(), ""));
-    }
-    let word = word.strip_prefix(':').unwrap_or(word);
-    let value = number(word).map_err(|what| Fault(at, format!("{shown} {what}")))?;
-    Ok((value, start.unwrap_or(at)))
-}
-
-/// Everything after the head, in radians and centimetres.
-fn values(words: &mut Words, joints: &[Joint], unit: f64) -> std::result::Result<Vec<f64>, Fault> {
-    let scales: Vec<f64> = joints
-        .iter()
-        .flat_map(|j| &j.channels)
-        .map(|c| {
-            if c.is_angle() {
-                1f64.to_radians()
-            } else {
-                unit
-            }
-        })
-        .collect();
-    let mut out = Vec::new();
-    let mut channel = 0;
-    while let Some((at, word)) = words.next() {
-        let value = bounded(word).map_err(|what| {
-            let frame = out.len() / scales.len().max(1) + 1;
-            Fault(at, format!("frame {frame}, value {}: {what}", channel + 1))
-        })?;
-        let Some(scale) = scales.get(channel) else {
-            return Err(Fault(at, "values, but no joint has channels".into()));
-        };
-        out.push(value * scale);
-        channel = (channel + 1) % scales.len();
-    }
-    Ok(out)
 }
 
 /// Renames joints whose name stood before (`_2`, `_3`); the new names.
