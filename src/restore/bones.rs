@@ -44,7 +44,7 @@ impl Bones {
                 let bone = &bones[at];
                 let Some(above) = bone.parent else { break None };
                 let slides = bone.dofs.iter().any(|d| !d.channel.is_angle());
-                rigid &= !slides && !(turns && bone.offset != DVec3::ZERO);
+                rigid &= !(slides || turns && bone.offset != DVec3::ZERO);
                 path += bone.offset;
                 turns |= path != DVec3::ZERO && !bone.dofs.is_empty();
                 at = above;

@@ -293,15 +293,16 @@ impl<'a> Solver<'a> {
             // The floor damps what no target moves: cm² a squared radian.
             normal[[a, a]] += damping * (normal[[a, a]] + 1e-3);
             // At a limit that the step would cross: stay there.
-            if let Some(&(low, high)) = self.limits.get(i) {
-                if (q[i] <= low && slope[a] > 0.0) || (q[i] >= high && slope[a] < 0.0) {
-                    for b in 0..self.free.len() {
-                        normal[[a, b]] = 0.0;
-                        normal[[b, a]] = 0.0;
-                    }
-                    normal[[a, a]] = 1.0;
-                    slope[a] = 0.0;
+            let held = self.limits.get(i).is_some_and(|&(low, high)| {
+                (q[i] <= low && slope[a] > 0.0) || (q[i] >= high && slope[a] < 0.0)
+            });
+            if held {
+                for b in 0..self.free.len() {
+                    normal[[a, b]] = 0.0;
+                    normal[[b, a]] = 0.0;
                 }
+                normal[[a, a]] = 1.0;
+                slope[a] = 0.0;
             }
         }
         let step = cholesky_solve(normal, slope)?;
