@@ -7,6 +7,7 @@ pub mod cluster;
 pub mod error;
 pub mod evaluate;
 pub mod io;
+pub mod linalg;
 pub mod par;
 pub mod pose;
 pub mod prior;

@@ -2,6 +2,7 @@
 
 pub mod amc;
 pub mod asf;
+pub mod bvh;
 pub mod csv;
 pub mod input;
 pub mod model;

@@ -2,14 +2,21 @@
 //! settings of it.
 
 pub mod adapt;
+pub mod bones;
 pub mod complete;
 pub mod denoise;
+pub mod fit;
 pub mod frame;
+pub mod greedy;
+pub mod ik;
 pub mod job;
+pub mod measured;
 pub mod planar;
+pub mod report;
 pub mod smooth;
 pub mod suspects;
 pub mod synthesis;
+pub mod take;
 
 pub use frame::{Restoration, Restored, Restorer, Status};
 pub use job::Job;

@@ -1,0 +1,137 @@
+//! Turns a pose table into an AMC take.
+
+use clap::Parser;
+use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
+use posing::cli::progress::Progress;
+use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
+use posing::cli::{Outcome, run, say};
+use posing::io::amc::{Frame, write_frame, write_head};
+use posing::io::asf;
+use posing::pose::Poses;
+use posing::restore::fit::{Fit, FitSettings, fit};
+use posing::restore::report::match_points;
+use posing::restore::take::one_take;
+use posing::{Error, Place, Result};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Turn a pose table into an AMC take
+///
+/// Carries each pose to the skeleton's bone lengths and solves for the skeleton's own degrees of freedom. A point is
+/// the end of the bone of the same name. Bones that the table does not show keep the value zero. How well the joints
+/// fit is told on standard error.
+#[derive(Parser)]
+#[command(
+    name = "xyz2amc",
+    version,
+    after_help = "Examples:\n  posing xyz2amc --asf 07.asf walk.csv > walk.amc\n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc | posing complete | posing xyz2amc --asf 07.asf -o mended.amc"
+)]
+struct Args {
+    /// Pose tables, CSV or NPY; - or none: standard input
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// The skeleton to solve for
+    #[arg(long, value_name = "SUBJECT.asf")]
+    asf: PathBuf,
+    /// Write to FILE (complete or not at all) in place of standard output
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// The take to write, where the table holds several
+    #[arg(long, value_name = "NAME")]
+    take: Option<String>,
+    /// Keep to the limits of the skeleton's joints (captured motion often exceeds them)
+    #[arg(long)]
+    limits: bool,
+    /// The unit of the skeleton's lengths, where its own :units are wrong or missing
+    #[arg(long, value_enum, value_name = "UNIT")]
+    units: Option<Units>,
+    /// Frames a second, where the table has no time; it only numbers the frames
+    #[arg(long, value_name = "F", value_parser = parse_rate)]
+    fps: Option<f64>,
+    /// The points' names of an array without any: 23 (CMU's) or a list with commas
+    #[arg(long, value_name = "LIST")]
+    joints: Option<String>,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let stdin = PathBuf::from("-");
+    let files = if args.files.is_empty() {
+        std::slice::from_ref(&stdin)
+    } else {
+        &args.files
+    };
+    one_stdin(files.iter().chain([&args.asf]))?;
+    let asf = asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
+    let input = TableIn {
+        files: args.files.clone(),
+        fps: args.fps,
+        joints: args.joints.clone(),
+        units: Units::Cm,
+        up: Up::Y,
+    };
+    let table = read_table(&input, false, false)?;
+    let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let rate = input.rate(&poses)?;
+    let joints: Vec<_> = poses.points.iter().map(|n| asf.skeleton.find(n)).collect();
+    let matched = match_points(&poses, &joints);
+    if matched.joints.is_empty() {
+        let what = format!("no point has the name of a bone of {}", args.asf.display());
+        return Err(Error::data(Place::file(table.name), what));
+    }
+    matched.notes(&table.name).iter().for_each(|n| say::note(n));
+    let mut settings = FitSettings::default();
+    settings.solve.limits = args.limits;
+    let progress = Progress::new("solving", poses.frames() as u64);
+    let fitted = fit(
+        &asf.skeleton,
+        &matched.joints,
+        matched.xyz.view(),
+        &settings,
+        &mut |n| progress.set(n as u64),
+    )?;
+    drop(progress);
+    fitted
+        .notes(&matched.names)
+        .iter()
+        .for_each(|n| say::note(n));
+    write_bytes(
+        args.output.as_deref(),
+        &render(&asf, &fitted, first_number(&poses, rate)),
+        false,
+    )?;
+    Ok(Outcome::Done)
+}
+
+/// The first frame's number: 1 + time * rate where that is a whole number, else 1.
+fn first_number(poses: &Poses, rate: Option<f64>) -> u64 {
+    let first = poses.time.as_ref().and_then(|t| t.first());
+    let (Some(&time), Some(rate)) = (first, rate) else {
+        return 1;
+    };
+    let number = 1.0 + time * rate;
+    if (number - number.round()).abs() <= 0.01 && (0.0..1e15).contains(&number.round()) {
+        number.round() as u64
+    } else {
+        1
+    }
+}
+
+fn render(asf: &asf::Asf, fitted: &Fit, first: u64) -> Vec<u8> {
+    let mut out = Vec::new();
+    write_head(&mut out);
+    for (i, row) in fitted.values.rows().into_iter().enumerate() {
+        let frame = Frame {
+            number: first + i as u64,
+            values: row.to_vec(),
+        };
+        write_frame(&mut out, asf, &frame);
+    }
+    out
+}

@@ -1,0 +1,470 @@
+//! Biovision hierarchies (BVH): read with whatever about ten exporters make of them, and written.
+//!
+//! A joint stands at OFFSET from its parent's joint, in its parent's frame, and turns what hangs on it: with channels
+//! `c₁ c₂ c₃` its rotation is `R = R_c₁ R_c₂ R_c₃`, the last named turning first. A position channel takes the place
+//! of its OFFSET component; it is not added to it. (Files with position channels below the root or a root OFFSET
+//! repeat the OFFSET in them, and MotionBuilder and Blender read them so.)
+//!
+//! The crate bvh_anim 0.4 serves here as an independent reader in the tests, not as the reader. Measured on thirteen
+//! files of about ten exporters, it cuts names at a colon (all of Mixamo's become `mixamorig`), keeps single
+//! precision and whole nanoseconds less the seconds of Frame Time, loses leaves without an End Site, and panics where
+//! a keyword is out of place or braces do not match, so that to make a text safe for it is to parse it all. Its writer
+//! can only write what its reader read: the builder drops the joints.
+
+mod convert;
+mod motion;
+mod parse;
+mod rig;
+mod target;
+mod words;
+
+pub use convert::Converter;
+pub use parse::{Loaded, read};
+pub use rig::{Points, Rig};
+pub use target::Target;
+
+use crate::pose::Channel;
+use glam::DVec3;
+use ndarray::Array2;
+use std::io::Write;
+
+/// The most joints and End Sites a file may have: no skeleton has them.
+pub const MOST_JOINTS: usize = 4096;
+
+/// One joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Its name; no two are equal.
+    pub name: String,
+    /// The joint it hangs on, which comes before it; `None` for the first alone.
+    pub parent: Option<usize>,
+    /// From its parent's joint, in its parent's frame.
+    pub offset: DVec3,
+    /// Its channels in the file's order.
+    pub channels: Vec<Channel>,
+    /// Its End Sites, from its joint, in its own frame. Most have none or one.
+    pub ends: Vec<DVec3>,
+}
+
+/// A hierarchy and its motion, in the file's axes; centimetres and radians.
+#[derive(Debug, Clone, Default)]
+pub struct Bvh {
+    /// Depth first, as the file names them.
+    pub joints: Vec<Joint>,
+    /// Seconds from frame to frame, as the file says.
+    pub frame_time: f64,
+    /// (frames, channels), radians and centimetres.
+    pub motion: Array2<f64>,
+}
+
+impl Bvh {
+    /// How many channels a frame has.
+    pub fn channels(joints: &[Joint]) -> usize {
+        joints.iter().map(|j| j.channels.len()).sum()
+    }
+}
+
+/// Digits after the point of angles, offsets and positions: a millionth of a degree moves the end of a limb of a metre
+/// by 2e-6 cm.
+const DECIMALS: usize = 6;
+
+/// The file as text: lengths in units of `unit` centimetres, angles in degrees.
+pub fn render(bvh: &Bvh, unit: f64) -> Vec<u8> {
+    let mut out = b"HIERARCHY\n".to_vec();
+    let mut depths: Vec<usize> = Vec::with_capacity(bvh.joints.len());
+    let mut open = 0;
+    for joint in &bvh.joints {
+        let depth = joint.parent.map_or(0, |p| depths[p] + 1);
+        while open > depth {
+            open -= 1;
+            put(&mut out, open, "}");
+        }
+        let keyword = if joint.parent.is_none() {
+            "ROOT"
+        } else {
+            "JOINT"
+        };
+        put(&mut out, depth, &format!("{keyword} {}", joint.name));
+        put(&mut out, depth, "{");
+        put(&mut out, depth + 1, &offset(joint.offset / unit));
+        let names: Vec<String> = joint.channels.iter().map(|c| channel_name(*c)).collect();
+        let line = format!("CHANNELS {} {}", names.len(), names.join(" "));
+        put(&mut out, depth + 1, line.trim_end());
+        for &end in &joint.ends {
+            put(&mut out, depth + 1, "End Site");
+            put(&mut out, depth + 1, "{");
+            put(&mut out, depth + 2, &offset(end / unit));
+            put(&mut out, depth + 1, "}");
+        }
+        depths.push(depth);
+        open = depth + 1;
+    }
+    while open > 0 {
+        open -= 1;
+        put(&mut out, open, "}");
+    }
+    let kinds: Vec<bool> = bvh
+        .joints
+        .iter()
+        .flat_map(|j| &j.channels)
+        .map(|c| c.is_angle())
+        .collect();
+    // Writing to memory cannot fail.
+    let _ = write!(
+        out,
+        "MOTION\nFrames: {}\nFrame Time: {:.10}\n",
+        bvh.motion.nrows(),
+        bvh.frame_time
+    );
+    for row in bvh.motion.rows() {
+        for (i, (&value, &angle)) in row.iter().zip(&kinds).enumerate() {
+            if i > 0 {
+                out.push(b' ');
+            }
+            let value = if angle {
+                value.to_degrees()
+            } else {
+                value / unit
+            };
+            let _ = write!(out, "{:.DECIMALS$}", tidy(value));
+        }
+        out.push(b'\n');
+    }
+    out
+}
+
+/// A line at a depth.
+fn put(out: &mut Vec<u8>, depth: usize, text: &str) {
+    // Deep hierarchies would make files that grow with the square of their depth.
+    out.resize(out.len() + depth.min(64), b'\t');
+    out.extend_from_slice(text.as_bytes());
+    out.push(b'\n');
+}
+
+fn offset(v: DVec3) -> String {
+    let [x, y, z] = v.to_array().map(tidy);
+    format!("OFFSET {x:.DECIMALS$} {y:.DECIMALS$} {z:.DECIMALS$}")
+}
+
+/// Zero for what would be written as a negative zero.
+fn tidy(value: f64) -> f64 {
+    if value.abs() < 0.5e-6 { 0.0 } else { value }
+}
+
+fn channel_name(channel: Channel) -> String {
+    match channel {
+        Channel::Translate(axis) => format!("{axis:?}position"),
+        Channel::Rotate(axis) => format!("{axis:?}rotation"),
+        // No reader knows it, and none of ours makes it.
+        Channel::Length => "Length".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::Input;
+    use crate::pose::rotation::parse_order;
+    use crate::pose::{Bone, Dof, Skeleton};
+    use glam::DMat3;
+    use rand::Rng;
+    use std::io::Cursor;
+
+    /// Leaves with and without End Sites, two joints on one place, orders of all kinds, odd spellings.
+    const ODD: &str = "\u{feff}Hierarchy\r\nROOT Left Hip:x\r\n{\r\n OFFSET 1 2 3\r\n CHANNELS 6 Zrotation Xrotation Yrotation \
+        Xposition Yposition Zposition\r\n JOINT a {\n OFFSET 0 10. .5\n CHANNELS 3 xROTATION YRotation Zrotation\n \
+        End site\n {\n OFFSET 0 1e0 0\n }\n }\n JOINT b\n {\n OFFSET 0 10 .5\n CHANNELS 1 Yrotation\n EndSite {\n }\n \
+        }\n JOINT a\n {\n OFFSET -3 0 0\n }\n}\nMOTION\nFrames : 2\nFrame Time:.0083333\n";
+
+    fn load(text: impl Into<Vec<u8>>, whole: bool) -> crate::Result<Loaded> {
+        read(Input::new("t.bvh", Cursor::new(text.into()))?, 1.0, whole)
+    }
+
+    fn odd(values: &str) -> String {
+        format!("{ODD}{values}")
+    }
+
+    const FRAME: &str = "90 0 0 5 6 7 0 0 0 0 ";
+
+    #[test]
+    fn odd_files_are_read() {
+        let loaded = load(odd(&FRAME.repeat(2)), false).unwrap();
+        assert_eq!(loaded.notes.len(), 1, "{:?}", loaded.notes);
+        let bvh = loaded.bvh;
+        let names: Vec<&str> = bvh.joints.iter().map(|j| j.name.as_str()).collect();
+        assert_eq!(names, ["Left Hip:x", "a", "b", "a_2"]);
+        assert_eq!(bvh.motion.dim(), (2, 10));
+        assert!((bvh.frame_time - 0.0083333).abs() <= 1e-15);
+        assert_eq!(bvh.joints[2].ends, [DVec3::ZERO]);
+        let rig = Rig::new(&bvh.joints, DMat3::IDENTITY, true).unwrap();
+        let mut q = vec![0.0; rig.skeleton.dof_count()];
+        rig.values(&bvh.motion.row(0).to_vec(), &mut q);
+        let ends = rig.skeleton.posture(&q).ends;
+        let at = |name: &str, which| {
+            let points = rig.points(which);
+            ends[points.iter().find(|p| p.0 == name).unwrap().1]
+        };
+        let close = |a: DVec3, b: [f64; 3]| (a - DVec3::from_array(b)).length() <= 1e-12;
+        // The root's position takes the place of its OFFSET, and a quarter turn about z carries y to -x.
+        assert!(close(at("Left Hip:x", Points::Origins), [5., 6., 7.]));
+        assert!(close(at("a", Points::Origins), [-5., 6., 7.5]));
+        assert!(close(at("a_end", Points::Origins), [-6., 6., 7.5]));
+        assert!(close(at("a", Points::Ends), [-6., 6., 7.5]));
+        assert!(close(at("a_2", Points::Ends), [5., 3., 7.]));
+        assert_eq!(
+            rig.frame(&q).collect::<Vec<_>>(),
+            bvh.motion.row(0).to_vec()
+        );
+        assert_eq!(rig.points_among(&["a".into()]), Points::Ends);
+        assert_eq!(rig.points_among(&["b_end".into()]), Points::Origins);
+    }
+
+    #[test]
+    fn frames_are_counted_not_believed() {
+        let three = load(odd(&FRAME.repeat(3)), false).unwrap();
+        assert_eq!(three.bvh.motion.nrows(), 3);
+        assert!(
+            three.notes[0].contains("says 2 frames and holds 3"),
+            "{:?}",
+            three.notes
+        );
+        let e = load(odd(&format!("{FRAME}1 2")), false)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            e.contains("frame 2 (2 of 10 values) after 1 whole") && e.contains("--keep-whole"),
+            "{e}"
+        );
+        assert_eq!(
+            load(odd(&format!("{FRAME}1 2")), true)
+                .unwrap()
+                .bvh
+                .motion
+                .nrows(),
+            1
+        );
+        assert_eq!(load(odd(""), false).unwrap().bvh.motion.nrows(), 0);
+        let many = odd(FRAME).replace("Frames : 2", "Frames: 99999999999999");
+        assert_eq!(load(many, false).unwrap().bvh.motion.nrows(), 1);
+    }
+
+    #[test]
+    fn bad_files_are_refused_with_line_and_reason() {
+        let says = |text: String, part: &str| {
+            let e = load(text, false).unwrap_err().to_string();
+            assert!(
+                e.starts_with("t.bvh") && e.contains(part) && e.lines().count() == 1,
+                "{e}"
+            );
+        };
+        let good = odd(FRAME);
+        says(String::new(), "is empty");
+        says("take,time\n".into(), "t.bvh:1: expected HIERARCHY");
+        says(good[..good.find("MOTION").unwrap()].into(), "has no MOTION");
+        says(good.replace("}\nMOTION", "MOTION"), "} is missing");
+        says(
+            good.replace("OFFSET 1 2 3", "OFFSET 1 2 x"),
+            "t.bvh:4: expected a number, found \"x\"",
+        );
+        says(good.replace("OFFSET -3 0 0", ""), "\"a\" has no OFFSET");
+        says(
+            good.replace("CHANNELS 1 Yrotation", "CHANNELS 1 Wrotation"),
+            "found \"Wrotation\"",
+        );
+        says(
+            good.replace("CHANNELS 1 Yrotation", "CHANNELS 2 Yrotation Yrotation"),
+            "twice",
+        );
+        says(
+            good.replace("CHANNELS 1 Yrotation", "CHANNELS 1 Yrotation Xrotation"),
+            "more channels",
+        );
+        says(
+            good.replace("CHANNELS 1", "CHANNELS 999999999"),
+            "0 to 6 channels",
+        );
+        says(good.replace("Frames", "Fames"), "expected Frames:");
+        says(
+            good.replace("Frame Time", "Frame Tim"),
+            "expected Frame Time:",
+        );
+        says(good.replace("90 0", "nan 0"), "frame 1, value 1");
+        says(good.replace("90 0", "1e300 0"), "no length or angle");
+        says(
+            good.replace("}\nMOTION", "}\nROOT again\n{\nOFFSET 0 0 0\n}\nMOTION"),
+            "second ROOT",
+        );
+        let deep = format!(
+            "HIERARCHY ROOT r {{ OFFSET 0 0 0 {}",
+            "JOINT j { OFFSET 0 1 0 ".repeat(5000)
+        );
+        says(deep, "more than 4096");
+    }
+
+    #[test]
+    fn what_is_written_reads_back_here_and_in_bvh_anim() {
+        let mut bvh = load(odd(&FRAME.repeat(2)), false).unwrap().bvh;
+        // What the crate cannot read: names with spaces or colons, leaves without an End Site.
+        bvh.joints[0].name = "root".into();
+        bvh.joints[3].ends.push(DVec3::X);
+        let text = render(&bvh, 2.54);
+        let back = read(
+            Input::new("t", Cursor::new(text.clone())).unwrap(),
+            2.54,
+            false,
+        )
+        .unwrap();
+        assert!(back.notes.is_empty(), "{:?}", back.notes);
+        let near = |a: DVec3, b: DVec3| (a - b).length() <= 1e-5;
+        for (a, b) in bvh.joints.iter().zip(&back.bvh.joints) {
+            assert_eq!(
+                (&a.name, a.parent, &a.channels),
+                (&b.name, b.parent, &b.channels)
+            );
+            assert!(near(a.offset, b.offset));
+            assert!(
+                a.ends.iter().zip(&b.ends).all(|(a, b)| near(*a, *b))
+                    && a.ends.len() == b.ends.len()
+            );
+        }
+        assert!(
+            (&bvh.motion - &back.bvh.motion)
+                .iter()
+                .all(|e| e.abs() <= 1e-5)
+        );
+        assert!((bvh.frame_time - back.bvh.frame_time).abs() <= 1e-10);
+        let other = bvh_anim::from_bytes(&text).unwrap();
+        assert_eq!(other.num_frames(), 2);
+        assert_eq!(other.joints().count(), bvh.joints.len());
+        for (frame, row) in other.frames().zip(back.bvh.motion.rows()) {
+            let kinds = bvh.joints.iter().flat_map(|j| &j.channels);
+            for ((a, &b), kind) in frame.as_slice().iter().zip(row).zip(kinds) {
+                let b = if kind.is_angle() {
+                    b.to_degrees()
+                } else {
+                    b / 2.54
+                };
+                assert!((f64::from(*a) - b).abs() <= 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn a_skeleton_and_its_file_stand_alike_in_every_order_and_axis() {
+        let bone = |name: &str, parent, offset: [f64; 3], dofs: &[&str]| Bone {
+            name: name.into(),
+            parent,
+            offset: DVec3::from_array(offset),
+            axis: DMat3::from_rotation_z(offset[0]) * DMat3::from_rotation_x(0.4),
+            dofs: dofs
+                .iter()
+                .map(|c| Dof {
+                    channel: crate::pose::Channel::parse(c).unwrap(),
+                    limits: None,
+                    offset: 0.0,
+                })
+                .collect(),
+        };
+        let s = Skeleton::new(vec![
+            bone(
+                "root",
+                None,
+                [0., 0., 0.],
+                &["tx", "ty", "tz", "rx", "ry", "rz"],
+            ),
+            bone("hip", Some(0), [1., -2., 0.], &[]),
+            bone("spine", Some(0), [0., 5., 0.], &["rx", "ry", "rz"]),
+            // What hangs on a bone that grows gets position channels, and so does one that slides.
+            bone("leg", Some(1), [0., -9., 1.], &["rx", "l"]),
+            bone("foot", Some(3), [0., -1., 3.], &["ry"]),
+            bone("pack", Some(2), [0., -1., -2.], &["tx", "rz"]),
+            bone("head", Some(2), [0., 3., 0.], &["rz"]),
+        ])
+        .unwrap();
+        for order in ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"] {
+            for turn in [
+                DMat3::IDENTITY,
+                DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
+            ] {
+                let mut converter = Converter::new(&s, parse_order(order).unwrap(), turn);
+                let rig = Rig::new(converter.joints(), turn.transpose(), true).unwrap();
+                let mut q = vec![0.0; rig.skeleton.dof_count()];
+                for round in 0..5 {
+                    let values: Vec<f64> = (0..s.dof_count())
+                        .map(|i| ((i + 1 + 9 * round) as f64).sin())
+                        .collect();
+                    let want = s.posture(&values);
+                    let mut frame = Vec::new();
+                    converter.frame(&want, &mut frame);
+                    rig.values(&frame, &mut q);
+                    let got = rig.skeleton.posture(&q);
+                    for (name, bone) in rig.points(Points::Ends) {
+                        let end = want.ends[s.find(name).unwrap()];
+                        let fits = (got.ends[*bone] - end).length() <= 1e-9;
+                        // Its children start apart: the mean is not the bone's end.
+                        assert!(fits || name == "spine", "{order} {name}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn mutated_files_neither_panic_nor_hang() {
+        let mut random = crate::par::generator(7, 0);
+        let good = odd(&FRAME.repeat(2)).into_bytes();
+        let bits: [&[u8]; 14] = [
+            b"{",
+            b"}",
+            b"nan",
+            b"-",
+            b"1e999",
+            b"\0",
+            b"\xff\xfe",
+            b" JOINT j ",
+            b" End Site ",
+            b" 99999999999 ",
+            b":",
+            b" CHANNELS 6 ",
+            b"\n\nMOTION\n",
+            b" OFFSET 0 0 0 ",
+        ];
+        for _ in 0..10_000 {
+            let mut bytes = good.clone();
+            for _ in 0..random.random_range(1..6) {
+                let at = random.random_range(0..bytes.len().max(1)).min(bytes.len());
+                match random.random_range(0..5) {
+                    0 if at < bytes.len() => bytes[at] = random.random(),
+                    1 => drop(bytes.drain(at..(at + random.random_range(1..200)).min(bytes.len()))),
+                    2 => bytes.truncate(at),
+                    3 => {
+                        let to = (at + 100).min(bytes.len());
+                        let copy = bytes[at..to].to_vec();
+                        let into = random.random_range(0..=bytes.len());
+                        bytes.splice(into..into, copy);
+                    }
+                    _ => {
+                        let bit = bits[random.random_range(0..bits.len())];
+                        bytes.splice(at..at, bit.iter().copied());
+                    }
+                }
+            }
+            let Ok(loaded) = load(bytes, random.random()) else {
+                continue;
+            };
+            for sliding in [true, false] {
+                let rig = Rig::new(&loaded.bvh.joints, DMat3::IDENTITY, sliding).unwrap();
+                let mut q = vec![0.0; rig.skeleton.dof_count()];
+                for row in loaded.bvh.motion.rows() {
+                    rig.values(&row.to_vec(), &mut q);
+                    assert!(rig.skeleton.posture(&q).ends.iter().all(|e| e.is_finite()));
+                }
+            }
+            let again = render(&loaded.bvh, 1.0);
+            assert_eq!(
+                load(again, false).unwrap().bvh.motion.dim(),
+                loaded.bvh.motion.dim()
+            );
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! The second half of a BVH file: how many frames, how long each, and their values.
+
+use super::Joint;
+use super::words::{Fault, Words, bounded};
+use crate::io::text::{number, short};
+
+/// The count of frames, the Frame Time, and where the count stands.
+pub fn motion_head(words: &mut Words) -> std::result::Result<(f64, f64, usize), Fault> {
+    let (frames, start) = labelled(words, &["frames"], "Frames:")?;
+    let (time, _) = labelled(words, &["frame", "time"], "Frame Time:")?;
+    Ok((frames, time, start))
+}
+
+/// A number after a label, however the colon is spaced.
+fn labelled(
+    words: &mut Words,
+    label: &[&str],
+    shown: &str,
+) -> std::result::Result<(f64, usize), Fault> {
+    let expected =
+        |at: usize, word: &str| Fault(at, format!("expected {shown}, found \"{}\"", short(word)));
+    let (mut start, mut letters) = (None, String::new());
+    let wanted = label.concat();
+    while letters != wanted {
+        let Some((at, word)) = words.next() else {
+            return Err(Fault(
+                words.text.len(),
+                format!("expected {shown}; the file is cut off"),
+            ));
+        };
+        start.get_or_insert(at);
+        let (text, value) = match word.split_once(':') {
+            Some((text, value)) => (text, value),
+            None => (word, ""),
+        };
+        letters.push_str(&text.to_ascii_lowercase());
+        if !wanted.starts_with(&letters) {
+            return Err(expected(at, word));
+        }
+        if !value.is_empty() {
+            if letters != wanted {
+                return Err(expected(at, word));
+            }
+            return Ok((number(value).map_err(|what| Fault(at, what))?, at));
+        }
+    }
+    let (mut at, mut word) = words.next().unwrap_or((words.text.len(), ""));
+    if word == ":" {
+        (at, word) = words.next().unwrap_or((words.text.len(), ""));
+    }
+    let word = word.strip_prefix(':').unwrap_or(word);
+    let value = number(word).map_err(|what| Fault(at, format!("{shown} {what}")))?;
+    Ok((value, start.unwrap_or(at)))
+}
+
+/// Everything after the head, in radians and centimetres.
+pub fn values(
+    words: &mut Words,
+    joints: &[Joint],
+    unit: f64,
+) -> std::result::Result<Vec<f64>, Fault> {
+    let scales: Vec<f64> = joints
+        .iter()
+        .flat_map(|j| &j.channels)
+        .map(|c| {
+            if c.is_angle() {
+                1f64.to_radians()
+            } else {
+                unit
+            }
+        })
+        .collect();
+    let mut out = Vec::new();
+    let mut channel = 0;
+    while let Some((at, word)) = words.next() {
+        let value = bounded(word).map_err(|what| {
+            let frame = out.len() / scales.len().max(1) + 1;
+            Fault(at, format!("frame {frame}, value {}: {what}", channel + 1))
+        })?;
+        let Some(scale) = scales.get(channel) else {
+            return Err(Fault(at, "values, but no joint has channels".into()));
+        };
+        out.push(value * scale);
+        channel = (channel + 1) % scales.len();
+    }
+    Ok(out)
+}

@@ -1,0 +1,371 @@
+//! The reader of BVH files.
+//!
+//! It reads words, not lines: some files have all their frames on one line. What can be understood in one way only is
+//! read with a note (stray words and braces, a wrong count of frames, names that stand twice); everything else is an
+//! error with its line.
+
+use super::motion::{motion_head, values};
+use super::words::{Fault, Words};
+use super::{Bvh, Joint, MOST_JOINTS};
+use crate::io::Input;
+use crate::io::text::short;
+use crate::pose::Channel;
+use crate::pose::rotation::Axis;
+use crate::{Error, Place, Result};
+use glam::DVec3;
+use ndarray::Array2;
+use std::collections::{HashMap, HashSet};
+
+/// Larger files are refused; an hour at 120 frames a second takes a fifth of it.
+const LARGEST_FILE: u64 = 2 << 30;
+
+/// A file that was read, and what there is to say of it.
+#[derive(Debug, Clone, Default)]
+pub struct Loaded {
+    /// The file.
+    pub bvh: Bvh,
+    /// What was odd in it, a line each.
+    pub notes: Vec<String>,
+}
+
+/// Reads a file whose lengths are in units of `unit` centimetres. With `keep_whole`, a file that is cut off in its last
+/// frame ends before that frame.
+pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Loaded> {
+    let name = input.name.clone();
+    let bytes = input.read_all(LARGEST_FILE)?;
+    // Old files have Latin-1 names.
+    let text = String::from_utf8_lossy(&bytes);
+    let mut parser = Parser {
+        words: Words {
+            text: text.strip_prefix('\u{feff}').unwrap_or(&text),
+            at: 0,
+        },
+        joints: Vec::new(),
+        stack: Vec::new(),
+        nodes: 0,
+        stray: None,
+    };
+    let mut notes = Vec::new();
+    let fail = |fault: Fault, words: &Words| {
+        Error::data(Place::line(&name, words.line_of(fault.0)), fault.1)
+    };
+    if let Err(fault) = parser.hierarchy() {
+        return Err(fail(fault, &parser.words));
+    }
+    let mut joints = parser.joints;
+    if let Some((at, word, count)) = parser.stray {
+        let more = if count > 1 {
+            format!(" and {} more", count - 1)
+        } else {
+            String::new()
+        };
+        notes.push(format!(
+            "{name}:{}: \"{}\"{more} does not belong there and is passed over",
+            parser.words.line_of(at),
+            short(&word)
+        ));
+    }
+    let (frames, frame_time, start) = match motion_head(&mut parser.words) {
+        Ok(head) => head,
+        Err(fault) => return Err(fail(fault, &parser.words)),
+    };
+    let width = Bvh::channels(&joints);
+    let values = match values(&mut parser.words, &joints, unit) {
+        Ok(values) => values,
+        Err(fault) => return Err(fail(fault, &parser.words)),
+    };
+    let whole = values.len().checked_div(width).unwrap_or(0);
+    if whole * width != values.len() && !keep_whole {
+        let what = format!(
+            "ends in frame {} ({} of {width} values) after {whole} whole frames; --keep-whole keeps those",
+            whole + 1,
+            values.len() - whole * width
+        );
+        return Err(Error::data(Place::file(name), what));
+    }
+    if whole as f64 != frames {
+        notes.push(format!(
+            "{name}:{}: says {frames} frames and holds {whole}, which count",
+            parser.words.line_of(start)
+        ));
+    }
+    let renamed = unique_names(&mut joints);
+    if let Some(first) = renamed.first() {
+        notes.push(format!(
+            "{name}: {} of a name that stands twice; the first is called {first} here",
+            if renamed.len() == 1 {
+                "1 joint is".into()
+            } else {
+                format!("{} joints are", renamed.len())
+            }
+        ));
+    }
+    joints.iter_mut().for_each(|j| {
+        j.offset *= unit;
+        j.ends.iter_mut().for_each(|e| *e *= unit);
+    });
+    let mut values = values;
+    values.truncate(whole * width);
+    let motion = Array2::from_shape_vec((whole, width), values)
+        .map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
+    let bvh = Bvh {
+        joints,
+        frame_time,
+        motion,
+    };
+    Ok(Loaded { bvh, notes })
+}
+
+/// A node whose brace is open.
+enum Open {
+    /// A joint, whether its OFFSET and CHANNELS were seen.
+    Joint(usize, bool, bool),
+    /// An End Site of a joint, whether its OFFSET was seen.
+    End(usize, bool),
+}
+
+struct Parser<'a> {
+    words: Words<'a>,
+    joints: Vec<Joint>,
+    stack: Vec<Open>,
+    /// Joints and End Sites so far.
+    nodes: usize,
+    /// The first word that does not belong, and how many lines of such there are.
+    stray: Option<(usize, String, usize)>,
+}
+
+impl Parser<'_> {
+    fn hierarchy(&mut self) -> std::result::Result<(), Fault> {
+        match self.words.next() {
+            None => return Err(Fault(0, "is empty, expected a BVH file".into())),
+            Some((_, word)) if word.eq_ignore_ascii_case("HIERARCHY") => {}
+            Some((at, word)) => {
+                let what = format!(
+                    "expected HIERARCHY, found \"{}\"; this is no BVH file",
+                    short(word)
+                );
+                return Err(Fault(at, what));
+            }
+        }
+        loop {
+            let Some((at, word)) = self.words.next() else {
+                let what = match self.stack.is_empty() {
+                    true => "has no MOTION; the file is cut off",
+                    false => "the hierarchy is cut off: a } is missing",
+                };
+                return Err(Fault(self.words.text.len(), what.into()));
+            };
+            let fault = |what: &str| Err(Fault(at, what.to_string()));
+            match word.to_ascii_uppercase().as_str() {
+                "MOTION" if !self.stack.is_empty() => {
+                    return fault("MOTION stands inside the hierarchy: a } is missing");
+                }
+                "MOTION" if self.joints.is_empty() => return fault("the hierarchy has no ROOT"),
+                "MOTION" => return Ok(()),
+                "ROOT" if !self.joints.is_empty() => {
+                    return fault("a second ROOT; each skeleton needs a file of its own");
+                }
+                "JOINT" if !matches!(self.stack.last(), Some(Open::Joint(..))) => {
+                    return fault("JOINT stands outside of any joint");
+                }
+                "ROOT" | "JOINT" => self.open_joint(at)?,
+                "{" => return fault("expected ROOT, JOINT or End Site before {"),
+                "}" => self.close(at)?,
+                "OFFSET" => self.offset(at)?,
+                "CHANNELS" => self.channels(at)?,
+                // End Site, End site, EndSite, End_Site, End Site NAME, End.
+                w if w.starts_with("END") && !self.stack.is_empty() => self.open_end(at)?,
+                _ => {
+                    self.words.rest_of_line();
+                    self.stray(at, word);
+                }
+            }
+        }
+    }
+
+    fn stray(&mut self, at: usize, word: &str) {
+        match &mut self.stray {
+            Some((_, _, count)) => *count += 1,
+            None => self.stray = Some((at, word.to_string(), 1)),
+        }
+    }
+
+    fn brace(&mut self) -> std::result::Result<(), Fault> {
+        match self.words.next() {
+            Some((_, "{")) => Ok(()),
+            Some((at, word)) => Err(Fault(at, format!("expected {{, found \"{}\"", short(word)))),
+            None => Err(Fault(
+                self.words.text.len(),
+                "expected {; the file is cut off".into(),
+            )),
+        }
+    }
+
+    fn count(&mut self, at: usize) -> std::result::Result<(), Fault> {
+        self.nodes += 1;
+        if self.nodes > MOST_JOINTS {
+            return Err(Fault(
+                at,
+                format!("more than {MOST_JOINTS} joints and End Sites"),
+            ));
+        }
+        Ok(())
+    }
+
+    fn open_joint(&mut self, at: usize) -> std::result::Result<(), Fault> {
+        self.count(at)?;
+        let name: String = self
+            .words
+            .rest_of_line()
+            .chars()
+            .filter(|c| !c.is_control())
+            .collect();
+        let index = self.joints.len();
+        let parent = match self.stack.last() {
+            Some(Open::Joint(p, ..)) => Some(*p),
+            _ => None,
+        };
+        self.joints.push(Joint {
+            name: if name.is_empty() {
+                format!("joint{}", index + 1)
+            } else {
+                name
+            },
+            parent,
+            offset: DVec3::ZERO,
+            channels: Vec::new(),
+            ends: Vec::new(),
+        });
+        self.brace()?;
+        self.stack.push(Open::Joint(index, false, false));
+        Ok(())
+    }
+
+    fn open_end(&mut self, at: usize) -> std::result::Result<(), Fault> {
+        let Some(Open::Joint(joint, ..)) = self.stack.last() else {
+            return Err(Fault(at, "an End Site stands inside another".into()));
+        };
+        let joint = *joint;
+        self.count(at)?;
+        self.words.rest_of_line();
+        self.brace()?;
+        self.stack.push(Open::End(joint, false));
+        Ok(())
+    }
+
+    fn close(&mut self, at: usize) -> std::result::Result<(), Fault> {
+        match self.stack.pop() {
+            Some(Open::Joint(joint, false, _)) => {
+                let name = short(&self.joints[joint].name);
+                Err(Fault(at, format!("joint \"{name}\" has no OFFSET")))
+            }
+            // An End Site without OFFSET ends where its joint stands.
+            Some(Open::End(joint, false)) => {
+                self.joints[joint].ends.push(DVec3::ZERO);
+                Ok(())
+            }
+            Some(_) => Ok(()),
+            None if self.joints.is_empty() => Err(Fault(at, "} before any {".into())),
+            None => {
+                self.stray(at, "}");
+                Ok(())
+            }
+        }
+    }
+
+    fn offset(&mut self, at: usize) -> std::result::Result<(), Fault> {
+        let value = DVec3::from_array(self.words.numbers::<3>()?);
+        match self.stack.last_mut() {
+            Some(Open::Joint(_, seen @ false, _)) => *seen = true,
+            Some(Open::End(joint, seen @ false)) => {
+                *seen = true;
+                self.joints[*joint].ends.push(value);
+                return Ok(());
+            }
+            Some(_) => return Err(Fault(at, "a second OFFSET in one joint".into())),
+            None => return Err(Fault(at, "OFFSET stands outside of any joint".into())),
+        }
+        if let Some(Open::Joint(joint, ..)) = self.stack.last() {
+            self.joints[*joint].offset = value;
+        }
+        Ok(())
+    }
+
+    fn channels(&mut self, at: usize) -> std::result::Result<(), Fault> {
+        let Some(Open::Joint(joint, _, seen)) = self.stack.last_mut() else {
+            return Err(Fault(at, "CHANNELS stands outside of any joint".into()));
+        };
+        if std::mem::replace(seen, true) {
+            return Err(Fault(at, "a second CHANNELS in one joint".into()));
+        }
+        let joint = *joint;
+        let [count] = self.words.numbers::<1>()?;
+        if !(count.fract() == 0.0 && (0.0..=6.0).contains(&count)) {
+            return Err(Fault(
+                at,
+                format!("expected 0 to 6 channels, found {count}"),
+            ));
+        }
+        for _ in 0..count as usize {
+            let (at, word) = self.words.next().unwrap_or((at, ""));
+            let channel = channel(word).ok_or_else(|| {
+                Fault(
+                    at,
+                    format!(
+                        "expected a channel such as Xrotation, found \"{}\"",
+                        short(word)
+                    ),
+                )
+            })?;
+            let channels = &mut self.joints[joint].channels;
+            if channels.contains(&channel) {
+                return Err(Fault(
+                    at,
+                    format!("channel \"{}\" stands twice", short(word)),
+                ));
+            }
+            channels.push(channel);
+        }
+        match self.words.peek() {
+            Some((at, word)) if channel(word).is_some() => Err(Fault(
+                at,
+                format!("more channels are named than the {count} counted"),
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// `Xposition` or `Xrotation`, in any case.
+fn channel(word: &str) -> Option<Channel> {
+    let axis = Axis::parse(word.chars().next()?)?;
+    match word.get(1..)?.to_ascii_lowercase().as_str() {
+        "position" | "translation" => Some(Channel::Translate(axis)),
+        "rotation" => Some(Channel::Rotate(axis)),
+        _ => None,
+    }
+}
+
+/// Renames joints whose name stood before (`_2`, `_3`); the new names.
+fn unique_names(joints: &mut [Joint]) -> Vec<String> {
+    let mut taken: HashSet<String> = joints.iter().map(|j| j.name.clone()).collect();
+    // By name: the next number to try. A thousand equal names must not try a thousand numbers each.
+    let mut next: HashMap<String, usize> = HashMap::new();
+    let mut renamed = Vec::new();
+    for joint in joints {
+        let Some(n) = next.get_mut(&joint.name) else {
+            next.insert(joint.name.clone(), 2);
+            continue;
+        };
+        let name = loop {
+            let name = format!("{}_{n}", joint.name);
+            *n += 1;
+            if taken.insert(name.clone()) {
+                break name;
+            }
+        };
+        renamed.push(name.clone());
+        joint.name = name;
+    }
+    renamed
+}

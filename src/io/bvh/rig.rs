@@ -1,0 +1,242 @@
+//! A BVH hierarchy as a [`Skeleton`], whose kinematics and solver then serve.
+//!
+//! A skeleton's bone carries its children at its end; a BVH joint carries each of its children at an OFFSET of its own.
+//! So each place on a joint where something stands becomes a bone without freedom, and each joint a bone without length
+//! that turns. Joints that start at one place share it, so that it is the end of the bone above them.
+
+use super::Joint;
+use crate::Result;
+use crate::pose::{Bone, Channel, Dof, Skeleton};
+use glam::{DMat3, DVec3};
+use std::collections::HashMap;
+
+/// What the points of a table of this hierarchy are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Points {
+    /// Joints, and End Sites as NAME_end.
+    Origins,
+    /// The end of each bone, under the bone's name: see [`Rig::points`].
+    Ends,
+}
+
+/// A hierarchy's skeleton, y up.
+#[derive(Debug, Clone)]
+pub struct Rig {
+    /// Its kinematics.
+    pub skeleton: Skeleton,
+    /// For each channel of a frame the value of the skeleton it is; `None` for one that does not move here.
+    pub channels: Vec<Option<usize>>,
+    /// What a channel without a value holds: its OFFSET.
+    pub still: Vec<f64>,
+    origins: Vec<(String, usize)>,
+    ends: Vec<(String, usize)>,
+}
+
+impl Rig {
+    /// The skeleton of `joints`; `turn` carries the file's axes to ours (y up).
+    ///
+    /// With `sliding` every position channel is a value of the skeleton. Without, bones keep their lengths, as when a
+    /// posture is solved for, and only those move the body as a whole: the root's, and its only child's, and so on
+    /// until the first fork (some rigs have a root that stays where it is and hips that walk).
+    pub fn new(joints: &[Joint], turn: DMat3, sliding: bool) -> Result<Rig> {
+        let mut builder = Builder::default();
+        // By joint: the bone that turns with it; by place: the bone that ends there.
+        let mut turning: Vec<usize> = Vec::with_capacity(joints.len());
+        let mut places: HashMap<(usize, [u64; 3]), usize> = HashMap::new();
+        // By joint: the first and second place that something stands on it, and the sum and count of all of them.
+        let mut carried: Vec<(Vec<usize>, DVec3, f64)> =
+            vec![(Vec::new(), DVec3::ZERO, 0.0); joints.len()];
+        let (mut channels, mut still) = (Vec::new(), Vec::new());
+        let mut origins = Vec::new();
+        let mut end_sites = Vec::new();
+        let trunk = (0..joints.len()).find(|&i| {
+            let on = joints.iter().filter(|j| j.parent == Some(i)).count();
+            on + joints[i].ends.len() != 1
+        });
+        let trunk = trunk.unwrap_or(0);
+        for (i, joint) in joints.iter().enumerate() {
+            let moves = |c: &Channel| c.is_angle() || sliding || i <= trunk;
+            let slides = joint.channels.iter().any(|c| !c.is_angle() && moves(c));
+            // A position channel takes the place of its component.
+            let mut fixed = joint.offset;
+            for channel in &joint.channels {
+                if let (Channel::Translate(axis), true) = (channel, moves(channel)) {
+                    fixed[axis.index()] = 0.0;
+                }
+            }
+            let start = match joint.parent {
+                None if fixed == DVec3::ZERO => None,
+                None => Some(builder.fixed(None, turn * fixed)),
+                Some(p) => {
+                    let key = (turning[p], bits(fixed));
+                    let known = places.get(&key).copied().filter(|_| !slides);
+                    let bone =
+                        known.unwrap_or_else(|| builder.fixed(Some(turning[p]), turn * fixed));
+                    if !slides {
+                        places.insert(key, bone);
+                    }
+                    // What slides stands where its own bone, the next, does.
+                    let stands = if slides { builder.bones.len() } else { bone };
+                    let (on, sum, count) = &mut carried[p];
+                    if !on.contains(&stands) && on.len() < 2 {
+                        on.push(stands);
+                    }
+                    (*sum, *count) = (*sum + joint.offset, *count + 1.0);
+                    Some(bone)
+                }
+            };
+            let at = builder.bones.len();
+            let free: Vec<(usize, Channel)> = joint
+                .channels
+                .iter()
+                .copied()
+                .filter(moves)
+                .enumerate()
+                .collect();
+            let first = builder.values;
+            // The last named turns first, and a skeleton's first.
+            let dofs: Vec<Dof> = free
+                .iter()
+                .rev()
+                .map(|&(_, channel)| Dof {
+                    channel,
+                    limits: None,
+                    offset: 0.0,
+                })
+                .collect();
+            let mut n = 0;
+            for channel in &joint.channels {
+                let value = moves(channel).then(|| {
+                    n += 1;
+                    first + dofs.len() - n
+                });
+                channels.push(value);
+                still.push(match channel {
+                    Channel::Translate(axis) => joint.offset[axis.index()],
+                    _ => 0.0,
+                });
+            }
+            builder.push(start, DVec3::ZERO, turn, dofs);
+            turning.push(at);
+            origins.push((joint.name.clone(), at));
+            for (n, &end) in joint.ends.iter().enumerate() {
+                let key = (at, bits(end));
+                let bone = *places
+                    .entry(key)
+                    .or_insert_with(|| builder.fixed(Some(at), turn * end));
+                let (on, sum, count) = &mut carried[i];
+                if !on.contains(&bone) && on.len() < 2 {
+                    on.push(bone);
+                }
+                (*sum, *count) = (*sum + end, *count + 1.0);
+                let suffix = if n == 0 {
+                    String::new()
+                } else {
+                    format!("_{}", n + 1)
+                };
+                end_sites.push((format!("{}_end{suffix}", joint.name), bone));
+            }
+        }
+        let mut ends = Vec::with_capacity(joints.len());
+        for (i, joint) in joints.iter().enumerate() {
+            let (on, sum, count) = &carried[i];
+            let bone = match on[..] {
+                _ if i == 0 => turning[0],
+                [] => turning[i],
+                [one] => one,
+                _ => builder.fixed(Some(turning[i]), turn * (*sum / *count)),
+            };
+            ends.push((joint.name.clone(), bone));
+        }
+        origins.extend(end_sites);
+        unique(&mut origins);
+        Ok(Rig {
+            skeleton: Skeleton::new(builder.bones)?,
+            channels,
+            still,
+            origins,
+            ends,
+        })
+    }
+
+    /// The points of a table and the bone at whose end each is.
+    ///
+    /// The end of a bone is where the joints on it start and its End Sites are; where those are apart, their mean, as
+    /// Blender draws it. A joint that carries nothing ends where it is, and so does the root, so that a table of ends
+    /// tells where the body stands.
+    pub fn points(&self, which: Points) -> &[(String, usize)] {
+        match which {
+            Points::Origins => &self.origins,
+            Points::Ends => &self.ends,
+        }
+    }
+
+    /// Which points a table with these names holds: joints if an End Site is among them (or there are none to be
+    /// among them), else ends of bones.
+    pub fn points_among(&self, names: &[String]) -> Points {
+        let sites = &self.origins[self.ends.len()..];
+        if sites.is_empty() || sites.iter().any(|(site, _)| names.contains(site)) {
+            Points::Origins
+        } else {
+            Points::Ends
+        }
+    }
+
+    /// A frame's channels as the skeleton's values.
+    pub fn values(&self, frame: &[f64], q: &mut [f64]) {
+        for (value, channel) in frame.iter().zip(&self.channels) {
+            if let Some(i) = channel {
+                q[*i] = *value;
+            }
+        }
+    }
+
+    /// The skeleton's values as a frame's channels.
+    pub fn frame<'a>(&'a self, q: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        (self.channels.iter().zip(&self.still)).map(|(c, still)| c.map_or(*still, |i| q[i]))
+    }
+}
+
+#[derive(Default)]
+struct Builder {
+    bones: Vec<Bone>,
+    values: usize,
+}
+
+impl Builder {
+    fn push(&mut self, parent: Option<usize>, offset: DVec3, axis: DMat3, dofs: Vec<Dof>) {
+        self.values += dofs.len();
+        self.bones.push(Bone {
+            // A name of its own; the points' names are kept beside.
+            name: self.bones.len().to_string(),
+            parent,
+            offset,
+            axis,
+            dofs,
+        });
+    }
+    /// A bone that does not move.
+    fn fixed(&mut self, parent: Option<usize>, offset: DVec3) -> usize {
+        self.push(parent, offset, DMat3::IDENTITY, Vec::new());
+        self.bones.len() - 1
+    }
+}
+
+/// A place as a key: equal text reads to equal bits; 0 and -0 are one place.
+fn bits(v: DVec3) -> [u64; 3] {
+    v.to_array().map(|c| (c + 0.0).to_bits())
+}
+
+/// A joint may be called what an End Site is called here.
+fn unique(points: &mut [(String, usize)]) {
+    let mut taken = std::collections::HashSet::new();
+    for (name, _) in points {
+        if !taken.insert(name.clone()) {
+            let free = (2..)
+                .map(|n| format!("{name}_{n}"))
+                .find(|n| !taken.contains(n));
+            *name = free.unwrap_or_default();
+            taken.insert(name.clone());
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Decompositions by LAPACK: the only file that names `ndarray_linalg`.
+
+use ndarray::{Array1, Array2};
+use ndarray_linalg::{Eigh, FactorizeCInto, SolveC, UPLO};
+
+/// Solves `A x = b` for a symmetric positive definite A (n, n), of which the lower triangle is read; b has n values.
+///
+/// `None` when A is not positive definite, holds a value that is not finite, or does not fit b: the caller damps A
+/// and tries again, or gives up.
+pub fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
+    let n = b.len();
+    if a.dim() != (n, n) || !a.iter().chain(&b).all(|v| v.is_finite()) {
+        return None;
+    }
+    if n == 0 {
+        return Some(b);
+    }
+    let factors = a.factorizec_into(UPLO::Lower).ok()?;
+    let x = factors.solvec_into(b).ok()?;
+    x.iter().all(|v| v.is_finite()).then_some(x)
+}
+
+/// Eigenvalues in rising order and unit eigenvectors in columns of a symmetric matrix (n, n), of which the lower
+/// triangle is read. `None` when it is not square, not finite, or LAPACK gives up.
+pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
+    if a.nrows() != a.ncols() || !a.iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    if a.is_empty() {
+        return Some((Array1::zeros(0), Array2::zeros((0, 0))));
+    }
+    a.eigh(UPLO::Lower).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{ShapeBuilder, array};
+
+    #[test]
+    fn a_positive_definite_system_is_solved_in_both_layouts() {
+        let rows = array![[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]];
+        let mut columns = Array2::zeros((3, 3).f());
+        columns.assign(&rows);
+        let x = array![1.0, -2.0, 0.25];
+        for a in [rows, columns] {
+            let got = cholesky_solve(a.clone(), a.dot(&x)).unwrap();
+            assert!((&got - &x).iter().all(|e| e.abs() <= 1e-14));
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_solved_is_told() {
+        assert!(cholesky_solve(array![[1.0, 2.0], [2.0, 1.0]], array![1.0, 1.0]).is_none());
+        assert!(cholesky_solve(array![[f64::NAN]], array![1.0]).is_none());
+        assert!(cholesky_solve(array![[1.0]], array![1.0, 2.0]).is_none());
+        assert!(cholesky_solve(Array2::zeros((0, 0)), Array1::zeros(0)).is_some());
+        assert!(symmetric_eigen(&array![[f64::INFINITY]]).is_none());
+    }
+
+    #[test]
+    fn eigenvectors_give_the_matrix_back() {
+        let a = array![[2.0, -1.0, 0.0], [-1.0, 2.0, 0.5], [0.0, 0.5, -3.0]];
+        let (values, v) = symmetric_eigen(&a).unwrap();
+        assert!(values[0] <= values[1] && values[1] <= values[2]);
+        let back = v.dot(&Array2::from_diag(&values)).dot(&v.t());
+        assert!((&back - &a).iter().all(|e| e.abs() <= 1e-14));
+    }
+}

@@ -1,0 +1,105 @@
+//! One take out of a table: motion files hold one.
+
+use crate::pose::Poses;
+use crate::{Error, Place, Result};
+use ndarray::Axis;
+use std::sync::Arc;
+
+/// How many names an error lists.
+const LISTED: usize = 8;
+
+/// The frames of the take `wanted`, or all of them when the table holds one take only.
+///
+/// `name` is the table's, for the error: which takes there are, and that `--take` chooses. Columns that are missing in
+/// the table stay missing.
+pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses> {
+    let mut names: Vec<Arc<str>> = Vec::new();
+    if let Some(takes) = &poses.take {
+        for run in poses.takes() {
+            if !names.contains(&takes[run.start]) {
+                names.push(takes[run.start].clone());
+            }
+            // Enough to know that there are several, and to list some.
+            if names.len() > LISTED && wanted.is_none() {
+                break;
+            }
+        }
+    }
+    let listed = || {
+        let mut text = names
+            .iter()
+            .take(LISTED)
+            .map(|n| n.to_string())
+            .collect::<Vec<_>>()
+            .join(", ");
+        if names.len() > LISTED {
+            text.push_str(", ...");
+        }
+        text
+    };
+    match (wanted, &poses.take) {
+        (None, _) if names.len() <= 1 => Ok(poses),
+        (None, _) => {
+            let what = format!("holds several takes ({}); choose one with --take", listed());
+            Err(Error::data(Place::file(name), what))
+        }
+        (Some(wanted), Some(takes)) if names.iter().any(|n| **n == *wanted) => {
+            let rows: Vec<usize> = (0..poses.frames())
+                .filter(|&i| *takes[i] == *wanted)
+                .collect();
+            Ok(Poses {
+                xyz: poses.xyz.select(Axis(0), &rows),
+                time: poses
+                    .time
+                    .as_ref()
+                    .map(|t| rows.iter().map(|&i| t[i]).collect()),
+                take: Some(rows.iter().map(|&i| takes[i].clone()).collect()),
+                points: poses.points,
+            })
+        }
+        (Some(wanted), _) => {
+            let what = match names.is_empty() {
+                true => format!("has no take \"{wanted}\": it names no takes; leave --take out"),
+                false => format!("has no take \"{wanted}\"; it holds {}", listed()),
+            };
+            Err(Error::data(Place::file(name), what))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    fn poses(takes: Option<&[&str]>) -> Poses {
+        Poses {
+            points: vec!["a".into()],
+            xyz: Array2::from_shape_fn((3, 3), |(i, j)| (3 * i + j) as f64),
+            time: Some(vec![0.0, 1.0, 0.0]),
+            take: takes.map(|t| t.iter().map(|&s| Arc::from(s)).collect()),
+        }
+    }
+
+    #[test]
+    fn a_single_take_needs_no_name() {
+        assert_eq!(one_take(poses(None), None, "x").unwrap().frames(), 3);
+        let one = poses(Some(&["w"; 3]));
+        assert_eq!(one_take(one, None, "x").unwrap().frames(), 3);
+        assert_eq!(one_take(Poses::default(), None, "x").unwrap().frames(), 0);
+    }
+
+    #[test]
+    fn one_of_several_is_chosen_by_name() {
+        let two = || poses(Some(&["w", "w", "v"]));
+        let e = one_take(two(), None, "x.csv").unwrap_err().to_string();
+        assert_eq!(
+            e,
+            "x.csv: holds several takes (w, v); choose one with --take"
+        );
+        let v = one_take(two(), Some("v"), "x").unwrap();
+        assert_eq!((v.frames(), v.xyz[[0, 0]]), (1, 6.0));
+        assert!(one_take(two(), Some("u"), "x").is_err());
+        assert!(one_take(poses(None), Some("u"), "x").is_err());
+    }
+}

@@ -1,0 +1,277 @@
+//! xyz2bvh: a pose table as BVH, in the bone convention that other programs expect.
+
+use assert_cmd::Command;
+use predicates::str::contains;
+use std::path::Path;
+
+fn xyz2bvh(flags: &[&str], table: &str) -> assert_cmd::assert::Assert {
+    Command::new(env!("CARGO_BIN_EXE_xyz2bvh"))
+        .args(flags)
+        .write_stdin(table)
+        .assert()
+}
+
+fn bvh2xyz(flags: &[&str], file: &str) -> String {
+    let run = Command::new(env!("CARGO_BIN_EXE_bvh2xyz"))
+        .arg("-q")
+        .args(flags)
+        .write_stdin(file)
+        .assert()
+        .success();
+    String::from_utf8(run.get_output().stdout.clone()).unwrap()
+}
+
+fn text(run: assert_cmd::assert::Assert) -> String {
+    String::from_utf8(run.success().get_output().stdout.clone()).unwrap()
+}
+
+/// Names of the points, and rows of numbers.
+fn points(table: &str) -> (Vec<String>, Vec<Vec<f64>>) {
+    let head: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    let skip = head.iter().filter(|h| !h.contains('.')).count();
+    let names = head[skip..]
+        .iter()
+        .step_by(3)
+        .map(|h| h[..h.len() - 2].to_string())
+        .collect();
+    let cell = |c: &str| c.parse().unwrap_or(f64::NAN);
+    let rows = table
+        .lines()
+        .skip(1)
+        .map(|l| l.split(',').skip(skip).map(cell).collect())
+        .collect();
+    (names, rows)
+}
+
+/// The largest difference over the points of `a`, all of which `b` has.
+fn farthest(a: &str, b: &str) -> f64 {
+    let ((names, a), (others, b)) = (points(a), points(b));
+    assert_eq!(a.len(), b.len());
+    let mut far = 0.0f64;
+    for (k, name) in names.iter().enumerate() {
+        let at = others.iter().position(|n| n == name).expect(name);
+        for (x, y) in a.iter().zip(&b) {
+            for c in 0..3 {
+                let d = (x[3 * k + c] - y[3 * at + c]).abs();
+                far = if d <= far { far } else { d };
+            }
+        }
+    }
+    far
+}
+
+/// The frames of a file, and its Frame Time.
+fn motion(file: &str) -> (Vec<Vec<f64>>, f64) {
+    let (head, rest) = file.split_once("Frame Time:").unwrap();
+    let mut lines = rest.lines();
+    let time = lines.next().unwrap().trim().parse().unwrap();
+    let rows: Vec<Vec<f64>> = lines
+        .map(|l| l.split(' ').map(|v| v.parse().unwrap()).collect())
+        .collect();
+    assert!(head.ends_with(&format!("Frames: {}\n", rows.len())));
+    (rows, time)
+}
+
+fn jump(rows: &[Vec<f64>]) -> f64 {
+    let steps = rows
+        .windows(2)
+        .flat_map(|w| (3..w[0].len()).map(|i| (w[0][i] - w[1][i]).abs()));
+    steps.fold(0.0, f64::max)
+}
+
+const HEAD: &str = "take,time,root.x,root.y,root.z,lhipjoint.x,lhipjoint.y,lhipjoint.z,rhipjoint.x,rhipjoint.y,rhipjoint.z,lfemur.x,lfemur.y,lfemur.z,ltibia.x,ltibia.y,ltibia.z\n";
+
+/// A pelvis that walks and turns, a leg that swings.
+fn walk(frames: usize) -> String {
+    let mut table = HEAD.to_string();
+    for i in 0..frames {
+        let t = i as f64 * 0.07;
+        let (sin, cos) = (0.8 * t).sin_cos();
+        let turned = |p: [f64; 3]| {
+            [
+                cos * p[0] + sin * p[2] + 9.0 * t,
+                p[1] + 90.0,
+                cos * p[2] - sin * p[0],
+            ]
+        };
+        let knee = [10.0, -8.0 - 40.0 * t.cos(), 40.0 * t.sin()];
+        let foot = [
+            10.0,
+            knee[1] - 38.0 * (1.3 * t).cos(),
+            knee[2] + 38.0 * (1.3 * t).sin(),
+        ];
+        let row: Vec<String> = [[0.; 3], [10., -8., 0.], [-10., -8., 0.], knee, foot]
+            .into_iter()
+            .flat_map(turned)
+            .map(|v| v.to_string())
+            .collect();
+        table += &format!("w,{},{}\n", i as f64 / 120.0, row.join(","));
+    }
+    table
+}
+
+#[test]
+fn a_measured_skeleton_stands_where_the_table_does() {
+    let table = walk(150);
+    for flags in [
+        &[][..],
+        &["--order", "XZY"],
+        &["--order", "YXZ", "--up", "z", "--units", "m"],
+    ] {
+        let file = text(xyz2bvh(flags, &table));
+        let turned: Vec<&str> = if flags.contains(&"--up") {
+            flags[2..].to_vec()
+        } else {
+            vec![]
+        };
+        let back = bvh2xyz(&[&["--ends"], &turned[..]].concat(), &file);
+        // A millionth of a metre is 1e-4 cm.
+        assert!(farthest(&table, &back) <= 1e-3, "{flags:?}");
+        let (rows, time) = motion(&file);
+        assert!((time - 1.0 / 120.0).abs() <= 1e-9);
+        assert!(jump(&rows) <= 180.0);
+    }
+    let file = text(xyz2bvh(&["--order", "XZY"], &table));
+    assert!(file.contains("CHANNELS 3 Xrotation Zrotation Yrotation"));
+    assert!(file.contains("JOINT ltibia") && file.contains("End Site"));
+}
+
+#[test]
+fn another_bvh_gives_hierarchy_offsets_and_channels() {
+    let template = text(xyz2bvh(&["--order", "YZX"], &walk(3)));
+    let table = bvh2xyz(&[], &text(xyz2bvh(&[], &walk(40))));
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("t.bvh");
+    std::fs::write(&path, &template).unwrap();
+    let path = path.to_str().unwrap();
+    for table in [table, walk(40)] {
+        let file = text(xyz2bvh(&["--skeleton", path], &table));
+        let hierarchy = |f: &str| f[..f.find("MOTION").unwrap()].to_string();
+        assert_eq!(hierarchy(&file), hierarchy(&template));
+        let flags: &[&str] = if table.contains("_end") {
+            &[]
+        } else {
+            &["--ends"]
+        };
+        assert!(farthest(&table, &bvh2xyz(flags, &file)) <= 0.01);
+    }
+    xyz2bvh(&["--skeleton", path, "--order", "XYZ"], &walk(2))
+        .code(2)
+        .stderr(contains("--order"));
+}
+
+#[test]
+fn missing_points_hold_and_the_count_of_frames_stays() {
+    let table: String = walk(30)
+        .lines()
+        .enumerate()
+        .map(|(i, line)| {
+            let mut cells: Vec<&str> = line.split(',').collect();
+            match i {
+                1 | 10 => cells[2..].fill(""),
+                20..=22 => cells[14..].fill(""),
+                _ => {}
+            }
+            cells.join(",") + "\n"
+        })
+        .collect();
+    let run = xyz2bvh(&[], &table)
+        .success()
+        .stderr(contains("5 frames had missing points"));
+    let file = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    let (rows, _) = motion(&file);
+    assert_eq!(rows.len(), 30);
+    assert!(rows.iter().flatten().all(|v| v.is_finite()));
+    assert_eq!(rows[9], rows[8]);
+    let (names, back) = points(&bvh2xyz(&["--ends"], &file));
+    let (others, want) = points(&walk(30));
+    for i in 19..22 {
+        // Of a hidden shank the rest still fits.
+        for (k, name) in others.iter().enumerate().filter(|(_, n)| *n != "ltibia") {
+            let at = names.iter().position(|n| n == name).unwrap();
+            for c in 0..3 {
+                assert!((back[i][3 * at + c] - want[i][3 * k + c]).abs() <= 0.01);
+            }
+        }
+    }
+}
+
+#[test]
+fn faults_are_one_line() {
+    let anonymous = "time,a.x,a.y,a.z\n0,1,2,3\n0.1,1,2,3\n";
+    xyz2bvh(&[], anonymous)
+        .code(2)
+        .stderr(contains("--skeleton"));
+    let untimed: String = walk(3)
+        .lines()
+        .map(|l| l.split(',').skip(2).collect::<Vec<_>>().join(",") + "\n")
+        .collect();
+    xyz2bvh(&[], &untimed).code(2).stderr(contains("--fps"));
+    xyz2bvh(&["--fps", "30"], &untimed).success();
+    xyz2bvh(&["--fps", "30"], &walk(3))
+        .code(2)
+        .stderr(contains("contradicts"));
+    let two = walk(3)
+        + &walk(3)
+            .lines()
+            .skip(1)
+            .map(|l| format!("v{}\n", &l[1..]))
+            .collect::<String>();
+    xyz2bvh(&[], &two)
+        .code(1)
+        .stderr(contains("several takes (w, v)"));
+    let (rows, _) = motion(&text(xyz2bvh(&["--take", "v"], &two)));
+    assert_eq!(rows.len(), 3);
+    xyz2bvh(&["--order", "XYX"], &walk(1)).code(2);
+    xyz2bvh(&["--skeleton", "/nowhere"], &walk(1))
+        .code(1)
+        .stderr(contains("/nowhere"));
+}
+
+#[test]
+fn real_takes_come_back() {
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    if !shared.exists() {
+        eprintln!("skipped: no {}", shared.display());
+        return;
+    }
+    for (subject, name) in [("09", "09_06"), ("02", "02_02"), ("43", "43_01")] {
+        let file = |f: &str| {
+            shared
+                .join("cmu")
+                .join(subject)
+                .join(f)
+                .to_str()
+                .unwrap()
+                .to_string()
+        };
+        let (asf, amc) = (
+            file(&format!("{subject}.asf")),
+            file(&format!("{name}.amc")),
+        );
+        let run = Command::new(env!("CARGO_BIN_EXE_amc2xyz"))
+            .args(["--fps", "120", "--asf", &asf, &amc])
+            .assert();
+        let table = text(run);
+        for flags in [&[][..], &["--skeleton", &asf]] {
+            let bvh = text(xyz2bvh(flags, &table));
+            let far = farthest(&table, &bvh2xyz(&["--ends"], &bvh));
+            assert!(far <= 0.01, "{name}: {far}");
+            assert!(jump(&motion(&bvh).0) <= 180.0);
+        }
+    }
+    for name in [
+        "Swagger",
+        "TARZAN",
+        "kick",
+        "rotation_first_root",
+        "test_freebvh",
+        "test_mocapbank",
+    ] {
+        let path = shared.join(format!("formats/bvh/{name}.bvh"));
+        let table = bvh2xyz(&[path.to_str().unwrap()], "");
+        let bvh = text(xyz2bvh(&["--skeleton", path.to_str().unwrap()], &table));
+        let far = farthest(&table, &bvh2xyz(&[], &bvh));
+        assert!(far <= 0.05, "{name}: {far}");
+    }
+}
