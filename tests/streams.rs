@@ -144,7 +144,7 @@ fn inputs_that_cannot_be_read() {
         use std::os::unix::fs::PermissionsExt;
         let closed = dir.path().join("closed.csv");
         fs::write(&closed, long(2)).unwrap();
-        fs::set_permissions(&closed, fs::Permissions::from_mode(0)).unwrap();
+        fs::set_permissions(&closed, fs::Permissions::from_mode(0o0)).unwrap();
         // Root reads whatever it likes.
         if fs::File::open(&closed).is_err() {
             let said = fails("complete", &[text(&closed)], b"", 1);
