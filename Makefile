@@ -22,9 +22,9 @@ test: needs
 build: needs
 	$(CARGO) build --release
 
-# OpenBLAS and pkg-config, where they are missing.
+# The system's packages, where they are missing.
 needs:
-	@sh testdata/examples/needs.sh
+	@sh .ci/needs
 
 # Learns the built-in model from the CMU takes: every fourth frame of every take.
 model: build

@@ -83,8 +83,13 @@ fn sources() -> Vec<(String, String)> {
     paths.iter().map(read).collect()
 }
 
-/// The source without comments (line for line), so that documentation may link upwards, and without spaces in paths.
+/// The source without comments (line for line), so that documentation may link upwards, and without the unit tests at
+/// its foot, which may look around.
 fn code(source: &str) -> String {
+    let source = source
+        .split("\n#[cfg(test)]\nmod ")
+        .next()
+        .unwrap_or_default();
     let line = |line: &str| match line.find("//") {
         // `://` is an address in a text.
         Some(at) if !line[..at].ends_with(':') => line[..at].to_string(),

@@ -4,7 +4,8 @@
 #
 # A part is learnt anew only when its table changed. A run that was stopped goes on from its checkpoint.
 POSING  ?= posing
-ATOMS   ?= 200
+# As many atoms a part as this RMS error (cm) asks for, so that small parts get small dictionaries.
+ERROR   ?= 1
 ROUNDS  ?= 20
 PARTS   := $(wildcard parts/*.csv)
 
@@ -14,7 +15,7 @@ dict.npz: $(PARTS:.csv=.npz)
 
 # One thread each: the jobs of make are the parallelism.
 parts/%.npz: parts/%.csv
-	$(POSING) ksvd-train -n $(ATOMS) --iterations $(ROUNDS) --threads 1 --checkpoint $@.checkpoint --log $(@:.npz=.jsonl) -o $@ $<
+	$(POSING) ksvd-train --error $(ERROR) --iterations $(ROUNDS) --threads 1 --checkpoint $@.checkpoint --log $(@:.npz=.jsonl) -o $@ $<
 	rm -f $@.checkpoint
 
 .PHONY: clean
