@@ -130,7 +130,7 @@ fn training_by_make_goes_as_the_readme_says() {
         &format!(
             "cp '{root}/testdata/examples/train.mk' Makefile
             posing cluster -q -k 3 --split parts poses.csv
-            make -s -j2 dict.npz ATOMS=10 ROUNDS=1 && make -q dict.npz
+            make -s -j2 dict.npz ERROR=4 ROUNDS=1 && make -q dict.npz
             posing model info dict.npz"
         ),
         folder,
