@@ -2,51 +2,9 @@
 //!
 //! [`figure::svg`](super::figure::svg) and [`player::page`](super::player::page) draw the same [`Scene`].
 
+pub use crate::pose::Status;
 use crate::{Error, Result};
 use ndarray::ArrayView2;
-
-/// What became of a point in a frame, as the column `NAME.status` of a table tells it.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub enum Status {
-    /// Measured, and left as it was.
-    #[default]
-    Observed,
-    /// Measured, and moved.
-    Changed,
-    /// Not measured: the model's estimate.
-    Inferred,
-    /// Measured, left as it was, and distrusted.
-    Rejected,
-    /// Nothing could be said.
-    Unknown,
-}
-
-impl Status {
-    /// Every status, in the order of their numbers in a page.
-    pub const ALL: [Status; 5] = [
-        Status::Observed,
-        Status::Changed,
-        Status::Inferred,
-        Status::Rejected,
-        Status::Unknown,
-    ];
-
-    /// The word that tables use.
-    pub fn name(self) -> &'static str {
-        match self {
-            Status::Observed => "observed",
-            Status::Changed => "changed",
-            Status::Inferred => "inferred",
-            Status::Rejected => "rejected",
-            Status::Unknown => "unknown",
-        }
-    }
-
-    /// The status that a table's word means; `None` for any other word.
-    pub fn from_name(name: &str) -> Option<Status> {
-        Status::ALL.into_iter().find(|status| status.name() == name)
-    }
-}
 
 /// One take or table: the same points over the same frames as its neighbours in the scene.
 #[derive(Debug, Clone, Copy)]

@@ -9,6 +9,7 @@ pub mod placement;
 pub mod poses;
 pub mod rotation;
 pub mod skeleton;
+pub mod status;
 
 pub use align::{Similarity, fit_similarity};
 pub use body::Body;
@@ -16,6 +17,7 @@ pub use map::PoseMap;
 pub use placement::Anchor;
 pub use poses::Poses;
 pub use skeleton::{Bone, Channel, Dof, Skeleton};
+pub use status::Status;
 
 /// Centimetres in one unit of CMU's raw ASF files (`length 0.45`): 2.54 / 0.45 = 5.644.
 ///

@@ -4,10 +4,11 @@
 //! to its neighbours: at both ends of a gap the points were seen, so the answer's error there is known; it is predicted
 //! into the gap as a Gaussian process whose correlation falls off over a quarter of a second and over four.
 
-use super::frame::{Restoration, Restored, Status};
+use super::frame::{Restoration, Restored};
 use super::job::Job;
 use super::suspects::RigidBones;
 use crate::par;
+use crate::pose::Status;
 use crate::prior::EXACT;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, s};

@@ -4,11 +4,12 @@
 //! noise that neighbouring frames can tell from motion; what it leaves is what the model is told of.
 
 use super::complete::{self, Complete};
-use super::frame::{Restoration, Status};
+use super::frame::Restoration;
 use super::job::Job;
 use super::smooth;
 use super::suspects::RigidBones;
 use crate::par;
+use crate::pose::Status;
 use crate::prior::EXACT;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;

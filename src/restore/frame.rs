@@ -2,39 +2,10 @@
 
 use super::planar;
 use super::synthesis::{Observed, Synthesis};
-use crate::pose::{Anchor, Similarity};
+use crate::pose::{Anchor, Similarity, Status};
 use crate::prior::{EXACT, Prior};
 use glam::DVec3;
 use ndarray::Array2;
-
-/// What became of a point.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Status {
-    /// It was captured, and is unchanged.
-    #[default]
-    Observed,
-    /// It was captured, and changed.
-    Changed,
-    /// It was missing, and filled in.
-    Inferred,
-    /// It was captured, but counted for nothing: it cannot be where it was captured.
-    Rejected,
-    /// It was missing, and still is: too little was seen, or for too long.
-    Unknown,
-}
-
-impl Status {
-    /// The word in the table.
-    pub fn name(self) -> &'static str {
-        match self {
-            Status::Observed => "observed",
-            Status::Changed => "changed",
-            Status::Inferred => "inferred",
-            Status::Rejected => "rejected",
-            Status::Unknown => "unknown",
-        }
-    }
-}
 
 /// A restored frame, where the capture stands.
 #[derive(Debug, Clone, PartialEq)]

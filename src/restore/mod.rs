@@ -18,5 +18,5 @@ pub mod suspects;
 pub mod synthesis;
 pub mod take;
 
-pub use frame::{Restoration, Restored, Restorer, Status};
+pub use frame::{Restoration, Restored, Restorer};
 pub use job::Job;
