@@ -33,7 +33,7 @@ pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>) -> Restoration {
         range
             .map(|t| {
                 let y = xyz.row(t).to_vec();
-                if y.iter().all(|v| v.is_finite()) {
+                if job.is_whole(&y) {
                     return Answer::Whole;
                 }
                 let adapted = job.prior_for(xyz.slice(s![t..t + 1, ..]), 0.0);
@@ -46,7 +46,7 @@ pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>) -> Restoration {
     });
     let mut out = Restoration::of(xyz.to_owned());
     for (t, answer) in answers.into_iter().flatten().enumerate() {
-        fill(&mut out, t, &answer, &[], None, false);
+        fill(job, &mut out, t, &answer, &[], None, false);
     }
     out
 }
@@ -69,6 +69,7 @@ fn noise_of(y: &[f64], suspects: &[usize]) -> Vec<f64> {
 
 /// Writes an answer's missing numbers (with `correction` added to each point) and the frame's statuses.
 fn fill(
+    job: &Job,
     out: &mut Restoration,
     t: usize,
     answer: &Answer,
@@ -77,7 +78,7 @@ fn fill(
     overwrite: bool,
 ) {
     let mut lacked = false;
-    for p in 0..out.points() {
+    for p in (0..out.points()).filter(|&p| job.in_table(p).is_some()) {
         let missing: Vec<usize> = (3 * p..3 * p + 3)
             .filter(|&i| out.xyz[[t, i]].is_nan())
             .collect();
@@ -146,7 +147,7 @@ pub fn take(
             .clone()
             .map(|t| {
                 let y = counted.row(t).to_vec();
-                if y.iter().all(|v| v.is_finite()) {
+                if job.is_whole(&y) {
                     return Answer::Whole;
                 }
                 restorer
@@ -162,18 +163,27 @@ pub fn take(
     .collect();
     let errors = errors_at_ends(&restorer, &counted, &gaps);
     let mut out = Restoration::of(xyz.to_owned());
-    let corrections = corrections(&answers, &gaps, &errors, rate, job.points());
+    let corrections = corrections(&counted, &answers, &gaps, &errors, rate, job.points());
     for (t, answer) in answers.iter().enumerate() {
         fill(
+            job,
             &mut out,
             t,
             answer,
             &suspects[t],
             corrections.get(&t).map(Vec::as_slice),
-            settings.overwrite,
+            true,
         );
     }
     settle(&mut out, &counted, &gaps, runs, rate);
+    if !settings.overwrite {
+        // The answers stood in for the rejected values while their neighbours were settled.
+        for (t, points) in suspects.iter().enumerate() {
+            for i in points.iter().flat_map(|p| 3 * p..3 * p + 3) {
+                out.xyz[[t, i]] = xyz[[t, i]];
+            }
+        }
+    }
     if let Some(longest) = settings.max_gap {
         for gap in gaps
             .iter()
@@ -282,6 +292,7 @@ fn likeness(seconds: f64) -> f64 {
 
 /// For each frame with a gap, what to add to each point, and the share of its standard deviation that is left.
 fn corrections(
+    counted: &Array2<f64>,
     answers: &[Answer],
     gaps: &[Gap],
     errors: &Errors,
@@ -289,17 +300,10 @@ fn corrections(
     points: usize,
 ) -> BTreeMap<usize, Vec<(DVec3, f64)>> {
     let mut out: BTreeMap<usize, Vec<(DVec3, f64)>> = BTreeMap::new();
-    let hidden_at = |t: usize| -> Vec<usize> {
-        gaps.iter()
-            .filter(|g| g.frames.contains(&t))
-            .map(|g| g.point)
-            .collect()
-    };
     for gap in gaps {
         let error = |end: Option<(usize, usize)>| {
             let (frame, beside) = end?;
-            let mut hide = hidden_at(beside);
-            hide.sort_unstable();
+            let hide = hidden(counted, beside);
             errors
                 .get(&(frame, hide))?
                 .as_ref()
@@ -350,12 +354,12 @@ fn settle(
     }
     let before = out.xyz.clone();
     for gap in gaps {
-        let Some(run) = runs.iter().find(|r| r.contains(&gap.frames.start)) else {
+        let Some(run) = runs.get(runs.partition_point(|r| r.end <= gap.frames.start)) else {
             continue;
         };
         for t in gap.frames.clone() {
             let status = out.status[t * (before.ncols() / 3) + gap.point];
-            if status != Status::Inferred {
+            if !matches!(status, Status::Inferred | Status::Rejected) {
                 continue;
             }
             // Never past either end of the run, and symmetric, so that a straight line stays one.

@@ -112,7 +112,7 @@ pub fn take(
     settings: Denoise,
     done: &(dyn Fn(usize) + Sync),
 ) -> Restoration {
-    let noise = noise_by_point(xyz, runs, settings.noise);
+    let noise = noise_by_point(job, xyz, runs, settings.noise);
     let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
     let suspects = suspects(job, xyz, usual, settings);
     let mut counted = xyz.to_owned();
@@ -187,27 +187,45 @@ fn suspects(job: &Job, xyz: ArrayView2<'_, f64>, noise: f64, settings: Denoise) 
     .concat()
 }
 
-/// The noise of each point, cm: given, or from the third differences of its coordinates.
-fn noise_by_point(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>], given: Option<f64>) -> Vec<f64> {
+/// The noise of each point, cm: given, or from the third differences of its coordinates. A point that is not seen long
+/// enough on end takes the median of the others; where none is, the model tells the noise of some frames.
+fn noise_by_point(
+    job: &Job,
+    xyz: ArrayView2<'_, f64>,
+    runs: &[Range<usize>],
+    given: Option<f64>,
+) -> Vec<f64> {
     let points = xyz.ncols() / 3;
     if let Some(noise) = given {
         return vec![noise; points];
     }
-    (0..points)
+    let of_column = |i: usize| {
+        // Runs are joined by a missing value, which no difference crosses.
+        let ends = [f64::NAN];
+        let series: Vec<f64> = runs
+            .iter()
+            .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain(ends))
+            .collect();
+        smooth::noise_of(&series)
+    };
+    let measured: Vec<Option<f64>> = (0..points)
         .map(|p| {
-            let found: Vec<f64> = (3 * p..3 * p + 3)
-                .filter_map(|i| {
-                    // Runs are joined by a missing value, which no difference crosses.
-                    let series: Vec<f64> = runs
-                        .iter()
-                        .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain([f64::NAN]))
-                        .collect();
-                    smooth::noise_of(&series)
-                })
-                .collect();
-            found.iter().sum::<f64>() / found.len().max(1) as f64
+            let found: Vec<f64> = (3 * p..3 * p + 3).filter_map(of_column).collect();
+            (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
         })
-        .collect()
+        .collect();
+    let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
+    if known.is_empty() {
+        let restorer = job.restorer(&None);
+        let step = xyz.nrows().div_ceil(20).max(1);
+        known = (0..xyz.nrows())
+            .step_by(step)
+            .map(|t| noise_of_frame(&restorer, &xyz.row(t).to_vec()))
+            .collect();
+    }
+    known.sort_by(f64::total_cmp);
+    let usual = known.get(known.len() / 2).copied().unwrap_or(0.0);
+    measured.into_iter().map(|m| m.unwrap_or(usual)).collect()
 }
 
 /// The smoothed coordinates and their variances; infinite where the smoother cannot say more than the model.

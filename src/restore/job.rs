@@ -81,6 +81,12 @@ impl Job {
         self.index[point]
     }
 
+    /// Whether a frame (in the model's order) lacks nothing that the table could hold.
+    pub fn is_whole(&self, y: &[f64]) -> bool {
+        let seen = |p: usize| y[3 * p..3 * p + 3].iter().all(|v| v.is_finite());
+        (0..self.points()).all(|p| self.index[p].is_none() || seen(p))
+    }
+
     /// The bones between the model's points, as far as they are known.
     pub fn parents(&self) -> Vec<Option<usize>> {
         self.body

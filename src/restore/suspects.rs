@@ -9,9 +9,9 @@ const RIGID: (f64, f64) = (0.3, 0.01);
 /// A rigid bone is broken when its length is off by more than this (cm, and share of its length).
 const BROKEN: (f64, f64) = (1.0, 0.03);
 
-/// The rigid bones of a take: (point, parent, length).
+/// The rigid bones of a take: (point, parent, length, by how much it may be off).
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct RigidBones(Vec<(usize, usize, f64)>);
+pub struct RigidBones(Vec<(usize, usize, f64, f64)>);
 
 impl RigidBones {
     /// Measures the bones of frames x 3 J numbers; at most 2,000 frames are looked at. At least ten must show a bone.
@@ -40,19 +40,16 @@ impl RigidBones {
             let at = off.len() / 2;
             let spread = *off.select_nth_unstable_by(at, f64::total_cmp).1;
             if spread <= RIGID.0.max(RIGID.1 * length) {
-                bones.push((k, p, length));
+                // Six standard deviations of what the length does by itself (1.48 medians make one).
+                bones.push((
+                    k,
+                    p,
+                    length,
+                    BROKEN.0.max(BROKEN.1 * length).max(6.0 * 1.48 * spread),
+                ));
             }
         }
         RigidBones(bones)
-    }
-
-    /// The bones of a body whose lengths are known beforehand.
-    pub fn known(body: &Body) -> RigidBones {
-        let bone = |(k, p): (usize, &Option<usize>)| {
-            let length = body.lengths[k];
-            (length > 0.0).then_some(()).and(p.map(|p| (k, p, length)))
-        };
-        RigidBones(body.parents.iter().enumerate().filter_map(bone).collect())
     }
 
     /// The points of a frame that break rigid bones; `noise` is the standard deviation of a coordinate.
@@ -64,24 +61,22 @@ impl RigidBones {
         let seen: Vec<_> = self
             .0
             .iter()
-            .map(|&(k, p, length)| (k, p, length, (at(k) - at(p)).length()))
-            .filter(|(.., now)| now.is_finite())
+            .map(|&(k, p, length, slack)| (k, p, (at(k) - at(p)).length() - length, slack))
+            .filter(|(_, _, off, _)| off.is_finite())
             .collect();
-        let broken = |length: f64, now: f64| {
-            (now - length).abs() > BROKEN.0.max(BROKEN.1 * length) + 6.0 * noise
-        };
+        let broken = |off: f64, slack: f64| off.abs() > slack + 6.0 * noise;
         let mut blamed: Vec<usize> = Vec::new();
         loop {
             // point -> (broken, all)
             let mut tally = std::collections::BTreeMap::<usize, (usize, usize)>::new();
-            for &(k, p, length, now) in &seen {
+            for &(k, p, off, slack) in &seen {
                 if blamed.contains(&k) || blamed.contains(&p) {
                     continue;
                 }
                 for end in [k, p] {
                     let entry = tally.entry(end).or_default();
                     entry.1 += 1;
-                    entry.0 += usize::from(broken(length, now));
+                    entry.0 += usize::from(broken(off, slack));
                 }
             }
             let worst =
