@@ -1,7 +1,7 @@
 //! Groups poses by hierarchical k-means.
 
 use clap::Parser;
-use posing::cli::flags::{Common, Seed, TableIn, TableOut};
+use posing::cli::flags::{Common, Format, Seed, TableIn, TableOut};
 use posing::cli::progress::Progress;
 use posing::cli::streams::{self, TableSink};
 use posing::cli::{Outcome, run, say};
@@ -40,7 +40,7 @@ struct Args {
     #[arg(long, value_name = "CENTROIDS.npz")]
     save: Option<PathBuf>,
     /// Write one table a cluster into DIR (0.csv, 1.csv, …) in place of one table with a column more
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", conflicts_with = "output")]
     split: Option<PathBuf>,
     #[command(flatten)]
     seed: Seed,
@@ -135,13 +135,21 @@ fn split(args: &Args, table: &Table, clustering: &Clustering, folder: &Path) -> 
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     let width = (clustering.sizes.len() - 1).to_string().len();
     let poses = &table.poses;
-    for cluster in 0..clustering.sizes.len() {
+    let ending = match args.out.format() {
+        Format::Csv => "csv",
+        Format::Npy => "npy",
+    };
+    let mut members = vec![Vec::new(); clustering.sizes.len()];
+    for (t, &label) in clustering.labels.iter().enumerate() {
+        members[label as usize].push(t);
+    }
+    for (cluster, members) in members.into_iter().enumerate() {
         let out = TableOut {
-            output: Some(folder.join(format!("{cluster:0width$}.csv"))),
+            output: Some(folder.join(format!("{cluster:0width$}.{ending}"))),
             to: args.out.to,
         };
         let mut sink = TableSink::create(&out, &table.columns, &[])?;
-        for t in (0..poses.frames()).filter(|&t| clustering.labels[t] as usize == cluster) {
+        for t in members {
             let row = Row {
                 xyz: poses.frame(t).to_vec(),
                 time: poses.time.as_ref().map(|s| s[t]),

@@ -43,9 +43,7 @@ fn work(args: &Args) -> Result<Outcome> {
         Dictionary::from_rows(model.array("atoms", &args.model.display().to_string())?)?;
     let input = open(&args.file)?;
     let name = input.name.clone();
-    let mut reader = csv::ReaderBuilder::new()
-        .flexible(true)
-        .from_reader(input.into_reader());
+    let mut reader = csv::ReaderBuilder::new().from_reader(input.into_reader());
     let header = reader
         .headers()
         .map_err(|e| Error::data(Place::file(&name), e.to_string()))?

@@ -30,7 +30,7 @@ struct Args {
     #[arg(short, long, value_name = "DICT.npz")]
     model: PathBuf,
     /// At most so many atoms a pose
-    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     sparsity: u32,
     /// How atoms are chosen
     #[arg(long, value_enum, default_value = "oomp")]

@@ -33,7 +33,7 @@ struct Args {
     #[arg(long, value_name = "RMS", value_parser = parse_positive)]
     error: Option<f64>,
     /// At most so many atoms a pose
-    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     sparsity: u32,
     /// How many iterations
     #[arg(long, value_name = "N", default_value_t = 30)]
@@ -87,18 +87,18 @@ fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     streams::one_stdin_with(&args.input, args.init.iter().chain(&args.valid))?;
     let world = args.space == Space::World;
-    let poses = ready(&args.input, args.input.files.clone(), world)?;
+    let poses = ready(&args.input, args.input.files.clone(), world, None)?;
     let valid = args
         .valid
         .as_ref()
-        .map(|v| ready(&args.input, vec![v.clone()], world))
+        .map(|v| ready(&args.input, vec![v.clone()], world, Some(&poses)))
         .transpose()?;
     let ksvd = parameters(args);
     ksvd.check()?;
     let init = args
         .init
         .as_ref()
-        .map(|p| initial(args, p, world))
+        .map(|p| initial(args, p, &poses))
         .transpose()?;
     let input = digest(&poses.points, poses.xyz.view());
     let flags = flags(args, init.as_ref(), &poses);
@@ -106,7 +106,10 @@ fn work(args: &Args) -> Result<Outcome> {
         ksvd: &ksvd,
         poses: poses.xyz.view(),
         validation: valid.as_ref().map(|v| v.xyz.view()),
-        digest: format!("{input} {flags:?}"),
+        digest: format!(
+            "{input} {flags:?} {:?}",
+            valid.as_ref().map(|v| digest(&v.points, v.xyz.view()))
+        ),
         checkpoint: args.checkpoint.as_deref(),
         log: args.log.as_deref(),
     };
@@ -177,15 +180,21 @@ fn start(
 }
 
 /// `--init`: a model's atoms, or a table's poses.
-fn initial(args: &Args, path: &Path, world: bool) -> Result<Dictionary> {
+fn initial(args: &Args, path: &Path, poses: &TrainingPoses) -> Result<Dictionary> {
     let mut input = streams::open(path)?;
     let name = input.name.clone();
     let dictionary = if input.kind()? == Kind::Npz {
-        Dictionary::from_rows(Model::read(input)?.array("atoms", &name)?)?
+        let model = Model::read(input)?;
+        if model.meta.points != poses.points || model.meta.space != args.space.name() {
+            let what =
+                "is a dictionary of other points or of another space than the training poses";
+            return Err(posing::Error::data(posing::Place::file(&name), what));
+        }
+        Dictionary::from_rows(model.array("atoms", &name)?)?
     } else {
         let table = Table::read(input, &args.input.options(false, false)?)?;
         Dictionary::from_rows(
-            prior::training::ready(&table.poses, world, &name)?
+            prior::training::ready(&table.poses, args.space == Space::World, Some(poses), &name)?
                 .xyz
                 .view(),
         )?

@@ -161,11 +161,16 @@ fn go(
     let hidden = hidden(&table.columns, observe)?;
     let job = job(task, &table.columns)?;
     let Some(rate) = task.input.rate(&table.poses)? else {
+        if tally.max_gap {
+            return Err(Error::usage(
+                "--max-gap wants time, which the table has not: --fps gives the rate",
+            ));
+        }
         say::note("the table has no time: each frame is answered by itself (--fps gives the rate)");
         let xyz = hide(table.poses.xyz.clone(), &hidden);
         let restored = frames(&job, job.gather(xyz.view()).view());
-        let out = scatter(&job, &table.poses.xyz, &restored, task.world);
-        tally.add(&restored, job.gather(table.poses.xyz.view()).view());
+        let out = scatter(&job, &table.poses.xyz, &restored);
+        tally.add(&job, &restored, job.gather(table.poses.xyz.view()).view());
         return write_table(
             task.out,
             &table,
@@ -197,19 +202,20 @@ fn go(
             table.poses.xyz.slice(s![range.clone(), ..]).to_owned(),
             &hidden,
         );
-        let runs: Vec<Range<usize>> = runs
+        // Both are in order: the take's runs are a stretch of all.
+        let first = runs.partition_point(|r| r.start < range.start);
+        let runs: Vec<Range<usize>> = runs[first..]
             .iter()
-            .filter(|r| r.start >= range.start && r.end <= range.end)
+            .take_while(|r| r.end <= range.end)
             .map(|r| r.start - range.start..r.end - range.start)
             .collect();
         let gathered = job.gather(xyz.view());
         let restored = take(&job, gathered.view(), &runs, rate, &progress);
-        tally.add(&restored, gathered.view());
+        tally.add(&job, &restored, gathered.view());
         let whole = scatter(
             &job,
             &table.poses.xyz.slice(s![range.clone(), ..]).to_owned(),
             &restored,
-            task.world,
         );
         out.slice_mut(s![range.clone(), ..]).assign(&whole);
         all.push((range.start, restored));
@@ -254,12 +260,21 @@ fn by_frames(
         if rows.is_empty() {
             return sink.finish();
         }
+        if let (Some(flag), [first, second, ..]) = (task.input.fps, &rows[..])
+            && let (Some(a), Some(b)) = (first.time, second.time)
+            && first.take == second.take
+            && (crate::pose::poses::round_rate(1.0 / (b - a)) - flag).abs() > 1e-4 * flag
+        {
+            return Err(Error::usage(format!(
+                "--fps {flag} contradicts the table's times"
+            )));
+        }
         let flat: Vec<f64> = rows.iter().flat_map(|r| r.xyz.iter().copied()).collect();
         let xyz = Array2::from_shape_vec((rows.len(), columns.width()), flat).unwrap_or_default();
         let gathered = job.gather(hide(xyz.clone(), &hidden).view());
         let restored = frames(&job, gathered.view());
-        tally.add(&restored, gathered.view());
-        let out = scatter(&job, &xyz, &restored, task.world);
+        tally.add(&job, &restored, gathered.view());
+        let out = scatter(&job, &xyz, &restored);
         for (t, row) in rows.iter().enumerate() {
             let cells = cells(task, &job, &columns, &restored, t, &row.xyz);
             sink.write(row, &out.row(t).to_vec(), &cells)?;
@@ -302,13 +317,19 @@ fn hide(mut xyz: Array2<f64>, hidden: &[usize]) -> Array2<f64> {
 }
 
 /// The table's numbers with the restored ones in place.
-fn scatter(job: &Job, before: &Array2<f64>, restored: &Restoration, _world: bool) -> Array2<f64> {
+fn scatter(job: &Job, before: &Array2<f64>, restored: &Restoration) -> Array2<f64> {
     let mut out = before.clone();
     for p in 0..restored.points() {
         let Some(at) = job.in_table(p) else { continue };
         for axis in 0..3 {
+            let restored = restored.xyz.column(3 * p + axis);
+            // What --observe hid and too little is seen to answer keeps what was captured.
             out.column_mut(3 * at + axis)
-                .assign(&restored.xyz.column(3 * p + axis));
+                .zip_mut_with(&restored, |o, r| {
+                    if r.is_finite() {
+                        *o = *r;
+                    }
+                });
         }
     }
     out
@@ -384,11 +405,16 @@ struct Tally {
 }
 
 impl Tally {
-    fn add(&mut self, restored: &Restoration, before: ArrayView2<'_, f64>) {
+    fn add(&mut self, job: &Job, restored: &Restoration, before: ArrayView2<'_, f64>) {
         self.noise += restored.noise * before.nrows() as f64;
         self.frames += before.nrows();
         self.too_little += restored.too_little;
-        let count = |status: Status| restored.status.iter().filter(|s| **s == status).count();
+        let points = restored.points().max(1);
+        let of_table = |at: usize| job.in_table(at % points).is_some();
+        let count = |status: Status| {
+            let all = restored.status.iter().enumerate();
+            all.filter(|(at, s)| **s == status && of_table(*at)).count()
+        };
         self.filled += count(Status::Inferred);
         self.rejected += count(Status::Rejected);
         self.left += count(Status::Unknown);

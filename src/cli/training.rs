@@ -161,13 +161,14 @@ pub fn ready(
     flags: &super::flags::TableIn,
     files: Vec<PathBuf>,
     world: bool,
+    like: Option<&crate::prior::training::TrainingPoses>,
 ) -> Result<crate::prior::training::TrainingPoses> {
     let flags = super::flags::TableIn {
         files,
         ..flags.clone()
     };
     let table = streams::read_table(&flags, false, false)?;
-    let ready = crate::prior::training::ready(&table.poses, world, &table.name)?;
+    let ready = crate::prior::training::ready(&table.poses, world, like, &table.name)?;
     for (count, why) in [
         (ready.incomplete, "lack a point and are not learnt from"),
         (ready.unplaced, "cannot be placed and are not learnt from"),

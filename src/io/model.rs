@@ -224,6 +224,7 @@ impl Model {
             b.parents.len() == points
                 && b.lengths.len() == points
                 && b.parents.iter().flatten().all(|&p| p < points)
+                && Body::from(b).order().len() == points
         });
         if points == 0 || !sound {
             return Err(Error::data(

@@ -31,6 +31,8 @@ pub struct TrainingPoses {
     pub xyz: Array2<f32>,
     /// The bones they all have (world) or mostly have (body), where the points' bones are known.
     pub body: Option<Body>,
+    /// What they were placed by, in world space.
+    pub anchor: Option<Anchor>,
     /// Frames left out: some point was missing.
     pub incomplete: usize,
     /// Frames left out: their placement is not determined.
@@ -38,8 +40,22 @@ pub struct TrainingPoses {
 }
 
 /// Carries complete poses to the model's space: root at the origin, no global rotation and, in world space, the mean
-/// body's bone lengths. With `world` false rows are used as they are.
-pub fn ready(poses: &Poses, world: bool, name: &str) -> Result<TrainingPoses> {
+/// body's bone lengths. With `world` false rows are used as they are. With `like`, they become comparable to those poses:
+/// the same points in the same order, the same body, the same placement.
+pub fn ready(
+    poses: &Poses,
+    world: bool,
+    like: Option<&TrainingPoses>,
+    name: &str,
+) -> Result<TrainingPoses> {
+    let ordered;
+    let poses = match like {
+        Some(like) if like.points != poses.points => {
+            ordered = in_order(poses, &like.points, name)?;
+            &ordered
+        }
+        _ => poses,
+    };
     let parents = joints::parents_by_name(&poses.points);
     let bones = parents.iter().any(Option::is_some);
     let takes = poses.takes();
@@ -47,12 +63,18 @@ pub fn ready(poses: &Poses, world: bool, name: &str) -> Result<TrainingPoses> {
         .iter()
         .map(|r| Body::measure(&parents, poses.xyz.slice(ndarray::s![r.clone(), ..])))
         .collect();
-    let body = bones.then(|| mean_body(&parents, &bodies));
-    let anchor = if world { Some(anchor(poses)) } else { None };
+    let (body, anchor) = match like {
+        Some(like) => (like.body.clone(), like.anchor.clone()),
+        None => (
+            bones.then(|| mean_body(&parents, &bodies)),
+            world.then(|| anchor(poses)),
+        ),
+    };
     let mut out = TrainingPoses {
         points: poses.points.clone(),
         xyz: Array2::zeros((0, 0)),
         body,
+        anchor: anchor.clone(),
         incomplete: 0,
         unplaced: 0,
     };
@@ -96,6 +118,25 @@ pub fn ready(poses: &Poses, world: bool, name: &str) -> Result<TrainingPoses> {
     out.xyz =
         Array2::from_shape_vec((frames, width), rows).map_err(|e| Error::usage(e.to_string()))?;
     Ok(out)
+}
+
+/// The poses with their points in another order; every point must be there.
+fn in_order(poses: &Poses, points: &[String], name: &str) -> Result<Poses> {
+    let mut columns = Vec::new();
+    for point in points {
+        let Some(p) = poses.points.iter().position(|n| n == point) else {
+            let what = format!("has no point \"{point}\", which the training poses have");
+            return Err(Error::data(Place::file(name), what));
+        };
+        columns.extend(3 * p..3 * p + 3);
+    }
+    let xyz = poses.xyz.select(Axis(1), &columns);
+    Ok(Poses {
+        points: points.to_vec(),
+        xyz,
+        time: poses.time.clone(),
+        take: poses.take.clone(),
+    })
 }
 
 /// What poses are placed by: CMU's pelvis, or their own mean, found by aligning them to each other.
@@ -232,7 +273,13 @@ pub fn joined_model(parts: &[Model], dictionary: &Dictionary, step: Entry) -> Mo
     };
     model.meta.sparsity = parts.iter().filter_map(|m| m.meta.sparsity).max();
     model.meta.training_rms = pooled(&|m| m.meta.training_rms.map(|r| r * r)).map(f64::sqrt);
-    model.meta.credit = parts.iter().find_map(|m| m.meta.credit.clone());
+    let mut credits: Vec<&str> = parts
+        .iter()
+        .filter_map(|m| m.meta.credit.as_deref())
+        .collect();
+    credits.sort_unstable();
+    credits.dedup();
+    model.meta.credit = (!credits.is_empty()).then(|| credits.join(" "));
     model.meta.details.insert("frames".into(), total.into());
     if let Some(body) = &first.meta.body {
         let lengths = (0..body.lengths.len())
@@ -395,15 +442,15 @@ mod tests {
 
     #[test]
     fn turned_poses_are_learnt_from_as_unturned_ones() {
-        let here = ready(&table(false), true, "t").unwrap();
-        let there = ready(&table(true), true, "t").unwrap();
+        let here = ready(&table(false), true, None, "t").unwrap();
+        let there = ready(&table(true), true, None, "t").unwrap();
         assert!(
             here.xyz
                 .iter()
                 .zip(&there.xyz)
                 .all(|(a, b)| (a - b).abs() <= 1e-3)
         );
-        let as_is = ready(&table(true), false, "t").unwrap();
+        let as_is = ready(&table(true), false, None, "t").unwrap();
         assert!(
             as_is
                 .xyz
@@ -417,11 +464,11 @@ mod tests {
     fn incomplete_frames_are_counted_and_left_out() {
         let mut poses = table(true);
         poses.xyz[[3, 50]] = f64::NAN;
-        let out = ready(&poses, true, "t").unwrap();
+        let out = ready(&poses, true, None, "t").unwrap();
         assert_eq!((out.xyz.nrows(), out.incomplete), (39, 1));
         poses.xyz.fill(f64::NAN);
         assert!(
-            ready(&poses, true, "t")
+            ready(&poses, true, None, "t")
                 .unwrap_err()
                 .to_string()
                 .contains("no complete pose")
