@@ -2,13 +2,13 @@
 
 use clap::Parser;
 use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
-use posing::cli::progress::Progress;
+use posing::cli::solving::solve;
 use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
-use posing::cli::{Outcome, run, say};
+use posing::cli::{Outcome, run};
 use posing::io::amc::{Frame, write_frame, write_head};
 use posing::io::asf;
 use posing::pose::Poses;
-use posing::restore::fit::{Fit, FitSettings, fit};
+use posing::restore::fit::Fit;
 use posing::restore::report::match_points;
 use posing::restore::take::one_take;
 use posing::{Error, Place, Result};
@@ -85,22 +85,7 @@ fn work(args: &Args) -> Result<Outcome> {
         let what = format!("no point has the name of a bone of {}", args.asf.display());
         return Err(Error::data(Place::file(table.name), what));
     }
-    matched.notes(&table.name).iter().for_each(|n| say::note(n));
-    let mut settings = FitSettings::default();
-    settings.solve.limits = args.limits;
-    let progress = Progress::new("solving", poses.frames() as u64);
-    let fitted = fit(
-        &asf.skeleton,
-        &matched.joints,
-        matched.xyz.view(),
-        &settings,
-        &mut |n| progress.set(n as u64),
-    )?;
-    drop(progress);
-    fitted
-        .notes(&matched.names)
-        .iter()
-        .for_each(|n| say::note(n));
+    let fitted = solve(&asf.skeleton, &matched, args.limits, &table.name)?;
     write_bytes(
         args.output.as_deref(),
         &render(&asf, &fitted, first_number(&poses, rate)),

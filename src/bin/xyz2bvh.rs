@@ -3,12 +3,12 @@
 use clap::Parser;
 use glam::DMat3;
 use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
-use posing::cli::progress::Progress;
+use posing::cli::solving::solve;
 use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
 use posing::cli::{Outcome, run, say};
 use posing::io::bvh::{self, Target};
 use posing::pose::rotation::{Axis, parse_order};
-use posing::restore::fit::{FitSettings, fit};
+
 use posing::restore::measured::measure;
 use posing::restore::report::match_points;
 use posing::restore::take::one_take;
@@ -115,22 +115,7 @@ fn work(args: &Args) -> Result<Outcome> {
         let what = "no point has the name of a joint of the skeleton";
         return Err(Error::data(Place::file(table.name), what));
     }
-    matched.notes(&table.name).iter().for_each(|n| say::note(n));
-    let mut settings = FitSettings::default();
-    settings.solve.limits = args.limits;
-    let progress = Progress::new("solving", poses.frames() as u64);
-    let fitted = fit(
-        target.skeleton(),
-        &matched.joints,
-        matched.xyz.view(),
-        &settings,
-        &mut |n| progress.set(n as u64),
-    )?;
-    drop(progress);
-    fitted
-        .notes(&matched.names)
-        .iter()
-        .for_each(|n| say::note(n));
+    let fitted = solve(target.skeleton(), &matched, args.limits, &table.name)?;
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
     let bvh = target.motion(fitted.values.view(), order, turn(args.up), 1.0 / rate)?;
     let text = bvh::render(&bvh, args.units.centimetres());

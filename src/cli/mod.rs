@@ -8,6 +8,7 @@ pub mod pages;
 pub mod progress;
 pub mod restoring;
 pub mod say;
+pub mod solving;
 pub mod streams;
 pub mod training;
 
