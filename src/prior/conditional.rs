@@ -4,7 +4,7 @@
 //! S − S_:o (S_oo + R)⁻¹ S_o:. The systems are of the size of a pose, so a plain Cholesky factorisation here costs less
 //! than starting LAPACK.
 
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2};
 
 /// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the variances that are left.
 #[derive(Debug, Clone, PartialEq)]
@@ -12,6 +12,10 @@ pub struct Conditional {
     observed: Vec<usize>,
     /// The gain's transpose by rows: one row of D numbers for each observed coordinate.
     gain: Vec<f64>,
+    /// L⁻¹ S_o:, by rows of D, where L Lᵀ = S_oo + R.
+    whitened: Vec<f64>,
+    /// L by rows, lower triangle.
+    factor: Vec<f64>,
     /// The variance of each of the D coordinates.
     pub variance: Vec<f64>,
 }
@@ -47,6 +51,7 @@ impl Conditional {
             }
         }
         variance.iter_mut().for_each(|v| *v = v.max(0.0));
+        let whitened = rows.clone();
         for i in (0..n).rev() {
             let (before, rest) = rows.split_at_mut(i * d);
             let row = &mut rest[..d];
@@ -59,8 +64,40 @@ impl Conditional {
         Conditional {
             observed,
             gain: rows,
+            whitened,
+            factor: a,
             variance,
         }
+    }
+
+    /// The covariance that is left, (D, D): `prior` (the S that was conditioned) less what was learnt.
+    pub fn covariance(&self, prior: ArrayView2<'_, f64>) -> Array2<f64> {
+        let d = self.variance.len();
+        let mut out = prior.to_owned();
+        for row in self.whitened.chunks_exact(d) {
+            for (i, v) in row.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+                let mut target = out.row_mut(i);
+                target.iter_mut().zip(row).for_each(|(t, w)| *t -= v * w);
+            }
+        }
+        for (i, v) in self.variance.iter().enumerate() {
+            out[[i, i]] = *v;
+        }
+        out
+    }
+
+    /// The log density of the residuals `r` (D; read where observed): log N(r_o; 0, S_oo + R).
+    pub fn log_density(&self, r: &[f64]) -> f64 {
+        let n = self.observed.len();
+        let mut white = vec![0.0; n];
+        let mut log = -0.5 * n as f64 * (2.0 * std::f64::consts::PI).ln();
+        for i in 0..n {
+            let row = &self.factor[i * n..=i * n + i];
+            let known: f64 = row[..i].iter().zip(&white).map(|(l, w)| l * w).sum();
+            white[i] = (r[self.observed[i]] - known) / row[i];
+            log -= 0.5 * white[i] * white[i] + row[i].ln();
+        }
+        log
     }
 
     /// The mean of all D coordinates given the residuals `r` (D; read where observed).
@@ -98,7 +135,7 @@ fn factorise(a: &mut [f64], n: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::{Array2, array};
+    use ndarray::array;
 
     #[test]
     fn two_coordinates_by_hand() {
@@ -108,6 +145,11 @@ mod tests {
         assert!((mean[0] - 4.0).abs() <= 1e-12 && (mean[1] - 2.0).abs() <= 1e-12);
         let v = &c.variance;
         assert!((v[0] - 0.8).abs() <= 1e-12 && (v[1] - 2.2).abs() <= 1e-12);
+        // 3 − 2·2/5 and 2 − 4·2/5; the density of 5 under N(0, 5).
+        let left = c.covariance(s.view());
+        assert!((left[[0, 1]] - 0.4).abs() <= 1e-12 && left[[0, 1]] == left[[1, 0]]);
+        let log = -0.5 * (5.0 + (2.0 * std::f64::consts::PI * 5.0).ln());
+        assert!((c.log_density(&[5.0, f64::NAN]) - log).abs() <= 1e-12);
     }
 
     #[test]

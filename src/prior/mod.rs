@@ -13,7 +13,7 @@ use crate::Result;
 use crate::io::Model;
 use crate::pose::PoseMap;
 use crate::{Error, Place};
-use ndarray::ArrayView2;
+use ndarray::{Array2, ArrayView2};
 
 pub use sparse::{Choice, SparsePrior};
 
@@ -40,16 +40,64 @@ pub struct Posterior {
     pub variance: Vec<f64>,
 }
 
+/// All that a prior has to say of an observation: a Gaussian over poses, and how well the prior explains it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Belief {
+    /// 3 J numbers, cm.
+    pub mean: Vec<f64>,
+    /// (3 J, 3 J), cm².
+    pub covariance: Array2<f64>,
+    /// The log density of the observed coordinates under the prior and their noise, in nats (cm); what the outliers and
+    /// the poses unlike any seen are found by.
+    pub evidence: f64,
+}
+
+impl Belief {
+    /// The mean and the variance of each coordinate.
+    pub fn posterior(self) -> Posterior {
+        Posterior {
+            variance: self.covariance.diag().to_vec(),
+            mean: self.mean,
+        }
+    }
+}
+
 /// A model of what poses look like in the model's space.
+///
+/// An observation is 3 J numbers `y` (read where observed) and the variance `noise` of each, cm²: 0 exact, infinite
+/// missing.
 pub trait Prior: Send + Sync {
     /// Numbers a pose: 3 J.
     fn width(&self) -> usize;
     /// The variance of what the model leaves unexplained in each coordinate, cm².
     fn variance(&self) -> &[f64];
+    /// What the pose is, given an observation.
+    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief;
+    /// The same for many observations, one a row: (frames, 3 J) twice. Rows that follow one another in time, or share
+    /// their noise, may cost less together.
+    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
+        let rows = y.rows().into_iter().zip(noise.rows());
+        rows.map(|(y, noise)| self.believe(&y.to_vec(), &noise.to_vec()))
+            .collect()
+    }
     /// The closest pose of the model to an observation. With `before`, never worse than that choice refitted.
-    fn fit(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit;
+    fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
+        let pose = self.believe(y, noise).mean;
+        let terms = y.iter().zip(&pose).zip(noise.iter().zip(self.variance()));
+        let objective = terms
+            .filter(|(_, (n, _))| n.is_finite())
+            .map(|((y, p), (n, v))| (y - p) * (y - p) / (n + v).max(EXACT))
+            .sum();
+        Fit {
+            pose,
+            support: Vec::new(),
+            objective,
+        }
+    }
     /// The pose to answer with, once placed and fitted.
-    fn posterior(&self, y: &[f64], noise: &[f64], fit: &Fit) -> Posterior;
+    fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
+        self.believe(y, noise).posterior()
+    }
     /// A few poses, far apart, that headings are found with: (k, 3 J).
     fn typical(&self) -> ArrayView2<'_, f64>;
     /// The same model of poses that went through `map`.

@@ -5,7 +5,7 @@
 //! coordinates tell about each other, is not lost. [`Choice::published`] answers A x alone, as the paper does.
 
 use super::conditional::Conditional;
-use super::{EXACT, Fit, Posterior, Prior};
+use super::{Belief, EXACT, Fit, Posterior, Prior};
 use crate::io::Model;
 use crate::pose::PoseMap;
 use crate::sparse::pursuit::{Code, Pursuit, Rule, Tolerance, refit};
@@ -156,14 +156,14 @@ impl SparsePrior {
         }
     }
 
-    /// How the unsure coefficients spread over the coordinates, beside the residual's own variance:
-    /// the diagonal of B (A_oᵀ W A_o)⁻¹ Bᵀ with B = A − K A_o.
-    fn coefficient_variance(
+    /// How the unsure coefficients spread over the coordinates, beside the residual's own variance: B (D, k) and
+    /// (A_oᵀ W A_o)⁻¹, with B = A − K A_o; the covariance is B (A_oᵀ W A_o)⁻¹ Bᵀ.
+    fn coefficients(
         &self,
         weights: &Array1<f64>,
         conditional: Option<&Conditional>,
         support: &[u32],
-    ) -> Vec<f64> {
+    ) -> (Vec<Vec<f64>>, Array2<f64>) {
         let d = self.width();
         let atoms: Vec<Vec<f64>> = support
             .iter()
@@ -191,9 +191,19 @@ impl SparsePrior {
                 Some(c) => a.iter().zip(c.mean(a)).map(|(a, k)| a - k).collect(),
             })
             .collect();
-        // (N⁻¹)ᵢⱼ by conditioning: the covariance of coefficients with normal matrix N.
-        let inverse = invert(normal);
-        (0..d)
+        (spread, invert(normal))
+    }
+
+    /// The diagonal of B (A_oᵀ W A_o)⁻¹ Bᵀ.
+    fn coefficient_variance(
+        &self,
+        weights: &Array1<f64>,
+        conditional: Option<&Conditional>,
+        support: &[u32],
+    ) -> Vec<f64> {
+        let (spread, inverse) = self.coefficients(weights, conditional, support);
+        let k = support.len();
+        (0..self.width())
             .map(|c| {
                 let mut sum = 0.0;
                 for i in 0..k {
@@ -214,6 +224,37 @@ impl Prior for SparsePrior {
 
     fn variance(&self) -> &[f64] {
         &self.variance
+    }
+
+    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
+        let fit = self.fit(y, noise, None);
+        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
+        let conditional = self.conditional(&noise);
+        let rest: Vec<f64> = y.iter().zip(&fit.pose).map(|(y, p)| y - p).collect();
+        let weights = self.weights(&noise);
+        let (mean, mut covariance, conditioned) = if self.published {
+            (fit.pose.clone(), self.residual.clone(), None)
+        } else {
+            let told = conditional.mean(&rest);
+            let mean = fit.pose.iter().zip(told).map(|(p, e)| p + e).collect();
+            let left = conditional.covariance(self.residual.view());
+            (mean, left, Some(&*conditional))
+        };
+        let (spread, inverse) = self.coefficients(&weights, conditioned, &fit.support);
+        for (i, a) in spread.iter().enumerate() {
+            for (j, b) in spread.iter().enumerate() {
+                for (c, a) in a.iter().enumerate() {
+                    let scale = inverse[[i, j]] * a;
+                    let mut row = covariance.row_mut(c);
+                    row.iter_mut().zip(b).for_each(|(v, b)| *v += scale * b);
+                }
+            }
+        }
+        Belief {
+            mean,
+            covariance,
+            evidence: conditional.log_density(&rest),
+        }
     }
 
     fn fit(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
