@@ -7,6 +7,7 @@
 pub mod builtin;
 pub mod conditional;
 pub mod sparse;
+pub mod train;
 pub mod training;
 
 use crate::Result;
@@ -108,6 +109,7 @@ pub trait Prior: Send + Sync {
 pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prior>> {
     match model.meta.kind.as_str() {
         "sparse" => Ok(Box::new(SparsePrior::from_model(model, choice, source)?)),
+        // One line a kind, in the order of `train::KINDS`.
         other => {
             let what =
                 format!("is a model of kind \"{other}\", expected one of poses (kind sparse)");

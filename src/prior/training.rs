@@ -9,6 +9,7 @@ use crate::sparse::{Dictionary, Pursuit};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use sha2::{Digest, Sha256};
+use std::ops::Range;
 
 /// How many typical poses a model keeps to find headings with.
 const TYPICAL: usize = 32;
@@ -30,6 +31,8 @@ pub struct TrainingPoses {
     pub points: Vec<String>,
     /// (m, 3 J), cm, in the model's space.
     pub xyz: Array2<f32>,
+    /// The rows of each take, in time order.
+    pub takes: Vec<Range<usize>>,
     /// The bones they all have (world) or mostly have (body), where the points' bones are known.
     pub body: Option<Body>,
     /// What they were placed by, in world space.
@@ -74,6 +77,7 @@ pub fn ready(
     let mut out = TrainingPoses {
         points: poses.points.clone(),
         xyz: Array2::zeros((0, 0)),
+        takes: Vec::new(),
         body,
         anchor: anchor.clone(),
         incomplete: 0,
@@ -87,6 +91,7 @@ pub fn ready(
             (Some(_), Some(common)) => Some(PoseMap::reshape(measured, common)),
             _ => None,
         };
+        let first = rows.len() / width.max(1);
         for t in take.clone() {
             pose.iter_mut()
                 .zip(poses.xyz.row(t))
@@ -107,6 +112,10 @@ pub fn ready(
                 }
             }
             rows.extend(pose.iter().map(|v| *v as f32));
+        }
+        let end = rows.len() / width.max(1);
+        if end > first {
+            out.takes.push(first..end);
         }
     }
     let frames = rows.len() / width.max(1);
