@@ -4,6 +4,7 @@
 //! (0 exact, infinite missing), which pose is it, and how sure is that? Dense noise, outliers and gaps are all
 //! variances, so denoising and completing are the same question.
 
+pub mod blocks;
 pub mod builtin;
 pub mod conditional;
 pub mod sparse;

@@ -1,0 +1,202 @@
+//! Blocks in a model file.
+//!
+//! | array | shape | what |
+//! |---|---|---|
+//! | `poses` | (N, 3 J) | the training poses, take after take, cm |
+//! | `takes` | (T, 1) | where each take ends |
+//! | `labels` | (N, P) | the finest cell of each pose in each part |
+//! | `means.P.L` | (K, 3 J) | the cells' mean poses of part P at level L |
+//! | `covariances.P.L` | (K, d (d + 1) / 2) | their covariances, lower triangles by rows, cm² |
+//! | `shares.P.L` | (K, 1) | the log of their shares of the poses |
+//! | `weights` | (levels, P) | the log weight of each level |
+//! | `ways` | (F, 1) | the log weight of each way to make a body of parts |
+//! | `typical` | (k, 3 J) | what headings are found with |
+//!
+//! Which coordinates make which part follows from the points' names; the scales are in `details`.
+
+use super::Blocks;
+use super::learn::{Material, Settings, variance_of};
+use super::part::{Cells, Part};
+use super::parts::parts;
+use crate::io::Model;
+use crate::{Error, Place, Result};
+use ndarray::{Array2, ArrayView2, Axis};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Writes blocks into a model.
+pub fn write(blocks: &Blocks, settings: &Settings, model: &mut Model) -> Result<()> {
+    let column = |v: Vec<f32>| Array2::from_shape_vec((v.len(), 1), v).unwrap_or_default();
+    let arrays = &mut model.arrays;
+    arrays.insert("poses".into(), (*blocks.poses).clone());
+    arrays.insert(
+        "takes".into(),
+        column(blocks.takes.iter().map(|t| t.end as f32).collect()),
+    );
+    let mut labels = Array2::zeros((blocks.poses.nrows(), blocks.parts.len()));
+    for (p, part) in blocks.parts.iter().enumerate() {
+        for (row, label) in part.leaves.labels().enumerate() {
+            labels[[row, p]] = label as f32;
+        }
+        for (l, cells) in part.cells.iter().enumerate() {
+            let triangles: Vec<f32> = (cells.covariances.iter())
+                .flat_map(|c| {
+                    (0..c.nrows()).flat_map(move |i| (0..=i).map(move |j| c[[i, j]] as f32))
+                })
+                .collect();
+            let count = cells.log_shares.len();
+            let triangles =
+                Array2::from_shape_vec((count, triangles.len() / count.max(1)), triangles);
+            arrays.insert(format!("means.{p}.{l}"), cells.wholes.mapv(|v| v as f32));
+            arrays.insert(
+                format!("covariances.{p}.{l}"),
+                triangles.unwrap_or_default(),
+            );
+            let shares = cells.log_shares.iter().map(|v| *v as f32).collect();
+            arrays.insert(format!("shares.{p}.{l}"), column(shares));
+        }
+    }
+    arrays.insert("labels".into(), labels);
+    let levels = blocks.parts[0].levels.len();
+    let weights = Array2::from_shape_fn((levels, blocks.parts.len()), |(l, p)| {
+        blocks.parts[p].log_weights[l] as f32
+    });
+    arrays.insert("weights".into(), weights);
+    arrays.insert(
+        "ways".into(),
+        column(blocks.log_ways.iter().map(|v| *v as f32).collect()),
+    );
+    arrays.insert("typical".into(), blocks.typical.mapv(|v| v as f32));
+    let settings = serde_json::to_value(settings).map_err(|e| Error::usage(e.to_string()))?;
+    model.meta.details.insert("blocks".into(), settings);
+    Ok(())
+}
+
+impl Blocks {
+    /// From a model of kind `blocks`; `source` is for messages.
+    pub fn from_model(model: &Model, source: &str) -> Result<Blocks> {
+        let file = File { model, source };
+        let settings = model
+            .meta
+            .details
+            .get("blocks")
+            .cloned()
+            .unwrap_or_default();
+        let settings: Settings = serde_json::from_value(settings)
+            .map_err(|e| Error::data(Place::file(source).part("meta"), format!("blocks: {e}")))?;
+        settings.check()?;
+        let (coordinates, ways) = parts(&model.meta.points);
+        let width = 3 * model.meta.points.len();
+        let poses = file.array("poses", None, Some(width))?;
+        let takes = file.takes(poses.nrows())?;
+        let labels = file.array("labels", Some(poses.nrows()), Some(coordinates.len()))?;
+        let count = settings.levels(settings.cells.len()).len();
+        let weights = file.array("weights", Some(count), Some(coordinates.len()))?;
+        let material = Material {
+            xyz: poses,
+            takes: &takes,
+        };
+        let steps = material.steps();
+        let mut made = Vec::new();
+        for (p, coordinates) in coordinates.into_iter().enumerate() {
+            let cells: Vec<Cells> = (0..settings.cells.len())
+                .map(|l| file.cells(p, l, &coordinates))
+                .collect::<Result<_>>()?;
+            let finest = cells[cells.len() - 1].log_shares.len();
+            let labels: Vec<usize> = labels.column(p).iter().map(|l| *l as usize).collect();
+            if labels.iter().any(|l| *l >= finest) {
+                return Err(file.wrong("labels", "names a cell that is not there"));
+            }
+            let mut part = Part::new(coordinates, cells, &material, &steps, &labels, &settings);
+            part.log_weights = weights.column(p).iter().map(|w| f64::from(*w)).collect();
+            made.push(part);
+        }
+        let log_ways = file.array("ways", Some(ways.len()), Some(1))?;
+        Ok(Blocks {
+            width,
+            variance: variance_of(&made[0]),
+            parts: made,
+            log_ways: log_ways.iter().map(|w| f64::from(*w)).collect(),
+            ways,
+            temperature: settings.temperature,
+            poses: Arc::new(poses.to_owned()),
+            takes: Arc::new(takes.clone()),
+            typical: file.array("typical", None, Some(width))?.mapv(f64::from),
+            met: Default::default(),
+        })
+    }
+}
+
+struct File<'a> {
+    model: &'a Model,
+    source: &'a str,
+}
+
+impl File<'_> {
+    fn wrong(&self, name: &str, what: &str) -> Error {
+        Error::data(Place::file(self.source).part(name), what)
+    }
+
+    /// An array of finite numbers, with so many rows and columns.
+    fn array(
+        &self,
+        name: &str,
+        rows: Option<usize>,
+        columns: Option<usize>,
+    ) -> Result<ArrayView2<'_, f32>> {
+        let array = self.model.array(name, self.source)?;
+        let (n, d) = array.dim();
+        if n == 0 || rows.is_some_and(|r| r != n) || columns.is_some_and(|c| c != d) {
+            let shown = |v: Option<usize>| v.map_or("some".into(), |v| v.to_string());
+            let what = format!(
+                "has the shape ({n}, {d}), expected ({}, {})",
+                shown(rows),
+                shown(columns)
+            );
+            return Err(self.wrong(name, &what));
+        }
+        if array.iter().any(|v| !v.is_finite()) {
+            return Err(self.wrong(name, "holds a value that is not finite"));
+        }
+        Ok(array)
+    }
+
+    fn takes(&self, frames: usize) -> Result<Vec<Range<usize>>> {
+        let ends = self.array("takes", None, Some(1))?;
+        let mut takes: Vec<Range<usize>> = Vec::new();
+        for end in ends {
+            let start = takes.last().map_or(0, |t| t.end);
+            takes.push(start..*end as usize);
+        }
+        let fits =
+            takes.iter().all(|t| t.start <= t.end) && takes.last().is_some_and(|t| t.end == frames);
+        fits.then_some(takes)
+            .ok_or_else(|| self.wrong("takes", "does not end with the last pose"))
+    }
+
+    fn cells(&self, part: usize, level: usize, coordinates: &[usize]) -> Result<Cells> {
+        let d = coordinates.len();
+        let width = 3 * self.model.meta.points.len();
+        let wholes = self.array(&format!("means.{part}.{level}"), None, Some(width))?;
+        let wholes = wholes.mapv(f64::from);
+        let k = wholes.nrows();
+        let triangles = self.array(
+            &format!("covariances.{part}.{level}"),
+            Some(k),
+            Some(d * (d + 1) / 2),
+        )?;
+        let shares = self.array(&format!("shares.{part}.{level}"), Some(k), Some(1))?;
+        let square = |row: ndarray::ArrayView1<'_, f32>| {
+            Array2::from_shape_fn((d, d), |(i, j)| {
+                let (i, j) = (i.max(j), i.min(j));
+                f64::from(row[i * (i + 1) / 2 + j])
+            })
+        };
+        Ok(Cells {
+            means: wholes.select(Axis(1), coordinates),
+            wholes,
+            covariances: triangles.axis_iter(Axis(0)).map(square).collect(),
+            log_shares: shares.iter().map(|v| f64::from(*v)).collect(),
+        })
+    }
+}

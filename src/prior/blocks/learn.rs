@@ -1,0 +1,467 @@
+//! Learning the blocks, and the weights of their levels.
+
+use super::part::{Cells, Level, Part, log_sum};
+use super::parts::parts;
+use super::{Blocks, FLOOR};
+use crate::cluster::{self, Parameters};
+use crate::io::Model;
+use crate::io::model::BodyMeta;
+use crate::pose::ASF_UNIT_CM;
+use crate::prior::train::Training;
+use crate::prior::training::{TrainingPoses, typical};
+use crate::{Error, Result, par};
+use ndarray::{Array2, ArrayView2, Axis};
+use rand::Rng;
+use rand::seq::SliceRandom;
+use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// How blocks are learnt.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// How many cells each level has, rising.
+    pub cells: Vec<usize>,
+    /// The scales of the cells' covariances.
+    pub scales: Vec<f64>,
+    /// The scales of the leaves' covariances, and how far they reach along their steps.
+    pub leaves: Vec<(f64, f64)>,
+    /// The share of a cell's own covariance; the rest is the level's.
+    pub own: f64,
+    /// Added to every variance, cm².
+    pub least: f64,
+    /// What log evidences are multiplied by.
+    pub temperature: f64,
+    /// Steps of EM.
+    pub steps: usize,
+    /// Held-back poses that the weights are learnt from, for each observation.
+    pub tested: usize,
+    /// The share of the takes that is held back.
+    pub held: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            cells: vec![1, 5, 20, 80, 300],
+            scales: vec![1.0, 2.5, 6.0],
+            leaves: vec![
+                (1.0, 0.0),
+                (0.3, 0.0),
+                (0.1, 0.0),
+                (0.03, 0.0),
+                (0.03, 1.0),
+                (0.01, 1.0),
+                (0.003, 1.0),
+                (0.001, 1.0),
+            ],
+            own: 0.8,
+            least: 1e-4 * ASF_UNIT_CM * ASF_UNIT_CM,
+            temperature: 1.0,
+            steps: 60,
+            tested: 300,
+            held: 0.25,
+        }
+    }
+}
+
+impl Settings {
+    /// Refuses what nothing can be learnt with.
+    pub fn check(&self) -> Result<()> {
+        let positive = |list: &[f64]| list.iter().all(|s| s.is_finite() && *s > 0.0);
+        let along = self.leaves.iter().all(|l| l.1.is_finite() && l.1 >= 0.0);
+        let scales: Vec<f64> = self.leaves.iter().map(|l| l.0).collect();
+        let rising = self.cells.windows(2).all(|w| w[0] < w[1]);
+        if self.cells.is_empty() || self.cells[0] == 0 || !rising || self.scales.is_empty() {
+            return Err(Error::usage(
+                "blocks: cells must be given, at least 1 and rising, and scales",
+            ));
+        }
+        if !positive(&self.scales)
+            || !positive(&scales)
+            || !along
+            || !positive(&[self.least, self.temperature])
+        {
+            return Err(Error::usage(
+                "blocks: scales, least and temperature must be above 0",
+            ));
+        }
+        if !(0.0..=1.0).contains(&self.own) || !(0.0..1.0).contains(&self.held) {
+            return Err(Error::usage("blocks: own and held must be from 0 to 1"));
+        }
+        Ok(())
+    }
+
+    /// The levels of a part that has so many levels of cells.
+    pub(super) fn levels(&self, cells: usize) -> Vec<Level> {
+        let of_cells = (0..cells).flat_map(|index| {
+            self.scales
+                .iter()
+                .map(move |&scale| Level::Cells { index, scale })
+        });
+        let of_leaves = self
+            .leaves
+            .iter()
+            .map(|&(scale, along)| Level::Leaves { scale, along });
+        of_cells.chain(of_leaves).collect()
+    }
+}
+
+/// Poses to learn from, and their takes.
+#[derive(Debug, Clone, Copy)]
+pub struct Material<'a> {
+    /// (N, 3 J), cm.
+    pub xyz: ArrayView2<'a, f32>,
+    /// The rows of each take.
+    pub takes: &'a [Range<usize>],
+}
+
+/// Cells hold at least so many poses on average.
+const POSES_A_CELL: usize = 20;
+
+/// Learns from training poses: weights first, from takes held back, then the blocks from all of them.
+pub fn train(
+    training: &Training<'_>,
+    settings: &Settings,
+    report: &mut dyn FnMut(&str),
+) -> Result<Blocks> {
+    let poses = training.poses;
+    let held = held_back(&poses.takes, settings.held, training.seed);
+    let rest: Vec<Range<usize>> = (poses.takes.iter())
+        .filter(|t| !held.contains(t))
+        .cloned()
+        .collect();
+    let mut weights = None;
+    if !held.is_empty() && !rest.is_empty() {
+        report("blocks of the poses that weights are not learnt from");
+        let mut generator = par::generator(training.seed, 2);
+        let mut unseen: Vec<usize> = held.iter().flat_map(|t| t.clone()).collect();
+        unseen.shuffle(&mut generator);
+        unseen.truncate(settings.tested);
+        let mut frames: Vec<usize> = rest.iter().flat_map(|t| t.clone()).collect();
+        frames.shuffle(&mut generator);
+        frames.truncate(settings.tested.min(frames.len() / 10));
+        frames.sort_unstable();
+        let (xyz, takes) = rows_of(poses, &rest, &frames);
+        let blocks = build(
+            poses,
+            &Material {
+                xyz: xyz.view(),
+                takes: &takes,
+            },
+            settings,
+            training.seed,
+        )?;
+        report("weights of levels and parts, on poses held back");
+        unseen.extend(frames);
+        weights = Some(learn_weights(
+            &blocks,
+            poses,
+            &unseen,
+            settings,
+            training.seed,
+        ));
+    }
+    report("blocks of all poses");
+    let all = Material {
+        xyz: poses.xyz.view(),
+        takes: &poses.takes,
+    };
+    let mut blocks = build(poses, &all, settings, training.seed)?;
+    if let Some((levels, ways)) = weights {
+        for (part, levels) in blocks.parts.iter_mut().zip(levels) {
+            part.log_weights = levels;
+        }
+        blocks.log_ways = ways;
+    }
+    Ok(blocks)
+}
+
+/// Trains and gives the model's file.
+pub fn model(
+    training: &Training<'_>,
+    settings: &Settings,
+    report: &mut dyn FnMut(&str),
+) -> Result<Model> {
+    settings.check()?;
+    let poses = training.poses;
+    let blocks = train(training, settings, report)?;
+    let mut model = Model::new(
+        "blocks",
+        &poses.points,
+        if training.world { "world" } else { "body" },
+    );
+    model.meta.body = poses.body.as_ref().map(BodyMeta::from);
+    model
+        .meta
+        .details
+        .insert("frames".into(), poses.xyz.nrows().into());
+    super::file::write(&blocks, settings, &mut model)?;
+    Ok(model)
+}
+
+/// Whole takes to hold back: about a share of them, at least one, drawn by the seed.
+fn held_back(takes: &[Range<usize>], share: f64, seed: u64) -> Vec<Range<usize>> {
+    if takes.len() < 2 {
+        return Vec::new();
+    }
+    let mut order: Vec<usize> = (0..takes.len()).collect();
+    order.shuffle(&mut par::generator(seed, 1));
+    let count = ((takes.len() as f64 * share) as usize).max(1);
+    let mut held: Vec<usize> = order[..count].to_vec();
+    held.sort_unstable();
+    held.into_iter().map(|t| takes[t].clone()).collect()
+}
+
+/// The rows of some takes without those `left_out` (rising), and where each take is among them.
+fn rows_of(
+    poses: &TrainingPoses,
+    takes: &[Range<usize>],
+    left_out: &[usize],
+) -> (Array2<f32>, Vec<Range<usize>>) {
+    let mut rows = Vec::new();
+    let mut ranges = Vec::new();
+    for take in takes {
+        let start = rows.len();
+        rows.extend(take.clone().filter(|r| left_out.binary_search(r).is_err()));
+        ranges.push(start..rows.len());
+    }
+    (poses.xyz.select(Axis(0), &rows), ranges)
+}
+
+fn build(
+    poses: &TrainingPoses,
+    material: &Material<'_>,
+    settings: &Settings,
+    seed: u64,
+) -> Result<Blocks> {
+    let (parts, ways) = parts(&poses.points);
+    let steps = material.steps();
+    let parts: Vec<Part> = parts
+        .into_iter()
+        .map(|coordinates| part(coordinates, material, &steps, settings, seed))
+        .collect::<Result<_>>()?;
+    Ok(Blocks {
+        width: material.xyz.ncols(),
+        log_ways: vec![-(ways.len() as f64).ln(); ways.len()],
+        ways,
+        variance: variance_of(&parts[0]),
+        parts,
+        poses: Arc::new(material.xyz.to_owned()),
+        takes: Arc::new(material.takes.to_vec()),
+        temperature: settings.temperature,
+        typical: typical(material.xyz)?.mapv(f64::from),
+        met: Default::default(),
+    })
+}
+
+/// The mean variance of each coordinate within the finest cells of the whole.
+pub fn variance_of(whole: &Part) -> Vec<f64> {
+    let finest = &whole.cells[whole.cells.len() - 1];
+    let mut variance = vec![0.0; whole.coordinates.len()];
+    for (c, log) in finest.covariances.iter().zip(&finest.log_shares) {
+        let diagonal = c.diag();
+        variance
+            .iter_mut()
+            .zip(diagonal)
+            .for_each(|(v, c)| *v += log.exp() * c);
+    }
+    variance
+}
+
+impl Material<'_> {
+    /// Half the step from the pose before to the one after, in the same take: (N, 3 J).
+    pub fn steps(&self) -> Array2<f32> {
+        let mut out = Array2::zeros(self.xyz.dim());
+        for take in self.takes {
+            for t in take.clone() {
+                let before = if t > take.start { t - 1 } else { t };
+                let after = if t + 1 < take.end { t + 1 } else { t };
+                let step = (&self.xyz.row(after) - &self.xyz.row(before)) * 0.5;
+                out.row_mut(t).assign(&step);
+            }
+        }
+        out
+    }
+}
+
+fn part(
+    coordinates: Vec<usize>,
+    material: &Material<'_>,
+    steps: &Array2<f32>,
+    settings: &Settings,
+    seed: u64,
+) -> Result<Part> {
+    let xyz = material.xyz.select(Axis(1), &coordinates);
+    let mut cells = Vec::new();
+    let mut labels = Vec::new();
+    for &k in &settings.cells {
+        let k = k.min(xyz.nrows() / POSES_A_CELL).max(1);
+        let parameters = Parameters {
+            k,
+            seed,
+            restarts: 1,
+            max_iterations: 20,
+            ..Parameters::default()
+        };
+        let found = cluster::fit(xyz.view(), &parameters, &mut |_| ())?;
+        labels = found.labels.iter().map(|l| *l as usize).collect();
+        cells.push(cells_of(material.xyz, &coordinates, &labels, k, settings));
+    }
+    Ok(Part::new(
+        coordinates,
+        cells,
+        material,
+        steps,
+        &labels,
+        settings,
+    ))
+}
+
+fn cells_of(
+    xyz: ArrayView2<'_, f32>,
+    coordinates: &[usize],
+    labels: &[usize],
+    k: usize,
+    settings: &Settings,
+) -> Cells {
+    let (m, d) = (xyz.nrows(), coordinates.len());
+    let mut members = vec![Vec::new(); k];
+    labels
+        .iter()
+        .enumerate()
+        .for_each(|(i, &l)| members[l].push(i));
+    let own: Vec<(Vec<f64>, Array2<f64>)> = par::map_chunks(k, 1, |c| {
+        let rows = xyz.select(Axis(0), &members[c.start]).mapv(f64::from);
+        let whole = rows.sum_axis(Axis(0)) / rows.nrows().max(1) as f64;
+        let mean = whole.select(Axis(0), coordinates);
+        let centred = &rows.select(Axis(1), coordinates) - &mean;
+        (whole.to_vec(), centred.t().dot(&centred))
+    });
+    let mut pooled = Array2::<f64>::zeros((d, d));
+    own.iter().for_each(|(_, c)| pooled += c);
+    pooled /= m as f64;
+    let mut wholes = Array2::zeros((k, xyz.ncols()));
+    let mut covariances = Vec::with_capacity(k);
+    for (i, (mean, scatter)) in own.into_iter().enumerate() {
+        wholes
+            .row_mut(i)
+            .iter_mut()
+            .zip(mean)
+            .for_each(|(a, b)| *a = b);
+        let n = members[i].len().max(1) as f64;
+        let mut c = scatter * (settings.own / n) + &pooled * (1.0 - settings.own);
+        c.diag_mut().mapv_inplace(|v| v + settings.least);
+        covariances.push(c);
+    }
+    let share = |n: usize| (n.max(1) as f64 / m as f64).ln();
+    Cells {
+        means: wholes.select(Axis(1), coordinates),
+        wholes,
+        covariances,
+        log_shares: members.iter().map(|r| share(r.len())).collect(),
+    }
+}
+
+/// The weights of levels (by part) and of ways, as logs.
+type Weights = (Vec<Vec<f64>>, Vec<f64>);
+
+/// EM on held-back poses seen as each task shows them.
+fn learn_weights(
+    blocks: &Blocks,
+    poses: &TrainingPoses,
+    chosen: &[usize],
+    settings: &Settings,
+    seed: u64,
+) -> Weights {
+    // One observation: each part's level evidences.
+    let mut seen: Vec<Vec<Vec<f64>>> = Vec::new();
+    for task in 0..2u64 {
+        seen.extend(
+            par::map_chunks(chosen.len(), 4, |range| {
+                range
+                    .map(|i| {
+                        let (y, noise) = observe(poses, chosen[i], task, seed, i);
+                        let considered = blocks.consider(&y, &noise);
+                        considered
+                            .explained
+                            .into_iter()
+                            .map(|e| e.levels)
+                            .collect::<Vec<_>>()
+                    })
+                    .collect::<Vec<_>>()
+            })
+            .into_iter()
+            .flatten(),
+        );
+    }
+    expectation_maximisation(blocks, &seen, settings.steps)
+}
+
+fn observe(
+    poses: &TrainingPoses,
+    row: usize,
+    task: u64,
+    seed: u64,
+    i: usize,
+) -> (Vec<f64>, Vec<f64>) {
+    let pose: Vec<f64> = poses.xyz.row(row).iter().map(|v| f64::from(*v)).collect();
+    if task == 0 {
+        let mut generator = par::generator(seed, 1000 + i as u64);
+        let y = pose
+            .iter()
+            .map(|v| v + ASF_UNIT_CM * generator.sample::<f64, _>(StandardNormal))
+            .collect();
+        return (y, vec![ASF_UNIT_CM * ASF_UNIT_CM; pose.len()]);
+    }
+    let six = crate::pose::joints::PAPER_SIX;
+    let known = |p: usize| six.contains(&poses.points[p].as_str());
+    let noise = (0..pose.len())
+        .map(|c| if known(c / 3) { FLOOR } else { f64::INFINITY })
+        .collect();
+    (pose, noise)
+}
+
+fn expectation_maximisation(blocks: &Blocks, seen: &[Vec<Vec<f64>>], steps: usize) -> Weights {
+    let mut levels: Vec<Vec<f64>> = blocks.parts.iter().map(|p| p.log_weights.clone()).collect();
+    let mut ways = blocks.log_ways.clone();
+    // A tenth of a pose for every level and way: none is ever ruled out.
+    const PRIOR: f64 = 0.1;
+    for _ in 0..steps {
+        let mut level_counts: Vec<Vec<f64>> = levels.iter().map(|l| vec![PRIOR; l.len()]).collect();
+        let mut way_counts = vec![PRIOR; ways.len()];
+        for pose in seen {
+            let each: Vec<Vec<f64>> = pose
+                .iter()
+                .zip(&levels)
+                .map(|(e, w)| e.iter().zip(w).map(|(e, w)| e + w).collect())
+                .collect();
+            let parts: Vec<f64> = each.iter().map(|e| log_sum(e)).collect();
+            let logs: Vec<f64> = blocks
+                .ways
+                .iter()
+                .zip(&ways)
+                .map(|(way, log)| log + way.iter().map(|&p| parts[p]).sum::<f64>())
+                .collect();
+            let all = log_sum(&logs);
+            for (f, way) in blocks.ways.iter().enumerate() {
+                let r = (logs[f] - all).exp();
+                way_counts[f] += r;
+                for &p in way {
+                    for (count, e) in level_counts[p].iter_mut().zip(&each[p]) {
+                        *count += r * (e - parts[p]).exp();
+                    }
+                }
+            }
+        }
+        ways = logs_of(&way_counts);
+        levels = level_counts.iter().map(|c| logs_of(c)).collect();
+    }
+    (levels, ways)
+}
+
+fn logs_of(counts: &[f64]) -> Vec<f64> {
+    let total: f64 = counts.iter().sum();
+    counts.iter().map(|c| (c / total).ln()).collect()
+}

@@ -1,0 +1,365 @@
+//! The default model: a sparse code in blocks at many scales, averaged over its supports.
+//!
+//! A block is a mean and a covariance; the scaled eigenvectors of the covariance are a sub-dictionary whose coefficients
+//! are unit Gaussians, so a pose is a code with one active block. Blocks are the cells of k-means at many levels, at
+//! several scales, and every training pose with the covariance of its cell at small scales (the paper's "poses as
+//! atoms", with a width and a direction). Unseen poses combine known legs with known arms, so the same is learnt for
+//! parts of the body, and several ways to make a body of parts compete:
+//!
+//! ```text
+//! p(x) = Σ_F φ_F Π_{p in F} Σ_l w_pl Σ_{j in l} (n_j / N) N(x_p; m_j, C_j)
+//! ```
+//!
+//! The answer is the posterior mean over all blocks and ways, not the single best: in that it parts from the paper.
+//! Level and way weights are learnt by EM on takes held back from the training.
+
+mod file;
+mod learn;
+mod lens;
+mod part;
+mod parts;
+
+use super::{Belief, Prior};
+use crate::pose::{ASF_UNIT_CM, PoseMap};
+use learn::{Material, variance_of};
+use ndarray::{Array2, ArrayView2};
+use part::{Explained, Part, View, log_sum};
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+pub use learn::{Settings, model, train};
+
+/// No coordinate is taken for more exact than this variance, cm² (1e-3 asf²): blocks are no truer than that.
+const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
+/// So many noise patterns are remembered.
+const MOST_MET: usize = 6;
+/// Ways of making a body of parts that weigh less do not answer.
+const LEAST_WEIGHT: f64 = 1e-3;
+
+/// The blocks of all parts of a body.
+#[derive(Debug, Clone)]
+pub struct Blocks {
+    width: usize,
+    parts: Vec<Part>,
+    /// Which parts make a whole body: each lists parts that cover every coordinate once.
+    ways: Vec<Vec<usize>>,
+    /// The log weight of each way.
+    log_ways: Vec<f64>,
+    /// What log evidences are multiplied by: blocks are surer than they should be.
+    temperature: f64,
+    variance: Vec<f64>,
+    typical: Array2<f64>,
+    /// The training poses (N, 3 J), take after take: what leaves are made of anew for another body.
+    poses: Arc<Array2<f32>>,
+    takes: Arc<Vec<Range<usize>>>,
+    /// Views met before, by their noise.
+    met: Arc<Mutex<Views>>,
+}
+
+/// Each part's view, by the bits of the noise.
+type Views = HashMap<Vec<u64>, Arc<Vec<View>>>;
+
+/// What all parts make of an observation.
+struct Considered {
+    views: Arc<Vec<View>>,
+    observed: Vec<Vec<f64>>,
+    explained: Vec<Explained>,
+    /// The log evidence of each way, its weight included.
+    ways: Vec<f64>,
+}
+
+impl Blocks {
+    fn views(&self, noise: &[f64]) -> Arc<Vec<View>> {
+        let noise: Vec<f64> = noise.iter().map(|n| n.max(FLOOR)).collect();
+        let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
+        let mut met = self.met.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = met.get(&key) {
+            return found.clone();
+        }
+        let view = |p: &Part| View::new(p, p.coordinates.iter().map(|&i| noise[i]).collect());
+        let made = Arc::new(self.parts.iter().map(view).collect::<Vec<_>>());
+        if met.len() >= MOST_MET {
+            met.clear();
+        }
+        met.insert(key, made.clone());
+        made
+    }
+
+    fn consider(&self, y: &[f64], noise: &[f64]) -> Considered {
+        let views = self.views(noise);
+        let observed: Vec<Vec<f64>> = (self.parts.iter())
+            .map(|p| p.coordinates.iter().map(|&i| y[i]).collect())
+            .collect();
+        let explained: Vec<Explained> = (self.parts.iter().zip(views.iter()).zip(&observed))
+            .map(|((part, view), y)| part.explain(view, y, self.temperature))
+            .collect();
+        let ways = self.ways.iter().zip(&self.log_ways);
+        let ways = ways
+            .map(|(way, log)| log + way.iter().map(|&p| explained[p].evidence).sum::<f64>())
+            .collect();
+        Considered {
+            views,
+            observed,
+            explained,
+            ways,
+        }
+    }
+
+    /// The answers of all ways, averaged by evidence.
+    fn join(&self, seen: &Considered) -> (Vec<f64>, Array2<f64>) {
+        let d = self.width;
+        let evidence = log_sum(&seen.ways);
+        let mut answers: Vec<Option<(Vec<f64>, Array2<f64>)>> = vec![None; self.parts.len()];
+        let mut wholes = Vec::new();
+        for (way, log) in self.ways.iter().zip(&seen.ways) {
+            let weight = (log - evidence).exp();
+            if weight < LEAST_WEIGHT {
+                continue;
+            }
+            let (mut mean, mut covariance) = (vec![0.0; d], Array2::zeros((d, d)));
+            for &p in way {
+                let (x, c) = answers[p].get_or_insert_with(|| {
+                    self.parts[p].answer(&seen.views[p], &seen.observed[p], &seen.explained[p])
+                });
+                let at = &self.parts[p].coordinates;
+                for (i, &to) in at.iter().enumerate() {
+                    mean[to] = x[i];
+                    for (j, &other) in at.iter().enumerate() {
+                        covariance[[to, other]] = c[[i, j]];
+                    }
+                }
+            }
+            wholes.push((weight, mean, covariance));
+        }
+        let total: f64 = wholes.iter().map(|w| w.0).sum();
+        let (mut mean, mut covariance) = (vec![0.0; d], Array2::zeros((d, d)));
+        for (weight, x, c) in &wholes {
+            mean.iter_mut()
+                .zip(x)
+                .for_each(|(m, x)| *m += weight / total * x);
+            covariance.scaled_add(weight / total, c);
+        }
+        for (weight, x, _) in &wholes {
+            let off: Vec<f64> = x.iter().zip(&mean).map(|(x, m)| x - m).collect();
+            part::add_outer(&mut covariance, weight / total, &off);
+        }
+        (mean, covariance)
+    }
+}
+
+impl Prior for Blocks {
+    fn width(&self) -> usize {
+        self.width
+    }
+
+    fn variance(&self) -> &[f64] {
+        &self.variance
+    }
+
+    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
+        let seen = self.consider(y, noise);
+        let (mean, covariance) = self.join(&seen);
+        Belief {
+            mean,
+            covariance,
+            evidence: log_sum(&seen.ways),
+        }
+    }
+
+    fn typical(&self) -> ArrayView2<'_, f64> {
+        self.typical.view()
+    }
+
+    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+        if map.is_identity() {
+            return Box::new(self.clone());
+        }
+        let poses = map.apply_rows(self.poses.mapv(f64::from).view());
+        let poses = poses.mapv(|v| v as f32);
+        let material = Material {
+            xyz: poses.view(),
+            takes: &self.takes,
+        };
+        let steps = material.steps();
+        let parts = self.parts.iter().map(|p| p.mapped(map, &material, &steps));
+        let parts: Vec<Part> = parts.collect();
+        Box::new(Blocks {
+            variance: variance_of(&parts[0]),
+            parts,
+            typical: map.apply_rows(self.typical.view()),
+            poses: Arc::new(poses),
+            met: Arc::default(),
+            ..self.clone()
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::lens::Lens;
+    use super::*;
+    use crate::par;
+    use crate::pose::joints;
+    use crate::prior::conditional::Conditional;
+    use crate::prior::train::Training;
+    use crate::prior::training::TrainingPoses;
+    use rand::Rng;
+
+    fn poses() -> TrainingPoses {
+        let mut generator = par::generator(3, 0);
+        let ways: Vec<f32> = (0..4 * 69)
+            .map(|_| generator.random::<f32>() - 0.5)
+            .collect();
+        let xyz = Array2::from_shape_fn((400, 69), |(t, c)| {
+            let phase = t as f32 * 0.05;
+            let waves = [
+                phase.sin(),
+                phase.cos(),
+                (2.3 * phase).sin(),
+                (0.7 * phase).cos(),
+            ];
+            let sum: f32 = (0..4).map(|k| ways[69 * k + c] * waves[k]).sum();
+            20.0 * sum + c as f32
+        });
+        TrainingPoses {
+            points: joints::cmu_names(),
+            xyz,
+            takes: vec![0..150, 150..280, 280..400],
+            body: None,
+            anchor: None,
+            incomplete: 0,
+            unplaced: 0,
+        }
+    }
+
+    fn learnt(poses: &TrainingPoses) -> (Blocks, crate::io::Model) {
+        let settings = Settings {
+            cells: vec![1, 4, 10],
+            tested: 30,
+            ..Settings::default()
+        };
+        let training = Training {
+            poses,
+            world: false,
+            seed: 1,
+        };
+        let model = model(&training, &settings, &mut |_| ()).unwrap();
+        (Blocks::from_model(&model, "test").unwrap(), model)
+    }
+
+    #[test]
+    fn a_lens_is_the_conditional_gaussian() {
+        let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
+        let c = b.dot(&b.t()) + Array2::<f64>::eye(6) * 0.01;
+        let noise = [0.5, f64::INFINITY, 0.1, 2.0, f64::INFINITY, 0.1];
+        let y = [1.0, f64::NAN, -0.5, 0.2, f64::NAN, 0.7];
+        for scale in [1.0, 2.5, 0.03] {
+            let lens = Lens::new(c.view(), &noise);
+            let scaled = &c * scale;
+            let want = Conditional::new(scaled.view(), &noise);
+            let (mut z, mut mean) = (Vec::new(), vec![0.0; 6]);
+            lens.project(|i| y[i], &mut z);
+            let shares = lens.shares(scale);
+            lens.add_gain(scale, &shares, &z, 1.0, &mut mean);
+            let told = want.mean(&y);
+            assert!(mean.iter().zip(told).all(|(a, b)| (a - b).abs() <= 1e-9));
+            let squares: f64 = shares.iter().zip(&z).map(|(s, z)| s * z * z).sum();
+            let log = lens.normaliser(&shares) - 0.5 * squares;
+            assert!((log - want.log_density(&y)).abs() <= 1e-9);
+            let left = lens.covariance(c.view(), scale) - want.covariance(scaled.view());
+            assert!(left.iter().all(|v| v.abs() <= 1e-9));
+        }
+    }
+
+    #[test]
+    fn a_known_pose_is_found_under_noise_and_from_a_few_points() {
+        let poses = poses();
+        let (blocks, _) = learnt(&poses);
+        let pose: Vec<f64> = poses.xyz.row(77).iter().map(|v| f64::from(*v)).collect();
+        let mut generator = par::generator(5, 0);
+        let y: Vec<f64> = pose
+            .iter()
+            .map(|v| v + generator.random_range(-5.0..5.0))
+            .collect();
+        let off = |b: &Belief| {
+            let sum: f64 = b
+                .mean
+                .iter()
+                .zip(&pose)
+                .map(|(a, b)| (a - b) * (a - b))
+                .sum();
+            (sum / 69.0).sqrt()
+        };
+        let dense = blocks.believe(&y, &[25.0 / 3.0; 69]);
+        assert!(off(&dense) <= 1.5, "{}", off(&dense));
+        let noise: Vec<f64> = (0..69)
+            .map(|c| if c < 18 { 0.0 } else { f64::INFINITY })
+            .collect();
+        let filled = blocks.believe(&pose, &noise);
+        assert!(off(&filled) <= 0.5, "{}", off(&filled));
+        // The further from all that was learnt, the less evidence; nothing seen says nothing.
+        let far: Vec<f64> = y.iter().map(|v| v + 60.0).collect();
+        assert!(blocks.believe(&far, &[25.0 / 3.0; 69]).evidence < dense.evidence - 50.0);
+        let none = blocks.believe(&y, &[f64::INFINITY; 69]);
+        assert!(
+            none.mean
+                .iter()
+                .chain(none.covariance.diag())
+                .all(|v| v.is_finite())
+        );
+    }
+
+    #[test]
+    fn a_file_gives_the_same_answers_and_damage_is_told() {
+        let poses = poses();
+        let (blocks, model) = learnt(&poses);
+        let bytes = model.to_bytes().unwrap();
+        let again = crate::io::Model::from_bytes(&bytes, "m").unwrap();
+        let again = Blocks::from_model(&again, "m").unwrap();
+        let y: Vec<f64> = poses
+            .xyz
+            .row(9)
+            .iter()
+            .map(|v| f64::from(*v) + 0.3)
+            .collect();
+        assert_eq!(
+            blocks.believe(&y, &[1.0; 69]),
+            again.believe(&y, &[1.0; 69])
+        );
+        for name in [
+            "poses",
+            "takes",
+            "labels",
+            "weights",
+            "ways",
+            "covariances.0.1",
+        ] {
+            let mut broken = model.clone();
+            broken.arrays.remove(name);
+            let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
+            assert!(told.contains(name), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_turned_model_gives_turned_answers() {
+        let poses = poses();
+        let (blocks, _) = learnt(&poses);
+        let turn = PoseMap::Turn(crate::pose::rotation::exponential(glam::DVec3::new(
+            0.3, 1.0, -0.2,
+        )));
+        let y: Vec<f64> = poses
+            .xyz
+            .row(200)
+            .iter()
+            .map(|v| f64::from(*v) + 1.0)
+            .collect();
+        let mut turned = y.clone();
+        turn.apply(&y, &mut turned);
+        let mut want = y.clone();
+        turn.apply(&blocks.believe(&y, &[9.0; 69]).mean, &mut want);
+        let got = blocks.mapped(&turn).believe(&turned, &[9.0; 69]).mean;
+        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-2));
+    }
+}
