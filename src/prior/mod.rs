@@ -9,6 +9,7 @@ pub mod conditional;
 pub mod sparse;
 pub mod train;
 pub mod training;
+pub mod tuning;
 
 use crate::Result;
 use crate::io::Model;
@@ -17,6 +18,7 @@ use crate::{Error, Place};
 use ndarray::{Array2, ArrayView2};
 
 pub use sparse::{Choice, SparsePrior};
+pub use tuning::Task;
 
 /// The variance that stands for "exact", cm²: a tenth of a millimetre. No capture is better, and solves stay sound.
 pub const EXACT: f64 = 1e-4;
@@ -80,6 +82,14 @@ pub trait Prior: Send + Sync {
         let rows = y.rows().into_iter().zip(noise.rows());
         rows.map(|(y, noise)| self.believe(&y.to_vec(), &noise.to_vec()))
             .collect()
+    }
+    /// The means alone of [`believe_all`](Prior::believe_all), (frames, 3 J), for those who need no more.
+    fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
+        let mut out = Array2::zeros(y.dim());
+        for (mut row, belief) in out.rows_mut().into_iter().zip(self.believe_all(y, noise)) {
+            row.iter_mut().zip(belief.mean).for_each(|(o, m)| *o = m);
+        }
+        out
     }
     /// The closest pose of the model to an observation. With `before`, never worse than that choice refitted.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {

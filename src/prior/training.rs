@@ -340,7 +340,7 @@ pub fn joined_model(parts: &[Model], dictionary: &Dictionary, step: Entry) -> Mo
 }
 
 /// Poses nearest to the centres of a few clusters.
-fn typical(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
+pub(super) fn typical(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
     let step = xyz.nrows().div_ceil(TYPICAL_FROM).max(1);
     let some: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
     let poses = xyz.select(Axis(0), &some);
