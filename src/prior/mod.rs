@@ -6,7 +6,14 @@
 
 pub mod builtin;
 pub mod conditional;
+pub mod lpca;
+pub mod nearest;
+pub mod neighbours;
+pub mod nlm;
+pub mod sgplvm;
+mod sgplvm_learn;
 pub mod sparse;
+mod store;
 pub mod train;
 pub mod training;
 pub mod tuning;
@@ -119,6 +126,12 @@ pub trait Prior: Send + Sync {
 pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prior>> {
     match model.meta.kind.as_str() {
         "sparse" => Ok(Box::new(SparsePrior::from_model(model, choice, source)?)),
+        "nearest" => Ok(Box::new(nearest::NearestPrior::open(
+            model, choice, source,
+        )?)),
+        "nlm" | "nlm-linear" => Ok(Box::new(nlm::NlmPrior::open(model, choice, source)?)),
+        "lpca" => Ok(Box::new(lpca::LpcaPrior::open(model, choice, source)?)),
+        "sik" => Ok(Box::new(sgplvm::SikPrior::open(model, choice, source)?)),
         // One line a kind, in the order of `train::KINDS`.
         other => {
             let what =

@@ -2,16 +2,36 @@
 
 use super::training::{self, TrainingPoses};
 use super::tuning::HoldBack;
+use super::{lpca, nearest, nlm, sgplvm};
 use crate::io::Model;
 use crate::io::model::BodyMeta;
 use crate::sparse::{Ksvd, ksvd::draw};
 use crate::{Error, Result};
 
 /// The kinds of model that can be trained, with what each is.
-pub const KINDS: &[(&str, &str)] = &[(
-    "sparse",
-    "a dictionary of 1,000 atoms by K-SVD, three a pose",
-)];
+pub const KINDS: &[(&str, &str)] = &[
+    (
+        "sparse",
+        "a dictionary of 1,000 atoms by K-SVD, three a pose",
+    ),
+    ("nearest", "the nearest training pose"),
+    (
+        "nlm",
+        "the average of all training poses, the nearer the heavier",
+    ),
+    (
+        "nlm-linear",
+        "local linear regression: that average, moved to what is observed",
+    ),
+    (
+        "lpca",
+        "local PCA: a Gaussian of the 100 nearest training poses",
+    ),
+    (
+        "sik",
+        "style-based IK: a scaled Gaussian process latent variable model",
+    ),
+];
 
 /// The kind that is trained where none is named.
 pub const DEFAULT: &str = "sparse"; // blocks
@@ -50,6 +70,10 @@ impl Training<'_> {
 pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
     match kind {
         "sparse" => sparse(training, report),
+        "nearest" => nearest::train(training, report),
+        "nlm" | "nlm-linear" => nlm::train(kind, training, report),
+        "lpca" => lpca::train(training, report),
+        "sik" => sgplvm::train(training, report),
         // One line a kind, in the order of `KINDS`.
         _ => Err(unknown(kind)),
     }
