@@ -5,7 +5,14 @@
 //! variances, so denoising and completing are the same question.
 
 pub mod builtin;
+pub mod clustered;
 pub mod conditional;
+pub mod em;
+pub mod gaussian;
+pub mod gaussians;
+pub mod mfa;
+pub mod mixture;
+pub mod pca;
 pub mod sparse;
 pub mod train;
 pub mod training;
@@ -119,10 +126,18 @@ pub trait Prior: Send + Sync {
 pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prior>> {
     match model.meta.kind.as_str() {
         "sparse" => Ok(Box::new(SparsePrior::from_model(model, choice, source)?)),
+        "pca" => Ok(Box::new(pca::open(model, choice, source)?)),
+        "gaussian" => Ok(Box::new(gaussian::open(model, choice, source)?)),
+        "clustered" => Ok(Box::new(clustered::open(model, choice, source)?)),
+        "mfa" => Ok(Box::new(mfa::open(model, choice, source)?)),
+        "mixture" => Ok(Box::new(mixture::open(model, choice, source)?)),
         // One line a kind, in the order of `train::KINDS`.
         other => {
-            let what =
-                format!("is a model of kind \"{other}\", expected one of poses (kind sparse)");
+            let kinds: Vec<&str> = train::KINDS.iter().map(|(kind, _)| *kind).collect();
+            let what = format!(
+                "is a model of kind \"{other}\", expected one of poses (kind {})",
+                kinds.join(", ")
+            );
             Err(Error::data(Place::file(source), what))
         }
     }

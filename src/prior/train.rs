@@ -2,6 +2,7 @@
 
 use super::training::{self, TrainingPoses};
 use super::tuning::HoldBack;
+use super::{clustered, gaussian, mfa, mixture, pca};
 use crate::io::Model;
 use crate::io::model::BodyMeta;
 use crate::sparse::{Ksvd, ksvd::draw};
@@ -14,7 +15,7 @@ pub const KINDS: &[(&str, &str)] = &[(
 )];
 
 /// The kind that is trained where none is named.
-pub const DEFAULT: &str = "sparse"; // blocks
+pub const DEFAULT: &str = "mixture"; // blocks
 
 /// Atoms of a dictionary, where there are as many poses.
 const ATOMS: usize = 1000;
@@ -50,6 +51,11 @@ impl Training<'_> {
 pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
     match kind {
         "sparse" => sparse(training, report),
+        "pca" => pca::train(training, report),
+        "gaussian" => gaussian::train(training, report),
+        "clustered" => clustered::train(training, report),
+        "mfa" => mfa::train(training, report),
+        "mixture" => mixture::train(training, report),
         // One line a kind, in the order of `KINDS`.
         _ => Err(unknown(kind)),
     }
