@@ -5,11 +5,18 @@
 //! variances, so denoising and completing are the same question.
 
 pub mod builtin;
+pub mod clustered;
 pub mod conditional;
+pub mod em;
+pub mod gaussian;
+pub mod gaussians;
 pub mod lpca;
+pub mod mfa;
+pub mod mixture;
 pub mod nearest;
 pub mod neighbours;
 pub mod nlm;
+pub mod pca;
 pub mod sgplvm;
 mod sgplvm_learn;
 pub mod sparse;
@@ -126,6 +133,11 @@ pub trait Prior: Send + Sync {
 pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prior>> {
     match model.meta.kind.as_str() {
         "sparse" => Ok(Box::new(SparsePrior::from_model(model, choice, source)?)),
+        "pca" => Ok(Box::new(pca::open(model, choice, source)?)),
+        "gaussian" => Ok(Box::new(gaussian::open(model, choice, source)?)),
+        "clustered" => Ok(Box::new(clustered::open(model, choice, source)?)),
+        "mfa" => Ok(Box::new(mfa::open(model, choice, source)?)),
+        "mixture" => Ok(Box::new(mixture::open(model, choice, source)?)),
         "nearest" => Ok(Box::new(nearest::NearestPrior::open(
             model, choice, source,
         )?)),
@@ -134,8 +146,11 @@ pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prio
         "sik" => Ok(Box::new(sgplvm::SikPrior::open(model, choice, source)?)),
         // One line a kind, in the order of `train::KINDS`.
         other => {
-            let what =
-                format!("is a model of kind \"{other}\", expected one of poses (kind sparse)");
+            let kinds: Vec<&str> = train::KINDS.iter().map(|(kind, _)| *kind).collect();
+            let what = format!(
+                "is a model of kind \"{other}\", expected one of poses (kind {})",
+                kinds.join(", ")
+            );
             Err(Error::data(Place::file(source), what))
         }
     }

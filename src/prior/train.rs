@@ -2,6 +2,7 @@
 
 use super::training::{self, TrainingPoses};
 use super::tuning::HoldBack;
+use super::{clustered, gaussian, mfa, mixture, pca};
 use super::{lpca, nearest, nlm, sgplvm};
 use crate::io::Model;
 use crate::io::model::BodyMeta;
@@ -34,7 +35,7 @@ pub const KINDS: &[(&str, &str)] = &[
 ];
 
 /// The kind that is trained where none is named.
-pub const DEFAULT: &str = "sparse"; // blocks
+pub const DEFAULT: &str = "mixture"; // blocks
 
 /// Atoms of a dictionary, where there are as many poses.
 const ATOMS: usize = 1000;
@@ -70,6 +71,11 @@ impl Training<'_> {
 pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
     match kind {
         "sparse" => sparse(training, report),
+        "pca" => pca::train(training, report),
+        "gaussian" => gaussian::train(training, report),
+        "clustered" => clustered::train(training, report),
+        "mfa" => mfa::train(training, report),
+        "mixture" => mixture::train(training, report),
         "nearest" => nearest::train(training, report),
         "nlm" | "nlm-linear" => nlm::train(kind, training, report),
         "lpca" => lpca::train(training, report),
