@@ -29,9 +29,9 @@ use ndarray::{Array1, Array2, ArrayView2};
 use std::sync::Arc;
 
 /// Active points that the search starts from.
-const STARTS: usize = 4;
+const STARTS: usize = 2;
 /// Steps of each search.
-const STEPS: usize = 30;
+const STEPS: usize = 15;
 /// Frames answered by one task.
 const RUN: usize = 16;
 
@@ -326,9 +326,9 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
     };
     let mut model = training.model("sik")?;
     let grid = Grid {
-        inflation: vec![0.3, 1.0, 3.0, 10.0],
-        sparse: [0.1, 0.4].map(|v| v * super::tuning::ASF2).to_vec(),
-        complete: [1e-3, 1e-2, 0.1].map(|v| v * super::tuning::ASF2).to_vec(),
+        inflation: vec![0.3, 1.0, 3.0],
+        sparse: [0.2].map(|v| v * super::tuning::ASF2).to_vec(),
+        complete: [1e-2, 0.1].map(|v| v * super::tuning::ASF2).to_vec(),
     };
     let learn = |kept: &TrainingPoses| {
         let learned = sgplvm_learn::learn(kept.xyz.view(), &mut |_| {});

@@ -19,11 +19,11 @@ use std::collections::VecDeque;
 /// Poses used at most, drawn evenly.
 const MOST: usize = 2000;
 /// Active poses.
-const ACTIVE: usize = 200;
+const ACTIVE: usize = 150;
 /// Dimensions of the latent space: the paper's authors use 2 to 5.
 const LATENT: usize = 3;
 /// Steps of the gradient method.
-const STEPS: usize = 150;
+const STEPS: usize = 100;
 /// ε, cm².
 const STILL: f64 = 1e-3;
 /// The least ν: below it K is not sound.
