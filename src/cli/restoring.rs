@@ -287,6 +287,7 @@ fn job(task: &Task<'_>, columns: &Columns) -> Result<Job> {
         sparsity: task.model.sparsity.0,
         rule: task.model.pursuit.rule(),
         published: task.model.published,
+        ..Choice::default()
     };
     let (model, name) = match &task.model.model {
         Some(path) => (open_model(path)?, path.display().to_string()),

@@ -6,10 +6,25 @@
 
 pub mod blocks;
 pub mod builtin;
+pub mod clustered;
 pub mod conditional;
+pub mod em;
+pub mod gaussian;
+pub mod gaussians;
+pub mod lpca;
+pub mod mfa;
+pub mod mixture;
+pub mod nearest;
+pub mod neighbours;
+pub mod nlm;
+pub mod pca;
+pub mod sgplvm;
+mod sgplvm_learn;
 pub mod sparse;
+mod store;
 pub mod train;
 pub mod training;
+pub mod tuning;
 
 use crate::Result;
 use crate::io::Model;
@@ -18,6 +33,7 @@ use crate::{Error, Place};
 use ndarray::{Array2, ArrayView2};
 
 pub use sparse::{Choice, SparsePrior};
+pub use tuning::Task;
 
 /// The variance that stands for "exact", cm²: a tenth of a millimetre. No capture is better, and solves stay sound.
 pub const EXACT: f64 = 1e-4;
@@ -82,6 +98,14 @@ pub trait Prior: Send + Sync {
         rows.map(|(y, noise)| self.believe(&y.to_vec(), &noise.to_vec()))
             .collect()
     }
+    /// The means alone of [`believe_all`](Prior::believe_all), (frames, 3 J), for those who need no more.
+    fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
+        let mut out = Array2::zeros(y.dim());
+        for (mut row, belief) in out.rows_mut().into_iter().zip(self.believe_all(y, noise)) {
+            row.iter_mut().zip(belief.mean).for_each(|(o, m)| *o = m);
+        }
+        out
+    }
     /// The closest pose of the model to an observation. With `before`, never worse than that choice refitted.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
         let pose = self.believe(y, noise).mean;
@@ -110,10 +134,24 @@ pub trait Prior: Send + Sync {
 pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prior>> {
     match model.meta.kind.as_str() {
         "sparse" => Ok(Box::new(SparsePrior::from_model(model, choice, source)?)),
+        "pca" => Ok(Box::new(pca::open(model, choice, source)?)),
+        "gaussian" => Ok(Box::new(gaussian::open(model, choice, source)?)),
+        "clustered" => Ok(Box::new(clustered::open(model, choice, source)?)),
+        "mfa" => Ok(Box::new(mfa::open(model, choice, source)?)),
+        "mixture" => Ok(Box::new(mixture::open(model, choice, source)?)),
+        "nearest" => Ok(Box::new(nearest::NearestPrior::open(
+            model, choice, source,
+        )?)),
+        "nlm" | "nlm-linear" => Ok(Box::new(nlm::NlmPrior::open(model, choice, source)?)),
+        "lpca" => Ok(Box::new(lpca::LpcaPrior::open(model, choice, source)?)),
+        "sik" => Ok(Box::new(sgplvm::SikPrior::open(model, choice, source)?)),
         // One line a kind, in the order of `train::KINDS`.
         other => {
-            let what =
-                format!("is a model of kind \"{other}\", expected one of poses (kind sparse)");
+            let kinds: Vec<&str> = train::KINDS.iter().map(|(kind, _)| *kind).collect();
+            let what = format!(
+                "is a model of kind \"{other}\", expected one of poses (kind {})",
+                kinds.join(", ")
+            );
             Err(Error::data(Place::file(source), what))
         }
     }

@@ -5,7 +5,7 @@
 //! coordinates tell about each other, is not lost. [`Choice::published`] answers A x alone, as the paper does.
 
 use super::conditional::Conditional;
-use super::{Belief, EXACT, Fit, Posterior, Prior};
+use super::{Belief, EXACT, Fit, Posterior, Prior, Task};
 use crate::io::Model;
 use crate::pose::PoseMap;
 use crate::sparse::pursuit::{Code, Pursuit, Rule, Tolerance, refit};
@@ -15,7 +15,7 @@ use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How a sparse model is to be used.
+/// How a model is to be used; what a kind does not know it leaves alone.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Choice {
     /// At most so many atoms a pose; `None`: as many as it was trained with.
@@ -24,6 +24,9 @@ pub struct Choice {
     pub rule: Rule,
     /// Answer with A x alone, as published.
     pub published: bool,
+    /// Use a tuned model at the setting of this task, whatever an observation looks like; [`Task::Treated`] takes the
+    /// noise as it is told.
+    pub task: Option<Task>,
 }
 
 /// Variance a coordinate of a model that does not tell what it leaves unexplained, cm².

@@ -1,11 +1,44 @@
 //! Training any prior by its kind's name.
 
-use super::training::TrainingPoses;
+use super::training::{self, TrainingPoses};
+use super::tuning::HoldBack;
+use super::{clustered, gaussian, mfa, mixture, pca};
+use super::{lpca, nearest, nlm, sgplvm};
 use crate::io::Model;
+use crate::io::model::BodyMeta;
+use crate::sparse::{Ksvd, ksvd::draw};
 use crate::{Error, Result};
 
 /// The kinds of model that can be trained, with what each is.
-pub const KINDS: &[(&str, &str)] = &[];
+pub const KINDS: &[(&str, &str)] = &[
+    (
+        "sparse",
+        "a dictionary of 1,000 atoms by K-SVD, three a pose",
+    ),
+    ("nearest", "the nearest training pose"),
+    (
+        "nlm",
+        "the average of all training poses, the nearer the heavier",
+    ),
+    (
+        "nlm-linear",
+        "local linear regression: that average, moved to what is observed",
+    ),
+    (
+        "lpca",
+        "local PCA: a Gaussian of the 100 nearest training poses",
+    ),
+    (
+        "sik",
+        "style-based IK: a scaled Gaussian process latent variable model",
+    ),
+];
+
+/// The kind that is trained where none is named.
+pub const DEFAULT: &str = "mixture"; // blocks
+
+/// Atoms of a dictionary, where there are as many poses.
+const ATOMS: usize = 1000;
 
 /// What is trained from, and how.
 #[derive(Debug, Clone, Copy)]
@@ -16,13 +49,68 @@ pub struct Training<'a> {
     pub world: bool,
     /// The seed of all draws.
     pub seed: u64,
+    /// Which of the poses are held back to tune on.
+    pub hold_back: HoldBack,
+}
+
+impl Training<'_> {
+    /// A model of a kind with what all kinds have: points, space, bones, the number of poses, and `typical` ones.
+    pub fn model(&self, kind: &str) -> Result<Model> {
+        let space = if self.world { "world" } else { "body" };
+        let mut model = Model::new(kind, &self.poses.points, space);
+        model.meta.body = self.poses.body.as_ref().map(BodyMeta::from);
+        let frames = self.poses.xyz.nrows();
+        model.meta.details.insert("frames".into(), frames.into());
+        let typical = training::typical(self.poses.xyz.view())?;
+        model.arrays.insert("typical".into(), typical);
+        Ok(model)
+    }
 }
 
 /// Trains a model of a kind; `report` hears what is being done.
-pub fn train(kind: &str, _training: &Training<'_>, _report: &mut dyn FnMut(&str)) -> Result<Model> {
+pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+    match kind {
+        "sparse" => sparse(training, report),
+        "pca" => pca::train(training, report),
+        "gaussian" => gaussian::train(training, report),
+        "clustered" => clustered::train(training, report),
+        "mfa" => mfa::train(training, report),
+        "mixture" => mixture::train(training, report),
+        "nearest" => nearest::train(training, report),
+        "nlm" | "nlm-linear" => nlm::train(kind, training, report),
+        "lpca" => lpca::train(training, report),
+        "sik" => sgplvm::train(training, report),
+        // One line a kind, in the order of `KINDS`.
+        _ => Err(unknown(kind)),
+    }
+}
+
+fn unknown(kind: &str) -> Error {
     let known: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
-    Err(Error::usage(format!(
+    Error::usage(format!(
         "--kind {kind}: expected one of {}",
         known.join(", ")
-    )))
+    ))
+}
+
+/// `ksvd-train -n 1000`, or as many atoms as there are poses.
+fn sparse(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+    let xyz = training.poses.xyz.view();
+    let ksvd = Ksvd::default();
+    let start = draw(xyz, ATOMS.min(xyz.nrows()), training.seed)?;
+    let state = ksvd.train(start, xyz, None, &mut |state| {
+        if let Some(last) = state.history.last() {
+            report(&format!(
+                "iteration {}: rms {:.3} cm",
+                last.iteration, last.fresh_rms
+            ));
+        }
+        Ok(())
+    })?;
+    training::sparse_model(
+        training.poses,
+        &state.dictionary,
+        &ksvd.pursuit,
+        training.world,
+    )
 }

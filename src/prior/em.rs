@@ -1,0 +1,274 @@
+//! Expectation and maximisation for mixtures of Gaussians of any make.
+//!
+//! ```text
+//! E:  r_ij = w_j N(x_i; m_j, C_j) / Σ_l w_l N(x_i; m_l, C_l), in logarithms
+//! M:  n_j = Σ_i r_ij,  w_j = n_j / n,  m_j = Σ_i r_ij x_i / n_j,  S_j = Σ_i r_ij (x_i − m_j)(x_i − m_j)ᵀ / n_j
+//! ```
+//!
+//! What is made of the moments S_j (a full covariance, factors and a diagonal) is the caller's. The likelihood cannot
+//! fall while that raises the expected one (Dempster, Laird and Rubin 1977), but for rounding and floors under variances.
+//! Cost of a round: n K D² for E, and about n D² for M, as nearly every pose belongs to one component.
+
+use crate::linalg::symmetric_eigen;
+use crate::{Result, cluster, par};
+use ndarray::{Array1, Array2, ArrayView2, Axis, s};
+use std::f64::consts::PI;
+
+/// At most so many chunks: each has sums of its own.
+const CHUNKS: usize = 32;
+/// Poses a chunk at least.
+const CHUNK: usize = 2048;
+/// A pose with a smaller share in a component is not counted there.
+const NO_SHARE: f64 = 1e-10;
+/// Variances below are rounding, cm².
+const FLOOR: f64 = 1e-9;
+
+/// A Gaussian of a mixture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gaussian {
+    /// Its share, above 0.
+    pub weight: f64,
+    /// (D).
+    pub mean: Array1<f64>,
+    /// (D, D), positive definite.
+    pub covariance: Array2<f64>,
+}
+
+/// What an M step is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Moments {
+    /// n_j: how many poses the component has.
+    pub count: f64,
+    /// m_j (D).
+    pub mean: Array1<f64>,
+    /// S_j (D, D).
+    pub covariance: Array2<f64>,
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stop {
+    /// At most so many rounds.
+    pub rounds: usize,
+    /// When a round raises the mean log likelihood of a pose by less, nats.
+    pub gain: f64,
+}
+
+impl Default for Stop {
+    fn default() -> Self {
+        Stop {
+            rounds: 60,
+            gain: 1e-2,
+        }
+    }
+}
+
+/// A mixture that was fitted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fitted {
+    /// The components.
+    pub mixture: Vec<Gaussian>,
+    /// The mean log likelihood of a pose *before* each round, nats (cm).
+    pub likelihood: Vec<f64>,
+    /// Whether the gain fell below the wanted one.
+    pub converged: bool,
+}
+
+/// Fits a mixture to poses `x` (n, D) from a start; `update` makes the components of their moments.
+pub fn fit(
+    x: ArrayView2<'_, f32>,
+    start: Vec<Gaussian>,
+    stop: Stop,
+    update: &mut dyn FnMut(&[Moments]) -> Vec<Gaussian>,
+) -> Fitted {
+    let mut fitted = Fitted {
+        mixture: start,
+        likelihood: Vec::new(),
+        converged: false,
+    };
+    for _ in 0..stop.rounds {
+        let (moments, likelihood) = round(x, &fitted.mixture);
+        let before = fitted.likelihood.last().copied();
+        fitted.likelihood.push(likelihood);
+        if before.is_some_and(|b| !(likelihood - b >= stop.gain)) {
+            fitted.converged = true;
+            break;
+        }
+        fitted.mixture = update(&moments);
+    }
+    fitted
+}
+
+/// The mean log likelihood of poses (n, D) under a mixture, nats.
+pub fn likelihood(x: ArrayView2<'_, f32>, mixture: &[Gaussian]) -> f64 {
+    round(x, mixture).1
+}
+
+/// The moments of poses by their labels (n), each below `k`: a start from k-means.
+pub fn moments_of(x: ArrayView2<'_, f32>, labels: &[u32], k: usize) -> Vec<Moments> {
+    let mut rows = vec![Vec::new(); k];
+    for (i, &label) in labels.iter().enumerate() {
+        rows[label as usize].push(i);
+    }
+    let one = |rows: &Vec<usize>| {
+        let own = x.select(Axis(0), rows).mapv(f64::from);
+        let count = (rows.len() as f64).max(1.0);
+        let mean = own.sum_axis(Axis(0)) / count;
+        let away = own - &mean;
+        Moments {
+            count: rows.len() as f64,
+            mean,
+            covariance: away.t().dot(&away) / count,
+        }
+    };
+    rows.iter().map(one).collect()
+}
+
+/// At most `k` clusters, fewer where a cluster would have less than `least` poses or poses are equal.
+pub fn clusters(x: ArrayView2<'_, f32>, k: usize, least: usize, seed: u64) -> Result<Vec<Moments>> {
+    let mut k = k.min(x.nrows() / least.max(1)).max(1);
+    loop {
+        let parameters = cluster::Parameters {
+            k,
+            seed,
+            ..Default::default()
+        };
+        match cluster::fit(x, &parameters, &mut |_| {}) {
+            Ok(found) => return Ok(moments_of(x, &found.labels, k)),
+            Err(_) if k > 1 => k /= 2,
+            Err(e) => return Err(e),
+        }
+    }
+}
+
+/// The shares of each component among all, none of them 0.
+pub fn weights(moments: &[Moments]) -> Vec<f64> {
+    let counts = moments.iter().map(|m| m.count.max(1e-3));
+    let sum: f64 = counts.clone().sum();
+    counts.map(|c| c / sum).collect()
+}
+
+/// The covariance within the components, Σ w_j S_j.
+pub fn pooled(moments: &[Moments]) -> Array2<f64> {
+    let d = moments.first().map_or(0, |m| m.mean.len());
+    let mut sum = Array2::zeros((d, d));
+    for (m, w) in moments.iter().zip(weights(moments)) {
+        sum.scaled_add(w, &m.covariance);
+    }
+    sum
+}
+
+/// A component made ready for E: z = (x − m) Wᵀ has |z|² = (x − m)ᵀ C⁻¹ (x − m).
+struct Ready {
+    mean: Array1<f64>,
+    whitening: Array2<f64>,
+    log: f64,
+}
+
+impl Ready {
+    fn new(g: &Gaussian) -> Ready {
+        let d = g.mean.len();
+        // LAPACK gives up on no symmetric matrix of finite numbers.
+        let (values, mut vectors) =
+            symmetric_eigen(&g.covariance).unwrap_or((Array1::ones(d), Array2::eye(d)));
+        let values = values.mapv(|v| v.max(FLOOR));
+        for (mut column, value) in vectors.columns_mut().into_iter().zip(&values) {
+            column /= value.sqrt();
+        }
+        let log = g.weight.ln() - 0.5 * values.iter().map(|v| (2.0 * PI * v).ln()).sum::<f64>();
+        Ready {
+            mean: g.mean.clone(),
+            whitening: vectors,
+            log,
+        }
+    }
+}
+
+/// One pass over the poses: the moments of the E step, and the mean log likelihood.
+fn round(x: ArrayView2<'_, f32>, mixture: &[Gaussian]) -> (Vec<Moments>, f64) {
+    let (n, d) = x.dim();
+    let ready: Vec<Ready> = mixture.iter().map(Ready::new).collect();
+    let chunk = n.div_ceil(CHUNKS).max(CHUNK);
+    let sums = par::map_chunks(n, chunk, |rows| {
+        let x = x.slice(s![rows, ..]).mapv(f64::from);
+        let (shares, log) = shares(&x, &ready);
+        let own = |j: usize| share_of(&x, &shares, j, &ready[j].mean);
+        let sums: Vec<_> = (0..ready.len()).map(own).collect();
+        (sums, log)
+    });
+    let mut total = 0.0;
+    let zero = || (0.0, Array1::<f64>::zeros(d), Array2::<f64>::zeros((d, d)));
+    let mut all: Vec<_> = ready.iter().map(|_| zero()).collect();
+    for (part, log) in sums {
+        total += log;
+        for (sum, one) in all.iter_mut().zip(part) {
+            sum.0 += one.0;
+            sum.1 += &one.1;
+            sum.2 += &one.2;
+        }
+    }
+    let moments = all.into_iter().zip(mixture);
+    let moments = moments.map(|((count, first, second), old)| {
+        // Nobody's component stays where it was.
+        if !(count > 1e-6) {
+            let (mean, covariance) = (old.mean.clone(), old.covariance.clone());
+            return Moments {
+                count: 0.0,
+                mean,
+                covariance,
+            };
+        }
+        let shift = first / count;
+        let mut covariance = second / count;
+        for i in 0..d {
+            for j in 0..d {
+                covariance[[i, j]] -= shift[i] * shift[j];
+            }
+        }
+        Moments {
+            count,
+            mean: &old.mean + &shift,
+            covariance,
+        }
+    });
+    (moments.collect(), total / n.max(1) as f64)
+}
+
+/// r (rows, K), and the sum of the log likelihoods.
+fn shares(x: &Array2<f64>, ready: &[Ready]) -> (Array2<f64>, f64) {
+    let mut shares = Array2::zeros((x.nrows(), ready.len()));
+    for (g, mut column) in ready.iter().zip(shares.columns_mut()) {
+        let white = (x - &g.mean).dot(&g.whitening);
+        for (share, z) in column.iter_mut().zip(white.rows()) {
+            *share = g.log - 0.5 * z.dot(&z);
+        }
+    }
+    let mut total = 0.0;
+    for mut row in shares.rows_mut() {
+        let best = row.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let sum: f64 = row.iter().map(|l| (l - best).exp()).sum();
+        total += best + sum.ln();
+        row.mapv_inplace(|l| (l - best).exp() / sum);
+    }
+    (shares, total)
+}
+
+/// Σ r, Σ r (x − m), Σ r (x − m)(x − m)ᵀ about the old mean, over the poses with a share in component `j`.
+fn share_of(
+    x: &Array2<f64>,
+    shares: &Array2<f64>,
+    j: usize,
+    mean: &Array1<f64>,
+) -> (f64, Array1<f64>, Array2<f64>) {
+    let own: Vec<usize> = (0..x.nrows())
+        .filter(|&i| shares[[i, j]] > NO_SHARE)
+        .collect();
+    let away = x.select(Axis(0), &own) - mean;
+    let mut shared = away.clone();
+    let mut count = 0.0;
+    for (mut row, &i) in shared.rows_mut().into_iter().zip(&own) {
+        row *= shares[[i, j]];
+        count += shares[[i, j]];
+    }
+    (count, shared.sum_axis(Axis(0)), shared.t().dot(&away))
+}

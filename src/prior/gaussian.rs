@@ -1,0 +1,44 @@
+//! One Gaussian: the mean and the covariance of the training poses. The answer is its posterior mean (the MAP pose).
+
+use super::Choice;
+use super::em::moments_of;
+use super::gaussians::{self, Answer, Parts, Style};
+use super::train::Training;
+use super::training::TrainingPoses;
+use super::tuning::{ASF2, Tasked};
+use crate::Result;
+use crate::io::Model;
+use ndarray::{Array2, ArrayView2, Axis};
+
+/// Added to every variance, cm²: what never varies in training (the root of poses in body space) may vary a little.
+pub(super) const RIDGE: f64 = 1e-3 * ASF2;
+
+const STYLE: Style = Style {
+    answer: Answer::Average,
+    estimates_rest: true,
+};
+
+/// Trains the kind `gaussian`.
+pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+    let learn = |poses: &TrainingPoses| Ok(learn(poses.xyz.view()));
+    gaussians::train("gaussian", STYLE, training, &learn, report)
+}
+
+/// Opens a model of the kind.
+pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
+    gaussians::open(model, choice, source, STYLE)
+}
+
+fn learn(xyz: ArrayView2<'_, f32>) -> Parts {
+    let (mean, covariance) = of(xyz);
+    Parts::of_covariances(vec![1.0], mean, &[covariance])
+}
+
+/// The mean (1, D) and the covariance (D, D) of poses, with the ridge.
+pub(super) fn of(xyz: ArrayView2<'_, f32>) -> (Array2<f64>, Array2<f64>) {
+    let mut all = moments_of(xyz, &vec![0; xyz.nrows()], 1);
+    let moments = all.remove(0);
+    let mut covariance = moments.covariance;
+    covariance.diag_mut().mapv_inplace(|v| v + RIDGE);
+    (moments.mean.insert_axis(Axis(0)), covariance)
+}

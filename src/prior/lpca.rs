@@ -1,0 +1,355 @@
+//! Local PCA: a Gaussian of the training poses nearest to what was observed (Chai and Hodgins 2005, "Performance
+//! animation from low-dimensional control signals", section 5; the paper's LPCA).
+//!
+//! The k nearest poses under Σ_o (y_o − x_no)² / (R_o + v) over the observed coordinates o with noise variances R_o give a
+//! mean m and a covariance C; the answer is the most probable pose under N(m, a (C + e I)) and the observation, where a
+//! (the inverse of the paper's lambda) is found on held-back poses. Chai and Hodgins cut C to its principal components;
+//! the small rest that is left here only makes the prior's own noise e I finer.
+//!
+//! The neighbours are exact, found by a tree; frames that follow one another start from the neighbours of the frame
+//! before. Cost: the search, and O(k D² + o³) for the Gaussian of o observed coordinates.
+
+use super::conditional::Conditional;
+use super::neighbours::{Near, Neighbours};
+use super::store;
+use super::train::Training;
+use super::training::TrainingPoses;
+use super::tuning::{Grid, Learnt, Setting, Tasked, Tuned, tune};
+use super::{Belief, Choice, EXACT, Prior};
+use crate::io::Model;
+use crate::pose::PoseMap;
+use crate::{Result, par};
+use ndarray::{Array1, Array2, ArrayView2, Axis, s};
+use std::sync::Arc;
+
+/// The neighbourhood's size in the paper (section 4.1).
+const NEIGHBOURS: usize = 100;
+/// v, cm²: about what a neighbour is off by. It matters only where coordinates differ in their noise.
+const OFF: f64 = 1.0;
+/// e, cm²: a millimetre's variance, so that neighbours that follow one another in time leave no direction impossible.
+const FLOOR: f64 = 0.01;
+/// Frames answered one after another.
+const RUN: usize = 32;
+
+/// Training poses, the nearest of which make the Gaussian.
+#[derive(Debug, Clone)]
+pub struct LpcaPrior {
+    tree: Arc<Neighbours>,
+    /// a.
+    inflation: f64,
+    variance: Vec<f64>,
+    typical: Arc<Array2<f64>>,
+}
+
+impl LpcaPrior {
+    /// From a model of kind `lpca`: `poses` (n, D), and its tuning.
+    ///
+    /// # Errors
+    /// Data: no such array, a wrong shape, numbers that are not finite.
+    pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
+        let width = 3 * model.meta.points.len();
+        let poses = store::rows(model, "poses", width, source)?;
+        let typical = store::typical_or(model, poses, source)?;
+        let tuned = Tuned::read(model, source)?;
+        Ok(Tasked::new(tuned, choice.task, &learnt(poses, typical)))
+    }
+
+    fn new(tree: Arc<Neighbours>, typical: Arc<Array2<f64>>, inflation: f64) -> LpcaPrior {
+        let mut prior = LpcaPrior {
+            variance: Vec::new(),
+            tree,
+            inflation,
+            typical,
+        };
+        prior.variance = prior.usual();
+        prior
+    }
+
+    /// The mean variance of each coordinate in neighbourhoods all over the poses.
+    fn usual(&self) -> Vec<f64> {
+        let poses = self.tree.poses();
+        let (n, d) = poses.dim();
+        let some = (0..n).step_by(n.div_ceil(20).max(1));
+        let mut sum = Array1::<f64>::zeros(d);
+        let mut count = 0;
+        for row in some {
+            let y: Vec<f64> = poses.row(row).iter().map(|v| f64::from(*v)).collect();
+            let near = self.tree.nearest(&y, &vec![1.0; d], NEIGHBOURS, &[]);
+            sum += &self.gaussian(&near).1.diag();
+            count += 1;
+        }
+        (sum / f64::from(count.max(1))).to_vec()
+    }
+
+    fn neighbours(&self, y: &[f64], noise: &[f64], like: &[u32]) -> Vec<Near> {
+        let weight = |n: &f64| 1.0 / (n.max(0.0) + OFF);
+        let weights: Vec<f64> = noise.iter().map(weight).collect();
+        self.tree.nearest(y, &weights, NEIGHBOURS, like)
+    }
+
+    /// m and a (C + e I).
+    fn gaussian(&self, near: &[Near]) -> (Array1<f64>, Array2<f64>) {
+        let poses = self.tree.poses();
+        let d = poses.ncols();
+        let mut rows = Array2::<f64>::zeros((near.len(), d));
+        for (mut row, near) in rows.rows_mut().into_iter().zip(near) {
+            let pose = poses.row(near.index as usize);
+            row.iter_mut()
+                .zip(pose)
+                .for_each(|(r, p)| *r = f64::from(*p));
+        }
+        let mean = rows.mean_axis(Axis(0));
+        let mean = mean.unwrap_or_else(|| Array1::zeros(d));
+        rows -= &mean;
+        let mut covariance = rows.t().dot(&rows) / near.len().max(1) as f64;
+        covariance.diag_mut().mapv_inplace(|v| v + FLOOR);
+        (mean, covariance * self.inflation)
+    }
+
+    /// Answers rows that follow one another.
+    fn run<T>(
+        &self,
+        rows: std::ops::Range<usize>,
+        y: ArrayView2<'_, f64>,
+        noise: ArrayView2<'_, f64>,
+        answer: impl Fn(&[f64], &[f64], &[Near]) -> T,
+    ) -> Vec<T> {
+        let mut like: Vec<u32> = Vec::new();
+        rows.map(|i| {
+            let (y, noise) = (y.row(i).to_vec(), noise.row(i).to_vec());
+            let near = self.neighbours(&y, &noise, &like);
+            like = near.iter().map(|n| n.index).collect();
+            answer(&y, &noise, &near)
+        })
+        .collect()
+    }
+
+    fn belief(&self, y: &[f64], noise: &[f64], near: &[Near]) -> Belief {
+        let (mean, covariance) = self.gaussian(near);
+        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
+        let conditional = Conditional::new(covariance.view(), &noise);
+        let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
+        let told = conditional.mean(&rest);
+        Belief {
+            mean: mean.iter().zip(told).map(|(m, t)| m + t).collect(),
+            covariance: conditional.covariance(covariance.view()),
+            evidence: conditional.log_density(&rest),
+        }
+    }
+}
+
+impl Prior for LpcaPrior {
+    fn width(&self) -> usize {
+        self.variance.len()
+    }
+
+    fn variance(&self) -> &[f64] {
+        &self.variance
+    }
+
+    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
+        self.belief(y, noise, &self.neighbours(y, noise, &[]))
+    }
+
+    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
+        let runs = par::map_chunks(y.nrows(), RUN, |rows| {
+            self.run(rows, y, noise, |y, noise, near| self.belief(y, noise, near))
+        });
+        runs.into_iter().flatten().collect()
+    }
+
+    fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
+        let runs = par::map_chunks(y.nrows(), RUN, |rows| {
+            self.run(rows, y, noise, |y, noise, near| {
+                let (mean, covariance) = self.gaussian(near);
+                most_probable(&mean, covariance.view(), y, noise)
+            })
+        });
+        let mut out = Array2::zeros(y.dim());
+        for (mut row, mean) in out.rows_mut().into_iter().zip(runs.into_iter().flatten()) {
+            row.assign(&mean);
+        }
+        out
+    }
+
+    fn typical(&self) -> ArrayView2<'_, f64> {
+        self.typical.view()
+    }
+
+    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+        let tree = self.tree.mapped(map);
+        let typical = map.apply_rows(self.typical.view());
+        Box::new(LpcaPrior::new(
+            Arc::new(tree),
+            Arc::new(typical),
+            self.inflation,
+        ))
+    }
+}
+
+/// The mean of N(`mean`, `covariance`) given an observation: what [`Conditional`] says, for one solve in place of many.
+pub(super) fn most_probable(
+    mean: &Array1<f64>,
+    covariance: ArrayView2<'_, f64>,
+    y: &[f64],
+    noise: &[f64],
+) -> Array1<f64> {
+    let observed: Vec<usize> = (0..y.len()).filter(|&c| noise[c].is_finite()).collect();
+    let rows = covariance.select(Axis(0), &observed);
+    let mut system = rows.select(Axis(1), &observed);
+    for (i, &c) in observed.iter().enumerate() {
+        system[[i, i]] += noise[c].max(EXACT);
+    }
+    let rest: Array1<f64> = observed.iter().map(|&c| y[c] - mean[c]).collect();
+    mean + &solve(system, rest).dot(&rows)
+}
+
+/// A x = b for a symmetric positive definite A, by Cholesky: too small a system to start LAPACK's threads for. A pivot
+/// that rounding has eaten becomes a small one.
+fn solve(mut a: Array2<f64>, mut b: Array1<f64>) -> Array1<f64> {
+    let n = b.len();
+    for i in 0..n {
+        for j in 0..=i {
+            let known = a.slice(s![i, ..j]).dot(&a.slice(s![j, ..j]));
+            let rest = a[[i, j]] - known;
+            a[[i, j]] = if i == j {
+                rest.max(1e-12 * a[[i, i]].abs()).max(1e-300).sqrt()
+            } else {
+                rest / a[[j, j]]
+            };
+        }
+        let known = a.slice(s![i, ..i]).dot(&b.slice(s![..i]));
+        b[i] = (b[i] - known) / a[[i, i]];
+    }
+    for i in (0..n).rev() {
+        b[i] /= a[[i, i]];
+        let scale = b[i];
+        let row = a.slice(s![i, ..i]);
+        b.slice_mut(s![..i]).scaled_add(-scale, &row);
+    }
+    b
+}
+
+/// The poses, at any inflation.
+fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> Learnt<'static> {
+    let tree = Arc::new(Neighbours::new(poses));
+    let typical = Arc::new(typical);
+    Box::new(move |setting: Setting| {
+        let (tree, typical) = (tree.clone(), typical.clone());
+        Box::new(LpcaPrior::new(tree, typical, setting.inflation))
+    })
+}
+
+/// Makes a model of kind `lpca`: the poses, and the weight of each task.
+///
+/// # Errors
+/// Data: no poses to learn from.
+pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+    let mut model = training.model("lpca")?;
+    // Neighbours in time are far closer to each other than to what was observed: the best inflation may be large.
+    let grid = Grid {
+        inflation: vec![0.5, 1.0, 2.5, 6.0, 12.0, 40.0, 150.0],
+        ..Grid::default()
+    };
+    let learn = |kept: &TrainingPoses| Ok(learnt(kept.xyz.view(), Array2::zeros((0, 0))));
+    tune(training, &grid, &learn, report)?.write(&mut model);
+    let poses = training.poses.xyz.clone();
+    model.arrays.insert("poses".into(), poses);
+    Ok(model)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::rotation::exponential;
+    use glam::DVec3;
+
+    fn poses(n: usize) -> Array2<f32> {
+        Array2::from_shape_fn((n, 9), |(t, c)| {
+            30.0 * (t as f32 * 0.03 + c as f32).sin() + ((t * 5 + c * 2) % 7) as f32 * 0.3
+        })
+    }
+
+    fn prior(n: usize) -> LpcaPrior {
+        let typical = poses(2).mapv(f64::from);
+        LpcaPrior::new(
+            Arc::new(Neighbours::new(poses(n).view())),
+            Arc::new(typical),
+            2.0,
+        )
+    }
+
+    #[test]
+    fn with_few_poses_it_is_the_gaussian_of_them_all() {
+        let prior = prior(60);
+        let all = poses(60).mapv(f64::from);
+        let mean = all.mean_axis(Axis(0)).unwrap();
+        let centred = &all - &mean;
+        let covariance = (centred.t().dot(&centred) / 60.0 + Array2::<f64>::eye(9) * FLOOR) * 2.0;
+        let mut noise = [0.5; 9];
+        noise[2] = f64::INFINITY;
+        let mut y = all.row(7).to_vec();
+        y[2] = f64::NAN;
+        let conditional = Conditional::new(covariance.view(), &noise);
+        let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
+        let belief = prior.believe(&y, &noise);
+        let want = conditional.mean(&rest);
+        for c in 0..9 {
+            assert!((belief.mean[c] - mean[c] - want[c]).abs() <= 1e-8);
+        }
+        assert!((belief.evidence - conditional.log_density(&rest)).abs() <= 1e-6);
+        assert!((belief.mean[2] - all[[7, 2]]).abs() <= 2.0);
+    }
+
+    #[test]
+    fn frames_after_one_another_are_answered_as_each_alone() {
+        let prior = prior(600);
+        let y = poses(90).mapv(f64::from) + 0.2;
+        let mut noise = Array2::from_elem(y.dim(), 1.0);
+        noise.row_mut(50).fill(f64::INFINITY);
+        noise[[51, 3]] = 0.0;
+        for threads in [1, 2, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let all = pool
+                .unwrap()
+                .install(|| prior.believe_all(y.view(), noise.view()));
+            let means = prior.means(y.view(), noise.view());
+            for (i, belief) in all.iter().enumerate() {
+                let same = means
+                    .row(i)
+                    .iter()
+                    .zip(&belief.mean)
+                    .all(|(a, b)| (a - b).abs() <= 1e-7);
+                assert!(same);
+                let alone = prior.believe(&y.row(i).to_vec(), &noise.row(i).to_vec());
+                assert_eq!(*belief, alone);
+            }
+        }
+        let none = Array2::zeros((0, 9));
+        assert!(prior.believe_all(none.view(), none.view()).is_empty());
+    }
+
+    #[test]
+    fn one_pose_and_copies_of_it_are_enough() {
+        for n in [1, 150] {
+            let same = Array2::from_elem((n, 9), 4.0f32);
+            let tree = Arc::new(Neighbours::new(same.view()));
+            let prior = LpcaPrior::new(tree, Arc::new(same.mapv(f64::from)), 1.0);
+            let belief = prior.believe(&[5.0; 9], &[1.0; 9]);
+            assert!(belief.mean.iter().all(|v| *v > 4.0 && *v < 4.1));
+            assert!(belief.covariance.iter().all(|v| v.is_finite()));
+        }
+    }
+
+    #[test]
+    fn turned_poses_are_answered_turned() {
+        let prior = prior(400);
+        let map = PoseMap::Turn(exponential(DVec3::new(0.4, -1.0, 0.2)));
+        let y = (poses(30).mapv(f64::from) + 0.3).row(20).to_vec();
+        let (mut turned, mut want) = (vec![0.0; 9], vec![0.0; 9]);
+        map.apply(&y, &mut turned);
+        map.apply(&prior.believe(&y, &[1.0; 9]).mean, &mut want);
+        let got = prior.mapped(&map).believe(&turned, &[1.0; 9]).mean;
+        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-3));
+    }
+}

@@ -1,0 +1,140 @@
+//! A mixture of factor analysers (Ghahramani and Hinton 1996).
+//!
+//! ```text
+//! x = m_j + L_j z + e,   z ~ N(0, I_q),   e ~ N(0, Ψ)     so that   C_j = L_j L_jᵀ + Ψ
+//! B = M⁻¹ L_jᵀ Ψ⁻¹,   M = I + L_jᵀ Ψ⁻¹ L_j,   E = M⁻¹ + B S_j Bᵀ
+//! L_j ← S_j Bᵀ E⁻¹,   Ψ ← Σ_j w_j diag(S_j − L_j B S_j)
+//! ```
+//!
+//! L_j (D, q) is the analyser's, the diagonal Ψ is common to all, S_j the moments of the E step (`em`). Each round takes
+//! several such steps with the same shares: they cost little beside the E step, and none lowers the likelihood. Started
+//! from k-means with each cluster's principal components. Neither the posing paper nor [GH96] names sizes that fit every
+//! set; these are near what full Gaussians of as many components can hold.
+
+use super::Choice;
+use super::em::{self, Gaussian, Moments, Stop, clusters, weights};
+use super::gaussian::RIDGE;
+use super::gaussians::{self, Answer, Parts, Style, roots};
+use super::train::Training;
+use super::training::TrainingPoses;
+use super::tuning::Tasked;
+use crate::Result;
+use crate::io::Model;
+use crate::linalg::symmetric_eigen;
+use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
+
+/// How many analysers.
+const ANALYSERS: usize = 20;
+/// Factors of each.
+const FACTORS: usize = 10;
+/// Poses an analyser has at least on average: with fewer training poses there are fewer analysers.
+const LEAST: usize = 30;
+/// Steps of factor analysis with the same shares.
+const STEPS: usize = 10;
+
+const STYLE: Style = Style {
+    answer: Answer::Average,
+    estimates_rest: true,
+};
+
+/// Trains the kind `mfa`.
+pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+    let learn = |poses: &TrainingPoses| learn(poses.xyz.view(), training.seed);
+    gaussians::train("mfa", STYLE, training, &learn, report)
+}
+
+/// Opens a model of the kind.
+pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
+    gaussians::open(model, choice, source, STYLE)
+}
+
+fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
+    let start = clusters(xyz, ANALYSERS, LEAST, seed)?;
+    let mut analysers = Analysers::start(&start, FACTORS.min(xyz.ncols()));
+    let start = analysers.update(&start);
+    let fitted = em::fit(xyz, start, Stop::default(), &mut |m| analysers.update(m));
+    Ok(analysers.parts(&fitted.mixture))
+}
+
+/// L_j and Ψ as EM goes.
+struct Analysers {
+    /// L_jᵀ (q, D), one an analyser.
+    loadings: Vec<Array2<f64>>,
+    /// Ψ (D), cm².
+    noise: Array1<f64>,
+}
+
+impl Analysers {
+    /// Each cluster's principal components, and what they leave.
+    fn start(moments: &[Moments], factors: usize) -> Analysers {
+        let d = moments.first().map_or(0, |m| m.mean.len());
+        let mut noise = Array1::<f64>::zeros(d);
+        let mut loadings = Vec::new();
+        for (m, w) in moments.iter().zip(weights(moments)) {
+            let roots = roots(&m.covariance);
+            noise += &(roots
+                .slice(s![factors.., ..])
+                .mapv(|v| v * v)
+                .sum_axis(Axis(0))
+                * w);
+            loadings.push(roots.slice(s![..factors, ..]).to_owned());
+        }
+        noise.mapv_inplace(|v| v.max(RIDGE));
+        Analysers { loadings, noise }
+    }
+
+    /// Some steps of factor analysis on these moments; the components that come of it.
+    fn update(&mut self, moments: &[Moments]) -> Vec<Gaussian> {
+        let weights = weights(moments);
+        for _ in 0..STEPS {
+            let mut noise = Array1::<f64>::zeros(self.noise.len());
+            for ((m, w), loading) in moments.iter().zip(&weights).zip(&mut self.loadings) {
+                noise.scaled_add(*w, &step(loading, &self.noise, &m.covariance));
+            }
+            self.noise = noise.mapv(|v| v.max(RIDGE));
+        }
+        let components = moments.iter().zip(weights).zip(&self.loadings);
+        let components = components.map(|((m, weight), loading)| Gaussian {
+            weight,
+            mean: m.mean.clone(),
+            covariance: loading.t().dot(loading) + Array2::from_diag(&self.noise),
+        });
+        components.collect()
+    }
+
+    fn parts(&self, mixture: &[Gaussian]) -> Parts {
+        let means: Vec<_> = mixture.iter().map(|g| g.mean.view()).collect();
+        let factors: Vec<_> = self.loadings.iter().map(|l| l.view()).collect();
+        let d = self.noise.len();
+        Parts {
+            weights: mixture.iter().map(|g| g.weight).collect(),
+            // Of one width all.
+            means: ndarray::stack(Axis(0), &means).unwrap_or_default(),
+            factors: concatenate(Axis(0), &factors).unwrap_or_default(),
+            rest: Array2::from_shape_fn((mixture.len(), d), |(_, i)| self.noise[i]),
+        }
+    }
+}
+
+/// One step for one analyser: L is updated; its diag(S − L B S) is answered.
+fn step(loading: &mut Array2<f64>, noise: &Array1<f64>, s: &Array2<f64>) -> Array1<f64> {
+    // L here is Lᵀ (q, D): whitened = Lᵀ Ψ⁻¹.
+    let whitened = &*loading / noise;
+    let m = Array2::eye(loading.nrows()) + whitened.dot(&loading.t());
+    let m = inverse(&m);
+    let b = m.dot(&whitened);
+    let bs = b.dot(s);
+    let e = m + bs.dot(&b.t());
+    // Lᵀ ← E⁻¹ B S, as S and E are symmetric.
+    *loading = inverse(&e).dot(&bs);
+    let explained = (&*loading * &bs).sum_axis(Axis(0));
+    s.diag().to_owned() - explained
+}
+
+/// The inverse of a small positive definite matrix.
+fn inverse(a: &Array2<f64>) -> Array2<f64> {
+    let n = a.nrows();
+    // LAPACK gives up on no symmetric matrix of finite numbers.
+    let (values, vectors) = symmetric_eigen(a).unwrap_or((Array1::ones(n), Array2::eye(n)));
+    (&vectors / &values.mapv(|v| v.max(f64::MIN_POSITIVE))).dot(&vectors.t())
+}

@@ -1,0 +1,67 @@
+//! A mixture of Gaussians with full covariances, fitted by EM from k-means, each shrunk towards what they share.
+//!
+//! C_j = 0.7 S_j + 0.3 S, with S_j as EM left it and S the covariance of all poses: twenty covariances of 69 coordinates
+//! say too much about motion like the training takes, and too little about any other.
+
+use super::Choice;
+use super::em::{self, Gaussian, Moments, Stop, clusters, weights};
+use super::gaussian::{self, RIDGE};
+use super::gaussians::{self, Answer, Parts, Style};
+use super::train::Training;
+use super::training::TrainingPoses;
+use super::tuning::Tasked;
+use crate::Result;
+use crate::io::Model;
+use ndarray::{Array2, ArrayView2};
+
+/// How many Gaussians.
+const COMPONENTS: usize = 20;
+/// Poses a component has at least on average: with fewer training poses there are fewer components.
+const LEAST: usize = 50;
+/// How much of S_j is kept.
+const OWN: f64 = 0.7;
+
+const STYLE: Style = Style {
+    answer: Answer::Average,
+    estimates_rest: true,
+};
+
+/// Trains the kind `mixture`.
+pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+    let learn = |poses: &TrainingPoses| learn(poses.xyz.view(), training.seed);
+    gaussians::train("mixture", STYLE, training, &learn, report)
+}
+
+/// Opens a model of the kind.
+pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
+    gaussians::open(model, choice, source, STYLE)
+}
+
+fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
+    let start = full(&clusters(xyz, COMPONENTS, LEAST, seed)?);
+    let fitted = em::fit(xyz, start, Stop::default(), &mut full);
+    let (_, whole) = gaussian::of(xyz);
+    let mut means = Array2::zeros((fitted.mixture.len(), xyz.ncols()));
+    let (mut weights, mut covariances) = (Vec::new(), Vec::new());
+    for (g, mut row) in fitted.mixture.into_iter().zip(means.rows_mut()) {
+        row.assign(&g.mean);
+        weights.push(g.weight);
+        covariances.push(g.covariance * OWN + &whole * (1.0 - OWN));
+    }
+    Ok(Parts::of_covariances(weights, means, &covariances))
+}
+
+/// The M step for full covariances, with a ridge.
+fn full(moments: &[Moments]) -> Vec<Gaussian> {
+    let components = moments.iter().zip(weights(moments));
+    let components = components.map(|(m, weight)| {
+        let mut covariance = m.covariance.clone();
+        covariance.diag_mut().mapv_inplace(|v| v + RIDGE);
+        Gaussian {
+            weight,
+            mean: m.mean.clone(),
+            covariance,
+        }
+    });
+    components.collect()
+}

@@ -1,0 +1,229 @@
+//! The one training pose that is nearest to what was observed.
+//!
+//! x = argmin_n Σ_o (y_o − x_no)² / (R_o + h²) over the observed coordinates o with noise variances R_o. It is believed to
+//! be off by h², the mean squared error a coordinate of poses held back from the training: one number for each task.
+
+use super::neighbours::Neighbours;
+use super::store;
+use super::train::Training;
+use super::training::TrainingPoses;
+use super::tuning::{ASF2, Grid, Learnt, Setting, Task, Tasked, Tuned, Tuning, tune};
+use super::{Belief, Choice, Prior};
+use crate::io::Model;
+use crate::pose::PoseMap;
+use crate::{Result, par};
+use ndarray::{Array2, ArrayView2};
+use std::sync::Arc;
+
+/// h² while the error is measured, asf²: it matters only where coordinates differ in their noise.
+const FIRST: f64 = 0.1;
+/// Observations answered one after another, each starting from the pose before.
+const RUN: usize = 64;
+
+/// Training poses, one of which is the answer.
+#[derive(Debug, Clone)]
+pub struct NearestPrior {
+    tree: Arc<Neighbours>,
+    /// h², cm².
+    width: f64,
+    variance: Vec<f64>,
+    typical: Arc<Array2<f64>>,
+}
+
+impl NearestPrior {
+    /// From a model of kind `nearest`: `poses` (n, D), and its tuning; an inflation of 1 is an error h² of 1 asf².
+    ///
+    /// # Errors
+    /// Data: no such array, a wrong shape, numbers that are not finite.
+    pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
+        let width = 3 * model.meta.points.len();
+        let poses = store::rows(model, "poses", width, source)?;
+        let typical = store::typical_or(model, poses, source)?;
+        let tuned = Tuned::read(model, source)?;
+        Ok(Tasked::new(tuned, choice.task, &learnt(poses, typical)))
+    }
+
+    fn new(tree: Arc<Neighbours>, typical: Arc<Array2<f64>>, width: f64) -> NearestPrior {
+        NearestPrior {
+            variance: vec![width; tree.poses().ncols()],
+            tree,
+            width,
+            typical,
+        }
+    }
+
+    /// The row of the nearest pose and the log density of the observed; `None` where there are no poses.
+    fn nearest(&self, y: &[f64], noise: &[f64], like: &[u32]) -> Option<(u32, f64)> {
+        let weight = |n: &f64| 1.0 / (n.max(0.0) + self.width);
+        let weights: Vec<f64> = noise.iter().map(weight).collect();
+        let near = *self.tree.nearest(y, &weights, 1, like).first()?;
+        let observed = weights.iter().filter(|w| **w > 0.0);
+        let constant: f64 = observed
+            .map(|w| (2.0 * std::f64::consts::PI / w).ln())
+            .sum();
+        Some((near.index, -0.5 * (near.squared + constant)))
+    }
+
+    fn after(&self, y: &[f64], noise: &[f64], like: &mut Vec<u32>) -> Belief {
+        let d = self.width();
+        let Some((row, evidence)) = self.nearest(y, noise, like) else {
+            return Belief::default();
+        };
+        like.clear();
+        like.push(row);
+        let pose = self.tree.poses();
+        Belief {
+            mean: pose
+                .row(row as usize)
+                .iter()
+                .map(|v| f64::from(*v))
+                .collect(),
+            covariance: Array2::from_diag_elem(d, self.width),
+            evidence,
+        }
+    }
+}
+
+impl Prior for NearestPrior {
+    fn width(&self) -> usize {
+        self.variance.len()
+    }
+
+    fn variance(&self) -> &[f64] {
+        &self.variance
+    }
+
+    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
+        self.after(y, noise, &mut Vec::new())
+    }
+
+    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
+        let runs = par::map_chunks(y.nrows(), RUN, |rows| {
+            let mut like = Vec::new();
+            rows.map(|i| self.after(&y.row(i).to_vec(), &noise.row(i).to_vec(), &mut like))
+                .collect::<Vec<_>>()
+        });
+        runs.into_iter().flatten().collect()
+    }
+
+    fn typical(&self) -> ArrayView2<'_, f64> {
+        self.typical.view()
+    }
+
+    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+        let tree = self.tree.mapped(map);
+        let typical = map.apply_rows(self.typical.view());
+        Box::new(NearestPrior::new(
+            Arc::new(tree),
+            Arc::new(typical),
+            self.width,
+        ))
+    }
+}
+
+/// The poses, believed to be off by any h².
+fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> Learnt<'static> {
+    let tree = Arc::new(Neighbours::new(poses));
+    let typical = Arc::new(typical);
+    Box::new(move |setting: Setting| {
+        let width = setting.inflation * ASF2;
+        Box::new(NearestPrior::new(tree.clone(), typical.clone(), width))
+    })
+}
+
+/// Makes a model of kind `nearest`: the poses, and how far off they are task by task.
+///
+/// # Errors
+/// Data: no poses to learn from.
+pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+    let mut model = training.model("nearest")?;
+    let grid = Grid {
+        inflation: vec![FIRST],
+        sparse: vec![0.0],
+        complete: vec![0.0],
+    };
+    let learn = |kept: &TrainingPoses| Ok(learnt(kept.xyz.view(), Array2::zeros((0, 0))));
+    let mut tuning = tune(training, &grid, &learn, report)?;
+    measured(&mut tuning);
+    tuning.write(&mut model);
+    let poses = training.poses.xyz.clone();
+    model.arrays.insert("poses".into(), poses);
+    Ok(model)
+}
+
+/// Puts the errors measured in the place of the one they were measured with.
+fn measured(tuning: &mut Tuning) {
+    let chosen = &mut tuning.chosen;
+    for tried in &tuning.curve {
+        let setting = match tried.task {
+            Task::Dense => &mut chosen.dense,
+            Task::Sparse => &mut chosen.sparse,
+            Task::Complete => &mut chosen.complete,
+            Task::Treated => &mut chosen.treated,
+        };
+        setting.inflation = (tried.mse / ASF2).max(1e-6);
+        setting.noise = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::rotation::exponential;
+    use glam::DVec3;
+
+    fn poses(n: usize) -> Array2<f32> {
+        Array2::from_shape_fn((n, 6), |(t, c)| {
+            (30.0 * (t as f32 * 0.1 + c as f32).sin()) + (t % 3) as f32
+        })
+    }
+
+    fn prior(n: usize) -> NearestPrior {
+        let typical = poses(2).mapv(f64::from);
+        let tree = Neighbours::new(poses(n).view());
+        NearestPrior::new(Arc::new(tree), Arc::new(typical), 0.25)
+    }
+
+    #[test]
+    fn a_training_pose_is_its_own_answer_seen_whole_or_in_part() {
+        let all = poses(90);
+        let prior = prior(90);
+        for t in [0, 31, 89] {
+            let y: Vec<f64> = all.row(t).iter().map(|v| f64::from(*v)).collect();
+            let belief = prior.believe(&y, &[0.0; 6]);
+            assert_eq!(belief.mean, y);
+            assert!(belief.covariance.diag().iter().all(|v| *v == 0.25));
+            let log = -3.0 * (2.0 * std::f64::consts::PI * 0.25).ln();
+            assert!((belief.evidence - log).abs() <= 1e-12);
+            let mut part = y.clone();
+            part[4] = f64::NAN;
+            let mut noise = [0.0; 6];
+            noise[4] = f64::INFINITY;
+            assert_eq!(prior.believe(&part, &noise).mean, y);
+        }
+        let nothing = prior.believe(&[f64::NAN; 6], &[f64::INFINITY; 6]);
+        assert!(nothing.evidence == 0.0 && nothing.mean.iter().all(|v| v.is_finite()));
+    }
+
+    #[test]
+    fn one_after_another_is_one_by_one() {
+        let prior = prior(200);
+        let y = poses(150).mapv(f64::from) + 0.4;
+        let noise = Array2::from_elem(y.dim(), 1.0);
+        for (i, belief) in prior.believe_all(y.view(), noise.view()).iter().enumerate() {
+            assert_eq!(*belief, prior.believe(&y.row(i).to_vec(), &[1.0; 6]));
+        }
+    }
+
+    #[test]
+    fn turned_poses_are_answered_turned() {
+        let prior = prior(100);
+        let map = PoseMap::Turn(exponential(DVec3::new(0.1, 2.0, -0.3)));
+        let y = vec![3.0, -4.0, 9.0, 11.0, 2.0, 0.5];
+        let (mut turned, mut want) = (vec![0.0; 6], vec![0.0; 6]);
+        map.apply(&y, &mut turned);
+        map.apply(&prior.believe(&y, &[1.0; 6]).mean, &mut want);
+        let got = prior.mapped(&map).believe(&turned, &[1.0; 6]).mean;
+        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-4));
+    }
+}

@@ -1,0 +1,505 @@
+//! Style-based inverse kinematics: a scaled Gaussian process latent variable model of poses (Grochow, Martin, Hertzmann,
+//! Popović 2004, "Style-based inverse kinematics"; Lawrence 2004).
+//!
+//! Each pose y (D numbers about the mean pose) has a latent point x of three numbers, and each coordinate, times its own
+//! scale w_c, is a Gaussian process over x with the kernel k(x, x') = exp(−γ/2 |x − x'|²) and noise ν. With K of the M
+//! active poses Y (M, D), prediction at x (their section 4):
+//!
+//! f(x) = Yᵀ K⁻¹ k(x),  σ²(x) = 1 + ν − k(x)ᵀ K⁻¹ k(x),  y_c ~ N(f_c(x), σ²(x) / w_c²)
+//!
+//! Learning ([`super::sgplvm_learn`]) finds latent points, γ, ν and w. An observation is answered by the latent point that
+//! minimises, with s_c = a σ²(x) / w_c² and noise R_o,
+//!
+//! ½ Σ_o [(y_o − f_o(x))² / (s_o + R_o)] + ½ D ln σ²(x) + ½ |x|²
+//!
+//! which is the paper's objective with the pose, Gaussian given x, already minimised over; and by that Gaussian given the
+//! observation. The problem has many minima: it is solved from the best active points.
+
+use super::sgplvm_learn::{self, Learned};
+use super::store;
+use super::train::Training;
+use super::training::TrainingPoses;
+use super::tuning::{Grid, Learnt, Setting, Tasked, Tuned, tune};
+use super::{Belief, Choice, EXACT, Prior};
+use crate::io::Model;
+use crate::linalg::symmetric_eigen;
+use crate::pose::PoseMap;
+use crate::{Error, Place, Result, par};
+use ndarray::{Array1, Array2, ArrayView2};
+use std::sync::Arc;
+
+/// Active points that the search starts from.
+const STARTS: usize = 2;
+/// Steps of each search.
+const STEPS: usize = 15;
+/// Frames answered by one task.
+const RUN: usize = 16;
+
+/// A scaled GPLVM of poses.
+#[derive(Debug, Clone)]
+pub struct SikPrior {
+    process: Arc<Process>,
+    /// a, the inverse of the paper's weight of the prior.
+    inflation: f64,
+    variance: Vec<f64>,
+    typical: Arc<Array2<f64>>,
+}
+
+/// What predictions need.
+#[derive(Debug)]
+pub(super) struct Process {
+    /// Latent points of the active poses, (M, L).
+    pub latent: Array2<f64>,
+    /// γ.
+    pub gamma: f64,
+    /// ν.
+    pub noise: f64,
+    /// K⁻¹, (M, M).
+    pub inverse: Array2<f64>,
+    /// K⁻¹ Y, (M, D).
+    pub weights: Array2<f64>,
+    /// f at the active points, (M, D).
+    pub fitted: Array2<f64>,
+    /// 1 / w_c², cm².
+    pub scales: Vec<f64>,
+    /// The mean pose.
+    pub mean: Vec<f64>,
+}
+
+/// f and σ² at a latent point, and their derivatives by it.
+pub(super) struct Prediction {
+    /// (D), about the mean pose.
+    pub f: Array1<f64>,
+    /// σ².
+    pub variance: f64,
+    /// (L, D).
+    pub slope: Array2<f64>,
+    /// (L).
+    pub variance_slope: Array1<f64>,
+}
+
+impl Process {
+    /// From what was learnt: factorises K. `None` when K is not sound.
+    pub fn new(learned: &Learned) -> Option<Process> {
+        let (gamma, noise) = (learned.gamma, learned.noise);
+        let kernel = kernel(learned.latent.view(), gamma, noise);
+        let (values, vectors) = symmetric_eigen(&kernel)?;
+        let scaled = &vectors / &values.mapv(|v| v.max(1e-12));
+        let inverse = scaled.dot(&vectors.t());
+        let weights = inverse.dot(&learned.poses);
+        Some(Process {
+            // (K − ν I) K⁻¹ Y.
+            fitted: &learned.poses - &(&weights * noise),
+            weights,
+            latent: learned.latent.clone(),
+            gamma,
+            noise,
+            inverse,
+            scales: learned.scales.clone(),
+            mean: learned.mean.clone(),
+        })
+    }
+
+    /// f(x), σ²(x) and their derivatives. O(M² + M L D).
+    pub fn predict(&self, x: &[f64]) -> Prediction {
+        let (m, l) = self.latent.dim();
+        let k: Array1<f64> = (0..m).map(|i| self.nearness(x, i)).collect();
+        let solved = self.inverse.dot(&k);
+        let rest = 1.0 + self.noise - k.dot(&solved);
+        // σ² is at least the noise, but for rounding.
+        let floored = !(rest > self.noise);
+        let mut by_x = Array2::<f64>::zeros((l, m));
+        for i in 0..m {
+            for j in 0..l {
+                by_x[[j, i]] = -self.gamma * (x[j] - self.latent[[i, j]]) * k[i];
+            }
+        }
+        let scale = if floored { 0.0 } else { -2.0 };
+        Prediction {
+            f: k.dot(&self.weights),
+            variance: rest.max(self.noise),
+            slope: by_x.dot(&self.weights),
+            variance_slope: by_x.dot(&solved) * scale,
+        }
+    }
+
+    fn nearness(&self, x: &[f64], i: usize) -> f64 {
+        let squares = x
+            .iter()
+            .zip(self.latent.row(i))
+            .map(|(a, b)| (a - b) * (a - b));
+        (-0.5 * self.gamma * squares.sum::<f64>()).exp()
+    }
+}
+
+/// K of latent points (M, L).
+pub(super) fn kernel(latent: ArrayView2<'_, f64>, gamma: f64, noise: f64) -> Array2<f64> {
+    let m = latent.nrows();
+    let mut out = Array2::zeros((m, m));
+    for i in 0..m {
+        for j in 0..=i {
+            let pairs = latent.row(i).into_iter().zip(latent.row(j));
+            let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
+            let own = if i == j { noise } else { 0.0 };
+            out[[i, j]] = (-0.5 * gamma * squares).exp() + own;
+            out[[j, i]] = out[[i, j]];
+        }
+    }
+    out
+}
+
+impl SikPrior {
+    /// From a model of kind `sik`: `active` (M, D) poses, their `latent` (M, L) points, `scales` (1, D) and `mean` (1, D),
+    /// and in its details `gamma` and `noise`.
+    ///
+    /// # Errors
+    /// Data: no such array or number, a wrong shape, numbers that are not finite or out of range.
+    pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
+        let learned = read(model, source)?;
+        let active = store::rows(model, "active", 3 * model.meta.points.len(), source)?;
+        let typical = store::typical_or(model, active, source)?;
+        let tuned = Tuned::read(model, source)?;
+        let unsound = || {
+            let what = "its latent points make no sound kernel; train the model again";
+            Error::data(Place::file(source).part("latent"), what)
+        };
+        let process = Process::new(&learned).ok_or_else(unsound)?;
+        Ok(Tasked::new(tuned, choice.task, &learnt(process, typical)))
+    }
+
+    fn new(process: Arc<Process>, typical: Arc<Array2<f64>>, inflation: f64) -> SikPrior {
+        let own = process.noise.max(1e-6) * inflation;
+        SikPrior {
+            variance: process.scales.iter().map(|s| s * own).collect(),
+            process,
+            inflation,
+            typical,
+        }
+    }
+
+    /// The objective at a latent point for the rest `y` (about the mean pose), and its gradient.
+    fn objective(&self, x: &[f64], y: &[f64], noise: &[f64]) -> (f64, Vec<f64>) {
+        let p = self.process.predict(x);
+        let mut value = 0.5 * y.len() as f64 * p.variance.ln();
+        let mut by_variance = 0.5 * y.len() as f64 / p.variance;
+        let mut by_f = Array1::<f64>::zeros(y.len());
+        for c in (0..y.len()).filter(|&c| noise[c].is_finite()) {
+            let scale = self.inflation * self.process.scales[c];
+            let sum = scale * p.variance + noise[c].max(EXACT);
+            let rest = y[c] - p.f[c];
+            value += 0.5 * rest * rest / sum;
+            by_f[c] = -rest / sum;
+            by_variance -= 0.5 * rest * rest / (sum * sum) * scale;
+        }
+        let mut gradient = p.slope.dot(&by_f) + p.variance_slope * by_variance;
+        for (g, x) in gradient.iter_mut().zip(x) {
+            value += 0.5 * x * x;
+            *g += x;
+        }
+        (value, gradient.to_vec())
+    }
+
+    /// The active points at which the objective is least, least first.
+    fn starts(&self, y: &[f64], noise: &[f64]) -> Vec<usize> {
+        let process = &*self.process;
+        let value = |i: usize| {
+            let x = process.latent.row(i);
+            // At an active point σ² is about the noise.
+            let squares = (0..y.len()).filter(|&c| noise[c].is_finite()).map(|c| {
+                let sum = self.variance[c] + noise[c].max(EXACT);
+                (y[c] - process.fitted[[i, c]]).powi(2) / sum
+            });
+            squares.sum::<f64>() + x.dot(&x)
+        };
+        let mut order: Vec<(f64, usize)> =
+            (0..process.latent.nrows()).map(|i| (value(i), i)).collect();
+        order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        order.into_iter().take(STARTS).map(|(_, i)| i).collect()
+    }
+}
+
+impl Prior for SikPrior {
+    fn width(&self) -> usize {
+        self.variance.len()
+    }
+
+    fn variance(&self) -> &[f64] {
+        &self.variance
+    }
+
+    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
+        let process = &*self.process;
+        let y: Vec<f64> = y.iter().zip(&process.mean).map(|(y, m)| y - m).collect();
+        let mut best: Option<(f64, Vec<f64>)> = None;
+        for start in self.starts(&y, noise) {
+            let x = process.latent.row(start).to_vec();
+            let found = sgplvm_learn::minimise(x, STEPS, &mut |x| self.objective(x, &y, noise));
+            if best.as_ref().is_none_or(|b| found.0 < b.0) {
+                best = Some(found);
+            }
+        }
+        let Some((_, x)) = best else {
+            return Belief::default();
+        };
+        let p = process.predict(&x);
+        let d = y.len();
+        let mut belief = Belief {
+            mean: process.mean.clone(),
+            covariance: Array2::zeros((d, d)),
+            evidence: -0.5 * x.iter().map(|x| x * x).sum::<f64>(),
+        };
+        for c in 0..d {
+            let own = self.inflation * process.scales[c] * p.variance;
+            let (mut told, mut left) = (0.0, own);
+            if noise[c].is_finite() {
+                let sum = own + noise[c].max(EXACT);
+                let rest = y[c] - p.f[c];
+                told = own / sum * rest;
+                left = own * (noise[c].max(EXACT) / sum);
+                belief.evidence -=
+                    0.5 * (rest * rest / sum + (2.0 * std::f64::consts::PI * sum).ln());
+            }
+            belief.mean[c] += p.f[c] + told;
+            belief.covariance[[c, c]] = left;
+        }
+        belief
+    }
+
+    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
+        let runs = par::map_chunks(y.nrows(), RUN, |rows| {
+            rows.map(|i| self.believe(&y.row(i).to_vec(), &noise.row(i).to_vec()))
+                .collect::<Vec<_>>()
+        });
+        runs.into_iter().flatten().collect()
+    }
+
+    fn typical(&self) -> ArrayView2<'_, f64> {
+        self.typical.view()
+    }
+
+    /// Poses are carried as they are; the variance of a coordinate becomes the diagonal of the carried covariance.
+    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+        let process = self.process.mapped(map);
+        let typical = map.apply_rows(self.typical.view());
+        Box::new(SikPrior::new(
+            Arc::new(process),
+            Arc::new(typical),
+            self.inflation,
+        ))
+    }
+}
+
+impl Process {
+    fn mapped(&self, map: &PoseMap) -> Process {
+        let scales = Array2::from_diag(&Array1::from(self.scales.clone()));
+        let mut mean = vec![0.0; self.mean.len()];
+        map.apply(&self.mean, &mut mean);
+        Process {
+            latent: self.latent.clone(),
+            gamma: self.gamma,
+            noise: self.noise,
+            inverse: self.inverse.clone(),
+            weights: map.apply_rows(self.weights.view()),
+            fitted: map.apply_rows(self.fitted.view()),
+            scales: map.apply_covariance(scales.view()).diag().to_vec(),
+            mean,
+        }
+    }
+}
+
+fn learnt(process: Process, typical: Array2<f64>) -> Learnt<'static> {
+    let (process, typical) = (Arc::new(process), Arc::new(typical));
+    Box::new(move |setting: Setting| {
+        let (process, typical) = (process.clone(), typical.clone());
+        Box::new(SikPrior::new(process, typical, setting.inflation))
+    })
+}
+
+/// Makes a model of kind `sik`, and finds the weight of each task.
+///
+/// # Errors
+/// Data: no poses to learn from, or poses no kernel can be made of.
+pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+    let unsound = || {
+        let what = "the latent points make no sound kernel";
+        Error::data(Place::file("the training poses"), what)
+    };
+    let mut model = training.model("sik")?;
+    let grid = Grid {
+        inflation: vec![0.3, 1.0, 3.0],
+        sparse: [0.2].map(|v| v * super::tuning::ASF2).to_vec(),
+        complete: [1e-2, 0.1].map(|v| v * super::tuning::ASF2).to_vec(),
+    };
+    let learn = |kept: &TrainingPoses| {
+        let learned = sgplvm_learn::learn(kept.xyz.view(), &mut |_| {});
+        let process = Process::new(&learned).ok_or_else(unsound)?;
+        Ok(learnt(process, Array2::zeros((0, 0))))
+    };
+    tune(training, &grid, &learn, report)?.write(&mut model);
+    let learned = sgplvm_learn::learn(training.poses.xyz.view(), report);
+    write(&learned, &mut model);
+    Ok(model)
+}
+
+fn write(learned: &Learned, model: &mut Model) {
+    let row = |v: &[f64]| Array2::from_shape_fn((1, v.len()), |(_, c)| v[c] as f32);
+    let poses = &learned.poses + &Array1::from(learned.mean.clone());
+    let mut put = |name: &str, array: Array2<f32>| model.arrays.insert(name.into(), array);
+    put("active", poses.mapv(|v| v as f32));
+    put("latent", learned.latent.mapv(|v| v as f32));
+    put("scales", row(&learned.scales));
+    put("mean", row(&learned.mean));
+    let details = &mut model.meta.details;
+    details.insert("gamma".into(), learned.gamma.into());
+    details.insert("noise".into(), learned.noise.into());
+}
+
+fn read(model: &Model, source: &str) -> Result<Learned> {
+    let width = 3 * model.meta.points.len();
+    let place = |part: &str| Place::file(source).part(part);
+    let active = store::rows(model, "active", width, source)?.mapv(f64::from);
+    let latent = model.array("latent", source)?;
+    let latent = store::rows(model, "latent", latent.ncols(), source)?.mapv(f64::from);
+    if latent.nrows() != active.nrows() || latent.ncols() == 0 || active.nrows() > MOST_ACTIVE {
+        let what = format!(
+            "has {} rows, expected one for each of {} poses, at most {MOST_ACTIVE}",
+            latent.nrows(),
+            active.nrows()
+        );
+        return Err(Error::data(place("latent"), what));
+    }
+    let scales: Vec<f64> = store::rows(model, "scales", width, source)?
+        .row(0)
+        .mapv(f64::from)
+        .to_vec();
+    let mean = store::rows(model, "mean", width, source)?
+        .row(0)
+        .mapv(f64::from);
+    let number = |name: &str| -> Result<f64> {
+        let value = model
+            .meta
+            .details
+            .get(name)
+            .and_then(serde_json::Value::as_f64);
+        let sound = value.filter(|v| *v > 0.0 && v.is_finite());
+        sound.ok_or_else(|| Error::data(place("meta"), format!("needs {name}, a number above 0")))
+    };
+    if !scales.iter().all(|s| *s > 0.0) {
+        return Err(Error::data(
+            place("scales"),
+            "holds a variance that is not above 0",
+        ));
+    }
+    Ok(Learned {
+        poses: active - &mean,
+        latent,
+        gamma: number("gamma")?,
+        noise: number("noise")?,
+        scales,
+        mean: mean.to_vec(),
+    })
+}
+
+/// A model with more active poses than this takes more memory than poses are worth: (M, M) numbers.
+const MOST_ACTIVE: usize = 4000;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pose::rotation::exponential;
+    use glam::DVec3;
+
+    /// Poses along a closed curve.
+    fn poses(n: usize) -> Array2<f32> {
+        Array2::from_shape_fn((n, 9), |(t, c)| {
+            let turn = t as f32 / n as f32 * std::f32::consts::TAU;
+            20.0 * (turn + c as f32).sin() + 5.0 * (2.0 * turn + (c * c) as f32).cos()
+        })
+    }
+
+    fn prior(n: usize) -> SikPrior {
+        let learned = sgplvm_learn::learn(poses(n).view(), &mut |_| {});
+        let typical = poses(3).mapv(f64::from);
+        SikPrior::new(
+            Arc::new(Process::new(&learned).unwrap()),
+            Arc::new(typical),
+            1.0,
+        )
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_differences() {
+        let prior = prior(40);
+        let y: Vec<f64> = (0..9).map(|c| 3.0 * f64::from(c) - 9.0).collect();
+        let mut noise = [2.0; 9];
+        noise[3] = f64::INFINITY;
+        for x in [[0.3, -0.2, 0.9], [2.0, 1.0, -3.0]] {
+            let (_, gradient) = prior.objective(&x, &y, &noise);
+            for i in 0..3 {
+                let at = |h: f64| {
+                    let mut moved = x;
+                    moved[i] += h;
+                    prior.objective(&moved, &y, &noise).0
+                };
+                let want = (at(1e-5) - at(-1e-5)) / 2e-5;
+                assert!((gradient[i] - want).abs() <= 1e-3 * (1.0 + want.abs()));
+            }
+        }
+    }
+
+    #[test]
+    fn a_pose_of_the_curve_is_found_from_half_of_it() {
+        let prior = prior(60);
+        let truth: Vec<f64> = poses(120).row(31).iter().map(|v| f64::from(*v)).collect();
+        let mut noise = [0.01; 9];
+        noise[5..].fill(f64::INFINITY);
+        let mut y = truth.clone();
+        y[5..].fill(f64::NAN);
+        let belief = prior.believe(&y, &noise);
+        assert!(
+            (0..9).all(|c| (belief.mean[c] - truth[c]).abs() <= 1.5),
+            "{:?} {truth:?}",
+            belief.mean
+        );
+        assert!(belief.covariance.diag().iter().all(|v| *v > 0.0));
+        assert!(belief.evidence.is_finite());
+    }
+
+    #[test]
+    fn one_pose_nothing_seen_and_batches() {
+        let one = prior(1);
+        let belief = one.believe(&[f64::NAN; 9], &[f64::INFINITY; 9]);
+        let want = poses(1);
+        assert!((0..9).all(|c| (belief.mean[c] - f64::from(want[[0, c]])).abs() <= 1e-3));
+        let prior = prior(30);
+        let y = poses(50).mapv(f64::from) + 0.5;
+        let noise = Array2::from_elem(y.dim(), 1.0);
+        for threads in [1, 2, 7] {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            let all = pool.install(|| prior.believe_all(y.view(), noise.view()));
+            for (i, belief) in all.iter().enumerate() {
+                assert_eq!(*belief, prior.believe(&y.row(i).to_vec(), &[1.0; 9]));
+            }
+        }
+    }
+
+    #[test]
+    fn turned_poses_are_answered_turned() {
+        let learned = Learned {
+            scales: vec![2.0; 9],
+            ..sgplvm_learn::learn(poses(30).view(), &mut |_| {})
+        };
+        let typical = Arc::new(poses(3).mapv(f64::from));
+        let prior = SikPrior::new(Arc::new(Process::new(&learned).unwrap()), typical, 1.0);
+        let map = PoseMap::Turn(exponential(DVec3::new(0.2, -0.8, 0.3)));
+        let y = (poses(90).mapv(f64::from) + 0.3).row(20).to_vec();
+        let (mut turned, mut want) = (vec![0.0; 9], vec![0.0; 9]);
+        map.apply(&y, &mut turned);
+        map.apply(&prior.believe(&y, &[1.0; 9]).mean, &mut want);
+        let got = prior.mapped(&map).believe(&turned, &[1.0; 9]).mean;
+        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-2));
+    }
+}

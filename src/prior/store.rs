@@ -1,0 +1,40 @@
+//! Reading the arrays of models, checked.
+
+use crate::io::Model;
+use crate::{Error, Place, Result};
+use ndarray::{Array2, ArrayView2, Axis};
+
+/// An array of whole rows of `width` finite numbers, at least one row.
+pub(super) fn rows<'a>(
+    model: &'a Model,
+    name: &str,
+    width: usize,
+    source: &str,
+) -> Result<ArrayView2<'a, f32>> {
+    let array = model.array(name, source)?;
+    let (n, d) = array.dim();
+    let place = || Place::file(source).part(name);
+    if d != width || n == 0 {
+        let what = format!("has the shape ({n}, {d}), expected rows of {width}");
+        return Err(Error::data(place(), what));
+    }
+    if array.iter().any(|v| !v.is_finite()) {
+        let what = "holds a value that is not finite; train the model again";
+        return Err(Error::data(place(), what));
+    }
+    Ok(array)
+}
+
+/// The typical poses, or where the model has none, some of its own.
+pub(super) fn typical_or(
+    model: &Model,
+    own: ArrayView2<'_, f32>,
+    source: &str,
+) -> Result<Array2<f64>> {
+    if model.arrays.contains_key("typical") {
+        return Ok(rows(model, "typical", own.ncols(), source)?.mapv(f64::from));
+    }
+    let step = own.nrows().div_ceil(32).max(1);
+    let some: Vec<usize> = (0..own.nrows()).step_by(step).collect();
+    Ok(own.select(Axis(0), &some).mapv(f64::from))
+}
