@@ -9,10 +9,26 @@ use crate::sparse::{Ksvd, ksvd::draw};
 use crate::{Error, Result};
 
 /// The kinds of model that can be trained, with what each is.
-pub const KINDS: &[(&str, &str)] = &[(
-    "sparse",
-    "a dictionary of 1,000 atoms by K-SVD, three a pose",
-)];
+pub const KINDS: &[(&str, &str)] = &[
+    (
+        "sparse",
+        "a dictionary of 1,000 atoms by K-SVD, three a pose",
+    ),
+    (
+        "pca",
+        "the principal components that keep 90% of the energy",
+    ),
+    ("gaussian", "one Gaussian"),
+    (
+        "clustered",
+        "20 clusters with a Gaussian each, the likeliest alone",
+    ),
+    ("mfa", "a mixture of 20 factor analysers"),
+    (
+        "mixture",
+        "a mixture of 20 Gaussians, shrunk towards all poses'",
+    ),
+];
 
 /// The kind that is trained where none is named.
 pub const DEFAULT: &str = "mixture"; // blocks
