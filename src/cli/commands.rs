@@ -33,6 +33,7 @@ pub const COMMANDS: &[Listed] = &[
     listed("xyz2bvh", "Turn a pose table into a BVH file", true),
     listed("bvh2xyz", "Turn a BVH file into a pose table", false),
     listed("xyz2amc", "Turn a pose table into an AMC take", false),
+    listed("prior-train", "Learn a prior of poses of any kind", false),
     listed("encode", "Turn poses into sparse codes", false),
     listed("decode", "Turn sparse codes back into poses", false),
     listed("corrupt", "Damage poses on purpose, for tests", false),

@@ -11,7 +11,7 @@ use crate::io::Model;
 use ndarray::{Array2, ArrayView2, Axis};
 
 /// Added to every variance, cm²: what never varies in training (the root of poses in body space) may vary a little.
-pub(super) const RIDGE: f64 = 1e-3 * ASF2;
+pub const RIDGE: f64 = 1e-3 * ASF2;
 
 const STYLE: Style = Style {
     answer: Answer::Average,

@@ -12,7 +12,7 @@
 //! set; these are near what full Gaussians of as many components can hold.
 
 use super::Choice;
-use super::em::{self, Gaussian, Moments, Stop, clusters, weights};
+use super::em::{self, Fitted, Gaussian, Moments, Stop, clusters, weights};
 use super::gaussian::RIDGE;
 use super::gaussians::{self, Answer, Parts, Style, roots};
 use super::train::Training;
@@ -49,11 +49,21 @@ pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
 }
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
-    let start = clusters(xyz, ANALYSERS, LEAST, seed)?;
-    let mut analysers = Analysers::start(&start, FACTORS.min(xyz.ncols()));
+    Ok(fit(xyz, (ANALYSERS, FACTORS), seed, Stop::default())?.0)
+}
+
+/// Fits so many analysers of so many factors (at most) to poses (n, D); and how it went.
+pub fn fit(
+    xyz: ArrayView2<'_, f32>,
+    (analysers, factors): (usize, usize),
+    seed: u64,
+    stop: Stop,
+) -> Result<(Parts, Fitted)> {
+    let start = clusters(xyz, analysers, LEAST, seed)?;
+    let mut analysers = Analysers::start(&start, factors.min(xyz.ncols()));
     let start = analysers.update(&start);
-    let fitted = em::fit(xyz, start, Stop::default(), &mut |m| analysers.update(m));
-    Ok(analysers.parts(&fitted.mixture))
+    let fitted = em::fit(xyz, start, stop, &mut |m| analysers.update(m));
+    Ok((analysers.parts(&fitted.mixture), fitted))
 }
 
 /// L_j and Ψ as EM goes.

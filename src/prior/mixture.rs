@@ -52,7 +52,7 @@ fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
 }
 
 /// The M step for full covariances, with a ridge.
-fn full(moments: &[Moments]) -> Vec<Gaussian> {
+pub fn full(moments: &[Moments]) -> Vec<Gaussian> {
     let components = moments.iter().zip(weights(moments));
     let components = components.map(|(m, weight)| {
         let mut covariance = m.covariance.clone();

@@ -133,6 +133,7 @@ pub trait Prior: Send + Sync {
 /// Opens the prior that a model file holds; `source` is for messages.
 pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prior>> {
     match model.meta.kind.as_str() {
+        "blocks" => Ok(Box::new(blocks::Blocks::from_model(model, source)?)),
         "sparse" => Ok(Box::new(SparsePrior::from_model(model, choice, source)?)),
         "pca" => Ok(Box::new(pca::open(model, choice, source)?)),
         "gaussian" => Ok(Box::new(gaussian::open(model, choice, source)?)),

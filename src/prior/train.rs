@@ -2,8 +2,7 @@
 
 use super::training::{self, TrainingPoses};
 use super::tuning::HoldBack;
-use super::{clustered, gaussian, mfa, mixture, pca};
-use super::{lpca, nearest, nlm, sgplvm};
+use super::{blocks, clustered, gaussian, lpca, mfa, mixture, nearest, nlm, pca, sgplvm};
 use crate::io::Model;
 use crate::io::model::BodyMeta;
 use crate::sparse::{Ksvd, ksvd::draw};
@@ -11,6 +10,10 @@ use crate::{Error, Result};
 
 /// The kinds of model that can be trained, with what each is.
 pub const KINDS: &[(&str, &str)] = &[
+    (
+        "blocks",
+        "a sparse code in blocks at many scales, averaged over its supports",
+    ),
     (
         "sparse",
         "a dictionary of 1,000 atoms by K-SVD, three a pose",
@@ -32,10 +35,24 @@ pub const KINDS: &[(&str, &str)] = &[
         "sik",
         "style-based IK: a scaled Gaussian process latent variable model",
     ),
+    (
+        "pca",
+        "the principal components that keep 90% of the energy",
+    ),
+    ("gaussian", "one Gaussian"),
+    (
+        "clustered",
+        "20 clusters with a Gaussian each, the likeliest alone",
+    ),
+    ("mfa", "a mixture of 20 factor analysers"),
+    (
+        "mixture",
+        "a mixture of 20 Gaussians, shrunk towards all poses'",
+    ),
 ];
 
 /// The kind that is trained where none is named.
-pub const DEFAULT: &str = "mixture"; // blocks
+pub const DEFAULT: &str = "blocks";
 
 /// Atoms of a dictionary, where there are as many poses.
 const ATOMS: usize = 1000;
@@ -70,6 +87,7 @@ impl Training<'_> {
 /// Trains a model of a kind; `report` hears what is being done.
 pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
     match kind {
+        "blocks" => blocks::model(training, &blocks::Settings::default(), report),
         "sparse" => sparse(training, report),
         "pca" => pca::train(training, report),
         "gaussian" => gaussian::train(training, report),

@@ -547,3 +547,45 @@ impl Prior for Tasked {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn poses(takes: usize, frames: usize) -> TrainingPoses {
+        let n = takes * frames;
+        TrainingPoses {
+            points: ["a", "b", "c"].map(String::from).to_vec(),
+            xyz: Array2::from_shape_fn((n, 9), |(t, c)| 20.0 * ((t * (c + 1)) as f32 * 0.1).sin()),
+            takes: (0..takes).map(|t| t * frames..(t + 1) * frames).collect(),
+            body: None,
+            anchor: None,
+            incomplete: 0,
+            unplaced: 0,
+        }
+    }
+
+    #[test]
+    fn observations_are_known_by_their_noise() {
+        let inf = f64::INFINITY;
+        assert_eq!(Task::of(&[0.0, inf]), Task::Complete);
+        assert_eq!(Task::of(&[ASF2, ASF2]), Task::Dense);
+        assert_eq!(Task::of(&[0.0, ASF2]), Task::Sparse);
+        assert_eq!(Task::of(&[0.0, 0.0]), Task::Sparse);
+    }
+
+    #[test]
+    fn whole_takes_are_held_back_and_stretches_of_one() {
+        for (takes, frames, part) in [(10, 50, 50), (1, 500, 25)] {
+            let all = poses(takes, frames);
+            let (kept, held) = hold_back(&all, HoldBack::Takes, 3);
+            assert_eq!(kept.xyz.nrows() + held.nrows(), takes * frames);
+            assert_eq!(held.nrows() % part, 0);
+            assert!(held.nrows() * 4 >= takes * frames / 2 && held.nrows() * 2 <= takes * frames);
+            assert_eq!(kept.takes.last().unwrap().end, kept.xyz.nrows());
+        }
+        let (kept, held) = hold_back(&poses(2, 200), HoldBack::Frames, 3);
+        assert!(held.nrows() >= 50 && held.nrows() <= 110 && kept.takes.len() == 2);
+        assert_eq!(hold_back(&poses(1, 1), HoldBack::Takes, 0).1.nrows(), 0);
+    }
+}

@@ -1,0 +1,104 @@
+//! Learns a prior of poses of any kind.
+
+use clap::{Parser, ValueEnum};
+use posing::Result;
+use posing::cli::flags::{Common, Seed, Space, TableIn};
+use posing::cli::progress::Progress;
+use posing::cli::training::ready;
+use posing::cli::{Outcome, run, say, streams};
+use posing::prior::train::{DEFAULT, KINDS, Training, train};
+use posing::prior::training::{digest, entry};
+use posing::prior::tuning::{HoldBack, Tuning};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Learn a prior of poses of any kind
+///
+/// Any of them is a model for denoise and complete. How much each is trusted is tuned, task by task, on a part of the
+/// poses that it is not learnt from; then it is learnt from all of them. Poses that lack a point are not learnt from.
+#[derive(Parser)]
+#[command(
+    name = "prior-train",
+    version,
+    after_help = "Examples:\n  posing prior-train -o model.npz poses.csv\n  posing prior-train --kind gaussian --space body -o gaussian.npz poses.npy\n  posing denoise -m model.npz noisy.csv -o clean.csv"
+)]
+struct Args {
+    #[command(flatten)]
+    input: TableIn,
+    /// What kind of prior
+    #[arg(long, value_name = "KIND", default_value = DEFAULT, value_parser = kinds())]
+    kind: String,
+    /// What is held back to tune on: whole takes (for motion not seen before), or frames at random
+    #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
+    hold_back: HoldBackFlag,
+    /// Where poses are learnt: in the model's space, to which each is carried, or as the rows are
+    #[arg(long, value_enum, default_value = "world")]
+    space: Space,
+    /// Words that must go with the data (kept in the model)
+    #[arg(long, value_name = "TEXT")]
+    credit: Option<String>,
+    /// The prior
+    #[arg(short, long, value_name = "MODEL.npz")]
+    output: PathBuf,
+    #[command(flatten)]
+    seed: Seed,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum HoldBackFlag {
+    /// About a fifth of the poses, as whole takes
+    Takes,
+    /// A fifth of the frames
+    Frames,
+}
+
+/// The kinds, with what each is.
+fn kinds() -> clap::builder::PossibleValuesParser {
+    let value = |(name, what): &(&'static str, &'static str)| {
+        clap::builder::PossibleValue::new(*name).help(*what)
+    };
+    KINDS.iter().map(value).collect::<Vec<_>>().into()
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let world = args.space == Space::World;
+    let poses = ready(&args.input, args.input.files.clone(), world, None)?;
+    let (hold_back, held) = match args.hold_back {
+        HoldBackFlag::Takes => (HoldBack::Takes, "takes"),
+        HoldBackFlag::Frames => (HoldBack::Frames, "frames"),
+    };
+    let training = Training {
+        poses: &poses,
+        world,
+        seed: args.seed.seed,
+        hold_back,
+    };
+    let bar = Progress::new("prior-train", 0);
+    let mut model = train(&args.kind, &training, &mut |what| {
+        bar.tell(what.to_string());
+        say::detail(what);
+    })?;
+    drop(bar);
+    if Tuning::read(&model).is_some_and(|t| t.tested == 0) {
+        say::note("too few poses to hold any back: nothing is tuned");
+    }
+    model.meta.credit.clone_from(&args.credit);
+    let flags = [
+        ("kind", args.kind.clone()),
+        ("hold-back", held.to_string()),
+        ("space", args.space.name().to_string()),
+        ("seed", args.seed.seed.to_string()),
+    ];
+    let input = digest(&poses.points, poses.xyz.view());
+    let step = entry("prior-train", &flags, vec![input]);
+    model.meta.history.push(step);
+    streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;
+    Ok(Outcome::Done)
+}

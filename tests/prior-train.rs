@@ -1,0 +1,87 @@
+//! `prior-train`: a model of each kind, from a real take to what denoise and complete make of it.
+
+mod common;
+
+use common::{command, fails, run, text};
+
+/// Every fourth pose of a walk, as rows are.
+fn walk() -> String {
+    let table = common::take("07", "07_01", &["--space", "body"]).expect("a take of testdata");
+    common::thin(&table, 400, 2)
+}
+
+fn rms(a: &str, b: &str) -> f64 {
+    let (a, b) = (common::Numbers::read(a), common::Numbers::read(b));
+    let pairs = || a.rows.iter().flatten().zip(b.rows.iter().flatten());
+    let sum: f64 = pairs().map(|(a, b)| (a - b) * (a - b)).sum();
+    (sum / pairs().count() as f64).sqrt()
+}
+
+#[test]
+fn models_of_each_kind_denoise_and_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let walk = walk();
+    let noisy = run("corrupt", &["--dense", "1asf", "--seed", "1"], &walk);
+    for kind in ["pca", "gaussian", "clustered", "mfa", "mixture"] {
+        let path = folder.path().join(format!("{kind}.npz"));
+        let model = text(&path);
+        let args = ["-q", "--kind", kind, "--space", "body", "-o", model];
+        run("prior-train", &args, &walk);
+        let how = ["-m", model, "--space", "body", "--per-frame", "-q"];
+        let denoised = run(
+            "denoise",
+            &[&how[..], &["--noise", "5.644"]].concat(),
+            &noisy,
+        );
+        let (before, after) = (rms(&noisy, &walk), rms(&denoised, &walk));
+        assert!(after <= 0.6 * before, "{kind}: {after} of {before}");
+        let six = "lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot";
+        let completed = run("complete", &[&how[..], &["--observe", six]].concat(), &walk);
+        let after = rms(&completed, &walk);
+        assert!(after <= 4.0, "{kind}: {after}");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_at_any_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let walk = walk();
+    let model = |threads: &str| {
+        let path = folder.path().join(threads);
+        let args = [
+            "-q",
+            "--kind",
+            "mfa",
+            "--threads",
+            threads,
+            "-o",
+            text(&path),
+        ];
+        run("prior-train", &args, &walk);
+        std::fs::read(path).unwrap()
+    };
+    assert!(model("1") == model("2") && model("1") == model("7"));
+}
+
+#[test]
+fn what_cannot_be_done_is_told() {
+    let done = command("prior-train")
+        .args(["--kind", "magic", "-o", "x.npz"])
+        .assert();
+    done.code(2);
+    let said = fails("prior-train", &["-o", "x.npz"], b"a.x,a.y,a.z\n,,\n", 1);
+    assert!(said.contains("no complete pose"), "{said}");
+}
+
+#[test]
+fn a_few_poses_are_enough() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("few.npz");
+    let few = common::thin(&walk(), 3, 1);
+    for kind in ["pca", "gaussian", "clustered", "mfa", "mixture"] {
+        let args = ["-q", "--kind", kind, "--space", "body", "-o", text(&path)];
+        run("prior-train", &args, &few);
+        let how = ["-q", "-m", text(&path), "--space", "body", "--noise", "1"];
+        run("denoise", &how, &few);
+    }
+}
