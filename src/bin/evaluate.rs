@@ -47,7 +47,7 @@ struct Args {
     models: Option<::std::vec::Vec<String>>,
     /// A trained model, tested as it is; may be repeated
     #[arg(short, long = "model", value_name = "MODEL.npz")]
-    files: Vec<PathBuf>,
+    given: Vec<PathBuf>,
     /// dense, sparse, complete (default: all)
     #[arg(long, value_name = "LIST", value_parser = list)]
     tasks: Option<::std::vec::Vec<String>>,
@@ -110,7 +110,7 @@ fn work(args: Args) -> Result<Outcome> {
     args.common.apply()?;
     let asked = Asked {
         models: args.models,
-        files: args.files,
+        files: args.given,
         tasks: args.tasks,
         splits: args.splits,
         seeds: args.seeds,

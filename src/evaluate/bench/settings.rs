@@ -191,7 +191,7 @@ mod tests {
     fn unknown_keys_and_wrong_values_are_refused_with_file_and_line() {
         for (text, line, part) in [
             ("seeds = 3\nsplit = [\"takes\"]\n", 2, "split"),
-            ("\n\nseeds = \"x\"\n", 3, "integer"),
+            ("\n\nseeds = \"x\"\n", 3, "u64"),
             ("seeds = 1\nseeds = 2\n", 2, "duplicate"),
             ("seeds = \n", 1, ""),
             ("[more]\nx = 1", 1, "more"),
