@@ -46,7 +46,7 @@ struct Args {
     #[arg(long, value_name = "LIST", value_parser = list)]
     models: Option<::std::vec::Vec<String>>,
     /// A trained model, tested as it is; may be repeated
-    #[arg(short, long = "model", value_name = "MODEL.npz")]
+    #[arg(short = 'm', long = "model", value_name = "MODEL.npz")]
     given: Vec<PathBuf>,
     /// dense, sparse, complete (default: all)
     #[arg(long, value_name = "LIST", value_parser = list)]
