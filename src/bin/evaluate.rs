@@ -18,7 +18,8 @@ use std::process::ExitCode;
 /// coordinates. Tables are to be in body space (posing amc2xyz --space body); a frame that lacks a point is left out.
 ///
 /// Tasks: dense (noise of 1 asf on every coordinate, its variance told), sparse (noise of 1 asf on each joint with
-/// probability 0.2; which joints is not told, a plain model is told the mean variance), complete (only the joints of
+/// probability 0.2; which joints is not told: a model reckons with the noise it was tuned to, one that was not tuned with
+/// the mean variance), complete (only the joints of
 /// --observe are seen).
 ///
 /// Splits: frames (a random half; a test frame then has its neighbours in time in the training half), takes (whole takes
@@ -91,7 +92,7 @@ or frames under that split), mse, low and high (95%), rms_cm, training_mse, with
 coordinates that lie within one and two of the deviations the model states; exact and constant ones do not count), best.
   DIR/results.json: settings; data (takes, subjects, digests, twins: takes found to be one); summary (a row for all \
 seeds: besides the CSV's numbers by_joint, within at the deviations of gaussian_within, and to_best_other, the error over \
-that of the best other model with its interval on the same draws); cells (each seed by itself, with by_take).
+that of the best other model with its interval on the same draws); cells (each seed by itself, with by_take and, where a model was tuned, its tuning curve).
   DIR/times.csv: seconds a pose (one thread, while others work) and seconds of training. Times alone differ between runs.
   DIR/cells.jsonl: finished cells. A run that was killed goes on from them, to the same results; one with more models or \
 seeds does only what is new.

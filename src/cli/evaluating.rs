@@ -179,6 +179,7 @@ fn given(path: &Path) -> Result<Method> {
             source,
             prior,
             points: model.meta.points.clone(),
+            tuning: model.meta.details.get("tuning").cloned(),
             past,
         }),
         choice,

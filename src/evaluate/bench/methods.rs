@@ -2,24 +2,22 @@
 
 use super::data::Data;
 use super::leaks::Past;
+use super::tasks::{Damaged, Task};
+use crate::par;
 use crate::prior::train::{KINDS, Training, train};
 use crate::prior::training::{TrainingPoses, sparse_model};
 use crate::prior::{self, Belief, Choice, Prior};
-use crate::sparse::{Ksvd, Pursuit, Rule, ksvd::draw};
+use crate::sparse::{Ksvd, Rule, ksvd::draw};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, s};
+use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::tasks::Damaged;
-use crate::par;
-
 /// The ending of a method's name that asks for outliers to be found and rigid distances to be kept.
 pub const TREATED: &str = "+treated";
-/// K-SVD here: at most so many atoms, and no more than a quarter of the poses.
+/// K-SVD here: at most so many atoms, and no more than a quarter of the poses, so that few poses are learnt from too.
 const ATOMS: usize = 1000;
-/// Its iterations: the training error changes by less than a percent after them.
-const ITERATIONS: usize = 10;
 /// Poses are restored so many at a time: fixed, so that the threads change nothing.
 const BATCH: usize = 100;
 
@@ -34,6 +32,8 @@ pub struct Given {
     pub prior: Arc<dyn Prior>,
     /// Its points.
     pub points: Vec<String>,
+    /// What its details say of its tuning.
+    pub tuning: Option<Value>,
     /// What is known of its training.
     pub past: Past,
 }
@@ -168,6 +168,21 @@ pub struct Ready {
     pub priors: Vec<Arc<dyn Prior>>,
     /// Seconds that training took; `None` for a given model.
     pub seconds: Option<f64>,
+    /// What the model's details say of its tuning. A tuned model reckons with a noise of its own where none is told; any
+    /// other must be told one.
+    pub tuning: Option<Value>,
+}
+
+impl Ready {
+    /// The part of the tuning that is a task's: what was chosen, and the curve.
+    pub fn tuning_of(&self, task: Task) -> Option<Value> {
+        let all = self.tuning.as_ref()?;
+        let curve = all.get("curve").and_then(Value::as_array);
+        let own = |tried: &&Value| tried.get("task").and_then(Value::as_str) == Some(task.name());
+        let curve: Vec<Value> = curve.into_iter().flatten().filter(own).cloned().collect();
+        let chosen = all.get("chosen").and_then(|c| c.get(task.name()));
+        Some(json!({"chosen": chosen, "curve": curve}))
+    }
 }
 
 /// Makes the model that some methods share (their recipe is the same).
@@ -182,23 +197,20 @@ pub fn make(methods: &[&Method], poses: &TrainingPoses, seed: u64) -> Result<Rea
             return Ok(Ready {
                 priors: methods.iter().map(|_| given.prior.clone()).collect(),
                 seconds: None,
+                tuning: given.tuning.clone(),
             });
         }
         None => {
             return Ok(Ready {
                 priors: Vec::new(),
                 seconds: None,
+                tuning: None,
             });
         }
     };
     let model = if kind == "sparse" {
         let atoms = atoms.unwrap_or(ATOMS.min(poses.xyz.nrows().div_ceil(4)));
-        let ksvd = Ksvd {
-            iterations: ITERATIONS,
-            pursuit: Pursuit::default(),
-            ..Ksvd::default()
-        };
-        ksvd.check()?;
+        let ksvd = Ksvd::default();
         let start = draw(poses.xyz.view(), atoms, seed)?;
         let state = ksvd.train(start, poses.xyz.view(), None, &mut |_| Ok(()))?;
         sparse_model(poses, &state.dictionary, &ksvd.pursuit, false)?
@@ -213,7 +225,12 @@ pub fn make(methods: &[&Method], poses: &TrainingPoses, seed: u64) -> Result<Rea
     let seconds = Some(began.elapsed().as_secs_f64());
     let open = |m: &&Method| prior::open(&model, &m.choice, &m.name).map(Arc::from);
     let priors = methods.iter().map(open).collect::<Result<_>>()?;
-    Ok(Ready { priors, seconds })
+    let tuning = model.meta.details.get("tuning").cloned();
+    Ok(Ready {
+        priors,
+        seconds,
+        tuning,
+    })
 }
 
 /// What a method needs besides its prior to find outliers and keep rigid distances.

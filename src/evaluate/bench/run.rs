@@ -6,7 +6,7 @@ use super::leaks::{Twin, twins};
 use super::methods::{Method, Source, Treatment, make, restore};
 use super::settings::Settings;
 use super::splits::{Partition, Split};
-use super::tasks::{Damage, Damaged, Task};
+use super::tasks::{Damage, Damaged, SPARSE_MEAN, Task};
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::Prior;
 use crate::prior::training::{TrainingPoses, hex};
@@ -289,12 +289,17 @@ impl<'a> Bench<'a> {
         for ((method, cells), prior) in job.methods.iter().zip(&ready.priors) {
             let treatment = treatment.as_ref().filter(|_| method.treated);
             for (base, id) in cells {
-                let test = self.frames(&tested, job.partition, id, *base)?;
+                let untold = treatment.is_none() && ready.tuning.is_none();
+                let more = match id.task {
+                    Task::Sparse if untold => SPARSE_MEAN,
+                    _ => 0.0,
+                };
+                let test = self.frames(&tested, job.partition, id, *base, more)?;
                 let (test, seconds) = self.ask(&**prior, treatment, &test, job, id)?;
                 let training = match given {
                     true => None,
                     false => {
-                        let frames = self.frames(&learnt, job.partition, id, *base)?;
+                        let frames = self.frames(&learnt, job.partition, id, *base, more)?;
                         let measured = self.ask(&**prior, treatment, &frames, job, id)?.0;
                         // Only its mean is of use: a unit a frame would fill the file.
                         Some(Measured {
@@ -306,6 +311,7 @@ impl<'a> Bench<'a> {
                 done(Cell {
                     id: id.clone(),
                     learnt_from: (!given).then(|| job.poses.xyz.nrows()),
+                    tuning: ready.tuning_of(id.task),
                     seconds_per_pose: seconds / test.frames.max(1) as f64,
                     test,
                     training,
@@ -327,19 +333,22 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// Damages frames for a cell.
+    /// Damages frames for a cell; `more` is added to the variance that is told.
     fn frames<'r>(
         &self,
         rows: &'r [usize],
         part: &Partition,
         id: &Id,
         base: f64,
+        more: f64,
     ) -> Result<Frames<'r>> {
         let truth = self.data.rows(rows);
         let damage = self.damage(part.split(), part.seed(), id.task, base);
+        let mut damaged = damage.apply(&truth, rows)?;
+        damaged.told += more;
         Ok(Frames {
             rows,
-            damaged: damage.apply(&truth, rows)?,
+            damaged,
             truth,
         })
     }
@@ -356,7 +365,7 @@ impl<'a> Bench<'a> {
         let (beliefs, seconds) = restore(prior, treatment, &frames.damaged);
         let measured = measure(
             self.data,
-            id.split,
+            (id.split, id.task),
             frames.rows,
             frames.truth.view(),
             &frames.damaged,

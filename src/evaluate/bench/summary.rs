@@ -242,6 +242,7 @@ pub(super) mod tests {
                 ..test.clone()
             }),
             test,
+            tuning: None,
             seconds_per_pose: 1e-3,
             seconds_training: Some(1.0),
         }

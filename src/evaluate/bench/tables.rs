@@ -92,6 +92,8 @@ struct JsonCell<'a> {
     by_joint: &'a [f64],
     calibrated_on: u64,
     within: Vec<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tuning: Option<&'a serde_json::Value>,
     /// Under `takes` and `subjects`: the error by take.
     by_take: Vec<(&'a str, usize, f64)>,
 }
@@ -185,6 +187,7 @@ impl Results<'_> {
             by_joint: &test.by_joint,
             calibrated_on: test.coordinates,
             within: test.shares(),
+            tuning: cell.tuning.as_ref(),
             by_take,
         }
     }
