@@ -5,7 +5,7 @@ use posing::cli::evaluating::{self, Asked, WorkFile, lengths, list, plan, source
 use posing::cli::flags::{Common, TableIn};
 use posing::cli::{Outcome, run, say, streams};
 use posing::evaluate::bench::tables::Results;
-use posing::evaluate::bench::{Bench, Data, summary};
+use posing::evaluate::bench::{Bench, Data, report, summary};
 use posing::{Error, Result};
 use std::fs;
 use std::path::PathBuf;
@@ -70,7 +70,7 @@ struct Args {
     /// The joints that completion sees (default: the paper's six)
     #[arg(long, value_name = "LIST", value_parser = list)]
     observe: Option<::std::vec::Vec<String>>,
-    /// Write results.csv, results.json and times.csv into DIR, and keep finished cells there
+    /// Write results.csv, results.json, report.html and times.csv into DIR, and keep finished cells there
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
     /// Run all cells anew, also those that DIR keeps
@@ -93,6 +93,7 @@ coordinates that lie within one and two of the deviations the model states; exac
   DIR/results.json: settings; data (takes, subjects, digests, twins: takes found to be one); summary (a row for all \
 seeds: besides the CSV's numbers by_joint, within at the deviations of gaussian_within, and to_best_other, the error over \
 that of the best other model with its interval on the same draws); cells (each seed by itself, with by_take and, where a model was tuned, its tuning curve).
+  DIR/report.html: the tables, error by joint and calibration on one page that needs nothing else.
   DIR/times.csv: seconds a pose (one thread, while others work) and seconds of training. Times alone differ between runs.
   DIR/cells.jsonl: finished cells. A run that was killed goes on from them, to the same results; one with more models or \
 seeds does only what is new.
@@ -158,6 +159,7 @@ fn work(args: Args) -> Result<Outcome> {
             ("results.csv", results.csv()),
             ("results.json", results.json()?),
             ("times.csv", results.times()),
+            ("report.html", report::html(&results)),
         ];
         evaluating::write(folder, &files)?;
     }

@@ -342,7 +342,7 @@ fn grid(rows: &[Row]) -> Vec<Vec<String>> {
 }
 
 /// Three digits that count, never an exponent above 1e-5.
-fn short(v: f64) -> String {
+pub(super) fn short(v: f64) -> String {
     let digits = (2 - v.abs().max(1e-5).log10().floor() as i32).clamp(0, 6) as usize;
     format!("{v:.digits$}")
 }
