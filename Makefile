@@ -9,7 +9,7 @@ BIN    := target/release
 CMU    ?=
 
 ON_PATH  := amc2xyz cluster ksvd-train dict-concat denoise complete xyz2bvh
-BESIDE   := bvh2xyz xyz2amc prior-train encode decode corrupt score plot model
+BESIDE   := bvh2xyz xyz2amc prior-train encode decode corrupt score evaluate plot model
 
 .PHONY: demo test build needs model bench bless install uninstall clean
 

@@ -127,7 +127,7 @@ fn work(args: &Args) -> Result<Outcome> {
     model
         .meta
         .history
-        .push(entry("ksvd-train", &flags, vec![input]));
+        .push(entry("ksvd-train", &flags, poses.digests()));
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;
     training.finish()?;
     Ok(Outcome::Done)

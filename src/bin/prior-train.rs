@@ -7,7 +7,7 @@ use posing::cli::progress::Progress;
 use posing::cli::training::ready;
 use posing::cli::{Outcome, run, say, streams};
 use posing::prior::train::{DEFAULT, KINDS, Training, train};
-use posing::prior::training::{digest, entry};
+use posing::prior::training::entry;
 use posing::prior::tuning::{HoldBack, Tuning};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -96,8 +96,7 @@ fn work(args: &Args) -> Result<Outcome> {
         ("space", args.space.name().to_string()),
         ("seed", args.seed.seed.to_string()),
     ];
-    let input = digest(&poses.points, poses.xyz.view());
-    let step = entry("prior-train", &flags, vec![input]);
+    let step = entry("prior-train", &flags, poses.digests());
     model.meta.history.push(step);
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;
     Ok(Outcome::Done)

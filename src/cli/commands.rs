@@ -39,6 +39,11 @@ pub const COMMANDS: &[Listed] = &[
     listed("corrupt", "Damage poses on purpose, for tests", false),
     listed("score", "Compare poses with the truth", false),
     listed(
+        "evaluate",
+        "Compare models on poses they have not learnt from",
+        false,
+    ),
+    listed(
         "plot",
         "Draw a table as SVG, or as a page that plays it",
         false,

@@ -2,6 +2,7 @@
 
 pub mod commands;
 pub mod drawing;
+pub mod evaluating;
 pub mod flags;
 pub mod instep;
 pub mod pages;

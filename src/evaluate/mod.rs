@@ -1,5 +1,6 @@
-//! Corruptions, scores, figures.
+//! Corruptions, scores, figures, and the bench that compares models.
 
+pub mod bench;
 pub mod corruption;
 pub mod damage;
 pub mod figure;

@@ -43,6 +43,20 @@ pub struct TrainingPoses {
     pub unplaced: usize,
 }
 
+impl TrainingPoses {
+    /// What a model's history keeps of its inputs: the digest of all poses and, where there are several, of each take, so
+    /// that a model is never tested on a take it was trained from.
+    pub fn digests(&self) -> Vec<String> {
+        let mut all = vec![digest(&self.points, self.xyz.view())];
+        if self.takes.len() > 1 {
+            let take =
+                |r: &Range<usize>| digest(&self.points, self.xyz.slice(ndarray::s![r.clone(), ..]));
+            all.extend(self.takes.iter().map(take));
+        }
+        all
+    }
+}
+
 /// Carries complete poses to the model's space: root at the origin, no global rotation and, in world space, the mean
 /// body's bone lengths. With `world` false rows are used as they are. With `like`, they become comparable to those poses:
 /// the same points in the same order, the same body, the same placement.

@@ -5,7 +5,6 @@ use super::parts::parts;
 use super::{Blocks, FLOOR};
 use crate::cluster::{self, Parameters};
 use crate::io::Model;
-use crate::io::model::BodyMeta;
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::train::Training;
 use crate::prior::training::{TrainingPoses, typical};
@@ -185,18 +184,8 @@ pub fn model(
     report: &mut dyn FnMut(&str),
 ) -> Result<Model> {
     settings.check()?;
-    let poses = training.poses;
     let blocks = train(training, settings, report)?;
-    let mut model = Model::new(
-        "blocks",
-        &poses.points,
-        if training.world { "world" } else { "body" },
-    );
-    model.meta.body = poses.body.as_ref().map(BodyMeta::from);
-    model
-        .meta
-        .details
-        .insert("frames".into(), poses.xyz.nrows().into());
+    let mut model = training.model("blocks")?;
     super::file::write(&blocks, settings, &mut model)?;
     Ok(model)
 }

@@ -243,6 +243,7 @@ mod tests {
             poses,
             world: false,
             seed: 1,
+            hold_back: Default::default(),
         };
         let model = model(&training, &settings, &mut |_| ()).unwrap();
         (Blocks::from_model(&model, "test").unwrap(), model)

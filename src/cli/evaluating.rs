@@ -1,0 +1,328 @@
+//! What `evaluate` does around the library: flags and TOML file in one, tables and models, the work file, the bar.
+
+use super::flags::{TableIn, parse_length};
+use super::progress::Progress;
+use super::{say, streams};
+use crate::evaluate::bench::data::Source;
+use crate::evaluate::bench::leaks::Past;
+use crate::evaluate::bench::methods::{Given, Source as Making};
+use crate::evaluate::bench::run::{Event, Finished};
+use crate::evaluate::bench::settings::Length;
+use crate::evaluate::bench::{Bench, Cell, Config, Method, Settings, Split, Task};
+use crate::prior::training::hex;
+use crate::prior::{self, Choice};
+use crate::{Error, Place, Result};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// No TOML file is larger.
+const LARGEST_CONFIG: u64 = 1 << 20;
+
+/// What was asked for by flags; each that is absent is what the TOML file says, else the default.
+#[derive(Debug, Default)]
+pub struct Asked {
+    /// `--models`
+    pub models: Option<Vec<String>>,
+    /// `-m`
+    pub files: Vec<PathBuf>,
+    /// `--tasks`
+    pub tasks: Option<Vec<String>>,
+    /// `--splits`
+    pub splits: Option<Vec<String>>,
+    /// `--seeds`
+    pub seeds: Option<u64>,
+    /// `--seed`
+    pub seed: Option<u64>,
+    /// `--frames`
+    pub frames: Option<usize>,
+    /// `--base`, cm
+    pub base: Option<Vec<f64>>,
+    /// `--observe`
+    pub observe: Option<Vec<String>>,
+    /// `-o`
+    pub output: Option<PathBuf>,
+}
+
+/// What is to be done.
+pub struct Plan {
+    /// The settings.
+    pub settings: Settings,
+    /// Tables to read.
+    pub tables: Vec<PathBuf>,
+    /// Whose each take is, where its name does not say.
+    pub subjects: BTreeMap<String, String>,
+    /// Where results go.
+    pub output: Option<PathBuf>,
+}
+
+/// Joins flags, tables and the TOML file.
+pub fn plan(asked: Asked, tables: Vec<PathBuf>, config: Option<&Path>) -> Result<Plan> {
+    let (file, folder) = match config {
+        Some(path) => (read_config(path)?, path.parent().unwrap_or(Path::new(""))),
+        None => (Config::default(), Path::new("")),
+    };
+    let place = |name: &String| folder.join(name);
+    let usual = Settings::default();
+    let named = asked.models.or(file.models);
+    let mut models = asked.files;
+    if models.is_empty() {
+        models.extend(file.model_files.iter().flatten().map(place));
+    }
+    // Where files are given and nothing is named, they alone are compared.
+    let named = match named {
+        Some(named) => named,
+        None if !models.is_empty() => Vec::new(),
+        None => Method::usual(),
+    };
+    let mut methods: Vec<Method> = named
+        .iter()
+        .map(|n| Method::parse(n))
+        .collect::<Result<_>>()?;
+    for path in &models {
+        methods.push(given(path)?);
+    }
+    let list = |names: Option<Vec<String>>| names.unwrap_or_default();
+    let tasks = list(asked.tasks.or(file.tasks));
+    let tasks: Vec<Task> = tasks
+        .iter()
+        .map(|t| Task::parse(t))
+        .collect::<Result<_>>()?;
+    let splits = list(asked.splits.or(file.splits));
+    let base = match (asked.base, file.base) {
+        (Some(base), _) => base,
+        (None, Some(base)) => base.iter().map(length).collect::<Result<_>>()?,
+        (None, None) => usual.base,
+    };
+    let tables = match tables.is_empty() {
+        true => file.tables.iter().flatten().map(place).collect(),
+        false => tables,
+    };
+    Ok(Plan {
+        settings: Settings {
+            methods,
+            tasks: if tasks.is_empty() { usual.tasks } else { tasks },
+            splits: splits
+                .iter()
+                .map(|s| Split::parse(s))
+                .collect::<Result<_>>()?,
+            seeds: asked.seeds.or(file.seeds).unwrap_or(usual.seeds),
+            first_seed: asked.seed.or(file.seed).unwrap_or(usual.first_seed),
+            frames: asked.frames.or(file.frames).unwrap_or(usual.frames),
+            base,
+            observe: asked.observe.or(file.observe).unwrap_or(usual.observe),
+        },
+        tables,
+        subjects: file.subjects,
+        output: asked.output.or(file.output.as_ref().map(place)),
+    })
+}
+
+fn read_config(path: &Path) -> Result<Config> {
+    let input = streams::open(path)?;
+    let name = input.name.clone();
+    let bytes = input.read_all(LARGEST_CONFIG)?;
+    let text = String::from_utf8(bytes)
+        .map_err(|_| Error::data(Place::file(&name), "is no TOML file: it is not UTF-8"))?;
+    Config::parse(&text, &name)
+}
+
+/// A length of the TOML file, cm.
+fn length(length: &Length) -> Result<f64> {
+    match length {
+        Length::Number(v) => Ok(*v),
+        Length::Text(t) => parse_length(t).map_err(|e| Error::usage(format!("base \"{t}\": {e}"))),
+    }
+}
+
+/// The name of a file without folder and last extension.
+fn stem(path: &Path) -> String {
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
+    stem.unwrap_or_else(|| "model".into())
+}
+
+/// A model file as a method.
+fn given(path: &Path) -> Result<Method> {
+    let model = streams::open_model(path)?;
+    let source = path.display().to_string();
+    if model.meta.space != "body" {
+        let what = "is a model of poses in world space; models are compared in body space \
+                    (train it with --space body)";
+        return Err(Error::data(Place::file(&source), what));
+    }
+    let choice = Choice::default();
+    let prior = Arc::from(prior::open(&model, &choice, &source)?);
+    let width = 3 * model.meta.points.len();
+    let history = model.meta.history.iter();
+    let past = Past {
+        digests: history.flat_map(|e| e.inputs.clone()).collect(),
+        poses: model
+            .arrays
+            .values()
+            .filter(|a| a.ncols() == width)
+            .cloned()
+            .collect(),
+    };
+    if past.digests.is_empty() {
+        say::note(&format!(
+            "{source}: does not tell what it was trained from; a leak shows only in poses that it keeps"
+        ));
+    }
+    Ok(Method {
+        name: stem(path),
+        source: Making::Given(Given {
+            digest: hex(&Sha256::digest(model.to_bytes()?)),
+            source,
+            prior,
+            points: model.meta.points.clone(),
+            tuning: model.meta.details.get("tuning").cloned(),
+            past,
+        }),
+        choice,
+        treated: false,
+    })
+}
+
+/// Reads the tables, each by itself.
+pub fn sources(flags: &TableIn, tables: &[PathBuf]) -> Result<Vec<Source>> {
+    streams::one_stdin(tables)?;
+    let standard_input = [PathBuf::from("-")];
+    let tables = if tables.is_empty() {
+        &standard_input
+    } else {
+        tables
+    };
+    let read = |path: &PathBuf| {
+        let one = TableIn {
+            files: vec![path.clone()],
+            ..flags.clone()
+        };
+        let table = streams::read_table(&one, false, false)?;
+        Ok(Source {
+            name: table.name,
+            label: stem(path),
+            poses: table.poses,
+        })
+    };
+    tables.iter().map(read).collect()
+}
+
+/// A line of the work file.
+#[derive(Serialize, Deserialize)]
+struct Line {
+    key: String,
+    cell: Cell,
+}
+
+/// The file that finished cells are kept in, a line of JSON each.
+pub struct WorkFile {
+    path: PathBuf,
+    file: File,
+    /// What it held.
+    pub finished: Finished,
+}
+
+impl WorkFile {
+    /// Opens it, or starts it; `fresh` forgets what it holds. A last line that a kill has cut off is taken away.
+    ///
+    /// # Errors
+    /// A line that is no cell, with its number.
+    pub fn open(path: &Path, fresh: bool) -> Result<WorkFile> {
+        let fail = |e| Error::io(path, e);
+        let text = match fs::read(path) {
+            Ok(bytes) if !fresh => bytes,
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(fail(e)),
+            _ => Vec::new(),
+        };
+        let whole = text
+            .iter()
+            .rposition(|b| *b == b'\n')
+            .map_or(0, |at| at + 1);
+        let mut finished = Finished::new();
+        let lines = text[..whole].split(|b| *b == b'\n');
+        for (i, line) in lines.enumerate().filter(|(_, l)| !l.is_empty()) {
+            let line: Line = serde_json::from_slice(line).map_err(|e| {
+                let name = path.display().to_string();
+                let what = format!("is no finished cell ({e}); remove the file, or use --fresh");
+                Error::data(Place::line(name, i as u64 + 1), what)
+            })?;
+            finished.insert(line.key, line.cell);
+        }
+        let mut options = OpenOptions::new();
+        let file = options.create(true).append(true).open(path).map_err(fail)?;
+        file.set_len(whole as u64).map_err(fail)?;
+        Ok(WorkFile {
+            path: path.to_path_buf(),
+            file,
+            finished,
+        })
+    }
+
+    fn keep(&mut self, key: &str, cell: &Cell) -> Result<()> {
+        let line = Line {
+            key: key.into(),
+            cell: cell.clone(),
+        };
+        let mut text = serde_json::to_vec(&line).map_err(|e| Error::usage(e.to_string()))?;
+        text.push(b'\n');
+        let write = self.file.write_all(&text);
+        write.map_err(|e| Error::io(&self.path, e))
+    }
+}
+
+/// Runs the bench with a bar; finished cells go to the work file.
+pub fn run(bench: &Bench<'_>, mut work: Option<WorkFile>) -> Result<Vec<Cell>> {
+    let finished = work.as_mut().map(|w| std::mem::take(&mut w.finished));
+    let finished = finished.unwrap_or_default();
+    let total = bench.cells().len();
+    let had = total - bench.missing(&finished);
+    if had > 0 {
+        say::note(&format!("{had} of {total} cells were done before"));
+    }
+    let bar = Progress::new("evaluate", total as u64);
+    bar.set(had as u64);
+    let mut done = had as u64;
+    bench.run(&finished, &mut |event| {
+        match event {
+            Event::Training { model, split, seed } => {
+                let words = format!("{model}, {} {seed}", split.name());
+                say::detail(&format!("trains {words}"));
+                bar.tell(words);
+            }
+            Event::Done { key, cell } => {
+                done += 1;
+                bar.set(done);
+                if let Some(work) = &mut work {
+                    work.keep(key, cell)?;
+                }
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Writes the results into a folder.
+pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
+    for (name, text) in files {
+        crate::io::output::write_file(&folder.join(name), text.as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Reads a comma-separated list.
+pub fn list(text: &str) -> std::result::Result<Vec<String>, String> {
+    let names: Vec<String> = text.split(',').map(|n| n.trim().to_string()).collect();
+    match names.iter().any(String::is_empty) {
+        true => Err("expected names with commas between them".into()),
+        false => Ok(names),
+    }
+}
+
+/// Reads a comma-separated list of lengths, cm.
+pub fn lengths(text: &str) -> std::result::Result<Vec<f64>, String> {
+    text.split(',').map(|t| parse_length(t.trim())).collect()
+}

@@ -1,0 +1,345 @@
+//! What is compared: a model, how it comes about, and how it is asked.
+
+use super::data::Data;
+use super::leaks::Past;
+use super::splits::Split;
+use super::tasks::{Damaged, Task};
+use crate::par;
+use crate::prior::train::{KINDS, Training, train};
+use crate::prior::training::{TrainingPoses, sparse_model};
+use crate::prior::tuning::HoldBack;
+use crate::prior::{self, Belief, Choice, Prior};
+use crate::sparse::{Ksvd, Rule, ksvd::draw};
+use crate::{Error, Place, Result};
+use ndarray::{Array2, ArrayView2, s};
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The ending of a method's name that asks for outliers to be found and rigid distances to be kept.
+pub const TREATED: &str = "+treated";
+/// K-SVD here: at most so many atoms, and no more than a quarter of the poses, so that few poses are learnt from too.
+const ATOMS: usize = 1000;
+/// Poses are restored so many at a time: fixed, so that the threads change nothing.
+const BATCH: usize = 100;
+
+/// A model that somebody has trained.
+#[derive(Clone)]
+pub struct Given {
+    /// The file's name, for messages.
+    pub source: String,
+    /// The SHA-256 of the file: tells its cells from those of any other.
+    pub digest: String,
+    /// It.
+    pub prior: Arc<dyn Prior>,
+    /// Its points.
+    pub points: Vec<String>,
+    /// What its details say of its tuning.
+    pub tuning: Option<Value>,
+    /// What is known of its training.
+    pub past: Past,
+}
+
+/// How a model comes about.
+#[derive(Clone)]
+pub enum Source {
+    /// Trained on the training part: a kind of `prior-train`, or `sparse`, a K-SVD dictionary of this many atoms.
+    Kind {
+        /// The kind's name.
+        kind: String,
+        /// For `sparse`: how many atoms; `None` for as many as is usual here.
+        atoms: Option<usize>,
+    },
+    /// Given.
+    Given(Given),
+}
+
+/// A row of the tables.
+#[derive(Clone)]
+pub struct Method {
+    /// Its name.
+    pub name: String,
+    /// Where its model comes from.
+    pub source: Source,
+    /// How a sparse model is used.
+    pub choice: Choice,
+    /// Whether outliers are found and rigid distances kept.
+    pub treated: bool,
+}
+
+impl Method {
+    /// The methods that are run where none are named: every kind there is, and the paper's.
+    pub fn usual() -> Vec<String> {
+        let mut names: Vec<String> = KINDS.iter().map(|(name, _)| name.to_string()).collect();
+        names.retain(|n| n != "sparse");
+        names.extend(["sparse", "ksvd", "ksvd-omp"].map(String::from));
+        names
+    }
+
+    /// A method of a name: `KIND`, or `sparse`, `ksvd` (as published, with optimised OMP) or `ksvd-omp` (as published),
+    /// these three with `:n=ATOMS` and `:k=SPARSITY` where wanted; any with `+treated`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a name that is none.
+    pub fn parse(name: &str) -> Result<Method> {
+        let treated = name.ends_with(TREATED);
+        let mut parts = name.strip_suffix(TREATED).unwrap_or(name).split(':');
+        let kind = parts.next().unwrap_or_default();
+        let mut choice = Choice::default();
+        match kind {
+            "ksvd" => choice.published = true,
+            "ksvd-omp" => (choice.published, choice.rule) = (true, Rule::Plain),
+            _ => {}
+        }
+        let is_sparse = ["sparse", "ksvd", "ksvd-omp"].contains(&kind);
+        if !is_sparse && !KINDS.iter().any(|(k, _)| *k == kind) {
+            let known = Method::usual().join(", ");
+            return Err(Error::usage(format!(
+                "--models {name}: expected one of {known} (or a file after -m)"
+            )));
+        }
+        let mut atoms = None;
+        for part in parts {
+            let number = |text: &str| {
+                text.parse::<usize>()
+                    .ok()
+                    .filter(|n| (1..=1_000_000).contains(n))
+            };
+            match part
+                .split_once('=')
+                .map(|(key, value)| (key, number(value)))
+            {
+                Some(("n", Some(n))) if is_sparse => atoms = Some(n),
+                Some(("k", Some(k))) if is_sparse && k <= 1000 => choice.sparsity = Some(k),
+                _ => {
+                    return Err(Error::usage(format!(
+                        "--models {name}: \"{part}\" is neither n=ATOMS nor k=SPARSITY (1 to 1000) of a sparse model"
+                    )));
+                }
+            }
+        }
+        Ok(Method {
+            name: name.into(),
+            source: Source::Kind {
+                kind: if is_sparse { "sparse" } else { kind }.into(),
+                atoms,
+            },
+            choice,
+            treated,
+        })
+    }
+
+    /// Tells the model's making apart: methods with the same one share it.
+    pub fn recipe(&self) -> String {
+        match &self.source {
+            Source::Kind { kind, atoms } => format!("{kind} {atoms:?}"),
+            Source::Given(given) => format!("file {}", given.digest),
+        }
+    }
+
+    /// Makes sure that a given model is of the data's points and was not trained from any of its takes.
+    ///
+    /// # Errors
+    /// A line that names the model and the take.
+    pub fn admit(&self, data: &Data) -> Result<()> {
+        let Source::Given(given) = &self.source else {
+            return Ok(());
+        };
+        let fail = |what: String| Err(Error::data(Place::file(&given.source), what));
+        if given.points != data.points {
+            return fail("is a model of other points than the tables'".into());
+        }
+        let known = given.past.takes(data);
+        if let Some(first) = known.first() {
+            let more = match known.len() - 1 {
+                0 => String::new(),
+                n => format!(" and {n} more of these takes"),
+            };
+            return fail(format!(
+                "was trained from take {}{more}: it cannot be tested on what it was trained from; leave them out",
+                data.takes[*first].name
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// A model ready to be asked, in each way that is wanted.
+pub struct Ready {
+    /// One a method, in the order they were given.
+    pub priors: Vec<Arc<dyn Prior>>,
+    /// Seconds that training took; `None` for a given model.
+    pub seconds: Option<f64>,
+    /// What the model's details say of its tuning. A tuned model reckons with a noise of its own where none is told; any
+    /// other must be told one.
+    pub tuning: Option<Value>,
+}
+
+impl Ready {
+    /// The part of the tuning that is a task's: what was chosen, and the curve.
+    pub fn tuning_of(&self, task: Task) -> Option<Value> {
+        let all = self.tuning.as_ref()?;
+        let curve = all.get("curve").and_then(Value::as_array);
+        let own = |tried: &&Value| tried.get("task").and_then(Value::as_str) == Some(task.name());
+        let curve: Vec<Value> = curve.into_iter().flatten().filter(own).cloned().collect();
+        let chosen = all.get("chosen").and_then(|c| c.get(task.name()));
+        Some(json!({"chosen": chosen, "curve": curve}))
+    }
+}
+
+/// Makes the model that some methods share (their recipe is the same).
+///
+/// # Errors
+/// As training and opening.
+pub fn make(methods: &[&Method], poses: &TrainingPoses, split: Split, seed: u64) -> Result<Ready> {
+    let began = Instant::now();
+    let (kind, atoms) = match methods.first().map(|m| &m.source) {
+        Some(Source::Kind { kind, atoms }) => (kind, *atoms),
+        Some(Source::Given(given)) => {
+            return Ok(Ready {
+                priors: methods.iter().map(|_| given.prior.clone()).collect(),
+                seconds: None,
+                tuning: given.tuning.clone(),
+            });
+        }
+        None => {
+            return Ok(Ready {
+                priors: Vec::new(),
+                seconds: None,
+                tuning: None,
+            });
+        }
+    };
+    let model = if kind == "sparse" {
+        let atoms = atoms.unwrap_or(ATOMS.min(poses.xyz.nrows().div_ceil(4)));
+        let ksvd = Ksvd::default();
+        let start = draw(poses.xyz.view(), atoms, seed)?;
+        let state = ksvd.train(start, poses.xyz.view(), None, &mut |_| Ok(()))?;
+        sparse_model(poses, &state.dictionary, &ksvd.pursuit, false)?
+    } else {
+        let training = Training {
+            poses,
+            world: false,
+            seed,
+            // What is held back to tune on is parted from the rest as the test poses are.
+            hold_back: match split {
+                Split::Frames => HoldBack::Frames,
+                Split::Takes | Split::Subjects => HoldBack::Takes,
+            },
+        };
+        train(kind, &training, &mut |_| {})?
+    };
+    let seconds = Some(began.elapsed().as_secs_f64());
+    let open = |m: &&Method| prior::open(&model, &m.choice, &m.name).map(Arc::from);
+    let priors = methods.iter().map(open).collect::<Result<_>>()?;
+    let tuning = model.meta.details.get("tuning").cloned();
+    Ok(Ready {
+        priors,
+        seconds,
+        tuning,
+    })
+}
+
+/// What a method needs besides its prior to find outliers and keep rigid distances.
+///
+/// THE place for the treatment: what is learnt once from the training poses is made by [`Treatment::learn`] and used by
+/// [`Treatment::answer`]. Until both exist, treated methods are left out.
+pub struct Treatment;
+
+impl Treatment {
+    /// Whether there is a treatment.
+    pub const EXISTS: bool = false;
+
+    /// Learns what the treatment needs from the training poses.
+    pub fn learn(_poses: &TrainingPoses) -> Treatment {
+        Treatment
+    }
+
+    /// Restores poses: told is what a plain method would be told.
+    fn answer(
+        &self,
+        prior: &dyn Prior,
+        y: ArrayView2<'_, f64>,
+        told: ArrayView2<'_, f64>,
+    ) -> Vec<Belief> {
+        prior.believe_all(y, told)
+    }
+}
+
+/// Restores damaged poses; the answers, and the seconds they took on one thread.
+pub fn restore(
+    prior: &dyn Prior,
+    treatment: Option<&Treatment>,
+    damaged: &Damaged,
+) -> (Vec<Belief>, f64) {
+    let parts = par::map_chunks(damaged.y.nrows(), BATCH, |range| {
+        let began = Instant::now();
+        let part = |a: &Array2<f64>| a.slice(s![range.clone(), ..]).to_owned();
+        // A number that is missing is read nowhere, but nothing should hang on that.
+        let y = part(&damaged.y).mapv(|v| if v.is_nan() { 0.0 } else { v });
+        let told = part(&damaged.told);
+        let beliefs = match treatment {
+            Some(treatment) => treatment.answer(prior, y.view(), told.view()),
+            None => prior.believe_all(y.view(), told.view()),
+        };
+        (beliefs, began.elapsed().as_secs_f64())
+    });
+    let seconds = parts.iter().map(|p| p.1).sum();
+    (parts.into_iter().flat_map(|p| p.0).collect(), seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::data::tests::takes;
+    use super::*;
+
+    #[test]
+    fn names_are_read() {
+        let name = |n: &str| Method::parse(n).unwrap();
+        assert!(!name("sparse").choice.published);
+        assert!(name("ksvd").choice.published && name("ksvd").choice.rule == Rule::Optimised);
+        assert!(name("ksvd-omp+treated").treated);
+        assert_eq!(name("ksvd-omp").choice.rule, Rule::Plain);
+        let m = name("ksvd:n=500:k=7");
+        assert_eq!(
+            (m.choice.sparsity, m.recipe()),
+            (Some(7), "sparse Some(500)".into())
+        );
+        assert_eq!(name("ksvd").recipe(), name("sparse").recipe());
+        for bad in [
+            "",
+            "magic",
+            "sparse:n=0",
+            "sparse:x=1",
+            "sparse:n",
+            "ksvd:k=2000",
+            "magic:n=5",
+        ] {
+            let e = Method::parse(bad)
+                .err()
+                .map(|e| e.to_string())
+                .unwrap_or_default();
+            assert!(e.contains("--models"), "{bad}: {e}");
+        }
+    }
+
+    #[test]
+    fn methods_of_one_recipe_share_their_model() {
+        let data = takes(&[("01_01", 60), ("01_02", 60)]);
+        let rows: Vec<usize> = (0..120).collect();
+        let poses = data.training(&rows).unwrap();
+        let methods = ["sparse:n=20", "ksvd:n=20"].map(|n| Method::parse(n).unwrap());
+        let all: Vec<&Method> = methods.iter().collect();
+        let ready = make(&all, &poses, 1).unwrap();
+        assert!(ready.priors.len() == 2 && ready.seconds.is_some());
+        let damaged = Damaged {
+            y: data.rows(&rows),
+            told: Array2::from_elem((120, 69), 1.0),
+        };
+        let (beliefs, _) = restore(&*ready.priors[0], None, &damaged);
+        assert_eq!(beliefs.len(), 120);
+        // Many at once answer as one by one.
+        let one = ready.priors[0].believe(&damaged.y.row(101).to_vec(), &[1.0; 69]);
+        assert_eq!(beliefs[101], one);
+    }
+}
