@@ -330,7 +330,7 @@ mod tests {
         let poses = data.training(&rows).unwrap();
         let methods = ["sparse:n=20", "ksvd:n=20"].map(|n| Method::parse(n).unwrap());
         let all: Vec<&Method> = methods.iter().collect();
-        let ready = make(&all, &poses, 1).unwrap();
+        let ready = make(&all, &poses, Split::Takes, 1).unwrap();
         assert!(ready.priors.len() == 2 && ready.seconds.is_some());
         let damaged = Damaged {
             y: data.rows(&rows),
