@@ -22,7 +22,7 @@ fn poses() -> TrainingPoses {
     });
     TrainingPoses {
         points: numbers.points,
-        takes: vec![0..n],
+        takes: std::iter::once(0..n).collect(),
         xyz,
         body: None,
         anchor: None,

@@ -340,7 +340,7 @@ impl Prior for NlmPrior {
     }
 
     fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
-        let poses = self.poses.rows.mapv(f64::from) + &ArrayView1::from(&self.poses.middle);
+        let poses = self.poses.rows.mapv(f64::from) + ArrayView1::from(&self.poses.middle);
         let cloud = Cloud::new(map.apply_rows(poses.view()).view());
         let typical = map.apply_rows(self.typical.view());
         Box::new(NlmPrior::new(

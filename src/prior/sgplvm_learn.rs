@@ -183,13 +183,16 @@ fn objective(theta: &[f64], poses: &Array2<f64>) -> (f64, Vec<f64>) {
     (value, gradient)
 }
 
+/// A function of some numbers with its gradient.
+type Objective<'a> = dyn FnMut(&[f64]) -> (f64, Vec<f64>) + 'a;
+
 /// Minimises by L-BFGS with backtracking (Nocedal and Wright 2006, algorithm 7.4): the least value met, and where.
 ///
 /// Stops after `steps` steps, or where no step falls any further.
 pub(super) fn minimise(
     mut x: Vec<f64>,
     steps: usize,
-    objective: &mut dyn FnMut(&[f64]) -> (f64, Vec<f64>),
+    objective: &mut Objective<'_>,
 ) -> (f64, Vec<f64>) {
     let (mut value, mut gradient) = objective(&x);
     let mut pairs: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
