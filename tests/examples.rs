@@ -20,13 +20,33 @@ posing amc2xyz --asf 07.asf --fps 120 --space body -o poses.npy 07_01.amc
 posing amc2xyz --asf 07.asf --fps 120 --space body -o poses.csv 07_01.amc
 awk 'NR % 7 == 1' poses.csv > other.csv
 posing ksvd-train -q -n 20 --iterations 2 -o dict.npz poses.csv
-for name in walk run part-0 part-1; do cp dict.npz $name.npz; done
+posing ksvd-train -q --space body -n 20 --iterations 2 -o mine.npz poses.csv
+for name in model walk run part-0 part-1; do cp dict.npz $name.npz; done
+# Two takes a table: the walk's first half and the run's, each cut in parts.
+cp "$TAKES"/09/09.asf "$TAKES"/09/09_06.amc .
+posing amc2xyz --asf 09.asf --fps 120 --space body -o run.csv 09_06.amc
+cut_takes() { awk -F, -v OFS=, -v s="$1" 'NR > 1 { $1 = s "_0" 1 + (NR > 60) } NR == 1 || NR % 8 < 4' "$2"; }
+for s in 01 02 07; do cut_takes $s poses.csv > $s.csv; done
+cut_takes 09 run.csv > my-takes.csv
+printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;
 
 /// Examples of minutes, typed with a smaller number.
 const SMALLER: &[(&str, &str)] = &[
     ("-k 2000 --branch 10", "-k 20 --branch 4"),
     ("-n 1000", "-n 20"),
+    (
+        "evaluate --splits takes --seeds 5",
+        "evaluate --splits takes --seeds 1 --frames 20 --models pca",
+    ),
+    (
+        "sparse,ksvd:n=500:k=5,ksvd-omp --tasks",
+        "sparse:n=20,ksvd:n=20:k=5 --seeds 1 --frames 20 --tasks",
+    ),
+    (
+        "evaluate --splits takes -m mine.npz",
+        "evaluate --splits takes --seeds 1 --frames 20 --models gaussian -m mine.npz",
+    ),
 ];
 
 /// What the examples of BVH read, where the commands that write it are there.
