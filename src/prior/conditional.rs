@@ -4,6 +4,7 @@
 //! S − S_:o (S_oo + R)⁻¹ S_o:. The systems are of the size of a pose, so a plain Cholesky factorisation here costs less
 //! than starting LAPACK.
 
+use super::small::{add, factorise};
 use ndarray::{Array2, ArrayView2};
 
 /// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the variances that are left.
@@ -42,7 +43,7 @@ impl Conditional {
             let (before, rest) = rows.split_at_mut(i * d);
             let row = &mut rest[..d];
             for (j, other) in before.chunks_exact(d).enumerate() {
-                subtract(row, other, a[i * n + j]);
+                add(row, -a[i * n + j], other);
             }
             let scale = 1.0 / a[i * n + i];
             for (v, left) in row.iter_mut().zip(&mut variance) {
@@ -58,7 +59,7 @@ impl Conditional {
             let scale = 1.0 / a[i * n + i];
             row.iter_mut().for_each(|v| *v *= scale);
             for (j, other) in before.chunks_exact_mut(d).enumerate() {
-                subtract(other, row, a[i * n + j]);
+                add(other, -a[i * n + j], row);
             }
         }
         Conditional {
@@ -105,30 +106,9 @@ impl Conditional {
         let d = self.variance.len();
         let mut out = vec![0.0; d];
         for (row, &o) in self.gain.chunks_exact(d).zip(&self.observed) {
-            subtract(&mut out, row, -r[o]);
+            add(&mut out, r[o], row);
         }
         out
-    }
-}
-
-/// a −= s b.
-fn subtract(a: &mut [f64], b: &[f64], s: f64) {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a -= s * b);
-}
-
-/// Cholesky in place, lower triangle by rows. A pivot that rounding has eaten becomes a small one: the direction is
-/// then known exactly, as a duplicate of others.
-fn factorise(a: &mut [f64], n: usize) {
-    for i in 0..n {
-        for j in 0..=i {
-            let sum: f64 = (0..j).map(|k| a[i * n + k] * a[j * n + k]).sum();
-            let rest = a[i * n + j] - sum;
-            a[i * n + j] = if i == j {
-                rest.max(1e-12 * a[i * n + i].abs()).max(1e-300).sqrt()
-            } else {
-                rest / a[j * n + j]
-            };
-        }
     }
 }
 

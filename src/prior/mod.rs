@@ -20,6 +20,7 @@ pub mod nlm;
 pub mod pca;
 pub mod sgplvm;
 mod sgplvm_learn;
+mod small;
 pub mod sparse;
 mod store;
 pub mod train;

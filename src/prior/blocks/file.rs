@@ -6,7 +6,7 @@
 //! | `takes` | (T, 1) | where each take ends |
 //! | `labels` | (N, P) | the finest cell of each pose in each part |
 //! | `means.P.L` | (K, 3 J) | the cells' mean poses of part P at level L |
-//! | `covariances.P.L` | (K, d (d + 1) / 2) | their covariances, lower triangles by rows, cm² |
+//! | `atoms.P.L` | (K d, d) | their sub-dictionaries: d rows a cell, an atom a column, cm; A Aᵀ is the covariance |
 //! | `shares.P.L` | (K, 1) | the log of their shares of the poses |
 //! | `weights` | (levels, P) | the log weight of each level |
 //! | `ways` | (F, 1) | the log weight of each way to make a body of parts |
@@ -15,12 +15,15 @@
 //! Which coordinates make which part follows from the points' names; the scales are in `details`.
 
 use super::Blocks;
-use super::learn::{Material, Settings, variance_of};
-use super::part::{Cells, Part};
+use super::basis::Basis;
+use super::cells::Cells;
+use super::learn::{Settings, variance_of};
+use super::leaves::Poses;
+use super::part::Part;
 use super::parts::parts;
 use crate::io::Model;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2, Axis};
+use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -28,30 +31,20 @@ use std::sync::Arc;
 pub fn write(blocks: &Blocks, settings: &Settings, model: &mut Model) -> Result<()> {
     let column = |v: Vec<f32>| Array2::from_shape_vec((v.len(), 1), v).unwrap_or_default();
     let arrays = &mut model.arrays;
-    arrays.insert("poses".into(), (*blocks.poses).clone());
+    arrays.insert("poses".into(), blocks.poses.xyz.clone());
     arrays.insert(
         "takes".into(),
-        column(blocks.takes.iter().map(|t| t.end as f32).collect()),
+        column(blocks.poses.takes.iter().map(|t| t.end as f32).collect()),
     );
-    let mut labels = Array2::zeros((blocks.poses.nrows(), blocks.parts.len()));
+    let mut labels = Array2::zeros((blocks.poses.xyz.nrows(), blocks.parts.len()));
     for (p, part) in blocks.parts.iter().enumerate() {
-        for (row, label) in part.leaves.labels().enumerate() {
+        for (row, label) in part.leaves.labels().into_iter().enumerate() {
             labels[[row, p]] = label as f32;
         }
         for (l, cells) in part.cells.iter().enumerate() {
-            let triangles: Vec<f32> = (cells.covariances.iter())
-                .flat_map(|c| {
-                    (0..c.nrows()).flat_map(move |i| (0..=i).map(move |j| c[[i, j]] as f32))
-                })
-                .collect();
-            let count = cells.log_shares.len();
-            let triangles =
-                Array2::from_shape_vec((count, triangles.len() / count.max(1)), triangles);
+            let atoms = cells.atoms(&part.coordinates);
             arrays.insert(format!("means.{p}.{l}"), cells.wholes.mapv(|v| v as f32));
-            arrays.insert(
-                format!("covariances.{p}.{l}"),
-                triangles.unwrap_or_default(),
-            );
+            arrays.insert(format!("atoms.{p}.{l}"), atoms);
             let shares = cells.log_shares.iter().map(|v| *v as f32).collect();
             arrays.insert(format!("shares.{p}.{l}"), column(shares));
         }
@@ -92,22 +85,22 @@ impl Blocks {
         let labels = file.array("labels", Some(poses.nrows()), Some(coordinates.len()))?;
         let count = settings.levels(settings.cells.len()).len();
         let weights = file.array("weights", Some(count), Some(coordinates.len()))?;
-        let material = Material {
-            xyz: poses,
-            takes: &takes,
-        };
-        let steps = material.steps();
+        let poses = Arc::new(Poses {
+            xyz: poses.to_owned(),
+            takes,
+        });
         let mut made = Vec::new();
         for (p, coordinates) in coordinates.into_iter().enumerate() {
             let cells: Vec<Cells> = (0..settings.cells.len())
                 .map(|l| file.cells(p, l, &coordinates))
                 .collect::<Result<_>>()?;
-            let finest = cells[cells.len() - 1].log_shares.len();
+            let finest = cells.last().map_or(0, Cells::len);
             let labels: Vec<usize> = labels.column(p).iter().map(|l| *l as usize).collect();
             if labels.iter().any(|l| *l >= finest) {
                 return Err(file.wrong("labels", "names a cell that is not there"));
             }
-            let mut part = Part::new(coordinates, cells, &material, &steps, &labels, &settings);
+            let levels = settings.levels(cells.len());
+            let mut part = Part::new(coordinates, cells, poses.clone(), &labels, levels);
             part.log_weights = weights.column(p).iter().map(|w| f64::from(*w)).collect();
             made.push(part);
         }
@@ -119,8 +112,7 @@ impl Blocks {
             log_ways: log_ways.iter().map(|w| f64::from(*w)).collect(),
             ways,
             temperature: settings.temperature,
-            poses: Arc::new(poses.to_owned()),
-            takes: Arc::new(takes.clone()),
+            poses,
             typical: file.array("typical", None, Some(width))?.mapv(f64::from),
             met: Default::default(),
         })
@@ -180,23 +172,10 @@ impl File<'_> {
         let wholes = self.array(&format!("means.{part}.{level}"), None, Some(width))?;
         let wholes = wholes.mapv(f64::from);
         let k = wholes.nrows();
-        let triangles = self.array(
-            &format!("covariances.{part}.{level}"),
-            Some(k),
-            Some(d * (d + 1) / 2),
-        )?;
+        let atoms = self.array(&format!("atoms.{part}.{level}"), Some(k * d), Some(d))?;
         let shares = self.array(&format!("shares.{part}.{level}"), Some(k), Some(1))?;
-        let square = |row: ndarray::ArrayView1<'_, f32>| {
-            Array2::from_shape_fn((d, d), |(i, j)| {
-                let (i, j) = (i.max(j), i.min(j));
-                f64::from(row[i * (i + 1) / 2 + j])
-            })
-        };
-        Ok(Cells {
-            means: wholes.select(Axis(1), coordinates),
-            wholes,
-            covariances: triangles.axis_iter(Axis(0)).map(square).collect(),
-            log_shares: shares.iter().map(|v| f64::from(*v)).collect(),
-        })
+        let bases = (0..k).map(|c| Basis::from_atoms(atoms.slice(s![c * d..(c + 1) * d, ..])));
+        let shares = shares.iter().map(|v| f64::from(*v)).collect();
+        Ok(Cells::new(wholes, shares, bases.collect(), coordinates))
     }
 }

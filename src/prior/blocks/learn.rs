@@ -1,6 +1,9 @@
 //! Learning the blocks, and the weights of their levels.
 
-use super::part::{Cells, Level, Part, log_sum};
+use super::basis::Basis;
+use super::cells::Cells;
+use super::leaves::Poses;
+use super::part::{Level, Part, log_sum};
 use super::parts::parts;
 use super::{Blocks, FLOOR};
 use crate::cluster::{self, Parameters};
@@ -226,10 +229,13 @@ fn build(
     seed: u64,
 ) -> Result<Blocks> {
     let (parts, ways) = parts(&poses.points);
-    let steps = material.steps();
+    let poses = Arc::new(Poses {
+        xyz: material.xyz.to_owned(),
+        takes: material.takes.to_vec(),
+    });
     let parts: Vec<Part> = parts
         .into_iter()
-        .map(|coordinates| part(coordinates, material, &steps, settings, seed))
+        .map(|coordinates| part(coordinates, &poses, settings, seed))
         .collect::<Result<_>>()?;
     Ok(Blocks {
         width: material.xyz.ncols(),
@@ -237,8 +243,7 @@ fn build(
         ways,
         variance: variance_of(&parts[0]),
         parts,
-        poses: Arc::new(material.xyz.to_owned()),
-        takes: Arc::new(material.takes.to_vec()),
+        poses,
         temperature: settings.temperature,
         typical: typical(material.xyz)?.mapv(f64::from),
         met: Default::default(),
@@ -247,42 +252,16 @@ fn build(
 
 /// The mean variance of each coordinate within the finest cells of the whole.
 pub fn variance_of(whole: &Part) -> Vec<f64> {
-    let finest = &whole.cells[whole.cells.len() - 1];
-    let mut variance = vec![0.0; whole.coordinates.len()];
-    for (c, log) in finest.covariances.iter().zip(&finest.log_shares) {
-        let diagonal = c.diag();
-        variance
-            .iter_mut()
-            .zip(diagonal)
-            .for_each(|(v, c)| *v += log.exp() * c);
-    }
-    variance
-}
-
-impl Material<'_> {
-    /// Half the step from the pose before to the one after, in the same take: (N, 3 J).
-    pub fn steps(&self) -> Array2<f32> {
-        let mut out = Array2::zeros(self.xyz.dim());
-        for take in self.takes {
-            for t in take.clone() {
-                let before = if t > take.start { t - 1 } else { t };
-                let after = if t + 1 < take.end { t + 1 } else { t };
-                let step = (&self.xyz.row(after) - &self.xyz.row(before)) * 0.5;
-                out.row_mut(t).assign(&step);
-            }
-        }
-        out
-    }
+    whole.finest().within.clone()
 }
 
 fn part(
     coordinates: Vec<usize>,
-    material: &Material<'_>,
-    steps: &Array2<f32>,
+    poses: &Arc<Poses>,
     settings: &Settings,
     seed: u64,
 ) -> Result<Part> {
-    let xyz = material.xyz.select(Axis(1), &coordinates);
+    let xyz = poses.xyz.select(Axis(1), &coordinates);
     let mut cells = Vec::new();
     let mut labels = Vec::new();
     for &k in &settings.cells {
@@ -296,15 +275,21 @@ fn part(
         };
         let found = cluster::fit(xyz.view(), &parameters, &mut |_| ())?;
         labels = found.labels.iter().map(|l| *l as usize).collect();
-        cells.push(cells_of(material.xyz, &coordinates, &labels, k, settings));
+        cells.push(cells_of(
+            poses.xyz.view(),
+            &coordinates,
+            &labels,
+            k,
+            settings,
+        ));
     }
+    let levels = settings.levels(cells.len());
     Ok(Part::new(
         coordinates,
         cells,
-        material,
-        steps,
+        poses.clone(),
         &labels,
-        settings,
+        levels,
     ))
 }
 
@@ -344,13 +329,10 @@ fn cells_of(
         c.diag_mut().mapv_inplace(|v| v + settings.least);
         covariances.push(c);
     }
+    let bases = par::map_chunks(k, 1, |c| Basis::of(covariances[c.start].view()));
     let share = |n: usize| (n.max(1) as f64 / m as f64).ln();
-    Cells {
-        means: wholes.select(Axis(1), coordinates),
-        wholes,
-        covariances,
-        log_shares: members.iter().map(|r| share(r.len())).collect(),
-    }
+    let shares = members.iter().map(|r| share(r.len())).collect();
+    Cells::new(wholes, shares, bases, coordinates)
 }
 
 /// The weights of levels (by part) and of ways, as logs.

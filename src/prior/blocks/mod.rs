@@ -13,19 +13,23 @@
 //! The answer is the posterior mean over all blocks and ways, not the single best: in that it parts from the paper.
 //! Level and way weights are learnt by EM on takes held back from the training.
 
+mod answer;
+mod basis;
+mod cells;
 mod file;
 mod learn;
+mod leaves;
 mod lens;
 mod part;
 mod parts;
 
 use super::{Belief, Prior};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
-use learn::{Material, variance_of};
+use learn::variance_of;
+use leaves::Poses;
 use ndarray::{Array2, ArrayView2};
 use part::{Explained, Part, View, log_sum};
 use std::collections::HashMap;
-use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub use learn::{Settings, model, train};
@@ -50,9 +54,8 @@ pub struct Blocks {
     temperature: f64,
     variance: Vec<f64>,
     typical: Array2<f64>,
-    /// The training poses (N, 3 J), take after take: what leaves are made of anew for another body.
-    poses: Arc<Array2<f32>>,
-    takes: Arc<Vec<Range<usize>>>,
+    /// The training poses: what leaves are made of.
+    poses: Arc<Poses>,
     /// Views met before, by their noise.
     met: Arc<Mutex<Views>>,
 }
@@ -70,6 +73,13 @@ struct Considered {
 }
 
 impl Blocks {
+    #[doc(hidden)]
+    pub fn weights(&self) -> (Vec<Vec<f64>>, Vec<f64>) {
+        (
+            self.parts.iter().map(|p| p.log_weights.clone()).collect(),
+            self.log_ways.clone(),
+        )
+    }
     fn views(&self, noise: &[f64]) -> Arc<Vec<View>> {
         let noise: Vec<f64> = noise.iter().map(|n| n.max(FLOOR)).collect();
         let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
@@ -120,7 +130,12 @@ impl Blocks {
             let (mut mean, mut covariance) = (vec![0.0; d], Array2::zeros((d, d)));
             for &p in way {
                 let (x, c) = answers[p].get_or_insert_with(|| {
-                    self.parts[p].answer(&seen.views[p], &seen.observed[p], &seen.explained[p])
+                    self.parts[p].answer(
+                        &seen.views[p],
+                        &seen.observed[p],
+                        &seen.explained[p],
+                        true,
+                    )
                 });
                 let at = &self.parts[p].coordinates;
                 for (i, &to) in at.iter().enumerate() {
@@ -175,20 +190,19 @@ impl Prior for Blocks {
         if map.is_identity() {
             return Box::new(self.clone());
         }
-        let poses = map.apply_rows(self.poses.mapv(f64::from).view());
-        let poses = poses.mapv(|v| v as f32);
-        let material = Material {
-            xyz: poses.view(),
-            takes: &self.takes,
-        };
-        let steps = material.steps();
-        let parts = self.parts.iter().map(|p| p.mapped(map, &material, &steps));
+        let xyz = map.apply_rows(self.poses.xyz.mapv(f64::from).view());
+        let poses = Arc::new(Poses {
+            xyz: xyz.mapv(|v| v as f32),
+            takes: self.poses.takes.clone(),
+        });
+        let map = &Arc::new(map.clone());
+        let parts = self.parts.iter().map(|p| p.mapped(map, &poses));
         let parts: Vec<Part> = parts.collect();
         Box::new(Blocks {
             variance: variance_of(&parts[0]),
             parts,
             typical: map.apply_rows(self.typical.view()),
-            poses: Arc::new(poses),
+            poses,
             met: Arc::default(),
             ..self.clone()
         })
@@ -197,11 +211,9 @@ impl Prior for Blocks {
 
 #[cfg(test)]
 mod tests {
-    use super::lens::Lens;
     use super::*;
     use crate::par;
     use crate::pose::joints;
-    use crate::prior::conditional::Conditional;
     use crate::prior::train::Training;
     use crate::prior::training::TrainingPoses;
     use rand::Rng;
@@ -247,30 +259,6 @@ mod tests {
         };
         let model = model(&training, &settings, &mut |_| ()).unwrap();
         (Blocks::from_model(&model, "test").unwrap(), model)
-    }
-
-    #[test]
-    fn a_lens_is_the_conditional_gaussian() {
-        let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
-        let c = b.dot(&b.t()) + Array2::<f64>::eye(6) * 0.01;
-        let noise = [0.5, f64::INFINITY, 0.1, 2.0, f64::INFINITY, 0.1];
-        let y = [1.0, f64::NAN, -0.5, 0.2, f64::NAN, 0.7];
-        for scale in [1.0, 2.5, 0.03] {
-            let lens = Lens::new(c.view(), &noise);
-            let scaled = &c * scale;
-            let want = Conditional::new(scaled.view(), &noise);
-            let (mut z, mut mean) = (Vec::new(), vec![0.0; 6]);
-            lens.project(|i| y[i], &mut z);
-            let shares = lens.shares(scale);
-            lens.add_gain(scale, &shares, &z, 1.0, &mut mean);
-            let told = want.mean(&y);
-            assert!(mean.iter().zip(told).all(|(a, b)| (a - b).abs() <= 1e-9));
-            let squares: f64 = shares.iter().zip(&z).map(|(s, z)| s * z * z).sum();
-            let log = lens.normaliser(&shares) - 0.5 * squares;
-            assert!((log - want.log_density(&y)).abs() <= 1e-9);
-            let left = lens.covariance(c.view(), scale) - want.covariance(scaled.view());
-            assert!(left.iter().all(|v| v.abs() <= 1e-9));
-        }
     }
 
     #[test]
@@ -334,7 +322,7 @@ mod tests {
             "labels",
             "weights",
             "ways",
-            "covariances.0.1",
+            "atoms.0.1",
         ] {
             let mut broken = model.clone();
             broken.arrays.remove(name);

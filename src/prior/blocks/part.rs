@@ -1,37 +1,13 @@
 //! The blocks of one part of the body: cells at many levels, and every training pose a leaf.
 
-use super::learn::{Material, Settings};
-use super::lens::Lens;
-use crate::par;
+use super::cells::Cells;
+use super::leaves::{Leaves, Opened, Poses};
+use super::lens::{Lens, Pattern, Scaled};
 use crate::pose::PoseMap;
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
-use std::sync::{Arc, OnceLock};
-
-/// The cells of one level of the hierarchy: a mean, a covariance and a share of the training poses each.
-#[derive(Debug, Clone)]
-pub struct Cells {
-    /// The means of whole poses, (K, 3 J), cm: what the part hangs on is needed to carry it to another body.
-    pub wholes: Array2<f64>,
-    /// The means of the part, (K, d), cm.
-    pub means: Array2<f64>,
-    /// K of (d, d), cm².
-    pub covariances: Vec<Array2<f64>>,
-    /// log(n / N).
-    pub log_shares: Vec<f64>,
-}
-
-/// Every training pose as a block of its own, as wide as a share of its cell.
-#[derive(Debug, Clone)]
-pub struct Leaves {
-    /// (N, d), cm, sorted by their cell.
-    pub poses: Array2<f32>,
-    /// (N, d), cm: half the step from the training pose before to the one after, in the same take.
-    pub steps: Array2<f32>,
-    /// Which training pose each leaf is.
-    pub rows: Vec<usize>,
-    /// Where the leaves of each cell of the finest level begin; one more at the end.
-    pub starts: Vec<usize>,
-}
+use crate::prior::small::dot;
+use ndarray::Array2;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// One level: which blocks, at which scale of their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,34 +43,72 @@ pub struct Part {
     pub log_weights: Vec<f64>,
 }
 
-/// What one noise pattern makes of a part's covariances; each is looked at when first needed.
+/// What one noise pattern makes of a part's blocks; each is looked at when first needed.
 #[derive(Debug)]
 pub struct View {
+    /// The noise variance of each coordinate, cm².
     noise: Vec<f64>,
-    lenses: Vec<Vec<OnceLock<Arc<Lens>>>>,
+    pattern: Pattern,
+    /// 1 / (variance within a level's cells + noise), 0 where nothing is seen: by level.
+    nearness: Vec<Vec<f32>>,
+    sights: Mutex<HashMap<(usize, usize), Arc<Sight>>>,
+}
+
+/// One cell seen through the noise, at all its scales.
+#[derive(Debug)]
+pub struct Sight {
+    pub lens: Lens,
+    /// At the scales of the cell's levels, in their order.
+    pub scales: Vec<Scaled>,
+    /// At the scales of the leaves' levels, in their order; where they were asked for.
+    leaves: OnceLock<Vec<Scaled>>,
 }
 
 impl View {
     /// Nothing looked at yet; `noise` is that of the part's coordinates.
     pub fn new(part: &Part, noise: Vec<f64>) -> View {
-        let empty = |c: &Cells| (0..c.log_shares.len()).map(|_| OnceLock::new()).collect();
+        let near = |c: &Cells| {
+            let weight = |(v, n): (&f64, &f64)| (1.0 / (v + n)) as f32;
+            c.within.iter().zip(&noise).map(weight).collect()
+        };
         View {
-            lenses: part.cells.iter().map(empty).collect(),
+            nearness: part.cells.iter().map(near).collect(),
+            pattern: Pattern::of(&noise),
+            sights: Mutex::default(),
             noise,
         }
     }
 
     /// Whether any coordinate is observed.
     pub fn sees(&self) -> bool {
-        self.noise.iter().any(|n| n.is_finite())
+        self.pattern != Pattern::Nothing
     }
 
-    fn lens(&self, part: &Part, level: usize, cell: usize) -> &Lens {
-        self.lenses[level][cell].get_or_init(|| {
-            Arc::new(Lens::new(
-                part.cells[level].covariances[cell].view(),
-                &self.noise,
-            ))
+    /// A cell through this noise.
+    pub fn sight(&self, part: &Part, index: usize, cell: usize) -> Arc<Sight> {
+        let mut sights = self.sights.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = sights.get(&(index, cell)) {
+            return found.clone();
+        }
+        let basis = part.cells[index].basis(cell, &part.coordinates);
+        let lens = Lens::new(&basis, &self.noise, &self.pattern);
+        let scales = part.scales_of(index).map(|(_, scale)| lens.at(scale));
+        let made = Arc::new(Sight {
+            scales: scales.collect(),
+            leaves: OnceLock::new(),
+            lens,
+        });
+        sights.insert((index, cell), made.clone());
+        made
+    }
+}
+
+impl Sight {
+    /// At the scales of the leaves' levels.
+    pub fn leaves(&self, part: &Part) -> &[Scaled] {
+        self.leaves.get_or_init(|| {
+            let scales = part.leaf_levels().map(|(_, scale, _)| self.lens.at(scale));
+            scales.collect()
         })
     }
 }
@@ -104,10 +118,10 @@ impl View {
 pub struct Hypothesis {
     /// The log of its weight times its evidence.
     pub log: f64,
-    level: usize,
-    cell: usize,
-    /// The leaf, where it is one.
-    leaf: usize,
+    pub level: usize,
+    pub cell: usize,
+    /// The leaf among its cell's, where it is one.
+    pub leaf: usize,
 }
 
 /// The blocks that explain an observation best, and how well all of them together do.
@@ -124,82 +138,26 @@ pub struct Explained {
 /// So many blocks answer.
 const KEPT: usize = 24;
 /// Blocks this much less likely (nats) than the best do not answer.
-const NEGLIGIBLE: f64 = 9.0;
+const NEGLIGIBLE: f64 = 7.0;
 /// The leaves of so many cells are looked at.
 const OPENED: usize = 8;
 /// Cells this much less likely than the best are not opened.
-const CLOSED: f64 = 25.0;
-
-impl Cells {
-    /// The same cells of poses that went through `map`; of the covariance with the rest of the body nothing is known.
-    fn mapped(&self, map: &PoseMap, coordinates: &[usize]) -> Cells {
-        let wholes = map.apply_rows(self.wholes.view());
-        let width = wholes.ncols();
-        let carry = |c: &Array2<f64>| {
-            let mut whole = Array2::zeros((width, width));
-            for (i, &to) in coordinates.iter().enumerate() {
-                for (j, &other) in coordinates.iter().enumerate() {
-                    whole[[to, other]] = c[[i, j]];
-                }
-            }
-            let whole = map.apply_covariance(whole.view());
-            whole
-                .select(Axis(0), coordinates)
-                .select(Axis(1), coordinates)
-        };
-        let covariances = par::map_chunks(self.covariances.len(), 8, |range| {
-            self.covariances[range]
-                .iter()
-                .map(carry)
-                .collect::<Vec<_>>()
-        });
-        Cells {
-            means: wholes.select(Axis(1), coordinates),
-            wholes,
-            covariances: covariances.into_iter().flatten().collect(),
-            log_shares: self.log_shares.clone(),
-        }
-    }
-}
-
-impl Leaves {
-    /// The cell of each training pose, in their own order.
-    pub fn labels(&self) -> impl Iterator<Item = usize> {
-        let mut labels = vec![0; self.rows.len()];
-        for (cell, range) in self.starts.windows(2).enumerate() {
-            for &row in &self.rows[range[0]..range[1]] {
-                labels[row] = cell;
-            }
-        }
-        labels.into_iter()
-    }
-}
+const CLOSED: f64 = 20.0;
+/// So many of the nearest leaves are weighed.
+const WEIGHED: usize = 64;
 
 impl Part {
-    /// Puts a part together: `labels` gives the finest cell of each pose of the material.
+    /// Puts a part together: `labels` gives the finest cell of each training pose.
     pub fn new(
         coordinates: Vec<usize>,
         cells: Vec<Cells>,
-        material: &Material<'_>,
-        steps: &Array2<f32>,
+        poses: Arc<Poses>,
         labels: &[usize],
-        settings: &Settings,
+        levels: Vec<Level>,
     ) -> Part {
-        let finest = cells[cells.len() - 1].log_shares.len();
-        let mut rows: Vec<usize> = (0..labels.len()).collect();
-        rows.sort_by_key(|&i| labels[i]);
-        let of =
-            |all: ArrayView2<'_, f32>| all.select(Axis(0), &rows).select(Axis(1), &coordinates);
-        let levels = settings.levels(cells.len());
+        let finest = cells.last().map_or(0, Cells::len);
         Part {
-            leaves: Leaves {
-                poses: of(material.xyz),
-                steps: of(steps.view()),
-                starts: (0..=finest)
-                    .map(|c| rows.partition_point(|&i| labels[i] < c))
-                    .collect(),
-                rows,
-            },
+            leaves: Leaves::new(poses, labels, finest),
             log_weights: vec![-(levels.len() as f64).ln(); levels.len()],
             levels,
             cells,
@@ -207,22 +165,45 @@ impl Part {
         }
     }
 
-    /// The same part of poses that went through `map`; `material` and `steps` are those poses.
-    pub fn mapped(&self, map: &PoseMap, material: &Material<'_>, steps: &Array2<f32>) -> Part {
-        let of = |all: ArrayView2<'_, f32>| {
-            let rows = all.select(Axis(0), &self.leaves.rows);
-            rows.select(Axis(1), &self.coordinates)
-        };
+    /// The same part of poses that went through `map` and are now `poses`.
+    pub fn mapped(&self, map: &Arc<PoseMap>, poses: &Arc<Poses>) -> Part {
         let cells = self.cells.iter().map(|c| c.mapped(map, &self.coordinates));
         Part {
             cells: cells.collect(),
-            leaves: Leaves {
-                poses: of(material.xyz),
-                steps: of(steps.view()),
-                ..self.leaves.clone()
-            },
+            leaves: self.leaves.mapped(poses.clone()),
             ..self.clone()
         }
+    }
+
+    /// The levels of some cells: (which level, scale).
+    fn scales_of(&self, wanted: usize) -> impl Iterator<Item = (usize, f64)> {
+        let all = self.levels.iter().enumerate();
+        all.filter_map(move |(at, level)| match level {
+            Level::Cells { index, scale } if *index == wanted => Some((at, *scale)),
+            _ => None,
+        })
+    }
+
+    /// The levels of the leaves: (which level, scale, along).
+    pub fn leaf_levels(&self) -> impl Iterator<Item = (usize, f64, f64)> {
+        let all = self.levels.iter().enumerate();
+        all.filter_map(|(at, level)| match level {
+            Level::Leaves { scale, along } => Some((at, *scale, *along)),
+            Level::Cells { .. } => None,
+        })
+    }
+
+    /// The leaves of a finest cell.
+    pub fn opened(&self, cell: usize) -> &Opened {
+        let finest = self.finest();
+        let basis = finest.basis(cell, &self.coordinates);
+        self.leaves
+            .open(cell, &self.coordinates, finest.means.row(cell), &basis)
+    }
+
+    /// The finest cells.
+    pub fn finest(&self) -> &Cells {
+        &self.cells[self.cells.len() - 1]
     }
 
     /// How well the blocks explain `y` (d; read where observed).
@@ -234,170 +215,151 @@ impl Part {
             found.add(0, 0, usize::MAX, 0.0);
             return found.end(0.0);
         }
+        let short: Vec<f32> = (y.iter().zip(&view.noise))
+            .map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 })
+            .collect();
         let mut finest = Vec::new();
         for index in 0..self.cells.len() {
-            finest = self.cells_of(view, y, index, &mut found);
+            finest = self.cells_of(view, y, &short, index, &mut found);
         }
-        self.open(view, y, &finest, &mut found);
-        let all: Vec<f64> = found
-            .levels
-            .iter()
-            .zip(&self.log_weights)
-            .map(|(l, w)| l + w)
-            .collect();
+        self.open(view, y, &short, &mut finest, &mut found);
+        let levels = found.levels.iter().zip(&self.log_weights);
+        let all: Vec<f64> = levels.map(|(l, w)| l + w).collect();
         let evidence = log_sum(&all);
         found.end(evidence)
     }
 
-    /// Evaluates the cells of one level at all its scales; gives each cell's best log evidence.
-    fn cells_of(&self, view: &View, y: &[f64], index: usize, found: &mut Search<'_>) -> Vec<f64> {
+    /// Evaluates the nearest cells of one level at all its scales; gives each one's best log evidence.
+    fn cells_of(
+        &self,
+        view: &View,
+        y: &[f64],
+        short: &[f32],
+        index: usize,
+        found: &mut Search<'_>,
+    ) -> Vec<(f64, usize)> {
         let cells = &self.cells[index];
-        let scales: Vec<(usize, f64)> = self.scales_of(index);
-        let mut logs = vec![Vec::with_capacity(cells.log_shares.len()); scales.len()];
+        let levels: Vec<usize> = self.scales_of(index).map(|(at, _)| at).collect();
+        let mut logs = vec![Vec::new(); levels.len()];
         let mut z = Vec::new();
-        let mut best = Vec::with_capacity(cells.log_shares.len());
-        for (cell, share) in cells.log_shares.iter().enumerate() {
-            let lens = view.lens(self, index, cell);
+        let mut best = Vec::new();
+        for cell in cells.nearest(short, &view.nearness[index]) {
+            let sight = view.sight(self, index, cell);
             let mean = cells.means.row(cell);
-            lens.project(|i| y[i] - mean[i], &mut z);
+            sight.lens.project(|i| y[i] - mean[i], &mut z);
             let mut most = f64::NEG_INFINITY;
-            for (at, &(level, scale)) in scales.iter().enumerate() {
-                let shares = lens.shares(scale);
-                let log = lens.normaliser(&shares) - 0.5 * weighted(&shares, &z, &z);
-                let log = share + found.temperature * log;
-                logs[at].push(log);
+            for ((&level, scaled), logs) in levels.iter().zip(&sight.scales).zip(&mut logs) {
+                let log = cells.log_shares[cell] + found.temperature * scaled.log(&z);
+                logs.push(log);
                 most = most.max(log);
                 found.add(level, cell, usize::MAX, log);
             }
-            best.push(most);
+            best.push((most, cell));
         }
-        for (at, &(level, _)) in scales.iter().enumerate() {
-            found.levels[level] = log_sum(&logs[at]);
+        for (&level, logs) in levels.iter().zip(&logs) {
+            found.levels[level] = log_sum(logs);
         }
         best
     }
 
-    fn scales_of(&self, wanted: usize) -> Vec<(usize, f64)> {
-        let all = self.levels.iter().enumerate();
-        all.filter_map(|(at, level)| match level {
-            Level::Cells { index, scale } if *index == wanted => Some((at, *scale)),
-            _ => None,
-        })
-        .collect()
-    }
-
-    /// Evaluates the leaves of the cells that may hold the pose.
-    fn open(&self, view: &View, y: &[f64], cells: &[f64], found: &mut Search<'_>) {
-        let levels: Vec<(usize, f64, f64)> = (self.levels.iter().enumerate())
-            .filter_map(|(at, level)| match level {
-                Level::Leaves { scale, along } => Some((at, *scale, *along)),
-                Level::Cells { .. } => None,
-            })
-            .collect();
+    /// Evaluates the nearest leaves of the cells that may hold the pose.
+    fn open(
+        &self,
+        view: &View,
+        y: &[f64],
+        short: &[f32],
+        cells: &mut [(f64, usize)],
+        found: &mut Search<'_>,
+    ) {
+        let levels: Vec<(usize, f64, f64)> = self.leaf_levels().collect();
         if levels.is_empty() {
             return;
         }
-        let mut order: Vec<usize> = (0..cells.len()).collect();
-        order.sort_by(|a, b| cells[*b].total_cmp(&cells[*a]));
-        let closed = cells[order[0]] - CLOSED * found.temperature;
-        let likely = order.iter().take(OPENED).filter(|&&c| cells[c] >= closed);
-        let share = -(self.leaves.poses.nrows() as f64).ln();
-        let mut logs = vec![Vec::new(); levels.len()];
-        let (mut z, mut step) = (Vec::new(), Vec::new());
-        for &cell in likely {
-            let lens = view.lens(self, self.cells.len() - 1, cell);
-            let shares: Vec<Vec<f64>> = levels.iter().map(|l| lens.shares(l.1)).collect();
-            let normalisers: Vec<f64> = shares.iter().map(|s| lens.normaliser(s)).collect();
-            for leaf in self.leaves.starts[cell]..self.leaves.starts[cell + 1] {
-                let pose = self.leaves.poses.row(leaf);
-                let way = self.leaves.steps.row(leaf);
-                lens.project(|i| y[i] - f64::from(pose[i]), &mut z);
-                lens.project(|i| f64::from(way[i]), &mut step);
-                for (at, &(level, _, along)) in levels.iter().enumerate() {
-                    let (s, n) = (&shares[at], normalisers[at]);
-                    let mut log = n - 0.5 * weighted(s, &z, &z);
+        cells.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let closed = cells[0].0 - CLOSED * found.temperature;
+        let likely = cells.iter().take(OPENED).filter(|c| c.0 >= closed);
+        let mut near: Vec<(f32, usize, usize)> = Vec::new();
+        for &(_, cell) in likely {
+            let all = self
+                .opened(cell)
+                .distances(short, &view.nearness[self.cells.len() - 1]);
+            near.extend(all.map(|(leaf, far)| (far, cell, leaf)));
+        }
+        let order = |a: &(f32, usize, usize), b: &(f32, usize, usize)| {
+            a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2)))
+        };
+        if near.len() > WEIGHED {
+            near.select_nth_unstable_by(WEIGHED, order);
+            near.truncate(WEIGHED);
+        }
+        near.sort_by_key(|n| (n.1, n.2));
+        let share = -(self.leaves.rows.len() as f64).ln();
+        let mut logs = vec![Vec::with_capacity(near.len()); levels.len()];
+        let mut state = Residual::default();
+        for group in near.chunk_by(|a, b| a.1 == b.1) {
+            let cell = group[0].1;
+            let sight = view.sight(self, self.cells.len() - 1, cell);
+            let opened = self.opened(cell);
+            state.of_cell(self, &sight, y, cell);
+            for &(_, _, leaf) in group {
+                state.of_leaf(&sight, opened, y, leaf);
+                let scales = levels.iter().zip(sight.leaves(self)).zip(&mut logs);
+                for ((&(level, _, along), scaled), logs) in scales {
+                    let mut log = scaled.log(&state.z);
                     if along > 0.0 {
-                        let (vv, vz) = (along * weighted(s, &step, &step), weighted(s, &step, &z));
+                        let w = scaled.solve(&state.step);
+                        let (vv, vz) = (along * dot(&w, &state.step), dot(&w, &state.z));
                         log += 0.5 * along * vz * vz / (1.0 + vv) - 0.5 * vv.ln_1p();
                     }
                     let log = share + found.temperature * log;
-                    logs[at].push(log);
+                    logs.push(log);
                     found.add(level, cell, leaf, log);
                 }
             }
         }
-        for (at, &(level, ..)) in levels.iter().enumerate() {
-            found.levels[level] = log_sum(&logs[at]);
-        }
-    }
-
-    /// The mean (d) and covariance (d, d) that the explaining blocks give together.
-    pub fn answer(&self, view: &View, y: &[f64], explained: &Explained) -> (Vec<f64>, Array2<f64>) {
-        let d = self.coordinates.len();
-        let top = explained.best[0].log;
-        let weights: Vec<f64> = explained.best.iter().map(|h| (h.log - top).exp()).collect();
-        let total: f64 = weights.iter().sum();
-        let mut mean = vec![0.0; d];
-        let mut covariance = Array2::zeros((d, d));
-        let mut points = Vec::with_capacity(weights.len());
-        for (h, w) in explained.best.iter().zip(&weights) {
-            let w = w / total;
-            let (x, c) = self.answer_of(view, y, h);
-            mean.iter_mut().zip(&x).for_each(|(m, x)| *m += w * x);
-            covariance.scaled_add(w, &c);
-            points.push((w, x));
-        }
-        for (w, x) in points {
-            let off: Vec<f64> = x.iter().zip(&mean).map(|(x, m)| x - m).collect();
-            add_outer(&mut covariance, w, &off);
-        }
-        (mean, covariance)
-    }
-
-    fn answer_of(&self, view: &View, y: &[f64], h: &Hypothesis) -> (Vec<f64>, Array2<f64>) {
-        match self.levels[h.level] {
-            Level::Cells { index, scale } => {
-                let prior = self.cells[index].covariances[h.cell].view();
-                let mut x = self.cells[index].means.row(h.cell).to_vec();
-                if !view.sees() {
-                    return (x, &prior * scale);
-                }
-                let lens = view.lens(self, index, h.cell);
-                let mut z = Vec::new();
-                lens.project(|i| y[i] - x[i], &mut z);
-                lens.add_gain(scale, &lens.shares(scale), &z, 1.0, &mut x);
-                (x, lens.covariance(prior, scale))
-            }
-            Level::Leaves { scale, along } => {
-                let finest = self.cells.len() - 1;
-                let lens = view.lens(self, finest, h.cell);
-                let prior = self.cells[finest].covariances[h.cell].view();
-                let mut x: Vec<f64> = to_f64(self.leaves.poses.row(h.leaf));
-                let way: Vec<f64> = to_f64(self.leaves.steps.row(h.leaf));
-                let (mut z, mut step) = (Vec::new(), Vec::new());
-                lens.project(|i| y[i] - x[i], &mut z);
-                let shares = lens.shares(scale);
-                let mut covariance = lens.covariance(prior, scale);
-                if along > 0.0 {
-                    lens.project(|i| way[i], &mut step);
-                    let unsure = along / (1.0 + along * weighted(&shares, &step, &step));
-                    let how_far = unsure * weighted(&shares, &step, &z);
-                    // Along the step first, then what the cell's covariance makes of the rest.
-                    x.iter_mut().zip(&way).for_each(|(x, w)| *x += how_far * w);
-                    z.iter_mut().zip(&step).for_each(|(z, s)| *z -= how_far * s);
-                    let mut left = way.clone();
-                    lens.add_gain(scale, &shares, &step, -1.0, &mut left);
-                    add_outer(&mut covariance, unsure, &left);
-                }
-                lens.add_gain(scale, &shares, &z, 1.0, &mut x);
-                (x, covariance)
-            }
+        for (&(level, ..), logs) in levels.iter().zip(&logs) {
+            found.levels[level] = log_sum(logs);
         }
     }
 }
 
-fn to_f64(row: ArrayView1<'_, f32>) -> Vec<f64> {
-    row.iter().map(|v| f64::from(*v)).collect()
+/// What is left of an observation beside a leaf, in the directions of a lens.
+#[derive(Default)]
+pub struct Residual {
+    cell: Vec<f64>,
+    /// Of the observation less the leaf's pose.
+    pub z: Vec<f64>,
+    /// Of the leaf's step.
+    pub step: Vec<f64>,
+}
+
+impl Residual {
+    /// Of a finest cell: what its leaves' are made from.
+    pub fn of_cell(&mut self, part: &Part, sight: &Sight, y: &[f64], cell: usize) {
+        let mean = part.finest().means.row(cell);
+        if sight.lens.is_own() {
+            sight.lens.project(|i| y[i] - mean[i], &mut self.cell);
+        }
+    }
+
+    /// Of one of the cell's leaves.
+    pub fn of_leaf(&mut self, sight: &Sight, opened: &Opened, y: &[f64], leaf: usize) {
+        if sight.lens.is_own() {
+            // A coordinate that is missing counts as the cell's mean here: what stands there makes no difference.
+            let codes = self.cell.iter().zip(opened.code(leaf));
+            self.z.clear();
+            self.z.extend(codes.map(|(z, c)| z - f64::from(*c)));
+            self.step.clear();
+            self.step
+                .extend(opened.turn(leaf).iter().map(|v| f64::from(*v)));
+        } else {
+            let (pose, step) = (opened.pose(leaf), opened.step(leaf));
+            sight
+                .lens
+                .project(|i| y[i] - f64::from(pose[i]), &mut self.z);
+            sight.lens.project(|i| f64::from(step[i]), &mut self.step);
+        }
+    }
 }
 
 pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
@@ -405,10 +367,6 @@ pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
         let scale = weight * a;
         row.iter_mut().zip(x).for_each(|(t, b)| *t += scale * b);
     }
-}
-
-fn weighted(w: &[f64], a: &[f64], b: &[f64]) -> f64 {
-    w.iter().zip(a).zip(b).map(|((w, a), b)| w * a * b).sum()
 }
 
 /// log Σ exp.
