@@ -1,0 +1,153 @@
+//! The cells of one level of the hierarchy: a mean, a covariance and a share of the training poses each.
+
+use super::basis::Basis;
+use super::leaves::distance;
+use crate::pose::PoseMap;
+use ndarray::{Array2, Axis, s};
+use std::sync::{Arc, OnceLock};
+
+/// Cells of one part.
+#[derive(Debug, Clone)]
+pub struct Cells {
+    /// The means of whole poses, (K, 3 J), cm: what the part hangs on is needed to carry it to another body.
+    pub wholes: Array2<f64>,
+    /// The means of the part, (K, d), cm.
+    pub means: Array2<f64>,
+    /// The same for the search.
+    short: Vec<f32>,
+    /// log(n / N).
+    pub log_shares: Vec<f64>,
+    /// The variance of each coordinate within the cells, their mean, cm².
+    pub within: Vec<f64>,
+    bases: Vec<OnceLock<Arc<Basis>>>,
+    /// What the bases are made from, where the cells are those of another body.
+    origin: Option<(Arc<Cells>, Arc<PoseMap>)>,
+}
+
+impl Cells {
+    /// Cells of the means of whole poses (K, 3 J), log(n / N), and directions; `coordinates` are the part's.
+    pub fn new(
+        wholes: Array2<f64>,
+        log_shares: Vec<f64>,
+        bases: Vec<Basis>,
+        coordinates: &[usize],
+    ) -> Cells {
+        let mut within = vec![0.0; coordinates.len()];
+        for (basis, log) in bases.iter().zip(&log_shares) {
+            let share = log.exp();
+            let diagonal = basis.diagonal();
+            within
+                .iter_mut()
+                .zip(diagonal)
+                .for_each(|(w, v)| *w += share * v);
+        }
+        let bases = bases.into_iter().map(|b| OnceLock::from(Arc::new(b)));
+        Cells::with(
+            wholes,
+            log_shares,
+            within,
+            bases.collect(),
+            None,
+            coordinates,
+        )
+    }
+
+    fn with(
+        wholes: Array2<f64>,
+        log_shares: Vec<f64>,
+        within: Vec<f64>,
+        bases: Vec<OnceLock<Arc<Basis>>>,
+        origin: Option<(Arc<Cells>, Arc<PoseMap>)>,
+        coordinates: &[usize],
+    ) -> Cells {
+        let means = wholes.select(Axis(1), coordinates);
+        Cells {
+            short: means.iter().map(|v| *v as f32).collect(),
+            means,
+            wholes,
+            log_shares,
+            within,
+            bases,
+            origin,
+        }
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.log_shares.len()
+    }
+
+    /// The directions of a cell.
+    pub fn basis(&self, cell: usize, coordinates: &[usize]) -> Arc<Basis> {
+        let make = || match &self.origin {
+            Some((origin, map)) => {
+                let own = origin.basis(cell, coordinates).covariance();
+                Arc::new(Basis::of(
+                    carried(&own, map, coordinates, self.wholes.ncols()).view(),
+                ))
+            }
+            // Never met: cells that are not of another body have all their directions.
+            None => Arc::new(Basis::of(
+                Array2::zeros((coordinates.len(), coordinates.len())).view(),
+            )),
+        };
+        self.bases[cell].get_or_init(make).clone()
+    }
+
+    /// All sub-dictionaries: (K d, d), an atom a column, cm.
+    pub fn atoms(&self, coordinates: &[usize]) -> Array2<f32> {
+        let d = coordinates.len();
+        let mut out = Array2::zeros((self.len() * d, d));
+        for cell in 0..self.len() {
+            let atoms = self.basis(cell, coordinates).atoms();
+            let mut to = out.slice_mut(s![cell * d..(cell + 1) * d, ..]);
+            to.zip_mut_with(&atoms, |t, a| *t = *a as f32);
+        }
+        out
+    }
+
+    /// The same cells of poses that went through `map`; of the covariance with the rest of the body nothing is known.
+    pub fn mapped(&self, map: &Arc<PoseMap>, coordinates: &[usize]) -> Cells {
+        Cells::with(
+            map.apply_rows(self.wholes.view()),
+            self.log_shares.clone(),
+            // Good enough for the search; a body's size is nothing beside what poses do.
+            self.within.clone(),
+            self.bases.iter().map(|_| OnceLock::new()).collect(),
+            Some((Arc::new(self.clone()), map.clone())),
+            coordinates,
+        )
+    }
+
+    /// The few cells that may hold a pose (d; of any value where `weights` is 0), nearest first; all of a few.
+    pub fn nearest(&self, y: &[f32], weights: &[f32]) -> Vec<usize> {
+        let (count, d) = (self.len(), y.len().max(1));
+        let wanted = (4.0 * (count as f64).sqrt()).ceil().min(24.0) as usize;
+        if count <= wanted.max(5) {
+            return (0..count).collect();
+        }
+        let far = self.short.chunks_exact(d).zip(&self.log_shares);
+        let mut all: Vec<(f32, usize)> = far
+            .enumerate()
+            .map(|(cell, (mean, log))| (distance(y, mean, weights) - 2.0 * *log as f32, cell))
+            .collect();
+        all.select_nth_unstable_by(wanted - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        all.truncate(wanted);
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        all.into_iter().map(|(_, cell)| cell).collect()
+    }
+}
+
+/// The covariance (d, d) of a part of poses that went through `map`.
+fn carried(own: &Array2<f64>, map: &PoseMap, coordinates: &[usize], width: usize) -> Array2<f64> {
+    let mut whole = Array2::zeros((width, width));
+    for (i, &to) in coordinates.iter().enumerate() {
+        for (j, &other) in coordinates.iter().enumerate() {
+            whole[[to, other]] = own[[i, j]];
+        }
+    }
+    let whole = map.apply_covariance(whole.view());
+    whole
+        .select(Axis(0), coordinates)
+        .select(Axis(1), coordinates)
+}

@@ -1,0 +1,173 @@
+//! Every training pose as a block of its own, as wide as a share of its cell.
+
+use super::basis::Basis;
+use ndarray::{Array2, ArrayView1};
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+
+/// The training poses and how they move: shared by all parts.
+#[derive(Debug)]
+pub struct Poses {
+    /// (N, 3 J), cm, take after take.
+    pub xyz: Array2<f32>,
+    /// The rows of each take.
+    pub takes: Vec<Range<usize>>,
+}
+
+impl Poses {
+    /// Half the step from the pose before to the one after in the same take, of some coordinates.
+    pub fn step(&self, row: usize, coordinates: &[usize], out: &mut Vec<f32>) {
+        let take = &self.takes[self.takes.partition_point(|t| t.end <= row)];
+        let before = self.xyz.row(row.saturating_sub(1).max(take.start));
+        let after = self.xyz.row((row + 1).min(take.end - 1));
+        out.extend(coordinates.iter().map(|&c| 0.5 * (after[c] - before[c])));
+    }
+}
+
+/// The leaves of one part, by their cells.
+#[derive(Debug, Clone)]
+pub struct Leaves {
+    poses: Arc<Poses>,
+    /// Which training pose each leaf is, sorted by cell.
+    pub rows: Vec<usize>,
+    /// Where the leaves of each cell begin; one more at the end.
+    pub starts: Vec<usize>,
+    /// What is made of a cell's leaves when it is first opened.
+    opened: Arc<Vec<OnceLock<Opened>>>,
+}
+
+/// The leaves of one cell.
+#[derive(Debug)]
+pub struct Opened {
+    d: usize,
+    /// (n, d), cm.
+    poses: Vec<f32>,
+    /// (n, d), cm: half the step from the pose before to the one after.
+    steps: Vec<f32>,
+    /// (n, d): the poses less the cell's mean, in the cell's directions.
+    codes: Vec<f32>,
+    /// (n, d): the steps in the cell's directions.
+    turns: Vec<f32>,
+}
+
+impl Leaves {
+    /// Leaves by the cell that each training pose belongs to.
+    pub fn new(poses: Arc<Poses>, labels: &[usize], cells: usize) -> Leaves {
+        let mut rows: Vec<usize> = (0..labels.len()).collect();
+        rows.sort_by_key(|&i| labels[i]);
+        let starts = (0..=cells).map(|c| rows.partition_point(|&i| labels[i] < c));
+        Leaves {
+            starts: starts.collect(),
+            opened: Arc::new((0..cells).map(|_| OnceLock::new()).collect()),
+            poses,
+            rows,
+        }
+    }
+
+    /// The same of poses that went through a map.
+    pub fn mapped(&self, poses: Arc<Poses>) -> Leaves {
+        Leaves {
+            poses,
+            opened: Arc::new(self.opened.iter().map(|_| OnceLock::new()).collect()),
+            ..self.clone()
+        }
+    }
+
+    /// The cell of each training pose, in their own order.
+    pub fn labels(&self) -> Vec<usize> {
+        let mut labels = vec![0; self.rows.len()];
+        for (cell, range) in self.starts.windows(2).enumerate() {
+            for &row in &self.rows[range[0]..range[1]] {
+                labels[row] = cell;
+            }
+        }
+        labels
+    }
+
+    /// The leaves of a cell, whose mean and directions are given.
+    pub fn open(
+        &self,
+        cell: usize,
+        coordinates: &[usize],
+        mean: ArrayView1<'_, f64>,
+        basis: &Basis,
+    ) -> &Opened {
+        self.opened[cell].get_or_init(|| {
+            let (d, rows) = (
+                coordinates.len(),
+                &self.rows[self.starts[cell]..self.starts[cell + 1]],
+            );
+            let mut poses = Vec::with_capacity(rows.len() * d);
+            let mut steps = Vec::with_capacity(rows.len() * d);
+            for &row in rows {
+                let pose = self.poses.xyz.row(row);
+                poses.extend(coordinates.iter().map(|&c| pose[c]));
+                self.poses.step(row, coordinates, &mut steps);
+            }
+            let vectors = Array2::from_shape_fn((d, d), |(i, k)| basis.row(i)[k] as f32);
+            let turned = |flat: &[f32], off: &dyn Fn(usize) -> f32| {
+                let rows =
+                    Array2::from_shape_fn((rows.len(), d), |(r, i)| flat[r * d + i] - off(i));
+                rows.dot(&vectors).iter().copied().collect::<Vec<f32>>()
+            };
+            Opened {
+                codes: turned(&poses, &|i| mean[i] as f32),
+                turns: turned(&steps, &|_| 0.0),
+                d,
+                poses,
+                steps,
+            }
+        })
+    }
+}
+
+impl Opened {
+    fn row<'a>(&self, of: &'a [f32], leaf: usize) -> &'a [f32] {
+        &of[leaf * self.d..(leaf + 1) * self.d]
+    }
+
+    /// A leaf's pose, cm.
+    pub fn pose(&self, leaf: usize) -> &[f32] {
+        self.row(&self.poses, leaf)
+    }
+
+    /// A leaf's step, cm.
+    pub fn step(&self, leaf: usize) -> &[f32] {
+        self.row(&self.steps, leaf)
+    }
+
+    /// A leaf's pose less the cell's mean, in the cell's directions.
+    pub fn code(&self, leaf: usize) -> &[f32] {
+        self.row(&self.codes, leaf)
+    }
+
+    /// A leaf's step in the cell's directions.
+    pub fn turn(&self, leaf: usize) -> &[f32] {
+        self.row(&self.turns, leaf)
+    }
+
+    /// Σ w (y − pose)² of every leaf: (leaf, that).
+    pub fn distances(&self, y: &[f32], w: &[f32]) -> impl Iterator<Item = (usize, f32)> {
+        self.poses
+            .chunks_exact(self.d.max(1))
+            .enumerate()
+            .map(move |(leaf, pose)| (leaf, distance(y, pose, w)))
+    }
+}
+
+/// Σ w (y − x)², eight side by side.
+pub fn distance(y: &[f32], x: &[f32], w: &[f32]) -> f32 {
+    let mut sums = [0.0f32; 8];
+    let (ys, y_rest) = y.as_chunks::<8>();
+    let (xs, x_rest) = x.as_chunks::<8>();
+    let (ws, w_rest) = w.as_chunks::<8>();
+    for ((y, x), w) in ys.iter().zip(xs).zip(ws) {
+        for i in 0..8 {
+            let off = y[i] - x[i];
+            sums[i] += w[i] * off * off;
+        }
+    }
+    let rest = y_rest.iter().zip(x_rest).zip(w_rest);
+    let tail: f32 = rest.map(|((y, x), w)| w * (y - x) * (y - x)).sum();
+    sums.iter().sum::<f32>() + tail
+}

@@ -1,0 +1,77 @@
+//! Products and a factorisation for vectors and matrices of a pose's size, where calling a library costs more than the work.
+
+/// Σ aᵢ bᵢ, in four strands that go side by side.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (fours, rest) = a.as_chunks::<4>();
+    let (others, left) = b.as_chunks::<4>();
+    for (x, y) in fours.iter().zip(others) {
+        for i in 0..4 {
+            sums[i] += x[i] * y[i];
+        }
+    }
+    let tail: f64 = rest.iter().zip(left).map(|(x, y)| x * y).sum();
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + tail
+}
+
+/// Σ sᵢ aᵢ bᵢ, as [`dot`].
+pub fn weighted(s: &[f64], a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (weights, last) = s.as_chunks::<4>();
+    let (fours, rest) = a.as_chunks::<4>();
+    let (others, left) = b.as_chunks::<4>();
+    for ((w, x), y) in weights.iter().zip(fours).zip(others) {
+        for i in 0..4 {
+            sums[i] += w[i] * x[i] * y[i];
+        }
+    }
+    let tail: f64 = last
+        .iter()
+        .zip(rest)
+        .zip(left)
+        .map(|((s, x), y)| s * x * y)
+        .sum();
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + tail
+}
+
+/// `to` += `scale` `from`.
+pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
+}
+
+/// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a small one: the direction
+/// is then known exactly, as a duplicate of others.
+pub fn factorise(a: &mut [f64], n: usize) {
+    for i in 0..n {
+        for j in 0..=i {
+            let known = dot(&a[i * n..i * n + j], &a[j * n..j * n + j]);
+            let rest = a[i * n + j] - known;
+            a[i * n + j] = if i == j {
+                rest.max(1e-12 * a[i * n + i].abs()).max(1e-300).sqrt()
+            } else {
+                rest / a[j * n + j]
+            };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn products_and_factors_are_those_of_the_book() {
+        let (x, y): (Vec<f64>, Vec<f64>) = (0..7).map(|i| (i as f64, 1.0 - i as f64)).unzip();
+        let plain: f64 = x.iter().zip(&y).map(|(a, b)| a * b).sum();
+        assert_eq!(
+            (dot(&x, &y), weighted(&[2.0; 7], &x, &y)),
+            (plain, 2.0 * plain)
+        );
+        let mut sum = x.clone();
+        add(&mut sum, 2.0, &y);
+        assert_eq!(sum[3], -1.0);
+        let mut a = [4.0, 0.0, 2.0, 5.0];
+        factorise(&mut a, 2);
+        assert_eq!([a[0], a[2], a[3]], [2.0, 1.0, 2.0]);
+    }
+}
