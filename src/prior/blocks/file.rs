@@ -101,7 +101,7 @@ impl Blocks {
             }
             let levels = settings.levels(cells.len());
             let mut part = Part::new(coordinates, cells, poses.clone(), &labels, levels);
-            part.log_weights = weights.column(p).iter().map(|w| f64::from(*w)).collect();
+            part.weigh(weights.column(p).iter().map(|w| f64::from(*w)).collect());
             made.push(part);
         }
         let log_ways = file.array("ways", Some(ways.len()), Some(1))?;

@@ -39,8 +39,8 @@ pub struct Settings {
     pub steps: usize,
     /// Held-back poses that the weights are learnt from, for each observation.
     pub tested: usize,
-    /// The share of the takes that is held back.
-    pub held: f64,
+    /// Takes are held back in turn, in so many groups.
+    pub folds: usize,
 }
 
 impl Default for Settings {
@@ -62,8 +62,8 @@ impl Default for Settings {
             least: 1e-4 * ASF_UNIT_CM * ASF_UNIT_CM,
             temperature: 1.0,
             steps: 60,
-            tested: 300,
-            held: 0.25,
+            tested: 400,
+            folds: 4,
         }
     }
 }
@@ -89,8 +89,10 @@ impl Settings {
                 "blocks: scales, least and temperature must be above 0",
             ));
         }
-        if !(0.0..=1.0).contains(&self.own) || !(0.0..1.0).contains(&self.held) {
-            return Err(Error::usage("blocks: own and held must be from 0 to 1"));
+        if !(0.0..=1.0).contains(&self.own) || self.folds == 0 {
+            return Err(Error::usage(
+                "blocks: own must be from 0 to 1, folds at least 1",
+            ));
         }
         Ok(())
     }
@@ -122,48 +124,28 @@ pub struct Material<'a> {
 /// Cells hold at least so many poses on average.
 const POSES_A_CELL: usize = 20;
 
-/// Learns from training poses: weights first, from takes held back, then the blocks from all of them.
+/// Learns from training poses: weights first, from takes held back in turn, then the blocks from all of them.
 pub fn train(
     training: &Training<'_>,
     settings: &Settings,
     report: &mut dyn FnMut(&str),
 ) -> Result<Blocks> {
     let poses = training.poses;
-    let held = held_back(&poses.takes, settings.held, training.seed);
-    let rest: Vec<Range<usize>> = (poses.takes.iter())
-        .filter(|t| !held.contains(t))
-        .cloned()
-        .collect();
-    let mut weights = None;
-    if !held.is_empty() && !rest.is_empty() {
-        report("blocks of the poses that weights are not learnt from");
-        let mut generator = par::generator(training.seed, 2);
-        let mut unseen: Vec<usize> = held.iter().flat_map(|t| t.clone()).collect();
-        unseen.shuffle(&mut generator);
-        unseen.truncate(settings.tested);
-        let mut frames: Vec<usize> = rest.iter().flat_map(|t| t.clone()).collect();
-        frames.shuffle(&mut generator);
-        frames.truncate(settings.tested.min(frames.len() / 10));
-        frames.sort_unstable();
-        let (xyz, takes) = rows_of(poses, &rest, &frames);
-        let blocks = build(
-            poses,
-            &Material {
-                xyz: xyz.view(),
-                takes: &takes,
-            },
-            settings,
-            training.seed,
-        )?;
-        report("weights of levels and parts, on poses held back");
-        unseen.extend(frames);
-        weights = Some(learn_weights(
-            &blocks,
-            poses,
-            &unseen,
-            settings,
-            training.seed,
+    let folds = folds(&poses.takes, settings.folds, training.seed);
+    let mut seen = Vec::new();
+    for (fold, held) in folds.iter().enumerate() {
+        report(&format!(
+            "blocks without takes held back, {} of {}",
+            fold + 1,
+            folds.len()
         ));
+        seen.extend(evidence_of_fold(
+            training,
+            settings,
+            held,
+            fold,
+            folds.len(),
+        )?);
     }
     report("blocks of all poses");
     let all = Material {
@@ -171,13 +153,47 @@ pub fn train(
         takes: &poses.takes,
     };
     let mut blocks = build(poses, &all, settings, training.seed)?;
-    if let Some((levels, ways)) = weights {
+    if !seen.is_empty() {
+        let (levels, ways) = expectation_maximisation(&blocks, &seen, settings.steps);
         for (part, levels) in blocks.parts.iter_mut().zip(levels) {
-            part.log_weights = levels;
+            part.weigh(levels);
         }
         blocks.log_ways = ways;
     }
     Ok(blocks)
+}
+
+/// The evidences of poses whose takes were held back, and of single frames that were, in equal numbers: the weights must
+/// do for movements never seen and for those seen nearly.
+fn evidence_of_fold(
+    training: &Training<'_>,
+    settings: &Settings,
+    held: &[Range<usize>],
+    fold: usize,
+    folds: usize,
+) -> Result<Vec<Evidences>> {
+    let poses = training.poses;
+    let rest: Vec<Range<usize>> = (poses.takes.iter())
+        .filter(|t| !held.contains(t))
+        .cloned()
+        .collect();
+    let tested = settings.tested.div_ceil(folds);
+    let mut generator = par::generator(training.seed, 2 + fold as u64);
+    let mut chosen: Vec<usize> = held.iter().flat_map(|t| t.clone()).collect();
+    chosen.shuffle(&mut generator);
+    chosen.truncate(tested);
+    let mut frames: Vec<usize> = rest.iter().flat_map(|t| t.clone()).collect();
+    frames.shuffle(&mut generator);
+    frames.truncate(tested.min(frames.len() / 10));
+    frames.sort_unstable();
+    let (xyz, takes) = rows_of(poses, &rest, &frames);
+    let material = Material {
+        xyz: xyz.view(),
+        takes: &takes,
+    };
+    let blocks = build(poses, &material, settings, training.seed)?;
+    chosen.extend(frames);
+    Ok(evidences(&blocks, poses, &chosen, training.seed))
 }
 
 /// Trains and gives the model's file.
@@ -193,17 +209,21 @@ pub fn model(
     Ok(model)
 }
 
-/// Whole takes to hold back: about a share of them, at least one, drawn by the seed.
-fn held_back(takes: &[Range<usize>], share: f64, seed: u64) -> Vec<Range<usize>> {
+/// Parts the takes in so many groups of nearly as many each, drawn by the seed; none where there is but one take.
+fn folds(takes: &[Range<usize>], count: usize, seed: u64) -> Vec<Vec<Range<usize>>> {
     if takes.len() < 2 {
         return Vec::new();
     }
     let mut order: Vec<usize> = (0..takes.len()).collect();
     order.shuffle(&mut par::generator(seed, 1));
-    let count = ((takes.len() as f64 * share) as usize).max(1);
-    let mut held: Vec<usize> = order[..count].to_vec();
-    held.sort_unstable();
-    held.into_iter().map(|t| takes[t].clone()).collect()
+    let count = count.min(takes.len());
+    (0..count)
+        .map(|fold| {
+            let mut held: Vec<usize> = order.iter().copied().skip(fold).step_by(count).collect();
+            held.sort_unstable();
+            held.into_iter().map(|t| takes[t].clone()).collect()
+        })
+        .collect()
 }
 
 /// The rows of some takes without those `left_out` (rising), and where each take is among them.
@@ -338,36 +358,27 @@ fn cells_of(
 /// The weights of levels (by part) and of ways, as logs.
 type Weights = (Vec<Vec<f64>>, Vec<f64>);
 
-/// EM on held-back poses seen as each task shows them.
-fn learn_weights(
+/// One observation's log evidence of each level, by part.
+type Evidences = Vec<Vec<f64>>;
+
+/// What blocks make of held-back poses, seen as each task shows them.
+fn evidences(
     blocks: &Blocks,
     poses: &TrainingPoses,
     chosen: &[usize],
-    settings: &Settings,
     seed: u64,
-) -> Weights {
-    // One observation: each part's level evidences.
-    let mut seen: Vec<Vec<Vec<f64>>> = Vec::new();
-    for task in 0..2u64 {
-        seen.extend(
-            par::map_chunks(chosen.len(), 4, |range| {
-                range
-                    .map(|i| {
-                        let (y, noise) = observe(poses, chosen[i], task, seed, i);
-                        let considered = blocks.consider(&y, &noise);
-                        considered
-                            .explained
-                            .into_iter()
-                            .map(|e| e.levels)
-                            .collect::<Vec<_>>()
-                    })
-                    .collect::<Vec<_>>()
-            })
-            .into_iter()
-            .flatten(),
-        );
-    }
-    expectation_maximisation(blocks, &seen, settings.steps)
+) -> Vec<Evidences> {
+    let one = |i: usize, task: u64| {
+        let (y, noise) = observe(poses, chosen[i], task, seed, i);
+        let seen = blocks.consider(&y, &noise).explained;
+        seen.into_iter().map(|e| e.levels).collect::<Evidences>()
+    };
+    let both = (0..2u64).flat_map(|task| {
+        par::map_chunks(chosen.len(), 4, |range| {
+            range.map(|i| one(i, task)).collect::<Vec<_>>()
+        })
+    });
+    both.flatten().collect()
 }
 
 fn observe(
@@ -394,14 +405,16 @@ fn observe(
     (pose, noise)
 }
 
-fn expectation_maximisation(blocks: &Blocks, seen: &[Vec<Vec<f64>>], steps: usize) -> Weights {
+/// So many poses are counted for every level and way before any is seen: none is ever ruled out.
+const PSEUDO: f64 = 1.0;
+
+fn expectation_maximisation(blocks: &Blocks, seen: &[Evidences], steps: usize) -> Weights {
     let mut levels: Vec<Vec<f64>> = blocks.parts.iter().map(|p| p.log_weights.clone()).collect();
     let mut ways = blocks.log_ways.clone();
-    // A tenth of a pose for every level and way: none is ever ruled out.
-    const PRIOR: f64 = 0.1;
     for _ in 0..steps {
-        let mut level_counts: Vec<Vec<f64>> = levels.iter().map(|l| vec![PRIOR; l.len()]).collect();
-        let mut way_counts = vec![PRIOR; ways.len()];
+        let mut level_counts: Vec<Vec<f64>> =
+            levels.iter().map(|l| vec![PSEUDO; l.len()]).collect();
+        let mut way_counts = vec![PSEUDO; ways.len()];
         for pose in seen {
             let each: Vec<Vec<f64>> = pose
                 .iter()

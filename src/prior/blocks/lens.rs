@@ -244,10 +244,17 @@ impl Lens {
                 }
             }
             let mut out = self.basis.spread(&left);
-            for (s, weight) in scales {
+            for (i, (s, weight)) in scales.iter().enumerate() {
+                // Many blocks share a scale.
+                let met = |o: &(&Scaled, f64)| std::ptr::eq(o.0, *s);
+                if scales[..i].iter().any(met) {
+                    continue;
+                }
+                let same = scales[i + 1..].iter().filter(|o| met(o));
+                let weight = weight + same.map(|o| o.1).sum::<f64>();
                 if let Some(fix) = &s.fix {
                     let half = self.unlearnt(s.scale, fix);
-                    out.scaled_add(*weight, &half.t().dot(&half));
+                    out.scaled_add(weight, &half.t().dot(&half));
                 }
             }
             return out;

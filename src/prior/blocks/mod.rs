@@ -38,8 +38,10 @@ pub use learn::{Settings, model, train};
 const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 /// So many noise patterns are remembered.
 const MOST_MET: usize = 6;
-/// Ways of making a body of parts that weigh less do not answer.
+/// Ways of making a body of parts that weigh less for an observation do not answer it.
 const LEAST_WEIGHT: f64 = 1e-3;
+/// Ways that weigh less than this share of the first before any observation are not looked at.
+const LEAST_WAY: f64 = 0.002;
 
 /// The blocks of all parts of a body.
 #[derive(Debug, Clone)]
@@ -96,13 +98,34 @@ impl Blocks {
         made
     }
 
+    /// The parts of the ways that weigh enough to be looked at.
+    fn wanted(&self) -> Vec<bool> {
+        let mut wanted = vec![false; self.parts.len()];
+        let most = self
+            .log_ways
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        for (way, log) in self.ways.iter().zip(&self.log_ways) {
+            if *log >= most + LEAST_WAY.ln() {
+                way.iter().for_each(|&p| wanted[p] = true);
+            }
+        }
+        wanted
+    }
+
     fn consider(&self, y: &[f64], noise: &[f64]) -> Considered {
         let views = self.views(noise);
         let observed: Vec<Vec<f64>> = (self.parts.iter())
             .map(|p| p.coordinates.iter().map(|&i| y[i]).collect())
             .collect();
+        let wanted = self.wanted();
         let explained: Vec<Explained> = (self.parts.iter().zip(views.iter()).zip(&observed))
-            .map(|((part, view), y)| part.explain(view, y, self.temperature))
+            .zip(wanted)
+            .map(|(((part, view), y), wanted)| match wanted {
+                true => part.explain(view, y, self.temperature),
+                false => Explained::nothing(),
+            })
             .collect();
         let ways = self.ways.iter().zip(&self.log_ways);
         let ways = ways
@@ -316,14 +339,7 @@ mod tests {
             blocks.believe(&y, &[1.0; 69]),
             again.believe(&y, &[1.0; 69])
         );
-        for name in [
-            "poses",
-            "takes",
-            "labels",
-            "weights",
-            "ways",
-            "atoms.0.1",
-        ] {
+        for name in ["poses", "takes", "labels", "weights", "ways", "atoms.0.1"] {
             let mut broken = model.clone();
             broken.arrays.remove(name);
             let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();

@@ -6,8 +6,7 @@ use super::lens::{Lens, Pattern, Scaled};
 use crate::pose::PoseMap;
 use crate::prior::small::dot;
 use ndarray::Array2;
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 /// One level: which blocks, at which scale of their covariance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +40,16 @@ pub struct Part {
     pub levels: Vec<Level>,
     /// The log weight of each level.
     pub log_weights: Vec<f64>,
+    /// The levels that weigh enough to be looked at: of each level of cells, then of the leaves.
+    active: Vec<Vec<Active>>,
+}
+
+/// A level that is looked at.
+#[derive(Debug, Clone, Copy)]
+struct Active {
+    level: usize,
+    scale: f64,
+    along: f64,
 }
 
 /// What one noise pattern makes of a part's blocks; each is looked at when first needed.
@@ -51,7 +60,7 @@ pub struct View {
     pattern: Pattern,
     /// 1 / (variance within a level's cells + noise), 0 where nothing is seen: by level.
     nearness: Vec<Vec<f32>>,
-    sights: Mutex<HashMap<(usize, usize), Arc<Sight>>>,
+    sights: Vec<Vec<OnceLock<Sight>>>,
 }
 
 /// One cell seen through the noise, at all its scales.
@@ -71,10 +80,11 @@ impl View {
             let weight = |(v, n): (&f64, &f64)| (1.0 / (v + n)) as f32;
             c.within.iter().zip(&noise).map(weight).collect()
         };
+        let none = |c: &Cells| (0..c.len()).map(|_| OnceLock::new()).collect();
         View {
             nearness: part.cells.iter().map(near).collect(),
             pattern: Pattern::of(&noise),
-            sights: Mutex::default(),
+            sights: part.cells.iter().map(none).collect(),
             noise,
         }
     }
@@ -85,21 +95,17 @@ impl View {
     }
 
     /// A cell through this noise.
-    pub fn sight(&self, part: &Part, index: usize, cell: usize) -> Arc<Sight> {
-        let mut sights = self.sights.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = sights.get(&(index, cell)) {
-            return found.clone();
-        }
-        let basis = part.cells[index].basis(cell, &part.coordinates);
-        let lens = Lens::new(&basis, &self.noise, &self.pattern);
-        let scales = part.scales_of(index).map(|(_, scale)| lens.at(scale));
-        let made = Arc::new(Sight {
-            scales: scales.collect(),
-            leaves: OnceLock::new(),
-            lens,
-        });
-        sights.insert((index, cell), made.clone());
-        made
+    pub fn sight(&self, part: &Part, index: usize, cell: usize) -> &Sight {
+        self.sights[index][cell].get_or_init(|| {
+            let basis = part.cells[index].basis(cell, &part.coordinates);
+            let lens = Lens::new(&basis, &self.noise, &self.pattern);
+            let scales = part.active[index].iter().map(|a| lens.at(a.scale));
+            Sight {
+                scales: scales.collect(),
+                leaves: OnceLock::new(),
+                lens,
+            }
+        })
     }
 }
 
@@ -107,8 +113,8 @@ impl Sight {
     /// At the scales of the leaves' levels.
     pub fn leaves(&self, part: &Part) -> &[Scaled] {
         self.leaves.get_or_init(|| {
-            let scales = part.leaf_levels().map(|(_, scale, _)| self.lens.at(scale));
-            scales.collect()
+            let levels = part.active.last().into_iter().flatten();
+            levels.map(|a| self.lens.at(a.scale)).collect()
         })
     }
 }
@@ -118,7 +124,11 @@ impl Sight {
 pub struct Hypothesis {
     /// The log of its weight times its evidence.
     pub log: f64,
-    pub level: usize,
+    /// Which of the levels of cells; one more: the leaves.
+    pub index: usize,
+    /// Which of its levels that are looked at.
+    pub at: usize,
+    /// Which cell.
     pub cell: usize,
     /// The leaf among its cell's, where it is one.
     pub leaf: usize,
@@ -135,10 +145,23 @@ pub struct Explained {
     pub best: Vec<Hypothesis>,
 }
 
+impl Explained {
+    /// Of a part that is not looked at.
+    pub fn nothing() -> Explained {
+        Explained {
+            evidence: f64::NEG_INFINITY,
+            levels: Vec::new(),
+            best: Vec::new(),
+        }
+    }
+}
+
 /// So many blocks answer.
 const KEPT: usize = 24;
 /// Blocks this much less likely (nats) than the best do not answer.
-const NEGLIGIBLE: f64 = 7.0;
+const NEGLIGIBLE: f64 = 6.0;
+/// Levels of less weight are not looked at.
+const LEAST_WEIGHT: f64 = 5e-4;
 /// The leaves of so many cells are looked at.
 const OPENED: usize = 8;
 /// Cells this much less likely than the best are not opened.
@@ -156,13 +179,38 @@ impl Part {
         levels: Vec<Level>,
     ) -> Part {
         let finest = cells.last().map_or(0, Cells::len);
-        Part {
+        let even = vec![-(levels.len() as f64).ln(); levels.len()];
+        let mut part = Part {
             leaves: Leaves::new(poses, labels, finest),
-            log_weights: vec![-(levels.len() as f64).ln(); levels.len()],
+            log_weights: Vec::new(),
+            active: Vec::new(),
             levels,
             cells,
             coordinates,
+        };
+        part.weigh(even);
+        part
+    }
+
+    /// Gives the levels their log weights. Those of next to none are not looked at, the coarsest apart: it knows of
+    /// every pose.
+    pub fn weigh(&mut self, log_weights: Vec<f64>) {
+        let mut active = vec![Vec::new(); self.cells.len() + 1];
+        for (level, (&what, log)) in self.levels.iter().zip(&log_weights).enumerate() {
+            let (index, scale, along) = match what {
+                Level::Cells { index, scale } => (index, scale, 0.0),
+                Level::Leaves { scale, along } => (self.cells.len(), scale, along),
+            };
+            if index == 0 || log.exp() >= LEAST_WEIGHT {
+                active[index].push(Active {
+                    level,
+                    scale,
+                    along,
+                });
+            }
         }
+        self.active = active;
+        self.log_weights = log_weights;
     }
 
     /// The same part of poses that went through `map` and are now `poses`.
@@ -175,22 +223,9 @@ impl Part {
         }
     }
 
-    /// The levels of some cells: (which level, scale).
-    fn scales_of(&self, wanted: usize) -> impl Iterator<Item = (usize, f64)> {
-        let all = self.levels.iter().enumerate();
-        all.filter_map(move |(at, level)| match level {
-            Level::Cells { index, scale } if *index == wanted => Some((at, *scale)),
-            _ => None,
-        })
-    }
-
-    /// The levels of the leaves: (which level, scale, along).
-    pub fn leaf_levels(&self) -> impl Iterator<Item = (usize, f64, f64)> {
-        let all = self.levels.iter().enumerate();
-        all.filter_map(|(at, level)| match level {
-            Level::Leaves { scale, along } => Some((at, *scale, *along)),
-            Level::Cells { .. } => None,
-        })
+    /// How far a level of the leaves reaches along their steps.
+    pub fn along(&self, at: usize) -> f64 {
+        self.active[self.cells.len()][at].along
     }
 
     /// The leaves of a finest cell.
@@ -212,17 +247,23 @@ impl Part {
         if !view.sees() {
             // Nothing observed: the prior itself, by its coarsest cell.
             found.levels.fill(0.0);
-            found.add(0, 0, usize::MAX, 0.0);
+            found.add(0.0, 0, (0, 0), 0, 0);
             return found.end(0.0);
         }
         let short: Vec<f32> = (y.iter().zip(&view.noise))
             .map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 })
             .collect();
         let mut finest = Vec::new();
+        let leaves = self.active.last().is_some_and(|a| !a.is_empty());
         for index in 0..self.cells.len() {
-            finest = self.cells_of(view, y, &short, index, &mut found);
+            let wanted = leaves && index + 1 == self.cells.len();
+            if wanted || !self.active[index].is_empty() {
+                finest = self.cells_of(view, y, &short, index, &mut found);
+            }
         }
-        self.open(view, y, &short, &mut finest, &mut found);
+        if leaves {
+            self.open(view, y, &short, &mut finest, &mut found);
+        }
         let levels = found.levels.iter().zip(&self.log_weights);
         let all: Vec<f64> = levels.map(|(l, w)| l + w).collect();
         let evidence = log_sum(&all);
@@ -239,7 +280,7 @@ impl Part {
         found: &mut Search<'_>,
     ) -> Vec<(f64, usize)> {
         let cells = &self.cells[index];
-        let levels: Vec<usize> = self.scales_of(index).map(|(at, _)| at).collect();
+        let levels = &self.active[index];
         let mut logs = vec![Vec::new(); levels.len()];
         let mut z = Vec::new();
         let mut best = Vec::new();
@@ -248,16 +289,20 @@ impl Part {
             let mean = cells.means.row(cell);
             sight.lens.project(|i| y[i] - mean[i], &mut z);
             let mut most = f64::NEG_INFINITY;
-            for ((&level, scaled), logs) in levels.iter().zip(&sight.scales).zip(&mut logs) {
-                let log = cells.log_shares[cell] + found.temperature * scaled.log(&z);
+            for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
+                let log = cells.log_shares[cell] + found.temperature * sight.scales[at].log(&z);
                 logs.push(log);
                 most = most.max(log);
-                found.add(level, cell, usize::MAX, log);
+                found.add(log, level.level, (index, at), cell, 0);
+            }
+            if levels.is_empty() {
+                // Only to find which leaves to look at.
+                most = cells.log_shares[cell] + found.temperature * sight.lens.at(1.0).log(&z);
             }
             best.push((most, cell));
         }
-        for (&level, logs) in levels.iter().zip(&logs) {
-            found.levels[level] = log_sum(logs);
+        for (level, logs) in levels.iter().zip(&logs) {
+            found.levels[level.level] = log_sum(logs);
         }
         best
     }
@@ -271,10 +316,7 @@ impl Part {
         cells: &mut [(f64, usize)],
         found: &mut Search<'_>,
     ) {
-        let levels: Vec<(usize, f64, f64)> = self.leaf_levels().collect();
-        if levels.is_empty() {
-            return;
-        }
+        let levels = &self.active[self.cells.len()];
         cells.sort_by(|a, b| b.0.total_cmp(&a.0));
         let closed = cells[0].0 - CLOSED * found.temperature;
         let likely = cells.iter().take(OPENED).filter(|c| c.0 >= closed);
@@ -300,11 +342,12 @@ impl Part {
             let cell = group[0].1;
             let sight = view.sight(self, self.cells.len() - 1, cell);
             let opened = self.opened(cell);
-            state.of_cell(self, &sight, y, cell);
+            state.of_cell(self, sight, y, cell);
             for &(_, _, leaf) in group {
-                state.of_leaf(&sight, opened, y, leaf);
-                let scales = levels.iter().zip(sight.leaves(self)).zip(&mut logs);
-                for ((&(level, _, along), scaled), logs) in scales {
+                state.of_leaf(sight, opened, y, leaf);
+                let scales = sight.leaves(self).iter().zip(&mut logs);
+                for (at, (scaled, logs)) in scales.enumerate() {
+                    let (level, along) = (levels[at].level, levels[at].along);
                     let mut log = scaled.log(&state.z);
                     if along > 0.0 {
                         let w = scaled.solve(&state.step);
@@ -313,12 +356,12 @@ impl Part {
                     }
                     let log = share + found.temperature * log;
                     logs.push(log);
-                    found.add(level, cell, leaf, log);
+                    found.add(log, level, (self.cells.len(), at), cell, leaf);
                 }
             }
         }
-        for (&(level, ..), logs) in levels.iter().zip(&logs) {
-            found.levels[level] = log_sum(logs);
+        for (level, logs) in levels.iter().zip(&logs) {
+            found.levels[level.level] = log_sum(logs);
         }
     }
 }
@@ -398,12 +441,20 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn add(&mut self, level: usize, cell: usize, leaf: usize, log: f64) {
+    fn add(
+        &mut self,
+        log: f64,
+        level: usize,
+        (index, at): (usize, usize),
+        cell: usize,
+        leaf: usize,
+    ) {
         let log = log + self.part.log_weights[level];
         if log > self.worst {
             self.best.push(Hypothesis {
                 log,
-                level,
+                index,
+                at,
                 cell,
                 leaf,
             });
