@@ -49,6 +49,9 @@ pub struct Meta {
     /// Words that must go with the data the model was learnt from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub credit: Option<String>,
+    /// Arrays that are kept as 16-bit whole multiples (`<i2`) of a step: by name, the step.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub steps: BTreeMap<String, f32>,
     /// What else the kind wants to know.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub details: Map<String, Value>,
@@ -126,6 +129,7 @@ impl Model {
                 sparsity: None,
                 training_rms: None,
                 credit: None,
+                steps: BTreeMap::new(),
                 details: Map::new(),
                 history: Vec::new(),
             },
@@ -142,6 +146,17 @@ impl Model {
                 "the model has no such array",
             )),
         }
+    }
+
+    /// Adds an array that is kept as 16-bit whole multiples of a step, and rounds it to them.
+    ///
+    /// The step is the smallest that holds the largest value. Every value must be finite.
+    pub fn insert_packed(&mut self, name: &str, mut array: Array2<f32>) {
+        let largest = array.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+        let step = (largest / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
+        array.mapv_inplace(|v| (v / step).round() * step);
+        self.meta.steps.insert(name.into(), step);
+        self.arrays.insert(name.into(), array);
     }
 
     /// The file's bytes.
@@ -163,6 +178,15 @@ impl Model {
         bytes.extend_from_slice(&json);
         entry("meta", &bytes)?;
         for (name, array) in &self.arrays {
+            if let Some(step) = self.meta.steps.get(name) {
+                let mut bytes = npy::header_of("<i2", &[array.nrows(), array.ncols()]);
+                bytes.reserve(2 * array.len());
+                for v in array {
+                    bytes.extend_from_slice(&((v / step).round() as i16).to_le_bytes());
+                }
+                entry(name, &bytes)?;
+                continue;
+            }
             let mut bytes = npy::header_of("<f4", &[array.nrows(), array.ncols()]);
             bytes.reserve(4 * array.len());
             for v in array {
@@ -218,6 +242,11 @@ impl Model {
                 "has format {}, this version reads up to {FORMAT}; a newer posing is needed",
                 meta.format
             )));
+        }
+        for (key, step) in &meta.steps {
+            if let Some(array) = arrays.get_mut(key) {
+                array.mapv_inplace(|v: f32| v * step);
+            }
         }
         let points = meta.points.len();
         let sound = meta.body.as_ref().is_none_or(|b| {
@@ -280,6 +309,21 @@ mod tests {
                 .to_string()
                 .contains("m.npz: atom")
         );
+    }
+
+    #[test]
+    fn packed_arrays_keep_their_values_to_a_step() {
+        let mut packed = model();
+        let values = Array2::from_shape_fn((7, 3), |(i, j)| (i as f32 - 3.0) * 11.7 + j as f32);
+        packed.insert_packed("poses", values.clone());
+        packed.insert_packed("none", Array2::zeros((2, 1)));
+        let bytes = packed.to_bytes().unwrap();
+        let back = Model::from_bytes(&bytes, "m.npz").unwrap();
+        assert_eq!(back.arrays["poses"], packed.arrays["poses"]);
+        assert_eq!(back.arrays["none"], Array2::<f32>::zeros((2, 1)));
+        let off = &back.arrays["poses"] - &values;
+        assert!(off.iter().all(|v| v.abs() <= 37.1 / 32767.0));
+        assert_eq!(back.to_bytes().unwrap(), bytes);
     }
 
     #[test]

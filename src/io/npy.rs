@@ -305,12 +305,13 @@ pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
     Ok(rest)
 }
 
-/// A one- or two-dimensional array of floats in memory, as f32 (a vector has one column).
+/// A one- or two-dimensional array of floats (or 16-bit integers, `<i2`) in memory, as f32 (a vector has one column).
 pub fn matrix_of(file: &[u8], place: &Place) -> Result<Array2<f32>> {
     let fail = |what: String| Error::data(place.clone(), what);
     let mut rest = file;
     let header = read_header(&mut rest, place)?;
-    let wide = header.wide().map_err(fail)?;
+    let short = header.descr == "<i2";
+    let wide = !short && header.wide().map_err(fail)?;
     let (rows, columns) = match header.shape[..] {
         [n] => (n, 1),
         [n, d] => (n, d),
@@ -321,18 +322,27 @@ pub fn matrix_of(file: &[u8], place: &Place) -> Result<Array2<f32>> {
             )));
         }
     };
-    let size = rows
-        .saturating_mul(columns)
-        .saturating_mul(if wide { 8 } else { 4 });
+    let size = rows.saturating_mul(columns).saturating_mul(if short {
+        2
+    } else if wide {
+        8
+    } else {
+        4
+    });
     if size != rest.len() as u64 {
         return Err(fail(format!(
             "holds {} bytes, its shape wants {size}",
             rest.len()
         )));
     }
-    let mut values = Vec::new();
-    decode(rest, wide, &mut values);
-    let values = values.into_iter().map(|v| v as f32).collect();
+    let values: Vec<f32> = if short {
+        let pairs = rest.as_chunks::<2>().0.iter();
+        pairs.map(|b| f32::from(i16::from_le_bytes(*b))).collect()
+    } else {
+        let mut values = Vec::new();
+        decode(rest, wide, &mut values);
+        values.into_iter().map(|v| v as f32).collect()
+    };
     let (rows, columns) = (rows as usize, columns as usize);
     let array = if header.fortran {
         Array2::from_shape_vec((columns, rows), values)

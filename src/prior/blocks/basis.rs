@@ -3,7 +3,7 @@
 //! C = U diag(λ) Uᵀ; the columns of U diag(√λ) are the atoms, whose coefficients are unit Gaussians.
 
 use crate::linalg::symmetric_eigen;
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 
 /// The directions of a covariance (d, d).
 #[derive(Debug, Clone, PartialEq)]
@@ -32,22 +32,22 @@ impl Basis {
         }
     }
 
-    /// From the atoms U diag(√λ), (d, d): one a column.
-    pub fn from_atoms(atoms: ArrayView2<'_, f32>) -> Basis {
-        let d = atoms.nrows();
-        let norms: Vec<f64> = (0..d)
-            .map(|k| {
-                let column = atoms.column(k);
-                column.iter().map(|v| f64::from(*v).powi(2)).sum()
-            })
-            .collect();
-        let scale: Vec<f64> = norms.iter().map(|n| 1.0 / n.max(LEAST).sqrt()).collect();
+    /// From directions (d, d), one a column, of any length above 0, and the deviation √λ along each.
+    pub fn from_parts(directions: ArrayView2<'_, f32>, deviations: ArrayView1<'_, f32>) -> Basis {
+        let d = directions.nrows();
+        let norm = |k: usize| {
+            let column = directions.column(k);
+            column.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>()
+        };
+        let scale: Vec<f64> = (0..d).map(|k| 1.0 / norm(k).max(LEAST).sqrt()).collect();
         Basis {
             d,
             vectors: (0..d * d)
-                .map(|i| f64::from(atoms[[i / d, i % d]]) * scale[i % d])
+                .map(|i| f64::from(directions[[i / d, i % d]]) * scale[i % d])
                 .collect(),
-            values: norms.iter().map(|n| n.max(LEAST)).collect(),
+            values: (deviations.iter())
+                .map(|v| f64::from(*v).powi(2).max(LEAST))
+                .collect(),
         }
     }
 
@@ -103,7 +103,10 @@ mod tests {
         let basis = Basis::of(c.view());
         let near = |a: &Array2<f64>| a.iter().zip(&c).all(|(a, b)| (a - b).abs() <= 1e-5);
         assert!(near(&basis.covariance()));
-        let again = Basis::from_atoms(basis.atoms().mapv(|v| v as f32).view());
+        let directions = Array2::from_shape_fn((6, 6), |(i, k)| 0.5 * basis.row(i)[k] as f32);
+        let deviations: ndarray::Array1<f32> =
+            basis.values.iter().map(|v| v.sqrt() as f32).collect();
+        let again = Basis::from_parts(directions.view(), deviations.view());
         assert!(near(&again.covariance()));
         let diagonal = basis.diagonal();
         assert!((0..6).all(|i| (diagonal[i] - c[[i, i]]).abs() <= 1e-9));

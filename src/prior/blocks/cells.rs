@@ -3,7 +3,7 @@
 use super::basis::Basis;
 use super::leaves::distance;
 use crate::pose::PoseMap;
-use ndarray::{Array2, Axis, s};
+use ndarray::{Array2, Axis};
 use std::sync::{Arc, OnceLock};
 
 /// Cells of one part.
@@ -94,16 +94,22 @@ impl Cells {
         self.bases[cell].get_or_init(make).clone()
     }
 
-    /// All sub-dictionaries: (K d, d), an atom a column, cm.
-    pub fn atoms(&self, coordinates: &[usize]) -> Array2<f32> {
+    /// All sub-dictionaries: the directions (K d, d), one a column, and the deviation along each, cm (K, d).
+    pub fn parts(&self, coordinates: &[usize]) -> (Array2<f32>, Array2<f32>) {
         let d = coordinates.len();
-        let mut out = Array2::zeros((self.len() * d, d));
+        let mut directions = Array2::zeros((self.len() * d, d));
+        let mut deviations = Array2::zeros((self.len(), d));
         for cell in 0..self.len() {
-            let atoms = self.basis(cell, coordinates).atoms();
-            let mut to = out.slice_mut(s![cell * d..(cell + 1) * d, ..]);
-            to.zip_mut_with(&atoms, |t, a| *t = *a as f32);
+            let basis = self.basis(cell, coordinates);
+            for i in 0..d {
+                let mut row = directions.row_mut(cell * d + i);
+                row.iter_mut()
+                    .zip(basis.row(i))
+                    .for_each(|(r, u)| *r = *u as f32);
+                deviations[[cell, i]] = basis.values[i].sqrt() as f32;
+            }
         }
-        out
+        (directions, deviations)
     }
 
     /// The same cells of poses that went through `map`; of the covariance with the rest of the body nothing is known.

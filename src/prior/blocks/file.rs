@@ -6,7 +6,8 @@
 //! | `takes` | (T, 1) | where each take ends |
 //! | `labels` | (N, P) | the finest cell of each pose in each part |
 //! | `means.P.L` | (K, 3 J) | the cells' mean poses of part P at level L |
-//! | `atoms.P.L` | (K d, d) | their sub-dictionaries: d rows a cell, an atom a column, cm; A Aᵀ is the covariance |
+//! | `directions.P.L` | (K d, d) | the directions of their covariances: d rows a cell, one a column |
+//! | `deviations.P.L` | (K, d) | the standard deviation along each, cm |
 //! | `shares.P.L` | (K, 1) | the log of their shares of the poses |
 //! | `weights` | (levels, P) | the log weight of each level |
 //! | `ways` | (F, 1) | the log weight of each way to make a body of parts |
@@ -30,26 +31,28 @@ use std::sync::Arc;
 /// Writes blocks into a model.
 pub fn write(blocks: &Blocks, settings: &Settings, model: &mut Model) -> Result<()> {
     let column = |v: Vec<f32>| Array2::from_shape_vec((v.len(), 1), v).unwrap_or_default();
-    let arrays = &mut model.arrays;
-    arrays.insert("poses".into(), blocks.poses.xyz.clone());
-    arrays.insert(
-        "takes".into(),
-        column(blocks.poses.takes.iter().map(|t| t.end as f32).collect()),
-    );
+    model.insert_packed("poses", blocks.poses.xyz.clone());
     let mut labels = Array2::zeros((blocks.poses.xyz.nrows(), blocks.parts.len()));
     for (p, part) in blocks.parts.iter().enumerate() {
         for (row, label) in part.leaves.labels().into_iter().enumerate() {
             labels[[row, p]] = label as f32;
         }
         for (l, cells) in part.cells.iter().enumerate() {
-            let atoms = cells.atoms(&part.coordinates);
-            arrays.insert(format!("means.{p}.{l}"), cells.wholes.mapv(|v| v as f32));
-            arrays.insert(format!("atoms.{p}.{l}"), atoms);
+            let (directions, deviations) = cells.parts(&part.coordinates);
+            model.insert_packed(&format!("means.{p}.{l}"), cells.wholes.mapv(|v| v as f32));
+            model.insert_packed(&format!("directions.{p}.{l}"), directions);
+            let arrays = &mut model.arrays;
+            arrays.insert(format!("deviations.{p}.{l}"), deviations);
             let shares = cells.log_shares.iter().map(|v| *v as f32).collect();
             arrays.insert(format!("shares.{p}.{l}"), column(shares));
         }
     }
-    arrays.insert("labels".into(), labels);
+    model.insert_packed("labels", labels);
+    let arrays = &mut model.arrays;
+    arrays.insert(
+        "takes".into(),
+        column(blocks.poses.takes.iter().map(|t| t.end as f32).collect()),
+    );
     let levels = blocks.parts[0].levels.len();
     let weights = Array2::from_shape_fn((levels, blocks.parts.len()), |(l, p)| {
         blocks.parts[p].log_weights[l] as f32
@@ -95,7 +98,11 @@ impl Blocks {
                 .map(|l| file.cells(p, l, &coordinates))
                 .collect::<Result<_>>()?;
             let finest = cells.last().map_or(0, Cells::len);
-            let labels: Vec<usize> = labels.column(p).iter().map(|l| *l as usize).collect();
+            let labels: Vec<usize> = labels
+                .column(p)
+                .iter()
+                .map(|l| l.round() as usize)
+                .collect();
             if labels.iter().any(|l| *l >= finest) {
                 return Err(file.wrong("labels", "names a cell that is not there"));
             }
@@ -172,9 +179,11 @@ impl File<'_> {
         let wholes = self.array(&format!("means.{part}.{level}"), None, Some(width))?;
         let wholes = wholes.mapv(f64::from);
         let k = wholes.nrows();
-        let atoms = self.array(&format!("atoms.{part}.{level}"), Some(k * d), Some(d))?;
+        let directions = self.array(&format!("directions.{part}.{level}"), Some(k * d), Some(d))?;
+        let deviations = self.array(&format!("deviations.{part}.{level}"), Some(k), Some(d))?;
         let shares = self.array(&format!("shares.{part}.{level}"), Some(k), Some(1))?;
-        let bases = (0..k).map(|c| Basis::from_atoms(atoms.slice(s![c * d..(c + 1) * d, ..])));
+        let directions = |c: usize| directions.slice(s![c * d..(c + 1) * d, ..]);
+        let bases = (0..k).map(|c| Basis::from_parts(directions(c), deviations.row(c)));
         let shares = shares.iter().map(|v| f64::from(*v)).collect();
         Ok(Cells::new(wholes, shares, bases.collect(), coordinates))
     }

@@ -339,7 +339,14 @@ mod tests {
             blocks.believe(&y, &[1.0; 69]),
             again.believe(&y, &[1.0; 69])
         );
-        for name in ["poses", "takes", "labels", "weights", "ways", "atoms.0.1"] {
+        for name in [
+            "poses",
+            "takes",
+            "labels",
+            "weights",
+            "ways",
+            "directions.0.1",
+        ] {
             let mut broken = model.clone();
             broken.arrays.remove(name);
             let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
