@@ -3,6 +3,18 @@
 use ndarray::{Array1, Array2};
 use ndarray_linalg::{Eigh, FactorizeCInto, SolveC, UPLO};
 
+/// Keeps LAPACK to the thread that calls it: matrices here are small and the cores are at work on others. Threads of its
+/// own would only wait for each other, and they wait by spinning.
+#[allow(unsafe_code)]
+fn on_one_thread() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    unsafe extern "C" {
+        fn openblas_set_num_threads(threads: std::ffi::c_int);
+    }
+    // SAFETY: OpenBLAS, which is linked, has this function with this signature; it may be called at any time.
+    ONCE.call_once(|| unsafe { openblas_set_num_threads(1) });
+}
+
 /// Solves `A x = b` for a symmetric positive definite A (n, n), of which the lower triangle is read; b has n values.
 ///
 /// `None` when A is not positive definite, holds a value that is not finite, or does not fit b: the caller damps A
@@ -15,6 +27,7 @@ pub fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
     if n == 0 {
         return Some(b);
     }
+    on_one_thread();
     let factors = a.factorizec_into(UPLO::Lower).ok()?;
     let x = factors.solvec_into(b).ok()?;
     x.iter().all(|v| v.is_finite()).then_some(x)
@@ -29,6 +42,7 @@ pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
     if a.is_empty() {
         return Some((Array1::zeros(0), Array2::zeros((0, 0))));
     }
+    on_one_thread();
     a.eigh(UPLO::Lower).ok()
 }
 

@@ -1,14 +1,15 @@
 //! Learns a prior of poses of any kind.
 
 use clap::{Parser, ValueEnum};
-use posing::Result;
 use posing::cli::flags::{Common, Seed, Space, TableIn};
 use posing::cli::progress::Progress;
 use posing::cli::training::ready;
 use posing::cli::{Outcome, run, say, streams};
+use posing::prior::blocks;
 use posing::prior::train::{DEFAULT, KINDS, Training, train};
 use posing::prior::training::entry;
 use posing::prior::tuning::{HoldBack, Tuning};
+use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -34,6 +35,17 @@ struct Args {
     /// Where poses are learnt: in the model's space, to which each is carried, or as the rows are
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
+    /// For blocks: how many cells each level has, rising, with commas (default: 1,5,20,80,300)
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        help_heading = "Size"
+    )]
+    cells: Option<Vec<usize>>,
+    /// For blocks: keep at most so many of the poses as blocks of their own (default: 80000)
+    #[arg(long, value_name = "N", help_heading = "Size")]
+    leaves: Option<usize>,
     /// Words that must go with the data (kept in the model)
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
@@ -62,6 +74,25 @@ fn kinds() -> clap::builder::PossibleValuesParser {
     KINDS.iter().map(value).collect::<Vec<_>>().into()
 }
 
+/// Blocks of another size than the usual, where that is asked for.
+fn size(args: &Args) -> Result<Option<blocks::Settings>> {
+    if args.cells.is_none() && args.leaves.is_none() {
+        return Ok(None);
+    }
+    if args.kind != "blocks" {
+        let what = "--cells and --leaves are for --kind blocks";
+        return Err(Error::usage(what));
+    }
+    let mut settings = blocks::Settings::default();
+    if let Some(cells) = &args.cells {
+        settings.cells.clone_from(cells);
+    }
+    if let Some(leaves) = args.leaves {
+        settings.leaves_kept = leaves;
+    }
+    Ok(Some(settings))
+}
+
 fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
@@ -81,21 +112,30 @@ fn work(args: &Args) -> Result<Outcome> {
         hold_back,
     };
     let bar = Progress::new("prior-train", 0);
-    let mut model = train(&args.kind, &training, &mut |what| {
+    let report = &mut |what: &str| {
         bar.tell(what.to_string());
         say::detail(what);
-    })?;
+    };
+    let mut model = match size(args)? {
+        Some(settings) => blocks::model(&training, &settings, report)?,
+        None => train(&args.kind, &training, report)?,
+    };
     drop(bar);
     if Tuning::read(&model).is_some_and(|t| t.tested == 0) {
         say::note("too few poses to hold any back: nothing is tuned");
     }
     model.meta.credit.clone_from(&args.credit);
-    let flags = [
+    let mut flags = vec![
         ("kind", args.kind.clone()),
         ("hold-back", held.to_string()),
         ("space", args.space.name().to_string()),
         ("seed", args.seed.seed.to_string()),
     ];
+    if let Some(cells) = &args.cells {
+        let cells: Vec<String> = cells.iter().map(usize::to_string).collect();
+        flags.push(("cells", cells.join(",")));
+    }
+    flags.extend(args.leaves.map(|n| ("leaves", n.to_string())));
     let step = entry("prior-train", &flags, poses.digests());
     model.meta.history.push(step);
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;

@@ -92,6 +92,14 @@ pub trait Prior: Send + Sync {
     fn variance(&self) -> &[f64];
     /// What the pose is, given an observation.
     fn believe(&self, y: &[f64], noise: &[f64]) -> Belief;
+    /// The mean alone, where no more is needed.
+    fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
+        self.believe(y, noise).mean
+    }
+    /// The evidence alone, where no more is needed.
+    fn evidence(&self, y: &[f64], noise: &[f64]) -> f64 {
+        self.believe(y, noise).evidence
+    }
     /// The same for many observations, one a row: (frames, 3 J) twice. Rows that follow one another in time, or share
     /// their noise, may cost less together.
     fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
@@ -102,14 +110,16 @@ pub trait Prior: Send + Sync {
     /// The means alone of [`believe_all`](Prior::believe_all), (frames, 3 J), for those who need no more.
     fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
         let mut out = Array2::zeros(y.dim());
-        for (mut row, belief) in out.rows_mut().into_iter().zip(self.believe_all(y, noise)) {
-            row.iter_mut().zip(belief.mean).for_each(|(o, m)| *o = m);
+        let rows = y.rows().into_iter().zip(noise.rows());
+        for (mut row, (y, noise)) in out.rows_mut().into_iter().zip(rows) {
+            let mean = self.mean(&y.to_vec(), &noise.to_vec());
+            row.iter_mut().zip(mean).for_each(|(o, m)| *o = m);
         }
         out
     }
     /// The closest pose of the model to an observation. With `before`, never worse than that choice refitted.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
-        let pose = self.believe(y, noise).mean;
+        let pose = self.mean(y, noise);
         let terms = y.iter().zip(&pose).zip(noise.iter().zip(self.variance()));
         let objective = terms
             .filter(|(_, (n, _))| n.is_finite())

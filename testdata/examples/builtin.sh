@@ -10,5 +10,5 @@ for folder in "$cmu"/*/; do
   # Every fourth frame: at 120 frames a second its neighbours say the same.
   run amc2xyz --asf "$folder/$subject.asf" --fps 120 "$folder/$subject"_*.amc | awk 'NR == 1 || NR % 4 == 2' > "$work/$subject.csv"
 done
-run ksvd-train -n 3000 --sparsity 3 --iterations 20 --coherence 0.99 --credit "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217." -o "$out" "$work"/*.csv
+run prior-train --cells 1,5,20,80 --leaves 30000 --credit "The data used in this project was obtained from mocap.cs.cmu.edu. The database was created with funding from NSF EIA-0196217." -o "$out" "$work"/*.csv
 run model info "$out"

@@ -6,7 +6,7 @@ use crate::prior::small::{add, dot};
 use ndarray::Array2;
 
 /// Blocks that weigh less than this share do not tell the covariance.
-const LEAST_SHARE: f64 = 0.005;
+const LEAST_SHARE: f64 = 0.02;
 
 /// One block's answer.
 struct Voice<'a> {

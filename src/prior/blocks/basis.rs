@@ -80,9 +80,12 @@ impl Basis {
 
     /// U diag(`values`) Uᵀ.
     pub fn spread(&self, values: &[f64]) -> Array2<f64> {
-        let half = Array2::from_shape_fn((self.d, self.d), |(i, k)| {
-            self.row(i)[k] * values[k].max(0.0).sqrt()
-        });
+        let roots: Vec<f64> = values.iter().map(|v| v.max(0.0).sqrt()).collect();
+        let mut half = self.vectors.clone();
+        for row in half.chunks_exact_mut(self.d.max(1)) {
+            row.iter_mut().zip(&roots).for_each(|(v, r)| *v *= r);
+        }
+        let half = Array2::from_shape_vec((self.d, self.d), half).unwrap_or_default();
         half.dot(&half.t())
     }
 

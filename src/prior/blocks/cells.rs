@@ -128,7 +128,7 @@ impl Cells {
     /// The few cells that may hold a pose (d; of any value where `weights` is 0), nearest first; all of a few.
     pub fn nearest(&self, y: &[f32], weights: &[f32]) -> Vec<usize> {
         let (count, d) = (self.len(), y.len().max(1));
-        let wanted = (4.0 * (count as f64).sqrt()).ceil().min(24.0) as usize;
+        let wanted = (2.0 * (count as f64).sqrt()).ceil().min(16.0) as usize;
         if count <= wanted.max(5) {
             return (0..count).collect();
         }

@@ -39,6 +39,8 @@ pub struct Settings {
     pub steps: usize,
     /// Held-back poses that the weights are learnt from, for each observation.
     pub tested: usize,
+    /// At most so many training poses are leaves: of more, every second (third, ...) of each take.
+    pub leaves_kept: usize,
     /// Takes are held back in turn, in so many groups.
     pub folds: usize,
 }
@@ -62,6 +64,7 @@ impl Default for Settings {
             least: 1e-4 * ASF_UNIT_CM * ASF_UNIT_CM,
             temperature: 1.0,
             steps: 60,
+            leaves_kept: 80_000,
             tested: 400,
             folds: 4,
         }
@@ -75,9 +78,14 @@ impl Settings {
         let along = self.leaves.iter().all(|l| l.1.is_finite() && l.1 >= 0.0);
         let scales: Vec<f64> = self.leaves.iter().map(|l| l.0).collect();
         let rising = self.cells.windows(2).all(|w| w[0] < w[1]);
-        if self.cells.is_empty() || self.cells[0] == 0 || !rising || self.scales.is_empty() {
+        if self.cells.is_empty()
+            || self.leaves_kept == 0
+            || self.cells[0] == 0
+            || !rising
+            || self.scales.is_empty()
+        {
             return Err(Error::usage(
-                "blocks: cells must be given, at least 1 and rising, and scales",
+                "blocks: cells must be given, at least 1 and rising, scales, and at least 1 leaf",
             ));
         }
         if !positive(&self.scales)
@@ -249,13 +257,10 @@ fn build(
     seed: u64,
 ) -> Result<Blocks> {
     let (parts, ways) = parts(&poses.points);
-    let poses = Arc::new(Poses {
-        xyz: material.xyz.to_owned(),
-        takes: material.takes.to_vec(),
-    });
+    let kept = Kept::of(material, settings.leaves_kept);
     let parts: Vec<Part> = parts
         .into_iter()
-        .map(|coordinates| part(coordinates, &poses, settings, seed))
+        .map(|coordinates| part(coordinates, material, &kept, settings, seed))
         .collect::<Result<_>>()?;
     Ok(Blocks {
         width: material.xyz.ncols(),
@@ -263,7 +268,7 @@ fn build(
         ways,
         variance: variance_of(&parts[0]),
         parts,
-        poses,
+        poses: kept.poses,
         temperature: settings.temperature,
         typical: typical(material.xyz)?.mapv(f64::from),
         met: Default::default(),
@@ -275,13 +280,37 @@ pub fn variance_of(whole: &Part) -> Vec<f64> {
     whole.finest().within.clone()
 }
 
+/// The training poses that are leaves.
+struct Kept {
+    rows: Vec<usize>,
+    poses: Arc<Poses>,
+}
+
+impl Kept {
+    fn of(material: &Material<'_>, most: usize) -> Kept {
+        let stride = material.xyz.nrows().div_ceil(most.max(1)).max(1);
+        let (mut rows, mut takes) = (Vec::new(), Vec::new());
+        for take in material.takes {
+            let start = rows.len();
+            rows.extend(take.clone().step_by(stride));
+            takes.push(start..rows.len());
+        }
+        let xyz = material.xyz.select(Axis(0), &rows);
+        Kept {
+            rows,
+            poses: Arc::new(Poses { xyz, takes }),
+        }
+    }
+}
+
 fn part(
     coordinates: Vec<usize>,
-    poses: &Arc<Poses>,
+    material: &Material<'_>,
+    kept: &Kept,
     settings: &Settings,
     seed: u64,
 ) -> Result<Part> {
-    let xyz = poses.xyz.select(Axis(1), &coordinates);
+    let xyz = material.xyz.select(Axis(1), &coordinates);
     let mut cells = Vec::new();
     let mut labels = Vec::new();
     for &k in &settings.cells {
@@ -295,22 +324,12 @@ fn part(
         };
         let found = cluster::fit(xyz.view(), &parameters, &mut |_| ())?;
         labels = found.labels.iter().map(|l| *l as usize).collect();
-        cells.push(cells_of(
-            poses.xyz.view(),
-            &coordinates,
-            &labels,
-            k,
-            settings,
-        ));
+        cells.push(cells_of(material.xyz, &coordinates, &labels, k, settings));
     }
     let levels = settings.levels(cells.len());
-    Ok(Part::new(
-        coordinates,
-        cells,
-        poses.clone(),
-        &labels,
-        levels,
-    ))
+    let labels: Vec<usize> = kept.rows.iter().map(|&row| labels[row]).collect();
+    let poses = kept.poses.clone();
+    Ok(Part::new(coordinates, cells, poses, &labels, levels))
 }
 
 fn cells_of(

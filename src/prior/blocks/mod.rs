@@ -23,6 +23,7 @@ mod lens;
 mod part;
 mod parts;
 
+use super::small::add;
 use super::{Belief, Prior};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use learn::variance_of;
@@ -139,9 +140,10 @@ impl Blocks {
         }
     }
 
-    /// The answers of all ways, averaged by evidence.
-    fn join(&self, seen: &Considered) -> (Vec<f64>, Array2<f64>) {
+    /// The answers of all ways, averaged by evidence; the covariance where it is asked for.
+    fn join(&self, seen: &Considered, unsure: bool) -> (Vec<f64>, Array2<f64>) {
         let d = self.width;
+        let square = |wanted: bool| Array2::zeros(if wanted { (d, d) } else { (0, 0) });
         let evidence = log_sum(&seen.ways);
         let mut answers: Vec<Option<(Vec<f64>, Array2<f64>)>> = vec![None; self.parts.len()];
         let mut wholes = Vec::new();
@@ -150,37 +152,35 @@ impl Blocks {
             if weight < LEAST_WEIGHT {
                 continue;
             }
-            let (mut mean, mut covariance) = (vec![0.0; d], Array2::zeros((d, d)));
+            let (mut mean, mut covariance) = (vec![0.0; d], square(unsure));
             for &p in way {
                 let (x, c) = answers[p].get_or_insert_with(|| {
-                    self.parts[p].answer(
-                        &seen.views[p],
-                        &seen.observed[p],
-                        &seen.explained[p],
-                        true,
-                    )
+                    let (view, y) = (&seen.views[p], &seen.observed[p]);
+                    self.parts[p].answer(view, y, &seen.explained[p], unsure)
                 });
                 let at = &self.parts[p].coordinates;
                 for (i, &to) in at.iter().enumerate() {
                     mean[to] = x[i];
-                    for (j, &other) in at.iter().enumerate() {
-                        covariance[[to, other]] = c[[i, j]];
+                    if unsure {
+                        for (j, &other) in at.iter().enumerate() {
+                            covariance[[to, other]] = c[[i, j]];
+                        }
                     }
                 }
             }
             wholes.push((weight, mean, covariance));
         }
         let total: f64 = wholes.iter().map(|w| w.0).sum();
-        let (mut mean, mut covariance) = (vec![0.0; d], Array2::zeros((d, d)));
+        let (mut mean, mut covariance) = (vec![0.0; d], square(unsure));
         for (weight, x, c) in &wholes {
-            mean.iter_mut()
-                .zip(x)
-                .for_each(|(m, x)| *m += weight / total * x);
+            add(&mut mean, weight / total, x);
             covariance.scaled_add(weight / total, c);
         }
-        for (weight, x, _) in &wholes {
-            let off: Vec<f64> = x.iter().zip(&mean).map(|(x, m)| x - m).collect();
-            part::add_outer(&mut covariance, weight / total, &off);
+        if unsure {
+            for (weight, x, _) in &wholes {
+                let off: Vec<f64> = x.iter().zip(&mean).map(|(x, m)| x - m).collect();
+                part::add_outer(&mut covariance, weight / total, &off);
+            }
         }
         (mean, covariance)
     }
@@ -197,12 +197,20 @@ impl Prior for Blocks {
 
     fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
         let seen = self.consider(y, noise);
-        let (mean, covariance) = self.join(&seen);
+        let (mean, covariance) = self.join(&seen, true);
         Belief {
             mean,
             covariance,
             evidence: log_sum(&seen.ways),
         }
+    }
+
+    fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
+        self.join(&self.consider(y, noise), false).0
+    }
+
+    fn evidence(&self, y: &[f64], noise: &[f64]) -> f64 {
+        log_sum(&self.consider(y, noise).ways)
     }
 
     fn typical(&self) -> ArrayView2<'_, f64> {

@@ -157,7 +157,7 @@ impl Explained {
 }
 
 /// So many blocks answer.
-const KEPT: usize = 24;
+const KEPT: usize = 20;
 /// Blocks this much less likely (nats) than the best do not answer.
 const NEGLIGIBLE: f64 = 6.0;
 /// Levels of less weight are not looked at.
@@ -167,7 +167,7 @@ const OPENED: usize = 8;
 /// Cells this much less likely than the best are not opened.
 const CLOSED: f64 = 20.0;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 64;
+const WEIGHED: usize = 48;
 
 impl Part {
     /// Puts a part together: `labels` gives the finest cell of each training pose.
