@@ -1,13 +1,12 @@
 //! Compares models on poses they have not learnt from.
 
 use clap::Parser;
-use posing::cli::evaluating::{self, Asked, WorkFile, lengths, list, plan, sources};
+use posing::Result;
+use posing::cli::evaluating::{self, Asked, Work, lengths, list, plan, sources};
 use posing::cli::flags::{Common, TableIn};
 use posing::cli::{Outcome, run, say, streams};
 use posing::evaluate::bench::tables::Results;
 use posing::evaluate::bench::{Bench, Data, report, summary};
-use posing::{Error, Result};
-use std::fs;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -139,13 +138,10 @@ fn work(args: Args) -> Result<Outcome> {
         say::note(&format!("left out: {what}"));
     }
     let work = match &plan.output {
-        Some(folder) => {
-            fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-            Some(WorkFile::open(&folder.join("cells.jsonl"), args.fresh)?)
-        }
+        Some(folder) => Some(Work::open(folder, args.fresh)?),
         None => None,
     };
-    let cells = evaluating::run(&bench, work)?;
+    let (cells, examples) = evaluating::run(&bench, work)?;
     let rows = summary::rows(&cells);
     let results = Results {
         data: &data,
@@ -153,13 +149,14 @@ fn work(args: Args) -> Result<Outcome> {
         twins: bench.twins(),
         cells: &cells,
         rows: &rows,
+        examples: &examples,
     };
     if let Some(folder) = &plan.output {
         let files = [
             ("results.csv", results.csv()),
             ("results.json", results.json()?),
             ("times.csv", results.times()),
-            ("report.html", report::html(&results)),
+            ("report.html", report::html(&results)?),
         ];
         evaluating::write(folder, &files)?;
     }

@@ -2,6 +2,7 @@
 
 use super::cell::{Cell, Id, Measured, WITHIN};
 use super::data::Data;
+use super::examples::Examples;
 use super::leaks::{How, Twin};
 use super::settings::Settings;
 use super::splits::Split;
@@ -26,6 +27,8 @@ pub struct Results<'a> {
     pub cells: &'a [Cell],
     /// Over the seeds.
     pub rows: &'a [Row],
+    /// Poses to look at.
+    pub examples: &'a Examples,
 }
 
 #[derive(Serialize)]
@@ -404,6 +407,7 @@ mod tests {
             twins: &[],
             cells: &cells,
             rows: &rows,
+            examples: &Examples::default(),
         };
         let csv = results.csv();
         assert_eq!(csv.lines().count(), 1 + 4 * 3);
