@@ -79,7 +79,7 @@ function makeLegend() {
   if (some(3)) item("cross", "rejected", "rejected");
   if (some(4)) item("ring", "unknown", "unknown");
   if (scene.behind !== null && !state.overlay) item("", "behind", figures[scene.behind].name + ", behind each answer");
-  if (some(MISSING) && !still) item("block", "missing", "missing (in the strip)");
+  if (some(MISSING) && alone) item("block", "missing", "missing (in the strip)");
   part("legend").replaceChildren(...items);
 }
 
@@ -139,7 +139,7 @@ function tell() {
   part("clock").title = several ? take : "";
   for (const panel of panels) {
     const gone = figures[panel.figures[0]].counts[state.frame * 6 + MISSING];
-    panel.missing.textContent = gone ? `${gone} of ${points} missing` : "";
+    panel.missing.textContent = gone ? `${gone} of ${points} missing` : figures[panel.figures[0]].note;
   }
   keepHover();
 }

@@ -16,8 +16,6 @@ const PAGE: &str = include_str!("player.html");
 const PART: &str = include_str!("player_part.html");
 const KEYS: &str = include_str!("player_keys.html");
 const LINKS: &str = include_str!("player_links.html");
-/// The look of players, and the colours of a page that has them.
-pub(super) const STYLE: &str = include_str!("player.css");
 const PAGE_STYLE: &str = concat!(include_str!("player.css"), include_str!("player_page.css"));
 /// What brings every player of a page to life.
 pub(super) const SCRIPT: &str = concat!(
@@ -99,7 +97,7 @@ pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
     ))
 }
 
-/// A player to stand among others on a page that has [`STYLE`], [`keys`] and, at its end, [`SCRIPT`]. A scene of one frame
+/// A player to stand among others on a page that has `player.css`, [`keys`] and, at its end, [`SCRIPT`]. A scene of one frame
 /// is drawn as SVG, without the controls.
 ///
 /// # Errors
@@ -198,6 +196,7 @@ fn embedded_figure(
     }
     let mut coded = coordinates(&values, columns);
     coded["name"] = json!(scene.figures[figure].name);
+    coded["note"] = json!(scene.notes.get(figure));
     coded["status"] = match scene.figures[figure].status {
         Some(_) => (0..scene.points.len())
             .map(|point| run_lengths(kept.iter().map(|t| stance.status(figure, *t, point))))

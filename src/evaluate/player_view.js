@@ -36,7 +36,7 @@ const figures = scene.figures.map(source => {
   const counts = new Uint16Array(frames * 6);
   for (let i = 0; i < status.length; i++) counts[Math.floor(i / points) * 6 + status[i]]++;
   const has = STATUS.map((_, s) => status.includes(s));
-  return { name: source.name, xyz, status, counts, has, shown: true };
+  return { name: source.name, note: source.note || "", xyz, status, counts, has, shown: true };
 });
 
 /** The index in scene.runs of the run that a frame belongs to; -1 without runs. */

@@ -57,6 +57,8 @@ pub struct Scene<'a> {
     pub figures: Vec<Figure<'a>>,
     /// Where runs begin, in rising order, the first at frame 0; empty: one run from time 0.
     pub runs: &'a [Run<'a>],
+    /// A word beside the name of each figure (the page only); may be shorter than the list of figures.
+    pub notes: &'a [String],
     /// The figure that is drawn faintly behind every other one (the page only).
     pub behind: Option<usize>,
     /// The frame that the page opens with, counted from 0.

@@ -144,11 +144,11 @@ pub(super) fn errors(out: &mut String, palette: &Palette<'_>, task: Task, rows: 
         return;
     };
     let height = top + step * rows.len() as f64 + 4.0;
-    let caption = format!(
-        "{}: error on unseen poses (<b>●</b>, with its 95% interval) and on poses learnt from (○), MSE in asf², logarithmic",
+    let label = format!(
+        "{}: errors on unseen poses and on poses learnt from",
         title(task)
     );
-    open(out, &caption, &caption_text(&caption), 420.0, height);
+    open(out, title(task), &label, 420.0, height);
     for tick in axis.ticks() {
         let x = axis.at(tick);
         let _ = write!(
@@ -201,8 +201,8 @@ pub(super) fn by_joint(
     let (left, width, step) = (112.0, 298.0, 15.0);
     let height = 20.0 + step * points.len() as f64;
     let x = |v: f64| left + v / most * width;
-    let caption = format!("{}: RMS error of a coordinate by joint, cm", title(task));
-    open(out, &caption, &caption, 420.0, height);
+    let label = format!("{}: RMS error of a coordinate by joint, cm", title(task));
+    open(out, title(task), &label, 420.0, height);
     for tick in ticks(most) {
         let at = x(tick);
         let _ = write!(
@@ -249,12 +249,8 @@ pub(super) fn calibration(out: &mut String, palette: &Palette<'_>, task: Task, r
     }
     let (left, top, size) = (48.0, 10.0, 300.0);
     let at = |x: f64, y: f64| (left + size * x, top + size * (1.0 - y));
-    let caption = format!(
-        "{}: share of coordinates within 0.25 to 3 of the deviations that the model states (upwards), against a Gaussian's \
-         share (to the right); on the dashed line what is stated is true, below it too sure",
-        title(task)
-    );
-    open(out, &caption, &caption, 420.0, 336.0);
+    let label = format!("{}: calibration", title(task));
+    open(out, title(task), &label, 420.0, 336.0);
     for tick in [0.0, 0.25, 0.5, 0.75, 1.0] {
         let (x, y) = at(tick, tick);
         let (right, bottom) = (left + size, top + size);
@@ -302,7 +298,7 @@ pub(super) struct Line {
 }
 
 /// Lines over a logarithmic axis of whole numbers; dashed on poses learnt from.
-pub(super) fn lines(out: &mut String, caption: &str, lines: &[Line]) {
+pub(super) fn lines(out: &mut String, caption: &str, label: &str, lines: &[Line]) {
     let (left, right, top, bottom) = (52.0, 408.0, 12.0, 240.0);
     let points = || lines.iter().flat_map(|l| &l.points);
     let values = points().flat_map(|p| [Some(p.1), Some(p.2[1]), p.3]);
@@ -312,7 +308,7 @@ pub(super) fn lines(out: &mut String, caption: &str, lines: &[Line]) {
     ) else {
         return;
     };
-    open(out, caption, &caption_text(caption), 420.0, 262.0);
+    open(out, caption, label, 420.0, 262.0);
     for tick in up.ticks() {
         let y = up.at(tick);
         let _ = write!(
@@ -385,11 +381,6 @@ pub(super) fn title(task: Task) -> &'static str {
         Task::Sparse => "Sparse noise",
         Task::Complete => "Completion",
     }
-}
-
-/// A caption without its tags.
-fn caption_text(caption: &str) -> String {
-    caption.replace("<b>", "").replace("</b>", "")
 }
 
 /// A name that fits beside a chart.

@@ -42,51 +42,47 @@ fn named(name: &str) -> Option<Named> {
     })
 }
 
+/// What a dictionary's error is drawn against.
+type Place = dyn Fn(&Named) -> Option<(String, usize)>;
+
 /// Charts of the rows of one split and base noise, where dictionaries of several sizes or sparsities were run.
 pub(super) fn sweeps(out: &mut String, rows: &[Row]) {
-    let mut charts = String::new();
-    for task in Task::ALL {
-        let own: Vec<(&Row, Named)> = rows
-            .iter()
-            .filter(|r| r.task == task)
-            .filter_map(|r| named(&r.model).map(|n| (r, n)))
-            .collect();
-        let words = "MSE in asf² on unseen poses with 95% intervals, dashed on poses learnt from";
-        let by_sparsity = |n: &Named| {
-            let size = n.atoms.map(|a| format!(", {a} atoms")).unwrap_or_default();
-            Some((format!("{}{size}", n.kind), n.sparsity?))
-        };
-        let by_size = |n: &Named| {
-            let sparsity = n.sparsity.map(|k| format!(", {k} a pose"));
-            Some((
-                format!("{}{}", n.kind, sparsity.unwrap_or_default()),
-                n.atoms?,
-            ))
-        };
-        let caption = format!(
-            "{}: error against sparsity (atoms a pose); {words}",
-            title(task)
-        );
-        lines(&mut charts, &caption, &gathered(&own, &by_sparsity));
-        let caption = format!(
-            "{}: error against the size of the dictionary (atoms); {words}",
-            title(task)
-        );
-        lines(&mut charts, &caption, &gathered(&own, &by_size));
-    }
-    if !charts.is_empty() {
-        let _ = write!(
-            out,
-            "<h3>Sparsity and size of the dictionary</h3><div class=\"charts\">{charts}</div>"
-        );
+    let by_sparsity = |n: &Named| {
+        let size = n.atoms.map(|a| format!(", {a} atoms")).unwrap_or_default();
+        Some((format!("{}{size}", n.kind), n.sparsity?))
+    };
+    let by_size = |n: &Named| {
+        let sparsity = n.sparsity.map(|k| format!(", {k} a pose"));
+        let name = format!("{}{}", n.kind, sparsity.unwrap_or_default());
+        Some((name, n.atoms?))
+    };
+    let both: [(&str, &Place); 2] = [
+        ("Error against sparsity (atoms a pose)", &by_sparsity),
+        ("Error against the size of the dictionary (atoms)", &by_size),
+    ];
+    for (title_of, place) in both {
+        let mut charts = String::new();
+        for task in Task::ALL {
+            let own: Vec<(&Row, Named)> = rows
+                .iter()
+                .filter(|r| r.task == task)
+                .filter_map(|r| named(&r.model).map(|n| (r, n)))
+                .collect();
+            let label = format!("{}: {title_of}", title(task));
+            lines(&mut charts, title(task), &label, &gathered(&own, place));
+        }
+        if !charts.is_empty() {
+            let _ = write!(
+                out,
+                "<h3>{title_of}</h3><p>MSE in asf², both axes logarithmic: on unseen poses with 95% intervals, dashed on poses \
+                 learnt from.</p><div class=\"charts\">{charts}</div>"
+            );
+        }
     }
 }
 
 /// Lines of two points or more: rows by the name of their line and their place along it.
-fn gathered(
-    rows: &[(&Row, Named)],
-    place: &dyn Fn(&Named) -> Option<(String, usize)>,
-) -> Vec<Line> {
+fn gathered(rows: &[(&Row, Named)], place: &Place) -> Vec<Line> {
     let mut found: BTreeMap<String, BTreeMap<usize, &Row>> = BTreeMap::new();
     for (row, named) in rows {
         if let Some((line, at)) = place(named) {

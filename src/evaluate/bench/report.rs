@@ -125,7 +125,7 @@ fn heading(row: &Row) -> String {
 /// Who is lowest where, and by how much.
 fn lowest(out: &mut String, rows: &[Row]) {
     out.push_str(
-        "<section id=\"lowest\"><h2>Lowest errors</h2><div class=\"wide\"><table><thead><tr><th>split</th><th>task</th>\
+        "<section id=\"lowest\"><h2>Lowest errors</h2><div class=\"wide\"><table><thead><tr><th>split</th><th class=\"name\">task</th>\
          <th class=\"name\">model</th><th>MSE, asf²</th><th>95% interval</th><th>RMS, cm</th><th>over the next best</th>\
          <th>95% interval</th></tr></thead><tbody>",
     );
@@ -141,7 +141,7 @@ fn lowest(out: &mut String, rows: &[Row]) {
         };
         let _ = write!(
             out,
-            "<tr><th>{shown}</th><td>{}</td><td class=\"name\">{}</td><td>{}</td><td class=\"pale\">{} to {}</td><td>{}</td><td>{ratio}</td><td class=\"pale\">{between}</td></tr>",
+            "<tr><th>{shown}</th><td class=\"name\">{}</td><td class=\"name\">{}</td><td>{}</td><td class=\"pale\">{} to {}</td><td>{}</td><td>{ratio}</td><td class=\"pale\">{between}</td></tr>",
             row.task.name(),
             escape(&row.model),
             short(row.mse),
@@ -180,17 +180,25 @@ fn section(
         .map(|t| (t, rows.iter().filter(|r| r.task == t).collect::<Vec<_>>()))
         .filter(|(_, own)| !own.is_empty())
         .collect();
-    out.push_str("<h3>Learnt from and unseen</h3><div class=\"charts\">");
+    out.push_str(
+        "<h3>Learnt from and unseen</h3><p>MSE in asf², logarithmic: full on unseen poses, with its 95% interval, hollow on \
+         poses learnt from. A model that overfits has them far apart.</p><div class=\"charts\">",
+    );
     for (task, own) in &tasks {
         charts::errors(out, palette, *task, own);
     }
     out.push_str("</div>");
     curves::sweeps(out, rows);
-    out.push_str("<h3>Joints</h3><div class=\"charts\">");
+    out.push_str("<h3>Joints</h3><p>RMS error of a coordinate, cm, on unseen poses.</p><div class=\"charts\">");
     for (task, own) in &tasks {
         charts::by_joint(out, palette, *task, own, points);
     }
-    out.push_str("</div><h3>How sure the models are</h3><div class=\"charts\">");
+    out.push_str(
+        "</div><h3>How sure the models are</h3><p>Upwards: the share of coordinates that lie within 0.25 to 3 of the \
+         deviations that the model states; to the right: a Gaussian's share. On the dashed line what is stated is true, below \
+         it the model is too sure, above it not sure enough. Beside each name: within one and two deviations, where 68% and \
+         95% ought to be. Exact and constant coordinates do not count.</p><div class=\"charts\">",
+    );
     for (task, own) in &tasks {
         charts::calibration(out, palette, *task, own);
     }
@@ -232,7 +240,7 @@ fn errors(out: &mut String, rows: &[Row]) {
                     let learnt = row.training_mse.map_or("–".into(), short);
                     let _ = write!(
                         out,
-                        "<td{class}>{} <small>{} to {}</small></td><td>{}</td><td class=\"pale\">{learnt}</td>",
+                        "<td{class}>{}<br><small>{} to {}</small></td><td>{}</td><td class=\"pale\">{learnt}</td>",
                         short(row.mse),
                         short(row.interval[0]),
                         short(row.interval[1]),

@@ -56,7 +56,7 @@ pub(super) fn section(results: &Results<'_>) -> Result<String> {
         let drawn = Drawn::of(results, scenes, Sight::Flat)?;
         for (i, &row) in scenes.stills.iter().enumerate() {
             let caption = format!(
-                "{}. What is seen lies in one plane; ",
+                "{}. What is seen lies in one plane. ",
                 whence(results.data, row)
             );
             player_of(&mut out, results, &drawn, i..i + 1, &caption, 1.0)?;
@@ -70,7 +70,7 @@ pub(super) fn section(results: &Results<'_>) -> Result<String> {
         let seconds = scenes.stretch.len() as f64 / scenes.rate;
         let _ = write!(
             out,
-            "<h3>A take completed by all models</h3><p>{}, {} frames, {seconds:.1} s: the paper's figure 6. Each pose is \
+            "<h3>A take completed by all models</h3><p>{} and on, {} frames, {seconds:.1} s: the paper's figure 6. Each pose is \
              completed by itself from {}; the take is the one tested that looks most like a run or a walk.</p>",
             whence(results.data, row),
             scenes.stretch.len(),
@@ -87,7 +87,7 @@ pub(super) fn section(results: &Results<'_>) -> Result<String> {
 fn whence(data: &Data, row: usize) -> String {
     let take = &data.takes[data.take_of(row)];
     format!(
-        "Take {}, from frame {} of {}",
+        "Take {}, frame {} of {}",
         escape(&take.name),
         row - take.rows.start,
         take.rows.len()
@@ -162,31 +162,29 @@ fn player_of(
     let (truth, seen) = (cut(&drawn.truth), cut(&drawn.seen));
     let hit = drawn.hit.as_ref();
     let hit = hit.map(|h| h.slice_axis(Axis(0), frames.clone().into()).to_owned());
-    let named: Vec<(String, Array2<f64>)> = drawn
+    let named: Vec<(&str, Array2<f64>)> = drawn
         .answers
         .iter()
-        .map(|(model, answer)| {
-            let answer = cut(answer);
-            let rms = rms(answer.view(), truth.view());
-            (format!("{model} · {} cm", short(rms)), answer)
-        })
+        .map(|(model, answer)| (model.as_str(), cut(answer)))
         .collect();
+    let error = |(_, answer): &(&str, Array2<f64>)| {
+        format!("{} cm", short(rms(answer.view(), truth.view())))
+    };
+    let before = ["", ""].map(String::from);
+    let notes: Vec<String> = before.into_iter().chain(named.iter().map(error)).collect();
     let figure = |name, xyz, status| Figure { name, xyz, status };
     let mut figures = vec![
         figure("truth", truth.view(), None),
         figure("what is seen", seen.view(), hit.as_ref().map(|h| h.view())),
     ];
-    figures.extend(
-        named
-            .iter()
-            .map(|(n, a)| figure(n.as_str(), a.view(), None)),
-    );
+    figures.extend(named.iter().map(|(n, a)| figure(n, a.view(), None)));
     let scene = Scene {
         title: "",
         points,
         bones: &bones,
         rate,
         figures,
+        notes: &notes,
         behind: Some(0),
         start: frames.len() / 2,
         ..Scene::default()
@@ -197,7 +195,7 @@ fn player_of(
     };
     let _ = write!(
         out,
-        "<figure class=\"poses\">{}<figcaption>{caption}Behind each answer, faint, the truth; beside each name its RMS error \
+        "<figure class=\"poses\">{}<figcaption>{caption}Behind each answer, faint, the truth; below each name its RMS error \
          of a coordinate here, the model with the lowest error of all first.{moves} Drag to turn.</figcaption></figure>",
         player::part(&scene, &player::Options::default())?
     );

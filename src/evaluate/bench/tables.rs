@@ -71,6 +71,8 @@ struct JsonTake<'a> {
     take: &'a str,
     subject: &'a str,
     frames: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rate: Option<f64>,
     digest: &'a str,
 }
 
@@ -142,6 +144,7 @@ impl Results<'_> {
                         take: &t.name,
                         subject: &t.subject,
                         frames: t.rows.len(),
+                        rate: t.rate,
                         digest: &t.digest,
                     })
                     .collect(),
