@@ -7,6 +7,7 @@ use crate::evaluate::bench::data::Source;
 use crate::evaluate::bench::examples::Examples;
 use crate::evaluate::bench::leaks::Past;
 use crate::evaluate::bench::methods::{Given, Source as Making};
+use crate::evaluate::bench::reproduction::Run;
 use crate::evaluate::bench::run::{Event, Finished};
 use crate::evaluate::bench::settings::Length;
 use crate::evaluate::bench::{Bench, Cell, Config, Method, Settings, Split, Task};
@@ -22,6 +23,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// No results.json is larger.
+const LARGEST_RESULTS: u64 = 1 << 30;
 /// No TOML file is larger.
 const LARGEST_CONFIG: u64 = 1 << 20;
 
@@ -345,10 +348,24 @@ pub fn run(bench: &Bench<'_>, mut work: Option<Work>) -> Result<(Vec<Cell>, Exam
 
 /// Writes the results into a folder.
 pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (name, text) in files {
         crate::io::output::write_file(&folder.join(name), text.as_bytes())?;
     }
     Ok(())
+}
+
+/// Reads the results of finished runs, each a folder that [`write`] has written.
+pub fn finished(folders: &[PathBuf]) -> Result<Vec<Run>> {
+    let read = |folder: &PathBuf| {
+        let path = folder.join("results.json");
+        let input = streams::open(&path)?;
+        let source = input.name.clone();
+        let bytes = input.read_all(LARGEST_RESULTS)?;
+        let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
+        Run::parse(&bytes, &name.unwrap_or_else(|| ".".into()), &source)
+    };
+    folders.iter().map(read).collect()
 }
 
 /// Reads a comma-separated list.

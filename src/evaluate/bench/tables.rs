@@ -379,7 +379,7 @@ fn aligned(grid: &[Vec<String>]) -> String {
 }
 
 /// A CSV cell.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.into(),
