@@ -37,10 +37,10 @@ rm -f "$poses/whole.csv"
 runs=
 # one NAME MODELS TABLES...: a run of evaluate, with all splits that its takes allow.
 one() {
-  name=$1 named=$2; shift 2
-  echo "make tables: $name" >&2
-  run evaluate --models "$named" --seeds "$seeds" --frames "$frames" -o "$out/$name" "$@" > "$out/$name.txt"
-  runs="$runs --paper $out/$name"
+  to=$1 named=$2; shift 2
+  echo "make tables: $to" >&2
+  run evaluate --models "$named" --seeds "$seeds" --frames "$frames" -o "$out/$to" "$@" > "$out/$to.txt"
+  runs="$runs --paper $out/$to"
 }
 for subject in $subjects; do
   [ -f "$poses/$subject.csv" ] || continue

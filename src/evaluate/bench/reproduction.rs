@@ -196,9 +196,9 @@ fn models() -> impl Iterator<Item = (Option<usize>, Model)> {
 
 fn split_name(split: Split) -> &'static str {
     match split {
-        Split::Frames => "random frames",
-        Split::Takes => "takes held out",
-        Split::Subjects => "subjects held out",
+        Split::Frames => "frames",
+        Split::Takes => "takes",
+        Split::Subjects => "subjects",
     }
 }
 
@@ -213,7 +213,7 @@ struct Group<'a> {
 /// A table of groups of columns; the lowest of each column is marked.
 fn grid(out: &mut String, groups: &[Group<'_>]) {
     let splits = |g: &Group<'_>| g.run.map_or_else(Vec::new, |(r, _)| r.splits());
-    out.push_str("<div class=\"wide\"><table><thead><tr><th>model</th>");
+    out.push_str("<div class=\"wide\"><table class=\"own\"><thead><tr><th>model</th>");
     for group in groups {
         let columns = splits(group).len() + usize::from(group.printed.is_some());
         let _ = write!(
@@ -232,7 +232,19 @@ fn grid(out: &mut String, groups: &[Group<'_>]) {
         }
     }
     out.push_str("</tr></thead><tbody>");
-    for (index, model) in models() {
+    let known = |index: Option<usize>, model: &Model| {
+        groups.iter().any(|g| {
+            let printed = index.and_then(|i| g.printed.map(|p| p[i]));
+            let printed = printed.is_some_and(|p| p != Printed::Absent);
+            let run = |(run, task): (&Run, Task)| {
+                Split::ALL
+                    .into_iter()
+                    .any(|s| run.row(s, task, model.here).is_some())
+            };
+            printed || g.run.is_some_and(run)
+        })
+    };
+    for (index, model) in models().filter(|(i, m)| known(*i, m)) {
         let _ = write!(
             out,
             "<tr><th>{} <small>{}</small></th>",
@@ -438,7 +450,7 @@ pub(super) mod tests {
             run(&["01", "07"], &errors),
         ];
         let page = html(&runs).unwrap();
-        assert_eq!(page.matches("<table>").count(), 1 + 3 * 2);
+        assert_eq!(page.matches("<table ").count(), 1 + 3 * 2);
         assert!(page.contains("subject &lt;01&gt;") && !page.contains("<01>"));
         for outside in ["http", "src=", "{{", "NaN", "style=\""] {
             assert!(!page.contains(outside), "{outside}");
