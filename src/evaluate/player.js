@@ -54,9 +54,11 @@ function makePanel(list) {
 
 function makePanels() {
   const all = figures.map((_, f) => f);
+  // Of very many, the first few at first: the others are there to be switched on.
+  const many = state.overlay && figures.length > 6;
+  figures.forEach((figure, f) => { figure.shown = !many || f < 3; });
   panels = (state.overlay ? [all] : all.map(f => [f])).map(makePanel);
   part("panels").replaceChildren(...panels.map(panel => panel.section));
-  if (!state.overlay) figures.forEach(figure => { figure.shown = true; });
   hover(null);
   makeLegend();
   ask();

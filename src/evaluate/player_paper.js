@@ -5,7 +5,7 @@
 /** An empty SVG element. */
 function emptySvg() {
   const holder = document.createElement("div");
-  holder.innerHTML = "<svg></svg>";
+  holder.innerHTML = "<svg/>";
   return holder.firstChild;
 }
 

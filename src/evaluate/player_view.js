@@ -274,7 +274,7 @@ function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked, be
       continue;
     }
     const [x, y, , scale] = at[p], thick = thickness(scale);
-    const radius = p === scene.head ? .039 * scene.size * scale + 2 * above : scene.bones.length ? thick * .72 : Math.max(3, thick);
+    const radius = p === scene.head ? .039 * scene.size * scale + 2 * Math.min(above, 3) : scene.bones.length ? thick * .72 : Math.max(3, thick);
     drawDot(ctx, x, y, radius, limbColor(figure, scene.sides[p], overlaid, behind), status[frame * points + p]);
     if (p === marked) {
       ctx.beginPath(); ctx.arc(x, y, Math.max(radius, 4) + 4, 0, 7);

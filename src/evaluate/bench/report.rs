@@ -325,7 +325,9 @@ mod tests {
         assert_eq!(page.matches("<svg viewBox=\"0 0 420").count(), 9);
         // One pose in three tasks, two from two dimensions, a stretch.
         assert_eq!(page.matches("<div class=\"player\">").count(), 6);
-        for loading in ["http", "src=", "url(", "@import", "NaN<", "{{", "style=\""] {
+        for loading in [
+            "http:", "https:", "src=", "url(", "@import", "NaN<", "{{", "style=\"",
+        ] {
             assert!(!page.contains(loading), "{loading}");
         }
         for tag in ["section", "table", "figure", "svg", "div", "p", "details"] {
