@@ -46,7 +46,7 @@ impl<'a> Palette<'a> {
     /// The rows of the coloured models, in the order of the colours.
     fn leading<'r>(&self, rows: &[&'r Row]) -> Vec<&'r Row> {
         let find = |m: &&str| rows.iter().find(|r| r.model == **m).copied();
-        self.0.iter().filter_map(|m| find(&m)).collect()
+        self.0.iter().filter_map(find).collect()
     }
 }
 

@@ -103,8 +103,16 @@ fn gathered(rows: &[(&Row, Named)], place: &Place) -> Vec<Line> {
 /// A setting that was tried: inflation, noise (asf²), error (asf²).
 type Tried = (f64, f64, f64);
 
-/// What a cell's tuning says, where it says something that can be drawn.
-fn tried(cell: &Cell) -> Option<(Vec<Tried>, Option<(f64, f64)>)> {
+/// What a cell's tuning says.
+struct Curve {
+    task: Task,
+    tried: Vec<Tried>,
+    /// Inflation and noise (asf²).
+    chosen: Option<(f64, f64)>,
+}
+
+/// It, where it says something that can be drawn.
+fn curve(cell: &Cell) -> Option<Curve> {
     let tuning = cell.tuning.as_ref()?;
     let number = |v: &Value, key: &str| v.get(key).and_then(Value::as_f64);
     let setting = |v: &Value| Some((number(v, "inflation")?, number(v, "noise")? / ASF2));
@@ -113,9 +121,13 @@ fn tried(cell: &Cell) -> Option<(Vec<Tried>, Option<(f64, f64)>)> {
         Some((inflation, noise, number(v, "mse")? / ASF2))
     };
     let curve = tuning.get("curve")?.as_array()?;
-    let curve: Vec<Tried> = curve.iter().filter_map(one).collect();
+    let tried: Vec<Tried> = curve.iter().filter_map(one).collect();
     let chosen = tuning.get("chosen").and_then(setting);
-    (!curve.is_empty()).then_some((curve, chosen))
+    (!tried.is_empty()).then_some(Curve {
+        task: cell.id.task,
+        tried,
+        chosen,
+    })
 }
 
 /// A small chart a tuned model: the error of held-back training poses against the inflation, a line a task; `cells` are
@@ -154,10 +166,7 @@ pub(super) fn tuning(out: &mut String, cells: &[Cell]) {
 }
 
 fn one_tuning(out: &mut String, model: &str, cells: &[&Cell]) {
-    let all: Vec<(Task, Vec<Tried>, Option<(f64, f64)>)> = cells
-        .iter()
-        .filter_map(|c| tried(c).map(|(curve, chosen)| (c.id.task, curve, chosen)))
-        .collect();
+    let all: Vec<Curve> = cells.iter().filter_map(|c| curve(c)).collect();
     // The best noise at each inflation.
     let envelope = |curve: &[Tried]| {
         let mut best: Vec<(f64, f64)> = Vec::new();
@@ -170,7 +179,7 @@ fn one_tuning(out: &mut String, model: &str, cells: &[&Cell]) {
         best.sort_by(|a, b| a.0.total_cmp(&b.0));
         best
     };
-    let points = || all.iter().flat_map(|(_, curve, _)| envelope(curve));
+    let points = || all.iter().flat_map(|c| envelope(&c.tried));
     let (left, right, top, bottom) = (44.0, 232.0, 8.0, 132.0);
     let (Some(across), Some(up)) = (
         Log::over(points().map(|p| p.0), left, right),
@@ -197,13 +206,18 @@ fn one_tuning(out: &mut String, model: &str, cells: &[&Cell]) {
             bottom + 14.0
         );
     }
-    for (task, curve, chosen) in &all {
+    for Curve {
+        task,
+        tried,
+        chosen,
+    } in &all
+    {
         let class = match task {
             Task::Dense => "k0",
             Task::Sparse => "k1",
             Task::Complete => "k2",
         };
-        let best = envelope(curve);
+        let best = envelope(tried);
         let line = joined(best.iter().map(|p| (across.at(p.0), up.at(p.1))));
         let _ = write!(svg, "<polyline class=\"{class}\" points=\"{line}\"/>");
         for (inflation, mse) in &best {
