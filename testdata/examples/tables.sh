@@ -16,7 +16,7 @@ fi
 models=${MODELS:-blocks,ksvd,ksvd-omp,mfa,gaussian,lpca,clustered,pca}
 # Every n-th frame: of single subjects, and of all together.
 if [ "$quick" ]; then
-  subjects='07 02' every=4 every_all=40 seeds=${SEEDS:-1} frames=${FRAMES:-100} sweep=
+  subjects='07 02' every=6 every_all=60 seeds=${SEEDS:-1} frames=${FRAMES:-100} sweep=
 else
   subjects='07 01 02 13 14 35 49' every=1 every_all=4 seeds=${SEEDS:-2} frames=${FRAMES:-400}
   sweep=,ksvd:n=64,ksvd:n=125,ksvd:n=250,ksvd:n=500,ksvd:n=1000,ksvd:k=1,ksvd:k=2,ksvd:k=5,ksvd:k=8
