@@ -5,13 +5,15 @@
 CARGO  ?= cargo
 PREFIX ?= /usr/local
 BIN    := target/release
-# The path of the CMU takes (a folder NN/ a subject with NN.asf and NN_*.amc), for `make model`.
+# The path of the CMU takes (a folder NN/ a subject with NN.asf and NN_*.amc), for `make model` and `make tables`.
 CMU    ?=
+# make tables QUICK=1: a few frames of a few subjects.
+QUICK  ?=
 
 ON_PATH  := amc2xyz cluster ksvd-train dict-concat denoise complete xyz2bvh
 BESIDE   := bvh2xyz xyz2amc prior-train encode decode corrupt score evaluate plot model
 
-.PHONY: demo test build needs model bench bless install uninstall clean
+.PHONY: demo test build needs model tables bench bless install uninstall clean
 
 demo: needs build
 	@POSING_BIN=$(BIN) sh testdata/examples/demo.sh target/demo
@@ -30,6 +32,11 @@ needs:
 model: build
 	@test -n "$(CMU)" || { echo 'make model: name the CMU takes: make model CMU=path' >&2; exit 2; }
 	@POSING_BIN=$(BIN) sh testdata/examples/builtin.sh "$(CMU)" src/prior/builtin.npz
+
+# The paper's Tables 1 to 4 again, with a report of every run: target/tables/tables.html. What is done is not done again.
+tables: build
+	@POSING_BIN=$(BIN) sh testdata/examples/tables.sh $(if $(QUICK),--quick) \
+	  "$(or $(CMU),$(wildcard ../shared/data/cmu))" target/tables$(if $(QUICK),-quick)
 
 bench: needs
 	$(CARGO) bench

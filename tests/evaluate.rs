@@ -123,6 +123,113 @@ fn a_small_evaluation_says_what_it_found_in_three_ways() {
     assert_eq!(dir.read("out/results.csv").lines().count(), 1 + 36 + 18);
     assert_eq!(dir.read("out/times.csv").lines().count(), 1 + 36);
     assert_eq!(dir.read("out/cells.jsonl").lines().count(), 36);
+    // Both models' answers to what the page shows: a pose in three tasks, two from two dimensions, a stretch of a take.
+    assert_eq!(dir.read("out/examples.jsonl").lines().count(), 2);
+    let page = dir.read("out/report.html");
+    assert_eq!(page.matches("<div class=\"player\">").count(), 6);
+    assert!(page.contains("Under the split takes, seed 0.") && page.len() < 1_000_000);
+    for outside in ["http:", "https:", "src=", "@import"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+}
+
+#[test]
+fn finished_runs_stand_beside_the_papers_tables() {
+    let dir = Folder::new();
+    let (walk, runs) = (dir.name("walk.csv"), dir.name("run.csv"));
+    let small = [
+        "-q",
+        "--models",
+        "ksvd-omp:n=20,gaussian,ksvd-omp",
+        "--seeds",
+        "1",
+    ];
+    let one = |out: &str, tables: &[&str]| {
+        let out = dir.name(out);
+        let more = ["--frames", "20", "-o", &out];
+        run("evaluate", &[&small[..], &more, tables].concat(), "");
+        out
+    };
+    let (single, both) = (one("single", &[&walk]), one("both", &[&walk, &runs]));
+    let tables = dir.name("tables");
+    let args = ["--paper", &single, "--paper", &both, "-o", &tables];
+    let pages = || {
+        run("evaluate", &args, "");
+        (
+            dir.read("tables/tables.html"),
+            dir.read("tables/tables.csv"),
+        )
+    };
+    let (page, csv) = pages();
+    assert!((page.clone(), csv.clone()) == pages());
+    for part in [
+        "Table 1:",
+        "Table 2: dense noise",
+        "subject 07",
+        "rank correlation",
+        "href=\"single/report.html\"",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    // The paper's figure and the measured one in one line.
+    let line = |start: &str| csv.lines().find(|l| l.starts_with(start)).unwrap();
+    let json: Value = serde_json::from_str(&dir.read("single/results.json")).unwrap();
+    let rows = json["summary"].as_array().unwrap();
+    let row = rows
+        .iter()
+        .find(|r| r["model"] == "ksvd-omp" && r["task"] == "dense" && r["split"] == "takes");
+    let mse = row.unwrap()["mse"].as_f64().unwrap();
+    let start = format!("2,07,dense,Our model,ksvd-omp,0.02,takes,{mse},");
+    assert!(line(&start).ends_with(",1,20"));
+    assert!(line("1,all,complete,Gaussian,gaussian,0.3,subjects,").ends_with(",1,20"));
+    let said = fails(
+        "evaluate",
+        &["--paper", &dir.name("none"), "-o", &tables],
+        b"",
+        1,
+    );
+    assert!(said.contains("none/results.json"), "{said}");
+    dir.file("results.json", "{}");
+    let here = dir.0.path().to_str().unwrap();
+    let said = fails("evaluate", &["--paper", here, "-o", &tables], b"", 1);
+    assert!(said.contains("is no results.json of a run"), "{said}");
+    fails("evaluate", &["--paper", &single], b"", 2);
+}
+
+/// `make tables` without make.
+fn tables(args: &[&str]) -> std::process::Output {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    Command::new("sh")
+        .arg(root.join("testdata/examples/tables.sh"))
+        .args(args)
+        .env("POSING_BIN", bin())
+        .env("MODELS", "ksvd,gaussian")
+        .env("FRAMES", "20")
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn the_tables_of_the_paper_are_made_in_one_go() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let cmu = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cmu");
+    let (cmu, out) = (cmu.to_str().unwrap(), out.to_str().unwrap());
+    let done = tables(&["--quick", cmu, out]);
+    let said = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert!(done.status.success(), "{said}");
+    for made in [
+        "tables.html",
+        "tables.csv",
+        "07/report.html",
+        "all/report.html",
+    ] {
+        assert!(Path::new(out).join(made).is_file(), "{made}");
+    }
+    let none = tables(&["--quick", "", out]);
+    assert_eq!(none.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&none.stderr).into_owned();
+    assert!(said.lines().count() == 1 && said.contains("CMU="), "{said}");
 }
 
 #[test]
@@ -135,6 +242,7 @@ fn any_number_of_threads_and_a_kill_give_the_same_bytes() {
         (
             dir.read(&format!("{out}/results.csv")),
             dir.read(&format!("{out}/results.json")),
+            dir.read(&format!("{out}/report.html")),
         )
     };
     let whole = with("one", "1");

@@ -1,14 +1,13 @@
 //! Compares models on poses they have not learnt from.
 
 use clap::Parser;
-use posing::cli::evaluating::{self, Asked, WorkFile, lengths, list, plan, sources};
+use posing::Result;
+use posing::cli::evaluating::{self, Asked, Work, lengths, list, plan, sources};
 use posing::cli::flags::{Common, TableIn};
 use posing::cli::{Outcome, run, say, streams};
 use posing::evaluate::bench::tables::Results;
-use posing::evaluate::bench::{Bench, Data, report, summary};
-use posing::{Error, Result};
-use std::fs;
-use std::path::PathBuf;
+use posing::evaluate::bench::{Bench, Data, report, reproduction, summary};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Compare models on poses they have not learnt from
@@ -73,6 +72,11 @@ struct Args {
     /// Write results.csv, results.json, report.html and times.csv into DIR, and keep finished cells there
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
+    /// Run nothing: write the paper's Tables 1 to 4 beside what the finished run in RUN (a DIR of -o) has measured; may be
+    /// repeated: runs of one subject go into Tables 2 to 4, the one of most subjects into Table 1. Writes tables.html and
+    /// tables.csv into DIR
+    #[arg(long, value_name = "RUN", help_heading = "Output", requires = "output", conflicts_with_all = ["config", "fresh"])]
+    paper: Vec<PathBuf>,
     /// Run all cells anew, also those that DIR keeps
     #[arg(long, help_heading = "Output")]
     fresh: bool,
@@ -93,9 +97,11 @@ coordinates that lie within one and two of the deviations the model states; exac
   DIR/results.json: settings; data (takes, subjects, digests, twins: takes found to be one); summary (a row for all \
 seeds: besides the CSV's numbers by_joint, within at the deviations of gaussian_within, and to_best_other, the error over \
 that of the best other model with its interval on the same draws); cells (each seed by itself, with by_take and, where a model was tuned, its tuning curve).
-  DIR/report.html: the tables, error by joint and calibration on one page that needs nothing else.
+  DIR/report.html: one page that needs nothing else: who is lowest; test poses under all models, that can be turned, and a \
+take completed by all, that plays; by split the tables, training error against test error, error against sparsity and size \
+of the dictionary (where several ksvd:n=..:k=.. were run), error by joint, calibration, how each model was tuned.
   DIR/times.csv: seconds a pose (one thread, while others work) and seconds of training. Times alone differ between runs.
-  DIR/cells.jsonl: finished cells. A run that was killed goes on from them, to the same results; one with more models or \
+  DIR/cells.jsonl, DIR/examples.jsonl: finished cells, and the poses that the page shows. A run that was killed goes on from them, to the same results; one with more models or \
 seeds does only what is new.
 
 Examples:
@@ -108,8 +114,22 @@ fn main() -> ExitCode {
     run(|args: Args| work(args))
 }
 
+/// Only writes what finished runs say of the paper's tables.
+fn tables(runs: &[PathBuf], folder: &Path) -> Result<Outcome> {
+    let runs = evaluating::finished(runs)?;
+    let files = [
+        ("tables.csv", reproduction::csv(&runs)),
+        ("tables.html", reproduction::html(&runs)?),
+    ];
+    evaluating::write(folder, &files)?;
+    Ok(Outcome::Done)
+}
+
 fn work(args: Args) -> Result<Outcome> {
     args.common.apply()?;
+    if let (false, Some(folder)) = (args.paper.is_empty(), &args.output) {
+        return tables(&args.paper, folder);
+    }
     let asked = Asked {
         models: args.models,
         files: args.given,
@@ -139,13 +159,10 @@ fn work(args: Args) -> Result<Outcome> {
         say::note(&format!("left out: {what}"));
     }
     let work = match &plan.output {
-        Some(folder) => {
-            fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-            Some(WorkFile::open(&folder.join("cells.jsonl"), args.fresh)?)
-        }
+        Some(folder) => Some(Work::open(folder, args.fresh)?),
         None => None,
     };
-    let cells = evaluating::run(&bench, work)?;
+    let (cells, examples) = evaluating::run(&bench, work)?;
     let rows = summary::rows(&cells);
     let results = Results {
         data: &data,
@@ -153,13 +170,14 @@ fn work(args: Args) -> Result<Outcome> {
         twins: bench.twins(),
         cells: &cells,
         rows: &rows,
+        examples: &examples,
     };
     if let Some(folder) = &plan.output {
         let files = [
             ("results.csv", results.csv()),
             ("results.json", results.json()?),
             ("times.csv", results.times()),
-            ("report.html", report::html(&results)),
+            ("report.html", report::html(&results)?),
         ];
         evaluating::write(folder, &files)?;
     }

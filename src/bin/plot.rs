@@ -162,6 +162,7 @@ fn work(args: &Args) -> Result<Outcome> {
         note: args.note.as_deref(),
         table: table.transpose()?,
         credit: args.credit.as_deref(),
+        ..Scene::default()
     };
     let text = match to {
         To::Svg => svg(args, &scene)?,

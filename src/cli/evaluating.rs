@@ -4,14 +4,17 @@ use super::flags::{TableIn, parse_length};
 use super::progress::Progress;
 use super::{say, streams};
 use crate::evaluate::bench::data::Source;
+use crate::evaluate::bench::examples::Examples;
 use crate::evaluate::bench::leaks::Past;
 use crate::evaluate::bench::methods::{Given, Source as Making};
+use crate::evaluate::bench::reproduction::Run;
 use crate::evaluate::bench::run::{Event, Finished};
 use crate::evaluate::bench::settings::Length;
 use crate::evaluate::bench::{Bench, Cell, Config, Method, Settings, Split, Task};
 use crate::prior::training::hex;
 use crate::prior::{self, Choice};
 use crate::{Error, Place, Result};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -20,6 +23,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+/// No results.json is larger.
+const LARGEST_RESULTS: u64 = 1 << 30;
 /// No TOML file is larger.
 const LARGEST_CONFIG: u64 = 1 << 20;
 
@@ -102,6 +107,7 @@ pub fn plan(asked: Asked, tables: Vec<PathBuf>, config: Option<&Path>) -> Result
         true => file.tables.iter().flatten().map(place).collect(),
         false => tables,
     };
+    let output = asked.output.or(file.output.as_ref().map(place));
     Ok(Plan {
         settings: Settings {
             methods,
@@ -115,10 +121,11 @@ pub fn plan(asked: Asked, tables: Vec<PathBuf>, config: Option<&Path>) -> Result
             frames: asked.frames.or(file.frames).unwrap_or(usual.frames),
             base,
             observe: asked.observe.or(file.observe).unwrap_or(usual.observe),
+            examples: output.is_some(),
         },
         tables,
         subjects: file.subjects,
-        output: asked.output.or(file.output.as_ref().map(place)),
+        output,
     })
 }
 
@@ -211,29 +218,31 @@ pub fn sources(flags: &TableIn, tables: &[PathBuf]) -> Result<Vec<Source>> {
     tables.iter().map(read).collect()
 }
 
-/// A line of the work file.
+/// A line of a work file.
 #[derive(Serialize, Deserialize)]
-struct Line {
+struct Line<T> {
     key: String,
-    cell: Cell,
+    #[serde(alias = "cell")]
+    done: T,
 }
 
-/// The file that finished cells are kept in, a line of JSON each.
-pub struct WorkFile {
+/// A file that finished things are kept in, a line of JSON each.
+struct WorkFile {
     path: PathBuf,
     file: File,
-    /// What it held.
-    pub finished: Finished,
 }
 
 impl WorkFile {
     /// Opens it, or starts it; `fresh` forgets what it holds. A last line that a kill has cut off is taken away.
     ///
     /// # Errors
-    /// A line that is no cell, with its number.
-    pub fn open(path: &Path, fresh: bool) -> Result<WorkFile> {
-        let fail = |e| Error::io(path, e);
-        let text = match fs::read(path) {
+    /// A line that is not what it should be, with its number.
+    fn open<T: DeserializeOwned>(
+        path: PathBuf,
+        fresh: bool,
+    ) -> Result<(WorkFile, BTreeMap<String, T>)> {
+        let fail = |e| Error::io(&path, e);
+        let text = match fs::read(&path) {
             Ok(bytes) if !fresh => bytes,
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(fail(e)),
             _ => Vec::new(),
@@ -242,40 +251,67 @@ impl WorkFile {
             .iter()
             .rposition(|b| *b == b'\n')
             .map_or(0, |at| at + 1);
-        let mut finished = Finished::new();
+        let mut finished = BTreeMap::new();
         let lines = text[..whole].split(|b| *b == b'\n');
         for (i, line) in lines.enumerate().filter(|(_, l)| !l.is_empty()) {
-            let line: Line = serde_json::from_slice(line).map_err(|e| {
+            let line: Line<T> = serde_json::from_slice(line).map_err(|e| {
                 let name = path.display().to_string();
                 let what = format!("is no finished cell ({e}); remove the file, or use --fresh");
                 Error::data(Place::line(name, i as u64 + 1), what)
             })?;
-            finished.insert(line.key, line.cell);
+            finished.insert(line.key, line.done);
         }
         let mut options = OpenOptions::new();
-        let file = options.create(true).append(true).open(path).map_err(fail)?;
+        let file = options
+            .create(true)
+            .append(true)
+            .open(&path)
+            .map_err(fail)?;
         file.set_len(whole as u64).map_err(fail)?;
-        Ok(WorkFile {
-            path: path.to_path_buf(),
-            file,
-            finished,
-        })
+        Ok((WorkFile { path, file }, finished))
     }
 
-    fn keep(&mut self, key: &str, cell: &Cell) -> Result<()> {
-        let line = Line {
-            key: key.into(),
-            cell: cell.clone(),
-        };
-        let mut text = serde_json::to_vec(&line).map_err(|e| Error::usage(e.to_string()))?;
+    fn keep<T: Serialize>(&mut self, key: &str, done: &T) -> Result<()> {
+        let key = key.into();
+        let line = serde_json::to_vec(&Line { key, done });
+        let mut text = line.map_err(|e| Error::usage(e.to_string()))?;
         text.push(b'\n');
         let write = self.file.write_all(&text);
         write.map_err(|e| Error::io(&self.path, e))
     }
 }
 
-/// Runs the bench with a bar; finished cells go to the work file.
-pub fn run(bench: &Bench<'_>, mut work: Option<WorkFile>) -> Result<Vec<Cell>> {
+/// What a run keeps in its folder, so that the next one goes on from there.
+pub struct Work {
+    cells: WorkFile,
+    examples: WorkFile,
+    finished: Finished,
+}
+
+impl Work {
+    /// Opens `cells.jsonl` and `examples.jsonl` in a folder, which is made where it is absent; `fresh` forgets what they
+    /// hold.
+    ///
+    /// # Errors
+    /// A line that is not what it should be, with its number.
+    pub fn open(folder: &Path, fresh: bool) -> Result<Work> {
+        fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let (cells, done) = WorkFile::open(folder.join("cells.jsonl"), fresh)?;
+        let (examples, shown) = WorkFile::open(folder.join("examples.jsonl"), fresh)?;
+        let finished = Finished {
+            cells: done,
+            examples: shown,
+        };
+        Ok(Work {
+            cells,
+            examples,
+            finished,
+        })
+    }
+}
+
+/// Runs the bench with a bar; what is finished goes to the work files.
+pub fn run(bench: &Bench<'_>, mut work: Option<Work>) -> Result<(Vec<Cell>, Examples)> {
     let finished = work.as_mut().map(|w| std::mem::take(&mut w.finished));
     let finished = finished.unwrap_or_default();
     let total = bench.cells().len();
@@ -297,7 +333,12 @@ pub fn run(bench: &Bench<'_>, mut work: Option<WorkFile>) -> Result<Vec<Cell>> {
                 done += 1;
                 bar.set(done);
                 if let Some(work) = &mut work {
-                    work.keep(key, cell)?;
+                    work.cells.keep(key, cell)?;
+                }
+            }
+            Event::Shown { key, example } => {
+                if let Some(work) = &mut work {
+                    work.examples.keep(key, example)?;
                 }
             }
         }
@@ -307,10 +348,24 @@ pub fn run(bench: &Bench<'_>, mut work: Option<WorkFile>) -> Result<Vec<Cell>> {
 
 /// Writes the results into a folder.
 pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (name, text) in files {
         crate::io::output::write_file(&folder.join(name), text.as_bytes())?;
     }
     Ok(())
+}
+
+/// Reads the results of finished runs, each a folder that [`write`] has written.
+pub fn finished(folders: &[PathBuf]) -> Result<Vec<Run>> {
+    let read = |folder: &PathBuf| {
+        let path = folder.join("results.json");
+        let input = streams::open(&path)?;
+        let source = input.name.clone();
+        let bytes = input.read_all(LARGEST_RESULTS)?;
+        let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
+        Run::parse(&bytes, &name.unwrap_or_else(|| ".".into()), &source)
+    };
+    folders.iter().map(read).collect()
 }
 
 /// Reads a comma-separated list.

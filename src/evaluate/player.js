@@ -1,7 +1,12 @@
 
+// The body of `player(root, scene)`, second part.
 // What the reader does: panels, playback, mouse, keys.
 
-const byId = id => document.getElementById(id);
+/** Alone on its page, and not one of several figures in a report: it may have the wheel, the keys and the address. */
+const alone = root.dataset.alone !== undefined;
+const still = frames < 2;
+const part = name => root.querySelector("." + name);
+const keysHelp = document.querySelector("dialog.keys");
 function make(tag, className, text) {
   const node = document.createElement(tag);
   if (className) node.className = className;
@@ -17,7 +22,9 @@ let panels = [], strips = [], asked = false, lastTick = 0;
 // ---- panels and legend, made anew when the overlay is switched ----
 
 function makePanel(list) {
-  const section = make("section"), head = make("div", "head"), canvas = make("canvas", "view");
+  const section = make("section"), head = make("div", "head");
+  const canvas = still ? emptySvg() : make("canvas");
+  canvas.setAttribute("class", "view");
   const missing = make("span", "missing");
   if (list.length > 1) {
     const names = make("div", "names");
@@ -35,20 +42,23 @@ function makePanel(list) {
       names.append(button);
     }
     head.append(names);
-  } else head.append(make("h2", "", figures[list[0]].name), missing);
+  } else head.append(make("div", "name", figures[list[0]].name), missing);
   canvas.setAttribute("role", "img");
-  canvas.setAttribute("aria-label", "Moving figure: " + list.map(f => figures[f].name).join(", "));
+  if (!alone) canvas.setAttribute("tabindex", "0");
+  canvas.setAttribute("aria-label", (still ? "Figure: " : "Moving figure: ") + list.map(f => figures[f].name).join(", "));
   section.append(head, canvas);
-  const panel = { section, canvas, missing, ctx: canvas.getContext("2d"), figures: list, hits: [] };
+  const panel = { section, canvas, missing, ctx: still ? svgPaper(canvas) : canvasPaper(canvas), figures: list, hits: [] };
   handle(panel);
   return panel;
 }
 
 function makePanels() {
   const all = figures.map((_, f) => f);
+  // Of very many, the first few at first: the others are there to be switched on.
+  const many = state.overlay && figures.length > 6;
+  figures.forEach((figure, f) => { figure.shown = !many || f < 3; });
   panels = (state.overlay ? [all] : all.map(f => [f])).map(makePanel);
-  byId("panels").replaceChildren(...panels.map(panel => panel.section));
-  if (!state.overlay) figures.forEach(figure => { figure.shown = true; });
+  part("panels").replaceChildren(...panels.map(panel => panel.section));
   hover(null);
   makeLegend();
   ask();
@@ -70,8 +80,9 @@ function makeLegend() {
   if (some(2)) item("ring", "inferred", "inferred");
   if (some(3)) item("cross", "rejected", "rejected");
   if (some(4)) item("ring", "unknown", "unknown");
-  if (some(MISSING)) item("block", "missing", "missing (in the strip)");
-  byId("legend").replaceChildren(...items);
+  if (scene.behind !== null && !state.overlay) item("", "behind", figures[scene.behind].name + ", behind each answer");
+  if (some(MISSING) && alone) item("block", "missing", "missing (in the strip)");
+  part("legend").replaceChildren(...items);
 }
 
 function makeStrips() {
@@ -87,7 +98,7 @@ function makeStrips() {
     };
     canvas.addEventListener("pointerdown", event => { canvas.setPointerCapture(event.pointerId); jump(event); });
     canvas.addEventListener("pointermove", event => { if (event.buttons) jump(event); });
-    byId("strips").append(row);
+    part("strips").append(row);
     strips.push([canvas, f]);
   });
 }
@@ -119,18 +130,18 @@ function show(frame) {
 }
 
 function tell() {
-  const [take, time] = moment(state.frame), scrub = byId("scrub"), number = state.frame * scene.every;
+  const [take, time] = moment(state.frame), scrub = part("scrub"), number = state.frame * scene.every;
   scrub.value = state.frame;
   scrub.style.setProperty("--done", `calc(8px + ${state.frame / Math.max(1, frames - 1)} * (100% - 16px))`);
-  byId("strips").style.setProperty("--at", state.frame / Math.max(1, frames - 1));
+  part("strips").style.setProperty("--at", state.frame / Math.max(1, frames - 1));
   scrub.setAttribute("aria-valuetext", `frame ${number}, ${time.toFixed(2)} seconds${take ? ", " + take : ""}`);
   const several = scene.runs.length > 1 && take;
-  byId("clock").replaceChildren(
+  part("clock").replaceChildren(
     time.toFixed(3) + " s ", make("small", "", `frame ${number}${several ? " · " + take : ""}`));
-  byId("clock").title = several ? take : "";
+  part("clock").title = several ? take : "";
   for (const panel of panels) {
     const gone = figures[panel.figures[0]].counts[state.frame * 6 + MISSING];
-    panel.missing.textContent = gone ? `${gone} of ${points} missing` : "";
+    panel.missing.textContent = gone ? `${gone} of ${points} missing` : figures[panel.figures[0]].note;
   }
   keepHover();
 }
@@ -139,19 +150,19 @@ function play(on) {
   if (on && !state.playing && state.frame >= frames - 1) show(0);
   state.playing = on;
   lastTick = performance.now();
-  byId("play").setAttribute("aria-label", on ? "Pause" : "Play");
-  byId("play").title = on ? "Pause (space)" : "Play (space)";
+  part("play").setAttribute("aria-label", on ? "Pause" : "Play");
+  part("play").title = on ? "Pause (space)" : "Play (space)";
   ask();
 }
 
 function setSpeed(index) {
   state.speed = Math.max(0, Math.min(SPEEDS.length - 1, index));
-  byId("speed").textContent = SPEEDS[state.speed] + "×";
-  byId("speed").setAttribute("aria-label", `Speed ${SPEEDS[state.speed]}; press for the usual speed`);
+  part("speed").textContent = SPEEDS[state.speed] + "×";
+  part("speed").setAttribute("aria-label", `Speed ${SPEEDS[state.speed]}; press for the usual speed`);
 }
 
-function setTrail(point) { state.trail = point; byId("trail").value = point; ask(); }
-function toggle(id, on) { byId(id).setAttribute("aria-pressed", on); return on; }
+function setTrail(point) { state.trail = point; part("trail").value = point; ask(); }
+function toggle(id, on) { part(id).setAttribute("aria-pressed", on); return on; }
 const actions = {
   play: () => play(!state.playing),
   back: () => { play(false); show(state.frame - 1); },
@@ -163,7 +174,7 @@ const actions = {
   follow: () => { camera.follow = toggle("follow", !camera.follow); ask(); },
   loop: () => { state.loop = toggle("loop", !state.loop); },
   reset: () => { resetCamera(); ask(); },
-  help: () => { if (!byId("keys").open) byId("keys").showModal(); },
+  help: () => { if (!keysHelp.open) keysHelp.showModal(); },
 };
 
 /** A click by mouse gives the focus back, so that space goes on playing and pausing. */
@@ -203,6 +214,8 @@ function handle(panel) {
   canvas.addEventListener("pointerleave", () => hover(null));
   canvas.addEventListener("dblclick", actions.reset);
   canvas.addEventListener("wheel", event => {
+    // In a report the wheel scrolls the page.
+    if (!alone && !event.ctrlKey) return;
     event.preventDefault();
     zoom(Math.exp(-event.deltaY * (event.deltaMode ? .05 : .0015)));
   }, { passive: false });
@@ -228,7 +241,7 @@ function nearest(panel, mouse, within) {
 function hover(hit, panel, event) {
   const changed = (state.hover && state.hover.point) !== (hit && hit.point);
   state.hover = hit && { figure: hit.figure, point: hit.point, panel, clientX: event.clientX, clientY: event.clientY };
-  if (hit) tip(); else byId("tip").hidden = true;
+  if (hit) tip(); else part("tip").hidden = true;
   if (changed) ask();
 }
 
@@ -238,7 +251,7 @@ function keepHover() {
 }
 
 function tip() {
-  const { figure, point, clientX: x, clientY: y } = state.hover, box = byId("tip"), i = state.frame * points + point;
+  const { figure, point, clientX: x, clientY: y } = state.hover, box = part("tip"), i = state.frame * points + point;
   const status = figures[figure].status[i], place = figures[figure].xyz.subarray(3 * i, 3 * i + 3);
   const where = status === MISSING ? "" : "x y z  " + [...place].map(v => v.toFixed(1)).join("  ") + " cm";
   const said = figures[figure].has.some((has, s) => has && s > 0) ? STATUS[status] : "";
@@ -263,8 +276,8 @@ const MOVES = {
   z: () => zoom(1.15), x: () => zoom(1 / 1.15),
   Home: () => { play(false); show(0); }, End: () => { play(false); show(frames - 1); },
 };
-addEventListener("keydown", event => {
-  if (event.ctrlKey || event.metaKey || event.altKey || byId("keys").open) return;
+(alone ? window : root).addEventListener("keydown", event => {
+  if (event.ctrlKey || event.metaKey || event.altKey || keysHelp.open) return;
   const tag = event.target.tagName;
   if (tag === "SELECT" || (tag === "BUTTON" && (event.key === " " || event.key === "Enter"))) return;
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
@@ -296,25 +309,26 @@ function readLink() {
 }
 
 function start() {
-  if (!frames || !figures.length) { byId("empty").hidden = false; return; }
-  byId("player").hidden = false;
-  byId("scrub").max = frames - 1;
-  byId("scrub").addEventListener("input", event => { play(false); show(+event.target.value); });
+  if (!frames || !figures.length) { part("empty").hidden = false; return; }
+  part("stage").hidden = false;
+  root.classList.toggle("still", still);
+  part("scrub").max = frames - 1;
+  part("scrub").addEventListener("input", event => { play(false); show(+event.target.value); });
   scene.points.forEach((name, p) => {
     const option = make("option", "", name);
     option.value = p;
-    byId("trail").append(option);
+    part("trail").append(option);
   });
-  byId("trail").addEventListener("change", event => setTrail(+event.target.value));
-  byId("overlay").hidden = figures.length < 2;
-  for (const id in actions) press(byId(id), actions[id]);
+  part("trail").addEventListener("change", event => setTrail(+event.target.value));
+  part("overlay").hidden = figures.length < 2;
+  for (const id in actions) press(part(id), actions[id]);
   readInk();
   makePanels();
   makeStrips();
   const redraw = () => { readInk(); strips.forEach(([canvas, f]) => drawStrip(canvas, f)); ask(); };
-  new ResizeObserver(redraw).observe(byId("player"));
+  new ResizeObserver(redraw).observe(part("stage"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
-  addEventListener("hashchange", readLink);
-  readLink();
+  if (scene.start) show(scene.start);
+  if (alone) { addEventListener("hashchange", readLink); readLink(); }
 }
 start();

@@ -13,8 +13,19 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 const PAGE: &str = include_str!("player.html");
-const STYLE: &str = include_str!("player.css");
-const SCRIPT: &str = concat!(include_str!("player_view.js"), include_str!("player.js"));
+const PART: &str = include_str!("player_part.html");
+const KEYS: &str = include_str!("player_keys.html");
+const LINKS: &str = include_str!("player_links.html");
+const PAGE_STYLE: &str = concat!(include_str!("player.css"), include_str!("player_page.css"));
+/// What brings every player of a page to life.
+pub(super) const SCRIPT: &str = concat!(
+    include_str!("player_paper.js"),
+    "\nfunction player(root, scene) {",
+    include_str!("player_view.js"),
+    include_str!("player.js"),
+    "}\n",
+    include_str!("player_start.js"),
+);
 
 /// A step between neighbouring 16-bit values above this (cm) would be seen.
 const COARSEST: f64 = 0.05;
@@ -57,14 +68,7 @@ impl Options {
 /// # Errors
 /// Usage, if [`Scene::check`] or [`Options::check`] fails.
 pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
-    scene.check()?;
-    options.check()?;
-    let stance = Stance::of(scene);
-    let every = options
-        .every
-        .unwrap_or_else(|| sparing(scene, options.limit));
-    let kept: Vec<usize> = (0..scene.frames()).step_by(every).collect();
-
+    let (player, remarks) = placed(scene, options, " data-alone")?;
     let title = escape(if scene.title.is_empty() {
         "Motion"
     } else {
@@ -74,9 +78,7 @@ pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
         .note
         .map(|note| format!("<p>{}</p>", escape(note)))
         .unwrap_or_default();
-    let remarks = remarks(scene, &stance, every);
     let table = scene.table.as_ref().map(html_table).unwrap_or_default();
-    let data = script_json(&embedded(scene, &stance, &kept, every));
     Ok(fill(
         PAGE,
         &[
@@ -85,13 +87,42 @@ pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
             ("remarks", &remarks),
             ("table", &table),
             ("credit", &escape(scene.credit.unwrap_or_default())),
-            ("scene", &data),
-            ("style", STYLE),
-            ("style-hash", &policy_hash(STYLE)),
+            ("player", &player),
+            ("keys", &fill(KEYS, &[("links", LINKS)])),
+            ("style", PAGE_STYLE),
+            ("style-hash", &policy_hash(PAGE_STYLE)),
             ("script", SCRIPT),
             ("script-hash", &policy_hash(SCRIPT)),
         ],
     ))
+}
+
+/// A player to stand among others on a page that has `player.css`, [`keys`] and, at its end, [`SCRIPT`]. A scene of one frame
+/// is drawn as SVG, without the controls.
+///
+/// # Errors
+/// As [`page`].
+pub(super) fn part(scene: &Scene<'_>, options: &Options) -> Result<String> {
+    Ok(placed(scene, options, "")?.0)
+}
+
+/// The list of keys that all players of a page share.
+pub(super) fn keys() -> String {
+    fill(KEYS, &[("links", "")])
+}
+
+/// The player with its scene, and what must be admitted below it.
+fn placed(scene: &Scene<'_>, options: &Options, attributes: &str) -> Result<(String, String)> {
+    scene.check()?;
+    options.check()?;
+    let stance = Stance::of(scene);
+    let every = options
+        .every
+        .unwrap_or_else(|| sparing(scene, options.limit));
+    let kept: Vec<usize> = (0..scene.frames()).step_by(every).collect();
+    let data = script_json(&embedded(scene, &stance, &kept, every));
+    let values = [("attributes", attributes), ("scene", &data)];
+    Ok((fill(PART, &values), remarks(scene, &stance, every)))
 }
 
 /// The smallest step through the frames that keeps the coordinates' base64 within the limit.
@@ -124,6 +155,8 @@ fn embedded(scene: &Scene<'_>, stance: &Stance<'_, '_>, kept: &[usize], every: u
         "every": every,
         "frames": kept.len(),
         "reference": stance.reference,
+        "behind": scene.behind,
+        "start": scene.start / every,
         "ground": rounded(stance.ground),
         "size": rounded(stance.size),
         "azimuth": rounded(stance.azimuth()),
@@ -163,6 +196,7 @@ fn embedded_figure(
     }
     let mut coded = coordinates(&values, columns);
     coded["name"] = json!(scene.figures[figure].name);
+    coded["note"] = json!(scene.notes.get(figure));
     coded["status"] = match scene.figures[figure].status {
         Some(_) => (0..scene.points.len())
             .map(|point| run_lengths(kept.iter().map(|t| stance.status(figure, *t, point))))
@@ -300,7 +334,7 @@ fn html_table(table: &Table) -> String {
 }
 
 /// A source's hash as a content security policy wants it.
-fn policy_hash(source: &str) -> String {
+pub(super) fn policy_hash(source: &str) -> String {
     format!("sha256-{}", base64(&Sha256::digest(source.as_bytes())))
 }
 
@@ -327,7 +361,9 @@ mod tests {
 
     /// The JSON between the page's own script tags, found as a browser would: up to the first `</script`.
     fn data(page: &str) -> Value {
-        let (_, after) = page.split_once("id=\"scene\">").unwrap();
+        let (_, after) = page
+            .split_once("<script type=\"application/json\">")
+            .unwrap();
         serde_json::from_str(after.split("</script").next().unwrap()).unwrap()
     }
 
@@ -447,6 +483,7 @@ mod tests {
             note: Some(hostile),
             table: Some(table),
             credit: Some(hostile),
+            ..Scene::default()
         };
         let page = page(&scene, &Options::default()).unwrap();
         assert_eq!(
@@ -482,7 +519,7 @@ mod tests {
             assert!(!page.contains(loading), "{loading}");
         }
         assert_eq!(page.matches("href=").count(), 1, "the empty icon");
-        for source in [SCRIPT, STYLE] {
+        for source in [SCRIPT, PAGE_STYLE] {
             assert!(
                 page.contains(&policy_hash(source)),
                 "the policy knows the page's own sources"

@@ -1,8 +1,7 @@
 
-"use strict";
+// The body of `player(root, scene)`, first part.
 // The scene as the page carries it: points decoded, what is missing counted, the camera, the drawing.
 
-const scene = JSON.parse(document.getElementById("scene").textContent);
 const STATUS = ["observed", "changed", "inferred", "rejected", "unknown", "missing"];
 const MISSING = 5;
 const points = scene.points.length, frames = scene.frames;
@@ -37,7 +36,7 @@ const figures = scene.figures.map(source => {
   const counts = new Uint16Array(frames * 6);
   for (let i = 0; i < status.length; i++) counts[Math.floor(i / points) * 6 + status[i]]++;
   const has = STATUS.map((_, s) => status.includes(s));
-  return { name: source.name, xyz, status, counts, has, shown: true };
+  return { name: source.name, note: source.note || "", xyz, status, counts, has, shown: true };
 });
 
 /** The index in scene.runs of the run that a frame belongs to; -1 without runs. */
@@ -144,13 +143,14 @@ function projection(width, height, frame) {
 let ink = {};
 function readInk() {
   const style = getComputedStyle(document.documentElement), get = name => style.getPropertyValue("--" + name).trim();
-  for (const name of ["panel", "text", "grid", "shadow", "middle", "left", "right", "accent"].concat(STATUS.slice(1))) ink[name] = get(name);
+  for (const name of ["panel", "text", "grid", "shadow", "middle", "left", "right", "accent", "behind"].concat(STATUS.slice(1))) ink[name] = get(name);
   ink.figures = [0, 1, 2, 3, 4, 5].map(i => get("f" + i));
 }
 
 const LIMB = { l: "left", r: "right", m: "middle" };
-/** A limb's colour: its side, or (overlaid) its figure, paler on the right. */
-function limbColor(figure, side, overlaid) {
+/** A limb's colour: its side, or (overlaid) its figure, paler on the right; what stands behind has one of its own. */
+function limbColor(figure, side, overlaid, behind) {
+  if (behind) return ink.behind;
   if (!overlaid) return ink[LIMB[side]];
   const color = ink.figures[figure % 6];
   return side === "r" ? `color-mix(in srgb, ${color} 50%, ${ink.panel})` : color;
@@ -165,18 +165,26 @@ function drawGrid(ctx, project, frame) {
   const [x0, z0] = at.map(v => Math.round(v / step) * step), lines = Math.ceil(reach / step);
   ctx.strokeStyle = ink.grid;
   ctx.lineWidth = 1;
+  // Pieces of like faintness go into one stroke.
+  const shades = [[], [], [], [], []];
   const piece = (a, b) => {
     const far = Math.hypot((a[0] + b[0]) / 2 - at[0], (a[1] + b[1]) / 2 - at[1]) / reach;
-    if (far >= 1) return;
-    const p = project(a[0], scene.ground, a[1]), q = project(b[0], scene.ground, b[1]);
-    ctx.globalAlpha = .75 * (1 - far * far);
-    ctx.beginPath(); ctx.moveTo(p[0], p[1]); ctx.lineTo(q[0], q[1]); ctx.stroke();
+    if (far < 1) shades[Math.floor(5 * far)].push([a, b]);
   };
   for (let i = -lines; i <= lines; i++) for (let j = -lines; j < lines; j++) {
     const u = i * step, v = j * step;
     piece([x0 + u, z0 + v], [x0 + u, z0 + v + step]);
     piece([x0 + v, z0 + u], [x0 + v + step, z0 + u]);
   }
+  shades.forEach((pieces, i) => {
+    ctx.globalAlpha = .75 * (1 - ((i + .5) / 5) ** 2);
+    ctx.beginPath();
+    for (const [a, b] of pieces) {
+      const p = project(a[0], scene.ground, a[1]), q = project(b[0], scene.ground, b[1]);
+      ctx.moveTo(p[0], p[1]); ctx.lineTo(q[0], q[1]);
+    }
+    ctx.stroke();
+  });
   ctx.globalAlpha = 1;
 }
 
@@ -238,7 +246,7 @@ function drawEdge(ctx, a, b, thick) {
 }
 
 /** One figure, from the farthest part to the nearest; what can be hovered over goes into `hits`. */
-function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked) {
+function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked, behind = false) {
   // Overlaid figures are drawn thinner and thinner, so that the first still frames the last.
   const thickness = scale => Math.min(9, Math.max(1.6, 2.4 * scale)) * (1 + .5 * Math.min(above, 3));
   const { xyz, status } = figures[figure], at = new Array(points), parts = [];
@@ -258,16 +266,16 @@ function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked) {
     if (bone) {
       const a = at[bone[0]], b = at[bone[1]], thick = thickness((a[3] + b[3]) / 2);
       const guessed = status[frame * points + bone[0]] === 2 || status[frame * points + bone[1]] === 2;
-      if (!overlaid) drawEdge(ctx, a, b, thick);
+      if (!overlaid && !behind) drawEdge(ctx, a, b, thick);
       ctx.beginPath(); ctx.moveTo(a[0], a[1]); ctx.lineTo(b[0], b[1]);
       ctx.setLineDash(guessed ? [thick * 1.6, thick * 1.1] : []);
       ctx.lineCap = guessed ? "butt" : "round";
-      ctx.strokeStyle = limbColor(figure, boneSide(bone), overlaid); ctx.lineWidth = thick; ctx.stroke();
+      ctx.strokeStyle = limbColor(figure, boneSide(bone), overlaid, behind); ctx.lineWidth = thick; ctx.stroke();
       continue;
     }
     const [x, y, , scale] = at[p], thick = thickness(scale);
-    const radius = p === scene.head ? .039 * scene.size * scale + 2 * above : scene.bones.length ? thick * .72 : Math.max(3, thick);
-    drawDot(ctx, x, y, radius, limbColor(figure, scene.sides[p], overlaid), status[frame * points + p]);
+    const radius = p === scene.head ? .039 * scene.size * scale + 2 * Math.min(above, 3) : scene.bones.length ? thick * .72 : Math.max(3, thick);
+    drawDot(ctx, x, y, radius, limbColor(figure, scene.sides[p], overlaid, behind), status[frame * points + p]);
     if (p === marked) {
       ctx.beginPath(); ctx.arc(x, y, Math.max(radius, 4) + 4, 0, 7);
       ctx.strokeStyle = ink.accent; ctx.lineWidth = 2; ctx.stroke();
@@ -277,17 +285,14 @@ function drawBody(ctx, project, figure, frame, above, overlaid, hits, marked) {
 }
 
 function drawPanel(panel, frame, trail, hover) {
-  const { canvas, ctx } = panel, dots = window.devicePixelRatio || 1;
-  const width = canvas.clientWidth, height = canvas.clientHeight;
-  const w = Math.round(width * dots), h = Math.round(height * dots);
-  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
-  ctx.setTransform(dots, 0, 0, dots, 0, 0);
-  ctx.clearRect(0, 0, width, height);
+  const { ctx } = panel, [width, height] = ctx.begin();
   const project = projection(width, height, frame), overlaid = panel.figures.length > 1;
   const shown = panel.figures.filter(f => figures[f].shown);
   panel.hits = [];
   drawGrid(ctx, project, frame);
   for (const f of shown) drawShadow(ctx, project, f, frame);
+  const behind = scene.behind;
+  if (behind !== null && !overlaid && !shown.includes(behind)) drawBody(ctx, project, behind, frame, 0, true, [], -1, true);
   if (trail >= 0) for (const f of shown)
     drawTrail(ctx, project, f, frame, trail, overlaid ? ink.figures[f % 6] : ink.accent);
   shown.forEach((f, i) => {
@@ -295,6 +300,7 @@ function drawPanel(panel, frame, trail, hover) {
     const hovered = hover && hover.figure === f ? hover.point : -1;
     drawBody(ctx, project, f, frame, above, overlaid, panel.hits, hovered >= 0 ? hovered : above ? -1 : trail);
   });
+  ctx.end();
 }
 
 /** The strip below the slider: at each place, the share of points that were not simply observed. */

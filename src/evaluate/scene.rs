@@ -57,6 +57,12 @@ pub struct Scene<'a> {
     pub figures: Vec<Figure<'a>>,
     /// Where runs begin, in rising order, the first at frame 0; empty: one run from time 0.
     pub runs: &'a [Run<'a>],
+    /// A word beside the name of each figure (the page only); may be shorter than the list of figures.
+    pub notes: &'a [String],
+    /// The figure that is drawn faintly behind every other one (the page only).
+    pub behind: Option<usize>,
+    /// The frame that the page opens with, counted from 0.
+    pub start: usize,
     /// A sentence below the heading.
     pub note: Option<&'a str>,
     /// A table below the figures (the page only).
@@ -122,6 +128,12 @@ impl Scene<'_> {
                 ));
             }
         }
+        if let Some(behind) = self.behind.filter(|b| *b >= self.figures.len()) {
+            let count = self.figures.len();
+            return usage(format!(
+                "figure {behind} to stand behind: there are {count}, counted from 0"
+            ));
+        }
         let starts_late = self.runs.first().is_some_and(|run| run.first != 0);
         if starts_late
             || self
@@ -186,6 +198,13 @@ mod tests {
                 "above 0",
             );
         }
+        fails(
+            Scene {
+                behind: Some(1),
+                ..good.clone()
+            },
+            "to stand behind",
+        );
         fails(
             Scene {
                 bones: &[(0, 2)],

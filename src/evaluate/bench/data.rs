@@ -32,6 +32,8 @@ pub struct Take {
     pub subject: String,
     /// Its rows in [`Data::xyz`], in time order.
     pub rows: Range<usize>,
+    /// Frames a second, where its table tells.
+    pub rate: Option<f64>,
     /// The digest of its poses, as models keep it in their history.
     pub digest: String,
 }
@@ -136,6 +138,7 @@ impl Data {
                 subject: subjects.get(&name).cloned().unwrap_or(before),
                 name,
                 rows: start..end,
+                rate: source.poses.rate(),
                 digest: String::new(),
             });
         }

@@ -8,12 +8,19 @@
 //! (1 asf = 5.644 cm), the paper's measure, beside the RMS in centimetres.
 
 pub mod cell;
+mod charts;
+mod curves;
 pub mod data;
+pub mod examples;
+mod findings;
 pub mod leaks;
 pub mod methods;
+pub mod paper;
 pub mod report;
+pub mod reproduction;
 pub mod run;
 pub mod settings;
+mod showing;
 pub mod splits;
 pub mod summary;
 pub mod tables;

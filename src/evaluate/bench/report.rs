@@ -1,95 +1,209 @@
-//! The results as one page of HTML that needs nothing else: tables with the best marked, error by joint, training error
-//! against test error, calibration. Charts are SVG in the page's own colours, light and dark.
+//! The results as one page of HTML that needs nothing else: who is lowest, figures that can be turned, and for each split
+//! tables with the best marked and charts. The same results give the same bytes; times are in no page.
 
-use super::cell::WITHIN;
+use super::cell::Cell;
+use super::charts::{self, Palette, title};
+use super::curves;
+use super::showing;
 use super::splits::Split;
 use super::summary::Row;
-use super::tables::Results;
+use super::tables::{Results, short};
 use super::tasks::Task;
+use crate::Result;
 use crate::evaluate::markup::{escape, fill};
+use crate::evaluate::player;
 use std::fmt::Write;
 
 /// The page around the sections.
 const PAGE: &str = include_str!("report.html");
-/// Models drawn in a chart of lines at most: more cannot be told apart.
-const MOST_LINES: usize = 6;
+/// Its look, and the players'.
+const STYLE: &str = concat!(include_str!("../player.css"), include_str!("report.css"));
 
 /// The page. The same results give the same bytes.
-pub fn html(results: &Results<'_>) -> String {
-    let mut body = String::new();
+///
+/// # Errors
+/// As the examples' scenes.
+pub fn html(results: &Results<'_>) -> Result<String> {
+    let (mut body, mut contents) = (String::new(), String::new());
+    if results.rows.is_empty() {
+        body.push_str("<p>Nothing was run.</p>");
+    } else {
+        lowest(&mut body, results.rows);
+        let _ = write!(contents, "<a href=\"#lowest\">Lowest errors</a> ");
+    }
+    let figures = showing::section(results)?;
+    if let Some(scenes) = results
+        .examples
+        .scenes
+        .as_ref()
+        .filter(|_| !figures.is_empty())
+    {
+        let _ = write!(
+            body,
+            "<section id=\"answers\"><h2>What the models answer</h2><p>Under the split {}, seed {}. {}</p>{figures}</section>",
+            scenes.split.name(),
+            scenes.seed,
+            match scenes.split {
+                Split::Frames => "About half of these frames were learnt from.",
+                _ => "Nothing of these takes was learnt from.",
+            }
+        );
+        contents.push_str("<a href=\"#answers\">What the models answer</a> ");
+    }
+    let palette = Palette::of(results.rows);
     let table = |r: &Row| (r.split, r.base_asf.to_bits());
     for rows in results.rows.chunk_by(|a, b| table(a) == table(b)) {
-        section(&mut body, rows, &results.data.points);
+        let own = |c: &&Cell| table(&rows[0]) == (c.id.split, c.id.base_asf.to_bits());
+        let cells: Vec<Cell> = results.cells.iter().filter(own).cloned().collect();
+        let id = format!("s{}", contents.matches("<a ").count());
+        let name = heading(&rows[0]);
+        let _ = write!(contents, "<a href=\"#{id}\">{name}</a> ");
+        let _ = write!(body, "<section id=\"{id}\"><h2>{name}</h2>");
+        section(&mut body, rows, &cells, &palette, &results.data.points);
+        body.push_str("</section>");
     }
-    if body.is_empty() {
-        body.push_str("<p>Nothing was run.</p>");
-    }
-    let data = results.data;
-    let facts = format!(
-        "{} takes of {} subjects, {} frames; {} seeds, at most {} test frames each.",
-        data.takes.len(),
-        data.subjects().len(),
-        data.xyz.nrows(),
-        results.settings.seeds,
-        results.settings.frames,
-    );
-    let mut twins = String::new();
-    for twin in results.twins {
-        let _ = write!(
-            twins,
-            "<li>{}</li>",
-            escape(twin.tell(data).trim_end_matches(','))
-        );
-    }
-    if !twins.is_empty() {
-        twins = format!(
-            "<p>Found to be one, and kept on one side of every split by takes or subjects:</p><ul>{twins}</ul>"
-        );
-    }
-    let version = env!("CARGO_PKG_VERSION");
     let values = [
-        ("facts", escape(&facts)),
-        ("twins", twins),
+        ("facts", escape(&facts(results))),
+        ("twins", twins(results)),
+        ("contents", contents),
         ("body", body),
-        ("version", version.to_string()),
+        ("keys", player::keys()),
+        ("style", STYLE.to_string()),
+        ("style-hash", player::policy_hash(STYLE)),
+        ("script", player::SCRIPT.to_string()),
+        ("script-hash", player::policy_hash(player::SCRIPT)),
+        ("version", env!("CARGO_PKG_VERSION").to_string()),
     ];
     let values: Vec<(&str, &str)> = values.iter().map(|(k, v)| (*k, v.as_str())).collect();
-    fill(PAGE, &values)
+    Ok(fill(PAGE, &values))
+}
+
+/// What was compared on, in a sentence.
+fn facts(results: &Results<'_>) -> String {
+    let (data, settings) = (results.data, results.settings);
+    let several = |n: usize, one: &str| match n {
+        1 => format!("1 {one}"),
+        _ => format!("{n} {one}s"),
+    };
+    format!(
+        "{} of {}, {}; {}, at most {} test frames each.",
+        several(data.takes.len(), "take"),
+        several(data.subjects().len(), "subject"),
+        several(data.xyz.nrows(), "frame"),
+        several(settings.seeds as usize, "seed"),
+        settings.frames,
+    )
+}
+
+fn twins(results: &Results<'_>) -> String {
+    let mut list = String::new();
+    for twin in results.twins {
+        let told = twin.tell(results.data);
+        let _ = write!(list, "<li>{}</li>", escape(told.trim_end_matches(',')));
+    }
+    match list.is_empty() {
+        true => list,
+        false => format!(
+            "<p>Found to be one, and kept on one side of every split by takes or subjects:</p><ul>{list}</ul>"
+        ),
+    }
+}
+
+/// A split with its base noise.
+fn heading(row: &Row) -> String {
+    let split = match row.split {
+        Split::Frames => "Random frames",
+        Split::Takes => "Takes held out",
+        Split::Subjects => "Subjects held out",
+    };
+    match row.base_asf {
+        0.0 => split.into(),
+        b => format!("{split}, {b:.3} asf of noise on what is clean"),
+    }
+}
+
+/// Who is lowest where, and by how much.
+fn lowest(out: &mut String, rows: &[Row]) {
+    out.push_str(
+        "<section id=\"lowest\"><h2>Lowest errors</h2><div class=\"wide\"><table><thead><tr><th>split</th><th class=\"name\">task</th>\
+         <th class=\"name\">model</th><th>MSE, asf²</th><th>95% interval</th><th>RMS, cm</th><th>over the next best</th>\
+         <th>95% interval</th></tr></thead><tbody>",
+    );
+    let mut before = String::new();
+    for row in rows.iter().filter(|r| r.best) {
+        let name = heading(row);
+        let shown = if name == before { "" } else { &name };
+        let (ratio, between) = match &row.to_best_other {
+            Some((ratio, [low, high])) => {
+                (format!("× {ratio:.2}"), format!("{low:.2} to {high:.2}"))
+            }
+            None => ("–".into(), "–".into()),
+        };
+        let _ = write!(
+            out,
+            "<tr><th>{shown}</th><td class=\"name\">{}</td><td class=\"name\">{}</td><td>{}</td><td class=\"pale\">{} to {}</td><td>{}</td><td>{ratio}</td><td class=\"pale\">{between}</td></tr>",
+            row.task.name(),
+            escape(&row.model),
+            short(row.mse),
+            short(row.interval[0]),
+            short(row.interval[1]),
+            short(row.rms_cm),
+        );
+        before = name;
+    }
+    out.push_str(
+        "</tbody></table></div><p>The error over that of the best of the others, on the same draws: below 1 is better, and an \
+         interval that holds 1 leaves it open.</p></section>",
+    );
 }
 
 /// A split with a base noise.
-fn section(out: &mut String, rows: &[Row], points: &[String]) {
-    let first = &rows[0];
-    let (title, what) = match first.split {
-        Split::Frames => (
-            "Random frames",
-            "The paper's split: a test frame has its neighbours in time in the training half.",
-        ),
-        Split::Takes => (
-            "Takes held out",
-            "Nothing of a tested take was learnt from.",
-        ),
-        Split::Subjects => (
-            "Subjects held out",
-            "Nothing of a tested person was learnt from.",
-        ),
-    };
-    let base = match first.base_asf {
-        0.0 => String::new(),
-        b => format!(", {b:.3} asf of noise on what is clean"),
-    };
-    let _ = write!(out, "<section><h2>{title}{base}</h2><p>{what}</p>");
-    errors(out, rows);
-    out.push_str("<div class=\"charts\">");
-    for task in Task::ALL {
-        let own: Vec<&Row> = rows.iter().filter(|r| r.task == task).collect();
-        if own.is_empty() {
-            continue;
+fn section(
+    out: &mut String,
+    rows: &[Row],
+    cells: &[Cell],
+    palette: &Palette<'_>,
+    points: &[String],
+) {
+    let what = match rows[0].split {
+        Split::Frames => {
+            "The paper's split: a test frame has its neighbours in time in the training half. Intervals over frames, which are \
+             alike, are narrower than they ought to be."
         }
-        by_joint(out, task, &own, points);
-        calibration(out, task, &own);
+        Split::Takes => "Nothing of a tested take was learnt from.",
+        Split::Subjects => "Nothing of a tested person was learnt from.",
+    };
+    let _ = write!(out, "<p>{what}</p>");
+    errors(out, rows);
+    let tasks: Vec<(Task, Vec<&Row>)> = Task::ALL
+        .into_iter()
+        .map(|t| (t, rows.iter().filter(|r| r.task == t).collect::<Vec<_>>()))
+        .filter(|(_, own)| !own.is_empty())
+        .collect();
+    out.push_str(
+        "<h3>Learnt from and unseen</h3><p>MSE in asf², logarithmic: full on unseen poses, with its 95% interval, hollow on \
+         poses learnt from. A model that overfits has them far apart.</p><div class=\"charts\">",
+    );
+    for (task, own) in &tasks {
+        charts::errors(out, palette, *task, own);
     }
-    out.push_str("</div></section>");
+    out.push_str("</div>");
+    curves::sweeps(out, rows);
+    out.push_str("<h3>Joints</h3><p>RMS error of a coordinate, cm, on unseen poses.</p><div class=\"charts\">");
+    for (task, own) in &tasks {
+        charts::by_joint(out, palette, *task, own, points);
+    }
+    out.push_str(
+        "</div><h3>How sure the models are</h3><p>Upwards: the share of coordinates that lie within 0.25 to 3 of the \
+         deviations that the model states; to the right: a Gaussian's share. On the dashed line what is stated is true, below \
+         it the model is too sure, above it not sure enough. Beside each name: within one and two deviations, where 68% and \
+         95% ought to be. Exact and constant coordinates do not count.</p><div class=\"charts\">",
+    );
+    for (task, own) in &tasks {
+        charts::calibration(out, palette, *task, own);
+    }
+    out.push_str("</div>");
+    curves::tuning(out, cells);
 }
 
 /// The table of errors.
@@ -100,11 +214,15 @@ fn errors(out: &mut String, rows: &[Row]) {
         .collect();
     out.push_str("<div class=\"wide\"><table><thead><tr><th>model</th>");
     for task in &tasks {
-        let _ = write!(out, "<th colspan=\"2\">{}</th>", task.name());
+        let _ = write!(
+            out,
+            "<th colspan=\"3\" class=\"task\">{}</th>",
+            title(*task)
+        );
     }
     out.push_str("</tr><tr><th></th>");
     for _ in &tasks {
-        out.push_str("<th>unseen</th><th>learnt from</th>");
+        out.push_str("<th>MSE, asf²</th><th>RMS, cm</th><th>learnt from</th>");
     }
     out.push_str("</tr></thead><tbody>");
     let mut models: Vec<&str> = Vec::new();
@@ -119,180 +237,49 @@ fn errors(out: &mut String, rows: &[Row]) {
             match rows.iter().find(|r| r.model == model && r.task == *task) {
                 Some(row) => {
                     let class = if row.best { " class=\"best\"" } else { "" };
-                    let learnt = row.training_mse.map_or("–".into(), number);
+                    let learnt = row.training_mse.map_or("–".into(), short);
                     let _ = write!(
                         out,
-                        "<td{class}>{} <small>{} to {}</small></td><td class=\"pale\">{learnt}</td>",
-                        number(row.mse),
-                        number(row.interval[0]),
-                        number(row.interval[1]),
+                        "<td{class}>{}<br><small>{} to {}</small></td><td>{}</td><td class=\"pale\">{learnt}</td>",
+                        short(row.mse),
+                        short(row.interval[0]),
+                        short(row.interval[1]),
+                        short(row.rms_cm),
                     );
                 }
-                None => out.push_str("<td>–</td><td>–</td>"),
+                None => out.push_str("<td>–</td><td>–</td><td>–</td>"),
             }
         }
         out.push_str("</tr>");
     }
     out.push_str("</tbody></table></div>");
-}
-
-/// The rows with the lowest errors, lowest first.
-fn leading<'r>(rows: &[&'r Row]) -> Vec<&'r Row> {
-    let mut rows = rows.to_vec();
-    rows.sort_by(|a, b| a.mse.total_cmp(&b.mse));
-    rows.truncate(MOST_LINES);
-    rows
-}
-
-/// The names of the lines.
-fn legend(out: &mut String, rows: &[&Row]) {
-    out.push_str("<p class=\"legend\">");
-    for (i, row) in rows.iter().enumerate() {
-        let _ = write!(
-            out,
-            "<span><i class=\"k{i}\"></i>{}</span> ",
-            escape(&row.model)
-        );
-    }
-    out.push_str("</p>");
-}
-
-/// RMS by joint as dots on lines, a line a joint.
-fn by_joint(out: &mut String, task: Task, rows: &[&Row], points: &[String]) {
-    let rows = leading(rows);
-    let rms = |v: f64| v.max(0.0).sqrt() * crate::pose::ASF_UNIT_CM;
-    let all = rows.iter().flat_map(|r| r.by_joint.iter().map(|v| rms(*v)));
-    let most = all.fold(0.1_f64, f64::max);
-    let (left, width, step) = (96.0, 250.0, 15.0);
-    let height = 20.0 + step * points.len() as f64;
-    let x = |v: f64| left + v / most * width;
+    let seeds = rows.iter().map(|r| r.seeds.len()).max().unwrap_or(0);
+    let frames = rows.iter().map(|r| r.frames).max().unwrap_or(0);
+    let units = rows.iter().map(|r| r.units).max().unwrap_or(0);
+    let unit = match rows[0].split {
+        Split::Frames => "frames",
+        _ => "takes",
+    };
     let _ = write!(
         out,
-        "<figure><figcaption>{}: RMS error by joint, cm</figcaption><svg viewBox=\"0 0 360 {height}\" role=\"img\">",
-        task.name()
+        "<p>{seeds} seed{}, {frames} test poses in all, of {units} different {unit}, which the intervals (95%) are drawn over. \
+         Learnt from: the same MSE on poses that were learnt from. The lowest of each task is marked.</p>",
+        if seeds == 1 { "" } else { "s" },
     );
-    for tick in ticks(most) {
-        let at = x(tick);
-        let _ = write!(
-            out,
-            "<line class=\"grid\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"14\" y2=\"{height}\"/><text x=\"{at:.1}\" y=\"10\" text-anchor=\"middle\">{tick}</text>"
-        );
-    }
-    for (j, point) in points.iter().enumerate() {
-        let y = 20.0 + step * (j as f64 + 0.4);
-        let _ = write!(
-            out,
-            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            left - 6.0,
-            y + 3.5,
-            escape(point)
-        );
-        // The best is drawn last, on top.
-        for (i, row) in rows.iter().enumerate().rev() {
-            if let Some(v) = row
-                .by_joint
-                .get(j)
-                .map(|v| rms(*v))
-                .filter(|v| v.is_finite())
-            {
-                let _ = write!(
-                    out,
-                    "<circle class=\"k{i}\" cx=\"{:.1}\" cy=\"{y:.1}\" r=\"3.2\"/>",
-                    x(v)
-                );
-            }
-        }
-    }
-    out.push_str("</svg>");
-    legend(out, &rows);
-    out.push_str("</figure>");
-}
-
-/// The share of coordinates within each multiple of the stated deviation, against a Gaussian's.
-fn calibration(out: &mut String, task: Task, rows: &[&Row]) {
-    let rows: Vec<&Row> = leading(rows)
-        .into_iter()
-        .filter(|r| !r.within.is_empty())
-        .collect();
-    if rows.is_empty() {
-        return;
-    }
-    let (left, top, size) = (40.0, 10.0, 280.0);
-    let at = |x: f64, y: f64| (left + size * x, top + size * (1.0 - y));
-    let _ = write!(
-        out,
-        "<figure><figcaption>{}: share of coordinates within the stated deviations, against what ought to be</figcaption><svg viewBox=\"0 0 360 330\" role=\"img\">",
-        task.name()
-    );
-    for tick in [0.0, 0.25, 0.5, 0.75, 1.0] {
-        let (x, y) = at(tick, tick);
-        let (right, bottom) = (left + size, top + size);
-        let _ = write!(
-            out,
-            "<line class=\"grid\" x1=\"{left}\" x2=\"{right}\" y1=\"{y}\" y2=\"{y}\"/><line class=\"grid\" x1=\"{x}\" x2=\"{x}\" y1=\"{top}\" y2=\"{bottom}\"/><text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">{:.0}%</text><text x=\"{}\" y=\"{}\" text-anchor=\"end\">{:.0}%</text>",
-            bottom + 16.0,
-            tick * 100.0,
-            left - 5.0,
-            y + 3.5,
-            tick * 100.0,
-        );
-    }
-    let ((x1, y1), (x2, y2)) = (at(0.0, 0.0), at(1.0, 1.0));
-    let _ = write!(
-        out,
-        "<line class=\"ideal\" x1=\"{x1}\" y1=\"{y1}\" x2=\"{x2}\" y2=\"{y2}\"/>"
-    );
-    for (i, row) in rows.iter().enumerate().rev() {
-        let pairs = WITHIN
-            .iter()
-            .zip(&row.within)
-            .map(|((_, ought), is)| at(*ought, *is));
-        let line: Vec<String> = std::iter::once(at(0.0, 0.0))
-            .chain(pairs)
-            .map(|(x, y)| format!("{x:.1},{y:.1}"))
-            .collect();
-        let _ = write!(
-            out,
-            "<polyline class=\"k{i}\" points=\"{}\"/>",
-            line.join(" ")
-        );
-    }
-    out.push_str("</svg>");
-    legend(out, &rows);
-    out.push_str("</figure>");
-}
-
-/// Round values from 0 to a little above the largest.
-fn ticks(most: f64) -> Vec<f64> {
-    let power = 10_f64.powf(most.log10().floor());
-    let step = [0.2, 0.5, 1.0, 2.0]
-        .into_iter()
-        .map(|s| s * power)
-        .find(|s| most / s <= 5.0)
-        .unwrap_or(5.0 * power);
-    // Rounded to what the step can say, so that 0.6000000000000001 is 0.6.
-    let digits = (1.0 - step.log10()).ceil().max(0.0) as usize;
-    (0..=5)
-        .map(|i| f64::from(i) * step)
-        .take_while(|v| *v <= most)
-        .filter_map(|v| format!("{v:.digits$}").parse().ok())
-        .collect()
-}
-
-fn number(v: f64) -> String {
-    super::tables::short(v)
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::data::tests::takes;
+    use super::super::examples::{Example, Examples, Scenes, Sight};
     use super::super::settings::Settings;
+    use super::super::splits::Partition;
     use super::super::summary::{rows, tests::cell};
     use super::*;
 
-    #[test]
-    fn a_page_holds_every_model_and_nothing_from_outside() {
-        let data = takes(&[("01_01", 4), ("01_02", 4)]);
+    /// A page of two models, with examples.
+    fn page() -> String {
+        let data = takes(&[("01_01", 40), ("01_02", 40)]);
         let settings = Settings::default();
         let mut cells = Vec::new();
         for task in Task::ALL {
@@ -301,28 +288,77 @@ mod tests {
             }
         }
         let rows = rows(&cells);
-        let page = html(&Results {
+        let part = Partition::draw(&data, &[], Split::Takes, 0).unwrap();
+        let scenes = Scenes::choose(&data, &part);
+        let all = ["gauss", "<b>&mine"].map(|model| Example {
+            model: model.into(),
+            answers: Sight::of(&settings.tasks)
+                .into_iter()
+                .map(|s| {
+                    let truth = data.rows(scenes.rows(s));
+                    let rows = truth.rows().into_iter();
+                    (s.name().to_string(), rows.map(|r| r.to_vec()).collect())
+                })
+                .collect(),
+        });
+        let examples = Examples {
+            scenes: Some(scenes),
+            all: all.to_vec(),
+        };
+        html(&Results {
             data: &data,
             settings: &settings,
             twins: &[],
             cells: &cells,
             rows: &rows,
-        });
+            examples: &examples,
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn a_page_holds_every_model_and_nothing_from_outside() {
+        let page = page();
         assert!(page.contains("&lt;b&gt;&amp;mine") && !page.contains("<b>&mine"));
         assert_eq!(page.matches("class=\"best\"").count(), 3);
-        assert_eq!(page.matches("<svg").count(), 6);
-        assert!(!page.contains("http") && !page.contains("NaN") && !page.contains("{{"));
-        for tag in ["section", "table", "figure", "svg", "div", "p"] {
-            let open = page.matches(&format!("<{tag}>")).count()
-                + page.matches(&format!("<{tag} ")).count();
-            assert_eq!(open, page.matches(&format!("</{tag}>")).count(), "{tag}");
+        // Errors, joints and calibration of three tasks.
+        assert_eq!(page.matches("<svg viewBox=\"0 0 420").count(), 9);
+        // One pose in three tasks, two from two dimensions, a stretch.
+        assert_eq!(page.matches("<div class=\"player\">").count(), 6);
+        for loading in [
+            "http:", "https:", "src=", "url(", "@import", "NaN<", "{{", "style=\"",
+        ] {
+            assert!(!page.contains(loading), "{loading}");
+        }
+        for tag in ["section", "table", "figure", "svg", "div", "p", "details"] {
+            let body = &page[page.find("<body>").unwrap()..page.rfind("<script>").unwrap()];
+            let open = body.matches(&format!("<{tag}>")).count()
+                + body.matches(&format!("<{tag} ")).count();
+            assert_eq!(open, body.matches(&format!("</{tag}>")).count(), "{tag}");
+        }
+        assert!(page == super::tests::page());
+    }
+
+    #[test]
+    fn the_policy_knows_the_pages_own_sources() {
+        let page = page();
+        for source in [STYLE, player::SCRIPT] {
+            assert!(page.contains(&player::policy_hash(source)) && page.contains(source));
+            assert!(!source.to_lowercase().contains("</s"));
         }
     }
 
     #[test]
-    fn ticks_are_round() {
-        assert_eq!(ticks(3.4), [0.0, 1.0, 2.0, 3.0]);
-        assert_eq!(ticks(0.9), [0.0, 0.2, 0.4, 0.6, 0.8]);
-        assert_eq!(ticks(12.0), [0.0, 5.0, 10.0]);
+    fn nothing_makes_a_page() {
+        let data = takes(&[("01_01", 4)]);
+        let page = html(&Results {
+            data: &data,
+            settings: &Settings::default(),
+            twins: &[],
+            cells: &[],
+            rows: &[],
+            examples: &Default::default(),
+        });
+        assert!(page.unwrap().contains("Nothing was run."));
     }
 }

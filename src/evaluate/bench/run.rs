@@ -2,6 +2,7 @@
 
 use super::cell::{Cell, Id, Measured, measure, varies};
 use super::data::Data;
+use super::examples::{self, Example, Examples, Scenes};
 use super::leaks::{Twin, twins};
 use super::methods::{Method, Source, Treatment, make, restore};
 use super::settings::Settings;
@@ -17,8 +18,14 @@ use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
-/// Finished cells by their keys.
-pub type Finished = BTreeMap<String, Cell>;
+/// What is finished, by its keys.
+#[derive(Debug, Clone, Default)]
+pub struct Finished {
+    /// Cells.
+    pub cells: BTreeMap<String, Cell>,
+    /// Examples.
+    pub examples: BTreeMap<String, Example>,
+}
 
 /// What a run tells of itself.
 #[derive(Debug)]
@@ -38,6 +45,13 @@ pub enum Event<'a> {
         key: &'a str,
         /// It.
         cell: &'a Cell,
+    },
+    /// A method's examples are done: to be kept like a cell.
+    Shown {
+        /// Tells them, the data and the settings.
+        key: &'a str,
+        /// They.
+        example: &'a Example,
     },
 }
 
@@ -64,12 +78,26 @@ struct Job<'a> {
     partition: &'a Partition,
     poses: &'a TrainingPoses,
     varies: &'a [bool],
+    /// The poses to look at, where this is their split and seed.
+    scenes: Option<&'a Scenes>,
     /// Methods that share the model.
     methods: Vec<Wanted<'a>>,
 }
 
-/// A method with its cells: base noise (cm), and what the cell is.
-type Wanted<'a> = (&'a Method, Vec<(f64, Id)>);
+/// What a job makes.
+enum Made<'a> {
+    Cell(Box<Cell>),
+    Example(&'a Method, Example),
+}
+
+/// What is wanted of a method.
+struct Wanted<'a> {
+    method: &'a Method,
+    /// Its cells: base noise (cm), and what the cell is.
+    cells: Vec<(f64, Id)>,
+    /// Whether its examples are.
+    example: bool,
+}
 
 impl<'a> Bench<'a> {
     /// Checks that the settings can be run on the data, and that no given model was trained from them. Without splits,
@@ -158,7 +186,7 @@ impl<'a> Bench<'a> {
     pub fn missing(&self, finished: &Finished) -> usize {
         let digest = self.data.digest();
         let cells = self.cells();
-        let missing = |id: &&Id| !finished.contains_key(&self.key(id, &digest));
+        let missing = |id: &&Id| !finished.cells.contains_key(&self.key(id, &digest));
         cells.iter().filter(missing).count()
     }
 
@@ -177,46 +205,100 @@ impl<'a> Bench<'a> {
         hex(&Sha256::digest(format!("{told:?}").as_bytes()))
     }
 
-    /// Runs all cells but those in `finished`; the answer has all, in the order of [`Bench::cells`].
+    /// Tells a method's examples of these data and settings from any other.
+    fn example_key(&self, method: &Method, split: Split, data_digest: &str) -> String {
+        let recipe = format!("{} {:?} {}", method.recipe(), method.choice, method.treated);
+        let told = (
+            (env!("CARGO_PKG_VERSION"), "example", data_digest),
+            (&method.name, recipe, split, self.settings.first_seed),
+            (&self.settings.observe, &self.settings.tasks),
+        );
+        hex(&Sha256::digest(format!("{told:?}").as_bytes()))
+    }
+
+    /// The split whose examples are kept, and of which methods.
+    fn shown(&self) -> (Option<Split>, Vec<&str>) {
+        match self.settings.examples {
+            true => (
+                examples::split(&self.settings.splits),
+                examples::drawn(&self.settings.methods),
+            ),
+            false => (None, Vec::new()),
+        }
+    }
+
+    /// Runs all cells but those in `finished`; the answer has all, in the order of [`Bench::cells`], and the examples.
     ///
     /// Splits and seeds come one after another, models beside each other: each is trained once for all tasks. The numbers
     /// do not depend on the threads (times do).
     ///
     /// # Errors
     /// As training; an answer that is not finite; what the observer says.
-    pub fn run(&self, finished: &Finished, tell: &mut Observer<'_>) -> Result<Vec<Cell>> {
+    pub fn run(
+        &self,
+        finished: &Finished,
+        tell: &mut Observer<'_>,
+    ) -> Result<(Vec<Cell>, Examples)> {
         let digest = self.data.digest();
-        let known = |id: &Id| finished.get(&self.key(id, &digest));
-        let fresh = Mutex::new(Finished::new());
+        let known = |id: &Id| finished.cells.get(&self.key(id, &digest));
+        let (shown_split, shown) = self.shown();
+        let unshown = |method: &Method, split: Split, seed: u64| {
+            shown_split == Some(split)
+                && seed == self.settings.first_seed
+                && shown.contains(&method.name.as_str())
+                && !(finished.examples).contains_key(&self.example_key(method, split, &digest))
+        };
+        let fresh = Mutex::new(Finished::default());
         let tell = Mutex::new(tell);
         let hear = |event: &Event<'_>| (tell.lock().unwrap_or_else(PoisonError::into_inner))(event);
+        let mut scenes = None;
         for &split in &self.settings.splits {
             for seed in self.settings.seeds() {
-                let wanted = self.wanted(split, seed, &|id| known(id).is_none());
-                if wanted.is_empty() {
+                let wanted = self.wanted(split, seed, &|id| known(id).is_none(), &unshown);
+                let to_show = shown_split == Some(split) && seed == self.settings.first_seed;
+                if wanted.is_empty() && !to_show {
                     continue;
                 }
                 let partition = Partition::draw(self.data, &self.twins, split, seed)?;
+                if to_show {
+                    scenes = Some(Scenes::choose(self.data, &partition));
+                }
+                if wanted.is_empty() {
+                    continue;
+                }
                 let poses = self.data.training(partition.train())?;
                 let varies = varies(poses.xyz.view());
                 let jobs = wanted.into_iter().map(|methods| Job {
                     partition: &partition,
                     poses: &poses,
                     varies: &varies,
+                    scenes: scenes.as_ref(),
                     methods,
                 });
                 let jobs: Vec<Job<'_>> = jobs.collect();
                 let done: Vec<Result<()>> = jobs
                     .par_iter()
                     .map(|job| {
-                        self.job(job, &hear, &mut |cell| {
-                            let key = self.key(&cell.id, &digest);
-                            hear(&Event::Done {
-                                key: &key,
-                                cell: &cell,
-                            })?;
-                            let mut fresh = fresh.lock().unwrap_or_else(PoisonError::into_inner);
-                            fresh.insert(key, cell);
+                        self.job(job, &hear, &mut |made| {
+                            let fresh = || fresh.lock().unwrap_or_else(PoisonError::into_inner);
+                            match made {
+                                Made::Cell(cell) => {
+                                    let key = self.key(&cell.id, &digest);
+                                    hear(&Event::Done {
+                                        key: &key,
+                                        cell: &cell,
+                                    })?;
+                                    fresh().cells.insert(key, *cell);
+                                }
+                                Made::Example(method, example) => {
+                                    let key = self.example_key(method, split, &digest);
+                                    hear(&Event::Shown {
+                                        key: &key,
+                                        example: &example,
+                                    })?;
+                                    fresh().examples.insert(key, example);
+                                }
+                            }
                             Ok(())
                         })
                     })
@@ -227,18 +309,35 @@ impl<'a> Bench<'a> {
         let fresh = fresh.into_inner().unwrap_or_else(PoisonError::into_inner);
         let find = |id: Id| {
             let key = self.key(&id, &digest);
-            let found = fresh.get(&key).or_else(|| finished.get(&key));
+            let found = fresh.cells.get(&key).or_else(|| finished.cells.get(&key));
             // A cell read from a file is what its key says, or it is not used.
             found
                 .filter(|c| c.id == id)
                 .cloned()
                 .ok_or_else(|| Error::usage(format!("the cell of {} was not run", id.model)))
         };
-        self.cells().into_iter().map(find).collect()
+        let cells = self.cells().into_iter().map(find).collect::<Result<_>>()?;
+        let example = |method: &Method| {
+            let key = self.example_key(method, shown_split?, &digest);
+            let found = fresh.examples.get(&key);
+            let found = found.or_else(|| finished.examples.get(&key));
+            found.filter(|e| e.model == method.name).cloned()
+        };
+        let all = match scenes {
+            Some(_) => self.settings.methods.iter().filter_map(example).collect(),
+            None => Vec::new(),
+        };
+        Ok((cells, Examples { scenes, all }))
     }
 
     /// The cells of a split and a seed that are wanted, by the model they share.
-    fn wanted(&self, split: Split, seed: u64, want: &dyn Fn(&Id) -> bool) -> Vec<Vec<Wanted<'_>>> {
+    fn wanted(
+        &self,
+        split: Split,
+        seed: u64,
+        want: &dyn Fn(&Id) -> bool,
+        unshown: &dyn Fn(&Method, Split, u64) -> bool,
+    ) -> Vec<Vec<Wanted<'_>>> {
         let mut jobs: Vec<(String, Vec<Wanted<'_>>)> = Vec::new();
         for method in &self.settings.methods {
             let mut cells = Vec::new();
@@ -250,13 +349,19 @@ impl<'a> Bench<'a> {
                     }
                 }
             }
-            if cells.is_empty() {
+            let example = unshown(method, split, seed);
+            if cells.is_empty() && !example {
                 continue;
             }
             let recipe = method.recipe();
+            let wanted = Wanted {
+                method,
+                cells,
+                example,
+            };
             match jobs.iter_mut().find(|(r, _)| *r == recipe) {
-                Some((_, methods)) => methods.push((method, cells)),
-                None => jobs.push((recipe, vec![(method, cells)])),
+                Some((_, methods)) => methods.push(wanted),
+                None => jobs.push((recipe, vec![wanted])),
             }
         }
         jobs.into_iter().map(|(_, methods)| methods).collect()
@@ -267,9 +372,9 @@ impl<'a> Bench<'a> {
         &self,
         job: &Job<'_>,
         hear: &(dyn Fn(&Event<'_>) -> Result<()> + Sync),
-        done: &mut dyn FnMut(Cell) -> Result<()>,
+        done: &mut dyn FnMut(Made<'_>) -> Result<()>,
     ) -> Result<()> {
-        let methods: Vec<&Method> = job.methods.iter().map(|(m, _)| *m).collect();
+        let methods: Vec<&Method> = job.methods.iter().map(|w| w.method).collect();
         let Some(first) = methods.first() else {
             return Ok(());
         };
@@ -286,14 +391,22 @@ impl<'a> Bench<'a> {
             .then(|| Treatment::learn(job.poses));
         let tested = job.partition.some_test(self.settings.frames);
         let learnt = job.partition.some_train(tested.len());
-        for ((method, cells), prior) in job.methods.iter().zip(&ready.priors) {
+        for (wanted, prior) in job.methods.iter().zip(&ready.priors) {
+            let method = wanted.method;
             let treatment = treatment.as_ref().filter(|_| method.treated);
-            for (base, id) in cells {
-                let untold = treatment.is_none() && ready.tuning.is_none();
-                let more = match id.task {
-                    Task::Sparse if untold => SPARSE_MEAN,
-                    _ => 0.0,
-                };
+            let untold = treatment.is_none() && ready.tuning.is_none();
+            let more = |task: Task| match task {
+                Task::Sparse if untold => SPARSE_MEAN,
+                _ => 0.0,
+            };
+            if let Some(scenes) = job.scenes.filter(|_| wanted.example) {
+                let answer = |damaged: &Damaged| restore(&**prior, treatment, damaged).0;
+                let (data, settings) = (self.data, &self.settings);
+                let example = scenes.restored(data, settings, &method.name, &more, &answer)?;
+                done(Made::Example(method, example))?;
+            }
+            for (base, id) in &wanted.cells {
+                let more = more(id.task);
                 let test = self.frames(&tested, job.partition, id, *base, more)?;
                 let (test, seconds) = self.ask(&**prior, treatment, &test, job, id)?;
                 let training = match given {
@@ -308,7 +421,7 @@ impl<'a> Bench<'a> {
                         })
                     }
                 };
-                done(Cell {
+                done(Made::Cell(Box::new(Cell {
                     id: id.clone(),
                     learnt_from: (!given).then(|| job.poses.xyz.nrows()),
                     tuning: ready.tuning_of(id.task),
@@ -316,7 +429,7 @@ impl<'a> Bench<'a> {
                     test,
                     training,
                     seconds_training: ready.seconds,
-                })?;
+                })))?;
             }
         }
         Ok(())

@@ -90,6 +90,8 @@ pub struct Settings {
     pub base: Vec<f64>,
     /// The points that completion sees.
     pub observe: Vec<String>,
+    /// Whether poses to look at are restored, too (see [`super::examples`]).
+    pub examples: bool,
 }
 
 impl Default for Settings {
@@ -103,6 +105,7 @@ impl Default for Settings {
             frames: 800,
             base: vec![0.0],
             observe: joints::PAPER_SIX.map(String::from).to_vec(),
+            examples: false,
         }
     }
 }

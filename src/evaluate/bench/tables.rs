@@ -2,6 +2,7 @@
 
 use super::cell::{Cell, Id, Measured, WITHIN};
 use super::data::Data;
+use super::examples::Examples;
 use super::leaks::{How, Twin};
 use super::settings::Settings;
 use super::splits::Split;
@@ -26,6 +27,8 @@ pub struct Results<'a> {
     pub cells: &'a [Cell],
     /// Over the seeds.
     pub rows: &'a [Row],
+    /// Poses to look at.
+    pub examples: &'a Examples,
 }
 
 #[derive(Serialize)]
@@ -68,6 +71,8 @@ struct JsonTake<'a> {
     take: &'a str,
     subject: &'a str,
     frames: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rate: Option<f64>,
     digest: &'a str,
 }
 
@@ -139,6 +144,7 @@ impl Results<'_> {
                         take: &t.name,
                         subject: &t.subject,
                         frames: t.rows.len(),
+                        rate: t.rate,
                         digest: &t.digest,
                     })
                     .collect(),
@@ -373,7 +379,7 @@ fn aligned(grid: &[Vec<String>]) -> String {
 }
 
 /// A CSV cell.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.into(),
@@ -404,6 +410,7 @@ mod tests {
             twins: &[],
             cells: &cells,
             rows: &rows,
+            examples: &Examples::default(),
         };
         let csv = results.csv();
         assert_eq!(csv.lines().count(), 1 + 4 * 3);
