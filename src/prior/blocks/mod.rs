@@ -38,7 +38,7 @@ pub use learn::{Settings, model, train};
 /// No coordinate is taken for more exact than this variance, cm² (1e-3 asf²): blocks are no truer than that.
 const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 /// So many noise patterns are remembered.
-const MOST_MET: usize = 6;
+const MOST_MET: usize = 16;
 /// Ways of making a body of parts that weigh less for an observation do not answer it.
 const LEAST_WEIGHT: f64 = 1e-3;
 /// Ways that weigh less than this share of the first before any observation are not looked at.
@@ -75,6 +75,20 @@ struct Considered {
     ways: Vec<f64>,
 }
 
+/// The noise that is reckoned with: never below the floor. Where it is of many kinds, as a smoother leaves it, each is
+/// rounded to a twelfth: frames that differ by less share all that is made for their noise.
+fn told(noise: &[f64]) -> Vec<f64> {
+    let noise: Vec<f64> = noise.iter().map(|n| n.max(FLOOR)).collect();
+    let mut kinds: Vec<f64> = noise.iter().copied().filter(|n| n.is_finite()).collect();
+    kinds.sort_unstable_by(f64::total_cmp);
+    kinds.dedup();
+    if kinds.len() <= 2 {
+        return noise;
+    }
+    let rounded = |n: &f64| ((n.log2() * 8.0).round() / 8.0).exp2();
+    noise.iter().map(|n| rounded(n).max(FLOOR)).collect()
+}
+
 impl Blocks {
     #[doc(hidden)]
     pub fn weights(&self) -> (Vec<Vec<f64>>, Vec<f64>) {
@@ -84,7 +98,7 @@ impl Blocks {
         )
     }
     fn views(&self, noise: &[f64]) -> Arc<Vec<View>> {
-        let noise: Vec<f64> = noise.iter().map(|n| n.max(FLOOR)).collect();
+        let noise = told(noise);
         let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
         let mut met = self.met.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = met.get(&key) {
