@@ -18,6 +18,8 @@ use crate::prior::{Belief, EXACT};
 const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
 /// Steps at most; from the third on they are damped by half, but for the last.
 const STEPS: usize = 8;
+/// No step moves a coordinate by more than this, cm: where a limb is straight, a distance does not tell its own gradient.
+const FARTHEST: f64 = 3.0;
 /// Steps end when no distance changes by more than this, cm.
 const SETTLED: f64 = 1e-4;
 /// The share of bodies nobody has seen, and how much their lengths differ from the mean of those seen.
@@ -146,13 +148,24 @@ pub fn keep(pairs: &RigidPairs, bodies: &Bodies, known: Option<&Lengths>, belief
         }
         let last = most <= SETTLED || step + 1 == STEPS;
         let by = if last || step < 2 || step + 2 == STEPS { 1.0 } else { 0.5 };
+        let by = by * (FARTHEST / most).min(1.0);
         x.iter_mut().zip(&moved).for_each(|(x, m)| *x += by * m);
         if last {
-            condition(belief, &extra, &a, cross, n);
-            break;
+            // Lengths that cannot all be met (a point taken for clean that is not) are better left alone.
+            if misfit(&ends, &x, &lengths) < misfit(&ends, &belief.mean, &lengths) {
+                condition(belief, &extra, &a, cross, n);
+                belief.mean = x;
+            }
+            return;
         }
     }
-    belief.mean = x;
+}
+
+/// Σ (g − L)² / V.
+fn misfit(ends: &[[usize; 2]], x: &[f64], lengths: &Lengths) -> f64 {
+    let off = gradients(ends, x).into_iter().map(|row| row.length);
+    let terms = off.zip(&lengths.mean).zip(&lengths.variance);
+    terms.map(|((g, l), v)| (g - l).powi(2) / v).sum()
 }
 
 /// 1 / (1/i + 1/R).
