@@ -54,7 +54,9 @@ impl RigidPairs {
             return RigidPairs::default();
         }
         let still: Vec<bool> = (0..points)
-            .map(|p| (3 * p..3 * p + 3).all(|c| spread(&sampled, |t| f64::from(xyz[[t, c]])).1 < STILL))
+            .map(|p| {
+                (3 * p..3 * p + 3).all(|c| spread(&sampled, |t| f64::from(xyz[[t, c]])).1 < STILL)
+            })
             .collect();
         let mut found: Vec<(Pair, Vec<f64>)> = Vec::new();
         for i in 0..points {
@@ -74,7 +76,9 @@ impl RigidPairs {
         let key = |f: &(Pair, Vec<f64>)| ((f.0.sd / ROUNDING) as u64, f.1[0]);
         found.sort_by(|a, b| {
             let (x, y) = (key(a), key(b));
-            x.0.cmp(&y.0).then(x.1.total_cmp(&y.1)).then(a.0.ends.cmp(&b.0.ends))
+            x.0.cmp(&y.0)
+                .then(x.1.total_cmp(&y.1))
+                .then(a.0.ends.cmp(&b.0.ends))
         });
         let reference = sampled[0][sampled[0].len() / 2];
         let found = independent(found, xyz, reference);
@@ -102,7 +106,10 @@ impl RigidPairs {
             if let Some(ratio) = ratios.get(ratios.len() / 2) {
                 out.bodies.column_mut(k).mapv_inplace(|l| l * ratio);
                 // What was rigid need not be once its bones have changed differently.
-                let (low, high) = (ratios[ratios.len() / 8], ratios[ratios.len() - 1 - ratios.len() / 8]);
+                let (low, high) = (
+                    ratios[ratios.len() / 8],
+                    ratios[ratios.len() - 1 - ratios.len() / 8],
+                );
                 let length = out.bodies.column(k).iter().sum::<f64>() / out.bodies.nrows() as f64;
                 out.pairs[k].sd = pair.sd.hypot(0.5 * (high - low) / ratio * length);
             }
@@ -124,10 +131,14 @@ impl RigidPairs {
                 _ => f32::from(u8::from(pair.still)),
             }
         });
-        let lengths = Array2::from_shape_fn((self.shares.len(), 1 + self.pairs.len()), |(b, c)| match c {
-            0 => self.shares[b] as f32,
-            _ => self.bodies[[b, c - 1]] as f32,
-        });
+        let lengths =
+            Array2::from_shape_fn(
+                (self.shares.len(), 1 + self.pairs.len()),
+                |(b, c)| match c {
+                    0 => self.shares[b] as f32,
+                    _ => self.bodies[[b, c - 1]] as f32,
+                },
+            );
         model.arrays.insert("rigid".into(), rigid);
         model.arrays.insert("rigid_lengths".into(), lengths);
     }
@@ -137,7 +148,9 @@ impl RigidPairs {
     /// # Errors
     /// Data: arrays that do not fit together or the points, or numbers out of range.
     pub fn read(model: &Model, source: &str) -> Result<RigidPairs> {
-        let (Some(rigid), Some(lengths)) = (model.arrays.get("rigid"), model.arrays.get("rigid_lengths")) else {
+        let (Some(rigid), Some(lengths)) =
+            (model.arrays.get("rigid"), model.arrays.get("rigid_lengths"))
+        else {
             return Ok(RigidPairs::default());
         };
         let wrong = || {
@@ -154,7 +167,8 @@ impl RigidPairs {
             bodies: lengths.slice(ndarray::s![.., 1..]).mapv(f64::from),
             shares: lengths.column(0).iter().map(|s| f64::from(*s)).collect(),
         };
-        let index = |v: f32| (v >= 0.0 && v.fract() == 0.0 && (v as usize) < points).then_some(v as usize);
+        let index =
+            |v: f32| (v >= 0.0 && v.fract() == 0.0 && (v as usize) < points).then_some(v as usize);
         for row in rigid.rows() {
             let (Some(i), Some(j)) = (index(row[0]), index(row[1])) else {
                 return wrong();
@@ -179,7 +193,11 @@ impl RigidPairs {
 /// Some rows of each take, evenly spaced; takes of one frame tell nothing.
 fn sample(takes: &[Range<usize>]) -> Vec<Vec<usize>> {
     let most = (MOST.3 / takes.len().max(1)).max(8);
-    let some = |t: &Range<usize>| t.clone().step_by(t.len().div_ceil(most).max(1)).collect::<Vec<_>>();
+    let some = |t: &Range<usize>| {
+        t.clone()
+            .step_by(t.len().div_ceil(most).max(1))
+            .collect::<Vec<_>>()
+    };
     takes.iter().filter(|t| t.len() >= 2).map(some).collect()
 }
 
@@ -205,7 +223,11 @@ fn distance<T: Copy + Into<f64>>(xyz: ArrayView2<'_, T>, t: usize, i: usize, j: 
 }
 
 /// The pairs that those before them do not imply; pairs that stand still imply nothing and are kept.
-fn independent(found: Vec<(Pair, Vec<f64>)>, xyz: ArrayView2<'_, f32>, reference: usize) -> Vec<(Pair, Vec<f64>)> {
+fn independent(
+    found: Vec<(Pair, Vec<f64>)>,
+    xyz: ArrayView2<'_, f32>,
+    reference: usize,
+) -> Vec<(Pair, Vec<f64>)> {
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let mut kept = Vec::new();
     for one in found {
@@ -228,7 +250,10 @@ fn independent(found: Vec<(Pair, Vec<f64>)>, xyz: ArrayView2<'_, f32>, reference
         for _ in 0..2 {
             for b in &basis {
                 let along: f64 = b.iter().zip(&gradient).map(|(b, g)| b * g).sum();
-                gradient.iter_mut().zip(b).for_each(|(g, b)| *g -= along * b);
+                gradient
+                    .iter_mut()
+                    .zip(b)
+                    .for_each(|(g, b)| *g -= along * b);
             }
         }
         let norm = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
@@ -250,21 +275,29 @@ fn of_bodies(found: Vec<(Pair, Vec<f64>)>, weights: &[f64]) -> RigidPairs {
         let lengths: Vec<f64> = found.iter().map(|f| f.1[take]).collect();
         let same = |body: &(f64, Vec<f64>)| {
             let all = body.1.iter().zip(&lengths).zip(&pairs);
-            all.into_iter().all(|((sum, l), p)| (sum / body.0 - l).abs() <= SAME_BODY + 3.0 * p.sd)
+            all.into_iter()
+                .all(|((sum, l), p)| (sum / body.0 - l).abs() <= SAME_BODY + 3.0 * p.sd)
         };
         match bodies.iter().position(same) {
             Some(at) => {
                 let body = &mut bodies[at];
                 body.0 += w;
-                body.1.iter_mut().zip(&lengths).for_each(|(s, l)| *s += w * l);
+                body.1
+                    .iter_mut()
+                    .zip(&lengths)
+                    .for_each(|(s, l)| *s += w * l);
             }
-            None if bodies.len() < MOST.1 => bodies.push((*w, lengths.iter().map(|l| w * l).collect())),
+            None if bodies.len() < MOST.1 => {
+                bodies.push((*w, lengths.iter().map(|l| w * l).collect()))
+            }
             None => {}
         }
     }
     let total: f64 = bodies.iter().map(|b| b.0).sum();
     RigidPairs {
-        bodies: Array2::from_shape_fn((bodies.len(), pairs.len()), |(b, k)| bodies[b].1[k] / bodies[b].0),
+        bodies: Array2::from_shape_fn((bodies.len(), pairs.len()), |(b, k)| {
+            bodies[b].1[k] / bodies[b].0
+        }),
         shares: bodies.iter().map(|b| b.0 / total).collect(),
         pairs,
     }
@@ -311,7 +344,11 @@ mod tests {
         found.write(&mut model);
         let read = RigidPairs::read(&model, "m").unwrap();
         assert_eq!(read.pairs.len(), 2);
-        assert!((&read.bodies - &found.bodies).iter().all(|d| d.abs() <= 1e-4));
+        assert!(
+            (&read.bodies - &found.bodies)
+                .iter()
+                .all(|d| d.abs() <= 1e-4)
+        );
         for (name, at, value) in [
             ("rigid", [0, 0], 4.0),
             ("rigid", [0, 1], f32::NAN),

@@ -14,6 +14,9 @@ use crate::prior::EXACT;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
+/// Up to this noise of most points, cm, the others of a frame are outliers; above, all is noise.
+const NEARLY_CLEAN: f64 = 1.0;
+
 /// How noise is dealt with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Denoise {
@@ -43,6 +46,9 @@ struct Answer {
 }
 
 /// Denoises frames each by itself (in the model's order).
+///
+/// A noise that is given is every coordinate's. Otherwise rigid distances tell how noisy most points of a frame are, if
+/// the model knows any: where that is little, the others are outliers.
 pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>, settings: Denoise) -> Restoration {
     let answers = par::map_chunks(xyz.nrows(), 8, |range| {
         range
@@ -54,6 +60,9 @@ pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>, settings: Denoise) -> Restora
 
 fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     let y = frame.row(0).to_vec();
+    if let Some(answer) = with_outliers(job, &y, settings) {
+        return answer;
+    }
     let adapted = job.prior_for(frame, settings.noise.unwrap_or(2.0));
     let restorer = job.restorer(&adapted);
     let noise = settings
@@ -66,6 +75,26 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
         suspects: Vec::new(),
         noise,
     }
+}
+
+/// The answer for a frame most points of which are nearly clean, by the distances between them.
+fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
+    if !settings.outliers || settings.noise.is_some() {
+        return None;
+    }
+    let own = job.restorer(&None);
+    let base = own
+        .treatment?
+        .base_noise(y)
+        .filter(|b| *b <= NEARLY_CLEAN)?;
+    // The lengths are those of a body that the model knows: nothing is to be adapted but the placement's own.
+    let (found, corrupt) = own.restore_outliers(y, base * base)?;
+    let suspects = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
+    Some(Answer {
+        found: Some(found),
+        suspects,
+        noise: base,
+    })
 }
 
 fn variance(value: f64, noise: f64) -> f64 {
@@ -82,7 +111,13 @@ fn variance(value: f64, noise: f64) -> f64 {
 fn noise_of_frame(restorer: &super::Restorer<'_>, y: &[f64]) -> f64 {
     // First guess: a centimetre, so that the answer does not follow the noise.
     let first: Vec<f64> = y.iter().map(|v| variance(*v, 1.0)).collect();
-    let Some(found) = restorer.restore(y, &first) else {
+    // What lengths tell of the pose would count as noise.
+    let plain = super::Restorer {
+        treatment: None,
+        synthesis: restorer.synthesis.clone(),
+        ..*restorer
+    };
+    let Some(found) = plain.restore(y, &first) else {
         return 0.0;
     };
     let model = restorer.prior.variance();

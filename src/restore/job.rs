@@ -3,6 +3,7 @@
 use super::adapt;
 use super::frame::Restorer;
 use super::synthesis::Synthesis;
+use super::treat::Treatment;
 use crate::io::Model;
 use crate::pose::{Anchor, Body, PoseMap, joints};
 use crate::prior::{self, Choice, Prior};
@@ -22,6 +23,14 @@ pub struct Job {
     /// Where each point of the model stands in the table.
     index: Vec<Option<usize>>,
     synthesis: Synthesis,
+    /// Empty where the model knows of none, or answers as published.
+    treatment: Treatment,
+}
+
+/// A model carried to a captured body.
+pub struct Adapted {
+    prior: Box<dyn Prior>,
+    treatment: Treatment,
 }
 
 impl Job {
@@ -34,6 +43,10 @@ impl Job {
         world: bool,
     ) -> Result<Job> {
         let prior = prior::open(model, choice, source)?;
+        let treatment = match choice.published {
+            true => Treatment::default(),
+            false => Treatment::read(model, source)?,
+        };
         let names = &model.meta.points;
         let index: Vec<_> = names
             .iter()
@@ -68,6 +81,7 @@ impl Job {
             mirror,
             index,
             synthesis: Synthesis::default(),
+            treatment,
         })
     }
 
@@ -107,22 +121,39 @@ impl Job {
         out
     }
 
-    /// The prior for the body that these frames (of one take, in the model's order) show; `None`: the model's own fits.
-    pub fn prior_for(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Box<dyn Prior>> {
+    /// The model for the body that these frames (of one take, in the model's order) show; `None`: its own fits.
+    pub fn prior_for(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Adapted> {
         let map = adapt::map_to(self.body.as_ref()?, frames, noise, &self.mirror);
         let same = match &map {
             PoseMap::Reshape { ratios, .. } => ratios.iter().all(|r| (r - 1.0).abs() <= SAME_BODY),
             PoseMap::Turn(_) => false,
         };
-        (!same).then(|| self.prior.mapped(&map))
+        if same {
+            return None;
+        }
+        let prior = self.prior.mapped(&map);
+        let unsure = |ends: [usize; 2], length: f64| {
+            let seen = |row: ndarray::ArrayView1<'_, f64>| {
+                ends.iter()
+                    .all(|p| (3 * p..3 * p + 3).all(|i| row[i].is_finite()))
+            };
+            let count = frames.rows().into_iter().filter(|r| seen(*r)).count();
+            adapt::unsure(length, noise, count)
+        };
+        let treatment = self
+            .treatment
+            .mapped(self.prior.typical(), prior.typical(), unsure);
+        Some(Adapted { prior, treatment })
     }
 
-    /// What restores frames, with the prior that [`Job::prior_for`] gave.
-    pub fn restorer<'a>(&'a self, adapted: &'a Option<Box<dyn Prior>>) -> Restorer<'a> {
+    /// What restores frames, with what [`Job::prior_for`] gave.
+    pub fn restorer<'a>(&'a self, adapted: &'a Option<Adapted>) -> Restorer<'a> {
+        let treatment = adapted.as_ref().map_or(&self.treatment, |a| &a.treatment);
         Restorer {
-            prior: adapted.as_deref().unwrap_or(&*self.prior),
+            prior: adapted.as_ref().map_or(&*self.prior, |a| &*a.prior),
             anchor: self.anchor.as_ref(),
             synthesis: self.synthesis.clone(),
+            treatment: (!treatment.is_empty()).then_some(treatment),
         }
     }
 }

@@ -260,7 +260,11 @@ impl Treatment {
         y: ArrayView2<'_, f64>,
         told: ArrayView2<'_, f64>,
     ) -> Vec<Belief> {
-        let seek = told.rows().into_iter().next().map(|r| Seek::by(&r.to_vec()));
+        let seek = told
+            .rows()
+            .into_iter()
+            .next()
+            .map(|r| Seek::by(&r.to_vec()));
         let answers = self.0.answer(prior, y, told, seek.unwrap_or(Seek::Nothing));
         answers.into_iter().map(|a| a.belief).collect()
     }

@@ -23,7 +23,9 @@ const PRIOR_KNOWS: f64 = 1.0;
 /// Assignments that a beam carries along.
 const WIDTH: usize = 64;
 /// Standard deviations of base noise that are tried, cm.
-const BASES: [f64; 12] = [0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.2, 3.6, 6.0];
+const BASES: [f64; 12] = [
+    0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.2, 3.6, 6.0,
+];
 
 /// The log odds of a corrupt point before anything is known.
 pub fn log_odds() -> f64 {
@@ -60,7 +62,10 @@ pub struct Look {
 }
 
 fn distance(y: &[f64], [i, j]: [usize; 2]) -> f64 {
-    (0..3).map(|c| (y[3 * i + c] - y[3 * j + c]).powi(2)).sum::<f64>().sqrt()
+    (0..3)
+        .map(|c| (y[3 * i + c] - y[3 * j + c]).powi(2))
+        .sum::<f64>()
+        .sqrt()
 }
 
 /// Whether a point is seen: all of it.
@@ -81,11 +86,17 @@ fn deviations<'a>(
 ) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
     let both = move |&(_, ends): &(usize, [usize; 2])| ends.iter().all(|p| is_seen(y, told, *p));
     let of = pairs.pairs.iter().map(|p| p.ends).enumerate().filter(both);
-    of.map(move |(k, ends)| (k, distance(y, ends), base_of(told, ends[0]) + base_of(told, ends[1])))
+    of.map(move |(k, ends)| {
+        (
+            k,
+            distance(y, ends),
+            base_of(told, ends[0]) + base_of(told, ends[1]),
+        )
+    })
 }
 
 /// The lengths of the body that explains most distances, whatever points are corrupt; and how well it does.
-fn body(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> (Lengths, f64) {
+fn body(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> (Lengths, Vec<f64>) {
     let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, told).collect();
     let clean = (1.0 - SHARE).powi(2);
     let logs: Vec<f64> = bodies
@@ -101,26 +112,29 @@ fn body(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> (Length
             share + seen.iter().map(of).sum::<f64>()
         })
         .collect();
-    let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    (bodies.given(&logs), best)
+    (bodies.given(&logs), logs)
 }
 
 /// The base noise of a frame by itself: the standard deviation of a coordinate, cm, under which its distances are most
-/// likely, a fifth of the points aside. `None` where too few are seen or bodies are strangers.
+/// likely, a fifth of the points aside. `None` where too few are seen, or the body is a stranger's: its lengths would
+/// explain anything.
 pub fn base(pairs: &RigidPairs, bodies: &Bodies, y: &[f64]) -> Option<f64> {
     let all = vec![EXACT; y.len()];
     if deviations(pairs, y, &all).count() < 6 {
         return None;
     }
-    let mut best: Option<(f64, f64)> = None;
+    let mut best: Option<(f64, Option<f64>)> = None;
     for base in BASES {
         let told = vec![base * base; y.len()];
-        let log = body(pairs, bodies, y, &told).1;
-        if best.is_none_or(|(b, _)| log > b) {
-            best = Some((log, base));
+        let logs = body(pairs, bodies, y, &told).1;
+        // The stranger comes last, and loses where another does as well.
+        for (at, log) in logs.iter().enumerate() {
+            if best.is_none_or(|(b, _)| *log > b) {
+                best = Some((*log, (at + 1 < logs.len()).then_some(base)));
+            }
         }
     }
-    best.map(|(_, base)| base)
+    best.and_then(|(_, base)| base)
 }
 
 /// Looks at a frame: `told` holds the base variance of each coordinate, infinite where it is missing.
@@ -145,7 +159,8 @@ pub fn look(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Loo
             let ends = pairs.pairs[k].ends;
             let (off, v) = (d - lengths.mean[k], lengths.variance[k] + base);
             let log = |z: usize| {
-                let more = if z & 1 > 0 { slab[ends[0]] } else { 0.0 } + if z & 2 > 0 { slab[ends[1]] } else { 0.0 };
+                let more = if z & 1 > 0 { slab[ends[0]] } else { 0.0 }
+                    + if z & 2 > 0 { slab[ends[1]] } else { 0.0 };
                 // Noise across a bone makes it longer.
                 let shift = (more / lengths.mean[k].max(1.0)).min(more.sqrt());
                 log_normal(off - shift, v + more)
@@ -164,7 +179,13 @@ pub fn look(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Loo
         lengths,
     };
     let unary: Vec<f64> = (0..points)
-        .map(|p| if is_seen(y, told, p) { log_odds() } else { f64::NEG_INFINITY })
+        .map(|p| {
+            if is_seen(y, told, p) {
+                log_odds()
+            } else {
+                f64::NEG_INFINITY
+            }
+        })
         .collect();
     look.corrupt = look.marginals(&unary);
     look
@@ -264,7 +285,11 @@ mod tests {
     fn the_base_noise_is_told_from_outliers() {
         let pairs = RigidPairs {
             pairs: (0..20)
-                .map(|k| Pair { ends: [k, k + 1], sd: 0.0, still: false })
+                .map(|k| Pair {
+                    ends: [k, k + 1],
+                    sd: 0.0,
+                    still: false,
+                })
                 .collect(),
             bodies: Array2::from_elem((1, 20), 10.0),
             shares: vec![1.0],
@@ -278,7 +303,10 @@ mod tests {
         assert!(base(&pairs, &bodies, &y).unwrap() <= 0.02);
         let noisy = |sd: f64| -> Vec<f64> {
             let wave = |i: usize| ((i * i * 7 + 3 * i) as f64).sin() * std::f64::consts::SQRT_2;
-            y.iter().enumerate().map(|(i, v)| v + sd * wave(i)).collect()
+            y.iter()
+                .enumerate()
+                .map(|(i, v)| v + sd * wave(i))
+                .collect()
         };
         let found = base(&pairs, &bodies, &noisy(0.3)).unwrap();
         assert!((0.1..=0.8).contains(&found), "{found}");

@@ -10,12 +10,12 @@ pub mod bones;
 pub mod outliers;
 pub mod rigid;
 
+use crate::Result;
 use crate::io::Model;
 use crate::par;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::tuning::Task;
 use crate::prior::{Belief, EXACT, Prior};
-use crate::Result;
 use ndarray::{ArrayView2, s};
 use rigid::Bodies;
 use std::ops::Range;
@@ -54,7 +54,7 @@ pub struct Treated {
 }
 
 /// What is known of the rigid distances of some points.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Treatment {
     pairs: RigidPairs,
     bodies: Bodies,
@@ -68,6 +68,9 @@ impl Treatment {
 
     /// With pairs that are known.
     pub fn of(pairs: RigidPairs) -> Treatment {
+        if pairs.is_empty() {
+            return Treatment::default();
+        }
         Treatment {
             bodies: Bodies::of(&pairs),
             pairs,
@@ -82,9 +85,20 @@ impl Treatment {
         RigidPairs::read(model, source).map(Treatment::of)
     }
 
-    /// The same for another body: `from` and `to` (t, 3 J) are poses before and after they were carried to it.
-    pub fn mapped(&self, from: ArrayView2<'_, f64>, to: ArrayView2<'_, f64>) -> Treatment {
-        Treatment::of(self.pairs.mapped(from, to))
+    /// The same for another body: `from` and `to` (t, 3 J) are poses before and after they were carried to it. `unsure`
+    /// tells of two points and their distance how far that may be off: a standard deviation, cm.
+    pub fn mapped(
+        &self,
+        from: ArrayView2<'_, f64>,
+        to: ArrayView2<'_, f64>,
+        unsure: impl Fn([usize; 2], f64) -> f64,
+    ) -> Treatment {
+        let mut pairs = self.pairs.mapped(from, to);
+        for (k, pair) in pairs.pairs.iter_mut().enumerate() {
+            let length = pairs.bodies[[0, k]];
+            pair.sd = pair.sd.hypot(unsure(pair.ends, length));
+        }
+        Treatment::of(pairs)
     }
 
     /// Whether there is nothing it knows.
@@ -128,7 +142,13 @@ impl Treatment {
         if seek == Seek::Outliers && self.can_seek(y.ncols() / 3) {
             let found = outliers::restore(prior, &self.pairs, &self.bodies, y, told);
             return self.settle(found, |pairs, bodies, mut found| {
-                rigid::keep(pairs, bodies, Some(&found.lengths), &mut found.belief, &found.noise);
+                rigid::keep(
+                    pairs,
+                    bodies,
+                    Some(&found.lengths),
+                    &mut found.belief,
+                    &found.noise,
+                );
                 Treated {
                     belief: found.belief,
                     corrupt: found.corrupt,
@@ -155,7 +175,8 @@ impl Treatment {
     ) -> Vec<Treated> {
         let parts = par::map_chunks(rows.len(), CHUNK, |range| {
             let all = rows[range].iter().cloned();
-            all.map(|row| keep(&self.pairs, &self.bodies, row)).collect::<Vec<_>>()
+            all.map(|row| keep(&self.pairs, &self.bodies, row))
+                .collect::<Vec<_>>()
         });
         parts.into_iter().flatten().collect()
     }

@@ -72,7 +72,9 @@ impl Frame {
         };
         for p in 0..out.len() / 3 {
             let least = of(p);
-            out[3 * p..3 * p + 3].iter_mut().for_each(|v| *v = v.max(least));
+            out[3 * p..3 * p + 3]
+                .iter_mut()
+                .for_each(|v| *v = v.max(least));
         }
         out
     }
@@ -93,10 +95,15 @@ pub fn restore(
             .collect()
     }));
     narrow(prior, &mut frames);
-    let hidden: Vec<usize> = (0..frames.len()).filter(|&t| !frames[t].doubt.is_empty()).collect();
-    let expected = ask(prior, &hidden, |t| (frames[t].y.clone(), frames[t].noise(None)));
+    let hidden: Vec<usize> = (0..frames.len())
+        .filter(|&t| !frames[t].doubt.is_empty())
+        .collect();
+    let expected = ask(prior, &hidden, |t| {
+        (frames[t].y.clone(), frames[t].noise(None))
+    });
     let weighed: Vec<Vec<(f64, Vec<bool>)>> = flat(par::map_chunks(hidden.len(), CHUNK, |rows| {
-        rows.map(|i| weigh(&frames[hidden[i]], &expected[i])).collect()
+        rows.map(|i| weigh(&frames[hidden[i]], &expected[i]))
+            .collect()
     }));
     // (frame, where among the hidden, assignment)
     let mut all: Vec<(usize, f64, Vec<bool>, Option<usize>)> = Vec::new();
@@ -127,7 +134,11 @@ pub fn restore(
         };
         parts[t].push((w, z, belief));
     }
-    frames.into_iter().zip(parts).map(|(f, parts)| gather(f, parts)).collect()
+    frames
+        .into_iter()
+        .zip(parts)
+        .map(|(f, parts)| gather(f, parts))
+        .collect()
 }
 
 fn flat<T>(parts: Vec<Vec<T>>) -> Vec<T> {
@@ -135,12 +146,19 @@ fn flat<T>(parts: Vec<Vec<T>>) -> Vec<T> {
 }
 
 /// Asks the prior for some rows at once.
-fn ask(prior: &dyn Prior, rows: &[usize], of: impl Fn(usize) -> (Vec<f64>, Vec<f64>)) -> Vec<Belief> {
+fn ask(
+    prior: &dyn Prior,
+    rows: &[usize],
+    of: impl Fn(usize) -> (Vec<f64>, Vec<f64>),
+) -> Vec<Belief> {
     if rows.is_empty() {
         return Vec::new();
     }
     let d = prior.width();
-    let (mut y, mut noise) = (Array2::zeros((rows.len(), d)), Array2::zeros((rows.len(), d)));
+    let (mut y, mut noise) = (
+        Array2::zeros((rows.len(), d)),
+        Array2::zeros((rows.len(), d)),
+    );
     for (i, row) in rows.iter().enumerate() {
         let (a, b) = of(*row);
         for c in 0..d {
@@ -174,13 +192,18 @@ fn frame(pairs: &RigidPairs, bodies: &Bodies, y: Vec<f64>, mut told: Vec<f64>) -
 fn decide(frame: &mut Frame) {
     let q = &frame.look.corrupt;
     frame.corrupt = q.iter().map(|q| *q > 0.5).collect();
-    frame.doubt = (0..q.len()).filter(|&p| q[p] > SURE && q[p] < 1.0 - SURE).collect();
+    frame.doubt = (0..q.len())
+        .filter(|&p| q[p] > SURE && q[p] < 1.0 - SURE)
+        .collect();
 }
 
 /// Where too much is in doubt to hide it all, each point is first judged by what the prior expects without it.
 fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
-    let many: Vec<usize> = (0..frames.len()).filter(|&t| frames[t].doubt.len() > MOST).collect();
-    let noise = |f: &Frame| -> Vec<f64> { f.told.iter().map(|v| v.max(SLAB * bones::SHARE)).collect() };
+    let many: Vec<usize> = (0..frames.len())
+        .filter(|&t| frames[t].doubt.len() > MOST)
+        .collect();
+    let noise =
+        |f: &Frame| -> Vec<f64> { f.told.iter().map(|v| v.max(SLAB * bones::SHARE)).collect() };
     let beliefs = ask(prior, &many, |t| (frames[t].y.clone(), noise(&frames[t])));
     for (&t, belief) in many.iter().zip(&beliefs) {
         let frame = &mut frames[t];
@@ -200,7 +223,9 @@ fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
         decide(frame);
         if frame.doubt.len() > MOST {
             let q = frame.look.corrupt.clone();
-            frame.doubt.sort_by(|a, b| (q[*a] - 0.5).abs().total_cmp(&(q[*b] - 0.5).abs()));
+            frame
+                .doubt
+                .sort_by(|a, b| (q[*a] - 0.5).abs().total_cmp(&(q[*b] - 0.5).abs()));
             frame.doubt.truncate(MOST);
             frame.doubt.sort_unstable();
         }
@@ -281,7 +306,11 @@ impl Hypothesis {
         let mut out = self.clone();
         let (n, p) = (self.assigned.len(), frame.doubt[self.assigned.len()]);
         out.assigned.push(corrupt);
-        let noise = if corrupt { frame.look.slab[p] } else { base_of(&frame.told, p) };
+        let noise = if corrupt {
+            frame.look.slab[p]
+        } else {
+            base_of(&frame.told, p)
+        };
         for (s, (_, c, i)) in SCALES.iter().enumerate() {
             for axis in 0..3 {
                 let g = 3 * n + axis;
@@ -291,7 +320,9 @@ impl Hypothesis {
                 for h in 0..g {
                     let other = 3 * frame.doubt[h / 3] + h % 3;
                     let row = h * (h + 1) / 2;
-                    let known: f64 = (factor[row..row + h].iter().zip(&factor[start..])).map(|(a, b)| a * b).sum();
+                    let known: f64 = (factor[row..row + h].iter().zip(&factor[start..]))
+                        .map(|(a, b)| a * b)
+                        .sum();
                     let v = (c * expected.covariance[[at, other]] - known) / factor[row + h];
                     factor.push(v);
                 }
@@ -306,7 +337,11 @@ impl Hypothesis {
                 out.log[s] -= 0.5 * z * z + pivot.ln();
             }
         }
-        out.more += if corrupt { log_odds() } else { frame.clean_terms(&out.assigned, p) };
+        out.more += if corrupt {
+            log_odds()
+        } else {
+            frame.clean_terms(&out.assigned, p)
+        };
         out
     }
 }
@@ -387,7 +422,9 @@ fn conditioned(frame: &Frame, expected: &Belief, assigned: &[bool]) -> Belief {
             *v = expected.covariance[[*i, c]];
         }
         forward(&a, n, &mut column);
-        rows.iter_mut().zip(&column).for_each(|(row, v)| row[c] = *v);
+        rows.iter_mut()
+            .zip(&column)
+            .for_each(|(row, v)| row[c] = *v);
     }
     for row in &rows {
         for (i, v) in row.iter().enumerate() {
@@ -402,7 +439,11 @@ fn conditioned(frame: &Frame, expected: &Belief, assigned: &[bool]) -> Belief {
 /// The average of the assignments' answers; clean points that are exact stay where they are.
 fn gather(frame: Frame, parts: Vec<(f64, Vec<bool>, Belief)>) -> Found {
     let d = frame.y.len();
-    let mut corrupt: Vec<f64> = frame.corrupt.iter().map(|c| f64::from(u8::from(*c))).collect();
+    let mut corrupt: Vec<f64> = frame
+        .corrupt
+        .iter()
+        .map(|c| f64::from(u8::from(*c)))
+        .collect();
     let mut belief = Belief {
         mean: vec![0.0; d],
         covariance: Array2::zeros((d, d)),
@@ -414,11 +455,20 @@ fn gather(frame: Frame, parts: Vec<(f64, Vec<bool>, Belief)>) -> Found {
     let mut parts = parts;
     for (w, z, part) in &mut parts {
         super::fix(part, &frame.y, &frame.noise(Some(z)));
-        belief.mean.iter_mut().zip(&part.mean).for_each(|(m, x)| *m += *w * x);
+        belief
+            .mean
+            .iter_mut()
+            .zip(&part.mean)
+            .for_each(|(m, x)| *m += *w * x);
         belief.covariance.scaled_add(*w, &part.covariance);
     }
     for (w, _, part) in parts.iter().filter(|_| parts.len() > 1) {
-        let off: Vec<f64> = part.mean.iter().zip(&belief.mean).map(|(x, m)| x - m).collect();
+        let off: Vec<f64> = part
+            .mean
+            .iter()
+            .zip(&belief.mean)
+            .map(|(x, m)| x - m)
+            .collect();
         for (i, a) in off.iter().enumerate().filter(|(_, a)| **a != 0.0) {
             let mut row = belief.covariance.row_mut(i);
             row.iter_mut().zip(&off).for_each(|(c, b)| *c += w * a * b);
@@ -428,7 +478,9 @@ fn gather(frame: Frame, parts: Vec<(f64, Vec<bool>, Belief)>) -> Found {
     for (p, q) in corrupt.iter().enumerate() {
         // Points in doubt may move as far as their own covariance lets them.
         if *q > SURE {
-            noise[3 * p..3 * p + 3].iter_mut().for_each(|v| *v = v.max(frame.look.slab[p]));
+            noise[3 * p..3 * p + 3]
+                .iter_mut()
+                .for_each(|v| *v = v.max(frame.look.slab[p]));
         }
     }
     Found {

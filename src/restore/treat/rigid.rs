@@ -42,7 +42,7 @@ struct Gradient {
 }
 
 /// The bodies a pose may be of: those seen, and a stranger's.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Bodies {
     /// Log share and lengths; the stranger comes last.
     pub all: Vec<(f64, Lengths)>,
@@ -99,10 +99,22 @@ fn mixed(all: &[(f64, Lengths)], weights: &[f64]) -> Lengths {
 
 /// Makes a belief agree with the lengths: `noise` is what it was given (cm²; infinite missing). `bodies` are read where
 /// `known` does not tell the lengths. The evidence stays as it was.
-pub fn keep(pairs: &RigidPairs, bodies: &Bodies, known: Option<&Lengths>, belief: &mut Belief, noise: &[f64]) {
-    let used: Vec<usize> = (0..pairs.pairs.len()).filter(|&k| !pairs.pairs[k].still).collect();
-    let sound = belief.mean.iter().chain(&belief.covariance).all(|v| v.is_finite());
-    if used.is_empty() || !sound {
+pub fn keep(
+    pairs: &RigidPairs,
+    bodies: &Bodies,
+    known: Option<&Lengths>,
+    belief: &mut Belief,
+    noise: &[f64],
+) {
+    let used: Vec<usize> = (0..pairs.pairs.len())
+        .filter(|&k| !pairs.pairs[k].still)
+        .collect();
+    let sound = belief
+        .mean
+        .iter()
+        .chain(&belief.covariance)
+        .all(|v| v.is_finite());
+    if used.is_empty() || bodies.all.is_empty() || !sound {
         return;
     }
     let ends: Vec<[usize; 2]> = used.iter().map(|&k| pairs.pairs[k].ends).collect();
@@ -147,7 +159,11 @@ pub fn keep(pairs: &RigidPairs, bodies: &Bodies, known: Option<&Lengths>, belief
             return;
         }
         let last = most <= SETTLED || step + 1 == STEPS;
-        let by = if last || step < 2 || step + 2 == STEPS { 1.0 } else { 0.5 };
+        let by = if last || step < 2 || step + 2 == STEPS {
+            1.0
+        } else {
+            0.5
+        };
         let by = by * (FARTHEST / most).min(1.0);
         x.iter_mut().zip(&moved).for_each(|(x, m)| *x += by * m);
         if last {
@@ -170,7 +186,11 @@ fn misfit(ends: &[[usize; 2]], x: &[f64], lengths: &Lengths) -> f64 {
 
 /// 1 / (1/i + 1/R).
 fn shared(i: f64, r: f64) -> f64 {
-    if r.is_finite() { i * r.max(EXACT) / (i + r.max(EXACT)) } else { i }
+    if r.is_finite() {
+        i * r.max(EXACT) / (i + r.max(EXACT))
+    } else {
+        i
+    }
 }
 
 /// The most likely i, and the lengths of the bodies that are likely with it.
@@ -186,7 +206,10 @@ fn choose(bodies: &Bodies, rows: &[Gradient], belief: &Belief, noise: &[f64]) ->
         // Bodies seen have the same variances: one factorisation serves them all, another the stranger.
         let mut factor: Option<(&[f64], Vec<f64>)> = None;
         for (share, lengths) in &bodies.all {
-            if factor.as_ref().is_none_or(|(v, _)| *v != lengths.variance.as_slice()) {
+            if factor
+                .as_ref()
+                .is_none_or(|(v, _)| *v != lengths.variance.as_slice())
+            {
                 let mut a = within.clone();
                 add_diagonal(&mut a, rows, &extra);
                 for k in 0..n {
@@ -196,7 +219,12 @@ fn choose(bodies: &Bodies, rows: &[Gradient], belief: &Belief, noise: &[f64]) ->
                 factor = Some((&lengths.variance, a));
             }
             let Some((_, a)) = &factor else { continue };
-            let mut z: Vec<f64> = lengths.mean.iter().zip(rows).map(|(l, r)| l - r.length).collect();
+            let mut z: Vec<f64> = lengths
+                .mean
+                .iter()
+                .zip(rows)
+                .map(|(l, r)| l - r.length)
+                .collect();
             forward(a, n, &mut z);
             let log_det: f64 = (0..n).map(|k| a[k * n + k].ln()).sum();
             logs.push(share - 0.5 * z.iter().map(|z| z * z).sum::<f64>() - log_det);
@@ -209,7 +237,10 @@ fn choose(bodies: &Bodies, rows: &[Gradient], belief: &Belief, noise: &[f64]) ->
     }
     match best {
         Some((_, i, logs)) => (i, bodies.given(&logs)),
-        None => (UNSURE[0] * ASF_UNIT_CM * ASF_UNIT_CM, bodies.all[0].1.clone()),
+        None => (
+            UNSURE[0] * ASF_UNIT_CM * ASF_UNIT_CM,
+            bodies.all[0].1.clone(),
+        ),
     }
 }
 
@@ -217,7 +248,9 @@ impl Gradient {
     /// H x of this row.
     fn along(&self, x: &[f64]) -> f64 {
         let [i, j] = self.ends;
-        (0..3).map(|c| self.u[c] * (x[3 * i + c] - x[3 * j + c])).sum()
+        (0..3)
+            .map(|c| self.u[c] * (x[3 * i + c] - x[3 * j + c]))
+            .sum()
     }
 }
 
@@ -240,9 +273,14 @@ fn cross(rows: &[Gradient], belief: &Belief, extra: &[f64]) -> Vec<Vec<f64>> {
         let mut out = vec![0.0; extra.len()];
         let [i, j] = row.ends;
         for c in 0..3 {
-            let (a, b) = (belief.covariance.row(3 * i + c), belief.covariance.row(3 * j + c));
+            let (a, b) = (
+                belief.covariance.row(3 * i + c),
+                belief.covariance.row(3 * j + c),
+            );
             let u = row.u[c];
-            out.iter_mut().zip(a.iter().zip(b)).for_each(|(o, (a, b))| *o += u * (a - b));
+            out.iter_mut()
+                .zip(a.iter().zip(b))
+                .for_each(|(o, (a, b))| *o += u * (a - b));
         }
         for c in 0..3 {
             out[3 * i + c] += row.u[c] * extra[3 * i + c];
@@ -274,7 +312,9 @@ fn add_diagonal(a: &mut [f64], rows: &[Gradient], extra: &[f64]) {
                 for (t, q) in other.ends.iter().enumerate() {
                     if p == q {
                         let sign = if s == t { 1.0 } else { -1.0 };
-                        let sum: f64 = (0..3).map(|c| one.u[c] * other.u[c] * extra[3 * p + c]).sum();
+                        let sum: f64 = (0..3)
+                            .map(|c| one.u[c] * other.u[c] * extra[3 * p + c])
+                            .sum();
                         a[k * n + l] += sign * sum;
                     }
                 }
@@ -284,7 +324,13 @@ fn add_diagonal(a: &mut [f64], rows: &[Gradient], extra: &[f64]) {
 }
 
 /// What the covariance becomes: P' less what the lengths told.
-fn condition(belief: &mut Belief, extra: &[f64], factor: &[f64], mut cross: Vec<Vec<f64>>, n: usize) {
+fn condition(
+    belief: &mut Belief,
+    extra: &[f64],
+    factor: &[f64],
+    mut cross: Vec<Vec<f64>>,
+    n: usize,
+) {
     for k in 0..n {
         let (before, rest) = cross.split_at_mut(k);
         let row = &mut rest[0];
@@ -325,7 +371,11 @@ pub(super) fn factorise(a: &mut [f64], n: usize) {
 /// z ← L⁻¹ z.
 pub(super) fn forward(a: &[f64], n: usize, z: &mut [f64]) {
     for i in 0..n {
-        let known: f64 = a[i * n..i * n + i].iter().zip(&z[..i]).map(|(l, z)| l * z).sum();
+        let known: f64 = a[i * n..i * n + i]
+            .iter()
+            .zip(&z[..i])
+            .map(|(l, z)| l * z)
+            .sum();
         z[i] = (z[i] - known) / a[i * n + i];
     }
 }
@@ -336,7 +386,10 @@ pub(super) fn backward(a: &[f64], n: usize, z: &mut [f64]) {
         z[i] /= a[i * n + i];
         let zi = z[i];
         let (before, _) = z.split_at_mut(i);
-        before.iter_mut().zip(&a[i * n..i * n + i]).for_each(|(b, l)| *b -= l * zi);
+        before
+            .iter_mut()
+            .zip(&a[i * n..i * n + i])
+            .for_each(|(b, l)| *b -= l * zi);
     }
 }
 
@@ -367,7 +420,10 @@ mod tests {
     }
 
     fn length(x: &[f64]) -> f64 {
-        (0..3).map(|c| (x[c] - x[3 + c]).powi(2)).sum::<f64>().sqrt()
+        (0..3)
+            .map(|c| (x[c] - x[3 + c]).powi(2))
+            .sum::<f64>()
+            .sqrt()
     }
 
     #[test]
@@ -382,7 +438,14 @@ mod tests {
         for c in 0..3 {
             sure.covariance[[c, c]] = EXACT;
         }
-        let noise = [EXACT, EXACT, EXACT, f64::INFINITY, f64::INFINITY, f64::INFINITY];
+        let noise = [
+            EXACT,
+            EXACT,
+            EXACT,
+            f64::INFINITY,
+            f64::INFINITY,
+            f64::INFINITY,
+        ];
         keep(&pairs, &bodies, None, &mut sure, &noise);
         assert!(sure.mean[..3].iter().all(|v| v.abs() <= 1e-3));
         assert!((length(&sure.mean) - 10.0).abs() <= 1e-2);
