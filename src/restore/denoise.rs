@@ -17,6 +17,9 @@ use std::ops::Range;
 /// Up to this noise of most points, cm, the others of a frame are outliers; above, all is noise.
 const NEARLY_CLEAN: f64 = 1.0;
 
+/// Up to this noise of a smoothed coordinate, cm, a take tells its body's lengths well enough to hold poses to them.
+const MEASURES: f64 = 0.3;
+
 /// How noise is dealt with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Denoise {
@@ -68,6 +71,8 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     let noise = settings
         .noise
         .unwrap_or_else(|| noise_of_frame(&restorer, &y));
+    let treatment = job.treatment_for(&adapted, frame, noise);
+    let restorer = restorer.treating(&treatment);
     let variances: Vec<f64> = y.iter().map(|v| variance(*v, noise)).collect();
     let found = restorer.restore(&y, &variances);
     Answer {
@@ -82,7 +87,8 @@ fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
     if !settings.outliers || settings.noise.is_some() {
         return None;
     }
-    let own = job.restorer(&None);
+    let treatment = job.own_treatment();
+    let own = job.restorer(&None).treating(treatment);
     let base = own
         .treatment?
         .base_noise(y)
@@ -111,13 +117,7 @@ fn variance(value: f64, noise: f64) -> f64 {
 fn noise_of_frame(restorer: &super::Restorer<'_>, y: &[f64]) -> f64 {
     // First guess: a centimetre, so that the answer does not follow the noise.
     let first: Vec<f64> = y.iter().map(|v| variance(*v, 1.0)).collect();
-    // What lengths tell of the pose would count as noise.
-    let plain = super::Restorer {
-        treatment: None,
-        synthesis: restorer.synthesis.clone(),
-        ..*restorer
-    };
-    let Some(found) = plain.restore(y, &first) else {
+    let Some(found) = restorer.restore(y, &first) else {
         return 0.0;
     };
     let model = restorer.prior.variance();
@@ -157,8 +157,15 @@ pub fn take(
         }
     }
     let (mean, variances) = smoothed(&counted, runs, rate, &noise);
-    let adapted = job.prior_for(mean_where_seen(&counted, &mean).view(), 0.0);
-    let restorer = job.restorer(&adapted);
+    let seen = mean_where_seen(&counted, &mean);
+    let adapted = job.prior_for(seen.view(), 0.0);
+    let noise_left = left(&variances);
+    let treatment = job.treatment_for(&adapted, seen.view(), noise_left);
+    let mut restorer = job.restorer(&adapted);
+    // Lengths measured through noise are all too long: kept, they would do more harm than good.
+    if adapted.is_none() || noise_left <= MEASURES {
+        restorer = restorer.treating(&treatment);
+    }
     let answers = par::map_chunks(xyz.nrows(), 8, |range| {
         let out: Vec<Answer> = range
             .clone()
@@ -293,6 +300,13 @@ fn smoothed(
         variances.column_mut(i).assign(&ndarray::Array1::from(v));
     }
     (mean, variances)
+}
+
+/// The standard deviation of the noise that smoothing leaves, cm.
+fn left(variances: &Array2<f64>) -> f64 {
+    let known = variances.iter().filter(|v| v.is_finite());
+    let (sum, n) = known.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
+    (sum / n.max(1) as f64).sqrt()
 }
 
 fn mean_where_seen(counted: &Array2<f64>, mean: &Array2<f64>) -> Array2<f64> {

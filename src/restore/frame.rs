@@ -81,7 +81,13 @@ const NOISY: f64 = 0.25;
 /// A point this likely to be corrupt does not place a pose.
 const IN_DOUBT: f64 = 0.05;
 
-impl Restorer<'_> {
+impl<'a> Restorer<'a> {
+    /// The same with a treatment, unless it knows nothing.
+    pub fn treating(mut self, treatment: &'a Treatment) -> Restorer<'a> {
+        self.treatment = (!treatment.is_empty()).then_some(treatment);
+        self
+    }
+
     /// Restores one frame: 3 J numbers and the variance of each one's noise (infinite where missing).
     ///
     /// `None` when too little is seen: no point at all; or in world space fewer than three, or all on a line.

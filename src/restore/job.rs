@@ -8,7 +8,8 @@ use crate::io::Model;
 use crate::pose::{Anchor, Body, PoseMap, joints};
 use crate::prior::{self, Choice, Prior};
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2};
+use std::borrow::Cow;
 
 /// Bodies within this share of the model's bones are the model's.
 const SAME_BODY: f64 = 0.002;
@@ -24,12 +25,6 @@ pub struct Job {
     index: Vec<Option<usize>>,
     synthesis: Synthesis,
     /// Empty where the model knows of none, or answers as published.
-    treatment: Treatment,
-}
-
-/// A model carried to a captured body.
-pub struct Adapted {
-    prior: Box<dyn Prior>,
     treatment: Treatment,
 }
 
@@ -121,39 +116,51 @@ impl Job {
         out
     }
 
-    /// The model for the body that these frames (of one take, in the model's order) show; `None`: its own fits.
-    pub fn prior_for(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Adapted> {
+    /// The prior for the body that these frames (of one take, in the model's order) show; `None`: the model's own fits.
+    pub fn prior_for(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Box<dyn Prior>> {
         let map = adapt::map_to(self.body.as_ref()?, frames, noise, &self.mirror);
         let same = match &map {
             PoseMap::Reshape { ratios, .. } => ratios.iter().all(|r| (r - 1.0).abs() <= SAME_BODY),
             PoseMap::Turn(_) => false,
         };
-        if same {
-            return None;
-        }
-        let prior = self.prior.mapped(&map);
+        (!same).then(|| self.prior.mapped(&map))
+    }
+
+    /// What is known of rigid distances of the model's own body.
+    pub fn own_treatment(&self) -> &Treatment {
+        &self.treatment
+    }
+
+    /// What is known of rigid distances of that body; `noise` is what the lengths were measured with, the standard
+    /// deviation of a coordinate, cm.
+    pub fn treatment_for(
+        &self,
+        adapted: &Option<Box<dyn Prior>>,
+        frames: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> Cow<'_, Treatment> {
+        let Some(adapted) = adapted.as_ref().filter(|_| !self.treatment.is_empty()) else {
+            return Cow::Borrowed(&self.treatment);
+        };
         let unsure = |ends: [usize; 2], length: f64| {
-            let seen = |row: ndarray::ArrayView1<'_, f64>| {
-                ends.iter()
-                    .all(|p| (3 * p..3 * p + 3).all(|i| row[i].is_finite()))
+            let seen = |row: ArrayView1<'_, f64>| {
+                let all = ends.iter().flat_map(|p| 3 * p..3 * p + 3);
+                all.into_iter().all(|i| row[i].is_finite())
             };
             let count = frames.rows().into_iter().filter(|r| seen(*r)).count();
             adapt::unsure(length, noise, count)
         };
-        let treatment = self
-            .treatment
-            .mapped(self.prior.typical(), prior.typical(), unsure);
-        Some(Adapted { prior, treatment })
+        let (from, to) = (self.prior.typical(), adapted.typical());
+        Cow::Owned(self.treatment.mapped(from, to, unsure))
     }
 
-    /// What restores frames, with what [`Job::prior_for`] gave.
-    pub fn restorer<'a>(&'a self, adapted: &'a Option<Adapted>) -> Restorer<'a> {
-        let treatment = adapted.as_ref().map_or(&self.treatment, |a| &a.treatment);
+    /// What restores frames, with the prior that [`Job::prior_for`] gave, and without a treatment.
+    pub fn restorer<'a>(&'a self, adapted: &'a Option<Box<dyn Prior>>) -> Restorer<'a> {
         Restorer {
-            prior: adapted.as_ref().map_or(&*self.prior, |a| &*a.prior),
+            prior: adapted.as_deref().unwrap_or(&*self.prior),
             anchor: self.anchor.as_ref(),
             synthesis: self.synthesis.clone(),
-            treatment: (!treatment.is_empty()).then_some(treatment),
+            treatment: None,
         }
     }
 }

@@ -3,7 +3,7 @@
 //! With m, P the belief's mean and covariance, g the distances, H their Jacobian and L the lengths (variances V):
 //!
 //! ```text
-//! P' = P + I,   x ← m + P'Hᵀ (H P' Hᵀ + V)⁻¹ (L − g(x) − H (m − x))     until nothing moves, eight times at most
+//! P' = P + I,   x ← m + P'Hᵀ (H P' Hᵀ + V)⁻¹ (L − g(x) − H (m − x))     until nothing moves, ten times at most
 //! ```
 //!
 //! I is what a belief is less sure of than it says: i in each direction that was not observed, 1/(1/i + 1/R) where noise
@@ -17,7 +17,7 @@ use crate::prior::{Belief, EXACT};
 /// Values of i that are tried, cm² (.003, .02, .1 and .6 asf²).
 const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
 /// Steps at most; from the third on they are damped by half, but for the last.
-const STEPS: usize = 8;
+const STEPS: usize = 10;
 /// No step moves a coordinate by more than this, cm: where a limb is straight, a distance does not tell its own gradient.
 const FARTHEST: f64 = 3.0;
 /// Steps end when no distance changes by more than this, cm.
