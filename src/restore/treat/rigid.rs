@@ -16,12 +16,12 @@ use crate::prior::{Belief, EXACT};
 
 /// Values of i that are tried, cm² (.003, .02, .1 and .6 asf²).
 const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
-/// Steps at most; from the third on they are damped by half, but for the last.
+/// Steps at most; from the third on they are damped by half where they do not shrink, but for the last.
 const STEPS: usize = 10;
 /// No step moves a coordinate by more than this, cm: where a limb is straight, a distance does not tell its own gradient.
 const FARTHEST: f64 = 3.0;
 /// Steps end when no distance changes by more than this, cm.
-const SETTLED: f64 = 1e-4;
+const SETTLED: f64 = 2e-3;
 /// The share of bodies nobody has seen, and how much their lengths differ from the mean of those seen.
 const STRANGER: (f64, f64) = (0.02, 0.06);
 
@@ -133,6 +133,7 @@ pub fn keep(
     let extra: Vec<f64> = noise.iter().map(|r| shared(add, *r)).collect();
     let n = rows.len();
     let mut x = belief.mean.clone();
+    let mut before = f64::INFINITY;
     for step in 0..STEPS {
         let rows = gradients(&ends, &x);
         let cross = cross(&rows, belief, &extra);
@@ -159,7 +160,9 @@ pub fn keep(
             return;
         }
         let last = most <= SETTLED || step + 1 == STEPS;
-        let by = if last || step < 2 || step + 2 == STEPS {
+        let shrinks = most <= 0.5 * before;
+        before = most;
+        let by = if last || step < 2 || shrinks {
             1.0
         } else {
             0.5
