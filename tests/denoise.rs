@@ -88,3 +88,68 @@ fn the_status_says_what_changed() {
             .all(|w| w.parse::<f64>().unwrap() > 0.0)
     );
 }
+
+/// A Gaussian learnt from some of subject 07's walks, and a walk that it has not seen.
+fn learnt(space: &str, name: &str) -> Option<(tempfile::TempDir, String, String)> {
+    let dir = tempfile::tempdir().unwrap();
+    let space = ["--space", space];
+    let mut all = take("07", "07_02", &space)?;
+    for more in ["07_03", "07_04", "07_05", "07_06"] {
+        all += take("07", more, &space)?.split_once('\n')?.1;
+    }
+    let model = dir.path().join(name);
+    let model = common::text(&model).to_string();
+    let flags = ["-q", "--kind", "gaussian", "-o", &model];
+    run("prior-train", &[&flags[..], &space].concat(), &all);
+    let walk = thin(&take("07", "07_01", &space)?, 316, 2);
+    Some((dir, model, walk))
+}
+
+#[test]
+fn outliers_of_single_frames_are_found() {
+    for space in ["body", "world"] {
+        let Some((_dir, model, walk)) = learnt(space, "g.npz") else {
+            return;
+        };
+        let truth = Numbers::read(&walk);
+        let hit = run("corrupt", &["--sparse", "1asf", "--seed", "2"], &walk);
+        let mse = |more: &[&str]| {
+            let flags = ["-q", "--per-frame", "--space", space, "-m", &model];
+            let answer = Numbers::read(&run("denoise", &[&flags[..], more].concat(), &hit));
+            truth.rms(&answer).powi(2)
+        };
+        let (plain, sought) = (mse(&["--outliers", "none"]), mse(&[]));
+        assert!(sought <= 0.4 * plain, "{space}: {plain} became {sought}");
+    }
+}
+
+#[test]
+fn clean_points_among_outliers_stay_exactly_where_they_are() {
+    let Some((_dir, model, walk)) = learnt("body", "g.npz") else {
+        return;
+    };
+    let truth = Numbers::read(&walk);
+    let hit = run("corrupt", &["--sparse", "1asf", "--seed", "3"], &walk);
+    let before = Numbers::read(&hit);
+    let flags = [
+        "-q",
+        "--per-frame",
+        "--space",
+        "body",
+        "--status",
+        "-m",
+        &model,
+    ];
+    let answer = Numbers::read(&run("denoise", &flags, &hit));
+    let (mut clean, mut same) = (0, 0);
+    for ((a, b), c) in truth.rows.iter().zip(&before.rows).zip(&answer.rows) {
+        for p in (0..a.len())
+            .step_by(3)
+            .filter(|&p| a[p..p + 3] == b[p..p + 3])
+        {
+            clean += 1;
+            same += usize::from(b[p..p + 3] == c[p..p + 3]);
+        }
+    }
+    assert!(clean > 2000 && same * 10 >= clean * 7, "{same} of {clean}");
+}

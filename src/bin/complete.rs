@@ -13,7 +13,8 @@ use std::process::ExitCode;
 ///
 /// Fills the empty cells of a pose table from a model of what poses look like; values that are there are not changed.
 /// In a take (a table with times, or --fps) the answer is carried over to what was seen at both ends of a gap; without
-/// times each frame is answered by itself. A frame that shows too little stays as it is, and is counted.
+/// times each frame is answered by itself. A frame that shows too little stays as it is, and is counted. Distances that
+/// the model knows to be rigid, bones among them, are kept.
 #[derive(Parser)]
 #[command(
     name = "complete",

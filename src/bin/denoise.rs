@@ -12,6 +12,10 @@ use std::process::ExitCode;
 ///
 /// Changes values to what they more likely were, by a model of what poses look like and, in a take (a table with times,
 /// or --fps), by what neighbouring frames tell. Empty cells stay empty without --fill.
+///
+/// A model learnt by prior-train or ksvd-train knows which distances are rigid, and answers keep them. They also tell of
+/// a single frame (--per-frame) how noisy most of its points are: where that is little (up to 1 cm), the others are
+/// outliers, which are found and put back; points that are found clean, and exact, stay where they are.
 #[derive(Parser)]
 #[command(
     name = "denoise",

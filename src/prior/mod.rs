@@ -17,6 +17,7 @@ pub mod mixture;
 pub mod nearest;
 pub mod neighbours;
 pub mod nlm;
+pub mod pairs;
 pub mod pca;
 pub mod sgplvm;
 mod sgplvm_learn;
@@ -134,6 +135,11 @@ pub trait Prior: Send + Sync {
     /// The pose to answer with, once placed and fitted.
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
         self.believe(y, noise).posterior()
+    }
+    /// The same model at the setting in which the noise told is the noise there is, point by point; `None` where it
+    /// always is. Tuned models take uneven noise for a guess otherwise.
+    fn as_told(&self) -> Option<&dyn Prior> {
+        None
     }
     /// A few poses, far apart, that headings are found with: (k, 3 J).
     fn typical(&self) -> ArrayView2<'_, f64>;

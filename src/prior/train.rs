@@ -1,5 +1,6 @@
 //! Training any prior by its kind's name.
 
+use super::pairs::RigidPairs;
 use super::training::{self, TrainingPoses};
 use super::tuning::HoldBack;
 use super::{blocks, clustered, gaussian, lpca, mfa, mixture, nearest, nlm, pca, sgplvm};
@@ -80,6 +81,7 @@ impl Training<'_> {
         model.meta.details.insert("frames".into(), frames.into());
         let typical = training::typical(self.poses.xyz.view())?;
         model.arrays.insert("typical".into(), typical);
+        RigidPairs::learn(self.poses.xyz.view(), &self.poses.takes).write(&mut model);
         Ok(model)
     }
 }

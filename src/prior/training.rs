@@ -1,5 +1,6 @@
 //! Poses made ready for learning, and the model that comes of it.
 
+use super::pairs::RigidPairs;
 use super::sparse::residual_covariance;
 use crate::cluster;
 use crate::io::Model;
@@ -263,6 +264,7 @@ pub fn sparse_model(
     model
         .arrays
         .insert("typical".into(), typical(poses.xyz.view())?);
+    RigidPairs::learn(poses.xyz.view(), &poses.takes).write(&mut model);
     Ok(model)
 }
 

@@ -535,6 +535,10 @@ impl Prior for Tasked {
         prior.posterior(y, &noise, fit)
     }
 
+    fn as_told(&self) -> Option<&dyn Prior> {
+        Some(self.prior(Task::Treated))
+    }
+
     fn typical(&self) -> ArrayView2<'_, f64> {
         self.priors[0].typical()
     }

@@ -48,6 +48,17 @@ pub fn map_to(
     PoseMap::reshape(model, &target)
 }
 
+/// How unsure a length is (standard deviation, cm) that was measured in so many frames with noise of a standard deviation
+/// a coordinate; of one that was never seen only what people differ by, less what the others tell, is known.
+pub fn unsure(length: f64, noise: f64, frames: usize) -> f64 {
+    if frames == 0 {
+        return 0.3 * PEOPLE_DIFFER * length;
+    }
+    let measured = 2.0 * noise * noise / (length * length) / (frames as f64).sqrt();
+    let people = PEOPLE_DIFFER * PEOPLE_DIFFER;
+    length * (people * measured / (people + measured)).sqrt()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -36,9 +36,12 @@ pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>) -> Restoration {
                 if job.is_whole(&y) {
                     return Answer::Whole;
                 }
-                let adapted = job.prior_for(xyz.slice(s![t..t + 1, ..]), 0.0);
+                let frame = xyz.slice(s![t..t + 1, ..]);
+                let adapted = job.prior_for(frame, 0.0);
+                let treatment = job.treatment_for(&adapted, frame, 0.0);
                 let noise = noise_of(&y, &[]);
                 job.restorer(&adapted)
+                    .treating(&treatment)
                     .restore(&y, &noise)
                     .map_or(Answer::TooLittle, Answer::Found)
             })
@@ -127,7 +130,8 @@ pub fn take(
 ) -> Restoration {
     let bones = RigidBones::measure(&job.parents(), xyz);
     let adapted = job.prior_for(xyz, 0.0);
-    let restorer = job.restorer(&adapted);
+    let treatment = job.treatment_for(&adapted, xyz, 0.0);
+    let restorer = job.restorer(&adapted).treating(&treatment);
     let suspects: Vec<Vec<usize>> = par::map_chunks(xyz.nrows(), 64, |range| {
         range
             .map(|t| bones.suspects(&xyz.row(t).to_vec(), 0.0, |_| 0.0))

@@ -14,6 +14,12 @@ use crate::prior::EXACT;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
+/// Up to this noise of most points, cm, the others of a frame are outliers; above, all is noise.
+const NEARLY_CLEAN: f64 = 1.0;
+
+/// Up to this noise of a smoothed coordinate, cm, a take tells its body's lengths well enough to hold poses to them.
+const MEASURES: f64 = 0.3;
+
 /// How noise is dealt with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Denoise {
@@ -43,6 +49,9 @@ struct Answer {
 }
 
 /// Denoises frames each by itself (in the model's order).
+///
+/// A noise that is given is every coordinate's. Otherwise rigid distances tell how noisy most points of a frame are, if
+/// the model knows any: where that is little, the others are outliers.
 pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>, settings: Denoise) -> Restoration {
     let answers = par::map_chunks(xyz.nrows(), 8, |range| {
         range
@@ -54,11 +63,16 @@ pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>, settings: Denoise) -> Restora
 
 fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     let y = frame.row(0).to_vec();
+    if let Some(answer) = with_outliers(job, &y, settings) {
+        return answer;
+    }
     let adapted = job.prior_for(frame, settings.noise.unwrap_or(2.0));
     let restorer = job.restorer(&adapted);
     let noise = settings
         .noise
         .unwrap_or_else(|| noise_of_frame(&restorer, &y));
+    let treatment = job.treatment_for(&adapted, frame, noise);
+    let restorer = restorer.treating(&treatment);
     let variances: Vec<f64> = y.iter().map(|v| variance(*v, noise)).collect();
     let found = restorer.restore(&y, &variances);
     Answer {
@@ -66,6 +80,27 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
         suspects: Vec::new(),
         noise,
     }
+}
+
+/// The answer for a frame most points of which are nearly clean, by the distances between them.
+fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
+    if !settings.outliers || settings.noise.is_some() {
+        return None;
+    }
+    let treatment = job.own_treatment();
+    let own = job.restorer(&None).treating(treatment);
+    let base = own
+        .treatment?
+        .base_noise(y)
+        .filter(|b| *b <= NEARLY_CLEAN)?;
+    // The lengths are those of a body that the model knows: nothing is to be adapted but the placement's own.
+    let (found, corrupt) = own.restore_outliers(y, base * base)?;
+    let suspects = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
+    Some(Answer {
+        found: Some(found),
+        suspects,
+        noise: base,
+    })
 }
 
 fn variance(value: f64, noise: f64) -> f64 {
@@ -122,8 +157,15 @@ pub fn take(
         }
     }
     let (mean, variances) = smoothed(&counted, runs, rate, &noise);
-    let adapted = job.prior_for(mean_where_seen(&counted, &mean).view(), 0.0);
-    let restorer = job.restorer(&adapted);
+    let seen = mean_where_seen(&counted, &mean);
+    let adapted = job.prior_for(seen.view(), 0.0);
+    let noise_left = left(&variances);
+    let treatment = job.treatment_for(&adapted, seen.view(), noise_left);
+    let mut restorer = job.restorer(&adapted);
+    // Lengths measured through noise are all too long: kept, they would do more harm than good.
+    if adapted.is_none() || noise_left <= MEASURES {
+        restorer = restorer.treating(&treatment);
+    }
     let answers = par::map_chunks(xyz.nrows(), 8, |range| {
         let out: Vec<Answer> = range
             .clone()
@@ -258,6 +300,13 @@ fn smoothed(
         variances.column_mut(i).assign(&ndarray::Array1::from(v));
     }
     (mean, variances)
+}
+
+/// The standard deviation of the noise that smoothing leaves, cm.
+fn left(variances: &Array2<f64>) -> f64 {
+    let known = variances.iter().filter(|v| v.is_finite());
+    let (sum, n) = known.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
+    (sum / n.max(1) as f64).sqrt()
 }
 
 fn mean_where_seen(counted: &Array2<f64>, mean: &Array2<f64>) -> Array2<f64> {

@@ -2,10 +2,11 @@
 
 use super::planar;
 use super::synthesis::{Observed, Synthesis};
+use super::treat::{Seek, Treatment};
 use crate::pose::{Anchor, Similarity, Status};
-use crate::prior::{EXACT, Prior};
+use crate::prior::{EXACT, Posterior, Prior};
 use glam::DVec3;
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 
 /// A restored frame, where the capture stands.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,12 +72,22 @@ pub struct Restorer<'a> {
     pub anchor: Option<&'a Anchor>,
     /// How P1 is solved.
     pub synthesis: Synthesis,
+    /// What is known of rigid distances; `None` keeps none.
+    pub treatment: Option<&'a Treatment>,
 }
 
 /// A pelvis this noisy (variance of a coordinate, cm²) gives no heading worth starting from alone.
 const NOISY: f64 = 0.25;
+/// A point this likely to be corrupt does not place a pose.
+const IN_DOUBT: f64 = 0.05;
 
-impl Restorer<'_> {
+impl<'a> Restorer<'a> {
+    /// The same with a treatment, unless it knows nothing.
+    pub fn treating(mut self, treatment: &'a Treatment) -> Restorer<'a> {
+        self.treatment = (!treatment.is_empty()).then_some(treatment);
+        self
+    }
+
     /// Restores one frame: 3 J numbers and the variance of each one's noise (infinite where missing).
     ///
     /// `None` when too little is seen: no point at all; or in world space fewer than three, or all on a line.
@@ -105,24 +116,79 @@ impl Restorer<'_> {
         let mut back = vec![0.0; y.len()];
         placement.undo_pose(y, &mut back);
         let noise = super::synthesis::pointwise(noise);
-        let posterior = self.prior.posterior(&back, &noise, &solution.fit);
-        let mut mean = vec![0.0; y.len()];
-        placement.apply_pose(&posterior.mean, &mut mean);
-        Some(Restored {
-            mean,
-            sd: point_sd(&posterior.variance),
-            placement,
-        })
+        let posterior = match self.treated(&back, &noise, Seek::Nothing) {
+            Some(treated) => treated.0,
+            None => self.prior.posterior(&back, &noise, &solution.fit),
+        };
+        Some(placed(posterior, placement))
+    }
+
+    /// Restores a frame any points of which may be corrupt; `base` is the variance of a coordinate of clean ones, cm².
+    /// The answer comes with the probability of each point to be corrupt.
+    ///
+    /// Bones need no placement: points in doubt by them are left out where the pose is placed.
+    pub fn restore_outliers(&self, y: &[f64], base: f64) -> Option<(Restored, Vec<f64>)> {
+        let told = |v: &f64| if v.is_finite() { base } else { f64::INFINITY };
+        let told: Vec<f64> = y.iter().map(told).collect();
+        let doubts = self.treatment?.doubts(y, &told);
+        let noise = (told.iter().enumerate()).map(|(i, n)| {
+            if doubts[i / 3] > IN_DOUBT {
+                f64::INFINITY
+            } else {
+                *n
+            }
+        });
+        let noise: Vec<f64> = noise.collect();
+        let placement = self.restore(y, &noise)?.placement;
+        let mut back = vec![0.0; y.len()];
+        placement.undo_pose(y, &mut back);
+        let (posterior, corrupt) = self.treated(&back, &told, Seek::Outliers)?;
+        let mut restored = placed(posterior, placement);
+        for (i, told) in told.iter().enumerate() {
+            // There and back again is not quite where it was.
+            if *told <= EXACT && corrupt.get(i / 3).is_none_or(|q| *q <= 0.0) {
+                restored.mean[i] = y[i];
+            }
+        }
+        Some((restored, corrupt))
+    }
+
+    /// The answer in the model's space with rigid distances kept, and who is corrupt; `None` where nothing is known.
+    fn treated(&self, y: &[f64], noise: &[f64], seek: Seek) -> Option<(Posterior, Vec<f64>)> {
+        let treatment = self.treatment.filter(|t| !t.is_empty())?;
+        let shape = (1, y.len());
+        let (y, noise) = (
+            ArrayView2::from_shape(shape, y).ok()?,
+            ArrayView2::from_shape(shape, noise).ok()?,
+        );
+        let treated = treatment.answer(self.prior, y, noise, seek).pop()?;
+        Some((treated.belief.posterior(), treated.corrupt))
     }
 
     fn in_place(&self, seen: Observed<'_>) -> Restored {
-        let fit = self.prior.fit(seen.y, seen.noise, None);
-        let posterior = self.prior.posterior(seen.y, seen.noise, &fit);
+        let posterior = match self.treated(seen.y, seen.noise, Seek::Nothing) {
+            Some(treated) => treated.0,
+            None => {
+                let fit = self.prior.fit(seen.y, seen.noise, None);
+                self.prior.posterior(seen.y, seen.noise, &fit)
+            }
+        };
         Restored {
             sd: point_sd(&posterior.variance),
             mean: posterior.mean,
             placement: Similarity::IDENTITY,
         }
+    }
+}
+
+/// An answer carried to where the capture stands.
+fn placed(posterior: Posterior, placement: Similarity) -> Restored {
+    let mut mean = vec![0.0; posterior.mean.len()];
+    placement.apply_pose(&posterior.mean, &mut mean);
+    Restored {
+        mean,
+        sd: point_sd(&posterior.variance),
+        placement,
     }
 }
 

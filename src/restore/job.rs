@@ -3,11 +3,13 @@
 use super::adapt;
 use super::frame::Restorer;
 use super::synthesis::Synthesis;
+use super::treat::Treatment;
 use crate::io::Model;
 use crate::pose::{Anchor, Body, PoseMap, joints};
 use crate::prior::{self, Choice, Prior};
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2};
+use std::borrow::Cow;
 
 /// Bodies within this share of the model's bones are the model's.
 const SAME_BODY: f64 = 0.002;
@@ -22,6 +24,8 @@ pub struct Job {
     /// Where each point of the model stands in the table.
     index: Vec<Option<usize>>,
     synthesis: Synthesis,
+    /// Empty where the model knows of none, or answers as published.
+    treatment: Treatment,
 }
 
 impl Job {
@@ -34,6 +38,10 @@ impl Job {
         world: bool,
     ) -> Result<Job> {
         let prior = prior::open(model, choice, source)?;
+        let treatment = match choice.published {
+            true => Treatment::default(),
+            false => Treatment::read(model, source)?,
+        };
         let names = &model.meta.points;
         let index: Vec<_> = names
             .iter()
@@ -68,6 +76,7 @@ impl Job {
             mirror,
             index,
             synthesis: Synthesis::default(),
+            treatment,
         })
     }
 
@@ -117,12 +126,41 @@ impl Job {
         (!same).then(|| self.prior.mapped(&map))
     }
 
-    /// What restores frames, with the prior that [`Job::prior_for`] gave.
+    /// What is known of rigid distances of the model's own body.
+    pub fn own_treatment(&self) -> &Treatment {
+        &self.treatment
+    }
+
+    /// What is known of rigid distances of that body; `noise` is what the lengths were measured with, the standard
+    /// deviation of a coordinate, cm.
+    pub fn treatment_for(
+        &self,
+        adapted: &Option<Box<dyn Prior>>,
+        frames: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> Cow<'_, Treatment> {
+        let Some(adapted) = adapted.as_ref().filter(|_| !self.treatment.is_empty()) else {
+            return Cow::Borrowed(&self.treatment);
+        };
+        let unsure = |ends: [usize; 2], length: f64| {
+            let seen = |row: ArrayView1<'_, f64>| {
+                let all = ends.iter().flat_map(|p| 3 * p..3 * p + 3);
+                all.into_iter().all(|i| row[i].is_finite())
+            };
+            let count = frames.rows().into_iter().filter(|r| seen(*r)).count();
+            adapt::unsure(length, noise, count)
+        };
+        let (from, to) = (self.prior.typical(), adapted.typical());
+        Cow::Owned(self.treatment.mapped(from, to, unsure))
+    }
+
+    /// What restores frames, with the prior that [`Job::prior_for`] gave, and without a treatment.
     pub fn restorer<'a>(&'a self, adapted: &'a Option<Box<dyn Prior>>) -> Restorer<'a> {
         Restorer {
             prior: adapted.as_deref().unwrap_or(&*self.prior),
             anchor: self.anchor.as_ref(),
             synthesis: self.synthesis.clone(),
+            treatment: None,
         }
     }
 }

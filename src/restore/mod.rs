@@ -17,6 +17,8 @@ pub mod smooth;
 pub mod suspects;
 pub mod synthesis;
 pub mod take;
+pub mod treat;
 
 pub use frame::{Restoration, Restored, Restorer};
 pub use job::Job;
+pub use treat::{Seek, Treated, Treatment};

@@ -9,6 +9,7 @@ use crate::prior::train::{KINDS, Training, train};
 use crate::prior::training::{TrainingPoses, sparse_model};
 use crate::prior::tuning::HoldBack;
 use crate::prior::{self, Belief, Choice, Prior};
+use crate::restore::treat::{self, Seek};
 use crate::sparse::{Ksvd, Rule, ksvd::draw};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, s};
@@ -240,29 +241,32 @@ pub fn make(methods: &[&Method], poses: &TrainingPoses, split: Split, seed: u64)
     })
 }
 
-/// What a method needs besides its prior to find outliers and keep rigid distances.
-///
-/// THE place for the treatment: what is learnt once from the training poses is made by [`Treatment::learn`] and used by
-/// [`Treatment::answer`]. Until both exist, treated methods are left out.
-pub struct Treatment;
+/// What a method has besides its prior to find outliers and keep rigid distances.
+pub struct Treatment(treat::Treatment);
 
 impl Treatment {
     /// Whether there is a treatment.
-    pub const EXISTS: bool = false;
+    pub const EXISTS: bool = true;
 
     /// Learns what the treatment needs from the training poses.
-    pub fn learn(_poses: &TrainingPoses) -> Treatment {
-        Treatment
+    pub fn learn(poses: &TrainingPoses) -> Treatment {
+        Treatment(treat::Treatment::learn(poses.xyz.view(), &poses.takes))
     }
 
-    /// Restores poses: told is what a plain method would be told.
+    /// Restores poses: told is what a plain method would be told, and the same of all of them.
     fn answer(
         &self,
         prior: &dyn Prior,
         y: ArrayView2<'_, f64>,
         told: ArrayView2<'_, f64>,
     ) -> Vec<Belief> {
-        prior.believe_all(y, told)
+        let seek = told
+            .rows()
+            .into_iter()
+            .next()
+            .map(|r| Seek::by(&r.to_vec()));
+        let answers = self.0.answer(prior, y, told, seek.unwrap_or(Seek::Nothing));
+        answers.into_iter().map(|a| a.belief).collect()
     }
 }
 
