@@ -33,7 +33,7 @@ pub struct Settings {
     pub own: f64,
     /// Added to every variance, cm².
     pub least: f64,
-    /// What log evidences are multiplied by.
+    /// What the log evidences of the ways to make a body are multiplied by where they are averaged.
     pub temperature: f64,
     /// Steps of EM.
     pub steps: usize,
@@ -62,7 +62,7 @@ impl Default for Settings {
             ],
             own: 0.8,
             least: 1e-4 * ASF_UNIT_CM * ASF_UNIT_CM,
-            temperature: 1.0,
+            temperature: 0.3,
             steps: 60,
             leaves_kept: 80_000,
             tested: 400,

@@ -53,7 +53,7 @@ pub struct Blocks {
     ways: Vec<Vec<usize>>,
     /// The log weight of each way.
     log_ways: Vec<f64>,
-    /// What log evidences are multiplied by: blocks are surer than they should be.
+    /// What the log evidences of ways are multiplied by where they are averaged.
     temperature: f64,
     variance: Vec<f64>,
     typical: Array2<f64>,
@@ -90,13 +90,6 @@ fn told(noise: &[f64]) -> Vec<f64> {
 }
 
 impl Blocks {
-    #[doc(hidden)]
-    pub fn weights(&self) -> (Vec<Vec<f64>>, Vec<f64>) {
-        (
-            self.parts.iter().map(|p| p.log_weights.clone()).collect(),
-            self.log_ways.clone(),
-        )
-    }
     fn views(&self, noise: &[f64]) -> Arc<Vec<View>> {
         let noise = told(noise);
         let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
@@ -138,7 +131,7 @@ impl Blocks {
         let explained: Vec<Explained> = (self.parts.iter().zip(views.iter()).zip(&observed))
             .zip(wanted)
             .map(|(((part, view), y), wanted)| match wanted {
-                true => part.explain(view, y, self.temperature),
+                true => part.explain(view, y),
                 false => Explained::nothing(),
             })
             .collect();
@@ -158,10 +151,15 @@ impl Blocks {
     fn join(&self, seen: &Considered, unsure: bool) -> (Vec<f64>, Array2<f64>) {
         let d = self.width;
         let square = |wanted: bool| Array2::zeros(if wanted { (d, d) } else { (0, 0) });
-        let evidence = log_sum(&seen.ways);
+        // The evidences of ways are surer of their order than they should be: there are few ways, and all are wrong.
+        let ways = seen.ways.iter().zip(&self.log_ways);
+        let ways: Vec<f64> = ways
+            .map(|(all, weight)| weight + self.temperature * (all - weight))
+            .collect();
+        let evidence = log_sum(&ways);
         let mut answers: Vec<Option<(Vec<f64>, Array2<f64>)>> = vec![None; self.parts.len()];
         let mut wholes = Vec::new();
-        for (way, log) in self.ways.iter().zip(&seen.ways) {
+        for (way, log) in self.ways.iter().zip(&ways) {
             let weight = (log - evidence).exp();
             if weight < LEAST_WEIGHT {
                 continue;

@@ -157,7 +157,7 @@ impl Explained {
 }
 
 /// So many blocks answer.
-const KEPT: usize = 20;
+const KEPT: usize = 96;
 /// Blocks this much less likely (nats) than the best do not answer.
 const NEGLIGIBLE: f64 = 6.0;
 /// Levels of less weight are not looked at.
@@ -167,7 +167,7 @@ const OPENED: usize = 8;
 /// Cells this much less likely than the best are not opened.
 const CLOSED: f64 = 20.0;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 48;
+const WEIGHED: usize = 128;
 
 impl Part {
     /// Puts a part together: `labels` gives the finest cell of each training pose.
@@ -242,8 +242,8 @@ impl Part {
     }
 
     /// How well the blocks explain `y` (d; read where observed).
-    pub fn explain(&self, view: &View, y: &[f64], temperature: f64) -> Explained {
-        let mut found = Search::new(self, temperature);
+    pub fn explain(&self, view: &View, y: &[f64]) -> Explained {
+        let mut found = Search::new(self);
         if !view.sees() {
             // Nothing observed: the prior itself, by its coarsest cell.
             found.levels.fill(0.0);
@@ -290,14 +290,14 @@ impl Part {
             sight.lens.project(|i| y[i] - mean[i], &mut z);
             let mut most = f64::NEG_INFINITY;
             for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
-                let log = cells.log_shares[cell] + found.temperature * sight.scales[at].log(&z);
+                let log = cells.log_shares[cell] + sight.scales[at].log(&z);
                 logs.push(log);
                 most = most.max(log);
                 found.add(log, level.level, (index, at), cell, 0);
             }
             if levels.is_empty() {
                 // Only to find which leaves to look at.
-                most = cells.log_shares[cell] + found.temperature * sight.lens.at(1.0).log(&z);
+                most = cells.log_shares[cell] + sight.lens.at(1.0).log(&z);
             }
             best.push((most, cell));
         }
@@ -318,7 +318,7 @@ impl Part {
     ) {
         let levels = &self.active[self.cells.len()];
         cells.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let closed = cells[0].0 - CLOSED * found.temperature;
+        let closed = cells[0].0 - CLOSED;
         let likely = cells.iter().take(OPENED).filter(|c| c.0 >= closed);
         let mut near: Vec<(f32, usize, usize)> = Vec::new();
         for &(_, cell) in likely {
@@ -354,7 +354,7 @@ impl Part {
                         let (vv, vz) = (along * dot(&w, &state.step), dot(&w, &state.z));
                         log += 0.5 * along * vz * vz / (1.0 + vv) - 0.5 * vv.ln_1p();
                     }
-                    let log = share + found.temperature * log;
+                    let log = share + log;
                     logs.push(log);
                     found.add(log, level, (self.cells.len(), at), cell, leaf);
                 }
@@ -424,17 +424,15 @@ pub fn log_sum(logs: &[f64]) -> f64 {
 /// The best blocks so far.
 struct Search<'a> {
     part: &'a Part,
-    temperature: f64,
     levels: Vec<f64>,
     best: Vec<Hypothesis>,
     worst: f64,
 }
 
 impl<'a> Search<'a> {
-    fn new(part: &'a Part, temperature: f64) -> Search<'a> {
+    fn new(part: &'a Part) -> Search<'a> {
         Search {
             part,
-            temperature,
             levels: vec![f64::NEG_INFINITY; part.levels.len()],
             best: Vec::with_capacity(4 * KEPT),
             worst: f64::NEG_INFINITY,
