@@ -307,6 +307,11 @@ fn of_bodies(found: Vec<(Pair, Vec<f64>)>, weights: &[f64]) -> RigidPairs {
 mod tests {
     use super::*;
 
+    /// One take.
+    fn one(rows: Range<usize>) -> Vec<Range<usize>> {
+        vec![rows]
+    }
+
     /// A hinge of two bars, and a point that wanders; the second take's bars are longer.
     fn hinge() -> Array2<f32> {
         Array2::from_shape_fn((200, 12), |(t, c)| {
@@ -368,14 +373,16 @@ mod tests {
         for takes in [vec![], vec![0..1, 1..2]] {
             assert!(RigidPairs::learn(xyz.view(), &takes).is_empty());
         }
-        assert!(RigidPairs::learn(Array2::zeros((5, 6)).view(), &[0..5]).is_empty());
-        assert!(RigidPairs::learn(Array2::from_elem((5, 6), f32::NAN).view(), &[0..5]).is_empty());
+        assert!(RigidPairs::learn(Array2::zeros((5, 6)).view(), &one(0..5)).is_empty());
+        assert!(
+            RigidPairs::learn(Array2::from_elem((5, 6), f32::NAN).view(), &one(0..5)).is_empty()
+        );
     }
 
     #[test]
     fn another_body_has_other_lengths() {
         let xyz = hinge().mapv(f64::from);
-        let found = RigidPairs::learn(hinge().view(), &[0..100]);
+        let found = RigidPairs::learn(hinge().view(), &one(0..100));
         let twice = found.mapped(xyz.view(), (&xyz * 2.0).view());
         assert!(twice.bodies.iter().all(|l| (l - 20.0).abs() <= 1e-3));
         assert!(twice.pairs.iter().all(|p| p.sd <= 1e-3));
