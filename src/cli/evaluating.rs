@@ -355,7 +355,7 @@ pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
     Ok(())
 }
 
-/// Reads the results of finished runs, each a folder that [`write`] has written.
+/// Reads the results of finished runs, each a folder that [`write()`] has written.
 pub fn finished(folders: &[PathBuf]) -> Result<Vec<Run>> {
     let read = |folder: &PathBuf| {
         let path = folder.join("results.json");

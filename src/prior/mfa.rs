@@ -8,7 +8,7 @@
 //!
 //! L_j (D, q) is the analyser's, the diagonal Ψ is common to all, S_j the moments of the E step (`em`). Each round takes
 //! several such steps with the same shares: they cost little beside the E step, and none lowers the likelihood. Started
-//! from k-means with each cluster's principal components. Neither the posing paper nor [GH96] names sizes that fit every
+//! from k-means with each cluster's principal components. Neither the posing paper nor Ghahramani and Hinton (1996) name sizes that fit every
 //! set; these are near what full Gaussians of as many components can hold.
 
 use super::Choice;
