@@ -49,7 +49,7 @@ impl Default for Settings {
     fn default() -> Self {
         Settings {
             cells: vec![1, 5, 20, 80, 300],
-            scales: vec![1.0, 2.5, 6.0],
+            scales: vec![1.0, 2.5, 6.0, 15.0],
             leaves: vec![
                 (1.0, 0.0),
                 (0.3, 0.0),
