@@ -29,7 +29,7 @@ struct Args {
     /// What kind of prior
     #[arg(long, value_name = "KIND", default_value = DEFAULT, value_parser = kinds())]
     kind: String,
-    /// What is held back to tune on: whole takes (for motion not seen before), or frames at random
+    /// What is held back to tune on: whole takes (for motion not seen before), or frames at random; blocks hold back both
     #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
     hold_back: HoldBackFlag,
     /// Where poses are learnt: in the model's space, to which each is carried, or as the rows are
@@ -123,6 +123,9 @@ fn work(args: &Args) -> Result<Outcome> {
     drop(bar);
     if Tuning::read(&model).is_some_and(|t| t.tested == 0) {
         say::note("too few poses to hold any back: nothing is tuned");
+    }
+    if args.kind == "blocks" && poses.takes.len() < 2 {
+        say::note("a single take: none can be held back, so the levels of blocks weigh alike");
     }
     model.meta.credit.clone_from(&args.credit);
     let mut flags = vec![

@@ -291,10 +291,6 @@ impl Gaussians {
         (said.collect(), best + sum.ln())
     }
 
-    fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
-        average(&self.said(y, &self.conditionals(noise)).0, self.width())
-    }
-
     fn by_rows<T: Send>(
         &self,
         y: ArrayView2<'_, f64>,
@@ -371,6 +367,10 @@ impl Prior for Gaussians {
         }
     }
 
+    fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
+        average(&self.said(y, &self.conditionals(noise)).0, self.width())
+    }
+
     fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
         self.by_rows(y, noise, |y, noise| self.believe(y, noise))
     }
@@ -382,20 +382,6 @@ impl Prior for Gaussians {
             row.assign(&ArrayView1::from(&mean));
         }
         out
-    }
-
-    fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
-        let pose = self.mean(y, noise);
-        let terms = y.iter().zip(&pose).zip(noise.iter().zip(&self.variance));
-        let objective = terms
-            .filter(|(_, (n, _))| n.is_finite())
-            .map(|((y, p), (n, v))| (y - p) * (y - p) / (n + v).max(EXACT))
-            .sum();
-        Fit {
-            pose,
-            support: Vec::new(),
-            objective,
-        }
     }
 
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {

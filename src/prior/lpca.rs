@@ -14,7 +14,7 @@ use super::neighbours::{Near, Neighbours};
 use super::store;
 use super::train::Training;
 use super::training::TrainingPoses;
-use super::tuning::{Grid, Learnt, Setting, Tasked, Tuned, tune};
+use super::tuning::{Grid, Learnt, Setting, Tasked, tune};
 use super::{Belief, Choice, EXACT, Prior};
 use crate::io::Model;
 use crate::pose::PoseMap;
@@ -47,11 +47,7 @@ impl LpcaPrior {
     /// # Errors
     /// Data: no such array, a wrong shape, numbers that are not finite.
     pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-        let width = 3 * model.meta.points.len();
-        let poses = store::rows(model, "poses", width, source)?;
-        let typical = store::typical_or(model, poses, source)?;
-        let tuned = Tuned::read(model, source)?;
-        Ok(Tasked::new(tuned, choice.task, &learnt(poses, typical)))
+        store::of_poses(model, choice, source, learnt)
     }
 
     fn new(tree: Arc<Neighbours>, typical: Arc<Array2<f64>>, inflation: f64) -> LpcaPrior {

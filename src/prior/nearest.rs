@@ -7,7 +7,7 @@ use super::neighbours::Neighbours;
 use super::store;
 use super::train::Training;
 use super::training::TrainingPoses;
-use super::tuning::{ASF2, Grid, Learnt, Setting, Task, Tasked, Tuned, Tuning, tune};
+use super::tuning::{ASF2, Grid, Learnt, Setting, Task, Tasked, Tuning, tune};
 use super::{Belief, Choice, Prior};
 use crate::io::Model;
 use crate::pose::PoseMap;
@@ -36,11 +36,7 @@ impl NearestPrior {
     /// # Errors
     /// Data: no such array, a wrong shape, numbers that are not finite.
     pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-        let width = 3 * model.meta.points.len();
-        let poses = store::rows(model, "poses", width, source)?;
-        let typical = store::typical_or(model, poses, source)?;
-        let tuned = Tuned::read(model, source)?;
-        Ok(Tasked::new(tuned, choice.task, &learnt(poses, typical)))
+        store::of_poses(model, choice, source, learnt)
     }
 
     fn new(tree: Arc<Neighbours>, typical: Arc<Array2<f64>>, width: f64) -> NearestPrior {

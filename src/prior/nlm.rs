@@ -18,7 +18,7 @@ use super::lpca::most_probable;
 use super::store;
 use super::train::Training;
 use super::training::TrainingPoses;
-use super::tuning::{ASF2, Grid, Learnt, Setting, Tasked, Tuned, tune};
+use super::tuning::{ASF2, Grid, Learnt, Setting, Tasked, tune};
 use super::{Belief, Choice, Prior};
 use crate::io::Model;
 use crate::pose::PoseMap;
@@ -82,12 +82,10 @@ impl NlmPrior {
     /// # Errors
     /// Data: no such array, a wrong shape, numbers that are not finite.
     pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-        let width = 3 * model.meta.points.len();
-        let poses = store::rows(model, "poses", width, source)?;
-        let typical = store::typical_or(model, poses, source)?;
-        let tuned = Tuned::read(model, source)?;
-        let learnt = learnt(poses, typical, model.meta.kind == LINEAR);
-        Ok(Tasked::new(tuned, choice.task, &learnt))
+        let linear = model.meta.kind == LINEAR;
+        store::of_poses(model, choice, source, |poses, typical| {
+            learnt(poses, typical, linear)
+        })
     }
 
     fn new(poses: Arc<Cloud>, typical: Arc<Array2<f64>>, width: f64, linear: bool) -> NlmPrior {

@@ -1,5 +1,7 @@
 //! Reading the arrays of models, checked.
 
+use super::Choice;
+use super::tuning::{Learnt, Tasked, Tuned};
 use crate::io::Model;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, Axis};
@@ -37,4 +39,20 @@ pub(super) fn typical_or(
     let step = own.nrows().div_ceil(32).max(1);
     let some: Vec<usize> = (0..own.nrows()).step_by(step).collect();
     Ok(own.select(Axis(0), &some).mapv(f64::from))
+}
+
+/// Opens a model that is its training poses: `poses` (n, D), and its tuning.
+///
+/// # Errors
+/// Data: no such array, a wrong shape, numbers that are not finite.
+pub(super) fn of_poses(
+    model: &Model,
+    choice: &Choice,
+    source: &str,
+    learn: impl FnOnce(ArrayView2<'_, f32>, Array2<f64>) -> Learnt<'static>,
+) -> Result<Tasked> {
+    let poses = rows(model, "poses", 3 * model.meta.points.len(), source)?;
+    let typical = typical_or(model, poses, source)?;
+    let tuned = Tuned::read(model, source)?;
+    Ok(Tasked::new(tuned, choice.task, &learn(poses, typical)))
 }

@@ -509,6 +509,16 @@ impl Prior for Tasked {
         prior.believe(y, &noise)
     }
 
+    fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
+        let (prior, noise) = self.at(noise);
+        prior.mean(y, &noise)
+    }
+
+    fn evidence(&self, y: &[f64], noise: &[f64]) -> f64 {
+        let (prior, noise) = self.at(noise);
+        prior.evidence(y, &noise)
+    }
+
     fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
         let runs = self.by_runs(y, noise, |prior, y, noise| prior.believe_all(y, noise));
         runs.into_iter().flatten().collect()

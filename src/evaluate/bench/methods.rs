@@ -245,9 +245,6 @@ pub fn make(methods: &[&Method], poses: &TrainingPoses, split: Split, seed: u64)
 pub struct Treatment(treat::Treatment);
 
 impl Treatment {
-    /// Whether there is a treatment.
-    pub const EXISTS: bool = true;
-
     /// Learns what the treatment needs from the training poses.
     pub fn learn(poses: &TrainingPoses) -> Treatment {
         Treatment(treat::Treatment::learn(poses.xyz.view(), &poses.takes))

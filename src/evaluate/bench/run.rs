@@ -118,17 +118,7 @@ impl<'a> Bench<'a> {
                 }
             }
         }
-        settings.methods.retain(|m| {
-            let known = !m.treated || Treatment::EXISTS;
-            if !known {
-                left_out.push(format!(
-                    "{} needs a treatment of outliers, and there is none yet",
-                    m.name
-                ));
-            }
-            known
-        });
-        if settings.methods.is_empty() || settings.splits.is_empty() {
+        if settings.splits.is_empty() {
             let why = left_out.join("; ");
             return Err(Error::usage(format!("nothing is left to be run: {why}")));
         }
@@ -161,7 +151,7 @@ impl<'a> Bench<'a> {
         &self.twins
     }
 
-    /// What is left out, each with the reason: splits that the data do not allow, methods that cannot be run.
+    /// What is left out, each with the reason: splits that the data do not allow.
     pub fn left_out(&self) -> &[String] {
         &self.left_out
     }
