@@ -71,6 +71,7 @@ pub mod par;
 pub mod pose;
 pub mod prior;
 pub mod restore;
+pub mod simd;
 pub mod sparse;
 
 pub use error::{Error, Place, Result};

@@ -1,140 +1,213 @@
 //! What the blocks that explain an observation answer together.
 
-use super::lens::Scaled;
-use super::part::{Explained, Hypothesis, Part, Residual, Sight, View, add_outer};
-use crate::prior::small::{add, dot};
+use super::lens::{Scales, Weighed};
+use super::part::{Part, Sight, View, add_outer};
+use super::search::{Explained, Hypothesis, Residual};
+use crate::prior::small::add;
+use crate::simd;
 use ndarray::Array2;
 
 /// Blocks that weigh less than this share do not tell the covariance.
 const LEAST_SHARE: f64 = 0.02;
 
+/// How sure the answer is to be told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Told {
+    /// Not at all.
+    Mean,
+    /// The variance of each coordinate.
+    Variances,
+    /// All of the covariance.
+    Covariance,
+}
+
+/// A mean (d), and how sure it is.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// d numbers, cm.
+    pub mean: Vec<f64>,
+    /// (d, d) where the covariance is told, (1, d) where variances are, empty else, cm².
+    pub spread: Array2<f64>,
+}
+
+impl Answer {
+    /// Of d numbers, nothing added yet.
+    pub fn new(d: usize, told: Told) -> Answer {
+        let rows = match told {
+            Told::Mean => 0,
+            Told::Variances => 1,
+            Told::Covariance => d,
+        };
+        Answer {
+            mean: vec![0.0; d],
+            spread: Array2::zeros((rows, if rows == 0 { 0 } else { d })),
+        }
+    }
+
+    /// Adds `weight` x xᵀ, as far as it is told.
+    pub fn add_outer(&mut self, weight: f64, x: &[f64], told: Told) {
+        match told {
+            Told::Mean => {}
+            Told::Variances => {
+                let spread = self.spread.iter_mut().zip(x);
+                spread.for_each(|(s, x)| *s += weight * x * x);
+            }
+            Told::Covariance => add_outer(&mut self.spread, weight, x),
+        }
+    }
+}
+
 /// One block's answer: its mean is `base` and the gain of `w`.
 struct Voice<'a> {
     weight: f64,
     base: Vec<f64>,
-    w: Vec<f64>,
+    /// a w.
+    w: Vec<f32>,
     sight: &'a Sight,
-    /// (level of the cells, cell): whose covariance.
-    cell: (usize, usize),
+    /// Which of the cells seen: whose covariance.
+    seen: usize,
     /// At which scale.
-    scaled: &'a Scaled,
-    /// What is not known along a leaf's step: (variance, the step, w of it).
-    along: Option<(f64, Vec<f64>, Vec<f64>)>,
+    scales: &'a Scales,
+    at: usize,
+    /// What is not known along a leaf's step: (variance, the step, a w of it).
+    along: Option<(f64, Vec<f64>, Vec<f32>)>,
 }
 
 impl Part {
-    /// The mean (d), and where `unsure` is asked for the covariance (d, d), that the explaining blocks give together.
-    pub fn answer(
-        &self,
-        view: &View,
-        y: &[f64],
-        explained: &Explained,
-        unsure: bool,
-    ) -> (Vec<f64>, Array2<f64>) {
+    /// What the explaining blocks say together.
+    pub fn answer(&self, view: &View, y: &[f64], explained: &Explained, told: Told) -> Answer {
         let d = self.coordinates.len();
+        let mut out = Answer::new(d, told);
         if !view.sees() {
             let coarsest = &self.cells[0];
-            let covariance = coarsest.basis(0, &self.coordinates).covariance();
-            return (coarsest.means.row(0).to_vec(), covariance);
+            out.mean = coarsest.means.row(0).to_vec();
+            let basis = coarsest.basis(0, &self.coordinates);
+            match told {
+                Told::Mean => {}
+                Told::Variances => {
+                    let spread = out.spread.iter_mut().zip(basis.diagonal());
+                    spread.for_each(|(s, v)| *s = v);
+                }
+                Told::Covariance => out.spread = basis.covariance(),
+            }
+            return out;
         }
         let top = explained.best[0].log;
         let weights = explained.best.iter().map(|h| (h.log - top).exp());
         let total: f64 = weights.clone().sum();
         let voices = explained.best.iter().zip(weights);
         let mut voices: Vec<Voice<'_>> = voices
-            .map(|(h, w)| self.voice(view, y, h, w / total))
+            .map(|(h, w)| self.voice(view, y, explained, h, w / total))
             .collect();
-        voices.sort_by_key(|v| v.cell);
-        let mut mean = vec![0.0; d];
-        for same in voices.chunk_by(|a, b| a.cell == b.cell) {
+        voices.sort_by_key(|v| v.seen);
+        for same in voices.chunk_by(|a, b| a.seen == b.seen) {
             // The gain is linear and the cell's: once for all its blocks.
             let mut w = vec![0.0; same[0].w.len()];
             for v in same {
-                add(&mut mean, v.weight, &v.base);
-                add(&mut w, v.weight * v.scaled.scale, &v.w);
+                add(&mut out.mean, v.weight, &v.base);
+                let weight = v.weight as f32;
+                w.iter_mut().zip(&v.w).for_each(|(w, v)| *w += weight * v);
             }
-            same[0].sight.lens.add_gain(1.0, &w, 1.0, &mut mean);
+            same[0].sight.lens.add_gain(&w, &mut out.mean);
         }
-        let covariance = if unsure {
+        if told != Told::Mean {
             voices.retain(|v| v.weight >= LEAST_SHARE);
-            self.covariance(&voices, &mean)
-        } else {
-            Array2::zeros((0, 0))
-        };
-        (mean, covariance)
+            tell(&voices, &mut out, told);
+        }
+        out
     }
 
-    fn voice<'a>(&'a self, view: &'a View, y: &[f64], h: &Hypothesis, weight: f64) -> Voice<'a> {
-        let finest = self.cells.len() - 1;
-        let index = h.index.min(finest);
-        let sight = view.sight(self, index, h.cell);
-        if h.index <= finest {
-            let scaled = &sight.scales[h.at];
-            let base = self.cells[index].means.row(h.cell).to_vec();
-            let mut z = Vec::new();
-            sight.lens.project(|i| y[i] - base[i], &mut z);
+    fn voice<'a>(
+        &'a self,
+        view: &'a View,
+        y: &[f64],
+        explained: &Explained,
+        h: &Hypothesis,
+        weight: f64,
+    ) -> Voice<'a> {
+        let seen = explained.seen[h.seen];
+        let sight = view.sight(self, seen.index, seen.cell);
+        let z = explained.z(h.seen, sight);
+        let Some(leaf) = h.leaf else {
             return Voice {
                 weight,
-                w: scaled.solve(&z),
-                base,
-                cell: (index, h.cell),
+                w: solved(&sight.scales, h.at, z),
+                base: self.cells[seen.index].means.row(seen.cell).to_vec(),
+                seen: h.seen,
                 along: None,
-                scaled,
+                scales: &sight.scales,
+                at: h.at,
                 sight,
             };
-        }
-        let opened = self.opened(h.cell);
+        };
+        let opened = self.opened(seen.cell);
         let mut state = Residual::default();
-        state.of_cell(self, sight, y, h.cell);
-        state.of_leaf(sight, opened, y, h.leaf);
-        let scaled = &sight.leaves(self)[h.at];
-        let along = self.along(h.at);
-        let wide = |row: &[f32]| row.iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
-        let (mut base, mut z) = (wide(opened.pose(h.leaf)), state.z);
+        state.of_leaf(sight, z, opened, y, leaf);
+        let scales = sight.leaves(self);
+        let along = self.active(self.cells.len())[h.at].along;
+        let d = self.coordinates.len();
+        let wide = |row: &[f32]| row[..d].iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
+        let (mut base, mut z) = (wide(opened.pose(leaf)), state.z);
         let mut left = None;
         if along > 0.0 {
-            let way = wide(opened.step(h.leaf));
-            let w = scaled.solve(&state.step);
-            let variance = along / (1.0 + along * dot(&w, &state.step));
-            let how_far = variance * dot(&w, &z);
+            let way = wide(opened.step(leaf));
+            let scale = scales.scales[h.at];
+            let w = solved(scales, h.at, &state.step);
+            let of = |z: &[f32]| f64::from(simd::dot(&w, z)) / scale;
+            let variance = along / (1.0 + along * of(&state.step));
+            let how_far = variance * of(&z);
             // Along the step first, then what the cell's covariance makes of the rest.
             add(&mut base, how_far, &way);
-            add(&mut z, -how_far, &state.step);
+            for (z, step) in z.iter_mut().zip(&state.step) {
+                *z -= how_far as f32 * step;
+            }
             left = Some((variance, way, w));
         }
         Voice {
             weight,
-            w: scaled.solve(&z),
+            w: solved(scales, h.at, &z),
             base,
-            cell: (finest, h.cell),
+            seen: h.seen,
             along: left,
-            scaled,
+            scales,
+            at: h.at,
             sight,
         }
     }
+}
 
-    /// What each block leaves open, and how far they are apart.
-    fn covariance(&self, voices: &[Voice<'_>], mean: &[f64]) -> Array2<f64> {
-        let d = mean.len();
-        let mut out = Array2::zeros((d, d));
-        let total: f64 = voices.iter().map(|v| v.weight).sum();
-        for same in voices.chunk_by(|a, b| a.cell == b.cell) {
-            let scales: Vec<(&Scaled, f64)> =
-                same.iter().map(|v| (v.scaled, v.weight / total)).collect();
-            out += &same[0].sight.lens.covariance(&scales);
+/// a w of a residual.
+fn solved(scales: &Scales, at: usize, z: &[f32]) -> Vec<f32> {
+    let mut w = scales.solve(at, z);
+    let scale = scales.scales[at] as f32;
+    w.iter_mut().for_each(|w| *w *= scale);
+    w
+}
+
+/// What each block leaves open, and how far they are apart.
+fn tell(voices: &[Voice<'_>], out: &mut Answer, told: Told) {
+    let total: f64 = voices.iter().map(|v| v.weight).sum();
+    for same in voices.chunk_by(|a, b| a.seen == b.seen) {
+        let scales: Vec<Weighed<'_>> = (same.iter())
+            .map(|v| (v.scales, v.at, v.weight / total))
+            .collect();
+        let lens = &same[0].sight.lens;
+        match (told, out.spread.as_slice_mut()) {
+            (Told::Variances, Some(spread)) => lens.add_variances(&scales, spread),
+            _ => lens.add_covariance(&scales, &mut out.spread),
         }
-        for v in voices {
-            let (lens, scale) = (&v.sight.lens, v.scaled.scale);
-            let mut off = v.base.clone();
-            lens.add_gain(scale, &v.w, 1.0, &mut off);
-            add(&mut off, -1.0, mean);
-            add_outer(&mut out, v.weight / total, &off);
-            if let Some((variance, way, w)) = &v.along {
-                let mut left = way.clone();
-                lens.add_gain(scale, w, -1.0, &mut left);
-                add_outer(&mut out, v.weight / total * variance, &left);
-            }
+    }
+    for v in voices {
+        let lens = &v.sight.lens;
+        let mut off = v.base.clone();
+        lens.add_gain(&v.w, &mut off);
+        add(&mut off, -1.0, &out.mean);
+        out.add_outer(v.weight / total, &off, told);
+        if let Some((variance, way, w)) = &v.along {
+            let mut gained = vec![0.0; way.len()];
+            lens.add_gain(w, &mut gained);
+            let left: Vec<f64> = way.iter().zip(&gained).map(|(w, g)| w - g).collect();
+            out.add_outer(v.weight / total * variance, &left, told);
         }
-        out
     }
 }

@@ -3,14 +3,16 @@
 //! C = U diag(λ) Uᵀ; the columns of U diag(√λ) are the atoms, whose coefficients are unit Gaussians.
 
 use crate::linalg::symmetric_eigen;
+use crate::simd::{padded, row_dots};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 
 /// The directions of a covariance (d, d).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Basis {
     d: usize,
-    /// U by rows: what each coordinate has of each direction.
-    vectors: Vec<f64>,
+    stride: usize,
+    /// U by rows, (d, stride): what each coordinate has of each direction. Single precision: 1e-5 cm of a pose.
+    vectors: Vec<f32>,
     /// λ, above 0, cm².
     pub values: Vec<f64>,
 }
@@ -25,11 +27,8 @@ impl Basis {
         // Covariances are finite and symmetric, so LAPACK does not give up; nothing is learnt if it does.
         let (values, vectors) = symmetric_eigen(&covariance.to_owned())
             .unwrap_or_else(|| (ndarray::Array1::zeros(d), Array2::eye(d)));
-        Basis {
-            d,
-            vectors: vectors.iter().copied().collect(),
-            values: values.iter().map(|v| v.max(LEAST)).collect(),
-        }
+        let values = values.iter().map(|v| v.max(LEAST)).collect();
+        Basis::with(values, |i, k| vectors[[i, k]])
     }
 
     /// From directions (d, d), one a column, of any length above 0, and the deviation √λ along each.
@@ -40,21 +39,30 @@ impl Basis {
             column.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>()
         };
         let scale: Vec<f64> = (0..d).map(|k| 1.0 / norm(k).max(LEAST).sqrt()).collect();
+        let values = (deviations.iter())
+            .map(|v| f64::from(*v).powi(2).max(LEAST))
+            .collect();
+        Basis::with(values, |i, k| f64::from(directions[[i, k]]) * scale[k])
+    }
+
+    fn with(values: Vec<f64>, vectors: impl Fn(usize, usize) -> f64) -> Basis {
+        let (d, stride) = (values.len(), padded(values.len()));
+        let mut rows = vec![0.0; d * stride];
+        for (i, row) in rows.chunks_exact_mut(stride.max(1)).enumerate() {
+            (0..d).for_each(|k| row[k] = vectors(i, k) as f32);
+        }
         Basis {
             d,
-            vectors: (0..d * d)
-                .map(|i| f64::from(directions[[i / d, i % d]]) * scale[i % d])
-                .collect(),
-            values: (deviations.iter())
-                .map(|v| f64::from(*v).powi(2).max(LEAST))
-                .collect(),
+            stride,
+            vectors: rows,
+            values,
         }
     }
 
     /// The atoms U diag(√λ), (d, d): one a column.
     pub fn atoms(&self) -> Array2<f64> {
         Array2::from_shape_fn((self.d, self.d), |(i, k)| {
-            self.row(i)[k] * self.values[k].sqrt()
+            f64::from(self.row(i)[k]) * self.values[k].sqrt()
         })
     }
 
@@ -63,35 +71,60 @@ impl Basis {
         self.d
     }
 
-    /// What coordinate `i` has of each direction.
-    pub fn row(&self, i: usize) -> &[f64] {
-        &self.vectors[i * self.d..(i + 1) * self.d]
+    /// The length of a row of [`vectors`](Basis::vectors).
+    pub fn stride(&self) -> usize {
+        self.stride
     }
 
-    /// The variance of each coordinate.
-    pub fn diagonal(&self) -> Vec<f64> {
+    /// U by rows, (d, stride); 0 beyond d.
+    pub fn vectors(&self) -> &[f32] {
+        &self.vectors
+    }
+
+    /// What coordinate `i` has of each direction; 0 beyond d.
+    pub fn row(&self, i: usize) -> &[f32] {
+        &self.vectors[i * self.stride..(i + 1) * self.stride]
+    }
+
+    /// The diagonal of U diag(`values`) Uᵀ.
+    pub fn diagonal_of(&self, values: &[f64]) -> Vec<f64> {
         (0..self.d)
             .map(|i| {
-                let terms = self.row(i).iter().zip(&self.values);
-                terms.map(|(u, l)| u * u * l).sum()
+                let terms = self.row(i).iter().zip(values);
+                terms.map(|(u, l)| f64::from(u * u) * l).sum()
             })
             .collect()
     }
 
-    /// U diag(`values`) Uᵀ.
-    pub fn spread(&self, values: &[f64]) -> Array2<f64> {
-        let roots: Vec<f64> = values.iter().map(|v| v.max(0.0).sqrt()).collect();
+    /// The variance of each coordinate.
+    pub fn diagonal(&self) -> Vec<f64> {
+        self.diagonal_of(&self.values)
+    }
+
+    /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision.
+    pub fn add_spread(&self, values: &[f64], out: &mut Array2<f64>) {
+        let roots: Vec<f32> = values.iter().map(|v| v.max(0.0).sqrt() as f32).collect();
         let mut half = self.vectors.clone();
-        for row in half.chunks_exact_mut(self.d.max(1)) {
+        for row in half.chunks_exact_mut(self.stride.max(1)) {
             row.iter_mut().zip(&roots).for_each(|(v, r)| *v *= r);
         }
-        let half = Array2::from_shape_vec((self.d, self.d), half).unwrap_or_default();
-        half.dot(&half.t())
+        let mut products = vec![0.0; self.d];
+        for i in 0..self.d {
+            let row = &half[i * self.stride..(i + 1) * self.stride];
+            row_dots(&half[..(i + 1) * self.stride], row, &mut products[..=i]);
+            for (j, p) in products[..=i].iter().enumerate() {
+                out[[i, j]] += f64::from(*p);
+                if j < i {
+                    out[[j, i]] += f64::from(*p);
+                }
+            }
+        }
     }
 
     /// The covariance.
     pub fn covariance(&self) -> Array2<f64> {
-        self.spread(&self.values)
+        let atoms = self.atoms();
+        atoms.dot(&atoms.t())
     }
 }
 
@@ -106,12 +139,15 @@ mod tests {
         let basis = Basis::of(c.view());
         let near = |a: &Array2<f64>| a.iter().zip(&c).all(|(a, b)| (a - b).abs() <= 1e-5);
         assert!(near(&basis.covariance()));
-        let directions = Array2::from_shape_fn((6, 6), |(i, k)| 0.5 * basis.row(i)[k] as f32);
+        let mut spread = Array2::zeros((6, 6));
+        basis.add_spread(&basis.values, &mut spread);
+        assert!(near(&spread));
+        let directions = Array2::from_shape_fn((6, 6), |(i, k)| 0.5 * basis.row(i)[k]);
         let deviations: ndarray::Array1<f32> =
             basis.values.iter().map(|v| v.sqrt() as f32).collect();
         let again = Basis::from_parts(directions.view(), deviations.view());
         assert!(near(&again.covariance()));
         let diagonal = basis.diagonal();
-        assert!((0..6).all(|i| (diagonal[i] - c[[i, i]]).abs() <= 1e-9));
+        assert!((0..6).all(|i| (diagonal[i] - c[[i, i]]).abs() <= 1e-5));
     }
 }

@@ -1,8 +1,8 @@
 //! The cells of one level of the hierarchy: a mean, a covariance and a share of the training poses each.
 
 use super::basis::Basis;
-use super::leaves::distance;
 use crate::pose::PoseMap;
+use crate::simd::{self, distances};
 use ndarray::{Array2, Axis};
 use std::sync::{Arc, OnceLock};
 
@@ -13,7 +13,7 @@ pub struct Cells {
     pub wholes: Array2<f64>,
     /// The means of the part, (K, d), cm.
     pub means: Array2<f64>,
-    /// The same for the search.
+    /// The same for the search, rows padded.
     short: Vec<f32>,
     /// log(n / N).
     pub log_shares: Vec<f64>,
@@ -62,7 +62,7 @@ impl Cells {
     ) -> Cells {
         let means = wholes.select(Axis(1), coordinates);
         Cells {
-            short: means.iter().map(|v| *v as f32).collect(),
+            short: simd::rows(&means),
             means,
             wholes,
             log_shares,
@@ -105,7 +105,7 @@ impl Cells {
                 let mut row = directions.row_mut(cell * d + i);
                 row.iter_mut()
                     .zip(basis.row(i))
-                    .for_each(|(r, u)| *r = *u as f32);
+                    .for_each(|(r, u)| *r = *u);
                 deviations[[cell, i]] = basis.values[i].sqrt() as f32;
             }
         }
@@ -125,17 +125,19 @@ impl Cells {
         )
     }
 
-    /// The few cells that may hold a pose (d; of any value where `weights` is 0), nearest first; all of a few.
+    /// The few cells that may hold a pose (d, padded; of any value where `weights` is 0), nearest first; all of a few.
     pub fn nearest(&self, y: &[f32], weights: &[f32]) -> Vec<usize> {
-        let (count, d) = (self.len(), y.len().max(1));
+        let count = self.len();
         let wanted = (2.0 * (count as f64).sqrt()).ceil().min(16.0) as usize;
         if count <= wanted.max(5) {
             return (0..count).collect();
         }
-        let far = self.short.chunks_exact(d).zip(&self.log_shares);
+        let mut far = Vec::with_capacity(count);
+        distances(&self.short, y, weights, &mut far);
+        let far = far.into_iter().zip(&self.log_shares);
         let mut all: Vec<(f32, usize)> = far
             .enumerate()
-            .map(|(cell, (mean, log))| (distance(y, mean, weights) - 2.0 * *log as f32, cell))
+            .map(|(cell, (far, log))| (far - 2.0 * *log as f32, cell))
             .collect();
         all.select_nth_unstable_by(wanted - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         all.truncate(wanted);

@@ -1,6 +1,7 @@
 //! Every training pose as a block of its own, as wide as a share of its cell.
 
 use super::basis::Basis;
+use crate::simd::{combine, distances, padded};
 use ndarray::{Array2, ArrayView1};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -39,7 +40,8 @@ pub struct Leaves {
 /// The leaves of one cell.
 #[derive(Debug)]
 pub struct Opened {
-    d: usize,
+    /// Rows are padded.
+    stride: usize,
     /// (n, d), cm.
     poses: Vec<f32>,
     /// (n, d), cm: half the step from the pose before to the one after.
@@ -93,27 +95,35 @@ impl Leaves {
         basis: &Basis,
     ) -> &Opened {
         self.opened[cell].get_or_init(|| {
-            let (d, rows) = (
-                coordinates.len(),
-                &self.rows[self.starts[cell]..self.starts[cell + 1]],
-            );
-            let mut poses = Vec::with_capacity(rows.len() * d);
-            let mut steps = Vec::with_capacity(rows.len() * d);
+            let d = coordinates.len();
+            let stride = padded(d);
+            let rows = &self.rows[self.starts[cell]..self.starts[cell + 1]];
+            let mut poses = Vec::with_capacity(rows.len() * stride);
+            let mut steps = Vec::with_capacity(rows.len() * stride);
             for &row in rows {
                 let pose = self.poses.xyz.row(row);
                 poses.extend(coordinates.iter().map(|&c| pose[c]));
                 self.poses.step(row, coordinates, &mut steps);
+                let end = poses.len().next_multiple_of(stride);
+                poses.resize(end, 0.0);
+                steps.resize(end, 0.0);
             }
-            let vectors = Array2::from_shape_fn((d, d), |(i, k)| basis.row(i)[k] as f32);
-            let turned = |flat: &[f32], off: &dyn Fn(usize) -> f32| {
-                let rows =
-                    Array2::from_shape_fn((rows.len(), d), |(r, i)| flat[r * d + i] - off(i));
-                rows.dot(&vectors).iter().copied().collect::<Vec<f32>>()
+            let mean: Vec<f32> = mean.iter().map(|v| *v as f32).collect();
+            let turned = |flat: &[f32], mean: Option<&[f32]>| {
+                let mut out = vec![0.0; flat.len()];
+                for (row, out) in flat.chunks(stride).zip(out.chunks_mut(stride)) {
+                    let mut row = row[..d].to_vec();
+                    for (r, m) in row.iter_mut().zip(mean.unwrap_or_default()) {
+                        *r -= m;
+                    }
+                    combine(basis.vectors(), &row, out);
+                }
+                out
             };
             Opened {
-                codes: turned(&poses, &|i| mean[i] as f32),
-                turns: turned(&steps, &|_| 0.0),
-                d,
+                codes: turned(&poses, Some(&mean)),
+                turns: turned(&steps, None),
+                stride,
                 poses,
                 steps,
             }
@@ -123,7 +133,7 @@ impl Leaves {
 
 impl Opened {
     fn row<'a>(&self, of: &'a [f32], leaf: usize) -> &'a [f32] {
-        &of[leaf * self.d..(leaf + 1) * self.d]
+        &of[leaf * self.stride..(leaf + 1) * self.stride]
     }
 
     /// A leaf's pose, cm.
@@ -146,28 +156,8 @@ impl Opened {
         self.row(&self.turns, leaf)
     }
 
-    /// Σ w (y − pose)² of every leaf: (leaf, that).
-    pub fn distances(&self, y: &[f32], w: &[f32]) -> impl Iterator<Item = (usize, f32)> {
-        self.poses
-            .chunks_exact(self.d.max(1))
-            .enumerate()
-            .map(move |(leaf, pose)| (leaf, distance(y, pose, w)))
+    /// Σ w (y − pose)² of every leaf, into `out`; all padded.
+    pub fn distances(&self, y: &[f32], w: &[f32], out: &mut Vec<f32>) {
+        distances(&self.poses, y, w, out);
     }
-}
-
-/// Σ w (y − x)², eight side by side.
-pub fn distance(y: &[f32], x: &[f32], w: &[f32]) -> f32 {
-    let mut sums = [0.0f32; 8];
-    let (ys, y_rest) = y.as_chunks::<8>();
-    let (xs, x_rest) = x.as_chunks::<8>();
-    let (ws, w_rest) = w.as_chunks::<8>();
-    for ((y, x), w) in ys.iter().zip(xs).zip(ws) {
-        for i in 0..8 {
-            let off = y[i] - x[i];
-            sums[i] += w[i] * off * off;
-        }
-    }
-    let rest = y_rest.iter().zip(x_rest).zip(w_rest);
-    let tail: f32 = rest.map(|((y, x), w)| w * (y - x) * (y - x)).sum();
-    sums.iter().sum::<f32>() + tail
 }

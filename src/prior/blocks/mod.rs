@@ -22,14 +22,17 @@ mod leaves;
 mod lens;
 mod part;
 mod parts;
+mod search;
 
 use super::small::add;
-use super::{Belief, Prior};
+use super::{Belief, Fit, Posterior, Prior};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use learn::variance_of;
 use leaves::Poses;
 use ndarray::{Array2, ArrayView2};
-use part::{Explained, Part, View, log_sum};
+use answer::{Answer, Told};
+use part::{Part, View, log_sum};
+use search::Explained;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -147,54 +150,50 @@ impl Blocks {
         }
     }
 
-    /// The answers of all ways, averaged by evidence; the covariance where it is asked for.
-    fn join(&self, seen: &Considered, unsure: bool) -> (Vec<f64>, Array2<f64>) {
-        let d = self.width;
-        let square = |wanted: bool| Array2::zeros(if wanted { (d, d) } else { (0, 0) });
+    /// The answers of all ways, averaged by evidence.
+    fn join(&self, seen: &Considered, told: Told) -> Answer {
         // The evidences of ways are surer of their order than they should be: there are few ways, and all are wrong.
         let ways = seen.ways.iter().zip(&self.log_ways);
         let ways: Vec<f64> = ways
             .map(|(all, weight)| weight + self.temperature * (all - weight))
             .collect();
         let evidence = log_sum(&ways);
-        let mut answers: Vec<Option<(Vec<f64>, Array2<f64>)>> = vec![None; self.parts.len()];
+        let mut answers: Vec<Option<Answer>> = vec![None; self.parts.len()];
         let mut wholes = Vec::new();
         for (way, log) in self.ways.iter().zip(&ways) {
             let weight = (log - evidence).exp();
             if weight < LEAST_WEIGHT {
                 continue;
             }
-            let (mut mean, mut covariance) = (vec![0.0; d], square(unsure));
+            let mut whole = Answer::new(self.width, told);
             for &p in way {
-                let (x, c) = answers[p].get_or_insert_with(|| {
-                    let (view, y) = (&seen.views[p], &seen.observed[p]);
-                    self.parts[p].answer(view, y, &seen.explained[p], unsure)
+                let part = &self.parts[p];
+                let answer = answers[p].get_or_insert_with(|| {
+                    part.answer(&seen.views[p], &seen.observed[p], &seen.explained[p], told)
                 });
-                let at = &self.parts[p].coordinates;
-                for (i, &to) in at.iter().enumerate() {
-                    mean[to] = x[i];
-                    if unsure {
-                        for (j, &other) in at.iter().enumerate() {
-                            covariance[[to, other]] = c[[i, j]];
-                        }
+                for (i, &to) in part.coordinates.iter().enumerate() {
+                    whole.mean[to] = answer.mean[i];
+                    for (r, row) in answer.spread.rows().into_iter().enumerate() {
+                        let row_to = if told == Told::Covariance { part.coordinates[r] } else { r };
+                        whole.spread[[row_to, to]] = row[i];
                     }
                 }
             }
-            wholes.push((weight, mean, covariance));
+            wholes.push((weight, whole));
         }
         let total: f64 = wholes.iter().map(|w| w.0).sum();
-        let (mut mean, mut covariance) = (vec![0.0; d], square(unsure));
-        for (weight, x, c) in &wholes {
-            add(&mut mean, weight / total, x);
-            covariance.scaled_add(weight / total, c);
+        let mut out = Answer::new(self.width, told);
+        for (weight, whole) in &wholes {
+            add(&mut out.mean, weight / total, &whole.mean);
+            out.spread.scaled_add(weight / total, &whole.spread);
         }
-        if unsure {
-            for (weight, x, _) in &wholes {
-                let off: Vec<f64> = x.iter().zip(&mean).map(|(x, m)| x - m).collect();
-                part::add_outer(&mut covariance, weight / total, &off);
+        if told != Told::Mean {
+            for (weight, whole) in &wholes {
+                let off: Vec<f64> = whole.mean.iter().zip(&out.mean).map(|(x, m)| x - m).collect();
+                out.add_outer(weight / total, &off, told);
             }
         }
-        (mean, covariance)
+        out
     }
 }
 
@@ -209,16 +208,24 @@ impl Prior for Blocks {
 
     fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
         let seen = self.consider(y, noise);
-        let (mean, covariance) = self.join(&seen, true);
+        let answer = self.join(&seen, Told::Covariance);
         Belief {
-            mean,
-            covariance,
+            mean: answer.mean,
+            covariance: answer.spread,
             evidence: log_sum(&seen.ways),
         }
     }
 
     fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
-        self.join(&self.consider(y, noise), false).0
+        self.join(&self.consider(y, noise), Told::Mean).mean
+    }
+
+    fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
+        let answer = self.join(&self.consider(y, noise), Told::Variances);
+        Posterior {
+            mean: answer.mean,
+            variance: answer.spread.iter().copied().collect(),
+        }
     }
 
     fn evidence(&self, y: &[f64], noise: &[f64]) -> f64 {

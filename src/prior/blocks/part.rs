@@ -2,9 +2,9 @@
 
 use super::cells::Cells;
 use super::leaves::{Leaves, Opened, Poses};
-use super::lens::{Lens, Pattern, Scaled};
+use super::lens::{Lens, Pattern, Scales};
 use crate::pose::PoseMap;
-use crate::prior::small::dot;
+use crate::simd::padded;
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
 
@@ -46,20 +46,23 @@ pub struct Part {
 
 /// A level that is looked at.
 #[derive(Debug, Clone, Copy)]
-struct Active {
-    level: usize,
-    scale: f64,
-    along: f64,
+pub struct Active {
+    /// Which of the part's levels.
+    pub level: usize,
+    /// Of the covariance.
+    pub scale: f64,
+    /// Of the step's own variance.
+    pub along: f64,
 }
 
 /// What one noise pattern makes of a part's blocks; each is looked at when first needed.
 #[derive(Debug)]
 pub struct View {
     /// The noise variance of each coordinate, cm².
-    noise: Vec<f64>,
+    pub noise: Vec<f64>,
     pattern: Pattern,
     /// 1 / (variance within a level's cells + noise), 0 where nothing is seen: by level.
-    nearness: Vec<Vec<f32>>,
+    pub nearness: Vec<Vec<f32>>,
     sights: Vec<Vec<OnceLock<Sight>>>,
 }
 
@@ -68,9 +71,9 @@ pub struct View {
 pub struct Sight {
     pub lens: Lens,
     /// At the scales of the cell's levels, in their order.
-    pub scales: Vec<Scaled>,
+    pub scales: Scales,
     /// At the scales of the leaves' levels, in their order; where they were asked for.
-    leaves: OnceLock<Vec<Scaled>>,
+    leaves: OnceLock<Scales>,
 }
 
 impl View {
@@ -78,7 +81,9 @@ impl View {
     pub fn new(part: &Part, noise: Vec<f64>) -> View {
         let near = |c: &Cells| {
             let weight = |(v, n): (&f64, &f64)| (1.0 / (v + n)) as f32;
-            c.within.iter().zip(&noise).map(weight).collect()
+            let mut near: Vec<f32> = c.within.iter().zip(&noise).map(weight).collect();
+            near.resize(padded(near.len()), 0.0);
+            near
         };
         let none = |c: &Cells| (0..c.len()).map(|_| OnceLock::new()).collect();
         View {
@@ -99,9 +104,11 @@ impl View {
         self.sights[index][cell].get_or_init(|| {
             let basis = part.cells[index].basis(cell, &part.coordinates);
             let lens = Lens::new(&basis, &self.noise, &self.pattern);
-            let scales = part.active[index].iter().map(|a| lens.at(a.scale));
+            // A finest cell that is no level's is looked at for its leaves' sake.
+            let active = &part.active[index];
+            let own = active.is_empty().then_some(1.0);
             Sight {
-                scales: scales.collect(),
+                scales: lens.at(active.iter().map(|a| a.scale).chain(own)),
                 leaves: OnceLock::new(),
                 lens,
             }
@@ -111,63 +118,16 @@ impl View {
 
 impl Sight {
     /// At the scales of the leaves' levels.
-    pub fn leaves(&self, part: &Part) -> &[Scaled] {
+    pub fn leaves(&self, part: &Part) -> &Scales {
         self.leaves.get_or_init(|| {
             let levels = part.active.last().into_iter().flatten();
-            levels.map(|a| self.lens.at(a.scale)).collect()
+            self.lens.at(levels.map(|a| a.scale))
         })
     }
 }
 
-/// One block that may explain an observation.
-#[derive(Debug, Clone, Copy)]
-pub struct Hypothesis {
-    /// The log of its weight times its evidence.
-    pub log: f64,
-    /// Which of the levels of cells; one more: the leaves.
-    pub index: usize,
-    /// Which of its levels that are looked at.
-    pub at: usize,
-    /// Which cell.
-    pub cell: usize,
-    /// The leaf among its cell's, where it is one.
-    pub leaf: usize,
-}
-
-/// The blocks that explain an observation best, and how well all of them together do.
-#[derive(Debug, Clone)]
-pub struct Explained {
-    /// log Σ over the levels and blocks.
-    pub evidence: f64,
-    /// log Σ over the blocks of each level, without the level's weight.
-    pub levels: Vec<f64>,
-    /// The best, in falling order.
-    pub best: Vec<Hypothesis>,
-}
-
-impl Explained {
-    /// Of a part that is not looked at.
-    pub fn nothing() -> Explained {
-        Explained {
-            evidence: f64::NEG_INFINITY,
-            levels: Vec::new(),
-            best: Vec::new(),
-        }
-    }
-}
-
-/// So many blocks answer.
-const KEPT: usize = 96;
-/// Blocks this much less likely (nats) than the best do not answer.
-const NEGLIGIBLE: f64 = 6.0;
 /// Levels of less weight are not looked at.
 const LEAST_WEIGHT: f64 = 5e-4;
-/// The leaves of so many cells are looked at.
-const OPENED: usize = 8;
-/// Cells this much less likely than the best are not opened.
-const CLOSED: f64 = 20.0;
-/// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 128;
 
 impl Part {
     /// Puts a part together: `labels` gives the finest cell of each training pose.
@@ -223,11 +183,6 @@ impl Part {
         }
     }
 
-    /// How far a level of the leaves reaches along their steps.
-    pub fn along(&self, at: usize) -> f64 {
-        self.active[self.cells.len()][at].along
-    }
-
     /// The leaves of a finest cell.
     pub fn opened(&self, cell: usize) -> &Opened {
         let finest = self.finest();
@@ -241,170 +196,13 @@ impl Part {
         &self.cells[self.cells.len() - 1]
     }
 
-    /// How well the blocks explain `y` (d; read where observed).
-    pub fn explain(&self, view: &View, y: &[f64]) -> Explained {
-        let mut found = Search::new(self);
-        if !view.sees() {
-            // Nothing observed: the prior itself, by its coarsest cell.
-            found.levels.fill(0.0);
-            found.add(0.0, 0, (0, 0), 0, 0);
-            return found.end(0.0);
-        }
-        let short: Vec<f32> = (y.iter().zip(&view.noise))
-            .map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 })
-            .collect();
-        let mut finest = Vec::new();
-        let leaves = self.active.last().is_some_and(|a| !a.is_empty());
-        for index in 0..self.cells.len() {
-            let wanted = leaves && index + 1 == self.cells.len();
-            if wanted || !self.active[index].is_empty() {
-                finest = self.cells_of(view, y, &short, index, &mut found);
-            }
-        }
-        if leaves {
-            self.open(view, y, &short, &mut finest, &mut found);
-        }
-        let levels = found.levels.iter().zip(&self.log_weights);
-        let all: Vec<f64> = levels.map(|(l, w)| l + w).collect();
-        let evidence = log_sum(&all);
-        found.end(evidence)
-    }
-
-    /// Evaluates the nearest cells of one level at all its scales; gives each one's best log evidence.
-    fn cells_of(
-        &self,
-        view: &View,
-        y: &[f64],
-        short: &[f32],
-        index: usize,
-        found: &mut Search<'_>,
-    ) -> Vec<(f64, usize)> {
-        let cells = &self.cells[index];
-        let levels = &self.active[index];
-        let mut logs = vec![Vec::new(); levels.len()];
-        let mut z = Vec::new();
-        let mut best = Vec::new();
-        for cell in cells.nearest(short, &view.nearness[index]) {
-            let sight = view.sight(self, index, cell);
-            let mean = cells.means.row(cell);
-            sight.lens.project(|i| y[i] - mean[i], &mut z);
-            let mut most = f64::NEG_INFINITY;
-            for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
-                let log = cells.log_shares[cell] + sight.scales[at].log(&z);
-                logs.push(log);
-                most = most.max(log);
-                found.add(log, level.level, (index, at), cell, 0);
-            }
-            if levels.is_empty() {
-                // Only to find which leaves to look at.
-                most = cells.log_shares[cell] + sight.lens.at(1.0).log(&z);
-            }
-            best.push((most, cell));
-        }
-        for (level, logs) in levels.iter().zip(&logs) {
-            found.levels[level.level] = log_sum(logs);
-        }
-        best
-    }
-
-    /// Evaluates the nearest leaves of the cells that may hold the pose.
-    fn open(
-        &self,
-        view: &View,
-        y: &[f64],
-        short: &[f32],
-        cells: &mut [(f64, usize)],
-        found: &mut Search<'_>,
-    ) {
-        let levels = &self.active[self.cells.len()];
-        cells.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let closed = cells[0].0 - CLOSED;
-        let likely = cells.iter().take(OPENED).filter(|c| c.0 >= closed);
-        let mut near: Vec<(f32, usize, usize)> = Vec::new();
-        for &(_, cell) in likely {
-            let all = self
-                .opened(cell)
-                .distances(short, &view.nearness[self.cells.len() - 1]);
-            near.extend(all.map(|(leaf, far)| (far, cell, leaf)));
-        }
-        let order = |a: &(f32, usize, usize), b: &(f32, usize, usize)| {
-            a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2)))
-        };
-        if near.len() > WEIGHED {
-            near.select_nth_unstable_by(WEIGHED, order);
-            near.truncate(WEIGHED);
-        }
-        near.sort_by_key(|n| (n.1, n.2));
-        let share = -(self.leaves.rows.len() as f64).ln();
-        let mut logs = vec![Vec::with_capacity(near.len()); levels.len()];
-        let mut state = Residual::default();
-        for group in near.chunk_by(|a, b| a.1 == b.1) {
-            let cell = group[0].1;
-            let sight = view.sight(self, self.cells.len() - 1, cell);
-            let opened = self.opened(cell);
-            state.of_cell(self, sight, y, cell);
-            for &(_, _, leaf) in group {
-                state.of_leaf(sight, opened, y, leaf);
-                let scales = sight.leaves(self).iter().zip(&mut logs);
-                for (at, (scaled, logs)) in scales.enumerate() {
-                    let (level, along) = (levels[at].level, levels[at].along);
-                    let mut log = scaled.log(&state.z);
-                    if along > 0.0 {
-                        let w = scaled.solve(&state.step);
-                        let (vv, vz) = (along * dot(&w, &state.step), dot(&w, &state.z));
-                        log += 0.5 * along * vz * vz / (1.0 + vv) - 0.5 * vv.ln_1p();
-                    }
-                    let log = share + log;
-                    logs.push(log);
-                    found.add(log, level, (self.cells.len(), at), cell, leaf);
-                }
-            }
-        }
-        for (level, logs) in levels.iter().zip(&logs) {
-            found.levels[level.level] = log_sum(logs);
-        }
+    /// The levels of the cells of an index that are looked at; the leaves come last.
+    pub fn active(&self, index: usize) -> &[Active] {
+        &self.active[index]
     }
 }
 
-/// What is left of an observation beside a leaf, in the directions of a lens.
-#[derive(Default)]
-pub struct Residual {
-    cell: Vec<f64>,
-    /// Of the observation less the leaf's pose.
-    pub z: Vec<f64>,
-    /// Of the leaf's step.
-    pub step: Vec<f64>,
-}
-
-impl Residual {
-    /// Of a finest cell: what its leaves' are made from.
-    pub fn of_cell(&mut self, part: &Part, sight: &Sight, y: &[f64], cell: usize) {
-        let mean = part.finest().means.row(cell);
-        if sight.lens.is_own() {
-            sight.lens.project(|i| y[i] - mean[i], &mut self.cell);
-        }
-    }
-
-    /// Of one of the cell's leaves.
-    pub fn of_leaf(&mut self, sight: &Sight, opened: &Opened, y: &[f64], leaf: usize) {
-        if sight.lens.is_own() {
-            // A coordinate that is missing counts as the cell's mean here: what stands there makes no difference.
-            let codes = self.cell.iter().zip(opened.code(leaf));
-            self.z.clear();
-            self.z.extend(codes.map(|(z, c)| z - f64::from(*c)));
-            self.step.clear();
-            self.step
-                .extend(opened.turn(leaf).iter().map(|v| f64::from(*v)));
-        } else {
-            let (pose, step) = (opened.pose(leaf), opened.step(leaf));
-            sight
-                .lens
-                .project(|i| y[i] - f64::from(pose[i]), &mut self.z);
-            sight.lens.project(|i| f64::from(step[i]), &mut self.step);
-        }
-    }
-}
-
+/// `to` += `weight` x xᵀ.
 pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
     for (mut row, a) in to.rows_mut().into_iter().zip(x) {
         let scale = weight * a;
@@ -419,65 +217,4 @@ pub fn log_sum(logs: &[f64]) -> f64 {
         return top;
     }
     top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln()
-}
-
-/// The best blocks so far.
-struct Search<'a> {
-    part: &'a Part,
-    levels: Vec<f64>,
-    best: Vec<Hypothesis>,
-    worst: f64,
-}
-
-impl<'a> Search<'a> {
-    fn new(part: &'a Part) -> Search<'a> {
-        Search {
-            part,
-            levels: vec![f64::NEG_INFINITY; part.levels.len()],
-            best: Vec::with_capacity(4 * KEPT),
-            worst: f64::NEG_INFINITY,
-        }
-    }
-
-    fn add(
-        &mut self,
-        log: f64,
-        level: usize,
-        (index, at): (usize, usize),
-        cell: usize,
-        leaf: usize,
-    ) {
-        let log = log + self.part.log_weights[level];
-        if log > self.worst {
-            self.best.push(Hypothesis {
-                log,
-                index,
-                at,
-                cell,
-                leaf,
-            });
-            if self.best.len() == 4 * KEPT {
-                self.trim();
-            }
-        }
-    }
-
-    fn trim(&mut self) {
-        self.best.sort_by(|a, b| b.log.total_cmp(&a.log));
-        self.best.truncate(KEPT);
-        if self.best.len() == KEPT {
-            self.worst = self.best[KEPT - 1].log;
-        }
-    }
-
-    fn end(mut self, evidence: f64) -> Explained {
-        self.trim();
-        let top = self.best.first().map_or(0.0, |h| h.log);
-        self.best.retain(|h| h.log >= top - NEGLIGIBLE);
-        Explained {
-            evidence,
-            levels: self.levels,
-            best: self.best,
-        }
-    }
 }

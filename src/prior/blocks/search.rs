@@ -1,0 +1,292 @@
+//! Which blocks explain an observation.
+
+use super::leaves::Opened;
+use super::part::{Part, Sight, View, log_sum};
+use crate::prior::blocks::part::Active;
+use crate::simd::padded;
+
+/// One block that may explain an observation.
+#[derive(Debug, Clone, Copy)]
+pub struct Hypothesis {
+    /// The log of its weight times its evidence.
+    pub log: f64,
+    /// Its cell: which of [`Explained::seen`].
+    pub seen: usize,
+    /// The leaf among the cell's, where it is one.
+    pub leaf: Option<usize>,
+    /// Which of the levels that are looked at, of the cell or of the leaves.
+    pub at: usize,
+}
+
+/// A cell that was looked at.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// Which level of cells.
+    pub index: usize,
+    /// Which cell of it.
+    pub cell: usize,
+    /// Where its z begins.
+    start: usize,
+}
+
+/// The blocks that explain an observation best, and how well all of them together do.
+#[derive(Debug, Clone, Default)]
+pub struct Explained {
+    /// log Σ over the levels and blocks.
+    pub evidence: f64,
+    /// log Σ over the blocks of each level, without the level's weight.
+    pub levels: Vec<f64>,
+    /// The best, in falling order.
+    pub best: Vec<Hypothesis>,
+    /// The cells that were looked at.
+    pub seen: Vec<Seen>,
+    /// The observation less each one's mean, in its directions.
+    zs: Vec<f32>,
+}
+
+impl Explained {
+    /// Of a part that is not looked at.
+    pub fn nothing() -> Explained {
+        Explained {
+            evidence: f64::NEG_INFINITY,
+            ..Explained::default()
+        }
+    }
+
+    /// The observation less a cell's mean, in its directions.
+    pub fn z(&self, seen: usize, sight: &Sight) -> &[f32] {
+        let start = self.seen[seen].start;
+        &self.zs[start..start + sight.lens.stride()]
+    }
+}
+
+/// So many blocks answer.
+const KEPT: usize = 96;
+/// Blocks this much less likely (nats) than the best do not answer.
+const NEGLIGIBLE: f64 = 6.0;
+/// The leaves of so many cells are looked at.
+const OPENED: usize = 8;
+/// Cells this much less likely than the best are not opened.
+const CLOSED: f64 = 20.0;
+/// So many of the nearest leaves are weighed.
+const WEIGHED: usize = 128;
+
+impl Part {
+    /// How well the blocks explain `y` (d; read where observed).
+    pub fn explain(&self, view: &View, y: &[f64]) -> Explained {
+        let mut search = Search::new(self, view, y);
+        if !view.sees() {
+            // Nothing observed: the prior itself, by its coarsest cell.
+            search.found.levels.fill(0.0);
+            return search.end(0.0);
+        }
+        let mut finest = Vec::new();
+        let leaves = !self.active(self.cells.len()).is_empty();
+        for index in 0..self.cells.len() {
+            let wanted = leaves && index + 1 == self.cells.len();
+            if wanted || !self.active(index).is_empty() {
+                finest = search.cells(index);
+            }
+        }
+        if leaves {
+            search.open(&mut finest);
+        }
+        let levels = search.found.levels.iter().zip(&self.log_weights);
+        let all: Vec<f64> = levels.map(|(l, w)| l + w).collect();
+        search.end(log_sum(&all))
+    }
+}
+
+/// The best blocks so far.
+struct Search<'a> {
+    part: &'a Part,
+    view: &'a View,
+    y: &'a [f64],
+    /// y in single precision, padded; 0 where missing.
+    short: Vec<f32>,
+    found: Explained,
+    /// The log that a block must reach.
+    worst: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(part: &'a Part, view: &'a View, y: &'a [f64]) -> Search<'a> {
+        let seen = y.iter().zip(&view.noise);
+        let mut short: Vec<f32> = seen
+            .map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 })
+            .collect();
+        short.resize(padded(short.len()), 0.0);
+        Search {
+            found: Explained {
+                levels: vec![f64::NEG_INFINITY; part.levels.len()],
+                best: Vec::with_capacity(4 * KEPT),
+                ..Explained::default()
+            },
+            worst: f64::NEG_INFINITY,
+            part,
+            view,
+            y,
+            short,
+        }
+    }
+
+    /// Evaluates the nearest cells of one level at all its scales; gives the best log evidence and the place among those
+    /// seen of each.
+    fn cells(&mut self, index: usize) -> Vec<(f64, usize)> {
+        let (part, view) = (self.part, self.view);
+        let cells = &part.cells[index];
+        let levels = part.active(index);
+        let mut logs = vec![Vec::new(); levels.len()];
+        let (mut z, mut each) = (Vec::new(), Vec::new());
+        let mut best = Vec::new();
+        for cell in cells.nearest(&self.short, &view.nearness[index]) {
+            let sight = view.sight(part, index, cell);
+            let mean = cells.means.row(cell);
+            sight.lens.project(|i| self.y[i] - mean[i], &mut z);
+            sight.scales.logs(&z, &mut each);
+            each.iter_mut().for_each(|l| *l += cells.log_shares[cell]);
+            let seen = self.found.seen.len();
+            self.found.seen.push(Seen {
+                index,
+                cell,
+                start: self.found.zs.len(),
+            });
+            self.found.zs.extend_from_slice(&z);
+            for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
+                logs.push(each[at]);
+                let leaf = None;
+                self.add(each[at], level, Hypothesis { log: 0.0, seen, leaf, at });
+            }
+            let most = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            best.push((most, seen));
+        }
+        self.sum(levels, &logs);
+        best
+    }
+
+    /// Evaluates the nearest leaves of the cells that may hold the pose.
+    fn open(&mut self, cells: &mut [(f64, usize)]) {
+        let (part, view) = (self.part, self.view);
+        let levels = part.active(part.cells.len());
+        cells.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let closed = cells[0].0 - CLOSED;
+        let likely: Vec<usize> = (cells.iter().take(OPENED))
+            .filter(|c| c.0 >= closed)
+            .map(|c| c.1)
+            .collect();
+        let near = self.near(&likely);
+        let share = -(part.leaves.rows.len() as f64).ln();
+        let mut logs = vec![Vec::with_capacity(near.len()); levels.len()];
+        let mut state = Residual::default();
+        let (mut each, mut cross, mut along) = (Vec::new(), Vec::new(), Vec::new());
+        let reaches = levels.iter().any(|l| l.along > 0.0);
+        for group in near.chunk_by(|a, b| a.1 == b.1) {
+            let (seen, cell) = (group[0].1, self.found.seen[group[0].1].cell);
+            let sight = view.sight(part, part.cells.len() - 1, cell);
+            let opened = part.opened(cell);
+            let scales = sight.leaves(part);
+            for &(_, _, leaf) in group {
+                state.of_leaf(sight, self.found.z(seen, sight), opened, self.y, leaf);
+                scales.logs(&state.z, &mut each);
+                if reaches {
+                    scales.forms(&state.step, &state.z, &mut cross);
+                    scales.forms(&state.step, &state.step, &mut along);
+                }
+                for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
+                    let mut log = share + each[at];
+                    if level.along > 0.0 {
+                        let (vv, vz) = (level.along * along[at], cross[at]);
+                        log += 0.5 * level.along * vz * vz / (1.0 + vv) - 0.5 * vv.ln_1p();
+                    }
+                    logs.push(log);
+                    let leaf = Some(leaf);
+                    self.add(log, level, Hypothesis { log: 0.0, seen, leaf, at });
+                }
+            }
+        }
+        self.sum(levels, &logs);
+    }
+
+    /// The nearest leaves of some cells: (how far, which of those seen, leaf), cell by cell.
+    fn near(&self, cells: &[usize]) -> Vec<(f32, usize, usize)> {
+        let nearness = &self.view.nearness[self.part.cells.len() - 1];
+        let mut near: Vec<(f32, usize, usize)> = Vec::new();
+        let mut far = Vec::new();
+        for &seen in cells {
+            let opened = self.part.opened(self.found.seen[seen].cell);
+            opened.distances(&self.short, nearness, &mut far);
+            near.extend(far.iter().enumerate().map(|(leaf, far)| (*far, seen, leaf)));
+        }
+        let order = |a: &(f32, usize, usize), b: &(f32, usize, usize)| {
+            a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2)))
+        };
+        if near.len() > WEIGHED {
+            near.select_nth_unstable_by(WEIGHED, order);
+            near.truncate(WEIGHED);
+        }
+        near.sort_unstable_by_key(|n| (n.1, n.2));
+        near
+    }
+
+    /// The levels' evidences, by those of their blocks.
+    fn sum(&mut self, levels: &[Active], logs: &[Vec<f64>]) {
+        for (level, logs) in levels.iter().zip(logs) {
+            self.found.levels[level.level] = log_sum(logs);
+        }
+    }
+
+    fn add(&mut self, log: f64, level: &Active, hypothesis: Hypothesis) {
+        let log = log + self.part.log_weights[level.level];
+        if log > self.worst {
+            self.found.best.push(Hypothesis { log, ..hypothesis });
+            if self.found.best.len() == 4 * KEPT {
+                self.trim();
+            }
+        }
+    }
+
+    fn trim(&mut self) {
+        let best = &mut self.found.best;
+        best.sort_by(|a, b| b.log.total_cmp(&a.log));
+        best.truncate(KEPT);
+        if best.len() == KEPT {
+            self.worst = best[KEPT - 1].log;
+        }
+    }
+
+    fn end(mut self, evidence: f64) -> Explained {
+        self.trim();
+        let top = self.found.best.first().map_or(0.0, |h| h.log);
+        self.found.best.retain(|h| h.log >= top - NEGLIGIBLE);
+        self.found.evidence = evidence;
+        self.found
+    }
+}
+
+/// What is left of an observation beside a leaf, in the directions of a lens.
+#[derive(Default)]
+pub struct Residual {
+    /// Of the observation less the leaf's pose.
+    pub z: Vec<f32>,
+    /// Of the leaf's step.
+    pub step: Vec<f32>,
+}
+
+impl Residual {
+    /// Of one of a finest cell's leaves; `of_cell` is what is left beside the cell's mean.
+    pub fn of_leaf(&mut self, sight: &Sight, of_cell: &[f32], opened: &Opened, y: &[f64], leaf: usize) {
+        if sight.lens.is_own() {
+            // A coordinate that is missing counts as the cell's mean here: what stands there makes no difference.
+            let codes = of_cell.iter().zip(opened.code(leaf));
+            self.z.clear();
+            self.z.extend(codes.map(|(z, c)| z - c));
+            self.step.clear();
+            self.step.extend_from_slice(opened.turn(leaf));
+        } else {
+            let (pose, step) = (opened.pose(leaf), opened.step(leaf));
+            let of = &sight.lens;
+            of.project(|i| y[i] - f64::from(pose[i]), &mut self.z);
+            of.project(|i| f64::from(step[i]), &mut self.step);
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! Inner loops at the machine's vector width, chosen when the program runs.
+//!
+//! Every sum here is taken in eight lanes, in an order that the machine has no say in, and nothing is fused: the bytes are
+//! the same whatever the vectors are. Rows are as long as a multiple of [`LANES`]; what is beyond the data is 0.
+
+use ndarray::Array2;
+use std::sync::OnceLock;
+
+/// Numbers that are summed side by side.
+pub const LANES: usize = 8;
+
+/// The length of a row that holds `n` numbers.
+pub fn padded(n: usize) -> usize {
+    n.next_multiple_of(LANES)
+}
+
+/// A matrix in single precision by rows, each padded.
+pub fn rows(all: &Array2<f64>) -> Vec<f32> {
+    let stride = padded(all.ncols());
+    let mut out = Vec::with_capacity(all.nrows() * stride);
+    for (i, row) in all.rows().into_iter().enumerate() {
+        out.extend(row.iter().map(|v| *v as f32));
+        out.resize((i + 1) * stride, 0.0);
+    }
+    out
+}
+
+/// Runs `f`, into which all is inlined, with the widest vectors there are.
+#[inline]
+pub fn wide<R>(f: impl FnOnce() -> R) -> R {
+    static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
+    ARCH.get_or_init(pulp::Arch::new).dispatch(f)
+}
+
+#[inline(always)]
+fn sum(lanes: [f32; LANES]) -> f32 {
+    let [a, b, c, d, e, f, g, h] = lanes;
+    ((a + e) + (b + f)) + ((c + g) + (d + h))
+}
+
+#[inline(always)]
+fn dot_here(a: &[f32], b: &[f32]) -> f32 {
+    let (a, _) = a.as_chunks::<LANES>();
+    let (b, _) = b.as_chunks::<LANES>();
+    let mut sums = [0.0f32; LANES];
+    for (a, b) in a.iter().zip(b) {
+        for l in 0..LANES {
+            sums[l] += a[l] * b[l];
+        }
+    }
+    sum(sums)
+}
+
+/// Σ aᵢ bᵢ.
+pub fn dot(a: &[f32], b: &[f32]) -> f32 {
+    wide(
+        #[inline(always)]
+        || dot_here(a, b),
+    )
+}
+
+#[inline(always)]
+fn weighted_here(s: &[f32], a: &[f32], b: &[f32]) -> f32 {
+    let (s, _) = s.as_chunks::<LANES>();
+    let (a, _) = a.as_chunks::<LANES>();
+    let (b, _) = b.as_chunks::<LANES>();
+    let mut sums = [0.0f32; LANES];
+    for ((s, a), b) in s.iter().zip(a).zip(b) {
+        for l in 0..LANES {
+            sums[l] += s[l] * a[l] * b[l];
+        }
+    }
+    sum(sums)
+}
+
+/// Σ sᵢ aᵢ bᵢ for each row s of `scales`, into `out`.
+pub fn weighted_rows(scales: &[f32], a: &[f32], b: &[f32], out: &mut [f32]) {
+    wide(
+        #[inline(always)]
+        || {
+            for (s, out) in scales.chunks_exact(a.len()).zip(out) {
+                *out = weighted_here(s, a, b);
+            }
+        },
+    )
+}
+
+/// Σ sᵢ aᵢ bᵢ.
+pub fn weighted(s: &[f32], a: &[f32], b: &[f32]) -> f32 {
+    wide(
+        #[inline(always)]
+        || weighted_here(s, a, b),
+    )
+}
+
+/// The product of each row of a matrix with `x`, into `out`.
+pub fn row_dots(rows: &[f32], x: &[f32], out: &mut [f32]) {
+    wide(
+        #[inline(always)]
+        || {
+            for (row, out) in rows.chunks_exact(x.len().max(1)).zip(out) {
+                *out = dot_here(row, x);
+            }
+        },
+    )
+}
+
+/// Lanes that a pass over the rows keeps in registers.
+const TILE: usize = 4;
+
+/// `out` = Σᵢ wᵢ rowᵢ: rows as long as `out`, as many as weights.
+pub fn combine(rows: &[f32], weights: &[f32], out: &mut [f32]) {
+    #[inline(always)]
+    fn tile<const T: usize>(rows: &[f32], weights: &[f32], n: usize, at: usize, out: &mut [f32]) {
+        let mut sums = [[0.0f32; LANES]; T];
+        for (row, w) in rows.chunks_exact(n).zip(weights) {
+            let (lanes, _) = row[at..at + T * LANES].as_chunks::<LANES>();
+            for t in 0..T {
+                for l in 0..LANES {
+                    sums[t][l] += w * lanes[t][l];
+                }
+            }
+        }
+        out[at..at + T * LANES].copy_from_slice(sums.as_flattened());
+    }
+    let n = out.len();
+    wide(
+        #[inline(always)]
+        || {
+            let mut at = 0;
+            while at + TILE * LANES <= n {
+                tile::<TILE>(rows, weights, n, at, out);
+                at += TILE * LANES;
+            }
+            while at < n {
+                tile::<1>(rows, weights, n, at, out);
+                at += LANES;
+            }
+        },
+    )
+}
+
+/// Σ w (y − row)² of each row.
+pub fn distances(rows: &[f32], y: &[f32], w: &[f32], out: &mut Vec<f32>) {
+    out.clear();
+    wide(
+        #[inline(always)]
+        || {
+            let (y, _) = y.as_chunks::<LANES>();
+            let (w, _) = w.as_chunks::<LANES>();
+            for row in rows.chunks_exact((LANES * y.len()).max(1)) {
+                let (row, _) = row.as_chunks::<LANES>();
+                let mut sums = [0.0f32; LANES];
+                for ((r, y), w) in row.iter().zip(y).zip(w) {
+                    for l in 0..LANES {
+                        let off = y[l] - r[l];
+                        sums[l] += w[l] * off * off;
+                    }
+                }
+                out.push(sum(sums));
+            }
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn numbers(n: usize, salt: u32) -> Vec<f32> {
+        let of = |i: usize| {
+            let bits = (i as u32 + 1).wrapping_mul(2_654_435_761) ^ salt.wrapping_mul(40_503);
+            (bits >> 8) as f32 / 8_388_608.0 - 1.0
+        };
+        (0..n).map(of).collect()
+    }
+
+    #[test]
+    fn products_are_those_of_plain_loops() {
+        for n in [8, 40, 72, 104] {
+            let rows = numbers(5 * n, 1);
+            let (x, y, w) = (numbers(n, 2), numbers(n, 3), numbers(n, 4));
+            let near = |a: f32, b: f64| (f64::from(a) - b).abs() <= 1e-5 * n as f64;
+            let wide = |v: &[f32], i: usize| f64::from(v[i]);
+            let plain: f64 = (0..n).map(|i| wide(&x, i) * wide(&y, i)).sum();
+            assert!(near(dot(&x, &y), plain));
+            let plain: f64 = (0..n).map(|i| wide(&w, i) * wide(&x, i) * wide(&y, i)).sum();
+            assert!(near(weighted(&w, &x, &y), plain));
+            let mut all = vec![0.0; 5];
+            weighted_rows(&rows, &x, &y, &mut all);
+            assert_eq!(all[3], weighted(&rows[3 * n..4 * n], &x, &y));
+            row_dots(&rows, &x, &mut all);
+            assert_eq!(all[2], dot(&rows[2 * n..3 * n], &x));
+            let mut out = vec![0.0; n];
+            combine(&rows, &w[..5], &mut out);
+            for k in 0..n {
+                let plain: f64 = (0..5).map(|i| wide(&w, i) * wide(&rows, i * n + k)).sum();
+                assert!(near(out[k], plain));
+            }
+            let mut far = Vec::new();
+            distances(&rows, &x, &w, &mut far);
+            let plain: f64 = (0..n)
+                .map(|i| wide(&w, i) * (wide(&x, i) - wide(&rows, 4 * n + i)).powi(2))
+                .sum();
+            assert!(far.len() == 5 && near(far[4], plain));
+        }
+    }
+}
