@@ -93,13 +93,13 @@ pub fn weighted(s: &[f32], a: &[f32], b: &[f32]) -> f32 {
     )
 }
 
-/// The product of each row of a matrix with `x`, into `out`.
-pub fn row_dots(rows: &[f32], x: &[f32], out: &mut [f32]) {
+/// The product of each row of a matrix with `x`, into `out`; rows are `stride` apart and read as far as `x` goes.
+pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     wide(
         #[inline(always)]
         || {
-            for (row, out) in rows.chunks_exact(x.len().max(1)).zip(out) {
-                *out = dot_here(row, x);
+            for (row, out) in rows.chunks_exact(stride.max(1)).zip(out) {
+                *out = dot_here(&row[..x.len()], x);
             }
         },
     )
@@ -108,12 +108,12 @@ pub fn row_dots(rows: &[f32], x: &[f32], out: &mut [f32]) {
 /// Lanes that a pass over the rows keeps in registers.
 const TILE: usize = 4;
 
-/// `out` = Σᵢ wᵢ rowᵢ: rows as long as `out`, as many as weights.
-pub fn combine(rows: &[f32], weights: &[f32], out: &mut [f32]) {
+/// `out` = Σᵢ wᵢ rowᵢ; rows are `stride` apart and read as far as `out` goes.
+pub fn combine(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
     #[inline(always)]
-    fn tile<const T: usize>(rows: &[f32], weights: &[f32], n: usize, at: usize, out: &mut [f32]) {
+    fn tile<const T: usize>(rows: &[f32], stride: usize, weights: &[f32], at: usize, out: &mut [f32]) {
         let mut sums = [[0.0f32; LANES]; T];
-        for (row, w) in rows.chunks_exact(n).zip(weights) {
+        for (row, w) in rows.chunks_exact(stride).zip(weights) {
             let (lanes, _) = row[at..at + T * LANES].as_chunks::<LANES>();
             for t in 0..T {
                 for l in 0..LANES {
@@ -129,13 +129,32 @@ pub fn combine(rows: &[f32], weights: &[f32], out: &mut [f32]) {
         || {
             let mut at = 0;
             while at + TILE * LANES <= n {
-                tile::<TILE>(rows, weights, n, at, out);
+                tile::<TILE>(rows, stride, weights, at, out);
                 at += TILE * LANES;
             }
             while at < n {
-                tile::<1>(rows, weights, n, at, out);
+                tile::<1>(rows, stride, weights, at, out);
                 at += LANES;
             }
+        },
+    )
+}
+
+/// Σ (yᵢ − xᵢ)².
+pub fn distance(y: &[f32], x: &[f32]) -> f32 {
+    wide(
+        #[inline(always)]
+        || {
+            let (y, _) = y.as_chunks::<LANES>();
+            let (x, _) = x.as_chunks::<LANES>();
+            let mut sums = [0.0f32; LANES];
+            for (y, x) in y.iter().zip(x) {
+                for l in 0..LANES {
+                    let off = y[l] - x[l];
+                    sums[l] += off * off;
+                }
+            }
+            sum(sums)
         },
     )
 }
@@ -189,14 +208,19 @@ mod tests {
             let mut all = vec![0.0; 5];
             weighted_rows(&rows, &x, &y, &mut all);
             assert_eq!(all[3], weighted(&rows[3 * n..4 * n], &x, &y));
-            row_dots(&rows, &x, &mut all);
+            row_dots(&rows, n, &x, &mut all);
             assert_eq!(all[2], dot(&rows[2 * n..3 * n], &x));
             let mut out = vec![0.0; n];
-            combine(&rows, &w[..5], &mut out);
+            combine(&rows, n, &w[..5], &mut out);
+            let mut short = vec![0.0; 8];
+            combine(&rows, n, &w[..5], &mut short);
+            assert_eq!(short, out[..8]);
             for k in 0..n {
                 let plain: f64 = (0..5).map(|i| wide(&w, i) * wide(&rows, i * n + k)).sum();
                 assert!(near(out[k], plain));
             }
+            let plain: f64 = (0..n).map(|i| (wide(&x, i) - wide(&y, i)).powi(2)).sum();
+            assert!(near(distance(&x, &y), plain));
             let mut far = Vec::new();
             distances(&rows, &x, &w, &mut far);
             let plain: f64 = (0..n)

@@ -95,9 +95,10 @@ impl Part {
         let top = explained.best[0].log;
         let weights = explained.best.iter().map(|h| (h.log - top).exp());
         let total: f64 = weights.clone().sum();
+        let short = view.short(y);
         let voices = explained.best.iter().zip(weights);
         let mut voices: Vec<Voice<'_>> = voices
-            .map(|(h, w)| self.voice(view, y, explained, h, w / total))
+            .map(|(h, w)| self.voice(view, &short, explained, h, w / total))
             .collect();
         voices.sort_by_key(|v| v.seen);
         for same in voices.chunk_by(|a, b| a.seen == b.seen) {
@@ -120,7 +121,7 @@ impl Part {
     fn voice<'a>(
         &'a self,
         view: &'a View,
-        y: &[f64],
+        y: &[f32],
         explained: &Explained,
         h: &Hypothesis,
         weight: f64,

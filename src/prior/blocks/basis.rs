@@ -1,6 +1,7 @@
 //! A covariance by its own directions: the sub-dictionary of a block.
 //!
-//! C = U diag(λ) Uᵀ; the columns of U diag(√λ) are the atoms, whose coefficients are unit Gaussians.
+//! C = U diag(λ) Uᵀ; the columns of U diag(√λ) are the atoms, whose coefficients are unit Gaussians. The largest come
+//! first.
 
 use crate::linalg::symmetric_eigen;
 use crate::simd::{padded, row_dots};
@@ -13,7 +14,7 @@ pub struct Basis {
     stride: usize,
     /// U by rows, (d, stride): what each coordinate has of each direction. Single precision: 1e-5 cm of a pose.
     vectors: Vec<f32>,
-    /// λ, above 0, cm².
+    /// λ, above 0, falling, cm².
     pub values: Vec<f64>,
 }
 
@@ -47,15 +48,18 @@ impl Basis {
 
     fn with(values: Vec<f64>, vectors: impl Fn(usize, usize) -> f64) -> Basis {
         let (d, stride) = (values.len(), padded(values.len()));
+        let mut order: Vec<usize> = (0..d).collect();
+        order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
         let mut rows = vec![0.0; d * stride];
         for (i, row) in rows.chunks_exact_mut(stride.max(1)).enumerate() {
-            (0..d).for_each(|k| row[k] = vectors(i, k) as f32);
+            let sorted = row.iter_mut().zip(&order);
+            sorted.for_each(|(r, k)| *r = vectors(i, *k) as f32);
         }
         Basis {
             d,
             stride,
             vectors: rows,
-            values,
+            values: order.iter().map(|k| values[*k]).collect(),
         }
     }
 
@@ -86,7 +90,7 @@ impl Basis {
         &self.vectors[i * self.stride..(i + 1) * self.stride]
     }
 
-    /// The diagonal of U diag(`values`) Uᵀ.
+    /// The diagonal of U diag(`values`) Uᵀ; of the first directions only, where there are fewer values.
     pub fn diagonal_of(&self, values: &[f64]) -> Vec<f64> {
         (0..self.d)
             .map(|i| {
@@ -101,17 +105,20 @@ impl Basis {
         self.diagonal_of(&self.values)
     }
 
-    /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision.
+    /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision; of the first directions only, where there are fewer
+    /// values.
     pub fn add_spread(&self, values: &[f64], out: &mut Array2<f64>) {
+        let stride = padded(values.len());
         let roots: Vec<f32> = values.iter().map(|v| v.max(0.0).sqrt() as f32).collect();
-        let mut half = self.vectors.clone();
-        for row in half.chunks_exact_mut(self.stride.max(1)) {
-            row.iter_mut().zip(&roots).for_each(|(v, r)| *v *= r);
+        let mut half = vec![0.0; self.d * stride];
+        for (i, half) in half.chunks_exact_mut(stride.max(1)).enumerate() {
+            let scaled = half.iter_mut().zip(self.row(i).iter().zip(&roots));
+            scaled.for_each(|(h, (v, r))| *h = v * r);
         }
         let mut products = vec![0.0; self.d];
         for i in 0..self.d {
-            let row = &half[i * self.stride..(i + 1) * self.stride];
-            row_dots(&half[..(i + 1) * self.stride], row, &mut products[..=i]);
+            let row = &half[i * stride..(i + 1) * stride];
+            row_dots(&half[..(i + 1) * stride], stride, row, &mut products[..=i]);
             for (j, p) in products[..=i].iter().enumerate() {
                 out[[i, j]] += f64::from(*p);
                 if j < i {
@@ -146,6 +153,7 @@ mod tests {
         let deviations: ndarray::Array1<f32> =
             basis.values.iter().map(|v| v.sqrt() as f32).collect();
         let again = Basis::from_parts(directions.view(), deviations.view());
+        assert!(basis.values.is_sorted_by(|a, b| a >= b));
         assert!(near(&again.covariance()));
         let diagonal = basis.diagonal();
         assert!((0..6).all(|i| (diagonal[i] - c[[i, i]]).abs() <= 1e-5));

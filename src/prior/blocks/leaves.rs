@@ -116,7 +116,7 @@ impl Leaves {
                     for (r, m) in row.iter_mut().zip(mean.unwrap_or_default()) {
                         *r -= m;
                     }
-                    combine(basis.vectors(), &row, out);
+                    combine(basis.vectors(), stride, &row, out);
                 }
                 out
             };

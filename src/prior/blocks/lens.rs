@@ -12,6 +12,9 @@
 //! covariance          = U diag(aλ r s) Uᵀ + B G⁻¹ Bᵀ,   B = U diag(aλ s) U_cᵀ
 //! ```
 //!
+//! Directions whose variance is nothing beside r share one: the length of what is left of y − m without the others, and
+//! their mean variance.
+//!
 //! (Coordinates that are missing count neither in n nor in Σ log δ.) Where the noise is of many kinds or few coordinates
 //! are seen, a decomposition of R^-1/2 C_oo R^-1/2 takes the place of U, and nothing is changed.
 
@@ -67,7 +70,21 @@ pub struct Lens {
     constant: f64,
     /// What stands in for the basis where the noise is mixed.
     mixed: Option<Mixed>,
+    /// Where few directions matter.
+    cut: Option<Cut>,
 }
+
+/// The first directions, and one for all others.
+#[derive(Debug, Clone)]
+struct Cut {
+    /// Their λ; the last is the others' mean.
+    values: Vec<f64>,
+    /// How many share the last.
+    shared: f64,
+}
+
+/// Directions share one where their variance is below this share of the noise's.
+const DROWNED: f64 = 0.01;
 
 #[derive(Debug, Clone)]
 struct Mixed {
@@ -118,10 +135,12 @@ impl Lens {
             unit: 1.0,
             constant,
             mixed: None,
+            cut: None,
         };
         match pattern {
             Pattern::Changed { unit, changed } => Lens {
                 unit: *unit,
+                cut: Cut::of(&basis.values, *unit).filter(|_| changed.is_empty()),
                 changed: changed.clone(),
                 ..lens
             },
@@ -155,9 +174,10 @@ impl Lens {
     }
 
     fn values(&self) -> &[f64] {
-        match &self.mixed {
-            None => &self.basis.values,
-            Some(m) => &m.values,
+        match (&self.mixed, &self.cut) {
+            (Some(m), _) => &m.values,
+            (None, Some(cut)) => &cut.values,
+            (None, None) => &self.basis.values,
         }
     }
 
@@ -166,20 +186,52 @@ impl Lens {
         padded(self.values().len())
     }
 
-    /// z of the residuals `r` (d; read where seen), padded.
-    pub fn project(&self, r: impl Fn(usize) -> f64, z: &mut Vec<f32>) {
+    /// z of the residual `r` (d, padded with 0; read where seen), padded.
+    pub fn project(&self, r: &[f32], z: &mut Vec<f32>) {
         z.clear();
         z.resize(self.stride(), 0.0);
-        match &self.mixed {
-            None => {
-                let mut weights = vec![0.0; self.basis.len()];
-                self.seen.iter().for_each(|&i| weights[i] = r(i) as f32);
-                combine(self.basis.vectors(), &weights, z);
-            }
-            Some(m) => {
-                let weights: Vec<f32> = self.seen.iter().map(|&i| r(i) as f32).collect();
-                combine(&m.across, &weights, z);
-            }
+        if let Some(m) = &self.mixed {
+            let weights: Vec<f32> = self.seen.iter().map(|&i| r[i]).collect();
+            return combine(&m.across, z.len(), &weights, z);
+        }
+        let (d, stride) = (self.basis.len(), self.basis.stride());
+        if self.seen.len() == d {
+            combine(self.basis.vectors(), stride, &r[..d], z);
+        } else {
+            let mut weights = vec![0.0; d];
+            self.seen.iter().for_each(|&i| weights[i] = r[i]);
+            combine(self.basis.vectors(), stride, &weights, z);
+        }
+        if self.cut.is_some() {
+            self.share(simd::dot(r, r), z);
+        }
+    }
+
+    /// z of one of the cell's leaves, given that of the cell's mean, the leaf's code, and both y and the leaf's pose
+    /// (padded).
+    pub fn shift(&self, of_cell: &[f32], code: &[f32], y: &[f32], pose: &[f32], z: &mut Vec<f32>) {
+        z.clear();
+        z.extend(of_cell.iter().zip(code).map(|(z, c)| z - c));
+        if self.cut.is_some() {
+            self.share(simd::distance(y, pose), z);
+        }
+    }
+
+    /// z of a leaf's step, given it in the cell's directions: of those that are shared it has next to nothing.
+    pub fn turn(&self, turn: &[f32], z: &mut Vec<f32>) {
+        z.clear();
+        z.extend_from_slice(&turn[..self.stride()]);
+        if let Some(cut) = &self.cut {
+            z[cut.values.len() - 1..].fill(0.0);
+        }
+    }
+
+    /// Where directions share one, what is left for it of a residual of that squared length.
+    fn share(&self, length: f32, z: &mut [f32]) {
+        if let Some(cut) = &self.cut {
+            let last = cut.values.len() - 1;
+            z[last..].fill(0.0);
+            z[last] = (length - simd::dot(z, z)).max(0.0).sqrt();
         }
     }
 
@@ -199,6 +251,9 @@ impl Lens {
                 .map(|l| 1.0 / (scale * l + self.unit))
                 .collect();
             let mut normaliser = self.constant + 0.5 * log_product(&shares);
+            if let (Some(cut), Some(last)) = (&self.cut, shares.last()) {
+                normaliser += 0.5 * (cut.shared - 1.0) * last.ln();
+            }
             if !self.changed.is_empty() {
                 out.fixes.push(self.fix(&shares, &mut normaliser));
             }
@@ -245,6 +300,14 @@ impl Lens {
         }
     }
 
+    /// λ of the directions that are not shared.
+    fn leading(&self) -> &[f64] {
+        match &self.cut {
+            None => &self.basis.values,
+            Some(cut) => &cut.values[..cut.values.len() - 1],
+        }
+    }
+
     /// Adds a C_:o (a C_oo + R)⁻¹ r to `out` (d), given w of r, times a and whatever weight.
     pub fn add_gain(&self, w: &[f32], out: &mut [f64]) {
         let d = out.len();
@@ -252,12 +315,13 @@ impl Lens {
         match &self.mixed {
             None => {
                 let mut step = vec![0.0; self.stride()];
-                for ((s, w), l) in step.iter_mut().zip(w).zip(&self.basis.values) {
+                for ((s, w), l) in step.iter_mut().zip(w).zip(self.leading()) {
                     *s = w * *l as f32;
                 }
-                row_dots(self.basis.vectors(), &step, &mut sum[..d]);
+                let stride = self.basis.stride();
+                row_dots(self.basis.vectors(), stride, &step, &mut sum[..d]);
             }
-            Some(m) => combine(&m.gain, &w[..m.values.len()], &mut sum),
+            Some(m) => combine(&m.gain, padded(d), &w[..m.values.len()], &mut sum),
         }
         out.iter_mut().zip(&sum).for_each(|(o, s)| *o += f64::from(*s));
     }
@@ -266,7 +330,9 @@ impl Lens {
     pub fn add_covariance(&self, weights: &[Weighed<'_>], out: &mut Array2<f64>) {
         match &self.mixed {
             None => {
-                self.basis.add_spread(&self.left(weights), out);
+                let (left, shared) = self.left(weights);
+                self.basis.add_spread(&left, out);
+                out.diag_mut().mapv_inplace(|v| v + shared);
                 for (scales, at, weight) in merged(weights) {
                     if let Some(fix) = scales.fixes.get(at) {
                         let half = self.unlearnt(scales.scales[at], fix);
@@ -293,7 +359,9 @@ impl Lens {
         };
         match &self.mixed {
             None => {
-                add(out, self.basis.diagonal_of(&self.left(weights)));
+                let (left, shared) = self.left(weights);
+                add(out, self.basis.diagonal_of(&left));
+                out.iter_mut().for_each(|v| *v += shared);
                 for (scales, at, weight) in merged(weights) {
                     if let Some(fix) = scales.fixes.get(at) {
                         for row in self.unlearnt(scales.scales[at], fix).rows() {
@@ -313,17 +381,22 @@ impl Lens {
         }
     }
 
-    /// Σ weight aλ r s, by directions.
-    fn left(&self, weights: &[Weighed<'_>]) -> Vec<f64> {
-        let mut left = vec![0.0; self.basis.len()];
+    /// Σ weight aλ r s by directions, beyond that of the shared ones; and that.
+    fn left(&self, weights: &[Weighed<'_>]) -> (Vec<f64>, f64) {
+        let mut left = vec![0.0; self.values().len()];
         for &(scales, at, weight) in weights {
             let shares = &scales.shares[at * scales.stride..];
-            let terms = self.basis.values.iter().zip(shares);
+            let terms = self.values().iter().zip(shares);
             for (left, (l, share)) in left.iter_mut().zip(terms) {
                 *left += weight * scales.scales[at] * l * self.unit * f64::from(*share);
             }
         }
-        left
+        let shared = match self.cut {
+            Some(_) => left.pop().unwrap_or(0.0),
+            None => 0.0,
+        };
+        left.iter_mut().for_each(|v| *v -= shared);
+        (left, shared)
     }
 
     /// Where the noise is mixed: Σ weight aλ by directions, and Σ weight a² s by those seen.
@@ -360,10 +433,28 @@ impl Lens {
             for ((s, v), l) in step.iter_mut().zip(row).zip(&self.basis.values) {
                 *s = (scale * l * v) as f32;
             }
-            row_dots(self.basis.vectors(), &step, &mut products);
+            row_dots(self.basis.vectors(), n, &step, &mut products);
             out.iter_mut().zip(&products).for_each(|(o, p)| *o = f64::from(*p));
         }
         out
+    }
+}
+
+impl Cut {
+    /// Of falling variances, seen through noise of variance `unit`; none where next to all matter.
+    fn of(values: &[f64], unit: f64) -> Option<Cut> {
+        let matter = values.partition_point(|l| *l > DROWNED * unit);
+        // With the shared one they fill the lanes.
+        let kept = simd::padded(matter + 1) - 1;
+        if simd::padded(values.len()) < kept + 1 + simd::LANES {
+            return None;
+        }
+        let rest = &values[kept..];
+        let mean = rest.iter().sum::<f64>() / rest.len() as f64;
+        Some(Cut {
+            values: values[..kept].iter().copied().chain([mean]).collect(),
+            shared: rest.len() as f64,
+        })
     }
 }
 
@@ -422,7 +513,7 @@ impl Scales {
             }
             let q: Vec<f32> = q.iter().map(|q| *q as f32).collect();
             let mut changed = vec![0.0; w.len()];
-            combine(&fix.rows, &q, &mut changed);
+            combine(&fix.rows, self.stride, &q, &mut changed);
             w.iter_mut().zip(&changed).for_each(|(w, c)| *w -= c);
         }
         w
@@ -433,7 +524,7 @@ impl Fix {
     /// L⁻¹ q.
     fn whitened(&self, z: &[f32]) -> Vec<f64> {
         let mut products = vec![0.0; self.count];
-        row_dots(&self.rows, z, &mut products);
+        row_dots(&self.rows, z.len(), z, &mut products);
         let mut q: Vec<f64> = products.iter().map(|q| f64::from(*q)).collect();
         for i in 0..self.count {
             let row = &self.factor[i * self.count..i * self.count + i];
@@ -480,7 +571,9 @@ mod tests {
                 let prior = &c * scale;
                 let want = Conditional::new(prior.view(), &noise);
                 let (mut z, mut mean) = (Vec::new(), vec![0.0; 6]);
-                lens.project(|i| y[i], &mut z);
+                let mut r: Vec<f32> = y.iter().map(|y| *y as f32).collect();
+                r.resize(padded(6), 0.0);
+                lens.project(&r, &mut z);
                 let scales = lens.at([scale, 0.5 * scale].into_iter());
                 let mut w = scales.solve(0, &z);
                 w.iter_mut().for_each(|w| *w *= scale as f32);

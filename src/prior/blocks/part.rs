@@ -99,6 +99,16 @@ impl View {
         self.pattern != Pattern::Nothing
     }
 
+    /// An observation (d) in single precision, padded; 0 where missing.
+    pub fn short(&self, y: &[f64]) -> Vec<f32> {
+        let seen = y.iter().zip(&self.noise);
+        let mut short: Vec<f32> = seen
+            .map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 })
+            .collect();
+        short.resize(padded(short.len()), 0.0);
+        short
+    }
+
     /// A cell through this noise.
     pub fn sight(&self, part: &Part, index: usize, cell: usize) -> &Sight {
         self.sights[index][cell].get_or_init(|| {

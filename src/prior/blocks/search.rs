@@ -1,9 +1,7 @@
 //! Which blocks explain an observation.
 
 use super::leaves::Opened;
-use super::part::{Part, Sight, View, log_sum};
-use crate::prior::blocks::part::Active;
-use crate::simd::padded;
+use super::part::{Active, Part, Sight, View, log_sum};
 
 /// One block that may explain an observation.
 #[derive(Debug, Clone, Copy)]
@@ -102,7 +100,6 @@ struct Search<'a> {
     part: &'a Part,
     view: &'a View,
     y: &'a [f64],
-    /// y in single precision, padded; 0 where missing.
     short: Vec<f32>,
     found: Explained,
     /// The log that a block must reach.
@@ -111,11 +108,6 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(part: &'a Part, view: &'a View, y: &'a [f64]) -> Search<'a> {
-        let seen = y.iter().zip(&view.noise);
-        let mut short: Vec<f32> = seen
-            .map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 })
-            .collect();
-        short.resize(padded(short.len()), 0.0);
         Search {
             found: Explained {
                 levels: vec![f64::NEG_INFINITY; part.levels.len()],
@@ -126,7 +118,7 @@ impl<'a> Search<'a> {
             part,
             view,
             y,
-            short,
+            short: view.short(y),
         }
     }
 
@@ -138,11 +130,14 @@ impl<'a> Search<'a> {
         let levels = part.active(index);
         let mut logs = vec![Vec::new(); levels.len()];
         let (mut z, mut each) = (Vec::new(), Vec::new());
+        let mut off = vec![0.0; self.short.len()];
         let mut best = Vec::new();
         for cell in cells.nearest(&self.short, &view.nearness[index]) {
             let sight = view.sight(part, index, cell);
-            let mean = cells.means.row(cell);
-            sight.lens.project(|i| self.y[i] - mean[i], &mut z);
+            let means = self.y.iter().zip(cells.means.row(cell));
+            let rest = off.iter_mut().zip(means);
+            rest.for_each(|(o, (y, m))| *o = (y - m) as f32);
+            sight.lens.project(&off, &mut z);
             sight.scales.logs(&z, &mut each);
             each.iter_mut().for_each(|l| *l += cells.log_shares[cell]);
             let seen = self.found.seen.len();
@@ -186,7 +181,7 @@ impl<'a> Search<'a> {
             let opened = part.opened(cell);
             let scales = sight.leaves(part);
             for &(_, _, leaf) in group {
-                state.of_leaf(sight, self.found.z(seen, sight), opened, self.y, leaf);
+                state.of_leaf(sight, self.found.z(seen, sight), opened, &self.short, leaf);
                 scales.logs(&state.z, &mut each);
                 if reaches {
                     scales.forms(&state.step, &state.z, &mut cross);
@@ -270,23 +265,22 @@ pub struct Residual {
     pub z: Vec<f32>,
     /// Of the leaf's step.
     pub step: Vec<f32>,
+    off: Vec<f32>,
 }
 
 impl Residual {
-    /// Of one of a finest cell's leaves; `of_cell` is what is left beside the cell's mean.
-    pub fn of_leaf(&mut self, sight: &Sight, of_cell: &[f32], opened: &Opened, y: &[f64], leaf: usize) {
-        if sight.lens.is_own() {
+    /// Of one of a finest cell's leaves; `of_cell` is what is left beside the cell's mean, `y` (padded) the observation.
+    pub fn of_leaf(&mut self, sight: &Sight, of_cell: &[f32], opened: &Opened, y: &[f32], leaf: usize) {
+        let (lens, pose) = (&sight.lens, opened.pose(leaf));
+        if lens.is_own() {
             // A coordinate that is missing counts as the cell's mean here: what stands there makes no difference.
-            let codes = of_cell.iter().zip(opened.code(leaf));
-            self.z.clear();
-            self.z.extend(codes.map(|(z, c)| z - c));
-            self.step.clear();
-            self.step.extend_from_slice(opened.turn(leaf));
+            lens.shift(of_cell, opened.code(leaf), y, pose, &mut self.z);
+            lens.turn(opened.turn(leaf), &mut self.step);
         } else {
-            let (pose, step) = (opened.pose(leaf), opened.step(leaf));
-            let of = &sight.lens;
-            of.project(|i| y[i] - f64::from(pose[i]), &mut self.z);
-            of.project(|i| f64::from(step[i]), &mut self.step);
+            self.off.clear();
+            self.off.extend(y.iter().zip(pose).map(|(y, x)| y - x));
+            lens.project(&self.off, &mut self.z);
+            lens.project(opened.step(leaf), &mut self.step);
         }
     }
 }
