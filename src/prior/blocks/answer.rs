@@ -7,8 +7,10 @@ use crate::prior::small::add;
 use crate::simd;
 use ndarray::Array2;
 
-/// Blocks that weigh less than this share do not tell the covariance.
+/// Blocks that weigh less than this share do not tell how far the answers are apart.
 const LEAST_SHARE: f64 = 0.02;
+/// Cells whose blocks weigh less than this share together do not tell what is left open.
+const LEAST_CELL: f64 = 0.2;
 
 /// How sure the answer is to be told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -112,7 +114,6 @@ impl Part {
             same[0].sight.lens.add_gain(&w, &mut out.mean);
         }
         if told != Told::Mean {
-            voices.retain(|v| v.weight >= LEAST_SHARE);
             tell(&voices, &mut out, told);
         }
         out
@@ -187,8 +188,12 @@ fn solved(scales: &Scales, at: usize, z: &[f32]) -> Vec<f32> {
 
 /// What each block leaves open, and how far they are apart.
 fn tell(voices: &[Voice<'_>], out: &mut Answer, told: Told) {
-    let total: f64 = voices.iter().map(|v| v.weight).sum();
-    for same in voices.chunk_by(|a, b| a.seen == b.seen) {
+    let weight = |of: &[Voice<'_>]| of.iter().map(|v| v.weight).sum::<f64>();
+    let cells = || voices.chunk_by(|a, b| a.seen == b.seen);
+    let most = cells().map(weight).fold(0.0, f64::max);
+    let heard = |of: &&[Voice<'_>]| weight(of) >= LEAST_CELL.min(most);
+    let total: f64 = cells().filter(heard).map(weight).sum();
+    for same in cells().filter(heard) {
         let scales: Vec<Weighed<'_>> = (same.iter())
             .map(|v| (v.scales, v.at, v.weight / total))
             .collect();
@@ -198,7 +203,9 @@ fn tell(voices: &[Voice<'_>], out: &mut Answer, told: Told) {
             _ => lens.add_covariance(&scales, &mut out.spread),
         }
     }
-    for v in voices {
+    let apart = voices.iter().filter(|v| v.weight >= LEAST_SHARE);
+    let total: f64 = apart.clone().map(|v| v.weight).sum();
+    for v in apart {
         let lens = &v.sight.lens;
         let mut off = v.base.clone();
         lens.add_gain(&v.w, &mut off);

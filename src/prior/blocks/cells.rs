@@ -6,6 +6,9 @@ use crate::simd::{self, distances};
 use ndarray::{Array2, Axis};
 use std::sync::{Arc, OnceLock};
 
+/// So many cells of a level are looked at.
+const NEAR: usize = 8;
+
 /// Cells of one part.
 #[derive(Debug, Clone)]
 pub struct Cells {
@@ -128,8 +131,7 @@ impl Cells {
     /// The few cells that may hold a pose (d, padded; of any value where `weights` is 0), nearest first; all of a few.
     pub fn nearest(&self, y: &[f32], weights: &[f32]) -> Vec<usize> {
         let count = self.len();
-        let wanted = (2.0 * (count as f64).sqrt()).ceil().min(16.0) as usize;
-        if count <= wanted.max(5) {
+        if count <= NEAR {
             return (0..count).collect();
         }
         let mut far = Vec::with_capacity(count);
@@ -139,8 +141,8 @@ impl Cells {
             .enumerate()
             .map(|(cell, (far, log))| (far - 2.0 * *log as f32, cell))
             .collect();
-        all.select_nth_unstable_by(wanted - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        all.truncate(wanted);
+        all.select_nth_unstable_by(NEAR - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        all.truncate(NEAR);
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         all.into_iter().map(|(_, cell)| cell).collect()
     }

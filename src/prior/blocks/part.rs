@@ -137,7 +137,7 @@ impl Sight {
 }
 
 /// Levels of less weight are not looked at.
-const LEAST_WEIGHT: f64 = 5e-4;
+const LEAST_WEIGHT: f64 = 2e-3;
 
 impl Part {
     /// Puts a part together: `labels` gives the finest cell of each training pose.

@@ -59,15 +59,15 @@ impl Explained {
 }
 
 /// So many blocks answer.
-const KEPT: usize = 96;
+const KEPT: usize = 32;
 /// Blocks this much less likely (nats) than the best do not answer.
 const NEGLIGIBLE: f64 = 6.0;
 /// The leaves of so many cells are looked at.
-const OPENED: usize = 8;
+const OPENED: usize = 4;
 /// Cells this much less likely than the best are not opened.
 const CLOSED: f64 = 20.0;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 128;
+const WEIGHED: usize = 32;
 
 impl Part {
     /// How well the blocks explain `y` (d; read where observed).
