@@ -111,7 +111,13 @@ const TILE: usize = 4;
 /// `out` = Σᵢ wᵢ rowᵢ; rows are `stride` apart and read as far as `out` goes.
 pub fn combine(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
     #[inline(always)]
-    fn tile<const T: usize>(rows: &[f32], stride: usize, weights: &[f32], at: usize, out: &mut [f32]) {
+    fn tile<const T: usize>(
+        rows: &[f32],
+        stride: usize,
+        weights: &[f32],
+        at: usize,
+        out: &mut [f32],
+    ) {
         let mut sums = [[0.0f32; LANES]; T];
         for (row, w) in rows.chunks_exact(stride).zip(weights) {
             let (lanes, _) = row[at..at + T * LANES].as_chunks::<LANES>();
@@ -203,7 +209,9 @@ mod tests {
             let wide = |v: &[f32], i: usize| f64::from(v[i]);
             let plain: f64 = (0..n).map(|i| wide(&x, i) * wide(&y, i)).sum();
             assert!(near(dot(&x, &y), plain));
-            let plain: f64 = (0..n).map(|i| wide(&w, i) * wide(&x, i) * wide(&y, i)).sum();
+            let plain: f64 = (0..n)
+                .map(|i| wide(&w, i) * wide(&x, i) * wide(&y, i))
+                .sum();
             assert!(near(weighted(&w, &x, &y), plain));
             let mut all = vec![0.0; 5];
             weighted_rows(&rows, &x, &y, &mut all);

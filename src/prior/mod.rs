@@ -118,6 +118,11 @@ pub trait Prior: Send + Sync {
         }
         out
     }
+    /// The means of [`believe_all`](Prior::believe_all) and the variance of each coordinate, for those who need no more.
+    fn posteriors(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Posterior> {
+        let beliefs = self.believe_all(y, noise).into_iter();
+        beliefs.map(Belief::posterior).collect()
+    }
     /// The closest pose of the model to an observation. With `before`, never worse than that choice refitted.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
         let pose = self.mean(y, noise);

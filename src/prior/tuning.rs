@@ -535,6 +535,11 @@ impl Prior for Tasked {
         out
     }
 
+    fn posteriors(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Posterior> {
+        let runs = self.by_runs(y, noise, |prior, y, noise| prior.posteriors(y, noise));
+        runs.into_iter().flatten().collect()
+    }
+
     fn fit(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
         let (prior, noise) = self.at(noise);
         prior.fit(y, &noise, before)

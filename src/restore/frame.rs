@@ -162,7 +162,7 @@ impl<'a> Restorer<'a> {
             ArrayView2::from_shape(shape, noise).ok()?,
         );
         let treated = treatment.answer(self.prior, y, noise, seek).pop()?;
-        Some((treated.belief.posterior(), treated.corrupt))
+        Some((treated.posterior, treated.corrupt))
     }
 
     fn in_place(&self, seen: Observed<'_>) -> Restored {

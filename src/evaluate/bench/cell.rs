@@ -4,7 +4,7 @@ use super::data::Data;
 use super::splits::Split;
 use super::tasks::{Damaged, Task};
 use crate::pose::ASF_UNIT_CM;
-use crate::prior::{Belief, EXACT};
+use crate::prior::{EXACT, Posterior};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -131,7 +131,7 @@ pub fn measure(
     rows: &[usize],
     truth: ArrayView2<'_, f64>,
     damaged: &Damaged,
-    beliefs: &[Belief],
+    answers: &[Posterior],
     varies: &[bool],
 ) -> Option<Measured> {
     let joints = truth.ncols() / 3;
@@ -143,11 +143,11 @@ pub fn measure(
         within: vec![0; WITHIN.len()],
         units: Vec::new(),
     };
-    for (i, belief) in beliefs.iter().enumerate() {
+    for (i, answer) in answers.iter().enumerate() {
         let mut sum = 0.0;
         for c in 0..truth.ncols() {
-            let error = belief.mean[c] - truth[[i, c]];
-            let variance = belief.covariance[[c, c]];
+            let error = answer.mean[c] - truth[[i, c]];
+            let variance = answer.variance[c];
             if !error.is_finite() || !variance.is_finite() {
                 return None;
             }
@@ -198,10 +198,9 @@ mod tests {
         let data = takes(&[("01_01", 4), ("01_02", 4)]);
         let rows = [1, 2, 5];
         let truth = data.rows(&rows);
-        let belief = |i: usize, off: f64| Belief {
+        let answer = |i: usize, off: f64| Posterior {
             mean: truth.row(i).iter().map(|v| v + off * ASF_UNIT_CM).collect(),
-            covariance: Array2::from_diag_elem(69, ASF_UNIT_CM * ASF_UNIT_CM),
-            evidence: 0.0,
+            variance: vec![ASF_UNIT_CM * ASF_UNIT_CM; 69],
         };
         let told = Array2::from_elem((3, 69), 1.0);
         let mut damaged = Damaged {
@@ -209,7 +208,7 @@ mod tests {
             told,
         };
         damaged.told[[0, 5]] = 0.0;
-        let beliefs = [belief(0, 0.9), belief(1, 1.1), belief(2, 2.1)];
+        let answers = [answer(0, 0.9), answer(1, 1.1), answer(2, 2.1)];
         let varies = varies(data.xyz.view());
         assert_eq!(varies.iter().filter(|v| !**v).count(), 3);
         let m = |split| {
@@ -219,7 +218,7 @@ mod tests {
                 &rows,
                 truth.view(),
                 &damaged,
-                &beliefs,
+                &answers,
                 &varies,
             );
             all.unwrap()
@@ -239,7 +238,7 @@ mod tests {
             frames.units.iter().map(|u| u.unit).collect::<Vec<_>>(),
             rows
         );
-        let mut bad = beliefs.clone();
+        let mut bad = answers.clone();
         bad[1].mean[3] = f64::NAN;
         let none = measure(
             &data,

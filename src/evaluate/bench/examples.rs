@@ -11,7 +11,7 @@ use super::splits::{Partition, Split};
 use super::tasks::{Damage, Damaged, Task};
 use crate::Result;
 use crate::par;
-use crate::prior::Belief;
+use crate::prior::Posterior;
 use ndarray::Array2;
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
@@ -223,7 +223,7 @@ impl Scenes {
         settings: &Settings,
         model: &str,
         more: &dyn Fn(Task) -> f64,
-        answer: &dyn Fn(&Damaged) -> Vec<Belief>,
+        answer: &dyn Fn(&Damaged) -> Vec<Posterior>,
     ) -> Result<Example> {
         let mut answers = BTreeMap::new();
         for sight in Sight::of(&settings.tasks) {
@@ -388,12 +388,12 @@ mod tests {
         let answer = |with: f64| {
             move |d: &Damaged| {
                 let rows = d.y.rows().into_iter();
-                rows.map(|r| Belief {
+                rows.map(|r| Posterior {
                     mean: r
                         .iter()
                         .map(|v| if v.is_nan() { with } else { *v })
                         .collect(),
-                    ..Belief::default()
+                    ..Posterior::default()
                 })
                 .collect::<Vec<_>>()
             }

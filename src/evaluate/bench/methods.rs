@@ -8,7 +8,7 @@ use crate::par;
 use crate::prior::train::{KINDS, Training, train};
 use crate::prior::training::{TrainingPoses, sparse_model};
 use crate::prior::tuning::HoldBack;
-use crate::prior::{self, Belief, Choice, Prior};
+use crate::prior::{self, Choice, Posterior, Prior};
 use crate::restore::treat::{self, Seek};
 use crate::sparse::{Ksvd, Rule, ksvd::draw};
 use crate::{Error, Place, Result};
@@ -256,14 +256,14 @@ impl Treatment {
         prior: &dyn Prior,
         y: ArrayView2<'_, f64>,
         told: ArrayView2<'_, f64>,
-    ) -> Vec<Belief> {
+    ) -> Vec<Posterior> {
         let seek = told
             .rows()
             .into_iter()
             .next()
             .map(|r| Seek::by(&r.to_vec()));
         let answers = self.0.answer(prior, y, told, seek.unwrap_or(Seek::Nothing));
-        answers.into_iter().map(|a| a.belief).collect()
+        answers.into_iter().map(|a| a.posterior).collect()
     }
 }
 
@@ -272,18 +272,18 @@ pub fn restore(
     prior: &dyn Prior,
     treatment: Option<&Treatment>,
     damaged: &Damaged,
-) -> (Vec<Belief>, f64) {
+) -> (Vec<Posterior>, f64) {
     let parts = par::map_chunks(damaged.y.nrows(), BATCH, |range| {
         let began = Instant::now();
         let part = |a: &Array2<f64>| a.slice(s![range.clone(), ..]).to_owned();
         // A number that is missing is read nowhere, but nothing should hang on that.
         let y = part(&damaged.y).mapv(|v| if v.is_nan() { 0.0 } else { v });
         let told = part(&damaged.told);
-        let beliefs = match treatment {
+        let answers = match treatment {
             Some(treatment) => treatment.answer(prior, y.view(), told.view()),
-            None => prior.believe_all(y.view(), told.view()),
+            None => prior.posteriors(y.view(), told.view()),
         };
-        (beliefs, began.elapsed().as_secs_f64())
+        (answers, began.elapsed().as_secs_f64())
     });
     let seconds = parts.iter().map(|p| p.1).sum();
     (parts.into_iter().flat_map(|p| p.0).collect(), seconds)
@@ -337,10 +337,10 @@ mod tests {
             y: data.rows(&rows),
             told: Array2::from_elem((120, 69), 1.0),
         };
-        let (beliefs, _) = restore(&*ready.priors[0], None, &damaged);
-        assert_eq!(beliefs.len(), 120);
+        let (answers, _) = restore(&*ready.priors[0], None, &damaged);
+        assert_eq!(answers.len(), 120);
         // Many at once answer as one by one.
         let one = ready.priors[0].believe(&damaged.y.row(101).to_vec(), &[1.0; 69]);
-        assert_eq!(beliefs[101], one);
+        assert_eq!(answers[101], one.posterior());
     }
 }

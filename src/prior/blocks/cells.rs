@@ -106,9 +106,7 @@ impl Cells {
             let basis = self.basis(cell, coordinates);
             for i in 0..d {
                 let mut row = directions.row_mut(cell * d + i);
-                row.iter_mut()
-                    .zip(basis.row(i))
-                    .for_each(|(r, u)| *r = *u);
+                row.iter_mut().zip(basis.row(i)).for_each(|(r, u)| *r = *u);
                 deviations[[cell, i]] = basis.values[i].sqrt() as f32;
             }
         }

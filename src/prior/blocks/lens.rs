@@ -323,7 +323,9 @@ impl Lens {
             }
             Some(m) => combine(&m.gain, padded(d), &w[..m.values.len()], &mut sum),
         }
-        out.iter_mut().zip(&sum).for_each(|(o, s)| *o += f64::from(*s));
+        out.iter_mut()
+            .zip(&sum)
+            .for_each(|(o, s)| *o += f64::from(*s));
     }
 
     /// The covariance that is left at some scales (which of them, with what weight), added to `out` (d, d).
@@ -434,7 +436,9 @@ impl Lens {
                 *s = (scale * l * v) as f32;
             }
             row_dots(self.basis.vectors(), n, &step, &mut products);
-            out.iter_mut().zip(&products).for_each(|(o, p)| *o = f64::from(*p));
+            out.iter_mut()
+                .zip(&products)
+                .for_each(|(o, p)| *o = f64::from(*p));
         }
         out
     }

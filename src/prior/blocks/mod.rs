@@ -27,10 +27,10 @@ mod search;
 use super::small::add;
 use super::{Belief, Fit, Posterior, Prior};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
+use answer::{Answer, Told};
 use learn::variance_of;
 use leaves::Poses;
 use ndarray::{Array2, ArrayView2};
-use answer::{Answer, Told};
 use part::{Part, View, log_sum};
 use search::Explained;
 use std::collections::HashMap;
@@ -174,7 +174,11 @@ impl Blocks {
                 for (i, &to) in part.coordinates.iter().enumerate() {
                     whole.mean[to] = answer.mean[i];
                     for (r, row) in answer.spread.rows().into_iter().enumerate() {
-                        let row_to = if told == Told::Covariance { part.coordinates[r] } else { r };
+                        let row_to = if told == Told::Covariance {
+                            part.coordinates[r]
+                        } else {
+                            r
+                        };
                         whole.spread[[row_to, to]] = row[i];
                     }
                 }
@@ -189,7 +193,12 @@ impl Blocks {
         }
         if told != Told::Mean {
             for (weight, whole) in &wholes {
-                let off: Vec<f64> = whole.mean.iter().zip(&out.mean).map(|(x, m)| x - m).collect();
+                let off: Vec<f64> = whole
+                    .mean
+                    .iter()
+                    .zip(&out.mean)
+                    .map(|(x, m)| x - m)
+                    .collect();
                 out.add_outer(weight / total, &off, told);
             }
         }
@@ -226,6 +235,12 @@ impl Prior for Blocks {
             mean: answer.mean,
             variance: answer.spread.iter().copied().collect(),
         }
+    }
+
+    fn posteriors(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Posterior> {
+        let rows = y.rows().into_iter().zip(noise.rows());
+        rows.map(|(y, noise)| self.posterior(&y.to_vec(), &noise.to_vec(), &Fit::default()))
+            .collect()
     }
 
     fn evidence(&self, y: &[f64], noise: &[f64]) -> f64 {

@@ -150,7 +150,16 @@ impl<'a> Search<'a> {
             for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
                 logs.push(each[at]);
                 let leaf = None;
-                self.add(each[at], level, Hypothesis { log: 0.0, seen, leaf, at });
+                self.add(
+                    each[at],
+                    level,
+                    Hypothesis {
+                        log: 0.0,
+                        seen,
+                        leaf,
+                        at,
+                    },
+                );
             }
             let most = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             best.push((most, seen));
@@ -195,7 +204,16 @@ impl<'a> Search<'a> {
                     }
                     logs.push(log);
                     let leaf = Some(leaf);
-                    self.add(log, level, Hypothesis { log: 0.0, seen, leaf, at });
+                    self.add(
+                        log,
+                        level,
+                        Hypothesis {
+                            log: 0.0,
+                            seen,
+                            leaf,
+                            at,
+                        },
+                    );
                 }
             }
         }
@@ -270,7 +288,14 @@ pub struct Residual {
 
 impl Residual {
     /// Of one of a finest cell's leaves; `of_cell` is what is left beside the cell's mean, `y` (padded) the observation.
-    pub fn of_leaf(&mut self, sight: &Sight, of_cell: &[f32], opened: &Opened, y: &[f32], leaf: usize) {
+    pub fn of_leaf(
+        &mut self,
+        sight: &Sight,
+        of_cell: &[f32],
+        opened: &Opened,
+        y: &[f32],
+        leaf: usize,
+    ) {
         let (lens, pose) = (&sight.lens, opened.pose(leaf));
         if lens.is_own() {
             // A coordinate that is missing counts as the cell's mean here: what stands there makes no difference.

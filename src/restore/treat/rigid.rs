@@ -1,6 +1,7 @@
 //! Rigid distances kept: a belief made to agree with the lengths that are known.
 //!
-//! With m, P the belief's mean and covariance, g the distances, H their Jacobian and L the lengths (variances V):
+//! With m, P the belief's mean and covariance (the latter with less said of two coordinates together than it says: see
+//! [`Sure`]), g the distances, H their Jacobian and L the lengths (variances V):
 //!
 //! ```text
 //! P' = P + I,   x ← m + P'Hᵀ (H P' Hᵀ + V)⁻¹ (L − g(x) − H (m − x))     until nothing moves, ten times at most
@@ -8,13 +9,14 @@
 //!
 //! I is what a belief is less sure of than it says: i in each direction that was not observed, 1/(1/i + 1/R) where noise
 //! of variance R was. i, and whose body it is (L), are the most likely ones given how far off the believed distances
-//! are. Cost: n² (n/3 + 36) for each step and n D² for the covariance, n pairs and D numbers a pose.
+//! are. Cost: n² (n/3 + 36) for each step and 3 n² D for the variances, n pairs and D numbers a pose.
 
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::pairs::RigidPairs;
-use crate::prior::{Belief, EXACT};
+use crate::prior::{EXACT, Posterior};
+use ndarray::Array2;
 
-/// Values of i that are tried, cm² (.003, .02, .1 and .6 asf²).
+/// Values of i that are tried, asf².
 const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
 /// Steps at most; from the third on they are damped by half where they do not shrink, but for the last.
 const STEPS: usize = 10;
@@ -97,25 +99,59 @@ fn mixed(all: &[(f64, Lengths)], weights: &[f64]) -> Lengths {
     Lengths { mean, variance }
 }
 
-/// Makes a belief agree with the lengths: `noise` is what it was given (cm²; infinite missing). `bodies` are read where
-/// `known` does not tell the lengths. The evidence stays as it was.
+/// Whose lengths are kept.
+#[derive(Debug, Clone, Copy)]
+pub enum Whose<'a> {
+    /// Those of the body that fits.
+    Any,
+    /// These.
+    Known(&'a Lengths),
+}
+
+/// How sure a mean is.
+#[derive(Debug, Clone, Copy)]
+pub enum Sure<'a> {
+    /// The variance of each coordinate.
+    Variances(&'a [f64]),
+    /// The covariance, and how much of what it says of two coordinates together is made use of: from 0 to 1.
+    Covariance(&'a Array2<f64>, f64),
+}
+
+impl Sure<'_> {
+    fn variances(&self) -> Vec<f64> {
+        match self {
+            Sure::Variances(v) => v.to_vec(),
+            Sure::Covariance(c, _) => c.diag().to_vec(),
+        }
+    }
+
+    fn is_sound(&self) -> bool {
+        match self {
+            Sure::Variances(v) => v.iter().all(|v| v.is_finite()),
+            Sure::Covariance(c, _) => c.iter().all(|v| v.is_finite()),
+        }
+    }
+}
+
+/// Makes a mean (D), as sure as it says, agree with the lengths: `noise` is what it was given (cm²; infinite missing).
 pub fn keep(
     pairs: &RigidPairs,
     bodies: &Bodies,
-    known: Option<&Lengths>,
-    belief: &mut Belief,
+    whose: Whose<'_>,
+    mean: &[f64],
+    sure: Sure<'_>,
     noise: &[f64],
-) {
+) -> Posterior {
+    let as_it_was = || Posterior {
+        mean: mean.to_vec(),
+        variance: sure.variances(),
+    };
     let used: Vec<usize> = (0..pairs.pairs.len())
         .filter(|&k| !pairs.pairs[k].still)
         .collect();
-    let sound = belief
-        .mean
-        .iter()
-        .chain(&belief.covariance)
-        .all(|v| v.is_finite());
+    let sound = mean.iter().all(|v| v.is_finite()) && sure.is_sound();
     if used.is_empty() || bodies.all.is_empty() || !sound {
-        return;
+        return as_it_was();
     }
     let ends: Vec<[usize; 2]> = used.iter().map(|&k| pairs.pairs[k].ends).collect();
     let only = |l: &Lengths| Lengths {
@@ -123,46 +159,49 @@ pub fn keep(
         variance: used.iter().map(|&k| l.variance[k]).collect(),
     };
     let bodies = Bodies {
-        all: match known {
-            Some(l) => vec![(0.0, only(l))],
-            None => bodies.all.iter().map(|(w, l)| (*w, only(l))).collect(),
+        all: match whose {
+            Whose::Known(l) => vec![(0.0, only(l))],
+            Whose::Any => bodies.all.iter().map(|(w, l)| (*w, only(l))).collect(),
         },
     };
-    let rows = gradients(&ends, &belief.mean);
-    let (add, lengths) = choose(&bodies, &rows, belief, noise);
+    let rows = gradients(&ends, mean);
+    let (add, lengths) = choose(&bodies, &rows, sure, noise);
     let extra: Vec<f64> = noise.iter().map(|r| shared(add, *r)).collect();
-    let n = rows.len();
-    let mut x = belief.mean.clone();
+    let Some((x, step)) = settle(&ends, &lengths, mean, sure, &extra) else {
+        return as_it_was();
+    };
+    // Lengths that cannot all be met (a point taken for clean that is not) are better left alone.
+    if misfit(&ends, &x, &lengths) >= misfit(&ends, mean, &lengths) {
+        return as_it_was();
+    }
+    Posterior {
+        variance: step.variances(sure, &extra, &lengths),
+        mean: x,
+    }
+}
+
+/// The mean that agrees with the lengths, and the last step to it.
+fn settle(
+    ends: &[[usize; 2]],
+    lengths: &Lengths,
+    mean: &[f64],
+    sure: Sure<'_>,
+    extra: &[f64],
+) -> Option<(Vec<f64>, Step)> {
+    let mut x = mean.to_vec();
     let mut before = f64::INFINITY;
-    for step in 0..STEPS {
-        let rows = gradients(&ends, &x);
-        let cross = cross(&rows, belief, &extra);
-        let mut a = products(&rows, &cross);
-        for k in 0..n {
-            a[k * n + k] += lengths.variance[k];
-        }
-        let off: Vec<f64> = rows
-            .iter()
-            .zip(&lengths.mean)
-            .map(|(row, l)| l - row.length - row.along(&belief.mean) + row.along(&x))
-            .collect();
-        factorise(&mut a, n);
-        let mut z = off;
-        forward(&a, n, &mut z);
-        backward(&a, n, &mut z);
-        let mut to = belief.mean.clone();
-        for (row, z) in cross.iter().zip(&z) {
-            to.iter_mut().zip(row).for_each(|(t, c)| *t += z * c);
-        }
+    for count in 0..STEPS {
+        let step = Step::at(gradients(ends, &x), lengths, sure, extra);
+        let to = step.target(lengths, mean, &x);
         let moved: Vec<f64> = to.iter().zip(&x).map(|(t, x)| t - x).collect();
         let most = moved.iter().fold(0.0, |a: f64, m| a.max(m.abs()));
         if !most.is_finite() {
-            return;
+            return None;
         }
-        let last = most <= SETTLED || step + 1 == STEPS;
+        let last = most <= SETTLED || count + 1 == STEPS;
         let shrinks = most <= 0.5 * before;
         before = most;
-        let by = if last || step < 2 || shrinks {
+        let by = if last || count < 2 || shrinks {
             1.0
         } else {
             0.5
@@ -170,13 +209,87 @@ pub fn keep(
         let by = by * (FARTHEST / most).min(1.0);
         x.iter_mut().zip(&moved).for_each(|(x, m)| *x += by * m);
         if last {
-            // Lengths that cannot all be met (a point taken for clean that is not) are better left alone.
-            if misfit(&ends, &x, &lengths) < misfit(&ends, &belief.mean, &lengths) {
-                condition(belief, &extra, &a, cross, n);
-                belief.mean = x;
-            }
-            return;
+            return Some((x, step));
         }
+    }
+    None
+}
+
+/// The lengths as they look from one pose.
+struct Step {
+    rows: Vec<Gradient>,
+    /// H P', by rows of D.
+    cross: Vec<Vec<f64>>,
+    /// The Cholesky factor of H P' Hᵀ + V, by rows of n.
+    factor: Vec<f64>,
+}
+
+impl Step {
+    fn at(rows: Vec<Gradient>, lengths: &Lengths, sure: Sure<'_>, extra: &[f64]) -> Step {
+        let n = rows.len();
+        let cross = cross(&rows, sure, extra);
+        let mut factor = products(&rows, &cross);
+        for k in 0..n {
+            factor[k * n + k] += lengths.variance[k];
+        }
+        factorise(&mut factor, n);
+        Step {
+            rows,
+            cross,
+            factor,
+        }
+    }
+
+    /// Where the mean moves to, seen from x.
+    fn target(&self, lengths: &Lengths, mean: &[f64], x: &[f64]) -> Vec<f64> {
+        let n = self.rows.len();
+        let mut z: Vec<f64> = (self.rows.iter().zip(&lengths.mean))
+            .map(|(row, l)| l - row.length - row.along(mean) + row.along(x))
+            .collect();
+        forward(&self.factor, n, &mut z);
+        backward(&self.factor, n, &mut z);
+        let mut to = mean.to_vec();
+        for (row, z) in self.cross.iter().zip(&z) {
+            to.iter_mut().zip(row).for_each(|(t, c)| *t += z * c);
+        }
+        to
+    }
+
+    /// The variances once the mean has moved: those of (1 − K H) (P + I) (1 − K H)ᵀ + K V Kᵀ, whatever of P the gain K was
+    /// made from. Variances alone stay: what the lengths tell, the belief has mostly reckoned with.
+    fn variances(mut self, sure: Sure<'_>, extra: &[f64], lengths: &Lengths) -> Vec<f64> {
+        let Sure::Covariance(covariance, _) = sure else {
+            return sure.variances();
+        };
+        let n = self.rows.len();
+        let whole = cross(&self.rows, Sure::Covariance(covariance, 1.0), extra);
+        let mut spread = products(&self.rows, &whole);
+        for k in 0..n {
+            spread[k * n + k] += lengths.variance[k];
+        }
+        // Kᵀ
+        forward_rows(&self.factor, n, &mut self.cross);
+        backward_rows(&self.factor, n, &mut self.cross);
+        let gain = &self.cross;
+        let mut out: Vec<f64> = (covariance.diag().iter().zip(extra))
+            .map(|(v, e)| v + e)
+            .collect();
+        for k in 0..n {
+            let mut sum = whole[k].iter().map(|m| -2.0 * m).collect::<Vec<f64>>();
+            for (l, row) in gain.iter().enumerate() {
+                let s = if l <= k {
+                    spread[k * n + l]
+                } else {
+                    spread[l * n + k]
+                };
+                sum.iter_mut().zip(row).for_each(|(o, g)| *o += s * g);
+            }
+            for ((o, s), g) in out.iter_mut().zip(&sum).zip(&gain[k]) {
+                *o += s * g;
+            }
+        }
+        out.iter_mut().for_each(|v| *v = v.max(0.0));
+        out
     }
 }
 
@@ -197,10 +310,10 @@ fn shared(i: f64, r: f64) -> f64 {
 }
 
 /// The most likely i, and the lengths of the bodies that are likely with it.
-fn choose(bodies: &Bodies, rows: &[Gradient], belief: &Belief, noise: &[f64]) -> (f64, Lengths) {
+fn choose(bodies: &Bodies, rows: &[Gradient], sure: Sure<'_>, noise: &[f64]) -> (f64, Lengths) {
     let n = rows.len();
     let none = vec![0.0; noise.len()];
-    let within = products(rows, &cross(rows, belief, &none));
+    let within = products(rows, &cross(rows, sure, &none));
     let mut best: Option<(f64, f64, Vec<f64>)> = None;
     for unsure in UNSURE {
         let i = unsure * ASF_UNIT_CM * ASF_UNIT_CM;
@@ -271,23 +384,26 @@ fn gradients(ends: &[[usize; 2]], x: &[f64]) -> Vec<Gradient> {
 }
 
 /// H P', by rows of D.
-fn cross(rows: &[Gradient], belief: &Belief, extra: &[f64]) -> Vec<Vec<f64>> {
+fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> {
     let of = |row: &Gradient| {
         let mut out = vec![0.0; extra.len()];
         let [i, j] = row.ends;
-        for c in 0..3 {
-            let (a, b) = (
-                belief.covariance.row(3 * i + c),
-                belief.covariance.row(3 * j + c),
-            );
-            let u = row.u[c];
-            out.iter_mut()
-                .zip(a.iter().zip(b))
-                .for_each(|(o, (a, b))| *o += u * (a - b));
+        if let Sure::Covariance(covariance, together) = sure {
+            for c in 0..3 {
+                let (a, b) = (covariance.row(3 * i + c), covariance.row(3 * j + c));
+                let u = together * row.u[c];
+                let both = out.iter_mut().zip(a.iter().zip(b));
+                both.for_each(|(o, (a, b))| *o += u * (a - b));
+            }
         }
         for c in 0..3 {
-            out[3 * i + c] += row.u[c] * extra[3 * i + c];
-            out[3 * j + c] -= row.u[c] * extra[3 * j + c];
+            let (a, b) = (3 * i + c, 3 * j + c);
+            let own = |at: usize| match sure {
+                Sure::Variances(v) => v[at],
+                Sure::Covariance(v, together) => (1.0 - together) * v[[at, at]],
+            };
+            out[a] += row.u[c] * (extra[a] + own(a));
+            out[b] -= row.u[c] * (extra[b] + own(b));
         }
         out
     };
@@ -326,33 +442,33 @@ fn add_diagonal(a: &mut [f64], rows: &[Gradient], extra: &[f64]) {
     }
 }
 
-/// What the covariance becomes: P' less what the lengths told.
-fn condition(
-    belief: &mut Belief,
-    extra: &[f64],
-    factor: &[f64],
-    mut cross: Vec<Vec<f64>>,
-    n: usize,
-) {
-    for k in 0..n {
-        let (before, rest) = cross.split_at_mut(k);
-        let row = &mut rest[0];
-        for (l, other) in before.iter().enumerate() {
-            let f = factor[k * n + l];
-            row.iter_mut().zip(other).for_each(|(r, o)| *r -= f * o);
+/// Z ← L⁻¹ Z by rows of Z.
+fn forward_rows(a: &[f64], n: usize, z: &mut [Vec<f64>]) {
+    for i in 0..n {
+        let (before, rest) = z.split_at_mut(i);
+        for (other, l) in before.iter().zip(&a[i * n..]) {
+            add(&mut rest[0], -l, other);
         }
-        let scale = 1.0 / factor[k * n + k];
-        row.iter_mut().for_each(|r| *r *= scale);
+        let scale = 1.0 / a[i * n + i];
+        rest[0].iter_mut().for_each(|v| *v *= scale);
     }
-    for (i, extra) in extra.iter().enumerate() {
-        belief.covariance[[i, i]] += extra;
-        let mut target = belief.covariance.row_mut(i);
-        for row in &cross {
-            let v = row[i];
-            target.iter_mut().zip(row).for_each(|(t, w)| *t -= v * w);
+}
+
+/// Z ← L⁻ᵀ Z by rows of Z.
+fn backward_rows(a: &[f64], n: usize, z: &mut [Vec<f64>]) {
+    for i in (0..n).rev() {
+        let (before, rest) = z.split_at_mut(i);
+        let scale = 1.0 / a[i * n + i];
+        rest[0].iter_mut().for_each(|v| *v *= scale);
+        for (other, l) in before.iter_mut().zip(&a[i * n..]) {
+            add(other, -l, &rest[0]);
         }
     }
-    belief.covariance.diag_mut().mapv_inplace(|v| v.max(0.0));
+}
+
+/// `to` += `scale` `from`.
+fn add(to: &mut [f64], scale: f64, from: &[f64]) {
+    to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
 }
 
 /// Cholesky in place, lower triangle by rows of n. A pivot that rounding has eaten becomes a small one.
@@ -414,12 +530,15 @@ mod tests {
         }
     }
 
-    fn belief(mean: &[f64], variance: f64) -> Belief {
-        Belief {
-            mean: mean.to_vec(),
-            covariance: Array2::eye(mean.len()) * variance,
-            evidence: -3.0,
-        }
+    fn kept(
+        pairs: &RigidPairs,
+        mean: &[f64],
+        covariance: &Array2<f64>,
+        noise: &[f64],
+    ) -> Posterior {
+        let bodies = Bodies::of(pairs);
+        let sure = Sure::Covariance(covariance, 1.0);
+        keep(pairs, &bodies, Whose::Any, mean, sure, noise)
     }
 
     fn length(x: &[f64]) -> f64 {
@@ -432,35 +551,76 @@ mod tests {
     #[test]
     fn the_length_is_kept_and_the_surer_end_moves_less() {
         let pairs = bar(array![[10.0]], &[1.0]);
-        let bodies = Bodies::of(&pairs);
-        let mut b = belief(&[0.0, 0.0, 0.0, 12.0, 3.0, 0.0], 4.0);
-        keep(&pairs, &bodies, None, &mut b, &[f64::INFINITY; 6]);
+        let mean = [0.0, 0.0, 0.0, 12.0, 3.0, 0.0];
+        let none = [f64::INFINITY; 6];
+        let alike = Array2::eye(6) * 4.0;
+        let b = kept(&pairs, &mean, &alike, &none);
         assert!((length(&b.mean) - 10.0).abs() <= 1e-2, "{:?}", b.mean);
-        assert!(b.evidence == -3.0 && b.covariance[[3, 3]] < 4.0 + 0.6 * 31.9);
-        let mut sure = belief(&[0.0, 0.0, 0.0, 12.0, 3.0, 0.0], 4.0);
-        for c in 0..3 {
-            sure.covariance[[c, c]] = EXACT;
+        assert!(b.variance[3] < 4.0 + 0.6 * 31.9 && b.variance.iter().all(|v| *v > 0.0));
+        let mut sure = alike.clone();
+        (0..3).for_each(|c| sure[[c, c]] = EXACT);
+        let noise: Vec<f64> = (0..6)
+            .map(|c| if c < 3 { EXACT } else { f64::INFINITY })
+            .collect();
+        let b = kept(&pairs, &mean, &sure, &noise);
+        assert!(b.mean[..3].iter().all(|v| v.abs() <= 1e-3));
+        assert!((length(&b.mean) - 10.0).abs() <= 1e-2);
+        // Variances alone serve where nothing is told of coordinates together.
+        let bodies = Bodies::of(&pairs);
+        let only = keep(
+            &pairs,
+            &bodies,
+            Whose::Any,
+            &mean,
+            Sure::Variances(&[4.0; 6]),
+            &none,
+        );
+        let same = keep(
+            &pairs,
+            &bodies,
+            Whose::Any,
+            &mean,
+            Sure::Covariance(&alike, 0.0),
+            &none,
+        );
+        assert_eq!(only.mean, same.mean);
+        assert_eq!(only.variance, [4.0; 6]);
+    }
+
+    /// The variances are those of the conditional Gaussian where the gain is made from all of the covariance.
+    #[test]
+    fn what_the_lengths_tell_is_taken_from_the_variances() {
+        let pairs = bar(array![[10.0]], &[1.0]);
+        let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 5 + j * 3 * (i + 1)) as f64).cos());
+        let p = b.dot(&b.t()) + Array2::<f64>::eye(6);
+        let lengths = &Bodies::of(&pairs).all[0].1;
+        let (mean, extra) = ([0.0, 0.0, 0.0, 10.0, 0.0, 0.0], [0.1; 6]);
+        for together in [1.0, 0.3] {
+            let sure = Sure::Covariance(&p, together);
+            let step = Step::at(gradients(&[[0, 1]], &mean), lengths, sure, &extra);
+            let told = step.variances(sure, &extra, lengths);
+            let whole = &p + &(Array2::<f64>::eye(6) * 0.1);
+            let h = ndarray::Array1::from(vec![-1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+            let mut used = &p * together;
+            used.diag_mut().assign(&p.diag());
+            used.diag_mut().mapv_inplace(|v| v + 0.1);
+            let ph = used.dot(&h);
+            let k = &ph / (h.dot(&ph) + lengths.variance[0]);
+            for c in 0..6 {
+                let mut row = -k[c] * &h;
+                row[c] += 1.0;
+                let want = row.dot(&whole.dot(&row)) + k[c] * k[c] * lengths.variance[0];
+                assert!((told[c] - want).abs() <= 1e-9, "{c} {} {want}", told[c]);
+            }
         }
-        let noise = [
-            EXACT,
-            EXACT,
-            EXACT,
-            f64::INFINITY,
-            f64::INFINITY,
-            f64::INFINITY,
-        ];
-        keep(&pairs, &bodies, None, &mut sure, &noise);
-        assert!(sure.mean[..3].iter().all(|v| v.abs() <= 1e-3));
-        assert!((length(&sure.mean) - 10.0).abs() <= 1e-2);
     }
 
     #[test]
     fn the_body_that_fits_is_taken() {
         let pairs = bar(array![[10.0], [14.0]], &[0.5, 0.5]);
-        let bodies = Bodies::of(&pairs);
         for long in [10.0, 14.0] {
-            let mut b = belief(&[0.0, 0.0, 0.0, long + 0.3, 0.0, 0.0], 0.05);
-            keep(&pairs, &bodies, None, &mut b, &[0.05; 6]);
+            let mean = [0.0, 0.0, 0.0, long + 0.3, 0.0, 0.0];
+            let b = kept(&pairs, &mean, &(Array2::eye(6) * 0.05), &[0.05; 6]);
             assert!((length(&b.mean) - long).abs() <= 0.1, "{:?}", b.mean);
         }
     }
@@ -468,12 +628,16 @@ mod tests {
     #[test]
     fn a_belief_that_is_no_number_stays() {
         let pairs = bar(array![[10.0]], &[1.0]);
-        let mut b = belief(&[f64::NAN, 0.0, 0.0, 1.0, 0.0, 0.0], 1.0);
-        keep(&pairs, &Bodies::of(&pairs), None, &mut b, &[1.0; 6]);
+        let one = Array2::eye(6);
+        let b = kept(
+            &pairs,
+            &[f64::NAN, 0.0, 0.0, 1.0, 0.0, 0.0],
+            &one,
+            &[1.0; 6],
+        );
         assert!(b.mean[0].is_nan() && b.mean[3] == 1.0);
         // Both ends in one place: no direction, and no end of the world.
-        let mut b = belief(&[0.0; 6], 1.0);
-        keep(&pairs, &Bodies::of(&pairs), None, &mut b, &[1.0; 6]);
+        let b = kept(&pairs, &[0.0; 6], &one, &[1.0; 6]);
         assert!(b.mean.iter().all(|v| v.is_finite()));
     }
 }
