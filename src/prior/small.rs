@@ -14,26 +14,6 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + tail
 }
 
-/// Σ sᵢ aᵢ bᵢ, as [`dot`].
-pub fn weighted(s: &[f64], a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let (weights, last) = s.as_chunks::<4>();
-    let (fours, rest) = a.as_chunks::<4>();
-    let (others, left) = b.as_chunks::<4>();
-    for ((w, x), y) in weights.iter().zip(fours).zip(others) {
-        for i in 0..4 {
-            sums[i] += w[i] * x[i] * y[i];
-        }
-    }
-    let tail: f64 = last
-        .iter()
-        .zip(rest)
-        .zip(left)
-        .map(|((s, x), y)| s * x * y)
-        .sum();
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + tail
-}
-
 /// `to` += `scale` `from`.
 pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
@@ -63,10 +43,7 @@ mod tests {
     fn products_and_factors_are_those_of_the_book() {
         let (x, y): (Vec<f64>, Vec<f64>) = (0..7).map(|i| (i as f64, 1.0 - i as f64)).unzip();
         let plain: f64 = x.iter().zip(&y).map(|(a, b)| a * b).sum();
-        assert_eq!(
-            (dot(&x, &y), weighted(&[2.0; 7], &x, &y)),
-            (plain, 2.0 * plain)
-        );
+        assert_eq!(dot(&x, &y), plain);
         let mut sum = x.clone();
         add(&mut sum, 2.0, &y);
         assert_eq!(sum[3], -1.0);

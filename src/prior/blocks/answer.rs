@@ -2,7 +2,7 @@
 
 use super::lens::{Scales, Weighed};
 use super::part::{Part, Sight, View, add_outer};
-use super::search::{Explained, Hypothesis, Residual};
+use super::search::{Explained, Residual};
 use crate::prior::small::add;
 use crate::simd;
 use ndarray::Array2;
@@ -59,163 +59,225 @@ impl Answer {
     }
 }
 
-/// One block's answer: its mean is `base` and the gain of `w`.
-struct Voice<'a> {
-    weight: f64,
+/// What one block adds to the sum: `base` and the gain of `w`.
+#[derive(Default)]
+struct Voice {
     base: Vec<f64>,
     /// a w.
     w: Vec<f32>,
-    sight: &'a Sight,
-    /// Which of the cells seen: whose covariance.
-    seen: usize,
-    /// At which scale.
-    scales: &'a Scales,
-    at: usize,
-    /// What is not known along a leaf's step: (variance, the step, a w of it).
-    along: Option<(f64, Vec<f64>, Vec<f32>)>,
+    /// What is not known along a leaf's step: (its variance, a w of the step).
+    along: Option<(f64, Vec<f32>)>,
+}
+
+impl Voice {
+    fn silent(d: usize, stride: usize) -> Voice {
+        Voice {
+            base: vec![0.0; d],
+            w: vec![0.0; stride],
+            along: None,
+        }
+    }
+}
+
+/// The blocks that explain an observation, asked one after another.
+struct Chorus<'a> {
+    part: &'a Part,
+    view: &'a View,
+    /// The observation, padded.
+    y: Vec<f32>,
+    explained: &'a Explained,
+    /// Each block's share, in the order of [`Explained::best`].
+    shares: Vec<f64>,
+    /// The blocks, cell by cell and leaf by leaf.
+    order: Vec<usize>,
+    /// Of the leaf that is asked: its own.
+    state: Residual,
+    asked: Option<(usize, usize)>,
+    step: Vec<f32>,
 }
 
 impl Part {
     /// What the explaining blocks say together.
     pub fn answer(&self, view: &View, y: &[f64], explained: &Explained, told: Told) -> Answer {
-        let d = self.coordinates.len();
-        let mut out = Answer::new(d, told);
         if !view.sees() {
-            let coarsest = &self.cells[0];
-            out.mean = coarsest.means.row(0).to_vec();
-            let basis = coarsest.basis(0, &self.coordinates);
-            match told {
-                Told::Mean => {}
-                Told::Variances => {
-                    let spread = out.spread.iter_mut().zip(basis.diagonal());
-                    spread.for_each(|(s, v)| *s = v);
-                }
-                Told::Covariance => out.spread = basis.covariance(),
-            }
-            return out;
+            return self.unseen(told);
         }
-        let top = explained.best[0].log;
-        let weights = explained.best.iter().map(|h| (h.log - top).exp());
-        let total: f64 = weights.clone().sum();
-        let short = view.short(y);
-        let voices = explained.best.iter().zip(weights);
-        let mut voices: Vec<Voice<'_>> = voices
-            .map(|(h, w)| self.voice(view, &short, explained, h, w / total))
-            .collect();
-        voices.sort_by_key(|v| v.seen);
-        for same in voices.chunk_by(|a, b| a.seen == b.seen) {
-            // The gain is linear and the cell's: once for all its blocks.
-            let mut w = vec![0.0; same[0].w.len()];
-            for v in same {
-                add(&mut out.mean, v.weight, &v.base);
-                let weight = v.weight as f32;
-                w.iter_mut().zip(&v.w).for_each(|(w, v)| *w += weight * v);
-            }
-            same[0].sight.lens.add_gain(&w, &mut out.mean);
-        }
+        let mut out = Answer::new(self.coordinates.len(), told);
+        let mut chorus = Chorus::of(self, view, y, explained);
+        chorus.mean(&mut out.mean);
         if told != Told::Mean {
-            tell(&voices, &mut out, told);
+            chorus.within(&mut out, told);
+            chorus.apart(&mut out, told);
         }
         out
     }
 
-    fn voice<'a>(
-        &'a self,
-        view: &'a View,
-        y: &[f32],
-        explained: &Explained,
-        h: &Hypothesis,
-        weight: f64,
-    ) -> Voice<'a> {
-        let seen = explained.seen[h.seen];
-        let sight = view.sight(self, seen.index, seen.cell);
-        let z = explained.z(h.seen, sight);
-        let Some(leaf) = h.leaf else {
-            return Voice {
-                weight,
-                w: solved(&sight.scales, h.at, z),
-                base: self.cells[seen.index].means.row(seen.cell).to_vec(),
-                seen: h.seen,
-                along: None,
-                scales: &sight.scales,
-                at: h.at,
-                sight,
-            };
-        };
-        let opened = self.opened(seen.cell);
-        let mut state = Residual::default();
-        state.of_leaf(sight, z, opened, y, leaf);
-        let scales = sight.leaves(self);
-        let along = self.active(self.cells.len())[h.at].along;
+    /// Where nothing is observed: what the coarsest cell knows.
+    fn unseen(&self, told: Told) -> Answer {
+        let coarsest = &self.cells[0];
+        let basis = coarsest.basis(0, &self.coordinates);
         let d = self.coordinates.len();
-        let wide = |row: &[f32]| row[..d].iter().map(|v| f64::from(*v)).collect::<Vec<f64>>();
-        let (mut base, mut z) = (wide(opened.pose(leaf)), state.z);
-        let mut left = None;
-        if along > 0.0 {
-            let way = wide(opened.step(leaf));
-            let scale = scales.scales[h.at];
-            let w = solved(scales, h.at, &state.step);
-            let of = |z: &[f32]| f64::from(simd::dot(&w, z)) / scale;
-            let variance = along / (1.0 + along * of(&state.step));
-            let how_far = variance * of(&z);
+        Answer {
+            mean: coarsest.means.row(0).to_vec(),
+            spread: match told {
+                Told::Mean => Array2::zeros((0, 0)),
+                Told::Variances => {
+                    Array2::from_shape_vec((1, d), basis.diagonal()).unwrap_or_default()
+                }
+                Told::Covariance => basis.covariance(),
+            },
+        }
+    }
+}
+
+impl<'a> Chorus<'a> {
+    fn of(part: &'a Part, view: &'a View, y: &[f64], explained: &'a Explained) -> Chorus<'a> {
+        let best = &explained.best;
+        let weights: Vec<f64> = best.iter().map(|h| (h.log - best[0].log).exp()).collect();
+        let total: f64 = weights.iter().sum();
+        let mut order: Vec<usize> = (0..best.len()).collect();
+        order.sort_unstable_by_key(|&i| (best[i].seen, best[i].leaf, best[i].at));
+        Chorus {
+            y: view.short(y),
+            shares: weights.iter().map(|w| w / total).collect(),
+            order,
+            state: Residual::default(),
+            asked: None,
+            step: Vec::new(),
+            part,
+            view,
+            explained,
+        }
+    }
+
+    fn sight(&self, seen: usize) -> &'a Sight {
+        let seen = self.explained.seen[seen];
+        self.view.sight(self.part, seen.index, seen.cell)
+    }
+
+    /// The blocks of one cell after another: (which of the cells seen, which blocks).
+    fn cells(&self) -> Vec<(usize, Vec<usize>)> {
+        let best = &self.explained.best;
+        let same = |a: &usize, b: &usize| best[*a].seen == best[*b].seen;
+        let cells = self.order.chunk_by(same);
+        cells.map(|of| (best[of[0]].seen, of.to_vec())).collect()
+    }
+
+    /// Adds a block's answer times `weight` to a voice; `along` where what its step leaves open is to be told.
+    fn add(&mut self, block: usize, weight: f64, to: &mut Voice, along: bool) {
+        let h = self.explained.best[block];
+        let sight = self.sight(h.seen);
+        let z = self.explained.z(h.seen, sight);
+        let cell = self.explained.seen[h.seen];
+        let Some(leaf) = h.leaf else {
+            add(
+                &mut to.base,
+                weight,
+                self.part.cells[cell.index].mean(cell.cell),
+            );
+            return sight.scales.add_solved(h.at, z, weight, &mut to.w);
+        };
+        let opened = self.part.opened(cell.cell);
+        if self.asked != Some((h.seen, leaf)) {
+            self.asked = Some((h.seen, leaf));
+            self.state.of_leaf(sight, z, opened, &self.y, leaf);
+        }
+        let scales = sight.leaves(self.part);
+        add_wide(&mut to.base, weight, opened.pose(leaf));
+        scales.add_solved(h.at, &self.state.z, weight, &mut to.w);
+        let reach = self.part.active(self.part.cells.len())[h.at].along;
+        if reach > 0.0 {
+            let state = &self.state;
+            self.step.clear();
+            self.step.resize(state.step.len(), 0.0);
+            scales.add_solved(h.at, &state.step, 1.0, &mut self.step);
+            let of = |z: &[f32]| f64::from(simd::dot(&self.step, z)) / scales.scales[h.at];
+            let variance = reach / (1.0 + reach * of(&state.step));
+            let how_far = variance * of(&state.z);
             // Along the step first, then what the cell's covariance makes of the rest.
-            add(&mut base, how_far, &way);
-            for (z, step) in z.iter_mut().zip(&state.step) {
-                *z -= how_far as f32 * step;
+            add_wide(&mut to.base, weight * how_far, opened.step(leaf));
+            let by = (weight * how_far) as f32;
+            to.w.iter_mut()
+                .zip(&self.step)
+                .for_each(|(w, s)| *w -= by * s);
+            if along {
+                to.along = Some((variance, self.step.clone()));
             }
-            left = Some((variance, way, w));
         }
-        Voice {
-            weight,
-            w: solved(scales, h.at, &z),
-            base,
-            seen: h.seen,
-            along: left,
-            scales,
-            at: h.at,
-            sight,
+    }
+
+    fn mean(&mut self, mean: &mut [f64]) {
+        for (seen, blocks) in self.cells() {
+            // The gain is linear and the cell's: once for all its blocks.
+            let lens = &self.sight(seen).lens;
+            let mut voice = Voice::silent(mean.len(), lens.stride());
+            for block in blocks {
+                self.add(block, self.shares[block], &mut voice, false);
+            }
+            add(mean, 1.0, &voice.base);
+            lens.add_gain(&voice.w, mean);
+        }
+    }
+
+    /// What the heavy cells leave open.
+    fn within(&self, out: &mut Answer, told: Told) {
+        let cells = self.cells();
+        let weight = |of: &[usize]| of.iter().map(|b| self.shares[*b]).sum::<f64>();
+        let most = cells.iter().map(|c| weight(&c.1)).fold(0.0, f64::max);
+        let heard = || {
+            cells
+                .iter()
+                .filter(|c| weight(&c.1) >= LEAST_CELL.min(most))
+        };
+        let total: f64 = heard().map(|c| weight(&c.1)).sum();
+        for (seen, blocks) in heard() {
+            let sight = self.sight(*seen);
+            let of = |b: &usize| -> Weighed<'a> {
+                let h = self.explained.best[*b];
+                let scales: &Scales = match h.leaf {
+                    Some(_) => sight.leaves(self.part),
+                    None => &sight.scales,
+                };
+                (scales, h.at, self.shares[*b] / total)
+            };
+            let weighed: Vec<Weighed<'_>> = blocks.iter().map(of).collect();
+            match (told, out.spread.as_slice_mut()) {
+                (Told::Variances, Some(spread)) => sight.lens.add_variances(&weighed, spread),
+                _ => sight.lens.add_covariance(&weighed, &mut out.spread),
+            }
+        }
+    }
+
+    /// How far the heavy blocks' answers are apart, and what is open along their steps.
+    fn apart(&mut self, out: &mut Answer, told: Told) {
+        let order = self.order.clone();
+        let heavy = order.iter().filter(|b| self.shares[**b] >= LEAST_SHARE);
+        let heavy: Vec<usize> = heavy.copied().collect();
+        let total: f64 = heavy.iter().map(|b| self.shares[*b]).sum();
+        for block in heavy {
+            let h = self.explained.best[block];
+            let lens = &self.sight(h.seen).lens;
+            let mut voice = Voice::silent(out.mean.len(), lens.stride());
+            self.add(block, 1.0, &mut voice, true);
+            let share = self.shares[block] / total;
+            let mut off = voice.base;
+            lens.add_gain(&voice.w, &mut off);
+            add(&mut off, -1.0, &out.mean);
+            out.add_outer(share, &off, told);
+            if let (Some((variance, w)), Some(leaf)) = (voice.along, h.leaf) {
+                let opened = self.part.opened(self.explained.seen[h.seen].cell);
+                let mut left = vec![0.0; off.len()];
+                lens.add_gain(&w, &mut left);
+                left.iter_mut().for_each(|l| *l = -*l);
+                add_wide(&mut left, 1.0, opened.step(leaf));
+                out.add_outer(share * variance, &left, told);
+            }
         }
     }
 }
 
-/// a w of a residual.
-fn solved(scales: &Scales, at: usize, z: &[f32]) -> Vec<f32> {
-    let mut w = scales.solve(at, z);
-    let scale = scales.scales[at] as f32;
-    w.iter_mut().for_each(|w| *w *= scale);
-    w
-}
-
-/// What each block leaves open, and how far they are apart.
-fn tell(voices: &[Voice<'_>], out: &mut Answer, told: Told) {
-    let weight = |of: &[Voice<'_>]| of.iter().map(|v| v.weight).sum::<f64>();
-    let cells = || voices.chunk_by(|a, b| a.seen == b.seen);
-    let most = cells().map(weight).fold(0.0, f64::max);
-    let heard = |of: &&[Voice<'_>]| weight(of) >= LEAST_CELL.min(most);
-    let total: f64 = cells().filter(heard).map(weight).sum();
-    for same in cells().filter(heard) {
-        let scales: Vec<Weighed<'_>> = (same.iter())
-            .map(|v| (v.scales, v.at, v.weight / total))
-            .collect();
-        let lens = &same[0].sight.lens;
-        match (told, out.spread.as_slice_mut()) {
-            (Told::Variances, Some(spread)) => lens.add_variances(&scales, spread),
-            _ => lens.add_covariance(&scales, &mut out.spread),
-        }
-    }
-    let apart = voices.iter().filter(|v| v.weight >= LEAST_SHARE);
-    let total: f64 = apart.clone().map(|v| v.weight).sum();
-    for v in apart {
-        let lens = &v.sight.lens;
-        let mut off = v.base.clone();
-        lens.add_gain(&v.w, &mut off);
-        add(&mut off, -1.0, &out.mean);
-        out.add_outer(v.weight / total, &off, told);
-        if let Some((variance, way, w)) = &v.along {
-            let mut gained = vec![0.0; way.len()];
-            lens.add_gain(w, &mut gained);
-            let left: Vec<f64> = way.iter().zip(&gained).map(|(w, g)| w - g).collect();
-            out.add_outer(v.weight / total * variance, &left, told);
-        }
-    }
+/// `to` += `scale` `from`.
+fn add_wide(to: &mut [f64], scale: f64, from: &[f32]) {
+    let both = to.iter_mut().zip(from);
+    both.for_each(|(t, f)| *t += scale * f64::from(*f));
 }

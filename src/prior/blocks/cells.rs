@@ -7,7 +7,7 @@ use ndarray::{Array2, Axis};
 use std::sync::{Arc, OnceLock};
 
 /// So many cells of a level are looked at.
-const NEAR: usize = 8;
+const NEAR: usize = 6;
 
 /// Cells of one part.
 #[derive(Debug, Clone)]
@@ -64,6 +64,7 @@ impl Cells {
         coordinates: &[usize],
     ) -> Cells {
         let means = wholes.select(Axis(1), coordinates);
+        let means = means.as_standard_layout().into_owned();
         Cells {
             short: simd::rows(&means),
             means,
@@ -78,6 +79,14 @@ impl Cells {
     /// How many.
     pub fn len(&self) -> usize {
         self.log_shares.len()
+    }
+
+    /// The mean of a cell.
+    pub fn mean(&self, cell: usize) -> &[f64] {
+        let d = self.means.ncols();
+        self.means
+            .as_slice()
+            .map_or(&[], |all| &all[cell * d..(cell + 1) * d])
     }
 
     /// The directions of a cell.
@@ -129,9 +138,6 @@ impl Cells {
     /// The few cells that may hold a pose (d, padded; of any value where `weights` is 0), nearest first; all of a few.
     pub fn nearest(&self, y: &[f32], weights: &[f32]) -> Vec<usize> {
         let count = self.len();
-        if count <= NEAR {
-            return (0..count).collect();
-        }
         let mut far = Vec::with_capacity(count);
         distances(&self.short, y, weights, &mut far);
         let far = far.into_iter().zip(&self.log_shares);
@@ -139,8 +145,10 @@ impl Cells {
             .enumerate()
             .map(|(cell, (far, log))| (far - 2.0 * *log as f32, cell))
             .collect();
-        all.select_nth_unstable_by(NEAR - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        all.truncate(NEAR);
+        if count > NEAR {
+            all.select_nth_unstable_by(NEAR - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            all.truncate(NEAR);
+        }
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         all.into_iter().map(|(_, cell)| cell).collect()
     }

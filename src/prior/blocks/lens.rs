@@ -502,10 +502,14 @@ impl Scales {
         }
     }
 
-    /// w of a residual at a scale, given its z: the inverse of a C_oo + R has been applied to it.
-    pub fn solve(&self, at: usize, z: &[f32]) -> Vec<f32> {
+    /// Adds `weight` a w of a residual at a scale to `out`, given its z: w is the residual with the inverse of a C_oo + R
+    /// applied to it.
+    pub fn add_solved(&self, at: usize, z: &[f32], weight: f64, out: &mut [f32]) {
         let shares = &self.shares[at * self.stride..(at + 1) * self.stride];
-        let mut w: Vec<f32> = shares.iter().zip(z).map(|(s, z)| s * z).collect();
+        let weight = (weight * self.scales[at]) as f32;
+        for ((o, s), z) in out.iter_mut().zip(shares).zip(z) {
+            *o += weight * s * z;
+        }
         if let Some(fix) = self.fixes.get(at) {
             let mut q = fix.whitened(z);
             // L⁻ᵀ
@@ -516,11 +520,11 @@ impl Scales {
                 }
             }
             let q: Vec<f32> = q.iter().map(|q| *q as f32).collect();
-            let mut changed = vec![0.0; w.len()];
+            let mut changed = vec![0.0; out.len()];
             combine(&fix.rows, self.stride, &q, &mut changed);
-            w.iter_mut().zip(&changed).for_each(|(w, c)| *w -= c);
+            let both = out.iter_mut().zip(&changed);
+            both.for_each(|(o, c)| *o -= weight * c);
         }
-        w
     }
 }
 
@@ -579,8 +583,8 @@ mod tests {
                 r.resize(padded(6), 0.0);
                 lens.project(&r, &mut z);
                 let scales = lens.at([scale, 0.5 * scale].into_iter());
-                let mut w = scales.solve(0, &z);
-                w.iter_mut().for_each(|w| *w *= scale as f32);
+                let mut w = vec![0.0; z.len()];
+                scales.add_solved(0, &z, 1.0, &mut w);
                 lens.add_gain(&w, &mut mean);
                 let told = want.mean(&y);
                 assert!(mean.iter().zip(told).all(|(a, b)| (a - b).abs() <= 1e-4));

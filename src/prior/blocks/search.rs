@@ -59,15 +59,17 @@ impl Explained {
 }
 
 /// So many blocks answer.
-const KEPT: usize = 32;
+const KEPT: usize = 96;
 /// Blocks this much less likely (nats) than the best do not answer.
 const NEGLIGIBLE: f64 = 6.0;
 /// The leaves of so many cells are looked at.
-const OPENED: usize = 4;
+const OPENED: usize = 8;
 /// Cells this much less likely than the best are not opened.
 const CLOSED: f64 = 20.0;
+/// After so many such cells on end, further ones are not looked at: they are farther off.
+const MISSES: usize = 2;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 32;
+const WEIGHED: usize = 128;
 
 impl Part {
     /// How well the blocks explain `y` (d; read where observed).
@@ -80,10 +82,13 @@ impl Part {
         }
         let mut finest = Vec::new();
         let leaves = !self.active(self.cells.len()).is_empty();
-        for index in 0..self.cells.len() {
+        // The finest first: what they explain much better needs no other.
+        for index in (0..self.cells.len()).rev() {
             let wanted = leaves && index + 1 == self.cells.len();
-            if wanted || !self.active(index).is_empty() {
+            if wanted {
                 finest = search.cells(index);
+            } else if !self.active(index).is_empty() {
+                search.cells(index);
             }
         }
         if leaves {
@@ -104,6 +109,8 @@ struct Search<'a> {
     found: Explained,
     /// The log that a block must reach.
     worst: f64,
+    /// The best log of a cell.
+    top: f64,
 }
 
 impl<'a> Search<'a> {
@@ -115,6 +122,7 @@ impl<'a> Search<'a> {
                 ..Explained::default()
             },
             worst: f64::NEG_INFINITY,
+            top: f64::NEG_INFINITY,
             part,
             view,
             y,
@@ -131,10 +139,11 @@ impl<'a> Search<'a> {
         let mut logs = vec![Vec::new(); levels.len()];
         let (mut z, mut each) = (Vec::new(), Vec::new());
         let mut off = vec![0.0; self.short.len()];
+        let mut misses = 0;
         let mut best = Vec::new();
         for cell in cells.nearest(&self.short, &view.nearness[index]) {
             let sight = view.sight(part, index, cell);
-            let means = self.y.iter().zip(cells.means.row(cell));
+            let means = self.y.iter().zip(cells.mean(cell));
             let rest = off.iter_mut().zip(means);
             rest.for_each(|(o, (y, m))| *o = (y - m) as f32);
             sight.lens.project(&off, &mut z);
@@ -163,6 +172,15 @@ impl<'a> Search<'a> {
             }
             let most = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             best.push((most, seen));
+            self.top = self.top.max(most);
+            misses = if most < self.top - CLOSED {
+                misses + 1
+            } else {
+                0
+            };
+            if misses == MISSES {
+                break;
+            }
         }
         self.sum(levels, &logs);
         best
