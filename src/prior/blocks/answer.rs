@@ -133,7 +133,8 @@ impl Part {
 impl<'a> Chorus<'a> {
     fn of(part: &'a Part, view: &'a View, y: &[f64], explained: &'a Explained) -> Chorus<'a> {
         let best = &explained.best;
-        let weights: Vec<f64> = best.iter().map(|h| (h.log - best[0].log).exp()).collect();
+        let top = best.iter().map(|h| h.log).fold(f64::NEG_INFINITY, f64::max);
+        let weights: Vec<f64> = best.iter().map(|h| (h.log - top).exp()).collect();
         let total: f64 = weights.iter().sum();
         let mut order: Vec<usize> = (0..best.len()).collect();
         order.sort_unstable_by_key(|&i| (best[i].seen, best[i].leaf, best[i].at));

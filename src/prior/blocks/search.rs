@@ -34,7 +34,7 @@ pub struct Explained {
     pub evidence: f64,
     /// log Σ over the blocks of each level, without the level's weight.
     pub levels: Vec<f64>,
-    /// The best, in falling order.
+    /// The best, in no order.
     pub best: Vec<Hypothesis>,
     /// The cells that were looked at.
     pub seen: Vec<Seen>,
@@ -63,13 +63,13 @@ const KEPT: usize = 96;
 /// Blocks this much less likely (nats) than the best do not answer.
 const NEGLIGIBLE: f64 = 6.0;
 /// The leaves of so many cells are looked at.
-const OPENED: usize = 8;
+const OPENED: usize = 5;
 /// Cells this much less likely than the best are not opened.
 const CLOSED: f64 = 20.0;
 /// After so many such cells on end, further ones are not looked at: they are farther off.
 const MISSES: usize = 2;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 128;
+const WEIGHED: usize = 48;
 
 impl Part {
     /// How well the blocks explain `y` (d; read where observed).
@@ -276,18 +276,25 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Leaves the best few, in no order.
     fn trim(&mut self) {
         let best = &mut self.found.best;
-        best.sort_by(|a, b| b.log.total_cmp(&a.log));
-        best.truncate(KEPT);
-        if best.len() == KEPT {
+        if best.len() > KEPT {
+            let place = |h: &Hypothesis| (h.seen, h.leaf, h.at);
+            let order = |a: &Hypothesis, b: &Hypothesis| {
+                let logs = b.log.total_cmp(&a.log);
+                logs.then_with(|| place(a).cmp(&place(b)))
+            };
+            best.select_nth_unstable_by(KEPT - 1, order);
+            best.truncate(KEPT);
             self.worst = best[KEPT - 1].log;
         }
     }
 
     fn end(mut self, evidence: f64) -> Explained {
         self.trim();
-        let top = self.found.best.first().map_or(0.0, |h| h.log);
+        let logs = self.found.best.iter().map(|h| h.log);
+        let top = logs.fold(f64::NEG_INFINITY, f64::max);
         self.found.best.retain(|h| h.log >= top - NEGLIGIBLE);
         self.found.evidence = evidence;
         self.found
