@@ -14,12 +14,15 @@
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::{EXACT, Posterior};
+use crate::simd;
 use ndarray::Array2;
 
 /// Values of i that are tried, asf².
 const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
 /// Steps at most; from the third on they are damped by half where they do not shrink, but for the last.
 const STEPS: usize = 10;
+/// The gradients are taken anew in so many first steps; the rest is fine work, which the last ones do for.
+const TURNS: usize = 6;
 /// No step moves a coordinate by more than this, cm: where a limb is straight, a distance does not tell its own gradient.
 const FARTHEST: f64 = 3.0;
 /// Steps end when no distance changes by more than this, cm.
@@ -115,20 +118,33 @@ pub enum Sure<'a> {
     Variances(&'a [f64]),
     /// The covariance, and how much of what it says of two coordinates together is made use of: from 0 to 1.
     Covariance(&'a Array2<f64>, f64),
+    /// The same; but the variances are to stay as they are: a belief in what was seen through noise has mostly reckoned
+    /// with what the lengths tell.
+    Settled(&'a Array2<f64>, f64),
 }
 
 impl Sure<'_> {
     fn variances(&self) -> Vec<f64> {
         match self {
             Sure::Variances(v) => v.to_vec(),
-            Sure::Covariance(c, _) => c.diag().to_vec(),
+            Sure::Covariance(c, _) | Sure::Settled(c, _) => c.diag().to_vec(),
+        }
+    }
+
+    /// The covariance and how much of it is made use of, where any is.
+    fn together(&self) -> Option<(&Array2<f64>, f64)> {
+        match self {
+            Sure::Covariance(c, together) | Sure::Settled(c, together) if *together > 0.0 => {
+                Some((c, *together))
+            }
+            _ => None,
         }
     }
 
     fn is_sound(&self) -> bool {
         match self {
             Sure::Variances(v) => v.iter().all(|v| v.is_finite()),
-            Sure::Covariance(c, _) => c.iter().all(|v| v.is_finite()),
+            Sure::Covariance(c, _) | Sure::Settled(c, _) => c.iter().all(|v| v.is_finite()),
         }
     }
 }
@@ -190,9 +206,16 @@ fn settle(
 ) -> Option<(Vec<f64>, Step)> {
     let mut x = mean.to_vec();
     let mut before = f64::INFINITY;
+    let mut step = Step::at(gradients(ends, mean), lengths, sure, extra);
     for count in 0..STEPS {
-        let step = Step::at(gradients(ends, &x), lengths, sure, extra);
-        let to = step.target(lengths, mean, &x);
+        let rows = gradients(ends, &x);
+        let off: Vec<f64> = (rows.iter().zip(&lengths.mean))
+            .map(|(row, l)| l - row.length)
+            .collect();
+        if (1..TURNS).contains(&count) {
+            step = Step::at(rows, lengths, sure, extra);
+        }
+        let to = step.target(off, mean, &x);
         let moved: Vec<f64> = to.iter().zip(&x).map(|(t, x)| t - x).collect();
         let most = moved.iter().fold(0.0, |a: f64, m| a.max(m.abs()));
         if !most.is_finite() {
@@ -240,12 +263,13 @@ impl Step {
         }
     }
 
-    /// Where the mean moves to, seen from x.
-    fn target(&self, lengths: &Lengths, mean: &[f64], x: &[f64]) -> Vec<f64> {
+    /// Where the mean moves to from x, whose lengths are `off` by so much.
+    fn target(&self, off: Vec<f64>, mean: &[f64], x: &[f64]) -> Vec<f64> {
         let n = self.rows.len();
-        let mut z: Vec<f64> = (self.rows.iter().zip(&lengths.mean))
-            .map(|(row, l)| l - row.length - row.along(mean) + row.along(x))
-            .collect();
+        let mut z = off;
+        for (z, row) in z.iter_mut().zip(&self.rows) {
+            *z += row.along(x) - row.along(mean);
+        }
         forward(&self.factor, n, &mut z);
         backward(&self.factor, n, &mut z);
         let mut to = mean.to_vec();
@@ -256,7 +280,7 @@ impl Step {
     }
 
     /// The variances once the mean has moved: those of (1 − K H) (P + I) (1 − K H)ᵀ + K V Kᵀ, whatever of P the gain K was
-    /// made from. Variances alone stay: what the lengths tell, the belief has mostly reckoned with.
+    /// made from.
     fn variances(mut self, sure: Sure<'_>, extra: &[f64], lengths: &Lengths) -> Vec<f64> {
         let Sure::Covariance(covariance, _) = sure else {
             return sure.variances();
@@ -268,26 +292,34 @@ impl Step {
             spread[k * n + k] += lengths.variance[k];
         }
         // Kᵀ
-        forward_rows(&self.factor, n, &mut self.cross);
-        backward_rows(&self.factor, n, &mut self.cross);
+        simd::wide(
+            #[inline(always)]
+            || {
+                forward_rows(&self.factor, n, &mut self.cross);
+                backward_rows(&self.factor, n, &mut self.cross);
+            },
+        );
         let gain = &self.cross;
         let mut out: Vec<f64> = (covariance.diag().iter().zip(extra))
             .map(|(v, e)| v + e)
             .collect();
-        for k in 0..n {
-            let mut sum = whole[k].iter().map(|m| -2.0 * m).collect::<Vec<f64>>();
-            for (l, row) in gain.iter().enumerate() {
-                let s = if l <= k {
-                    spread[k * n + l]
-                } else {
-                    spread[l * n + k]
-                };
-                sum.iter_mut().zip(row).for_each(|(o, g)| *o += s * g);
-            }
-            for ((o, s), g) in out.iter_mut().zip(&sum).zip(&gain[k]) {
-                *o += s * g;
-            }
-        }
+        let spread = |k: usize, l: usize| spread[k.max(l) * n + k.min(l)];
+        simd::wide(
+            #[inline(always)]
+            || {
+                let mut sum = vec![0.0; out.len()];
+                for k in 0..n {
+                    sum.fill(0.0);
+                    add(&mut sum, -2.0, &whole[k]);
+                    for (l, row) in gain.iter().enumerate() {
+                        add(&mut sum, spread(k, l), row);
+                    }
+                    for ((o, s), g) in out.iter_mut().zip(&sum).zip(&gain[k]) {
+                        *o += s * g;
+                    }
+                }
+            },
+        );
         out.iter_mut().for_each(|v| *v = v.max(0.0));
         out
     }
@@ -388,7 +420,7 @@ fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> {
     let of = |row: &Gradient| {
         let mut out = vec![0.0; extra.len()];
         let [i, j] = row.ends;
-        if let Sure::Covariance(covariance, together) = sure {
+        if let Some((covariance, together)) = sure.together() {
             for c in 0..3 {
                 let (a, b) = (covariance.row(3 * i + c), covariance.row(3 * j + c));
                 let u = together * row.u[c];
@@ -400,7 +432,9 @@ fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> {
             let (a, b) = (3 * i + c, 3 * j + c);
             let own = |at: usize| match sure {
                 Sure::Variances(v) => v[at],
-                Sure::Covariance(v, together) => (1.0 - together) * v[[at, at]],
+                Sure::Covariance(v, together) | Sure::Settled(v, together) => {
+                    (1.0 - together) * v[[at, at]]
+                }
             };
             out[a] += row.u[c] * (extra[a] + own(a));
             out[b] -= row.u[c] * (extra[b] + own(b));
@@ -443,6 +477,7 @@ fn add_diagonal(a: &mut [f64], rows: &[Gradient], extra: &[f64]) {
 }
 
 /// Z ← L⁻¹ Z by rows of Z.
+#[inline(always)]
 fn forward_rows(a: &[f64], n: usize, z: &mut [Vec<f64>]) {
     for i in 0..n {
         let (before, rest) = z.split_at_mut(i);
@@ -455,6 +490,7 @@ fn forward_rows(a: &[f64], n: usize, z: &mut [Vec<f64>]) {
 }
 
 /// Z ← L⁻ᵀ Z by rows of Z.
+#[inline(always)]
 fn backward_rows(a: &[f64], n: usize, z: &mut [Vec<f64>]) {
     for i in (0..n).rev() {
         let (before, rest) = z.split_at_mut(i);
@@ -467,6 +503,7 @@ fn backward_rows(a: &[f64], n: usize, z: &mut [Vec<f64>]) {
 }
 
 /// `to` += `scale` `from`.
+#[inline(always)]
 fn add(to: &mut [f64], scale: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
 }
