@@ -63,13 +63,13 @@ const KEPT: usize = 96;
 /// Blocks this much less likely (nats) than the best do not answer.
 const NEGLIGIBLE: f64 = 6.0;
 /// The leaves of so many cells are looked at.
-const OPENED: usize = 5;
+const OPENED: usize = 8;
 /// Cells this much less likely than the best are not opened.
 const CLOSED: f64 = 20.0;
 /// After so many such cells on end, further ones are not looked at: they are farther off.
 const MISSES: usize = 2;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 48;
+const WEIGHED: usize = 64;
 
 impl Part {
     /// How well the blocks explain `y` (d; read where observed).
