@@ -126,15 +126,10 @@ pub trait Prior: Send + Sync {
     /// The closest pose of the model to an observation. With `before`, never worse than that choice refitted.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
         let pose = self.mean(y, noise);
-        let terms = y.iter().zip(&pose).zip(noise.iter().zip(self.variance()));
-        let objective = terms
-            .filter(|(_, (n, _))| n.is_finite())
-            .map(|((y, p), (n, v))| (y - p) * (y - p) / (n + v).max(EXACT))
-            .sum();
         Fit {
-            pose,
+            objective: misfit(self, y, noise, &pose),
             support: Vec::new(),
-            objective,
+            pose,
         }
     }
     /// The pose to answer with, once placed and fitted.
@@ -150,6 +145,14 @@ pub trait Prior: Send + Sync {
     fn typical(&self) -> ArrayView2<'_, f64>;
     /// The same model of poses that went through `map`.
     fn mapped(&self, map: &PoseMap) -> Box<dyn Prior>;
+}
+
+/// The objective of [`Fit`].
+fn misfit<P: Prior + ?Sized>(prior: &P, y: &[f64], noise: &[f64], pose: &[f64]) -> f64 {
+    let terms = y.iter().zip(pose).zip(noise.iter().zip(prior.variance()));
+    let seen = terms.filter(|(_, (n, _))| n.is_finite());
+    seen.map(|((y, p), (n, v))| (y - p) * (y - p) / (n + v).max(EXACT))
+        .sum()
 }
 
 /// Opens the prior that a model file holds; `source` is for messages.

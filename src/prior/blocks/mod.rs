@@ -229,6 +229,19 @@ impl Prior for Blocks {
         self.join(&self.consider(y, noise), Told::Mean).mean
     }
 
+    /// By the cells of the whole body alone: what a placement is searched with, many times a frame.
+    fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
+        let views = self.views(noise);
+        let (part, view) = (&self.parts[0], &views[0]);
+        let found = part.explain_by_cells(view, y);
+        let pose = part.answer(view, y, &found, Told::Mean).mean;
+        Fit {
+            objective: super::misfit(self, y, noise, &pose),
+            support: Vec::new(),
+            pose,
+        }
+    }
+
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
         let answer = self.join(&self.consider(y, noise), Told::Variances);
         Posterior {
