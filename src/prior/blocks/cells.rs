@@ -135,8 +135,9 @@ impl Cells {
         )
     }
 
-    /// The few cells that may hold a pose (d, padded; of any value where `weights` is 0), nearest first; all of a few.
-    pub fn nearest(&self, y: &[f32], weights: &[f32]) -> Vec<usize> {
+    /// The few cells that may hold a pose (d, padded; of any value where `weights` is 0), nearest first, each with what its
+    /// log evidence is to be added: less the nearer it is to being left out, so that cells come and go without a jump.
+    pub fn nearest(&self, y: &[f32], weights: &[f32]) -> Vec<(usize, f64)> {
         let count = self.len();
         let mut far = Vec::with_capacity(count);
         distances(&self.short, y, weights, &mut far);
@@ -145,13 +146,24 @@ impl Cells {
             .enumerate()
             .map(|(cell, (far, log))| (far - 2.0 * *log as f32, cell))
             .collect();
+        let order = |a: &(f32, usize), b: &(f32, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
+        let mut last = f32::INFINITY;
         if count > NEAR {
-            all.select_nth_unstable_by(NEAR - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            all.select_nth_unstable_by(NEAR, order);
+            last = all[NEAR].0;
             all.truncate(NEAR);
         }
-        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        all.into_iter().map(|(_, cell)| cell).collect()
+        all.sort_by(order);
+        all.into_iter()
+            .map(|(far, cell)| (cell, fading(far, last)))
+            .collect()
     }
+}
+
+/// What the log evidence of a block that is so far off is to be added where the first that is left out is at `last`.
+pub fn fading(far: f32, last: f32) -> f64 {
+    let left = -(-0.5 * f64::from(last - far)).exp_m1();
+    left.max(1e-9).ln()
 }
 
 /// The covariance (d, d) of a part of poses that went through `map`.

@@ -1,5 +1,6 @@
 //! Which blocks explain an observation.
 
+use super::cells::fading;
 use super::leaves::Opened;
 use super::part::{Active, Part, Sight, View, log_sum};
 
@@ -61,7 +62,7 @@ impl Explained {
 /// So many blocks answer.
 const KEPT: usize = 96;
 /// Blocks this much less likely (nats) than the best do not answer.
-const NEGLIGIBLE: f64 = 6.0;
+pub const NEGLIGIBLE: f64 = 6.0;
 /// The leaves of so many cells are looked at.
 const OPENED: usize = 8;
 /// Cells this much less likely than the best are not opened.
@@ -69,7 +70,7 @@ const CLOSED: f64 = 20.0;
 /// After so many such cells on end, further ones are not looked at: they are farther off.
 const MISSES: usize = 2;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 64;
+const WEIGHED: usize = 96;
 
 impl Part {
     /// How well the cells and leaves explain `y` (d; read where observed).
@@ -149,14 +150,15 @@ impl<'a> Search<'a> {
         let mut off = vec![0.0; self.short.len()];
         let mut misses = 0;
         let mut best = Vec::new();
-        for cell in cells.nearest(&self.short, &view.nearness[index]) {
+        for (cell, fading) in cells.nearest(&self.short, &view.nearness[index]) {
             let sight = view.sight(part, index, cell);
             let means = self.y.iter().zip(cells.mean(cell));
             let rest = off.iter_mut().zip(means);
             rest.for_each(|(o, (y, m))| *o = (y - m) as f32);
             sight.lens.project(&off, &mut z);
             sight.scales.logs(&z, &mut each);
-            each.iter_mut().for_each(|l| *l += cells.log_shares[cell]);
+            let share = cells.log_shares[cell] + fading;
+            each.iter_mut().for_each(|l| *l += share);
             let seen = self.found.seen.len();
             self.found.seen.push(Seen {
                 index,
@@ -215,7 +217,7 @@ impl<'a> Search<'a> {
             let sight = view.sight(part, part.cells.len() - 1, cell);
             let opened = part.opened(cell);
             let scales = sight.leaves(part);
-            for &(_, _, leaf) in group {
+            for &(fading, _, leaf) in group {
                 state.of_leaf(sight, self.found.z(seen, sight), opened, &self.short, leaf);
                 scales.logs(&state.z, &mut each);
                 if reaches {
@@ -223,7 +225,7 @@ impl<'a> Search<'a> {
                     scales.forms(&state.step, &state.step, &mut along);
                 }
                 for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
-                    let mut log = share + each[at];
+                    let mut log = share + f64::from(fading) + each[at];
                     if level.along > 0.0 {
                         let (vv, vz) = (level.along * along[at], cross[at]);
                         log += 0.5 * level.along * vz * vz / (1.0 + vv) - 0.5 * vv.ln_1p();
@@ -246,7 +248,7 @@ impl<'a> Search<'a> {
         self.sum(levels, &logs);
     }
 
-    /// The nearest leaves of some cells: (how far, which of those seen, leaf), cell by cell.
+    /// The nearest leaves of some cells, cell by cell: (what its log is to be added, which of those seen, leaf).
     fn near(&self, cells: &[usize]) -> Vec<(f32, usize, usize)> {
         let nearness = &self.view.nearness[self.part.cells.len() - 1];
         let mut near: Vec<(f32, usize, usize)> = Vec::new();
@@ -261,7 +263,11 @@ impl<'a> Search<'a> {
         };
         if near.len() > WEIGHED {
             near.select_nth_unstable_by(WEIGHED, order);
+            let last = near[WEIGHED].0;
             near.truncate(WEIGHED);
+            near.iter_mut().for_each(|n| n.0 = fading(n.0, last) as f32);
+        } else {
+            near.iter_mut().for_each(|n| n.0 = 0.0);
         }
         near.sort_unstable_by_key(|n| (n.1, n.2));
         near
