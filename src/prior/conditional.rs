@@ -4,7 +4,8 @@
 //! S − S_:o (S_oo + R)⁻¹ S_o:. The systems are of the size of a pose, so a plain Cholesky factorisation here costs less
 //! than starting LAPACK.
 
-use super::small::{add, factorise};
+use super::EXACT;
+use super::small::{add, backward, factorise, forward};
 use ndarray::{Array2, ArrayView2};
 
 /// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the variances that are left.
@@ -25,19 +26,14 @@ impl Conditional {
     /// Conditions `covariance` (D, D) on the coordinates whose `noise` variance is finite.
     pub fn new(covariance: ArrayView2<'_, f64>, noise: &[f64]) -> Conditional {
         let d = noise.len();
-        let observed: Vec<usize> = (0..d).filter(|&i| noise[i].is_finite()).collect();
+        let observed = seen(noise);
         let n = observed.len();
-        let mut a = vec![0.0; n * n];
+        let a = factor(covariance, noise, &observed);
         // S_o: by rows, D wide: all triangular solves at once, along the rows.
         let mut rows = Vec::with_capacity(n * d);
-        for (row, &i) in observed.iter().enumerate() {
-            for (column, &j) in observed[..=row].iter().enumerate() {
-                a[row * n + column] = covariance[[i, j]];
-            }
-            a[row * n + row] += noise[i];
-            rows.extend(covariance.row(i));
-        }
-        factorise(&mut a, n);
+        observed
+            .iter()
+            .for_each(|&i| rows.extend(covariance.row(i)));
         let mut variance: Vec<f64> = covariance.diag().to_vec();
         for i in 0..n {
             let (before, rest) = rows.split_at_mut(i * d);
@@ -112,6 +108,47 @@ impl Conditional {
     }
 }
 
+/// The coordinates whose noise is finite.
+fn seen(noise: &[f64]) -> Vec<usize> {
+    (0..noise.len()).filter(|&i| noise[i].is_finite()).collect()
+}
+
+/// L by rows, lower triangle, with L Lᵀ = S_oo + R.
+fn factor(covariance: ArrayView2<'_, f64>, noise: &[f64], observed: &[usize]) -> Vec<f64> {
+    let n = observed.len();
+    let mut a = vec![0.0; n * n];
+    for (row, &i) in observed.iter().enumerate() {
+        for (column, &j) in observed[..=row].iter().enumerate() {
+            a[row * n + column] = covariance[[i, j]];
+        }
+        a[row * n + row] += noise[i];
+    }
+    factorise(&mut a, n);
+    a
+}
+
+/// The mean of N(`mean`, `covariance`) given `y` with `noise`, none of it below [`EXACT`]: what [`Conditional`] says, for
+/// one solve in place of many.
+pub fn most_probable(
+    mut mean: Vec<f64>,
+    covariance: ArrayView2<'_, f64>,
+    y: &[f64],
+    noise: &[f64],
+) -> Vec<f64> {
+    let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
+    let observed = seen(&noise);
+    let n = observed.len();
+    let a = factor(covariance, &noise, &observed);
+    let mut z: Vec<f64> = observed.iter().map(|&i| y[i] - mean[i]).collect();
+    forward(&a, n, &mut z);
+    backward(&a, n, &mut z);
+    for (&i, z) in observed.iter().zip(&z) {
+        let row = covariance.row(i);
+        mean.iter_mut().zip(row).for_each(|(m, c)| *m += z * c);
+    }
+    mean
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,6 +167,9 @@ mod tests {
         assert!((left[[0, 1]] - 0.4).abs() <= 1e-12 && left[[0, 1]] == left[[1, 0]]);
         let log = -0.5 * (5.0 + (2.0 * std::f64::consts::PI * 5.0).ln());
         assert!((c.log_density(&[5.0, f64::NAN]) - log).abs() <= 1e-12);
+        let noise = [1.0, f64::INFINITY];
+        let mean = most_probable(vec![2.0, 7.0], s.view(), &[7.0, f64::NAN], &noise);
+        assert!((mean[0] - 6.0).abs() <= 1e-12 && (mean[1] - 9.0).abs() <= 1e-12);
     }
 
     #[test]

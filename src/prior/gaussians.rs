@@ -13,6 +13,7 @@
 //! Cost of an answer: K D² and, for each new pattern of noise, K D³ once; a few patterns are remembered.
 
 use super::conditional::Conditional;
+use super::met::Met;
 use super::train::Training;
 use super::training::TrainingPoses;
 use super::tuning::{Grid, Learnt, Tasked, Tuned, tune};
@@ -22,8 +23,7 @@ use crate::linalg::symmetric_eigen;
 use crate::pose::PoseMap;
 use crate::{Error, Place, Result, par};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// Frames that one task answers.
 const CHUNK: usize = 32;
@@ -204,11 +204,9 @@ pub struct Gaussians {
     answer: Answer,
     variance: Vec<f64>,
     typical: Array2<f64>,
-    met: Met,
+    /// One a component.
+    conditionals: Met<Vec<Conditional>>,
 }
-
-/// Conditionings met before, one a component, by their noise variances.
-type Met = Arc<Mutex<HashMap<Vec<u64>, Arc<Vec<Conditional>>>>>;
 
 impl Gaussians {
     /// The Gaussians with their covariances `inflation` times as large; `typical` (t, D).
@@ -241,28 +239,19 @@ impl Gaussians {
             components,
             answer,
             typical,
-            met: Arc::default(),
+            conditionals: Met::default(),
         }
     }
 
     fn conditionals(&self, noise: &[f64]) -> Arc<Vec<Conditional>> {
-        let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
-        let lock = || self.met.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = lock().get(&key) {
-            return found.clone();
-        }
         let condition = |c: &Component| {
             let terms = noise.iter().zip(&c.unexplained);
             let noise: Vec<f64> = terms.map(|(n, u)| n.max(EXACT) + u).collect();
             Conditional::new(c.covariance.view(), &noise)
         };
-        let made: Arc<Vec<_>> = Arc::new(self.components.iter().map(condition).collect());
-        let mut met = lock();
-        if met.len() >= (MOST_MET / self.components.len().max(1)).max(1) {
-            met.clear();
-        }
-        met.insert(key, made.clone());
-        made
+        let all = || self.components.iter().map(condition).collect();
+        let most = (MOST_MET / self.components.len().max(1)).max(1);
+        self.conditionals.get(noise, most, all)
     }
 
     /// The components that have a say, each with its weight and its mean; and the log evidence.

@@ -9,17 +9,16 @@
 //! The neighbours are exact, found by a tree; frames that follow one another start from the neighbours of the frame
 //! before. Cost: the search, and O(k D² + o³) for the Gaussian of o observed coordinates.
 
-use super::conditional::Conditional;
+use super::conditional::{Conditional, most_probable};
 use super::neighbours::{Near, Neighbours};
 use super::store;
 use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::{Grid, Learnt, Setting, Tasked, tune};
+use super::tuning::{Grid, Learnt, Setting, Tasked};
 use super::{Belief, Choice, EXACT, Prior};
 use crate::io::Model;
 use crate::pose::PoseMap;
 use crate::{Result, par};
-use ndarray::{Array1, Array2, ArrayView2, Axis, s};
+use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::sync::Arc;
 
 /// The neighbourhood's size in the paper (section 4.1).
@@ -158,12 +157,12 @@ impl Prior for LpcaPrior {
         let runs = par::map_chunks(y.nrows(), RUN, |rows| {
             self.run(rows, y, noise, |y, noise, near| {
                 let (mean, covariance) = self.gaussian(near);
-                most_probable(&mean, covariance.view(), y, noise)
+                most_probable(mean.to_vec(), covariance.view(), y, noise)
             })
         });
         let mut out = Array2::zeros(y.dim());
         for (mut row, mean) in out.rows_mut().into_iter().zip(runs.into_iter().flatten()) {
-            row.assign(&mean);
+            row.assign(&Array1::from(mean));
         }
         out
     }
@@ -183,49 +182,6 @@ impl Prior for LpcaPrior {
     }
 }
 
-/// The mean of N(`mean`, `covariance`) given an observation: what [`Conditional`] says, for one solve in place of many.
-pub(super) fn most_probable(
-    mean: &Array1<f64>,
-    covariance: ArrayView2<'_, f64>,
-    y: &[f64],
-    noise: &[f64],
-) -> Array1<f64> {
-    let observed: Vec<usize> = (0..y.len()).filter(|&c| noise[c].is_finite()).collect();
-    let rows = covariance.select(Axis(0), &observed);
-    let mut system = rows.select(Axis(1), &observed);
-    for (i, &c) in observed.iter().enumerate() {
-        system[[i, i]] += noise[c].max(EXACT);
-    }
-    let rest: Array1<f64> = observed.iter().map(|&c| y[c] - mean[c]).collect();
-    mean + &solve(system, rest).dot(&rows)
-}
-
-/// A x = b for a symmetric positive definite A, by Cholesky: too small a system to start LAPACK's threads for. A pivot
-/// that rounding has eaten becomes a small one.
-fn solve(mut a: Array2<f64>, mut b: Array1<f64>) -> Array1<f64> {
-    let n = b.len();
-    for i in 0..n {
-        for j in 0..=i {
-            let known = a.slice(s![i, ..j]).dot(&a.slice(s![j, ..j]));
-            let rest = a[[i, j]] - known;
-            a[[i, j]] = if i == j {
-                rest.max(1e-12 * a[[i, i]].abs()).max(1e-300).sqrt()
-            } else {
-                rest / a[[j, j]]
-            };
-        }
-        let known = a.slice(s![i, ..i]).dot(&b.slice(s![..i]));
-        b[i] = (b[i] - known) / a[[i, i]];
-    }
-    for i in (0..n).rev() {
-        b[i] /= a[[i, i]];
-        let scale = b[i];
-        let row = a.slice(s![i, ..i]);
-        b.slice_mut(s![..i]).scaled_add(-scale, &row);
-    }
-    b
-}
-
 /// The poses, at any inflation.
 fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> Learnt<'static> {
     let tree = Arc::new(Neighbours::new(poses));
@@ -241,16 +197,13 @@ fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> Learnt<'static> {
 /// # Errors
 /// Data: no poses to learn from.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let mut model = training.model("lpca")?;
     // Neighbours in time are far closer to each other than to what was observed: the best inflation may be large.
     let grid = Grid {
         inflation: vec![0.5, 1.0, 2.5, 6.0, 12.0, 40.0, 150.0],
         ..Grid::default()
     };
-    let learn = |kept: &TrainingPoses| Ok(learnt(kept.xyz.view(), Array2::zeros((0, 0))));
-    tune(training, &grid, &learn, report)?.write(&mut model);
-    let poses = training.poses.xyz.clone();
-    model.arrays.insert("poses".into(), poses);
+    let (mut model, tuning) = store::learn_poses("lpca", training, &grid, learnt, report)?;
+    tuning.write(&mut model);
     Ok(model)
 }
 

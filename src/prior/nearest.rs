@@ -6,8 +6,7 @@
 use super::neighbours::Neighbours;
 use super::store;
 use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::{ASF2, Grid, Learnt, Setting, Task, Tasked, Tuning, tune};
+use super::tuning::{ASF2, Grid, Learnt, Setting, Task, Tasked, Tuning};
 use super::{Belief, Choice, Prior};
 use crate::io::Model;
 use crate::pose::PoseMap;
@@ -132,18 +131,14 @@ fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> Learnt<'static> {
 /// # Errors
 /// Data: no poses to learn from.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let mut model = training.model("nearest")?;
     let grid = Grid {
         inflation: vec![FIRST],
         sparse: vec![0.0],
         complete: vec![0.0],
     };
-    let learn = |kept: &TrainingPoses| Ok(learnt(kept.xyz.view(), Array2::zeros((0, 0))));
-    let mut tuning = tune(training, &grid, &learn, report)?;
+    let (mut model, mut tuning) = store::learn_poses("nearest", training, &grid, learnt, report)?;
     measured(&mut tuning);
     tuning.write(&mut model);
-    let poses = training.poses.xyz.clone();
-    model.arrays.insert("poses".into(), poses);
     Ok(model)
 }
 

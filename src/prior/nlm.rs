@@ -13,12 +13,10 @@
 //! their noise, twice that otherwise. Squared distances from such a product cancel; poses that may matter are computed
 //! again in f64, so that answers do not depend on how observations are batched.
 
-use super::conditional::Conditional;
-use super::lpca::most_probable;
+use super::conditional::{Conditional, most_probable};
 use super::store;
 use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::{ASF2, Grid, Learnt, Setting, Tasked, tune};
+use super::tuning::{ASF2, Grid, Learnt, Setting, Tasked};
 use super::{Belief, Choice, Prior};
 use crate::io::Model;
 use crate::pose::PoseMap;
@@ -169,8 +167,7 @@ impl NlmPrior {
         }
         let mut covariance = cloud.covariance(explained, &average);
         covariance.diag_mut().mapv_inplace(|v| v + FINEST);
-        let mean = most_probable(&Array1::from(average), covariance.view(), y, noise);
-        cloud.uncentred(mean.to_vec())
+        cloud.uncentred(most_probable(average, covariance.view(), y, noise))
     }
 }
 
@@ -366,7 +363,6 @@ fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>, linear: bool) -> Lea
 /// # Errors
 /// Data: no poses to learn from.
 pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let mut model = training.model(kind)?;
     let linear = kind == LINEAR;
     let asf = |v: &[f64]| v.iter().map(|v| v * ASF2).collect();
     let grid = if linear {
@@ -383,13 +379,9 @@ pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) 
             complete: vec![0.0],
         }
     };
-    let learn = |kept: &TrainingPoses| {
-        let none = Array2::zeros((0, 0));
-        Ok(learnt(kept.xyz.view(), none, linear))
-    };
-    tune(training, &grid, &learn, report)?.write(&mut model);
-    let poses = training.poses.xyz.clone();
-    model.arrays.insert("poses".into(), poses);
+    let learn = |poses: ArrayView2<'_, f32>, typical| learnt(poses, typical, linear);
+    let (mut model, tuning) = store::learn_poses(kind, training, &grid, learn, report)?;
+    tuning.write(&mut model);
     Ok(model)
 }
 

@@ -1,4 +1,4 @@
-//! Products and a factorisation for vectors and matrices of a pose's size, where calling a library costs more than the work.
+//! Products, a factorisation and its solves for vectors and matrices of a pose's size, where calling a library costs more than the work.
 
 /// Σ aᵢ bᵢ, in four strands that go side by side.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -14,7 +14,8 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[1]) + (sums[2] + sums[3]) + tail
 }
 
-/// `to` += `scale` `from`.
+/// `to` += `scale` `from`. Inlined, so that it is as wide as the code around it.
+#[inline(always)]
 pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
     to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
 }
@@ -35,6 +36,23 @@ pub fn factorise(a: &mut [f64], n: usize) {
     }
 }
 
+/// z ← L⁻¹ z, with L as [`factorise`] leaves it.
+pub fn forward(a: &[f64], n: usize, z: &mut [f64]) {
+    for i in 0..n {
+        let known = dot(&a[i * n..i * n + i], &z[..i]);
+        z[i] = (z[i] - known) / a[i * n + i];
+    }
+}
+
+/// z ← L⁻ᵀ z.
+pub fn backward(a: &[f64], n: usize, z: &mut [f64]) {
+    for i in (0..n).rev() {
+        let (before, rest) = z.split_at_mut(i);
+        rest[0] /= a[i * n + i];
+        add(before, -rest[0], &a[i * n..i * n + i]);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -50,5 +68,11 @@ mod tests {
         let mut a = [4.0, 0.0, 2.0, 5.0];
         factorise(&mut a, 2);
         assert_eq!([a[0], a[2], a[3]], [2.0, 1.0, 2.0]);
+        // (4 2; 2 5) z = (8, 12)
+        let mut z = [8.0, 12.0];
+        forward(&a, 2, &mut z);
+        assert_eq!(z, [4.0, 4.0]);
+        backward(&a, 2, &mut z);
+        assert_eq!(z, [1.0, 2.0]);
     }
 }

@@ -5,6 +5,7 @@
 //! coordinates tell about each other, is not lost. [`Choice::published`] answers A x alone, as the paper does.
 
 use super::conditional::Conditional;
+use super::met::Met;
 use super::{Belief, EXACT, Fit, Posterior, Prior, Task};
 use crate::io::Model;
 use crate::pose::PoseMap;
@@ -12,8 +13,7 @@ use crate::sparse::pursuit::{Code, Pursuit, Rule, Tolerance, refit};
 use crate::sparse::{Codes, Dictionary};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 /// How a model is to be used; what a kind does not know it leaves alone.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -43,8 +43,7 @@ pub struct SparsePrior {
     /// Its diagonal.
     variance: Vec<f64>,
     typical: Array2<f64>,
-    /// Conditionings met before, by their noise variances: frames of a take share a few.
-    met: Arc<Mutex<HashMap<Vec<u64>, Arc<Conditional>>>>,
+    conditionals: Met<Conditional>,
 }
 
 /// So many conditionings are remembered (40 kB each).
@@ -114,7 +113,6 @@ impl SparsePrior {
     ) -> SparsePrior {
         residual.diag_mut().mapv_inplace(|v| v.max(0.0) + EXACT);
         let variance = residual.diag().to_vec();
-        let met = Arc::default();
         SparsePrior {
             dictionary,
             pursuit,
@@ -122,24 +120,14 @@ impl SparsePrior {
             residual,
             variance,
             typical,
-            met,
+            conditionals: Met::default(),
         }
     }
 
     /// The residual's Gaussian conditioned on coordinates with this noise.
     fn conditional(&self, noise: &[f64]) -> Arc<Conditional> {
-        let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
-        let lock = || self.met.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = lock().get(&key) {
-            return found.clone();
-        }
-        let made = Arc::new(Conditional::new(self.residual.view(), noise));
-        let mut met = lock();
-        if met.len() >= MOST_MET {
-            met.clear();
-        }
-        met.insert(key, made.clone());
-        made
+        let condition = || Conditional::new(self.residual.view(), noise);
+        self.conditionals.get(noise, MOST_MET, condition)
     }
 
     /// The weights of an observation: 1 / (noise + what the model leaves unexplained), 0 where missing.

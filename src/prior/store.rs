@@ -1,7 +1,9 @@
-//! Reading the arrays of models, checked.
+//! Reading the arrays of models, checked; and models that are their training poses.
 
 use super::Choice;
-use super::tuning::{Learnt, Tasked, Tuned};
+use super::train::Training;
+use super::training::TrainingPoses;
+use super::tuning::{Grid, Learnt, Tasked, Tuned, Tuning, tune};
 use crate::io::Model;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, Axis};
@@ -55,4 +57,24 @@ pub(super) fn of_poses(
     let typical = typical_or(model, poses, source)?;
     let tuned = Tuned::read(model, source)?;
     Ok(Tasked::new(tuned, choice.task, &learn(poses, typical)))
+}
+
+/// Makes such a model, and finds the settings that are for the caller to write into it.
+///
+/// # Errors
+/// Data: no poses to learn from.
+pub(super) fn learn_poses(
+    kind: &str,
+    training: &Training<'_>,
+    grid: &Grid,
+    learn: impl Fn(ArrayView2<'_, f32>, Array2<f64>) -> Learnt<'static>,
+    report: &mut dyn FnMut(&str),
+) -> Result<(Model, Tuning)> {
+    let mut model = training.model(kind)?;
+    // No headings are looked for in tuning.
+    let learn = |kept: &TrainingPoses| Ok(learn(kept.xyz.view(), Array2::zeros((0, 0))));
+    let tuning = tune(training, grid, &learn, report)?;
+    let poses = training.poses.xyz.clone();
+    model.arrays.insert("poses".into(), poses);
+    Ok((model, tuning))
 }

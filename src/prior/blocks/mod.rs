@@ -24,6 +24,7 @@ mod part;
 mod parts;
 mod search;
 
+use super::met::Met;
 use super::small::add;
 use super::{Belief, Fit, Posterior, Prior};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
@@ -33,8 +34,7 @@ use leaves::Poses;
 use ndarray::{Array2, ArrayView2};
 use part::{Part, View, log_sum};
 use search::Explained;
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 pub use learn::{Settings, model, train};
 
@@ -62,12 +62,9 @@ pub struct Blocks {
     typical: Array2<f64>,
     /// The training poses: what leaves are made of.
     poses: Arc<Poses>,
-    /// Views met before, by their noise.
-    met: Arc<Mutex<Views>>,
+    /// Each part's.
+    met: Met<Vec<View>>,
 }
-
-/// Each part's view, by the bits of the noise.
-type Views = HashMap<Vec<u64>, Arc<Vec<View>>>;
 
 /// What all parts make of an observation.
 struct Considered {
@@ -95,18 +92,9 @@ fn told(noise: &[f64]) -> Vec<f64> {
 impl Blocks {
     fn views(&self, noise: &[f64]) -> Arc<Vec<View>> {
         let noise = told(noise);
-        let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
-        let mut met = self.met.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = met.get(&key) {
-            return found.clone();
-        }
         let view = |p: &Part| View::new(p, p.coordinates.iter().map(|&i| noise[i]).collect());
-        let made = Arc::new(self.parts.iter().map(view).collect::<Vec<_>>());
-        if met.len() >= MOST_MET {
-            met.clear();
-        }
-        met.insert(key, made.clone());
-        made
+        let all = || self.parts.iter().map(view).collect();
+        self.met.get(&noise, MOST_MET, all)
     }
 
     /// The parts of the ways that weigh enough to be looked at.
@@ -281,7 +269,7 @@ impl Prior for Blocks {
             parts,
             typical: map.apply_rows(self.typical.view()),
             poses,
-            met: Arc::default(),
+            met: Met::default(),
             ..self.clone()
         })
     }

@@ -13,6 +13,8 @@
 
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::pairs::RigidPairs;
+use crate::prior::small::add;
+pub(super) use crate::prior::small::{backward, factorise, forward};
 use crate::prior::{EXACT, Posterior};
 use crate::simd;
 use ndarray::Array2;
@@ -499,53 +501,6 @@ fn backward_rows(a: &[f64], n: usize, z: &mut [Vec<f64>]) {
         for (other, l) in before.iter_mut().zip(&a[i * n..]) {
             add(other, -l, &rest[0]);
         }
-    }
-}
-
-/// `to` += `scale` `from`.
-#[inline(always)]
-fn add(to: &mut [f64], scale: f64, from: &[f64]) {
-    to.iter_mut().zip(from).for_each(|(t, f)| *t += scale * f);
-}
-
-/// Cholesky in place, lower triangle by rows of n. A pivot that rounding has eaten becomes a small one.
-pub(super) fn factorise(a: &mut [f64], n: usize) {
-    for i in 0..n {
-        for j in 0..=i {
-            let (x, y) = (&a[i * n..i * n + j], &a[j * n..j * n + j]);
-            let sum: f64 = x.iter().zip(y).map(|(x, y)| x * y).sum();
-            let rest = a[i * n + j] - sum;
-            a[i * n + j] = if i == j {
-                rest.max(1e-12 * a[i * n + i].abs()).max(1e-300).sqrt()
-            } else {
-                rest / a[j * n + j]
-            };
-        }
-    }
-}
-
-/// z ← L⁻¹ z.
-pub(super) fn forward(a: &[f64], n: usize, z: &mut [f64]) {
-    for i in 0..n {
-        let known: f64 = a[i * n..i * n + i]
-            .iter()
-            .zip(&z[..i])
-            .map(|(l, z)| l * z)
-            .sum();
-        z[i] = (z[i] - known) / a[i * n + i];
-    }
-}
-
-/// z ← L⁻ᵀ z.
-pub(super) fn backward(a: &[f64], n: usize, z: &mut [f64]) {
-    for i in (0..n).rev() {
-        z[i] /= a[i * n + i];
-        let zi = z[i];
-        let (before, _) = z.split_at_mut(i);
-        before
-            .iter_mut()
-            .zip(&a[i * n..i * n + i])
-            .for_each(|(b, l)| *b -= l * zi);
     }
 }
 

@@ -1,0 +1,79 @@
+//! What was made for the noise patterns met before: frames of a take share a few.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What was made, by the bits of the noise. Clones share it.
+pub struct Met<T>(Arc<Mutex<HashMap<Vec<u64>, Arc<T>>>>);
+
+impl<T> Met<T> {
+    /// What was made for this noise; made now where it was not. With `most` patterns remembered, the next starts anew.
+    /// All who ask share one: what it works out later is worked out once.
+    pub fn get(&self, noise: &[f64], most: usize, make: impl FnOnce() -> T) -> Arc<T> {
+        let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
+        let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = lock().get(&key) {
+            return found.clone();
+        }
+        // Without the lock: others need not wait for a pattern that is not theirs.
+        let new = Arc::new(make());
+        let mut made = lock();
+        if made.len() >= most && !made.contains_key(&key) {
+            made.clear();
+        }
+        made.entry(key).or_insert(new).clone()
+    }
+}
+
+impl<T> Clone for Met<T> {
+    fn clone(&self) -> Self {
+        Met(self.0.clone())
+    }
+}
+
+impl<T> Default for Met<T> {
+    fn default() -> Self {
+        Met(Arc::default())
+    }
+}
+
+impl<T> fmt::Debug for Met<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Met").finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pattern_is_made_once_until_there_are_too_many() {
+        let met = Met::default();
+        let mut count = 0;
+        let mut ask = |noise: &[f64]| {
+            *met.get(noise, 2, || {
+                count += 1;
+                count
+            })
+        };
+        let missing = [f64::INFINITY, 1.0];
+        assert_eq!([ask(&[0.0, 1.0]), ask(&missing)], [1, 2]);
+        assert_eq!([ask(&[0.0, 1.0]), ask(&missing)], [1, 2]);
+        // The third is one too many: all is forgotten before it.
+        assert_eq!([ask(&[5.0, 1.0]), ask(&missing)], [3, 4]);
+        assert_eq!(ask(&[0.0, 1.0]), 5);
+    }
+
+    #[test]
+    fn clones_and_threads_share_one() {
+        let met = Met::default();
+        let clone = met.clone();
+        let first = met.get(&[1.0], 4, || 1);
+        assert!(Arc::ptr_eq(&first, &clone.get(&[1.0], 4, || 2)));
+        // Who is asked for it while it is made makes it too, and then all hold the first.
+        let slow = met.get(&[2.0], 4, || *clone.get(&[2.0], 4, || 3) + 1);
+        assert_eq!((*slow, *met.get(&[2.0], 4, || 9)), (3, 3));
+    }
+}
