@@ -399,11 +399,7 @@ mod tests {
             axis: DMat3::from_rotation_z(offset[0]) * DMat3::from_rotation_x(0.4),
             dofs: dofs
                 .iter()
-                .map(|c| Dof {
-                    channel: crate::pose::Channel::parse(c).unwrap(),
-                    limits: None,
-                    offset: 0.0,
-                })
+                .map(|c| Dof::free(crate::pose::Channel::parse(c).unwrap()))
                 .collect(),
         };
         let s = Skeleton::new(vec![

@@ -128,9 +128,8 @@ mod tests {
 
     fn dof(channel: &str, offset: f64) -> Dof {
         Dof {
-            channel: Channel::parse(channel).unwrap(),
-            limits: None,
             offset,
+            ..Dof::free(Channel::parse(channel).unwrap())
         }
     }
 

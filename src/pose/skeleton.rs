@@ -44,6 +44,17 @@ pub struct Dof {
     pub offset: f64,
 }
 
+impl Dof {
+    /// Without limits and offset.
+    pub fn free(channel: Channel) -> Dof {
+        Dof {
+            channel,
+            limits: None,
+            offset: 0.0,
+        }
+    }
+}
+
 /// A bone: from its parent's end to its own. The joint of the same name is that end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bone {

@@ -418,14 +418,7 @@ mod tests {
             parent,
             offset: DVec3::from_array(offset),
             axis: DMat3::from_rotation_y(0.4),
-            dofs: channels
-                .into_iter()
-                .map(|channel| Dof {
-                    channel,
-                    limits: None,
-                    offset: 0.0,
-                })
-                .collect(),
+            dofs: channels.into_iter().map(Dof::free).collect(),
         };
         let six = [axes.map(Channel::Translate).to_vec(), turns.clone()].concat();
         Skeleton::new(vec![

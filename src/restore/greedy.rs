@@ -287,14 +287,7 @@ mod tests {
             parent,
             offset: DVec3::from_array(offset),
             axis: DMat3::from_rotation_x(0.3) * DMat3::from_rotation_z(0.2 * offset[0]),
-            dofs: channels
-                .into_iter()
-                .map(|channel| Dof {
-                    channel,
-                    limits: None,
-                    offset: 0.0,
-                })
-                .collect(),
+            dofs: channels.into_iter().map(Dof::free).collect(),
         };
         Skeleton::new(vec![
             bone("root", None, [0., 0., 0.], [slide, ball.clone()].concat()),

@@ -72,14 +72,7 @@ pub fn measure(poses: &Poses) -> Result<Skeleton> {
             parent,
             offset,
             axis: DMat3::IDENTITY,
-            dofs: channels
-                .into_iter()
-                .map(|channel| Dof {
-                    channel,
-                    limits: None,
-                    offset: 0.0,
-                })
-                .collect(),
+            dofs: channels.into_iter().map(Dof::free).collect(),
         });
     }
     Skeleton::new(bones)

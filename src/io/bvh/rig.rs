@@ -98,11 +98,7 @@ impl Rig {
             let dofs: Vec<Dof> = free
                 .iter()
                 .rev()
-                .map(|&(_, channel)| Dof {
-                    channel,
-                    limits: None,
-                    offset: 0.0,
-                })
+                .map(|&(_, channel)| Dof::free(channel))
                 .collect();
             let mut n = 0;
             for channel in &joint.channels {
