@@ -8,7 +8,8 @@
 //! together cost n B log K distances an iteration; at worst (every split cuts off an outlier) n K,
 //! which is what flat k-means costs.
 
-use super::kmeans::{Clustering, Parameters, Report, best_run};
+use super::kmeans::{Clustering, Report, best_run};
+use super::parameters::Parameters;
 use super::poses::{Near, Poses, exact_nearest};
 use super::update::{Groups, distances};
 use crate::{Error, Result, par};

@@ -1,74 +1,13 @@
-//! Lloyd's alternation from k-means++ seeds, with restarts.
-//!
-//! S. Lloyd, Least squares quantization in PCM, 1982. Assignment (`search`) and means (`update`) in
-//! turn, until no label changes or the centroids hardly move.
+//! Clustering as it is asked for: flat or as a tree, the best of the restarts.
 
 use super::hierarchy::{self, Tree};
+use super::lloyd::lloyd;
 use super::nearest::Centroids;
+use super::parameters::Parameters;
 use super::poses::Poses;
-use super::search::Search;
 use super::seeding;
-use super::update::{Groups, distances, farthest, means};
 use crate::{Error, Result, par};
 use ndarray::{Array2, ArrayView2};
-
-/// How to cluster. The fields are free until [`fit`] checks them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameters {
-    /// Number of clusters, from 1 to the number of poses. Default 1.
-    pub k: usize,
-    /// Seed of the random choices. Default 0.
-    pub seed: u64,
-    /// Runs from different seeds, at least 1; the one with the least inertia is kept whole. In a
-    /// tree, of every split. Default 1.
-    pub restarts: usize,
-    /// Updates of the centroids a run may take, at least 1. Default 100.
-    pub max_iterations: usize,
-    /// A run has converged when the squared shifts of its centroids add up to at most this times the
-    /// mean variance of a coordinate (scikit-learn's rule). At 0: when no label changes. Default 1e-4.
-    pub tolerance: f64,
-    /// Children of a node, at least 2, to build a tree in place of a flat clustering. Default `None`.
-    pub branch: Option<usize>,
-}
-
-impl Default for Parameters {
-    fn default() -> Self {
-        Parameters {
-            k: 1,
-            seed: 0,
-            restarts: 1,
-            max_iterations: 100,
-            tolerance: 1e-4,
-            branch: None,
-        }
-    }
-}
-
-impl Parameters {
-    /// Checks what can be checked without the poses.
-    ///
-    /// # Errors
-    /// Usage, naming the first value that is out of its range, and the range.
-    pub fn check(&self) -> Result<()> {
-        let what = if self.k == 0 {
-            "k = 0 clusters: at least 1 is needed".to_string()
-        } else if self.restarts == 0 {
-            "0 restarts: at least 1 run is needed".to_string()
-        } else if self.max_iterations == 0 {
-            "0 iterations: at least 1 is needed".to_string()
-        } else if !(self.tolerance >= 0.0 && self.tolerance.is_finite()) {
-            format!(
-                "a tolerance of {}: it must be a number from 0 on",
-                self.tolerance
-            )
-        } else if let Some(branch @ 0..2) = self.branch {
-            format!("branch = {branch}: a node of the tree needs at least 2 children")
-        } else {
-            return Ok(());
-        };
-        Err(Error::usage(what))
-    }
-}
 
 /// Poses parted into clusters.
 #[derive(Debug, Clone, PartialEq)]
@@ -203,187 +142,12 @@ pub(super) fn best_run(
     best
 }
 
-/// One run from centroids and labels (hints) until the squared shifts add up to at most `enough`.
-fn lloyd(
-    poses: Poses<'_>,
-    (mut centroids, labels): (Centroids, Vec<u32>),
-    middle: &[f32],
-    parameters: &Parameters,
-    enough: f64,
-    observer: &mut dyn FnMut(usize, usize),
-) -> Clustering {
-    let k = centroids.k();
-    let mut search = Search::new(labels, k);
-    search.step(poses, &centroids);
-    let (mut iterations, mut converged) = (0, false);
-    while !converged && iterations < parameters.max_iterations {
-        iterations += 1;
-        let groups = repaired(poses, &centroids, &mut search);
-        let old = centroids.exact();
-        let next = means(poses, &groups, old, |j| search.touched[j]);
-        let shifts: Vec<f64> = next
-            .rows()
-            .into_iter()
-            .zip(old.rows())
-            .map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>())
-            .collect();
-        centroids = Centroids::new(next, middle);
-        search.moved(&shifts.iter().map(|s| s.sqrt()).collect::<Vec<_>>());
-        let moved = search.step(poses, &centroids);
-        converged = moved == 0 || shifts.iter().sum::<f64>() <= enough;
-        observer(iterations, moved);
-    }
-    let (centroids, labels) = filled(poses, centroids, middle, search.labels);
-    let inertia = distances(poses, centroids.exact(), &labels)
-        .chunks(4096)
-        .map(|chunk| chunk.iter().sum::<f64>())
-        .sum();
-    let sizes = Groups::new(&labels, k).sizes();
-    let centroids = centroids.into_exact();
-    Clustering {
-        centroids,
-        labels,
-        sizes,
-        inertia,
-        iterations,
-        converged,
-        tree: None,
-    }
-}
-
-/// The clusters of `search`; an empty one is first given the pose farthest from its centroid.
-fn repaired(poses: Poses<'_>, centroids: &Centroids, search: &mut Search) -> Groups {
-    let groups = Groups::new(&search.labels, centroids.k());
-    let sizes = groups.sizes();
-    let empty: Vec<u32> = (0..centroids.k() as u32)
-        .filter(|&j| sizes[j as usize] == 0)
-        .collect();
-    if empty.is_empty() {
-        return groups;
-    }
-    let far = farthest(poses, centroids, &search.labels, empty.len(), Some(sizes));
-    far.into_iter()
-        .zip(empty)
-        .for_each(|(i, j)| search.put(i, j));
-    Groups::new(&search.labels, centroids.k())
-}
-
-/// Moves the centroids that the last assignment left empty onto the farthest poses.
-///
-/// A centroid put there keeps that pose for good, so this ends after at most k rounds; with k
-/// different poses none is empty then.
-fn filled(
-    poses: Poses<'_>,
-    mut centroids: Centroids,
-    middle: &[f32],
-    mut labels: Vec<u32>,
-) -> (Centroids, Vec<u32>) {
-    let k = centroids.k();
-    loop {
-        let sizes = Groups::new(&labels, k).sizes();
-        let empty: Vec<usize> = (0..k).filter(|&j| sizes[j] == 0).collect();
-        if empty.is_empty() {
-            return (centroids, labels);
-        }
-        let far = farthest(poses, &centroids, &labels, empty.len(), None);
-        if far.is_empty() {
-            return (centroids, labels);
-        }
-        let mut next = centroids.into_exact();
-        for (j, i) in empty.into_iter().zip(far) {
-            next.row_mut(j)
-                .iter_mut()
-                .zip(poses.row(i as usize))
-                .for_each(|(c, &x)| *c = x.into());
-        }
-        centroids = Centroids::new(next, middle);
-        let mut search = Search::new(labels, k);
-        search.step(poses, &centroids);
-        labels = search.labels;
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::poses::exact_nearest;
-    use super::super::testdata::{blobs, grid, noise, on_threads, repeated};
+    use super::super::testdata::{blobs, noise, on_threads, quiet, repeated, with_k};
+    use super::super::update::Groups;
     use super::*;
     use ndarray::{Array2, ShapeBuilder, array};
-
-    fn quiet(poses: &Array2<f32>, parameters: &Parameters) -> Result<Clustering> {
-        fit(poses.view(), parameters, &mut |_| ())
-    }
-
-    fn with_k(k: usize) -> Parameters {
-        Parameters {
-            k,
-            ..Parameters::default()
-        }
-    }
-
-    /// Lloyd without any pruning, from the same seeds.
-    fn plain(poses: Poses<'_>, parameters: &Parameters) -> (Array2<f64>, Vec<u32>, usize) {
-        let mut generator = par::generator(parameters.seed, 0);
-        let (seeds, _) = seeding::plus_plus(poses, parameters.k, &mut generator, &mut |_| ());
-        let mut centroids = Array2::from_shape_fn((parameters.k, poses.d), |(j, i)| {
-            f64::from(poses.row(seeds[j] as usize)[i])
-        });
-        let assign = |centroids: &Array2<f64>| -> Vec<u32> {
-            let rows: Vec<&[f64]> = centroids.as_slice().unwrap().chunks(poses.d).collect();
-            let all = || (0u32..).zip(rows.iter().copied());
-            (0..poses.n)
-                .map(|i| exact_nearest(poses.row(i), all()).label)
-                .collect()
-        };
-        let mut labels = assign(&centroids);
-        for iteration in 1..=parameters.max_iterations {
-            let groups = Groups::new(&labels, parameters.k);
-            assert!(
-                groups.sizes().iter().all(|&s| s > 0),
-                "the reference knows no repair"
-            );
-            centroids = means(poses, &groups, centroids.view(), |_| true);
-            let old = std::mem::replace(&mut labels, assign(&centroids));
-            if old == labels {
-                return (centroids, labels, iteration);
-            }
-        }
-        (centroids, labels, parameters.max_iterations)
-    }
-
-    #[test]
-    fn pruning_changes_no_label() {
-        let tables = [
-            noise(700, 69, 1),
-            noise(900, 3, 2),
-            noise(500, 1, 3),
-            blobs(900, 69, 12, 4),
-            blobs(900, 5, 30, 5) + 1e4f32,
-            repeated(&noise(60, 7, 6), 9),
-            grid(12) * 3.0,
-            noise(400, 10, 7) * 1e-22f32,
-            noise(400, 10, 8) * 1e14f32,
-        ];
-        for (t, table) in tables.iter().enumerate() {
-            for k in [1, 2, 7, 40] {
-                for max_iterations in [1, 3, 60] {
-                    let asked = Parameters {
-                        k,
-                        max_iterations,
-                        tolerance: 0.0,
-                        ..with_k(k)
-                    };
-                    let found = quiet(table, &asked).unwrap();
-                    let standard = table.as_standard_layout();
-                    let (centroids, labels, iterations) =
-                        plain(Poses::check(&standard).unwrap(), &asked);
-                    assert_eq!(found.labels, labels, "table {t}, k {k}");
-                    assert_eq!(found.centroids, centroids, "table {t}, k {k}");
-                    assert_eq!(found.iterations, iterations, "table {t}, k {k}");
-                }
-            }
-        }
-    }
 
     #[test]
     fn inertia_is_the_sum_of_squares_and_falls() {
@@ -512,39 +276,6 @@ mod tests {
     }
 
     #[test]
-    fn parameters_out_of_range() {
-        let refused = |parameters: Parameters| {
-            assert_eq!(
-                parameters.check().unwrap_err().exit_code(),
-                2,
-                "{parameters:?}"
-            );
-        };
-        refused(with_k(0));
-        refused(Parameters {
-            restarts: 0,
-            ..with_k(2)
-        });
-        refused(Parameters {
-            max_iterations: 0,
-            ..with_k(2)
-        });
-        refused(Parameters {
-            tolerance: f64::NAN,
-            ..with_k(2)
-        });
-        refused(Parameters {
-            tolerance: -1.0,
-            ..with_k(2)
-        });
-        refused(Parameters {
-            branch: Some(1),
-            ..with_k(2)
-        });
-        assert!(Parameters::default().check().is_ok());
-    }
-
-    #[test]
     fn the_same_at_any_number_of_threads_and_in_either_layout() {
         let table = blobs(9000, 11, 40, 2);
         for branch in [None, Some(3)] {
@@ -596,34 +327,5 @@ mod tests {
             ends.push(found.inertia);
         }
         assert!(ends.windows(2).all(|w| w[1] <= w[0]), "{ends:?}");
-    }
-
-    #[test]
-    fn empty_clusters_are_repaired() {
-        let table = repeated(&noise(50, 4, 9), 3);
-        let poses = Poses::trusted(table.as_slice().unwrap(), 4);
-        let mut start = Array2::from_elem((20, 4), 1e6);
-        start.row_mut(0).fill(0.0);
-        for max_iterations in [1, 2, 100] {
-            let centroids = Centroids::new(start.clone(), &[0.0; 4]);
-            let asked = Parameters {
-                max_iterations,
-                ..with_k(20)
-            };
-            let start = (centroids, vec![0; 150]);
-            let found = lloyd(poses, start, &[0.0; 4], &asked, 0.0, &mut |_, _| ());
-            assert!(found.sizes.iter().all(|&s| s > 0), "{:?}", found.sizes);
-            let one = quiet(&table, &with_k(1)).unwrap();
-            assert!(found.inertia < one.inertia);
-        }
-    }
-
-    #[test]
-    fn centroids_left_empty_at_the_end_are_put_on_poses() {
-        let table = noise(40, 4, 2);
-        let poses = Poses::trusted(table.as_slice().unwrap(), 4);
-        let start = Centroids::new(Array2::from_elem((10, 4), 1e3), &[0.0; 4]);
-        let (_, labels) = filled(poses, start, &[0.0; 4], vec![0; 40]);
-        assert!(Groups::new(&labels, 10).sizes().iter().all(|&s| s > 0));
     }
 }

@@ -13,7 +13,8 @@
 //! | part | what it does |
 //! |---|---|
 //! | `seeding` | greedy k-means++, with whole cells skipped by the triangle inequality |
-//! | `kmeans` | Lloyd's alternation from those seeds, empty clusters repaired, restarts |
+//! | `parameters`, `kmeans` | what is asked for; flat or as a tree, the best of the restarts |
+//! | `lloyd` | Lloyd's alternation from those seeds, empty clusters repaired |
 //! | `search` | the assignment step with Hamerly's bounds and a ball of candidates around each centroid |
 //! | `poses` | the checked table, the exact distance |
 //! | `nearest` | distances in blocks that stay in cache; exact where rounding could change an answer |
@@ -42,21 +43,25 @@
 
 mod hierarchy;
 mod kmeans;
+mod lloyd;
 mod nearest;
+mod parameters;
 mod poses;
 mod search;
 mod seeding;
 mod update;
 
 pub use hierarchy::{Node, Tree};
-pub use kmeans::{Clustering, Parameters, Report, fit};
+pub use kmeans::{Clustering, Report, fit};
 pub use nearest::assign;
+pub use parameters::Parameters;
 
 #[cfg(test)]
 mod testdata {
     //! Tables that several of the tests use.
 
-    use crate::par;
+    use super::{Clustering, Parameters, fit};
+    use crate::{Result, par};
     use ndarray::{Array2, Axis, concatenate};
     use rand::Rng;
 
@@ -76,6 +81,19 @@ mod testdata {
             .enumerate()
             .for_each(|(i, mut row)| row += &centres.row(i % count));
         poses
+    }
+
+    /// A clustering that nobody listens to.
+    pub fn quiet(poses: &Array2<f32>, parameters: &Parameters) -> Result<Clustering> {
+        fit(poses.view(), parameters, &mut |_| ())
+    }
+
+    /// The usual parameters for k clusters.
+    pub fn with_k(k: usize) -> Parameters {
+        Parameters {
+            k,
+            ..Parameters::default()
+        }
     }
 
     /// The whole table `times` times over.

@@ -1,15 +1,16 @@
 //! One self-contained HTML page that plays a scene: nothing is fetched, the motion is inside.
 //!
-//! The page carries the scene as JSON. Coordinates are base64 of little-endian numbers, frame after
-//! frame: 16-bit steps between a column's least and greatest value (`-32768`: missing), or 32-bit floats
-//! (NaN: missing) where such a step would show. Statuses are run lengths, point by point.
+//! The page carries the scene as JSON.
 //! A content security policy lets the browser run the page's own script and nothing else.
 
+mod embedded;
+mod table;
+
 use super::markup::{base64, escape, fill, script_json};
-use super::scene::{Scene, Status, Table};
-use super::stance::{Side, Stance};
+use super::scene::Scene;
+use super::stance::Stance;
 use crate::{Error, Result};
-use serde_json::{Value, json};
+use embedded::{embedded, sparing};
 use sha2::{Digest, Sha256};
 
 const PAGE: &str = include_str!("player.html");
@@ -26,11 +27,6 @@ pub(super) const SCRIPT: &str = concat!(
     "}\n",
     include_str!("player_start.js"),
 );
-
-/// A step between neighbouring 16-bit values above this (cm) would be seen.
-const COARSEST: f64 = 0.05;
-/// The 16-bit value of what is missing.
-const MISSING: i16 = i16::MIN;
 
 /// What may be left out to keep the page small.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -78,7 +74,7 @@ pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
         .note
         .map(|note| format!("<p>{}</p>", escape(note)))
         .unwrap_or_default();
-    let table = scene.table.as_ref().map(html_table).unwrap_or_default();
+    let table = scene.table.as_ref().map(table::html).unwrap_or_default();
     Ok(fill(
         PAGE,
         &[
@@ -125,152 +121,6 @@ fn placed(scene: &Scene<'_>, options: &Options, attributes: &str) -> Result<(Str
     Ok((fill(PART, &values), remarks(scene, &stance, every)))
 }
 
-/// The smallest step through the frames that keeps the coordinates' base64 within the limit.
-fn sparing(scene: &Scene<'_>, limit: usize) -> usize {
-    let figures = scene.figures.len() as u128;
-    let a_frame = figures * scene.points.len() as u128 * 3 * 2 * 4 / 3;
-    let most = (limit as u128)
-        .checked_div(a_frame)
-        .unwrap_or(u128::MAX)
-        .max(1);
-    (scene.frames() as u128).div_ceil(most).max(1) as usize
-}
-
-/// Everything the script reads.
-fn embedded(scene: &Scene<'_>, stance: &Stance<'_, '_>, kept: &[usize], every: usize) -> Value {
-    let side = |side: &Side| match side {
-        Side::Left => 'l',
-        Side::Right => 'r',
-        Side::Middle => 'm',
-    };
-    let figures: Vec<Value> = (0..scene.figures.len())
-        .map(|figure| embedded_figure(scene, stance, kept, figure))
-        .collect();
-    json!({
-        "points": scene.points,
-        "bones": scene.bones,
-        "sides": stance.sides.iter().map(side).collect::<String>(),
-        "head": stance.head,
-        "rate": scene.rate / every as f64,
-        "every": every,
-        "frames": kept.len(),
-        "reference": stance.reference,
-        "behind": scene.behind,
-        "start": scene.start / every,
-        "ground": rounded(stance.ground),
-        "size": rounded(stance.size),
-        "azimuth": rounded(stance.azimuth()),
-        "runs": runs(scene, kept.len(), every),
-        "figures": figures,
-    })
-}
-
-/// Name, first embedded frame and its time of every run that has an embedded frame.
-fn runs(scene: &Scene<'_>, kept: usize, every: usize) -> Vec<Value> {
-    let first = |i: usize| scene.runs[i].first.div_ceil(every);
-    (0..scene.runs.len())
-        .filter(|i| first(*i) < kept)
-        .filter(|i| i + 1 == scene.runs.len() || first(i + 1) > first(*i))
-        .map(|i| {
-            json!([
-                scene.runs[i].name,
-                first(i),
-                rounded(scene.moment(first(i) * every).1)
-            ])
-        })
-        .collect()
-}
-
-fn embedded_figure(
-    scene: &Scene<'_>,
-    stance: &Stance<'_, '_>,
-    kept: &[usize],
-    figure: usize,
-) -> Value {
-    let columns = 3 * scene.points.len();
-    let mut values = Vec::with_capacity(kept.len() * columns);
-    for frame in kept {
-        for point in 0..scene.points.len() {
-            values.extend(stance.at(figure, *frame, point).unwrap_or([f64::NAN; 3]));
-        }
-    }
-    let mut coded = coordinates(&values, columns);
-    coded["name"] = json!(scene.figures[figure].name);
-    coded["note"] = json!(scene.notes.get(figure));
-    coded["status"] = match scene.figures[figure].status {
-        Some(_) => (0..scene.points.len())
-            .map(|point| run_lengths(kept.iter().map(|t| stance.status(figure, *t, point))))
-            .collect(),
-        None => Value::Null,
-    };
-    coded
-}
-
-/// Rows of `columns` values as base64, and how to read it. NaN is missing.
-fn coordinates(values: &[f64], columns: usize) -> Value {
-    let mut low = vec![f64::INFINITY; columns];
-    let mut high = vec![f64::NEG_INFINITY; columns];
-    for (i, value) in values.iter().enumerate() {
-        // min and max pass over NaN.
-        low[i % columns] = low[i % columns].min(*value);
-        high[i % columns] = high[i % columns].max(*value);
-    }
-    let low: Vec<f64> = low
-        .iter()
-        .map(|v| {
-            if v.is_finite() {
-                rounded(*v - 0.0005)
-            } else {
-                0.0
-            }
-        })
-        .collect();
-    let steps: Vec<f64> = (0..columns)
-        .map(|c| ((high[c] - low[c]) / 65534.0).max(0.0))
-        // Rounded up to a short decimal, so that the greatest value stays in range.
-        .map(|step| (step * 1e8).ceil() / 1e8)
-        .collect();
-    if steps.iter().any(|step| *step > COARSEST) {
-        let bytes: Vec<u8> = values
-            .iter()
-            .flat_map(|v| (*v as f32).to_le_bytes())
-            .collect();
-        return json!({ "format": "f32", "data": base64(&bytes) });
-    }
-    let code = |(i, value): (usize, &f64)| {
-        if value.is_nan() {
-            return MISSING;
-        }
-        let (low, step) = (low[i % columns], steps[i % columns]);
-        let steps = if step > 0.0 {
-            ((value - low) / step).round().clamp(0.0, 65534.0)
-        } else {
-            0.0
-        };
-        (steps - 32767.0) as i16
-    };
-    let bytes: Vec<u8> = values
-        .iter()
-        .enumerate()
-        .map(code)
-        .flat_map(i16::to_le_bytes)
-        .collect();
-    json!({ "format": "i16", "low": low, "step": steps, "data": base64(&bytes) })
-}
-
-/// Status and how often it follows itself, again and again.
-fn run_lengths(statuses: impl Iterator<Item = Status>) -> Value {
-    let mut runs: Vec<[usize; 2]> = Vec::new();
-    for status in statuses {
-        let code = Status::ALL.iter().position(|s| *s == status).unwrap_or(0);
-        match runs.last_mut() {
-            Some([last, length]) if *last == code => *length += 1,
-            _ => runs.push([code, 1]),
-        }
-    }
-    json!(runs.concat())
-}
-
 /// What the page must admit: frames left out, figures that are flat.
 fn remarks(scene: &Scene<'_>, stance: &Stance<'_, '_>, every: usize) -> String {
     let mut said = Vec::new();
@@ -291,63 +141,18 @@ fn remarks(scene: &Scene<'_>, stance: &Stance<'_, '_>, every: usize) -> String {
         .collect()
 }
 
-fn html_table(table: &Table) -> String {
-    let number =
-        |text: &str| text.trim_end_matches(['%', ' ']).parse::<f64>().is_ok() || text == "–";
-    // A column is set flush right if it holds numbers only.
-    let flush: Vec<bool> = (0..table.header.len())
-        .map(|c| {
-            let cells = || {
-                table
-                    .rows
-                    .iter()
-                    .filter_map(|row| row.get(c))
-                    .filter(|cell| !cell.is_empty())
-            };
-            cells().count() > 0 && cells().all(|cell| number(cell))
-        })
-        .collect();
-    let class = |c: usize| if flush[c] { " class=\"number\"" } else { "" };
-    let mut out = String::from("<div class=\"scores\"><table>\n");
-    if !table.caption.is_empty() {
-        out.push_str(&format!("<caption>{}</caption>\n", escape(&table.caption)));
-    }
-    out.push_str("<thead><tr>");
-    for (c, head) in table.header.iter().enumerate() {
-        out.push_str(&format!(
-            "<th scope=\"col\"{}>{}</th>",
-            class(c),
-            escape(head)
-        ));
-    }
-    out.push_str("</tr></thead>\n<tbody>\n");
-    for row in &table.rows {
-        out.push_str("<tr>");
-        for c in 0..table.header.len() {
-            let cell = row.get(c).map(String::as_str).unwrap_or_default();
-            out.push_str(&format!("<td{}>{}</td>", class(c), escape(cell)));
-        }
-        out.push_str("</tr>\n");
-    }
-    out.push_str("</tbody></table></div>");
-    out
-}
-
 /// A source's hash as a content security policy wants it.
 pub(super) fn policy_hash(source: &str) -> String {
     format!("sha256-{}", base64(&Sha256::digest(source.as_bytes())))
 }
 
-/// A thousandth of a centimetre, degree or second is enough for a picture.
-fn rounded(value: f64) -> f64 {
-    (value * 1e3).round() / 1e3
-}
-
 #[cfg(test)]
 mod tests {
+    use super::embedded::MISSING;
     use super::*;
-    use crate::evaluate::scene::{Figure, Run};
+    use crate::evaluate::scene::{Figure, Run, Status, Table};
     use ndarray::Array2;
+    use serde_json::{Value, json};
 
     fn names(count: usize) -> Vec<String> {
         (0..count).map(|i| format!("p{i}")).collect()
@@ -441,16 +246,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn statuses_are_run_lengths() {
-        use Status::*;
-        assert_eq!(
-            run_lengths([Observed, Observed, Inferred, Observed].into_iter()),
-            json!([0, 2, 2, 1, 0, 1])
-        );
-        assert_eq!(run_lengths([].into_iter()), json!([]));
     }
 
     #[test]

@@ -1,9 +1,9 @@
 //! Codes of many poses, by tiles of poses that share the products with the atoms.
 
-use super::Dictionary;
 use super::fit::Fit;
-use super::pursuit::{Pursuit, Stop};
+use super::pursuit::Pursuit;
 use super::tile::{Tile, poses_at_once};
+use super::{Dictionary, Stop};
 use crate::{Error, Place, Result, par};
 use ndarray::{Array2, ArrayView2, Axis, s};
 use std::ops::Range;

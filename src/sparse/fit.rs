@@ -10,7 +10,7 @@
 //! z = Qᵀ(√w∘y), R x = z. All in f64, at O(k D) an atom. The signal is scaled to unit norm first, so that every
 //! limit below is a plain number; the scale comes back in the answers.
 
-use super::pursuit::{Stop, Tolerance};
+use super::{Stop, Tolerance};
 use ndarray::ArrayView1;
 
 /// An atom counts as dependent on those chosen when at most this share of its squared (weighted) norm is left

@@ -5,30 +5,38 @@
 //! | [`dictionary`] | atoms in rows, of unit norm |
 //! | [`pursuit`] | the parameters of coding; one pose at a time |
 //! | [`batch`] | many poses at a time, by matrix products |
-//! | [`ksvd`] | learning a dictionary from poses |
+//! | [`code`] | what coding a pose gives; the best coefficients of given atoms |
+//! | [`ksvd`], [`state`] | learning a dictionary from poses; how far it has come |
 //! | [`size`] | how many atoms a given error asks for |
 //! | [`mod@concat`] | joining dictionaries, finding and dropping near duplicates |
 //! | `tile`, `fit` | the scan over all atoms for a tile of poses; the growing fit of one pose |
-//! | `draw`, `update`, `rank_one`, `replace` | the atoms that learning starts from, their update, new ones for useless ones |
+//! | `draw`, `update`, `rank_one`, `replace`, `keep` | the atoms that learning starts from, their update, new ones for useless ones, old codes that are better |
 //! | `nearness` | how close atoms are to each other |
 
 pub mod batch;
+pub mod code;
 pub mod concat;
 pub mod dictionary;
 mod draw;
 mod fit;
+mod keep;
 pub mod ksvd;
 mod nearness;
 pub mod pursuit;
 mod rank_one;
 mod replace;
 pub mod size;
+pub mod state;
+#[cfg(test)]
+mod testdata;
 mod tile;
 mod update;
 
 pub use batch::{Codes, UNUSED};
+pub use code::{Code, Stop, refit};
 pub use concat::{Closeness, Concat, Joined};
 pub use dictionary::Dictionary;
-pub use ksvd::{Ksvd, Report, State, draw};
-pub use pursuit::{Code, Pursuit, Rule, Stop, Tolerance, refit};
+pub use ksvd::{Ksvd, draw};
+pub use pursuit::{Pursuit, Rule, Tolerance};
 pub use size::{SizeSearch, Start, Tried};
+pub use state::{Report, State};

@@ -20,10 +20,10 @@
 //! the atoms taken.
 
 use super::Dictionary;
-use super::fit::Fit;
+use super::code::{Code, finished, started};
 use super::tile::Tile;
-use crate::{Error, Place, Result};
-use ndarray::{Array1, ArrayView1};
+use crate::{Error, Result};
+use ndarray::ArrayView1;
 use serde::{Deserialize, Serialize};
 
 /// How the next atom is chosen.
@@ -62,19 +62,6 @@ impl Tolerance {
     }
 }
 
-/// Why a code has no more atoms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Stop {
-    /// It has as many as the sparsity allows.
-    Sparsity,
-    /// The residual is within the tolerance, or zero to single precision.
-    Tolerance,
-    /// No other atom is independent of those taken (and of any use) on the observed coordinates.
-    Dependent,
-    /// The pose is zero wherever it is observed, or observed nowhere: the code is empty.
-    Nothing,
-}
-
 /// The parameters of coding.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pursuit {
@@ -93,35 +80,6 @@ impl Default for Pursuit {
             rule: Rule::Optimised,
             tolerance: Tolerance::Never,
         }
-    }
-}
-
-/// The code of one pose.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Code {
-    /// The atoms taken, in the order in which they were.
-    pub atoms: Vec<u32>,
-    /// Their coefficients, in the pose's unit: the weighted least-squares fit on these atoms.
-    pub coefficients: Vec<f64>,
-    /// sum_i w_i (y_i - (A x)_i)^2.
-    pub squared_residual: f64,
-    /// Why there are no more atoms.
-    pub stop: Stop,
-}
-
-impl Code {
-    /// A x: the pose (D) that the code stands for, missing coordinates included.
-    ///
-    /// # Panics
-    /// If the code is of another, larger dictionary.
-    pub fn decode(&self, dictionary: &Dictionary) -> Array1<f64> {
-        let mut pose = Array1::zeros(dictionary.width());
-        for (&atom, &x) in self.atoms.iter().zip(&self.coefficients) {
-            pose.zip_mut_with(&dictionary.atom(atom as usize), |p, &a| {
-                *p += x * f64::from(a)
-            });
-        }
-        pose
     }
 }
 
@@ -169,96 +127,13 @@ impl Pursuit {
     }
 }
 
-/// The best coefficients of given atoms for one pose: weighted least squares, in f64.
-///
-/// Atoms are taken in the order given; one that depends on those before it (a repeated one, say) is left out and the
-/// code's `stop` is [`Stop::Dependent`], else [`Stop::Sparsity`]. Pose and weights are as in [`Pursuit::code`].
-///
-/// # Errors
-/// A length, an observed number or a weight that cannot be used; an atom that the dictionary does not have.
-pub fn refit(
-    dictionary: &Dictionary,
-    support: &[u32],
-    pose: ArrayView1<f64>,
-    weights: Option<ArrayView1<f64>>,
-) -> Result<Code> {
-    let capacity = support.len().min(dictionary.len()).min(dictionary.width());
-    let mut fit = started(dictionary, capacity, pose, weights, Tolerance::Never)?;
-    let n = dictionary.len();
-    if let Some(&atom) = support.iter().find(|&&a| a as usize >= n) {
-        return Err(Error::data(
-            Place::file("code"),
-            format!("atom {atom} of a dictionary of {n}"),
-        ));
-    }
-    let empty = fit.stop == Some(Stop::Nothing);
-    let mut stop = if empty { Stop::Nothing } else { Stop::Sparsity };
-    for &atom in support.iter().filter(|_| !empty) {
-        if !fit.push(atom, row(dictionary, atom)) {
-            stop = Stop::Dependent;
-        }
-    }
-    fit.stop = Some(stop);
-    Ok(finished(&fit))
-}
-
-/// An atom as a slice.
-pub(super) fn row(dictionary: &Dictionary, atom: u32) -> &[f32] {
-    let d = dictionary.width();
-    &dictionary.flat()[atom as usize * d..(atom as usize + 1) * d]
-}
-
-fn started(
-    dictionary: &Dictionary,
-    capacity: usize,
-    pose: ArrayView1<f64>,
-    weights: Option<ArrayView1<f64>>,
-    tolerance: Tolerance,
-) -> Result<Fit> {
-    let d = dictionary.width();
-    for (what, len) in [
-        ("pose", Some(pose.len())),
-        ("weights", weights.map(|w| w.len())),
-    ] {
-        if let Some(len) = len.filter(|&len| len != d) {
-            let said = format!("{len} numbers, but the dictionary's atoms have {d}");
-            return Err(Error::data(Place::file(what), said));
-        }
-    }
-    let mut fit = Fit::new(capacity, d);
-    fit.start(pose, weights, tolerance)
-        .map_err(|what| Error::data(Place::file("pose"), what))?;
-    Ok(fit)
-}
-
-fn finished(fit: &Fit) -> Code {
-    let mut coefficients = vec![0.0; fit.support.len()];
-    fit.coefficients(&mut coefficients);
-    Code {
-        atoms: fit.support.clone(),
-        coefficients,
-        squared_residual: fit.squared_residual(),
-        stop: fit.stop.unwrap_or(Stop::Sparsity),
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::testdata::{alike, random};
+    use super::super::{Stop, refit};
     use super::*;
     use crate::par;
-    use ndarray::{Array2, Axis, array};
-    use rand::Rng;
-
-    fn random(n: usize, d: usize, seed: u64) -> Array2<f64> {
-        let mut g = par::generator(seed, 0);
-        Array2::from_shape_fn((n, d), |_| g.random::<f64>() - 0.5)
-    }
-
-    /// Poses-like atoms: all of them near one another.
-    fn alike(n: usize, d: usize, seed: u64) -> Dictionary {
-        let mean = random(1, d, seed + 1000);
-        Dictionary::from_rows((random(n, d, seed) * 0.3 + mean).view()).unwrap()
-    }
+    use ndarray::{Array1, Array2, Axis, array};
 
     fn with(sparsity: usize, rule: Rule) -> Pursuit {
         Pursuit {
@@ -510,19 +385,6 @@ mod tests {
             let ratio = b.squared_residual / (a.squared_residual * scale.powi(3));
             assert!((ratio - 1.0).abs() <= 1e-6);
         }
-    }
-
-    #[test]
-    fn refitting_the_atoms_of_a_code_gives_the_code() {
-        let d = alike(40, 12, 27);
-        let y = random(1, 12, 28).row(0).to_owned();
-        let code = with(5, Rule::Optimised).code(&d, y.view(), None).unwrap();
-        assert_eq!(refit(&d, &code.atoms, y.view(), None).unwrap(), code);
-        let twice = refit(&d, &[3, 3, 5], y.view(), None).unwrap();
-        assert_eq!((twice.atoms, twice.stop), (vec![3, 5], Stop::Dependent));
-        assert!(refit(&d, &[40], y.view(), None).is_err());
-        let none = refit(&d, &[], y.view(), None).unwrap();
-        assert!((none.squared_residual - y.dot(&y)).abs() <= 1e-12);
     }
 
     #[test]

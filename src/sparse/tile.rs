@@ -15,9 +15,9 @@
 //! Rows are atoms and columns are poses here, so that eight poses go through the comparison side by side. A pose's
 //! numbers do not depend on the poses beside it: one pose alone gives the same bits as one of many.
 
-use super::Dictionary;
 use super::fit::Fit;
-use super::pursuit::{Rule, Stop};
+use super::pursuit::Rule;
+use super::{Dictionary, Stop};
 use ndarray::linalg::general_mat_mul;
 use ndarray::{Array2, ArrayView2, s};
 use std::array::from_fn;
@@ -265,7 +265,7 @@ impl<'a> Tile<'a> {
                 } else {
                     // Taken, or found in f64 to depend on those taken: not to be looked at again either way.
                     self.remainder[atom as usize * self.poses + i] = f32::INFINITY;
-                    if fit.push(atom, super::pursuit::row(self.dictionary, atom)) {
+                    if fit.push(atom, super::code::row(self.dictionary, atom)) {
                         let (q, z) = fit.newest();
                         weigh(q, fit.root.as_deref(), row.as_slice_mut().expect("a row"));
                         self.part[group][lane] = z as f32;

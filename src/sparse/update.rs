@@ -2,7 +2,7 @@
 
 use super::Dictionary;
 use super::batch::UNUSED;
-use super::pursuit::row;
+use super::code::row;
 use super::rank_one::{add, refine};
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;

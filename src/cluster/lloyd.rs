@@ -1,0 +1,214 @@
+//! Lloyd's alternation from given centroids, empty clusters repaired.
+//!
+//! S. Lloyd, Least squares quantization in PCM, 1982. Assignment (`search`) and means (`update`) in
+//! turn, until no label changes or the centroids hardly move.
+
+use super::kmeans::Clustering;
+use super::nearest::Centroids;
+use super::parameters::Parameters;
+use super::poses::Poses;
+use super::search::Search;
+use super::update::{Groups, distances, farthest, means};
+
+/// One run from centroids and labels (hints) until the squared shifts add up to at most `enough`.
+pub fn lloyd(
+    poses: Poses<'_>,
+    (mut centroids, labels): (Centroids, Vec<u32>),
+    middle: &[f32],
+    parameters: &Parameters,
+    enough: f64,
+    observer: &mut dyn FnMut(usize, usize),
+) -> Clustering {
+    let k = centroids.k();
+    let mut search = Search::new(labels, k);
+    search.step(poses, &centroids);
+    let (mut iterations, mut converged) = (0, false);
+    while !converged && iterations < parameters.max_iterations {
+        iterations += 1;
+        let groups = repaired(poses, &centroids, &mut search);
+        let old = centroids.exact();
+        let next = means(poses, &groups, old, |j| search.touched[j]);
+        let shifts: Vec<f64> = next
+            .rows()
+            .into_iter()
+            .zip(old.rows())
+            .map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>())
+            .collect();
+        centroids = Centroids::new(next, middle);
+        search.moved(&shifts.iter().map(|s| s.sqrt()).collect::<Vec<_>>());
+        let moved = search.step(poses, &centroids);
+        converged = moved == 0 || shifts.iter().sum::<f64>() <= enough;
+        observer(iterations, moved);
+    }
+    let (centroids, labels) = filled(poses, centroids, middle, search.labels);
+    let inertia = distances(poses, centroids.exact(), &labels)
+        .chunks(4096)
+        .map(|chunk| chunk.iter().sum::<f64>())
+        .sum();
+    let sizes = Groups::new(&labels, k).sizes();
+    let centroids = centroids.into_exact();
+    Clustering {
+        centroids,
+        labels,
+        sizes,
+        inertia,
+        iterations,
+        converged,
+        tree: None,
+    }
+}
+
+/// The clusters of `search`; an empty one is first given the pose farthest from its centroid.
+fn repaired(poses: Poses<'_>, centroids: &Centroids, search: &mut Search) -> Groups {
+    let groups = Groups::new(&search.labels, centroids.k());
+    let sizes = groups.sizes();
+    let empty: Vec<u32> = (0..centroids.k() as u32)
+        .filter(|&j| sizes[j as usize] == 0)
+        .collect();
+    if empty.is_empty() {
+        return groups;
+    }
+    let far = farthest(poses, centroids, &search.labels, empty.len(), Some(sizes));
+    far.into_iter()
+        .zip(empty)
+        .for_each(|(i, j)| search.put(i, j));
+    Groups::new(&search.labels, centroids.k())
+}
+
+/// Moves the centroids that the last assignment left empty onto the farthest poses.
+///
+/// A centroid put there keeps that pose for good, so this ends after at most k rounds; with k
+/// different poses none is empty then.
+fn filled(
+    poses: Poses<'_>,
+    mut centroids: Centroids,
+    middle: &[f32],
+    mut labels: Vec<u32>,
+) -> (Centroids, Vec<u32>) {
+    let k = centroids.k();
+    loop {
+        let sizes = Groups::new(&labels, k).sizes();
+        let empty: Vec<usize> = (0..k).filter(|&j| sizes[j] == 0).collect();
+        if empty.is_empty() {
+            return (centroids, labels);
+        }
+        let far = farthest(poses, &centroids, &labels, empty.len(), None);
+        if far.is_empty() {
+            return (centroids, labels);
+        }
+        let mut next = centroids.into_exact();
+        for (j, i) in empty.into_iter().zip(far) {
+            next.row_mut(j)
+                .iter_mut()
+                .zip(poses.row(i as usize))
+                .for_each(|(c, &x)| *c = x.into());
+        }
+        centroids = Centroids::new(next, middle);
+        let mut search = Search::new(labels, k);
+        search.step(poses, &centroids);
+        labels = search.labels;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::poses::exact_nearest;
+    use super::super::seeding;
+    use super::super::testdata::{blobs, grid, noise, quiet, repeated, with_k};
+    use super::*;
+    use crate::par;
+    use ndarray::Array2;
+
+    /// Lloyd without any pruning, from the same seeds.
+    fn plain(poses: Poses<'_>, parameters: &Parameters) -> (Array2<f64>, Vec<u32>, usize) {
+        let mut generator = par::generator(parameters.seed, 0);
+        let (seeds, _) = seeding::plus_plus(poses, parameters.k, &mut generator, &mut |_| ());
+        let mut centroids = Array2::from_shape_fn((parameters.k, poses.d), |(j, i)| {
+            f64::from(poses.row(seeds[j] as usize)[i])
+        });
+        let assign = |centroids: &Array2<f64>| -> Vec<u32> {
+            let rows: Vec<&[f64]> = centroids.as_slice().unwrap().chunks(poses.d).collect();
+            let all = || (0u32..).zip(rows.iter().copied());
+            (0..poses.n)
+                .map(|i| exact_nearest(poses.row(i), all()).label)
+                .collect()
+        };
+        let mut labels = assign(&centroids);
+        for iteration in 1..=parameters.max_iterations {
+            let groups = Groups::new(&labels, parameters.k);
+            assert!(
+                groups.sizes().iter().all(|&s| s > 0),
+                "the reference knows no repair"
+            );
+            centroids = means(poses, &groups, centroids.view(), |_| true);
+            let old = std::mem::replace(&mut labels, assign(&centroids));
+            if old == labels {
+                return (centroids, labels, iteration);
+            }
+        }
+        (centroids, labels, parameters.max_iterations)
+    }
+
+    #[test]
+    fn pruning_changes_no_label() {
+        let tables = [
+            noise(700, 69, 1),
+            noise(900, 3, 2),
+            noise(500, 1, 3),
+            blobs(900, 69, 12, 4),
+            blobs(900, 5, 30, 5) + 1e4f32,
+            repeated(&noise(60, 7, 6), 9),
+            grid(12) * 3.0,
+            noise(400, 10, 7) * 1e-22f32,
+            noise(400, 10, 8) * 1e14f32,
+        ];
+        for (t, table) in tables.iter().enumerate() {
+            for k in [1, 2, 7, 40] {
+                for max_iterations in [1, 3, 60] {
+                    let asked = Parameters {
+                        k,
+                        max_iterations,
+                        tolerance: 0.0,
+                        ..with_k(k)
+                    };
+                    let found = quiet(table, &asked).unwrap();
+                    let standard = table.as_standard_layout();
+                    let (centroids, labels, iterations) =
+                        plain(Poses::check(&standard).unwrap(), &asked);
+                    assert_eq!(found.labels, labels, "table {t}, k {k}");
+                    assert_eq!(found.centroids, centroids, "table {t}, k {k}");
+                    assert_eq!(found.iterations, iterations, "table {t}, k {k}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn empty_clusters_are_repaired() {
+        let table = repeated(&noise(50, 4, 9), 3);
+        let poses = Poses::trusted(table.as_slice().unwrap(), 4);
+        let mut start = Array2::from_elem((20, 4), 1e6);
+        start.row_mut(0).fill(0.0);
+        for max_iterations in [1, 2, 100] {
+            let centroids = Centroids::new(start.clone(), &[0.0; 4]);
+            let asked = Parameters {
+                max_iterations,
+                ..with_k(20)
+            };
+            let start = (centroids, vec![0; 150]);
+            let found = lloyd(poses, start, &[0.0; 4], &asked, 0.0, &mut |_, _| ());
+            assert!(found.sizes.iter().all(|&s| s > 0), "{:?}", found.sizes);
+            let one = quiet(&table, &with_k(1)).unwrap();
+            assert!(found.inertia < one.inertia);
+        }
+    }
+
+    #[test]
+    fn centroids_left_empty_at_the_end_are_put_on_poses() {
+        let table = noise(40, 4, 2);
+        let poses = Poses::trusted(table.as_slice().unwrap(), 4);
+        let start = Centroids::new(Array2::from_elem((10, 4), 1e3), &[0.0; 4]);
+        let (_, labels) = filled(poses, start, &[0.0; 4], vec![0; 40]);
+        assert!(Groups::new(&labels, 10).sizes().iter().all(|&s| s > 0));
+    }
+}

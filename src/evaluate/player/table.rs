@@ -1,0 +1,47 @@
+//! A small table of text as HTML.
+
+use crate::evaluate::markup::escape;
+use crate::evaluate::scene::Table;
+
+/// The table, a column of numbers set flush right.
+pub fn html(table: &Table) -> String {
+    let number =
+        |text: &str| text.trim_end_matches(['%', ' ']).parse::<f64>().is_ok() || text == "–";
+    // A column is set flush right if it holds numbers only.
+    let flush: Vec<bool> = (0..table.header.len())
+        .map(|c| {
+            let cells = || {
+                table
+                    .rows
+                    .iter()
+                    .filter_map(|row| row.get(c))
+                    .filter(|cell| !cell.is_empty())
+            };
+            cells().count() > 0 && cells().all(|cell| number(cell))
+        })
+        .collect();
+    let class = |c: usize| if flush[c] { " class=\"number\"" } else { "" };
+    let mut out = String::from("<div class=\"scores\"><table>\n");
+    if !table.caption.is_empty() {
+        out.push_str(&format!("<caption>{}</caption>\n", escape(&table.caption)));
+    }
+    out.push_str("<thead><tr>");
+    for (c, head) in table.header.iter().enumerate() {
+        out.push_str(&format!(
+            "<th scope=\"col\"{}>{}</th>",
+            class(c),
+            escape(head)
+        ));
+    }
+    out.push_str("</tr></thead>\n<tbody>\n");
+    for row in &table.rows {
+        out.push_str("<tr>");
+        for c in 0..table.header.len() {
+            let cell = row.get(c).map(String::as_str).unwrap_or_default();
+            out.push_str(&format!("<td{}>{}</td>", class(c), escape(cell)));
+        }
+        out.push_str("</tr>\n");
+    }
+    out.push_str("</tbody></table></div>");
+    out
+}

@@ -1,0 +1,153 @@
+//! All training poses at once: how well each explains an observation, and what those that do say together.
+
+use ndarray::linalg::general_mat_mul;
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
+
+/// Poses of a density below e⁻²⁰ of the best's are left out: even a million of them weigh less than 1/400.
+const NEGLIGIBLE: f64 = 20.0;
+/// The covariance of the poses averaged leaves out those that weigh so much less than the heaviest.
+const LIGHT: f64 = 1e-5;
+
+/// Poses made ready to be compared with.
+#[derive(Debug)]
+pub struct Cloud {
+    /// What is subtracted before squares cancel: the mean pose.
+    pub middle: Vec<f64>,
+    /// x − middle, (n, D).
+    pub rows: Array2<f32>,
+    /// The squares of these.
+    squares: Array2<f32>,
+    /// The greatest magnitude of each column of `rows`.
+    reach: Vec<f64>,
+}
+
+/// The poses that explain an observation, and the normalised weight of each.
+pub struct Explained {
+    rows: Vec<u32>,
+    weights: Vec<f64>,
+    /// ln Σ_n exp(−½ d_n²) over all n.
+    pub log: f64,
+}
+
+impl Cloud {
+    pub fn new(poses: ArrayView2<'_, f64>) -> Cloud {
+        let mean = poses.mean_axis(Axis(0));
+        let middle = mean.unwrap_or_else(|| Array1::zeros(poses.ncols()));
+        let rows = (&poses - &middle).mapv(|v| v as f32);
+        let greatest = |c: ArrayView1<'_, f32>| c.fold(0.0, |m: f64, v| m.max(f64::from(v.abs())));
+        Cloud {
+            reach: rows.columns().into_iter().map(greatest).collect(),
+            squares: rows.mapv(|v| v * v),
+            middle: middle.to_vec(),
+            rows,
+        }
+    }
+
+    pub fn centred(&self, y: ArrayView1<'_, f64>, weights: &[f64]) -> Vec<f64> {
+        let each = y.iter().zip(&self.middle).zip(weights);
+        each.map(|((y, m), w)| if *w > 0.0 { y - m } else { 0.0 })
+            .collect()
+    }
+
+    pub fn uncentred(&self, mut pose: Vec<f64>) -> Vec<f64> {
+        pose.iter_mut().zip(&self.middle).for_each(|(p, m)| *p += m);
+        pose
+    }
+
+    /// Σ_o w_o (x_o² − 2 y_o x_o), f32: (observations, n). Smaller is nearer, off by at most [`Cloud::margin`].
+    pub fn scores(&self, y: &[Vec<f64>], weights: &[Vec<f64>]) -> Array2<f32> {
+        let (m, d) = (y.len(), self.middle.len());
+        let w = Array2::from_shape_fn((m, d), |(i, c)| weights[i][c] as f32);
+        let crossed = Array2::from_shape_fn((m, d), |(i, c)| (weights[i][c] * y[i][c]) as f32);
+        let mut scores = if weights.windows(2).all(|p| p[0] == p[1]) {
+            let own = self.squares.dot(&w.row(0));
+            let shared = own.broadcast((m, self.rows.nrows()));
+            shared.map_or_else(|| Array2::zeros((m, self.rows.nrows())), |v| v.to_owned())
+        } else {
+            w.dot(&self.squares.t())
+        };
+        general_mat_mul(-2.0, &crossed, &self.rows.t(), 1.0, &mut scores);
+        scores
+    }
+
+    /// How far a score may be off, by rounding in f32 (Higham, Accuracy and Stability of Numerical Algorithms, eq. 3.5).
+    fn margin(&self, y: &[f64], weights: &[f64]) -> f64 {
+        let terms = y.iter().zip(weights).zip(&self.reach);
+        let sum: f64 = terms.map(|((y, w), r)| w * r * (2.0 * y.abs() + r)).sum();
+        f64::from(f32::EPSILON) * (y.len() as f64 + 4.0) * sum
+    }
+
+    /// The poses that matter and their weights, from the scores of all.
+    pub fn explain(&self, scores: ArrayView1<'_, f32>, y: &[f64], weights: &[f64]) -> Explained {
+        let least = scores.fold(f32::INFINITY, |m, v| m.min(*v));
+        let within = f64::from(least) + 2.0 * (NEGLIGIBLE + self.margin(y, weights));
+        let terms: Vec<(usize, f64, f64)> = (0..y.len())
+            .filter(|&c| weights[c] > 0.0)
+            .map(|c| (c, weights[c], y[c]))
+            .collect();
+        // `!(a > b)`: an overflow is no reason to leave a pose out.
+        let mut near: Vec<(u32, f64)> = (0u32..)
+            .zip(scores)
+            .filter(|(_, score)| !(f64::from(**score) > within))
+            .map(|(row, _)| (row, 0.5 * self.distance(row as usize, &terms)))
+            .collect();
+        let least = near.iter().fold(f64::INFINITY, |m, (_, h)| m.min(*h));
+        near.retain(|(_, half)| half - least <= NEGLIGIBLE);
+        let mut weights: Vec<f64> = near.iter().map(|(_, half)| (least - half).exp()).collect();
+        let sum: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|w| *w /= sum);
+        Explained {
+            rows: near.into_iter().map(|(row, _)| row).collect(),
+            weights,
+            log: sum.ln() - least,
+        }
+    }
+
+    fn distance(&self, row: usize, terms: &[(usize, f64, f64)]) -> f64 {
+        let pose = self.rows.row(row);
+        let square = |&(c, w, y): &(usize, f64, f64)| {
+            let d = y - f64::from(pose[c]);
+            w * d * d
+        };
+        // Four sums at a time: one alone waits for itself.
+        let quads = terms.chunks_exact(4);
+        let rest: f64 = quads.remainder().iter().map(square).sum();
+        let mut sums = [0.0; 4];
+        for quad in quads {
+            for (sum, term) in sums.iter_mut().zip(quad) {
+                *sum += square(term);
+            }
+        }
+        sums.iter().sum::<f64>() + rest
+    }
+
+    /// Σ p (x − average)(x − average)ᵀ; poses that are [`LIGHT`] are left out.
+    pub fn covariance(&self, explained: &Explained, average: &[f64]) -> Array2<f64> {
+        let most = explained.weights.iter().fold(0.0, |m: f64, p| m.max(*p));
+        let each = explained.rows.iter().zip(&explained.weights);
+        let heavy: Vec<(u32, f64)> = each
+            .filter(|(_, p)| **p >= LIGHT * most)
+            .map(|(row, p)| (*row, *p))
+            .collect();
+        let mut spread = Array2::<f64>::zeros((heavy.len(), average.len()));
+        for (mut to, (row, p)) in spread.rows_mut().into_iter().zip(heavy) {
+            let pose = self.rows.row(row as usize);
+            let root = p.sqrt();
+            for ((to, x), m) in to.iter_mut().zip(pose).zip(average) {
+                *to = root * (f64::from(*x) - m);
+            }
+        }
+        spread.t().dot(&spread)
+    }
+
+    /// Σ p x, about the middle.
+    pub fn average(&self, explained: &Explained) -> Vec<f64> {
+        let mut sum = vec![0.0; self.middle.len()];
+        for (&row, p) in explained.rows.iter().zip(&explained.weights) {
+            let pose = self.rows.row(row as usize);
+            let each = sum.iter_mut().zip(pose);
+            each.for_each(|(s, x)| *s += p * f64::from(*x));
+        }
+        sum
+    }
+}

@@ -1,0 +1,74 @@
+//! Old codes of poses, where new ones are worse.
+
+use super::batch::{Codes, UNUSED};
+use super::code::row;
+use super::fit::Fit;
+use super::{State, Tolerance};
+use crate::par;
+use ndarray::{ArrayView1, ArrayView2};
+
+/// Poses that one task takes.
+const CHUNK: usize = 512;
+
+/// Where the old atoms of a pose, refitted, are better than its new code, puts them back.
+pub fn keep_better(codes: &mut Codes, state: &State, poses: ArrayView2<f32>) {
+    let k = codes.atoms.ncols();
+    let kept = par::map_chunks(poses.nrows(), CHUNK, |rows| {
+        let mut fit = Fit::new(k, poses.ncols());
+        let mut x = vec![0.0; k];
+        let mut better = Vec::new();
+        for i in rows {
+            if state.support.row(i) == codes.atoms.row(i) {
+                continue;
+            }
+            let tolerance = Tolerance::Never;
+            if fit
+                .start(poses.row(i), None::<ArrayView1<f32>>, tolerance)
+                .is_err()
+            {
+                continue;
+            }
+            for &atom in state.support.row(i).iter().filter(|&&a| a != UNUSED) {
+                fit.push(atom, row(&state.dictionary, atom));
+            }
+            if fit.squared_residual() < codes.squared_residuals[i] {
+                let mut code = Codes::empty(1, k);
+                code.set(0, &fit, &mut x);
+                better.push((i, code));
+            }
+        }
+        better
+    });
+    kept.into_iter()
+        .flatten()
+        .for_each(|(i, code)| codes.put(i, code));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testdata::poses;
+    use super::super::{Ksvd, Pursuit, Rule, draw};
+
+    #[test]
+    fn with_old_codes_kept_the_error_never_rises() {
+        let y = poses(900, 12, 2);
+        for rule in [Rule::Optimised, Rule::Plain] {
+            let pursuit = Pursuit {
+                rule,
+                ..Pursuit::default()
+            };
+            let k = Ksvd {
+                iterations: 25,
+                keep: true,
+                pursuit,
+                ..Ksvd::default()
+            };
+            let start = draw(y.view(), 60, 1).unwrap();
+            let state = k.train(start, y.view(), None, &mut |_| Ok(())).unwrap();
+            for pair in state.history.windows(2) {
+                assert!(pair[1].mse <= pair[0].mse * (1.0 + 1e-5), "{pair:?}");
+                assert!(pair[1].fresh_rms >= pair[1].rms);
+            }
+        }
+    }
+}
