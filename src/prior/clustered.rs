@@ -45,3 +45,76 @@ fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
     }
     Ok(Parts::of_covariances(weights, means, &covariances))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prior::Prior;
+    use crate::prior::em::moments_of;
+    use crate::prior::gaussians::Gaussians;
+    use crate::prior::testdata::normal;
+    use ndarray::{Array1, s};
+
+    /// Two clusters 100 cm apart, in turn.
+    fn apart() -> Array2<f32> {
+        let x = normal(80, 6, 5);
+        Array2::from_shape_fn((80, 6), |(i, c)| {
+            (x[[i, c]] * (1.0 + c as f64) + 100.0 * (i % 2) as f64) as f32
+        })
+    }
+
+    #[test]
+    fn each_cluster_has_its_own_gaussian() {
+        let x = apart();
+        let labels: Vec<u32> = (0..80).map(|i| i % 2).collect();
+        let want = moments_of(x.view(), &labels, 2);
+        // 80 poses are enough for 4 clusters of 20; two lie apart.
+        let parts = learn(x.view(), 0).unwrap();
+        assert_eq!(parts.len(), 4);
+        let of = |mean: &Array1<f64>| -> f64 {
+            let near = |j: &usize| (parts.means[[*j, 0]] - mean[0]).abs() < 50.0;
+            (0..4).filter(near).map(|j| parts.weights[j]).sum()
+        };
+        assert!(want.iter().all(|m| (of(&m.mean) - 0.5).abs() <= 1e-12));
+        // With as many clusters as there are: their moments.
+        let some = x.slice(s![..40, ..]);
+        let parts = learn(some, 0).unwrap();
+        let want = moments_of(some, &labels[..40], 2);
+        assert_eq!(parts.weights, [0.5, 0.5]);
+        for m in &want {
+            let j = usize::from((parts.means[[1, 0]] - m.mean[0]).abs() < 50.0);
+            let covariance = &m.covariance + &(Array2::<f64>::eye(6) * RIDGE);
+            assert!(
+                (&parts.means.row(j) - &m.mean)
+                    .iter()
+                    .all(|d| d.abs() <= 1e-4)
+            );
+            assert!(
+                (parts.covariance(j) - covariance)
+                    .iter()
+                    .all(|d| d.abs() <= 1e-3)
+            );
+        }
+    }
+
+    #[test]
+    fn the_likeliest_alone_answers() {
+        let parts = learn(apart().slice(s![..40, ..]), 0).unwrap();
+        let typical = parts.means.clone();
+        let all = Gaussians::new(&parts, STYLE, 1.0, typical.view());
+        let far = usize::from(parts.means[[1, 0]] > 50.0);
+        let one = Parts {
+            weights: vec![1.0],
+            means: parts.means.slice(s![far..=far, ..]).to_owned(),
+            factors: parts
+                .factors
+                .slice(s![6 * far..6 * (far + 1), ..])
+                .to_owned(),
+            rest: parts.rest.slice(s![far..=far, ..]).to_owned(),
+        };
+        let one = Gaussians::new(&one, STYLE, 1.0, typical.view());
+        // Nearer to the far one, though both have a say in it.
+        let (y, noise) = ([55.0; 6], [900.0; 6]);
+        assert_eq!(all.believe(&y, &noise).mean, one.believe(&y, &noise).mean);
+    }
+}

@@ -272,3 +272,115 @@ fn share_of(
     }
     (count, shared.sum_axis(Axis(0)), shared.t().dot(&away))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prior::mixture::full;
+    use crate::prior::testdata::blobs;
+
+    /// Without a ridge: the M step of the book.
+    fn plain(moments: &[Moments]) -> Vec<Gaussian> {
+        let each = moments.iter().zip(weights(moments));
+        each.map(|(m, weight)| Gaussian {
+            weight,
+            mean: m.mean.clone(),
+            covariance: m.covariance.clone(),
+        })
+        .collect()
+    }
+
+    const LONG: Stop = Stop {
+        rounds: 300,
+        gain: 1e-9,
+    };
+
+    #[test]
+    fn the_likelihood_never_falls_and_planted_gaussians_are_found() {
+        let x = blobs();
+        // A poor start: the first, the second and the last third, each of which has poses of all three.
+        let labels: Vec<u32> = (0..900).map(|i| i / 300).collect();
+        let start = plain(&moments_of(x.view(), &labels, 3));
+        let fitted = fit(x.view(), start, LONG, &mut plain);
+        let likelihood = &fitted.likelihood;
+        assert!(fitted.converged && likelihood.len() > 5);
+        assert!(likelihood.windows(2).all(|w| w[1] >= w[0] - 1e-12));
+        assert!(likelihood[likelihood.len() - 1] > likelihood[0] + 1.0);
+        for j in 0..3 {
+            let mut mean: Array1<f64> = (0..6)
+                .map(|c| 12.0 * (3.0 * j as f64 + f64::from(c)).sin())
+                .collect();
+            mean[1] += 0.8 * mean[0];
+            let off = |g: &Gaussian| (&g.mean - &mean).mapv(f64::abs).sum() / 6.0;
+            let near = fitted.mixture.iter().find(|g| off(g) <= 0.3);
+            let near = near.expect("each of the three is found");
+            assert!((near.weight - 1.0 / 3.0).abs() <= 0.01);
+            let sd = 1.0 + j as f64;
+            assert!((near.covariance[[0, 0]] / (sd * sd) - 1.0).abs() <= 0.2);
+        }
+    }
+
+    #[test]
+    fn one_gaussian_has_the_likelihood_of_the_book() {
+        let x = blobs();
+        let one = plain(&moments_of(x.view(), &[0; 900], 1));
+        let (values, _) = symmetric_eigen(&one[0].covariance).unwrap();
+        let log_det: f64 = values.iter().map(|v| v.ln()).sum();
+        let want = -0.5 * (6.0 * (2.0 * PI).ln() + log_det + 6.0);
+        assert!((likelihood(x.view(), &one) - want).abs() <= 1e-9);
+        // scikit-learn's (`testdata`); it starts from the same moments.
+        let ridged = full(&moments_of(x.view(), &[0; 900], 1));
+        assert!((likelihood(x.view(), &ridged) + 17.39143717154927).abs() <= 1e-6);
+    }
+
+    #[test]
+    fn a_mixture_from_clusters_is_as_likely_as_that_of_scikit_learn() {
+        let x = blobs();
+        let start = full(&clusters(x.view(), 3, 50, 0).unwrap());
+        let fitted = fit(x.view(), start, LONG, &mut full);
+        let found = likelihood(x.view(), &fitted.mixture);
+        assert!(found >= -15.377047147018496 - 1e-4, "{found}");
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bytes_at_any_threads() {
+        // Enough poses for several chunks.
+        let x = ndarray::concatenate(Axis(0), &[blobs().view(); 6]).unwrap();
+        let of = |seed: u64, threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.unwrap().install(|| {
+                let start = full(&clusters(x.view(), 4, 50, seed).unwrap());
+                fit(x.view(), start, Stop::default(), &mut full)
+            })
+        };
+        let first = of(3, 1);
+        assert_eq!(first, of(3, 2));
+        assert_eq!(first, of(3, 7));
+        assert_ne!(first, of(4, 1));
+    }
+
+    #[test]
+    fn fewer_poses_make_fewer_clusters_and_equal_ones_one() {
+        let x = blobs();
+        let few = x.slice(s![..120, ..]);
+        assert_eq!(clusters(few, 20, 50, 0).unwrap().len(), 2);
+        let equal = Array2::from_elem((300, 6), 2.0f32);
+        let found = clusters(equal.view(), 4, 50, 0).unwrap();
+        assert!(found.len() == 1 && found[0].count == 300.0);
+        assert!(found[0].mean.iter().all(|m| *m == 2.0));
+    }
+
+    #[test]
+    fn a_component_that_nobody_wants_stays_where_it_was() {
+        let x = blobs();
+        let mut start = full(&moments_of(x.view(), &[0; 900], 1));
+        let far = Gaussian {
+            mean: Array1::from_elem(6, 1e6),
+            ..start[0].clone()
+        };
+        start.push(far);
+        let fitted = fit(x.view(), start, Stop::default(), &mut full);
+        assert_eq!(fitted.mixture[1].mean, Array1::from_elem(6, 1e6));
+        assert!(fitted.mixture[1].weight > 0.0 && fitted.mixture[1].weight < 1e-3);
+    }
+}

@@ -42,3 +42,25 @@ pub(super) fn of(xyz: ArrayView2<'_, f32>) -> (Array2<f64>, Array2<f64>) {
     covariance.diag_mut().mapv_inplace(|v| v + RIDGE);
     (moments.mean.insert_axis(Axis(0)), covariance)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prior::testdata::factors;
+
+    #[test]
+    fn it_is_the_mean_and_the_covariance_with_the_ridge() {
+        let x = factors().mapv(f64::from);
+        let parts = learn(factors().view());
+        let mean = x.mean_axis(Axis(0)).unwrap();
+        let away = &x - &mean;
+        let want = away.t().dot(&away) / 600.0 + Array2::<f64>::eye(9) * RIDGE;
+        assert_eq!((parts.len(), parts.weights[0]), (1, 1.0));
+        assert!(
+            (&parts.means.row(0) - &mean)
+                .iter()
+                .all(|d| d.abs() <= 1e-9)
+        );
+        assert!((parts.covariance(0) - want).iter().all(|d| d.abs() <= 1e-9));
+    }
+}

@@ -467,3 +467,192 @@ fn typical(model: &Model, parts: &Parts, source: &str) -> Result<Array2<f64>> {
     }
     Ok(found.mapv(f64::from))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::cholesky_solve;
+    use crate::pose::rotation::exponential;
+    use crate::prior::testdata::normal;
+    use glam::DVec3;
+    use ndarray::Array1;
+    use std::f64::consts::PI;
+
+    const AVERAGE: Style = Style {
+        answer: Answer::Average,
+        estimates_rest: true,
+    };
+
+    /// Three Gaussians of two points, each of two factors and a rest.
+    fn parts() -> Parts {
+        Parts {
+            weights: vec![0.5, 0.3, 0.2],
+            means: normal(3, 6, 11) * 3.0,
+            factors: normal(6, 6, 12) * 2.0,
+            rest: Array2::from_shape_fn((3, 6), |(j, c)| 0.2 + 0.1 * (j + c) as f64),
+        }
+    }
+
+    fn prior(style: Style, inflation: f64) -> Gaussians {
+        Gaussians::new(&parts(), style, inflation, parts().means.view())
+    }
+
+    /// log N(r; 0, A) and A⁻¹ b.
+    fn solved(a: &Array2<f64>, r: &Array1<f64>, b: &Array1<f64>) -> (f64, Array1<f64>) {
+        let solve = |b: &Array1<f64>| cholesky_solve(a.clone(), b.clone()).unwrap();
+        let (values, _) = symmetric_eigen(a).unwrap();
+        let log_det: f64 = values.iter().map(|v| (2.0 * PI * v).ln()).sum();
+        (-0.5 * (r.dot(&solve(r)) + log_det), solve(b))
+    }
+
+    /// The equations at the head of this file, with a general solver.
+    fn by_the_book(inflation: f64, y: &[f64], noise: &[f64]) -> (Vec<f64>, Array2<f64>, f64) {
+        let parts = parts();
+        let o: Vec<usize> = (0..6).filter(|&c| noise[c].is_finite()).collect();
+        let mut each = Vec::new();
+        for j in 0..3 {
+            let c = parts.covariance(j) * inflation;
+            let mean = parts.means.row(j).to_owned();
+            let rows = c.select(Axis(0), &o);
+            let mut a = rows.select(Axis(1), &o);
+            o.iter()
+                .enumerate()
+                .for_each(|(k, &i)| a[[k, k]] += noise[i]);
+            let r: Array1<f64> = o.iter().map(|&i| y[i] - mean[i]).collect();
+            let (log, told) = solved(&a, &r, &r);
+            let mut left = c.clone();
+            for i in 0..6 {
+                let gain = solved(&a, &r, &rows.column(i).to_owned()).1;
+                left.row_mut(i).scaled_add(-1.0, &gain.dot(&rows));
+            }
+            each.push((parts.weights[j] * log.exp(), mean + told.dot(&rows), left));
+        }
+        let total: f64 = each.iter().map(|e| e.0).sum();
+        let mut mean = Array1::<f64>::zeros(6);
+        each.iter()
+            .for_each(|(w, m, _)| mean.scaled_add(w / total, m));
+        let mut covariance = Array2::<f64>::zeros((6, 6));
+        for (w, m, left) in &each {
+            let off = (m - &mean).insert_axis(Axis(0));
+            covariance.scaled_add(w / total, &(left + &off.t().dot(&off)));
+        }
+        (mean.to_vec(), covariance, total.ln())
+    }
+
+    #[test]
+    fn the_posterior_is_that_of_the_book() {
+        let inf = f64::INFINITY;
+        let y = [1.0, -2.0, 0.5, 3.0, 0.0, -1.0];
+        let noises = [
+            [0.5; 6],
+            [1.0, inf, 0.3, inf, inf, 2.0],
+            [inf, inf, inf, inf, 0.1, inf],
+            [inf; 6],
+        ];
+        for inflation in [1.0, 2.5] {
+            let prior = prior(AVERAGE, inflation);
+            for noise in &noises {
+                let (mean, covariance, evidence) = by_the_book(inflation, &y, noise);
+                let told = prior.believe(&y, noise);
+                let near = |a: f64, b: f64| (a - b).abs() <= 1e-8;
+                assert!(told.mean.iter().zip(&mean).all(|(a, b)| near(*a, *b)));
+                let mut each = told.covariance.iter().zip(&covariance);
+                assert!(each.all(|(a, b)| near(*a, *b)));
+                assert!(near(told.evidence, evidence));
+                assert_eq!(prior.mean(&y, noise), told.mean);
+                let posterior = prior.posterior(&y, noise, &Fit::default());
+                let mut each = posterior.variance.iter().zip(covariance.diag());
+                assert!(each.all(|(a, b)| near(*a, *b)));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_never_estimated_counts_as_noise_and_stays_the_mean() {
+        let prior = prior(
+            Style {
+                estimates_rest: false,
+                ..AVERAGE
+            },
+            1.0,
+        );
+        let parts = parts();
+        // One Gaussian's factors seen through the noise and its rest.
+        let alone = Parts {
+            weights: vec![1.0],
+            means: parts.means.slice(s![..1, ..]).to_owned(),
+            factors: parts.factors.slice(s![..2, ..]).to_owned(),
+            rest: Array2::zeros((1, 6)),
+        };
+        let alone = Gaussians::new(&alone, AVERAGE, 1.0, parts.means.view());
+        let noise: Vec<f64> = parts.rest.row(0).iter().map(|r| r + 0.3).collect();
+        let y = parts.means.row(0).to_vec();
+        let y: Vec<f64> = y.iter().map(|v| v + 0.5).collect();
+        let want = alone.believe(&y, &noise);
+        let one = Gaussians {
+            components: prior.components[..1].to_vec(),
+            conditionals: Met::default(),
+            ..prior
+        };
+        let got = one.believe(&y, &[0.3; 6]);
+        for c in 0..6 {
+            assert!((got.mean[c] - want.mean[c]).abs() <= 1e-9);
+            let variance = want.covariance[[c, c]] + parts.rest[[0, c]];
+            assert!((got.covariance[[c, c]] - variance).abs() <= 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_file_gives_them_back_and_damage_is_told() {
+        let points = ["a", "b"].map(String::from);
+        let mut model = Model::new("mixture", &points, "body");
+        parts().write(&mut model);
+        let back = Parts::read(&model, "m").unwrap();
+        for j in 0..3 {
+            let off = back.covariance(j) - parts().covariance(j);
+            assert!(off.iter().all(|d| d.abs() <= 1e-4));
+        }
+        for (name, value) in [("weights", -1.0), ("means", f32::NAN), ("rest", -0.1)] {
+            let mut broken = model.clone();
+            broken.arrays.get_mut(name).unwrap()[[0, 0]] = value;
+            let told = Parts::read(&broken, "m").unwrap_err().to_string();
+            assert!(told.contains(name), "{told}");
+        }
+        let mut broken = model.clone();
+        broken
+            .arrays
+            .insert("factors".into(), Array2::zeros((4, 6)));
+        let told = Parts::read(&broken, "m").unwrap_err().to_string();
+        assert!(told.contains("factors"), "{told}");
+    }
+
+    #[test]
+    fn turned_poses_are_answered_turned() {
+        let prior = prior(AVERAGE, 1.5);
+        let map = PoseMap::Turn(exponential(DVec3::new(0.4, -1.0, 0.2)));
+        let y = [1.0, -2.0, 0.5, 3.0, 0.0, -1.0];
+        let (mut turned, mut want) = (vec![0.0; 6], vec![0.0; 6]);
+        map.apply(&y, &mut turned);
+        map.apply(&prior.believe(&y, &[0.7; 6]).mean, &mut want);
+        let got = prior.mapped(&map).believe(&turned, &[0.7; 6]).mean;
+        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-9));
+    }
+
+    #[test]
+    fn batches_and_threads_change_no_bit() {
+        let prior = prior(AVERAGE, 1.0);
+        let y = normal(70, 6, 13) * 3.0;
+        let mut noise = Array2::from_elem((70, 6), 1.0);
+        noise.slice_mut(s![30..50, 2..4]).fill(f64::INFINITY);
+        for threads in [1, 2, 7] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let all = pool
+                .unwrap()
+                .install(|| prior.believe_all(y.view(), noise.view()));
+            for (i, told) in all.iter().enumerate() {
+                let alone = prior.believe(&y.row(i).to_vec(), &noise.row(i).to_vec());
+                assert_eq!(*told, alone);
+            }
+        }
+    }
+}

@@ -148,3 +148,88 @@ fn inverse(a: &Array2<f64>) -> Array2<f64> {
     let (values, vectors) = symmetric_eigen(a).unwrap_or((Array1::ones(n), Array2::eye(n)));
     (&vectors / &values.mapv(|v| v.max(f64::MIN_POSITIVE))).dot(&vectors.t())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prior::testdata::{blobs, factors, loading};
+
+    const LONG: Stop = Stop {
+        rounds: 2000,
+        gain: 1e-9,
+    };
+
+    /// The mean log likelihood of one Gaussian about the poses' mean.
+    fn likelihood(x: &Array2<f32>, covariance: Array2<f64>) -> f64 {
+        let gaussian = Gaussian {
+            weight: 1.0,
+            mean: x.mapv(f64::from).sum_axis(Axis(0)) / x.nrows() as f64,
+            covariance,
+        };
+        em::likelihood(x.view(), &[gaussian])
+    }
+
+    #[test]
+    fn what_is_stored_is_factors_and_a_diagonal() {
+        let (parts, fitted) = fit(blobs().view(), (3, 2), 0, Stop::default()).unwrap();
+        assert_eq!(parts.factors.dim(), (3 * 2, 6));
+        for (j, g) in fitted.mixture.iter().enumerate() {
+            let l = parts.factors.slice(s![2 * j..2 * (j + 1), ..]);
+            let want = l.t().dot(&l) + Array2::from_diag(&parts.rest.row(j));
+            assert!((&want - &g.covariance).iter().all(|d| d.abs() <= 1e-9));
+            assert!(
+                (&want - &parts.covariance(j))
+                    .iter()
+                    .all(|d| d.abs() <= 1e-9)
+            );
+            // Ψ is common to all.
+            assert_eq!(parts.rest.row(j), parts.rest.row(0));
+        }
+    }
+
+    #[test]
+    fn the_likelihood_never_falls() {
+        for (x, size) in [(blobs(), (3, 2)), (factors(), (4, 1)), (factors(), (1, 3))] {
+            let (_, fitted) = fit(x.view(), size, 1, LONG).unwrap();
+            let likelihood = &fitted.likelihood;
+            assert!(likelihood.len() > 2);
+            let falls = |w: &[f64]| !(w[1] >= w[0] - 1e-10);
+            assert!(!likelihood.windows(2).any(falls), "{likelihood:?}");
+        }
+    }
+
+    #[test]
+    fn a_planted_analyser_is_found_as_well_as_by_scikit_learn() {
+        let x = factors();
+        let (parts, _) = fit(x.view(), (1, 2), 0, LONG).unwrap();
+        let found = likelihood(&x, parts.covariance(0));
+        // FactorAnalysis (`testdata`).
+        assert!(found >= -15.949990742114391 - 1e-6, "{found}");
+        // What the poses were made with is less likely than what fits them best, but not by much.
+        let noise: Array1<f64> = (0..9).map(|c| (0.5 + 0.1 * f64::from(c)).powi(2)).collect();
+        let planted = loading().t().dot(&loading()) + Array2::from_diag(&noise);
+        let planted = likelihood(&x, planted);
+        assert!(
+            found > planted && found < planted + 0.1,
+            "{found} {planted}"
+        );
+        // Its Ψ.
+        let theirs = [
+            0.27817938, 0.35924353, 0.35835032, 0.53375878, 0.71735915, 1.05202316, 1.25115261,
+            1.54927415, 1.50885657,
+        ];
+        for (ours, theirs) in parts.rest.row(0).iter().zip(theirs) {
+            assert!((ours / theirs - 1.0).abs() <= 1e-4, "{ours} {theirs}");
+        }
+        // A factor less cannot say it.
+        let (fewer, _) = fit(x.view(), (1, 1), 0, LONG).unwrap();
+        assert!(likelihood(&x, fewer.covariance(0)) < found - 1.0);
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bytes() {
+        let of = |seed| fit(blobs().view(), (5, 2), seed, Stop::default()).unwrap();
+        assert_eq!(of(2), of(2));
+        assert_ne!(of(2).0, of(3).0);
+    }
+}

@@ -40,15 +40,19 @@ pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
     let start = full(&clusters(xyz, COMPONENTS, LEAST, seed)?);
     let fitted = em::fit(xyz, start, Stop::default(), &mut full);
-    let (_, whole) = gaussian::of(xyz);
-    let mut means = Array2::zeros((fitted.mixture.len(), xyz.ncols()));
+    Ok(shrunk(&fitted.mixture, &gaussian::of(xyz).1, OWN))
+}
+
+/// The components, `own` of each one's covariance kept, the rest of it `whole`.
+fn shrunk(mixture: &[Gaussian], whole: &Array2<f64>, own: f64) -> Parts {
+    let mut means = Array2::zeros((mixture.len(), whole.ncols()));
     let (mut weights, mut covariances) = (Vec::new(), Vec::new());
-    for (g, mut row) in fitted.mixture.into_iter().zip(means.rows_mut()) {
+    for (g, mut row) in mixture.iter().zip(means.rows_mut()) {
         row.assign(&g.mean);
         weights.push(g.weight);
-        covariances.push(g.covariance * OWN + &whole * (1.0 - OWN));
+        covariances.push(&g.covariance * own + whole * (1.0 - own));
     }
-    Ok(Parts::of_covariances(weights, means, &covariances))
+    Parts::of_covariances(weights, means, &covariances)
 }
 
 /// The M step for full covariances, with a ridge.
@@ -64,4 +68,41 @@ pub fn full(moments: &[Moments]) -> Vec<Gaussian> {
         }
     });
     components.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prior::testdata::blobs;
+
+    fn near(a: &Array2<f64>, b: &Array2<f64>) -> bool {
+        (a - b).iter().all(|d| d.abs() <= 1e-9)
+    }
+
+    #[test]
+    fn it_is_shrunk_between_its_own_and_the_whole_covariance() {
+        let x = blobs();
+        let start = full(&clusters(x.view(), 3, LEAST, 0).unwrap());
+        let mixture = em::fit(x.view(), start, Stop::default(), &mut full).mixture;
+        let whole = gaussian::of(x.view()).1;
+        let of = |own: f64| shrunk(&mixture, &whole, own);
+        for (j, g) in mixture.iter().enumerate() {
+            assert!(near(&of(1.0).covariance(j), &g.covariance));
+            assert!(near(&of(0.0).covariance(j), &whole));
+            let half = (&g.covariance + &whole) * 0.5;
+            assert!(near(&of(0.5).covariance(j), &half));
+            assert_eq!(of(0.3).means.row(j), g.mean);
+            assert_eq!(of(0.3).weights[j], g.weight);
+            assert!(!near(&g.covariance, &whole));
+        }
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_bytes() {
+        let x = blobs();
+        let of = |seed| learn(x.view(), seed).unwrap();
+        assert_eq!(of(1), of(1));
+        assert_ne!(of(1), of(2));
+        assert_eq!(of(1).len(), 900 / LEAST);
+    }
 }

@@ -25,6 +25,8 @@ mod sgplvm_learn;
 pub(crate) mod small;
 pub mod sparse;
 mod store;
+#[cfg(test)]
+mod testdata;
 pub mod train;
 pub mod training;
 pub mod tuning;

@@ -61,3 +61,48 @@ fn cut(energies: &[f64]) -> (usize, f64) {
     let left = energies[kept..].iter().sum::<f64>();
     (kept, left / (energies.len() - kept).max(1) as f64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::symmetric_eigen;
+    use crate::prior::testdata::factors;
+
+    #[test]
+    fn the_energy_wanted_is_kept_and_no_more() {
+        assert_eq!(cut(&[8.0, 1.5, 0.5, 0.0]), (2, 0.25));
+        assert_eq!(cut(&[9.0, 0.5, 0.5]), (1, 0.5));
+        assert_eq!(cut(&[1.0, 1.0]), (2, 0.0));
+        assert_eq!(cut(&[0.0, 0.0]), (1, 0.0));
+    }
+
+    #[test]
+    fn the_subspace_is_that_of_the_leading_eigenvectors() {
+        let x = factors();
+        let parts = learn(x.view());
+        let away = x.mapv(f64::from) - parts.means.row(0);
+        let (values, vectors) = symmetric_eigen(&(away.t().dot(&away) / 600.0)).unwrap();
+        let leading = vectors.slice(s![.., 7..]);
+        let lengths: Vec<f64> = parts
+            .factors
+            .rows()
+            .into_iter()
+            .map(|r| r.dot(&r))
+            .collect();
+        let mut ours = parts.factors.clone();
+        for (mut row, length) in ours.rows_mut().into_iter().zip(&lengths) {
+            row /= length.sqrt();
+        }
+        let (ours, theirs) = (ours.t().dot(&ours), leading.dot(&leading.t()));
+        assert!((ours - theirs).iter().all(|d| d.abs() <= 1e-9));
+        let left = values.slice(s![..7]).sum() / 7.0;
+        assert!(parts.rest.iter().all(|r| (r / left - 1.0).abs() <= 1e-9));
+        // scikit-learn's (`testdata`).
+        for (ours, theirs) in lengths.iter().zip([79.4750926300807, 58.95720099464722]) {
+            assert!((ours / theirs - 1.0).abs() <= 1e-9, "{ours} {theirs}");
+        }
+        assert_eq!(lengths.len(), 2);
+        let kept = lengths.iter().sum::<f64>() / values.sum();
+        assert!((kept - 0.9591974142201564).abs() <= 1e-9);
+    }
+}
