@@ -7,6 +7,9 @@ use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 const NEGLIGIBLE: f64 = 20.0;
 /// The covariance of the poses averaged leaves out those that weigh so much less than the heaviest.
 const LIGHT: f64 = 1e-5;
+/// It is made of so many poses at most: as many say all that a covariance of a pose's size can hold, and where the width
+/// is large nearly all poses have a weight.
+const SAMPLE: usize = 2048;
 
 /// Poses made ready to be compared with.
 #[derive(Debug)]
@@ -125,10 +128,11 @@ impl Cloud {
     pub fn covariance(&self, explained: &Explained, average: &[f64]) -> Array2<f64> {
         let most = explained.weights.iter().fold(0.0, |m: f64, p| m.max(*p));
         let each = explained.rows.iter().zip(&explained.weights);
-        let heavy: Vec<(u32, f64)> = each
+        let heavy = each
             .filter(|(_, p)| **p >= LIGHT * most)
             .map(|(row, p)| (*row, *p))
             .collect();
+        let heavy = sampled(heavy);
         let mut spread = Array2::<f64>::zeros((heavy.len(), average.len()));
         for (mut to, (row, p)) in spread.rows_mut().into_iter().zip(heavy) {
             let pose = self.rows.row(row as usize);
@@ -149,5 +153,66 @@ impl Cloud {
             each.for_each(|(s, x)| *s += p * f64::from(*x));
         }
         sum
+    }
+}
+
+/// At most [`SAMPLE`] of weighted poses: what stands at even steps along the sum of their weights. A heavy one keeps its
+/// weight, to a step; light ones stand for their neighbours in time.
+fn sampled(poses: Vec<(u32, f64)>) -> Vec<(u32, f64)> {
+    if poses.len() <= SAMPLE {
+        return poses;
+    }
+    let step = poses.iter().map(|(_, p)| p).sum::<f64>() / SAMPLE as f64;
+    let mut sum = 0.5 * step;
+    let taken = poses.into_iter().filter_map(|(row, p)| {
+        let before = (sum / step).floor();
+        sum += p;
+        let steps = (sum / step).floor() - before;
+        (steps > 0.0).then_some((row, steps * step))
+    });
+    taken.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_keeps_the_weight_and_the_covariance() {
+        let n = 9000;
+        let poses = Array2::from_shape_fn((n, 6), |(t, c)| {
+            20.0 * (t as f64 * 0.01 * (1.0 + c as f64)).sin() + ((t * 7 + c * 3) % 11) as f64
+        });
+        let cloud = Cloud::new(poses.view());
+        let mut weights: Vec<f64> = (0..n).map(|t| 1.0 + (t as f64 * 0.003).cos()).collect();
+        weights[77] = 500.0;
+        let sum: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|w| *w /= sum);
+        let rows: Vec<u32> = (0..n as u32).collect();
+        let all: Vec<(u32, f64)> = rows.iter().copied().zip(weights.clone()).collect();
+        let some = sampled(all.clone());
+        assert!(some.len() <= SAMPLE && some.len() >= SAMPLE / 2);
+        let step = 1.0 / SAMPLE as f64;
+        assert!((some.iter().map(|s| s.1).sum::<f64>() - 1.0).abs() <= 1.01 * step);
+        let heavy = some.iter().find(|s| s.0 == 77).unwrap();
+        assert!((heavy.1 - weights[77]).abs() <= 1.01 * step);
+        assert_eq!(sampled(all[..SAMPLE].to_vec()), all[..SAMPLE]);
+        let explained = Explained {
+            rows,
+            weights,
+            log: 0.0,
+        };
+        let mean = cloud.average(&explained);
+        let found = cloud.covariance(&explained, &mean);
+        let mut want = Array2::<f64>::zeros((6, 6));
+        for (row, p) in all {
+            let away =
+                Array1::from_shape_fn(6, |c| f64::from(cloud.rows[[row as usize, c]]) - mean[c]);
+            let away = away.insert_axis(Axis(0));
+            want.scaled_add(p, &away.t().dot(&away));
+        }
+        let size = want.diag().sum() / 6.0;
+        let off = (&found - &want).mapv(f64::abs);
+        assert!(off.iter().all(|d| *d <= 0.03 * size), "{off:?} {size}");
     }
 }
