@@ -12,6 +12,8 @@
 //!
 //! Cost of an answer: K D² and, for each new pattern of noise, K D³ once; a few patterns are remembered.
 
+mod parts;
+
 use super::conditional::Conditional;
 use super::met::Met;
 use super::train::Training;
@@ -22,8 +24,10 @@ use crate::io::Model;
 use crate::linalg::symmetric_eigen;
 use crate::pose::PoseMap;
 use crate::{Error, Place, Result, par};
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis, s};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::sync::Arc;
+
+pub use parts::{Parts, roots};
 
 /// Frames that one task answers.
 const CHUNK: usize = 32;
@@ -48,143 +52,6 @@ pub struct Style {
     pub answer: Answer,
     /// Whether what the factors leave is estimated, too, or stays the mean.
     pub estimates_rest: bool,
-}
-
-/// Gaussians as they are stored: C_j = F_jᵀ F_j + diag(rest_j), whatever the kind.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parts {
-    /// (K), above 0, adding up to 1.
-    pub weights: Vec<f64>,
-    /// (K, D), cm.
-    pub means: Array2<f64>,
-    /// (K q, D), cm: q rows a component, one after the other.
-    pub factors: Array2<f64>,
-    /// (K, D), cm², at least 0.
-    pub rest: Array2<f64>,
-}
-
-impl Parts {
-    /// From full covariances (D, D) of which the factors are the scaled eigenvectors: exact, and sound in f32.
-    pub fn of_covariances(
-        weights: Vec<f64>,
-        means: Array2<f64>,
-        covariances: &[Array2<f64>],
-    ) -> Parts {
-        let (k, d) = means.dim();
-        let mut factors = Array2::zeros((k * d, d));
-        for (j, covariance) in covariances.iter().enumerate() {
-            let rows = s![j * d..(j + 1) * d, ..];
-            factors.slice_mut(rows).assign(&roots(covariance));
-        }
-        Parts {
-            weights,
-            rest: Array2::zeros(means.dim()),
-            means,
-            factors,
-        }
-    }
-
-    /// How many Gaussians there are.
-    pub fn len(&self) -> usize {
-        self.weights.len()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.weights.is_empty()
-    }
-
-    /// F_jᵀ F_j.
-    pub fn explained(&self, j: usize) -> Array2<f64> {
-        let q = self.factors.nrows() / self.len().max(1);
-        let f = self.factors.slice(s![j * q..(j + 1) * q, ..]);
-        f.t().dot(&f)
-    }
-
-    /// C_j.
-    pub fn covariance(&self, j: usize) -> Array2<f64> {
-        let mut c = self.explained(j);
-        c.diag_mut().zip_mut_with(&self.rest.row(j), |c, r| *c += r);
-        c
-    }
-
-    /// Stores them as the arrays `weights` (K, 1), `means`, `factors` and `rest`.
-    pub fn write(&self, model: &mut Model) {
-        let weights = Array2::from_shape_fn((self.len(), 1), |(j, _)| self.weights[j]);
-        for (name, array) in [
-            ("weights", &weights),
-            ("means", &self.means),
-            ("factors", &self.factors),
-            ("rest", &self.rest),
-        ] {
-            model.arrays.insert(name.into(), array.mapv(|v| v as f32));
-        }
-    }
-
-    /// Reads what [`Parts::write`] left.
-    ///
-    /// # Errors
-    /// Data: arrays that are not there, do not fit together, or hold what is not finite or out of range.
-    pub fn read(model: &Model, source: &str) -> Result<Parts> {
-        let d = 3 * model.meta.points.len();
-        let wrong = |name: &str, what: String| Error::data(Place::file(source).part(name), what);
-        let array = |name: &str| -> Result<Array2<f64>> {
-            let array = model.array(name, source)?;
-            match array.iter().all(|v| v.is_finite()) {
-                true => Ok(array.mapv(f64::from)),
-                false => Err(wrong(name, "holds a value that is not finite".into())),
-            }
-        };
-        let (weights, means) = (array("weights")?, array("means")?);
-        let (factors, rest) = (array("factors")?, array("rest")?);
-        let k = weights.len();
-        if k == 0 || weights.iter().any(|w| *w < 0.0) || !(weights.sum() > 0.0) {
-            return Err(wrong(
-                "weights",
-                "are not at least one positive number".into(),
-            ));
-        }
-        for (name, a, fits) in [
-            ("means", &means, means.nrows() == k),
-            (
-                "factors",
-                &factors,
-                factors.nrows().is_multiple_of(k) && factors.nrows() <= k * d,
-            ),
-            (
-                "rest",
-                &rest,
-                rest.nrows() == k && rest.iter().all(|v| *v >= 0.0),
-            ),
-        ] {
-            if a.ncols() != d || !fits {
-                let (n, m) = a.dim();
-                let what = format!("({n}, {m}) does not fit {k} Gaussians of {d} coordinates");
-                return Err(wrong(name, what));
-            }
-        }
-        let sum = weights.sum();
-        Ok(Parts {
-            weights: weights.iter().map(|w| w / sum).collect(),
-            means,
-            factors,
-            rest,
-        })
-    }
-}
-
-/// The rows whose products make up a covariance: √λ_i v_iᵀ, the largest first.
-pub fn roots(covariance: &Array2<f64>) -> Array2<f64> {
-    let d = covariance.nrows();
-    let mut out = Array2::zeros((d, d));
-    // LAPACK gives up on no symmetric matrix of finite numbers.
-    if let Some((values, vectors)) = symmetric_eigen(covariance) {
-        for i in 0..d {
-            let scale = values[i].max(0.0).sqrt();
-            out.row_mut(d - 1 - i).assign(&(&vectors.column(i) * scale));
-        }
-    }
-    out
 }
 
 #[derive(Debug, Clone)]
@@ -470,12 +337,13 @@ fn typical(model: &Model, parts: &Parts, source: &str) -> Result<Array2<f64>> {
 
 #[cfg(test)]
 mod tests {
+    use super::parts::three;
     use super::*;
     use crate::linalg::cholesky_solve;
     use crate::pose::rotation::exponential;
     use crate::prior::testdata::normal;
     use glam::DVec3;
-    use ndarray::Array1;
+    use ndarray::{Array1, s};
     use std::f64::consts::PI;
 
     const AVERAGE: Style = Style {
@@ -483,18 +351,8 @@ mod tests {
         estimates_rest: true,
     };
 
-    /// Three Gaussians of two points, each of two factors and a rest.
-    fn parts() -> Parts {
-        Parts {
-            weights: vec![0.5, 0.3, 0.2],
-            means: normal(3, 6, 11) * 3.0,
-            factors: normal(6, 6, 12) * 2.0,
-            rest: Array2::from_shape_fn((3, 6), |(j, c)| 0.2 + 0.1 * (j + c) as f64),
-        }
-    }
-
     fn prior(style: Style, inflation: f64) -> Gaussians {
-        Gaussians::new(&parts(), style, inflation, parts().means.view())
+        Gaussians::new(&three(), style, inflation, three().means.view())
     }
 
     /// log N(r; 0, A) and A⁻¹ b.
@@ -507,7 +365,7 @@ mod tests {
 
     /// The equations at the head of this file, with a general solver.
     fn by_the_book(inflation: f64, y: &[f64], noise: &[f64]) -> (Vec<f64>, Array2<f64>, f64) {
-        let parts = parts();
+        let parts = three();
         let o: Vec<usize> = (0..6).filter(|&c| noise[c].is_finite()).collect();
         let mut each = Vec::new();
         for j in 0..3 {
@@ -576,7 +434,7 @@ mod tests {
             },
             1.0,
         );
-        let parts = parts();
+        let parts = three();
         // One Gaussian's factors seen through the noise and its rest.
         let alone = Parts {
             weights: vec![1.0],
@@ -600,30 +458,6 @@ mod tests {
             let variance = want.covariance[[c, c]] + parts.rest[[0, c]];
             assert!((got.covariance[[c, c]] - variance).abs() <= 1e-9);
         }
-    }
-
-    #[test]
-    fn a_file_gives_them_back_and_damage_is_told() {
-        let points = ["a", "b"].map(String::from);
-        let mut model = Model::new("mixture", &points, "body");
-        parts().write(&mut model);
-        let back = Parts::read(&model, "m").unwrap();
-        for j in 0..3 {
-            let off = back.covariance(j) - parts().covariance(j);
-            assert!(off.iter().all(|d| d.abs() <= 1e-4));
-        }
-        for (name, value) in [("weights", -1.0), ("means", f32::NAN), ("rest", -0.1)] {
-            let mut broken = model.clone();
-            broken.arrays.get_mut(name).unwrap()[[0, 0]] = value;
-            let told = Parts::read(&broken, "m").unwrap_err().to_string();
-            assert!(told.contains(name), "{told}");
-        }
-        let mut broken = model.clone();
-        broken
-            .arrays
-            .insert("factors".into(), Array2::zeros((4, 6)));
-        let told = Parts::read(&broken, "m").unwrap_err().to_string();
-        assert!(told.contains("factors"), "{told}");
     }
 
     #[test]
