@@ -321,6 +321,22 @@ mod tests {
     }
 
     #[test]
+    fn a_round_from_anywhere_gives_the_moments_about_the_new_mean() {
+        let x = blobs();
+        let want = moments_of(x.view(), &[0; 900], 1).remove(0);
+        let away = Gaussian {
+            weight: 1.0,
+            mean: &want.mean + 7.0,
+            covariance: Array2::eye(6) * 400.0,
+        };
+        let found = round(x.view(), &[away]).0.remove(0);
+        assert!((found.count - 900.0).abs() <= 1e-9);
+        assert!((found.mean - want.mean).iter().all(|d| d.abs() <= 1e-9));
+        let off = found.covariance - want.covariance;
+        assert!(off.iter().all(|d| d.abs() <= 1e-9));
+    }
+
+    #[test]
     fn one_gaussian_has_the_likelihood_of_the_book() {
         let x = blobs();
         let one = plain(&moments_of(x.view(), &[0; 900], 1));
