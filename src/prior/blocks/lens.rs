@@ -528,6 +528,37 @@ impl Scales {
     }
 }
 
+/// A vector beside a lens: in its directions, with what is left where some of them are shared.
+pub struct Aside<'a> {
+    lens: &'a Lens,
+    of: &'a [f32],
+    /// In the directions, that of the shared ones 0.
+    z: Vec<f32>,
+}
+
+impl<'a> Aside<'a> {
+    /// Of a vector (d, padded with 0; read where seen).
+    pub fn of(lens: &'a Lens, of: &'a [f32]) -> Aside<'a> {
+        let mut z = Vec::new();
+        lens.project(of, &mut z);
+        if let Some(cut) = &lens.cut {
+            z[cut.values.len() - 1] = 0.0;
+        }
+        Aside { lens, of, z }
+    }
+
+    /// aᵀ (a C_oo + R)⁻¹ b with another, at each scale; into `out`.
+    pub fn forms(&self, other: &Aside<'_>, scales: &Scales, out: &mut Vec<f64>) {
+        scales.forms(&self.z, &other.z, out);
+        let Some(cut) = &self.lens.cut else { return };
+        let left = simd::dot(self.of, other.of) - simd::dot(&self.z, &other.z);
+        let shares = scales.shares.chunks_exact(scales.stride);
+        for (out, shares) in out.iter_mut().zip(shares) {
+            *out += f64::from(shares[cut.values.len() - 1] * left);
+        }
+    }
+}
+
 impl Fix {
     /// L⁻¹ q.
     fn whitened(&self, z: &[f32]) -> Vec<f64> {

@@ -23,9 +23,10 @@ mod lens;
 mod part;
 mod parts;
 mod search;
+mod slope;
 
 use super::small::add;
-use super::{Belief, Fit, Posterior, Prior};
+use super::{Belief, Fit, Posterior, Prior, Slope};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use answer::{Answer, Told};
 use learn::variance_of;
@@ -242,6 +243,11 @@ impl Prior for Blocks {
         }
     }
 
+    fn slope(&self, y: &[f64], noise: &[f64], moves: &[Vec<f64>]) -> Option<Slope> {
+        let views = self.views(noise);
+        Some(self.parts[0].slope(&views[0], y, moves))
+    }
+
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
         let answer = self.join(&self.consider(y, noise), Told::Variances);
         Posterior {
@@ -375,6 +381,43 @@ mod tests {
                 .chain(none.covariance.diag())
                 .all(|v| v.is_finite())
         );
+    }
+
+    #[test]
+    fn the_slope_is_that_of_the_evidence() {
+        let poses = poses();
+        let (blocks, _) = learnt(&poses);
+        let y: Vec<f64> = poses
+            .xyz
+            .row(40)
+            .iter()
+            .map(|v| f64::from(*v) + 0.4)
+            .collect();
+        let moves: Vec<Vec<f64>> = (0..3)
+            .map(|k| (0..69).map(|c| f64::from(u8::from(c % 3 == k))).collect())
+            .collect();
+        // Much noise, where directions share one; little; and of many kinds, with gaps.
+        let mixed = (0..69).map(|c| match c {
+            0..30 => f64::INFINITY,
+            c => 0.5 + c as f64,
+        });
+        for noise in [vec![400.0; 69], vec![4.0; 69], mixed.collect()] {
+            let at = |k: usize, by: f64| -> f64 {
+                let moved: Vec<f64> = y.iter().zip(&moves[k]).map(|(y, m)| y + by * m).collect();
+                blocks.slope(&moved, &noise, &[]).unwrap().evidence
+            };
+            let slope = blocks.slope(&y, &noise, &moves).unwrap();
+            for k in 0..3 {
+                let told = 0.5 * (at(k, 1.0) - at(k, -1.0));
+                let scale = 0.05 * told.abs().max(0.2);
+                assert!(
+                    (slope.gradient[k] - told).abs() <= scale,
+                    "{} {told}",
+                    slope.gradient[k]
+                );
+                assert!(slope.curvature[4 * k] > 0.0);
+            }
+        }
     }
 
     #[test]
