@@ -1,7 +1,7 @@
 //! What the blocks that explain an observation answer together.
 
-use super::lens::{Scales, Weighed};
 use super::part::{Part, Sight, View, add_outer};
+use super::scales::{Scales, Weighed};
 use super::search::{Explained, Residual};
 use crate::prior::small::add;
 use crate::simd;

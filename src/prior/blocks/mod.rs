@@ -22,6 +22,7 @@ mod leaves;
 mod lens;
 mod part;
 mod parts;
+mod scales;
 mod search;
 mod slope;
 
@@ -41,7 +42,7 @@ pub use learn::{Settings, model, train};
 
 /// No coordinate is taken for more exact than this variance, cm² (1e-3 asf²): blocks are no truer than that.
 const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
-/// So many noise patterns are remembered.
+/// So many noise patterns of the whole body are remembered; of parts more, as they are smaller.
 const MOST_MET: usize = 16;
 /// Ways of making a body of parts that weigh less for an observation do not answer it.
 const LEAST_WEIGHT: f64 = 1e-3;
@@ -63,16 +64,16 @@ pub struct Blocks {
     typical: Array2<f64>,
     /// The training poses: what leaves are made of.
     poses: Arc<Poses>,
-    /// Views met before, by their noise.
-    met: Arc<Mutex<Views>>,
+    /// Each part's views met before.
+    met: Arc<Vec<Mutex<Views>>>,
 }
 
-/// Each part's view, by the bits of the noise.
-type Views = HashMap<Vec<u64>, Arc<Vec<View>>>;
+/// Views by the bits of their noise.
+type Views = HashMap<Vec<u64>, Arc<View>>;
 
 /// What all parts make of an observation.
 struct Considered {
-    views: Arc<Vec<View>>,
+    views: Vec<Arc<View>>,
     observed: Vec<Vec<f64>>,
     explained: Vec<Explained>,
     /// The log evidence of each way, its weight included.
@@ -93,19 +94,33 @@ fn told(noise: &[f64]) -> Vec<f64> {
     noise.iter().map(|n| rounded(n).max(FLOOR)).collect()
 }
 
+/// No view of any part is made yet.
+fn unmet(parts: usize) -> Arc<Vec<Mutex<Views>>> {
+    Arc::new((0..parts).map(|_| Mutex::default()).collect())
+}
+
 impl Blocks {
-    fn views(&self, noise: &[f64]) -> Arc<Vec<View>> {
+    /// How each part is seen through the noise (3 J). A limb is often seen as it was before where the body is not.
+    fn views(&self, noise: &[f64]) -> Vec<Arc<View>> {
         let noise = told(noise);
+        (0..self.parts.len())
+            .map(|p| self.view(p, &noise))
+            .collect()
+    }
+
+    fn view(&self, p: usize, noise: &[f64]) -> Arc<View> {
+        let part = &self.parts[p];
+        let noise: Vec<f64> = part.coordinates.iter().map(|&i| noise[i]).collect();
         let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
-        let mut met = self.met.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut met = self.met[p].lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(found) = met.get(&key) {
             return found.clone();
         }
-        let view = |p: &Part| View::new(p, p.coordinates.iter().map(|&i| noise[i]).collect());
-        let made = Arc::new(self.parts.iter().map(view).collect::<Vec<_>>());
-        if met.len() >= MOST_MET {
+        let smaller = self.width / noise.len().max(1);
+        if met.len() >= MOST_MET * smaller * smaller {
             met.clear();
         }
+        let made = Arc::new(View::new(part, noise));
         met.insert(key, made.clone());
         made
     }
@@ -232,8 +247,7 @@ impl Prior for Blocks {
 
     /// By the cells of the whole body alone: what a placement is searched with, many times a frame.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
-        let views = self.views(noise);
-        let (part, view) = (&self.parts[0], &views[0]);
+        let (part, view) = (&self.parts[0], &self.view(0, &told(noise)));
         let found = part.explain_by_cells(view, y);
         let pose = part.answer(view, y, &found, Told::Mean).mean;
         Fit {
@@ -244,8 +258,7 @@ impl Prior for Blocks {
     }
 
     fn slope(&self, y: &[f64], noise: &[f64], moves: &[Vec<f64>]) -> Option<Slope> {
-        let views = self.views(noise);
-        Some(self.parts[0].slope(&views[0], y, moves))
+        Some(self.parts[0].slope(&self.view(0, &told(noise)), y, moves))
     }
 
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
@@ -287,7 +300,7 @@ impl Prior for Blocks {
             parts,
             typical: map.apply_rows(self.typical.view()),
             poses,
-            met: Arc::default(),
+            met: unmet(self.parts.len()),
             ..self.clone()
         })
     }
