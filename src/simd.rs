@@ -105,6 +105,51 @@ pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     )
 }
 
+/// The lower triangle of the products of rows with each other, (n, n) by rows, in double precision.
+pub fn products(rows: &[f64], stride: usize, out: &mut [f64]) {
+    let n = rows.len() / stride.max(1);
+    wide(
+        #[inline(always)]
+        || {
+            for (i, row) in rows.chunks_exact(stride.max(1)).enumerate() {
+                let others = rows.chunks_exact(stride.max(1));
+                for (other, out) in others.zip(&mut out[i * n..=i * n + i]) {
+                    let (a, _) = row.as_chunks::<LANES>();
+                    let (b, _) = other.as_chunks::<LANES>();
+                    let mut sums = [0.0f64; LANES];
+                    for (a, b) in a.iter().zip(b) {
+                        for l in 0..LANES {
+                            sums[l] += a[l] * b[l];
+                        }
+                    }
+                    let [a, b, c, d, e, f, g, h] = sums;
+                    *out = ((a + e) + (b + f)) + ((c + g) + (d + h));
+                }
+            }
+        },
+    )
+}
+
+/// L⁻¹ of `rows`, in place; L is a lower triangle, (n, n) by rows.
+pub fn forward(factor: &[f64], rows: &mut [f64], stride: usize) {
+    let n = rows.len() / stride.max(1);
+    wide(
+        #[inline(always)]
+        || {
+            for i in 0..n {
+                let (before, row) = rows.split_at_mut(i * stride);
+                let row = &mut row[..stride];
+                for (j, other) in before.chunks_exact(stride).enumerate() {
+                    let by = factor[i * n + j];
+                    row.iter_mut().zip(other).for_each(|(v, o)| *v -= by * o);
+                }
+                let by = 1.0 / factor[i * n + i];
+                row.iter_mut().for_each(|v| *v *= by);
+            }
+        },
+    )
+}
+
 /// Lanes that a pass over the rows keeps in registers.
 const TILE: usize = 4;
 
@@ -198,6 +243,22 @@ mod tests {
             (bits >> 8) as f32 / 8_388_608.0 - 1.0
         };
         (0..n).map(of).collect()
+    }
+
+    #[test]
+    fn a_triangle_of_products_is_taken_off_again() {
+        let rows: Vec<f64> = numbers(3 * 16, 5).into_iter().map(f64::from).collect();
+        let mut all = vec![0.0; 9];
+        products(&rows, 16, &mut all);
+        let plain: f64 = (0..16).map(|k| rows[32 + k] * rows[16 + k]).sum();
+        assert!((all[7] - plain).abs() <= 1e-12 && all[2] == 0.0);
+        let factor = [2.0, 0.0, 0.0, 0.5, 1.0, 0.0, -1.0, 3.0, 4.0];
+        let mut solved = rows.clone();
+        forward(&factor, &mut solved, 16);
+        for k in 0..16 {
+            let back = -solved[k] + 3.0 * solved[16 + k] + 4.0 * solved[32 + k];
+            assert!((back - rows[32 + k]).abs() <= 1e-12);
+        }
     }
 
     #[test]

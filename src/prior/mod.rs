@@ -75,6 +75,17 @@ pub struct Belief {
     pub evidence: f64,
 }
 
+/// How the log evidence changes as an observation moves along some ways, n of them.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Slope {
+    /// The log evidence.
+    pub evidence: f64,
+    /// Its derivative along each way (n).
+    pub gradient: Vec<f64>,
+    /// How fast the gradient falls, (n, n) by rows: positive semidefinite, at least the second derivative's part that is.
+    pub curvature: Vec<f64>,
+}
+
 impl Belief {
     /// The mean and the variance of each coordinate.
     pub fn posterior(self) -> Posterior {
@@ -134,6 +145,11 @@ pub trait Prior: Send + Sync {
             support: Vec::new(),
             pose,
         }
+    }
+    /// How the evidence changes as the observation moves along some ways (3 J numbers each, those of what is observed are
+    /// read): what a placement climbs by. `None` where a model is placed by its fits instead.
+    fn slope(&self, _y: &[f64], _noise: &[f64], _moves: &[Vec<f64>]) -> Option<Slope> {
+        None
     }
     /// The pose to answer with, once placed and fitted.
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {

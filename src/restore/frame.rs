@@ -1,7 +1,7 @@
 //! One frame restored: placed, fitted, answered. The one function behind `denoise` and `complete`.
 
 use super::planar;
-use super::synthesis::{Observed, Synthesis};
+use super::synthesis::{Observed, Solution, Synthesis};
 use super::treat::{Seek, Treatment};
 use crate::pose::{Anchor, Similarity, Status};
 use crate::prior::{EXACT, Posterior, Prior};
@@ -100,18 +100,9 @@ impl<'a> Restorer<'a> {
         if seen.is_partial() {
             return planar::restore(self.prior, seen, &self.synthesis);
         }
-        let visible: Vec<f64> = y
-            .iter()
-            .zip(noise)
-            .map(|(y, n)| if *n <= NOISY { *y } else { f64::NAN })
-            .collect();
-        let known = anchor.place(&visible);
-        if known == Some(Similarity::IDENTITY) {
+        let Some(solution) = self.stand(anchor, seen)? else {
             return Some(self.in_place(seen));
-        }
-        let solution = self
-            .synthesis
-            .solve(self.prior, seen, anchor, known.as_slice())?;
+        };
         let placement = solution.placement;
         let mut back = vec![0.0; y.len()];
         placement.undo_pose(y, &mut back);
@@ -121,6 +112,37 @@ impl<'a> Restorer<'a> {
             None => self.prior.posterior(&back, &noise, &solution.fit),
         };
         Some(placed(posterior, placement))
+    }
+
+    /// Where a frame stands: `None` when too little is seen to tell, `Some(None)` when it is in place already.
+    fn stand(&self, anchor: &Anchor, seen: Observed<'_>) -> Option<Option<Solution>> {
+        let visible = seen.y.iter().zip(seen.noise);
+        let visible: Vec<f64> = visible
+            .map(|(y, n)| if *n <= NOISY { *y } else { f64::NAN })
+            .collect();
+        let known = anchor.place(&visible);
+        if known == Some(Similarity::IDENTITY) {
+            return Some(None);
+        }
+        let known = known.as_slice();
+        let solution = self.synthesis.solve(self.prior, seen, anchor, known)?;
+        Some(Some(solution))
+    }
+
+    /// The placement that [`restore`](Restorer::restore) would find, without the answer.
+    fn placement(&self, y: &[f64], noise: &[f64]) -> Option<Similarity> {
+        let seen = Observed { y, noise };
+        match self.anchor {
+            None => noise
+                .iter()
+                .any(|n| n.is_finite())
+                .then_some(Similarity::IDENTITY),
+            Some(_) if seen.is_partial() => Some(self.restore(y, noise)?.placement),
+            Some(anchor) => {
+                let solution = self.stand(anchor, seen)?;
+                Some(solution.map_or(Similarity::IDENTITY, |s| s.placement))
+            }
+        }
     }
 
     /// Restores a frame any points of which may be corrupt; `base` is the variance of a coordinate of clean ones, cm².
@@ -139,7 +161,7 @@ impl<'a> Restorer<'a> {
             }
         });
         let noise: Vec<f64> = noise.collect();
-        let placement = self.restore(y, &noise)?.placement;
+        let placement = self.placement(y, &noise)?;
         let mut back = vec![0.0; y.len()];
         placement.undo_pose(y, &mut back);
         let (posterior, corrupt) = self.treated(&back, &told, Seek::Outliers)?;

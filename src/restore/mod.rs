@@ -3,6 +3,7 @@
 
 pub mod adapt;
 pub mod bones;
+mod climb;
 pub mod complete;
 pub mod denoise;
 pub mod fit;

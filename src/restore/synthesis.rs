@@ -10,6 +10,7 @@
 //! objective never rises. It is not convex: headings to start from are found by fitting typical poses to the points, so
 //! a turned observation gives the turned answer.
 
+use super::climb;
 use crate::pose::align::{Free, fit_similarity};
 use crate::pose::rotation::{angle_between, cross_matrix};
 use crate::pose::{Anchor, Similarity};
@@ -103,7 +104,8 @@ impl Synthesis {
         let starts = self.headings(prior, seen, known)?;
         let mut best: Option<Solution> = None;
         for start in starts {
-            let solved = self.descend(prior, seen, anchor, start);
+            let solved = climb::climb(self, prior, seen, start)
+                .unwrap_or_else(|| self.descend(prior, seen, anchor, start));
             if best.as_ref().is_none_or(|b| solved.objective < b.objective) {
                 best = Some(solved);
             }
@@ -262,7 +264,7 @@ impl Synthesis {
         }
     }
 
-    fn prior_cost(&self, placement: &Similarity, start: &Similarity) -> f64 {
+    pub(super) fn prior_cost(&self, placement: &Similarity, start: &Similarity) -> f64 {
         if self.rotation_prior == DVec3::ZERO {
             return 0.0;
         }
@@ -364,7 +366,7 @@ fn turn_derivatives(tau: DVec3) -> [DMat3; 3] {
 }
 
 /// The angles τ with R(τ) R_start = R.
-fn angles_from(start: &DMat3, now: &DMat3) -> DVec3 {
+pub(super) fn angles_from(start: &DMat3, now: &DMat3) -> DVec3 {
     use crate::pose::rotation::{decompose, parse_order};
     let relative = *now * start.transpose();
     let order = parse_order("zyx").unwrap_or([crate::pose::rotation::Axis::Z; 3]);

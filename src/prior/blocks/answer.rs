@@ -1,8 +1,8 @@
 //! What the blocks that explain an observation answer together.
 
-use super::lens::{Scales, Weighed};
 use super::part::{Part, Sight, View, add_outer};
-use super::search::{Explained, NEGLIGIBLE, Residual};
+use super::scales::{Scales, Weighed};
+use super::search::{Explained, Residual};
 use crate::prior::small::add;
 use crate::simd;
 use ndarray::Array2;
@@ -133,16 +133,11 @@ impl Part {
 impl<'a> Chorus<'a> {
     fn of(part: &'a Part, view: &'a View, y: &[f64], explained: &'a Explained) -> Chorus<'a> {
         let best = &explained.best;
-        let top = best.iter().map(|h| h.log).fold(f64::NEG_INFINITY, f64::max);
-        // Less what the least of them weighs: blocks come and go without a jump.
-        let least = (-NEGLIGIBLE).exp();
-        let weights: Vec<f64> = best.iter().map(|h| (h.log - top).exp() - least).collect();
-        let total: f64 = weights.iter().sum();
         let mut order: Vec<usize> = (0..best.len()).collect();
         order.sort_unstable_by_key(|&i| (best[i].seen, best[i].leaf, best[i].at));
         Chorus {
             y: view.short(y),
-            shares: weights.iter().map(|w| w / total).collect(),
+            shares: explained.shares(),
             order,
             state: Residual::default(),
             asked: None,

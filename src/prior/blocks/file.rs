@@ -115,13 +115,13 @@ impl Blocks {
         Ok(Blocks {
             width,
             variance: variance_of(&made[0]),
+            met: super::unmet(made.len()),
             parts: made,
             log_ways: log_ways.iter().map(|w| f64::from(*w)).collect(),
             ways,
             temperature: settings.temperature,
             poses,
             typical: file.array("typical", None, Some(width))?.mapv(f64::from),
-            met: Default::default(),
         })
     }
 }

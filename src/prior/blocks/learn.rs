@@ -267,11 +267,11 @@ fn build(
         log_ways: vec![-(ways.len() as f64).ln(); ways.len()],
         ways,
         variance: variance_of(&parts[0]),
+        met: super::unmet(parts.len()),
         parts,
         poses: kept.poses,
         temperature: settings.temperature,
         typical: typical(material.xyz)?.mapv(f64::from),
-        met: Default::default(),
     })
 }
 

@@ -19,9 +19,9 @@
 //! are seen, a decomposition of R^-1/2 C_oo R^-1/2 takes the place of U, and nothing is changed.
 
 use super::basis::Basis;
+use super::scales::{Scales, Weighed, log_product, merged};
 use crate::linalg::symmetric_eigen;
-use crate::prior::small::{add, dot, factorise};
-use crate::simd::{self, combine, padded, row_dots, weighted_rows};
+use crate::simd::{self, combine, padded, row_dots};
 use ndarray::Array2;
 use std::sync::Arc;
 
@@ -93,32 +93,6 @@ struct Mixed {
     values: Vec<f64>,
     /// (C_:o W V)ᵀ by rows of the directions: (n, d), padded.
     gain: Vec<f32>,
-}
-
-/// A lens at some scales of the covariance.
-#[derive(Debug, Clone)]
-pub struct Scales {
-    /// a of each.
-    pub scales: Vec<f64>,
-    /// s of each, by rows: (scales, directions), padded.
-    shares: Vec<f32>,
-    stride: usize,
-    normalisers: Vec<f64>,
-    /// Of each, where coordinates are changed.
-    fixes: Vec<Fix>,
-}
-
-/// One scale of a lens, with a weight.
-pub type Weighed<'a> = (&'a Scales, usize, f64);
-
-/// What the changed coordinates change.
-#[derive(Debug, Clone)]
-struct Fix {
-    /// U_c diag(s), by rows of the changed coordinates, padded.
-    rows: Vec<f32>,
-    /// The Cholesky factor of G by rows.
-    factor: Vec<f64>,
-    count: usize,
 }
 
 const LOG_2_PI: f64 = 1.837_877_066_409_345_5;
@@ -237,67 +211,22 @@ impl Lens {
 
     /// At some scales.
     pub fn at(&self, scales: impl Iterator<Item = f64>) -> Scales {
-        let (values, stride) = (self.values(), self.stride());
-        let mut out = Scales {
-            scales: scales.collect(),
-            shares: Vec::new(),
-            stride,
-            normalisers: Vec::new(),
-            fixes: Vec::new(),
-        };
-        for scale in &out.scales {
-            let shares: Vec<f64> = values
-                .iter()
-                .map(|l| 1.0 / (scale * l + self.unit))
-                .collect();
+        let values = self.values();
+        let mut out = Scales::of(scales.collect(), self.stride(), self.changed.len());
+        for at in 0..out.scales.len() {
+            let scale = out.scales[at];
+            let shares = values.iter().map(|l| 1.0 / (scale * l + self.unit));
+            let shares: Vec<f64> = shares.collect();
             let mut normaliser = self.constant + 0.5 * log_product(&shares);
             if let (Some(cut), Some(last)) = (&self.cut, shares.last()) {
                 normaliser += 0.5 * (cut.shared - 1.0) * last.ln();
             }
             if !self.changed.is_empty() {
-                out.fixes.push(self.fix(&shares, &mut normaliser));
+                normaliser += out.fix(&self.basis, &self.changed, self.unit, &shares);
             }
-            out.normalisers.push(normaliser);
-            let end = out.shares.len() + stride;
-            out.shares.extend(shares.iter().map(|s| *s as f32));
-            out.shares.resize(end, 0.0);
+            out.push(&shares, normaliser);
         }
         out
-    }
-
-    fn fix(&self, shares: &[f64], normaliser: &mut f64) -> Fix {
-        let (count, stride) = (self.changed.len(), self.basis.stride());
-        let mut rows = Vec::with_capacity(count * stride);
-        for (a, &(i, _)) in self.changed.iter().enumerate() {
-            let scaled = self.basis.row(i).iter().zip(shares);
-            rows.extend(scaled.map(|(u, s)| u * *s as f32));
-            rows.resize((a + 1) * stride, 0.0);
-        }
-        let mut factor = vec![0.0; count * count];
-        let wide = |i: usize| -> Vec<f64> {
-            let row = self.basis.row(i).iter();
-            row.zip(shares).map(|(u, _)| f64::from(*u)).collect()
-        };
-        let all: Vec<Vec<f64>> = self.changed.iter().map(|c| wide(c.0)).collect();
-        for (a, row) in all.iter().enumerate() {
-            let row: Vec<f64> = row.iter().zip(shares).map(|(u, s)| u * s).collect();
-            for (b, other) in all[..=a].iter().enumerate() {
-                factor[a * count + b] = dot(&row, other);
-            }
-            let above = self.changed[a].1 - self.unit;
-            // 1 / ∞ is 0: a missing coordinate.
-            factor[a * count + a] += 1.0 / above;
-            if above.is_finite() {
-                *normaliser -= 0.5 * above.ln();
-            }
-        }
-        factorise(&mut factor, count);
-        *normaliser -= (0..count).map(|i| factor[i * count + i].ln()).sum::<f64>();
-        Fix {
-            rows,
-            factor,
-            count,
-        }
     }
 
     /// λ of the directions that are not shared.
@@ -336,7 +265,7 @@ impl Lens {
                 self.basis.add_spread(&left, out);
                 out.diag_mut().mapv_inplace(|v| v + shared);
                 for (scales, at, weight) in merged(weights) {
-                    if let Some(fix) = scales.fixes.get(at) {
+                    if let Some(fix) = scales.fix_at(at) {
                         let half = self.unlearnt(scales.scales[at], fix);
                         out.scaled_add(weight, &half.t().dot(&half));
                     }
@@ -365,7 +294,7 @@ impl Lens {
                 add(out, self.basis.diagonal_of(&left));
                 out.iter_mut().for_each(|v| *v += shared);
                 for (scales, at, weight) in merged(weights) {
-                    if let Some(fix) = scales.fixes.get(at) {
+                    if let Some(fix) = scales.fix_at(at) {
                         for row in self.unlearnt(scales.scales[at], fix).rows() {
                             add(out, row.iter().map(|v| weight * v * v).collect());
                         }
@@ -387,7 +316,7 @@ impl Lens {
     fn left(&self, weights: &[Weighed<'_>]) -> (Vec<f64>, f64) {
         let mut left = vec![0.0; self.values().len()];
         for &(scales, at, weight) in weights {
-            let shares = &scales.shares[at * scales.stride..];
+            let shares = scales.shares(at);
             let terms = self.values().iter().zip(shares);
             for (left, (l, share)) in left.iter_mut().zip(terms) {
                 *left += weight * scales.scales[at] * l * self.unit * f64::from(*share);
@@ -407,7 +336,7 @@ impl Lens {
         let prior = self.basis.values.iter().map(|l| l * whole).collect();
         let of = |k: usize| -> f64 {
             let terms = weights.iter().map(|&(scales, at, w)| {
-                let share = scales.shares[at * scales.stride + k];
+                let share = scales.shares(at)[k];
                 w * scales.scales[at].powi(2) * f64::from(share)
             });
             terms.sum()
@@ -416,29 +345,18 @@ impl Lens {
     }
 
     /// (B L⁻ᵀ)ᵀ with L Lᵀ = G: what is not learnt since coordinates are worse than the rest, (changed, d).
-    fn unlearnt(&self, scale: f64, fix: &Fix) -> Array2<f64> {
+    fn unlearnt(&self, scale: f64, fix: &[f32]) -> Array2<f64> {
         let (n, d) = (self.basis.stride(), self.basis.len());
-        let mut solved: Vec<f64> = fix.rows.iter().map(|v| f64::from(*v)).collect();
-        for i in 0..fix.count {
-            let (before, rest) = solved.split_at_mut(i * n);
-            let row = &mut rest[..n];
-            for (j, other) in before.chunks_exact(n).enumerate() {
-                add(row, -fix.factor[i * fix.count + j], other);
-            }
-            let scale = 1.0 / fix.factor[i * fix.count + i];
-            row.iter_mut().for_each(|v| *v *= scale);
-        }
-        let mut out = Array2::zeros((fix.count, d));
+        let mut out = Array2::zeros((fix.len() / n, d));
         let mut step = vec![0.0; n];
         let mut products = vec![0.0; d];
-        for (row, mut out) in solved.chunks_exact(n).zip(out.rows_mut()) {
+        for (row, mut out) in fix.chunks_exact(n).zip(out.rows_mut()) {
             for ((s, v), l) in step.iter_mut().zip(row).zip(&self.basis.values) {
-                *s = (scale * l * v) as f32;
+                *s = (scale * l) as f32 * v;
             }
             row_dots(self.basis.vectors(), n, &step, &mut products);
-            out.iter_mut()
-                .zip(&products)
-                .for_each(|(o, p)| *o = f64::from(*p));
+            let both = out.iter_mut().zip(&products);
+            both.for_each(|(o, p)| *o = f64::from(*p));
         }
         out
     }
@@ -462,92 +380,34 @@ impl Cut {
     }
 }
 
-/// The weight of each that is named, once.
-fn merged<'a>(weights: &[Weighed<'a>]) -> Vec<Weighed<'a>> {
-    let mut out: Vec<Weighed<'a>> = Vec::new();
-    for &(scales, at, weight) in weights {
-        let same = |o: &&mut Weighed<'a>| std::ptr::eq(o.0, scales) && o.1 == at;
-        match out.iter_mut().find(same) {
-            Some(o) => o.2 += weight,
-            None => out.push((scales, at, weight)),
-        }
-    }
-    out
+/// A vector beside a lens: in its directions, with what is left where some of them are shared.
+pub struct Aside<'a> {
+    lens: &'a Lens,
+    of: &'a [f32],
+    /// In the directions, that of the shared ones 0.
+    z: Vec<f32>,
 }
 
-impl Scales {
-    /// aᵀ (a C_oo + R)⁻¹ b of two residuals, given their z, at each scale; into `out`.
-    pub fn forms(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
-        let mut plain = [0.0; 16];
-        out.clear();
-        for (at, shares) in self.shares.chunks(16 * self.stride.max(1)).enumerate() {
-            weighted_rows(shares, a, b, &mut plain);
-            let left = self.scales.len() - 16 * at;
-            out.extend(plain[..left.min(16)].iter().map(|v| f64::from(*v)));
+impl<'a> Aside<'a> {
+    /// Of a vector (d, padded with 0; read where seen).
+    pub fn of(lens: &'a Lens, of: &'a [f32]) -> Aside<'a> {
+        let mut z = Vec::new();
+        lens.project(of, &mut z);
+        if let Some(cut) = &lens.cut {
+            z[cut.values.len() - 1] = 0.0;
         }
-        for (fix, out) in self.fixes.iter().zip(out) {
-            let q = fix.whitened(a);
-            *out -= match std::ptr::eq(a, b) {
-                true => dot(&q, &q),
-                false => dot(&q, &fix.whitened(b)),
-            };
-        }
+        Aside { lens, of, z }
     }
 
-    /// The log evidence of a residual at each scale, given its z; into `out`.
-    pub fn logs(&self, z: &[f32], out: &mut Vec<f64>) {
-        self.forms(z, z, out);
-        for (out, normaliser) in out.iter_mut().zip(&self.normalisers) {
-            *out = normaliser - 0.5 * *out;
+    /// aᵀ (a C_oo + R)⁻¹ b with another, at each scale; into `out`.
+    pub fn forms(&self, other: &Aside<'_>, scales: &Scales, out: &mut Vec<f64>) {
+        scales.forms(&self.z, &other.z, out);
+        let Some(cut) = &self.lens.cut else { return };
+        let left = simd::dot(self.of, other.of) - simd::dot(&self.z, &other.z);
+        for (at, out) in out.iter_mut().enumerate() {
+            *out += f64::from(scales.shares(at)[cut.values.len() - 1] * left);
         }
     }
-
-    /// Adds `weight` a w of a residual at a scale to `out`, given its z: w is the residual with the inverse of a C_oo + R
-    /// applied to it.
-    pub fn add_solved(&self, at: usize, z: &[f32], weight: f64, out: &mut [f32]) {
-        let shares = &self.shares[at * self.stride..(at + 1) * self.stride];
-        let weight = (weight * self.scales[at]) as f32;
-        for ((o, s), z) in out.iter_mut().zip(shares).zip(z) {
-            *o += weight * s * z;
-        }
-        if let Some(fix) = self.fixes.get(at) {
-            let mut q = fix.whitened(z);
-            // L⁻ᵀ
-            for i in (0..fix.count).rev() {
-                q[i] /= fix.factor[i * fix.count + i];
-                for j in 0..i {
-                    q[j] -= fix.factor[i * fix.count + j] * q[i];
-                }
-            }
-            let q: Vec<f32> = q.iter().map(|q| *q as f32).collect();
-            let mut changed = vec![0.0; out.len()];
-            combine(&fix.rows, self.stride, &q, &mut changed);
-            let both = out.iter_mut().zip(&changed);
-            both.for_each(|(o, c)| *o -= weight * c);
-        }
-    }
-}
-
-impl Fix {
-    /// L⁻¹ q.
-    fn whitened(&self, z: &[f32]) -> Vec<f64> {
-        let mut products = vec![0.0; self.count];
-        row_dots(&self.rows, z.len(), z, &mut products);
-        let mut q: Vec<f64> = products.iter().map(|q| f64::from(*q)).collect();
-        for i in 0..self.count {
-            let row = &self.factor[i * self.count..i * self.count + i];
-            q[i] = (q[i] - dot(row, &q[..i])) / self.factor[i * self.count + i];
-        }
-        q
-    }
-}
-
-/// Σ log, by products of eight: logarithms cost more than all else here.
-fn log_product(values: &[f64]) -> f64 {
-    values
-        .chunks(8)
-        .map(|c| c.iter().product::<f64>().ln())
-        .sum()
 }
 
 #[cfg(test)]

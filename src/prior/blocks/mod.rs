@@ -22,11 +22,13 @@ mod leaves;
 mod lens;
 mod part;
 mod parts;
+mod scales;
 mod search;
+mod slope;
 
 use super::met::Met;
 use super::small::add;
-use super::{Belief, Fit, Posterior, Prior};
+use super::{Belief, Fit, Posterior, Prior, Slope};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use answer::{Answer, Told};
 use learn::variance_of;
@@ -40,7 +42,7 @@ pub use learn::{Settings, model, train};
 
 /// No coordinate is taken for more exact than this variance, cm² (1e-3 asf²): blocks are no truer than that.
 const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
-/// So many noise patterns are remembered.
+/// So many noise patterns of the whole body are remembered; of parts more, as they are smaller.
 const MOST_MET: usize = 16;
 /// Ways of making a body of parts that weigh less for an observation do not answer it.
 const LEAST_WEIGHT: f64 = 1e-3;
@@ -62,13 +64,13 @@ pub struct Blocks {
     typical: Array2<f64>,
     /// The training poses: what leaves are made of.
     poses: Arc<Poses>,
-    /// Each part's.
-    met: Met<Vec<View>>,
+    /// Each part's views met before.
+    met: Arc<Vec<Met<View>>>,
 }
 
 /// What all parts make of an observation.
 struct Considered {
-    views: Arc<Vec<View>>,
+    views: Vec<Arc<View>>,
     observed: Vec<Vec<f64>>,
     explained: Vec<Explained>,
     /// The log evidence of each way, its weight included.
@@ -89,12 +91,26 @@ fn told(noise: &[f64]) -> Vec<f64> {
     noise.iter().map(|n| rounded(n).max(FLOOR)).collect()
 }
 
+/// No view of any part is made yet.
+fn unmet(parts: usize) -> Arc<Vec<Met<View>>> {
+    Arc::new((0..parts).map(|_| Met::default()).collect())
+}
+
 impl Blocks {
-    fn views(&self, noise: &[f64]) -> Arc<Vec<View>> {
+    /// How each part is seen through the noise (3 J). A limb is often seen as it was before where the body is not.
+    fn views(&self, noise: &[f64]) -> Vec<Arc<View>> {
         let noise = told(noise);
-        let view = |p: &Part| View::new(p, p.coordinates.iter().map(|&i| noise[i]).collect());
-        let all = || self.parts.iter().map(view).collect();
-        self.met.get(&noise, MOST_MET, all)
+        (0..self.parts.len())
+            .map(|p| self.view(p, &noise))
+            .collect()
+    }
+
+    fn view(&self, p: usize, noise: &[f64]) -> Arc<View> {
+        let part = &self.parts[p];
+        let noise: Vec<f64> = part.coordinates.iter().map(|&i| noise[i]).collect();
+        let smaller = self.width / noise.len().max(1);
+        let most = MOST_MET * smaller * smaller;
+        self.met[p].get(&noise, most, || View::new(part, noise.clone()))
     }
 
     /// The parts of the ways that weigh enough to be looked at.
@@ -219,8 +235,7 @@ impl Prior for Blocks {
 
     /// By the cells of the whole body alone: what a placement is searched with, many times a frame.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
-        let views = self.views(noise);
-        let (part, view) = (&self.parts[0], &views[0]);
+        let (part, view) = (&self.parts[0], &self.view(0, &told(noise)));
         let found = part.explain_by_cells(view, y);
         let pose = part.answer(view, y, &found, Told::Mean).mean;
         Fit {
@@ -228,6 +243,10 @@ impl Prior for Blocks {
             support: Vec::new(),
             pose,
         }
+    }
+
+    fn slope(&self, y: &[f64], noise: &[f64], moves: &[Vec<f64>]) -> Option<Slope> {
+        Some(self.parts[0].slope(&self.view(0, &told(noise)), y, moves))
     }
 
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
@@ -269,7 +288,7 @@ impl Prior for Blocks {
             parts,
             typical: map.apply_rows(self.typical.view()),
             poses,
-            met: Met::default(),
+            met: unmet(self.parts.len()),
             ..self.clone()
         })
     }
@@ -363,6 +382,43 @@ mod tests {
                 .chain(none.covariance.diag())
                 .all(|v| v.is_finite())
         );
+    }
+
+    #[test]
+    fn the_slope_is_that_of_the_evidence() {
+        let poses = poses();
+        let (blocks, _) = learnt(&poses);
+        let y: Vec<f64> = poses
+            .xyz
+            .row(40)
+            .iter()
+            .map(|v| f64::from(*v) + 0.4)
+            .collect();
+        let moves: Vec<Vec<f64>> = (0..3)
+            .map(|k| (0..69).map(|c| f64::from(u8::from(c % 3 == k))).collect())
+            .collect();
+        // Much noise, where directions share one; little; and of many kinds, with gaps.
+        let mixed = (0..69).map(|c| match c {
+            0..30 => f64::INFINITY,
+            c => 0.5 + c as f64,
+        });
+        for noise in [vec![400.0; 69], vec![4.0; 69], mixed.collect()] {
+            let at = |k: usize, by: f64| -> f64 {
+                let moved: Vec<f64> = y.iter().zip(&moves[k]).map(|(y, m)| y + by * m).collect();
+                blocks.slope(&moved, &noise, &[]).unwrap().evidence
+            };
+            let slope = blocks.slope(&y, &noise, &moves).unwrap();
+            for k in 0..3 {
+                let told = 0.5 * (at(k, 1.0) - at(k, -1.0));
+                let scale = 0.05 * told.abs().max(0.2);
+                assert!(
+                    (slope.gradient[k] - told).abs() <= scale,
+                    "{} {told}",
+                    slope.gradient[k]
+                );
+                assert!(slope.curvature[4 * k] > 0.0);
+            }
+        }
     }
 
     #[test]

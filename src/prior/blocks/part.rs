@@ -2,7 +2,8 @@
 
 use super::cells::Cells;
 use super::leaves::{Leaves, Opened, Poses};
-use super::lens::{Lens, Pattern, Scales};
+use super::lens::{Lens, Pattern};
+use super::scales::Scales;
 use crate::pose::PoseMap;
 use crate::simd::padded;
 use ndarray::Array2;
@@ -63,7 +64,7 @@ pub struct View {
     pattern: Pattern,
     /// 1 / (variance within a level's cells + noise), 0 where nothing is seen: by level.
     pub nearness: Vec<Vec<f32>>,
-    sights: Vec<Vec<OnceLock<Sight>>>,
+    sights: Vec<Vec<OnceLock<Box<Sight>>>>,
 }
 
 /// One cell seen through the noise, at all its scales.
@@ -117,11 +118,11 @@ impl View {
             // A finest cell that is no level's is looked at for its leaves' sake.
             let active = &part.active[index];
             let own = active.is_empty().then_some(1.0);
-            Sight {
+            Box::new(Sight {
                 scales: lens.at(active.iter().map(|a| a.scale).chain(own)),
                 leaves: OnceLock::new(),
                 lens,
-            }
+            })
         })
     }
 }

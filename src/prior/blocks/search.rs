@@ -52,6 +52,19 @@ impl Explained {
         }
     }
 
+    /// Each block's share, in the order of [`best`](Explained::best). Less what the least of them weighs: blocks come and go
+    /// without a jump.
+    pub fn shares(&self) -> Vec<f64> {
+        let logs = self.best.iter().map(|h| h.log);
+        let top = logs.fold(f64::NEG_INFINITY, f64::max);
+        let least = (-NEGLIGIBLE).exp();
+        let weights = self.best.iter().map(|h| (h.log - top).exp() - least);
+        let mut weights: Vec<f64> = weights.collect();
+        let total: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|w| *w /= total);
+        weights
+    }
+
     /// The observation less a cell's mean, in its directions.
     pub fn z(&self, seen: usize, sight: &Sight) -> &[f32] {
         let start = self.seen[seen].start;
@@ -62,7 +75,7 @@ impl Explained {
 /// So many blocks answer.
 const KEPT: usize = 96;
 /// Blocks this much less likely (nats) than the best do not answer.
-pub const NEGLIGIBLE: f64 = 6.0;
+const NEGLIGIBLE: f64 = 6.0;
 /// The leaves of so many cells are looked at.
 const OPENED: usize = 8;
 /// Cells this much less likely than the best are not opened.

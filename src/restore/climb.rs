@@ -1,0 +1,241 @@
+//! A placement by evidence: where the model explains the observation best.
+//!
+//! P1 alternates between pose and placement. A model that can meet any six joints wherever they stand stops where it
+//! begins: its fit leaves nothing to turn by. It knows how likely each placement is instead, and that is climbed:
+//!
+//! ```text
+//! max over R, t   log p(Rᵀ (y − t)) − ½ Σ Wₖ (τₖ − τ₀ₖ)²
+//! ```
+//!
+//! by damped Newton steps δ, ε of y ↦ Rᵀ (exp(−δ) (y − c − ε) + c − t) about the centre c of what is seen.
+
+use super::synthesis::{Observed, Solution, Synthesis, angles_from, pointwise};
+use crate::linalg::cholesky_solve;
+use crate::pose::Similarity;
+use crate::pose::rotation::exponential;
+use crate::prior::{Fit, Prior, Slope};
+use glam::{DMat3, DVec3};
+use ndarray::{Array1, Array2};
+
+/// A step that is to gain less than this, in nats, is the last.
+const SETTLED: f64 = 1e-9;
+/// Evidence is told in single precision: below this, in nats, steps are taken by the gradient's word alone.
+const ROUGH: f64 = 1e-3;
+/// Turns are kept below this, radians, and shifts below this, cm: farther off the slope says little.
+const FARTHEST: (f64, f64) = (0.35, 20.0);
+/// Damping that finds no better place gives up.
+const MOST_DAMPED: f64 = 1e6;
+
+/// Climbs from one start; `None` where the model tells no slope.
+pub fn climb(
+    synthesis: &Synthesis,
+    prior: &dyn Prior,
+    seen: Observed<'_>,
+    start: Similarity,
+) -> Option<Solution> {
+    let noise = pointwise(seen.noise);
+    let climber = Climber {
+        prior,
+        seen,
+        centre: centre(seen),
+        noise,
+    };
+    let cost = |at: &Similarity| 0.5 * synthesis.prior_cost(at, &start);
+    let weights = synthesis.rotation_prior;
+    let mut now = start;
+    let mut slope = climber.slope(&now)?;
+    let mut damping = 1e-3;
+    let mut steps = 0;
+    'steps: while steps < synthesis.iterations {
+        steps += 1;
+        let angles = angles_from(&start.rotation, &now.rotation);
+        for k in 0..3 {
+            slope.gradient[k] -= weights[k] * angles[k];
+            slope.curvature[7 * k] += weights[k];
+        }
+        let value = slope.evidence - cost(&now);
+        loop {
+            let Some((step, gain)) = step(&slope, damping) else {
+                break 'steps;
+            };
+            let next = climber.moved(&now, &step);
+            let there = climber.slope(&next)?;
+            if there.evidence - cost(&next) >= value - if gain <= ROUGH { ROUGH } else { 0.0 } {
+                (now, slope) = (next, there);
+                damping = (damping * 0.2).max(1e-9);
+                if gain <= SETTLED {
+                    break 'steps;
+                }
+                break;
+            }
+            damping = (damping * 10.0).max(1e-3);
+            if damping > MOST_DAMPED || gain <= SETTLED {
+                break 'steps;
+            }
+        }
+    }
+    let fit = Fit {
+        objective: -2.0 * slope.evidence,
+        ..Fit::default()
+    };
+    let objective = fit.objective + 2.0 * cost(&now);
+    Some(Solution {
+        placement: now,
+        fit,
+        objective,
+        iterations: steps,
+    })
+}
+
+/// An observation that is to be placed.
+struct Climber<'a> {
+    prior: &'a dyn Prior,
+    seen: Observed<'a>,
+    noise: Vec<f64>,
+    centre: DVec3,
+}
+
+impl Climber<'_> {
+    /// The slope of the evidence at a placement: along three turns about the centre, then three shifts.
+    fn slope(&self, at: &Similarity) -> Option<Slope> {
+        let d = self.seen.y.len();
+        let mut back = vec![0.0; d];
+        at.undo_pose(self.seen.y, &mut back);
+        let to_model = at.rotation.transpose();
+        let mut moves = vec![vec![0.0; d]; 6];
+        for p in 0..d / 3 {
+            if !self.noise[3 * p].is_finite() {
+                continue;
+            }
+            let from_centre = DVec3::from_slice(&self.seen.y[3 * p..]) - self.centre;
+            for (k, axis) in DVec3::AXES.into_iter().enumerate() {
+                let turned = -(to_model * axis.cross(from_centre));
+                let shifted = -(to_model * axis);
+                moves[k][3 * p..3 * p + 3].copy_from_slice(&turned.to_array());
+                moves[3 + k][3 * p..3 * p + 3].copy_from_slice(&shifted.to_array());
+            }
+        }
+        self.prior.slope(&back, &self.noise, &moves)
+    }
+
+    fn moved(&self, from: &Similarity, step: &[f64; 6]) -> Similarity {
+        let turn: DMat3 = exponential(DVec3::from_slice(&step[..3]));
+        let shift = DVec3::from_slice(&step[3..]);
+        Similarity {
+            rotation: turn * from.rotation,
+            shift: turn * (from.shift - self.centre) + self.centre + shift,
+            ..*from
+        }
+    }
+}
+
+/// The centre of what is seen.
+fn centre(seen: Observed<'_>) -> DVec3 {
+    let points = seen.y.chunks_exact(3).zip(seen.noise.chunks_exact(3));
+    let points = points.filter(|(_, n)| n.iter().all(|n| n.is_finite()));
+    let (sum, count) = points.fold((DVec3::ZERO, 0.0), |(sum, count), (y, _)| {
+        (sum + DVec3::from_slice(y), count + 1.0)
+    });
+    sum / f64::max(count, 1.0)
+}
+
+/// A Newton step, damped, and what it is to gain.
+fn step(slope: &Slope, damping: f64) -> Option<([f64; 6], f64)> {
+    let mut normal = Array2::from_shape_fn((6, 6), |(i, j)| slope.curvature[6 * i + j]);
+    for k in 0..6 {
+        normal[[k, k]] += damping * slope.curvature[7 * k] + 1e-9;
+    }
+    let solved = cholesky_solve(normal, Array1::from(slope.gradient.clone()))?;
+    let gain = 0.5
+        * slope
+            .gradient
+            .iter()
+            .zip(&solved)
+            .map(|(g, s)| g * s)
+            .sum::<f64>();
+    let length = |k: usize| DVec3::new(solved[k], solved[k + 1], solved[k + 2]).length();
+    let by = (FARTHEST.0 / length(0))
+        .min(FARTHEST.1 / length(3))
+        .min(1.0);
+    Some((std::array::from_fn(|k| by * solved[k]), gain))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::prior::Belief;
+    use ndarray::ArrayView2;
+
+    /// Points that are known to within 1 cm, in a corner of space.
+    struct Corner(Vec<f64>, Array2<f64>);
+
+    impl Prior for Corner {
+        fn width(&self) -> usize {
+            self.0.len()
+        }
+        fn variance(&self) -> &[f64] {
+            &self.0
+        }
+        fn believe(&self, _: &[f64], _: &[f64]) -> Belief {
+            Belief::default()
+        }
+        fn slope(&self, y: &[f64], _: &[f64], moves: &[Vec<f64>]) -> Option<Slope> {
+            let along = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+            let off: Vec<f64> = y.iter().zip(&self.0).map(|(y, m)| y - m).collect();
+            let pairs = moves.iter().flat_map(|a| moves.iter().map(|b| along(a, b)));
+            Some(Slope {
+                evidence: -0.5 * along(&off, &off),
+                gradient: moves.iter().map(|m| -along(m, &off)).collect(),
+                curvature: pairs.collect(),
+            })
+        }
+        fn typical(&self) -> ArrayView2<'_, f64> {
+            self.1.view()
+        }
+        fn mapped(&self, _: &crate::pose::PoseMap) -> Box<dyn Prior> {
+            Box::new(Corner(self.0.clone(), self.1.clone()))
+        }
+    }
+
+    #[test]
+    fn the_top_is_reached_from_afar_and_a_wish_holds_it_back() {
+        let pose = vec![
+            0.0, 0.0, 0.0, 30.0, 0.0, 5.0, 0.0, 40.0, 0.0, 3.0, -8.0, 50.0,
+        ];
+        let prior = Corner(pose.clone(), Array2::zeros((1, 12)));
+        let stands = Similarity {
+            rotation: exponential(DVec3::new(0.5, -1.4, 0.3)),
+            shift: DVec3::new(10.0, 90.0, -300.0),
+            scale: 1.0,
+        };
+        let mut y = vec![0.0; 12];
+        stands.apply_pose(&pose, &mut y);
+        let noise = vec![1.0; 12];
+        let seen = Observed {
+            y: &y,
+            noise: &noise,
+        };
+        let start = Similarity {
+            rotation: exponential(DVec3::new(0.0, 0.4, 0.0)),
+            ..Similarity::IDENTITY
+        };
+        let free = climb(&Synthesis::default(), &prior, seen, start).unwrap();
+        assert!((free.placement.shift - stands.shift).length() <= 1e-5);
+        assert!(free.objective <= 1e-9 && free.iterations < 20);
+        let wish = Synthesis {
+            rotation_prior: DVec3::splat(1e5),
+            ..Synthesis::default()
+        };
+        let held = climb(&wish, &prior, seen, start).unwrap();
+        let turned = |s: &Solution| {
+            crate::pose::rotation::angle_between(&s.placement.rotation, &start.rotation)
+        };
+        assert!(
+            turned(&held) < 0.7 * turned(&free),
+            "{} {}",
+            turned(&held),
+            turned(&free)
+        );
+        assert!(held.objective < 2.0 * wish.prior_cost(&stands, &start));
+    }
+}
