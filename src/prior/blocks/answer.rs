@@ -180,7 +180,7 @@ impl<'a> Chorus<'a> {
             self.asked = Some((h.seen, leaf));
             self.state.of_leaf(sight, z, opened, &self.y, leaf);
         }
-        let scales = sight.leaves(self.part);
+        let scales = self.view.leaves(self.part, cell.cell);
         add_wide(&mut to.base, weight, opened.pose(leaf));
         scales.add_solved(h.at, &self.state.z, weight, &mut to.w);
         let reach = self.part.active(self.part.cells.len())[h.at].along;
@@ -233,7 +233,10 @@ impl<'a> Chorus<'a> {
             let of = |b: &usize| -> Weighed<'a> {
                 let h = self.explained.best[*b];
                 let scales: &Scales = match h.leaf {
-                    Some(_) => sight.leaves(self.part),
+                    Some(_) => {
+                        let cell = self.explained.seen[*seen].cell;
+                        self.view.leaves(self.part, cell)
+                    }
                     None => &sight.scales,
                 };
                 (scales, h.at, self.shares[*b] / total)

@@ -116,6 +116,7 @@ impl Blocks {
             width,
             variance: variance_of(&made[0]),
             met: super::unmet(made.len()),
+            even: super::unmet(made.len()),
             parts: made,
             log_ways: log_ways.iter().map(|w| f64::from(*w)).collect(),
             ways,

@@ -268,6 +268,7 @@ fn build(
         ways,
         variance: variance_of(&parts[0]),
         met: super::unmet(parts.len()),
+        even: super::unmet(parts.len()),
         parts,
         poses: kept.poses,
         temperature: settings.temperature,

@@ -19,7 +19,7 @@
 //! are seen, a decomposition of R^-1/2 C_oo R^-1/2 takes the place of U, and nothing is changed.
 
 use super::basis::Basis;
-use super::scales::{Scales, Weighed, log_product, merged};
+use super::scales::{Even, Scales, Weighed, log_product, merged};
 use crate::linalg::symmetric_eigen;
 use crate::simd::{self, combine, padded, row_dots};
 use ndarray::Array2;
@@ -35,7 +35,7 @@ pub enum Pattern {
         /// The variance of most, and the least.
         unit: f64,
         /// Those of another.
-        changed: Vec<(usize, f64)>,
+        changed: Arc<[(usize, f64)]>,
     },
     /// Of many kinds.
     Mixed,
@@ -52,10 +52,13 @@ impl Pattern {
             .filter(|(_, n)| *n > unit)
             .collect();
         // Above this the small solves cost more than a decomposition of what is seen.
-        if 5 * changed.len() > 2 * noise.len() {
+        if 5 * changed.len() > 3 * noise.len() {
             return Pattern::Mixed;
         }
-        Pattern::Changed { unit, changed }
+        Pattern::Changed {
+            unit,
+            changed: changed.into(),
+        }
     }
 }
 
@@ -64,8 +67,8 @@ impl Pattern {
 pub struct Lens {
     basis: Arc<Basis>,
     /// The coordinates that are seen.
-    seen: Vec<usize>,
-    changed: Vec<(usize, f64)>,
+    seen: Arc<[usize]>,
+    changed: Arc<[(usize, f64)]>,
     unit: f64,
     constant: f64,
     /// What stands in for the basis where the noise is mixed.
@@ -98,14 +101,13 @@ struct Mixed {
 const LOG_2_PI: f64 = 1.837_877_066_409_345_5;
 
 impl Lens {
-    /// Looks at a block through noise variances (d), of that pattern.
-    pub fn new(basis: &Arc<Basis>, noise: &[f64], pattern: &Pattern) -> Lens {
-        let seen: Vec<usize> = (0..noise.len()).filter(|&i| noise[i].is_finite()).collect();
+    /// Looks at a block through noise variances (d), of that pattern; `seen` are those that are finite.
+    pub fn new(basis: &Arc<Basis>, noise: &[f64], seen: &Arc<[usize]>, pattern: &Pattern) -> Lens {
         let constant = -0.5 * seen.len() as f64 * LOG_2_PI;
         let lens = Lens {
             basis: basis.clone(),
-            seen,
-            changed: Vec::new(),
+            seen: seen.clone(),
+            changed: Arc::default(),
             unit: 1.0,
             constant,
             mixed: None,
@@ -209,21 +211,65 @@ impl Lens {
         }
     }
 
-    /// At some scales.
+    /// At some scales; nothing may be changed.
     pub fn at(&self, scales: impl Iterator<Item = f64>) -> Scales {
-        let values = self.values();
-        let mut out = Scales::of(scales.collect(), self.stride(), self.changed.len());
+        let shared = match (&self.cut, self.values()) {
+            (Some(cut), [.., last]) => Some((cut.shared - 1.0, *last)),
+            _ => None,
+        };
+        self.of(scales, self.values(), shared)
+    }
+
+    /// The same with no direction shared, to be [changed](Lens::changed).
+    pub fn even(&self, scales: impl Iterator<Item = f64>) -> Even {
+        let scales = self.of(scales, &self.basis.values, None);
+        let (d, stride) = (self.basis.len(), self.basis.stride());
+        let mut precisions = vec![0.0; scales.scales.len() * d * stride];
+        let mut half = vec![0.0; d * stride];
+        let mut whole = vec![0.0; d * d];
+        for (scale, to) in scales
+            .scales
+            .iter()
+            .zip(precisions.chunks_exact_mut(d * stride))
+        {
+            let roots: Vec<f64> = (self.basis.values.iter())
+                .map(|l| (1.0 / (scale * l + self.unit)).sqrt())
+                .collect();
+            for (i, row) in half.chunks_exact_mut(stride).enumerate() {
+                let terms = row.iter_mut().zip(self.basis.row(i).iter().zip(&roots));
+                terms.for_each(|(h, (u, r))| *h = f64::from(*u) * r);
+            }
+            simd::products(&half, stride, &mut whole);
+            for i in 0..d {
+                for j in 0..=i {
+                    to[i * stride + j] = whole[i * d + j] as f32;
+                    to[j * stride + i] = whole[i * d + j] as f32;
+                }
+            }
+        }
+        Even { scales, precisions }
+    }
+
+    /// Where coordinates are changed: at the scales at which the same block was seen without. `many` where more residuals
+    /// than there are changed coordinates are to come.
+    pub fn changed(&self, even: &Even, many: bool) -> Scales {
+        let unseen = self.basis.len() - self.seen.len();
+        let constant = 0.5 * unseen as f64 * LOG_2_PI;
+        Scales::changed(even, &self.basis, &self.changed, self.unit, constant, many)
+    }
+
+    fn of(
+        &self,
+        scales: impl Iterator<Item = f64>,
+        values: &[f64],
+        shared: Option<(f64, f64)>,
+    ) -> Scales {
+        let mut out = Scales::of(scales.collect(), padded(values.len()));
         for at in 0..out.scales.len() {
-            let scale = out.scales[at];
-            let shares = values.iter().map(|l| 1.0 / (scale * l + self.unit));
-            let shares: Vec<f64> = shares.collect();
-            let mut normaliser = self.constant + 0.5 * log_product(&shares);
-            if let (Some(cut), Some(last)) = (&self.cut, shares.last()) {
-                normaliser += 0.5 * (cut.shared - 1.0) * last.ln();
-            }
-            if !self.changed.is_empty() {
-                normaliser += out.fix(&self.basis, &self.changed, self.unit, &shares);
-            }
+            let share = |l: &f64| 1.0 / (out.scales[at] * l + self.unit);
+            let shares: Vec<f64> = values.iter().map(share).collect();
+            let more = shared.map_or(0.0, |(count, last)| count * share(&last).ln());
+            let normaliser = self.constant + 0.5 * (log_product(&shares) + more);
             out.push(&shares, normaliser);
         }
         out
@@ -266,7 +312,7 @@ impl Lens {
                 out.diag_mut().mapv_inplace(|v| v + shared);
                 for (scales, at, weight) in merged(weights) {
                     if let Some(fix) = scales.fix_at(at) {
-                        let half = self.unlearnt(scales.scales[at], fix);
+                        let half = self.unlearnt(scales.scales[at], &fix);
                         out.scaled_add(weight, &half.t().dot(&half));
                     }
                 }
@@ -295,7 +341,7 @@ impl Lens {
                 out.iter_mut().for_each(|v| *v += shared);
                 for (scales, at, weight) in merged(weights) {
                     if let Some(fix) = scales.fix_at(at) {
-                        for row in self.unlearnt(scales.scales[at], fix).rows() {
+                        for row in self.unlearnt(scales.scales[at], &fix).rows() {
                             add(out, row.iter().map(|v| weight * v * v).collect());
                         }
                     }
@@ -433,16 +479,26 @@ mod tests {
         let mut kinds = Vec::new();
         for noise in noises {
             let pattern = Pattern::of(&noise);
-            let lens = Lens::new(&basis, &noise, &pattern);
+            let finite = (0..6).filter(|&i| noise[i].is_finite());
+            let lens = Lens::new(&basis, &noise, &finite.collect(), &pattern);
             kinds.push(lens.is_own());
-            for scale in [1.0, 2.5, 0.03] {
+            let at = |scales: [f64; 2], many: bool| match &pattern {
+                Pattern::Changed { unit, changed } if !changed.is_empty() => {
+                    let noise = [*unit; 6];
+                    let even = Pattern::of(&noise);
+                    let plain = Lens::new(&basis, &noise, &(0..6).collect(), &even);
+                    lens.changed(&plain.even(scales.into_iter()), many)
+                }
+                _ => lens.at(scales.into_iter()),
+            };
+            for (scale, many) in [(1.0, false), (2.5, true), (0.03, true), (0.03, false)] {
                 let prior = &c * scale;
                 let want = Conditional::new(prior.view(), &noise);
                 let (mut z, mut mean) = (Vec::new(), vec![0.0; 6]);
                 let mut r: Vec<f32> = y.iter().map(|y| *y as f32).collect();
                 r.resize(padded(6), 0.0);
                 lens.project(&r, &mut z);
-                let scales = lens.at([scale, 0.5 * scale].into_iter());
+                let scales = at([scale, 0.5 * scale], many);
                 let mut w = vec![0.0; z.len()];
                 scales.add_solved(0, &z, 1.0, &mut w);
                 lens.add_gain(&w, &mut mean);

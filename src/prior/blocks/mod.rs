@@ -44,6 +44,8 @@ pub use learn::{Settings, model, train};
 const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 /// So many noise patterns of the whole body are remembered; of parts more, as they are smaller.
 const MOST_MET: usize = 16;
+/// So many kinds of noise that is everywhere the same are.
+const MOST_EVEN: usize = 4;
 /// Ways of making a body of parts that weigh less for an observation do not answer it.
 const LEAST_WEIGHT: f64 = 1e-3;
 /// Ways that weigh less than this share of the first before any observation are not looked at.
@@ -66,6 +68,8 @@ pub struct Blocks {
     poses: Arc<Poses>,
     /// Each part's views met before.
     met: Arc<Vec<Met<View>>>,
+    /// Those through noise that is everywhere the same: what the others are made from.
+    even: Arc<Vec<Met<View>>>,
 }
 
 /// What all parts make of an observation.
@@ -110,7 +114,18 @@ impl Blocks {
         let noise: Vec<f64> = part.coordinates.iter().map(|&i| noise[i]).collect();
         let smaller = self.width / noise.len().max(1);
         let most = MOST_MET * smaller * smaller;
-        self.met[p].get(&noise, most, || View::new(part, noise.clone()))
+        self.met[p].get(&noise, most, || {
+            View::new(part, noise.clone(), |unit| self.even(p, unit))
+        })
+    }
+
+    /// How a part is seen through noise that is everywhere the same.
+    fn even(&self, p: usize, unit: f64) -> Arc<View> {
+        let part = &self.parts[p];
+        let noise = vec![unit; part.coordinates.len()];
+        self.even[p].get(&[unit], MOST_EVEN, || {
+            View::new(part, noise, |unit| self.even(p, unit))
+        })
     }
 
     /// The parts of the ways that weigh enough to be looked at.
@@ -289,6 +304,7 @@ impl Prior for Blocks {
             typical: map.apply_rows(self.typical.view()),
             poses,
             met: unmet(self.parts.len()),
+            even: unmet(self.parts.len()),
             ..self.clone()
         })
     }

@@ -3,7 +3,7 @@
 use super::cells::Cells;
 use super::leaves::{Leaves, Opened, Poses};
 use super::lens::{Lens, Pattern};
-use super::scales::Scales;
+use super::scales::{Even, Scales};
 use crate::pose::PoseMap;
 use crate::simd::padded;
 use ndarray::Array2;
@@ -62,6 +62,10 @@ pub struct View {
     /// The noise variance of each coordinate, cm².
     pub noise: Vec<f64>,
     pattern: Pattern,
+    /// The coordinates that are seen.
+    seen: Arc<[usize]>,
+    /// The same without what is changed: what does not hang on that is taken from there.
+    even: Option<Arc<View>>,
     /// 1 / (variance within a level's cells + noise), 0 where nothing is seen: by level.
     pub nearness: Vec<Vec<f32>>,
     sights: Vec<Vec<OnceLock<Box<Sight>>>>,
@@ -75,11 +79,14 @@ pub struct Sight {
     pub scales: Scales,
     /// At the scales of the leaves' levels, in their order; where they were asked for.
     leaves: OnceLock<Scales>,
+    /// What views through changed noise start from: of the cell's levels, and of the leaves'.
+    even: [OnceLock<Even>; 2],
 }
 
 impl View {
-    /// Nothing looked at yet; `noise` is that of the part's coordinates.
-    pub fn new(part: &Part, noise: Vec<f64>) -> View {
+    /// Nothing looked at yet; `noise` is that of the part's coordinates. `even` gives the view through noise that is
+    /// everywhere the same.
+    pub fn new(part: &Part, noise: Vec<f64>, even: impl FnOnce(f64) -> Arc<View>) -> View {
         let near = |c: &Cells| {
             let weight = |(v, n): (&f64, &f64)| (1.0 / (v + n)) as f32;
             let mut near: Vec<f32> = c.within.iter().zip(&noise).map(weight).collect();
@@ -87,9 +94,15 @@ impl View {
             near
         };
         let none = |c: &Cells| (0..c.len()).map(|_| OnceLock::new()).collect();
+        let pattern = Pattern::of(&noise);
         View {
             nearness: part.cells.iter().map(near).collect(),
-            pattern: Pattern::of(&noise),
+            even: match &pattern {
+                Pattern::Changed { unit, changed } if !changed.is_empty() => Some(even(*unit)),
+                _ => None,
+            },
+            pattern,
+            seen: (0..noise.len()).filter(|&i| noise[i].is_finite()).collect(),
             sights: part.cells.iter().map(none).collect(),
             noise,
         }
@@ -114,27 +127,49 @@ impl View {
     pub fn sight(&self, part: &Part, index: usize, cell: usize) -> &Sight {
         self.sights[index][cell].get_or_init(|| {
             let basis = part.cells[index].basis(cell, &part.coordinates);
-            let lens = Lens::new(&basis, &self.noise, &self.pattern);
-            // A finest cell that is no level's is looked at for its leaves' sake.
-            let active = &part.active[index];
-            let own = active.is_empty().then_some(1.0);
+            let lens = Lens::new(&basis, &self.noise, &self.seen, &self.pattern);
+            let scales = match &self.even {
+                None => lens.at(own_scales(part, index)),
+                Some(even) => {
+                    let even = &even.sight(part, index, cell);
+                    let of = even.even[0].get_or_init(|| even.lens.even(own_scales(part, index)));
+                    lens.changed(of, false)
+                }
+            };
             Box::new(Sight {
-                scales: lens.at(active.iter().map(|a| a.scale).chain(own)),
+                scales,
                 leaves: OnceLock::new(),
                 lens,
+                even: Default::default(),
             })
+        })
+    }
+
+    /// A finest cell at the scales of the leaves' levels.
+    pub fn leaves(&self, part: &Part, cell: usize) -> &Scales {
+        let index = part.cells.len() - 1;
+        let sight = self.sight(part, index, cell);
+        sight.leaves.get_or_init(|| match &self.even {
+            None => sight.lens.at(leaf_scales(part)),
+            Some(even) => {
+                let even = &even.sight(part, index, cell);
+                let of = even.even[1].get_or_init(|| even.lens.even(leaf_scales(part)));
+                sight.lens.changed(of, true)
+            }
         })
     }
 }
 
-impl Sight {
-    /// At the scales of the leaves' levels.
-    pub fn leaves(&self, part: &Part) -> &Scales {
-        self.leaves.get_or_init(|| {
-            let levels = part.active.last().into_iter().flatten();
-            self.lens.at(levels.map(|a| a.scale))
-        })
-    }
+/// The scales of the levels of an index. A finest cell that is no level's is looked at for its leaves' sake.
+fn own_scales(part: &Part, index: usize) -> impl Iterator<Item = f64> {
+    let active = &part.active[index];
+    let alone = active.is_empty().then_some(1.0);
+    active.iter().map(|a| a.scale).chain(alone)
+}
+
+/// The scales of the leaves' levels.
+fn leaf_scales(part: &Part) -> impl Iterator<Item = f64> {
+    part.active.last().into_iter().flatten().map(|a| a.scale)
 }
 
 /// Levels of less weight are not looked at.

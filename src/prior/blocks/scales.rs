@@ -1,8 +1,9 @@
 //! A block seen through noise, at some scales of its covariance: evidence and what a residual is solved to.
 
 use super::basis::Basis;
-use crate::prior::small::factorise;
-use crate::simd::{self, combine, products, row_dots, weighted_rows};
+use crate::prior::small::{backward, dot, factorise, forward};
+use crate::simd::{self, combine, row_dots, weighted_rows};
+use std::borrow::Cow;
 
 /// A lens at some scales of the covariance.
 #[derive(Debug, Clone)]
@@ -13,10 +14,21 @@ pub struct Scales {
     shares: Vec<f32>,
     stride: usize,
     normalisers: Vec<f64>,
-    /// L⁻¹ U_c diag(s) of each, with L Lᵀ = G: (scales × changed, directions), padded.
-    fixes: Vec<f32>,
+    /// U_c diag(s) of each, or L⁻¹ of that: (scales × changed, directions), padded.
+    rows: Vec<f32>,
+    /// L of each, L Lᵀ = G, by rows: (scales, changed, changed). Empty where it is taken off the rows already.
+    factors: Vec<f64>,
     /// How many coordinates are changed.
     changed: usize,
+}
+
+/// A block seen through noise that is everywhere the same, at some scales: what noise that is not starts from.
+#[derive(Debug, Clone)]
+pub struct Even {
+    /// At all directions.
+    pub scales: Scales,
+    /// P = U diag(s) Uᵀ of each scale, (scales, d, d), rows padded.
+    pub precisions: Vec<f32>,
 }
 
 /// One scale of a lens, with a weight.
@@ -27,14 +39,15 @@ const AT_ONCE: usize = 32;
 
 impl Scales {
     /// Nothing known of any scale yet.
-    pub fn of(scales: Vec<f64>, stride: usize, changed: usize) -> Scales {
+    pub fn of(scales: Vec<f64>, stride: usize) -> Scales {
         Scales {
             shares: Vec::with_capacity(scales.len() * stride),
             normalisers: Vec::with_capacity(scales.len()),
-            fixes: Vec::with_capacity(scales.len() * changed * stride),
+            rows: Vec::new(),
+            factors: Vec::new(),
+            changed: 0,
             scales,
             stride,
-            changed,
         }
     }
 
@@ -46,41 +59,52 @@ impl Scales {
         self.normalisers.push(normaliser);
     }
 
-    /// Adds what coordinates of more noise than `unit` change at the next scale, whose s are `shares`; gives what is to be
-    /// added to the log evidence.
-    pub fn fix(
-        &mut self,
+    /// The same where coordinates have more noise than `unit`, of which all have it; `constant` is added to the log
+    /// evidence. `many` where more residuals than there are changed coordinates are to come.
+    pub fn changed(
+        even: &Even,
         basis: &Basis,
         changed: &[(usize, f64)],
         unit: f64,
-        shares: &[f64],
-    ) -> f64 {
-        let (n, stride) = (changed.len(), self.stride);
-        let roots: Vec<f64> = shares.iter().map(|s| s.sqrt()).collect();
-        let scaled = |row: &mut [f64]| row.iter_mut().zip(&roots).for_each(|(v, r)| *v *= r);
-        let mut rows = vec![0.0; n * stride];
-        for (row, (i, _)) in rows.chunks_exact_mut(stride).zip(changed) {
-            let from = row.iter_mut().zip(basis.row(*i));
-            from.for_each(|(v, u)| *v = f64::from(*u));
-            scaled(row);
-        }
-        let mut factor = vec![0.0; n * n];
-        products(&rows, stride, &mut factor);
-        let mut normaliser = 0.0;
-        for (a, (_, noise)) in changed.iter().enumerate() {
-            let above = noise - unit;
-            // 1 / ∞ is 0: a missing coordinate.
-            factor[a * n + a] += 1.0 / above;
-            if above.is_finite() {
-                normaliser -= 0.5 * above.ln();
+        constant: f64,
+        many: bool,
+    ) -> Scales {
+        let mut out = even.scales.clone();
+        let (n, stride) = (changed.len(), out.stride);
+        out.changed = n;
+        let of_scale = even.precisions.chunks_exact(basis.len() * stride);
+        for (at, precision) in of_scale.enumerate() {
+            let mut normaliser = constant;
+            let mut factor = vec![0.0; n * n];
+            for (a, (i, noise)) in changed.iter().enumerate() {
+                let row = &precision[i * stride..(i + 1) * stride];
+                let before = factor[a * n..].iter_mut().zip(&changed[..=a]);
+                before.for_each(|(f, (j, _))| *f = f64::from(row[*j]));
+                let above = noise - unit;
+                // 1 / ∞ is 0: a missing coordinate.
+                factor[a * n + a] += 1.0 / above;
+                if above.is_finite() {
+                    normaliser -= 0.5 * above.ln();
+                }
+            }
+            factorise(&mut factor, n);
+            let pivots: Vec<f64> = (0..n).map(|a| factor[a * n + a]).collect();
+            out.normalisers[at] += normaliser - log_product(&pivots);
+            let shares = &even.scales.shares[at * stride..(at + 1) * stride];
+            let rows = changed.iter().flat_map(|(i, _)| {
+                let row = basis.row(*i).iter().zip(shares);
+                row.map(|(u, s)| u * s)
+            });
+            if many {
+                let mut rows: Vec<f64> = rows.map(f64::from).collect();
+                simd::forward(&factor, &mut rows, stride);
+                out.rows.extend(rows.iter().map(|v| *v as f32));
+            } else {
+                out.rows.extend(rows);
+                out.factors.extend(factor);
             }
         }
-        factorise(&mut factor, n);
-        normaliser -= (0..n).map(|a| factor[a * n + a].ln()).sum::<f64>();
-        rows.chunks_exact_mut(stride).for_each(scaled);
-        simd::forward(&factor, &mut rows, stride);
-        self.fixes.extend(rows.iter().map(|v| *v as f32));
-        normaliser
+        out
     }
 
     /// s of one scale.
@@ -88,10 +112,27 @@ impl Scales {
         &self.shares[at * self.stride..(at + 1) * self.stride]
     }
 
-    /// L⁻¹ U_c diag(s) of one scale by rows, where coordinates are changed.
-    pub fn fix_at(&self, at: usize) -> Option<&[f32]> {
+    /// U_c diag(s) of one scale by rows, or L⁻¹ of that, where coordinates are changed.
+    fn rows_at(&self, at: usize) -> Option<&[f32]> {
         let size = self.changed * self.stride;
-        (size > 0).then(|| &self.fixes[at * size..(at + 1) * size])
+        (size > 0).then(|| &self.rows[at * size..(at + 1) * size])
+    }
+
+    /// L of one scale, where it is not taken off the rows.
+    fn factor_at(&self, at: usize) -> Option<&[f64]> {
+        let size = self.changed * self.changed;
+        (!self.factors.is_empty()).then(|| &self.factors[at * size..(at + 1) * size])
+    }
+
+    /// L⁻¹ U_c diag(s) of one scale by rows, where coordinates are changed.
+    pub fn fix_at(&self, at: usize) -> Option<Cow<'_, [f32]>> {
+        let rows = self.rows_at(at)?;
+        let Some(factor) = self.factor_at(at) else {
+            return Some(rows.into());
+        };
+        let mut wide: Vec<f64> = rows.iter().map(|v| f64::from(*v)).collect();
+        simd::forward(factor, &mut wide, self.stride);
+        Some(wide.iter().map(|v| *v as f32).collect())
     }
 
     /// aᵀ (a C_oo + R)⁻¹ b of two residuals, given their z, at each scale; into `out`.
@@ -104,12 +145,34 @@ impl Scales {
             out.extend(plain[..left.min(16)].iter().map(|v| f64::from(*v)));
         }
         for (at, out) in out.iter_mut().enumerate() {
-            let Some(rows) = self.fix_at(at) else { break };
-            *out -= self.fixed(rows, a, b);
+            match (self.rows_at(at), self.factor_at(at)) {
+                (None, _) => break,
+                (Some(rows), None) => *out -= self.fixed(rows, a, b),
+                (Some(_), Some(_)) => {
+                    let p = self.whitened(at, a);
+                    *out -= match std::ptr::eq(a, b) {
+                        true => dot(&p, &p),
+                        false => dot(&p, &self.whitened(at, b)),
+                    };
+                }
+            }
         }
     }
 
-    /// qᵀ G⁻¹ q of two residuals.
+    /// L⁻¹ q of a residual.
+    fn whitened(&self, at: usize, z: &[f32]) -> Vec<f64> {
+        let mut q = vec![0.0; self.changed];
+        if let Some(rows) = self.rows_at(at) {
+            row_dots(rows, self.stride, z, &mut q);
+        }
+        let mut q: Vec<f64> = q.iter().map(|v| f64::from(*v)).collect();
+        if let Some(factor) = self.factor_at(at) {
+            forward(factor, self.changed, &mut q);
+        }
+        q
+    }
+
+    /// qᵀ G⁻¹ q of two residuals, where L is taken off the rows.
     fn fixed(&self, rows: &[f32], a: &[f32], b: &[f32]) -> f64 {
         let (mut p, mut q) = ([0.0; AT_ONCE], [0.0; AT_ONCE]);
         let mut sum = 0.0;
@@ -144,9 +207,12 @@ impl Scales {
         for ((o, s), z) in out.iter_mut().zip(self.shares(at)).zip(z) {
             *o += weight * s * z;
         }
-        if let Some(rows) = self.fix_at(at) {
-            let mut q = vec![0.0; self.changed];
-            row_dots(rows, self.stride, z, &mut q);
+        if let Some(rows) = self.rows_at(at) {
+            let mut q = self.whitened(at, z);
+            if let Some(factor) = self.factor_at(at) {
+                backward(factor, self.changed, &mut q);
+            }
+            let q: Vec<f32> = q.iter().map(|v| *v as f32).collect();
             let mut changed = vec![0.0; self.stride];
             combine(rows, self.stride, &q, &mut changed);
             let both = out.iter_mut().zip(&changed);

@@ -229,7 +229,7 @@ impl<'a> Search<'a> {
             let (seen, cell) = (group[0].1, self.found.seen[group[0].1].cell);
             let sight = view.sight(part, part.cells.len() - 1, cell);
             let opened = part.opened(cell);
-            let scales = sight.leaves(part);
+            let scales = view.leaves(part, cell);
             for &(fading, _, leaf) in group {
                 state.of_leaf(sight, self.found.z(seen, sight), opened, &self.short, leaf);
                 scales.logs(&state.z, &mut each);
