@@ -214,7 +214,8 @@ fn poses_unlike_any_seen_are_told() {
         };
         let (cells, said) = run(&folded);
         assert!(cells.iter().all(|c| c.parse::<f64>().unwrap() > 100.0));
-        let line = format!("{name}: in {frames} of {frames} frames the pose is unlike any");
+        let line =
+            format!("{name}: in {frames} of {frames} frames the restored pose is unlike any");
         assert!(said.contains(&line), "{said}");
         let (cells, said) = run(&walk);
         let like = cells.iter().filter(|c| *c == "0").count();

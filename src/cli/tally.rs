@@ -131,7 +131,7 @@ impl Tally {
                 "--status"
             };
             say::note(&format!(
-                "in {} of {} frames the pose is unlike any that the model has seen ({which} tells by how much)",
+                "in {} of {} frames the restored pose is unlike any that the model has seen ({which} tells by how much)",
                 self.unlike, self.frames
             ));
         }

@@ -182,6 +182,9 @@ impl<'a> Restorer<'a> {
     /// By how many nats a whole pose (3 J), which stands where `placement` says, is unlike all that the model has seen; NaN
     /// where the model knows no limit.
     pub fn unlike(&self, pose: &[f64], placement: &Similarity) -> f64 {
+        // Poses were learnt from as their pelvis placed them; where few points placed the answer, it may stand otherwise.
+        let anchor = self.anchor.filter(|a| a.root.is_some());
+        let placement = anchor.and_then(|a| a.place(pose)).unwrap_or(*placement);
         let mut back = vec![0.0; pose.len()];
         placement.undo_pose(pose, &mut back);
         self.prior.unlike(&back).unwrap_or(f64::NAN)
