@@ -153,3 +153,75 @@ fn clean_points_among_outliers_stay_exactly_where_they_are() {
     }
     assert!(clean > 2000 && same * 10 >= clean * 7, "{same} of {clean}");
 }
+
+/// Blocks learnt from some of subject 07's walks, and a walk that they have not seen.
+fn blocks() -> Option<(tempfile::TempDir, String, String)> {
+    let dir = tempfile::tempdir().unwrap();
+    let thinned = |name| Some(thin(&take("07", name, &[])?, 320, 4));
+    let mut all = thinned("07_02")?;
+    for more in ["07_03", "07_04", "07_05"] {
+        all += thinned(more)?.split_once('\n')?.1;
+    }
+    let model = common::text(&dir.path().join("blocks.npz")).to_string();
+    run(
+        "prior-train",
+        &["-q", "--kind", "blocks", "-o", &model],
+        &all,
+    );
+    Some((dir, model, thin(&take("07", "07_01", &[])?, 160, 4)))
+}
+
+/// The upper body mirrored at the root, where the legs are: bones keep their lengths.
+fn folded(walk: &str) -> String {
+    let mut table = Numbers::read(walk);
+    let at = |name: &str| table.points.iter().position(|p| p == name).unwrap();
+    let (root, first) = (at("root"), at("lowerback"));
+    for row in &mut table.rows {
+        for i in 3 * first..row.len() {
+            row[i] = 2.0 * row[3 * root + i % 3] - row[i];
+        }
+    }
+    table.write()
+}
+
+#[test]
+fn poses_unlike_any_seen_are_told() {
+    let Some((_dir, model, walk)) = blocks() else {
+        return;
+    };
+    let folded = folded(&walk);
+    let frames = walk.lines().count() - 1;
+    for (name, flags) in [
+        ("denoise", &["-m", &model, "--status"][..]),
+        ("denoise", &["-m", &model, "--status", "--per-frame"]),
+        ("complete", &["-m", &model, "--status"]),
+        ("complete", &["-m", &model, "--status", "--per-frame"]),
+    ] {
+        let run = |table: &str| {
+            let table = run("corrupt", &["--drop", "lwrist"], table);
+            let done = common::command(name)
+                .args(flags)
+                .write_stdin(table)
+                .assert();
+            let out = done.success().get_output().clone();
+            let table = Numbers::read(&String::from_utf8(out.stdout).unwrap());
+            assert_eq!(table.names.last().unwrap(), "unlike");
+            let cells = table.cells.iter().map(|c| c.last().unwrap().clone());
+            (
+                cells.collect::<Vec<_>>(),
+                String::from_utf8(out.stderr).unwrap(),
+            )
+        };
+        let (cells, said) = run(&folded);
+        assert!(cells.iter().all(|c| c.parse::<f64>().unwrap() > 100.0));
+        let line =
+            format!("{name}: in {frames} of {frames} frames the restored pose is unlike any");
+        assert!(said.contains(&line), "{said}");
+        let (cells, said) = run(&walk);
+        let like = cells.iter().filter(|c| *c == "0").count();
+        assert!(
+            10 * like >= 9 * frames,
+            "{name}: {like} of {frames}, {said}"
+        );
+    }
+}

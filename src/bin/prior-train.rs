@@ -125,7 +125,9 @@ fn work(args: &Args) -> Result<Outcome> {
         say::note("too few poses to hold any back: nothing is tuned");
     }
     if args.kind == "blocks" && poses.takes.len() < 2 {
-        say::note("a single take: none can be held back, so the levels of blocks weigh alike");
+        say::note(
+            "a single take: none can be held back, so the levels of blocks weigh alike and no pose is told to be unlike those seen",
+        );
     }
     model.meta.credit.clone_from(&args.credit);
     let mut flags = vec![

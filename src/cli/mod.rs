@@ -11,6 +11,7 @@ pub mod restoring;
 pub mod say;
 pub mod solving;
 pub mod streams;
+mod tally;
 pub mod training;
 
 use crate::Result;

@@ -3,11 +3,9 @@
 use super::flags::{TableIn, TableOut};
 use super::progress::Progress;
 use super::streams::{RowStream, TableSink, one_stdin_with, open_model, read_table, write_table};
+use super::tally::{Tally, added, cells};
 use super::{Outcome, say};
-use crate::io::csv::After;
 use crate::io::table::{Columns, Row};
-use crate::io::text::push_number;
-use crate::pose::Status;
 use crate::prior::{Choice, builtin};
 use crate::restore::complete::{self, Complete};
 use crate::restore::denoise::{self, Denoise};
@@ -74,7 +72,8 @@ impl PursuitFlag {
 /// Whether statuses are written.
 #[derive(Debug, Clone, Args)]
 pub struct StatusFlag {
-    /// Add NAME.status (observed, changed, inferred, rejected, unknown) and NAME.sd (cm) for each point
+    /// Add NAME.status (observed, changed, inferred, rejected, unknown) and NAME.sd (cm) for each point, and unlike for
+    /// each frame: by how much its pose is unlike all that the model has seen (nats; 0: not at all)
     #[arg(long, help_heading = "Output")]
     pub status: bool,
 }
@@ -120,12 +119,9 @@ pub fn complete(
                 done: &(dyn Fn(usize) + Sync)| {
         complete::take(job, xyz, runs, rate, settings, done)
     };
-    let mut tally = Tally {
-        max_gap: settings.max_gap.is_some(),
-        ..Tally::default()
-    };
+    let mut tally = Tally::new(settings.max_gap.is_some());
     go(task, observe, true, &frames, &take, &mut tally)?;
-    tally.tell("too little is seen to fill in what is missing");
+    tally.tell("too little is seen to fill in what is missing", task.status);
     Ok(Outcome::Done)
 }
 
@@ -141,7 +137,7 @@ pub fn denoise(task: &Task<'_>, settings: Denoise) -> Result<Outcome> {
     };
     let mut tally = Tally::default();
     go(task, None, false, &frames, &take, &mut tally)?;
-    tally.tell("too little is seen to place the model");
+    tally.tell("too little is seen to place the model", task.status);
     Ok(Outcome::Done)
 }
 
@@ -175,10 +171,10 @@ fn go(
             task.out,
             &table,
             out.view(),
-            &added(task, &table.columns),
+            &added(task.status, &table.columns),
             |t| {
                 cells(
-                    task,
+                    task.status,
                     &job,
                     &table.columns,
                     &restored,
@@ -225,14 +221,14 @@ fn go(
         task.out,
         &table,
         out.view(),
-        &added(task, &table.columns),
+        &added(task.status, &table.columns),
         |t| {
             let at = all
                 .partition_point(|(start, _)| *start <= t)
                 .saturating_sub(1);
             let before = table.poses.xyz.row(t).to_vec();
             all.get(at).map_or_else(Vec::new, |(start, r)| {
-                cells(task, &job, &table.columns, r, t - start, &before)
+                cells(task.status, &job, &table.columns, r, t - start, &before)
             })
         },
     )
@@ -250,7 +246,7 @@ fn by_frames(
     let columns = stream.columns().clone();
     let hidden = hidden(&columns, observe)?;
     let job = job(task, &columns)?;
-    let mut sink = TableSink::create(task.out, &columns, &added(task, &columns))?;
+    let mut sink = TableSink::create(task.out, &columns, &added(task.status, &columns))?;
     loop {
         let mut rows = Vec::with_capacity(BATCH);
         let mut row = Row::default();
@@ -276,7 +272,7 @@ fn by_frames(
         tally.add(&job, &restored, gathered.view());
         let out = scatter(&job, &xyz, &restored);
         for (t, row) in rows.iter().enumerate() {
-            let cells = cells(task, &job, &columns, &restored, t, &row.xyz);
+            let cells = cells(task.status, &job, &columns, &restored, t, &row.xyz);
             sink.write(row, &out.row(t).to_vec(), &cells)?;
         }
     }
@@ -334,118 +330,4 @@ fn scatter(job: &Job, before: &Array2<f64>, restored: &Restoration) -> Array2<f6
         }
     }
     out
-}
-
-/// The columns that `--status` adds.
-fn added(task: &Task<'_>, columns: &Columns) -> Vec<(String, After)> {
-    if !task.status {
-        return Vec::new();
-    }
-    let names = columns.points.iter().enumerate();
-    names
-        .flat_map(|(p, n)| {
-            [
-                (format!("{n}.status"), After::Point(p)),
-                (format!("{n}.sd"), After::Point(p)),
-            ]
-        })
-        .collect()
-}
-
-/// Their cells for one frame: points that the model does not know are as they were.
-fn cells(
-    task: &Task<'_>,
-    job: &Job,
-    columns: &Columns,
-    restored: &Restoration,
-    t: usize,
-    before: &[f64],
-) -> Vec<String> {
-    if !task.status {
-        return Vec::new();
-    }
-    let mut of_point: Vec<(Status, f64)> = (0..columns.points.len())
-        .map(|p| {
-            let missing = before[3 * p..3 * p + 3].iter().any(|v| v.is_nan());
-            (
-                if missing {
-                    Status::Unknown
-                } else {
-                    Status::Observed
-                },
-                f64::NAN,
-            )
-        })
-        .collect();
-    for p in 0..restored.points() {
-        if let Some(at) = job.in_table(p) {
-            of_point[at] = restored.of_point(t, p);
-        }
-    }
-    let sd = |sd: f64| {
-        let mut text = Vec::new();
-        push_number(&mut text, (sd * 1e4).round() / 1e4);
-        String::from_utf8(text).unwrap_or_default()
-    };
-    of_point
-        .into_iter()
-        .flat_map(|(status, s)| [status.name().to_string(), sd(s)])
-        .collect()
-}
-
-/// What is said at the end.
-#[derive(Default)]
-struct Tally {
-    frames: usize,
-    too_little: usize,
-    filled: usize,
-    rejected: usize,
-    left: usize,
-    max_gap: bool,
-    noise: f64,
-}
-
-impl Tally {
-    fn add(&mut self, job: &Job, restored: &Restoration, before: ArrayView2<'_, f64>) {
-        self.noise += restored.noise * before.nrows() as f64;
-        self.frames += before.nrows();
-        self.too_little += restored.too_little;
-        let points = restored.points().max(1);
-        let of_table = |at: usize| job.in_table(at % points).is_some();
-        let count = |status: Status| {
-            let all = restored.status.iter().enumerate();
-            all.filter(|(at, s)| **s == status && of_table(*at)).count()
-        };
-        self.filled += count(Status::Inferred);
-        self.rejected += count(Status::Rejected);
-        self.left += count(Status::Unknown);
-    }
-
-    fn tell(&self, too_little: &str) {
-        if self.too_little > 0 {
-            say::note(&format!(
-                "in {} of {} frames {too_little}",
-                self.too_little, self.frames
-            ));
-        }
-        if self.rejected > 0 {
-            say::note(&format!(
-                "{} points cannot be where they were captured and counted for nothing",
-                self.rejected
-            ));
-        }
-        if self.max_gap && self.left > 0 {
-            say::note(&format!("{} points stay missing", self.left));
-        }
-        say::detail(&format!(
-            "{} frames, {} points filled in",
-            self.frames, self.filled
-        ));
-        if self.noise > 0.0 {
-            say::detail(&format!(
-                "noise {:.3} cm a coordinate",
-                self.noise / self.frames.max(1) as f64
-            ));
-        }
-    }
 }

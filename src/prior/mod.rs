@@ -160,6 +160,12 @@ pub trait Prior: Send + Sync {
     fn as_told(&self) -> Option<&dyn Prior> {
         None
     }
+    /// How unlike all that the model has seen a whole pose is (3 J numbers, cm, in the model's space, none missing): by
+    /// how many nats its log evidence lies below what nearly all poses have that the model was not learnt from. 0: not at
+    /// all; `None`: the model knows no such limit.
+    fn unlike(&self, _pose: &[f64]) -> Option<f64> {
+        None
+    }
     /// A few poses, far apart, that headings are found with: (k, 3 J).
     fn typical(&self) -> ArrayView2<'_, f64>;
     /// The same model of poses that went through `map`.

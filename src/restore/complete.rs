@@ -34,22 +34,27 @@ pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>) -> Restoration {
             .map(|t| {
                 let y = xyz.row(t).to_vec();
                 if job.is_whole(&y) {
-                    return Answer::Whole;
+                    return (Answer::Whole, f64::NAN);
                 }
                 let frame = xyz.slice(s![t..t + 1, ..]);
                 let adapted = job.prior_for(frame, 0.0);
                 let treatment = job.treatment_for(&adapted, frame, 0.0);
                 let noise = noise_of(&y, &[]);
-                job.restorer(&adapted)
-                    .treating(&treatment)
-                    .restore(&y, &noise)
-                    .map_or(Answer::TooLittle, Answer::Found)
+                let restorer = job.restorer(&adapted).treating(&treatment);
+                match restorer.restore(&y, &noise) {
+                    Some(found) => {
+                        let unlike = unlike(&restorer, &y, &found);
+                        (Answer::Found(found), unlike)
+                    }
+                    None => (Answer::TooLittle, f64::NAN),
+                }
             })
             .collect::<Vec<_>>()
     });
     let mut out = Restoration::of(xyz.to_owned());
-    for (t, answer) in answers.into_iter().flatten().enumerate() {
+    for (t, (answer, unlike)) in answers.into_iter().flatten().enumerate() {
         fill(job, &mut out, t, &answer, &[], None, false);
+        out.unlike[t] = unlike;
     }
     out
 }
@@ -60,6 +65,15 @@ enum Answer {
     Whole,
     TooLittle,
     Found(Restored),
+}
+
+/// How unlike all that was seen a completed frame is, nats; what it lacks still is taken from the answer.
+fn unlike(restorer: &super::Restorer<'_>, frame: &[f64], found: &Restored) -> f64 {
+    let all = frame.iter().zip(&found.mean);
+    let pose: Vec<f64> = all
+        .map(|(y, m)| if y.is_finite() { *y } else { *m })
+        .collect();
+    restorer.unlike(&pose, &found.placement)
 }
 
 /// EXACT where a number is seen and its point is not suspected; infinite elsewhere.
@@ -180,6 +194,14 @@ pub fn take(
         );
     }
     settle(&mut out, &counted, &gaps, runs, rate);
+    out.unlike = par::map_chunks(answers.len(), CHUNK, |range| {
+        let of = |t: usize| match &answers[t] {
+            Answer::Found(found) => unlike(&restorer, &out.xyz.row(t).to_vec(), found),
+            Answer::Whole | Answer::TooLittle => f64::NAN,
+        };
+        range.map(of).collect::<Vec<_>>()
+    })
+    .concat();
     if !settings.overwrite {
         // The answers stood in for the rejected values while their neighbours were settled.
         for (t, points) in suspects.iter().enumerate() {

@@ -46,6 +46,26 @@ struct Answer {
     found: Option<super::Restored>,
     suspects: Vec<usize>,
     noise: f64,
+    /// Nats; see [`Restoration::unlike`].
+    unlike: f64,
+}
+
+impl Answer {
+    /// What `restorer` found.
+    fn new(
+        restorer: &super::Restorer<'_>,
+        found: Option<super::Restored>,
+        suspects: Vec<usize>,
+        noise: f64,
+    ) -> Answer {
+        let judge = |f: &super::Restored| restorer.unlike(&f.mean, &f.placement);
+        Answer {
+            unlike: found.as_ref().map_or(f64::NAN, judge),
+            found,
+            suspects,
+            noise,
+        }
+    }
 }
 
 /// Denoises frames each by itself (in the model's order).
@@ -75,11 +95,7 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     let restorer = restorer.treating(&treatment);
     let variances: Vec<f64> = y.iter().map(|v| variance(*v, noise)).collect();
     let found = restorer.restore(&y, &variances);
-    Answer {
-        found,
-        suspects: Vec::new(),
-        noise,
-    }
+    Answer::new(&restorer, found, Vec::new(), noise)
 }
 
 /// The answer for a frame most points of which are nearly clean, by the distances between them.
@@ -96,11 +112,7 @@ fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
     // The lengths are those of a body that the model knows: nothing is to be adapted but the placement's own.
     let (found, corrupt) = own.restore_outliers(y, base * base)?;
     let suspects = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
-    Some(Answer {
-        found: Some(found),
-        suspects,
-        noise: base,
-    })
+    Some(Answer::new(&own, Some(found), suspects, base))
 }
 
 fn variance(value: f64, noise: f64) -> f64 {
@@ -171,11 +183,7 @@ pub fn take(
             .clone()
             .map(|t| {
                 let found = restorer.restore(&mean.row(t).to_vec(), &variances.row(t).to_vec());
-                Answer {
-                    found,
-                    suspects: suspects[t].clone(),
-                    noise: usual,
-                }
+                Answer::new(&restorer, found, suspects[t].clone(), usual)
             })
             .collect();
         done(range.len());
@@ -329,6 +337,7 @@ fn gather(
     for (t, answer) in answers.enumerate() {
         out.too_little += usize::from(answer.found.is_none());
         out.noise += answer.noise / xyz.nrows() as f64;
+        out.unlike[t] = answer.unlike;
         let before = xyz.row(t).to_vec();
         for p in 0..out.points() {
             let missing = before[3 * p..3 * p + 3].iter().any(|v| v.is_nan());

@@ -32,6 +32,9 @@ pub struct Restoration {
     pub too_little: usize,
     /// The noise that was assumed, cm: its mean over the frames.
     pub noise: f64,
+    /// By how many nats each frame's pose is unlike all that the model has seen (frames), see [`Prior::unlike`]; NaN where
+    /// the model knows no limit or did not restore the frame.
+    pub unlike: Vec<f64>,
 }
 
 impl Restoration {
@@ -40,6 +43,7 @@ impl Restoration {
         let count = xyz.nrows() * xyz.ncols() / 3;
         let sd = vec![EXACT.sqrt(); count];
         Restoration {
+            unlike: vec![f64::NAN; xyz.nrows()],
             xyz,
             status: vec![Status::Observed; count],
             sd,
@@ -173,6 +177,17 @@ impl<'a> Restorer<'a> {
             }
         }
         Some((restored, corrupt))
+    }
+
+    /// By how many nats a whole pose (3 J), which stands where `placement` says, is unlike all that the model has seen; NaN
+    /// where the model knows no limit.
+    pub fn unlike(&self, pose: &[f64], placement: &Similarity) -> f64 {
+        // Poses were learnt from as their pelvis placed them; where few points placed the answer, it may stand otherwise.
+        let anchor = self.anchor.filter(|a| a.root.is_some());
+        let placement = anchor.and_then(|a| a.place(pose)).unwrap_or(*placement);
+        let mut back = vec![0.0; pose.len()];
+        placement.undo_pose(pose, &mut back);
+        self.prior.unlike(&back).unwrap_or(f64::NAN)
     }
 
     /// The answer in the model's space with rigid distances kept, and who is corrupt; `None` where nothing is known.

@@ -12,6 +12,7 @@
 //! | `weights` | (levels, P) | the log weight of each level |
 //! | `ways` | (F, 1) | the log weight of each way to make a body of parts |
 //! | `typical` | (k, 3 J) | what headings are found with |
+//! | `limit` | (1, 1) | the least log evidence of a pose like those seen, nats; missing where no take could be held back |
 //!
 //! Which coordinates make which part follows from the points' names; the scales are in `details`.
 
@@ -20,6 +21,7 @@ use super::basis::Basis;
 use super::cells::Cells;
 use super::learn::{Settings, variance_of};
 use super::leaves::Poses;
+use super::limit::Limit;
 use super::part::Part;
 use super::parts::parts;
 use crate::io::Model;
@@ -63,6 +65,9 @@ pub fn write(blocks: &Blocks, settings: &Settings, model: &mut Model) -> Result<
         column(blocks.log_ways.iter().map(|v| *v as f32).collect()),
     );
     arrays.insert("typical".into(), blocks.typical.mapv(|v| v as f32));
+    if let Some(least) = blocks.limit.least {
+        arrays.insert("limit".into(), column(vec![least as f32]));
+    }
     let settings = serde_json::to_value(settings).map_err(|e| Error::usage(e.to_string()))?;
     model.meta.details.insert("blocks".into(), settings);
     Ok(())
@@ -123,6 +128,7 @@ impl Blocks {
             temperature: settings.temperature,
             poses,
             typical: file.array("typical", None, Some(width))?.mapv(f64::from),
+            limit: file.limit()?,
         })
     }
 }
@@ -159,6 +165,15 @@ impl File<'_> {
             return Err(self.wrong(name, "holds a value that is not finite"));
         }
         Ok(array)
+    }
+
+    /// Models of before there were limits have none.
+    fn limit(&self) -> Result<Limit> {
+        if !self.model.arrays.contains_key("limit") {
+            return Ok(Limit::default());
+        }
+        let least = self.array("limit", Some(1), Some(1))?[[0, 0]];
+        Ok(Limit::new(Some(f64::from(least))))
     }
 
     fn takes(&self, frames: usize) -> Result<Vec<Range<usize>>> {

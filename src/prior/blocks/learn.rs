@@ -3,6 +3,7 @@
 use super::basis::Basis;
 use super::cells::Cells;
 use super::leaves::Poses;
+use super::limit::{HeldBack, Limit};
 use super::part::{Level, Part, log_sum};
 use super::parts::parts;
 use super::{Blocks, FLOOR};
@@ -140,20 +141,16 @@ pub fn train(
 ) -> Result<Blocks> {
     let poses = training.poses;
     let folds = folds(&poses.takes, settings.folds, training.seed);
-    let mut seen = Vec::new();
+    let (mut seen, mut apart) = (Vec::new(), Vec::new());
     for (fold, held) in folds.iter().enumerate() {
         report(&format!(
             "blocks without takes held back, {} of {}",
             fold + 1,
             folds.len()
         ));
-        seen.extend(evidence_of_fold(
-            training,
-            settings,
-            held,
-            fold,
-            folds.len(),
-        )?);
+        let (evidences, whole) = evidence_of_fold(training, settings, held, fold, folds.len())?;
+        seen.extend(evidences);
+        apart.push(whole);
     }
     report("blocks of all poses");
     let all = Material {
@@ -167,19 +164,20 @@ pub fn train(
             part.weigh(levels);
         }
         blocks.log_ways = ways;
+        blocks.limit = Limit::learn(&apart, &blocks.parts[0].log_weights);
     }
     Ok(blocks)
 }
 
 /// The evidences of poses whose takes were held back, and of single frames that were, in equal numbers: the weights must
-/// do for movements never seen and for those seen nearly.
+/// do for movements never seen and for those seen nearly. And the whole body learnt without those takes, with their poses.
 fn evidence_of_fold(
     training: &Training<'_>,
     settings: &Settings,
     held: &[Range<usize>],
     fold: usize,
     folds: usize,
-) -> Result<Vec<Evidences>> {
+) -> Result<(Vec<Evidences>, HeldBack)> {
     let poses = training.poses;
     let rest: Vec<Range<usize>> = (poses.takes.iter())
         .filter(|t| !held.contains(t))
@@ -188,6 +186,7 @@ fn evidence_of_fold(
     let tested = settings.tested.div_ceil(folds);
     let mut generator = par::generator(training.seed, 2 + fold as u64);
     let mut chosen: Vec<usize> = held.iter().flat_map(|t| t.clone()).collect();
+    let measured = poses.xyz.select(Axis(0), &HeldBack::spread(&chosen));
     chosen.shuffle(&mut generator);
     chosen.truncate(tested);
     let mut frames: Vec<usize> = rest.iter().flat_map(|t| t.clone()).collect();
@@ -199,9 +198,10 @@ fn evidence_of_fold(
         xyz: xyz.view(),
         takes: &takes,
     };
-    let blocks = build(poses, &material, settings, training.seed)?;
+    let mut blocks = build(poses, &material, settings, training.seed)?;
     chosen.extend(frames);
-    Ok(evidences(&blocks, poses, &chosen, training.seed))
+    let seen = evidences(&blocks, poses, &chosen, training.seed);
+    Ok((seen, HeldBack::new(blocks.parts.swap_remove(0), measured)))
 }
 
 /// Trains and gives the model's file.
@@ -273,6 +273,7 @@ fn build(
         poses: kept.poses,
         temperature: settings.temperature,
         typical: typical(material.xyz)?.mapv(f64::from),
+        limit: Limit::default(),
     })
 }
 

@@ -20,6 +20,7 @@ mod file;
 mod learn;
 mod leaves;
 mod lens;
+mod limit;
 mod part;
 mod parts;
 mod scales;
@@ -33,6 +34,7 @@ use crate::pose::{ASF_UNIT_CM, PoseMap};
 use answer::{Answer, Told};
 use learn::variance_of;
 use leaves::Poses;
+use limit::Limit;
 use ndarray::{Array2, ArrayView2};
 use part::{Part, View, log_sum};
 use search::Explained;
@@ -70,6 +72,8 @@ pub struct Blocks {
     met: Arc<Vec<Met<View>>>,
     /// Those through noise that is everywhere the same: what the others are made from.
     even: Arc<Vec<Met<View>>>,
+    /// What is unlike all that was seen.
+    limit: Limit,
 }
 
 /// What all parts make of an observation.
@@ -121,11 +125,8 @@ impl Blocks {
 
     /// How a part is seen through noise that is everywhere the same.
     fn even(&self, p: usize, unit: f64) -> Arc<View> {
-        let part = &self.parts[p];
-        let noise = vec![unit; part.coordinates.len()];
-        self.even[p].get(&[unit], MOST_EVEN, || {
-            View::new(part, noise, |unit| self.even(p, unit))
-        })
+        let make = || View::even(&self.parts[p], unit);
+        self.even[p].get(&[unit], MOST_EVEN, make)
     }
 
     /// The parts of the ways that weigh enough to be looked at.
@@ -282,6 +283,11 @@ impl Prior for Blocks {
         log_sum(&self.consider(y, noise).ways)
     }
 
+    /// By the cells of the whole body alone, and measured on takes that were held back from the training.
+    fn unlike(&self, pose: &[f64]) -> Option<f64> {
+        self.limit.unlike(&self.parts[0], pose)
+    }
+
     fn typical(&self) -> ArrayView2<'_, f64> {
         self.typical.view()
     }
@@ -305,6 +311,7 @@ impl Prior for Blocks {
             poses,
             met: unmet(self.parts.len()),
             even: unmet(self.parts.len()),
+            limit: self.limit.mapped(),
             ..self.clone()
         })
     }
@@ -319,7 +326,7 @@ mod tests {
     use crate::prior::training::TrainingPoses;
     use rand::Rng;
 
-    fn poses() -> TrainingPoses {
+    pub(super) fn poses() -> TrainingPoses {
         let mut generator = par::generator(3, 0);
         let ways: Vec<f32> = (0..4 * 69)
             .map(|_| generator.random::<f32>() - 0.5)
@@ -346,7 +353,7 @@ mod tests {
         }
     }
 
-    fn learnt(poses: &TrainingPoses) -> (Blocks, crate::io::Model) {
+    pub(super) fn learnt(poses: &TrainingPoses) -> (Blocks, crate::io::Model) {
         let settings = Settings {
             cells: vec![1, 4, 10],
             tested: 30,

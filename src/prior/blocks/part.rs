@@ -84,9 +84,23 @@ pub struct Sight {
 }
 
 impl View {
+    /// Through noise that is everywhere the same.
+    pub fn even(part: &Part, unit: f64) -> View {
+        let noise = vec![unit; part.coordinates.len()];
+        View::with(part, noise, None)
+    }
+
     /// Nothing looked at yet; `noise` is that of the part's coordinates. `even` gives the view through noise that is
     /// everywhere the same.
     pub fn new(part: &Part, noise: Vec<f64>, even: impl FnOnce(f64) -> Arc<View>) -> View {
+        let even = match Pattern::of(&noise) {
+            Pattern::Changed { unit, changed } if !changed.is_empty() => Some(even(unit)),
+            _ => None,
+        };
+        View::with(part, noise, even)
+    }
+
+    fn with(part: &Part, noise: Vec<f64>, even: Option<Arc<View>>) -> View {
         let near = |c: &Cells| {
             let weight = |(v, n): (&f64, &f64)| (1.0 / (v + n)) as f32;
             let mut near: Vec<f32> = c.within.iter().zip(&noise).map(weight).collect();
@@ -94,14 +108,10 @@ impl View {
             near
         };
         let none = |c: &Cells| (0..c.len()).map(|_| OnceLock::new()).collect();
-        let pattern = Pattern::of(&noise);
         View {
             nearness: part.cells.iter().map(near).collect(),
-            even: match &pattern {
-                Pattern::Changed { unit, changed } if !changed.is_empty() => Some(even(*unit)),
-                _ => None,
-            },
-            pattern,
+            even,
+            pattern: Pattern::of(&noise),
             seen: (0..noise.len()).filter(|&i| noise[i].is_finite()).collect(),
             sights: part.cells.iter().map(none).collect(),
             noise,

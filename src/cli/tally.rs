@@ -1,0 +1,152 @@
+//! What `denoise` and `complete` tell of what they did: columns of the table, and lines at the end.
+
+use super::say;
+use crate::io::csv::After;
+use crate::io::table::Columns;
+use crate::io::text::push_number;
+use crate::pose::Status;
+use crate::restore::{Job, Restoration};
+use ndarray::ArrayView2;
+
+/// The columns that `--status` adds.
+pub fn added(status: bool, columns: &Columns) -> Vec<(String, After)> {
+    if !status {
+        return Vec::new();
+    }
+    let names = columns.points.iter().enumerate();
+    let of_points = names.flat_map(|(p, n)| {
+        [
+            (format!("{n}.status"), After::Point(p)),
+            (format!("{n}.sd"), After::Point(p)),
+        ]
+    });
+    of_points
+        .chain([("unlike".to_string(), After::All)])
+        .collect()
+}
+
+/// Their cells for one frame: points that the model does not know are as they were.
+pub fn cells(
+    status: bool,
+    job: &Job,
+    columns: &Columns,
+    restored: &Restoration,
+    t: usize,
+    before: &[f64],
+) -> Vec<String> {
+    if !status {
+        return Vec::new();
+    }
+    let mut of_point: Vec<(Status, f64)> = (0..columns.points.len())
+        .map(|p| {
+            let missing = before[3 * p..3 * p + 3].iter().any(|v| v.is_nan());
+            (
+                if missing {
+                    Status::Unknown
+                } else {
+                    Status::Observed
+                },
+                f64::NAN,
+            )
+        })
+        .collect();
+    for p in 0..restored.points() {
+        if let Some(at) = job.in_table(p) {
+            of_point[at] = restored.of_point(t, p);
+        }
+    }
+    of_point
+        .into_iter()
+        .flat_map(|(status, s)| [status.name().to_string(), number((s * 1e4).round() / 1e4)])
+        // Rounded up, so that only 0 is 0.
+        .chain([number((restored.unlike[t] * 10.0).ceil() / 10.0)])
+        .collect()
+}
+
+/// A cell; empty for NaN.
+fn number(value: f64) -> String {
+    let mut text = Vec::new();
+    push_number(&mut text, value);
+    String::from_utf8(text).unwrap_or_default()
+}
+
+/// What is said at the end.
+#[derive(Default)]
+pub struct Tally {
+    frames: usize,
+    too_little: usize,
+    filled: usize,
+    rejected: usize,
+    left: usize,
+    /// Whether gaps may be left for their length.
+    pub max_gap: bool,
+    noise: f64,
+    unlike: usize,
+}
+
+impl Tally {
+    /// Nothing counted yet.
+    pub fn new(max_gap: bool) -> Tally {
+        Tally {
+            max_gap,
+            ..Tally::default()
+        }
+    }
+
+    /// Counts restored frames, which were `before`.
+    pub fn add(&mut self, job: &Job, restored: &Restoration, before: ArrayView2<'_, f64>) {
+        self.noise += restored.noise * before.nrows() as f64;
+        self.frames += before.nrows();
+        self.too_little += restored.too_little;
+        let points = restored.points().max(1);
+        let of_table = |at: usize| job.in_table(at % points).is_some();
+        let count = |status: Status| {
+            let all = restored.status.iter().enumerate();
+            all.filter(|(at, s)| **s == status && of_table(*at)).count()
+        };
+        self.filled += count(Status::Inferred);
+        self.rejected += count(Status::Rejected);
+        self.left += count(Status::Unknown);
+        self.unlike += restored.unlike.iter().filter(|u| **u > 0.0).count();
+    }
+
+    /// Says what was counted; `too_little` is what too little was seen for, `status` whether it stands in the table too.
+    pub fn tell(&self, too_little: &str, status: bool) {
+        if self.too_little > 0 {
+            say::note(&format!(
+                "in {} of {} frames {too_little}",
+                self.too_little, self.frames
+            ));
+        }
+        if self.rejected > 0 {
+            say::note(&format!(
+                "{} points cannot be where they were captured and counted for nothing",
+                self.rejected
+            ));
+        }
+        if self.unlike > 0 {
+            let which = if status {
+                "the column unlike"
+            } else {
+                "--status"
+            };
+            say::note(&format!(
+                "in {} of {} frames the restored pose is unlike any that the model has seen ({which} tells by how much)",
+                self.unlike, self.frames
+            ));
+        }
+        if self.max_gap && self.left > 0 {
+            say::note(&format!("{} points stay missing", self.left));
+        }
+        say::detail(&format!(
+            "{} frames, {} points filled in",
+            self.frames, self.filled
+        ));
+        if self.noise > 0.0 {
+            say::detail(&format!(
+                "noise {:.3} cm a coordinate",
+                self.noise / self.frames.max(1) as f64
+            ));
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! How little evidence a pose may have before it is unlike all that was seen.
+//!
+//! ```text
+//! u(x) = max(0, q − log p(x))
+//! ```
+//!
+//! x: a whole pose (3 J numbers, cm); log p: its log evidence in nats by the cells of the whole body, each coordinate
+//! with the reference noise. So it does not depend on what was observed, and one number serves every task. q: the 0.1 %
+//! quantile of log p over poses of takes that were held back, under blocks learnt without them and the weights of all:
+//! of poses as like the training as those, one in a thousand is flagged. Poses that were learnt from would set it far
+//! too high.
+
+use super::leaves::{Leaves, Poses};
+use super::part::{Part, View};
+use crate::par;
+use crate::pose::ASF_UNIT_CM;
+use ndarray::Array2;
+use std::sync::{Arc, OnceLock};
+
+/// The variance that each coordinate is taken to have, cm²: of 0.1 asf, about what a restored pose is off at best.
+const REFERENCE: f64 = 0.01 * ASF_UNIT_CM * ASF_UNIT_CM;
+/// The share of held-back poses that are told to be unlike those seen.
+const QUANTILE: f64 = 1e-3;
+/// At most so many poses of each group of held-back takes are measured: five make the quantile.
+const MEASURED: usize = 5000;
+
+/// The least evidence of a pose that is like those seen.
+#[derive(Debug, Clone, Default)]
+pub struct Limit {
+    /// q, nats; `None` where no take could be held back.
+    pub least: Option<f64>,
+    /// The whole body through the reference noise.
+    view: Arc<OnceLock<View>>,
+}
+
+/// The whole body learnt without some takes, and poses of these.
+pub struct HeldBack {
+    whole: Part,
+    /// (n, 3 J), cm.
+    poses: Array2<f32>,
+}
+
+impl HeldBack {
+    /// `whole` is what was learnt without the takes of `poses` (n, 3 J).
+    pub fn new(mut whole: Part, poses: Array2<f32>) -> HeldBack {
+        // Only cells are asked, and this waits for the weights: the leaves would only fill the memory.
+        let none = Poses {
+            xyz: Array2::zeros((0, poses.ncols())),
+            takes: Vec::new(),
+        };
+        whole.leaves = Leaves::new(Arc::new(none), &[], 0);
+        HeldBack { whole, poses }
+    }
+
+    /// Every pose of so many that at most [`MEASURED`] are left.
+    pub fn spread(rows: &[usize]) -> Vec<usize> {
+        let step = rows.len().div_ceil(MEASURED).max(1);
+        rows.iter().copied().step_by(step).collect()
+    }
+
+    /// The log evidence of each pose with these weights of the levels.
+    fn evidences(&self, log_weights: &[f64]) -> Vec<f64> {
+        let mut whole = self.whole.clone();
+        whole.weigh(log_weights.to_vec());
+        let limit = Limit::default();
+        let of = |row: usize| {
+            let pose = self.poses.row(row);
+            let pose: Vec<f64> = pose.iter().map(|v| f64::from(*v)).collect();
+            limit.evidence(&whole, &pose)
+        };
+        par::map_chunks(self.poses.nrows(), 64, |range| {
+            range.map(of).collect::<Vec<_>>()
+        })
+        .concat()
+    }
+}
+
+impl Limit {
+    /// A limit that is known, nats, or none.
+    pub fn new(least: Option<f64>) -> Limit {
+        Limit {
+            least,
+            ..Limit::default()
+        }
+    }
+
+    /// From held-back poses of all groups; `log_weights` are those of the whole body's levels.
+    pub fn learn(held: &[HeldBack], log_weights: &[f64]) -> Limit {
+        let mut all: Vec<f64> = held
+            .iter()
+            .flat_map(|h| h.evidences(log_weights))
+            .filter(|e| e.is_finite())
+            .collect();
+        all.sort_unstable_by(f64::total_cmp);
+        let at = (QUANTILE * all.len() as f64) as usize;
+        Limit::new(all.get(at).copied())
+    }
+
+    /// The same for a model whose poses went through a map: it is the poses that change, not how likely they are.
+    pub fn mapped(&self) -> Limit {
+        Limit::new(self.least)
+    }
+
+    /// By how many nats a pose (3 J, cm) has less evidence than the limit, at least 0; `None` without a limit.
+    pub fn unlike(&self, whole: &Part, pose: &[f64]) -> Option<f64> {
+        let least = self.least?;
+        Some((least - self.evidence(whole, pose)).max(0.0))
+    }
+
+    fn evidence(&self, whole: &Part, pose: &[f64]) -> f64 {
+        let view = self.view.get_or_init(|| View::even(whole, REFERENCE));
+        whole.explain_by_cells(view, pose).evidence
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Blocks;
+    use super::super::tests::{learnt, poses};
+    use crate::io::Model;
+    use crate::pose::PoseMap;
+    use crate::prior::Prior;
+
+    /// A pose that was learnt from, and one whose points were moved `far`, in turn one way and the other.
+    fn two(far: f64) -> [Vec<f64>; 2] {
+        let known: Vec<f64> = poses().xyz.row(77).iter().map(|v| f64::from(*v)).collect();
+        let moved = known.iter().enumerate();
+        let moved = moved.map(|(i, v)| v + if i % 2 == 0 { far } else { -far });
+        [moved.collect(), known]
+    }
+
+    #[test]
+    fn the_further_from_all_that_was_seen_the_more_unlike() {
+        let (blocks, _) = learnt(&poses());
+        let [near, known] = two(20.0);
+        let [far, _] = two(60.0);
+        assert_eq!(blocks.unlike(&known), Some(0.0));
+        let (near, far) = (blocks.unlike(&near).unwrap(), blocks.unlike(&far).unwrap());
+        assert!(near > 50.0 && far > near, "{near} {far}");
+    }
+
+    #[test]
+    fn a_turned_model_finds_turned_poses_as_unlike() {
+        let (blocks, _) = learnt(&poses());
+        let turn = PoseMap::Turn(crate::pose::rotation::exponential(glam::DVec3::Y));
+        let turned = blocks.mapped(&turn);
+        for pose in two(20.0) {
+            let mut carried = pose.clone();
+            turn.apply(&pose, &mut carried);
+            let want = blocks.unlike(&pose).unwrap();
+            let got = turned.unlike(&carried).unwrap();
+            // Which cells are looked at may differ a little: the search weighs each axis by itself.
+            assert!((got - want).abs() <= 0.05 * want, "{got} {want}");
+        }
+    }
+
+    #[test]
+    fn the_file_keeps_the_limit_and_old_files_have_none() {
+        let (blocks, model) = learnt(&poses());
+        let again = Model::from_bytes(&model.to_bytes().unwrap(), "m").unwrap();
+        let again = Blocks::from_model(&again, "m").unwrap();
+        let [moved, _] = two(20.0);
+        assert!(blocks.unlike(&moved).is_some_and(|u| u > 0.0));
+        assert_eq!(blocks.unlike(&moved), again.unlike(&moved));
+        let mut old = model.clone();
+        old.arrays.remove("limit");
+        let old = Blocks::from_model(&old, "m").unwrap();
+        assert_eq!(old.unlike(&moved), None);
+        let mut broken = model.clone();
+        let limit = broken.arrays.get_mut("limit").unwrap();
+        limit.fill(f32::NAN);
+        let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
+        assert!(told.contains("limit"), "{told}");
+    }
+
+    #[test]
+    fn a_single_take_gives_no_limit() {
+        let mut poses = poses();
+        poses.takes = std::iter::once(0..400).collect();
+        let (blocks, model) = learnt(&poses);
+        assert!(!model.arrays.contains_key("limit"));
+        assert_eq!(blocks.unlike(&two(60.0)[0]), None);
+    }
+}
