@@ -7,7 +7,7 @@ use ndarray::{Array2, Axis};
 use std::sync::{Arc, OnceLock};
 
 /// So many cells of a level are looked at.
-const NEAR: usize = 6;
+const NEAR: usize = 5;
 
 /// Cells of one part.
 #[derive(Debug, Clone)]

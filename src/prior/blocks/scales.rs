@@ -72,10 +72,14 @@ impl Scales {
         let mut out = even.scales.clone();
         let (n, stride) = (changed.len(), out.stride);
         out.changed = n;
+        out.rows.reserve_exact(out.scales.len() * n * stride);
+        if !many {
+            out.factors.reserve_exact(out.scales.len() * n * n);
+        }
+        let mut factor = vec![0.0; n * n];
         let of_scale = even.precisions.chunks_exact(basis.len() * stride);
         for (at, precision) in of_scale.enumerate() {
             let mut normaliser = constant;
-            let mut factor = vec![0.0; n * n];
             for (a, (i, noise)) in changed.iter().enumerate() {
                 let row = &precision[i * stride..(i + 1) * stride];
                 let before = factor[a * n..].iter_mut().zip(&changed[..=a]);
@@ -91,17 +95,18 @@ impl Scales {
             let pivots: Vec<f64> = (0..n).map(|a| factor[a * n + a]).collect();
             out.normalisers[at] += normaliser - log_product(&pivots);
             let shares = &even.scales.shares[at * stride..(at + 1) * stride];
-            let rows = changed.iter().flat_map(|(i, _)| {
+            let start = out.rows.len();
+            for (i, _) in changed {
                 let row = basis.row(*i).iter().zip(shares);
-                row.map(|(u, s)| u * s)
-            });
+                out.rows.extend(row.map(|(u, s)| u * s));
+            }
             if many {
-                let mut rows: Vec<f64> = rows.map(f64::from).collect();
-                simd::forward(&factor, &mut rows, stride);
-                out.rows.extend(rows.iter().map(|v| *v as f32));
+                let rows = &mut out.rows[start..];
+                let mut wide: Vec<f64> = rows.iter().map(|v| f64::from(*v)).collect();
+                simd::forward(&factor, &mut wide, stride);
+                rows.iter_mut().zip(&wide).for_each(|(r, v)| *r = *v as f32);
             } else {
-                out.rows.extend(rows);
-                out.factors.extend(factor);
+                out.factors.extend_from_slice(&factor);
             }
         }
         out

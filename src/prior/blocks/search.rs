@@ -78,12 +78,10 @@ const KEPT: usize = 96;
 const NEGLIGIBLE: f64 = 6.0;
 /// The leaves of so many cells are looked at.
 const OPENED: usize = 8;
-/// Cells this much less likely than the best are not opened.
-const CLOSED: f64 = 20.0;
-/// After so many such cells on end, further ones are not looked at: they are farther off.
-const MISSES: usize = 2;
+/// Cells this much less likely (nats) than the best are not opened, and after the first of them no further one is looked at.
+const CLOSED: f64 = 10.0;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 96;
+const WEIGHED: usize = 64;
 
 impl Part {
     /// How well the cells and leaves explain `y` (d; read where observed).
@@ -161,7 +159,6 @@ impl<'a> Search<'a> {
         let mut logs = vec![Vec::new(); levels.len()];
         let (mut z, mut each) = (Vec::new(), Vec::new());
         let mut off = vec![0.0; self.short.len()];
-        let mut misses = 0;
         let mut best = Vec::new();
         for (cell, fading) in cells.nearest(&self.short, &view.nearness[index]) {
             let sight = view.sight(part, index, cell);
@@ -196,12 +193,8 @@ impl<'a> Search<'a> {
             let most = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             best.push((most, seen));
             self.top = self.top.max(most);
-            misses = if most < self.top - CLOSED {
-                misses + 1
-            } else {
-                0
-            };
-            if misses == MISSES {
+            // Further ones are farther off.
+            if most < self.top - CLOSED {
                 break;
             }
         }

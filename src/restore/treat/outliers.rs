@@ -25,7 +25,7 @@ const MOST: usize = 12;
 /// Assignments that the beam carries along, and that make an answer.
 const WIDTH: (usize, usize) = (16, 8);
 /// Assignments that weigh less than these shares of the heaviest are left out, or not asked of the prior.
-const LEAST: (f64, f64) = (0.02, 0.1);
+const LEAST: (f64, f64) = (0.02, 0.5);
 /// How wrong a prior may be: weight, factor of its variance, what is added to it (cm²).
 const SCALES: [(f64, f64, f64); 4] = [
     (0.4, 1.0, 0.01 * SLAB),
