@@ -21,6 +21,7 @@
 use super::basis::Basis;
 use super::scales::{Even, Scales, Weighed, log_product, merged};
 use crate::linalg::symmetric_eigen;
+use crate::prior::small::dot;
 use crate::simd::{self, combine, padded, row_dots};
 use ndarray::Array2;
 use std::sync::Arc;
@@ -426,32 +427,49 @@ impl Cut {
     }
 }
 
-/// A vector beside a lens: in its directions, with what is left where some of them are shared.
+/// A vector beside a lens at some scales.
 pub struct Aside<'a> {
     lens: &'a Lens,
+    scales: &'a Scales,
     of: &'a [f32],
-    /// In the directions, that of the shared ones 0.
+    /// In the directions; 0 for those that are shared.
     z: Vec<f32>,
+    /// L⁻¹ q at each scale, where coordinates are changed.
+    fixed: Vec<f64>,
 }
 
 impl<'a> Aside<'a> {
     /// Of a vector (d, padded with 0; read where seen).
-    pub fn of(lens: &'a Lens, of: &'a [f32]) -> Aside<'a> {
+    pub fn of(lens: &'a Lens, scales: &'a Scales, of: &'a [f32]) -> Aside<'a> {
         let mut z = Vec::new();
         lens.project(of, &mut z);
         if let Some(cut) = &lens.cut {
             z[cut.values.len() - 1] = 0.0;
         }
-        Aside { lens, of, z }
+        let all = 0..scales.scales.len();
+        Aside {
+            fixed: all.flat_map(|at| scales.whitened(at, &z)).collect(),
+            lens,
+            scales,
+            of,
+            z,
+        }
     }
 
-    /// aᵀ (a C_oo + R)⁻¹ b with another, at each scale; into `out`.
-    pub fn forms(&self, other: &Aside<'_>, scales: &Scales, out: &mut Vec<f64>) {
-        scales.forms(&self.z, &other.z, out);
+    /// aᵀ (a C_oo + R)⁻¹ b with another at each scale, into `out`.
+    pub fn forms(&self, other: &Aside<'_>, out: &mut Vec<f64>) {
+        self.scales.plain(&self.z, &other.z, out);
+        let changed = self.fixed.len() / self.scales.scales.len().max(1);
+        if changed > 0 {
+            let pairs = self.fixed.chunks(changed).zip(other.fixed.chunks(changed));
+            for (out, (p, q)) in out.iter_mut().zip(pairs) {
+                *out -= dot(p, q);
+            }
+        }
         let Some(cut) = &self.lens.cut else { return };
         let left = simd::dot(self.of, other.of) - simd::dot(&self.z, &other.z);
         for (at, out) in out.iter_mut().enumerate() {
-            *out += f64::from(scales.shares(at)[cut.values.len() - 1] * left);
+            *out += f64::from(self.scales.shares(at)[cut.values.len() - 1] * left);
         }
     }
 }

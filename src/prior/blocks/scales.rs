@@ -140,8 +140,8 @@ impl Scales {
         Some(wide.iter().map(|v| *v as f32).collect())
     }
 
-    /// aᵀ (a C_oo + R)⁻¹ b of two residuals, given their z, at each scale; into `out`.
-    pub fn forms(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
+    /// Σ s a b of two residuals, given their z, at each scale; into `out`.
+    pub fn plain(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
         let mut plain = [0.0; 16];
         out.clear();
         for (at, shares) in self.shares.chunks(16 * self.stride.max(1)).enumerate() {
@@ -149,6 +149,11 @@ impl Scales {
             let left = self.scales.len() - 16 * at;
             out.extend(plain[..left.min(16)].iter().map(|v| f64::from(*v)));
         }
+    }
+
+    /// aᵀ (a C_oo + R)⁻¹ b of two residuals, given their z, at each scale; into `out`.
+    pub fn forms(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
+        self.plain(a, b, out);
         for (at, out) in out.iter_mut().enumerate() {
             match (self.rows_at(at), self.factor_at(at)) {
                 (None, _) => break,
@@ -164,8 +169,8 @@ impl Scales {
         }
     }
 
-    /// L⁻¹ q of a residual.
-    fn whitened(&self, at: usize, z: &[f32]) -> Vec<f64> {
+    /// L⁻¹ q of a residual; nothing where no coordinate is changed.
+    pub fn whitened(&self, at: usize, z: &[f32]) -> Vec<f64> {
         let mut q = vec![0.0; self.changed];
         if let Some(rows) = self.rows_at(at) {
             row_dots(rows, self.stride, z, &mut q);

@@ -58,11 +58,14 @@ impl Part {
                 *o -= *m as f32;
             }
         }
-        let rest = Aside::of(&sight.lens, &off);
-        let ways: Vec<Aside<'_>> = moves.iter().map(|m| Aside::of(&sight.lens, m)).collect();
+        let rest = Aside::of(&sight.lens, &sight.scales, &off);
+        let ways: Vec<Aside<'_>> = moves
+            .iter()
+            .map(|m| Aside::of(&sight.lens, &sight.scales, m))
+            .collect();
         let mut forms = Vec::new();
         let mut sum = |a: &Aside<'_>, b: &Aside<'_>| -> f64 {
-            a.forms(b, &sight.scales, &mut forms);
+            a.forms(b, &mut forms);
             blocks
                 .iter()
                 .map(|&i| shares[i] * forms[found.best[i].at])
