@@ -85,18 +85,28 @@ struct Considered {
     ways: Vec<f64>,
 }
 
-/// The noise that is reckoned with: never below the floor. Where it is of many kinds, as a smoother leaves it, each is
-/// rounded to a twelfth: frames that differ by less share all that is made for their noise.
+/// Noise variances (cm²) of a frame that differ by no more than this factor count as one: where all are alike, directions
+/// serve every scale.
+const ALIKE: f64 = 1.5;
+
+/// The noise that is reckoned with: never below the floor. Where it is of many kinds, as a smoother leaves it, they become
+/// one if they are alike, else each is rounded to a quarter of an octave: frames that differ by less share all that is
+/// made for their noise.
 fn told(noise: &[f64]) -> Vec<f64> {
     let noise: Vec<f64> = noise.iter().map(|n| n.max(FLOOR)).collect();
-    let mut kinds: Vec<f64> = noise.iter().copied().filter(|n| n.is_finite()).collect();
-    kinds.sort_unstable_by(f64::total_cmp);
-    kinds.dedup();
-    if kinds.len() <= 2 {
+    let finite = || noise.iter().copied().filter(|n| n.is_finite());
+    let (least, most) = finite().fold((f64::INFINITY, FLOOR), |(a, b), n| (a.min(n), b.max(n)));
+    if finite().all(|n| n == least || n == most) {
         return noise;
     }
-    let rounded = |n: &f64| ((n.log2() * 8.0).round() / 8.0).exp2();
-    noise.iter().map(|n| rounded(n).max(FLOOR)).collect()
+    let rounded = |v: f64| ((v.log2() * 4.0).round() / 4.0).exp2().max(FLOOR);
+    let one = rounded((least * most).sqrt());
+    let kind = |n: &f64| match *n {
+        n if !n.is_finite() => n,
+        _ if most <= ALIKE * least => one,
+        n => rounded(n),
+    };
+    noise.iter().map(kind).collect()
 }
 
 /// No view of any part is made yet.
