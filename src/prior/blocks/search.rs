@@ -81,7 +81,7 @@ const OPENED: usize = 8;
 /// Cells this much less likely (nats) than the best are not opened, and after the first of them no further one is looked at.
 const CLOSED: f64 = 10.0;
 /// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 64;
+const WEIGHED: usize = 96;
 
 impl Part {
     /// How well the cells and leaves explain `y` (d; read where observed).

@@ -195,12 +195,12 @@ impl Treatment {
 /// How well known a pose is that was seen through dense noise, from 0 to 1: as much of what the belief says of two
 /// coordinates together is made use of when rigid distances are kept.
 ///
-/// An answer that leaves little open (below .10 of the noise's variance) is of a pose that is known, and its correlations
-/// hold; one that leaves much (.16) is of a pose unlike any, of which they are wrong more often than right. Measured:
+/// An answer that leaves little open (below .09 of the noise's variance) is of a pose that is known, and its correlations
+/// hold; one that leaves much (.15) is of a pose unlike any, of which they are wrong more often than right. Measured:
 /// taken whole, they cost 7% on takes never seen; left out, 10% on frames of takes that were.
 fn known(belief: &Belief, told: &[f64]) -> f64 {
     let left = belief.covariance.diag().sum() / told.iter().sum::<f64>();
-    ((0.16 - left) / 0.06).clamp(0.0, 1.0)
+    ((0.15 - left) / 0.06).clamp(0.0, 1.0)
 }
 
 /// Numbers that are exact are believed as they are.
