@@ -169,6 +169,21 @@ fn flat_input(flags: &[&str]) {
 }
 
 #[test]
+fn flags_that_change_nothing_are_told() {
+    let Some(walk) = walk(3) else { return };
+    let out = command("complete")
+        .args(["--sparsity", "3"])
+        .write_stdin(walk)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(
+        out.status.success() && said.contains("--sparsity and --pursuit change nothing"),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_frame_without_points_stays_unknown_and_is_counted() {
     let Some(walk) = walk(20) else { return };
     let mut damaged = Numbers::read(&walk);

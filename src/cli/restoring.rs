@@ -27,13 +27,14 @@ pub struct ModelFlags {
     /// The model (default: the one built in)
     #[arg(short, long, value_name = "MODEL.npz", help_heading = "Model")]
     pub model: Option<PathBuf>,
-    /// At most so many atoms a pose; auto: as many as the model was learnt with
+    /// At most so many atoms a pose, of a model that has atoms; auto: as many as it was learnt with
     #[arg(long, value_name = "K|auto", default_value = "auto", value_parser = parse_sparsity, help_heading = "Model")]
     pub sparsity: Sparsity,
     /// How atoms are chosen: oomp (the better one) or omp (the paper's)
     #[arg(long, value_enum, default_value = "oomp", help_heading = "Model")]
     pub pursuit: PursuitFlag,
-    /// Answer with the sparse code alone, as published, without what the model knows of its own errors
+    /// Answer as published: with the sparse code alone, or the model's posterior, without what it knows of its own errors,
+    /// rigid distances and outliers
     #[arg(long, help_heading = "Model")]
     pub published: bool,
 }
@@ -289,6 +290,14 @@ fn job(task: &Task<'_>, columns: &Columns) -> Result<Job> {
         Some(path) => (open_model(path)?, path.display().to_string()),
         None => (builtin::model()?, "the built-in model".to_string()),
     };
+    let kind = &model.meta.kind;
+    let asks = choice.sparsity.is_some() || choice.rule != Choice::default().rule;
+    if asks && kind != "sparse" {
+        say::note(&format!(
+            "{name} is of kind {kind}, which has no atoms to choose: --sparsity and --pursuit change nothing (ksvd-train and \
+             dict-concat make models that have)"
+        ));
+    }
     Job::new(&model, &choice, &name, &columns.points, task.world)
 }
 

@@ -38,6 +38,22 @@ impl PoseMap {
         }
     }
 
+    /// The map back.
+    pub fn inverse(&self) -> PoseMap {
+        match self {
+            PoseMap::Reshape {
+                body,
+                order,
+                ratios,
+            } => PoseMap::Reshape {
+                body: body.clone(),
+                order: order.clone(),
+                ratios: ratios.iter().map(|r| 1.0 / r).collect(),
+            },
+            PoseMap::Turn(r) => PoseMap::Turn(r.transpose()),
+        }
+    }
+
     /// Carries one pose.
     pub fn apply(&self, pose: &[f64], out: &mut [f64]) {
         match self {
@@ -100,6 +116,8 @@ mod tests {
             let want = y.t().dot(&y);
             let got = map.apply_covariance(x.t().dot(&x).view());
             assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-12));
+            let back = map.inverse().apply_rows(y.view());
+            assert!(back.iter().zip(&x).all(|(a, b)| (a - b).abs() <= 1e-12));
         }
         assert!(PoseMap::reshape(&body, &body).is_identity());
     }

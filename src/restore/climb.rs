@@ -9,7 +9,9 @@
 //!
 //! by damped Newton steps δ, ε of y ↦ Rᵀ (exp(−δ) (y − c − ε) + c − t) about the centre c of what is seen.
 
-use super::synthesis::{Observed, Solution, Synthesis, angles_from, pointwise};
+use super::synthesis::{
+    Observed, Solution, Synthesis, angles_from, pointwise, turn, turn_derivatives,
+};
 use crate::linalg::cholesky_solve;
 use crate::pose::Similarity;
 use crate::pose::rotation::exponential;
@@ -48,10 +50,8 @@ pub fn climb(
     let mut steps = 0;
     'steps: while steps < synthesis.iterations {
         steps += 1;
-        let angles = angles_from(&start.rotation, &now.rotation);
-        for k in 0..3 {
-            slope.gradient[k] -= weights[k] * angles[k];
-            slope.curvature[7 * k] += weights[k];
+        if weights != DVec3::ZERO {
+            add_wish(&mut slope, weights, &start, &now);
         }
         let value = slope.evidence - cost(&now);
         loop {
@@ -74,9 +74,11 @@ pub fn climb(
             }
         }
     }
+    let mut back = vec![0.0; seen.y.len()];
+    now.undo_pose(seen.y, &mut back);
     let fit = Fit {
         objective: -2.0 * slope.evidence,
-        ..Fit::default()
+        ..prior.fit(&back, &climber.noise, None)
     };
     let objective = fit.objective + 2.0 * cost(&now);
     Some(Solution {
@@ -85,6 +87,25 @@ pub fn climb(
         objective,
         iterations: steps,
     })
+}
+
+/// Adds the wish to stay near the start: with the angles' change by a turn J = ∂τ/∂δ, Jᵀ W τ and Jᵀ W J.
+fn add_wish(slope: &mut Slope, weights: DVec3, start: &Similarity, now: &Similarity) {
+    let angles = angles_from(&start.rotation, &now.rotation);
+    // ∂R/∂τ Rᵀ is the cross product with the axis that the angle turns about.
+    let axes = turn_derivatives(angles).map(|d| {
+        let cross = d * turn(angles).transpose();
+        DVec3::new(cross.y_axis.z, cross.z_axis.x, cross.x_axis.y)
+    });
+    let by = DMat3::from_cols(axes[0], axes[1], axes[2]).inverse();
+    let pull = by.transpose() * (weights * angles);
+    let hold = by.transpose() * DMat3::from_diagonal(weights) * by;
+    for i in 0..3 {
+        slope.gradient[i] -= pull[i];
+        for j in 0..3 {
+            slope.curvature[6 * i + j] += hold.col(j)[i];
+        }
+    }
 }
 
 /// An observation that is to be placed.
@@ -222,20 +243,36 @@ mod tests {
         let free = climb(&Synthesis::default(), &prior, seen, start).unwrap();
         assert!((free.placement.shift - stands.shift).length() <= 1e-5);
         assert!(free.objective <= 1e-9 && free.iterations < 20);
-        let wish = Synthesis {
-            rotation_prior: DVec3::splat(1e5),
-            ..Synthesis::default()
-        };
-        let held = climb(&wish, &prior, seen, start).unwrap();
         let turned = |s: &Solution| {
             crate::pose::rotation::angle_between(&s.placement.rotation, &start.rotation)
         };
-        assert!(
-            turned(&held) < 0.7 * turned(&free),
-            "{} {}",
-            turned(&held),
-            turned(&free)
-        );
-        assert!(held.objective < 2.0 * wish.prior_cost(&stands, &start));
+        for weight in [1e2, 1e3, 1e5] {
+            let wish = Synthesis {
+                rotation_prior: DVec3::new(1.0, 0.5, 2.0) * weight,
+                iterations: 60,
+                ..Synthesis::default()
+            };
+            let held = climb(&wish, &prior, seen, start).unwrap();
+            assert!(turned(&held) < turned(&free) && held.iterations < 60);
+            // At the top no small turn or shift is better.
+            let value = |at: &Similarity| {
+                let mut back = vec![0.0; 12];
+                at.undo_pose(&y, &mut back);
+                let evidence = prior.slope(&back, &noise, &[]).unwrap().evidence;
+                wish.prior_cost(at, &start) - 2.0 * evidence
+            };
+            let best = value(&held.placement);
+            assert!((best - held.objective).abs() <= 1e-9 * best);
+            for (k, by) in (0..3).flat_map(|k| [(k, 1e-3), (k, -1e-3)]) {
+                let mut turned = held.placement;
+                turned.rotation = exponential(DVec3::AXES[k] * by) * turned.rotation;
+                let mut shifted = held.placement;
+                shifted.shift += DVec3::AXES[k] * by;
+                assert!(
+                    value(&turned) > best && value(&shifted) > best,
+                    "{weight} {k}"
+                );
+            }
+        }
     }
 }

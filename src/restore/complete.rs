@@ -229,6 +229,14 @@ pub fn take(
                 out.set(t, gap.point, Status::Unknown, f64::NAN);
             }
         }
+        // A frame that got nothing is not judged.
+        for t in 0..out.xyz.nrows() {
+            let got =
+                |p: usize| matches!(out.of_point(t, p).0, Status::Inferred | Status::Rejected);
+            if !(0..out.points()).any(got) {
+                out.unlike[t] = f64::NAN;
+            }
+        }
     }
     out
 }

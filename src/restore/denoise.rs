@@ -90,7 +90,7 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     let restorer = job.restorer(&adapted);
     let noise = settings
         .noise
-        .unwrap_or_else(|| noise_of_frame(&restorer, &y));
+        .unwrap_or_else(|| shared(noise_of_frame(&restorer, &y)));
     let treatment = job.treatment_for(&adapted, frame, noise);
     let restorer = restorer.treating(&treatment);
     let variances: Vec<f64> = y.iter().map(|v| variance(*v, noise)).collect();
@@ -108,11 +108,22 @@ fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
     let base = own
         .treatment?
         .base_noise(y)
-        .filter(|b| *b <= NEARLY_CLEAN)?;
+        .filter(|b| *b <= NEARLY_CLEAN)
+        .map(shared)?;
     // The lengths are those of a body that the model knows: nothing is to be adapted but the placement's own.
     let (found, corrupt) = own.restore_outliers(y, base * base)?;
     let suspects = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
     Some(Answer::new(&own, Some(found), suspects, base))
+}
+
+/// A noise that was found in one frame, cm, to an eighth of an octave: it is no surer than that, and frames that have the
+/// same noise share what a model makes for it.
+fn shared(noise: f64) -> f64 {
+    if noise > 0.0 {
+        ((noise.log2() * 8.0).round() / 8.0).exp2()
+    } else {
+        noise
+    }
 }
 
 fn variance(value: f64, noise: f64) -> f64 {
@@ -219,6 +230,9 @@ fn fill(job: &Job, out: &mut Restoration, runs: &[Range<usize>], rate: f64) {
                 let (status, sd) = filled.of_point(t, p);
                 out.set(t, p, status, sd);
             }
+        }
+        if filled.unlike[t].is_finite() {
+            out.unlike[t] = filled.unlike[t];
         }
     }
     out.xyz = filled.xyz;

@@ -8,7 +8,8 @@
 //! back is P1a; fixed x, the rotation and shift are P1b: closed form (Horn) while the prior weights W are zero, damped
 //! Gauss-Newton otherwise. The code keeps its old support, refitted, where greedy coding anew would be worse, so the
 //! objective never rises. It is not convex: headings to start from are found by fitting typical poses to the points, so
-//! a turned observation gives the turned answer.
+//! a turned observation gives the turned answer. From each heading a model that tells its slope is climbed instead
+//! ([`super::climb`]).
 
 use super::climb;
 use crate::pose::align::{Free, fit_similarity};
@@ -51,9 +52,9 @@ pub struct Solution {
     pub placement: Similarity,
     /// The code in the model's space; its objective is (7), the rotation prior's part left out.
     pub fit: Fit,
-    /// (7) whole.
+    /// (7) whole; where the evidence was climbed, −2 times what that file maximises, in the fit without the wish.
     pub objective: f64,
-    /// Alternations made from the heading that won.
+    /// Alternations or steps made from the heading that won.
     pub iterations: usize,
 }
 
@@ -347,12 +348,12 @@ pub(super) fn pointwise(noise: &[f64]) -> Vec<f64> {
 }
 
 /// R = Rz Ry Rx.
-fn turn(tau: DVec3) -> DMat3 {
+pub(super) fn turn(tau: DVec3) -> DMat3 {
     DMat3::from_rotation_z(tau.z) * DMat3::from_rotation_y(tau.y) * DMat3::from_rotation_x(tau.x)
 }
 
 /// dR/dτx = Rz Ry Rx [ex]×, dR/dτy = Rz Ry [ey]× Rx, dR/dτz = [ez]× R.
-fn turn_derivatives(tau: DVec3) -> [DMat3; 3] {
+pub(super) fn turn_derivatives(tau: DVec3) -> [DMat3; 3] {
     let (x, y, z) = (
         DMat3::from_rotation_x(tau.x),
         DMat3::from_rotation_y(tau.y),

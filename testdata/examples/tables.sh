@@ -12,8 +12,8 @@ if [ ! -d "$cmu" ]; then
   exit 2
 fi
 
-# The paper's models, its own with either pursuit, and the default one; SIK for single subjects, as in the paper.
-models=${MODELS:-blocks,ksvd,ksvd-omp,mfa,gaussian,lpca,clustered,pca}
+# The paper's models, its own with either pursuit, and the default one, as it answers and by poses alone; SIK for single subjects, as in the paper.
+models=${MODELS:-blocks+treated,blocks,ksvd,ksvd-omp,mfa,gaussian,lpca,clustered,pca}
 # Every n-th frame: of single subjects, and of all together.
 if [ "$quick" ]; then
   subjects='07 02' every=6 every_all=60 seeds=${SEEDS:-1} frames=${FRAMES:-100} sweep=

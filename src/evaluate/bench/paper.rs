@@ -24,10 +24,12 @@ pub const MODELS: [Model; 7] = [
 ];
 /// The paper's own model as published.
 pub const OURS: &str = "ksvd-omp";
-/// Rows that the paper does not have: its model with the better pursuit, and this project's.
-pub const MORE: [Model; 2] = [
+/// Rows that the paper does not have: its model with the better pursuit, and this project's, without and with the outliers
+/// it finds and the rigid distances it keeps.
+pub const MORE: [Model; 3] = [
     of("Our model, optimised OMP", "ksvd"),
-    of("The default model here", "blocks"),
+    of("The default model's poses alone", "blocks"),
+    of("The default model here", "blocks+treated"),
 ];
 
 const fn of(name: &'static str, here: &'static str) -> Model {

@@ -5,6 +5,7 @@
 
 use crate::linalg::symmetric_eigen;
 use crate::simd::{padded, row_dots};
+use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 
 /// The directions of a covariance (d, d).
@@ -60,6 +61,28 @@ impl Basis {
             stride,
             vectors: rows,
             values: order.iter().map(|k| values[*k]).collect(),
+        }
+    }
+
+    /// Of poses that are turned; the coordinates are those of points, three a point.
+    pub fn turned(&self, turn: &DMat3) -> Basis {
+        let mut vectors = vec![0.0; self.vectors.len()];
+        for (from, to) in self
+            .vectors
+            .chunks_exact(3 * self.stride)
+            .zip(vectors.chunks_exact_mut(3 * self.stride))
+        {
+            for k in 0..self.d {
+                let of = |axis: usize| f64::from(from[axis * self.stride + k]);
+                let turned = *turn * DVec3::new(of(0), of(1), of(2));
+                for axis in 0..3 {
+                    to[axis * self.stride + k] = turned[axis] as f32;
+                }
+            }
+        }
+        Basis {
+            vectors,
+            ..self.clone()
         }
     }
 

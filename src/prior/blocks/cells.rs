@@ -92,6 +92,10 @@ impl Cells {
     /// The directions of a cell.
     pub fn basis(&self, cell: usize, coordinates: &[usize]) -> Arc<Basis> {
         let make = || match &self.origin {
+            // Directions turn with their poses.
+            Some((origin, map)) if let PoseMap::Turn(turn) = &**map => {
+                Arc::new(origin.basis(cell, coordinates).turned(turn))
+            }
             Some((origin, map)) => {
                 let own = origin.basis(cell, coordinates).covariance();
                 Arc::new(Basis::of(

@@ -33,8 +33,8 @@ use std::sync::Arc;
 /// Writes blocks into a model.
 pub fn write(blocks: &Blocks, settings: &Settings, model: &mut Model) -> Result<()> {
     let column = |v: Vec<f32>| Array2::from_shape_vec((v.len(), 1), v).unwrap_or_default();
-    model.insert_packed("poses", blocks.poses.xyz.clone());
-    let mut labels = Array2::zeros((blocks.poses.xyz.nrows(), blocks.parts.len()));
+    model.insert_packed("poses", blocks.poses.xyz().clone());
+    let mut labels = Array2::zeros((blocks.poses.xyz().nrows(), blocks.parts.len()));
     for (p, part) in blocks.parts.iter().enumerate() {
         for (row, label) in part.leaves.labels().into_iter().enumerate() {
             labels[[row, p]] = label as f32;
@@ -93,10 +93,7 @@ impl Blocks {
         let labels = file.array("labels", Some(poses.nrows()), Some(coordinates.len()))?;
         let count = settings.levels(settings.cells.len()).len();
         let weights = file.array("weights", Some(count), Some(coordinates.len()))?;
-        let poses = Arc::new(Poses {
-            xyz: poses.to_owned(),
-            takes,
-        });
+        let poses = Arc::new(Poses::new(poses.to_owned(), takes));
         let mut made = Vec::new();
         for (p, coordinates) in coordinates.into_iter().enumerate() {
             let cells: Vec<Cells> = (0..settings.cells.len())

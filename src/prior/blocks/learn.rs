@@ -51,16 +51,7 @@ impl Default for Settings {
         Settings {
             cells: vec![1, 5, 20, 80, 300],
             scales: vec![1.0, 2.5, 6.0, 15.0],
-            leaves: vec![
-                (1.0, 0.0),
-                (0.3, 0.0),
-                (0.1, 0.0),
-                (0.03, 0.0),
-                (0.03, 1.0),
-                (0.01, 1.0),
-                (0.003, 1.0),
-                (0.001, 1.0),
-            ],
+            leaves: vec![(0.3, 0.0), (0.03, 0.0), (0.03, 1.0), (0.001, 1.0)],
             own: 0.8,
             least: 1e-4 * ASF_UNIT_CM * ASF_UNIT_CM,
             temperature: 0.3,
@@ -300,7 +291,7 @@ impl Kept {
         let xyz = material.xyz.select(Axis(0), &rows);
         Kept {
             rows,
-            poses: Arc::new(Poses { xyz, takes }),
+            poses: Arc::new(Poses::new(xyz, takes)),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Every training pose as a block of its own, as wide as a share of its cell.
 
 use super::basis::Basis;
+use crate::pose::PoseMap;
 use crate::simd::{combine, distances, padded};
 use ndarray::{Array2, ArrayView1};
 use std::ops::Range;
@@ -9,18 +10,48 @@ use std::sync::{Arc, OnceLock};
 /// The training poses and how they move: shared by all parts.
 #[derive(Debug)]
 pub struct Poses {
-    /// (N, 3 J), cm, take after take.
-    pub xyz: Array2<f32>,
+    xyz: OnceLock<Array2<f32>>,
     /// The rows of each take.
     pub takes: Vec<Range<usize>>,
+    /// What they are made from when first asked for, where they went through a map.
+    origin: Option<(Arc<Poses>, Arc<PoseMap>)>,
 }
 
 impl Poses {
+    /// Poses (N, 3 J), cm, take after take.
+    pub fn new(xyz: Array2<f32>, takes: Vec<Range<usize>>) -> Poses {
+        Poses {
+            xyz: xyz.into(),
+            takes,
+            origin: None,
+        }
+    }
+
+    /// The same carried through a map, once they are asked for.
+    pub fn mapped(self: &Arc<Poses>, map: &Arc<PoseMap>) -> Poses {
+        Poses {
+            xyz: OnceLock::new(),
+            takes: self.takes.clone(),
+            origin: Some((self.clone(), map.clone())),
+        }
+    }
+
+    /// (N, 3 J), cm, take after take.
+    pub fn xyz(&self) -> &Array2<f32> {
+        self.xyz.get_or_init(|| match &self.origin {
+            Some((origin, map)) => {
+                let from = origin.xyz().mapv(f64::from);
+                map.apply_rows(from.view()).mapv(|v| v as f32)
+            }
+            None => Array2::zeros((0, 0)),
+        })
+    }
+
     /// Half the step from the pose before to the one after in the same take, of some coordinates.
     pub fn step(&self, row: usize, coordinates: &[usize], out: &mut Vec<f32>) {
         let take = &self.takes[self.takes.partition_point(|t| t.end <= row)];
-        let before = self.xyz.row(row.saturating_sub(1).max(take.start));
-        let after = self.xyz.row((row + 1).min(take.end - 1));
+        let before = self.xyz().row(row.saturating_sub(1).max(take.start));
+        let after = self.xyz().row((row + 1).min(take.end - 1));
         out.extend(coordinates.iter().map(|&c| 0.5 * (after[c] - before[c])));
     }
 }
@@ -101,7 +132,7 @@ impl Leaves {
             let mut poses = Vec::with_capacity(rows.len() * stride);
             let mut steps = Vec::with_capacity(rows.len() * stride);
             for &row in rows {
-                let pose = self.poses.xyz.row(row);
+                let pose = self.poses.xyz().row(row);
                 poses.extend(coordinates.iter().map(|&c| pose[c]));
                 self.poses.step(row, coordinates, &mut steps);
                 let end = poses.len().next_multiple_of(stride);

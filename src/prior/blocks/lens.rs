@@ -479,6 +479,40 @@ mod tests {
     use super::*;
     use crate::prior::conditional::Conditional;
 
+    /// Directions that drown share one: next to the same evidence, mean and variances.
+    #[test]
+    fn shared_directions_change_next_to_nothing() {
+        let d = 40;
+        let b = Array2::from_shape_fn((d, 4), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
+        let c = b.dot(&b.t()) * 5.0 + Array2::<f64>::eye(d) * 1e-3;
+        let noise = vec![1.0; d];
+        let lens = Lens::new(
+            &Arc::new(Basis::of(c.view())),
+            &noise,
+            &(0..d).collect(),
+            &Pattern::of(&noise),
+        );
+        assert!(lens.cut.is_some() && lens.stride() < d);
+        let want = Conditional::new(c.view(), &noise);
+        let y: Vec<f64> = (0..d).map(|i| (i as f64 * 1.3).cos()).collect();
+        let r: Vec<f32> = y.iter().map(|v| *v as f32).collect();
+        let scales = lens.at([1.0].into_iter());
+        let (mut z, mut logs, mut mean) = (Vec::new(), Vec::new(), vec![0.0; d]);
+        lens.project(&r, &mut z);
+        scales.logs(&z, &mut logs);
+        assert!((logs[0] - want.log_density(&y)).abs() <= 1e-3, "{logs:?}");
+        let mut w = vec![0.0; z.len()];
+        scales.add_solved(0, &z, 1.0, &mut w);
+        lens.add_gain(&w, &mut mean);
+        let told = want.mean(&y);
+        assert!(mean.iter().zip(told).all(|(a, b)| (a - b).abs() <= 5e-3));
+        let mut variances = vec![0.0; d];
+        lens.add_variances(&[(&scales, 0, 1.0)], &mut variances);
+        let told = want.covariance(c.view());
+        let off = variances.iter().zip(told.diag());
+        assert!(off.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3));
+    }
+
     /// Every pattern gives what conditioning the Gaussian gives.
     #[test]
     fn a_lens_is_the_conditional_gaussian() {

@@ -13,7 +13,7 @@
 use super::leaves::{Leaves, Poses};
 use super::part::{Part, View};
 use crate::par;
-use crate::pose::ASF_UNIT_CM;
+use crate::pose::{ASF_UNIT_CM, PoseMap};
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
 
@@ -31,6 +31,8 @@ pub struct Limit {
     pub least: Option<f64>,
     /// The whole body through the reference noise.
     view: Arc<OnceLock<View>>,
+    /// For poses that went through maps: the whole body as it was learnt, and the way back to it.
+    origin: Option<(Arc<Part>, Vec<PoseMap>)>,
 }
 
 /// The whole body learnt without some takes, and poses of these.
@@ -44,10 +46,7 @@ impl HeldBack {
     /// `whole` is what was learnt without the takes of `poses` (n, 3 J).
     pub fn new(mut whole: Part, poses: Array2<f32>) -> HeldBack {
         // Only cells are asked, and this waits for the weights: the leaves would only fill the memory.
-        let none = Poses {
-            xyz: Array2::zeros((0, poses.ncols())),
-            takes: Vec::new(),
-        };
+        let none = Poses::new(Array2::zeros((0, poses.ncols())), Vec::new());
         whole.leaves = Leaves::new(Arc::new(none), &[], 0);
         HeldBack { whole, poses }
     }
@@ -96,15 +95,35 @@ impl Limit {
         Limit::new(all.get(at).copied())
     }
 
-    /// The same for a model whose poses went through a map: it is the poses that change, not how likely they are.
-    pub fn mapped(&self) -> Limit {
-        Limit::new(self.least)
+    /// The same for a model whose poses went through a map, `whole` before it: they are judged where they come from, since
+    /// a density changes where a body does.
+    pub fn mapped(&self, whole: &Part, map: &PoseMap) -> Limit {
+        let (origin, mut back) = match &self.origin {
+            Some((origin, back)) => (origin.clone(), back.clone()),
+            None => (Arc::new(whole.clone()), Vec::new()),
+        };
+        back.insert(0, map.inverse());
+        Limit {
+            origin: Some((origin, back)),
+            ..self.clone()
+        }
     }
 
     /// By how many nats a pose (3 J, cm) has less evidence than the limit, at least 0; `None` without a limit.
     pub fn unlike(&self, whole: &Part, pose: &[f64]) -> Option<f64> {
         let least = self.least?;
-        Some((least - self.evidence(whole, pose)).max(0.0))
+        let mut pose = pose.to_vec();
+        let (whole, back) = match &self.origin {
+            Some((origin, back)) => (&**origin, &back[..]),
+            None => (whole, &[][..]),
+        };
+        for map in back {
+            let from = pose.clone();
+            map.apply(&from, &mut pose);
+        }
+        let by = least - self.evidence(whole, &pose);
+        // What is no number is like nothing.
+        Some(if by <= 0.0 { 0.0 } else { by })
     }
 
     fn evidence(&self, whole: &Part, pose: &[f64]) -> f64 {

@@ -85,8 +85,8 @@ struct Considered {
     ways: Vec<f64>,
 }
 
-/// Noise variances (cm²) of a frame that differ by no more than this factor count as one: where all are alike, directions
-/// serve every scale.
+/// Noise variances (cm²) of a frame, of three kinds or more, that differ by no more than this factor count as one: where all
+/// are alike, directions serve every scale.
 const ALIKE: f64 = 1.5;
 
 /// The noise that is reckoned with: never below the floor. Where it is of many kinds, as a smoother leaves it, they become
@@ -259,7 +259,7 @@ impl Prior for Blocks {
         self.join(&self.consider(y, noise), Told::Mean).mean
     }
 
-    /// By the cells of the whole body alone: what a placement is searched with, many times a frame.
+    /// By the cells of the whole body alone: what a placement of 2-D input is searched with, many times a frame.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
         let (part, view) = (&self.parts[0], &self.view(0, &told(noise)));
         let found = part.explain_by_cells(view, y);
@@ -306,12 +306,8 @@ impl Prior for Blocks {
         if map.is_identity() {
             return Box::new(self.clone());
         }
-        let xyz = map.apply_rows(self.poses.xyz.mapv(f64::from).view());
-        let poses = Arc::new(Poses {
-            xyz: xyz.mapv(|v| v as f32),
-            takes: self.poses.takes.clone(),
-        });
         let map = &Arc::new(map.clone());
+        let poses = Arc::new(self.poses.mapped(map));
         let parts = self.parts.iter().map(|p| p.mapped(map, &poses));
         let parts: Vec<Part> = parts.collect();
         Box::new(Blocks {
@@ -321,7 +317,7 @@ impl Prior for Blocks {
             poses,
             met: unmet(self.parts.len()),
             even: unmet(self.parts.len()),
-            limit: self.limit.mapped(),
+            limit: self.limit.mapped(&self.parts[0], map),
             ..self.clone()
         })
     }
@@ -418,6 +414,18 @@ mod tests {
     }
 
     #[test]
+    fn noise_that_is_alike_counts_as_one() {
+        let inf = f64::INFINITY;
+        let one = told(&[1.0, 1.2, inf, 1.4]);
+        assert!(one[0] == one[1] && one[1] == one[3] && one[2] == inf);
+        assert!((1.0..1.4).contains(&one[0]));
+        // Two kinds stay as they are, more are rounded, and none is below the floor.
+        assert_eq!(told(&[1.0, 5.0, inf]), [1.0, 5.0, inf]);
+        let many = told(&[0.0, 1.0, 2.1, 2.2, inf]);
+        assert!(many[0] >= FLOOR && many[1] == 1.0 && many[2] == many[3]);
+    }
+
+    #[test]
     fn the_slope_is_that_of_the_evidence() {
         let poses = poses();
         let (blocks, _) = learnt(&poses);
@@ -435,7 +443,19 @@ mod tests {
             0..30 => f64::INFINITY,
             c => 0.5 + c as f64,
         });
-        for noise in [vec![400.0; 69], vec![4.0; 69], mixed.collect()] {
+        // And few gaps, and a point worse than the others.
+        let changed = (0..69).map(|c| match c {
+            0..12 => f64::INFINITY,
+            30..33 => 30.0,
+            _ => 4.0,
+        });
+        let noises = [
+            vec![400.0; 69],
+            vec![4.0; 69],
+            mixed.collect(),
+            changed.collect(),
+        ];
+        for noise in noises {
             let at = |k: usize, by: f64| -> f64 {
                 let moved: Vec<f64> = y.iter().zip(&moves[k]).map(|(y, m)| y + by * m).collect();
                 blocks.slope(&moved, &noise, &[]).unwrap().evidence

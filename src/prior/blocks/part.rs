@@ -123,6 +123,11 @@ impl View {
         self.pattern != Pattern::Nothing
     }
 
+    /// Whether all coordinates are.
+    pub fn sees_all(&self) -> bool {
+        self.seen.len() == self.noise.len()
+    }
+
     /// An observation (d) in single precision, padded; 0 where missing.
     pub fn short(&self, y: &[f64]) -> Vec<f32> {
         let seen = y.iter().zip(&self.noise);

@@ -78,7 +78,8 @@ const KEPT: usize = 96;
 const NEGLIGIBLE: f64 = 6.0;
 /// The leaves of so many cells are looked at.
 const OPENED: usize = 8;
-/// Cells this much less likely (nats) than the best are not opened, and after the first of them no further one is looked at.
+/// Cells this much less likely (nats) than the best are not opened, and where all is seen no further one is looked at after
+/// the first of them.
 const CLOSED: f64 = 10.0;
 /// So many of the nearest leaves are weighed.
 const WEIGHED: usize = 96;
@@ -193,8 +194,8 @@ impl<'a> Search<'a> {
             let most = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             best.push((most, seen));
             self.top = self.top.max(most);
-            // Further ones are farther off.
-            if most < self.top - CLOSED {
+            // Further ones are farther off; but where much is missing, being near says too little.
+            if view.sees_all() && most < self.top - CLOSED {
                 break;
             }
         }
