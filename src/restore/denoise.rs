@@ -119,7 +119,7 @@ fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
 /// A noise that was found in one frame, cm, to an eighth of an octave: it is no surer than that, and frames that have the
 /// same noise share what a model makes for it.
 fn shared(noise: f64) -> f64 {
-    if noise > 0.0 {
+    if noise * noise > EXACT {
         ((noise.log2() * 8.0).round() / 8.0).exp2()
     } else {
         noise

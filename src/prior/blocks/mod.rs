@@ -421,7 +421,7 @@ mod tests {
         assert!((1.0..1.4).contains(&one[0]));
         // Two kinds stay as they are, more are rounded, and none is below the floor.
         assert_eq!(told(&[1.0, 5.0, inf]), [1.0, 5.0, inf]);
-        let many = told(&[0.0, 1.0, 2.1, 2.2, inf]);
+        let many = told(&[0.0, 1.0, 2.0, 2.1, inf]);
         assert!(many[0] >= FLOOR && many[1] == 1.0 && many[2] == many[3]);
     }
 
