@@ -8,8 +8,8 @@
 //! back is P1a; fixed x, the rotation and shift are P1b: closed form (Horn) while the prior weights W are zero, damped
 //! Gauss-Newton otherwise. The code keeps its old support, refitted, where greedy coding anew would be worse, so the
 //! objective never rises. It is not convex: headings to start from are found by fitting typical poses to the points, so
-//! a turned observation gives the turned answer. From each heading a model that tells its slope is climbed instead
-//! ([`super::climb`]).
+//! a turned observation gives the turned answer. From each heading the evidence of a model that tells its slope
+//! ([`Prior::slope`]) is climbed instead.
 
 use super::climb;
 use crate::pose::align::{Free, fit_similarity};
