@@ -9,12 +9,13 @@
 //!
 //! The scales (c, i) are there because priors are surer of unseen poses than they should be. The answer is the average
 //! over the likely assignments: those that weigh most are asked of the prior, the others follow from N(m, P).
-//! Cost: two to three answers of the prior a pose, and below a tenth of a millisecond more.
+//! Cost: about two answers of the prior a pose, and below a tenth of a millisecond more.
 
 use super::bones::{self, Look, SLAB, base_of, is_seen, log_odds};
-use super::rigid::{Bodies, Lengths, backward, factorise, forward};
+use super::rigid::{Bodies, Lengths};
 use crate::par;
 use crate::prior::pairs::RigidPairs;
+use crate::prior::small::{backward, factorise, forward};
 use crate::prior::{Belief, EXACT, Prior};
 use ndarray::{Array2, ArrayView2};
 

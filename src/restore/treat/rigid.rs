@@ -14,7 +14,7 @@
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::small::add;
-pub(super) use crate::prior::small::{backward, factorise, forward};
+use crate::prior::small::{backward, factorise, forward};
 use crate::prior::{EXACT, Posterior};
 use crate::simd;
 use ndarray::Array2;
