@@ -85,14 +85,6 @@ pub fn weighted_rows(scales: &[f32], a: &[f32], b: &[f32], out: &mut [f32]) {
     )
 }
 
-/// Σ sᵢ aᵢ bᵢ.
-pub fn weighted(s: &[f32], a: &[f32], b: &[f32]) -> f32 {
-    wide(
-        #[inline(always)]
-        || weighted_here(s, a, b),
-    )
-}
-
 /// The product of each row of a matrix with `x`, into `out`; rows are `stride` apart and read as far as `x` goes.
 pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     wide(
@@ -273,10 +265,14 @@ mod tests {
             let plain: f64 = (0..n)
                 .map(|i| wide(&w, i) * wide(&x, i) * wide(&y, i))
                 .sum();
-            assert!(near(weighted(&w, &x, &y), plain));
             let mut all = vec![0.0; 5];
+            weighted_rows(&w, &x, &y, &mut all);
+            assert!(near(all[0], plain));
             weighted_rows(&rows, &x, &y, &mut all);
-            assert_eq!(all[3], weighted(&rows[3 * n..4 * n], &x, &y));
+            let plain: f64 = (0..n)
+                .map(|i| wide(&rows, 3 * n + i) * wide(&x, i) * wide(&y, i))
+                .sum();
+            assert!(near(all[3], plain));
             row_dots(&rows, n, &x, &mut all);
             assert_eq!(all[2], dot(&rows[2 * n..3 * n], &x));
             let mut out = vec![0.0; n];

@@ -53,6 +53,15 @@ pub fn backward(a: &[f64], n: usize, z: &mut [f64]) {
     }
 }
 
+/// log Σ exp.
+pub fn log_sum(logs: &[f64]) -> f64 {
+    let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if top == f64::NEG_INFINITY {
+        return top;
+    }
+    top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -117,7 +117,10 @@ impl Lens {
         match pattern {
             Pattern::Changed { unit, changed } => Lens {
                 unit: *unit,
-                cut: Cut::of(&basis.values, *unit).filter(|_| changed.is_empty()),
+                cut: changed
+                    .is_empty()
+                    .then(|| Cut::of(&basis.values, *unit))
+                    .flatten(),
                 changed: changed.clone(),
                 ..lens
             },

@@ -28,15 +28,16 @@ mod search;
 mod slope;
 
 use super::met::Met;
-use super::small::add;
+use super::small::{add, log_sum};
 use super::{Belief, Fit, Posterior, Prior, Slope};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use answer::{Answer, Told};
 use learn::variance_of;
 use leaves::Poses;
+use lens::Pattern;
 use limit::Limit;
 use ndarray::{Array2, ArrayView2};
-use part::{Part, View, log_sum};
+use part::{Part, View};
 use search::Explained;
 use std::sync::Arc;
 
@@ -47,7 +48,7 @@ const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 /// So many noise patterns of the whole body are remembered; of parts more, as they are smaller.
 const MOST_MET: usize = 16;
 /// So many kinds of noise that is everywhere the same are.
-const MOST_EVEN: usize = 4;
+const MOST_EVEN: usize = 16;
 /// Ways of making a body of parts that weigh less for an observation do not answer it.
 const LEAST_WEIGHT: f64 = 1e-3;
 /// Ways that weigh less than this share of the first before any observation are not looked at.
@@ -126,6 +127,11 @@ impl Blocks {
     fn view(&self, p: usize, noise: &[f64]) -> Arc<View> {
         let part = &self.parts[p];
         let noise: Vec<f64> = part.coordinates.iter().map(|&i| noise[i]).collect();
+        if let Pattern::Changed { unit, changed } = Pattern::of(&noise)
+            && changed.is_empty()
+        {
+            return self.even(p, unit);
+        }
         let smaller = self.width / noise.len().max(1);
         let most = MOST_MET * smaller * smaller;
         self.met[p].get(&noise, most, || {

@@ -270,12 +270,3 @@ pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
         row.iter_mut().zip(x).for_each(|(t, b)| *t += scale * b);
     }
 }
-
-/// log Σ exp.
-pub fn log_sum(logs: &[f64]) -> f64 {
-    let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if top == f64::NEG_INFINITY {
-        return top;
-    }
-    top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln()
-}

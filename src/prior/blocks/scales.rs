@@ -101,10 +101,8 @@ impl Scales {
                 out.rows.extend(row.map(|(u, s)| u * s));
             }
             if many {
-                let rows = &mut out.rows[start..];
-                let mut wide: Vec<f64> = rows.iter().map(|v| f64::from(*v)).collect();
-                simd::forward(&factor, &mut wide, stride);
-                rows.iter_mut().zip(&wide).for_each(|(r, v)| *r = *v as f32);
+                let solved = whitened_rows(&factor, &out.rows[start..], stride);
+                out.rows[start..].copy_from_slice(&solved);
             } else {
                 out.factors.extend_from_slice(&factor);
             }
@@ -135,9 +133,7 @@ impl Scales {
         let Some(factor) = self.factor_at(at) else {
             return Some(rows.into());
         };
-        let mut wide: Vec<f64> = rows.iter().map(|v| f64::from(*v)).collect();
-        simd::forward(factor, &mut wide, self.stride);
-        Some(wide.iter().map(|v| *v as f32).collect())
+        Some(whitened_rows(factor, rows, self.stride).into())
     }
 
     /// Σ s a b of two residuals, given their z, at each scale; into `out`.
@@ -229,6 +225,13 @@ impl Scales {
             both.for_each(|(o, c)| *o -= weight * c);
         }
     }
+}
+
+/// L⁻¹ of rows.
+fn whitened_rows(factor: &[f64], rows: &[f32], stride: usize) -> Vec<f32> {
+    let mut wide: Vec<f64> = rows.iter().map(|v| f64::from(*v)).collect();
+    simd::forward(factor, &mut wide, stride);
+    wide.iter().map(|v| *v as f32).collect()
 }
 
 /// The weight of each that is named, once.

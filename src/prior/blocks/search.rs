@@ -2,7 +2,8 @@
 
 use super::cells::fading;
 use super::leaves::Opened;
-use super::part::{Active, Part, Sight, View, log_sum};
+use super::part::{Active, Part, Sight, View};
+use crate::prior::small::log_sum;
 
 /// One block that may explain an observation.
 #[derive(Debug, Clone, Copy)]

@@ -12,64 +12,70 @@ use super::part::{Part, View};
 use super::search::Explained;
 use crate::prior::Slope;
 
+/// What a slope is summed from.
+struct Pull<'a> {
+    part: &'a Part,
+    view: &'a View,
+    /// The observation and its moves, padded.
+    y: Vec<f32>,
+    moves: Vec<Vec<f32>>,
+    found: &'a Explained,
+    /// Of each block.
+    shares: Vec<f64>,
+}
+
 impl Part {
     /// Of `y` (d), along moves of it (each d; what is missing is not read), by the cells alone.
     pub fn slope(&self, view: &View, y: &[f64], moves: &[Vec<f64>]) -> Slope {
-        let found = self.explain_by_cells(view, y);
+        let found = &self.explain_by_cells(view, y);
         let n = moves.len();
         let mut slope = Slope {
             evidence: found.evidence,
             gradient: vec![0.0; n],
             curvature: vec![0.0; n * n],
         };
-        if !view.sees() {
+        if !view.sees() || n == 0 {
             return slope;
         }
-        let moves: Vec<Vec<f32>> = moves.iter().map(|m| view.short(m)).collect();
-        let shares = found.shares();
-        let mut order: Vec<usize> = (0..found.best.len()).collect();
-        order.sort_unstable_by_key(|&i| (found.best[i].seen, found.best[i].at));
-        for of_cell in order.chunk_by(|a, b| found.best[*a].seen == found.best[*b].seen) {
-            self.add_slope(view, y, &moves, &found, of_cell, &shares, &mut slope);
+        let pull = Pull {
+            part: self,
+            view,
+            y: view.short(y),
+            moves: moves.iter().map(|m| view.short(m)).collect(),
+            found,
+            shares: found.shares(),
+        };
+        let best = &found.best;
+        let mut order: Vec<usize> = (0..best.len()).collect();
+        order.sort_unstable_by_key(|&i| (best[i].seen, best[i].at));
+        for of_cell in order.chunk_by(|a, b| best[*a].seen == best[*b].seen) {
+            pull.add(of_cell, &mut slope);
         }
         slope
     }
+}
 
-    /// What the blocks of one cell add.
-    #[allow(clippy::too_many_arguments)]
-    fn add_slope(
-        &self,
-        view: &View,
-        y: &[f64],
-        moves: &[Vec<f32>],
-        found: &Explained,
-        blocks: &[usize],
-        shares: &[f64],
-        slope: &mut Slope,
-    ) {
-        let n = moves.len();
-        let seen = found.seen[found.best[blocks[0]].seen];
-        let sight = view.sight(self, seen.index, seen.cell);
-        let mean = self.cells[seen.index].mean(seen.cell);
-        let mut off = view.short(y);
-        let pairs = off.iter_mut().zip(mean).zip(&view.noise);
-        for ((o, m), noise) in pairs {
+impl Pull<'_> {
+    /// Adds what the blocks of one cell pull.
+    fn add(&self, blocks: &[usize], slope: &mut Slope) {
+        let (n, best) = (self.moves.len(), &self.found.best);
+        let seen = self.found.seen[best[blocks[0]].seen];
+        let sight = self.view.sight(self.part, seen.index, seen.cell);
+        let mean = self.part.cells[seen.index].mean(seen.cell);
+        let mut off = self.y.clone();
+        for ((o, m), noise) in off.iter_mut().zip(mean).zip(&self.view.noise) {
             if noise.is_finite() {
                 *o -= *m as f32;
             }
         }
-        let rest = Aside::of(&sight.lens, &sight.scales, &off);
-        let ways: Vec<Aside<'_>> = moves
-            .iter()
-            .map(|m| Aside::of(&sight.lens, &sight.scales, m))
-            .collect();
+        let aside = |of| Aside::of(&sight.lens, &sight.scales, of);
+        let rest = aside(&off);
+        let ways: Vec<Aside<'_>> = self.moves.iter().map(|m| aside(m)).collect();
         let mut forms = Vec::new();
         let mut sum = |a: &Aside<'_>, b: &Aside<'_>| -> f64 {
             a.forms(b, &mut forms);
-            blocks
-                .iter()
-                .map(|&i| shares[i] * forms[found.best[i].at])
-                .sum()
+            let terms = blocks.iter().map(|&i| self.shares[i] * forms[best[i].at]);
+            terms.sum()
         };
         for i in 0..n {
             slope.gradient[i] -= sum(&ways[i], &rest);

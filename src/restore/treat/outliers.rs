@@ -15,7 +15,7 @@ use super::bones::{self, Look, SLAB, base_of, is_seen, log_odds};
 use super::rigid::{Bodies, Lengths};
 use crate::par;
 use crate::prior::pairs::RigidPairs;
-use crate::prior::small::{backward, factorise, forward};
+use crate::prior::small::{backward, factorise, forward, log_sum};
 use crate::prior::{Belief, EXACT, Prior};
 use ndarray::{Array2, ArrayView2};
 
@@ -275,14 +275,6 @@ fn log_density(r: &[f64; 3], p: &[f64; 9], noise: f64) -> f64 {
         f64::ln(w) - 0.5 * z.iter().map(|z| z * z).sum::<f64>() - log_det
     });
     log_sum(&logs)
-}
-
-fn log_sum(logs: &[f64]) -> f64 {
-    let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if top == f64::NEG_INFINITY {
-        return top;
-    }
-    top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln()
 }
 
 /// An assignment of the first few points in doubt, with a Cholesky factor at each scale that grows by three rows a point.
