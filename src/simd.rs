@@ -85,6 +85,45 @@ pub fn weighted_rows(scales: &[f32], a: &[f32], b: &[f32], out: &mut [f32]) {
     )
 }
 
+/// Σ s z z, Σ s v z and Σ s v v for each row s of `scales`, into `out`; the last two only of the rows that `both` says.
+pub fn weighted_forms(
+    scales: &[f32],
+    z: &[f32],
+    v: &[f32],
+    both: impl Fn(usize) -> bool,
+    out: &mut [[f32; 3]],
+) {
+    wide(
+        #[inline(always)]
+        || {
+            let of_rows = scales.chunks_exact(z.len().max(1)).zip(out);
+            for (row, (s, out)) in of_rows.enumerate() {
+                let (z, _) = z.as_chunks::<LANES>();
+                let (s, _) = s.as_chunks::<LANES>();
+                let mut sums = [[0.0f32; LANES]; 3];
+                if both(row) {
+                    let (v, _) = v.as_chunks::<LANES>();
+                    for ((s, z), v) in s.iter().zip(z).zip(v) {
+                        for l in 0..LANES {
+                            let (sz, sv) = (s[l] * z[l], s[l] * v[l]);
+                            sums[0][l] += sz * z[l];
+                            sums[1][l] += sv * z[l];
+                            sums[2][l] += sv * v[l];
+                        }
+                    }
+                } else {
+                    for (s, z) in s.iter().zip(z) {
+                        for l in 0..LANES {
+                            sums[0][l] += s[l] * z[l] * z[l];
+                        }
+                    }
+                }
+                *out = sums.map(|s| sum(s));
+            }
+        },
+    )
+}
+
 /// The product of each row of a matrix with `x`, into `out`; rows are `stride` apart and read as far as `x` goes.
 pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     wide(

@@ -96,6 +96,15 @@ impl Belief {
     }
 }
 
+/// What a prior believes, as much of it as was asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Enough {
+    /// All.
+    Whole(Belief),
+    /// Nothing of coordinates together.
+    Apart(Posterior),
+}
+
 /// A model of what poses look like in the model's space.
 ///
 /// An observation is 3 J numbers `y` (read where observed) and the variance `noise` of each, cm²: 0 exact, infinite
@@ -121,6 +130,17 @@ pub trait Prior: Send + Sync {
         let rows = y.rows().into_iter().zip(noise.rows());
         rows.map(|(y, noise)| self.believe(&y.to_vec(), &noise.to_vec()))
             .collect()
+    }
+    /// The same for those who, given a row and its posterior, may do without the covariance: those rows say how sure each
+    /// coordinate is, if that costs less.
+    fn believe_enough(
+        &self,
+        y: ArrayView2<'_, f64>,
+        noise: ArrayView2<'_, f64>,
+        _enough: &dyn Fn(usize, &Posterior) -> bool,
+    ) -> Vec<Enough> {
+        let beliefs = self.believe_all(y, noise).into_iter();
+        beliefs.map(Enough::Whole).collect()
     }
     /// The means alone of [`believe_all`](Prior::believe_all), (frames, 3 J), for those who need no more.
     fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {

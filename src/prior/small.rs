@@ -1,6 +1,9 @@
 //! Products, a factorisation and its solves for vectors and matrices of a pose's size, where calling a library costs more than the work.
 
+use crate::simd::wide;
+
 /// Σ aᵢ bᵢ, in four strands that go side by side.
+#[inline(always)]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 4];
     let (fours, rest) = a.as_chunks::<4>();
@@ -23,17 +26,22 @@ pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
 /// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a small one: the direction
 /// is then known exactly, as a duplicate of others.
 pub fn factorise(a: &mut [f64], n: usize) {
-    for i in 0..n {
-        for j in 0..=i {
-            let known = dot(&a[i * n..i * n + j], &a[j * n..j * n + j]);
-            let rest = a[i * n + j] - known;
-            a[i * n + j] = if i == j {
-                rest.max(1e-12 * a[i * n + i].abs()).max(1e-300).sqrt()
-            } else {
-                rest / a[j * n + j]
-            };
-        }
-    }
+    wide(
+        #[inline(always)]
+        || {
+            for i in 0..n {
+                for j in 0..=i {
+                    let known = dot(&a[i * n..i * n + j], &a[j * n..j * n + j]);
+                    let rest = a[i * n + j] - known;
+                    a[i * n + j] = if i == j {
+                        rest.max(1e-12 * a[i * n + i].abs()).max(1e-300).sqrt()
+                    } else {
+                        rest / a[j * n + j]
+                    };
+                }
+            }
+        },
+    );
 }
 
 /// z ← L⁻¹ z, with L as [`factorise`] leaves it.
@@ -62,6 +70,45 @@ pub fn log_sum(logs: &[f64]) -> f64 {
     top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln()
 }
 
+/// log Σ exp of what comes one by one.
+#[derive(Debug, Clone, Copy)]
+pub struct LogSum {
+    top: f64,
+    /// Σ exp(log − top).
+    sum: f64,
+}
+
+impl Default for LogSum {
+    /// Of nothing.
+    fn default() -> LogSum {
+        LogSum {
+            top: f64::NEG_INFINITY,
+            sum: 0.0,
+        }
+    }
+}
+
+/// What is e^-40 of a number of double precision is lost beside it.
+const LOST: f64 = 40.0;
+
+impl LogSum {
+    /// Counts one more.
+    pub fn add(&mut self, log: f64) {
+        let less = log - self.top;
+        if less > 0.0 {
+            self.sum = self.sum * (-less).exp() + 1.0;
+            self.top = log;
+        } else if less > -LOST {
+            self.sum += less.exp();
+        }
+    }
+
+    /// Of those counted so far: −∞ of none.
+    pub fn log(&self) -> f64 {
+        self.top + self.sum.ln()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -83,5 +130,19 @@ mod tests {
         assert_eq!(z, [4.0, 4.0]);
         backward(&a, 2, &mut z);
         assert_eq!(z, [1.0, 2.0]);
+    }
+
+    #[test]
+    fn logs_add_up_in_any_order_and_of_none_there_is_nothing() {
+        let none = f64::NEG_INFINITY;
+        let logs = [none, -700.0, 2.0, none, 3.5, -1.0];
+        let mut one_by_one = LogSum::default();
+        assert_eq!((one_by_one.log(), log_sum(&[none])), (none, none));
+        one_by_one.add(none);
+        assert_eq!(one_by_one.log(), none);
+        logs.iter().for_each(|l| one_by_one.add(*l));
+        let plain = (2.0f64.exp() + 3.5f64.exp() + (-1.0f64).exp()).ln();
+        assert!((one_by_one.log() - plain).abs() <= 1e-12);
+        assert!((log_sum(&logs) - plain).abs() <= 1e-12);
     }
 }

@@ -8,7 +8,7 @@ use crate::simd;
 use ndarray::Array2;
 
 /// Blocks that weigh less than this share do not tell how far the answers are apart.
-const LEAST_SHARE: f64 = 0.02;
+const LEAST_SHARE: f64 = 0.06;
 /// Cells whose blocks weigh less than this share together do not tell what is left open.
 const LEAST_CELL: f64 = 0.2;
 
@@ -43,6 +43,20 @@ impl Answer {
         Answer {
             mean: vec![0.0; d],
             spread: Array2::zeros((rows, if rows == 0 { 0 } else { d })),
+        }
+    }
+
+    /// Adds `weight` times what a part's answer leaves open; its coordinates are among those here.
+    pub fn add_spread(&mut self, weight: f64, part: &Answer, coordinates: &[usize], told: Told) {
+        for (r, row) in part.spread.rows().into_iter().enumerate() {
+            let to = if told == Told::Covariance {
+                coordinates[r]
+            } else {
+                r
+            };
+            let mut to = self.spread.row_mut(to);
+            let both = coordinates.iter().zip(row);
+            both.for_each(|(&c, v)| to[c] += weight * v);
         }
     }
 

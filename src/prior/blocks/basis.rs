@@ -131,17 +131,13 @@ impl Basis {
     /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision; of the first directions only, where there are fewer
     /// values.
     pub fn add_spread(&self, values: &[f64], out: &mut Array2<f64>) {
-        let stride = padded(values.len());
-        let roots: Vec<f32> = values.iter().map(|v| v.max(0.0).sqrt() as f32).collect();
-        let mut half = vec![0.0; self.d * stride];
-        for (i, half) in half.chunks_exact_mut(stride.max(1)).enumerate() {
-            let scaled = half.iter_mut().zip(self.row(i).iter().zip(&roots));
-            scaled.for_each(|(h, (v, r))| *h = v * r);
-        }
+        let mut scaled = vec![0.0; padded(values.len())];
         let mut products = vec![0.0; self.d];
         for i in 0..self.d {
-            let row = &half[i * stride..(i + 1) * stride];
-            row_dots(&half[..(i + 1) * stride], stride, row, &mut products[..=i]);
+            let terms = scaled.iter_mut().zip(self.row(i).iter().zip(values));
+            terms.for_each(|(s, (u, v))| *s = u * *v as f32);
+            let rows = &self.vectors[..(i + 1) * self.stride];
+            row_dots(rows, self.stride, &scaled, &mut products[..=i]);
             for (j, p) in products[..=i].iter().enumerate() {
                 out[[i, j]] += f64::from(*p);
                 if j < i {

@@ -6,9 +6,6 @@ use crate::simd::{self, distances};
 use ndarray::{Array2, Axis};
 use std::sync::{Arc, OnceLock};
 
-/// So many cells of a level are looked at.
-const NEAR: usize = 5;
-
 /// Cells of one part.
 #[derive(Debug, Clone)]
 pub struct Cells {
@@ -139,35 +136,10 @@ impl Cells {
         )
     }
 
-    /// The few cells that may hold a pose (d, padded; of any value where `weights` is 0), nearest first, each with what its
-    /// log evidence is to be added: less the nearer it is to being left out, so that cells come and go without a jump.
-    pub fn nearest(&self, y: &[f32], weights: &[f32]) -> Vec<(usize, f64)> {
-        let count = self.len();
-        let mut far = Vec::with_capacity(count);
-        distances(&self.short, y, weights, &mut far);
-        let far = far.into_iter().zip(&self.log_shares);
-        let mut all: Vec<(f32, usize)> = far
-            .enumerate()
-            .map(|(cell, (far, log))| (far - 2.0 * *log as f32, cell))
-            .collect();
-        let order = |a: &(f32, usize), b: &(f32, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-        let mut last = f32::INFINITY;
-        if count > NEAR {
-            all.select_nth_unstable_by(NEAR, order);
-            last = all[NEAR].0;
-            all.truncate(NEAR);
-        }
-        all.sort_by(order);
-        all.into_iter()
-            .map(|(far, cell)| (cell, fading(far, last)))
-            .collect()
+    /// Σ w (y − mean)² of every cell, into `out`; all padded.
+    pub fn distances(&self, y: &[f32], w: &[f32], out: &mut Vec<f32>) {
+        distances(&self.short, y, w, out);
     }
-}
-
-/// What the log evidence of a block that is so far off is to be added where the first that is left out is at `last`.
-pub fn fading(far: f32, last: f32) -> f64 {
-    let left = -(-0.5 * f64::from(last - far)).exp_m1();
-    left.max(1e-9).ln()
 }
 
 /// The covariance (d, d) of a part of poses that went through `map`.

@@ -383,7 +383,7 @@ fn evidences(
 ) -> Vec<Evidences> {
     let one = |i: usize, task: u64| {
         let (y, noise) = observe(poses, chosen[i], task, seed, i);
-        let seen = blocks.consider(&y, &noise).explained;
+        let seen = blocks.consider_ways(&y, &noise, 0.0).explained;
         seen.into_iter().map(|e| e.levels).collect::<Evidences>()
     };
     let both = (0..2u64).flat_map(|task| {

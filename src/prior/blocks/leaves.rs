@@ -123,9 +123,10 @@ impl Leaves {
         cell: usize,
         coordinates: &[usize],
         mean: ArrayView1<'_, f64>,
-        basis: &Basis,
+        basis: impl FnOnce() -> Arc<Basis>,
     ) -> &Opened {
         self.opened[cell].get_or_init(|| {
+            let basis = basis();
             let d = coordinates.len();
             let stride = padded(d);
             let rows = &self.rows[self.starts[cell]..self.starts[cell + 1]];

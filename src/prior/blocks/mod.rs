@@ -29,7 +29,7 @@ mod slope;
 
 use super::met::Met;
 use super::small::{add, log_sum};
-use super::{Belief, Fit, Posterior, Prior, Slope};
+use super::{Belief, Enough, Fit, Posterior, Prior, Slope};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use answer::{Answer, Told};
 use learn::variance_of;
@@ -38,7 +38,7 @@ use lens::Pattern;
 use limit::Limit;
 use ndarray::{Array2, ArrayView2};
 use part::{Part, View};
-use search::Explained;
+use search::{Desk, Explained, Search};
 use std::sync::Arc;
 
 pub use learn::{Settings, model, train};
@@ -50,7 +50,7 @@ const MOST_MET: usize = 16;
 /// So many kinds of noise that is everywhere the same are.
 const MOST_EVEN: usize = 16;
 /// Ways of making a body of parts that weigh less for an observation do not answer it.
-const LEAST_WEIGHT: f64 = 1e-3;
+const LEAST_WEIGHT: f64 = 0.01;
 /// Ways that weigh less than this share of the first before any observation are not looked at.
 const LEAST_WAY: f64 = 0.002;
 
@@ -145,39 +145,64 @@ impl Blocks {
         self.even[p].get(&[unit], MOST_EVEN, make)
     }
 
-    /// The parts of the ways that weigh enough to be looked at.
-    fn wanted(&self) -> Vec<bool> {
+    /// The parts of the ways whose log is not less than that share of the most likely one's.
+    fn wanted(&self, logs: &[f64], share: f64) -> Vec<bool> {
         let mut wanted = vec![false; self.parts.len()];
-        let most = self
-            .log_ways
-            .iter()
-            .copied()
-            .fold(f64::NEG_INFINITY, f64::max);
-        for (way, log) in self.ways.iter().zip(&self.log_ways) {
-            if *log >= most + LEAST_WAY.ln() {
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        for (way, log) in self.ways.iter().zip(logs) {
+            if *log >= most + share.ln() {
                 way.iter().for_each(|&p| wanted[p] = true);
             }
         }
         wanted
     }
 
+    /// The log evidence of each way, its weight included, by those of the parts.
+    fn ways_of(&self, evidences: impl Iterator<Item = f64>) -> Vec<f64> {
+        let evidences: Vec<f64> = evidences.collect();
+        let ways = self.ways.iter().zip(&self.log_ways);
+        ways.map(|(way, log)| log + way.iter().map(|&p| evidences[p]).sum::<f64>())
+            .collect()
+    }
+
+    /// The logs of what the ways weigh where they are averaged: their evidences are surer of their order than they should
+    /// be, as there are few ways, and all are wrong.
+    fn tempered(&self, ways: &[f64]) -> Vec<f64> {
+        let ways = ways.iter().zip(&self.log_ways);
+        ways.map(|(all, weight)| weight + self.temperature * (all - weight))
+            .collect()
+    }
+
     fn consider(&self, y: &[f64], noise: &[f64]) -> Considered {
+        self.consider_ways(y, noise, LEAST_WEIGHT)
+    }
+
+    /// Ways that weigh less than `least` by their cells alone are not worth a look at their leaves.
+    fn consider_ways(&self, y: &[f64], noise: &[f64], least: f64) -> Considered {
         let views = self.views(noise);
         let observed: Vec<Vec<f64>> = (self.parts.iter())
             .map(|p| p.coordinates.iter().map(|&i| y[i]).collect())
             .collect();
-        let wanted = self.wanted();
-        let explained: Vec<Explained> = (self.parts.iter().zip(views.iter()).zip(&observed))
-            .zip(wanted)
-            .map(|(((part, view), y), wanted)| match wanted {
-                true => part.explain(view, y),
-                false => Explained::nothing(),
-            })
+        let mut desk = Desk::default();
+        let mut searches: Vec<Option<Search<'_>>> = (self.parts.iter().zip(&views).zip(&observed))
+            .zip(self.wanted(&self.log_ways, LEAST_WAY))
+            .map(|(((part, view), y), wanted)| wanted.then(|| part.search(view, y, &mut desk)))
             .collect();
-        let ways = self.ways.iter().zip(&self.log_ways);
-        let ways = ways
-            .map(|(way, log)| log + way.iter().map(|&p| explained[p].evidence).sum::<f64>())
-            .collect();
+        let by_cells = self.ways_of(searches.iter().map(|s| match s {
+            Some(search) => search.evidence(),
+            None => f64::NEG_INFINITY,
+        }));
+        let wanted = self.wanted(&self.tempered(&by_cells), least);
+        let look = |(search, wanted): (&mut Option<Search<'_>>, bool)| match search.take() {
+            Some(mut search) if wanted => {
+                search.open(&mut desk);
+                search.end()
+            }
+            _ => Explained::nothing(),
+        };
+        let explained: Vec<Explained> = searches.iter_mut().zip(wanted).map(look).collect();
+        drop(searches);
+        let ways = self.ways_of(explained.iter().map(|e| e.evidence));
         Considered {
             views,
             observed,
@@ -188,57 +213,58 @@ impl Blocks {
 
     /// The answers of all ways, averaged by evidence.
     fn join(&self, seen: &Considered, told: Told) -> Answer {
-        // The evidences of ways are surer of their order than they should be: there are few ways, and all are wrong.
-        let ways = seen.ways.iter().zip(&self.log_ways);
-        let ways: Vec<f64> = ways
-            .map(|(all, weight)| weight + self.temperature * (all - weight))
-            .collect();
+        let ways = self.tempered(&seen.ways);
         let evidence = log_sum(&ways);
+        let shares = ways.iter().map(|log| (log - evidence).exp());
+        let heard: Vec<(&Vec<usize>, f64)> = (self.ways.iter().zip(shares))
+            .filter(|(_, share)| *share >= LEAST_WEIGHT)
+            .collect();
+        let total: f64 = heard.iter().map(|w| w.1).sum();
         let mut answers: Vec<Option<Answer>> = vec![None; self.parts.len()];
-        let mut wholes = Vec::new();
-        for (way, log) in self.ways.iter().zip(&ways) {
-            let weight = (log - evidence).exp();
-            if weight < LEAST_WEIGHT {
-                continue;
-            }
-            let mut whole = Answer::new(self.width, told);
+        let mut out = Answer::new(self.width, told);
+        let mut means = Vec::with_capacity(heard.len());
+        for (way, share) in heard {
+            let weight = share / total;
+            let mut mean = vec![0.0; self.width];
             for &p in way {
                 let part = &self.parts[p];
                 let answer = answers[p].get_or_insert_with(|| {
                     part.answer(&seen.views[p], &seen.observed[p], &seen.explained[p], told)
                 });
-                for (i, &to) in part.coordinates.iter().enumerate() {
-                    whole.mean[to] = answer.mean[i];
-                    for (r, row) in answer.spread.rows().into_iter().enumerate() {
-                        let row_to = if told == Told::Covariance {
-                            part.coordinates[r]
-                        } else {
-                            r
-                        };
-                        whole.spread[[row_to, to]] = row[i];
-                    }
+                for (&to, m) in part.coordinates.iter().zip(&answer.mean) {
+                    mean[to] = *m;
                 }
+                out.add_spread(weight, answer, &part.coordinates, told);
             }
-            wholes.push((weight, whole));
+            add(&mut out.mean, weight, &mean);
+            means.push((weight, mean));
         }
-        let total: f64 = wholes.iter().map(|w| w.0).sum();
-        let mut out = Answer::new(self.width, told);
-        for (weight, whole) in &wholes {
-            add(&mut out.mean, weight / total, &whole.mean);
-            out.spread.scaled_add(weight / total, &whole.spread);
-        }
-        if told != Told::Mean {
-            for (weight, whole) in &wholes {
-                let off: Vec<f64> = whole
-                    .mean
-                    .iter()
-                    .zip(&out.mean)
-                    .map(|(x, m)| x - m)
-                    .collect();
-                out.add_outer(weight / total, &off, told);
+        if told != Told::Mean && means.len() > 1 {
+            for (weight, mut off) in means {
+                add(&mut off, -1.0, &out.mean);
+                out.add_outer(weight, &off, told);
             }
         }
         out
+    }
+}
+
+impl Answer {
+    /// Where the covariance is told.
+    fn belief(self, seen: &Considered) -> Belief {
+        Belief {
+            mean: self.mean,
+            covariance: self.spread,
+            evidence: log_sum(&seen.ways),
+        }
+    }
+
+    /// Where variances are.
+    fn posterior(self) -> Posterior {
+        Posterior {
+            mean: self.mean,
+            variance: self.spread.into_iter().collect(),
+        }
     }
 }
 
@@ -253,12 +279,25 @@ impl Prior for Blocks {
 
     fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
         let seen = self.consider(y, noise);
-        let answer = self.join(&seen, Told::Covariance);
-        Belief {
-            mean: answer.mean,
-            covariance: answer.spread,
-            evidence: log_sum(&seen.ways),
-        }
+        self.join(&seen, Told::Covariance).belief(&seen)
+    }
+
+    fn believe_enough(
+        &self,
+        y: ArrayView2<'_, f64>,
+        noise: ArrayView2<'_, f64>,
+        enough: &dyn Fn(usize, &Posterior) -> bool,
+    ) -> Vec<Enough> {
+        let rows = y.rows().into_iter().zip(noise.rows()).enumerate();
+        rows.map(|(row, (y, noise))| {
+            let seen = self.consider(&y.to_vec(), &noise.to_vec());
+            let posterior = self.join(&seen, Told::Variances).posterior();
+            if enough(row, &posterior) {
+                return Enough::Apart(posterior);
+            }
+            Enough::Whole(self.join(&seen, Told::Covariance).belief(&seen))
+        })
+        .collect()
     }
 
     fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
@@ -282,11 +321,8 @@ impl Prior for Blocks {
     }
 
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
-        let answer = self.join(&self.consider(y, noise), Told::Variances);
-        Posterior {
-            mean: answer.mean,
-            variance: answer.spread.iter().copied().collect(),
-        }
+        let seen = self.consider(y, noise);
+        self.join(&seen, Told::Variances).posterior()
     }
 
     fn posteriors(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Posterior> {

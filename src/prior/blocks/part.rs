@@ -5,7 +5,8 @@ use super::leaves::{Leaves, Opened, Poses};
 use super::lens::{Lens, Pattern};
 use super::scales::{Even, Scales};
 use crate::pose::PoseMap;
-use crate::simd::padded;
+use crate::prior::small::add;
+use crate::simd::{self, padded};
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
 
@@ -247,9 +248,9 @@ impl Part {
     /// The leaves of a finest cell.
     pub fn opened(&self, cell: usize) -> &Opened {
         let finest = self.finest();
-        let basis = finest.basis(cell, &self.coordinates);
+        let basis = || finest.basis(cell, &self.coordinates);
         self.leaves
-            .open(cell, &self.coordinates, finest.means.row(cell), &basis)
+            .open(cell, &self.coordinates, finest.means.row(cell), basis)
     }
 
     /// The finest cells.
@@ -265,8 +266,13 @@ impl Part {
 
 /// `to` += `weight` x xᵀ.
 pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
-    for (mut row, a) in to.rows_mut().into_iter().zip(x) {
-        let scale = weight * a;
-        row.iter_mut().zip(x).for_each(|(t, b)| *t += scale * b);
-    }
+    let Some(to) = to.as_slice_mut() else { return };
+    simd::wide(
+        #[inline(always)]
+        || {
+            for (row, a) in to.chunks_exact_mut(x.len().max(1)).zip(x) {
+                add(row, weight * a, x);
+            }
+        },
+    );
 }

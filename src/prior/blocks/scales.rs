@@ -1,6 +1,7 @@
 //! A block seen through noise, at some scales of its covariance: evidence and what a residual is solved to.
 
 use super::basis::Basis;
+use super::part::Active;
 use crate::prior::small::{backward, dot, factorise, forward};
 use crate::simd::{self, combine, row_dots, weighted_rows};
 use std::borrow::Cow;
@@ -203,6 +204,41 @@ impl Scales {
         self.forms(z, z, out);
         for (out, normaliser) in out.iter_mut().zip(&self.normalisers) {
             *out = normaliser - 0.5 * *out;
+        }
+    }
+
+    /// The same where the covariance is also as wide along a step as the levels (one a scale) say, given the step's z.
+    pub fn logs_along(&self, z: &[f32], step: &[f32], levels: &[Active], out: &mut Vec<f64>) {
+        let reaches = |at: usize| levels[at].along > 0.0;
+        let mut forms = [[0.0f32; 3]; 16];
+        out.clear();
+        out.resize(self.scales.len(), 0.0);
+        for (first, shares) in (0..)
+            .step_by(16)
+            .zip(self.shares.chunks(16 * self.stride.max(1)))
+        {
+            let n = shares.len() / self.stride;
+            let of = |at| reaches(first + at);
+            simd::weighted_forms(shares, z, step, of, &mut forms[..n]);
+            for (at, [zz, vz, vv]) in (first..).zip(&forms[..n]) {
+                let mut sums = [f64::from(*zz), f64::from(*vz), f64::from(*vv)];
+                if self.changed > 0 {
+                    let p = self.whitened(at, z);
+                    sums[0] -= dot(&p, &p);
+                    if reaches(at) {
+                        let q = self.whitened(at, step);
+                        sums[1] -= dot(&p, &q);
+                        sums[2] -= dot(&q, &q);
+                    }
+                }
+                let mut log = self.normalisers[at] - 0.5 * sums[0];
+                if reaches(at) {
+                    let along = levels[at].along;
+                    let vv = along * sums[2];
+                    log += 0.5 * along * sums[1] * sums[1] / (1.0 + vv) - 0.5 * vv.ln_1p();
+                }
+                out[at] = log;
+            }
         }
     }
 

@@ -1,9 +1,11 @@
 //! Which blocks explain an observation.
 
-use super::cells::fading;
+use super::cells::Cells;
 use super::leaves::Opened;
 use super::part::{Active, Part, Sight, View};
-use crate::prior::small::log_sum;
+use super::scales::Scales;
+use crate::prior::small::LogSum;
+use crate::simd::padded;
 
 /// One block that may explain an observation.
 #[derive(Debug, Clone, Copy)]
@@ -18,6 +20,17 @@ pub struct Hypothesis {
     pub at: usize,
 }
 
+impl Hypothesis {
+    fn new(seen: usize, leaf: Option<usize>, at: usize) -> Hypothesis {
+        Hypothesis {
+            log: f64::NEG_INFINITY,
+            seen,
+            leaf,
+            at,
+        }
+    }
+}
+
 /// A cell that was looked at.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen {
@@ -25,6 +38,8 @@ pub struct Seen {
     pub index: usize,
     /// Which cell of it.
     pub cell: usize,
+    /// The best log evidence of its scales.
+    most: f64,
     /// Where its z begins.
     start: usize,
 }
@@ -76,75 +91,115 @@ impl Explained {
 /// So many blocks answer.
 const KEPT: usize = 96;
 /// Blocks this much less likely (nats) than the best do not answer.
-const NEGLIGIBLE: f64 = 6.0;
-/// The leaves of so many cells are looked at.
-const OPENED: usize = 8;
-/// Cells this much less likely (nats) than the best are not opened, and where all is seen no further one is looked at after
-/// the first of them.
+const NEGLIGIBLE: f64 = 5.0;
+/// So many cells are usually looked at.
+const USUAL: usize = 20;
+/// The leaves of cells this much less likely (nats) than the best are not looked at.
+const OPENED: f64 = 6.0;
+/// Where all is seen no further cell is looked at after the first that is this much less likely (nats) than the best.
 const CLOSED: f64 = 10.0;
-/// So many of the nearest leaves are weighed.
-const WEIGHED: usize = 96;
+/// So many of the nearest leaves are weighed at most.
+const WEIGHED: usize = 48;
+/// So many of them at a time; where all of these are this much less likely (nats) than the best block, no further ones are.
+const TOGETHER: usize = 8;
+const HOPELESS: f64 = 9.0;
 
 impl Part {
-    /// How well the cells and leaves explain `y` (d; read where observed).
-    pub fn explain(&self, view: &View, y: &[f64]) -> Explained {
-        self.explain_by(view, y, !self.active(self.cells.len()).is_empty())
+    /// How well the cells explain `y` (d; read where observed): the leaves of some are to be looked at.
+    pub fn search<'a>(&'a self, view: &'a View, y: &'a [f64], desk: &mut Desk) -> Search<'a> {
+        let leaves = !self.active(self.cells.len()).is_empty();
+        self.search_by(view, y, leaves, desk)
     }
 
-    /// How well the cells do: some twenty times as fast, and good enough to place a pose.
+    /// How well the cells alone do: good enough to place a pose.
     pub fn explain_by_cells(&self, view: &View, y: &[f64]) -> Explained {
-        self.explain_by(view, y, false)
+        self.search_by(view, y, false, &mut Desk::default()).end()
     }
 
-    fn explain_by(&self, view: &View, y: &[f64], leaves: bool) -> Explained {
+    fn search_by<'a>(
+        &'a self,
+        view: &'a View,
+        y: &'a [f64],
+        leaves: bool,
+        desk: &mut Desk,
+    ) -> Search<'a> {
         let mut search = Search::new(self, view, y);
         if !view.sees() {
             // Nothing observed: the prior itself, by its coarsest cell.
-            search.found.levels.fill(0.0);
-            return search.end(0.0);
+            return search;
         }
-        let mut finest = Vec::new();
         // The finest first: what they explain much better needs no other.
         for index in (0..self.cells.len()).rev() {
-            let wanted = leaves && index + 1 == self.cells.len();
-            if wanted {
-                finest = search.cells(index);
-            } else if !self.active(index).is_empty() {
-                search.cells(index);
+            let finest = leaves && index + 1 == self.cells.len();
+            if finest || !self.active(index).is_empty() {
+                search.cells(index, desk);
             }
         }
-        if leaves {
-            search.open(&mut finest);
-        }
-        let levels = search.found.levels.iter().zip(&self.log_weights);
-        let all: Vec<f64> = levels.map(|(l, w)| l + w).collect();
-        search.end(log_sum(&all))
+        search
     }
 }
 
+/// What searches work with, kept from one to the next.
+#[derive(Default)]
+pub struct Desk {
+    keys: Vec<u64>,
+    far: Vec<f32>,
+    /// The nearest cells, each with what its log is to be added.
+    near: Vec<(usize, f64)>,
+    off: Vec<f32>,
+    z: Vec<f32>,
+    each: Vec<f64>,
+    state: Residual,
+}
+
 /// The best blocks so far.
-struct Search<'a> {
+pub struct Search<'a> {
     part: &'a Part,
     view: &'a View,
     y: &'a [f64],
     short: Vec<f32>,
     found: Explained,
+    /// Of the blocks of each level.
+    sums: Vec<LogSum>,
     /// The log that a block must reach.
     worst: f64,
     /// The best log of a cell.
     top: f64,
+    /// The best log of a block, its level's weight included.
+    best: f64,
+}
+
+/// A finest cell whose leaves are looked at.
+#[derive(Clone, Copy)]
+struct Likely<'a> {
+    seen: usize,
+    sight: &'a Sight,
+    opened: &'a Opened,
+    scales: &'a Scales,
+}
+
+/// One of the nearest leaves.
+struct Near {
+    /// What its log is to be added.
+    fading: f64,
+    /// Which of the likely cells.
+    of: usize,
+    leaf: usize,
 }
 
 impl<'a> Search<'a> {
     fn new(part: &'a Part, view: &'a View, y: &'a [f64]) -> Search<'a> {
         Search {
             found: Explained {
-                levels: vec![f64::NEG_INFINITY; part.levels.len()],
-                best: Vec::with_capacity(4 * KEPT),
+                best: Vec::with_capacity(KEPT),
+                seen: Vec::with_capacity(USUAL),
+                zs: Vec::with_capacity(USUAL * padded(part.coordinates.len())),
                 ..Explained::default()
             },
+            sums: vec![LogSum::default(); part.levels.len()],
             worst: f64::NEG_INFINITY,
             top: f64::NEG_INFINITY,
+            best: f64::NEG_INFINITY,
             part,
             view,
             y,
@@ -152,150 +207,150 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Evaluates the nearest cells of one level at all its scales; gives the best log evidence and the place among those
-    /// seen of each.
-    fn cells(&mut self, index: usize) -> Vec<(f64, usize)> {
+    /// Evaluates the nearest cells of one level at all its scales.
+    fn cells(&mut self, index: usize, desk: &mut Desk) {
         let (part, view) = (self.part, self.view);
         let cells = &part.cells[index];
         let levels = part.active(index);
-        let mut logs = vec![Vec::new(); levels.len()];
-        let (mut z, mut each) = (Vec::new(), Vec::new());
-        let mut off = vec![0.0; self.short.len()];
-        let mut best = Vec::new();
-        for (cell, fading) in cells.nearest(&self.short, &view.nearness[index]) {
+        desk.off.clear();
+        desk.off.resize(self.short.len(), 0.0);
+        desk.nearest(cells, &self.short, &view.nearness[index]);
+        for &(cell, fading) in &desk.near {
             let sight = view.sight(part, index, cell);
             let means = self.y.iter().zip(cells.mean(cell));
-            let rest = off.iter_mut().zip(means);
+            let rest = desk.off.iter_mut().zip(means);
             rest.for_each(|(o, (y, m))| *o = (y - m) as f32);
-            sight.lens.project(&off, &mut z);
-            sight.scales.logs(&z, &mut each);
+            sight.lens.project(&desk.off, &mut desk.z);
+            sight.scales.logs(&desk.z, &mut desk.each);
             let share = cells.log_shares[cell] + fading;
-            each.iter_mut().for_each(|l| *l += share);
             let seen = self.found.seen.len();
+            let mut most = f64::NEG_INFINITY;
+            for (at, log) in desk.each.iter().enumerate() {
+                most = most.max(log + share);
+                // A finest cell may be looked at for its leaves' sake alone.
+                if let Some(level) = levels.get(at) {
+                    let of = Hypothesis::new(seen, None, at);
+                    self.add(log + share, level, of);
+                }
+            }
             self.found.seen.push(Seen {
                 index,
                 cell,
+                most,
                 start: self.found.zs.len(),
             });
-            self.found.zs.extend_from_slice(&z);
-            for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
-                logs.push(each[at]);
-                let leaf = None;
-                self.add(
-                    each[at],
-                    level,
-                    Hypothesis {
-                        log: 0.0,
-                        seen,
-                        leaf,
-                        at,
-                    },
-                );
-            }
-            let most = each.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            best.push((most, seen));
+            self.found.zs.extend_from_slice(&desk.z);
             self.top = self.top.max(most);
             // Further ones are farther off; but where much is missing, being near says too little.
             if view.sees_all() && most < self.top - CLOSED {
                 break;
             }
         }
-        self.sum(levels, &logs);
-        best
+    }
+
+    /// log Σ over the levels and blocks that were looked at.
+    pub fn evidence(&self) -> f64 {
+        if !self.view.sees() {
+            return 0.0;
+        }
+        let mut all = LogSum::default();
+        for (level, weight) in self.sums.iter().zip(&self.part.log_weights) {
+            all.add(level.log() + weight);
+        }
+        all.log()
     }
 
     /// Evaluates the nearest leaves of the cells that may hold the pose.
-    fn open(&mut self, cells: &mut [(f64, usize)]) {
-        let (part, view) = (self.part, self.view);
+    pub fn open(&mut self, desk: &mut Desk) {
+        let part = self.part;
         let levels = part.active(part.cells.len());
-        cells.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let closed = cells[0].0 - CLOSED;
-        let likely: Vec<usize> = (cells.iter().take(OPENED))
-            .filter(|c| c.0 >= closed)
-            .map(|c| c.1)
-            .collect();
-        let near = self.near(&likely);
+        let cells = self.likely();
+        let near = self.near(&cells, desk);
         let share = -(part.leaves.rows.len() as f64).ln();
-        let mut logs = vec![Vec::with_capacity(near.len()); levels.len()];
-        let mut state = Residual::default();
-        let (mut each, mut cross, mut along) = (Vec::new(), Vec::new(), Vec::new());
-        let reaches = levels.iter().any(|l| l.along > 0.0);
-        for group in near.chunk_by(|a, b| a.1 == b.1) {
-            let (seen, cell) = (group[0].1, self.found.seen[group[0].1].cell);
-            let sight = view.sight(part, part.cells.len() - 1, cell);
-            let opened = part.opened(cell);
-            let scales = view.leaves(part, cell);
-            for &(fading, _, leaf) in group {
+        for some in near.chunks(TOGETHER) {
+            let mut best = f64::NEG_INFINITY;
+            for &Near { fading, of, leaf } in some {
+                let Likely {
+                    seen,
+                    sight,
+                    opened,
+                    scales,
+                } = cells[of];
+                let (state, each) = (&mut desk.state, &mut desk.each);
                 state.of_leaf(sight, self.found.z(seen, sight), opened, &self.short, leaf);
-                scales.logs(&state.z, &mut each);
-                if reaches {
-                    scales.forms(&state.step, &state.z, &mut cross);
-                    scales.forms(&state.step, &state.step, &mut along);
-                }
-                for (at, (level, logs)) in levels.iter().zip(&mut logs).enumerate() {
-                    let mut log = share + f64::from(fading) + each[at];
-                    if level.along > 0.0 {
-                        let (vv, vz) = (level.along * along[at], cross[at]);
-                        log += 0.5 * level.along * vz * vz / (1.0 + vv) - 0.5 * vv.ln_1p();
-                    }
-                    logs.push(log);
-                    let leaf = Some(leaf);
-                    self.add(
-                        log,
-                        level,
-                        Hypothesis {
-                            log: 0.0,
-                            seen,
-                            leaf,
-                            at,
-                        },
-                    );
+                scales.logs_along(&state.z, &state.step, levels, each);
+                for (at, (level, log)) in levels.iter().zip(each).enumerate() {
+                    let of = Hypothesis::new(seen, Some(leaf), at);
+                    best = best.max(self.add(share + fading + *log, level, of));
                 }
             }
+            // Further ones are farther off.
+            if best < self.best - HOPELESS {
+                break;
+            }
         }
-        self.sum(levels, &logs);
     }
 
-    /// The nearest leaves of some cells, cell by cell: (what its log is to be added, which of those seen, leaf).
-    fn near(&self, cells: &[usize]) -> Vec<(f32, usize, usize)> {
-        let nearness = &self.view.nearness[self.part.cells.len() - 1];
-        let mut near: Vec<(f32, usize, usize)> = Vec::new();
-        let mut far = Vec::new();
-        for &seen in cells {
-            let opened = self.part.opened(self.found.seen[seen].cell);
-            opened.distances(&self.short, nearness, &mut far);
-            near.extend(far.iter().enumerate().map(|(leaf, far)| (*far, seen, leaf)));
-        }
-        let order = |a: &(f32, usize, usize), b: &(f32, usize, usize)| {
-            a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2)))
+    /// The cells whose leaves are looked at.
+    fn likely(&self) -> Vec<Likely<'a>> {
+        let (part, view) = (self.part, self.view);
+        let finest = part.cells.len() - 1;
+        let seen = self.found.seen.iter().enumerate();
+        let seen: Vec<(f64, usize)> = seen
+            .filter(|(_, s)| s.index == finest)
+            .map(|(i, s)| (s.most, i))
+            .collect();
+        let most = seen.iter().fold(f64::NEG_INFINITY, |a, s| a.max(s.0));
+        let likely = seen.into_iter().filter(|s| s.0 >= most - OPENED);
+        let of = |(_, seen): (f64, usize)| {
+            let cell = self.found.seen[seen].cell;
+            Likely {
+                seen,
+                sight: view.sight(part, finest, cell),
+                opened: part.opened(cell),
+                scales: view.leaves(part, cell),
+            }
         };
-        if near.len() > WEIGHED {
-            near.select_nth_unstable_by(WEIGHED, order);
-            let last = near[WEIGHED].0;
-            near.truncate(WEIGHED);
-            near.iter_mut().for_each(|n| n.0 = fading(n.0, last) as f32);
-        } else {
-            near.iter_mut().for_each(|n| n.0 = 0.0);
-        }
-        near.sort_unstable_by_key(|n| (n.1, n.2));
-        near
+        likely.map(of).collect()
     }
 
-    /// The levels' evidences, by those of their blocks.
-    fn sum(&mut self, levels: &[Active], logs: &[Vec<f64>]) {
-        for (level, logs) in levels.iter().zip(logs) {
-            self.found.levels[level.level] = log_sum(logs);
+    /// The nearest leaves of some cells, the nearest first.
+    fn near(&self, cells: &[Likely<'_>], desk: &mut Desk) -> Vec<Near> {
+        let nearness = &self.view.nearness[self.part.cells.len() - 1];
+        let mut starts = vec![0];
+        desk.keys.clear();
+        for cell in cells {
+            cell.opened.distances(&self.short, nearness, &mut desk.far);
+            for far in &desk.far {
+                desk.keys.push(key(*far, desk.keys.len()));
+            }
+            starts.push(desk.keys.len());
         }
+        let last = nearest_keys(&mut desk.keys, WEIGHED);
+        let of = |&key: &u64| {
+            let (far, place) = unlocked(key);
+            let of = starts.partition_point(|s| *s <= place) - 1;
+            Near {
+                fading: last.map_or(0.0, |last| fading(far, last)),
+                leaf: place - starts[of],
+                of,
+            }
+        };
+        desk.keys.iter().map(of).collect()
     }
 
-    fn add(&mut self, log: f64, level: &Active, hypothesis: Hypothesis) {
+    /// Counts a block, and keeps it if it is among the best; gives the log of its weight times its evidence.
+    fn add(&mut self, log: f64, level: &Active, hypothesis: Hypothesis) -> f64 {
+        self.sums[level.level].add(log);
         let log = log + self.part.log_weights[level.level];
-        if log > self.worst {
+        self.best = self.best.max(log);
+        if log > self.worst.max(self.best - NEGLIGIBLE) {
             self.found.best.push(Hypothesis { log, ..hypothesis });
             if self.found.best.len() == 4 * KEPT {
                 self.trim();
             }
         }
+        log
     }
 
     /// Leaves the best few, in no order.
@@ -313,14 +368,66 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn end(mut self, evidence: f64) -> Explained {
+    /// What was found.
+    pub fn end(mut self) -> Explained {
+        self.found.evidence = self.evidence();
+        let sees = self.view.sees();
+        let levels = self.sums.iter().map(|s| if sees { s.log() } else { 0.0 });
+        self.found.levels = levels.collect();
         self.trim();
         let logs = self.found.best.iter().map(|h| h.log);
         let top = logs.fold(f64::NEG_INFINITY, f64::max);
         self.found.best.retain(|h| h.log >= top - NEGLIGIBLE);
-        self.found.evidence = evidence;
         self.found
     }
+}
+
+/// So many cells of a level are looked at.
+const NEAR: usize = 5;
+
+impl Desk {
+    /// The few cells that may hold a pose (d, padded; of any value where `weights` is 0), nearest first, each with what its
+    /// log evidence is to be added: less the nearer it is to being left out, so that cells come and go without a jump.
+    fn nearest(&mut self, cells: &Cells, y: &[f32], weights: &[f32]) {
+        cells.distances(y, weights, &mut self.far);
+        self.keys.clear();
+        let far = self.far.iter().zip(&cells.log_shares).enumerate();
+        let far = far.map(|(cell, (far, log))| key(far - 2.0 * *log as f32, cell));
+        self.keys.extend(far);
+        let last = nearest_keys(&mut self.keys, NEAR);
+        self.near.clear();
+        self.near.extend(self.keys.iter().map(|key| {
+            let (far, cell) = unlocked(*key);
+            (cell, last.map_or(0.0, |last| fading(far, last)))
+        }));
+    }
+}
+
+/// A distance (at least 0) and whose it is in one number; their order is that of the distances.
+fn key(far: f32, place: usize) -> u64 {
+    u64::from(far.to_bits()) << 32 | place as u64
+}
+
+/// The distance and whose it is.
+fn unlocked(key: u64) -> (f32, usize) {
+    (f32::from_bits((key >> 32) as u32), key as u32 as usize)
+}
+
+/// Leaves the nearest few, the nearest first; gives the distance of the first that is left out.
+fn nearest_keys(keys: &mut Vec<u64>, few: usize) -> Option<f32> {
+    let mut last = None;
+    if keys.len() > few {
+        last = Some(unlocked(*keys.select_nth_unstable(few).1).0);
+        keys.truncate(few);
+    }
+    keys.sort_unstable();
+    last
+}
+
+/// What the log evidence of a block that is so far off is to be added where the first that is left out is at `last`.
+fn fading(far: f32, last: f32) -> f64 {
+    let left = -(-0.5 * f64::from(last - far)).exp_m1();
+    left.max(1e-9).ln()
 }
 
 /// What is left of an observation beside a leaf, in the directions of a lens.

@@ -24,7 +24,7 @@ const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
 /// Steps at most; from the third on they are damped by half where they do not shrink, but for the last.
 const STEPS: usize = 10;
 /// The gradients are taken anew in so many first steps; the rest is fine work, which the last ones do for.
-const TURNS: usize = 6;
+const TURNS: usize = 3;
 /// No step moves a coordinate by more than this, cm: where a limb is straight, a distance does not tell its own gradient.
 const FARTHEST: f64 = 3.0;
 /// Steps end when no distance changes by more than this, cm.
@@ -349,33 +349,35 @@ fn choose(bodies: &Bodies, rows: &[Gradient], sure: Sure<'_>, noise: &[f64]) -> 
     let none = vec![0.0; noise.len()];
     let within = products(rows, &cross(rows, sure, &none));
     let mut best: Option<(f64, f64, Vec<f64>)> = None;
+    let shared_ends = shared_ends(rows);
+    let mut a = within.clone();
     for unsure in UNSURE {
         let i = unsure * ASF_UNIT_CM * ASF_UNIT_CM;
         let extra: Vec<f64> = noise.iter().map(|r| shared(i, *r)).collect();
+        let mut all = within.clone();
+        for (at, p, u) in &shared_ends {
+            let sum: f64 = (0..3).map(|c| u[c] * extra[3 * p + c]).sum();
+            all[*at] += sum;
+        }
         let mut logs = Vec::with_capacity(bodies.all.len());
         // Bodies seen have the same variances: one factorisation serves them all, another the stranger.
-        let mut factor: Option<(&[f64], Vec<f64>)> = None;
+        let mut factored: Option<&[f64]> = None;
         for (share, lengths) in &bodies.all {
-            if factor
-                .as_ref()
-                .is_none_or(|(v, _)| *v != lengths.variance.as_slice())
-            {
-                let mut a = within.clone();
-                add_diagonal(&mut a, rows, &extra);
+            if factored != Some(&lengths.variance[..]) {
+                a.copy_from_slice(&all);
                 for k in 0..n {
                     a[k * n + k] += lengths.variance[k];
                 }
                 factorise(&mut a, n);
-                factor = Some((&lengths.variance, a));
+                factored = Some(&lengths.variance);
             }
-            let Some((_, a)) = &factor else { continue };
             let mut z: Vec<f64> = lengths
                 .mean
                 .iter()
                 .zip(rows)
                 .map(|(l, r)| l - r.length)
                 .collect();
-            forward(a, n, &mut z);
+            forward(&a, n, &mut z);
             let log_det: f64 = (0..n).map(|k| a[k * n + k].ln()).sum();
             logs.push(share - 0.5 * z.iter().map(|z| z * z).sum::<f64>() - log_det);
         }
@@ -419,31 +421,49 @@ fn gradients(ends: &[[usize; 2]], x: &[f64]) -> Vec<Gradient> {
 
 /// H P', by rows of D.
 fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> {
-    let of = |row: &Gradient| {
-        let mut out = vec![0.0; extra.len()];
-        let [i, j] = row.ends;
-        if let Some((covariance, together)) = sure.together() {
-            for c in 0..3 {
-                let (a, b) = (covariance.row(3 * i + c), covariance.row(3 * j + c));
-                let u = together * row.u[c];
-                let both = out.iter_mut().zip(a.iter().zip(b));
-                both.for_each(|(o, (a, b))| *o += u * (a - b));
-            }
+    let d = extra.len();
+    let mut out = vec![vec![0.0; d]; rows.len()];
+    let covariance = sure.together();
+    let known = covariance.and_then(|(c, together)| Some((c.as_slice()?, together)));
+    let alone: Vec<f64> = match sure {
+        Sure::Variances(v) => v.iter().zip(extra).map(|(v, e)| v + e).collect(),
+        Sure::Covariance(v, together) | Sure::Settled(v, together) => {
+            let own = v.diag().into_iter().zip(extra);
+            own.map(|(v, e)| (1.0 - together) * v + e).collect()
         }
-        for c in 0..3 {
-            let (a, b) = (3 * i + c, 3 * j + c);
-            let own = |at: usize| match sure {
-                Sure::Variances(v) => v[at],
-                Sure::Covariance(v, together) | Sure::Settled(v, together) => {
-                    (1.0 - together) * v[[at, at]]
-                }
-            };
-            out[a] += row.u[c] * (extra[a] + own(a));
-            out[b] -= row.u[c] * (extra[b] + own(b));
-        }
-        out
     };
-    rows.iter().map(of).collect()
+    simd::wide(
+        #[inline(always)]
+        || {
+            for (row, out) in rows.iter().zip(&mut out) {
+                let [i, j] = row.ends;
+                if let Some((covariance, together)) = known {
+                    let of = |p: usize| &covariance[3 * p * d..3 * (p + 1) * d];
+                    add_difference(out, row.u.map(|u| together * u), of(i), of(j));
+                }
+                for c in 0..3 {
+                    out[3 * i + c] += row.u[c] * alone[3 * i + c];
+                    out[3 * j + c] -= row.u[c] * alone[3 * j + c];
+                }
+            }
+        },
+    );
+    out
+}
+
+/// `to` += Σ u (a − b), of three rows each.
+#[inline(always)]
+fn add_difference(to: &mut [f64], u: [f64; 3], a: &[f64], b: &[f64]) {
+    let d = to.len();
+    let rows = |all| {
+        let all: &[f64] = all;
+        [&all[..d], &all[d..2 * d], &all[2 * d..3 * d]]
+    };
+    let (a, b) = (rows(a), rows(b));
+    for k in 0..d {
+        let of = |c: usize| u[c] * (a[c][k] - b[c][k]);
+        to[k] += of(0) + of(1) + of(2);
+    }
 }
 
 /// H P' Hᵀ, lower triangle by rows of n.
@@ -458,24 +478,23 @@ fn products(rows: &[Gradient], cross: &[Vec<f64>]) -> Vec<f64> {
     a
 }
 
-/// Adds H I Hᵀ.
-fn add_diagonal(a: &mut [f64], rows: &[Gradient], extra: &[f64]) {
+/// What H I Hᵀ is summed from: (which of the lower triangle by rows of n, a point that two distances share, what is to be
+/// multiplied with I of its coordinates).
+fn shared_ends(rows: &[Gradient]) -> Vec<(usize, usize, [f64; 3])> {
     let n = rows.len();
+    let mut out = Vec::new();
     for (k, one) in rows.iter().enumerate() {
         for (l, other) in rows[..=k].iter().enumerate() {
             for (s, p) in one.ends.iter().enumerate() {
-                for (t, q) in other.ends.iter().enumerate() {
-                    if p == q {
-                        let sign = if s == t { 1.0 } else { -1.0 };
-                        let sum: f64 = (0..3)
-                            .map(|c| one.u[c] * other.u[c] * extra[3 * p + c])
-                            .sum();
-                        a[k * n + l] += sign * sum;
-                    }
+                for (t, _) in other.ends.iter().enumerate().filter(|(_, q)| *q == p) {
+                    let sign = if s == t { 1.0 } else { -1.0 };
+                    let u = std::array::from_fn(|c| sign * one.u[c] * other.u[c]);
+                    out.push((k * n + l, *p, u));
                 }
             }
         }
     }
+    out
 }
 
 /// Z ← L⁻¹ Z by rows of Z.
