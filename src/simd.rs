@@ -136,6 +136,44 @@ pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     )
 }
 
+/// Σ wₖ aₖ bₖ of rows with each other: the lower triangle, (n, n) by rows. Rows are `stride` apart and read as far as the
+/// weights (padded) go.
+pub fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
+    /// Rows that share what is read of another.
+    const AT_ONCE: usize = 4;
+    let (n, w) = (rows.len() / stride.max(1), weights.len());
+    let mut scaled = vec![0.0; AT_ONCE * w];
+    wide(
+        #[inline(always)]
+        || {
+            for first in (0..n).step_by(AT_ONCE) {
+                let some = AT_ONCE.min(n - first);
+                for (k, scaled) in scaled.chunks_exact_mut(w.max(1)).enumerate() {
+                    let row = &rows[(first + k.min(some - 1)) * stride..][..w];
+                    let both = scaled.iter_mut().zip(row.iter().zip(weights));
+                    both.for_each(|(s, (r, w))| *s = r * w);
+                }
+                let scaled: [&[[f32; LANES]]; AT_ONCE] =
+                    std::array::from_fn(|k| scaled[k * w..(k + 1) * w].as_chunks().0);
+                for j in 0..first + some {
+                    let (row, _) = rows[j * stride..][..w].as_chunks::<LANES>();
+                    let mut sums = [[0.0f32; LANES]; AT_ONCE];
+                    for (i, row) in row.iter().enumerate() {
+                        for k in 0..AT_ONCE {
+                            for l in 0..LANES {
+                                sums[k][l] += scaled[k][i][l] * row[l];
+                            }
+                        }
+                    }
+                    for k in j.saturating_sub(first)..some {
+                        out[(first + k) * n + j] = sum(sums[k]);
+                    }
+                }
+            }
+        },
+    );
+}
+
 /// The lower triangle of the products of rows with each other, (n, n) by rows, in double precision.
 pub fn products(rows: &[f64], stride: usize, out: &mut [f64]) {
     let n = rows.len() / stride.max(1);
@@ -325,6 +363,13 @@ mod tests {
             }
             let plain: f64 = (0..n).map(|i| (wide(&x, i) - wide(&y, i)).powi(2)).sum();
             assert!(near(distance(&x, &y), plain));
+            let mut all = vec![0.0; 25];
+            weighted_products(&rows, n, &w[..n - 8], &mut all);
+            for (i, j) in [(0, 0), (3, 1), (4, 3), (4, 4)] {
+                let of = |k| wide(&w, k) * wide(&rows, i * n + k) * wide(&rows, j * n + k);
+                assert!(near(all[5 * i + j], (0..n - 8).map(of).sum()));
+            }
+            assert_eq!(all[3 * 5 + 4], 0.0);
             let mut far = Vec::new();
             distances(&rows, &x, &w, &mut far);
             let plain: f64 = (0..n)

@@ -131,13 +131,13 @@ pub trait Prior: Send + Sync {
         rows.map(|(y, noise)| self.believe(&y.to_vec(), &noise.to_vec()))
             .collect()
     }
-    /// The same for those who, given a row and its posterior, may do without the covariance: those rows say how sure each
-    /// coordinate is, if that costs less.
+    /// The same for one who does without the covariance of a row whose variances add up to that much (cm²; one number a
+    /// row, infinite: never): such a row may say no more than how sure each coordinate is, if that costs less.
     fn believe_enough(
         &self,
         y: ArrayView2<'_, f64>,
         noise: ArrayView2<'_, f64>,
-        _enough: &dyn Fn(usize, &Posterior) -> bool,
+        _enough: &[f64],
     ) -> Vec<Enough> {
         let beliefs = self.believe_all(y, noise).into_iter();
         beliefs.map(Enough::Whole).collect()

@@ -4,7 +4,7 @@
 //! first.
 
 use crate::linalg::symmetric_eigen;
-use crate::simd::{padded, row_dots};
+use crate::simd::{padded, weighted_products};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 
@@ -131,14 +131,12 @@ impl Basis {
     /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision; of the first directions only, where there are fewer
     /// values.
     pub fn add_spread(&self, values: &[f64], out: &mut Array2<f64>) {
-        let mut scaled = vec![0.0; padded(values.len())];
-        let mut products = vec![0.0; self.d];
+        let mut weights: Vec<f32> = values.iter().map(|v| *v as f32).collect();
+        weights.resize(padded(values.len()), 0.0);
+        let mut products = vec![0.0; self.d * self.d];
+        weighted_products(&self.vectors, self.stride, &weights, &mut products);
         for i in 0..self.d {
-            let terms = scaled.iter_mut().zip(self.row(i).iter().zip(values));
-            terms.for_each(|(s, (u, v))| *s = u * *v as f32);
-            let rows = &self.vectors[..(i + 1) * self.stride];
-            row_dots(rows, self.stride, &scaled, &mut products[..=i]);
-            for (j, p) in products[..=i].iter().enumerate() {
+            for (j, p) in products[i * self.d..=i * self.d + i].iter().enumerate() {
                 out[[i, j]] += f64::from(*p);
                 if j < i {
                     out[[j, i]] += f64::from(*p);

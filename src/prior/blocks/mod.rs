@@ -286,14 +286,16 @@ impl Prior for Blocks {
         &self,
         y: ArrayView2<'_, f64>,
         noise: ArrayView2<'_, f64>,
-        enough: &dyn Fn(usize, &Posterior) -> bool,
+        enough: &[f64],
     ) -> Vec<Enough> {
-        let rows = y.rows().into_iter().zip(noise.rows()).enumerate();
-        rows.map(|(row, (y, noise))| {
+        let rows = y.rows().into_iter().zip(noise.rows()).zip(enough);
+        rows.map(|((y, noise), enough)| {
             let seen = self.consider(&y.to_vec(), &noise.to_vec());
-            let posterior = self.join(&seen, Told::Variances).posterior();
-            if enough(row, &posterior) {
-                return Enough::Apart(posterior);
+            if enough.is_finite() {
+                let posterior = self.join(&seen, Told::Variances).posterior();
+                if posterior.variance.iter().sum::<f64>() >= *enough {
+                    return Enough::Apart(posterior);
+                }
             }
             Enough::Whole(self.join(&seen, Told::Covariance).belief(&seen))
         })
