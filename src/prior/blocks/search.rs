@@ -96,7 +96,7 @@ const NEGLIGIBLE: f64 = 5.0;
 const USUAL: usize = 20;
 /// The leaves of cells this much less likely (nats) than the best are not looked at.
 const OPENED: f64 = 6.0;
-/// Where all is seen no further cell is looked at after the first that is this much less likely (nats) than the best.
+/// Where most is seen no further cell is looked at after the first that is this much less likely (nats) than the best.
 const CLOSED: f64 = 10.0;
 /// So many of the nearest leaves are weighed at most.
 const WEIGHED: usize = 48;
@@ -242,7 +242,7 @@ impl<'a> Search<'a> {
             self.found.zs.extend_from_slice(&desk.z);
             self.top = self.top.max(most);
             // Further ones are farther off; but where much is missing, being near says too little.
-            if view.sees_all() && most < self.top - CLOSED {
+            if view.sees_most() && most < self.top - CLOSED {
                 break;
             }
         }
