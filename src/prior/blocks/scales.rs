@@ -151,15 +151,19 @@ impl Scales {
     /// aᵀ (a C_oo + R)⁻¹ b of two residuals, given their z, at each scale; into `out`.
     pub fn forms(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
         self.plain(a, b, out);
+        let (mut p, mut q) = (Vec::new(), Vec::new());
         for (at, out) in out.iter_mut().enumerate() {
             match (self.rows_at(at), self.factor_at(at)) {
                 (None, _) => break,
                 (Some(rows), None) => *out -= self.fixed(rows, a, b),
                 (Some(_), Some(_)) => {
-                    let p = self.whitened(at, a);
+                    self.whiten(at, a, &mut p);
                     *out -= match std::ptr::eq(a, b) {
                         true => dot(&p, &p),
-                        false => dot(&p, &self.whitened(at, b)),
+                        false => {
+                            self.whiten(at, b, &mut q);
+                            dot(&p, &q)
+                        }
                     };
                 }
             }
@@ -168,15 +172,24 @@ impl Scales {
 
     /// L⁻¹ q of a residual; nothing where no coordinate is changed.
     pub fn whitened(&self, at: usize, z: &[f32]) -> Vec<f64> {
-        let mut q = vec![0.0; self.changed];
-        if let Some(rows) = self.rows_at(at) {
-            row_dots(rows, self.stride, z, &mut q);
+        let mut out = Vec::new();
+        self.whiten(at, z, &mut out);
+        out
+    }
+
+    /// The same into `out`.
+    fn whiten(&self, at: usize, z: &[f32], out: &mut Vec<f64>) {
+        out.clear();
+        let mut some = [0.0; AT_ONCE];
+        let rows = self.rows_at(at).unwrap_or_default();
+        for rows in rows.chunks(AT_ONCE * self.stride.max(1)) {
+            row_dots(rows, self.stride, z, &mut some);
+            let n = rows.len() / self.stride;
+            out.extend(some[..n].iter().map(|v| f64::from(*v)));
         }
-        let mut q: Vec<f64> = q.iter().map(|v| f64::from(*v)).collect();
         if let Some(factor) = self.factor_at(at) {
-            forward(factor, self.changed, &mut q);
+            forward(factor, self.changed, out);
         }
-        q
     }
 
     /// qᵀ G⁻¹ q of two residuals, where L is taken off the rows.
@@ -213,6 +226,7 @@ impl Scales {
         let mut forms = [[0.0f32; 3]; 16];
         out.clear();
         out.resize(self.scales.len(), 0.0);
+        let (mut p, mut q) = (Vec::new(), Vec::new());
         for (first, shares) in (0..)
             .step_by(16)
             .zip(self.shares.chunks(16 * self.stride.max(1)))
@@ -223,10 +237,10 @@ impl Scales {
             for (at, [zz, vz, vv]) in (first..).zip(&forms[..n]) {
                 let mut sums = [f64::from(*zz), f64::from(*vz), f64::from(*vv)];
                 if self.changed > 0 {
-                    let p = self.whitened(at, z);
+                    self.whiten(at, z, &mut p);
                     sums[0] -= dot(&p, &p);
                     if reaches(at) {
-                        let q = self.whitened(at, step);
+                        self.whiten(at, step, &mut q);
                         sums[1] -= dot(&p, &q);
                         sums[2] -= dot(&q, &q);
                     }
