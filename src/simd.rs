@@ -118,7 +118,7 @@ pub fn weighted_forms(
                         }
                     }
                 }
-                *out = sums.map(|s| sum(s));
+                *out = sums.map(sum);
             }
         },
     )
@@ -172,31 +172,6 @@ pub fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut
             }
         },
     );
-}
-
-/// The lower triangle of the products of rows with each other, (n, n) by rows, in double precision.
-pub fn products(rows: &[f64], stride: usize, out: &mut [f64]) {
-    let n = rows.len() / stride.max(1);
-    wide(
-        #[inline(always)]
-        || {
-            for (i, row) in rows.chunks_exact(stride.max(1)).enumerate() {
-                let others = rows.chunks_exact(stride.max(1));
-                for (other, out) in others.zip(&mut out[i * n..=i * n + i]) {
-                    let (a, _) = row.as_chunks::<LANES>();
-                    let (b, _) = other.as_chunks::<LANES>();
-                    let mut sums = [0.0f64; LANES];
-                    for (a, b) in a.iter().zip(b) {
-                        for l in 0..LANES {
-                            sums[l] += a[l] * b[l];
-                        }
-                    }
-                    let [a, b, c, d, e, f, g, h] = sums;
-                    *out = ((a + e) + (b + f)) + ((c + g) + (d + h));
-                }
-            }
-        },
-    )
 }
 
 /// L⁻¹ of `rows`, in place; L is a lower triangle, (n, n) by rows.
@@ -315,12 +290,8 @@ mod tests {
     }
 
     #[test]
-    fn a_triangle_of_products_is_taken_off_again() {
+    fn a_triangle_is_taken_off_again() {
         let rows: Vec<f64> = numbers(3 * 16, 5).into_iter().map(f64::from).collect();
-        let mut all = vec![0.0; 9];
-        products(&rows, 16, &mut all);
-        let plain: f64 = (0..16).map(|k| rows[32 + k] * rows[16 + k]).sum();
-        assert!((all[7] - plain).abs() <= 1e-12 && all[2] == 0.0);
         let factor = [2.0, 0.0, 0.0, 0.5, 1.0, 0.0, -1.0, 3.0, 4.0];
         let mut solved = rows.clone();
         forward(&factor, &mut solved, 16);

@@ -20,7 +20,7 @@ use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
 /// A step that is to gain less than this, in nats, is the last.
-const SETTLED: f64 = 1e-4;
+const SETTLED: f64 = 1e-6;
 /// Evidence is told in single precision: below this, in nats, steps are taken by the gradient's word alone.
 const ROUGH: f64 = 1e-3;
 /// Turns are kept below this, radians, and shifts below this, cm: farther off the slope says little.

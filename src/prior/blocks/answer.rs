@@ -1,6 +1,6 @@
 //! What the blocks that explain an observation answer together.
 
-use super::part::{Part, Sight, View, add_outer};
+use super::part::{Active, Part, Sight, View, add_outer};
 use super::scales::{Scales, Weighed};
 use super::search::{Explained, Residual};
 use crate::prior::small::add;
@@ -196,14 +196,16 @@ impl<'a> Chorus<'a> {
         }
         let scales = self.view.leaves(self.part, cell.cell);
         add_wide(&mut to.base, weight, opened.pose(leaf));
-        scales.add_solved(h.at, &self.state.z, weight, &mut to.w);
-        let reach = self.part.active(self.part.cells.len())[h.at].along;
+        let Active {
+            at, along: reach, ..
+        } = self.part.active(self.part.cells.len())[h.at];
+        scales.add_solved(at, &self.state.z, weight, &mut to.w);
         if reach > 0.0 {
             let state = &self.state;
             self.step.clear();
             self.step.resize(state.step.len(), 0.0);
-            scales.add_solved(h.at, &state.step, 1.0, &mut self.step);
-            let of = |z: &[f32]| f64::from(simd::dot(&self.step, z)) / scales.scales[h.at];
+            scales.add_solved(at, &state.step, 1.0, &mut self.step);
+            let of = |z: &[f32]| f64::from(simd::dot(&self.step, z)) / scales.scales[at];
             let variance = reach / (1.0 + reach * of(&state.step));
             let how_far = variance * of(&state.z);
             // Along the step first, then what the cell's covariance makes of the rest.
@@ -246,14 +248,15 @@ impl<'a> Chorus<'a> {
             let sight = self.sight(*seen);
             let of = |b: &usize| -> Weighed<'a> {
                 let h = self.explained.best[*b];
-                let scales: &Scales = match h.leaf {
+                let (scales, at): (&Scales, usize) = match h.leaf {
                     Some(_) => {
                         let cell = self.explained.seen[*seen].cell;
-                        self.view.leaves(self.part, cell)
+                        let levels = self.part.active(self.part.cells.len());
+                        (self.view.leaves(self.part, cell), levels[h.at].at)
                     }
-                    None => &sight.scales,
+                    None => (&sight.scales, h.at),
                 };
-                (scales, h.at, self.shares[*b] / total)
+                (scales, at, self.shares[*b] / total)
             };
             let weighed: Vec<Weighed<'_>> = blocks.iter().map(of).collect();
             match (told, out.spread.as_slice_mut()) {

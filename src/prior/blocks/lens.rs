@@ -216,7 +216,7 @@ impl Lens {
     }
 
     /// At some scales; nothing may be changed.
-    pub fn at(&self, scales: impl Iterator<Item = f64>) -> Scales {
+    pub fn at(&self, scales: Vec<f64>) -> Scales {
         let shared = match (&self.cut, self.values()) {
             (Some(cut), [.., last]) => Some((cut.shared - 1.0, *last)),
             _ => None,
@@ -225,29 +225,18 @@ impl Lens {
     }
 
     /// The same with no direction shared, to be [changed](Lens::changed).
-    pub fn even(&self, scales: impl Iterator<Item = f64>) -> Even {
+    pub fn even(&self, scales: Vec<f64>) -> Even {
         let scales = self.of(scales, &self.basis.values, None);
         let (d, stride) = (self.basis.len(), self.basis.stride());
         let mut precisions = vec![0.0; scales.scales.len() * d * stride];
-        let mut half = vec![0.0; d * stride];
         let mut whole = vec![0.0; d * d];
-        for (scale, to) in scales
-            .scales
-            .iter()
-            .zip(precisions.chunks_exact_mut(d * stride))
-        {
-            let roots: Vec<f64> = (self.basis.values.iter())
-                .map(|l| (1.0 / (scale * l + self.unit)).sqrt())
-                .collect();
-            for (i, row) in half.chunks_exact_mut(stride).enumerate() {
-                let terms = row.iter_mut().zip(self.basis.row(i).iter().zip(&roots));
-                terms.for_each(|(h, (u, r))| *h = f64::from(*u) * r);
-            }
-            simd::products(&half, stride, &mut whole);
+        for (at, to) in precisions.chunks_exact_mut(d * stride).enumerate() {
+            let vectors = self.basis.vectors();
+            simd::weighted_products(vectors, stride, scales.shares(at), &mut whole);
             for i in 0..d {
                 for j in 0..=i {
-                    to[i * stride + j] = whole[i * d + j] as f32;
-                    to[j * stride + i] = whole[i * d + j] as f32;
+                    to[i * stride + j] = whole[i * d + j];
+                    to[j * stride + i] = whole[i * d + j];
                 }
             }
         }
@@ -262,13 +251,8 @@ impl Lens {
         Scales::changed(even, &self.basis, &self.changed, self.unit, constant, many)
     }
 
-    fn of(
-        &self,
-        scales: impl Iterator<Item = f64>,
-        values: &[f64],
-        shared: Option<(f64, f64)>,
-    ) -> Scales {
-        let mut out = Scales::of(scales.collect(), padded(values.len()));
+    fn of(&self, scales: Vec<f64>, values: &[f64], shared: Option<(f64, f64)>) -> Scales {
+        let mut out = Scales::of(scales, padded(values.len()));
         for at in 0..out.scales.len() {
             let share = |l: &f64| 1.0 / (out.scales[at] * l + self.unit);
             let shares: Vec<f64> = values.iter().map(share).collect();
@@ -499,7 +483,7 @@ mod tests {
         let want = Conditional::new(c.view(), &noise);
         let y: Vec<f64> = (0..d).map(|i| (i as f64 * 1.3).cos()).collect();
         let r: Vec<f32> = y.iter().map(|v| *v as f32).collect();
-        let scales = lens.at([1.0].into_iter());
+        let scales = lens.at(vec![1.0]);
         let (mut z, mut logs, mut mean) = (Vec::new(), Vec::new(), vec![0.0; d]);
         lens.project(&r, &mut z);
         scales.logs(&z, &mut logs);
@@ -542,9 +526,9 @@ mod tests {
                     let noise = [*unit; 6];
                     let even = Pattern::of(&noise);
                     let plain = Lens::new(&basis, &noise, &(0..6).collect(), &even);
-                    lens.changed(&plain.even(scales.into_iter()), many)
+                    lens.changed(&plain.even(scales.to_vec()), many)
                 }
-                _ => lens.at(scales.into_iter()),
+                _ => lens.at(scales.to_vec()),
             };
             for (scale, many) in [(1.0, false), (2.5, true), (0.03, true), (0.03, false)] {
                 let prior = &c * scale;

@@ -53,6 +53,8 @@ pub struct Active {
     pub level: usize,
     /// Of the covariance.
     pub scale: f64,
+    /// Which of the index's scales that is, each counted once.
+    pub at: usize,
     /// Of the step's own variance.
     pub along: f64,
 }
@@ -177,15 +179,23 @@ impl View {
 }
 
 /// The scales of the levels of an index. A finest cell that is no level's is looked at for its leaves' sake.
-fn own_scales(part: &Part, index: usize) -> impl Iterator<Item = f64> {
-    let active = &part.active[index];
-    let alone = active.is_empty().then_some(1.0);
-    active.iter().map(|a| a.scale).chain(alone)
+fn own_scales(part: &Part, index: usize) -> Vec<f64> {
+    let own = scales(&part.active[index]);
+    if own.is_empty() { vec![1.0] } else { own }
 }
 
 /// The scales of the leaves' levels.
-fn leaf_scales(part: &Part) -> impl Iterator<Item = f64> {
-    part.active.last().into_iter().flatten().map(|a| a.scale)
+fn leaf_scales(part: &Part) -> Vec<f64> {
+    scales(part.active(part.cells.len()))
+}
+
+/// The scales of some levels, each once.
+fn scales(levels: &[Active]) -> Vec<f64> {
+    let firsts = levels.iter().enumerate().filter(|(i, level)| {
+        let before = &levels[..*i];
+        before.iter().all(|b| b.scale != level.scale)
+    });
+    firsts.map(|(_, level)| level.scale).collect()
 }
 
 /// Levels of less weight are not looked at.
@@ -224,9 +234,12 @@ impl Part {
                 Level::Leaves { scale, along } => (self.cells.len(), scale, along),
             };
             if index == 0 || log.exp() >= LEAST_WEIGHT {
+                let others = scales(&active[index]);
+                let at = others.iter().position(|s| *s == scale);
                 active[index].push(Active {
                     level,
                     scale,
+                    at: at.unwrap_or(others.len()),
                     along,
                 });
             }

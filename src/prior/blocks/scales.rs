@@ -220,38 +220,39 @@ impl Scales {
         }
     }
 
-    /// The same where the covariance is also as wide along a step as the levels (one a scale) say, given the step's z.
-    pub fn logs_along(&self, z: &[f32], step: &[f32], levels: &[Active], out: &mut Vec<f64>) {
-        let reaches = |at: usize| levels[at].along > 0.0;
-        let mut forms = [[0.0f32; 3]; 16];
-        out.clear();
-        out.resize(self.scales.len(), 0.0);
+    /// The log evidence of a residual at each of the leaves' levels, whose scales these are, given its z and that of the
+    /// leaf's step; into `out`.
+    pub fn logs_of_leaf(&self, z: &[f32], step: &[f32], levels: &[Active], out: &mut Vec<f64>) {
+        /// More than there are kinds of leaves.
+        const MOST: usize = 16;
+        debug_assert!(self.scales.len() <= MOST);
+        let mut forms = [[0.0f32; 3]; MOST];
+        let forms = &mut forms[..self.scales.len().min(MOST)];
+        let reaches = |at: usize| levels.iter().any(|l| l.at == at && l.along > 0.0);
+        simd::weighted_forms(&self.shares, z, step, reaches, forms);
         let (mut p, mut q) = (Vec::new(), Vec::new());
-        for (first, shares) in (0..)
-            .step_by(16)
-            .zip(self.shares.chunks(16 * self.stride.max(1)))
-        {
-            let n = shares.len() / self.stride;
-            let of = |at| reaches(first + at);
-            simd::weighted_forms(shares, z, step, of, &mut forms[..n]);
-            for (at, [zz, vz, vv]) in (first..).zip(&forms[..n]) {
-                let mut sums = [f64::from(*zz), f64::from(*vz), f64::from(*vv)];
-                if self.changed > 0 {
-                    self.whiten(at, z, &mut p);
-                    sums[0] -= dot(&p, &p);
-                    if reaches(at) {
-                        self.whiten(at, step, &mut q);
-                        sums[1] -= dot(&p, &q);
-                        sums[2] -= dot(&q, &q);
-                    }
-                }
-                let mut log = self.normalisers[at] - 0.5 * sums[0];
+        out.clear();
+        out.resize(levels.len(), 0.0);
+        for (at, form) in forms.iter().enumerate() {
+            let mut form = form.map(f64::from);
+            if self.changed > 0 {
+                self.whiten(at, z, &mut p);
+                form[0] -= dot(&p, &p);
                 if reaches(at) {
-                    let along = levels[at].along;
-                    let vv = along * sums[2];
-                    log += 0.5 * along * sums[1] * sums[1] / (1.0 + vv) - 0.5 * vv.ln_1p();
+                    self.whiten(at, step, &mut q);
+                    form[1] -= dot(&p, &q);
+                    form[2] -= dot(&q, &q);
                 }
-                out[at] = log;
+            }
+            let plain = self.normalisers[at] - 0.5 * form[0];
+            for (out, level) in out.iter_mut().zip(levels).filter(|(_, l)| l.at == at) {
+                let vv = level.along * form[2];
+                let gain = 0.5 * level.along * form[1] * form[1] / (1.0 + vv);
+                *out = if level.along > 0.0 {
+                    plain + gain - 0.5 * vv.ln_1p()
+                } else {
+                    plain
+                };
             }
         }
     }

@@ -278,7 +278,7 @@ impl<'a> Search<'a> {
                 } = cells[of];
                 let (state, each) = (&mut desk.state, &mut desk.each);
                 state.of_leaf(sight, self.found.z(seen, sight), opened, &self.short, leaf);
-                scales.logs_along(&state.z, &state.step, levels, each);
+                scales.logs_of_leaf(&state.z, &state.step, levels, each);
                 for (at, (level, log)) in levels.iter().zip(each).enumerate() {
                     let of = Hypothesis::new(seen, Some(leaf), at);
                     best = best.max(self.add(share + fading + *log, level, of));

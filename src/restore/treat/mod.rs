@@ -242,7 +242,7 @@ fn fix(belief: &mut Belief, y: &[f64], noise: &[f64]) {
 mod tests {
     use super::*;
     use crate::prior::gaussians::{Answer, Gaussians, Parts, Style};
-    use ndarray::{Array2, Axis};
+    use ndarray::{Array2, Axis, s};
 
     /// Eight points in a chain of rigid bars that swing smoothly, over two takes.
     fn swinging(frames: usize) -> Array2<f64> {
