@@ -268,9 +268,12 @@ impl<'a> Chorus<'a> {
 
     /// How far the heavy blocks' answers are apart, and what is open along their steps.
     fn apart(&mut self, out: &mut Answer, told: Told) {
-        let order = self.order.clone();
-        let heavy = order.iter().filter(|b| self.shares[**b] >= LEAST_SHARE);
-        let heavy: Vec<usize> = heavy.copied().collect();
+        let weight = |b: &usize| self.shares[*b];
+        let order = self.order.iter().copied();
+        let most = order.clone().map(|b| self.shares[b]).fold(0.0, f64::max);
+        let heavy: Vec<usize> = order
+            .filter(|b| weight(b) >= LEAST_SHARE.min(most))
+            .collect();
         let total: f64 = heavy.iter().map(|b| self.shares[*b]).sum();
         for block in heavy {
             let h = self.explained.best[block];

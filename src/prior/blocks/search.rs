@@ -91,7 +91,7 @@ impl Explained {
 /// So many blocks answer.
 const KEPT: usize = 96;
 /// Blocks this much less likely (nats) than the best do not answer.
-const NEGLIGIBLE: f64 = 5.0;
+const NEGLIGIBLE: f64 = 6.0;
 /// So many cells are usually looked at.
 const USUAL: usize = 20;
 /// The leaves of cells this much less likely (nats) than the best are not looked at.
@@ -99,7 +99,7 @@ const OPENED: f64 = 6.0;
 /// Where most is seen no further cell is looked at after the first that is this much less likely (nats) than the best.
 const CLOSED: f64 = 10.0;
 /// So many of the nearest leaves are weighed at most.
-const WEIGHED: usize = 48;
+const WEIGHED: usize = 128;
 /// So many of them at a time; where all of these are this much less likely (nats) than the best block, no further ones are.
 const TOGETHER: usize = 8;
 const HOPELESS: f64 = 9.0;
