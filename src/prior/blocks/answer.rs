@@ -1,8 +1,9 @@
 //! What the blocks that explain an observation answer together.
 
+use super::explained::Explained;
 use super::part::{Active, Part, Sight, View, add_outer};
 use super::scales::{Scales, Weighed};
-use super::search::{Explained, Residual};
+use super::search::Residual;
 use crate::prior::small::add;
 use crate::simd;
 use ndarray::Array2;

@@ -16,29 +16,31 @@
 mod answer;
 mod basis;
 mod cells;
+mod explained;
 mod file;
 mod learn;
 mod leaves;
 mod lens;
 mod limit;
+mod near;
 mod part;
 mod parts;
 mod scales;
 mod search;
 mod slope;
+mod ways;
 
 use super::met::Met;
-use super::small::{add, log_sum};
+use super::small::log_sum;
 use super::{Belief, Enough, Fit, Posterior, Prior, Slope};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
-use answer::{Answer, Told};
+use answer::Told;
 use learn::variance_of;
 use leaves::Poses;
 use lens::Pattern;
 use limit::Limit;
 use ndarray::{Array2, ArrayView2};
 use part::{Part, View};
-use search::{Desk, Explained, Search};
 use std::sync::Arc;
 
 pub use learn::{Settings, model, train};
@@ -49,11 +51,6 @@ const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 const MOST_MET: usize = 16;
 /// So many kinds of noise that is everywhere the same are.
 const MOST_EVEN: usize = 16;
-/// Ways of making a body of parts that weigh less for an observation do not answer it.
-const LEAST_WEIGHT: f64 = 0.01;
-/// Ways that weigh less than this share of the first before any observation are not looked at.
-const LEAST_WAY: f64 = 0.002;
-
 /// The blocks of all parts of a body.
 #[derive(Debug, Clone)]
 pub struct Blocks {
@@ -75,15 +72,6 @@ pub struct Blocks {
     even: Arc<Vec<Met<View>>>,
     /// What is unlike all that was seen.
     limit: Limit,
-}
-
-/// What all parts make of an observation.
-struct Considered {
-    views: Vec<Arc<View>>,
-    observed: Vec<Vec<f64>>,
-    explained: Vec<Explained>,
-    /// The log evidence of each way, its weight included.
-    ways: Vec<f64>,
 }
 
 /// Noise variances (cm²) of a frame, of three kinds or more, that differ by no more than this factor count as one: where all
@@ -143,128 +131,6 @@ impl Blocks {
     fn even(&self, p: usize, unit: f64) -> Arc<View> {
         let make = || View::even(&self.parts[p], unit);
         self.even[p].get(&[unit], MOST_EVEN, make)
-    }
-
-    /// The parts of the ways whose log is not less than that share of the most likely one's.
-    fn wanted(&self, logs: &[f64], share: f64) -> Vec<bool> {
-        let mut wanted = vec![false; self.parts.len()];
-        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        for (way, log) in self.ways.iter().zip(logs) {
-            if *log >= most + share.ln() {
-                way.iter().for_each(|&p| wanted[p] = true);
-            }
-        }
-        wanted
-    }
-
-    /// The log evidence of each way, its weight included, by those of the parts.
-    fn ways_of(&self, evidences: impl Iterator<Item = f64>) -> Vec<f64> {
-        let evidences: Vec<f64> = evidences.collect();
-        let ways = self.ways.iter().zip(&self.log_ways);
-        ways.map(|(way, log)| log + way.iter().map(|&p| evidences[p]).sum::<f64>())
-            .collect()
-    }
-
-    /// The logs of what the ways weigh where they are averaged: their evidences are surer of their order than they should
-    /// be, as there are few ways, and all are wrong.
-    fn tempered(&self, ways: &[f64]) -> Vec<f64> {
-        let ways = ways.iter().zip(&self.log_ways);
-        ways.map(|(all, weight)| weight + self.temperature * (all - weight))
-            .collect()
-    }
-
-    fn consider(&self, y: &[f64], noise: &[f64]) -> Considered {
-        self.consider_ways(y, noise, LEAST_WEIGHT)
-    }
-
-    /// Ways that weigh less than `least` by their cells alone are not worth a look at their leaves.
-    fn consider_ways(&self, y: &[f64], noise: &[f64], least: f64) -> Considered {
-        let views = self.views(noise);
-        let observed: Vec<Vec<f64>> = (self.parts.iter())
-            .map(|p| p.coordinates.iter().map(|&i| y[i]).collect())
-            .collect();
-        let mut desk = Desk::default();
-        let mut searches: Vec<Option<Search<'_>>> = (self.parts.iter().zip(&views).zip(&observed))
-            .zip(self.wanted(&self.log_ways, LEAST_WAY))
-            .map(|(((part, view), y), wanted)| wanted.then(|| part.search(view, y, &mut desk)))
-            .collect();
-        let by_cells = self.ways_of(searches.iter().map(|s| match s {
-            Some(search) => search.evidence(),
-            None => f64::NEG_INFINITY,
-        }));
-        let wanted = self.wanted(&self.tempered(&by_cells), least);
-        let look = |(search, wanted): (&mut Option<Search<'_>>, bool)| match search.take() {
-            Some(mut search) if wanted => {
-                search.open(&mut desk);
-                search.end()
-            }
-            _ => Explained::nothing(),
-        };
-        let explained: Vec<Explained> = searches.iter_mut().zip(wanted).map(look).collect();
-        drop(searches);
-        let ways = self.ways_of(explained.iter().map(|e| e.evidence));
-        Considered {
-            views,
-            observed,
-            explained,
-            ways,
-        }
-    }
-
-    /// The answers of all ways, averaged by evidence.
-    fn join(&self, seen: &Considered, told: Told) -> Answer {
-        let ways = self.tempered(&seen.ways);
-        let evidence = log_sum(&ways);
-        let shares = ways.iter().map(|log| (log - evidence).exp());
-        let heard: Vec<(&Vec<usize>, f64)> = (self.ways.iter().zip(shares))
-            .filter(|(_, share)| *share >= LEAST_WEIGHT)
-            .collect();
-        let total: f64 = heard.iter().map(|w| w.1).sum();
-        let mut answers: Vec<Option<Answer>> = vec![None; self.parts.len()];
-        let mut out = Answer::new(self.width, told);
-        let mut means = Vec::with_capacity(heard.len());
-        for (way, share) in heard {
-            let weight = share / total;
-            let mut mean = vec![0.0; self.width];
-            for &p in way {
-                let part = &self.parts[p];
-                let answer = answers[p].get_or_insert_with(|| {
-                    part.answer(&seen.views[p], &seen.observed[p], &seen.explained[p], told)
-                });
-                for (&to, m) in part.coordinates.iter().zip(&answer.mean) {
-                    mean[to] = *m;
-                }
-                out.add_spread(weight, answer, &part.coordinates, told);
-            }
-            add(&mut out.mean, weight, &mean);
-            means.push((weight, mean));
-        }
-        if told != Told::Mean && means.len() > 1 {
-            for (weight, mut off) in means {
-                add(&mut off, -1.0, &out.mean);
-                out.add_outer(weight, &off, told);
-            }
-        }
-        out
-    }
-}
-
-impl Answer {
-    /// Where the covariance is told.
-    fn belief(self, seen: &Considered) -> Belief {
-        Belief {
-            mean: self.mean,
-            covariance: self.spread,
-            evidence: log_sum(&seen.ways),
-        }
-    }
-
-    /// Where variances are.
-    fn posterior(self) -> Posterior {
-        Posterior {
-            mean: self.mean,
-            variance: self.spread.into_iter().collect(),
-        }
     }
 }
 

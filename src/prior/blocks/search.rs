@@ -1,98 +1,18 @@
 //! Which blocks explain an observation.
 
-use super::cells::Cells;
+use super::explained::{Explained, Hypothesis, NEGLIGIBLE, Seen};
 use super::leaves::Opened;
+use super::near::Nearest;
 use super::part::{Active, Part, Sight, View};
 use super::scales::Scales;
 use crate::prior::small::LogSum;
 use crate::simd::padded;
 
-/// One block that may explain an observation.
-#[derive(Debug, Clone, Copy)]
-pub struct Hypothesis {
-    /// The log of its weight times its evidence.
-    pub log: f64,
-    /// Its cell: which of [`Explained::seen`].
-    pub seen: usize,
-    /// The leaf among the cell's, where it is one.
-    pub leaf: Option<usize>,
-    /// Which of the levels that are looked at, of the cell or of the leaves.
-    pub at: usize,
-}
-
-impl Hypothesis {
-    fn new(seen: usize, leaf: Option<usize>, at: usize) -> Hypothesis {
-        Hypothesis {
-            log: f64::NEG_INFINITY,
-            seen,
-            leaf,
-            at,
-        }
-    }
-}
-
-/// A cell that was looked at.
-#[derive(Debug, Clone, Copy)]
-pub struct Seen {
-    /// Which level of cells.
-    pub index: usize,
-    /// Which cell of it.
-    pub cell: usize,
-    /// The best log evidence of its scales.
-    most: f64,
-    /// Where its z begins.
-    start: usize,
-}
-
-/// The blocks that explain an observation best, and how well all of them together do.
-#[derive(Debug, Clone, Default)]
-pub struct Explained {
-    /// log Σ over the levels and blocks.
-    pub evidence: f64,
-    /// log Σ over the blocks of each level, without the level's weight.
-    pub levels: Vec<f64>,
-    /// The best, in no order.
-    pub best: Vec<Hypothesis>,
-    /// The cells that were looked at.
-    pub seen: Vec<Seen>,
-    /// The observation less each one's mean, in its directions.
-    zs: Vec<f32>,
-}
-
-impl Explained {
-    /// Of a part that is not looked at.
-    pub fn nothing() -> Explained {
-        Explained {
-            evidence: f64::NEG_INFINITY,
-            ..Explained::default()
-        }
-    }
-
-    /// Each block's share, in the order of [`best`](Explained::best). Less what the least of them weighs: blocks come and go
-    /// without a jump.
-    pub fn shares(&self) -> Vec<f64> {
-        let logs = self.best.iter().map(|h| h.log);
-        let top = logs.fold(f64::NEG_INFINITY, f64::max);
-        let least = (-NEGLIGIBLE).exp();
-        let weights = self.best.iter().map(|h| (h.log - top).exp() - least);
-        let mut weights: Vec<f64> = weights.collect();
-        let total: f64 = weights.iter().sum();
-        weights.iter_mut().for_each(|w| *w /= total);
-        weights
-    }
-
-    /// The observation less a cell's mean, in its directions.
-    pub fn z(&self, seen: usize, sight: &Sight) -> &[f32] {
-        let start = self.seen[seen].start;
-        &self.zs[start..start + sight.lens.stride()]
-    }
-}
-
 /// So many blocks answer.
 const KEPT: usize = 96;
-/// Blocks this much less likely (nats) than the best do not answer.
-const NEGLIGIBLE: f64 = 6.0;
-/// So many cells are usually looked at.
+/// So many cells of a level are looked at.
+const NEAR: usize = 5;
+/// So many cells are usually looked at in all.
 const USUAL: usize = 20;
 /// The leaves of cells this much less likely (nats) than the best are not looked at.
 const OPENED: f64 = 6.0;
@@ -142,10 +62,8 @@ impl Part {
 /// What searches work with, kept from one to the next.
 #[derive(Default)]
 pub struct Desk {
-    keys: Vec<u64>,
+    near: Nearest,
     far: Vec<f32>,
-    /// The nearest cells, each with what its log is to be added.
-    near: Vec<(usize, f64)>,
     off: Vec<f32>,
     z: Vec<f32>,
     each: Vec<f64>,
@@ -214,8 +132,12 @@ impl<'a> Search<'a> {
         let levels = part.active(index);
         desk.off.clear();
         desk.off.resize(self.short.len(), 0.0);
-        desk.nearest(cells, &self.short, &view.nearness[index]);
-        for &(cell, fading) in &desk.near {
+        cells.distances(&self.short, &view.nearness[index], &mut desk.far);
+        desk.near.clear();
+        for (far, log) in desk.far.iter().zip(&cells.log_shares) {
+            desk.near.push(far - 2.0 * *log as f32);
+        }
+        for (cell, fading) in desk.near.few(NEAR) {
             let sight = view.sight(part, index, cell);
             let means = self.y.iter().zip(cells.mean(cell));
             let rest = desk.off.iter_mut().zip(means);
@@ -264,6 +186,9 @@ impl<'a> Search<'a> {
     pub fn open(&mut self, desk: &mut Desk) {
         let part = self.part;
         let levels = part.active(part.cells.len());
+        if levels.is_empty() {
+            return;
+        }
         let cells = self.likely();
         let near = self.near(&cells, desk);
         let share = -(part.leaves.rows.len() as f64).ln();
@@ -318,25 +243,21 @@ impl<'a> Search<'a> {
     fn near(&self, cells: &[Likely<'_>], desk: &mut Desk) -> Vec<Near> {
         let nearness = &self.view.nearness[self.part.cells.len() - 1];
         let mut starts = vec![0];
-        desk.keys.clear();
+        desk.near.clear();
         for cell in cells {
             cell.opened.distances(&self.short, nearness, &mut desk.far);
-            for far in &desk.far {
-                desk.keys.push(key(*far, desk.keys.len()));
-            }
-            starts.push(desk.keys.len());
+            desk.far.iter().for_each(|far| desk.near.push(*far));
+            starts.push(desk.near.len());
         }
-        let last = nearest_keys(&mut desk.keys, WEIGHED);
-        let of = |&key: &u64| {
-            let (far, place) = unlocked(key);
+        let of = |(place, fading): (usize, f64)| {
             let of = starts.partition_point(|s| *s <= place) - 1;
             Near {
-                fading: last.map_or(0.0, |last| fading(far, last)),
+                fading,
                 leaf: place - starts[of],
                 of,
             }
         };
-        desk.keys.iter().map(of).collect()
+        desk.near.few(WEIGHED).map(of).collect()
     }
 
     /// Counts a block, and keeps it if it is among the best; gives the log of its weight times its evidence.
@@ -380,54 +301,6 @@ impl<'a> Search<'a> {
         self.found.best.retain(|h| h.log >= top - NEGLIGIBLE);
         self.found
     }
-}
-
-/// So many cells of a level are looked at.
-const NEAR: usize = 5;
-
-impl Desk {
-    /// The few cells that may hold a pose (d, padded; of any value where `weights` is 0), nearest first, each with what its
-    /// log evidence is to be added: less the nearer it is to being left out, so that cells come and go without a jump.
-    fn nearest(&mut self, cells: &Cells, y: &[f32], weights: &[f32]) {
-        cells.distances(y, weights, &mut self.far);
-        self.keys.clear();
-        let far = self.far.iter().zip(&cells.log_shares).enumerate();
-        let far = far.map(|(cell, (far, log))| key(far - 2.0 * *log as f32, cell));
-        self.keys.extend(far);
-        let last = nearest_keys(&mut self.keys, NEAR);
-        self.near.clear();
-        self.near.extend(self.keys.iter().map(|key| {
-            let (far, cell) = unlocked(*key);
-            (cell, last.map_or(0.0, |last| fading(far, last)))
-        }));
-    }
-}
-
-/// A distance (at least 0) and whose it is in one number; their order is that of the distances.
-fn key(far: f32, place: usize) -> u64 {
-    u64::from(far.to_bits()) << 32 | place as u64
-}
-
-/// The distance and whose it is.
-fn unlocked(key: u64) -> (f32, usize) {
-    (f32::from_bits((key >> 32) as u32), key as u32 as usize)
-}
-
-/// Leaves the nearest few, the nearest first; gives the distance of the first that is left out.
-fn nearest_keys(keys: &mut Vec<u64>, few: usize) -> Option<f32> {
-    let mut last = None;
-    if keys.len() > few {
-        last = Some(unlocked(*keys.select_nth_unstable(few).1).0);
-        keys.truncate(few);
-    }
-    keys.sort_unstable();
-    last
-}
-
-/// What the log evidence of a block that is so far off is to be added where the first that is left out is at `last`.
-fn fading(far: f32, last: f32) -> f64 {
-    let left = -(-0.5 * f64::from(last - far)).exp_m1();
-    left.max(1e-9).ln()
 }
 
 /// What is left of an observation beside a leaf, in the directions of a lens.

@@ -7,9 +7,9 @@
 //! −∂² log p(y) / ∂θ_i ∂θ_j ≈ Σ p d_iᵀ S d_j        (less, where blocks compete: the spread of what they pull)
 //! ```
 
+use super::explained::Explained;
 use super::lens::Aside;
 use super::part::{Part, View};
-use super::search::Explained;
 use crate::prior::Slope;
 
 /// What a slope is summed from.

@@ -9,7 +9,7 @@
 //!
 //! The sum over z is taken over the best few assignments of a beam that goes from point to point.
 
-use super::rigid::{Bodies, Lengths};
+use super::bodies::{Bodies, Lengths};
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::EXACT;
 use crate::prior::pairs::RigidPairs;

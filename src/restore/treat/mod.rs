@@ -6,7 +6,9 @@
 //! answer <───────────────────── rigid distances kept <─────────────────────────────────────────────────────────┘
 //! ```
 
+pub mod bodies;
 pub mod bones;
+mod gradients;
 pub mod outliers;
 pub mod rigid;
 
@@ -16,8 +18,9 @@ use crate::par;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::tuning::Task;
 use crate::prior::{Belief, EXACT, Enough, Posterior, Prior};
+use bodies::Bodies;
 use ndarray::ArrayView2;
-use rigid::{Bodies, Sure, Whose};
+use rigid::{Sure, Whose};
 use std::ops::Range;
 
 /// Frames treated by one piece of parallel work.

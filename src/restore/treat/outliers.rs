@@ -11,8 +11,8 @@
 //! over the likely assignments: those that weigh most are asked of the prior, the others follow from N(m, P).
 //! Cost: about two answers of the prior a pose, and below a tenth of a millisecond more.
 
+use super::bodies::{Bodies, Lengths};
 use super::bones::{self, Look, SLAB, base_of, is_seen, log_odds};
-use super::rigid::{Bodies, Lengths};
 use crate::par;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::small::{backward, factorise, forward, log_sum};

@@ -11,6 +11,8 @@
 //! of variance R was. i, and whose body it is (L), are the most likely ones given how far off the believed distances
 //! are. Cost: n² (n/3 + 36) for each step and 3 n² D for the variances, n pairs and D numbers a pose.
 
+use super::bodies::{Bodies, Lengths};
+use super::gradients::{Gradient, cross, gradients, products, shared_ends};
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::small::add;
@@ -29,81 +31,6 @@ const TURNS: usize = 3;
 const FARTHEST: f64 = 3.0;
 /// Steps end when no distance changes by more than this, cm.
 const SETTLED: f64 = 2e-3;
-/// The share of bodies nobody has seen, and how much their lengths differ from the mean of those seen.
-const STRANGER: (f64, f64) = (0.02, 0.06);
-
-/// The lengths of pairs, and their variances.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Lengths {
-    /// n of them, cm.
-    pub mean: Vec<f64>,
-    /// cm²; never below [`EXACT`].
-    pub variance: Vec<f64>,
-}
-
-/// A distance's gradient: along `u` at the first point, against it at the second.
-struct Gradient {
-    ends: [usize; 2],
-    u: [f64; 3],
-    length: f64,
-}
-
-/// The bodies a pose may be of: those seen, and a stranger's.
-#[derive(Debug, Clone, Default)]
-pub struct Bodies {
-    /// Log share and lengths; the stranger comes last.
-    pub all: Vec<(f64, Lengths)>,
-}
-
-impl Bodies {
-    /// From what was learnt.
-    pub fn of(pairs: &RigidPairs) -> Bodies {
-        let own = |k: usize| (pairs.pairs[k].sd * pairs.pairs[k].sd).max(EXACT);
-        let n = pairs.pairs.len();
-        let mut all: Vec<(f64, Lengths)> = (pairs.bodies.rows().into_iter().zip(&pairs.shares))
-            .map(|(row, share)| {
-                let lengths = Lengths {
-                    mean: row.to_vec(),
-                    variance: (0..n).map(own).collect(),
-                };
-                (((1.0 - STRANGER.0) * share).ln(), lengths)
-            })
-            .collect();
-        let weights: Vec<f64> = pairs.shares.iter().map(|s| s.max(0.0)).collect();
-        let mut stranger = mixed(&all, &weights);
-        for (v, l) in stranger.variance.iter_mut().zip(&stranger.mean) {
-            *v += (STRANGER.1 * l).powi(2);
-        }
-        all.push((STRANGER.0.ln(), stranger));
-        Bodies { all }
-    }
-
-    /// The lengths, given how likely each body is (logs, to a constant; their shares included).
-    pub fn given(&self, logs: &[f64]) -> Lengths {
-        let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let weights: Vec<f64> = logs.iter().map(|l| (l - best).exp()).collect();
-        mixed(&self.all, &weights)
-    }
-}
-
-/// Mean and variance of a mixture; the weights need not add up to one.
-fn mixed(all: &[(f64, Lengths)], weights: &[f64]) -> Lengths {
-    let total: f64 = weights.iter().sum();
-    let n = all.first().map_or(0, |a| a.1.mean.len());
-    let (mut mean, mut variance) = (vec![0.0; n], vec![0.0; n]);
-    for ((_, l), w) in all.iter().zip(weights).filter(|(_, w)| **w > 1e-12 * total) {
-        for k in 0..n {
-            mean[k] += w / total * l.mean[k];
-        }
-    }
-    for ((_, l), w) in all.iter().zip(weights).filter(|(_, w)| **w > 1e-12 * total) {
-        for k in 0..n {
-            variance[k] += w / total * (l.variance[k] + (l.mean[k] - mean[k]).powi(2));
-        }
-    }
-    Lengths { mean, variance }
-}
-
 /// Whose lengths are kept.
 #[derive(Debug, Clone, Copy)]
 pub enum Whose<'a> {
@@ -134,7 +61,7 @@ impl Sure<'_> {
     }
 
     /// The covariance and how much of it is made use of, where any is.
-    fn together(&self) -> Option<(&Array2<f64>, f64)> {
+    pub(super) fn together(&self) -> Option<(&Array2<f64>, f64)> {
         match self {
             Sure::Covariance(c, together) | Sure::Settled(c, together) if *together > 0.0 => {
                 Some((c, *together))
@@ -394,107 +321,6 @@ fn choose(bodies: &Bodies, rows: &[Gradient], sure: Sure<'_>, noise: &[f64]) -> 
             bodies.all[0].1.clone(),
         ),
     }
-}
-
-impl Gradient {
-    /// H x of this row.
-    fn along(&self, x: &[f64]) -> f64 {
-        let [i, j] = self.ends;
-        (0..3)
-            .map(|c| self.u[c] * (x[3 * i + c] - x[3 * j + c]))
-            .sum()
-    }
-}
-
-fn gradients(ends: &[[usize; 2]], x: &[f64]) -> Vec<Gradient> {
-    let of = |&[i, j]: &[usize; 2]| {
-        let v: [f64; 3] = std::array::from_fn(|c| x[3 * i + c] - x[3 * j + c]);
-        let length = v.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-6);
-        Gradient {
-            ends: [i, j],
-            u: v.map(|v| v / length),
-            length,
-        }
-    };
-    ends.iter().map(of).collect()
-}
-
-/// H P', by rows of D.
-fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> {
-    let d = extra.len();
-    let mut out = vec![vec![0.0; d]; rows.len()];
-    let covariance = sure.together();
-    let known = covariance.and_then(|(c, together)| Some((c.as_slice()?, together)));
-    let alone: Vec<f64> = match sure {
-        Sure::Variances(v) => v.iter().zip(extra).map(|(v, e)| v + e).collect(),
-        Sure::Covariance(v, together) | Sure::Settled(v, together) => {
-            let own = v.diag().into_iter().zip(extra);
-            own.map(|(v, e)| (1.0 - together) * v + e).collect()
-        }
-    };
-    simd::wide(
-        #[inline(always)]
-        || {
-            for (row, out) in rows.iter().zip(&mut out) {
-                let [i, j] = row.ends;
-                if let Some((covariance, together)) = known {
-                    let of = |p: usize| &covariance[3 * p * d..3 * (p + 1) * d];
-                    add_difference(out, row.u.map(|u| together * u), of(i), of(j));
-                }
-                for c in 0..3 {
-                    out[3 * i + c] += row.u[c] * alone[3 * i + c];
-                    out[3 * j + c] -= row.u[c] * alone[3 * j + c];
-                }
-            }
-        },
-    );
-    out
-}
-
-/// `to` += Σ u (a − b), of three rows each.
-#[inline(always)]
-fn add_difference(to: &mut [f64], u: [f64; 3], a: &[f64], b: &[f64]) {
-    let d = to.len();
-    let rows = |all| {
-        let all: &[f64] = all;
-        [&all[..d], &all[d..2 * d], &all[2 * d..3 * d]]
-    };
-    let (a, b) = (rows(a), rows(b));
-    for k in 0..d {
-        let of = |c: usize| u[c] * (a[c][k] - b[c][k]);
-        to[k] += of(0) + of(1) + of(2);
-    }
-}
-
-/// H P' Hᵀ, lower triangle by rows of n.
-fn products(rows: &[Gradient], cross: &[Vec<f64>]) -> Vec<f64> {
-    let n = rows.len();
-    let mut a = vec![0.0; n * n];
-    for k in 0..n {
-        for l in 0..=k {
-            a[k * n + l] = rows[l].along(&cross[k]);
-        }
-    }
-    a
-}
-
-/// What H I Hᵀ is summed from: (which of the lower triangle by rows of n, a point that two distances share, what is to be
-/// multiplied with I of its coordinates).
-fn shared_ends(rows: &[Gradient]) -> Vec<(usize, usize, [f64; 3])> {
-    let n = rows.len();
-    let mut out = Vec::new();
-    for (k, one) in rows.iter().enumerate() {
-        for (l, other) in rows[..=k].iter().enumerate() {
-            for (s, p) in one.ends.iter().enumerate() {
-                for (t, _) in other.ends.iter().enumerate().filter(|(_, q)| *q == p) {
-                    let sign = if s == t { 1.0 } else { -1.0 };
-                    let u = std::array::from_fn(|c| sign * one.u[c] * other.u[c]);
-                    out.push((k * n + l, *p, u));
-                }
-            }
-        }
-    }
-    out
 }
 
 /// Z ← L⁻¹ Z by rows of Z.

@@ -1,0 +1,88 @@
+//! What explains an observation: the blocks that a search found.
+
+use super::part::Sight;
+
+/// Blocks this much less likely (nats) than the best do not answer.
+pub const NEGLIGIBLE: f64 = 6.0;
+
+/// One block that may explain an observation.
+#[derive(Debug, Clone, Copy)]
+pub struct Hypothesis {
+    /// The log of its weight times its evidence.
+    pub log: f64,
+    /// Its cell: which of [`Explained::seen`].
+    pub seen: usize,
+    /// The leaf among the cell's, where it is one.
+    pub leaf: Option<usize>,
+    /// Which of the levels that are looked at, of the cell or of the leaves.
+    pub at: usize,
+}
+
+impl Hypothesis {
+    /// Of a log that is told later.
+    pub fn new(seen: usize, leaf: Option<usize>, at: usize) -> Hypothesis {
+        Hypothesis {
+            log: f64::NEG_INFINITY,
+            seen,
+            leaf,
+            at,
+        }
+    }
+}
+
+/// A cell that was looked at.
+#[derive(Debug, Clone, Copy)]
+pub struct Seen {
+    /// Which level of cells.
+    pub index: usize,
+    /// Which cell of it.
+    pub cell: usize,
+    /// The best log evidence of its scales.
+    pub most: f64,
+    /// Where its z begins.
+    pub start: usize,
+}
+
+/// The blocks that explain an observation best, and how well all of them together do.
+#[derive(Debug, Clone, Default)]
+pub struct Explained {
+    /// log Σ over the levels and blocks.
+    pub evidence: f64,
+    /// log Σ over the blocks of each level, without the level's weight.
+    pub levels: Vec<f64>,
+    /// The best, in no order.
+    pub best: Vec<Hypothesis>,
+    /// The cells that were looked at.
+    pub seen: Vec<Seen>,
+    /// The observation less each one's mean, in its directions.
+    pub zs: Vec<f32>,
+}
+
+impl Explained {
+    /// Of a part that is not looked at.
+    pub fn nothing() -> Explained {
+        Explained {
+            evidence: f64::NEG_INFINITY,
+            ..Explained::default()
+        }
+    }
+
+    /// Each block's share, in the order of [`best`](Explained::best). Less what the least of them weighs: blocks come and go
+    /// without a jump.
+    pub fn shares(&self) -> Vec<f64> {
+        let logs = self.best.iter().map(|h| h.log);
+        let top = logs.fold(f64::NEG_INFINITY, f64::max);
+        let least = (-NEGLIGIBLE).exp();
+        let weights = self.best.iter().map(|h| (h.log - top).exp() - least);
+        let mut weights: Vec<f64> = weights.collect();
+        let total: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|w| *w /= total);
+        weights
+    }
+
+    /// The observation less a cell's mean, in its directions.
+    pub fn z(&self, seen: usize, sight: &Sight) -> &[f32] {
+        let start = self.seen[seen].start;
+        &self.zs[start..start + sight.lens.stride()]
+    }
+}

@@ -1,0 +1,72 @@
+//! The bodies that rigid distances are those of.
+
+use crate::prior::EXACT;
+use crate::prior::pairs::RigidPairs;
+
+/// The share of bodies nobody has seen, and how much their lengths differ from the mean of those seen.
+const STRANGER: (f64, f64) = (0.02, 0.06);
+
+/// The lengths of pairs, and their variances.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lengths {
+    /// n of them, cm.
+    pub mean: Vec<f64>,
+    /// cm²; never below [`EXACT`].
+    pub variance: Vec<f64>,
+}
+
+/// The bodies a pose may be of: those seen, and a stranger's.
+#[derive(Debug, Clone, Default)]
+pub struct Bodies {
+    /// Log share and lengths; the stranger comes last.
+    pub all: Vec<(f64, Lengths)>,
+}
+
+impl Bodies {
+    /// From what was learnt.
+    pub fn of(pairs: &RigidPairs) -> Bodies {
+        let own = |k: usize| (pairs.pairs[k].sd * pairs.pairs[k].sd).max(EXACT);
+        let n = pairs.pairs.len();
+        let mut all: Vec<(f64, Lengths)> = (pairs.bodies.rows().into_iter().zip(&pairs.shares))
+            .map(|(row, share)| {
+                let lengths = Lengths {
+                    mean: row.to_vec(),
+                    variance: (0..n).map(own).collect(),
+                };
+                (((1.0 - STRANGER.0) * share).ln(), lengths)
+            })
+            .collect();
+        let weights: Vec<f64> = pairs.shares.iter().map(|s| s.max(0.0)).collect();
+        let mut stranger = mixed(&all, &weights);
+        for (v, l) in stranger.variance.iter_mut().zip(&stranger.mean) {
+            *v += (STRANGER.1 * l).powi(2);
+        }
+        all.push((STRANGER.0.ln(), stranger));
+        Bodies { all }
+    }
+
+    /// The lengths, given how likely each body is (logs, to a constant; their shares included).
+    pub fn given(&self, logs: &[f64]) -> Lengths {
+        let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let weights: Vec<f64> = logs.iter().map(|l| (l - best).exp()).collect();
+        mixed(&self.all, &weights)
+    }
+}
+
+/// Mean and variance of a mixture; the weights need not add up to one.
+fn mixed(all: &[(f64, Lengths)], weights: &[f64]) -> Lengths {
+    let total: f64 = weights.iter().sum();
+    let n = all.first().map_or(0, |a| a.1.mean.len());
+    let (mut mean, mut variance) = (vec![0.0; n], vec![0.0; n]);
+    for ((_, l), w) in all.iter().zip(weights).filter(|(_, w)| **w > 1e-12 * total) {
+        for k in 0..n {
+            mean[k] += w / total * l.mean[k];
+        }
+    }
+    for ((_, l), w) in all.iter().zip(weights).filter(|(_, w)| **w > 1e-12 * total) {
+        for k in 0..n {
+            variance[k] += w / total * (l.variance[k] + (l.mean[k] - mean[k]).powi(2));
+        }
+    }
+    Lengths { mean, variance }
+}

@@ -1,0 +1,116 @@
+//! How rigid distances change as points move.
+
+use super::rigid::Sure;
+use crate::simd;
+
+/// A distance's gradient: along `u` at the first point, against it at the second.
+pub struct Gradient {
+    /// The two points.
+    pub ends: [usize; 2],
+    /// Of length 1, from the second to the first.
+    pub u: [f64; 3],
+    /// The distance, cm.
+    pub length: f64,
+}
+
+impl Gradient {
+    /// H x of this row.
+    pub fn along(&self, x: &[f64]) -> f64 {
+        let [i, j] = self.ends;
+        (0..3)
+            .map(|c| self.u[c] * (x[3 * i + c] - x[3 * j + c]))
+            .sum()
+    }
+}
+
+/// Of the distances between some points, at a pose (D).
+pub fn gradients(ends: &[[usize; 2]], x: &[f64]) -> Vec<Gradient> {
+    let of = |&[i, j]: &[usize; 2]| {
+        let v: [f64; 3] = std::array::from_fn(|c| x[3 * i + c] - x[3 * j + c]);
+        let length = v.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-6);
+        Gradient {
+            ends: [i, j],
+            u: v.map(|v| v / length),
+            length,
+        }
+    };
+    ends.iter().map(of).collect()
+}
+
+/// H P', by rows of D.
+pub fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> {
+    let d = extra.len();
+    let mut out = vec![vec![0.0; d]; rows.len()];
+    let covariance = sure.together();
+    let known = covariance.and_then(|(c, together)| Some((c.as_slice()?, together)));
+    let alone: Vec<f64> = match sure {
+        Sure::Variances(v) => v.iter().zip(extra).map(|(v, e)| v + e).collect(),
+        Sure::Covariance(v, together) | Sure::Settled(v, together) => {
+            let own = v.diag().into_iter().zip(extra);
+            own.map(|(v, e)| (1.0 - together) * v + e).collect()
+        }
+    };
+    simd::wide(
+        #[inline(always)]
+        || {
+            for (row, out) in rows.iter().zip(&mut out) {
+                let [i, j] = row.ends;
+                if let Some((covariance, together)) = known {
+                    let of = |p: usize| &covariance[3 * p * d..3 * (p + 1) * d];
+                    add_difference(out, row.u.map(|u| together * u), of(i), of(j));
+                }
+                for c in 0..3 {
+                    out[3 * i + c] += row.u[c] * alone[3 * i + c];
+                    out[3 * j + c] -= row.u[c] * alone[3 * j + c];
+                }
+            }
+        },
+    );
+    out
+}
+
+/// `to` += Σ u (a − b), of three rows each.
+#[inline(always)]
+fn add_difference(to: &mut [f64], u: [f64; 3], a: &[f64], b: &[f64]) {
+    let d = to.len();
+    let rows = |all| {
+        let all: &[f64] = all;
+        [&all[..d], &all[d..2 * d], &all[2 * d..3 * d]]
+    };
+    let (a, b) = (rows(a), rows(b));
+    for k in 0..d {
+        let of = |c: usize| u[c] * (a[c][k] - b[c][k]);
+        to[k] += of(0) + of(1) + of(2);
+    }
+}
+
+/// H P' Hᵀ, lower triangle by rows of n.
+pub fn products(rows: &[Gradient], cross: &[Vec<f64>]) -> Vec<f64> {
+    let n = rows.len();
+    let mut a = vec![0.0; n * n];
+    for k in 0..n {
+        for l in 0..=k {
+            a[k * n + l] = rows[l].along(&cross[k]);
+        }
+    }
+    a
+}
+
+/// What H I Hᵀ is summed from: (which of the lower triangle by rows of n, a point that two distances share, what is to be
+/// multiplied with I of its coordinates).
+pub fn shared_ends(rows: &[Gradient]) -> Vec<(usize, usize, [f64; 3])> {
+    let n = rows.len();
+    let mut out = Vec::new();
+    for (k, one) in rows.iter().enumerate() {
+        for (l, other) in rows[..=k].iter().enumerate() {
+            for (s, p) in one.ends.iter().enumerate() {
+                for (t, _) in other.ends.iter().enumerate().filter(|(_, q)| *q == p) {
+                    let sign = if s == t { 1.0 } else { -1.0 };
+                    let u = std::array::from_fn(|c| sign * one.u[c] * other.u[c]);
+                    out.push((k * n + l, *p, u));
+                }
+            }
+        }
+    }
+    out
+}
