@@ -47,6 +47,14 @@ impl Answer {
         }
     }
 
+    /// Where nothing can be told: no numbers.
+    pub fn unknown(d: usize, told: Told) -> Answer {
+        let mut out = Answer::new(d, told);
+        out.mean.fill(f64::NAN);
+        out.spread.fill(f64::NAN);
+        out
+    }
+
     /// Adds `weight` times what a part's answer leaves open; its coordinates are among those here.
     pub fn add_spread(&mut self, weight: f64, part: &Answer, coordinates: &[usize], told: Told) {
         for (r, row) in part.spread.rows().into_iter().enumerate() {

@@ -14,7 +14,7 @@ pub struct Hypothesis {
     pub seen: usize,
     /// The leaf among the cell's, where it is one.
     pub leaf: Option<usize>,
-    /// Which of the levels that are looked at, of the cell or of the leaves.
+    /// Of a cell: which of its scales. Of a leaf: which of the leaves' levels that are looked at.
     pub at: usize,
 }
 
@@ -37,7 +37,7 @@ pub struct Seen {
     pub index: usize,
     /// Which cell of it.
     pub cell: usize,
-    /// The best log evidence of its scales.
+    /// The best log evidence of its scales, its share and fading included.
     pub most: f64,
     /// Where its z begins.
     pub start: usize,

@@ -6,6 +6,7 @@ use super::leaves::Poses;
 use super::limit::{HeldBack, Limit};
 use super::part::{Level, Part};
 use super::parts::parts;
+use super::scales::MOST_LEAVES;
 use super::{Blocks, FLOOR};
 use crate::cluster::{self, Parameters};
 use crate::io::Model;
@@ -89,6 +90,12 @@ impl Settings {
             return Err(Error::usage(
                 "blocks: scales, least and temperature must be above 0",
             ));
+        }
+        if self.leaves.len() > MOST_LEAVES {
+            return Err(Error::usage(format!(
+                "blocks: leaves of {} kinds, at most {MOST_LEAVES} can be looked at",
+                self.leaves.len()
+            )));
         }
         if !(0.0..=1.0).contains(&self.own) || self.folds == 0 {
             return Err(Error::usage(

@@ -463,6 +463,7 @@ impl<'a> Aside<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::part::Active;
     use super::*;
     use crate::prior::conditional::Conditional;
 
@@ -558,6 +559,27 @@ mod tests {
                 assert!(off.into_iter().all(|(a, b)| (a - b).abs() <= 1e-4));
                 left -= &want.covariance(prior.view());
                 assert!(left.iter().all(|v| v.abs() <= 1e-4), "{left:?}");
+                // Leaves, which are wide along a step as well.
+                let step: [f32; 6] = [0.5, -1.0, 0.25, 2.0, 0.0, -0.75];
+                let mut long = step.to_vec();
+                long.resize(padded(6), 0.0);
+                let mut of_step = Vec::new();
+                lens.project(&long, &mut of_step);
+                let level = |at, along| Active {
+                    level: 0,
+                    scale: scales.scales[at],
+                    at,
+                    along,
+                };
+                let levels = [level(0, 0.0), level(0, 1.5), level(1, 0.5)];
+                scales.logs_of_leaf(&z, &of_step, &levels, &mut logs);
+                for (level, log) in levels.iter().zip(&logs) {
+                    let prior = Array2::from_shape_fn((6, 6), |(i, j)| {
+                        level.scale * c[[i, j]] + level.along * f64::from(step[i] * step[j])
+                    });
+                    let want = Conditional::new(prior.view(), &noise).log_density(&y);
+                    assert!((log - want).abs() <= 1e-4, "{log} {want}");
+                }
             }
         }
         assert_eq!(kinds, [true, true, true, false, false]);

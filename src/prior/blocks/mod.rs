@@ -51,6 +51,7 @@ const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 const MOST_MET: usize = 16;
 /// So many kinds of noise that is everywhere the same are.
 const MOST_EVEN: usize = 16;
+
 /// The blocks of all parts of a body.
 #[derive(Debug, Clone)]
 pub struct Blocks {
@@ -414,6 +415,49 @@ mod tests {
             let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
             assert!(told.contains(name), "{told}");
         }
+    }
+
+    #[test]
+    fn a_covariance_is_told_unless_the_variances_are_enough() {
+        let poses = poses();
+        let (blocks, _) = learnt(&poses);
+        let y = poses
+            .xyz
+            .slice(ndarray::s![40..42, ..])
+            .mapv(|v| f64::from(v) + 0.5);
+        let noise = Array2::from_elem((2, 69), 4.0);
+        let told = blocks.posteriors(y.view(), noise.view());
+        let whole = blocks.believe_all(y.view(), noise.view());
+        let sum: f64 = told[1].variance.iter().sum();
+        let some = blocks.believe_enough(y.view(), noise.view(), &[f64::INFINITY, sum]);
+        assert_eq!(
+            some,
+            [
+                Enough::Whole(whole[0].clone()),
+                Enough::Apart(told[1].clone())
+            ]
+        );
+        let none = blocks.believe_enough(y.view(), noise.view(), &[0.0, sum * 1.01]);
+        assert_eq!(
+            none,
+            [
+                Enough::Apart(told[0].clone()),
+                Enough::Whole(whole[1].clone())
+            ]
+        );
+    }
+
+    #[test]
+    fn what_is_no_number_has_no_answer() {
+        let (blocks, _) = learnt(&poses());
+        let broken = blocks.posterior(&[f64::NAN; 69], &[1.0; 69], &Fit::default());
+        assert!(
+            broken
+                .mean
+                .iter()
+                .chain(&broken.variance)
+                .all(|v| v.is_nan())
+        );
     }
 
     #[test]

@@ -78,9 +78,9 @@ pub struct View {
 #[derive(Debug)]
 pub struct Sight {
     pub lens: Lens,
-    /// At the scales of the cell's levels, in their order.
+    /// At the scales of the cell's levels, each once.
     pub scales: Scales,
-    /// At the scales of the leaves' levels, in their order; where they were asked for.
+    /// At the scales of the leaves' levels, each once; where they were asked for.
     leaves: OnceLock<Scales>,
     /// What views through changed noise start from: of the cell's levels, and of the leaves'.
     even: [OnceLock<Even>; 2],

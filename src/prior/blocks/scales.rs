@@ -35,6 +35,8 @@ pub struct Even {
 /// One scale of a lens, with a weight.
 pub type Weighed<'a> = (&'a Scales, usize, f64);
 
+/// Leaves are of so many scales at most.
+pub const MOST_LEAVES: usize = 16;
 /// So many products with changed coordinates are taken at a time.
 const AT_ONCE: usize = 32;
 
@@ -151,22 +153,19 @@ impl Scales {
     /// aᵀ (a C_oo + R)⁻¹ b of two residuals, given their z, at each scale; into `out`.
     pub fn forms(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
         self.plain(a, b, out);
+        if self.changed == 0 {
+            return;
+        }
         let (mut p, mut q) = (Vec::new(), Vec::new());
         for (at, out) in out.iter_mut().enumerate() {
-            match (self.rows_at(at), self.factor_at(at)) {
-                (None, _) => break,
-                (Some(rows), None) => *out -= self.fixed(rows, a, b),
-                (Some(_), Some(_)) => {
-                    self.whiten(at, a, &mut p);
-                    *out -= match std::ptr::eq(a, b) {
-                        true => dot(&p, &p),
-                        false => {
-                            self.whiten(at, b, &mut q);
-                            dot(&p, &q)
-                        }
-                    };
+            self.whiten(at, a, &mut p);
+            *out -= match std::ptr::eq(a, b) {
+                true => dot(&p, &p),
+                false => {
+                    self.whiten(at, b, &mut q);
+                    dot(&p, &q)
                 }
-            }
+            };
         }
     }
 
@@ -192,26 +191,6 @@ impl Scales {
         }
     }
 
-    /// qᵀ G⁻¹ q of two residuals, where L is taken off the rows.
-    fn fixed(&self, rows: &[f32], a: &[f32], b: &[f32]) -> f64 {
-        let (mut p, mut q) = ([0.0; AT_ONCE], [0.0; AT_ONCE]);
-        let mut sum = 0.0;
-        for rows in rows.chunks(AT_ONCE * self.stride) {
-            let n = rows.len() / self.stride;
-            row_dots(rows, self.stride, a, &mut p);
-            let other = match std::ptr::eq(a, b) {
-                true => &p,
-                false => {
-                    row_dots(rows, self.stride, b, &mut q);
-                    &q
-                }
-            };
-            let terms = p[..n].iter().zip(other);
-            sum += terms.map(|(p, q)| f64::from(p * q)).sum::<f64>();
-        }
-        sum
-    }
-
     /// The log evidence of a residual at each scale, given its z; into `out`.
     pub fn logs(&self, z: &[f32], out: &mut Vec<f64>) {
         self.forms(z, z, out);
@@ -223,11 +202,8 @@ impl Scales {
     /// The log evidence of a residual at each of the leaves' levels, whose scales these are, given its z and that of the
     /// leaf's step; into `out`.
     pub fn logs_of_leaf(&self, z: &[f32], step: &[f32], levels: &[Active], out: &mut Vec<f64>) {
-        /// More than there are kinds of leaves.
-        const MOST: usize = 16;
-        debug_assert!(self.scales.len() <= MOST);
-        let mut forms = [[0.0f32; 3]; MOST];
-        let forms = &mut forms[..self.scales.len().min(MOST)];
+        let mut forms = [[0.0f32; 3]; MOST_LEAVES];
+        let forms = &mut forms[..self.scales.len()];
         let reaches = |at: usize| levels.iter().any(|l| l.at == at && l.along > 0.0);
         simd::weighted_forms(&self.shares, z, step, reaches, forms);
         let (mut p, mut q) = (Vec::new(), Vec::new());

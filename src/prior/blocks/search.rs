@@ -147,13 +147,12 @@ impl<'a> Search<'a> {
             let share = cells.log_shares[cell] + fading;
             let seen = self.found.seen.len();
             let mut most = f64::NEG_INFINITY;
-            for (at, log) in desk.each.iter().enumerate() {
+            for log in &desk.each {
                 most = most.max(log + share);
-                // A finest cell may be looked at for its leaves' sake alone.
-                if let Some(level) = levels.get(at) {
-                    let of = Hypothesis::new(seen, None, at);
-                    self.add(log + share, level, of);
-                }
+            }
+            for level in levels {
+                let of = Hypothesis::new(seen, None, level.at);
+                self.add(desk.each[level.at] + share, level, of);
             }
             self.found.seen.push(Seen {
                 index,
@@ -162,7 +161,10 @@ impl<'a> Search<'a> {
                 start: self.found.zs.len(),
             });
             self.found.zs.extend_from_slice(&desk.z);
-            self.top = self.top.max(most);
+            // A finest cell may be looked at for its leaves' sake alone.
+            if !levels.is_empty() {
+                self.top = self.top.max(most);
+            }
             // Further ones are farther off; but where much is missing, being near says too little.
             if view.sees_most() && most < self.top - CLOSED {
                 break;

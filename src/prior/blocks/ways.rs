@@ -99,6 +99,10 @@ impl Blocks {
         let heard: Vec<(&Vec<usize>, f64)> = (self.ways.iter().zip(shares))
             .filter(|(_, share)| *share >= LEAST_WEIGHT)
             .collect();
+        if heard.is_empty() {
+            // What is no number explains nothing.
+            return Answer::unknown(self.width, told);
+        }
         let total: f64 = heard.iter().map(|w| w.1).sum();
         let mut answers: Vec<Option<Answer>> = vec![None; self.parts.len()];
         let mut out = Answer::new(self.width, told);

@@ -41,8 +41,9 @@ pub fn gradients(ends: &[[usize; 2]], x: &[f64]) -> Vec<Gradient> {
 pub fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> {
     let d = extra.len();
     let mut out = vec![vec![0.0; d]; rows.len()];
-    let covariance = sure.together();
-    let known = covariance.and_then(|(c, together)| Some((c.as_slice()?, together)));
+    // Of a model that went through a map it may lie by columns.
+    let by_rows = sure.together().map(|(c, t)| (c.as_standard_layout(), t));
+    let known = (by_rows.as_ref()).and_then(|(c, together)| Some((c.as_slice()?, *together)));
     let alone: Vec<f64> = match sure {
         Sure::Variances(v) => v.iter().zip(extra).map(|(v, e)| v + e).collect(),
         Sure::Covariance(v, together) | Sure::Settled(v, together) => {
@@ -113,4 +114,56 @@ pub fn shared_ends(rows: &[Gradient]) -> Vec<(usize, usize, [f64; 3])> {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array1, Array2};
+
+    /// Three points, a bar from the first to each of the others and one between these.
+    #[test]
+    fn products_are_those_of_the_matrices_that_are_not_made() {
+        let x = [0.0, 0.0, 0.0, 3.0, 1.0, 0.0, -1.0, 2.0, 2.0];
+        let rows = gradients(&[[0, 1], [2, 0], [1, 2]], &x);
+        let h = Array2::from_shape_fn((3, 9), |(k, c)| {
+            let [i, j] = rows[k].ends;
+            let of = |p: usize| if c / 3 == p { rows[k].u[c % 3] } else { 0.0 };
+            of(i) - of(j)
+        });
+        assert!((rows[1].length - 3.0).abs() <= 1e-12);
+        let along = h.dot(&Array1::from(x.to_vec()));
+        assert!((rows[0].along(&x) - along[0]).abs() <= 1e-12);
+        let b = Array2::from_shape_fn((9, 9), |(i, j)| ((i * 5 + 3 * j * (i + 2)) as f64).sin());
+        let c = b.dot(&b.t());
+        let extra: Vec<f64> = (0..9).map(|i| 0.1 + 0.05 * i as f64).collect();
+        for together in [1.0, 0.25] {
+            let mut p = &c * together;
+            p.diag_mut().zip_mut_with(&c.diag(), |p, c| *p = *c);
+            p.diag_mut()
+                .zip_mut_with(&Array1::from(extra.clone()), |p, e| *p += e);
+            let want = h.dot(&p);
+            let by_columns = c.clone().reversed_axes();
+            for covariance in [&c, &by_columns] {
+                let told = cross(&rows, Sure::Covariance(covariance, together), &extra);
+                let off = told.iter().flatten().zip(&want);
+                assert!(off.into_iter().all(|(a, b)| (a - b).abs() <= 1e-12));
+                let all = products(&rows, &told);
+                let want = want.dot(&h.t());
+                assert!(
+                    (0..9)
+                        .all(|at| at % 3 > at / 3
+                            || (all[at] - want[[at / 3, at % 3]]).abs() <= 1e-12)
+                );
+            }
+        }
+        let mut all = [0.0; 9];
+        for (at, p, u) in shared_ends(&rows) {
+            all[at] += (0..3).map(|c| u[c] * extra[3 * p + c]).sum::<f64>();
+        }
+        let want = (&h * &Array1::from(extra)).dot(&h.t());
+        assert!(
+            (0..9).all(|at| at % 3 > at / 3 || (all[at] - want[[at / 3, at % 3]]).abs() <= 1e-12)
+        );
+    }
 }

@@ -31,6 +31,7 @@ const TURNS: usize = 3;
 const FARTHEST: f64 = 3.0;
 /// Steps end when no distance changes by more than this, cm.
 const SETTLED: f64 = 2e-3;
+
 /// Whose lengths are kept.
 #[derive(Debug, Clone, Copy)]
 pub enum Whose<'a> {
