@@ -42,7 +42,7 @@ function makePanel(list) {
       names.append(button);
     }
     head.append(names);
-  } else head.append(make("div", "name", figures[list[0]].name), missing);
+  } else head.append(make("div", "name", figures[list[0]].name.replaceAll("+", "\u200b+")), missing);
   canvas.setAttribute("role", "img");
   if (!alone) canvas.setAttribute("tabindex", "0");
   canvas.setAttribute("aria-label", (still ? "Figure: " : "Moving figure: ") + list.map(f => figures[f].name).join(", "));

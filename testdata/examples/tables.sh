@@ -23,7 +23,7 @@ else
 fi
 
 # thin N: the head of a table and every N-th frame of it.
-thin() { awk -v n="$1" 'NR == 1 || n == 1 || NR % n == 2'; }
+thin() { awk -v n="$1" 'NR == 1 || NR % n == 2 % n'; }
 poses=$out/poses
 mkdir -p "$poses"
 for folder in "$cmu"/*/; do
