@@ -207,7 +207,7 @@ impl<'a> Chorus<'a> {
         add_wide(&mut to.base, weight, opened.pose(leaf));
         let Active {
             at, along: reach, ..
-        } = self.part.active(self.part.cells.len())[h.at];
+        } = self.part.of_leaves()[h.at];
         scales.add_solved(at, &self.state.z, weight, &mut to.w);
         if reach > 0.0 {
             let state = &self.state;
@@ -260,7 +260,7 @@ impl<'a> Chorus<'a> {
                 let (scales, at): (&Scales, usize) = match h.leaf {
                     Some(_) => {
                         let cell = self.explained.seen[*seen].cell;
-                        let levels = self.part.active(self.part.cells.len());
+                        let levels = self.part.of_leaves();
                         (self.view.leaves(self.part, cell), levels[h.at].at)
                     }
                     None => (&sight.scales, h.at),

@@ -18,18 +18,6 @@ pub struct Hypothesis {
     pub at: usize,
 }
 
-impl Hypothesis {
-    /// Of a log that is told later.
-    pub fn new(seen: usize, leaf: Option<usize>, at: usize) -> Hypothesis {
-        Hypothesis {
-            log: f64::NEG_INFINITY,
-            seen,
-            leaf,
-            at,
-        }
-    }
-}
-
 /// A cell that was looked at.
 #[derive(Debug, Clone, Copy)]
 pub struct Seen {

@@ -186,7 +186,7 @@ fn own_scales(part: &Part, index: usize) -> Vec<f64> {
 
 /// The scales of the leaves' levels.
 fn leaf_scales(part: &Part) -> Vec<f64> {
-    scales(part.active(part.cells.len()))
+    scales(part.of_leaves())
 }
 
 /// The scales of some levels, each once.
@@ -271,7 +271,12 @@ impl Part {
         &self.cells[self.cells.len() - 1]
     }
 
-    /// The levels of the cells of an index that are looked at; the leaves come last.
+    /// The levels of the leaves that are looked at.
+    pub fn of_leaves(&self) -> &[Active] {
+        &self.active[self.cells.len()]
+    }
+
+    /// The levels of the cells of an index that are looked at.
     pub fn active(&self, index: usize) -> &[Active] {
         &self.active[index]
     }
@@ -279,6 +284,8 @@ impl Part {
 
 /// `to` += `weight` x xᵀ.
 pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
+    // All that is added up here was made by rows.
+    debug_assert!(to.is_standard_layout());
     let Some(to) = to.as_slice_mut() else { return };
     simd::wide(
         #[inline(always)]

@@ -27,7 +27,7 @@ const HOPELESS: f64 = 9.0;
 impl Part {
     /// How well the cells explain `y` (d; read where observed): the leaves of some are to be looked at.
     pub fn search<'a>(&'a self, view: &'a View, y: &'a [f64], desk: &mut Desk) -> Search<'a> {
-        let leaves = !self.active(self.cells.len()).is_empty();
+        let leaves = !self.of_leaves().is_empty();
         self.search_by(view, y, leaves, desk)
     }
 
@@ -151,8 +151,15 @@ impl<'a> Search<'a> {
                 most = most.max(log + share);
             }
             for level in levels {
-                let of = Hypothesis::new(seen, None, level.at);
-                self.add(desk.each[level.at] + share, level, of);
+                self.add(
+                    level,
+                    Hypothesis {
+                        log: desk.each[level.at] + share,
+                        seen,
+                        leaf: None,
+                        at: level.at,
+                    },
+                );
             }
             self.found.seen.push(Seen {
                 index,
@@ -187,7 +194,7 @@ impl<'a> Search<'a> {
     /// Evaluates the nearest leaves of the cells that may hold the pose.
     pub fn open(&mut self, desk: &mut Desk) {
         let part = self.part;
-        let levels = part.active(part.cells.len());
+        let levels = part.of_leaves();
         if levels.is_empty() {
             return;
         }
@@ -207,8 +214,13 @@ impl<'a> Search<'a> {
                 state.of_leaf(sight, self.found.z(seen, sight), opened, &self.short, leaf);
                 scales.logs_of_leaf(&state.z, &state.step, levels, each);
                 for (at, (level, log)) in levels.iter().zip(each).enumerate() {
-                    let of = Hypothesis::new(seen, Some(leaf), at);
-                    best = best.max(self.add(share + fading + *log, level, of));
+                    let block = Hypothesis {
+                        log: share + fading + *log,
+                        seen,
+                        leaf: Some(leaf),
+                        at,
+                    };
+                    best = best.max(self.add(level, block));
                 }
             }
             // Further ones are farther off.
@@ -262,13 +274,14 @@ impl<'a> Search<'a> {
         desk.near.few(WEIGHED).map(of).collect()
     }
 
-    /// Counts a block, and keeps it if it is among the best; gives the log of its weight times its evidence.
-    fn add(&mut self, log: f64, level: &Active, hypothesis: Hypothesis) -> f64 {
-        self.sums[level.level].add(log);
-        let log = log + self.part.log_weights[level.level];
+    /// Counts a block of a level, whose log evidence is told, and keeps it if it is among the best; gives the log of its
+    /// weight times its evidence.
+    fn add(&mut self, level: &Active, block: Hypothesis) -> f64 {
+        self.sums[level.level].add(block.log);
+        let log = block.log + self.part.log_weights[level.level];
         self.best = self.best.max(log);
         if log > self.worst.max(self.best - NEGLIGIBLE) {
-            self.found.best.push(Hypothesis { log, ..hypothesis });
+            self.found.best.push(Hypothesis { log, ..block });
             if self.found.best.len() == 4 * KEPT {
                 self.trim();
             }

@@ -9,7 +9,8 @@ use crate::prior::small::{add, log_sum};
 use crate::prior::{Belief, Posterior};
 use std::sync::Arc;
 
-/// Ways of making a body of parts that weigh less for an observation do not answer it.
+/// Ways of making a body of parts that weigh less for an observation do not answer it; those that by their cells alone
+/// weigh less than this share of the first are not looked at any further.
 const LEAST_WEIGHT: f64 = 0.01;
 /// Ways that weigh less than this share of the first before any observation are not looked at.
 const LEAST_WAY: f64 = 0.002;

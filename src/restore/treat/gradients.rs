@@ -1,6 +1,6 @@
 //! How rigid distances change as points move.
 
-use super::rigid::Sure;
+use super::sure::Sure;
 use crate::simd;
 
 /// A distance's gradient: along `u` at the first point, against it at the second.

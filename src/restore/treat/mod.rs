@@ -11,6 +11,7 @@ pub mod bones;
 mod gradients;
 pub mod outliers;
 pub mod rigid;
+pub mod sure;
 
 use crate::Result;
 use crate::io::Model;
@@ -20,8 +21,9 @@ use crate::prior::tuning::Task;
 use crate::prior::{Belief, EXACT, Enough, Posterior, Prior};
 use bodies::Bodies;
 use ndarray::ArrayView2;
-use rigid::{Sure, Whose};
+use rigid::Whose;
 use std::ops::Range;
+use sure::Sure;
 
 /// Frames treated by one piece of parallel work.
 const CHUNK: usize = 16;

@@ -13,13 +13,13 @@
 
 use super::bodies::{Bodies, Lengths};
 use super::gradients::{Gradient, cross, gradients, products, shared_ends};
+use super::sure::Sure;
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::small::add;
 use crate::prior::small::{backward, factorise, forward};
 use crate::prior::{EXACT, Posterior};
 use crate::simd;
-use ndarray::Array2;
 
 /// Values of i that are tried, asf².
 const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
@@ -39,44 +39,6 @@ pub enum Whose<'a> {
     Any,
     /// These.
     Known(&'a Lengths),
-}
-
-/// How sure a mean is.
-#[derive(Debug, Clone, Copy)]
-pub enum Sure<'a> {
-    /// The variance of each coordinate.
-    Variances(&'a [f64]),
-    /// The covariance, and how much of what it says of two coordinates together is made use of: from 0 to 1.
-    Covariance(&'a Array2<f64>, f64),
-    /// The same; but the variances are to stay as they are: a belief in what was seen through noise has mostly reckoned
-    /// with what the lengths tell.
-    Settled(&'a Array2<f64>, f64),
-}
-
-impl Sure<'_> {
-    fn variances(&self) -> Vec<f64> {
-        match self {
-            Sure::Variances(v) => v.to_vec(),
-            Sure::Covariance(c, _) | Sure::Settled(c, _) => c.diag().to_vec(),
-        }
-    }
-
-    /// The covariance and how much of it is made use of, where any is.
-    pub(super) fn together(&self) -> Option<(&Array2<f64>, f64)> {
-        match self {
-            Sure::Covariance(c, together) | Sure::Settled(c, together) if *together > 0.0 => {
-                Some((c, *together))
-            }
-            _ => None,
-        }
-    }
-
-    fn is_sound(&self) -> bool {
-        match self {
-            Sure::Variances(v) => v.iter().all(|v| v.is_finite()),
-            Sure::Covariance(c, _) | Sure::Settled(c, _) => c.iter().all(|v| v.is_finite()),
-        }
-    }
 }
 
 /// Makes a mean (D), as sure as it says, agree with the lengths: `noise` is what it was given (cm²; infinite missing).
