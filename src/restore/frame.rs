@@ -113,7 +113,10 @@ impl<'a> Restorer<'a> {
         let noise = super::synthesis::pointwise(noise);
         let posterior = match self.treated(&back, &noise, Seek::Nothing) {
             Some(treated) => treated.0,
-            None => self.prior.posterior(&back, &noise, &solution.fit),
+            None => {
+                let fit = (solution.fit).unwrap_or_else(|| self.prior.fit(&back, &noise, None));
+                self.prior.posterior(&back, &noise, &fit)
+            }
         };
         Some(placed(posterior, placement))
     }

@@ -50,9 +50,10 @@ impl Default for Synthesis {
 pub struct Solution {
     /// From the model's space to the observation's.
     pub placement: Similarity,
-    /// The code in the model's space; its objective is (7), the rotation prior's part left out.
-    pub fit: Fit,
-    /// (7) whole; where the evidence was climbed, −2 times what that file maximises, in the fit without the wish.
+    /// The code in the model's space; its objective is (7), the rotation prior's part left out. None where the evidence was
+    /// climbed: that needs no code.
+    pub fit: Option<Fit>,
+    /// (7) whole; where the evidence was climbed, −2 times what that file maximises.
     pub objective: f64,
     /// Alternations or steps made from the heading that won.
     pub iterations: usize,
@@ -122,26 +123,29 @@ impl Synthesis {
         known: &[Similarity],
     ) -> Option<Vec<Similarity>> {
         let points = seen.points(prior.variance());
-        let mut found: Vec<(f64, Similarity)> = Vec::new();
-        for typical in prior.typical().rows() {
-            let at = |j: usize| DVec3::new(typical[3 * j], typical[3 * j + 1], typical[3 * j + 2]);
-            let pairs = points.clone().map(|(j, y, w)| (at(j), y, w));
-            let fit = fit_similarity(pairs, Free::Similarity)?;
-            if fit.determined {
-                found.push((
-                    fit.error,
-                    Similarity {
-                        scale: 1.0,
-                        ..fit.similarity
-                    },
-                ));
-            }
+        let typical = prior.typical();
+        let fits = typical.rows().into_iter().map(|pose| {
+            let at = |j: usize| DVec3::new(pose[3 * j], pose[3 * j + 1], pose[3 * j + 2]);
+            fit_similarity(
+                points.clone().map(|(j, y, w)| (at(j), y, w)),
+                Free::Similarity,
+            )
+        });
+        let mut determined = fits.flatten().filter(|f| f.determined);
+        if !known.is_empty() {
+            return determined.next().map(|_| known.to_vec());
         }
+        let mut found: Vec<(f64, Similarity)> = determined
+            .map(|f| {
+                let start = Similarity {
+                    scale: 1.0,
+                    ..f.similarity
+                };
+                (f.error, start)
+            })
+            .collect();
         if found.is_empty() {
             return None;
-        }
-        if !known.is_empty() {
-            return Some(known.to_vec());
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut starts: Vec<Similarity> = Vec::new();
@@ -182,7 +186,7 @@ impl Synthesis {
             if !(next_objective < objective) {
                 return Solution {
                     placement,
-                    fit,
+                    fit: Some(fit),
                     objective,
                     iterations: iteration,
                 };
@@ -192,7 +196,7 @@ impl Synthesis {
             if settled {
                 return Solution {
                     placement,
-                    fit,
+                    fit: Some(fit),
                     objective,
                     iterations: iteration,
                 };
@@ -200,7 +204,7 @@ impl Synthesis {
         }
         Solution {
             placement,
-            fit,
+            fit: Some(fit),
             objective,
             iterations: self.iterations,
         }
