@@ -248,6 +248,7 @@ mod tests {
     use super::*;
     use crate::prior::gaussians::{Answer, Gaussians, Parts, Style};
     use ndarray::{Array2, Axis, s};
+    use rand_distr::StandardNormal;
 
     /// Eight points in a chain of rigid bars that swing smoothly, over two takes.
     fn swinging(frames: usize) -> Array2<f64> {
@@ -338,6 +339,32 @@ mod tests {
                 "{base}: {found}, {before} {after}"
             );
         }
+    }
+
+    #[test]
+    fn corrupt_points_are_found_among_noisy_ones() {
+        // So much noise on every point leaves most of them in doubt by their distances.
+        let (poses, sd) = (swinging(200), 0.4);
+        let (treatment, prior) = learnt(&poses);
+        let (mut y, which) = hit(&poses);
+        let mut generator = crate::par::generator(9, 0);
+        y.mapv_inplace(|v| v + sd * rand::Rng::sample::<f64, _>(&mut generator, StandardNormal));
+        let told = Array2::from_elem(poses.dim(), sd * sd);
+        let answers = treatment.answer(&prior, y.view(), told.view(), Seek::Outliers);
+        let (mut found, mut wrong, mut before, mut after) = (0, 0, 0.0, 0.0);
+        for (t, answer) in answers.iter().enumerate() {
+            let corrupt: Vec<usize> = (0..8).filter(|p| answer.corrupt[*p] > 0.5).collect();
+            found += usize::from(corrupt.contains(&which[t]));
+            wrong += corrupt.iter().filter(|p| **p != which[t]).count();
+            for c in 0..24 {
+                before += (y[[t, c]] - poses[[t, c]]).powi(2);
+                after += (answer.posterior.mean[c] - poses[[t, c]]).powi(2);
+            }
+        }
+        assert!(
+            found >= 170 && wrong <= 40 && after <= 0.2 * before,
+            "{found} {wrong} {before} {after}"
+        );
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::Answer;
 use super::frame::{Frame, MOST};
 use crate::prior::small::{factorise, forward, log_sum};
 use crate::prior::{Belief, Prior};
+use glam::DMat3;
 
 /// How wrong a prior may be: weight, factor of its variance, what is added to it (cm²).
 pub const SCALES: [(f64, f64, f64); 4] = [
@@ -15,6 +16,9 @@ pub const SCALES: [(f64, f64, f64); 4] = [
 ];
 /// What judging a point by an answer counts for, as a share of its log odds: the answer has used the point.
 const SECOND: f64 = 0.5;
+
+/// The log density of what a belief tells nothing of.
+const UNTOLD: f64 = -690.0;
 
 /// Where too much is in doubt to hide it all, each point is first judged by what the prior expects of it.
 pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
@@ -64,20 +68,27 @@ fn of_seen(frame: &Frame, odds: impl Fn(usize) -> f64) -> Vec<f64> {
 /// The log density of a point where it was seen, if it is clean and if it is corrupt, by a belief that took it for noisy by
 /// the variance `r`.
 fn logs(frame: &Frame, belief: &Belief, p: usize, r: f64) -> [f64; 2] {
-    let (off, without) = left_out(&frame.y, belief, p, r);
-    [base_of(&frame.told, p), frame.look.slab[p]].map(|n| log_density(&off, &without, n))
+    let noises = [base_of(&frame.told, p), frame.look.slab[p]];
+    match left_out(&frame.y, belief, p, r) {
+        Some((off, without)) => noises.map(|n| log_density(&off, &without, n).max(UNTOLD)),
+        None => [UNTOLD; 2],
+    }
 }
 
 /// What a belief would be of a point without its own observation of variance `r`: how far that is off, and the
-/// covariance (3, 3) by rows.
-fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> ([f64; 3], [f64; 9]) {
+/// covariance (3, 3) by rows. `None` where it leaves more open than the observation's own noise, as blocks that compete may:
+/// it is no Gaussian then.
+fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<([f64; 3], [f64; 9])> {
     // P_cav = P (I − P/r)⁻¹ and y − m_cav = (I − P/r)⁻¹ (y − m).
     let share: [f64; 9] = std::array::from_fn(|k| {
         let v = belief.covariance[[3 * p + k / 3, 3 * p + k % 3]] / r;
         // An observation takes something from any variance: no share is above .98.
         f64::from(u8::from(k / 3 == k % 3)) - 0.98 * v
     });
-    let inverse = inverse(&share);
+    if !is_positive(&share) {
+        return None;
+    }
+    let inverse = DMat3::from_cols_array(&share).inverse().to_cols_array();
     let off: [f64; 3] = std::array::from_fn(|c| y[3 * p + c] - belief.mean[3 * p + c]);
     let r_out = std::array::from_fn(|a| (0..3).map(|b| inverse[3 * a + b] * off[b]).sum());
     let p_out = std::array::from_fn(|k| {
@@ -85,17 +96,13 @@ fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> ([f64; 3], [f64; 9]
         let of = |c: usize| inverse[3 * a + c] * belief.covariance[[3 * p + c, 3 * p + b]];
         (0..3).map(of).sum()
     });
-    (r_out, p_out)
+    Some((r_out, p_out))
 }
 
-fn inverse(a: &[f64; 9]) -> [f64; 9] {
-    let cofactor = |i: usize, j: usize| {
-        let (r, s) = ((i + 1) % 3, (i + 2) % 3);
-        let (c, d) = ((j + 1) % 3, (j + 2) % 3);
-        a[3 * r + c] * a[3 * s + d] - a[3 * r + d] * a[3 * s + c]
-    };
-    let det: f64 = (0..3).map(|j| a[j] * cofactor(0, j)).sum();
-    std::array::from_fn(|k| cofactor(k % 3, k / 3) / det.abs().max(1e-9))
+/// Whether a symmetric matrix (3, 3) is positive definite: its leading minors are above 0.
+fn is_positive(a: &[f64; 9]) -> bool {
+    let minor = a[0] * a[4] - a[1] * a[3];
+    a[0] > 0.0 && minor > 0.0 && DMat3::from_cols_array(a).determinant() > 0.0
 }
 
 /// log Σ_s w_s N(r; 0, c_s P + (i_s + noise) I), without the constant.
@@ -110,4 +117,56 @@ fn log_density(r: &[f64; 3], p: &[f64; 9], noise: f64) -> f64 {
         f64::ln(w) - 0.5 * z.iter().map(|z| z * z).sum::<f64>() - log_det
     });
     log_sum(&logs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    #[test]
+    fn without_its_own_observation_a_point_is_expected_where_the_others_say() {
+        // x ~ N(m, S) in three coordinates, seen with noise r: the belief is the posterior, and leaving the observation out
+        // gives the prior back.
+        let (m, y, r) = ([1.0, -2.0, 0.5], [3.0, -1.0, 0.0], 0.7);
+        let s = [2.0, 0.3, 0.1, 0.3, 1.0, -0.2, 0.1, -0.2, 0.5];
+        let mut a = s;
+        (0..3).for_each(|k| a[4 * k] += r);
+        let inverse = DMat3::from_cols_array(&a).inverse().to_cols_array();
+        let product = |x: &[f64; 9], y: &[f64; 9]| -> [f64; 9] {
+            std::array::from_fn(|k| (0..3).map(|c| x[3 * (k / 3) + c] * y[3 * c + k % 3]).sum())
+        };
+        let gain = product(&s, &inverse);
+        let mean =
+            (0..3).map(|i| m[i] + (0..3).map(|c| gain[3 * i + c] * (y[c] - m[c])).sum::<f64>());
+        let told = product(&gain, &s);
+        let belief = Belief {
+            mean: mean.collect(),
+            covariance: Array2::from_shape_fn((3, 3), |(i, j)| s[3 * i + j] - told[3 * i + j]),
+            evidence: 0.0,
+        };
+        let (off, without) = left_out(&y, &belief, 0, r).unwrap();
+        // A share of .98 of the variance is left out: next to the prior's own.
+        for k in 0..3 {
+            assert!((off[k] - (y[k] - m[k])).abs() <= 0.2, "{off:?}");
+            assert!(
+                (without[4 * k] - s[4 * k]).abs() <= 0.1 * s[4 * k] + 0.02,
+                "{without:?}"
+            );
+        }
+        let near = log_density(&off, &without, r);
+        assert!(near > log_density(&off.map(|o| 5.0 * o), &without, r));
+    }
+
+    #[test]
+    fn a_belief_that_leaves_more_open_than_the_noise_tells_nothing() {
+        let belief = |v: f64| Belief {
+            mean: vec![0.0; 3],
+            covariance: Array2::eye(3) * v,
+            evidence: 0.0,
+        };
+        assert!(left_out(&[1.0; 3], &belief(0.9), 0, 1.0).is_some());
+        assert!(left_out(&[1.0; 3], &belief(1.1), 0, 1.0).is_none());
+        assert!(left_out(&[1.0; 3], &belief(f64::NAN), 0, 1.0).is_none());
+    }
 }
