@@ -25,6 +25,8 @@ const SETTLED: f64 = 1e-7;
 const ROUGH: f64 = 1e-3;
 /// Turns are kept below this, radians, and shifts below this, cm: farther off the slope says little.
 const FARTHEST: (f64, f64) = (0.35, 20.0);
+/// A step that is damped no more than this is Newton's own.
+const UNDAMPED: f64 = 1e-3;
 /// Damping that finds no better place gives up.
 const MOST_DAMPED: f64 = 1e6;
 
@@ -46,7 +48,7 @@ pub fn climb(
     let weights = synthesis.rotation_prior;
     let mut now = start;
     let mut slope = climber.slope(&now)?;
-    let mut damping = 1e-3;
+    let mut damping = UNDAMPED;
     let mut steps = 0;
     'steps: while steps < synthesis.iterations {
         steps += 1;
@@ -59,7 +61,7 @@ pub fn climb(
                 break 'steps;
             };
             let next = climber.moved(&now, &step);
-            if gain <= SETTLED {
+            if gain <= SETTLED && damping <= UNDAMPED {
                 // What it gains is below what the evidence is told to: no slope is worth its time there.
                 slope.evidence = value + gain + cost(&next);
                 now = next;
@@ -71,8 +73,8 @@ pub fn climb(
                 damping = (damping * 0.2).max(1e-9);
                 break;
             }
-            damping = (damping * 10.0).max(1e-3);
-            if damping > MOST_DAMPED {
+            damping = (damping * 10.0).max(UNDAMPED);
+            if damping > MOST_DAMPED || gain <= SETTLED {
                 break 'steps;
             }
         }

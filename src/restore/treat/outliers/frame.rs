@@ -50,7 +50,7 @@ impl Frame {
     }
 
     /// Decides what the distances and the log odds of each point by itself (−∞: it is not corrupt) leave no doubt of; of
-    /// the rest, the [`MOST`] doubtful are in doubt.
+    /// the rest, the [`MOST`] doubtful are in doubt; the others are what they more likely are.
     pub fn judge(&mut self, unary: &[f64]) {
         self.look.corrupt = self.look.marginals(unary);
         self.decide();

@@ -14,11 +14,8 @@ pub const SCALES: [(f64, f64, f64); 4] = [
     (0.2, 16.0, 0.2 * SLAB),
     (0.1, 64.0, 0.5 * SLAB),
 ];
-/// What judging a point by an answer counts for, as a share of its log odds: the answer has used the point.
+/// What a point's log likelihood ratio by an answer is multiplied by: the answer has used the point.
 const SECOND: f64 = 0.5;
-
-/// The log density of what a belief tells nothing of.
-const UNTOLD: f64 = -690.0;
 
 /// Where too much is in doubt to hide it all, each point is first judged by what the prior expects of it.
 pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
@@ -31,8 +28,8 @@ pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
         let frame = &mut frames[t];
         let guess = noise(frame);
         let odds = |p: usize| {
-            let [clean, corrupt] = logs(frame, belief, p, guess[3 * p]);
-            log_odds() + corrupt - clean
+            let told = logs(frame, belief, p, guess[3 * p]);
+            log_odds() + told.map_or(0.0, |[clean, corrupt]| corrupt - clean)
         };
         let unary = of_seen(frame, odds);
         frame.judge(&unary);
@@ -48,11 +45,13 @@ pub fn again(frame: &mut Frame, answers: &[Answer]) {
     let odds = |p: usize| {
         let (mut clean, mut corrupt) = (Vec::new(), Vec::new());
         for (answer, noise) in answers.iter().zip(&noises) {
-            let logs = logs(frame, &answer.belief, p, noise[3 * p]);
-            clean.push(answer.weight.ln() + logs[0]);
-            corrupt.push(answer.weight.ln() + logs[1]);
+            if let Some(logs) = logs(frame, &answer.belief, p, noise[3 * p]) {
+                clean.push(answer.weight.ln() + logs[0]);
+                corrupt.push(answer.weight.ln() + logs[1]);
+            }
         }
-        log_odds() + SECOND * (log_sum(&corrupt) - log_sum(&clean))
+        let told = log_sum(&corrupt) - log_sum(&clean);
+        log_odds() + if told.is_finite() { SECOND * told } else { 0.0 }
     };
     let unary = of_seen(frame, odds);
     frame.judge(&unary);
@@ -65,14 +64,13 @@ fn of_seen(frame: &Frame, odds: impl Fn(usize) -> f64) -> Vec<f64> {
     (0..frame.points()).map(of).collect()
 }
 
-/// The log density of a point where it was seen, if it is clean and if it is corrupt, by a belief that took it for noisy by
-/// the variance `r`.
-fn logs(frame: &Frame, belief: &Belief, p: usize, r: f64) -> [f64; 2] {
+/// The log density of a point where it was seen, if it is clean and if it is corrupt, by a belief that took each of its
+/// coordinates for noisy by the variance `r`; `None` where that belief tells nothing.
+fn logs(frame: &Frame, belief: &Belief, p: usize, r: f64) -> Option<[f64; 2]> {
+    let (off, without) = left_out(&frame.y, belief, p, r)?;
     let noises = [base_of(&frame.told, p), frame.look.slab[p]];
-    match left_out(&frame.y, belief, p, r) {
-        Some((off, without)) => noises.map(|n| log_density(&off, &without, n).max(UNTOLD)),
-        None => [UNTOLD; 2],
-    }
+    let logs = noises.map(|n| log_density(&off, &without, n));
+    logs.iter().all(|l| l.is_finite()).then_some(logs)
 }
 
 /// What a belief would be of a point without its own observation of variance `r`: how far that is off, and the
@@ -80,14 +78,17 @@ fn logs(frame: &Frame, belief: &Belief, p: usize, r: f64) -> [f64; 2] {
 /// it is no Gaussian then.
 fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<([f64; 3], [f64; 9])> {
     // P_cav = P (I − P/r)⁻¹ and y − m_cav = (I − P/r)⁻¹ (y − m).
-    let share: [f64; 9] = std::array::from_fn(|k| {
-        let v = belief.covariance[[3 * p + k / 3, 3 * p + k % 3]] / r;
-        // An observation takes something from any variance: no share is above .98.
-        f64::from(u8::from(k / 3 == k % 3)) - 0.98 * v
-    });
-    if !is_positive(&share) {
+    let left = |by: f64| -> [f64; 9] {
+        std::array::from_fn(|k| {
+            let v = belief.covariance[[3 * p + k / 3, 3 * p + k % 3]] / r;
+            f64::from(u8::from(k / 3 == k % 3)) - by * v
+        })
+    };
+    if !is_positive(&left(1.0)) {
         return None;
     }
+    // An observation takes something from any variance: no share is above .98.
+    let share = left(0.98);
     let inverse = DMat3::from_cols_array(&share).inverse().to_cols_array();
     let off: [f64; 3] = std::array::from_fn(|c| y[3 * p + c] - belief.mean[3 * p + c]);
     let r_out = std::array::from_fn(|a| (0..3).map(|b| inverse[3 * a + b] * off[b]).sum());

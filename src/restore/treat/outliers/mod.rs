@@ -8,12 +8,12 @@
 //! ```
 //!
 //! The scales (c, i) are there because priors are surer of unseen poses than they should be. The assignments that weigh most
-//! are asked of the prior, which tells the evidence of all that was seen under each: with that in place of the sum they are
-//! weighed anew. The others follow from N(m, P). The answer is the average.
+//! are asked of the prior, which tells the evidence of all that was seen under each: with that, tempered, in place of the sum
+//! they are weighed anew. The few light ones follow from N(m, P). The answer is the average.
 //!
-//! Where many points are in doubt, as with base noise, they say too much together of too little that is sure. Then all
-//! points are judged by the answer, each without itself, and those that stay in doubt are assigned once more.
-//! Cost: two to four answers of the prior a pose and a tenth of a millisecond, twice that where many are in doubt.
+//! Where many points are in doubt, as with base noise, the prior sees too little that is sure. Then all points are judged by
+//! the answer, each without itself, and those that stay in doubt are assigned once more.
+//! Cost: an answer of the prior for each assignment that is asked and one more, twice that where many are in doubt.
 
 mod assignments;
 mod frame;
@@ -145,8 +145,15 @@ fn answers(
     let heavy = &mut assignments[..told.len()];
     let mass: f64 = heavy.iter().map(|a| a.weight).sum();
     let both = heavy.iter().zip(&told);
+    let log = |told: f64| {
+        if told.is_nan() {
+            f64::NEG_INFINITY
+        } else {
+            told
+        }
+    };
     let logs: Vec<f64> = both
-        .map(|(a, b)| a.told + TEMPERATURE * b.evidence)
+        .map(|(a, b)| log(a.told + TEMPERATURE * b.evidence))
         .collect();
     let total = log_sum(&logs);
     if logs.len() > 1 && total.is_finite() {
@@ -201,6 +208,8 @@ fn ask(
 
 /// The average of the assignments' answers; clean points that are exact stay where they are.
 fn gather(frame: Frame, mut answers: Vec<Answer>) -> Found {
+    // What weighs nothing may hold no number.
+    answers.retain(|a| a.weight > 0.0);
     let d = frame.y.len();
     let mut corrupt: Vec<f64> = frame
         .corrupt
