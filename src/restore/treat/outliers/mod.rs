@@ -89,8 +89,61 @@ pub fn restore(
         .collect()
 }
 
+/// The likely assignments of a frame.
+struct Assigned {
+    /// The heaviest first.
+    assignments: Vec<Assignment>,
+    /// So many of them are asked of the prior.
+    heavy: usize,
+    /// What is expected of the points in doubt; nothing where there are none: their one assignment is heavy.
+    expected: Belief,
+}
+
+impl Assigned {
+    fn new(assignments: Vec<Assignment>, expected: Belief) -> Self {
+        let least = ASKED * assignments[0].weight;
+        Assigned {
+            heavy: assignments.iter().filter(|a| a.weight >= least).count(),
+            assignments,
+            expected,
+        }
+    }
+
+    fn nothing_in_doubt() -> Self {
+        let one = Assignment {
+            weight: 1.0,
+            corrupt: Vec::new(),
+            told: 0.0,
+        };
+        Assigned::new(vec![one], Belief::default())
+    }
+}
+
 /// The answers of the likely assignments of each frame.
 fn answer(prior: &dyn Prior, frames: &[&Frame]) -> Vec<Vec<Answer>> {
+    let all = assign(prior, frames);
+    // (frame, which assignment) of all that are heavy.
+    let asked: Vec<(usize, usize)> = (all.iter().enumerate())
+        .flat_map(|(t, own)| (0..own.heavy).map(move |i| (t, i)))
+        .collect();
+    let rows: Vec<usize> = (0..asked.len()).collect();
+    let told = ask(prior, &rows, |a| {
+        let (t, i) = asked[a];
+        let noise = frames[t].noise(Some(&all[t].assignments[i].corrupt));
+        (frames[t].y.clone(), noise)
+    });
+    let mut told = told.into_iter();
+    let frames = frames.iter().zip(all);
+    frames
+        .map(|(frame, own)| {
+            let told: Vec<Belief> = told.by_ref().take(own.heavy).collect();
+            answers(frame, own, told)
+        })
+        .collect()
+}
+
+/// The likely assignments of each frame, by what the prior expects of the points in doubt where it does not see them.
+fn assign(prior: &dyn Prior, frames: &[&Frame]) -> Vec<Assigned> {
     let hidden: Vec<usize> = (0..frames.len())
         .filter(|&t| !frames[t].doubt.is_empty())
         .collect();
@@ -101,80 +154,43 @@ fn answer(prior: &dyn Prior, frames: &[&Frame]) -> Vec<Vec<Answer>> {
         rows.map(|i| likely(frames[hidden[i]], &expected[i]))
             .collect()
     }));
-    let nothing_in_doubt = Assignment {
-        weight: 1.0,
-        corrupt: Vec::new(),
-        told: 0.0,
-    };
-    // By frames: the assignments, and what is expected of the frame's hidden points.
-    let mut all: Vec<(Vec<Assignment>, Option<&Belief>)> =
-        vec![(vec![nothing_in_doubt], None); frames.len()];
-    for ((t, likely), expected) in hidden.into_iter().zip(likely).zip(&expected) {
-        all[t] = (likely, Some(expected));
+    let mut all: Vec<Assigned> = (0..frames.len())
+        .map(|_| Assigned::nothing_in_doubt())
+        .collect();
+    for ((t, likely), expected) in hidden.into_iter().zip(likely).zip(expected) {
+        all[t] = Assigned::new(likely, expected);
     }
-    // Those that are asked of the prior: (frame, which assignment).
-    let mut asked: Vec<(usize, usize)> = Vec::new();
-    for (t, (assignments, _)) in all.iter().enumerate() {
-        let least = ASKED * assignments[0].weight;
-        let heavy = (0..assignments.len()).filter(|&i| assignments[i].weight >= least);
-        asked.extend(heavy.map(|i| (t, i)));
-    }
-    let rows: Vec<usize> = (0..asked.len()).collect();
-    let told = ask(prior, &rows, |a| {
-        let (t, i) = asked[a];
-        let noise = frames[t].noise(Some(&all[t].0[i].corrupt));
-        (frames[t].y.clone(), noise)
-    });
-    let mut told = asked.into_iter().zip(told).peekable();
-    let mut out = Vec::with_capacity(frames.len());
-    for (t, (assignments, expected)) in all.into_iter().enumerate() {
-        let own = std::iter::from_fn(|| told.next_if(|((of, _), _)| *of == t));
-        let own: Vec<Belief> = own.map(|(_, belief)| belief).collect();
-        out.push(answers(frames[t], assignments, expected, own));
-    }
-    out
+    all
 }
 
-/// The answers of a frame's assignments; the first of them, the heaviest, are `told` by the prior.
-fn answers(
-    frame: &Frame,
-    mut assignments: Vec<Assignment>,
-    expected: Option<&Belief>,
-    told: Vec<Belief>,
-) -> Vec<Answer> {
-    let heavy = &mut assignments[..told.len()];
+/// The answers of a frame's assignments; those of the heavy are `told` by the prior.
+fn answers(frame: &Frame, mut own: Assigned, told: Vec<Belief>) -> Vec<Answer> {
+    weigh_anew(&mut own.assignments[..own.heavy], &told);
+    let mut told = told.into_iter();
+    own.assignments
+        .into_iter()
+        .map(|a| Answer {
+            weight: a.weight,
+            belief: (told.next()).unwrap_or_else(|| conditioned(frame, &own.expected, &a.corrupt)),
+            corrupt: a.corrupt,
+        })
+        .collect()
+}
+
+/// Weighs the heavy assignments by the tempered evidence of what the prior `told` under each; together they weigh what they
+/// did.
+fn weigh_anew(heavy: &mut [Assignment], told: &[Belief]) {
     let mass: f64 = heavy.iter().map(|a| a.weight).sum();
-    let both = heavy.iter().zip(&told);
-    let log = |told: f64| {
-        if told.is_nan() {
-            f64::NEG_INFINITY
-        } else {
-            told
-        }
-    };
-    let logs: Vec<f64> = both
-        .map(|(a, b)| log(a.told + TEMPERATURE * b.evidence))
+    let logs: Vec<f64> = (heavy.iter().zip(told))
+        .map(|(a, b)| a.told + TEMPERATURE * b.evidence)
+        .map(|log| if log.is_nan() { f64::NEG_INFINITY } else { log })
         .collect();
     let total = log_sum(&logs);
-    if logs.len() > 1 && total.is_finite() {
+    if heavy.len() > 1 && total.is_finite() {
         for (a, log) in heavy.iter_mut().zip(&logs) {
             a.weight = mass * (log - total).exp();
         }
     }
-    let mut told = told.into_iter();
-    let mut belief = |corrupt: &[bool]| match (told.next(), expected) {
-        (Some(told), _) => told,
-        (None, Some(expected)) => conditioned(frame, expected, corrupt),
-        (None, None) => Belief::default(),
-    };
-    assignments
-        .into_iter()
-        .map(|a| Answer {
-            weight: a.weight,
-            belief: belief(&a.corrupt),
-            corrupt: a.corrupt,
-        })
-        .collect()
 }
 
 fn flat<T>(parts: Vec<Vec<T>>) -> Vec<T> {
@@ -219,7 +235,7 @@ fn gather(frame: Frame, mut answers: Vec<Answer>) -> Found {
     let mut belief = Belief {
         mean: vec![0.0; d],
         covariance: Array2::zeros((d, d)),
-        evidence: answers.first().map_or(0.0, |a| a.belief.evidence),
+        evidence: answers.iter().map(|a| a.weight * a.belief.evidence).sum(),
     };
     for (at, p) in frame.doubt.iter().enumerate() {
         let of_corrupt = answers.iter().filter(|a| a.corrupt[at]);
