@@ -2,6 +2,7 @@
 
 use super::fit::Fit;
 use super::pursuit::Pursuit;
+use super::scan::Panels;
 use super::tile::{Tile, poses_at_once};
 use super::{Dictionary, Stop};
 use crate::{Error, Place, Result, par};
@@ -144,13 +145,14 @@ impl Pursuit {
             let said = format!("shape {shape:?}, but the poses have {:?}", (m, d));
             return Err(Error::data(Place::file("weights"), said));
         }
+        let panels = Panels::new(dictionary.atoms());
         let at_once = poses_at_once(dictionary.len()).min(m);
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 8);
         let parts = par::map_chunks(m, at_once * tiles, |rows| {
             let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
             let part = poses.slice(s![rows.clone(), ..]);
-            self.code_chunk(dictionary, at_once, rows, part, weights)
+            self.code_chunk((dictionary, &panels), at_once, rows, part, weights)
         });
         let mut codes = Codes::empty(m, self.capacity(dictionary));
         let mut from = 0;
@@ -165,7 +167,7 @@ impl Pursuit {
 
     fn code_chunk(
         &self,
-        dictionary: &Dictionary,
+        (dictionary, panels): (&Dictionary, &Panels),
         at_once: usize,
         rows: Range<usize>,
         poses: ArrayView2<f32>,
@@ -173,7 +175,7 @@ impl Pursuit {
     ) -> Result<Codes> {
         let k = self.capacity(dictionary);
         let mut codes = Codes::empty(rows.len(), k);
-        let mut tile = Tile::new(dictionary, self.rule, at_once);
+        let mut tile = Tile::new(dictionary, panels, self.rule, at_once);
         let mut fits: Vec<Fit> = (0..at_once)
             .map(|_| Fit::new(k, dictionary.width()))
             .collect();

@@ -29,6 +29,7 @@ pub mod size;
 pub mod state;
 #[cfg(test)]
 mod testdata;
+mod scan;
 mod tile;
 mod update;
 

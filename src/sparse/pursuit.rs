@@ -21,6 +21,7 @@
 
 use super::Dictionary;
 use super::code::{Code, finished, started};
+use super::scan::Panels;
 use super::tile::Tile;
 use crate::{Error, Result};
 use ndarray::ArrayView1;
@@ -122,7 +123,9 @@ impl Pursuit {
         self.check()?;
         let capacity = self.capacity(dictionary);
         let mut fit = started(dictionary, capacity, pose, weights, self.tolerance)?;
-        Tile::new(dictionary, self.rule, 1).code(std::slice::from_mut(&mut fit), self.sparsity);
+        let panels = Panels::new(dictionary.atoms());
+        Tile::new(dictionary, &panels, self.rule, 1)
+            .code(std::slice::from_mut(&mut fit), self.sparsity);
         Ok(finished(&fit))
     }
 }

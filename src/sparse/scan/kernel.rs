@@ -1,0 +1,324 @@
+//! The inner loop: one panel of atoms against a few poses, and what becomes of the products.
+//!
+//! A tile of products <a, q> is summed in registers, coordinate after coordinate, each term fused into the sum; it is used
+//! up there. So a product has the same bits whatever poses are beside it, and whatever the vectors are: only a machine
+//! that cannot fuse (x86 before AVX2) rounds otherwise.
+
+use super::panels::{Row, WIDTH};
+use pulp::{Simd, WithSimd};
+use std::sync::OnceLock;
+
+/// What is left of an atom counts as at least this share of its squared norm. Below it the difference of f32 numbers
+/// is rounding; a smaller value would let a copy of a chosen atom win by noise.
+const FLOOR: f32 = 1e-6;
+
+/// An atom with at most this share of its squared norm (1) on what is observed is not seen at all.
+const UNSEEN: f32 = 1e-20;
+
+/// The best atom is sought in so many lanes side by side, whatever the vectors are: so ties fall the same way.
+pub const LANES: usize = 16;
+
+/// The best atoms so far for a pose, one a lane: compared as fractions, since dividing costs more.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Best {
+    /// c².
+    over: [f32; LANES],
+    /// e.
+    under: [f32; LANES],
+    /// Which [`LANES`] of atoms, counted from the first: the bits of a number.
+    group: [f32; LANES],
+}
+
+impl Best {
+    /// None yet.
+    pub const NONE: Best = Best {
+        over: [0.0; LANES],
+        under: [1.0; LANES],
+        group: [0.0; LANES],
+    };
+
+    /// Atoms with c² = `over` and e = `under`, in vector `v` of the lanes. The first of equals wins.
+    #[inline(always)]
+    fn meet<S: Simd>(&mut self, simd: S, v: usize, over: S::f32s, under: S::f32s, group: u32) {
+        let best_over = &mut S::as_mut_simd_f32s(&mut self.over).0[v];
+        let best_under = &mut S::as_mut_simd_f32s(&mut self.under).0[v];
+        let (here, there) = (
+            simd.mul_f32s(over, *best_under),
+            simd.mul_f32s(*best_over, under),
+        );
+        let better = simd.greater_than_f32s(here, there);
+        // Seldom, after the first few atoms: a branch costs less than choosing in every lane.
+        if simd.first_true_m32s(better) < S::F32_LANES {
+            let best_group = &mut S::as_mut_simd_f32s(&mut self.group).0[v];
+            let group = simd.splat_f32s(f32::from_bits(group));
+            *best_over = simd.select_f32s(better, over, *best_over);
+            *best_under = simd.select_f32s(better, under, *best_under);
+            *best_group = simd.select_f32s(better, group, *best_group);
+        }
+    }
+
+    /// The best of all lanes, the first of equals; `None` where there is none.
+    pub fn atom(&self) -> Option<u32> {
+        let mut best: Option<(f32, f32, u32)> = None;
+        for lane in 0..LANES {
+            let (over, under) = (self.over[lane], self.under[lane]);
+            let atom = self.group[lane].to_bits() * LANES as u32 + lane as u32;
+            let better = best.is_none_or(|(o, u, a)| {
+                let (here, there) = (over * u, o * under);
+                here > there || (here == there && atom < a)
+            });
+            if over > 0.0 && better {
+                best = Some((over, under, atom));
+            }
+        }
+        best.map(|b| b.2)
+    }
+}
+
+/// What is done with the products.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Step {
+    /// Those of squared atoms and weights: e, and its floor.
+    Norms,
+    /// c is the product itself.
+    First,
+    /// The plain rule: c changes.
+    Plain,
+    /// The optimised rule: c changes and e falls.
+    Optimised,
+}
+
+/// One panel of atoms and all poses of a tile.
+pub struct Job<'a> {
+    pub step: Step,
+    /// Which panel.
+    pub panel: usize,
+    /// D rows.
+    pub atoms: &'a [Row],
+    /// D numbers a pose: its direction, or its weights.
+    pub directions: &'a [f32],
+    /// Minus what each pose has along its direction.
+    pub parts: &'a [f32],
+    /// The state, one row a pose.
+    pub state: State<'a>,
+    pub best: &'a mut [Best],
+}
+
+/// What is kept for a panel: one row a pose.
+pub struct State<'a> {
+    /// c.
+    pub correlations: &'a mut [Row],
+    /// e; infinite once the atom is taken, or if it is not seen.
+    pub remainders: &'a mut [Row],
+    /// What e counts for at least; empty where all atoms have norm 1.
+    pub floors: &'a mut [Row],
+}
+
+/// Runs on the widest vectors there are.
+pub fn run(job: Job<'_>) {
+    static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
+    ARCH.get_or_init(pulp::Arch::new).dispatch(job);
+}
+
+impl WithSimd for Job<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        // As many sums as the registers hold beside the atoms and a number of a pose.
+        match S::F32_LANES {
+            16 => self.of_step::<S, 6, 4>(simd),
+            8 => self.of_step::<S, 6, 2>(simd),
+            _ => self.of_step::<S, 4, 4>(simd),
+        }
+    }
+}
+
+impl Job<'_> {
+    #[inline(always)]
+    fn of_step<S: Simd, const POSES: usize, const VECTORS: usize>(self, simd: S) {
+        match (self.step, self.state.floors.is_empty()) {
+            (Step::Norms, _) => self.go::<S, Norms, POSES, VECTORS>(simd),
+            (Step::First, _) => self.go::<S, First, POSES, VECTORS>(simd),
+            (Step::Plain, _) => self.go::<S, Plain, POSES, VECTORS>(simd),
+            (Step::Optimised, true) => self.go::<S, Optimised<true>, POSES, VECTORS>(simd),
+            (Step::Optimised, false) => self.go::<S, Optimised<false>, POSES, VECTORS>(simd),
+        }
+    }
+
+    #[inline(always)]
+    fn go<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(mut self, simd: S) {
+        let poses = self.best.len();
+        let whole = poses - poses % POSES;
+        for from in (0..whole).step_by(POSES) {
+            self.few::<S, U, POSES, VECTORS>(simd, from);
+        }
+        for from in whole..poses {
+            self.few::<S, U, 1, VECTORS>(simd, from);
+        }
+    }
+
+    /// `POSES` poses, `VECTORS` vectors of atoms at a time.
+    #[inline(always)]
+    fn few<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
+        &mut self,
+        simd: S,
+        from: usize,
+    ) {
+        let (d, lanes) = (self.atoms.len(), S::F32_LANES);
+        let directions = |p: usize| &self.directions[(from + p) * d..(from + p + 1) * d];
+        let directions: [&[f32]; POSES] = std::array::from_fn(directions);
+        for at in (0..WIDTH / lanes).step_by(VECTORS) {
+            let tile = products::<S, U, POSES, VECTORS>(simd, self.atoms, directions, at);
+            for (p, products) in tile.into_iter().enumerate() {
+                let pose = from + p;
+                let part = simd.splat_f32s(self.parts[pose]);
+                for (v, product) in (at..).zip(products) {
+                    let state = Vectors {
+                        c: vector::<S>(&mut self.state.correlations[pose], v),
+                        e: vector::<S>(&mut self.state.remainders[pose], v),
+                        floor: self.state.floors.get_mut(pose).map(|f| vector::<S>(f, v)),
+                    };
+                    if let Some((over, under)) = U::meet(simd, product, part, state) {
+                        let group = (self.panel * WIDTH + v * lanes) / LANES;
+                        let v = v * lanes % LANES / lanes;
+                        self.best[pose].meet(simd, v, over, under, group as u32);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn vector<S: Simd>(row: &mut Row, v: usize) -> &mut S::f32s {
+    &mut S::as_mut_simd_f32s(&mut row.0).0[v]
+}
+
+/// The products of a few poses' directions with some vectors of atoms, from one on.
+#[inline(always)]
+fn products<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
+    simd: S,
+    atoms: &[Row],
+    directions: [&[f32]; POSES],
+    from: usize,
+) -> [[S::f32s; VECTORS]; POSES] {
+    let mut sums = [[simd.splat_f32s(0.0); VECTORS]; POSES];
+    for (k, row) in atoms.iter().enumerate() {
+        let row = &S::as_simd_f32s(&row.0).0[from..from + VECTORS];
+        let mut row: [S::f32s; VECTORS] = std::array::from_fn(|v| row[v]);
+        if U::SQUARED {
+            row = row.map(|a| simd.mul_f32s(a, a));
+        }
+        for (sums, direction) in sums.iter_mut().zip(directions) {
+            // In range: a direction has as many numbers as there are rows.
+            let q = simd.splat_f32s(direction[k]);
+            for (sum, a) in sums.iter_mut().zip(row) {
+                *sum = add_product(simd, a, q, *sum);
+            }
+        }
+    }
+    sums
+}
+
+/// a b + c: fused wherever that is an instruction.
+#[inline(always)]
+fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
+    if S::IS_SCALAR {
+        simd.mul_add_e_f32s(a, b, c)
+    } else {
+        simd.mul_add_f32s(a, b, c)
+    }
+}
+
+/// A vector of what is kept.
+struct Vectors<'a, S: Simd> {
+    c: &'a mut S::f32s,
+    e: &'a mut S::f32s,
+    floor: Option<&'a mut S::f32s>,
+}
+
+/// What is done with a vector of products; gives c² and e where atoms are compared.
+trait Use {
+    const SQUARED: bool = false;
+
+    fn meet<S: Simd>(
+        simd: S,
+        product: S::f32s,
+        part: S::f32s,
+        state: Vectors<'_, S>,
+    ) -> Option<(S::f32s, S::f32s)>;
+}
+
+struct Norms;
+struct First;
+struct Plain;
+/// `UNIT`: all atoms have norm 1.
+struct Optimised<const UNIT: bool>;
+
+impl Use for Norms {
+    const SQUARED: bool = true;
+
+    #[inline(always)]
+    fn meet<S: Simd>(
+        simd: S,
+        product: S::f32s,
+        _: S::f32s,
+        state: Vectors<'_, S>,
+    ) -> Option<(S::f32s, S::f32s)> {
+        let seen = simd.greater_than_f32s(product, simd.splat_f32s(UNSEEN));
+        *state.e = simd.select_f32s(seen, product, simd.splat_f32s(f32::INFINITY));
+        if let Some(floor) = state.floor {
+            *floor = simd.mul_f32s(product, simd.splat_f32s(FLOOR));
+        }
+        None
+    }
+}
+
+impl Use for First {
+    #[inline(always)]
+    fn meet<S: Simd>(
+        simd: S,
+        product: S::f32s,
+        _: S::f32s,
+        state: Vectors<'_, S>,
+    ) -> Option<(S::f32s, S::f32s)> {
+        *state.c = product;
+        Some((simd.mul_f32s(product, product), *state.e))
+    }
+}
+
+impl Use for Plain {
+    #[inline(always)]
+    fn meet<S: Simd>(
+        simd: S,
+        product: S::f32s,
+        part: S::f32s,
+        state: Vectors<'_, S>,
+    ) -> Option<(S::f32s, S::f32s)> {
+        let c = add_product(simd, part, product, *state.c);
+        *state.c = c;
+        Some((simd.mul_f32s(c, c), *state.e))
+    }
+}
+
+impl<const UNIT: bool> Use for Optimised<UNIT> {
+    #[inline(always)]
+    fn meet<S: Simd>(
+        simd: S,
+        product: S::f32s,
+        part: S::f32s,
+        state: Vectors<'_, S>,
+    ) -> Option<(S::f32s, S::f32s)> {
+        let c = add_product(simd, part, product, *state.c);
+        *state.c = c;
+        let e = add_product(simd, simd.neg_f32s(product), product, *state.e);
+        *state.e = e;
+        let floor = match state.floor {
+            Some(floor) if !UNIT => *floor,
+            _ => simd.splat_f32s(FLOOR),
+        };
+        Some((simd.mul_f32s(c, c), simd.max_f32s(e, floor)))
+    }
+}
