@@ -25,11 +25,11 @@ mod nearness;
 pub mod pursuit;
 mod rank_one;
 mod replace;
+mod scan;
 pub mod size;
 pub mod state;
 #[cfg(test)]
 mod testdata;
-mod scan;
 mod tile;
 mod update;
 

@@ -18,12 +18,10 @@ mod kernel;
 mod panels;
 
 use kernel::{Best, Job, State};
-use panels::Row;
+use panels::{Row, WIDTH};
 
 pub use kernel::Step;
 pub use panels::Panels;
-
-use panels::WIDTH;
 
 /// What is kept for a tile of poses: c and e of each pose and atom, and the best atom of each pose.
 pub struct Scan<'a> {
@@ -78,7 +76,11 @@ impl<'a> Scan<'a> {
     fn each(&mut self, step: Step, weights: Option<&[f32]>) {
         for (panel, atoms) in self.panels.iter().enumerate() {
             let rows = panel * self.poses..(panel + 1) * self.poses;
-            let floors = if self.floors.is_empty() { 0..0 } else { rows.clone() };
+            let floors = if self.floors.is_empty() {
+                0..0
+            } else {
+                rows.clone()
+            };
             kernel::run(Job {
                 step,
                 panel,
@@ -104,5 +106,55 @@ impl<'a> Scan<'a> {
     pub fn leave_out(&mut self, pose: usize, atom: u32) {
         let (panel, lane) = (atom as usize / WIDTH, atom as usize % WIDTH);
         self.remainders[panel * self.poses + pose].0[lane] = f32::INFINITY;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testdata::random;
+    use super::*;
+    use ndarray::Array2;
+
+    /// More than two panels, and poses that fill no whole number of tiles.
+    fn atoms() -> Array2<f32> {
+        random(150, 21, 1).mapv(|v| v as f32)
+    }
+
+    #[test]
+    fn each_pose_gets_the_best_of_all_atoms_whatever_is_beside_it() {
+        let (atoms, poses) = (atoms(), random(13, 21, 2).mapv(|v| v as f32));
+        let panels = Panels::new(atoms.view());
+        let mut all = Scan::new(&panels, 13);
+        all.begin();
+        all.directions.copy_from_slice(poses.as_slice().unwrap());
+        all.step(Step::First);
+        for (i, pose) in poses.outer_iter().enumerate() {
+            let c = atoms.mapv(f64::from).dot(&pose.mapv(f64::from));
+            let most = c.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+            let best = all.best(i).unwrap();
+            assert!(c[best as usize].abs() >= most * (1.0 - 1e-6), "{i}");
+            let mut alone = Scan::new(&panels, 1);
+            alone.begin();
+            alone.directions.copy_from_slice(pose.as_slice().unwrap());
+            alone.step(Step::First);
+            assert_eq!(alone.best(0), Some(best));
+            let of = |s: &Scan<'_>, poses: usize, i: usize| -> Vec<Row> {
+                s.correlations
+                    .iter()
+                    .skip(i)
+                    .step_by(poses)
+                    .copied()
+                    .collect()
+            };
+            assert_eq!(of(&all, 13, i), of(&alone, 1, 0));
+        }
+        // An atom that is left out gives way, and where nothing is along any atom there is none.
+        let best = all.best(4).unwrap();
+        all.leave_out(4, best);
+        all.step(Step::First);
+        assert_ne!(all.best(4), Some(best));
+        all.directions.fill(0.0);
+        all.step(Step::First);
+        assert_eq!(all.best(4), None);
     }
 }

@@ -20,7 +20,6 @@ impl Row {
 #[derive(Debug, Clone)]
 pub struct Panels {
     rows: Vec<Row>,
-    len: usize,
     width: usize,
 }
 
@@ -35,16 +34,7 @@ impl Panels {
                 row.0[i % WIDTH] = *a;
             }
         }
-        Panels {
-            rows,
-            len: n,
-            width: d,
-        }
-    }
-
-    /// How many atoms there are, n.
-    pub fn len(&self) -> usize {
-        self.len
+        Panels { rows, width: d }
     }
 
     /// How many numbers an atom has, D.
