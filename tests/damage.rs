@@ -298,3 +298,66 @@ fn damaged_files_through_the_commands() {
         }
     }
 }
+
+/// Arrays that read well and yet are no answer to what is asked of them.
+#[test]
+fn sound_files_that_do_not_fit_are_told_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).unwrap();
+    write("t.csv", table().as_bytes());
+    let header = table().lines().next().unwrap().to_string();
+    let row = |from: usize| {
+        let numbers: Vec<String> = (0..header.split(',').count())
+            .map(|c| (from + c * c).to_string())
+            .collect();
+        numbers.join(",")
+    };
+    write(
+        "whole.csv",
+        format!("{header}\n{}\n{}\n", row(1), row(2)).as_bytes(),
+    );
+    write("codes.csv", b"atom1,coef1,rms\n0,1,0\n");
+    let mut narrow = model();
+    let atoms = narrow.arrays["atoms"]
+        .slice(ndarray::s![.., ..1])
+        .to_owned();
+    narrow.arrays.insert("atoms".into(), atoms);
+    write("narrow.npz", &narrow.to_bytes().unwrap());
+    let mut zero = model();
+    zero.arrays.get_mut("atoms").unwrap().fill(0.0);
+    write("zero.npz", &zero.to_bytes().unwrap());
+    let wide: Vec<String> = (0..2100).map(|k| format!("p{k}.x,p{k}.y,p{k}.z")).collect();
+    let row = vec!["1"; 6300].join(",");
+    let wide = format!("{}\n{row}\n{row}\n{row}\n", wide.join(","));
+    write("wide.csv", wide.as_bytes());
+    for (words, part) in [
+        ("encode -m narrow.npz t.csv", "narrow.npz: atoms"),
+        ("decode -m narrow.npz codes.csv", "narrow.npz: atoms"),
+        (
+            "dict-concat -o o.npz narrow.npz narrow.npz",
+            "narrow.npz: atoms",
+        ),
+        (
+            "ksvd-train -n 2 --space body --init zero.npz -o o.npz whole.csv",
+            "zero.npz: ",
+        ),
+        ("encode -m zero.npz t.csv", "zero.npz: atoms"),
+        (
+            "prior-train --kind gaussian --space body -o o.npz wide.csv",
+            "at most",
+        ),
+        ("ksvd-train -n 2 --space body -o o.npz wide.csv", "at most"),
+    ] {
+        let mut words = words.split(' ');
+        let name = words.next().unwrap();
+        let mut command = common::command(name);
+        let out = command
+            .args(words)
+            .current_dir(dir.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(1), "{name}: {said}");
+        assert!(said.contains(part) && said.lines().count() == 1, "{said}");
+    }
+}

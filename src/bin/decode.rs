@@ -6,7 +6,7 @@ use posing::cli::streams::{TableSink, one_stdin, open, open_model};
 use posing::cli::{Outcome, run};
 use posing::io::table::{Columns, Row};
 use posing::io::text::number;
-use posing::sparse::Dictionary;
+use posing::prior::sparse::dictionary;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -39,8 +39,7 @@ fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     one_stdin([&args.file, &args.model])?;
     let model = open_model(&args.model)?;
-    let dictionary =
-        Dictionary::from_rows(model.array("atoms", &args.model.display().to_string())?)?;
+    let dictionary = dictionary(&model, &args.model.display().to_string())?;
     let input = open(&args.file)?;
     let name = input.name.clone();
     let mut reader = csv::ReaderBuilder::new().from_reader(input.into_reader());

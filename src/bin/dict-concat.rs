@@ -4,6 +4,7 @@ use clap::Parser;
 use posing::cli::flags::{Common, parse_positive};
 use posing::cli::{Outcome, run, say, streams};
 use posing::io::Model;
+use posing::prior::sparse::dictionary;
 use posing::prior::training::{digest, entry};
 use posing::sparse::{Concat, Dictionary};
 use posing::{Error, Place, Result};
@@ -52,9 +53,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let mut parts = Vec::new();
     for (model, path) in models.iter().zip(&args.dictionaries) {
         agrees(model, &models[0], path)?;
-        parts.push(Dictionary::from_rows(
-            model.array("atoms", &path.display().to_string())?,
-        )?);
+        parts.push(dictionary(model, &path.display().to_string())?);
     }
     let joined = Concat {
         compare: !args.no_report && parts.len() > 1,

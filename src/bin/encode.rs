@@ -8,6 +8,7 @@ use posing::cli::streams::{RowStream, Sink, one_stdin_with, open_model};
 use posing::cli::{Outcome, run};
 use posing::io::table::Row;
 use posing::io::text::push_number;
+use posing::prior::sparse::dictionary;
 use posing::sparse::{Dictionary, Pursuit};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -53,8 +54,7 @@ fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     one_stdin_with(&args.input, [&args.model])?;
     let model = open_model(&args.model)?;
-    let dictionary =
-        Dictionary::from_rows(model.array("atoms", &args.model.display().to_string())?)?;
+    let dictionary = dictionary(&model, &args.model.display().to_string())?;
     let mut stream = RowStream::open(&args.input, false, false)?;
     if stream.columns().points != model.meta.points {
         let what = format!(

@@ -110,6 +110,7 @@ fn work(args: &Args) -> Result<Outcome> {
             "{input} {flags:?} {:?}",
             valid.as_ref().map(|v| digest(&v.points, v.xyz.view()))
         ),
+        atoms: (init.as_ref().map(Dictionary::len)).or(args.atoms.map(|n| n as usize)),
         checkpoint: args.checkpoint.as_deref(),
         log: args.log.as_deref(),
     };
@@ -190,7 +191,7 @@ fn initial(args: &Args, path: &Path, poses: &TrainingPoses) -> Result<Dictionary
                 "is a dictionary of other points or of another space than the training poses";
             return Err(posing::Error::data(posing::Place::file(&name), what));
         }
-        Dictionary::from_rows(model.array("atoms", &name)?)?
+        prior::sparse::dictionary(&model, &name)?
     } else {
         let table = Table::read(input, &args.input.options(false, false)?)?;
         Dictionary::from_rows(

@@ -86,8 +86,8 @@ pub fn parse_length(text: &str) -> std::result::Result<f64, String> {
         name => Units::from_str(name, true)
             .map_err(|_| format!("unknown unit \"{name}\"; use cm, m, mm, in or asf"))?,
     };
-    match digits.parse::<f64>() {
-        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v * unit.centimetres()),
+    match digits.parse::<f64>().map(|v| v * unit.centimetres()) {
+        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v),
         _ => Err("expected a length such as 3, 3cm or 1asf".into()),
     }
 }
@@ -275,7 +275,7 @@ mod tests {
         assert_eq!(parse_length("3"), Ok(3.0));
         assert_eq!(parse_length("2m"), Ok(200.0));
         assert!((parse_length("1asf").unwrap() - 5.644).abs() <= 1e-3);
-        for bad in ["", "x", "3ft", "-1", "inf", "nan"] {
+        for bad in ["", "x", "3ft", "-1", "inf", "nan", "1e308m"] {
             assert!(parse_length(bad).is_err(), "{bad}");
         }
     }

@@ -32,10 +32,15 @@ pub fn is_quiet() -> bool {
     LEVEL.load(Ordering::Relaxed) == 0
 }
 
+/// Text from files may hold line ends and escapes: they are not for a terminal, and a message is one line.
+fn visible(text: &str) -> String {
+    text.replace(char::is_control, "\u{fffd}")
+}
+
 fn line(text: &str) {
     let name = NAME.get().map_or("posing", String::as_str);
     // Nowhere is left to tell that telling failed.
-    let _ = writeln!(std::io::stderr(), "{name}: {text}");
+    let _ = writeln!(std::io::stderr(), "{name}: {}", visible(text));
 }
 
 /// Why the command failed: always said.
@@ -54,5 +59,14 @@ pub fn note(text: &str) {
 pub fn detail(text: &str) {
     if LEVEL.load(Ordering::Relaxed) >= 2 {
         line(text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn what_a_file_says_is_one_line_and_no_escape() {
+        let said = super::visible("take \"a\nb\u{1b}[2J\": é");
+        assert_eq!(said, "take \"a\u{fffd}b\u{fffd}[2J\": é");
     }
 }

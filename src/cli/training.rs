@@ -20,6 +20,8 @@ pub struct Run<'a> {
     pub validation: Option<ArrayView2<'a, f32>>,
     /// Says which run a checkpoint belongs to.
     pub digest: String,
+    /// How many atoms are asked for, where a number is.
+    pub atoms: Option<usize>,
     /// Where the state is kept.
     pub checkpoint: Option<&'a Path>,
     /// Where each iteration leaves a line of JSON.
@@ -129,7 +131,13 @@ impl Run<'_> {
             .get("history")
             .and_then(|h| serde_json::from_value(h.clone()).ok())
             .ok_or_else(|| fail("has no history; remove it to start afresh"))?;
-        let dictionary = Dictionary::from_rows(model.array("atoms", &name)?)?;
+        let damaged = |what: &str| fail(&format!("is damaged ({what}); remove it to start afresh"));
+        let dictionary = Dictionary::from_rows(model.array("atoms", &name)?)
+            .map_err(|e| damaged(&e.to_string()))?;
+        let asked = self.atoms.is_none_or(|n| n == dictionary.len());
+        if !asked || dictionary.width() != self.poses.ncols() {
+            return Err(damaged("its atoms are not those of this run"));
+        }
         let codes = self
             .ksvd
             .pursuit

@@ -17,6 +17,9 @@ use zip::write::SimpleFileOptions;
 /// The format this version writes; it reads all up to it.
 pub const FORMAT: u32 = 1;
 
+/// A model has at most so many points: what priors keep and what they cost grows with the square, and more.
+pub const MOST_POINTS: usize = 2048;
+
 /// No model is larger.
 const LARGEST: u64 = 8 << 30;
 
@@ -249,6 +252,10 @@ impl Model {
             }
         }
         let points = meta.points.len();
+        if points > MOST_POINTS {
+            let what = format!("has {points} points, a model has at most {MOST_POINTS}");
+            return Err(Error::data(Place::file(name).part("meta"), what));
+        }
         let sound = meta.body.as_ref().is_none_or(|b| {
             b.parents.len() == points
                 && b.lengths.len() == points
@@ -332,6 +339,10 @@ mod tests {
         for cut in [0, 1, 30, bytes.len() / 2, bytes.len() - 1] {
             assert!(Model::from_bytes(&bytes[..cut], "m").is_err());
         }
+        let mut wide = model();
+        wide.meta.points = (0..=MOST_POINTS).map(|k| k.to_string()).collect();
+        let said = Model::from_bytes(&wide.to_bytes().unwrap(), "m").unwrap_err();
+        assert!(said.to_string().contains("at most"), "{said}");
         let mut newer = model();
         newer.meta.format = 99;
         assert!(

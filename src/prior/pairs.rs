@@ -159,7 +159,9 @@ impl RigidPairs {
         };
         let points = model.meta.points.len();
         let (n, bodies) = (rigid.nrows(), lengths.nrows());
-        if rigid.ncols() != 4 || lengths.ncols() != 1 + n || bodies == 0 {
+        let fits = rigid.ncols() == 4 && lengths.ncols() == 1 + n && bodies > 0;
+        // More are never learnt; what they cost grows with their square.
+        if !fits || n > MOST.0 || bodies > MOST.1 {
             return wrong();
         }
         let mut out = RigidPairs {
@@ -365,6 +367,13 @@ mod tests {
             bad.arrays.get_mut(name).unwrap()[at] = value;
             assert!(RigidPairs::read(&bad, "m").is_err(), "{name} {at:?}");
         }
+        let (rigid, lengths) = (
+            Array2::from_shape_fn((MOST.0 + 1, 4), |(_, c)| [0.0, 1.0, 0.1, 1.0][c]),
+            Array2::ones((1, MOST.0 + 2)),
+        );
+        model.arrays.insert("rigid".into(), rigid);
+        model.arrays.insert("rigid_lengths".into(), lengths);
+        assert!(RigidPairs::read(&model, "m").is_err());
     }
 
     #[test]

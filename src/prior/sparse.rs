@@ -45,6 +45,22 @@ pub struct SparsePrior {
     conditionals: Met<Conditional>,
 }
 
+/// The dictionary of a model: its `atoms` (n, D), D numbers for the model's points.
+///
+/// # Errors
+/// Data: a model without atoms, or with atoms that are none of its points.
+pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
+    let wrong = |what: String| Error::data(Place::file(source).part("atoms"), what);
+    let atoms = model.array("atoms", source)?;
+    let (d, points) = (atoms.ncols(), model.meta.points.len());
+    if d != 3 * points {
+        return Err(wrong(format!(
+            "have {d} numbers, but the model has {points} points of 3"
+        )));
+    }
+    Dictionary::from_rows(atoms).map_err(|e| wrong(e.to_string()))
+}
+
 /// So many conditionings are remembered (40 kB each).
 const MOST_MET: usize = 64;
 
@@ -69,8 +85,7 @@ impl SparsePrior {
             Ok(())
         };
         shaped("atoms", atoms, None)?;
-        let place = |e: Error| Error::data(Place::file(source).part("atoms"), e.to_string());
-        let dictionary = Dictionary::from_rows(atoms).map_err(place)?;
+        let dictionary = dictionary(model, source)?;
         let residual = match model.arrays.get("residual") {
             Some(array) => {
                 shaped("residual", array.view(), Some(width))?;

@@ -4,7 +4,7 @@ use super::pairs::RigidPairs;
 use super::sparse::residual_covariance;
 use crate::cluster;
 use crate::io::Model;
-use crate::io::model::{BodyMeta, Entry};
+use crate::io::model::{BodyMeta, Entry, MOST_POINTS};
 use crate::pose::{Anchor, Body, PoseMap, Poses, joints};
 use crate::sparse::{Dictionary, Pursuit};
 use crate::{Error, Place, Result};
@@ -67,6 +67,12 @@ pub fn ready(
     like: Option<&TrainingPoses>,
     name: &str,
 ) -> Result<TrainingPoses> {
+    let points = poses.points.len();
+    if points > MOST_POINTS {
+        let what =
+            format!("has {points} points, a model has at most {MOST_POINTS}; pick those of a body");
+        return Err(Error::data(Place::file(name), what));
+    }
     let ordered;
     let poses = match like {
         Some(like) if like.points != poses.points => {

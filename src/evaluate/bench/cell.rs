@@ -65,6 +65,15 @@ pub struct Cell {
     pub seconds_training: Option<f64>,
 }
 
+impl Cell {
+    /// Whether its lists are as long as they are made: it may come from a file.
+    pub fn is_sound(&self) -> bool {
+        let parts = [Some(&self.test), self.training.as_ref()];
+        !self.test.units.is_empty()
+            && (parts.into_iter().flatten()).all(|m| m.within.len() == WITHIN.len())
+    }
+}
+
 /// What was measured on some frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {

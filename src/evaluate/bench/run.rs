@@ -125,6 +125,12 @@ impl<'a> Bench<'a> {
         for method in &settings.methods {
             method.admit(data)?;
         }
+        if let Some(name) = settings.observe.iter().find(|n| !data.points.contains(n))
+            && settings.tasks.contains(&Task::Complete)
+        {
+            let what = format!("observe: the takes have no point \"{name}\"; name some they have");
+            return Err(Error::usage(what));
+        }
         let bench = Bench {
             data,
             settings,
@@ -176,8 +182,14 @@ impl<'a> Bench<'a> {
     pub fn missing(&self, finished: &Finished) -> usize {
         let digest = self.data.digest();
         let cells = self.cells();
-        let missing = |id: &&Id| !finished.cells.contains_key(&self.key(id, &digest));
+        let missing = |id: &&Id| self.known(finished, id, &digest).is_none();
         cells.iter().filter(missing).count()
+    }
+
+    /// A finished cell; one that was read from a file is what its key says, or it is not used.
+    fn known<'f>(&self, finished: &'f Finished, id: &Id, data_digest: &str) -> Option<&'f Cell> {
+        let cell = finished.cells.get(&self.key(id, data_digest))?;
+        (cell.id == *id && cell.is_sound()).then_some(cell)
     }
 
     /// Tells a cell of these data and settings from any other.
@@ -230,7 +242,7 @@ impl<'a> Bench<'a> {
         tell: &mut Observer<'_>,
     ) -> Result<(Vec<Cell>, Examples)> {
         let digest = self.data.digest();
-        let known = |id: &Id| finished.cells.get(&self.key(id, &digest));
+        let known = |id: &Id| self.known(finished, id, &digest);
         let (shown_split, shown) = self.shown();
         let unshown = |method: &Method, split: Split, seed: u64| {
             shown_split == Some(split)
@@ -299,10 +311,8 @@ impl<'a> Bench<'a> {
         let fresh = fresh.into_inner().unwrap_or_else(PoisonError::into_inner);
         let find = |id: Id| {
             let key = self.key(&id, &digest);
-            let found = fresh.cells.get(&key).or_else(|| finished.cells.get(&key));
-            // A cell read from a file is what its key says, or it is not used.
+            let found = fresh.cells.get(&key).or_else(|| known(&id));
             found
-                .filter(|c| c.id == id)
                 .cloned()
                 .ok_or_else(|| Error::usage(format!("the cell of {} was not run", id.model)))
         };

@@ -85,7 +85,8 @@ impl Blocks {
             .unwrap_or_default();
         let settings: Settings = serde_json::from_value(settings)
             .map_err(|e| Error::data(Place::file(source).part("meta"), format!("blocks: {e}")))?;
-        settings.check()?;
+        (settings.check())
+            .map_err(|e| Error::data(Place::file(source).part("meta"), e.to_string()))?;
         let (coordinates, ways) = parts(&model.meta.points);
         let width = 3 * model.meta.points.len();
         let poses = file.array("poses", None, Some(width))?;

@@ -106,17 +106,16 @@ impl Parts {
                 &factors,
                 factors.nrows().is_multiple_of(k) && factors.nrows() <= k * d,
             ),
-            (
-                "rest",
-                &rest,
-                rest.nrows() == k && rest.iter().all(|v| *v >= 0.0),
-            ),
+            ("rest", &rest, rest.nrows() == k),
         ] {
             if a.ncols() != d || !fits {
                 let (n, m) = a.dim();
                 let what = format!("({n}, {m}) does not fit {k} Gaussians of {d} coordinates");
                 return Err(wrong(name, what));
             }
+        }
+        if rest.iter().any(|v| !(*v >= 0.0)) {
+            return Err(wrong("rest", "holds a variance below 0".into()));
         }
         let sum = weights.sum();
         Ok(Parts {
@@ -173,6 +172,10 @@ mod tests {
             let told = Parts::read(&broken, "m").unwrap_err().to_string();
             assert!(told.contains(name), "{told}");
         }
+        let mut broken = model.clone();
+        broken.arrays.get_mut("rest").unwrap()[[0, 0]] = -0.1;
+        let told = Parts::read(&broken, "m").unwrap_err().to_string();
+        assert!(told.contains("below 0"), "{told}");
         let mut broken = model.clone();
         broken
             .arrays
