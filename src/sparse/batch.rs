@@ -2,7 +2,6 @@
 
 use super::fit::Fit;
 use super::pursuit::Pursuit;
-use super::scan::Panels;
 use super::tile::{Tile, poses_at_once};
 use super::{Dictionary, Stop};
 use crate::{Error, Place, Result, par};
@@ -120,8 +119,9 @@ impl Pursuit {
     /// Codes many poses (m, D) with weights (m, D, not negative; all 1 if not given), on all of rayon's threads.
     ///
     /// Where a weight is 0 the pose may be NaN. The codes do not depend on the number of threads, nor on which
-    /// poses are coded together. Memory: beside the codes, 8 to 12 bytes for each atom and each pose of a tile (16 to 64
-    /// poses) a thread.
+    /// poses are coded together. Memory: beside the codes, 4 to 12 bytes for each atom and each pose of a tile (60
+    /// poses, 30 of very many atoms) a thread; with the dictionary stay its atoms as they are scanned, and up to 2,048 atoms the
+    /// rows of their Gram matrix that were asked for, 16 MiB.
     ///
     /// # Errors
     /// A parameter or a shape that cannot be used; a number that is not finite where it is observed, or a weight that is
@@ -145,14 +145,13 @@ impl Pursuit {
             let said = format!("shape {shape:?}, but the poses have {:?}", (m, d));
             return Err(Error::data(Place::file("weights"), said));
         }
-        let panels = Panels::new(dictionary.atoms());
         let at_once = poses_at_once(dictionary.len()).min(m);
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 8);
         let parts = par::map_chunks(m, at_once * tiles, |rows| {
             let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
             let part = poses.slice(s![rows.clone(), ..]);
-            self.code_chunk((dictionary, &panels), at_once, rows, part, weights)
+            self.code_chunk(dictionary, at_once, rows, part, weights)
         });
         let mut codes = Codes::empty(m, self.capacity(dictionary));
         let mut from = 0;
@@ -167,7 +166,7 @@ impl Pursuit {
 
     fn code_chunk(
         &self,
-        (dictionary, panels): (&Dictionary, &Panels),
+        dictionary: &Dictionary,
         at_once: usize,
         rows: Range<usize>,
         poses: ArrayView2<f32>,
@@ -175,7 +174,7 @@ impl Pursuit {
     ) -> Result<Codes> {
         let k = self.capacity(dictionary);
         let mut codes = Codes::empty(rows.len(), k);
-        let mut tile = Tile::new(dictionary, panels, self.rule, at_once);
+        let mut tile = Tile::new(dictionary, self.rule, at_once);
         let mut fits: Vec<Fit> = (0..at_once)
             .map(|_| Fit::new(k, dictionary.width()))
             .collect();
@@ -223,19 +222,24 @@ mod tests {
 
     #[test]
     fn many_poses_get_the_codes_that_each_gets_alone() {
-        // More atoms than a block, more poses than a tile, and a last tile and block that are not full.
-        let d = Dictionary::from_rows(random(300, 21, 1).view()).unwrap();
+        // With a Gram matrix and without, more poses than a tile, and a last tile and panel that are not full.
+        for n in [300, 2100] {
+            let d = Dictionary::from_rows(random(n, 21, 1).view()).unwrap();
+            assert_eq!(d.ground().gram.is_some(), n == 300);
+            alone_as_together(&d);
+        }
+    }
+
+    fn alone_as_together(d: &Dictionary) {
         let y = random(150, 21, 2);
         let w = random(150, 21, 3).mapv(|v| if v > 0.2 { 0.0 } else { v.abs() });
         for p in pursuits() {
             for weights in [None, Some(w.view())] {
-                let codes = p.code_batch(&d, y.view(), weights).unwrap();
+                let codes = p.code_batch(d, y.view(), weights).unwrap();
                 for i in 0..y.nrows() {
                     let weights = weights.map(|w| w.row(i).mapv(f64::from));
                     let weights = weights.as_ref().map(|w| w.view());
-                    let one = p
-                        .code(&d, y.row(i).mapv(f64::from).view(), weights)
-                        .unwrap();
+                    let one = p.code(d, y.row(i).mapv(f64::from).view(), weights).unwrap();
                     let (atoms, x): (Vec<u32>, Vec<f32>) = codes.entries(i).unzip();
                     assert_eq!(atoms, one.atoms);
                     assert_eq!(

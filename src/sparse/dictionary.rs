@@ -1,7 +1,10 @@
 //! Dictionaries: the atoms that poses are built from.
 
+use super::scan::Ground;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
+use std::fmt;
+use std::sync::{Arc, OnceLock};
 
 /// How far from 1 the norm of a row may be for the row to be taken as it is.
 ///
@@ -13,9 +16,23 @@ const UNIT: f64 = f32::EPSILON as f64;
 ///
 /// Every row is finite and has norm 1 to single precision, and there is at least one row and one column:
 /// the code that uses a dictionary relies on it and does not look again.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 pub struct Dictionary {
     atoms: Array2<f32>, // (n, D)
+    /// Made when the dictionary is first coded with, and forgotten when an atom changes.
+    ground: OnceLock<Arc<Ground>>,
+}
+
+impl PartialEq for Dictionary {
+    fn eq(&self, other: &Self) -> bool {
+        self.atoms == other.atoms
+    }
+}
+
+impl fmt::Debug for Dictionary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Dictionary").field(&self.atoms).finish()
+    }
 }
 
 impl Dictionary {
@@ -44,7 +61,20 @@ impl Dictionary {
             let scale = unit_scale(row).map_err(|what| wrong(Some(i), what.to_string()))?;
             atom.zip_mut_with(&row, |a, &value| *a = (value.into() * scale) as f32);
         }
-        Ok(Dictionary { atoms })
+        Ok(Dictionary::of(atoms))
+    }
+
+    fn of(atoms: Array2<f32>) -> Self {
+        Dictionary {
+            atoms,
+            ground: OnceLock::new(),
+        }
+    }
+
+    /// The atoms as scans read them.
+    pub(super) fn ground(&self) -> &Ground {
+        self.ground
+            .get_or_init(|| Arc::new(Ground::new(self.atoms.view())))
     }
 
     /// The atoms (n, D), of unit norm.
@@ -82,14 +112,13 @@ impl Dictionary {
 
     /// The rows `keep`, in that order.
     pub(super) fn select(&self, keep: &[usize]) -> Self {
-        Dictionary {
-            atoms: self.atoms.select(Axis(0), keep),
-        }
+        Dictionary::of(self.atoms.select(Axis(0), keep))
     }
 
     /// Atom `i` for changing it. The caller leaves it finite and of unit norm.
     pub(super) fn atom_mut(&mut self, i: usize) -> &mut [f32] {
         let d = self.width();
+        self.ground.take();
         let all = self
             .atoms
             .as_slice_mut()
@@ -107,9 +136,7 @@ impl Dictionary {
         let views: Vec<_> = parts.iter().map(|p| p.atoms.view()).collect();
         let atoms = ndarray::concatenate(Axis(0), &views)
             .map_err(|_| Error::usage("dictionaries of different widths cannot be joined"))?;
-        Ok(Dictionary {
-            atoms: atoms.as_standard_layout().into_owned(),
-        })
+        Ok(Dictionary::of(atoms.as_standard_layout().into_owned()))
     }
 }
 

@@ -1,16 +1,21 @@
-//! A tile of poses coded together: each takes one atom after another, and all of them scan the atoms at once.
+//! A tile of poses coded together: all of them scan the atoms at once for their first, and for the others too unless rows
+//! of the Gram matrix are at hand, which serve each pose alone.
 
 use super::fit::Fit;
 use super::pursuit::Rule;
-use super::scan::{Panels, Scan, Step};
+use super::scan::{Follower, Gram, Ground, Scan, Term, products};
 use super::{Dictionary, Stop};
 
 /// How often a pose may find that the atom it took depends on the others before it gives up: only rounding lets such an
 /// atom win, and only where nothing of use is left.
 const RETRIES: usize = 4;
 
-/// How many poses to code together: the two or three numbers kept for each pair of pose and atom should stay in the
-/// cache, but the more poses there are the seldomer the atoms are read.
+/// A direction is taken for a sum of atoms with weights up to this: beyond, the rounding of the atoms' products, 1e-7,
+/// tells in their sum.
+const LARGEST_WEIGHT: f64 = 32.0;
+
+/// How many poses to code together: the numbers kept for each pair of pose and atom should stay in the cache, but the more
+/// poses there are the seldomer the atoms are read.
 pub(super) fn poses_at_once(n: usize) -> usize {
     match n {
         0..=65_536 => 60,
@@ -21,46 +26,42 @@ pub(super) fn poses_at_once(n: usize) -> usize {
 /// The state of a tile. Made once for many tiles.
 pub(super) struct Tile<'a> {
     dictionary: &'a Dictionary,
+    ground: &'a Ground,
     rule: Rule,
     scan: Scan<'a>,
+    follower: Follower,
 }
 
 impl<'a> Tile<'a> {
     /// Room for `poses` poses.
-    pub fn new(dictionary: &'a Dictionary, panels: &'a Panels, rule: Rule, poses: usize) -> Self {
+    pub fn new(dictionary: &'a Dictionary, rule: Rule, poses: usize) -> Self {
+        let ground = dictionary.ground();
         Tile {
             dictionary,
+            ground,
             rule,
-            scan: Scan::new(panels, poses),
+            scan: Scan::new(&ground.panels, poses),
+            follower: Follower::new(&ground.panels),
         }
     }
 
     /// Codes the poses that `fits` were started on, with at most `sparsity` atoms each.
     pub fn code(&mut self, fits: &mut [Fit], sparsity: usize) {
-        self.load(fits);
         let most = sparsity
             .min(self.dictionary.len())
             .min(self.dictionary.width());
-        for step in 0..most + RETRIES {
-            if fits.iter().all(|f| f.stop.is_some()) {
-                break;
-            }
-            self.scan.step(match (step, self.rule) {
-                (0, _) => Step::First,
-                (_, Rule::Plain) => Step::Plain,
-                (_, Rule::Optimised) => Step::Optimised,
-            });
-            self.take(fits);
-            for fit in fits
-                .iter_mut()
-                .filter(|f| f.stop.is_none() && f.support.len() == most)
-            {
-                fit.stop = Some(if most == sparsity {
-                    Stop::Sparsity
-                } else {
-                    Stop::Dependent
-                });
-            }
+        let full = Full {
+            most,
+            stop: match most == sparsity {
+                true => Stop::Sparsity,
+                false => Stop::Dependent,
+            },
+        };
+        self.load(fits);
+        self.scan.first();
+        match &self.ground.gram {
+            Some(gram) if fits.iter().all(|f| f.root.is_none()) => self.each(fits, gram, full),
+            _ => self.together(fits, full),
         }
         fits.iter_mut()
             .for_each(|f| f.stop = f.stop.or(Some(Stop::Dependent)));
@@ -89,29 +90,112 @@ impl<'a> Tile<'a> {
         self.scan.begin_weighted(&weights);
     }
 
-    /// Gives each pose its best atom, and makes the direction that this adds ready for the next scan.
-    fn take(&mut self, fits: &mut [Fit]) {
+    /// Takes the atoms after the first scan, a scan of all poses a step.
+    fn together(&mut self, fits: &mut [Fit], full: Full) {
+        let mut last = false;
+        for _ in 0..full.most + RETRIES {
+            self.take(fits, full, last);
+            let mut open = fits.iter().filter(|f| f.stop.is_none()).peekable();
+            if open.peek().is_none() {
+                break;
+            }
+            last = open.all(|f| full.is_last(f));
+            self.scan.next(self.rule, last);
+        }
+    }
+
+    /// Gives each pose its best atom, and makes the direction that this adds ready for the next scan. `last`: the scan
+    /// before was to be the last and kept nothing; where its atom is refused its direction is to be met again.
+    fn take(&mut self, fits: &mut [Fit], full: Full, last: bool) {
         let d = self.dictionary.width();
         for (i, fit) in fits.iter_mut().enumerate() {
-            let row = i * d..(i + 1) * d;
-            self.scan.parts[i] = 0.0;
-            if fit.stop.is_none() {
-                match self.scan.best(i) {
-                    None => fit.stop = Some(Stop::Dependent),
-                    Some(atom) => {
-                        // Taken, or found in f64 to depend on those taken: not to be looked at again either way.
-                        self.scan.leave_out(i, atom);
-                        if fit.push(atom, super::code::row(self.dictionary, atom)) {
-                            let (q, z) = fit.newest();
-                            weigh(q, fit.root.as_deref(), &mut self.scan.directions[row]);
-                            self.scan.parts[i] = -z as f32;
-                            continue;
-                        }
-                    }
-                }
+            let (row, open) = (i * d..(i + 1) * d, fit.stop.is_none());
+            if open && self.push(i, fit, self.scan.best(i), full) {
+                let (q, z) = fit.newest();
+                weigh(q, fit.root.as_deref(), &mut self.scan.directions[row]);
+                self.scan.parts[i] = -z as f32;
+            } else if !(open && last) {
+                self.scan.directions[row].fill(0.0);
+                self.scan.parts[i] = 0.0;
             }
-            self.scan.directions[row].fill(0.0);
         }
+    }
+
+    /// Takes the atoms after the first scan pose by pose, by rows of the Gram matrix.
+    fn each(&mut self, fits: &mut [Fit], gram: &Gram, full: Full) {
+        let open = (0..fits.len()).filter(|&i| fits[i].stop.is_none() && full.most > 1);
+        let firsts = open.filter_map(|i| self.scan.best(i)).collect();
+        gram.prepare(&self.ground.panels, self.dictionary.flat(), firsts);
+        for (i, fit) in fits.iter_mut().enumerate() {
+            self.follower.begin();
+            let (mut best, mut met) = (self.scan.best(i), true);
+            for _ in 0..full.most + RETRIES {
+                if fit.stop.is_none() && self.push(i, fit, best, full) {
+                    met = false;
+                }
+                if fit.stop.is_some() {
+                    break;
+                }
+                let last = full.is_last(fit);
+                best = self.follow(i, fit, gram, (met, last));
+                met = !last;
+            }
+        }
+    }
+
+    /// A step of one pose; its newest direction has been `met` where the atom after it was refused.
+    fn follow(
+        &mut self,
+        pose: usize,
+        fit: &Fit,
+        gram: &Gram,
+        (met, last): (bool, bool),
+    ) -> Option<u32> {
+        let how = (self.rule, last);
+        if met {
+            return self.follower.next(&mut self.scan, pose, (&[], 0.0), how);
+        }
+        let (panels, atoms) = (&self.ground.panels, self.dictionary.flat());
+        let (q, z) = fit.newest();
+        let weights = fit.newest_weights();
+        if weights.iter().any(|w| w.abs() > LARGEST_WEIGHT) {
+            let direction: Vec<f32> = q.iter().map(|v| *v as f32).collect();
+            let row = &products(panels, &direction)[0];
+            let terms: [Term<'_>; 1] = [(1.0, row)];
+            return (self.follower).next(&mut self.scan, pose, (&terms, -z as f32), how);
+        }
+        let terms: Vec<Term<'_>> = (weights.iter().zip(&fit.support))
+            .map(|(w, atom)| (*w as f32, gram.row(panels, atoms, *atom)))
+            .collect();
+        (self.follower).next(&mut self.scan, pose, (&terms, -z as f32), how)
+    }
+
+    /// Gives a pose an atom, or finds in f64 that it depends on those taken: it is not to be looked at again either way.
+    fn push(&mut self, pose: usize, fit: &mut Fit, atom: Option<u32>, full: Full) -> bool {
+        let Some(atom) = atom else {
+            fit.stop = Some(Stop::Dependent);
+            return false;
+        };
+        self.scan.leave_out(pose, atom);
+        let pushed = fit.push(atom, super::code::row(self.dictionary, atom));
+        if fit.stop.is_none() && fit.support.len() == full.most {
+            fit.stop = Some(full.stop);
+        }
+        pushed
+    }
+}
+
+/// How many atoms a pose takes at most, and why it stops there.
+#[derive(Clone, Copy)]
+struct Full {
+    most: usize,
+    stop: Stop,
+}
+
+impl Full {
+    /// Whether the next atom of a pose is its last.
+    fn is_last(self, fit: &Fit) -> bool {
+        fit.support.len() + 1 == self.most
     }
 }
 

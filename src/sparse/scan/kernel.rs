@@ -4,6 +4,7 @@
 //! up there. So a product has the same bits whatever poses are beside it, and whatever the vectors are: only a machine
 //! that cannot fuse (x86 before AVX2) rounds otherwise.
 
+use super::super::Rule;
 use super::panels::{Row, WIDTH};
 use pulp::{Simd, WithSimd};
 use std::sync::OnceLock;
@@ -40,7 +41,7 @@ impl Best {
 
     /// Atoms with c² = `over` and e = `under`, in vector `v` of the lanes. The first of equals wins.
     #[inline(always)]
-    fn meet<S: Simd>(&mut self, simd: S, v: usize, over: S::f32s, under: S::f32s, group: u32) {
+    pub fn meet<S: Simd>(&mut self, simd: S, v: usize, over: S::f32s, under: S::f32s, group: u32) {
         let best_over = &mut S::as_mut_simd_f32s(&mut self.over).0[v];
         let best_under = &mut S::as_mut_simd_f32s(&mut self.under).0[v];
         let (here, there) = (
@@ -83,10 +84,19 @@ pub enum Step {
     Norms,
     /// c is the product itself.
     First,
-    /// The plain rule: c changes.
-    Plain,
-    /// The optimised rule: c changes and e falls.
-    Optimised,
+    /// c changes, and by the optimised rule e falls.
+    Next(Next),
+}
+
+/// A step after the first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Next {
+    /// How atoms are compared.
+    pub rule: Rule,
+    /// e is 1 of all atoms, and not kept yet.
+    pub fresh: bool,
+    /// c and e are not needed any more.
+    pub last: bool,
 }
 
 /// One panel of atoms and all poses of a tile.
@@ -107,16 +117,16 @@ pub struct Job<'a> {
 
 /// What is kept for a panel: one row a pose.
 pub struct State<'a> {
-    /// c.
+    /// c; no number once the atom is taken.
     pub correlations: &'a mut [Row],
-    /// e; infinite once the atom is taken, or if it is not seen.
+    /// e; infinite if the atom is not seen. Empty where it is 1 of all atoms.
     pub remainders: &'a mut [Row],
     /// What e counts for at least; empty where all atoms have norm 1.
     pub floors: &'a mut [Row],
 }
 
 /// Runs on the widest vectors there are.
-pub fn run(job: Job<'_>) {
+pub fn widest(job: impl WithSimd<Output = ()>) {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
     ARCH.get_or_init(pulp::Arch::new).dispatch(job);
 }
@@ -138,12 +148,20 @@ impl WithSimd for Job<'_> {
 impl Job<'_> {
     #[inline(always)]
     fn of_step<S: Simd, const POSES: usize, const VECTORS: usize>(self, simd: S) {
-        match (self.step, self.state.floors.is_empty()) {
-            (Step::Norms, _) => self.go::<S, Norms, POSES, VECTORS>(simd),
-            (Step::First, _) => self.go::<S, First, POSES, VECTORS>(simd),
-            (Step::Plain, _) => self.go::<S, Plain, POSES, VECTORS>(simd),
-            (Step::Optimised, true) => self.go::<S, Optimised<true>, POSES, VECTORS>(simd),
-            (Step::Optimised, false) => self.go::<S, Optimised<false>, POSES, VECTORS>(simd),
+        let unit = self.state.floors.is_empty();
+        match self.step {
+            Step::Norms => self.go::<S, Norms, POSES, VECTORS>(simd),
+            Step::First if unit => self.go::<S, First<true>, POSES, VECTORS>(simd),
+            Step::First => self.go::<S, First<false>, POSES, VECTORS>(simd),
+            Step::Next(next) => match (next.rule, unit, next.fresh, next.last) {
+                (Rule::Plain, true, ..) => self.go::<S, Plain<true>, POSES, VECTORS>(simd),
+                (Rule::Plain, false, ..) => self.go::<S, Plain<false>, POSES, VECTORS>(simd),
+                (_, true, true, false) => self.go::<S, Fresh<false>, POSES, VECTORS>(simd),
+                (_, true, true, true) => self.go::<S, Fresh<true>, POSES, VECTORS>(simd),
+                (_, true, false, false) => self.go::<S, Unit<false>, POSES, VECTORS>(simd),
+                (_, true, false, true) => self.go::<S, Unit<true>, POSES, VECTORS>(simd),
+                (_, false, ..) => self.go::<S, Weighted, POSES, VECTORS>(simd),
+            },
         }
     }
 
@@ -177,7 +195,7 @@ impl Job<'_> {
                 for (v, product) in (at..).zip(products) {
                     let state = Vectors {
                         c: vector::<S>(&mut self.state.correlations[pose], v),
-                        e: vector::<S>(&mut self.state.remainders[pose], v),
+                        e: (self.state.remainders.get_mut(pose)).map(|e| vector::<S>(e, v)),
                         floor: self.state.floors.get_mut(pose).map(|f| vector::<S>(f, v)),
                     };
                     if let Some((over, under)) = U::meet(simd, product, part, state) {
@@ -192,7 +210,7 @@ impl Job<'_> {
 }
 
 #[inline(always)]
-fn vector<S: Simd>(row: &mut Row, v: usize) -> &mut S::f32s {
+pub fn vector<S: Simd>(row: &mut Row, v: usize) -> &mut S::f32s {
     &mut S::as_mut_simd_f32s(&mut row.0).0[v]
 }
 
@@ -224,7 +242,7 @@ fn products<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
 
 /// a b + c: fused wherever that is an instruction.
 #[inline(always)]
-fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
+pub fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
     if S::IS_SCALAR {
         simd.mul_add_e_f32s(a, b, c)
     } else {
@@ -232,15 +250,15 @@ fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s 
     }
 }
 
-/// A vector of what is kept.
-struct Vectors<'a, S: Simd> {
-    c: &'a mut S::f32s,
-    e: &'a mut S::f32s,
-    floor: Option<&'a mut S::f32s>,
+/// A vector of what is kept; see [`State`].
+pub struct Vectors<'a, S: Simd> {
+    pub c: &'a mut S::f32s,
+    pub e: Option<&'a mut S::f32s>,
+    pub floor: Option<&'a mut S::f32s>,
 }
 
 /// What is done with a vector of products; gives c² and e where atoms are compared.
-trait Use {
+pub trait Use {
     const SQUARED: bool = false;
 
     fn meet<S: Simd>(
@@ -252,10 +270,6 @@ trait Use {
 }
 
 struct Norms;
-struct First;
-struct Plain;
-/// `UNIT`: all atoms have norm 1.
-struct Optimised<const UNIT: bool>;
 
 impl Use for Norms {
     const SQUARED: bool = true;
@@ -268,15 +282,18 @@ impl Use for Norms {
         state: Vectors<'_, S>,
     ) -> Option<(S::f32s, S::f32s)> {
         let seen = simd.greater_than_f32s(product, simd.splat_f32s(UNSEEN));
-        *state.e = simd.select_f32s(seen, product, simd.splat_f32s(f32::INFINITY));
-        if let Some(floor) = state.floor {
+        if let (Some(e), Some(floor)) = (state.e, state.floor) {
+            *e = simd.select_f32s(seen, product, simd.splat_f32s(f32::INFINITY));
             *floor = simd.mul_f32s(product, simd.splat_f32s(FLOOR));
         }
         None
     }
 }
 
-impl Use for First {
+/// `UNIT`: all atoms have norm 1.
+struct First<const UNIT: bool>;
+
+impl<const UNIT: bool> Use for First<UNIT> {
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,
@@ -285,11 +302,17 @@ impl Use for First {
         state: Vectors<'_, S>,
     ) -> Option<(S::f32s, S::f32s)> {
         *state.c = product;
-        Some((simd.mul_f32s(product, product), *state.e))
+        Some((
+            simd.mul_f32s(product, product),
+            norm::<S, UNIT>(simd, state.e),
+        ))
     }
 }
 
-impl Use for Plain {
+/// The plain rule. `UNIT`: all atoms have norm 1.
+pub struct Plain<const UNIT: bool>;
+
+impl<const UNIT: bool> Use for Plain<UNIT> {
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,
@@ -299,11 +322,71 @@ impl Use for Plain {
     ) -> Option<(S::f32s, S::f32s)> {
         let c = add_product(simd, part, product, *state.c);
         *state.c = c;
-        Some((simd.mul_f32s(c, c), *state.e))
+        Some((simd.mul_f32s(c, c), norm::<S, UNIT>(simd, state.e)))
     }
 }
 
-impl<const UNIT: bool> Use for Optimised<UNIT> {
+#[inline(always)]
+fn norm<S: Simd, const UNIT: bool>(simd: S, e: Option<&mut S::f32s>) -> S::f32s {
+    match e {
+        Some(e) if !UNIT => *e,
+        _ => simd.splat_f32s(1.0),
+    }
+}
+
+/// The optimised rule's first use, atoms of norm 1: e is made. `LAST`: and not kept, nor is c.
+pub struct Fresh<const LAST: bool>;
+
+impl<const LAST: bool> Use for Fresh<LAST> {
+    #[inline(always)]
+    fn meet<S: Simd>(
+        simd: S,
+        product: S::f32s,
+        part: S::f32s,
+        state: Vectors<'_, S>,
+    ) -> Option<(S::f32s, S::f32s)> {
+        let c = add_product(simd, part, product, *state.c);
+        let e = add_product(simd, simd.neg_f32s(product), product, simd.splat_f32s(1.0));
+        if let Some(kept) = state.e.filter(|_| !LAST) {
+            *state.c = c;
+            *kept = e;
+        }
+        Some((
+            simd.mul_f32s(c, c),
+            simd.max_f32s(e, simd.splat_f32s(FLOOR)),
+        ))
+    }
+}
+
+/// The optimised rule, atoms of norm 1. `LAST`: c and e are not kept.
+pub struct Unit<const LAST: bool>;
+
+impl<const LAST: bool> Use for Unit<LAST> {
+    #[inline(always)]
+    fn meet<S: Simd>(
+        simd: S,
+        product: S::f32s,
+        part: S::f32s,
+        state: Vectors<'_, S>,
+    ) -> Option<(S::f32s, S::f32s)> {
+        let c = add_product(simd, part, product, *state.c);
+        let kept = state.e?;
+        let e = add_product(simd, simd.neg_f32s(product), product, *kept);
+        if !LAST {
+            *state.c = c;
+            *kept = e;
+        }
+        Some((
+            simd.mul_f32s(c, c),
+            simd.max_f32s(e, simd.splat_f32s(FLOOR)),
+        ))
+    }
+}
+
+/// The optimised rule with weights.
+struct Weighted;
+
+impl Use for Weighted {
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,
@@ -313,12 +396,9 @@ impl<const UNIT: bool> Use for Optimised<UNIT> {
     ) -> Option<(S::f32s, S::f32s)> {
         let c = add_product(simd, part, product, *state.c);
         *state.c = c;
-        let e = add_product(simd, simd.neg_f32s(product), product, *state.e);
-        *state.e = e;
-        let floor = match state.floor {
-            Some(floor) if !UNIT => *floor,
-            _ => simd.splat_f32s(FLOOR),
-        };
-        Some((simd.mul_f32s(c, c), simd.max_f32s(e, floor)))
+        let (kept, floor) = (state.e?, state.floor?);
+        let e = add_product(simd, simd.neg_f32s(product), product, *kept);
+        *kept = e;
+        Some((simd.mul_f32s(c, c), simd.max_f32s(e, *floor)))
     }
 }

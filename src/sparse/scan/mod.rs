@@ -14,14 +14,36 @@
 //!
 //! A pose's numbers do not depend on the poses beside it: one pose alone gives the same bits as one of many.
 
+mod follow;
+mod gram;
 mod kernel;
 mod panels;
 
+use super::Rule;
 use kernel::{Best, Job, State};
+use ndarray::ArrayView2;
 use panels::{Row, WIDTH};
 
-pub use kernel::Step;
+pub use follow::Follower;
+pub use gram::{Gram, Term, products};
+use kernel::{Next, Step};
 pub use panels::Panels;
+
+/// Atoms laid out for scans, with room for their Gram matrix where it is not too large.
+pub struct Ground {
+    pub panels: Panels,
+    pub gram: Option<Gram>,
+}
+
+impl Ground {
+    /// Of atoms (n, D).
+    pub fn new(atoms: ArrayView2<'_, f32>) -> Ground {
+        Ground {
+            panels: Panels::new(atoms),
+            gram: Gram::new(atoms.nrows()),
+        }
+    }
+}
 
 /// What is kept for a tile of poses: c and e of each pose and atom, and the best atom of each pose.
 pub struct Scan<'a> {
@@ -29,67 +51,84 @@ pub struct Scan<'a> {
     poses: usize,
     /// By panels, then poses.
     correlations: Vec<Row>,
+    /// The same; nothing as long as all are 1.
     remainders: Vec<Row>,
-    /// Empty where all atoms have norm 1.
+    /// The same; nothing where all atoms have norm 1.
     floors: Vec<Row>,
     /// D numbers a pose: the newest q, or r before the first.
     pub directions: Vec<f32>,
     /// −<q, r>, one a pose.
     pub parts: Vec<f32>,
     best: Vec<Best>,
+    /// e is 1 of all atoms, whatever is kept.
+    fresh: bool,
 }
 
 impl<'a> Scan<'a> {
     /// Room for `poses` poses.
     pub fn new(panels: &'a Panels, poses: usize) -> Scan<'a> {
-        let size = panels.iter().len() * poses;
         Scan {
             panels,
             poses,
-            correlations: vec![Row::ZERO; size],
-            remainders: vec![Row::ZERO; size],
+            correlations: vec![Row::ZERO; panels.iter().len() * poses],
+            remainders: Vec::new(),
             floors: Vec::new(),
             directions: vec![0.0; poses * panels.width()],
             parts: vec![0.0; poses],
             best: vec![Best::NONE; poses],
+            fresh: true,
         }
     }
 
     /// Begins with atoms of norm 1.
     pub fn begin(&mut self) {
         self.floors.clear();
-        self.remainders.fill(Row::ONE);
+        self.fresh = true;
     }
 
     /// Begins with weights, D a pose.
     pub fn begin_weighted(&mut self, weights: &[f32]) {
-        self.floors.resize(self.remainders.len(), Row::ZERO);
+        self.fresh = false;
+        self.floors.resize(self.correlations.len(), Row::ZERO);
+        self.remainders.resize(self.correlations.len(), Row::ZERO);
         self.each(Step::Norms, Some(weights));
     }
 
-    /// Brings c and e up to date and finds each pose's best atom.
-    pub fn step(&mut self, step: Step) {
+    /// Finds each pose's best atom for the residuals in place of the directions.
+    pub fn first(&mut self) {
         self.best.fill(Best::NONE);
-        self.each(step, None);
+        self.each(Step::First, None);
+    }
+
+    /// Brings c and e up to date, if they are needed any more (`last`), and finds each pose's best atom.
+    pub fn next(&mut self, rule: Rule, last: bool) {
+        let fresh = self.fresh;
+        if rule == Rule::Optimised {
+            self.remainders.resize(self.correlations.len(), Row::ZERO);
+            self.fresh &= last;
+        }
+        self.best.fill(Best::NONE);
+        self.each(Step::Next(Next { rule, fresh, last }), None);
     }
 
     fn each(&mut self, step: Step, weights: Option<&[f32]>) {
+        let part = |rows: &std::ops::Range<usize>, of: &[Row]| match of.is_empty() {
+            true => 0..0,
+            false => rows.clone(),
+        };
         for (panel, atoms) in self.panels.iter().enumerate() {
             let rows = panel * self.poses..(panel + 1) * self.poses;
-            let floors = if self.floors.is_empty() {
-                0..0
-            } else {
-                rows.clone()
-            };
-            kernel::run(Job {
+            let remainders = part(&rows, &self.remainders);
+            let floors = part(&rows, &self.floors);
+            kernel::widest(Job {
                 step,
                 panel,
                 atoms,
                 directions: weights.unwrap_or(&self.directions),
                 parts: &self.parts,
                 state: State {
-                    correlations: &mut self.correlations[rows.clone()],
-                    remainders: &mut self.remainders[rows],
+                    correlations: &mut self.correlations[rows],
+                    remainders: &mut self.remainders[remainders],
                     floors: &mut self.floors[floors],
                 },
                 best: &mut self.best,
@@ -105,13 +144,21 @@ impl<'a> Scan<'a> {
     /// A pose is not to take an atom any more.
     pub fn leave_out(&mut self, pose: usize, atom: u32) {
         let (panel, lane) = (atom as usize / WIDTH, atom as usize % WIDTH);
-        self.remainders[panel * self.poses + pose].0[lane] = f32::INFINITY;
+        // Compares with nothing, and stays so.
+        self.correlations[panel * self.poses + pose].0[lane] = f32::NAN;
+    }
+
+    /// c of one pose and all atoms, one row a panel.
+    fn of_pose(&self, pose: usize) -> impl Iterator<Item = &Row> {
+        self.correlations.iter().skip(pose).step_by(self.poses)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::fit::Fit;
     use super::super::testdata::random;
+    use super::super::{Dictionary, Tolerance, code};
     use super::*;
     use ndarray::Array2;
 
@@ -127,7 +174,7 @@ mod tests {
         let mut all = Scan::new(&panels, 13);
         all.begin();
         all.directions.copy_from_slice(poses.as_slice().unwrap());
-        all.step(Step::First);
+        all.first();
         for (i, pose) in poses.outer_iter().enumerate() {
             let c = atoms.mapv(f64::from).dot(&pose.mapv(f64::from));
             let most = c.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
@@ -136,7 +183,7 @@ mod tests {
             let mut alone = Scan::new(&panels, 1);
             alone.begin();
             alone.directions.copy_from_slice(pose.as_slice().unwrap());
-            alone.step(Step::First);
+            alone.first();
             assert_eq!(alone.best(0), Some(best));
             let of = |s: &Scan<'_>, poses: usize, i: usize| -> Vec<Row> {
                 s.correlations
@@ -151,10 +198,57 @@ mod tests {
         // An atom that is left out gives way, and where nothing is along any atom there is none.
         let best = all.best(4).unwrap();
         all.leave_out(4, best);
-        all.step(Step::First);
-        assert_ne!(all.best(4), Some(best));
         all.directions.fill(0.0);
-        all.step(Step::First);
+        for last in [false, false, true] {
+            all.next(Rule::Optimised, last);
+            assert_ne!(all.best(4), Some(best));
+        }
+        all.first();
         assert_eq!(all.best(4), None);
+    }
+
+    #[test]
+    fn rows_of_the_gram_matrix_lead_where_scans_do() {
+        let poses = random(13, 21, 2).mapv(|v| v as f32);
+        let atoms = Dictionary::from_rows(atoms().view()).unwrap();
+        let (ground, flat) = (atoms.ground(), atoms.flat());
+        let (panels, gram) = (&ground.panels, ground.gram.as_ref().unwrap());
+        for (i, pose) in poses.outer_iter().enumerate() {
+            let [mut scan, mut rows] = [0, 1].map(|_| {
+                let mut scan = Scan::new(panels, 1);
+                scan.begin();
+                scan.directions.copy_from_slice(pose.as_slice().unwrap());
+                scan.first();
+                scan
+            });
+            let mut follower = Follower::new(panels);
+            follower.begin();
+            let mut fit = Fit::new(4, 21);
+            fit.start(pose, None::<ndarray::ArrayView1<'_, f32>>, Tolerance::Never)
+                .unwrap();
+            let mut best = scan.best(0);
+            for last in [false, false, true] {
+                let atom = best.unwrap();
+                assert!(fit.push(atom, code::row(&atoms, atom)));
+                let (q, _) = fit.newest();
+                let z: f64 = q.iter().zip(pose).map(|(q, y)| q * f64::from(*y)).sum();
+                scan.directions
+                    .iter_mut()
+                    .zip(q)
+                    .for_each(|(d, q)| *d = *q as f32);
+                scan.parts[0] = -z as f32;
+                scan.leave_out(0, atom);
+                rows.leave_out(0, atom);
+                let weights = fit.newest_weights();
+                let terms: Vec<Term<'_>> = (weights.iter().zip(&fit.support))
+                    .map(|(w, atom)| (*w as f32, gram.row(panels, flat, *atom)))
+                    .collect();
+                scan.next(Rule::Optimised, last);
+                best = scan.best(0);
+                let how = (Rule::Optimised, last);
+                let by_rows = follower.next(&mut rows, 0, (&terms, -z as f32), how);
+                assert_eq!(by_rows, best, "{i}");
+            }
+        }
     }
 }

@@ -13,7 +13,6 @@ pub struct Row(pub [f32; WIDTH]);
 
 impl Row {
     pub const ZERO: Row = Row([0.0; WIDTH]);
-    pub const ONE: Row = Row([1.0; WIDTH]);
 }
 
 /// Atoms in panels of [`WIDTH`]: of each panel one [`Row`] a coordinate. What is beyond the last atom is 0.

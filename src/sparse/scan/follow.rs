@@ -1,0 +1,154 @@
+//! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
+
+use super::kernel::{self, Fresh, Next, Plain, Unit, Use, Vectors};
+use super::panels::{Row, WIDTH};
+use super::{Panels, Rule, Scan, Term};
+use pulp::{Simd, WithSimd};
+
+/// What is kept of the pose that is followed.
+pub struct Follower {
+    remainders: Vec<Row>,
+    fresh: bool,
+}
+
+impl Follower {
+    /// Room for a pose.
+    pub fn new(panels: &Panels) -> Follower {
+        Follower {
+            remainders: vec![Row::ZERO; panels.iter().len()],
+            fresh: true,
+        }
+    }
+
+    /// Begins with a pose that has its first correlations.
+    pub fn begin(&mut self) {
+        self.fresh = true;
+    }
+
+    /// A step of pose `pose` of a scan: the newest direction is the sum of `terms`, of which the residual had `−part`. Gives
+    /// the best atom, if there is one.
+    pub fn next(
+        &mut self,
+        scan: &mut Scan<'_>,
+        pose: usize,
+        (terms, part): (&[Term<'_>], f32),
+        (rule, last): (Rule, bool),
+    ) -> Option<u32> {
+        let fresh = self.fresh;
+        self.fresh &= last;
+        let mut best = None;
+        kernel::widest(Follow {
+            step: Next { rule, fresh, last },
+            terms,
+            part,
+            correlations: &mut scan.correlations[pose..],
+            stride: scan.poses,
+            remainders: &mut self.remainders,
+            best: &mut best,
+        });
+        best
+    }
+}
+
+/// All panels for one pose.
+struct Follow<'a> {
+    step: Next,
+    terms: &'a [Term<'a>],
+    part: f32,
+    /// The pose's rows are `stride` apart.
+    correlations: &'a mut [Row],
+    stride: usize,
+    remainders: &'a mut [Row],
+    best: &'a mut Option<u32>,
+}
+
+impl WithSimd for Follow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match (self.step.rule, self.step.fresh, self.step.last) {
+            (Rule::Plain, ..) => self.of_terms::<S, Plain<true>>(simd),
+            (_, true, false) => self.of_terms::<S, Fresh<false>>(simd),
+            (_, true, true) => self.of_terms::<S, Fresh<true>>(simd),
+            (_, false, false) => self.of_terms::<S, Unit<false>>(simd),
+            (_, false, true) => self.of_terms::<S, Unit<true>>(simd),
+        }
+    }
+}
+
+impl Follow<'_> {
+    #[inline(always)]
+    fn of_terms<S: Simd, U: Use>(self, simd: S) {
+        // So many vectors hold a panel's atoms.
+        match S::F32_LANES {
+            16 => self.go::<S, U, 4>(simd),
+            8 => self.go::<S, U, 8>(simd),
+            4 => self.go::<S, U, 16>(simd),
+            _ => self.go::<S, U, WIDTH>(simd),
+        }
+    }
+
+    /// Each atom of a panel has a best of its own over all panels, in registers: none of them waits for another.
+    #[inline(always)]
+    fn go<S: Simd, U: Use, const VECTORS: usize>(self, simd: S) {
+        let part = simd.splat_f32s(self.part);
+        let mut over = [simd.splat_f32s(0.0); VECTORS];
+        let mut under = [simd.splat_f32s(1.0); VECTORS];
+        let mut place = [simd.splat_f32s(0.0); VECTORS];
+        let correlations = self.correlations.iter_mut().step_by(self.stride);
+        for (panel, (c, e)) in correlations.zip(self.remainders).enumerate() {
+            let mut products = [simd.splat_f32s(0.0); VECTORS];
+            for (weight, row) in self.terms {
+                let (weight, row) = (simd.splat_f32s(*weight), vectors::<S>(&row[panel]));
+                for v in 0..VECTORS {
+                    products[v] = kernel::add_product(simd, weight, row[v], products[v]);
+                }
+            }
+            let here = simd.splat_f32s(f32::from_bits(panel as u32));
+            for v in 0..VECTORS {
+                let state = Vectors {
+                    c: kernel::vector::<S>(c, v),
+                    e: Some(kernel::vector::<S>(e, v)),
+                    floor: None,
+                };
+                if let Some((o, u)) = U::meet(simd, products[v], part, state) {
+                    let (new, old) = (simd.mul_f32s(o, under[v]), simd.mul_f32s(over[v], u));
+                    let better = simd.greater_than_f32s(new, old);
+                    over[v] = simd.select_f32s(better, o, over[v]);
+                    under[v] = simd.select_f32s(better, u, under[v]);
+                    place[v] = simd.select_f32s(better, here, place[v]);
+                }
+            }
+        }
+        let mut best = [Row::ZERO; 3];
+        for (row, of) in best.iter_mut().zip([over, under, place]) {
+            for (v, of) in of.into_iter().enumerate() {
+                *kernel::vector::<S>(row, v) = of;
+            }
+        }
+        *self.best = best_of(&best);
+    }
+}
+
+#[inline(always)]
+fn vectors<S: Simd>(row: &Row) -> &[S::f32s] {
+    S::as_simd_f32s(&row.0).0
+}
+
+/// The best of all atoms' bests, the first of equals.
+fn best_of([over, under, place]: &[Row; 3]) -> Option<u32> {
+    let mut best: Option<(f32, f32, u32)> = None;
+    for lane in 0..WIDTH {
+        let (over, under) = (over.0[lane], under.0[lane]);
+        let atom = place.0[lane].to_bits() * WIDTH as u32 + lane as u32;
+        let better = best.is_none_or(|(o, u, a)| {
+            let (here, there) = (over * u, o * under);
+            here > there || (here == there && atom < a)
+        });
+        if over > 0.0 && better {
+            best = Some((over, under, atom));
+        }
+    }
+    best.map(|b| b.2)
+}
