@@ -15,19 +15,20 @@
 mod convert;
 mod motion;
 mod parse;
+mod render;
 mod rig;
 mod target;
 mod words;
 
 pub use convert::Converter;
 pub use parse::{Loaded, read};
+pub use render::render;
 pub use rig::{Points, Rig};
 pub use target::Target;
 
 use crate::pose::Channel;
 use glam::DVec3;
 use ndarray::Array2;
-use std::io::Write;
 
 /// The most joints and End Sites a file may have: no skeleton has them.
 pub const MOST_JOINTS: usize = 4096;
@@ -65,108 +66,10 @@ impl Bvh {
     }
 }
 
-/// Digits after the point of angles, offsets and positions: a millionth of a degree moves the end of a limb of a metre
-/// by 2e-6 cm.
-const DECIMALS: usize = 6;
-
-/// The file as text: lengths in units of `unit` centimetres, angles in degrees.
-pub fn render(bvh: &Bvh, unit: f64) -> Vec<u8> {
-    let mut out = b"HIERARCHY\n".to_vec();
-    let mut depths: Vec<usize> = Vec::with_capacity(bvh.joints.len());
-    let mut open = 0;
-    for joint in &bvh.joints {
-        let depth = joint.parent.map_or(0, |p| depths[p] + 1);
-        while open > depth {
-            open -= 1;
-            put(&mut out, open, "}");
-        }
-        let keyword = if joint.parent.is_none() {
-            "ROOT"
-        } else {
-            "JOINT"
-        };
-        put(&mut out, depth, &format!("{keyword} {}", joint.name));
-        put(&mut out, depth, "{");
-        put(&mut out, depth + 1, &offset(joint.offset / unit));
-        let names: Vec<String> = joint.channels.iter().map(|c| channel_name(*c)).collect();
-        let line = format!("CHANNELS {} {}", names.len(), names.join(" "));
-        put(&mut out, depth + 1, line.trim_end());
-        for &end in &joint.ends {
-            put(&mut out, depth + 1, "End Site");
-            put(&mut out, depth + 1, "{");
-            put(&mut out, depth + 2, &offset(end / unit));
-            put(&mut out, depth + 1, "}");
-        }
-        depths.push(depth);
-        open = depth + 1;
-    }
-    while open > 0 {
-        open -= 1;
-        put(&mut out, open, "}");
-    }
-    let kinds: Vec<bool> = bvh
-        .joints
-        .iter()
-        .flat_map(|j| &j.channels)
-        .map(|c| c.is_angle())
-        .collect();
-    // Writing to memory cannot fail.
-    let _ = write!(
-        out,
-        "MOTION\nFrames: {}\nFrame Time: {:.10}\n",
-        bvh.motion.nrows(),
-        bvh.frame_time
-    );
-    for row in bvh.motion.rows() {
-        for (i, (&value, &angle)) in row.iter().zip(&kinds).enumerate() {
-            if i > 0 {
-                out.push(b' ');
-            }
-            let value = if angle {
-                value.to_degrees()
-            } else {
-                value / unit
-            };
-            let _ = write!(out, "{:.DECIMALS$}", tidy(value));
-        }
-        out.push(b'\n');
-    }
-    out
-}
-
-/// A line at a depth.
-fn put(out: &mut Vec<u8>, depth: usize, text: &str) {
-    // Deep hierarchies would make files that grow with the square of their depth.
-    out.resize(out.len() + depth.min(64), b'\t');
-    out.extend_from_slice(text.as_bytes());
-    out.push(b'\n');
-}
-
-fn offset(v: DVec3) -> String {
-    let [x, y, z] = v.to_array().map(tidy);
-    format!("OFFSET {x:.DECIMALS$} {y:.DECIMALS$} {z:.DECIMALS$}")
-}
-
-/// Zero for what would be written as a negative zero.
-fn tidy(value: f64) -> f64 {
-    if value.abs() < 0.5e-6 { 0.0 } else { value }
-}
-
-fn channel_name(channel: Channel) -> String {
-    match channel {
-        Channel::Translate(axis) => format!("{axis:?}position"),
-        Channel::Rotate(axis) => format!("{axis:?}rotation"),
-        // No reader knows it, and none of ours makes it.
-        Channel::Length => "Length".into(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::io::Input;
-    use crate::pose::rotation::parse_order;
-    use crate::pose::{Bone, Dof, Skeleton};
     use glam::DMat3;
     use rand::Rng;
     use std::io::Cursor;
@@ -388,62 +291,6 @@ mod tests {
             agreed += 1;
         }
         assert!(agreed >= 12, "{agreed}");
-    }
-
-    #[test]
-    fn a_skeleton_and_its_file_stand_alike_in_every_order_and_axis() {
-        let bone = |name: &str, parent, offset: [f64; 3], dofs: &[&str]| Bone {
-            name: name.into(),
-            parent,
-            offset: DVec3::from_array(offset),
-            axis: DMat3::from_rotation_z(offset[0]) * DMat3::from_rotation_x(0.4),
-            dofs: dofs
-                .iter()
-                .map(|c| Dof::free(crate::pose::Channel::parse(c).unwrap()))
-                .collect(),
-        };
-        let s = Skeleton::new(vec![
-            bone(
-                "root",
-                None,
-                [0., 0., 0.],
-                &["tx", "ty", "tz", "rx", "ry", "rz"],
-            ),
-            bone("hip", Some(0), [1., -2., 0.], &[]),
-            bone("spine", Some(0), [0., 5., 0.], &["rx", "ry", "rz"]),
-            // What hangs on a bone that grows gets position channels, and so does one that slides.
-            bone("leg", Some(1), [0., -9., 1.], &["rx", "l"]),
-            bone("foot", Some(3), [0., -1., 3.], &["ry"]),
-            bone("pack", Some(2), [0., -1., -2.], &["tx", "rz"]),
-            bone("head", Some(2), [0., 3., 0.], &["rz"]),
-        ])
-        .unwrap();
-        for order in ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"] {
-            for turn in [
-                DMat3::IDENTITY,
-                DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
-            ] {
-                let mut converter = Converter::new(&s, parse_order(order).unwrap(), turn);
-                let rig = Rig::new(converter.joints(), turn.transpose(), true).unwrap();
-                let mut q = vec![0.0; rig.skeleton.dof_count()];
-                for round in 0..5 {
-                    let values: Vec<f64> = (0..s.dof_count())
-                        .map(|i| ((i + 1 + 9 * round) as f64).sin())
-                        .collect();
-                    let want = s.posture(&values);
-                    let mut frame = Vec::new();
-                    converter.frame(&want, &mut frame);
-                    rig.values(&frame, &mut q);
-                    let got = rig.skeleton.posture(&q);
-                    for (name, bone) in rig.points(Points::Ends) {
-                        let end = want.ends[s.find(name).unwrap()];
-                        let fits = (got.ends[*bone] - end).length() <= 1e-9;
-                        // Its children start apart: the mean is not the bone's end.
-                        assert!(fits || name == "spine", "{order} {name}");
-                    }
-                }
-            }
-        }
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! What the tests of the commands share: where the binaries and the takes are, and tables in memory.
 #![allow(dead_code)] // Every test file uses a part of it.
 
+pub mod evaluations;
+
 use assert_cmd::Command;
 use std::path::{Path, PathBuf};
 

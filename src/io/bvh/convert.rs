@@ -98,3 +98,67 @@ impl<'a> Converter<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Points, Rig};
+    use super::*;
+    use crate::pose::rotation::parse_order;
+    use crate::pose::{Bone, Dof};
+
+    #[test]
+    fn a_skeleton_and_its_file_stand_alike_in_every_order_and_axis() {
+        let bone = |name: &str, parent, offset: [f64; 3], dofs: &[&str]| Bone {
+            name: name.into(),
+            parent,
+            offset: DVec3::from_array(offset),
+            axis: DMat3::from_rotation_z(offset[0]) * DMat3::from_rotation_x(0.4),
+            dofs: dofs
+                .iter()
+                .map(|c| Dof::free(crate::pose::Channel::parse(c).unwrap()))
+                .collect(),
+        };
+        let s = Skeleton::new(vec![
+            bone(
+                "root",
+                None,
+                [0., 0., 0.],
+                &["tx", "ty", "tz", "rx", "ry", "rz"],
+            ),
+            bone("hip", Some(0), [1., -2., 0.], &[]),
+            bone("spine", Some(0), [0., 5., 0.], &["rx", "ry", "rz"]),
+            // What hangs on a bone that grows gets position channels, and so does one that slides.
+            bone("leg", Some(1), [0., -9., 1.], &["rx", "l"]),
+            bone("foot", Some(3), [0., -1., 3.], &["ry"]),
+            bone("pack", Some(2), [0., -1., -2.], &["tx", "rz"]),
+            bone("head", Some(2), [0., 3., 0.], &["rz"]),
+        ])
+        .unwrap();
+        for order in ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"] {
+            for turn in [
+                DMat3::IDENTITY,
+                DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
+            ] {
+                let mut converter = Converter::new(&s, parse_order(order).unwrap(), turn);
+                let rig = Rig::new(converter.joints(), turn.transpose(), true).unwrap();
+                let mut q = vec![0.0; rig.skeleton.dof_count()];
+                for round in 0..5 {
+                    let values: Vec<f64> = (0..s.dof_count())
+                        .map(|i| ((i + 1 + 9 * round) as f64).sin())
+                        .collect();
+                    let want = s.posture(&values);
+                    let mut frame = Vec::new();
+                    converter.frame(&want, &mut frame);
+                    rig.values(&frame, &mut q);
+                    let got = rig.skeleton.posture(&q);
+                    for (name, bone) in rig.points(Points::Ends) {
+                        let end = want.ends[s.find(name).unwrap()];
+                        let fits = (got.ends[*bone] - end).length() <= 1e-9;
+                        // Its children start apart: the mean is not the bone's end.
+                        assert!(fits || name == "spine", "{order} {name}");
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,29 +1,18 @@
 //! Poses made ready for learning, and the model that comes of it.
 
-use super::pairs::RigidPairs;
-use super::sparse::residual_covariance;
-use crate::cluster;
-use crate::io::Model;
-use crate::io::model::{BodyMeta, Entry, MOST_POINTS};
+mod dictionary;
+mod history;
+mod typical;
+
+use crate::io::model::MOST_POINTS;
 use crate::pose::{Anchor, Body, PoseMap, Poses, joints};
-use crate::sparse::{Dictionary, Pursuit};
 use crate::{Error, Place, Result};
-use ndarray::{Array1, Array2, ArrayView2, Axis};
-use sha2::{Digest, Sha256};
+use ndarray::{Array2, Axis};
 use std::ops::Range;
 
-/// How many typical poses a model keeps to find headings with.
-const TYPICAL: usize = 32;
-/// How many poses they are chosen from at most.
-const TYPICAL_FROM: usize = 20_000;
-
-/// How much of the poses' own covariance is added to that of their residuals.
-///
-/// Residuals of poses that were learnt from say too little about poses that were not. Measured on whole takes held out
-/// (five subjects, 2,000 atoms, 3 a pose): 0.2 lowers the error of three missing joints from 2.9 to 2.5 cm and of dense
-/// noise of 5.6 cm from 3.7 to 3.2 cm. The stated deviations come closer to the true ones, from 3 to 11 times too small
-/// to 1.4 to 2.6 times.
-const UNSEEN: f64 = 0.2;
+pub use dictionary::{joined_model, sparse_model};
+pub use history::{digest, entry, hex};
+pub(super) use typical::typical;
 
 /// Poses ready for learning.
 #[derive(Debug, Clone)]
@@ -232,200 +221,6 @@ fn mean_body(parents: &[Option<usize>], bodies: &[Body]) -> Body {
     Body {
         parents: parents.to_vec(),
         lengths,
-    }
-}
-
-/// Makes the model of a learnt dictionary: its atoms, what its codes leave, and a few typical poses.
-pub fn sparse_model(
-    poses: &TrainingPoses,
-    dictionary: &Dictionary,
-    pursuit: &Pursuit,
-    world: bool,
-) -> Result<Model> {
-    let mut model = Model::new(
-        "sparse",
-        &poses.points,
-        if world { "world" } else { "body" },
-    );
-    let codes = pursuit.code_batch(dictionary, poses.xyz.view(), None)?;
-    let residual = residual_covariance(dictionary, poses.xyz.view(), &codes)?
-        + covariance(poses.xyz.view()) * UNSEEN;
-    model.meta.body = poses.body.as_ref().map(BodyMeta::from);
-    model.meta.sparsity = Some(pursuit.sparsity);
-    model.meta.training_rms = Some(codes.mean_squared_error(poses.xyz.ncols()).sqrt());
-    model
-        .meta
-        .details
-        .insert("frames".into(), poses.xyz.nrows().into());
-    model.meta.details.insert(
-        "pursuit".into(),
-        serde_json::to_value(pursuit.rule).unwrap_or_default(),
-    );
-    model
-        .arrays
-        .insert("atoms".into(), dictionary.atoms().to_owned());
-    model
-        .arrays
-        .insert("residual".into(), residual.mapv(|v| v as f32));
-    model
-        .arrays
-        .insert("typical".into(), typical(poses.xyz.view())?);
-    RigidPairs::learn(poses.xyz.view(), &poses.takes).write(&mut model);
-    Ok(model)
-}
-
-/// The covariance of poses (m, D), cm².
-fn covariance(xyz: ArrayView2<'_, f32>) -> Array2<f64> {
-    let (m, d) = xyz.dim();
-    let mean: Array1<f64> = xyz.mapv(f64::from).sum_axis(Axis(0)) / m as f64;
-    let mut sum = Array2::<f64>::zeros((d, d));
-    for block in xyz.axis_chunks_iter(Axis(0), 4096) {
-        let block = block.mapv(f64::from) - &mean;
-        sum += &block.t().dot(&block);
-    }
-    sum / m as f64
-}
-
-/// The model of joined dictionaries: what the parts leave is pooled by their numbers of training poses, their typical
-/// poses stand one after another, and so do their histories.
-pub fn joined_model(parts: &[Model], dictionary: &Dictionary, step: Entry) -> Model {
-    let first = &parts[0];
-    let mut model = Model::new("sparse", &first.meta.points, &first.meta.space);
-    let frames = |m: &Model| {
-        m.meta
-            .details
-            .get("frames")
-            .and_then(serde_json::Value::as_f64)
-            .unwrap_or(1.0)
-    };
-    let total: f64 = parts.iter().map(frames).sum();
-    let pooled = |value: &dyn Fn(&Model) -> Option<f64>| -> Option<f64> {
-        let sum: Option<f64> = parts.iter().map(|m| value(m).map(|v| v * frames(m))).sum();
-        sum.map(|s| s / total)
-    };
-    model.meta.sparsity = parts.iter().filter_map(|m| m.meta.sparsity).max();
-    model.meta.training_rms = pooled(&|m| m.meta.training_rms.map(|r| r * r)).map(f64::sqrt);
-    let mut credits: Vec<&str> = parts
-        .iter()
-        .filter_map(|m| m.meta.credit.as_deref())
-        .collect();
-    credits.sort_unstable();
-    credits.dedup();
-    model.meta.credit = (!credits.is_empty()).then(|| credits.join(" "));
-    model.meta.details.insert("frames".into(), total.into());
-    if let Some(body) = &first.meta.body {
-        let lengths = (0..body.lengths.len())
-            .map(|k| {
-                pooled(&|m| {
-                    m.meta
-                        .body
-                        .as_ref()
-                        .and_then(|b| b.lengths.get(k).copied().flatten())
-                })
-            })
-            .collect();
-        model.meta.body = Some(BodyMeta {
-            parents: body.parents.clone(),
-            lengths,
-        });
-    }
-    model
-        .arrays
-        .insert("atoms".into(), dictionary.atoms().to_owned());
-    let residuals: Option<Vec<_>> = parts.iter().map(|m| m.arrays.get("residual")).collect();
-    if let Some(residuals) = residuals
-        && residuals.iter().all(|r| r.dim() == residuals[0].dim())
-    {
-        let mut sum = Array2::<f64>::zeros(residuals[0].dim());
-        for (part, residual) in parts.iter().zip(residuals) {
-            sum.zip_mut_with(residual, |s, r| *s += f64::from(*r) * frames(part) / total);
-        }
-        model
-            .arrays
-            .insert("residual".into(), sum.mapv(|v| v as f32));
-    }
-    let typical: Option<Vec<_>> = parts
-        .iter()
-        .map(|m| m.arrays.get("typical").map(|t| t.view()))
-        .collect();
-    if let Some(Ok(typical)) = typical.map(|t| ndarray::concatenate(Axis(0), &t)) {
-        // Spread over all parts, no more than one model has.
-        let step = typical.nrows().div_ceil(TYPICAL).max(1);
-        let some: Vec<usize> = (0..typical.nrows()).step_by(step).collect();
-        model
-            .arrays
-            .insert("typical".into(), typical.select(Axis(0), &some));
-    }
-    model.meta.history = parts.iter().flat_map(|m| m.meta.history.clone()).collect();
-    model.meta.history.push(step);
-    model
-}
-
-/// Poses nearest to the centres of a few clusters.
-pub(super) fn typical(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
-    let step = xyz.nrows().div_ceil(TYPICAL_FROM).max(1);
-    let some: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
-    let poses = xyz.select(Axis(0), &some);
-    let parameters = cluster::Parameters {
-        k: TYPICAL.min(poses.nrows()),
-        max_iterations: 20,
-        ..Default::default()
-    };
-    let clustering = match cluster::fit(poses.view(), &parameters, &mut |_| {}) {
-        Ok(c) => c,
-        // Fewer different poses than clusters: the poses themselves.
-        Err(_) => {
-            return Ok(poses
-                .slice(ndarray::s![..poses.nrows().min(TYPICAL), ..])
-                .to_owned());
-        }
-    };
-    let mut best = vec![(f64::INFINITY, 0); clustering.centroids.nrows()];
-    for (i, (row, &label)) in poses.rows().into_iter().zip(&clustering.labels).enumerate() {
-        let centre = clustering.centroids.row(label as usize);
-        let d: f64 = row
-            .iter()
-            .zip(centre)
-            .map(|(a, b)| (f64::from(*a) - b).powi(2))
-            .sum();
-        let slot = &mut best[label as usize];
-        if d < slot.0 {
-            *slot = (d, i);
-        }
-    }
-    let chosen: Vec<usize> = best
-        .iter()
-        .filter(|b| b.0.is_finite())
-        .map(|b| b.1)
-        .collect();
-    Ok(poses.select(Axis(0), &chosen))
-}
-
-/// The digest of poses that a model's history keeps: names and numbers, not files.
-pub fn digest(points: &[String], xyz: ArrayView2<'_, f32>) -> String {
-    let mut hash = Sha256::new();
-    hash.update(points.join(",").as_bytes());
-    for v in xyz {
-        hash.update(v.to_le_bytes());
-    }
-    hex(&hash.finalize())
-}
-
-/// Bytes as lower-case hexadecimal.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
-}
-
-/// A step for a model's history.
-pub fn entry(command: &str, flags: &[(&str, String)], inputs: Vec<String>) -> Entry {
-    Entry {
-        command: command.into(),
-        version: env!("CARGO_PKG_VERSION").into(),
-        flags: flags
-            .iter()
-            .map(|(k, v)| (k.to_string(), v.clone()))
-            .collect(),
-        inputs,
     }
 }
 

@@ -18,50 +18,21 @@
 //! (Coordinates that are missing count neither in n nor in Σ log δ.) Where the noise is of many kinds or few coordinates
 //! are seen, a decomposition of R^-1/2 C_oo R^-1/2 takes the place of U, and nothing is changed.
 
+mod aside;
+mod cut;
+mod left;
+mod pattern;
+
 use super::basis::Basis;
-use super::scales::{Even, Scales, Weighed, log_product, merged};
+use super::scales::{Even, Scales, log_product};
 use crate::linalg::symmetric_eigen;
-use crate::prior::small::dot;
 use crate::simd::{self, combine, padded, row_dots};
+use cut::Cut;
 use ndarray::Array2;
 use std::sync::Arc;
 
-/// How the coordinates of a part are seen.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Pattern {
-    /// None is.
-    Nothing,
-    /// Noise of one variance, but for some coordinates: (which, their variance, above that of the rest).
-    Changed {
-        /// The variance of most, and the least.
-        unit: f64,
-        /// Those of another.
-        changed: Arc<[(usize, f64)]>,
-    },
-    /// Of many kinds.
-    Mixed,
-}
-
-impl Pattern {
-    /// Of noise variances (infinite: missing).
-    pub fn of(noise: &[f64]) -> Pattern {
-        let unit = noise.iter().copied().fold(f64::INFINITY, f64::min);
-        if unit == f64::INFINITY {
-            return Pattern::Nothing;
-        }
-        let changed: Vec<(usize, f64)> = (noise.iter().copied().enumerate())
-            .filter(|(_, n)| *n > unit)
-            .collect();
-        // Above this the small solves cost more than a decomposition of what is seen.
-        if 5 * changed.len() > 3 * noise.len() {
-            return Pattern::Mixed;
-        }
-        Pattern::Changed {
-            unit,
-            changed: changed.into(),
-        }
-    }
-}
+pub use aside::Aside;
+pub use pattern::Pattern;
 
 /// A block's covariance through one noise, for every scale of it.
 #[derive(Debug, Clone)]
@@ -77,18 +48,6 @@ pub struct Lens {
     /// Where few directions matter.
     cut: Option<Cut>,
 }
-
-/// The first directions, and one for all others.
-#[derive(Debug, Clone)]
-struct Cut {
-    /// Their λ; the last is the others' mean.
-    values: Vec<f64>,
-    /// How many share the last.
-    shared: f64,
-}
-
-/// Directions share one where their variance is below this share of the noise's.
-const DROWNED: f64 = 0.01;
 
 #[derive(Debug, Clone)]
 struct Mixed {
@@ -289,175 +248,6 @@ impl Lens {
         out.iter_mut()
             .zip(&sum)
             .for_each(|(o, s)| *o += f64::from(*s));
-    }
-
-    /// The covariance that is left at some scales (which of them, with what weight), added to `out` (d, d).
-    pub fn add_covariance(&self, weights: &[Weighed<'_>], out: &mut Array2<f64>) {
-        match &self.mixed {
-            None => {
-                let (left, shared) = self.left(weights);
-                self.basis.add_spread(&left, out);
-                out.diag_mut().mapv_inplace(|v| v + shared);
-                for (scales, at, weight) in merged(weights) {
-                    if let Some(fix) = scales.fix_at(at) {
-                        let half = self.unlearnt(scales.scales[at], &fix);
-                        out.scaled_add(weight, &half.t().dot(&half));
-                    }
-                }
-            }
-            Some(m) => {
-                let (prior, known) = self.known(m, weights);
-                self.basis.add_spread(&prior, out);
-                let (n, d) = (known.len(), self.basis.len());
-                let half = Array2::from_shape_fn((n, d), |(k, i)| {
-                    f64::from(m.gain[k * padded(d) + i]) * known[k].sqrt()
-                });
-                *out -= &half.t().dot(&half);
-            }
-        }
-    }
-
-    /// The diagonal of what [`add_covariance`](Lens::add_covariance) adds, added to `out` (d).
-    pub fn add_variances(&self, weights: &[Weighed<'_>], out: &mut [f64]) {
-        let add = |out: &mut [f64], more: Vec<f64>| {
-            out.iter_mut().zip(more).for_each(|(o, v)| *o += v);
-        };
-        match &self.mixed {
-            None => {
-                let (left, shared) = self.left(weights);
-                add(out, self.basis.diagonal_of(&left));
-                out.iter_mut().for_each(|v| *v += shared);
-                for (scales, at, weight) in merged(weights) {
-                    if let Some(fix) = scales.fix_at(at) {
-                        for row in self.unlearnt(scales.scales[at], &fix).rows() {
-                            add(out, row.iter().map(|v| weight * v * v).collect());
-                        }
-                    }
-                }
-            }
-            Some(m) => {
-                let (prior, known) = self.known(m, weights);
-                add(out, self.basis.diagonal_of(&prior));
-                for (row, known) in m.gain.chunks_exact(padded(out.len())).zip(known) {
-                    let taken = row.iter().map(|g| -known * f64::from(g * g));
-                    out.iter_mut().zip(taken).for_each(|(o, v)| *o += v);
-                }
-            }
-        }
-    }
-
-    /// Σ weight aλ r s by directions, beyond that of the shared ones; and that.
-    fn left(&self, weights: &[Weighed<'_>]) -> (Vec<f64>, f64) {
-        let mut left = vec![0.0; self.values().len()];
-        for &(scales, at, weight) in weights {
-            let shares = scales.shares(at);
-            let terms = self.values().iter().zip(shares);
-            for (left, (l, share)) in left.iter_mut().zip(terms) {
-                *left += weight * scales.scales[at] * l * self.unit * f64::from(*share);
-            }
-        }
-        let shared = match self.cut {
-            Some(_) => left.pop().unwrap_or(0.0),
-            None => 0.0,
-        };
-        left.iter_mut().for_each(|v| *v -= shared);
-        (left, shared)
-    }
-
-    /// Where the noise is mixed: Σ weight aλ by directions, and Σ weight a² s by those seen.
-    fn known(&self, mixed: &Mixed, weights: &[Weighed<'_>]) -> (Vec<f64>, Vec<f64>) {
-        let whole: f64 = weights.iter().map(|(s, at, w)| w * s.scales[*at]).sum();
-        let prior = self.basis.values.iter().map(|l| l * whole).collect();
-        let of = |k: usize| -> f64 {
-            let terms = weights.iter().map(|&(scales, at, w)| {
-                let share = scales.shares(at)[k];
-                w * scales.scales[at].powi(2) * f64::from(share)
-            });
-            terms.sum()
-        };
-        (prior, (0..mixed.values.len()).map(of).collect())
-    }
-
-    /// (B L⁻ᵀ)ᵀ with L Lᵀ = G: what is not learnt since coordinates are worse than the rest, (changed, d).
-    fn unlearnt(&self, scale: f64, fix: &[f32]) -> Array2<f64> {
-        let (n, d) = (self.basis.stride(), self.basis.len());
-        let mut out = Array2::zeros((fix.len() / n, d));
-        let mut step = vec![0.0; n];
-        let mut products = vec![0.0; d];
-        for (row, mut out) in fix.chunks_exact(n).zip(out.rows_mut()) {
-            for ((s, v), l) in step.iter_mut().zip(row).zip(&self.basis.values) {
-                *s = (scale * l) as f32 * v;
-            }
-            row_dots(self.basis.vectors(), n, &step, &mut products);
-            let both = out.iter_mut().zip(&products);
-            both.for_each(|(o, p)| *o = f64::from(*p));
-        }
-        out
-    }
-}
-
-impl Cut {
-    /// Of falling variances, seen through noise of variance `unit`; none where next to all matter.
-    fn of(values: &[f64], unit: f64) -> Option<Cut> {
-        let matter = values.partition_point(|l| *l > DROWNED * unit);
-        // With the shared one they fill the lanes.
-        let kept = simd::padded(matter + 1) - 1;
-        if simd::padded(values.len()) < kept + 1 + simd::LANES {
-            return None;
-        }
-        let rest = &values[kept..];
-        let mean = rest.iter().sum::<f64>() / rest.len() as f64;
-        Some(Cut {
-            values: values[..kept].iter().copied().chain([mean]).collect(),
-            shared: rest.len() as f64,
-        })
-    }
-}
-
-/// A vector beside a lens at some scales.
-pub struct Aside<'a> {
-    lens: &'a Lens,
-    scales: &'a Scales,
-    of: &'a [f32],
-    /// In the directions; 0 for those that are shared.
-    z: Vec<f32>,
-    /// L⁻¹ q at each scale, where coordinates are changed.
-    fixed: Vec<f64>,
-}
-
-impl<'a> Aside<'a> {
-    /// Of a vector (d, padded with 0; read where seen).
-    pub fn of(lens: &'a Lens, scales: &'a Scales, of: &'a [f32]) -> Aside<'a> {
-        let mut z = Vec::new();
-        lens.project(of, &mut z);
-        if let Some(cut) = &lens.cut {
-            z[cut.values.len() - 1] = 0.0;
-        }
-        let all = 0..scales.scales.len();
-        Aside {
-            fixed: all.flat_map(|at| scales.whitened(at, &z)).collect(),
-            lens,
-            scales,
-            of,
-            z,
-        }
-    }
-
-    /// aᵀ (a C_oo + R)⁻¹ b with another at each scale, into `out`.
-    pub fn forms(&self, other: &Aside<'_>, out: &mut Vec<f64>) {
-        self.scales.plain(&self.z, &other.z, out);
-        let changed = self.fixed.len() / self.scales.scales.len().max(1);
-        if changed > 0 {
-            let pairs = self.fixed.chunks(changed).zip(other.fixed.chunks(changed));
-            for (out, (p, q)) in out.iter_mut().zip(pairs) {
-                *out -= dot(p, q);
-            }
-        }
-        let Some(cut) = &self.lens.cut else { return };
-        let left = simd::dot(self.of, other.of) - simd::dot(&self.z, &other.z);
-        for (at, out) in out.iter_mut().enumerate() {
-            *out += f64::from(self.scales.shares(at)[cut.values.len() - 1] * left);
-        }
     }
 }
 

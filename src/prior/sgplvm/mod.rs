@@ -15,18 +15,23 @@
 //! which is the paper's objective with the pose, Gaussian given x, already minimised over; and by that Gaussian given the
 //! observation. The problem has many minima: it is solved from the best active points.
 
-use super::sgplvm_learn::{self, Learned};
+mod file;
+mod process;
+
+use super::sgplvm_learn;
 use super::store;
 use super::train::Training;
 use super::training::TrainingPoses;
 use super::tuning::{Grid, Learnt, Setting, Tasked, Tuned, tune};
 use super::{Belief, Choice, EXACT, Prior};
 use crate::io::Model;
-use crate::linalg::symmetric_eigen;
 use crate::pose::PoseMap;
 use crate::{Error, Place, Result, par};
 use ndarray::{Array1, Array2, ArrayView2};
+use process::Process;
 use std::sync::Arc;
+
+pub(super) use process::kernel;
 
 /// Active points that the search starts from.
 const STARTS: usize = 2;
@@ -45,109 +50,6 @@ pub struct SikPrior {
     typical: Arc<Array2<f64>>,
 }
 
-/// What predictions need.
-#[derive(Debug)]
-pub(super) struct Process {
-    /// Latent points of the active poses, (M, L).
-    pub latent: Array2<f64>,
-    /// γ.
-    pub gamma: f64,
-    /// ν.
-    pub noise: f64,
-    /// K⁻¹, (M, M).
-    pub inverse: Array2<f64>,
-    /// K⁻¹ Y, (M, D).
-    pub weights: Array2<f64>,
-    /// f at the active points, (M, D).
-    pub fitted: Array2<f64>,
-    /// 1 / w_c², cm².
-    pub scales: Vec<f64>,
-    /// The mean pose.
-    pub mean: Vec<f64>,
-}
-
-/// f and σ² at a latent point, and their derivatives by it.
-pub(super) struct Prediction {
-    /// (D), about the mean pose.
-    pub f: Array1<f64>,
-    /// σ².
-    pub variance: f64,
-    /// (L, D).
-    pub slope: Array2<f64>,
-    /// (L).
-    pub variance_slope: Array1<f64>,
-}
-
-impl Process {
-    /// From what was learnt: factorises K. `None` when K is not sound.
-    pub fn new(learned: &Learned) -> Option<Process> {
-        let (gamma, noise) = (learned.gamma, learned.noise);
-        let kernel = kernel(learned.latent.view(), gamma, noise);
-        let (values, vectors) = symmetric_eigen(&kernel)?;
-        let scaled = &vectors / &values.mapv(|v| v.max(1e-12));
-        let inverse = scaled.dot(&vectors.t());
-        let weights = inverse.dot(&learned.poses);
-        Some(Process {
-            // (K − ν I) K⁻¹ Y.
-            fitted: &learned.poses - &(&weights * noise),
-            weights,
-            latent: learned.latent.clone(),
-            gamma,
-            noise,
-            inverse,
-            scales: learned.scales.clone(),
-            mean: learned.mean.clone(),
-        })
-    }
-
-    /// f(x), σ²(x) and their derivatives. O(M² + M L D).
-    pub fn predict(&self, x: &[f64]) -> Prediction {
-        let (m, l) = self.latent.dim();
-        let k: Array1<f64> = (0..m).map(|i| self.nearness(x, i)).collect();
-        let solved = self.inverse.dot(&k);
-        let rest = 1.0 + self.noise - k.dot(&solved);
-        // σ² is at least the noise, but for rounding.
-        let floored = !(rest > self.noise);
-        let mut by_x = Array2::<f64>::zeros((l, m));
-        for i in 0..m {
-            for j in 0..l {
-                by_x[[j, i]] = -self.gamma * (x[j] - self.latent[[i, j]]) * k[i];
-            }
-        }
-        let scale = if floored { 0.0 } else { -2.0 };
-        Prediction {
-            f: k.dot(&self.weights),
-            variance: rest.max(self.noise),
-            slope: by_x.dot(&self.weights),
-            variance_slope: by_x.dot(&solved) * scale,
-        }
-    }
-
-    fn nearness(&self, x: &[f64], i: usize) -> f64 {
-        let squares = x
-            .iter()
-            .zip(self.latent.row(i))
-            .map(|(a, b)| (a - b) * (a - b));
-        (-0.5 * self.gamma * squares.sum::<f64>()).exp()
-    }
-}
-
-/// K of latent points (M, L).
-pub(super) fn kernel(latent: ArrayView2<'_, f64>, gamma: f64, noise: f64) -> Array2<f64> {
-    let m = latent.nrows();
-    let mut out = Array2::zeros((m, m));
-    for i in 0..m {
-        for j in 0..=i {
-            let pairs = latent.row(i).into_iter().zip(latent.row(j));
-            let squares: f64 = pairs.map(|(a, b)| (a - b) * (a - b)).sum();
-            let own = if i == j { noise } else { 0.0 };
-            out[[i, j]] = (-0.5 * gamma * squares).exp() + own;
-            out[[j, i]] = out[[i, j]];
-        }
-    }
-    out
-}
-
 impl SikPrior {
     /// From a model of kind `sik`: `active` (M, D) poses, their `latent` (M, L) points, `scales` (1, D) and `mean` (1, D),
     /// and in its details `gamma` and `noise`.
@@ -155,7 +57,7 @@ impl SikPrior {
     /// # Errors
     /// Data: no such array or number, a wrong shape, numbers that are not finite or out of range.
     pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-        let learned = read(model, source)?;
+        let learned = file::read(model, source)?;
         let active = store::rows(model, "active", 3 * model.meta.points.len(), source)?;
         let typical = store::typical_or(model, active, source)?;
         let tuned = Tuned::read(model, source)?;
@@ -289,24 +191,6 @@ impl Prior for SikPrior {
     }
 }
 
-impl Process {
-    fn mapped(&self, map: &PoseMap) -> Process {
-        let scales = Array2::from_diag(&Array1::from(self.scales.clone()));
-        let mut mean = vec![0.0; self.mean.len()];
-        map.apply(&self.mean, &mut mean);
-        Process {
-            latent: self.latent.clone(),
-            gamma: self.gamma,
-            noise: self.noise,
-            inverse: self.inverse.clone(),
-            weights: map.apply_rows(self.weights.view()),
-            fitted: map.apply_rows(self.fitted.view()),
-            scales: map.apply_covariance(scales.view()).diag().to_vec(),
-            mean,
-        }
-    }
-}
-
 fn learnt(process: Process, typical: Array2<f64>) -> Learnt<'static> {
     let (process, typical) = (Arc::new(process), Arc::new(typical));
     Box::new(move |setting: Setting| {
@@ -337,76 +221,15 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
     };
     tune(training, &grid, &learn, report)?.write(&mut model);
     let learned = sgplvm_learn::learn(training.poses.xyz.view(), report);
-    write(&learned, &mut model);
+    file::write(&learned, &mut model);
     Ok(model)
 }
-
-fn write(learned: &Learned, model: &mut Model) {
-    let row = |v: &[f64]| Array2::from_shape_fn((1, v.len()), |(_, c)| v[c] as f32);
-    let poses = &learned.poses + &Array1::from(learned.mean.clone());
-    let mut put = |name: &str, array: Array2<f32>| model.arrays.insert(name.into(), array);
-    put("active", poses.mapv(|v| v as f32));
-    put("latent", learned.latent.mapv(|v| v as f32));
-    put("scales", row(&learned.scales));
-    put("mean", row(&learned.mean));
-    let details = &mut model.meta.details;
-    details.insert("gamma".into(), learned.gamma.into());
-    details.insert("noise".into(), learned.noise.into());
-}
-
-fn read(model: &Model, source: &str) -> Result<Learned> {
-    let width = 3 * model.meta.points.len();
-    let place = |part: &str| Place::file(source).part(part);
-    let active = store::rows(model, "active", width, source)?.mapv(f64::from);
-    let latent = model.array("latent", source)?;
-    let latent = store::rows(model, "latent", latent.ncols(), source)?.mapv(f64::from);
-    if latent.nrows() != active.nrows() || latent.ncols() == 0 || active.nrows() > MOST_ACTIVE {
-        let what = format!(
-            "has {} rows, expected one for each of {} poses, at most {MOST_ACTIVE}",
-            latent.nrows(),
-            active.nrows()
-        );
-        return Err(Error::data(place("latent"), what));
-    }
-    let scales: Vec<f64> = store::rows(model, "scales", width, source)?
-        .row(0)
-        .mapv(f64::from)
-        .to_vec();
-    let mean = store::rows(model, "mean", width, source)?
-        .row(0)
-        .mapv(f64::from);
-    let number = |name: &str| -> Result<f64> {
-        let value = model
-            .meta
-            .details
-            .get(name)
-            .and_then(serde_json::Value::as_f64);
-        let sound = value.filter(|v| *v > 0.0 && v.is_finite());
-        sound.ok_or_else(|| Error::data(place("meta"), format!("needs {name}, a number above 0")))
-    };
-    if !scales.iter().all(|s| *s > 0.0) {
-        return Err(Error::data(
-            place("scales"),
-            "holds a variance that is not above 0",
-        ));
-    }
-    Ok(Learned {
-        poses: active - &mean,
-        latent,
-        gamma: number("gamma")?,
-        noise: number("noise")?,
-        scales,
-        mean: mean.to_vec(),
-    })
-}
-
-/// A model with more active poses than this takes more memory than poses are worth: (M, M) numbers.
-const MOST_ACTIVE: usize = 4000;
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::pose::rotation::exponential;
+    use crate::prior::sgplvm_learn::Learned;
     use glam::DVec3;
 
     /// Poses along a closed curve.

@@ -1,0 +1,71 @@
+//! A scaled GPLVM in a model file.
+
+use super::super::sgplvm_learn::Learned;
+use super::super::store;
+use crate::io::Model;
+use crate::{Error, Place, Result};
+use ndarray::{Array1, Array2};
+
+/// A model with more active poses than this takes more memory than poses are worth: (M, M) numbers.
+const MOST_ACTIVE: usize = 4000;
+
+/// Into a model.
+pub fn write(learned: &Learned, model: &mut Model) {
+    let row = |v: &[f64]| Array2::from_shape_fn((1, v.len()), |(_, c)| v[c] as f32);
+    let poses = &learned.poses + &Array1::from(learned.mean.clone());
+    let mut put = |name: &str, array: Array2<f32>| model.arrays.insert(name.into(), array);
+    put("active", poses.mapv(|v| v as f32));
+    put("latent", learned.latent.mapv(|v| v as f32));
+    put("scales", row(&learned.scales));
+    put("mean", row(&learned.mean));
+    let details = &mut model.meta.details;
+    details.insert("gamma".into(), learned.gamma.into());
+    details.insert("noise".into(), learned.noise.into());
+}
+
+/// Of a model, checked; `source` is for messages.
+pub fn read(model: &Model, source: &str) -> Result<Learned> {
+    let width = 3 * model.meta.points.len();
+    let place = |part: &str| Place::file(source).part(part);
+    let active = store::rows(model, "active", width, source)?.mapv(f64::from);
+    let latent = model.array("latent", source)?;
+    let latent = store::rows(model, "latent", latent.ncols(), source)?.mapv(f64::from);
+    if latent.nrows() != active.nrows() || latent.ncols() == 0 || active.nrows() > MOST_ACTIVE {
+        let what = format!(
+            "has {} rows, expected one for each of {} poses, at most {MOST_ACTIVE}",
+            latent.nrows(),
+            active.nrows()
+        );
+        return Err(Error::data(place("latent"), what));
+    }
+    let scales: Vec<f64> = store::rows(model, "scales", width, source)?
+        .row(0)
+        .mapv(f64::from)
+        .to_vec();
+    let mean = store::rows(model, "mean", width, source)?
+        .row(0)
+        .mapv(f64::from);
+    let number = |name: &str| -> Result<f64> {
+        let value = model
+            .meta
+            .details
+            .get(name)
+            .and_then(serde_json::Value::as_f64);
+        let sound = value.filter(|v| *v > 0.0 && v.is_finite());
+        sound.ok_or_else(|| Error::data(place("meta"), format!("needs {name}, a number above 0")))
+    };
+    if !scales.iter().all(|s| *s > 0.0) {
+        return Err(Error::data(
+            place("scales"),
+            "holds a variance that is not above 0",
+        ));
+    }
+    Ok(Learned {
+        poses: active - &mean,
+        latent,
+        gamma: number("gamma")?,
+        noise: number("noise")?,
+        scales,
+        mean: mean.to_vec(),
+    })
+}

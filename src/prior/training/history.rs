@@ -1,0 +1,33 @@
+//! What a model's history keeps of how it came to be: the command, its flags, and its inputs by their digests.
+
+use crate::io::model::Entry;
+use ndarray::ArrayView2;
+use sha2::{Digest, Sha256};
+
+/// The digest of poses that a model's history keeps: names and numbers, not files.
+pub fn digest(points: &[String], xyz: ArrayView2<'_, f32>) -> String {
+    let mut hash = Sha256::new();
+    hash.update(points.join(",").as_bytes());
+    for v in xyz {
+        hash.update(v.to_le_bytes());
+    }
+    hex(&hash.finalize())
+}
+
+/// Bytes as lower-case hexadecimal.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// A step for a model's history.
+pub fn entry(command: &str, flags: &[(&str, String)], inputs: Vec<String>) -> Entry {
+    Entry {
+        command: command.into(),
+        version: env!("CARGO_PKG_VERSION").into(),
+        flags: flags
+            .iter()
+            .map(|(k, v)| (k.to_string(), v.clone()))
+            .collect(),
+        inputs,
+    }
+}

@@ -1,0 +1,50 @@
+//! A few typical poses, far apart, that headings are found with.
+
+use crate::Result;
+use crate::cluster;
+use ndarray::{Array2, ArrayView2, Axis};
+
+/// How many typical poses a model keeps to find headings with.
+pub const TYPICAL: usize = 32;
+/// How many poses they are chosen from at most.
+const TYPICAL_FROM: usize = 20_000;
+
+/// Poses nearest to the centres of a few clusters.
+pub fn typical(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
+    let step = xyz.nrows().div_ceil(TYPICAL_FROM).max(1);
+    let some: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
+    let poses = xyz.select(Axis(0), &some);
+    let parameters = cluster::Parameters {
+        k: TYPICAL.min(poses.nrows()),
+        max_iterations: 20,
+        ..Default::default()
+    };
+    let clustering = match cluster::fit(poses.view(), &parameters, &mut |_| {}) {
+        Ok(c) => c,
+        // Fewer different poses than clusters: the poses themselves.
+        Err(_) => {
+            return Ok(poses
+                .slice(ndarray::s![..poses.nrows().min(TYPICAL), ..])
+                .to_owned());
+        }
+    };
+    let mut best = vec![(f64::INFINITY, 0); clustering.centroids.nrows()];
+    for (i, (row, &label)) in poses.rows().into_iter().zip(&clustering.labels).enumerate() {
+        let centre = clustering.centroids.row(label as usize);
+        let d: f64 = row
+            .iter()
+            .zip(centre)
+            .map(|(a, b)| (f64::from(*a) - b).powi(2))
+            .sum();
+        let slot = &mut best[label as usize];
+        if d < slot.0 {
+            *slot = (d, i);
+        }
+    }
+    let chosen: Vec<usize> = best
+        .iter()
+        .filter(|b| b.0.is_finite())
+        .map(|b| b.1)
+        .collect();
+    Ok(poses.select(Axis(0), &chosen))
+}
