@@ -9,8 +9,9 @@ use posing::cli::{Outcome, run};
 use posing::io::table::Row;
 use posing::io::text::push_number;
 use posing::prior::sparse::dictionary;
-use posing::sparse::{Dictionary, Pursuit};
-use posing::{Error, Place, Result};
+use posing::sparse::{Codes, Dictionary, Pursuit};
+use posing::{Error, Place, Result, par};
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -44,7 +45,9 @@ struct Args {
 }
 
 /// Poses coded together.
-const BATCH: usize = 8192;
+const BATCH: usize = 1 << 15;
+/// Lines that one thread writes at a time.
+const LINES: usize = 256;
 
 fn main() -> ExitCode {
     run(|args: Args| work(&args))
@@ -94,11 +97,21 @@ fn coded(pursuit: &Pursuit, dictionary: &Dictionary, poses: &Array2<f32>) -> Res
     let seen = poses.mapv(|v| f32::from(v.is_finite()));
     let gaps = seen.iter().any(|w| *w == 0.0);
     let codes = pursuit.code_batch(dictionary, poses.view(), gaps.then(|| seen.view()))?;
-    let mut out = Vec::new();
-    for i in 0..codes.len() {
+    let lines = |i: std::ops::Range<usize>| lines(pursuit, &codes, &seen, i);
+    Ok(par::map_chunks(codes.len(), LINES, lines).concat())
+}
+
+fn lines(
+    pursuit: &Pursuit,
+    codes: &Codes,
+    seen: &Array2<f32>,
+    rows: std::ops::Range<usize>,
+) -> Vec<u8> {
+    let mut out = Vec::with_capacity(64 * rows.len());
+    for i in rows {
         let mut used = 0;
         for (atom, coefficient) in codes.entries(i) {
-            out.extend_from_slice(format!("{atom},").as_bytes());
+            let _ = write!(out, "{atom},");
             push_number(&mut out, f64::from(coefficient));
             out.push(b',');
             used += 1;
@@ -111,5 +124,5 @@ fn coded(pursuit: &Pursuit, dictionary: &Dictionary, poses: &Array2<f32>) -> Res
         );
         out.push(b'\n');
     }
-    Ok(out)
+    out
 }

@@ -147,7 +147,7 @@ impl Pursuit {
         }
         let at_once = poses_at_once(dictionary.len()).min(m);
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
-        let tiles = (m / (at_once.max(1) * 16)).clamp(1, 8);
+        let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);
         let parts = par::map_chunks(m, at_once * tiles, |rows| {
             let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
             let part = poses.slice(s![rows.clone(), ..]);

@@ -11,6 +11,7 @@
 //! limit below is a plain number; the scale comes back in the answers.
 
 use super::{Stop, Tolerance};
+use crate::simd::wide;
 use ndarray::ArrayView1;
 
 /// An atom counts as dependent on those chosen when at most this share of its squared (weighted) norm is left
@@ -122,6 +123,14 @@ impl Fit {
 
     /// Adds an atom; `false`, with nothing changed, if it depends on those chosen where the pose is observed.
     pub fn push(&mut self, index: u32, atom: &[f32]) -> bool {
+        wide(
+            #[inline(always)]
+            || self.push_here(index, atom),
+        )
+    }
+
+    #[inline(always)]
+    fn push_here(&mut self, index: u32, atom: &[f32]) -> bool {
         let (d, k, cap) = (self.residual.len(), self.support.len(), self.capacity);
         if k == cap {
             return false;
@@ -222,20 +231,23 @@ fn roots<W: Into<f64> + Copy>(
     Ok((total, scale))
 }
 
-/// <a, b> with four running sums, so that the compiler may use vector registers.
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0f64; 4];
-    let ((a4, a1), (b4, b1)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
-    for (a, b) in a4.iter().zip(b4) {
-        for l in 0..4 {
+/// <a, b> with eight running sums, for vector registers.
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [0f64; 8];
+    let ((a8, a1), (b8, b1)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    for (a, b) in a8.iter().zip(b8) {
+        for l in 0..8 {
             sums[l] += a[l] * b[l];
         }
     }
     let rest: f64 = a1.iter().zip(b1).map(|(a, b)| a * b).sum();
-    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+    let [a, b, c, d, e, f, g, h] = sums;
+    ((a + e) + (b + f)) + ((c + g) + (d + h)) + rest
 }
 
 /// v += c u.
-pub(super) fn add(v: &mut [f64], c: f64, u: &[f64]) {
+#[inline(always)]
+fn add(v: &mut [f64], c: f64, u: &[f64]) {
     v.iter_mut().zip(u).for_each(|(v, u)| *v += c * u);
 }

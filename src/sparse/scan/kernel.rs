@@ -59,6 +59,18 @@ impl Best {
         }
     }
 
+    /// Like [`Best::meet`] where e is 1 of all atoms; which atom it is has to be found afterwards.
+    #[inline(always)]
+    fn raise<S: Simd>(&mut self, simd: S, v: usize, over: S::f32s) {
+        let best_over = &mut S::as_mut_simd_f32s(&mut self.over).0[v];
+        *best_over = simd.max_f32s(*best_over, over);
+    }
+
+    /// The largest c² that was raised to.
+    fn height(&self) -> f32 {
+        self.over.iter().copied().fold(0.0, f32::max)
+    }
+
     /// The best of all lanes, the first of equals; `None` where there is none.
     pub fn atom(&self) -> Option<u32> {
         let mut best: Option<(f32, f32, u32)> = None;
@@ -97,6 +109,41 @@ pub struct Next {
     pub fresh: bool,
     /// c and e are not needed any more.
     pub last: bool,
+}
+
+/// The first atom of a pose with the largest c², once that is known; its rows of c are `stride` apart.
+pub struct Find<'a> {
+    pub correlations: &'a [Row],
+    pub stride: usize,
+    pub best: &'a Best,
+    pub found: &'a mut Option<u32>,
+}
+
+impl WithSimd for Find<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        *self.found = None;
+        let height = self.best.height();
+        if height <= 0.0 {
+            return;
+        }
+        let highest = simd.splat_f32s(height);
+        let rows = self.correlations.iter().step_by(self.stride).enumerate();
+        for (panel, row) in rows {
+            let vectors = S::as_simd_f32s(&row.0).0;
+            // Whether any lane is true is all that is asked: of AVX-512's masks pulp 0.22 counts from the wrong end.
+            let here = |c: &S::f32s| {
+                simd.first_true_m32s(simd.equal_f32s(simd.mul_f32s(*c, *c), highest)) < S::F32_LANES
+            };
+            if vectors.iter().any(here) {
+                let lane = row.0.iter().position(|c| c * c == height);
+                *self.found = lane.map(|lane| (panel * WIDTH + lane) as u32);
+                return;
+            }
+        }
+    }
 }
 
 /// One panel of atoms and all poses of a tile.
@@ -201,7 +248,11 @@ impl Job<'_> {
                     if let Some((over, under)) = U::meet(simd, product, part, state) {
                         let group = (self.panel * WIDTH + v * lanes) / LANES;
                         let v = v * lanes % LANES / lanes;
-                        self.best[pose].meet(simd, v, over, under, group as u32);
+                        if U::ALIKE {
+                            self.best[pose].raise(simd, v, over);
+                        } else {
+                            self.best[pose].meet(simd, v, over, under, group as u32);
+                        }
                     }
                 }
             }
@@ -259,7 +310,10 @@ pub struct Vectors<'a, S: Simd> {
 
 /// What is done with a vector of products; gives c² and e where atoms are compared.
 pub trait Use {
+    /// Atoms and directions are squared.
     const SQUARED: bool = false;
+    /// e is 1 of all atoms: c² is enough to compare them.
+    const ALIKE: bool = false;
 
     fn meet<S: Simd>(
         simd: S,
@@ -294,6 +348,8 @@ impl Use for Norms {
 struct First<const UNIT: bool>;
 
 impl<const UNIT: bool> Use for First<UNIT> {
+    const ALIKE: bool = UNIT;
+
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,

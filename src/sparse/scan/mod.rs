@@ -20,7 +20,7 @@ mod kernel;
 mod panels;
 
 use super::Rule;
-use kernel::{Best, Job, State};
+use kernel::{Best, Find, Job, State};
 use ndarray::ArrayView2;
 use panels::{Row, WIDTH};
 
@@ -60,6 +60,7 @@ pub struct Scan<'a> {
     /// −<q, r>, one a pose.
     pub parts: Vec<f32>,
     best: Vec<Best>,
+    found: Vec<Option<u32>>,
     /// e is 1 of all atoms, whatever is kept.
     fresh: bool,
 }
@@ -76,6 +77,7 @@ impl<'a> Scan<'a> {
             directions: vec![0.0; poses * panels.width()],
             parts: vec![0.0; poses],
             best: vec![Best::NONE; poses],
+            found: vec![None; poses],
             fresh: true,
         }
     }
@@ -98,6 +100,17 @@ impl<'a> Scan<'a> {
     pub fn first(&mut self) {
         self.best.fill(Best::NONE);
         self.each(Step::First, None);
+        if !self.fresh {
+            return self.found_by_lanes();
+        }
+        for (pose, found) in self.found.iter_mut().enumerate() {
+            kernel::widest(Find {
+                correlations: &self.correlations[pose..],
+                stride: self.poses,
+                best: &self.best[pose],
+                found,
+            });
+        }
     }
 
     /// Brings c and e up to date, if they are needed any more (`last`), and finds each pose's best atom.
@@ -109,6 +122,13 @@ impl<'a> Scan<'a> {
         }
         self.best.fill(Best::NONE);
         self.each(Step::Next(Next { rule, fresh, last }), None);
+        self.found_by_lanes();
+    }
+
+    fn found_by_lanes(&mut self) {
+        for (found, best) in self.found.iter_mut().zip(&self.best) {
+            *found = best.atom();
+        }
     }
 
     fn each(&mut self, step: Step, weights: Option<&[f32]>) {
@@ -138,7 +158,7 @@ impl<'a> Scan<'a> {
 
     /// The best atom of a pose, if there is one.
     pub fn best(&self, pose: usize) -> Option<u32> {
-        self.best[pose].atom()
+        self.found[pose]
     }
 
     /// A pose is not to take an atom any more.
