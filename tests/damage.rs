@@ -347,6 +347,7 @@ fn sound_files_that_do_not_fit_are_told_by_name() {
             "at most",
         ),
         ("ksvd-train -n 2 --space body -o o.npz wide.csv", "at most"),
+        ("cluster -k 2 --save o.npz wide.csv", "at most"),
     ] {
         let mut words = words.split(' ');
         let name = words.next().unwrap();

@@ -204,12 +204,14 @@ fn any_number_of_threads_and_a_kill_give_the_same_bytes() {
     assert!(whole == with("killed", "2"));
     assert!(dir.read("killed/cells.jsonl") == before);
     // A cell with lists that are too short is made again.
-    let list = before.find("\"within\":[").unwrap() + 10;
-    let end = list + before[list..].find(']').unwrap();
-    let short = [&before[..list], &before[end..]].concat();
-    fs::write(&cells, &short).unwrap();
-    assert!(whole == with("killed", "2"));
-    assert!(dir.read("killed/cells.jsonl").starts_with(&short));
+    for list in ["within", "by_joint", "units"] {
+        let list = before.find(&format!("\"{list}\":[")).unwrap() + list.len() + 4;
+        let end = list + before[list..].find(']').unwrap();
+        let short = [&before[..list], &before[end..]].concat();
+        fs::write(&cells, &short).unwrap();
+        assert!(whole == with("killed", "2"));
+        assert!(dir.read("killed/cells.jsonl").starts_with(&short));
+    }
     fs::write(&cells, &before).unwrap();
     // With a seed more, only that is done.
     let mut more = dir.small("killed");

@@ -8,6 +8,7 @@ use posing::cli::{Outcome, run, say};
 use posing::cluster::{self, Clustering, Parameters, Report};
 use posing::io::Model;
 use posing::io::csv::After;
+use posing::io::model::few_enough;
 use posing::io::table::{Row, Table};
 use posing::prior::training::{digest, entry};
 use posing::{Error, Place, Result};
@@ -57,6 +58,9 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let table = streams::read_table(&args.input, false, true)?;
+    if args.save.is_some() {
+        few_enough(table.columns.points.len(), &table.name)?;
+    }
     let poses = table.poses.xyz.mapv(|v| v as f32);
     if let Some(bad) = poses
         .rows()

@@ -132,8 +132,9 @@ impl Run<'_> {
             .and_then(|h| serde_json::from_value(h.clone()).ok())
             .ok_or_else(|| fail("has no history; remove it to start afresh"))?;
         let damaged = |what: &str| fail(&format!("is damaged ({what}); remove it to start afresh"));
-        let dictionary = Dictionary::from_rows(model.array("atoms", &name)?)
-            .map_err(|e| damaged(&e.to_string()))?;
+        let atoms = model.array("atoms", "checkpoint");
+        let dictionary =
+            (atoms.and_then(Dictionary::from_rows)).map_err(|e| damaged(&e.to_string()))?;
         let asked = self.atoms.is_none_or(|n| n == dictionary.len());
         if !asked || dictionary.width() != self.poses.ncols() {
             return Err(damaged("its atoms are not those of this run"));

@@ -20,6 +20,19 @@ pub const FORMAT: u32 = 1;
 /// A model has at most so many points: what priors keep and what they cost grows with the square, and more.
 pub const MOST_POINTS: usize = 2048;
 
+/// Refuses more points than a model has.
+///
+/// # Errors
+/// Data: the source is named.
+pub fn few_enough(points: usize, source: &str) -> Result<()> {
+    if points <= MOST_POINTS {
+        return Ok(());
+    }
+    let what =
+        format!("has {points} points, a model has at most {MOST_POINTS}; pick those of a body");
+    Err(Error::data(Place::file(source), what))
+}
+
 /// No model is larger.
 const LARGEST: u64 = 8 << 30;
 
@@ -165,6 +178,7 @@ impl Model {
     /// The file's bytes.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let fail = |e: String| Error::data(Place::file("the model"), e);
+        few_enough(self.meta.points.len(), "the model")?;
         let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
         // The default time of an entry is 1980-01-01, the earliest ZIP knows.
         let options = SimpleFileOptions::default()
@@ -252,10 +266,7 @@ impl Model {
             }
         }
         let points = meta.points.len();
-        if points > MOST_POINTS {
-            let what = format!("has {points} points, a model has at most {MOST_POINTS}");
-            return Err(Error::data(Place::file(name).part("meta"), what));
-        }
+        few_enough(points, name)?;
         let sound = meta.body.as_ref().is_none_or(|b| {
             b.parents.len() == points
                 && b.lengths.len() == points
@@ -341,7 +352,7 @@ mod tests {
         }
         let mut wide = model();
         wide.meta.points = (0..=MOST_POINTS).map(|k| k.to_string()).collect();
-        let said = Model::from_bytes(&wide.to_bytes().unwrap(), "m").unwrap_err();
+        let said = wide.to_bytes().unwrap_err();
         assert!(said.to_string().contains("at most"), "{said}");
         let mut newer = model();
         newer.meta.format = 99;

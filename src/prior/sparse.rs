@@ -48,7 +48,7 @@ pub struct SparsePrior {
 /// The dictionary of a model: its `atoms` (n, D), D numbers for the model's points.
 ///
 /// # Errors
-/// Data: a model without atoms, or with atoms that are none of its points.
+/// Data: a model without atoms, with atoms that are none of its points, or with one that is zero or not finite.
 pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
     let wrong = |what: String| Error::data(Place::file(source).part("atoms"), what);
     let atoms = model.array("atoms", source)?;
@@ -69,7 +69,7 @@ impl SparsePrior {
     /// `typical` (k, D).
     pub fn from_model(model: &Model, choice: &Choice, source: &str) -> Result<SparsePrior> {
         let width = 3 * model.meta.points.len();
-        let atoms = model.array("atoms", source)?;
+        let dictionary = dictionary(model, source)?;
         let shaped = |name: &str, array: ArrayView2<'_, f32>, rows: Option<usize>| {
             let (n, d) = array.dim();
             if d != width || n == 0 || rows.is_some_and(|r| r != n) {
@@ -84,8 +84,6 @@ impl SparsePrior {
             }
             Ok(())
         };
-        shaped("atoms", atoms, None)?;
-        let dictionary = dictionary(model, source)?;
         let residual = match model.arrays.get("residual") {
             Some(array) => {
                 shaped("residual", array.view(), Some(width))?;

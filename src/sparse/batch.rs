@@ -179,10 +179,15 @@ impl Pursuit {
             .map(|_| Fit::new(k, dictionary.width()))
             .collect();
         let mut x = vec![0.0; k];
-        for from in (0..rows.len()).step_by(at_once) {
-            let here = from..(from + at_once).min(rows.len());
+        // Poses that are seen whole are coded with each other, as they would be alone.
+        let even = |i: &usize| {
+            let row = weights.as_ref().map(|w| w.index_axis(Axis(0), *i));
+            row.is_none_or(|w| w.iter().all(|v| *v == w[0]))
+        };
+        let (whole, part): (Vec<usize>, Vec<usize>) = (0..rows.len()).partition(even);
+        for here in whole.chunks(at_once).chain(part.chunks(at_once)) {
             let fits = &mut fits[..here.len()];
-            for (i, fit) in here.clone().zip(fits.iter_mut()) {
+            for (&i, fit) in here.iter().zip(fits.iter_mut()) {
                 let weights = weights.as_ref().map(|w| w.index_axis(Axis(0), i));
                 fit.start(poses.row(i), weights, self.tolerance)
                     .map_err(|what| {
@@ -190,8 +195,7 @@ impl Pursuit {
                     })?;
             }
             tile.code(fits, self.sparsity);
-            here.zip(fits.iter())
-                .for_each(|(i, fit)| codes.set(i, fit, &mut x));
+            (here.iter().zip(fits.iter())).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
         }
         Ok(codes)
     }
@@ -226,14 +230,40 @@ mod tests {
         for n in [300, 2100] {
             let d = Dictionary::from_rows(random(n, 21, 1).view()).unwrap();
             assert_eq!(d.ground().gram.is_some(), n == 300);
-            alone_as_together(&d);
+            alone_as_together(&d, &random(150, 21, 2), &weights(150, 21), 4);
         }
     }
 
-    fn alone_as_together(d: &Dictionary) {
-        let y = random(150, 21, 2);
-        let w = random(150, 21, 3).mapv(|v| if v > 0.2 { 0.0 } else { v.abs() });
+    #[test]
+    fn so_do_poses_whose_last_atom_is_refused() {
+        // Copies of six directions, nearer to each other than f32 tells, and poses that five of them nearly reach.
+        for n in [100, 2100] {
+            let (six, noise) = (random(6, 12, 30), random(n, 12, 31));
+            let atoms = Array2::from_shape_fn((n, 12), |(i, j)| {
+                six[[i % 6, j]] + 5e-6 * (noise[[i, j]] - (j as f32).sin())
+            });
+            let d = Dictionary::from_rows(atoms.view()).unwrap();
+            let parts = random(120, 5, 32);
+            let y = parts.dot(&six.slice(s![..5, ..])) + random(120, 12, 33) * 1e-3;
+            for sparsity in [4, 5, 6, 7] {
+                let mut w = Array2::ones(y.dim());
+                w.slice_mut(s![.., ..3]).fill(0.0);
+                alone_as_together(&d, &y, &w, sparsity);
+            }
+        }
+    }
+
+    /// Some poses are seen whole, all weights of some are equal.
+    fn weights(m: usize, d: usize) -> Array2<f32> {
+        let mut w = random(m, d, 3).mapv(|v| if v > 0.2 { 0.0 } else { v.abs() });
+        w.slice_mut(s![..;5, ..]).fill(1.0);
+        w.slice_mut(s![1..;5, ..]).fill(0.3);
+        w
+    }
+
+    fn alone_as_together(d: &Dictionary, y: &Array2<f32>, w: &Array2<f32>, sparsity: usize) {
         for p in pursuits() {
+            let p = Pursuit { sparsity, ..p };
             for weights in [None, Some(w.view())] {
                 let codes = p.code_batch(d, y.view(), weights).unwrap();
                 for i in 0..y.nrows() {

@@ -13,7 +13,8 @@ pub enum Stop {
     Sparsity,
     /// The residual is within the tolerance, or zero to single precision.
     Tolerance,
-    /// No other atom is independent of those taken (and of any use) on the observed coordinates.
+    /// No other atom was found that is independent of those taken (and of any use) on the observed coordinates: there is
+    /// none, or the best ones depended on them again and again.
     Dependent,
     /// The pose is zero wherever it is observed, or observed nowhere: the code is empty.
     Nothing,

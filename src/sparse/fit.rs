@@ -28,7 +28,7 @@ const LARGEST: f64 = 1e30;
 /// One pose and the atoms chosen for it so far.
 pub(super) struct Fit {
     capacity: usize,
-    /// √(w / max w), or nothing if all weights are equal.
+    /// √(w / max w), or nothing if all weights are equal, or nothing is there to be coded.
     pub root: Option<Vec<f64>>,
     /// What the atoms leave of the weighted, unit-norm signal (D).
     pub residual: Vec<f64>,
@@ -91,6 +91,9 @@ impl Fit {
                 for ((r, &y), &w) in self.residual.iter_mut().zip(pose).zip(&*root) {
                     *r = if w > 0.0 { y.into() * w } else { 0.0 };
                 }
+                if root.iter().all(|w| *w == 1.0) {
+                    self.root = None;
+                }
             }
             None => {
                 self.root = None;
@@ -107,6 +110,9 @@ impl Fit {
         self.energy = dot(&self.residual, &self.residual);
         if self.energy > LARGEST {
             return Err("its numbers are too large: a pose may be at most 1e15 long".into());
+        }
+        if self.energy == 0.0 {
+            self.root = None;
         }
         self.support.clear();
         self.left = 0.0;

@@ -15,9 +15,12 @@
 //!   body, so atoms are strongly correlated, and what an atom adds beyond the others is what counts.
 //! - [`Rule::Plain`] takes the largest |<a, r>| / |a| (Pati, Rezaiifar, Krishnaprasad 1993), as in the paper.
 //!
-//! Cost of a pose: O(kappa n D) in f32 for the scans, O(kappa^2 D) in f64 for the fits; up to 2,048 atoms all scans after
-//! the first are sums of rows of the Gram matrix, O(kappa^2 n). The scans' rounding, at most some 1e-6 of the pose's length, can only change which of two nearly equal atoms is taken; coefficients and residual are exact for
-//! the atoms taken.
+//! Cost of a pose: O(kappa n D) in f32 for the scans, O(kappa^2 D) in f64 for the fits. Up to 2,048 atoms, and where all
+//! weights are equal, the scans after the first are sums of rows of the Gram matrix: O(kappa^2 n).
+//!
+//! The scans' rounding, at most some 1e-6 of the pose's length, can change which of two nearly equal atoms is taken. An atom
+//! within an angle of 1e-3 of those taken is judged as if it were at 1e-3: what it would add beyond them is less than what
+//! f32 atoms tell. Coefficients and residual are exact for the atoms taken.
 
 use super::Dictionary;
 use super::code::{Code, finished, started};

@@ -1,5 +1,5 @@
 //! A tile of poses coded together: all of them scan the atoms at once for their first, and for the others too unless rows
-//! of the Gram matrix are at hand, which serve each pose alone.
+//! of the Gram matrix are at hand, which serve each pose alone. (There are none for poses with weights of their own.)
 
 use super::fit::Fit;
 use super::pursuit::Rule;
@@ -57,6 +57,7 @@ impl<'a> Tile<'a> {
                 false => Stop::Dependent,
             },
         };
+        debug_assert!(fits.len() <= self.scan.poses());
         self.load(fits);
         self.scan.first();
         match &self.ground.gram {

@@ -66,11 +66,14 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// Whether its lists are as long as they are made: it may come from a file.
-    pub fn is_sound(&self) -> bool {
+    /// Whether its lists are as they are made for so many joints: it may come from a file.
+    pub fn is_sound(&self, joints: usize) -> bool {
         let parts = [Some(&self.test), self.training.as_ref()];
-        !self.test.units.is_empty()
-            && (parts.into_iter().flatten()).all(|m| m.within.len() == WITHIN.len())
+        let frames: usize = self.test.units.iter().map(|u| u.frames).sum();
+        frames == self.test.frames
+            && self.test.units.iter().all(|u| u.frames > 0)
+            && (parts.into_iter().flatten())
+                .all(|m| m.within.len() == WITHIN.len() && m.by_joint.len() == joints)
     }
 }
 

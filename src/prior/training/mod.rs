@@ -4,7 +4,7 @@ mod dictionary;
 mod history;
 mod typical;
 
-use crate::io::model::MOST_POINTS;
+use crate::io::model::few_enough;
 use crate::pose::{Anchor, Body, PoseMap, Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
@@ -56,12 +56,7 @@ pub fn ready(
     like: Option<&TrainingPoses>,
     name: &str,
 ) -> Result<TrainingPoses> {
-    let points = poses.points.len();
-    if points > MOST_POINTS {
-        let what =
-            format!("has {points} points, a model has at most {MOST_POINTS}; pick those of a body");
-        return Err(Error::data(Place::file(name), what));
-    }
+    few_enough(poses.points.len(), name)?;
     let ordered;
     let poses = match like {
         Some(like) if like.points != poses.points => {

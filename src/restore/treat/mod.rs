@@ -28,7 +28,7 @@ use sure::Sure;
 /// Frames treated by one piece of parallel work.
 const CHUNK: usize = 16;
 /// Points a bit mask can hold.
-const MOST_POINTS: usize = 128;
+const MOST_MASKED: usize = 128;
 
 /// Whether corrupt points are looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -140,7 +140,7 @@ impl Treatment {
         let mut tied = vec![false; points];
         let ends = self.pairs.pairs.iter().flat_map(|p| p.ends);
         ends.for_each(|p| tied[p] = true);
-        points <= MOST_POINTS && 2 * tied.iter().filter(|t| **t).count() > points
+        points <= MOST_MASKED && 2 * tied.iter().filter(|t| **t).count() > points
     }
 
     /// Restores poses in the prior's space: rows of `y` (cm) with the variance of each number's noise (cm²; infinite

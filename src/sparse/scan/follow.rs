@@ -68,7 +68,8 @@ impl WithSimd for Follow<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         match (self.step.rule, self.step.fresh, self.step.last) {
-            (Rule::Plain, ..) => self.of_terms::<S, Plain<true>>(simd),
+            (Rule::Plain, _, false) => self.of_terms::<S, Plain<true, false>>(simd),
+            (Rule::Plain, _, true) => self.of_terms::<S, Plain<true, true>>(simd),
             (_, true, false) => self.of_terms::<S, Fresh<false>>(simd),
             (_, true, true) => self.of_terms::<S, Fresh<true>>(simd),
             (_, false, false) => self.of_terms::<S, Unit<false>>(simd),
@@ -127,28 +128,12 @@ impl Follow<'_> {
                 *kernel::vector::<S>(row, v) = of;
             }
         }
-        *self.best = best_of(&best);
+        let [over, under, place] = &best;
+        *self.best = kernel::best_of(&over.0, &under.0, &place.0);
     }
 }
 
 #[inline(always)]
 fn vectors<S: Simd>(row: &Row) -> &[S::f32s] {
     S::as_simd_f32s(&row.0).0
-}
-
-/// The best of all atoms' bests, the first of equals.
-fn best_of([over, under, place]: &[Row; 3]) -> Option<u32> {
-    let mut best: Option<(f32, f32, u32)> = None;
-    for lane in 0..WIDTH {
-        let (over, under) = (over.0[lane], under.0[lane]);
-        let atom = place.0[lane].to_bits() * WIDTH as u32 + lane as u32;
-        let better = best.is_none_or(|(o, u, a)| {
-            let (here, there) = (over * u, o * under);
-            here > there || (here == there && atom < a)
-        });
-        if over > 0.0 && better {
-            best = Some((over, under, atom));
-        }
-    }
-    best.map(|b| b.2)
 }

@@ -73,20 +73,26 @@ impl Best {
 
     /// The best of all lanes, the first of equals; `None` where there is none.
     pub fn atom(&self) -> Option<u32> {
-        let mut best: Option<(f32, f32, u32)> = None;
-        for lane in 0..LANES {
-            let (over, under) = (self.over[lane], self.under[lane]);
-            let atom = self.group[lane].to_bits() * LANES as u32 + lane as u32;
-            let better = best.is_none_or(|(o, u, a)| {
-                let (here, there) = (over * u, o * under);
-                here > there || (here == there && atom < a)
-            });
-            if over > 0.0 && better {
-                best = Some((over, under, atom));
-            }
-        }
-        best.map(|b| b.2)
+        best_of(&self.over, &self.under, &self.group)
     }
+}
+
+/// The best of atoms that were compared lane by lane, N lanes: c² of each lane's best, its e, and which N atoms it is of, in
+/// bits. The first of equals; `None` where there is none.
+pub fn best_of<const N: usize>(over: &[f32; N], under: &[f32; N], place: &[f32; N]) -> Option<u32> {
+    let mut best: Option<(f32, f32, u32)> = None;
+    for lane in 0..N {
+        let (over, under) = (over[lane], under[lane]);
+        let atom = place[lane].to_bits() * N as u32 + lane as u32;
+        let better = best.is_none_or(|(o, u, a)| {
+            let (here, there) = (over * u, o * under);
+            here > there || (here == there && atom < a)
+        });
+        if over > 0.0 && better {
+            best = Some((over, under, atom));
+        }
+    }
+    best.map(|b| b.2)
 }
 
 /// What is done with the products.
@@ -201,13 +207,24 @@ impl Job<'_> {
             Step::First if unit => self.go::<S, First<true>, POSES, VECTORS>(simd),
             Step::First => self.go::<S, First<false>, POSES, VECTORS>(simd),
             Step::Next(next) => match (next.rule, unit, next.fresh, next.last) {
-                (Rule::Plain, true, ..) => self.go::<S, Plain<true>, POSES, VECTORS>(simd),
-                (Rule::Plain, false, ..) => self.go::<S, Plain<false>, POSES, VECTORS>(simd),
+                (Rule::Plain, true, _, false) => {
+                    self.go::<S, Plain<true, false>, POSES, VECTORS>(simd)
+                }
+                (Rule::Plain, true, _, true) => {
+                    self.go::<S, Plain<true, true>, POSES, VECTORS>(simd)
+                }
+                (Rule::Plain, false, _, false) => {
+                    self.go::<S, Plain<false, false>, POSES, VECTORS>(simd)
+                }
+                (Rule::Plain, false, _, true) => {
+                    self.go::<S, Plain<false, true>, POSES, VECTORS>(simd)
+                }
                 (_, true, true, false) => self.go::<S, Fresh<false>, POSES, VECTORS>(simd),
                 (_, true, true, true) => self.go::<S, Fresh<true>, POSES, VECTORS>(simd),
                 (_, true, false, false) => self.go::<S, Unit<false>, POSES, VECTORS>(simd),
                 (_, true, false, true) => self.go::<S, Unit<true>, POSES, VECTORS>(simd),
-                (_, false, ..) => self.go::<S, Weighted, POSES, VECTORS>(simd),
+                (_, false, _, false) => self.go::<S, Weighted<false>, POSES, VECTORS>(simd),
+                (_, false, _, true) => self.go::<S, Weighted<true>, POSES, VECTORS>(simd),
             },
         }
     }
@@ -365,10 +382,10 @@ impl<const UNIT: bool> Use for First<UNIT> {
     }
 }
 
-/// The plain rule. `UNIT`: all atoms have norm 1.
-pub struct Plain<const UNIT: bool>;
+/// The plain rule. `UNIT`: all atoms have norm 1. `LAST`: c is not kept.
+pub struct Plain<const UNIT: bool, const LAST: bool>;
 
-impl<const UNIT: bool> Use for Plain<UNIT> {
+impl<const UNIT: bool, const LAST: bool> Use for Plain<UNIT, LAST> {
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,
@@ -377,7 +394,9 @@ impl<const UNIT: bool> Use for Plain<UNIT> {
         state: Vectors<'_, S>,
     ) -> Option<(S::f32s, S::f32s)> {
         let c = add_product(simd, part, product, *state.c);
-        *state.c = c;
+        if !LAST {
+            *state.c = c;
+        }
         Some((simd.mul_f32s(c, c), norm::<S, UNIT>(simd, state.e)))
     }
 }
@@ -439,10 +458,10 @@ impl<const LAST: bool> Use for Unit<LAST> {
     }
 }
 
-/// The optimised rule with weights.
-struct Weighted;
+/// The optimised rule with weights. `LAST`: c and e are not kept.
+struct Weighted<const LAST: bool>;
 
-impl Use for Weighted {
+impl<const LAST: bool> Use for Weighted<LAST> {
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,
@@ -451,10 +470,12 @@ impl Use for Weighted {
         state: Vectors<'_, S>,
     ) -> Option<(S::f32s, S::f32s)> {
         let c = add_product(simd, part, product, *state.c);
-        *state.c = c;
         let (kept, floor) = (state.e?, state.floor?);
         let e = add_product(simd, simd.neg_f32s(product), product, *kept);
-        *kept = e;
+        if !LAST {
+            *state.c = c;
+            *kept = e;
+        }
         Some((simd.mul_f32s(c, c), simd.max_f32s(e, *floor)))
     }
 }

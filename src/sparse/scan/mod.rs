@@ -82,6 +82,11 @@ impl<'a> Scan<'a> {
         }
     }
 
+    /// How many poses there is room for.
+    pub fn poses(&self) -> usize {
+        self.poses
+    }
+
     /// Begins with atoms of norm 1.
     pub fn begin(&mut self) {
         self.floors.clear();
@@ -225,6 +230,43 @@ mod tests {
         }
         all.first();
         assert_eq!(all.best(4), None);
+    }
+
+    #[test]
+    fn a_last_scan_keeps_nothing() {
+        let (atoms, poses) = (atoms(), random(13, 21, 2).mapv(|v| v as f32));
+        let weights = random(13, 21, 3).mapv(|v| v as f32 + 0.5);
+        let panels = Panels::new(atoms.view());
+        for (rule, weighted) in [Rule::Plain, Rule::Optimised]
+            .into_iter()
+            .flat_map(|rule| [(rule, false), (rule, true)])
+        {
+            let mut scan = Scan::new(&panels, 13);
+            match weighted {
+                true => scan.begin_weighted(weights.as_slice().unwrap()),
+                false => scan.begin(),
+            }
+            scan.directions.copy_from_slice(poses.as_slice().unwrap());
+            scan.first();
+            for (i, row) in scan.directions.chunks_exact_mut(21).enumerate() {
+                row.copy_from_slice(atoms.row(i).as_slice().unwrap());
+                scan.parts[i] = -0.1;
+            }
+            for already in [false, true] {
+                let before = (scan.correlations.clone(), scan.remainders.clone());
+                scan.next(rule, true);
+                let found = scan.found.clone();
+                assert!(scan.correlations == before.0, "{rule:?} {weighted}");
+                assert!(before.1.is_empty() || scan.remainders == before.1);
+                scan.next(rule, true);
+                assert_eq!(scan.found, found);
+                if !already {
+                    scan.next(rule, false);
+                    assert_eq!(scan.found, found);
+                    assert!(scan.correlations != before.0);
+                }
+            }
+        }
     }
 
     #[test]

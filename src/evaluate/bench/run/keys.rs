@@ -53,7 +53,7 @@ impl Bench<'_> {
         data_digest: &str,
     ) -> Option<&'f Cell> {
         let cell = finished.cells.get(&self.key(id, data_digest))?;
-        (cell.id == *id && cell.is_sound()).then_some(cell)
+        (cell.id == *id && cell.is_sound(self.data.points.len())).then_some(cell)
     }
 
     /// Tells a cell of these data and settings from any other.

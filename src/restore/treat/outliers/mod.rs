@@ -40,7 +40,7 @@ const CHUNK: usize = 16;
 /// An answer with its outliers.
 #[derive(Debug, Clone)]
 pub struct Found {
-    /// The pose.
+    /// The pose. Its evidence is that of one assignment, and is not to be compared.
     pub belief: Belief,
     /// The probability that each point is corrupt.
     pub corrupt: Vec<f64>,
@@ -235,7 +235,7 @@ fn gather(frame: Frame, mut answers: Vec<Answer>) -> Found {
     let mut belief = Belief {
         mean: vec![0.0; d],
         covariance: Array2::zeros((d, d)),
-        evidence: answers.iter().map(|a| a.weight * a.belief.evidence).sum(),
+        evidence: answers.first().map_or(0.0, |a| a.belief.evidence),
     };
     for (at, p) in frame.doubt.iter().enumerate() {
         let of_corrupt = answers.iter().filter(|a| a.corrupt[at]);
