@@ -89,6 +89,8 @@ fn parts_are_learnt_side_by_side_and_denoise_another_take() {
             .unwrap()
             .starts_with(b"PK")
     );
+    let info = typed(dir.path(), "posing model info dict.npz");
+    assert!(info.contains("rigid"), "{info}");
     let score = typed(
         dir.path(),
         "posing amc2xyz --asf 07.asf --fps 120 07_02.amc | posing corrupt --dense 1asf --seed 1 | posing denoise -m dict.npz | posing score --units asf <(posing amc2xyz --asf 07.asf --fps 120 07_02.amc) -",

@@ -72,9 +72,14 @@ fn work(args: &Args) -> Result<Outcome> {
         .collect();
     let model = posing::prior::training::joined_model(
         &models,
+        &args
+            .dictionaries
+            .iter()
+            .map(|p| p.display().to_string())
+            .collect::<Vec<_>>(),
         &joined.dictionary,
         entry("dict-concat", &flags, inputs),
-    );
+    )?;
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;
     Ok(Outcome::Done)
 }

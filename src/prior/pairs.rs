@@ -86,6 +86,34 @@ impl RigidPairs {
         of_bodies(found, &weights)
     }
 
+    /// What parts agree on that were learnt from other poses of the same points, `weights` being their numbers of poses: the
+    /// pairs that are rigid in all of them, and the bodies of each.
+    pub fn joined(parts: &[RigidPairs], weights: &[f64]) -> RigidPairs {
+        let at = |part: &RigidPairs, ends| part.pairs.iter().position(|p| p.ends == ends);
+        let mut found: Vec<(Pair, Vec<f64>)> = Vec::new();
+        for pair in parts.first().map_or(&[][..], |first| &first.pairs) {
+            let own: Option<Vec<(&RigidPairs, usize)>> = (parts.iter())
+                .map(|part| at(part, pair.ends).map(|k| (part, k)))
+                .collect();
+            let Some(own) = own else { continue };
+            let all = own.iter().map(|(part, k)| part.pairs[*k]);
+            let joined = Pair {
+                ends: pair.ends,
+                sd: all.clone().map(|p| p.sd).fold(0.0, f64::max),
+                still: all.clone().all(|p| p.still),
+            };
+            let lengths = own.iter().flat_map(|(part, k)| part.bodies.column(*k));
+            found.push((joined, lengths.copied().collect()));
+        }
+        if found.is_empty() {
+            return RigidPairs::default();
+        }
+        let weights: Vec<f64> = (parts.iter().zip(weights))
+            .flat_map(|(part, w)| part.shares.iter().map(move |s| s * w))
+            .collect();
+        of_bodies(found, &weights)
+    }
+
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
@@ -374,6 +402,29 @@ mod tests {
         model.arrays.insert("rigid".into(), rigid);
         model.arrays.insert("rigid_lengths".into(), lengths);
         assert!(RigidPairs::read(&model, "m").is_err());
+    }
+
+    #[test]
+    fn joined_parts_keep_what_all_agree_on() {
+        let (xyz, takes) = (hinge(), [0..100, 100..200]);
+        let whole = RigidPairs::learn(xyz.view(), &takes);
+        let parts = takes.map(|t| RigidPairs::learn(xyz.slice(ndarray::s![t, ..]), &one(0..100)));
+        let joined = RigidPairs::joined(&parts, &[100.0, 100.0]);
+        let ends =
+            |all: &RigidPairs| -> Vec<[usize; 2]> { all.pairs.iter().map(|p| p.ends).collect() };
+        assert_eq!(ends(&joined), ends(&whole));
+        assert_eq!(joined.shares, whole.shares);
+        assert!(
+            (&joined.bodies - &whole.bodies)
+                .iter()
+                .all(|d| d.abs() <= 1e-4)
+        );
+        // The same body twice is one.
+        let twice = [parts[0].clone(), parts[0].clone()];
+        assert_eq!(RigidPairs::joined(&twice, &[3.0, 1.0]).shares, [1.0]);
+        // A part where nothing is rigid says of no pair that it is.
+        let none = [parts[0].clone(), RigidPairs::default()];
+        assert!(RigidPairs::joined(&none, &[1.0, 1.0]).is_empty());
     }
 
     #[test]

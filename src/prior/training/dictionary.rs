@@ -70,8 +70,16 @@ fn covariance(xyz: ArrayView2<'_, f32>) -> Array2<f64> {
 }
 
 /// The model of joined dictionaries: what the parts leave is pooled by their numbers of training poses, their typical
-/// poses stand one after another, and so do their histories.
-pub fn joined_model(parts: &[Model], dictionary: &Dictionary, step: Entry) -> Model {
+/// poses stand one after another, and so do their histories; rigid is what is rigid in all. `names` are the parts'.
+///
+/// # Errors
+/// Data: rigid pairs of a part that cannot be used.
+pub fn joined_model(
+    parts: &[Model],
+    names: &[String],
+    dictionary: &Dictionary,
+    step: Entry,
+) -> Result<Model> {
     let first = &parts[0];
     let mut model = Model::new("sparse", &first.meta.points, &first.meta.space);
     let frames = |m: &Model| {
@@ -141,5 +149,11 @@ pub fn joined_model(parts: &[Model], dictionary: &Dictionary, step: Entry) -> Mo
     }
     model.meta.history = parts.iter().flat_map(|m| m.meta.history.clone()).collect();
     model.meta.history.push(step);
-    model
+    let rigid = parts.iter().zip(names);
+    let rigid: Vec<RigidPairs> = rigid
+        .map(|(part, name)| RigidPairs::read(part, name))
+        .collect::<Result<_>>()?;
+    let weights: Vec<f64> = parts.iter().map(frames).collect();
+    RigidPairs::joined(&rigid, &weights).write(&mut model);
+    Ok(model)
 }
