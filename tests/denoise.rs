@@ -24,6 +24,28 @@ fn dense_noise_becomes_a_quarter_at_most() {
 }
 
 #[test]
+fn the_noise_of_single_frames_need_not_be_told() {
+    let Some(walk) = walk(60) else { return };
+    let truth = Numbers::read(&walk);
+    for (noise, share) in [("0.2asf", 0.75), ("0.5asf", 0.5)] {
+        let noisy = run("corrupt", &["--dense", noise, "--seed", "1"], &walk);
+        let before = truth.rms(&Numbers::read(&noisy)).powi(2);
+        let mse = |flags: &[&str]| {
+            let flags = [&["-q", "--per-frame"], flags].concat();
+            truth
+                .rms(&Numbers::read(&run("denoise", &flags, &noisy)))
+                .powi(2)
+        };
+        let (measured, told) = (mse(&[]), mse(&["--noise", noise]));
+        assert!(
+            measured <= share * before,
+            "{noise}: {before} became {measured}"
+        );
+        assert!(measured <= 2.0 * told, "{noise}: {measured}, told {told}");
+    }
+}
+
+#[test]
 fn clean_poses_stay_nearly_as_they_are() {
     let Some(walk) = walk(200) else { return };
     let answer = Numbers::read(&run("denoise", &["-q"], &walk));

@@ -88,9 +88,11 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     }
     let adapted = job.prior_for(frame, settings.noise.unwrap_or(2.0));
     let restorer = job.restorer(&adapted);
-    let noise = settings
-        .noise
-        .unwrap_or_else(|| shared(noise_of_frame(&restorer, &y)));
+    // Distances tell it, where enough are seen; else the model has to.
+    let noise = settings.noise.unwrap_or_else(|| {
+        let told = job.own_treatment().base_noise(&y);
+        shared(told.unwrap_or_else(|| noise_of_frame(&restorer, &y)))
+    });
     let treatment = job.treatment_for(&adapted, frame, noise);
     let restorer = restorer.treating(&treatment);
     let variances: Vec<f64> = y.iter().map(|v| variance(*v, noise)).collect();
