@@ -90,7 +90,7 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     let restorer = job.restorer(&adapted);
     // Distances tell it, where enough are seen; else the model has to.
     let noise = settings.noise.unwrap_or_else(|| {
-        let told = job.own_treatment().base_noise(&y);
+        let told = job.treatment_of_anyone().base_noise(&y);
         shared(told.unwrap_or_else(|| noise_of_frame(&restorer, &y)))
     });
     let treatment = job.treatment_for(&adapted, frame, noise);
@@ -105,14 +105,14 @@ fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
     if !settings.outliers || settings.noise.is_some() {
         return None;
     }
-    let treatment = job.own_treatment();
+    let treatment = job.treatment_of_anyone();
     let own = job.restorer(&None).treating(treatment);
     let base = own
         .treatment?
         .base_noise(y)
         .filter(|b| *b <= NEARLY_CLEAN)
         .map(shared)?;
-    // The lengths are those of a body that the model knows: nothing is to be adapted but the placement's own.
+    // The distances have told whose lengths they may be: nothing is to be adapted but the placement's own.
     let (found, corrupt) = own.restore_outliers(y, base * base)?;
     let suspects = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
     Some(Answer::new(&own, Some(found), suspects, base))

@@ -26,6 +26,8 @@ pub struct Job {
     synthesis: Synthesis,
     /// Empty where the model knows of none, or answers as published.
     treatment: Treatment,
+    /// The same before anybody's lengths are measured.
+    anyones: Treatment,
 }
 
 impl Job {
@@ -72,10 +74,14 @@ impl Job {
         Ok(Job {
             prior,
             anchor,
-            body,
             mirror,
             index,
             synthesis: Synthesis::default(),
+            anyones: match body {
+                Some(_) => treatment.of_anyone(),
+                None => treatment.clone(),
+            },
+            body,
             treatment,
         })
     }
@@ -126,9 +132,9 @@ impl Job {
         (!same).then(|| self.prior.mapped(&map))
     }
 
-    /// What is known of rigid distances of the model's own body.
-    pub fn own_treatment(&self) -> &Treatment {
-        &self.treatment
+    /// What is known of rigid distances before the body is measured: in world space it may be anyone's.
+    pub fn treatment_of_anyone(&self) -> &Treatment {
+        &self.anyones
     }
 
     /// What is known of rigid distances of that body; `noise` is what the lengths were measured with, the standard
