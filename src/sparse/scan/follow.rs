@@ -1,6 +1,6 @@
 //! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
 
-use super::kernel::{self, Fresh, Next, Plain, Unit, Use, Vectors};
+use super::kernel::{self, Next, Optimised, Plain, Use, Vectors};
 use super::panels::{Row, WIDTH};
 use super::{Panels, Rule, Scan, Term};
 use pulp::{Simd, WithSimd};
@@ -70,10 +70,10 @@ impl WithSimd for Follow<'_> {
         match (self.step.rule, self.step.fresh, self.step.last) {
             (Rule::Plain, _, false) => self.of_terms::<S, Plain<true, false>>(simd),
             (Rule::Plain, _, true) => self.of_terms::<S, Plain<true, true>>(simd),
-            (_, true, false) => self.of_terms::<S, Fresh<false>>(simd),
-            (_, true, true) => self.of_terms::<S, Fresh<true>>(simd),
-            (_, false, false) => self.of_terms::<S, Unit<false>>(simd),
-            (_, false, true) => self.of_terms::<S, Unit<true>>(simd),
+            (_, true, false) => self.of_terms::<S, Optimised<true, true, false>>(simd),
+            (_, true, true) => self.of_terms::<S, Optimised<true, true, true>>(simd),
+            (_, false, false) => self.of_terms::<S, Optimised<true, false, false>>(simd),
+            (_, false, true) => self.of_terms::<S, Optimised<true, false, true>>(simd),
         }
     }
 }

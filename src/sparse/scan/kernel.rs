@@ -219,12 +219,24 @@ impl Job<'_> {
                 (Rule::Plain, false, _, true) => {
                     self.go::<S, Plain<false, true>, POSES, VECTORS>(simd)
                 }
-                (_, true, true, false) => self.go::<S, Fresh<false>, POSES, VECTORS>(simd),
-                (_, true, true, true) => self.go::<S, Fresh<true>, POSES, VECTORS>(simd),
-                (_, true, false, false) => self.go::<S, Unit<false>, POSES, VECTORS>(simd),
-                (_, true, false, true) => self.go::<S, Unit<true>, POSES, VECTORS>(simd),
-                (_, false, _, false) => self.go::<S, Weighted<false>, POSES, VECTORS>(simd),
-                (_, false, _, true) => self.go::<S, Weighted<true>, POSES, VECTORS>(simd),
+                (_, true, true, false) => {
+                    self.go::<S, Optimised<true, true, false>, POSES, VECTORS>(simd)
+                }
+                (_, true, true, true) => {
+                    self.go::<S, Optimised<true, true, true>, POSES, VECTORS>(simd)
+                }
+                (_, true, false, false) => {
+                    self.go::<S, Optimised<true, false, false>, POSES, VECTORS>(simd)
+                }
+                (_, true, false, true) => {
+                    self.go::<S, Optimised<true, false, true>, POSES, VECTORS>(simd)
+                }
+                (_, false, _, false) => {
+                    self.go::<S, Optimised<false, false, false>, POSES, VECTORS>(simd)
+                }
+                (_, false, _, true) => {
+                    self.go::<S, Optimised<false, false, true>, POSES, VECTORS>(simd)
+                }
             },
         }
     }
@@ -409,34 +421,11 @@ fn norm<S: Simd, const UNIT: bool>(simd: S, e: Option<&mut S::f32s>) -> S::f32s 
     }
 }
 
-/// The optimised rule's first use, atoms of norm 1: e is made. `LAST`: and not kept, nor is c.
-pub struct Fresh<const LAST: bool>;
+/// The optimised rule. `UNIT`: all atoms have norm 1. `FRESH`: e is 1 of all atoms, whatever is kept. `LAST`: c and e are
+/// not kept.
+pub struct Optimised<const UNIT: bool, const FRESH: bool, const LAST: bool>;
 
-impl<const LAST: bool> Use for Fresh<LAST> {
-    #[inline(always)]
-    fn meet<S: Simd>(
-        simd: S,
-        product: S::f32s,
-        part: S::f32s,
-        state: Vectors<'_, S>,
-    ) -> Option<(S::f32s, S::f32s)> {
-        let c = add_product(simd, part, product, *state.c);
-        let e = add_product(simd, simd.neg_f32s(product), product, simd.splat_f32s(1.0));
-        if let Some(kept) = state.e.filter(|_| !LAST) {
-            *state.c = c;
-            *kept = e;
-        }
-        Some((
-            simd.mul_f32s(c, c),
-            simd.max_f32s(e, simd.splat_f32s(FLOOR)),
-        ))
-    }
-}
-
-/// The optimised rule, atoms of norm 1. `LAST`: c and e are not kept.
-pub struct Unit<const LAST: bool>;
-
-impl<const LAST: bool> Use for Unit<LAST> {
+impl<const UNIT: bool, const FRESH: bool, const LAST: bool> Use for Optimised<UNIT, FRESH, LAST> {
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,
@@ -446,36 +435,19 @@ impl<const LAST: bool> Use for Unit<LAST> {
     ) -> Option<(S::f32s, S::f32s)> {
         let c = add_product(simd, part, product, *state.c);
         let kept = state.e?;
-        let e = add_product(simd, simd.neg_f32s(product), product, *kept);
+        let before = match FRESH {
+            true => simd.splat_f32s(1.0),
+            false => *kept,
+        };
+        let e = add_product(simd, simd.neg_f32s(product), product, before);
         if !LAST {
             *state.c = c;
             *kept = e;
         }
-        Some((
-            simd.mul_f32s(c, c),
-            simd.max_f32s(e, simd.splat_f32s(FLOOR)),
-        ))
-    }
-}
-
-/// The optimised rule with weights. `LAST`: c and e are not kept.
-struct Weighted<const LAST: bool>;
-
-impl<const LAST: bool> Use for Weighted<LAST> {
-    #[inline(always)]
-    fn meet<S: Simd>(
-        simd: S,
-        product: S::f32s,
-        part: S::f32s,
-        state: Vectors<'_, S>,
-    ) -> Option<(S::f32s, S::f32s)> {
-        let c = add_product(simd, part, product, *state.c);
-        let (kept, floor) = (state.e?, state.floor?);
-        let e = add_product(simd, simd.neg_f32s(product), product, *kept);
-        if !LAST {
-            *state.c = c;
-            *kept = e;
-        }
-        Some((simd.mul_f32s(c, c), simd.max_f32s(e, *floor)))
+        let floor = match UNIT {
+            true => simd.splat_f32s(FLOOR),
+            false => *state.floor?,
+        };
+        Some((simd.mul_f32s(c, c), simd.max_f32s(e, floor)))
     }
 }
