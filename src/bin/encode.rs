@@ -5,7 +5,7 @@ use ndarray::Array2;
 use posing::cli::flags::{Common, TableIn};
 use posing::cli::restoring::PursuitFlag;
 use posing::cli::streams::{RowStream, Sink, one_stdin_with, open_model};
-use posing::cli::{Outcome, run};
+use posing::cli::{Outcome, run, say};
 use posing::io::table::Row;
 use posing::io::text::push_number;
 use posing::prior::sparse::dictionary;
@@ -77,6 +77,7 @@ fn work(args: &Args) -> Result<Outcome> {
         .collect();
     sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
     let width = stream.columns().width();
+    let mut said = false;
     loop {
         let (mut values, mut row) = (Vec::new(), Row::default());
         while values.len() < BATCH * width && stream.read(&mut row)? {
@@ -88,6 +89,10 @@ fn work(args: &Args) -> Result<Outcome> {
         }
         let poses =
             Array2::from_shape_vec((values.len() / width, width), values).unwrap_or_default();
+        if !std::mem::replace(&mut said, true) {
+            let search = pursuit.search(&dictionary, poses.nrows());
+            say::detail(&format!("{} atoms, found {search}", dictionary.len()));
+        }
         sink.put(&coded(&pursuit, &dictionary, &poses)?)?;
     }
 }

@@ -1,11 +1,14 @@
 //! Codes of many poses, by tiles of poses that share the products with the atoms.
 
 use super::fit::Fit;
+use super::group::{GROUP, Group};
 use super::pursuit::Pursuit;
+use super::scan::DIRECTIONS;
 use super::tile::{Tile, poses_at_once};
 use super::{Dictionary, Stop};
 use crate::{Error, Place, Result, par};
 use ndarray::{Array2, ArrayView2, Axis, s};
+use std::fmt;
 use std::ops::Range;
 
 /// Marks a place of [`Codes::atoms`] that holds no atom.
@@ -115,13 +118,44 @@ impl Codes {
     }
 }
 
+/// How the best atom is found. The codes are the same, but where rounding leaves two atoms equal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Search {
+    /// The first atom by a scan of all, the others by rows of the Gram matrix: of up to 2,048 atoms.
+    Rows,
+    /// By scans of all atoms.
+    Scan,
+    /// By bounds of atoms in leaves that most of them need not be looked at: what a scan would find, to the bit.
+    Bounds,
+}
+
+impl fmt::Display for Search {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Search::Rows => "by a scan and by rows of their Gram matrix",
+            Search::Scan => "by scans",
+            Search::Bounds => "by bounds, most atoms unseen; by scans where poses have gaps",
+        })
+    }
+}
+
 impl Pursuit {
+    /// How [`Pursuit::code_batch`] goes about `m` poses. Poses with weights that differ are coded by scans all the same.
+    pub fn search(&self, dictionary: &Dictionary, m: usize) -> Search {
+        let ground = dictionary.ground();
+        match (&ground.gram, self.capacity(dictionary) <= DIRECTIONS) {
+            (Some(_), _) => Search::Rows,
+            (None, true) if ground.has_leaves(m) => Search::Bounds,
+            _ => Search::Scan,
+        }
+    }
+
     /// Codes many poses (m, D) with weights (m, D, not negative; all 1 if not given), on all of rayon's threads.
     ///
     /// Where a weight is 0 the pose may be NaN. The codes do not depend on the number of threads, nor on which
     /// poses are coded together. Memory: beside the codes, 4 to 12 bytes for each atom and each pose of a tile (60
-    /// poses, 30 of very many atoms) a thread; with the dictionary stay its atoms as they are scanned, and up to 2,048 atoms the
-    /// rows of their Gram matrix that were asked for, 16 MiB.
+    /// poses, 30 of very many atoms) a thread. With the dictionary stay its atoms as they are scanned, (D + 64) numbers an
+    /// atom where they are searched by bounds, and up to 2,048 atoms the rows of their Gram matrix that were asked for, 16 MiB.
     ///
     /// # Errors
     /// A parameter or a shape that cannot be used; a number that is not finite where it is observed, or a weight that is
@@ -146,12 +180,16 @@ impl Pursuit {
             return Err(Error::data(Place::file("weights"), said));
         }
         let at_once = poses_at_once(dictionary.len()).min(m);
+        let search = self.search(dictionary, m);
+        if search == Search::Bounds {
+            dictionary.ground().leaves(dictionary.atoms());
+        }
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);
         let parts = par::map_chunks(m, at_once * tiles, |rows| {
             let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
             let part = poses.slice(s![rows.clone(), ..]);
-            self.code_chunk(dictionary, at_once, rows, part, weights)
+            self.code_chunk(dictionary, (at_once, search), rows, part, weights)
         });
         let mut codes = Codes::empty(m, self.capacity(dictionary));
         let mut from = 0;
@@ -167,35 +205,49 @@ impl Pursuit {
     fn code_chunk(
         &self,
         dictionary: &Dictionary,
-        at_once: usize,
+        (at_once, search): (usize, Search),
         rows: Range<usize>,
         poses: ArrayView2<f32>,
         weights: Option<ArrayView2<f32>>,
     ) -> Result<Codes> {
         let k = self.capacity(dictionary);
         let mut codes = Codes::empty(rows.len(), k);
-        let mut tile = Tile::new(dictionary, self.rule, at_once);
-        let mut fits: Vec<Fit> = (0..at_once)
-            .map(|_| Fit::new(k, dictionary.width()))
-            .collect();
-        let mut x = vec![0.0; k];
         // Poses that are seen whole are coded with each other, as they would be alone.
         let even = |i: &usize| {
             let row = weights.as_ref().map(|w| w.index_axis(Axis(0), *i));
             row.is_none_or(|w| w.iter().all(|v| *v == w[0]))
         };
         let (whole, part): (Vec<usize>, Vec<usize>) = (0..rows.len()).partition(even);
-        for here in whole.chunks(at_once).chain(part.chunks(at_once)) {
-            let fits = &mut fits[..here.len()];
-            for (&i, fit) in here.iter().zip(fits.iter_mut()) {
-                let weights = weights.as_ref().map(|w| w.index_axis(Axis(0), i));
-                fit.start(poses.row(i), weights, self.tolerance)
-                    .map_err(|what| {
-                        Error::data(Place::line("poses", (rows.start + i + 1) as u64), what)
-                    })?;
+        let mut group = (search == Search::Bounds).then(|| Group::new(dictionary, self.rule));
+        let mut tile = None;
+        let (mut fits, mut x) = (Vec::new(), vec![0.0; k]);
+        for (all, even) in [(whole, true), (part, false)] {
+            let mut open = &all[..];
+            while !open.is_empty() {
+                let group = group.as_mut().filter(|g| even && !g.is_useless());
+                let here = group.as_ref().map_or(at_once, |_| GROUP).min(open.len());
+                let (here, rest) = open.split_at(here);
+                open = rest;
+                if fits.len() < here.len() {
+                    fits.resize_with(here.len(), || Fit::new(k, dictionary.width()));
+                }
+                let fits = &mut fits[..here.len()];
+                for (&i, fit) in here.iter().zip(fits.iter_mut()) {
+                    let weights = weights.as_ref().map(|w| w.index_axis(Axis(0), i));
+                    fit.start(poses.row(i), weights, self.tolerance)
+                        .map_err(|what| {
+                            let row = Place::line("poses", (rows.start + i + 1) as u64);
+                            Error::data(row, what)
+                        })?;
+                }
+                match group {
+                    Some(group) => group.code(fits, self.sparsity),
+                    None => tile
+                        .get_or_insert_with(|| Tile::new(dictionary, self.rule, at_once))
+                        .code(fits, self.sparsity),
+                }
+                (here.iter().zip(fits.iter())).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
             }
-            tile.code(fits, self.sparsity);
-            (here.iter().zip(fits.iter())).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
         }
         Ok(codes)
     }

@@ -71,10 +71,10 @@ impl Dictionary {
         }
     }
 
-    /// The atoms as scans read them.
+    /// What searches of the atoms need.
     pub(super) fn ground(&self) -> &Ground {
         self.ground
-            .get_or_init(|| Arc::new(Ground::new(self.atoms.view())))
+            .get_or_init(|| Arc::new(Ground::new(self.len())))
     }
 
     /// The atoms (n, D), of unit norm.

@@ -180,6 +180,11 @@ impl Fit {
         true
     }
 
+    /// |residual|^2, from 1 downwards.
+    pub fn left(&self) -> f64 {
+        self.left
+    }
+
     /// The newest direction q_k (D) and the signal's part along it.
     pub fn newest(&self) -> (&[f64], f64) {
         let (d, k) = (self.residual.len(), self.support.len() - 1);

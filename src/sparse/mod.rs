@@ -9,7 +9,8 @@
 //! | [`ksvd`], [`state`] | learning a dictionary from poses; how far it has come |
 //! | [`size`] | how many atoms a given error asks for |
 //! | [`mod@concat`] | joining dictionaries, finding and dropping near duplicates |
-//! | `tile`, `fit` | the scan over all atoms for a tile of poses; the growing fit of one pose |
+//! | `tile`, `group` | atoms found by scans for a tile of poses; by bounds for a group of them |
+//! | `fit` | the growing fit of one pose |
 //! | `draw`, `update`, `rank_one`, `replace`, `keep` | the atoms that learning starts from, their update, new ones for useless ones, old codes that are better |
 //! | `nearness` | how close atoms are to each other |
 
@@ -19,6 +20,7 @@ pub mod concat;
 pub mod dictionary;
 mod draw;
 mod fit;
+mod group;
 mod keep;
 pub mod ksvd;
 mod nearness;
@@ -33,7 +35,7 @@ mod testdata;
 mod tile;
 mod update;
 
-pub use batch::{Codes, UNUSED};
+pub use batch::{Codes, Search, UNUSED};
 pub use code::{Code, Stop, refit};
 pub use concat::{Closeness, Concat, Joined};
 pub use dictionary::Dictionary;

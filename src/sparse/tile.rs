@@ -3,12 +3,12 @@
 
 use super::fit::Fit;
 use super::pursuit::Rule;
-use super::scan::{Follower, Gram, Ground, Scan, Term, products};
+use super::scan::{Follower, Gram, Panels, Scan, Term, products};
 use super::{Dictionary, Stop};
 
 /// How often a pose may find that the atom it took depends on the others before it gives up: only rounding lets such an
 /// atom win, and only where nothing of use is left.
-const RETRIES: usize = 4;
+pub(super) const RETRIES: usize = 4;
 
 /// A direction is taken for a sum of atoms with weights up to this: beyond, the rounding of the atoms' products, 1e-7,
 /// tells in their sum.
@@ -26,7 +26,8 @@ pub(super) fn poses_at_once(n: usize) -> usize {
 /// The state of a tile. Made once for many tiles.
 pub(super) struct Tile<'a> {
     dictionary: &'a Dictionary,
-    ground: &'a Ground,
+    panels: &'a Panels,
+    gram: Option<&'a Gram>,
     rule: Rule,
     scan: Scan<'a>,
     follower: Follower,
@@ -36,31 +37,33 @@ impl<'a> Tile<'a> {
     /// Room for `poses` poses.
     pub fn new(dictionary: &'a Dictionary, rule: Rule, poses: usize) -> Self {
         let ground = dictionary.ground();
+        let panels = ground.panels(dictionary.atoms());
         Tile {
             dictionary,
-            ground,
+            panels,
+            gram: ground.gram.as_ref(),
             rule,
-            scan: Scan::new(&ground.panels, poses),
-            follower: Follower::new(&ground.panels),
+            scan: Scan::new(panels, poses),
+            follower: Follower::new(panels),
+        }
+    }
+
+    /// One that does without rows of the Gram matrix.
+    #[cfg(test)]
+    pub fn of_scans(dictionary: &'a Dictionary, rule: Rule, poses: usize) -> Self {
+        Tile {
+            gram: None,
+            ..Tile::new(dictionary, rule, poses)
         }
     }
 
     /// Codes the poses that `fits` were started on, with at most `sparsity` atoms each.
     pub fn code(&mut self, fits: &mut [Fit], sparsity: usize) {
-        let most = sparsity
-            .min(self.dictionary.len())
-            .min(self.dictionary.width());
-        let full = Full {
-            most,
-            stop: match most == sparsity {
-                true => Stop::Sparsity,
-                false => Stop::Dependent,
-            },
-        };
+        let full = Full::of(self.dictionary, sparsity);
         debug_assert!(fits.len() <= self.scan.poses());
         self.load(fits);
         self.scan.first();
-        match &self.ground.gram {
+        match self.gram {
             Some(gram) if fits.iter().all(|f| f.root.is_none()) => self.each(fits, gram, full),
             _ => self.together(fits, full),
         }
@@ -126,7 +129,7 @@ impl<'a> Tile<'a> {
     fn each(&mut self, fits: &mut [Fit], gram: &Gram, full: Full) {
         let open = (0..fits.len()).filter(|&i| fits[i].stop.is_none() && full.most > 1);
         let firsts = open.filter_map(|i| self.scan.best(i)).collect();
-        gram.prepare(&self.ground.panels, self.dictionary.flat(), firsts);
+        gram.prepare(self.panels, self.dictionary.flat(), firsts);
         for (i, fit) in fits.iter_mut().enumerate() {
             self.follower.begin();
             let (mut best, mut met) = (self.scan.best(i), true);
@@ -156,7 +159,7 @@ impl<'a> Tile<'a> {
         if met {
             return self.follower.next(&mut self.scan, pose, (&[], 0.0), how);
         }
-        let (panels, atoms) = (&self.ground.panels, self.dictionary.flat());
+        let (panels, atoms) = (self.panels, self.dictionary.flat());
         let (q, z) = fit.newest();
         let weights = fit.newest_weights();
         if weights.iter().any(|w| w.abs() > LARGEST_WEIGHT) {
@@ -188,12 +191,22 @@ impl<'a> Tile<'a> {
 
 /// How many atoms a pose takes at most, and why it stops there.
 #[derive(Clone, Copy)]
-struct Full {
-    most: usize,
-    stop: Stop,
+pub(super) struct Full {
+    pub most: usize,
+    pub stop: Stop,
 }
 
 impl Full {
+    /// For codes of at most `sparsity` atoms; more than there are, or than a pose has numbers, are never independent.
+    pub fn of(dictionary: &Dictionary, sparsity: usize) -> Full {
+        let most = sparsity.min(dictionary.len()).min(dictionary.width());
+        let stop = match most == sparsity {
+            true => Stop::Sparsity,
+            false => Stop::Dependent,
+        };
+        Full { most, stop }
+    }
+
     /// Whether the next atom of a pose is its last.
     fn is_last(self, fit: &Fit) -> bool {
         fit.support.len() + 1 == self.most

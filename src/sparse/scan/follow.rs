@@ -1,5 +1,6 @@
 //! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
 
+use super::best::Best;
 use super::kernel::{self, Next, Optimised, Plain, Use, Vectors};
 use super::panels::{Row, WIDTH};
 use super::{Panels, Rule, Scan, Term};
@@ -90,13 +91,10 @@ impl Follow<'_> {
         }
     }
 
-    /// Each atom of a panel has a best of its own over all panels, in registers: none of them waits for another.
     #[inline(always)]
     fn go<S: Simd, U: Use, const VECTORS: usize>(self, simd: S) {
         let part = simd.splat_f32s(self.part);
-        let mut over = [simd.splat_f32s(0.0); VECTORS];
-        let mut under = [simd.splat_f32s(1.0); VECTORS];
-        let mut place = [simd.splat_f32s(0.0); VECTORS];
+        let mut best = Best::NONE;
         let correlations = self.correlations.iter_mut().step_by(self.stride);
         for (panel, (c, e)) in correlations.zip(self.remainders).enumerate() {
             let mut products = [simd.splat_f32s(0.0); VECTORS];
@@ -106,30 +104,21 @@ impl Follow<'_> {
                     products[v] = kernel::add_product(simd, weight, row[v], products[v]);
                 }
             }
-            let here = simd.splat_f32s(f32::from_bits(panel as u32));
+            let mut over = [simd.splat_f32s(0.0); VECTORS];
+            let mut under = [simd.splat_f32s(1.0); VECTORS];
             for v in 0..VECTORS {
                 let state = Vectors {
                     c: kernel::vector::<S>(c, v),
                     e: Some(kernel::vector::<S>(e, v)),
                     floor: None,
                 };
-                if let Some((o, u)) = U::meet(simd, products[v], part, state) {
-                    let (new, old) = (simd.mul_f32s(o, under[v]), simd.mul_f32s(over[v], u));
-                    let better = simd.greater_than_f32s(new, old);
-                    over[v] = simd.select_f32s(better, o, over[v]);
-                    under[v] = simd.select_f32s(better, u, under[v]);
-                    place[v] = simd.select_f32s(better, here, place[v]);
+                if let Some(key) = U::meet(simd, products[v], part, state) {
+                    (over[v], under[v]) = key;
                 }
             }
+            best.meet(simd, (panel * WIDTH) as u32, over, under);
         }
-        let mut best = [Row::ZERO; 3];
-        for (row, of) in best.iter_mut().zip([over, under, place]) {
-            for (v, of) in of.into_iter().enumerate() {
-                *kernel::vector::<S>(row, v) = of;
-            }
-        }
-        let [over, under, place] = &best;
-        *self.best = kernel::best_of(&over.0, &under.0, &place.0);
+        *self.best = best.atom();
     }
 }
 

@@ -5,95 +5,17 @@
 //! that cannot fuse (x86 before AVX2) rounds otherwise.
 
 use super::super::Rule;
+use super::best::Best;
 use super::panels::{Row, WIDTH};
 use pulp::{Simd, WithSimd};
 use std::sync::OnceLock;
 
 /// What is left of an atom counts as at least this share of its squared norm. Below it the difference of f32 numbers
 /// is rounding; a smaller value would let a copy of a chosen atom win by noise.
-const FLOOR: f32 = 1e-6;
+pub const FLOOR: f32 = 1e-6;
 
 /// An atom with at most this share of its squared norm (1) on what is observed is not seen at all.
 const UNSEEN: f32 = 1e-20;
-
-/// The best atom is sought in so many lanes side by side, whatever the vectors are: so ties fall the same way.
-pub const LANES: usize = 16;
-
-/// The best atoms so far for a pose, one a lane: compared as fractions, since dividing costs more.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(64))]
-pub struct Best {
-    /// c².
-    over: [f32; LANES],
-    /// e.
-    under: [f32; LANES],
-    /// Which [`LANES`] of atoms, counted from the first: the bits of a number.
-    group: [f32; LANES],
-}
-
-impl Best {
-    /// None yet.
-    pub const NONE: Best = Best {
-        over: [0.0; LANES],
-        under: [1.0; LANES],
-        group: [0.0; LANES],
-    };
-
-    /// Atoms with c² = `over` and e = `under`, in vector `v` of the lanes. The first of equals wins.
-    #[inline(always)]
-    pub fn meet<S: Simd>(&mut self, simd: S, v: usize, over: S::f32s, under: S::f32s, group: u32) {
-        let best_over = &mut S::as_mut_simd_f32s(&mut self.over).0[v];
-        let best_under = &mut S::as_mut_simd_f32s(&mut self.under).0[v];
-        let (here, there) = (
-            simd.mul_f32s(over, *best_under),
-            simd.mul_f32s(*best_over, under),
-        );
-        let better = simd.greater_than_f32s(here, there);
-        // Seldom, after the first few atoms: a branch costs less than choosing in every lane.
-        if simd.first_true_m32s(better) < S::F32_LANES {
-            let best_group = &mut S::as_mut_simd_f32s(&mut self.group).0[v];
-            let group = simd.splat_f32s(f32::from_bits(group));
-            *best_over = simd.select_f32s(better, over, *best_over);
-            *best_under = simd.select_f32s(better, under, *best_under);
-            *best_group = simd.select_f32s(better, group, *best_group);
-        }
-    }
-
-    /// Like [`Best::meet`] where e is 1 of all atoms; which atom it is has to be found afterwards.
-    #[inline(always)]
-    fn raise<S: Simd>(&mut self, simd: S, v: usize, over: S::f32s) {
-        let best_over = &mut S::as_mut_simd_f32s(&mut self.over).0[v];
-        *best_over = simd.max_f32s(*best_over, over);
-    }
-
-    /// The largest c² that was raised to.
-    fn height(&self) -> f32 {
-        self.over.iter().copied().fold(0.0, f32::max)
-    }
-
-    /// The best of all lanes, the first of equals; `None` where there is none.
-    pub fn atom(&self) -> Option<u32> {
-        best_of(&self.over, &self.under, &self.group)
-    }
-}
-
-/// The best of atoms that were compared lane by lane, N lanes: c² of each lane's best, its e, and which N atoms it is of, in
-/// bits. The first of equals; `None` where there is none.
-pub fn best_of<const N: usize>(over: &[f32; N], under: &[f32; N], place: &[f32; N]) -> Option<u32> {
-    let mut best: Option<(f32, f32, u32)> = None;
-    for lane in 0..N {
-        let (over, under) = (over[lane], under[lane]);
-        let atom = place[lane].to_bits() * N as u32 + lane as u32;
-        let better = best.is_none_or(|(o, u, a)| {
-            let (here, there) = (over * u, o * under);
-            here > there || (here == there && atom < a)
-        });
-        if over > 0.0 && better {
-            best = Some((over, under, atom));
-        }
-    }
-    best.map(|b| b.2)
-}
 
 /// What is done with the products.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -115,41 +37,6 @@ pub struct Next {
     pub fresh: bool,
     /// c and e are not needed any more.
     pub last: bool,
-}
-
-/// The first atom of a pose with the largest c², once that is known; its rows of c are `stride` apart.
-pub struct Find<'a> {
-    pub correlations: &'a [Row],
-    pub stride: usize,
-    pub best: &'a Best,
-    pub found: &'a mut Option<u32>,
-}
-
-impl WithSimd for Find<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        *self.found = None;
-        let height = self.best.height();
-        if height <= 0.0 {
-            return;
-        }
-        let highest = simd.splat_f32s(height);
-        let rows = self.correlations.iter().step_by(self.stride).enumerate();
-        for (panel, row) in rows {
-            let vectors = S::as_simd_f32s(&row.0).0;
-            // Whether any lane is true is all that is asked: of AVX-512's masks pulp 0.22 counts from the wrong end.
-            let here = |c: &S::f32s| {
-                simd.first_true_m32s(simd.equal_f32s(simd.mul_f32s(*c, *c), highest)) < S::F32_LANES
-            };
-            if vectors.iter().any(here) {
-                let lane = row.0.iter().position(|c| c * c == height);
-                *self.found = lane.map(|lane| (panel * WIDTH + lane) as u32);
-                return;
-            }
-        }
-    }
 }
 
 /// One panel of atoms and all poses of a tile.
@@ -268,21 +155,24 @@ impl Job<'_> {
             for (p, products) in tile.into_iter().enumerate() {
                 let pose = from + p;
                 let part = simd.splat_f32s(self.parts[pose]);
-                for (v, product) in (at..).zip(products) {
+                let mut over = [simd.splat_f32s(0.0); VECTORS];
+                let mut under = [simd.splat_f32s(1.0); VECTORS];
+                for (v, product) in products.into_iter().enumerate() {
+                    let c = &mut self.state.correlations[pose];
+                    let e = self.state.remainders.get_mut(pose);
+                    let floor = self.state.floors.get_mut(pose);
                     let state = Vectors {
-                        c: vector::<S>(&mut self.state.correlations[pose], v),
-                        e: (self.state.remainders.get_mut(pose)).map(|e| vector::<S>(e, v)),
-                        floor: self.state.floors.get_mut(pose).map(|f| vector::<S>(f, v)),
+                        c: vector::<S>(c, at + v),
+                        e: e.map(|e| vector::<S>(e, at + v)),
+                        floor: floor.map(|f| vector::<S>(f, at + v)),
                     };
-                    if let Some((over, under)) = U::meet(simd, product, part, state) {
-                        let group = (self.panel * WIDTH + v * lanes) / LANES;
-                        let v = v * lanes % LANES / lanes;
-                        if U::ALIKE {
-                            self.best[pose].raise(simd, v, over);
-                        } else {
-                            self.best[pose].meet(simd, v, over, under, group as u32);
-                        }
+                    if let Some(key) = U::meet(simd, product, part, state) {
+                        (over[v], under[v]) = key;
                     }
+                }
+                if U::COMPARED {
+                    let from = self.panel * WIDTH + at * lanes;
+                    self.best[pose].meet(simd, from as u32, over, under);
                 }
             }
         }
@@ -320,6 +210,15 @@ fn products<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
     sums
 }
 
+/// Whether any lane of a mask is true. (pulp 0.22's `first_true` asks lane by lane, and counts AVX-512's from the wrong end.)
+#[inline(always)]
+pub fn any<S: Simd>(mask: S::m32s) -> bool {
+    pulp::bytemuck::bytes_of(&mask)
+        .iter()
+        .fold(0, |all, b| all | b)
+        != 0
+}
+
 /// a b + c: fused wherever that is an instruction.
 #[inline(always)]
 pub fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
@@ -341,8 +240,8 @@ pub struct Vectors<'a, S: Simd> {
 pub trait Use {
     /// Atoms and directions are squared.
     const SQUARED: bool = false;
-    /// e is 1 of all atoms: c² is enough to compare them.
-    const ALIKE: bool = false;
+    /// Atoms are compared.
+    const COMPARED: bool = true;
 
     fn meet<S: Simd>(
         simd: S,
@@ -356,6 +255,7 @@ struct Norms;
 
 impl Use for Norms {
     const SQUARED: bool = true;
+    const COMPARED: bool = false;
 
     #[inline(always)]
     fn meet<S: Simd>(
@@ -377,8 +277,6 @@ impl Use for Norms {
 struct First<const UNIT: bool>;
 
 impl<const UNIT: bool> Use for First<UNIT> {
-    const ALIKE: bool = UNIT;
-
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,

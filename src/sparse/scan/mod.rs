@@ -13,35 +13,72 @@
 //! a panel of atoms ([`kernel`]), and used up there.
 //!
 //! A pose's numbers do not depend on the poses beside it: one pose alone gives the same bits as one of many.
+//!
+//! Of many atoms most need not be looked at: [`leaves`] hold neighbours together, and [`pruned`] finds what a scan would,
+//! to the bit, by bounds. Of few atoms [`gram`] keeps the products with one another, and [`follow`] uses them.
 
+mod best;
 mod follow;
 mod gram;
 mod kernel;
+mod leaves;
 mod panels;
+mod path;
+mod pruned;
 
 use super::Rule;
-use kernel::{Best, Find, Job, State};
+use best::Best;
+use kernel::{Job, State};
 use ndarray::ArrayView2;
 use panels::{Row, WIDTH};
+use std::sync::OnceLock;
 
 pub use follow::Follower;
 pub use gram::{Gram, Term, products};
 use kernel::{Next, Step};
+pub use leaves::Leaves;
 pub use panels::Panels;
+pub use path::Path;
+pub use pruned::{DIRECTIONS, Found, Pruned, Sought, TOGETHER};
 
-/// Atoms laid out for scans, with room for their Gram matrix where it is not too large.
+/// Leaves are made for so many poses: it costs what so many scans do.
+const WORTH_LEAVES: usize = 1024;
+
+/// Atoms laid out for searches, each layout made when it is first asked for.
 pub struct Ground {
-    pub panels: Panels,
+    panels: OnceLock<Panels>,
+    /// Room for rows of the Gram matrix, where it is not too large: they serve so few atoms better than leaves.
     pub gram: Option<Gram>,
+    leaves: OnceLock<Leaves>,
 }
 
 impl Ground {
-    /// Of atoms (n, D).
-    pub fn new(atoms: ArrayView2<'_, f32>) -> Ground {
+    /// For n atoms.
+    pub fn new(n: usize) -> Ground {
         Ground {
-            panels: Panels::new(atoms),
-            gram: Gram::new(atoms.nrows()),
+            panels: OnceLock::new(),
+            gram: Gram::new(n),
+            leaves: OnceLock::new(),
         }
+    }
+
+    /// The atoms (n, D) as scans read them.
+    pub fn panels(&self, atoms: ArrayView2<'_, f32>) -> &Panels {
+        self.panels.get_or_init(|| Panels::new(atoms))
+    }
+
+    /// Whether searches of so many poses are worth leaves.
+    pub fn has_leaves(&self, poses: usize) -> bool {
+        self.gram.is_none() && (poses >= WORTH_LEAVES || self.leaves.get().is_some())
+    }
+
+    /// The atoms (n, D) in leaves.
+    pub fn leaves(&self, atoms: ArrayView2<'_, f32>) -> &Leaves {
+        // Not within the lock: a thread that waits for parts of this may take up other work, which may ask for it too.
+        if self.leaves.get().is_none() {
+            let _ = self.leaves.set(Leaves::new(atoms));
+        }
+        self.leaves.get_or_init(|| Leaves::new(atoms))
     }
 }
 
@@ -60,7 +97,6 @@ pub struct Scan<'a> {
     /// −<q, r>, one a pose.
     pub parts: Vec<f32>,
     best: Vec<Best>,
-    found: Vec<Option<u32>>,
     /// e is 1 of all atoms, whatever is kept.
     fresh: bool,
 }
@@ -77,7 +113,6 @@ impl<'a> Scan<'a> {
             directions: vec![0.0; poses * panels.width()],
             parts: vec![0.0; poses],
             best: vec![Best::NONE; poses],
-            found: vec![None; poses],
             fresh: true,
         }
     }
@@ -105,17 +140,6 @@ impl<'a> Scan<'a> {
     pub fn first(&mut self) {
         self.best.fill(Best::NONE);
         self.each(Step::First, None);
-        if !self.fresh {
-            return self.found_by_lanes();
-        }
-        for (pose, found) in self.found.iter_mut().enumerate() {
-            kernel::widest(Find {
-                correlations: &self.correlations[pose..],
-                stride: self.poses,
-                best: &self.best[pose],
-                found,
-            });
-        }
     }
 
     /// Brings c and e up to date, if they are needed any more (`last`), and finds each pose's best atom.
@@ -127,13 +151,25 @@ impl<'a> Scan<'a> {
         }
         self.best.fill(Best::NONE);
         self.each(Step::Next(Next { rule, fresh, last }), None);
-        self.found_by_lanes();
     }
 
-    fn found_by_lanes(&mut self) {
-        for (found, best) in self.found.iter_mut().zip(&self.best) {
-            *found = best.atom();
+    /// The best atom of one pose alone that is on its way, the atoms it took left out.
+    pub fn along(&mut self, path: &Path, rule: Rule, taken: &[u32]) -> Option<u32> {
+        let d = path.width();
+        self.begin();
+        self.directions.copy_from_slice(&path.vectors[..d]);
+        self.first();
+        for (q, part) in path.vectors[d..].chunks_exact(d).zip(&path.parts) {
+            self.directions.copy_from_slice(q);
+            self.parts[0] = *part;
+            self.next(rule, false);
         }
+        // Once more, without those: nothing changes by it.
+        taken.iter().for_each(|atom| self.leave_out(0, *atom));
+        self.directions.fill(0.0);
+        self.parts[0] = 0.0;
+        self.next(rule, true);
+        self.best(0)
     }
 
     fn each(&mut self, step: Step, weights: Option<&[f32]>) {
@@ -163,7 +199,7 @@ impl<'a> Scan<'a> {
 
     /// The best atom of a pose, if there is one.
     pub fn best(&self, pose: usize) -> Option<u32> {
-        self.found[pose]
+        self.best[pose].atom()
     }
 
     /// A pose is not to take an atom any more.
@@ -232,6 +268,10 @@ mod tests {
         assert_eq!(all.best(4), None);
     }
 
+    fn atoms_found(scan: &Scan<'_>) -> Vec<Option<u32>> {
+        (0..scan.poses()).map(|i| scan.best(i)).collect()
+    }
+
     #[test]
     fn a_last_scan_keeps_nothing() {
         let (atoms, poses) = (atoms(), random(13, 21, 2).mapv(|v| v as f32));
@@ -255,14 +295,14 @@ mod tests {
             for already in [false, true] {
                 let before = (scan.correlations.clone(), scan.remainders.clone());
                 scan.next(rule, true);
-                let found = scan.found.clone();
+                let found = atoms_found(&scan);
                 assert!(scan.correlations == before.0, "{rule:?} {weighted}");
                 assert!(before.1.is_empty() || scan.remainders == before.1);
                 scan.next(rule, true);
-                assert_eq!(scan.found, found);
+                assert_eq!(atoms_found(&scan), found);
                 if !already {
                     scan.next(rule, false);
-                    assert_eq!(scan.found, found);
+                    assert_eq!(atoms_found(&scan), found);
                     assert!(scan.correlations != before.0);
                 }
             }
@@ -274,7 +314,7 @@ mod tests {
         let poses = random(13, 21, 2).mapv(|v| v as f32);
         let atoms = Dictionary::from_rows(atoms().view()).unwrap();
         let (ground, flat) = (atoms.ground(), atoms.flat());
-        let (panels, gram) = (&ground.panels, ground.gram.as_ref().unwrap());
+        let (panels, gram) = (ground.panels(atoms.atoms()), ground.gram.as_ref().unwrap());
         for (i, pose) in poses.outer_iter().enumerate() {
             let [mut scan, mut rows] = [0, 1].map(|_| {
                 let mut scan = Scan::new(panels, 1);

@@ -1,0 +1,278 @@
+//! A group of poses coded one after the other, each atom sought by bounds: see [`super::scan`].
+
+use super::fit::Fit;
+use super::pursuit::Rule;
+use super::scan::{Found, Leaves, Path, Pruned, Scan, Sought, TOGETHER};
+use super::tile::{Full, RETRIES};
+use super::{Dictionary, Stop};
+
+/// Poses that are put in order together.
+pub(super) const GROUP: usize = 512;
+
+/// Room for the poses of a group.
+pub(super) struct Group<'a> {
+    dictionary: &'a Dictionary,
+    leaves: &'a Leaves,
+    rule: Rule,
+    search: Pruned<'a>,
+    walks: Vec<Walk>,
+    found: Vec<Found>,
+    /// For poses of which bounds tell too little.
+    scan: Option<Scan<'a>>,
+    searches: usize,
+    unpruned: usize,
+}
+
+/// A pose on its way.
+struct Walk {
+    path: Path,
+    /// Which fit is its.
+    fit: usize,
+    /// Atoms taken, and those that depended on them.
+    taken: Vec<u32>,
+    done: bool,
+}
+
+impl<'a> Group<'a> {
+    /// Room for poses. Their codes have at most [`DIRECTIONS`] atoms.
+    pub fn new(dictionary: &'a Dictionary, rule: Rule) -> Self {
+        let leaves = dictionary.ground().leaves(dictionary.atoms());
+        let walk = || Walk {
+            path: Path::new(dictionary.width()),
+            fit: 0,
+            taken: Vec::new(),
+            done: true,
+        };
+        Group {
+            dictionary,
+            leaves,
+            rule,
+            search: Pruned::new(leaves),
+            walks: std::iter::repeat_with(walk).take(TOGETHER).collect(),
+            found: Vec::new(),
+            scan: None,
+            searches: 0,
+            unpruned: 0,
+        }
+    }
+
+    /// Whether most searches so far had to be scans.
+    pub fn is_useless(&self) -> bool {
+        self.searches >= 2 * TOGETHER && 2 * self.unpruned > self.searches
+    }
+
+    /// Codes the poses that `fits` were started on, none of them with weights that differ.
+    pub fn code(&mut self, fits: &mut [Fit], sparsity: usize) {
+        let full = Full::of(self.dictionary, sparsity);
+        let path = &mut self.walks[0].path;
+        let mut order: Vec<(usize, usize)> = Vec::with_capacity(fits.len());
+        for (i, fit) in fits.iter().enumerate().filter(|(_, f)| f.stop.is_none()) {
+            path.begin(self.leaves, fit);
+            order.push((self.search.nearest(path, self.rule), i));
+        }
+        // Neighbouring poses look into the same leaves.
+        order.sort_unstable();
+        for few in order.chunks(TOGETHER) {
+            for (walk, (_, i)) in self.walks.iter_mut().zip(few) {
+                walk.path.begin(self.leaves, &fits[*i]);
+                walk.fit = *i;
+                walk.taken.clear();
+                walk.done = false;
+            }
+            while self.walks.iter().any(|w| !w.done) {
+                for taken in 0..full.most {
+                    self.step(fits, taken, full);
+                }
+            }
+        }
+        fits.iter_mut()
+            .for_each(|f| f.stop = f.stop.or(Some(Stop::Dependent)));
+    }
+
+    /// Gives each pose that has taken so many atoms another.
+    fn step(&mut self, fits: &mut [Fit], taken: usize, full: Full) {
+        let here = |w: &&Walk| !w.done && w.path.parts.len() == taken;
+        let sought: Vec<Sought<'_>> = (self.walks.iter().filter(here))
+            .map(|walk| Sought {
+                path: &walk.path,
+                rule: self.rule,
+                taken: &walk.taken,
+                likely: &[],
+            })
+            .collect();
+        if sought.is_empty() {
+            return;
+        }
+        self.search.best(&sought, &mut self.found);
+        self.searches += sought.len();
+        let here = |w: &&mut Walk| !w.done && w.path.parts.len() == taken;
+        for (walk, found) in self.walks.iter_mut().filter(here).zip(&self.found) {
+            let atom = match found {
+                Found::Atom(atom) => Some(*atom),
+                Found::Nothing => None,
+                Found::Unpruned => {
+                    self.unpruned += 1;
+                    let panels = || self.dictionary.ground().panels(self.dictionary.atoms());
+                    let scan = self.scan.get_or_insert_with(|| Scan::new(panels(), 1));
+                    scan.along(&walk.path, self.rule, &walk.taken)
+                }
+            };
+            walk.take(
+                &mut fits[walk.fit],
+                atom,
+                (self.dictionary, self.leaves),
+                full,
+            );
+        }
+    }
+}
+
+impl Walk {
+    /// Takes an atom along, if it does not depend on the others.
+    fn take(
+        &mut self,
+        fit: &mut Fit,
+        atom: Option<u32>,
+        (dictionary, leaves): (&Dictionary, &Leaves),
+        full: Full,
+    ) {
+        let Some(atom) = atom else {
+            self.done = true;
+            return;
+        };
+        self.taken.push(atom);
+        let pushed = fit.push(atom, super::code::row(dictionary, atom));
+        if fit.stop.is_none() && fit.support.len() == full.most {
+            fit.stop = Some(full.stop);
+        }
+        self.done = fit.stop.is_some() || self.taken.len() == full.most + RETRIES;
+        if pushed && !self.done {
+            self.path.take(leaves, fit);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pursuit::Tolerance;
+    use super::super::testdata::random;
+    use super::super::tile::Tile;
+    use super::*;
+    use crate::par;
+    use ndarray::{Array2, ArrayView1, Axis, concatenate, s};
+    use proptest::prelude::*;
+    use rand::Rng;
+
+    /// Coded by bounds as by scans: the same atoms, to the bit the same numbers, the same reasons. Gives the share of searches
+    /// of which bounds told too little.
+    fn as_by_scans(atoms: &Array2<f64>, poses: &Array2<f64>) -> f64 {
+        let dictionary = Dictionary::from_rows(atoms.view()).unwrap();
+        let (m, d) = poses.dim();
+        let mut shares = Vec::new();
+        for (rule, sparsity, tolerance) in [
+            (Rule::Optimised, 4, Tolerance::Never),
+            (Rule::Optimised, 3, Tolerance::Rms(0.05)),
+            (Rule::Plain, 4, Tolerance::Never),
+            (Rule::Optimised, 1, Tolerance::Never),
+        ] {
+            let started = || -> Vec<Fit> {
+                let start = |pose: ArrayView1<'_, f64>| {
+                    let mut fit = Fit::new(sparsity.min(atoms.nrows()).min(d), d);
+                    fit.start(pose, None::<ArrayView1<'_, f64>>, tolerance)
+                        .unwrap();
+                    fit
+                };
+                poses.outer_iter().map(start).collect()
+            };
+            let (mut by_bounds, mut by_scans) = (started(), started());
+            let mut group = Group::new(&dictionary, rule);
+            group.code(&mut by_bounds, sparsity);
+            // Without rows of the Gram matrix, whose products are rounded otherwise.
+            Tile::of_scans(&dictionary, rule, m).code(&mut by_scans, sparsity);
+            for (i, (a, b)) in by_bounds.iter().zip(&by_scans).enumerate() {
+                assert_eq!(a.support, b.support, "pose {i} {rule:?} {sparsity}");
+                assert_eq!((a.stop, a.left()), (b.stop, b.left()));
+            }
+            shares.push(group.unpruned as f64 / group.searches.max(1) as f64);
+        }
+        shares.into_iter().fold(0.0, f64::max)
+    }
+
+    /// Few hidden dimensions, as poses have, and a little of all others.
+    fn flat(n: usize, d: usize, seed: u64) -> Array2<f64> {
+        let hidden = random(8, d, seed + 1);
+        let mut g = par::generator(seed, 2);
+        let mixed = Array2::from_shape_fn((n, 8), |_| g.random::<f64>() - 0.3);
+        mixed.dot(&hidden) + random(n, d, seed + 3) * 0.02
+    }
+
+    #[test]
+    fn poses_like_atoms_are_found_by_bounds_alone() {
+        let (atoms, poses) = (flat(3000, 33, 1), flat(100, 33, 1 << 40));
+        let near = &atoms.slice(s![..100, ..]) + &(random(100, 33, 5) * 0.01);
+        let poses = concatenate![Axis(0), near, poses];
+        assert_eq!(as_by_scans(&atoms, &poses), 0.0);
+    }
+
+    #[test]
+    fn where_bounds_tell_nothing_scans_answer() {
+        let share = as_by_scans(&random(1500, 69, 6), &random(40, 69, 7));
+        assert!(share > 0.5, "{share}");
+    }
+
+    #[test]
+    fn a_pose_of_zeros_has_no_atoms_and_one_that_an_atom_is_has_one() {
+        let atoms = flat(200, 12, 8);
+        let mut poses = atoms.slice(s![..20, ..]).to_owned() * 3.0;
+        poses.row_mut(3).fill(0.0);
+        as_by_scans(&atoms, &poses);
+    }
+
+    #[test]
+    fn atoms_of_fewer_numbers_than_a_head_and_few_of_them_are_found_too() {
+        for (n, d) in [
+            (1, 1),
+            (1, 5),
+            (3, 2),
+            (17, 3),
+            (300, 1),
+            (257, 31),
+            (40, 33),
+        ] {
+            as_by_scans(&random(n, d, 9), &random(30, d, 10));
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(60))]
+        /// Clustered and repeated atoms, both signs, next to equal ones: where keys are equal or nearly so.
+        #[test]
+        fn bounds_find_what_scans_find(
+            seed in 0u64..1000,
+            n in 1usize..700,
+            d in 1usize..80,
+            clusters in 1usize..30,
+            apart in prop::sample::select(vec![0.0, 1e-8, 1e-7, 1e-6, 1e-4, 1e-2, 0.3]),
+            noise in prop::sample::select(vec![0.0, 1e-7, 1e-3, 0.1]),
+        ) {
+            let centres = match seed % 2 {
+                0 => random(clusters, d, seed),
+                _ => flat(clusters, d, seed),
+            };
+            let mut g = par::generator(seed, 4);
+            let near = |m: usize, apart: f64, g: &mut rand_chacha::ChaCha8Rng| {
+                let mut rows = random(m, d, g.random()) * apart;
+                for mut row in rows.outer_iter_mut() {
+                    let sign = if g.random() { 1.0 } else { -1.0 };
+                    row.scaled_add(sign, &centres.row(g.random_range(0..clusters)));
+                }
+                rows
+            };
+            let atoms = near(n, apart, &mut g);
+            let mut poses = near(40, noise, &mut g);
+            let more = near(40, noise, &mut g);
+            poses.scaled_add(0.7, &more);
+            as_by_scans(&atoms, &poses);
+        }
+    }
+}

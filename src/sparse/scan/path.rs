@@ -1,0 +1,83 @@
+//! What a pruned search knows of a pose: its signal, and the directions of the atoms that it took.
+
+use super::super::fit::Fit;
+use super::leaves::{Head, Leaves, Turned};
+
+/// A pose on its way.
+pub struct Path {
+    d: usize,
+    /// The signal, then the directions taken, D each.
+    pub vectors: Vec<f32>,
+    /// The residual, then the directions taken, in the basis of the leaves.
+    pub heads: Vec<Head>,
+    /// What is left, in that basis.
+    residual: Turned,
+    /// −<q, r> of each direction.
+    pub parts: Vec<f32>,
+    /// |residual|².
+    pub left: f32,
+}
+
+impl Path {
+    /// For vectors of `d` numbers.
+    pub fn new(d: usize) -> Path {
+        Path {
+            d,
+            vectors: Vec::new(),
+            heads: Vec::new(),
+            residual: Turned::NONE,
+            parts: Vec::new(),
+            left: 0.0,
+        }
+    }
+
+    /// D.
+    pub fn width(&self) -> usize {
+        self.d
+    }
+
+    /// Begins with a pose that has no atoms yet.
+    pub fn begin(&mut self, leaves: &Leaves, fit: &Fit) {
+        self.vectors.clear();
+        self.vectors.extend(fit.residual.iter().map(|v| *v as f32));
+        self.residual = Turned::of(leaves, &fit.residual);
+        self.heads.clear();
+        self.heads.push(self.residual.head());
+        self.parts.clear();
+        self.left = fit.left() as f32;
+    }
+
+    /// Takes the direction of the newest atom along.
+    pub fn take(&mut self, leaves: &Leaves, fit: &Fit) {
+        let (q, z) = fit.newest();
+        self.vectors.extend(q.iter().map(|v| *v as f32));
+        let turned = Turned::of(leaves, q);
+        self.heads.push(turned.head());
+        self.parts.push(-z as f32);
+        self.residual.less(z, &turned, fit.left());
+        self.heads[0] = self.residual.head();
+        self.left = fit.left() as f32;
+    }
+
+    /// What rounding may change, in a scan and here, of a product of an atom with the residual and of what is left of the
+    /// atom's square.
+    ///
+    /// A sum of D products, each fused into it, of unit vectors errs by D u at most, u = 2^-24 (Higham, Accuracy and
+    /// Stability of Numerical Algorithms, 3.1); the scan's c is such a sum and one more a direction, times its part.
+    pub fn noise(&self) -> Noise {
+        let one = (self.d + 8) as f32 * (f32::EPSILON / 2.0);
+        let parts: f32 = self.parts.iter().map(|p| p.abs()).sum();
+        let count = self.parts.len() as f32;
+        Noise {
+            product: one * (2.0 + parts),
+            rest: one * 4.0 * count.sqrt(),
+        }
+    }
+}
+
+/// Bounds of rounding; see [`Path::noise`].
+#[derive(Debug, Clone, Copy)]
+pub struct Noise {
+    pub product: f32,
+    pub rest: f32,
+}
