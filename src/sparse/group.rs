@@ -97,7 +97,6 @@ impl<'a> Group<'a> {
                 path: &walk.path,
                 rule: self.rule,
                 taken: &walk.taken,
-                likely: &[],
             })
             .collect();
         if sought.is_empty() {

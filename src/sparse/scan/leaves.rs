@@ -63,9 +63,9 @@ pub struct Leaf {
     pub atoms: [u32; LEAF],
 }
 
-/// Sixteen leaves.
+/// Sixteen balls, each about the atoms of a leaf or a branch.
 #[derive(Clone)]
-pub struct Centres {
+pub struct Balls {
     pub heads: [[Lanes; PART]; CENTRE_PARTS],
     /// |m|²; infinite where there is no leaf.
     pub norms: Lanes,
@@ -84,7 +84,10 @@ pub struct Leaves {
     pub leaves: Vec<Leaf>,
     /// Of each leaf D rows: its atoms as they are.
     pub whole: Vec<Lanes>,
-    pub centres: Vec<Centres>,
+    /// Of each leaf a ball.
+    pub balls: Vec<Balls>,
+    /// Of each sixteen leaves one.
+    pub branches: Vec<Balls>,
     /// Of each atom, in which leaf it is.
     places: Vec<u32>,
 }
@@ -106,8 +109,10 @@ impl Leaves {
         let mut order: Vec<u32> = (0..n as u32).collect();
         split(&mut order, &heads);
         let leaves: Vec<Leaf> = par::map_chunks(n, LEAF, |places| leaf(&order[places], &heads));
-        let balls: Vec<Ball> = par::map_chunks(n, LEAF, |places| ball(&order[places], &heads));
-        let centres = balls.chunks(LEAF).map(centres).collect();
+        let about = |atoms: usize| -> Vec<Balls> {
+            let balls = par::map_chunks(n, atoms, |places| ball(&order[places], &heads));
+            balls.chunks(LEAF).map(beside).collect()
+        };
         let whole = par::map_chunks(n, LEAF, |places| whole(&order[places], atoms)).concat();
         let mut places = vec![0; n];
         for (place, atom) in order.iter().enumerate() {
@@ -117,7 +122,8 @@ impl Leaves {
             basis,
             leaves,
             whole,
-            centres,
+            balls: about(LEAF),
+            branches: about(LEAF * LEAF),
             places,
         }
     }
@@ -397,8 +403,8 @@ fn ball(atoms: &[u32], heads: &[Head]) -> Ball {
     Ball { centre, radius }
 }
 
-fn centres(balls: &[Ball]) -> Centres {
-    let mut centres = Centres {
+fn beside(balls: &[Ball]) -> Balls {
+    let mut all = Balls {
         heads: [[Lanes::ZERO; PART]; CENTRE_PARTS],
         norms: Lanes([f32::INFINITY; LEAF]),
         radii: Lanes::ZERO,
@@ -406,15 +412,15 @@ fn centres(balls: &[Ball]) -> Centres {
         far: Lanes::ZERO,
     };
     for (lane, ball) in balls.iter().enumerate() {
-        let rows = centres.heads.as_flattened_mut().iter_mut();
+        let rows = all.heads.as_flattened_mut().iter_mut();
         rows.zip(ball.centre).for_each(|(row, c)| row.0[lane] = c);
         let norm: f64 = ball.centre.iter().map(|c| f64::from(*c).powi(2)).sum();
-        centres.norms.0[lane] = norm as f32;
-        centres.radii.0[lane] = ball.radius as f32;
-        for (row, gap) in [(&mut centres.near, NEAR), (&mut centres.far, FAR)] {
+        all.norms.0[lane] = norm as f32;
+        all.radii.0[lane] = ball.radius as f32;
+        for (row, gap) in [(&mut all.near, NEAR), (&mut all.far, FAR)] {
             let reach = ball.radius + f64::from(gap) + ROUNDING;
             row.0[lane] = (reach * reach + 10.0 * ROUNDING) as f32;
         }
     }
-    centres
+    all
 }

@@ -25,6 +25,7 @@ mod leaves;
 mod panels;
 mod path;
 mod pruned;
+mod sweep;
 
 use super::Rule;
 use best::Best;
