@@ -7,7 +7,7 @@ use posing::cli::restoring::PursuitFlag;
 use posing::cli::streams::{RowStream, Sink, one_stdin_with, open_model};
 use posing::cli::{Outcome, run, say};
 use posing::io::table::Row;
-use posing::io::text::push_number;
+use posing::io::text::{push_number, push_single};
 use posing::prior::sparse::dictionary;
 use posing::sparse::{Codes, Dictionary, Pursuit};
 use posing::{Error, Place, Result, par};
@@ -45,7 +45,7 @@ struct Args {
 }
 
 /// Poses coded together.
-const BATCH: usize = 1 << 15;
+const BATCH: usize = 1 << 13;
 /// Lines that one thread writes at a time.
 const LINES: usize = 256;
 
@@ -99,35 +99,33 @@ fn work(args: &Args) -> Result<Outcome> {
 
 /// The lines of some poses.
 fn coded(pursuit: &Pursuit, dictionary: &Dictionary, poses: &Array2<f32>) -> Result<Vec<u8>> {
-    let seen = poses.mapv(|v| f32::from(v.is_finite()));
-    let gaps = seen.iter().any(|w| *w == 0.0);
-    let codes = pursuit.code_batch(dictionary, poses.view(), gaps.then(|| seen.view()))?;
-    let lines = |i: std::ops::Range<usize>| lines(pursuit, &codes, &seen, i);
+    let gaps = poses.iter().any(|v| !v.is_finite());
+    let seen = gaps.then(|| poses.mapv(|v| f32::from(v.is_finite())));
+    let codes = pursuit.code_batch(dictionary, poses.view(), seen.as_ref().map(|s| s.view()))?;
+    let count = |i: usize| match &seen {
+        Some(seen) => seen.row(i).sum().max(1.0),
+        None => poses.ncols() as f32,
+    };
+    let lines = |rows: std::ops::Range<usize>| {
+        let mut out = Vec::with_capacity(64 * rows.len());
+        for i in rows {
+            let squared = codes.squared_residuals[i] / f64::from(count(i));
+            line(&mut out, pursuit, &codes, (i, squared.sqrt()));
+        }
+        out
+    };
     Ok(par::map_chunks(codes.len(), LINES, lines).concat())
 }
 
-fn lines(
-    pursuit: &Pursuit,
-    codes: &Codes,
-    seen: &Array2<f32>,
-    rows: std::ops::Range<usize>,
-) -> Vec<u8> {
-    let mut out = Vec::with_capacity(64 * rows.len());
-    for i in rows {
-        let mut used = 0;
-        for (atom, coefficient) in codes.entries(i) {
-            let _ = write!(out, "{atom},");
-            push_number(&mut out, f64::from(coefficient));
-            out.push(b',');
-            used += 1;
-        }
-        out.extend(std::iter::repeat_n(b',', 2 * (pursuit.sparsity - used)));
-        let count = seen.row(i).sum().max(1.0);
-        push_number(
-            &mut out,
-            (codes.squared_residuals[i] / f64::from(count)).sqrt(),
-        );
-        out.push(b'\n');
+fn line(out: &mut Vec<u8>, pursuit: &Pursuit, codes: &Codes, (i, rms): (usize, f64)) {
+    let mut used = 0;
+    for (atom, coefficient) in codes.entries(i) {
+        let _ = write!(out, "{atom},");
+        push_single(out, coefficient);
+        out.push(b',');
+        used += 1;
     }
-    out
+    out.extend(std::iter::repeat_n(b',', 2 * (pursuit.sparsity - used)));
+    push_number(out, rms);
+    out.push(b'\n');
 }

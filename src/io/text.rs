@@ -114,7 +114,16 @@ pub fn short(text: &str) -> String {
 
 /// Appends the shortest text that reads back to `value`; nothing for NaN (an empty cell is a missing value).
 pub fn push_number(out: &mut Vec<u8>, value: f64) {
-    if value.is_nan() {
+    push_shortest(out, value);
+}
+
+/// Like [`push_number`], the shortest text that is read as the same single precision number.
+pub fn push_single(out: &mut Vec<u8>, value: f32) {
+    push_shortest(out, value);
+}
+
+fn push_shortest(out: &mut Vec<u8>, value: impl ryu::Float + Into<f64>) {
+    if value.into().is_nan() {
         return;
     }
     let mut buffer = ryu::Buffer::new();

@@ -192,14 +192,14 @@ impl Fit {
     }
 
     /// What the newest direction is of the chosen atoms, in their order: R w = e_k.
-    pub fn newest_weights(&self) -> Vec<f64> {
+    pub fn newest_weights(&self, w: &mut Vec<f64>) {
         let (k, cap) = (self.support.len(), self.capacity);
-        let mut w = vec![0.0; k];
+        w.clear();
+        w.resize(k, 0.0);
         for i in (0..k).rev() {
             let known: f64 = (i + 1..k).map(|j| self.r[j * cap + i] * w[j]).sum();
             w[i] = (f64::from(u8::from(i + 1 == k)) - known) / self.r[i * cap + i];
         }
-        w
     }
 
     /// The coefficients of the chosen atoms, in their order: back substitution in R x = z.

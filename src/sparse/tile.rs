@@ -31,6 +31,9 @@ pub(super) struct Tile<'a> {
     rule: Rule,
     scan: Scan<'a>,
     follower: Follower,
+    /// Room for what the newest direction of a pose is made of.
+    weights: Vec<f64>,
+    terms: Vec<Term<'a>>,
 }
 
 impl<'a> Tile<'a> {
@@ -45,6 +48,8 @@ impl<'a> Tile<'a> {
             rule,
             scan: Scan::new(panels, poses),
             follower: Follower::new(panels),
+            weights: Vec::new(),
+            terms: Vec::new(),
         }
     }
 
@@ -126,7 +131,7 @@ impl<'a> Tile<'a> {
     }
 
     /// Takes the atoms after the first scan pose by pose, by rows of the Gram matrix.
-    fn each(&mut self, fits: &mut [Fit], gram: &Gram, full: Full) {
+    fn each(&mut self, fits: &mut [Fit], gram: &'a Gram, full: Full) {
         let open = (0..fits.len()).filter(|&i| fits[i].stop.is_none() && full.most > 1);
         let firsts = open.filter_map(|i| self.scan.best(i)).collect();
         gram.prepare(self.panels, self.dictionary.flat(), firsts);
@@ -152,7 +157,7 @@ impl<'a> Tile<'a> {
         &mut self,
         pose: usize,
         fit: &Fit,
-        gram: &Gram,
+        gram: &'a Gram,
         (met, last): (bool, bool),
     ) -> Option<u32> {
         let how = (self.rule, last);
@@ -161,17 +166,18 @@ impl<'a> Tile<'a> {
         }
         let (panels, atoms) = (self.panels, self.dictionary.flat());
         let (q, z) = fit.newest();
-        let weights = fit.newest_weights();
-        if weights.iter().any(|w| w.abs() > LARGEST_WEIGHT) {
+        fit.newest_weights(&mut self.weights);
+        if self.weights.iter().any(|w| w.abs() > LARGEST_WEIGHT) {
             let direction: Vec<f32> = q.iter().map(|v| *v as f32).collect();
             let row = &products(panels, &direction)[0];
             let terms: [Term<'_>; 1] = [(1.0, row)];
             return (self.follower).next(&mut self.scan, pose, (&terms, -z as f32), how);
         }
-        let terms: Vec<Term<'_>> = (weights.iter().zip(&fit.support))
-            .map(|(w, atom)| (*w as f32, gram.row(panels, atoms, *atom)))
-            .collect();
-        (self.follower).next(&mut self.scan, pose, (&terms, -z as f32), how)
+        let terms = (self.weights.iter().zip(&fit.support))
+            .map(|(w, atom)| (*w as f32, gram.row(panels, atoms, *atom)));
+        self.terms.clear();
+        self.terms.extend(terms);
+        (self.follower).next(&mut self.scan, pose, (&self.terms, -z as f32), how)
     }
 
     /// Gives a pose an atom, or finds in f64 that it depends on those taken: it is not to be looked at again either way.

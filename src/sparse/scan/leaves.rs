@@ -19,7 +19,7 @@ pub const LEAF: usize = 16;
 /// Coordinates are multiplied by so many.
 pub const PART: usize = 8;
 /// Parts of a head, and of a centre: more would not tell leaves apart better, as they are wider than that.
-const PARTS: usize = HEAD / PART;
+pub const PARTS: usize = HEAD / PART;
 const CENTRE_PARTS: usize = CENTRE / PART;
 /// Coordinates of a head, and of a centre.
 const HEAD: usize = 32;

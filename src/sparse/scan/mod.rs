@@ -342,7 +342,8 @@ mod tests {
                 scan.parts[0] = -z as f32;
                 scan.leave_out(0, atom);
                 rows.leave_out(0, atom);
-                let weights = fit.newest_weights();
+                let mut weights = Vec::new();
+                fit.newest_weights(&mut weights);
                 let terms: Vec<Term<'_>> = (weights.iter().zip(&fit.support))
                     .map(|(w, atom)| (*w as f32, gram.row(panels, flat, *atom)))
                     .collect();

@@ -2,8 +2,10 @@
 
 use super::super::Rule;
 use super::kernel::{self, FLOOR, add_product};
-use super::leaves::{Balls, FAR, LEAF, LEVELS, Lanes, Leaf, Leaves, NEAR, NO_ATOM, PART};
-use super::path::{Noise, Path};
+use super::leaves::{
+    Balls, FAR, Head, LEAF, LEVELS, Lanes, Leaf, Leaves, NEAR, NO_ATOM, PART, PARTS,
+};
+use super::path::Noise;
 use super::pruned::{Found, Sought};
 use pulp::Simd;
 
@@ -94,6 +96,11 @@ pub struct Sweep<'s, S, const N: usize, const V: usize> {
     simd: S,
     leaves: &'s Leaves,
     sought: Sought<'s>,
+    heads: [&'s Head; N],
+    /// The bound that is tried first: the more is taken away the longer a head has to be. (Kept, not a constant: loops of a
+    /// length that the compiler knows it takes apart so that sums wait for one another.)
+    level: usize,
+    parts: usize,
     noise: Noise,
     /// What is left of an atom counts.
     optimised: bool,
@@ -111,6 +118,9 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
             simd,
             leaves,
             sought,
+            heads: std::array::from_fn(|n| &sought.path.heads[n]),
+            level: usize::from(N > 1),
+            parts: leaves.balls[0].heads.len(),
             noise: sought.path.noise(),
             optimised: N > 1 && sought.rule == Rule::Optimised,
             key: 0.0,
@@ -162,8 +172,8 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
     fn measure(&self, balls: &Balls) -> Measured<S, V> {
         let simd = self.simd;
         let mut sums = [[simd.splat_f32s(0.0); V]; N];
-        for (p, part) in balls.heads.iter().enumerate() {
-            add::<S, N, V>(simd, &mut sums, self.sought.path, p, part);
+        for (p, part) in balls.heads[..self.parts].iter().enumerate() {
+            add::<S, N, V>(simd, &mut sums, self.heads, p, part);
         }
         let mut measured = Measured::none(simd);
         for v in 0..V {
@@ -269,30 +279,28 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
     #[inline(always)]
     pub fn look_into(&mut self, leaf: usize) {
         let simd = self.simd;
-        let mut sums = [[simd.splat_f32s(0.0); V]; N];
-        let mut from = 0;
         let atoms = &self.leaves.leaves[leaf];
-        for level in 0..LEVELS.len() {
-            // The more is taken away the longer a head has to be.
-            if level == usize::from(N == 1) {
-                continue;
-            }
-            for p in from..LEVELS[level] {
-                add::<S, N, V>(simd, &mut sums, self.sought.path, p, &atoms.heads[p]);
-            }
-            from = LEVELS[level];
-            if !self.may_be_best(atoms, level, &sums) {
-                return;
-            }
+        let mut sums = [[simd.splat_f32s(0.0); V]; N];
+        let level = self.level;
+        for p in 0..=level {
+            add::<S, N, V>(simd, &mut sums, self.heads, p, &atoms.heads[p]);
         }
-        self.meet(leaf);
+        if !self.may_be_best(atoms, level, &sums) {
+            return;
+        }
+        for p in level + 1..PARTS {
+            add::<S, N, V>(simd, &mut sums, self.heads, p, &atoms.heads[p]);
+        }
+        if self.may_be_best(atoms, LEVELS.len() - 1, &sums) {
+            self.meet(leaf);
+        }
     }
 
     /// Whether an atom of a leaf can be the best, by its head's products up to a level.
     #[inline(always)]
     fn may_be_best(&self, leaf: &Leaf, level: usize, sums: &[[S::f32s; V]; N]) -> bool {
         let simd = self.simd;
-        let beyond = |n: usize| simd.splat_f32s(self.sought.path.heads[n].beyond[level]);
+        let beyond = |n: usize| simd.splat_f32s(self.heads[n].beyond[level]);
         let (product, key) = (
             simd.splat_f32s(self.noise.product),
             simd.splat_f32s(self.key * BELOW),
@@ -328,18 +336,19 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
         let d = path.width();
         let rows = &self.leaves.whole[leaf * d..][..d];
         let mut sums = [[simd.splat_f32s(0.0); V]; N];
-        let vectors: [&[f32]; N] = std::array::from_fn(
-            #[inline(always)]
-            |n| &path.vectors[n * d..][..d],
-        );
+        let mut of = [&path.vectors[..d]; N];
+        for n in 1..N {
+            of[n] = &path.vectors[n * d..][..d];
+        }
         for (k, row) in rows.iter().enumerate() {
-            let of = vectors.map(
-                #[inline(always)]
-                |q| q[k],
-            );
-            multiply::<S, N, V>(simd, &mut sums, of, row);
+            let mut numbers = [0.0; N];
+            for n in 0..N {
+                numbers[n] = of[n][k];
+            }
+            multiply::<S, N, V>(simd, &mut sums, numbers, row);
         }
         let mut keys = Lanes::ZERO;
+        let mut some = false;
         for v in 0..V {
             let (mut c, mut e) = (sums[0][v], simd.splat_f32s(1.0));
             for n in 1..N {
@@ -351,10 +360,22 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
                 true => simd.max_f32s(e, simd.splat_f32s(FLOOR)),
                 false => simd.splat_f32s(1.0),
             };
-            vectors_mut::<S>(&mut keys)[v] = simd.div_f32s(simd.mul_f32s(c, c), under);
+            let key = simd.div_f32s(simd.mul_f32s(c, c), under);
+            some |=
+                kernel::any::<S>(simd.greater_than_or_equal_f32s(key, simd.splat_f32s(self.key)));
+            vectors_mut::<S>(&mut keys)[v] = key;
         }
+        if some {
+            self.choose(&keys, leaf);
+        }
+    }
+
+    /// Takes the best of a leaf's atoms if it is better than the best so far: the first of equals.
+    #[inline(always)]
+    fn choose(&mut self, keys: &Lanes, leaf: usize) {
         let atoms = &self.leaves.leaves[leaf].atoms;
-        for (key, atom) in keys.0.into_iter().zip(*atoms) {
+        for (key, atom) in keys.0.iter().zip(atoms) {
+            let (key, atom) = (*key, *atom);
             let better = key > self.key || (key == self.key && key > 0.0 && atom < self.best);
             if better && !self.sought.taken.contains(&atom) {
                 (self.key, self.best) = (key, atom);
@@ -363,29 +384,28 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
     }
 }
 
-/// Adds the products of part `p` of heads with those of the path's first N vectors.
+/// Adds the products of part `p` of some atoms' heads with those of N vectors.
 #[inline(always)]
 fn add<S: Simd, const N: usize, const V: usize>(
     simd: S,
     sums: &mut [[S::f32s; V]; N],
-    path: &Path,
+    heads: [&Head; N],
     p: usize,
     rows: &[Lanes; PART],
 ) {
-    let heads: [&[f32; PART]; N] = std::array::from_fn(
-        #[inline(always)]
-        |n| &path.heads[n].along[p],
-    );
-    for k in 0..PART {
-        multiply::<S, N, V>(
-            simd,
-            sums,
-            heads.map(
-                #[inline(always)]
-                |h| h[k],
-            ),
-            &rows[k],
-        );
+    // Sums of their own, so that parts need not wait for one another.
+    let mut part = [[simd.splat_f32s(0.0); V]; N];
+    for (k, row) in rows.iter().enumerate() {
+        let mut of = [0.0; N];
+        for n in 0..N {
+            of[n] = heads[n].along[p][k];
+        }
+        multiply::<S, N, V>(simd, &mut part, of, row);
+    }
+    for n in 0..N {
+        for v in 0..V {
+            sums[n][v] = simd.add_f32s(sums[n][v], part[n][v]);
+        }
     }
 }
 
