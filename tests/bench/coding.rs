@@ -1,0 +1,177 @@
+//! How fast poses are coded, in this process: `make bench`.
+//!
+//! Scans are measured against the machine: a matrix product in single precision on the same threads, of matrices that stay
+//! in the cache. Searches by bounds are measured against scans. Every figure is the median of three runs.
+
+use ndarray::{Array2, ArrayView2, Axis, s};
+use posing::par;
+use posing::sparse::{Dictionary, Pursuit, Search};
+use rand::Rng;
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+
+const RUNS: usize = 3;
+const SPARSITY: usize = 3;
+/// Fewer poses than are worth leaves: these are scanned.
+const SCANNED: usize = 960;
+const SOUGHT: usize = 10_000;
+
+fn main() {
+    let peak = peak();
+    println!(
+        "{} threads; matrix product {:.0} Gflop/s, reading memory {:.1} GB/s",
+        rayon::current_num_threads(),
+        peak / 1e9,
+        bandwidth() / 1e9
+    );
+    let Some(takes) = poses() else {
+        return println!("no takes at ../shared/data/cmu: nothing is coded");
+    };
+    let mut chosen = par::generator(0, 0);
+    let mut order: Vec<usize> = (0..takes.nrows()).collect();
+    rand::seq::SliceRandom::shuffle(&mut order[..], &mut chosen);
+    let poses = takes.select(Axis(0), &order[..SOUGHT]);
+    order.drain(..SOUGHT);
+    order.sort_unstable();
+    println!(
+        "\n{:>8} {:>12} {:>11} {:>12} {:>9}",
+        "atoms", "scan us/pose", "of product", "bounds us", "times"
+    );
+    let mut points = Vec::new();
+    for n in [1_000, 5_000, 20_000, 65_536, 262_759] {
+        let atoms = atoms(&takes, &order, n);
+        let scan = seconds(&atoms, poses.slice(s![..SCANNED, ..]), Search::Scan) / SCANNED as f64;
+        // A product with every atom for each atom of the code, two operations a number.
+        let share = (2 * SPARSITY * n * poses.ncols()) as f64 / scan / peak;
+        print!("{n:>8} {:>12.1} {share:>11.2}", scan * 1e6);
+        if n <= 2048 {
+            println!("   (rows of the Gram matrix after the first scan)");
+            continue;
+        }
+        let bounds = seconds(&atoms, poses.view(), Search::Bounds) / SOUGHT as f64;
+        println!(" {:>12.1} {:>9.1}", bounds * 1e6, scan / bounds);
+        points.push(((n as f64).ln(), scan.ln(), bounds.ln()));
+    }
+    let slope = |of: fn(&(f64, f64, f64)) -> f64| {
+        let mean = |f: &dyn Fn(&(f64, f64, f64)) -> f64| {
+            points.iter().map(f).sum::<f64>() / points.len() as f64
+        };
+        let (x, y) = (mean(&|p| p.0), mean(&|p| of(p)));
+        mean(&|p| (p.0 - x) * (of(p) - y)) / mean(&|p| (p.0 - x).powi(2))
+    };
+    println!(
+        "seconds grow as atoms to the power of {:.2} (scan), {:.2} (bounds)",
+        slope(|p| p.1),
+        slope(|p| p.2)
+    );
+}
+
+/// Coding with a dictionary that has been coded with once: what is made for searches is made.
+fn seconds(atoms: &Dictionary, poses: ArrayView2<'_, f32>, search: Search) -> f64 {
+    // A scan has to stay one: what other runs made is forgotten.
+    let dictionary = Dictionary::from_rows(atoms.atoms()).expect("atoms of unit norm");
+    let pursuit = Pursuit {
+        sparsity: SPARSITY,
+        ..Pursuit::default()
+    };
+    let code = || {
+        let codes = pursuit.code_batch(&dictionary, poses, None);
+        assert_eq!(codes.expect("finite poses").len(), poses.nrows());
+    };
+    let asked = pursuit.search(&dictionary, poses.nrows());
+    assert!(asked == search || asked == Search::Rows);
+    code();
+    median(code)
+}
+
+fn median(mut work: impl FnMut()) -> f64 {
+    let mut times: Vec<f64> = (0..RUNS)
+        .map(|_| {
+            let began = Instant::now();
+            work();
+            began.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[RUNS / 2]
+}
+
+/// Operations a second of matrix products on all threads.
+fn peak() -> f64 {
+    const SIDE: usize = 384;
+    const PRODUCTS: usize = 64;
+    let threads = rayon::current_num_threads();
+    let one = Array2::<f32>::from_elem((SIDE, SIDE), 1e-3);
+    let all = || {
+        par::map_chunks(threads, 1, |_| {
+            let mut sum = Array2::<f32>::zeros((SIDE, SIDE));
+            for _ in 0..PRODUCTS {
+                ndarray::linalg::general_mat_mul(1.0, &one, &one, 0.5, &mut sum);
+            }
+            sum[[0, 0]]
+        });
+    };
+    all();
+    (2 * SIDE.pow(3) * PRODUCTS * threads) as f64 / median(all)
+}
+
+/// Bytes a second that all threads read together.
+fn bandwidth() -> f64 {
+    let numbers = vec![1u64; 1 << 25];
+    let all = || {
+        let sums = par::map_chunks(numbers.len(), 1 << 18, |r| numbers[r].iter().sum::<u64>());
+        assert_eq!(sums.iter().sum::<u64>(), numbers.len() as u64);
+    };
+    (8 * numbers.len()) as f64 / median(all)
+}
+
+/// So many atoms of frames that are not coded, and beyond that of frames between two of them that are near in time.
+fn atoms(takes: &Array2<f32>, frames: &[usize], n: usize) -> Dictionary {
+    let mut chance = par::generator(0, n as u64);
+    let mut rows = Array2::zeros((n, takes.ncols()));
+    for mut row in rows.outer_iter_mut() {
+        let i = chance.random_range(0..frames.len());
+        let near = (i + chance.random_range(0..12)).min(frames.len() - 1);
+        let share: f32 = chance.random();
+        row.scaled_add(1.0 - share, &takes.row(frames[i]));
+        row.scaled_add(share, &takes.row(frames[near]));
+    }
+    Dictionary::from_rows(rows.view()).expect("poses are not zero")
+}
+
+/// The frames of all shared takes in body space (frames, 69), if they are at hand.
+fn poses() -> Option<Array2<f32>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/cmu");
+    let mut all = Vec::new();
+    let mut subjects: Vec<_> = std::fs::read_dir(root).ok()?.flatten().collect();
+    subjects.sort_by_key(|s| s.path());
+    for subject in subjects.iter().map(|s| s.path()).filter(|p| p.is_dir()) {
+        let asf = subject.join(subject.file_name()?).with_extension("asf");
+        let mut takes: Vec<_> = std::fs::read_dir(&subject)
+            .ok()?
+            .flatten()
+            .map(|f| f.path())
+            .collect();
+        takes.retain(|t| t.extension().is_some_and(|e| e == "amc"));
+        takes.sort();
+        let out = Command::new(env!("CARGO_BIN_EXE_amc2xyz"))
+            .args([
+                "-q", "--fps", "120", "--space", "body", "--to", "npy", "--asf",
+            ])
+            .arg(asf)
+            .args(takes)
+            .output()
+            .ok()?;
+        // The header's length is in bytes 8 and 9; numbers are doubles.
+        let header = 10
+            + usize::from(u16::from_le_bytes([
+                *out.stdout.get(8)?,
+                *out.stdout.get(9)?,
+            ]));
+        let numbers = out.stdout[header..].chunks_exact(8);
+        all.extend(numbers.map(|b| f64::from_le_bytes(b.try_into().unwrap_or_default()) as f32));
+    }
+    let frames = all.len() / 69;
+    Array2::from_shape_vec((frames, 69), all).ok()
+}
