@@ -46,7 +46,9 @@ pub struct Job<'a> {
     pub panel: usize,
     /// D rows.
     pub atoms: &'a [Row],
-    /// D numbers a pose: its direction, or its weights.
+    /// Which of the rows any pose has a number for that is not 0.
+    pub used: &'a [u32],
+    /// So many numbers a pose: its direction, or its weights.
     pub directions: &'a [f32],
     /// Minus what each pose has along its direction.
     pub parts: &'a [f32],
@@ -147,11 +149,12 @@ impl Job<'_> {
         simd: S,
         from: usize,
     ) {
-        let (d, lanes) = (self.atoms.len(), S::F32_LANES);
+        let (d, lanes) = (self.used.len(), S::F32_LANES);
         let directions = |p: usize| &self.directions[(from + p) * d..(from + p + 1) * d];
         let directions: [&[f32]; POSES] = std::array::from_fn(directions);
         for at in (0..WIDTH / lanes).step_by(VECTORS) {
-            let tile = products::<S, U, POSES, VECTORS>(simd, self.atoms, directions, at);
+            let tile =
+                products::<S, U, POSES, VECTORS>(simd, (self.atoms, self.used), directions, at);
             for (p, products) in tile.into_iter().enumerate() {
                 let pose = from + p;
                 let part = simd.splat_f32s(self.parts[pose]);
@@ -188,19 +191,20 @@ pub fn vector<S: Simd>(row: &mut Row, v: usize) -> &mut S::f32s {
 #[inline(always)]
 fn products<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
     simd: S,
-    atoms: &[Row],
+    (atoms, used): (&[Row], &[u32]),
     directions: [&[f32]; POSES],
     from: usize,
 ) -> [[S::f32s; VECTORS]; POSES] {
     let mut sums = [[simd.splat_f32s(0.0); VECTORS]; POSES];
-    for (k, row) in atoms.iter().enumerate() {
+    for (k, row) in used.iter().enumerate() {
+        let row = &atoms[*row as usize];
         let row = &S::as_simd_f32s(&row.0).0[from..from + VECTORS];
         let mut row: [S::f32s; VECTORS] = std::array::from_fn(|v| row[v]);
         if U::SQUARED {
             row = row.map(|a| simd.mul_f32s(a, a));
         }
         for (sums, direction) in sums.iter_mut().zip(directions) {
-            // In range: a direction has as many numbers as there are rows.
+            // In range: a direction has as many numbers as rows are used.
             let q = simd.splat_f32s(direction[k]);
             for (sum, a) in sums.iter_mut().zip(row) {
                 *sum = add_product(simd, a, q, *sum);

@@ -98,6 +98,7 @@ pub struct Scan<'a> {
     /// −<q, r>, one a pose.
     pub parts: Vec<f32>,
     best: Vec<Best>,
+    used: Used,
     /// e is 1 of all atoms, whatever is kept.
     fresh: bool,
 }
@@ -114,6 +115,7 @@ impl<'a> Scan<'a> {
             directions: vec![0.0; poses * panels.width()],
             parts: vec![0.0; poses],
             best: vec![Best::NONE; poses],
+            used: Used::default(),
             fresh: true,
         }
     }
@@ -178,6 +180,8 @@ impl<'a> Scan<'a> {
             true => 0..0,
             false => rows.clone(),
         };
+        self.used
+            .of(weights.unwrap_or(&self.directions), self.panels.width());
         for (panel, atoms) in self.panels.iter().enumerate() {
             let rows = panel * self.poses..(panel + 1) * self.poses;
             let remainders = part(&rows, &self.remainders);
@@ -186,7 +190,8 @@ impl<'a> Scan<'a> {
                 step,
                 panel,
                 atoms,
-                directions: weights.unwrap_or(&self.directions),
+                used: &self.used.rows,
+                directions: &self.used.numbers,
                 parts: &self.parts,
                 state: State {
                     correlations: &mut self.correlations[rows],
@@ -213,6 +218,35 @@ impl<'a> Scan<'a> {
     /// c of one pose and all atoms, one row a panel.
     fn of_pose(&self, pose: usize) -> impl Iterator<Item = &Row> {
         self.correlations.iter().skip(pose).step_by(self.poses)
+    }
+}
+
+/// The coordinates that count: where a tile's poses have all the same gaps, an atom need not be read whole. (A product with 0
+/// adds nothing to a sum, to the bit.)
+#[derive(Default)]
+struct Used {
+    rows: Vec<u32>,
+    /// Of each vector the numbers of those rows.
+    numbers: Vec<f32>,
+}
+
+impl Used {
+    /// Of vectors of `d` numbers.
+    fn of(&mut self, vectors: &[f32], d: usize) {
+        let counts = |k: &u32| {
+            vectors
+                .iter()
+                .skip(*k as usize)
+                .step_by(d)
+                .any(|v| *v != 0.0)
+        };
+        self.rows.clear();
+        self.rows.extend((0..d as u32).filter(counts));
+        self.numbers.clear();
+        for vector in vectors.chunks_exact(d) {
+            self.numbers
+                .extend(self.rows.iter().map(|k| vector[*k as usize]));
+        }
     }
 }
 
