@@ -118,6 +118,14 @@ impl Codes {
     }
 }
 
+/// Whether all weights of a pose are equal.
+fn is_even(weights: Option<ArrayView2<f32>>, i: usize) -> bool {
+    weights.is_none_or(|w| {
+        let row = w.index_axis(Axis(0), i);
+        row.iter().all(|v| *v == row[0])
+    })
+}
+
 /// How the best atom is found. The codes are the same, but where rounding leaves two atoms equal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Search {
@@ -125,7 +133,8 @@ pub enum Search {
     Rows,
     /// By scans of all atoms.
     Scan,
-    /// By bounds of atoms in leaves that most of them need not be looked at: what a scan would find, to the bit.
+    /// By bounds of atoms in leaves, so that of poses like them most atoms need not be looked at: what a scan would find, to
+    /// the bit. Poses of which bounds tell too little are scanned.
     Bounds,
 }
 
@@ -134,7 +143,7 @@ impl fmt::Display for Search {
         f.write_str(match self {
             Search::Rows => "by a scan and by rows of their Gram matrix",
             Search::Scan => "by scans",
-            Search::Bounds => "by bounds, most atoms unseen; by scans where poses have gaps",
+            Search::Bounds => "by bounds; by scans where poses have gaps or are unlike the atoms",
         })
     }
 }
@@ -145,7 +154,7 @@ impl Pursuit {
         let ground = dictionary.ground();
         match (&ground.gram, self.capacity(dictionary) <= DIRECTIONS) {
             (Some(_), _) => Search::Rows,
-            (None, true) if ground.has_leaves(m) => Search::Bounds,
+            (None, true) if ground.has_leaves(m, dictionary.width()) => Search::Bounds,
             _ => Search::Scan,
         }
     }
@@ -180,9 +189,12 @@ impl Pursuit {
             return Err(Error::data(Place::file("weights"), said));
         }
         let at_once = poses_at_once(dictionary.len()).min(m);
-        let search = self.search(dictionary, m);
+        let mut search = self.search(dictionary, m);
         if search == Search::Bounds {
-            dictionary.ground().leaves(dictionary.atoms());
+            match (0..m).any(|i| is_even(weights, i)) {
+                true => _ = dictionary.ground().leaves(dictionary.atoms()),
+                false => search = Search::Scan,
+            }
         }
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);
@@ -213,41 +225,40 @@ impl Pursuit {
         let k = self.capacity(dictionary);
         let mut codes = Codes::empty(rows.len(), k);
         // Poses that are seen whole are coded with each other, as they would be alone.
-        let even = |i: &usize| {
-            let row = weights.as_ref().map(|w| w.index_axis(Axis(0), *i));
-            row.is_none_or(|w| w.iter().all(|v| *v == w[0]))
-        };
-        let (whole, part): (Vec<usize>, Vec<usize>) = (0..rows.len()).partition(even);
-        let mut group = (search == Search::Bounds).then(|| Group::new(dictionary, self.rule));
-        let mut tile = None;
+        let (mut whole, part): (Vec<usize>, Vec<usize>) =
+            (0..rows.len()).partition(|i| is_even(weights, *i));
         let (mut fits, mut x) = (Vec::new(), vec![0.0; k]);
-        for (all, even) in [(whole, true), (part, false)] {
-            let mut open = &all[..];
-            while !open.is_empty() {
-                let group = group.as_mut().filter(|g| even && !g.is_useless());
-                let here = group.as_ref().map_or(at_once, |_| GROUP).min(open.len());
-                let (here, rest) = open.split_at(here);
-                open = rest;
-                if fits.len() < here.len() {
-                    fits.resize_with(here.len(), || Fit::new(k, dictionary.width()));
-                }
-                let fits = &mut fits[..here.len()];
-                for (&i, fit) in here.iter().zip(fits.iter_mut()) {
-                    let weights = weights.as_ref().map(|w| w.index_axis(Axis(0), i));
-                    fit.start(poses.row(i), weights, self.tolerance)
-                        .map_err(|what| {
-                            let row = Place::line("poses", (rows.start + i + 1) as u64);
-                            Error::data(row, what)
-                        })?;
-                }
-                match group {
-                    Some(group) => group.code(fits, self.sparsity),
-                    None => tile
-                        .get_or_insert_with(|| Tile::new(dictionary, self.rule, at_once))
-                        .code(fits, self.sparsity),
-                }
-                (here.iter().zip(fits.iter())).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
+        let start = |fits: &mut Vec<Fit>, here: &[usize]| -> Result<()> {
+            fits.resize_with(here.len(), || Fit::new(k, dictionary.width()));
+            for (&i, fit) in here.iter().zip(fits) {
+                let weights = weights.as_ref().map(|w| w.index_axis(Axis(0), i));
+                fit.start(poses.row(i), weights, self.tolerance)
+                    .map_err(|what| {
+                        let row = Place::line("poses", (rows.start + i + 1) as u64);
+                        Error::data(row, what)
+                    })?;
             }
+            Ok(())
+        };
+        if search == Search::Bounds {
+            let mut group = Group::new(dictionary, self.rule);
+            let (mut unpruned, mut left) = (Vec::new(), Vec::new());
+            for here in whole.chunks(GROUP) {
+                start(&mut fits, here)?;
+                group.code(&mut fits, self.sparsity, &mut unpruned);
+                (here.iter().zip(&fits)).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
+                left.extend(unpruned.drain(..).map(|i| here[i]));
+            }
+            whole = left;
+        }
+        if whole.is_empty() && part.is_empty() {
+            return Ok(codes);
+        }
+        let mut tile = Tile::new(dictionary, self.rule, at_once);
+        for here in whole.chunks(at_once).chain(part.chunks(at_once)) {
+            start(&mut fits, here)?;
+            tile.code(&mut fits, self.sparsity);
+            (here.iter().zip(&fits)).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
         }
         Ok(codes)
     }

@@ -52,7 +52,11 @@ impl Best {
                     self.atom = from + lane as u32;
                 }
             }
-            self.enough = self.key * NEARLY;
+            // Of numbers below the normal ones a share is not told so well.
+            self.enough = match self.key > 1e-30 {
+                true => self.key * NEARLY,
+                false => 0.0,
+            };
         }
     }
 

@@ -13,6 +13,7 @@ use super::kernel;
 use crate::par;
 use ndarray::{Array2, ArrayView2, Axis, s};
 use pulp::{Simd, WithSimd};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Atoms in a leaf, and leaves beside one another.
 pub const LEAF: usize = 16;
@@ -37,6 +38,10 @@ const ITERATIONS: usize = 6;
 const SPLIT_SAMPLE: usize = 1024;
 /// Branches of more atoms are split beside one another.
 const LARGE: usize = 4096;
+/// Searches that are made in any case.
+const TRIED: u64 = 64;
+/// A row multiplied in a search costs as much as so many in a scan, measured: 1 / 2.5.
+const WORTH: f64 = 0.4;
 /// Added to lengths that are to be bounds: more than f32 rounds of numbers up to 1.
 const ROUNDING: f64 = 1e-6;
 /// A ball that is within this of what the chosen atoms span is always looked into: what is left of its atoms there is
@@ -90,6 +95,38 @@ pub struct Leaves {
     pub branches: Vec<Balls>,
     /// Of each atom, in which leaf it is.
     places: Vec<u32>,
+    pub tally: Tally,
+}
+
+/// What searches of a dictionary have cost, and what scans in their place would have, in rows of lanes multiplied. What is
+/// found does not depend on it.
+#[derive(Default)]
+pub struct Tally {
+    spent: AtomicU64,
+    scans: AtomicU64,
+    searches: AtomicU64,
+}
+
+impl Tally {
+    /// A search that multiplied `spent` rows, where a scan multiplies `scan`.
+    pub fn search(&self, spent: usize, scan: usize) {
+        self.spent.fetch_add(spent as u64, Ordering::Relaxed);
+        self.scans.fetch_add(scan as u64, Ordering::Relaxed);
+        self.searches.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Scans that had to be made after all.
+    pub fn scans(&self, count: usize, scan: usize) {
+        let rows = (count * scan) as u64;
+        self.spent.fetch_add(rows, Ordering::Relaxed);
+    }
+
+    /// Whether scans cost less: they multiply a row for several poses at once.
+    pub fn is_useless(&self) -> bool {
+        let [spent, scans, searches] =
+            [&self.spent, &self.scans, &self.searches].map(|n| n.load(Ordering::Relaxed));
+        searches >= TRIED && spent as f64 > WORTH * scans as f64
+    }
 }
 
 impl Leaves {
@@ -125,7 +162,13 @@ impl Leaves {
             balls: about(LEAF),
             branches: about(LEAF * LEAF),
             places,
+            tally: Tally::default(),
         }
+    }
+
+    /// Rows of lanes that a scan multiplies a step.
+    pub fn scan(&self) -> usize {
+        self.whole.len()
     }
 
     /// In which leaf an atom is; neighbouring leaves have neighbouring numbers.
@@ -191,7 +234,8 @@ impl Turned {
         for (beyond, to) in beyond.iter_mut().zip(LEVELS) {
             let to = to * PART;
             left -= self.along[from..to].iter().map(|a| a * a).sum::<f64>();
-            // What rounding may have taken off is far below what is added.
+            // What rounding may have taken off, some D 2^-53, is below what is added up to hundreds of numbers; the noise
+            // that searches allow for is larger by far.
             *beyond = ((left.max(0.0) + 1e-13).sqrt() * (1.0 + ROUNDING)) as f32;
             from = to;
         }

@@ -42,8 +42,10 @@ pub use panels::Panels;
 pub use path::Path;
 pub use pruned::{DIRECTIONS, Found, Pruned, Sought, TOGETHER};
 
-/// Leaves are made for so many poses: it costs what so many scans do.
+/// Leaves are made for so many poses: it costs what so many scans do,
 const WORTH_LEAVES: usize = 1024;
+/// of poses with up to so many numbers: it grows with their square.
+const MOST_NUMBERS: usize = 384;
 
 /// Atoms laid out for searches, each layout made when it is first asked for.
 pub struct Ground {
@@ -68,9 +70,12 @@ impl Ground {
         self.panels.get_or_init(|| Panels::new(atoms))
     }
 
-    /// Whether searches of so many poses are worth leaves.
-    pub fn has_leaves(&self, poses: usize) -> bool {
-        self.gram.is_none() && (poses >= WORTH_LEAVES || self.leaves.get().is_some())
+    /// Whether searches of so many poses of `d` numbers are worth leaves.
+    pub fn has_leaves(&self, poses: usize, d: usize) -> bool {
+        match self.leaves.get() {
+            Some(leaves) => !leaves.tally.is_useless(),
+            None => self.gram.is_none() && poses >= WORTH_LEAVES && d <= MOST_NUMBERS,
+        }
     }
 
     /// The atoms (n, D) in leaves.
@@ -154,25 +159,6 @@ impl<'a> Scan<'a> {
         }
         self.best.fill(Best::NONE);
         self.each(Step::Next(Next { rule, fresh, last }), None);
-    }
-
-    /// The best atom of one pose alone that is on its way, the atoms it took left out.
-    pub fn along(&mut self, path: &Path, rule: Rule, taken: &[u32]) -> Option<u32> {
-        let d = path.width();
-        self.begin();
-        self.directions.copy_from_slice(&path.vectors[..d]);
-        self.first();
-        for (q, part) in path.vectors[d..].chunks_exact(d).zip(&path.parts) {
-            self.directions.copy_from_slice(q);
-            self.parts[0] = *part;
-            self.next(rule, false);
-        }
-        // Once more, without those: nothing changes by it.
-        taken.iter().for_each(|atom| self.leave_out(0, *atom));
-        self.directions.fill(0.0);
-        self.parts[0] = 0.0;
-        self.next(rule, true);
-        self.best(0)
     }
 
     fn each(&mut self, step: Step, weights: Option<&[f32]>) {

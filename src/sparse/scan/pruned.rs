@@ -43,7 +43,7 @@ pub enum Found {
     Atom(u32),
     /// Nothing is along any atom.
     Nothing,
-    /// The bounds tell too little of this pose: a scan costs less.
+    /// The bounds tell too little of this pose: it is to be coded by scans, from its first atom on.
     Unpruned,
 }
 
@@ -137,12 +137,14 @@ impl Search<'_, '_> {
             sweep.open(&branches, &mut room.open, 1 << sweeps.len());
             sweeps.push(sweep);
         }
+        let mut looks = 0;
         // A leaf is looked into by all poses that may want it, while it is in the cache nearest.
         for (i, masks) in room.open.iter_mut().enumerate() {
             if *masks == [0; LEAF] {
                 continue;
             }
             for (lane, mask) in masks.iter_mut().enumerate() {
+                looks += mask.count_ones() as usize;
                 while *mask != 0 {
                     sweeps[mask.trailing_zeros() as usize].look_into(i * LEAF + lane);
                     *mask &= *mask - 1;
@@ -151,6 +153,10 @@ impl Search<'_, '_> {
         }
         for sweep in &sweeps {
             self.found.push(sweep.found());
+            let looks = looks / sweeps.len();
+            room.leaves
+                .tally
+                .search(sweep.spent(looks), room.leaves.scan());
         }
     }
 }

@@ -107,8 +107,10 @@ pub struct Sweep<'s, S, const N: usize, const V: usize> {
     /// The best so far.
     key: f32,
     pub best: u32,
-    /// How many leaves may be met yet; nothing once they were too many.
-    left: Option<usize>,
+    /// How many leaves may be met yet. Where they are too many the search is given up.
+    left: usize,
+    /// Leaves that were met.
+    met: usize,
 }
 
 impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
@@ -125,7 +127,8 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
             optimised: N > 1 && sought.rule == Rule::Optimised,
             key: 0.0,
             best: NO_ATOM,
-            left: Some(leaves.leaves.len() / SHARE_MET + LEAST_MET),
+            left: leaves.leaves.len() / SHARE_MET + LEAST_MET,
+            met: 0,
         }
     }
 
@@ -160,11 +163,23 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
 
     #[inline(always)]
     pub fn found(&self) -> Found {
-        match (self.left, self.best) {
-            (None, _) => Found::Unpruned,
-            (_, NO_ATOM) => Found::Nothing,
-            (_, atom) => Found::Atom(atom),
+        match self.best {
+            _ if self.is_given_up() => Found::Unpruned,
+            NO_ATOM => Found::Nothing,
+            atom => Found::Atom(atom),
         }
+    }
+
+    /// Rows that were multiplied, nearly: `looks` leaves were looked into.
+    pub fn spent(&self, looks: usize) -> usize {
+        let balls = self.leaves.branches.len() + self.leaves.balls.len() / 2;
+        let heads = (balls * self.parts + looks * (self.level + 1)) * PART;
+        (heads + self.met * self.sought.path.width()) * N
+    }
+
+    #[inline(always)]
+    fn is_given_up(&self) -> bool {
+        self.left == 0
     }
 
     /// Of each ball |<m, r>| and |m|² beside the directions.
@@ -211,7 +226,8 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
             for (lane, _) in excess.0.iter().enumerate().filter(|(_, e)| **e >= 0.0) {
                 let branch = i * LEAF + lane;
                 let balls = &self.leaves.balls[branch];
-                let excess = self.excess(&bars, balls, &self.measure(balls));
+                let measured = self.measure(balls);
+                let excess = self.excess(&bars, balls, &measured);
                 // Without a branch of the program: whether a leaf is open cannot be foretold.
                 for (leaf, excess) in leaves[branch].iter_mut().zip(excess.0) {
                     *leaf |= mark * u16::from(excess >= 0.0);
@@ -278,6 +294,9 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
     /// Meets a leaf unless the heads of its atoms rule all of them out.
     #[inline(always)]
     pub fn look_into(&mut self, leaf: usize) {
+        if self.is_given_up() {
+            return;
+        }
         let simd = self.simd;
         let atoms = &self.leaves.leaves[leaf];
         let mut sums = [[simd.splat_f32s(0.0); V]; N];
@@ -328,12 +347,10 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
     /// Meets the atoms of a leaf as a scan does.
     #[inline(always)]
     fn meet(&mut self, leaf: usize) {
-        self.left = self.left.and_then(|left| left.checked_sub(1));
-        if self.left.is_none() {
-            return;
-        }
         let (simd, path) = (self.simd, self.sought.path);
         let d = path.width();
+        self.met += 1;
+        self.left -= 1;
         let rows = &self.leaves.whole[leaf * d..][..d];
         let mut sums = [[simd.splat_f32s(0.0); V]; N];
         let mut of = [&path.vectors[..d]; N];
