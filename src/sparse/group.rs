@@ -1,4 +1,5 @@
-//! A group of poses coded one after the other, each atom sought by bounds: see [`super::scan`].
+//! A group of poses in an order in which neighbours are alike, coded a few together, each atom sought by bounds: see
+//! [`super::scan`].
 
 use super::fit::Fit;
 use super::pursuit::Rule;

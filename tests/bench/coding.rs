@@ -31,6 +31,7 @@ fn main() {
     let mut chosen = par::generator(0, 0);
     let mut order: Vec<usize> = (0..takes.nrows()).collect();
     rand::seq::SliceRandom::shuffle(&mut order[..], &mut chosen);
+    assert!(order.len() > 2 * SOUGHT, "too few frames: {}", order.len());
     let poses = takes.select(Axis(0), &order[..SOUGHT]);
     order.drain(..SOUGHT);
     order.sort_unstable();

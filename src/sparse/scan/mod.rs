@@ -20,12 +20,14 @@
 mod best;
 mod follow;
 mod gram;
+mod heads;
 mod kernel;
 mod leaves;
 mod panels;
 mod path;
 mod pruned;
 mod sweep;
+mod tally;
 
 use super::Rule;
 use best::Best;
@@ -208,7 +210,7 @@ impl<'a> Scan<'a> {
 }
 
 /// The coordinates that count: where a tile's poses have all the same gaps, an atom need not be read whole. (A product with 0
-/// adds nothing to a sum, to the bit.)
+/// adds nothing to a sum, to the bit but for the sign of 0, which no comparison sees.)
 #[derive(Default)]
 struct Used {
     rows: Vec<u32>,

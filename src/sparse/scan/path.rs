@@ -1,7 +1,8 @@
 //! What a pruned search knows of a pose: its signal, and the directions of the atoms that it took.
 
 use super::super::fit::Fit;
-use super::leaves::{Head, Leaves, Turned};
+use super::heads::{Head, Turned};
+use super::leaves::Leaves;
 
 /// A pose on its way.
 pub struct Path {
@@ -40,7 +41,7 @@ impl Path {
     pub fn begin(&mut self, leaves: &Leaves, fit: &Fit) {
         self.vectors.clear();
         self.vectors.extend(fit.residual.iter().map(|v| *v as f32));
-        self.residual = Turned::of(leaves, &fit.residual);
+        self.residual = leaves.basis.turned(&fit.residual);
         self.heads.clear();
         self.heads.push(self.residual.head());
         self.parts.clear();
@@ -51,7 +52,7 @@ impl Path {
     pub fn take(&mut self, leaves: &Leaves, fit: &Fit) {
         let (q, z) = fit.newest();
         self.vectors.extend(q.iter().map(|v| *v as f32));
-        let turned = Turned::of(leaves, q);
+        let turned = leaves.basis.turned(q);
         self.heads.push(turned.head());
         self.parts.push(-z as f32);
         self.residual.less(z, &turned, fit.left());

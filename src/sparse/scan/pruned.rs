@@ -21,6 +21,7 @@ use pulp::{Simd, WithSimd};
 pub const DIRECTIONS: usize = 4;
 /// Poses that are sought for together, at most: bits of a mask.
 pub const TOGETHER: usize = 16;
+
 /// Searches of one dictionary: room that is made once.
 pub struct Pruned<'a> {
     leaves: &'a Leaves,

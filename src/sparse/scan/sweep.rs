@@ -1,10 +1,9 @@
 //! The search of one pose, step by step; see [`super::pruned`].
 
 use super::super::Rule;
+use super::heads::{Head, LEVELS, PART, PARTS};
 use super::kernel::{self, FLOOR, add_product};
-use super::leaves::{
-    Balls, FAR, Head, LEAF, LEVELS, Lanes, Leaf, Leaves, NEAR, NO_ATOM, PART, PARTS,
-};
+use super::leaves::{Balls, FAR, LEAF, Lanes, Leaf, Leaves, NEAR, NO_ATOM};
 use super::path::Noise;
 use super::pruned::{Found, Sought};
 use pulp::Simd;

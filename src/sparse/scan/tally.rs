@@ -1,0 +1,39 @@
+//! Whether searches by bounds are worth it.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Searches that are made in any case.
+const TRIED: u64 = 64;
+/// A row multiplied in a search costs as much as so many in a scan, measured: 1 / 2.5.
+const WORTH: f64 = 0.4;
+
+/// What searches of a dictionary have cost, and what scans in their place would have, in rows of lanes multiplied. What is
+/// found does not depend on it.
+#[derive(Default)]
+pub struct Tally {
+    spent: AtomicU64,
+    scans: AtomicU64,
+    searches: AtomicU64,
+}
+
+impl Tally {
+    /// A search that multiplied `spent` rows, where a scan multiplies `scan`.
+    pub fn search(&self, spent: usize, scan: usize) {
+        self.spent.fetch_add(spent as u64, Ordering::Relaxed);
+        self.scans.fetch_add(scan as u64, Ordering::Relaxed);
+        self.searches.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Scans that had to be made after all.
+    pub fn scans(&self, count: usize, scan: usize) {
+        let rows = (count * scan) as u64;
+        self.spent.fetch_add(rows, Ordering::Relaxed);
+    }
+
+    /// Whether scans cost less: they multiply a row for several poses at once.
+    pub fn is_useless(&self) -> bool {
+        let [spent, scans, searches] =
+            [&self.spent, &self.scans, &self.searches].map(|n| n.load(Ordering::Relaxed));
+        searches >= TRIED && spent as f64 > WORTH * scans as f64
+    }
+}
