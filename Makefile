@@ -13,7 +13,7 @@ QUICK  ?=
 ON_PATH  := amc2xyz cluster ksvd-train dict-concat denoise complete xyz2bvh
 BESIDE   := bvh2xyz xyz2amc prior-train encode decode corrupt score evaluate plot model
 
-.PHONY: demo test build needs model tables bench bless install uninstall clean
+.PHONY: demo test build needs model tables bench bench-peers scale bless install uninstall clean
 
 demo: needs build
 	@POSING_BIN=$(BIN) sh testdata/examples/demo.sh target/demo
@@ -39,7 +39,21 @@ tables: build
 	  "$(or $(CMU),$(wildcard ../shared/data/cmu))" target/tables$(if $(QUICK),-quick)
 
 bench: needs
-	$(CARGO) bench
+	$(CARGO) bench --bench speed --bench coding
+
+# posing beside SPAMS, scikit-learn, pyarrow and NumPy, which it fetches into an environment of its own.
+PEERS := target/peers
+bench-peers: build $(PEERS)/ready
+	$(PEERS)/bin/python tests/bench/peers.py $(BIN) "$(or $(CMU),../shared/data/cmu)" $(if $(QUICK),--quick)
+
+$(PEERS)/ready:
+	python3 -m venv $(PEERS)
+	$(PEERS)/bin/pip install -q numpy scikit-learn spams-bin pyarrow
+	touch $@
+
+# 2,075,000 poses to 262,759 atoms. make scale QUICK=1: a hundredth of it.
+scale: needs
+	$(CARGO) bench --bench scale -- $(if $(QUICK),--quick)
 
 # Writes pages of the manual and goldens anew, on purpose: look at the difference before you commit it.
 bless: needs

@@ -3,13 +3,13 @@
 //! Scans are measured against the machine: a matrix product in single precision on the same threads, of matrices that stay
 //! in the cache. Searches by bounds are measured against scans. Every figure is the median of three runs.
 
+mod shared;
+
 use ndarray::{Array2, ArrayView2, Axis, s};
 use posing::par;
 use posing::sparse::{Dictionary, Pursuit, Search};
 use rand::Rng;
-use std::path::Path;
-use std::process::Command;
-use std::time::Instant;
+use shared::median;
 
 const RUNS: usize = 3;
 const SPARSITY: usize = 3;
@@ -25,9 +25,12 @@ fn main() {
         peak / 1e9,
         bandwidth() / 1e9
     );
-    let Some(takes) = poses() else {
+    let takes = shared::takes();
+    if takes.is_empty() {
         return println!("no takes at ../shared/data/cmu: nothing is coded");
-    };
+    }
+    let takes: Vec<_> = takes.iter().map(|t| t.xyz.view()).collect();
+    let takes = ndarray::concatenate(Axis(0), &takes).expect("takes of the same points");
     let mut chosen = par::generator(0, 0);
     let mut order: Vec<usize> = (0..takes.nrows()).collect();
     rand::seq::SliceRandom::shuffle(&mut order[..], &mut chosen);
@@ -83,19 +86,7 @@ fn seconds(atoms: &Dictionary, poses: ArrayView2<'_, f32>, search: Search) -> f6
     let asked = pursuit.search(&dictionary, poses.nrows());
     assert!(asked == search || asked == Search::Rows);
     code();
-    median(code)
-}
-
-fn median(mut work: impl FnMut()) -> f64 {
-    let mut times: Vec<f64> = (0..RUNS)
-        .map(|_| {
-            let began = Instant::now();
-            work();
-            began.elapsed().as_secs_f64()
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times[RUNS / 2]
+    median(RUNS, code)
 }
 
 /// Operations a second of matrix products on all threads.
@@ -114,7 +105,7 @@ fn peak() -> f64 {
         });
     };
     all();
-    (2 * SIDE.pow(3) * PRODUCTS * threads) as f64 / median(all)
+    (2 * SIDE.pow(3) * PRODUCTS * threads) as f64 / median(RUNS, all)
 }
 
 /// Bytes a second that all threads read together.
@@ -124,7 +115,7 @@ fn bandwidth() -> f64 {
         let sums = par::map_chunks(numbers.len(), 1 << 18, |r| numbers[r].iter().sum::<u64>());
         assert_eq!(sums.iter().sum::<u64>(), numbers.len() as u64);
     };
-    (8 * numbers.len()) as f64 / median(all)
+    (8 * numbers.len()) as f64 / median(RUNS, all)
 }
 
 /// So many atoms of frames that are not coded, and beyond that of frames between two of them that are near in time.
@@ -139,40 +130,4 @@ fn atoms(takes: &Array2<f32>, frames: &[usize], n: usize) -> Dictionary {
         row.scaled_add(share, &takes.row(frames[near]));
     }
     Dictionary::from_rows(rows.view()).expect("poses are not zero")
-}
-
-/// The frames of all shared takes in body space (frames, 69), if they are at hand.
-fn poses() -> Option<Array2<f32>> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/cmu");
-    let mut all = Vec::new();
-    let mut subjects: Vec<_> = std::fs::read_dir(root).ok()?.flatten().collect();
-    subjects.sort_by_key(|s| s.path());
-    for subject in subjects.iter().map(|s| s.path()).filter(|p| p.is_dir()) {
-        let asf = subject.join(subject.file_name()?).with_extension("asf");
-        let mut takes: Vec<_> = std::fs::read_dir(&subject)
-            .ok()?
-            .flatten()
-            .map(|f| f.path())
-            .collect();
-        takes.retain(|t| t.extension().is_some_and(|e| e == "amc"));
-        takes.sort();
-        let out = Command::new(env!("CARGO_BIN_EXE_amc2xyz"))
-            .args([
-                "-q", "--fps", "120", "--space", "body", "--to", "npy", "--asf",
-            ])
-            .arg(asf)
-            .args(takes)
-            .output()
-            .ok()?;
-        // The header's length is in bytes 8 and 9; numbers are doubles.
-        let header = 10
-            + usize::from(u16::from_le_bytes([
-                *out.stdout.get(8)?,
-                *out.stdout.get(9)?,
-            ]));
-        let numbers = out.stdout[header..].chunks_exact(8);
-        all.extend(numbers.map(|b| f64::from_le_bytes(b.try_into().unwrap_or_default()) as f32));
-    }
-    let frames = all.len() / 69;
-    Array2::from_shape_vec((frames, 69), all).ok()
 }

@@ -3,10 +3,12 @@
 //! Every figure is the median of five runs on this machine, beside `cat` of the same bytes; absolute times on another
 //! machine mean little, the ratios more.
 
+mod shared;
+
+use shared::files;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::time::Instant;
 
 const RUNS: usize = 5;
 
@@ -153,16 +155,11 @@ fn learning(work: &Path, npy: &Path, one: &Path) {
 
 /// Megabytes a second: the median of some runs, the output thrown away.
 fn rate(bytes: f64, command: &mut Command) -> f64 {
-    let mut seconds: Vec<f64> = (0..RUNS)
-        .map(|_| {
-            let began = Instant::now();
-            let status = command.stdin(Stdio::null()).stdout(Stdio::null()).status();
-            assert!(status.is_ok_and(|s| s.success()), "{command:?}");
-            began.elapsed().as_secs_f64()
-        })
-        .collect();
-    seconds.sort_by(f64::total_cmp);
-    bytes / 1e6 / seconds[RUNS / 2]
+    let seconds = shared::median(RUNS, || {
+        let status = command.stdin(Stdio::null()).stdout(Stdio::null()).status();
+        assert!(status.is_ok_and(|s| s.success()), "{command:?}");
+    });
+    bytes / 1e6 / seconds
 }
 
 /// A subject with many takes where one is at hand, else the take in testdata.
@@ -174,15 +171,5 @@ fn takes() -> (PathBuf, Vec<PathBuf>) {
     } else {
         here.join("testdata/cmu/07")
     };
-    let files = |end: &str| {
-        let mut files: Vec<PathBuf> = fs::read_dir(&folder)
-            .into_iter()
-            .flatten()
-            .filter_map(|e| Some(e.ok()?.path()))
-            .filter(|p| p.extension().is_some_and(|e| e == end))
-            .collect();
-        files.sort();
-        files
-    };
-    (files("asf").remove(0), files("amc"))
+    (files(&folder, "asf").remove(0), files(&folder, "amc"))
 }

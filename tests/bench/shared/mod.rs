@@ -1,0 +1,69 @@
+//! What the benches share: takes to measure with, and medians.
+#![allow(dead_code)] // Every bench uses a part of it.
+
+use ndarray::Array2;
+use posing::io::table::ReadOptions;
+use posing::io::{Input, Table};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+/// A take in body space.
+pub struct Take {
+    /// The names of the points.
+    pub points: Vec<String>,
+    /// (frames, 3 x points), cm.
+    pub xyz: Array2<f32>,
+}
+
+/// The files of a folder that end so, in order.
+pub fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut files: Vec<PathBuf> = entries
+        .map(|e| e.path())
+        .filter(|p| p.extension().is_some_and(|e| e == ending))
+        .collect();
+    files.sort();
+    files
+}
+
+/// The CMU takes at `../shared/data/cmu`, a folder a subject; none where they are not at hand.
+pub fn takes() -> Vec<Take> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/cmu");
+    let entries = std::fs::read_dir(root).into_iter().flatten().flatten();
+    let mut subjects: Vec<PathBuf> = entries.map(|e| e.path()).filter(|p| p.is_dir()).collect();
+    subjects.sort();
+    let of = |subject: &PathBuf| -> Vec<Take> {
+        let asf = files(subject, "asf");
+        let amc = files(subject, "amc");
+        amc.iter().map(|amc| take(&asf[0], amc)).collect()
+    };
+    subjects.iter().flat_map(of).collect()
+}
+
+fn take(asf: &Path, amc: &Path) -> Take {
+    let done = Command::new(env!("CARGO_BIN_EXE_amc2xyz"))
+        .args(["-q", "--fps", "120", "--space", "body", "--asf"])
+        .args([asf, amc])
+        .output()
+        .expect("amc2xyz runs");
+    let input = Input::new("a take", std::io::Cursor::new(done.stdout)).expect("a table");
+    let table = Table::read(input, &ReadOptions::default()).expect("a table of poses");
+    Take {
+        xyz: table.poses.xyz.mapv(|v| v as f32),
+        points: table.columns.points,
+    }
+}
+
+/// The median of the seconds of so many runs.
+pub fn median(runs: usize, mut work: impl FnMut()) -> f64 {
+    let mut times: Vec<f64> = (0..runs)
+        .map(|_| {
+            let began = Instant::now();
+            work();
+            began.elapsed().as_secs_f64()
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    times[runs / 2]
+}
