@@ -9,7 +9,7 @@ use super::met::Met;
 use super::{Belief, EXACT, Fit, Posterior, Prior, Task};
 use crate::io::Model;
 use crate::pose::PoseMap;
-use crate::sparse::{Code, Codes, Dictionary, Pursuit, Rule, Tolerance, refit};
+use crate::sparse::{Code, Codes, Dictionary, Pursuit, Rule, Tolerance, Weighted, refit};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
@@ -43,6 +43,8 @@ pub struct SparsePrior {
     variance: Vec<f64>,
     typical: Array2<f64>,
     conditionals: Met<Conditional>,
+    /// The dictionary as observations with the noise patterns met so far see it.
+    seen: Met<Option<Weighted>>,
 }
 
 /// The dictionary of a model: its `atoms` (n, D), D numbers for the model's points.
@@ -61,8 +63,10 @@ pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
     Dictionary::from_rows(atoms).map_err(|e| wrong(e.to_string()))
 }
 
-/// So many conditionings are remembered (40 kB each).
+/// So many conditionings are remembered (40 kB each),
 const MOST_MET: usize = 64;
+/// and as many dictionaries as are of so many numbers together, but two.
+const MOST_NUMBERS: usize = 1 << 26;
 
 impl SparsePrior {
     /// From the arrays of a model of kind `sparse`: `atoms` (n, D), and where they are there `residual` (D, D) and
@@ -133,6 +137,7 @@ impl SparsePrior {
             variance,
             typical,
             conditionals: Met::default(),
+            seen: Met::default(),
         }
     }
 
@@ -149,6 +154,16 @@ impl SparsePrior {
             .zip(&self.variance)
             .map(|(n, v)| if n.is_finite() { 1.0 / (n + v) } else { 0.0 })
             .collect()
+    }
+
+    /// The dictionary as observations with this noise see it; none where the weights are no weights.
+    fn seen(&self, noise: &[f64], weights: &Array1<f64>) -> Arc<Option<Weighted>> {
+        let (n, d) = (self.dictionary.len(), self.dictionary.width());
+        // The atoms, twice more where they are searched; or, of few, their Gram matrix.
+        let most = MOST_NUMBERS / (n * (3 * d).max(if n > 2048 { 0 } else { d + n }));
+        self.seen.get(noise, most.clamp(2, MOST_MET), || {
+            Weighted::new(&self.dictionary, weights.view()).ok()
+        })
     }
 
     fn fit_of(&self, code: Code) -> Fit {
@@ -264,7 +279,10 @@ impl Prior for SparsePrior {
         let weights = self.weights(noise);
         let y = ArrayView1::from(y);
         // Coding fails only for numbers that are not finite where observed, which readers refuse.
-        let fresh = self.pursuit.code(&self.dictionary, y, Some(weights.view()));
+        let fresh = match &*self.seen(noise, &weights) {
+            Some(seen) => seen.code(&self.pursuit, &self.dictionary, y),
+            None => (self.pursuit).code(&self.dictionary, y, Some(weights.view())),
+        };
         let fresh = fresh.map(|c| self.fit_of(c)).unwrap_or_else(|_| Fit {
             pose: vec![0.0; self.width()],
             support: Vec::new(),

@@ -107,12 +107,28 @@ impl Synthesis {
         let mut best: Option<Solution> = None;
         for start in starts {
             let solved = climb::climb(self, prior, seen, start)
-                .unwrap_or_else(|| self.descend(prior, seen, anchor, start));
+                .unwrap_or_else(|| self.descend(prior, seen, anchor, start, None));
             if best.as_ref().is_none_or(|b| solved.objective < b.objective) {
                 best = Some(solved);
             }
         }
         best
+    }
+
+    /// Solves P1 from the solution of a moment before, as while a joint is dragged: from where it stood, its atoms kept where
+    /// coding anew is worse.
+    ///
+    /// `None` as for [`Synthesis::solve`].
+    pub fn follow(
+        &self,
+        prior: &dyn Prior,
+        seen: Observed<'_>,
+        anchor: &Anchor,
+        before: &Solution,
+    ) -> Option<Solution> {
+        let start = *self.headings(prior, seen, &[before.placement])?.first()?;
+        let climbed = climb::climb(self, prior, seen, start);
+        climbed.or_else(|| Some(self.descend(prior, seen, anchor, start, before.fit.as_ref())))
     }
 
     /// The headings to start from: the known ones, or those of the typical poses that fit the points best, far apart.
@@ -161,13 +177,14 @@ impl Synthesis {
         Some(starts)
     }
 
-    /// Alternates from one heading until the objective settles.
+    /// Alternates from one heading until the objective settles. `before`: a code that may do.
     fn descend(
         &self,
         prior: &dyn Prior,
         seen: Observed<'_>,
         anchor: &Anchor,
         start: Similarity,
+        before: Option<&Fit>,
     ) -> Solution {
         let mut back = vec![0.0; seen.y.len()];
         let noise = pointwise(seen.noise);
@@ -176,7 +193,7 @@ impl Synthesis {
             prior.fit(&back, &noise, before)
         };
         let mut placement = self.shifted(prior, seen, anchor, start, None);
-        let mut fit = code(&placement, None);
+        let mut fit = code(&placement, before);
         let mut objective = fit.objective + self.prior_cost(&placement, &start);
         for iteration in 1..=self.iterations {
             let next = self.place(prior, seen, anchor, &start, &placement, &fit);

@@ -3,7 +3,7 @@
 use super::fit::Fit;
 use super::group::{GROUP, Group};
 use super::pursuit::Pursuit;
-use super::scan::DIRECTIONS;
+use super::scan::{DIRECTIONS, Leaves};
 use super::tile::{Tile, poses_at_once};
 use super::{Dictionary, Stop};
 use crate::{Error, Place, Result, par};
@@ -189,19 +189,21 @@ impl Pursuit {
             return Err(Error::data(Place::file("weights"), said));
         }
         let at_once = poses_at_once(dictionary.len()).min(m);
-        let mut search = self.search(dictionary, m);
-        if search == Search::Bounds {
-            match (0..m).any(|i| is_even(weights, i)) {
-                true => _ = dictionary.ground().leaves(dictionary.atoms()),
-                false => search = Search::Scan,
-            }
-        }
+        let ground = dictionary.ground();
+        let by_bounds =
+            self.search(dictionary, m) == Search::Bounds && (0..m).any(|i| is_even(weights, i));
+        let leaves = if by_bounds {
+            ground.leaves(dictionary.atoms())
+        } else {
+            None
+        };
+        ground.count(m);
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);
         let parts = par::map_chunks(m, at_once * tiles, |rows| {
             let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
             let part = poses.slice(s![rows.clone(), ..]);
-            self.code_chunk(dictionary, (at_once, search), rows, part, weights)
+            self.code_chunk(dictionary, (at_once, leaves), rows, part, weights)
         });
         let mut codes = Codes::empty(m, self.capacity(dictionary));
         let mut from = 0;
@@ -217,7 +219,7 @@ impl Pursuit {
     fn code_chunk(
         &self,
         dictionary: &Dictionary,
-        (at_once, search): (usize, Search),
+        (at_once, leaves): (usize, Option<&Leaves>),
         rows: Range<usize>,
         poses: ArrayView2<f32>,
         weights: Option<ArrayView2<f32>>,
@@ -240,8 +242,8 @@ impl Pursuit {
             }
             Ok(())
         };
-        if search == Search::Bounds {
-            let mut group = Group::new(dictionary, self.rule);
+        if let Some(leaves) = leaves {
+            let mut group = Group::new(dictionary, leaves, self.rule);
             let (mut unpruned, mut left) = (Vec::new(), Vec::new());
             for here in whole.chunks(GROUP) {
                 start(&mut fits, here)?;

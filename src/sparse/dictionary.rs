@@ -64,7 +64,8 @@ impl Dictionary {
         Ok(Dictionary::of(atoms))
     }
 
-    fn of(atoms: Array2<f32>) -> Self {
+    /// Of atoms (n, D) in standard layout that are finite and of unit norm.
+    pub(super) fn of(atoms: Array2<f32>) -> Self {
         Dictionary {
             atoms,
             ground: OnceLock::new(),

@@ -32,8 +32,7 @@ struct Walk {
 
 impl<'a> Group<'a> {
     /// Room for poses. Their codes have at most [`DIRECTIONS`] atoms.
-    pub fn new(dictionary: &'a Dictionary, rule: Rule) -> Self {
-        let leaves = dictionary.ground().leaves(dictionary.atoms());
+    pub fn new(dictionary: &'a Dictionary, leaves: &'a Leaves, rule: Rule) -> Self {
         let walk = || Walk {
             path: Path::new(dictionary.width()),
             fit: 0,
@@ -179,7 +178,8 @@ mod tests {
             };
             let (mut by_bounds, mut by_scans) = (started(), started());
             let mut unpruned = Vec::new();
-            Group::new(&dictionary, rule).code(&mut by_bounds, sparsity, &mut unpruned);
+            let leaves = dictionary.ground().leaves(dictionary.atoms()).unwrap();
+            Group::new(&dictionary, leaves, rule).code(&mut by_bounds, sparsity, &mut unpruned);
             // Without rows of the Gram matrix, whose products are rounded otherwise.
             Tile::of_scans(&dictionary, rule, m).code(&mut by_scans, sparsity);
             let both = by_bounds.iter().zip(&by_scans).enumerate();

@@ -5,6 +5,7 @@
 //! | [`dictionary`] | atoms in rows, of unit norm |
 //! | [`pursuit`] | the parameters of coding; one pose at a time |
 //! | [`batch`] | many poses at a time, by matrix products |
+//! | [`weighted`] | a dictionary as poses with the same weights see it |
 //! | [`code`] | what coding a pose gives; the best coefficients of given atoms |
 //! | [`ksvd`], [`state`] | learning a dictionary from poses; how far it has come |
 //! | [`size`] | how many atoms a given error asks for |
@@ -34,6 +35,7 @@ pub mod state;
 mod testdata;
 mod tile;
 mod update;
+pub mod weighted;
 
 pub use batch::{Codes, Search, UNUSED};
 pub use code::{Code, Stop, refit};
@@ -43,3 +45,4 @@ pub use ksvd::{Ksvd, draw};
 pub use pursuit::{Pursuit, Rule, Tolerance};
 pub use size::{SizeSearch, Start, Tried};
 pub use state::{Report, State};
+pub use weighted::Weighted;

@@ -16,15 +16,18 @@
 //! - [`Rule::Plain`] takes the largest |<a, r>| / |a| (Pati, Rezaiifar, Krishnaprasad 1993), as in the paper.
 //!
 //! Cost of a pose: O(kappa n D) in f32 for the scans, O(kappa^2 D) in f64 for the fits. Up to 2,048 atoms, and where all
-//! weights are equal, the scans after the first are sums of rows of the Gram matrix: O(kappa^2 n). Of more atoms, where many
-//! such poses are coded, bounds tell of most that they are not the best: poses near the atoms look at a few in a hundred.
+//! weights are equal, the scans after the first are sums of rows of the Gram matrix: O(kappa^2 n). Of more atoms, once many
+//! such poses are or were coded, bounds tell of most that they are not the best: poses near the atoms look at a few in a hundred.
 //!
 //! The scans' rounding, at most some 1e-6 of the pose's length, can change which of two nearly equal atoms is taken. An atom
 //! within an angle of 1e-3 of those taken is judged as if it were at 1e-3: what it would add beyond them is less than what
 //! f32 atoms tell. Coefficients and residual are exact for the atoms taken.
 
 use super::Dictionary;
+use super::batch::Search;
 use super::code::{Code, finished, started};
+use super::group::Group;
+use super::scan::ALONE;
 use super::tile::Tile;
 use crate::{Error, Result};
 use ndarray::ArrayView1;
@@ -125,7 +128,22 @@ impl Pursuit {
     ) -> Result<Code> {
         self.check()?;
         let capacity = self.capacity(dictionary);
-        let mut fit = started(dictionary, capacity, pose, weights, self.tolerance)?;
+        let start = || started(dictionary, capacity, pose, weights, self.tolerance);
+        let mut fit = start()?;
+        let ground = dictionary.ground();
+        ground.count(ALONE);
+        if fit.root.is_none()
+            && self.search(dictionary, 0) == Search::Bounds
+            && let Some(leaves) = ground.leaves(dictionary.atoms())
+        {
+            let mut unpruned = Vec::new();
+            let mut group = Group::new(dictionary, leaves, self.rule);
+            group.code(std::slice::from_mut(&mut fit), self.sparsity, &mut unpruned);
+            if unpruned.is_empty() {
+                return Ok(finished(&fit));
+            }
+            fit = start()?;
+        }
         Tile::new(dictionary, self.rule, 1).code(std::slice::from_mut(&mut fit), self.sparsity);
         Ok(finished(&fit))
     }

@@ -9,7 +9,7 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 use posing::par;
 use posing::sparse::{Dictionary, Pursuit, Search};
 use rand::Rng;
-use shared::median;
+use shared::{atoms, median};
 
 const RUNS: usize = 3;
 const SPARSITY: usize = 3;
@@ -116,18 +116,4 @@ fn bandwidth() -> f64 {
         assert_eq!(sums.iter().sum::<u64>(), numbers.len() as u64);
     };
     (8 * numbers.len()) as f64 / median(RUNS, all)
-}
-
-/// So many atoms of frames that are not coded, and beyond that of frames between two of them that are near in time.
-fn atoms(takes: &Array2<f32>, frames: &[usize], n: usize) -> Dictionary {
-    let mut chance = par::generator(0, n as u64);
-    let mut rows = Array2::zeros((n, takes.ncols()));
-    for mut row in rows.outer_iter_mut() {
-        let i = chance.random_range(0..frames.len());
-        let near = (i + chance.random_range(0..12)).min(frames.len() - 1);
-        let share: f32 = chance.random();
-        row.scaled_add(1.0 - share, &takes.row(frames[i]));
-        row.scaled_add(share, &takes.row(frames[near]));
-    }
-    Dictionary::from_rows(rows.view()).expect("poses are not zero")
 }

@@ -35,6 +35,7 @@ use kernel::{Job, State};
 use ndarray::ArrayView2;
 use panels::{Row, WIDTH};
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 pub use follow::Follower;
 pub use gram::{Gram, Term, products};
@@ -46,6 +47,8 @@ pub use pruned::{DIRECTIONS, Found, Pruned, Sought, TOGETHER};
 
 /// Leaves are made for so many poses: it costs what so many scans do,
 const WORTH_LEAVES: usize = 1024;
+/// one that is coded alone counted as so many, as it shares its scans with none,
+pub const ALONE: usize = 16;
 /// of poses with up to so many numbers: it grows with their square.
 const MOST_NUMBERS: usize = 384;
 
@@ -55,6 +58,10 @@ pub struct Ground {
     /// Room for rows of the Gram matrix, where it is not too large: they serve so few atoms better than leaves.
     pub gram: Option<Gram>,
     leaves: OnceLock<Leaves>,
+    /// Whether a thread has begun to make leaves.
+    begun: AtomicBool,
+    /// Poses that were coded so far.
+    coded: AtomicUsize,
 }
 
 impl Ground {
@@ -64,7 +71,14 @@ impl Ground {
             panels: OnceLock::new(),
             gram: Gram::new(n),
             leaves: OnceLock::new(),
+            begun: AtomicBool::new(false),
+            coded: AtomicUsize::new(0),
         }
+    }
+
+    /// Poses are coded: `poses` of them as part of many, or one that counts for as many.
+    pub fn count(&self, poses: usize) {
+        self.coded.fetch_add(poses, Ordering::Relaxed);
     }
 
     /// The atoms (n, D) as scans read them.
@@ -72,21 +86,25 @@ impl Ground {
         self.panels.get_or_init(|| Panels::new(atoms))
     }
 
-    /// Whether searches of so many poses of `d` numbers are worth leaves.
+    /// Whether searches of so many more poses of `d` numbers are worth leaves.
     pub fn has_leaves(&self, poses: usize, d: usize) -> bool {
         match self.leaves.get() {
             Some(leaves) => !leaves.tally.is_useless(),
-            None => self.gram.is_none() && poses >= WORTH_LEAVES && d <= MOST_NUMBERS,
+            None => {
+                let all = self.coded.load(Ordering::Relaxed).saturating_add(poses);
+                self.gram.is_none() && all >= WORTH_LEAVES && d <= MOST_NUMBERS
+            }
         }
     }
 
-    /// The atoms (n, D) in leaves.
-    pub fn leaves(&self, atoms: ArrayView2<'_, f32>) -> &Leaves {
+    /// The atoms (n, D) in leaves, made now if they are not; none while another thread is at it, which need not be waited
+    /// for: scans find the same.
+    pub fn leaves(&self, atoms: ArrayView2<'_, f32>) -> Option<&Leaves> {
         // Not within the lock: a thread that waits for parts of this may take up other work, which may ask for it too.
-        if self.leaves.get().is_none() {
+        if self.leaves.get().is_none() && !self.begun.swap(true, Ordering::Relaxed) {
             let _ = self.leaves.set(Leaves::new(atoms));
         }
-        self.leaves.get_or_init(|| Leaves::new(atoms))
+        self.leaves.get()
     }
 }
 

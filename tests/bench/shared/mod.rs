@@ -4,6 +4,9 @@
 use ndarray::Array2;
 use posing::io::table::ReadOptions;
 use posing::io::{Input, Table};
+use posing::par;
+use posing::sparse::Dictionary;
+use rand::Rng;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
@@ -66,4 +69,18 @@ pub fn median(runs: usize, mut work: impl FnMut()) -> f64 {
         .collect();
     times.sort_by(f64::total_cmp);
     times[runs / 2]
+}
+
+/// So many atoms of frames that are not coded, and beyond that of frames between two of them that are near in time.
+pub fn atoms(takes: &Array2<f32>, frames: &[usize], n: usize) -> Dictionary {
+    let mut chance = par::generator(0, n as u64);
+    let mut rows = Array2::zeros((n, takes.ncols()));
+    for mut row in rows.outer_iter_mut() {
+        let i = chance.random_range(0..frames.len());
+        let near = (i + chance.random_range(0..12)).min(frames.len() - 1);
+        let share: f32 = chance.random();
+        row.scaled_add(1.0 - share, &takes.row(frames[i]));
+        row.scaled_add(share, &takes.row(frames[near]));
+    }
+    Dictionary::from_rows(rows.view()).expect("poses are not zero")
 }
