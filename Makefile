@@ -39,7 +39,7 @@ tables: build
 	  "$(or $(CMU),$(wildcard ../shared/data/cmu))" target/tables$(if $(QUICK),-quick)
 
 bench: needs
-	$(CARGO) bench --bench speed --bench coding --bench latency
+	$(CARGO) bench --bench speed --bench coding --bench latency --bench growth
 
 # posing beside SPAMS, scikit-learn, pyarrow and NumPy, which it fetches into an environment of its own.
 PEERS := target/peers

@@ -224,6 +224,8 @@ impl Model {
         let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(broken)?;
         let (mut meta, mut arrays) = (None, BTreeMap::new());
         let mut budget = (MOST_PACKED * bytes.len() as u64 + (1 << 20)).min(LARGEST);
+        // Room for one array after the other: memory that is asked for anew costs more than reading into it.
+        let mut content = Vec::new();
         for i in 0..zip.len() {
             let mut entry = zip.by_index(i).map_err(broken)?;
             let key = entry
@@ -232,7 +234,7 @@ impl Model {
                 .trim_end_matches(".npy")
                 .to_string();
             // Read in pieces, up to what a model may hold: the directory's sizes are not to be trusted.
-            let mut content = Vec::new();
+            content.clear();
             let at = Place::file(name).part(short(&key));
             let read = entry.by_ref().take(budget + 1).read_to_end(&mut content);
             read.map_err(|e| Error::data(at.clone(), short(&e.to_string())))?;

@@ -338,10 +338,12 @@ pub fn matrix_of(file: &[u8], place: &Place) -> Result<Array2<f32>> {
     let values: Vec<f32> = if short {
         let pairs = rest.as_chunks::<2>().0.iter();
         pairs.map(|b| f32::from(i16::from_le_bytes(*b))).collect()
+    } else if wide {
+        let numbers = rest.as_chunks::<8>().0.iter();
+        numbers.map(|b| f64::from_le_bytes(*b) as f32).collect()
     } else {
-        let mut values = Vec::new();
-        decode(rest, wide, &mut values);
-        values.into_iter().map(|v| v as f32).collect()
+        let numbers = rest.as_chunks::<4>().0.iter();
+        numbers.map(|b| f32::from_le_bytes(*b)).collect()
     };
     let (rows, columns) = (rows as usize, columns as usize);
     let array = if header.fortran {

@@ -27,6 +27,7 @@ use super::parts::parts;
 use crate::io::Model;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, s};
+use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -95,25 +96,25 @@ impl Blocks {
         let count = settings.levels(settings.cells.len()).len();
         let weights = file.array("weights", Some(count), Some(coordinates.len()))?;
         let poses = Arc::new(Poses::new(poses.to_owned(), takes));
-        let mut made = Vec::new();
-        for (p, coordinates) in coordinates.into_iter().enumerate() {
+        let part = |(p, coordinates): (usize, Vec<usize>)| -> Result<Part> {
             let cells: Vec<Cells> = (0..settings.cells.len())
                 .map(|l| file.cells(p, l, &coordinates))
                 .collect::<Result<_>>()?;
             let finest = cells.last().map_or(0, Cells::len);
-            let labels: Vec<usize> = labels
-                .column(p)
-                .iter()
-                .map(|l| l.round() as usize)
-                .collect();
+            let labels = labels.column(p);
+            let labels: Vec<usize> = labels.iter().map(|l| l.round() as usize).collect();
             if labels.iter().any(|l| *l >= finest) {
                 return Err(file.wrong("labels", "names a cell that is not there"));
             }
             let levels = settings.levels(cells.len());
             let mut part = Part::new(coordinates, cells, poses.clone(), &labels, levels);
             part.weigh(weights.column(p).iter().map(|w| f64::from(*w)).collect());
-            made.push(part);
-        }
+            Ok(part)
+        };
+        let made: Vec<Result<Part>> = (coordinates.into_par_iter().enumerate())
+            .map(part)
+            .collect();
+        let made: Vec<Part> = made.into_iter().collect::<Result<_>>()?;
         let log_ways = file.array("ways", Some(ways.len()), Some(1))?;
         Ok(Blocks {
             width,

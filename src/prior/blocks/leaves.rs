@@ -86,11 +86,16 @@ pub struct Opened {
 impl Leaves {
     /// Leaves by the cell that each training pose belongs to.
     pub fn new(poses: Arc<Poses>, labels: &[usize], cells: usize) -> Leaves {
-        let mut rows: Vec<usize> = (0..labels.len()).collect();
-        rows.sort_by_key(|&i| labels[i]);
-        let starts = (0..=cells).map(|c| rows.partition_point(|&i| labels[i] < c));
+        let mut starts = vec![0; cells + 1];
+        labels.iter().for_each(|l| starts[l + 1] += 1);
+        (0..cells).for_each(|c| starts[c + 1] += starts[c]);
+        let (mut next, mut rows) = (starts.clone(), vec![0; labels.len()]);
+        for (row, label) in labels.iter().enumerate() {
+            rows[next[*label]] = row;
+            next[*label] += 1;
+        }
         Leaves {
-            starts: starts.collect(),
+            starts,
             opened: Arc::new((0..cells).map(|_| OnceLock::new()).collect()),
             poses,
             rows,
