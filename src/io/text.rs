@@ -65,10 +65,38 @@ impl<R: BufRead> Lines<R> {
         Ok(Some(&self.text))
     }
 
+    /// What of the text is there; waits only where nothing is left.
+    pub fn waiting(&mut self) -> Result<&[u8]> {
+        filled(&mut self.reader).map_err(|e| Error::io(&self.name, e))?;
+        self.reader.fill_buf().map_err(|e| Error::io(&self.name, e))
+    }
+
+    /// Passes over whole lines of what is there.
+    pub fn pass(&mut self, bytes: usize, lines: u64) {
+        self.reader.consume(bytes);
+        self.number += lines;
+    }
+
     /// The place of the line last read.
     pub fn here(&self) -> Place {
         Place::line(&self.name, self.number)
     }
+}
+
+/// Waits for the reader's buffer to hold something, unless it ended. (A call that was only interrupted is repeated.)
+pub fn filled(reader: &mut impl BufRead) -> std::io::Result<()> {
+    loop {
+        match reader.fill_buf() {
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+            other => return other.map(drop),
+        }
+    }
+}
+
+/// The finite number that `text` begins with and how many bytes it takes, the same as [`number`] finds in these.
+pub fn finite_prefix(text: &[u8]) -> Option<(f64, usize)> {
+    let (value, length) = fast_float2::parse_partial::<f64, _>(text).ok()?;
+    value.is_finite().then_some((value, length))
 }
 
 /// A finite number, or what stands there instead.
@@ -122,13 +150,21 @@ pub fn push_single(out: &mut Vec<u8>, value: f32) {
     push_shortest(out, value);
 }
 
-fn push_shortest(out: &mut Vec<u8>, value: impl ryu::Float + Into<f64>) {
-    if value.into().is_nan() {
+fn push_shortest(out: &mut Vec<u8>, value: impl zmij::Float + Into<f64> + Copy) {
+    let wide: f64 = value.into();
+    if wide.is_nan() {
         return;
     }
-    let mut buffer = ryu::Buffer::new();
+    let mut buffer = zmij::Buffer::new();
     let text = buffer.format(value);
+    let start = out.len();
     out.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+    // Large numbers have been 1e20, not 1e+20, from the first table on.
+    if wide.abs() >= 1e15
+        && let Some(plus) = out[start..].iter().position(|&c| c == b'+')
+    {
+        out.remove(start + plus);
+    }
 }
 
 #[cfg(test)]
