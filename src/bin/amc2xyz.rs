@@ -157,13 +157,14 @@ fn places(
     range: Range<usize>,
 ) -> Vec<f64> {
     let dofs = asf.skeleton.dof_count();
+    let wanted = asf.skeleton.above(joints);
     let mut posture = Posture::default();
     let mut values = vec![0.0; dofs];
     let mut out = Vec::with_capacity(range.len() * 3 * joints.len());
     for frame in range {
         values.copy_from_slice(&frames.values[frame * dofs..][..dofs]);
         asf.skeleton.settle(&mut values, space);
-        asf.skeleton.posture_into(&values, &mut posture);
+        asf.skeleton.posture_of(&wanted, &values, &mut posture);
         out.extend(joints.iter().flat_map(|&j| posture.ends[j].to_array()));
     }
     out

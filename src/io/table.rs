@@ -4,13 +4,13 @@
 //! carried along unchanged. An empty cell (or NaN) is a missing value, 0 never is.
 
 use super::Input;
+pub use super::cells::Cells;
 use super::csv::CsvReader;
 use super::input::Kind;
 use super::npy::NpyReader;
 use super::text::short;
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
-use ::csv::ByteRecord;
 use ndarray::Array2;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -144,9 +144,20 @@ pub struct Row {
     /// The take's name.
     pub take: Option<Arc<str>>,
     /// The cells as they stood; empty for NPY.
-    pub cells: ByteRecord,
+    pub cells: Cells,
     /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
     pub converted: bool,
+}
+
+impl Row {
+    /// Becomes a copy, in the memory that is there.
+    pub fn copy_from(&mut self, other: &Row) {
+        self.xyz.clone_from(&other.xyz);
+        self.time = other.time;
+        self.take.clone_from(&other.take);
+        self.cells.copy_from(&other.cells);
+        self.converted = other.converted;
+    }
 }
 
 /// How a table is to be read.
@@ -217,7 +228,7 @@ pub struct Table {
     /// The poses.
     pub poses: Poses,
     /// The cells as they stood, a row each, if they were kept; else empty.
-    pub cells: Vec<ByteRecord>,
+    pub cells: Vec<Cells>,
     /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
     pub converted: bool,
 }

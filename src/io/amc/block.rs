@@ -127,7 +127,9 @@ impl<'a> Blocks<'a> {
                 taken.odd = true;
                 break;
             }
-            frames.numbers.extend((piece.first..).take(piece.frames as usize));
+            frames
+                .numbers
+                .extend((piece.first..).take(piece.frames as usize));
             frames.values.extend_from_slice(&piece.values);
             taken.bytes += piece.taken.bytes;
             taken.lines += piece.taken.lines;

@@ -8,8 +8,8 @@ mod block;
 use super::Input;
 use super::asf::Asf;
 use super::text::{Lines, number, short, within};
-use block::Blocks;
 use crate::{Error, Place, Result};
+use block::Blocks;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
 
@@ -159,7 +159,10 @@ impl<'a> Reader<'a> {
         let Some(first) = self.next else {
             return Ok(());
         };
-        if self.last.is_some_and(|last| last.checked_add(1) != Some(first)) {
+        if self
+            .last
+            .is_some_and(|last| last.checked_add(1) != Some(first))
+        {
             return Ok(());
         }
         let taken = self

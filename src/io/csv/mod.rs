@@ -1,19 +1,42 @@
 //! Pose tables as CSV (RFC 4180): read row by row, written with unchanged cells as they stood.
 
+mod block;
+mod records;
+mod writer;
+
+pub use writer::{After, CsvWriter};
+
 use super::Input;
+use super::cells::Cells;
 use super::table::{Columns, ReadOptions, Row};
-use super::text::{push_number, short, within};
+use super::text::{short, within};
 use crate::{Error, Place, Result};
-use std::io::{BufRead, Write};
+use block::Blocks;
+use records::Records;
+use std::io::BufReader;
 use std::sync::Arc;
 
+/// How much of a table is read at a time, where so much is there.
+const BLOCK: usize = 1 << 20;
+
+/// How many rows are read one at a time behind one that is not plain, so that a table full of them is not read twice.
+const CAREFUL: u32 = 1000;
+
 /// Reads a table row by row.
+///
+/// Rows that are plain and there already are read ahead, on all threads; a row is never waited for while one that is
+/// there has not been handed out.
 pub struct CsvReader {
     /// The name that messages use.
     pub name: String,
     /// What the columns mean.
     pub columns: Columns,
-    reader: csv::Reader<Box<dyn BufRead>>,
+    records: Records,
+    blocks: Blocks,
+    /// How many bytes at the start of what is there have been read ahead.
+    ahead: usize,
+    /// How many rows are still to be read one at a time.
+    careful: u32,
     keep: bool,
     take: Arc<str>,
 }
@@ -21,15 +44,17 @@ pub struct CsvReader {
 impl CsvReader {
     /// Reads the header.
     pub fn new(input: Input, options: &ReadOptions) -> Result<CsvReader> {
+        CsvReader::with_block(input, options, BLOCK)
+    }
+
+    fn with_block(input: Input, options: &ReadOptions, block: usize) -> Result<CsvReader> {
         let name = input.name.clone();
-        let mut reader = csv::ReaderBuilder::new()
-            .flexible(true)
-            .from_reader(input.into_reader());
+        let mut records = Records::new(BufReader::with_capacity(block, input.into_reader()));
         let place = Place::line(&name, 1);
-        let header = reader.byte_headers().map_err(|e| fail(&name, e))?;
-        let header: Vec<String> = header
-            .iter()
-            .map(|h| String::from_utf8_lossy(h).trim().to_string())
+        let mut header = Cells::default();
+        records.read(&mut header).map_err(|e| Error::io(&name, e))?;
+        let header: Vec<String> = (0..header.len())
+            .map(|i| String::from_utf8_lossy(&header[i]).trim().to_string())
             .collect();
         if header.first().is_some_and(|h| h.starts_with('#')) {
             return Err(Error::data(
@@ -40,8 +65,11 @@ impl CsvReader {
         let columns = Columns::from_header(&header, options.planar, &place)?;
         Ok(CsvReader {
             name,
+            blocks: Blocks::new(&columns),
             columns,
-            reader,
+            records,
+            ahead: 0,
+            careful: 0,
             keep: options.cells,
             take: Arc::from(""),
         })
@@ -49,14 +77,67 @@ impl CsvReader {
 
     /// Reads the next frame; `false` at the end.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
-        if !self
-            .reader
-            .read_byte_record(&mut row.cells)
-            .map_err(|e| fail(&self.name, e))?
-        {
+        loop {
+            if self.hand_out(row) {
+                return Ok(true);
+            }
+            self.records.pass(std::mem::take(&mut self.ahead));
+            if self.careful > 0 {
+                self.careful -= 1;
+                break;
+            }
+            self.read_ahead()?;
+            if self.ahead == 0 {
+                break;
+            }
+        }
+        self.read_carefully(row)
+    }
+
+    /// Reads what plain rows come next and are there.
+    fn read_ahead(&mut self) -> Result<()> {
+        let Some((text, lines)) = self
+            .records
+            .waiting()
+            .map_err(|e| Error::io(&self.name, e))?
+        else {
+            return Ok(());
+        };
+        let taken = self.blocks.read(text, lines);
+        self.ahead = taken.bytes;
+        self.records.lines = taken.lines;
+        self.careful = if taken.odd { CAREFUL } else { 0 };
+        Ok(())
+    }
+
+    /// Hands out the next row that was read ahead, if there is one.
+    fn hand_out(&mut self, row: &mut Row) -> bool {
+        let Some(plain) = self.blocks.next_row() else {
+            return false;
+        };
+        let text = &self.records.there()[plain.text];
+        row.xyz.clear();
+        row.xyz.extend_from_slice(plain.xyz);
+        row.time = plain.time;
+        row.take = self.columns.take.map(|column| {
+            let start = column.checked_sub(1).map_or(0, |c| plain.ends[c] + 1);
+            known(&mut self.take, &text[start..plain.ends[column]])
+        });
+        if self.keep {
+            row.cells.set_plain(text, plain.ends, plain.line);
+        } else {
+            row.cells.clear();
+        }
+        true
+    }
+
+    /// Reads the next row whatever it holds, or says what is wrong with it.
+    fn read_carefully(&mut self, row: &mut Row) -> Result<bool> {
+        let more = self.records.read(&mut row.cells);
+        if !more.map_err(|e| Error::io(&self.name, e))? {
             return Ok(false);
         }
-        let line = row.cells.position().map_or(0, csv::Position::line);
+        let line = row.cells.line().unwrap_or(0);
         let width = self.columns.names.len();
         if row.cells.len() != width {
             let what = format!("expected {width} cells, found {}", row.cells.len());
@@ -90,18 +171,23 @@ impl CsvReader {
                 Some(time)
             }
         };
-        row.take = self.columns.take.map(|column| {
-            let take = String::from_utf8_lossy(&row.cells[column]);
-            if *take != *self.take {
-                self.take = Arc::from(&*take);
-            }
-            self.take.clone()
-        });
+        row.take = self
+            .columns
+            .take
+            .map(|column| known(&mut self.take, &row.cells[column]));
         if !self.keep {
             row.cells.clear();
         }
         Ok(true)
     }
+}
+
+/// The take of this name: `last` where it is the same, so that a take's name is kept once.
+fn known(last: &mut Arc<str>, name: &[u8]) -> Arc<str> {
+    if last.as_bytes() != name {
+        *last = Arc::from(&*String::from_utf8_lossy(name));
+    }
+    last.clone()
 }
 
 /// A cell's number: NaN for an empty cell or `NaN`.
@@ -119,205 +205,6 @@ fn coordinate(cell: &[u8]) -> std::result::Result<f64, String> {
         v if v.is_nan() => Ok(v),
         v => within(v),
     }
-}
-
-/// One line for an error of the csv crate.
-fn fail(name: &str, error: csv::Error) -> Error {
-    let line = error.position().map(|p| p.line());
-    match error.into_kind() {
-        csv::ErrorKind::Io(e) => Error::io(name, e),
-        other => Error::data(
-            Place {
-                file: name.into(),
-                line,
-                part: None,
-            },
-            short(&format!("{other:?}")),
-        ),
-    }
-}
-
-/// What a written column holds.
-#[derive(Debug, Clone, PartialEq)]
-enum Source {
-    /// A cell as it was read.
-    Carried(usize),
-    /// Number `value` of the frame; the column it was read from, if any.
-    Number(usize, Option<usize>),
-    /// The take's name, read from this column.
-    Take(usize),
-    /// The time, read from this column.
-    Time(usize),
-    /// An added cell.
-    Added(usize),
-}
-
-/// Where an added column goes.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum After {
-    /// Behind the coordinates of a point.
-    Point(usize),
-    /// Behind everything.
-    All,
-}
-
-/// Writes rows of a table.
-pub struct CsvWriter {
-    header: Vec<String>,
-    sources: Vec<Source>,
-    line: Vec<u8>,
-}
-
-impl CsvWriter {
-    /// A writer for tables such as `columns`, with `added` columns; one that is there already is replaced.
-    pub fn new(columns: &Columns, added: &[(String, After)]) -> CsvWriter {
-        let mut writer = CsvWriter {
-            header: Vec::new(),
-            sources: Vec::new(),
-            line: Vec::new(),
-        };
-        let replaced: Vec<Option<usize>> = added
-            .iter()
-            .map(|(name, _)| columns.names.iter().position(|n| n == name))
-            .collect();
-        let mut source = vec![None; columns.names.len()];
-        for (point, place) in columns.place.iter().enumerate() {
-            for (axis, column) in place.iter().enumerate() {
-                if let Some(column) = column {
-                    source[*column] = Some(Source::Number(3 * point + axis, Some(*column)));
-                }
-            }
-        }
-        for (i, name) in columns.names.iter().enumerate() {
-            let what = match &source[i] {
-                Some(number) => number.clone(),
-                None => match replaced.iter().position(|r| *r == Some(i)) {
-                    Some(a) => Source::Added(a),
-                    None if columns.take == Some(i) => Source::Take(i),
-                    None if columns.time == Some(i) => Source::Time(i),
-                    None => Source::Carried(i),
-                },
-            };
-            writer.push(name, what.clone());
-            // What belongs behind a point goes behind the last of its columns.
-            if let Source::Number(value, _) = what {
-                let point = value / 3;
-                if columns.place[point].iter().flatten().max() == Some(&i) {
-                    writer.after_point(columns, point, added, &replaced);
-                }
-            }
-        }
-        for (a, (name, after)) in added.iter().enumerate() {
-            if *after == After::All && replaced[a].is_none() {
-                writer.push(name, Source::Added(a));
-            }
-        }
-        writer
-    }
-
-    fn after_point(
-        &mut self,
-        columns: &Columns,
-        point: usize,
-        added: &[(String, After)],
-        replaced: &[Option<usize>],
-    ) {
-        for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
-            if columns.place[point][axis].is_none() {
-                self.push(
-                    &format!("{}.{letter}", columns.points[point]),
-                    Source::Number(3 * point + axis, None),
-                );
-            }
-        }
-        for (a, (name, after)) in added.iter().enumerate() {
-            if *after == After::Point(point) && replaced[a].is_none() {
-                self.push(name, Source::Added(a));
-            }
-        }
-    }
-
-    fn push(&mut self, name: &str, source: Source) {
-        self.header.push(name.to_string());
-        self.sources.push(source);
-    }
-
-    /// Writes the header line.
-    pub fn head(&mut self, out: &mut dyn Write) -> std::io::Result<()> {
-        self.line.clear();
-        for (i, name) in self.header.iter().enumerate() {
-            if i > 0 {
-                self.line.push(b',');
-            }
-            push_cell(&mut self.line, name.as_bytes());
-        }
-        self.line.push(b'\n');
-        out.write_all(&self.line)
-    }
-
-    /// Writes a frame. `row` is what was read (its cells are kept where the numbers are unchanged), `xyz` the numbers
-    /// to write, `added` the added columns' cells.
-    pub fn row(
-        &mut self,
-        out: &mut dyn Write,
-        row: &Row,
-        xyz: &[f64],
-        added: &[String],
-    ) -> std::io::Result<()> {
-        self.line.clear();
-        let kept = !row.cells.is_empty();
-        for (i, source) in self.sources.iter().enumerate() {
-            if i > 0 {
-                self.line.push(b',');
-            }
-            match *source {
-                Source::Number(value, column) => {
-                    let new = xyz[value];
-                    match column {
-                        Some(c) if kept && !row.converted && same(new, row.xyz[value]) => {
-                            push_cell(&mut self.line, &row.cells[c])
-                        }
-                        _ => push_number(&mut self.line, new),
-                    }
-                }
-                Source::Carried(c) | Source::Time(c) | Source::Take(c) if kept => {
-                    push_cell(&mut self.line, &row.cells[c]);
-                }
-                Source::Time(_) => push_number(&mut self.line, row.time.unwrap_or(f64::NAN)),
-                Source::Take(_) => {
-                    push_cell(&mut self.line, row.take.as_deref().unwrap_or("").as_bytes())
-                }
-                Source::Carried(_) => {}
-                Source::Added(a) => push_cell(&mut self.line, added[a].as_bytes()),
-            }
-        }
-        self.line.push(b'\n');
-        out.write_all(&self.line)
-    }
-}
-
-/// The same number, or both missing.
-fn same(a: f64, b: f64) -> bool {
-    a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
-}
-
-/// A cell, quoted where RFC 4180 wants it.
-fn push_cell(line: &mut Vec<u8>, cell: &[u8]) {
-    if !cell
-        .iter()
-        .any(|b| matches!(b, b',' | b'"' | b'\n' | b'\r'))
-    {
-        line.extend_from_slice(cell);
-        return;
-    }
-    line.push(b'"');
-    for &byte in cell {
-        if byte == b'"' {
-            line.push(b'"');
-        }
-        line.push(byte);
-    }
-    line.push(b'"');
 }
 
 #[cfg(test)]
@@ -341,13 +228,13 @@ mod tests {
             ..ReadOptions::default()
         };
         let mut reader = CsvReader::new(input(text), &options).unwrap();
-        let mut writer = CsvWriter::new(&reader.columns, added);
+        let writer = CsvWriter::new(&reader.columns, added);
         let (mut out, mut row) = (Vec::new(), Row::default());
-        writer.head(&mut out).unwrap();
+        writer.push_head(&mut out);
         while reader.read(&mut row).unwrap() {
             let mut xyz = row.xyz.clone();
             change(&mut xyz);
-            writer.row(&mut out, &row, &xyz, cells).unwrap();
+            writer.push_row(&mut out, &row, &xyz, cells);
         }
         String::from_utf8(out).unwrap()
     }
