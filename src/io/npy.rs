@@ -423,6 +423,21 @@ mod tests {
     }
 
     #[test]
+    fn frames_may_lie_across_what_is_read_at_a_time() {
+        let values: Vec<f64> = (0..6 * (BLOCK / 8)).map(|i| i as f64 / 7.0).collect();
+        let mut bytes = header((BLOCK / 8) as u64, 6);
+        push_values(&mut bytes, &values);
+        let table = read(bytes.clone(), Some("a,b")).unwrap();
+        assert_eq!(table.poses.xyz.as_slice().unwrap(), values.as_slice());
+        bytes.pop();
+        let e = read(bytes, Some("a,b")).unwrap_err().to_string();
+        assert!(
+            e.ends_with(&format!("{} of {} are there", BLOCK / 8 - 1, BLOCK / 8)),
+            "{e}"
+        );
+    }
+
+    #[test]
     fn our_own_header_reads_back() {
         for frames in [0, 1, 123_456_789] {
             let h = header(frames, 69);

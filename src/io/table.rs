@@ -149,17 +149,6 @@ pub struct Row {
     pub converted: bool,
 }
 
-impl Row {
-    /// Becomes a copy, in the memory that is there.
-    pub fn copy_from(&mut self, other: &Row) {
-        self.xyz.clone_from(&other.xyz);
-        self.time = other.time;
-        self.take.clone_from(&other.take);
-        self.cells.copy_from(&other.cells);
-        self.converted = other.converted;
-    }
-}
-
 /// How a table is to be read.
 #[derive(Debug, Clone, Default)]
 pub struct ReadOptions {

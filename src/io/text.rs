@@ -209,6 +209,20 @@ mod tests {
         push_number(&mut out, 3.0);
         push_number(&mut out, f64::NAN);
         assert_eq!(out, b"3");
+        for (value, text) in [
+            (1e15, "1000000000000000"),
+            (1e16, "1e16"),
+            (-2.5e300, "-2.5e300"),
+            (1e-7, "1e-7"),
+        ] {
+            out.truncate(1);
+            push_number(&mut out, value);
+            assert_eq!(&out[1..], text.as_bytes());
+        }
+        out.clear();
+        push_single(&mut out, 1e30);
+        push_single(&mut out, 45.1978);
+        assert_eq!(out, b"1e3045.1978");
     }
 
     #[test]
@@ -220,5 +234,16 @@ mod tests {
         assert!(number("inf").unwrap_err().contains("finite"));
         assert!(number("1e999").is_err() && number("").is_err());
         assert!(short(&"x".repeat(100)).chars().count() == 41);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn a_prefix_is_the_number_that_stands_there(value in proptest::num::f64::ANY, digits in "[0-9]{1,30}", exponent in -340..310i32, behind in "[,; \n#x_]?") {
+            for text in [value.to_string(), format!("{value:e}"), digits.clone(), format!("-{digits}.{digits}e{exponent}")] {
+                let whole = number(&text).ok().map(|v| (v.to_bits(), text.len()));
+                let prefix = finite_prefix(format!("{text}{behind}").as_bytes());
+                proptest::prop_assert_eq!(prefix.map(|(v, n)| (v.to_bits(), n)), whole);
+            }
+        }
     }
 }

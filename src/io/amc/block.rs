@@ -298,3 +298,118 @@ fn number_line(text: &[u8]) -> Option<(u64, usize)> {
     let end = digits + blanks(&text[digits..]);
     (text.get(end) == Some(&b'\n')).then_some((number, end + 1))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::asf;
+    use super::super::{BLOCK, Frame, Frames, Reader};
+    use crate::io::Input;
+
+    /// What a take holds, and how it ends, read one frame at a time or in blocks.
+    fn all(text: &str, keep: bool, block: Option<(usize, usize)>) -> (Vec<Frame>, String) {
+        let asf = asf();
+        let input = Input::new("t.amc", std::io::Cursor::new(text.as_bytes().to_vec())).unwrap();
+        let size = block.map_or(BLOCK, |(size, _)| size);
+        let mut reader = match Reader::with_block(&asf, input, keep, size) {
+            Ok(reader) => reader,
+            Err(e) => return (Vec::new(), e.to_string()),
+        };
+        let (mut out, mut frame, mut frames) = (Vec::new(), Frame::default(), Frames::default());
+        if let Some((_, piece)) = block {
+            reader.blocks.piece = piece;
+        }
+        let end = loop {
+            let more = match block {
+                None => reader.read(&mut frame),
+                Some(_) => {
+                    // Behind an odd frame, too, blocks are what is tested.
+                    reader.careful = reader.careful.min(1);
+                    reader.read_block(&mut frames)
+                }
+            };
+            match more {
+                Ok(false) => break format!("{:?} {}", reader.dropped, reader.lines.number),
+                Err(e) => break e.to_string(),
+                Ok(true) if block.is_none() => out.push(frame.clone()),
+                Ok(true) => {
+                    let values = frames.values.chunks_exact(asf.skeleton.dof_count());
+                    assert!(!frames.numbers.is_empty() && values.len() == frames.numbers.len());
+                    out.extend(frames.numbers.iter().zip(values).map(|(&number, values)| {
+                        let values = values.to_vec();
+                        Frame { number, values }
+                    }));
+                }
+            }
+        };
+        (out, end)
+    }
+
+    /// Twelve plain frames, in two orders of bones.
+    fn long() -> String {
+        let mut text = String::from(":DEGREES\n");
+        for i in 7..19 {
+            let root = format!("root {i} 2.5 -3 4e-1 5 6\n");
+            let leg = format!("leg -{i}.25 0.5\n");
+            text += &if i % 5 == 0 {
+                format!("{i}\n{leg}{root}")
+            } else {
+                format!("{i}\n{root}{leg}hip\n")
+            };
+        }
+        text
+    }
+
+    #[test]
+    fn blocks_of_any_size_hold_the_same_frames() {
+        let text = long();
+        let odd = text
+            .replace("12\n", "12 # here\n")
+            .replace("leg -9.25", " leg\t-9.25 ");
+        let crlf = text.replace('\n', "\r\n");
+        for text in [&text, &odd, &crlf, text.trim_end()] {
+            let want = all(text, false, None);
+            assert_eq!(want.0.len(), 12);
+            for size in (1..text.len() + 2).chain([BLOCK]) {
+                for piece in [1, 40, 200] {
+                    assert_eq!(
+                        all(text, false, Some((size, piece))),
+                        want,
+                        "{size} {piece}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn blocks_end_where_single_frames_do() {
+        let text = long();
+        let lines: Vec<&str> = text.lines().collect();
+        let damages = [
+            "",
+            "leg 1",
+            "leg 1 2 3",
+            "tail 1",
+            "leg 1 nan",
+            "leg 1 1e999",
+            "root 1e300 2 3 4 5 6",
+            "14",
+            "0x",
+            "leg",
+            "leg 1 2#",
+            "99999999999999999999",
+            "hip hip",
+        ];
+        for (at, damage) in (1..lines.len()).flat_map(|at| damages.map(|d| (at, d))) {
+            let mut lines = lines.clone();
+            lines[at] = damage;
+            let text = lines.join("\n");
+            for keep in [false, true] {
+                let want = all(&text, keep, None);
+                for (size, piece) in [(50, 20), (BLOCK, 60), (BLOCK, BLOCK)] {
+                    assert_eq!(all(&text, keep, Some((size, piece))), want, "{text}");
+                }
+            }
+        }
+    }
+}

@@ -4,6 +4,9 @@
 //! freedom, in the ASF's order. Bones without degrees of freedom may be left out or stand there without values.
 
 mod block;
+mod write;
+
+pub use write::{write_frame, write_head};
 
 use super::Input;
 use super::asf::Asf;
@@ -321,49 +324,13 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The head of an AMC file, in degrees as CMU's are.
-pub fn write_head(out: &mut Vec<u8>) {
-    out.extend_from_slice(b":FULLY-SPECIFIED\n:DEGREES\n");
-}
-
-/// Appends one frame in degrees and raw units. Ten decimals: a millionth of a millimetre at arm's length.
-pub fn write_frame(out: &mut Vec<u8>, asf: &Asf, frame: &Frame) {
-    use std::io::Write;
-    // Writing to memory cannot fail.
-    let _ = writeln!(out, "{}", frame.number);
-    for (i, bone) in asf.skeleton.bones().iter().enumerate() {
-        if bone.dofs.is_empty() {
-            continue;
-        }
-        out.extend_from_slice(bone.name.as_bytes());
-        for (dof, &value) in bone.dofs.iter().zip(&frame.values[asf.skeleton.dofs_of(i)]) {
-            let value = if dof.channel.is_angle() {
-                value.to_degrees()
-            } else {
-                value / asf.unit
-            };
-            out.push(b' ');
-            let rounded = (value * 1e10).round() / 1e10;
-            super::text::push_number(
-                out,
-                if rounded.is_finite() {
-                    rounded + 0.0
-                } else {
-                    value
-                },
-            );
-        }
-        out.push(b'\n');
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const ASF: &str = "\u{feff}# made for tests\r\n:version 1.10\r\n:units\r\n  length 0.45\r\n  angle deg\r\n:root\n order TX TY TZ RX RY RZ\n axis XYZ\n position 0 0 0\n orientation 0 0 0\n:bonedata\n begin\n id 1\n name hip\n direction 1 0 0\n length 2\n axis 0 0 0 XYZ\n end\n begin\n name leg\n direction 0 -1 0\n length 4.5\n axis 10 20 30 ZYX\n dof rx rz\n limits (-10 20)\n (-inf inf)\n end\n:hierarchy\n begin\n root hip\n hip leg\n end\n";
 
-    fn asf() -> Asf {
+    pub(super) fn asf() -> Asf {
         super::super::asf::parse("t.asf", ASF.as_bytes()).unwrap()
     }
 

@@ -211,6 +211,7 @@ fn coordinate(cell: &[u8]) -> std::result::Result<f64, String> {
 mod tests {
     use super::super::table::Table;
     use super::*;
+    use proptest::strategy::Strategy;
 
     fn input(text: &str) -> Input {
         Input::new("t.csv", std::io::Cursor::new(text.as_bytes().to_vec())).unwrap()
@@ -300,5 +301,85 @@ mod tests {
         assert_eq!(table.poses.takes(), [0..2, 2..3]);
         assert_eq!(table.poses.rate(), Some(2.0));
         assert!(table.poses.xyz[[1, 0]].is_nan() && table.poses.xyz[[1, 1]].is_nan());
+    }
+
+    /// The rows of a table, and how it ends: read one at a time, or ahead in blocks.
+    fn all(text: &[u8], block: Option<(usize, usize)>) -> (Vec<String>, String) {
+        let options = ReadOptions {
+            cells: true,
+            ..ReadOptions::default()
+        };
+        let input = Input::new("t.csv", std::io::Cursor::new(text.to_vec())).unwrap();
+        let size = block.map_or(BLOCK, |(size, _)| size);
+        let mut reader = match CsvReader::with_block(input, &options, size) {
+            Ok(reader) => reader,
+            Err(e) => return (Vec::new(), e.to_string()),
+        };
+        reader.blocks.piece = block.map_or(1, |(_, piece)| piece);
+        let (mut rows, mut row) = (Vec::new(), Row::default());
+        let end = loop {
+            reader.careful = match block {
+                None => 1,
+                // Behind an odd row, too, blocks are what is tested.
+                Some(_) => reader.careful.min(1),
+            };
+            match reader.read(&mut row) {
+                Ok(true) => {
+                    let cells: Vec<_> = (0..row.cells.len()).map(|i| &row.cells[i]).collect();
+                    let bits: Vec<u64> = row.xyz.iter().map(|v| v.to_bits()).collect();
+                    let (time, take, line) = (row.time, &row.take, row.cells.line());
+                    rows.push(format!("{bits:?} {time:?} {take:?} {line:?} {cells:?}"));
+                }
+                Ok(false) => break String::from("end"),
+                Err(e) => break e.to_string(),
+            }
+        };
+        (rows, end)
+    }
+
+    const PLAIN: &str = "note,a.z,a.x,time,a.y,take,b.y,b.x,b.z\nn,1.5,-2e-3,0,,w,3,nan,5\n,1,2,0.1,3,w,.5,5.,+6\n\nx,1,2,0.2,3,v,4,5,6\n\n\ny,-0,1e12,0.3,3,v,4,5,123456789.123456789\n";
+
+    #[test]
+    fn rows_read_ahead_are_those_read_one_at_a_time() {
+        let quoted = PLAIN.replace("x,1", "\"x,\n\"\"\",1");
+        let returns = PLAIN.replace("\nx", "\rx");
+        for text in [PLAIN, PLAIN.trim_end(), &quoted, &returns] {
+            for text in [text.to_string(), text.replace('\n', "\r\n")] {
+                let want = all(text.as_bytes(), None);
+                assert_eq!((want.0.len(), &*want.1), (4, "end"), "{text:?}");
+                for size in 1..text.len() + 2 {
+                    for piece in [1, 30, 1000] {
+                        let got = all(text.as_bytes(), Some((size, piece)));
+                        assert_eq!(got, want, "{size} {piece} {text:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn the_first_bad_row_is_the_one_told_of(
+            cells in proptest::collection::vec(
+                proptest::prop_oneof![
+                    20 => "-?[0-9]{1,3}(\\.[0-9]{1,17})?",
+                    4 => "[0-9]?(e[+-]?[0-9]{1,3})?",
+                    1 => "[,\"\r\n a-z+.-]{0,3}",
+                    1 => proptest::sample::select(vec!["inf", "NaN", "-nan", "1e13", "\u{e9}", "\"1\"", "0x1"]).prop_map(String::from),
+                ],
+                0..150,
+            ),
+            ending in proptest::sample::select(vec!["\n", "\r\n", "\r"]),
+            size in 1..400usize,
+            piece in 1..200usize,
+        ) {
+            let mut text = format!("a.x,a.y,a.z,time,take{ending}");
+            for row in cells.chunks(5) {
+                text += &row.join(",");
+                text += ending;
+            }
+            let want = all(text.as_bytes(), None);
+            proptest::prop_assert_eq!(all(text.as_bytes(), Some((size, piece))), want);
+        }
     }
 }
