@@ -163,17 +163,17 @@ pub struct ReadOptions {
 /// Rows of a table of either format, one at a time.
 pub enum RowReader {
     /// Text.
-    Csv(CsvReader),
+    Csv(Box<CsvReader>),
     /// NumPy's array.
-    Npy(NpyReader),
+    Npy(Box<NpyReader>),
 }
 
 impl RowReader {
     /// Recognises the format by content and reads the header.
     pub fn new(mut input: Input, options: &ReadOptions) -> Result<RowReader> {
         match input.kind()? {
-            Kind::Npy => Ok(RowReader::Npy(NpyReader::new(input, options)?)),
-            Kind::Text => Ok(RowReader::Csv(CsvReader::new(input, options)?)),
+            Kind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
+            Kind::Text => CsvReader::new(input, options).map(|r| RowReader::Csv(Box::new(r))),
             Kind::Empty => Err(Error::data(
                 Place::file(input.name),
                 "is empty, expected a pose table",

@@ -6,6 +6,16 @@ use std::io::{BufRead, Read};
 /// The longest line a text format may have. (A BVH with all its frames on one line is read elsewhere.)
 pub const LONGEST_LINE: usize = 1 << 20;
 
+/// How many bytes of takes and tables are read at a time, where so many are there.
+pub(super) const BLOCK: usize = 1 << 20;
+
+/// About how many of them one thread takes at a time.
+pub(super) const PIECE: usize = 1 << 15;
+
+/// How many frames or rows are read one at a time, with all care, behind one that is not plain: a file full of those is
+/// not read twice.
+pub(super) const CAREFUL: u32 = 1000;
+
 /// Lines of a text, numbered from 1, without their ending (LF, CRLF or none) and without a byte-order mark.
 ///
 /// Bytes that are no UTF-8 are replaced: old files have Latin-1 names in their comments.

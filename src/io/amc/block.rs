@@ -5,14 +5,11 @@
 //! [`super::Reader::read`] goes on from there: it alone says what is wrong.
 
 use super::{Asf, Frames};
-use crate::io::text::{finite_prefix, within};
+use crate::io::text::{PIECE, finite_prefix, within};
 use memchr::{memchr, memrchr};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
-
-/// How many bytes one thread reads at a time.
-const PIECE: usize = 1 << 15;
 
 /// What a skeleton's frames look like, and room to read them.
 pub(super) struct Blocks<'a> {
@@ -302,8 +299,9 @@ fn number_line(text: &[u8]) -> Option<(u64, usize)> {
 #[cfg(test)]
 mod tests {
     use super::super::tests::asf;
-    use super::super::{BLOCK, Frame, Frames, Reader};
+    use super::super::{Frame, Frames, Reader};
     use crate::io::Input;
+    use crate::io::text::BLOCK;
 
     /// What a take holds, and how it ends, read one frame at a time or in blocks.
     fn all(text: &str, keep: bool, block: Option<(usize, usize)>) -> (Vec<Frame>, String) {

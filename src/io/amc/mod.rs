@@ -1,4 +1,4 @@
-//! Acclaim motion (AMC): read frame by frame, and written.
+//! Acclaim motion (AMC): read frame by frame or as many as are there, and written.
 //!
 //! A frame is its number on a line of its own, then a line a bone: its name and one value for each of its degrees of
 //! freedom, in the ASF's order. Bones without degrees of freedom may be left out or stand there without values.
@@ -10,17 +10,11 @@ pub use write::{write_frame, write_head};
 
 use super::Input;
 use super::asf::Asf;
-use super::text::{Lines, number, short, within};
+use super::text::{BLOCK, CAREFUL, Lines, number, short, within};
 use crate::{Error, Place, Result};
 use block::Blocks;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
-
-/// How much of a take is read at a time, where so much is there.
-const BLOCK: usize = 1 << 20;
-
-/// How many frames are read one at a time behind one that is not plain, so that a take full of them is not read twice.
-const CAREFUL: u32 = 1000;
 
 /// One frame of a take.
 #[derive(Debug, Clone, Default, PartialEq)]

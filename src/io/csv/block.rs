@@ -5,13 +5,10 @@
 //! goes on from there: it alone says what is wrong.
 
 use super::super::table::Columns;
-use super::super::text::{finite_prefix, within};
+use super::super::text::{PIECE, finite_prefix, within};
 use memchr::{memchr, memrchr};
 use rayon::prelude::*;
 use std::ops::Range;
-
-/// How many bytes one thread reads at a time.
-const PIECE: usize = 1 << 15;
 
 /// What a column holds.
 #[derive(Clone, Copy)]

@@ -9,18 +9,12 @@ pub use writer::{After, CsvWriter};
 use super::Input;
 use super::cells::Cells;
 use super::table::{Columns, ReadOptions, Row};
-use super::text::{short, within};
+use super::text::{BLOCK, CAREFUL, short, within};
 use crate::{Error, Place, Result};
 use block::Blocks;
 use records::Records;
 use std::io::BufReader;
 use std::sync::Arc;
-
-/// How much of a table is read at a time, where so much is there.
-const BLOCK: usize = 1 << 20;
-
-/// How many rows are read one at a time behind one that is not plain, so that a table full of them is not read twice.
-const CAREFUL: u32 = 1000;
 
 /// Reads a table row by row.
 ///
