@@ -174,7 +174,7 @@ fn print(
                     .map(move |start| (batch, start))
             })
             .collect();
-        // Their memory is used again: to get it anew costs a sixth of all time.
+        // Their memory is used again: got anew, its page faults showed beside the printing.
         let count = chunks.len();
         texts.resize_with(texts.len().max(count), Vec::new);
         texts[..count]
