@@ -83,6 +83,41 @@ fn a_closed_pipe_is_success_and_silence() {
     }
 }
 
+#[test]
+fn rows_come_out_while_more_are_waited_for() {
+    use std::io::{Read, Write};
+    let mut child = Command::new(bin().join("corrupt"))
+        .args(["--dense", "0"])
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let (mut to, mut from) = (child.stdin.take().unwrap(), child.stdout.take().unwrap());
+    let table = long(20_000);
+    let (told, heard) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let mut buffer = vec![0; 1 << 16];
+        while let Ok(n) = from.read(&mut buffer)
+            && n > 0
+        {
+            told.send(n).unwrap();
+        }
+    });
+    // All but a buffer of rows comes without a word about more, after one burst as after the next.
+    let (mut sent, mut came) = (0, 0);
+    for part in table.as_bytes().chunks(table.len() / 3 + 1) {
+        to.write_all(part).unwrap();
+        sent += part.len();
+        while came + (1 << 16) + 100 < sent {
+            let more = heard.recv_timeout(std::time::Duration::from_secs(60));
+            came += more.expect("rows that are there come out");
+        }
+    }
+    drop(to);
+    assert_eq!(came + heard.iter().sum::<usize>(), table.len());
+    assert!(child.wait().unwrap().success());
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_an_error_of_one_line() {

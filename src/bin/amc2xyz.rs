@@ -4,11 +4,13 @@ use clap::{Parser, ValueEnum};
 use posing::cli::flags::{Common, TableOut, Units, parse_rate};
 use posing::cli::streams::{TableSink, one_stdin, open};
 use posing::cli::{Outcome, run, say};
-use posing::io::amc::{Frame, Reader};
+use posing::io::amc::{Frames, Reader};
 use posing::io::asf::{self, Asf};
 use posing::io::table::{Columns, Row, point_names};
+use posing::par::map_chunks;
 use posing::pose::kinematics::{Posture, Space};
 use posing::{Error, Place, Result};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -61,6 +63,9 @@ enum SpaceFlag {
     /// Root at the origin, no global rotation: the paper's training poses
     Body,
 }
+
+/// How many frames are turned into places at a time.
+const CHUNK: usize = 64;
 
 fn main() -> ExitCode {
     run(|args: Args| work(&args))
@@ -123,15 +128,16 @@ fn convert(
         take: Some(Arc::from(&*name)),
         ..Row::default()
     };
-    let (mut frame, mut posture) = (Frame::default(), Posture::default());
-    while reader.read(&mut frame)? {
-        asf.skeleton.settle(&mut frame.values, space);
-        asf.skeleton.posture_into(&frame.values, &mut posture);
-        row.time = Some((frame.number as f64 - 1.0) / args.fps);
-        row.xyz.clear();
-        row.xyz
-            .extend(joints.iter().flat_map(|&j| posture.ends[j].to_array()));
-        sink.write(&row, &row.xyz, &[])?;
+    let mut frames = Frames::default();
+    while reader.read_block(&mut frames)? {
+        let places = map_chunks(frames.numbers.len(), CHUNK, |range| {
+            places(asf, joints, space, &frames, range)
+        });
+        let places = places.iter().flat_map(|p| p.chunks_exact(3 * joints.len()));
+        for (&number, xyz) in frames.numbers.iter().zip(places) {
+            row.time = Some((number as f64 - 1.0) / args.fps);
+            sink.write(&row, xyz, &[])?;
+        }
     }
     if let Some(number) = reader.dropped {
         say::note(&format!(
@@ -140,4 +146,26 @@ fn convert(
         ));
     }
     Ok(())
+}
+
+/// Where the joints of the frames of `range` stand, frame by frame.
+fn places(
+    asf: &Asf,
+    joints: &[usize],
+    space: Space,
+    frames: &Frames,
+    range: Range<usize>,
+) -> Vec<f64> {
+    let dofs = asf.skeleton.dof_count();
+    let wanted = asf.skeleton.above(joints);
+    let mut posture = Posture::default();
+    let mut values = vec![0.0; dofs];
+    let mut out = Vec::with_capacity(range.len() * 3 * joints.len());
+    for frame in range {
+        values.copy_from_slice(&frames.values[frame * dofs..][..dofs]);
+        asf.skeleton.settle(&mut values, space);
+        asf.skeleton.posture_of(&wanted, &values, &mut posture);
+        out.extend(joints.iter().flat_map(|&j| posture.ends[j].to_array()));
+    }
+    out
 }

@@ -121,7 +121,7 @@ fn status(file: &str, row: &Row, column: Option<usize>) -> Result<Status> {
     };
     let word = String::from_utf8_lossy(cell);
     Status::from_name(&word).ok_or_else(|| {
-        let line = row.cells.position().map_or(0, csv::Position::line);
+        let line = row.cells.line().unwrap_or(0);
         let names = Status::ALL.map(Status::name).join(", ");
         let what = format!("\"{word}\" is no status; expected one of {names}");
         Error::data(Place::line(file, line), what)

@@ -150,7 +150,7 @@ impl<'a> InStep<'a> {
 
     /// The line a table was last read at.
     fn place(&self, table: &Table) -> Place {
-        let line = table.row.cells.position().map(csv::Position::line);
+        let line = table.row.cells.line();
         Place {
             line,
             ..Place::file(table.stream.name())

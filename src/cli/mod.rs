@@ -1,11 +1,13 @@
 //! What every command shares: the wrapper around `main`, flags, streams, progress, pages of the manual.
 
+pub mod arrays;
 pub mod commands;
 pub mod drawing;
 pub mod evaluating;
 pub mod flags;
 pub mod instep;
 pub mod pages;
+pub mod printing;
 pub mod progress;
 pub mod restoring;
 pub mod say;

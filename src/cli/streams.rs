@@ -1,14 +1,15 @@
 //! Inputs and outputs of the commands: files, standard input and output, tables on either.
 
+use super::arrays::ArraySink;
 use super::flags::{Format, TableIn, TableOut};
+use super::printing::Printer;
 use crate::io::csv::{After, CsvWriter};
-use crate::io::npy;
 use crate::io::output::OutputFile;
 use crate::io::table::{Builder, Columns, Row, RowReader, Table};
 use crate::io::{Input, Model};
 use crate::{Error, Place, Result};
 use std::fs::File;
-use std::io::{self, BufWriter, IsTerminal, Seek, Write};
+use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 /// The name of standard output in messages.
@@ -172,6 +173,14 @@ impl Sink {
             Sink::Stdout(_) => Error::io(STDOUT, e),
         }
     }
+    /// Writes what is left of a file, from kernel to kernel where the system can.
+    pub fn copy(&mut self, file: &mut File) -> Result<()> {
+        let done = match self {
+            Sink::File(out, _) => io::copy(file, out),
+            Sink::Stdout(out) => io::copy(file, &mut **out),
+        };
+        done.map(drop).map_err(|e| self.fail(e))
+    }
     /// Writes everything, or says where it failed.
     pub fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.write_all(bytes).map_err(|e| self.fail(e))
@@ -201,14 +210,11 @@ pub fn write_bytes(path: Option<&Path>, bytes: &[u8], binary: bool) -> Result<()
 }
 
 /// A table being written, in either format.
-pub struct TableSink {
-    sink: Sink,
-    csv: CsvWriter,
-    /// An array's values wait in an unnamed file: its header, which comes first, counts them.
-    spool: Option<BufWriter<File>>,
-    frames: u64,
-    width: usize,
-    scratch: Vec<u8>,
+pub enum TableSink {
+    /// Text.
+    Csv(Printer),
+    /// NumPy's array.
+    Npy(ArraySink),
 }
 
 impl TableSink {
@@ -219,48 +225,30 @@ impl TableSink {
         added: &[(String, After)],
     ) -> Result<TableSink> {
         let binary = flags.format() == Format::Npy;
-        let mut sink = Sink::open(flags.output.as_deref(), binary)?;
-        let mut csv = CsvWriter::new(columns, added);
-        let spool = if binary {
-            let file = tempfile::tempfile().map_err(|e| Error::io("a temporary file", e))?;
-            Some(BufWriter::with_capacity(1 << 16, file))
-        } else {
-            csv.head(&mut sink).map_err(|e| sink.fail(e))?;
-            None
-        };
-        Ok(TableSink {
+        let sink = Sink::open(flags.output.as_deref(), binary)?;
+        if binary {
+            return Ok(TableSink::Npy(ArraySink::new(sink, columns.width())?));
+        }
+        Ok(TableSink::Csv(Printer::new(
             sink,
-            csv,
-            spool,
-            frames: 0,
-            width: columns.width(),
-            scratch: Vec::new(),
-        })
+            CsvWriter::new(columns, added),
+        )?))
     }
 
-    /// Writes a frame: see [`CsvWriter::row`].
+    /// Writes a frame: see [`CsvWriter::push_row`].
     pub fn write(&mut self, row: &Row, xyz: &[f64], added: &[String]) -> Result<()> {
-        self.frames += 1;
-        match &mut self.spool {
-            Some(spool) => npy::write_values(spool, xyz, &mut self.scratch)
-                .map_err(|e| Error::io("a temporary file", e)),
-            None => self
-                .csv
-                .row(&mut self.sink, row, xyz, added)
-                .map_err(|e| self.sink.fail(e)),
+        match self {
+            TableSink::Csv(printer) => printer.write(row, xyz, added),
+            TableSink::Npy(array) => array.write(xyz),
         }
     }
 
     /// Completes the table.
-    pub fn finish(mut self) -> Result<()> {
-        if let Some(spool) = self.spool {
-            let fail = |e| Error::io("a temporary file", e);
-            let mut file = spool.into_inner().map_err(|e| fail(e.into_error()))?;
-            file.rewind().map_err(fail)?;
-            self.sink.put(&npy::header(self.frames, self.width))?;
-            io::copy(&mut file, &mut self.sink).map_err(|e| self.sink.fail(e))?;
+    pub fn finish(self) -> Result<()> {
+        match self {
+            TableSink::Csv(printer) => printer.finish(),
+            TableSink::Npy(array) => array.finish(),
         }
-        self.sink.finish()
     }
 }
 

@@ -3,6 +3,7 @@
 pub mod amc;
 pub mod asf;
 pub mod bvh;
+pub mod cells;
 pub mod csv;
 pub mod input;
 pub mod model;

@@ -3,10 +3,13 @@
 
 use super::Input;
 use super::table::{Columns, ReadOptions, Row};
-use super::text::{short, within};
+use super::text::{FURTHEST, short, within};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
-use std::io::{BufRead, Read, Write};
+use std::io::{BufRead, BufReader, Read};
+
+/// How many bytes are read at a time, where so many are there.
+const BLOCK: usize = 1 << 18;
 
 /// Reads the frames of an array one at a time.
 pub struct NpyReader {
@@ -14,7 +17,7 @@ pub struct NpyReader {
     pub name: String,
     /// What the columns mean.
     pub columns: Columns,
-    reader: Box<dyn BufRead>,
+    reader: BufReader<Box<dyn BufRead>>,
     wide: bool,
     frames: u64,
     next: u64,
@@ -49,7 +52,7 @@ impl NpyReader {
     pub fn new(input: Input, options: &ReadOptions) -> Result<NpyReader> {
         let name = input.name.clone();
         let place = Place::file(&name);
-        let mut reader = input.into_reader();
+        let mut reader = BufReader::with_capacity(BLOCK, input.into_reader());
         let header = read_header(&mut reader, &place)?;
         let fail = |what: String| Err(Error::data(place.clone(), what));
         let wide = header
@@ -111,25 +114,34 @@ impl NpyReader {
             }
             None => {
                 let need = width * if self.wide { 8 } else { 4 };
-                self.bytes.resize(need, 0);
-                let done = self.reader.read_exact(&mut self.bytes);
-                done.map_err(|e| self.short_read(e))?;
-                decode(&self.bytes, self.wide, &mut row.xyz);
+                if let Some(frame) = self.reader.buffer().get(..need) {
+                    decode(frame, self.wide, &mut row.xyz);
+                    self.reader.consume(need);
+                } else {
+                    self.bytes.resize(need, 0);
+                    let done = self.reader.read_exact(&mut self.bytes);
+                    done.map_err(|e| self.short_read(e))?;
+                    decode(&self.bytes, self.wide, &mut row.xyz);
+                }
             }
         }
         self.next += 1;
-        let bad = row
-            .xyz
-            .iter()
-            .position(|v| !v.is_nan() && within(*v).is_err());
-        if let Some(bad) = bad {
-            let what = match row.xyz[bad] {
-                v if v.is_infinite() => "the value is infinite".to_string(),
-                v => within(v).err().unwrap_or_default(),
-            };
-            return Err(self.fail(&format!("frame {}, column {bad}: {what}", self.next - 1)));
+        // Without an early end, for the compiler to compare several at once; NaN is not beyond anything.
+        let beyond = |any: bool, v: &f64| any | (v.abs() > FURTHEST);
+        if row.xyz.iter().fold(false, beyond) {
+            return Err(self.beyond(&row.xyz));
         }
         Ok(true)
+    }
+
+    /// What is wrong with the frame read last.
+    fn beyond(&self, xyz: &[f64]) -> Error {
+        let bad = xyz.iter().position(|v| v.abs() > FURTHEST).unwrap_or(0);
+        let what = match xyz[bad] {
+            v if v.is_infinite() => "the value is infinite".to_string(),
+            v => within(v).err().unwrap_or_default(),
+        };
+        self.fail(&format!("frame {}, column {bad}: {what}", self.next - 1))
     }
 
     fn read_fortran(&mut self, shape: &[u64]) -> Result<Vec<f64>> {
@@ -181,17 +193,11 @@ impl NpyReader {
 
 fn decode(bytes: &[u8], wide: bool, out: &mut Vec<f64>) {
     if wide {
-        out.extend(
-            bytes
-                .chunks_exact(8)
-                .map(|b| f64::from_le_bytes(b.try_into().unwrap_or_default())),
-        );
+        let values = bytes.as_chunks::<8>().0.iter();
+        out.extend(values.map(|b| f64::from_le_bytes(*b)));
     } else {
-        out.extend(
-            bytes
-                .chunks_exact(4)
-                .map(|b| f64::from(f32::from_le_bytes(b.try_into().unwrap_or_default()))),
-        );
+        let values = bytes.as_chunks::<4>().0.iter();
+        out.extend(values.map(|b| f64::from(f32::from_le_bytes(*b))));
     }
 }
 
@@ -355,17 +361,14 @@ pub fn matrix_of(file: &[u8], place: &Place) -> Result<Array2<f32>> {
     array.map_err(|e| fail(e.to_string()))
 }
 
-/// Writes frames as `<f8`.
-pub fn write_values(
-    out: &mut dyn Write,
-    xyz: &[f64],
-    scratch: &mut Vec<u8>,
-) -> std::io::Result<()> {
-    scratch.clear();
-    for v in xyz {
-        scratch.extend_from_slice(&v.to_le_bytes());
+/// Appends numbers as `<f8`.
+pub fn push_values(out: &mut Vec<u8>, xyz: &[f64]) {
+    let start = out.len();
+    out.resize(start + 8 * xyz.len(), 0);
+    let (places, _) = out[start..].as_chunks_mut::<8>();
+    for (place, value) in places.iter_mut().zip(xyz) {
+        *place = value.to_le_bytes();
     }
-    out.write_all(scratch)
 }
 
 #[cfg(test)]
@@ -419,6 +422,21 @@ mod tests {
             assert_eq!(table.poses.xyz.as_slice().unwrap(), c.as_slice());
             assert_eq!(table.columns.points, ["a", "b"]);
         }
+    }
+
+    #[test]
+    fn frames_may_lie_across_what_is_read_at_a_time() {
+        let values: Vec<f64> = (0..6 * (BLOCK / 8)).map(|i| i as f64 / 7.0).collect();
+        let mut bytes = header((BLOCK / 8) as u64, 6);
+        push_values(&mut bytes, &values);
+        let table = read(bytes.clone(), Some("a,b")).unwrap();
+        assert_eq!(table.poses.xyz.as_slice().unwrap(), values.as_slice());
+        bytes.pop();
+        let e = read(bytes, Some("a,b")).unwrap_err().to_string();
+        assert!(
+            e.ends_with(&format!("{} of {} are there", BLOCK / 8 - 1, BLOCK / 8)),
+            "{e}"
+        );
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::{Error, Result};
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
@@ -48,6 +48,22 @@ impl OutputFile {
             path: path.to_path_buf(),
             sink,
         })
+    }
+
+    /// Whether [`OutputFile::rewrite_start`] can be: what is written to a pipe is gone.
+    pub fn can_rewrite(&self) -> bool {
+        matches!(self.sink, Sink::Temporary(_))
+    }
+
+    /// Writes `bytes` over the first ones. Nothing can be appended after that.
+    pub fn rewrite_start(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match &mut self.sink {
+            Sink::Temporary(file) => {
+                file.rewind()?;
+                file.write_all(bytes)
+            }
+            Sink::Direct(_) => Err(io::ErrorKind::NotSeekable.into()),
+        }
     }
 
     /// Flushes, syncs and renames: only now is the file there.
@@ -115,6 +131,12 @@ mod tests {
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
         assert!(OutputFile::create(&dir.path().join("no/where")).is_err());
+        let mut file = OutputFile::create(&path).unwrap();
+        file.write_all(b"count: ?, all").unwrap();
+        assert!(file.can_rewrite());
+        file.rewrite_start(b"count: 3").unwrap();
+        file.finish().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"count: 3, all");
     }
 
     #[cfg(unix)]

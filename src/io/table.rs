@@ -4,13 +4,13 @@
 //! carried along unchanged. An empty cell (or NaN) is a missing value, 0 never is.
 
 use super::Input;
+pub use super::cells::Cells;
 use super::csv::CsvReader;
 use super::input::Kind;
 use super::npy::NpyReader;
 use super::text::short;
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
-use ::csv::ByteRecord;
 use ndarray::Array2;
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -144,7 +144,7 @@ pub struct Row {
     /// The take's name.
     pub take: Option<Arc<str>>,
     /// The cells as they stood; empty for NPY.
-    pub cells: ByteRecord,
+    pub cells: Cells,
     /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
     pub converted: bool,
 }
@@ -163,17 +163,17 @@ pub struct ReadOptions {
 /// Rows of a table of either format, one at a time.
 pub enum RowReader {
     /// Text.
-    Csv(CsvReader),
+    Csv(Box<CsvReader>),
     /// NumPy's array.
-    Npy(NpyReader),
+    Npy(Box<NpyReader>),
 }
 
 impl RowReader {
     /// Recognises the format by content and reads the header.
     pub fn new(mut input: Input, options: &ReadOptions) -> Result<RowReader> {
         match input.kind()? {
-            Kind::Npy => Ok(RowReader::Npy(NpyReader::new(input, options)?)),
-            Kind::Text => Ok(RowReader::Csv(CsvReader::new(input, options)?)),
+            Kind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
+            Kind::Text => CsvReader::new(input, options).map(|r| RowReader::Csv(Box::new(r))),
             Kind::Empty => Err(Error::data(
                 Place::file(input.name),
                 "is empty, expected a pose table",
@@ -217,7 +217,7 @@ pub struct Table {
     /// The poses.
     pub poses: Poses,
     /// The cells as they stood, a row each, if they were kept; else empty.
-    pub cells: Vec<ByteRecord>,
+    pub cells: Vec<Cells>,
     /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
     pub converted: bool,
 }

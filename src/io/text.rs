@@ -6,6 +6,16 @@ use std::io::{BufRead, Read};
 /// The longest line a text format may have. (A BVH with all its frames on one line is read elsewhere.)
 pub const LONGEST_LINE: usize = 1 << 20;
 
+/// How many bytes of takes and tables are read at a time, where so many are there.
+pub(super) const BLOCK: usize = 1 << 20;
+
+/// About how many of them one thread takes at a time.
+pub(super) const PIECE: usize = 1 << 15;
+
+/// How many frames or rows are read one at a time, with all care, behind one that is not plain: a file full of those is
+/// not read twice.
+pub(super) const CAREFUL: u32 = 1000;
+
 /// Lines of a text, numbered from 1, without their ending (LF, CRLF or none) and without a byte-order mark.
 ///
 /// Bytes that are no UTF-8 are replaced: old files have Latin-1 names in their comments.
@@ -65,10 +75,38 @@ impl<R: BufRead> Lines<R> {
         Ok(Some(&self.text))
     }
 
+    /// What of the text is there; waits only where nothing is left.
+    pub fn waiting(&mut self) -> Result<&[u8]> {
+        filled(&mut self.reader).map_err(|e| Error::io(&self.name, e))?;
+        self.reader.fill_buf().map_err(|e| Error::io(&self.name, e))
+    }
+
+    /// Passes over whole lines of what is there.
+    pub fn pass(&mut self, bytes: usize, lines: u64) {
+        self.reader.consume(bytes);
+        self.number += lines;
+    }
+
     /// The place of the line last read.
     pub fn here(&self) -> Place {
         Place::line(&self.name, self.number)
     }
+}
+
+/// Waits for the reader's buffer to hold something, unless it ended. (A call that was only interrupted is repeated.)
+pub fn filled(reader: &mut impl BufRead) -> std::io::Result<()> {
+    loop {
+        match reader.fill_buf() {
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+            other => return other.map(drop),
+        }
+    }
+}
+
+/// The finite number that `text` begins with and how many bytes it takes, the same as [`number`] finds in these.
+pub fn finite_prefix(text: &[u8]) -> Option<(f64, usize)> {
+    let (value, length) = fast_float2::parse_partial::<f64, _>(text).ok()?;
+    value.is_finite().then_some((value, length))
 }
 
 /// A finite number, or what stands there instead.
@@ -122,13 +160,21 @@ pub fn push_single(out: &mut Vec<u8>, value: f32) {
     push_shortest(out, value);
 }
 
-fn push_shortest(out: &mut Vec<u8>, value: impl ryu::Float + Into<f64>) {
-    if value.into().is_nan() {
+fn push_shortest(out: &mut Vec<u8>, value: impl zmij::Float + Into<f64> + Copy) {
+    let wide: f64 = value.into();
+    if wide.is_nan() {
         return;
     }
-    let mut buffer = ryu::Buffer::new();
+    let mut buffer = zmij::Buffer::new();
     let text = buffer.format(value);
+    let start = out.len();
     out.extend_from_slice(text.strip_suffix(".0").unwrap_or(text).as_bytes());
+    // Large numbers have been 1e20, not 1e+20, from the first table on.
+    if wide.abs() >= 1e15
+        && let Some(plus) = out[start..].iter().position(|&c| c == b'+')
+    {
+        out.remove(start + plus);
+    }
 }
 
 #[cfg(test)]
@@ -173,6 +219,20 @@ mod tests {
         push_number(&mut out, 3.0);
         push_number(&mut out, f64::NAN);
         assert_eq!(out, b"3");
+        for (value, text) in [
+            (1e15, "1000000000000000"),
+            (1e16, "1e16"),
+            (-2.5e300, "-2.5e300"),
+            (1e-7, "1e-7"),
+        ] {
+            out.truncate(1);
+            push_number(&mut out, value);
+            assert_eq!(&out[1..], text.as_bytes());
+        }
+        out.clear();
+        push_single(&mut out, 1e30);
+        push_single(&mut out, 45.1978);
+        assert_eq!(out, b"1e3045.1978");
     }
 
     #[test]
@@ -184,5 +244,16 @@ mod tests {
         assert!(number("inf").unwrap_err().contains("finite"));
         assert!(number("1e999").is_err() && number("").is_err());
         assert!(short(&"x".repeat(100)).chars().count() == 41);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn a_prefix_is_the_number_that_stands_there(value in proptest::num::f64::ANY, digits in "[0-9]{1,30}", exponent in -340..310i32, behind in "[,; \n#x_]?") {
+            for text in [value.to_string(), format!("{value:e}"), digits.clone(), format!("-{digits}.{digits}e{exponent}")] {
+                let whole = number(&text).ok().map(|v| (v.to_bits(), text.len()));
+                let prefix = finite_prefix(format!("{text}{behind}").as_bytes());
+                proptest::prop_assert_eq!(prefix.map(|(v, n)| (v.to_bits(), n)), whole);
+            }
+        }
     }
 }

@@ -48,10 +48,26 @@ impl Skeleton {
 
     /// As [`Skeleton::posture`], into an old posture, without allocating.
     pub fn posture_into(&self, q: &[f64], out: &mut Posture) {
+        self.posture_where(|_| true, q, out);
+    }
+
+    /// As [`Skeleton::posture_into`] for the bones that are `wanted`, which must want their parents, too (see
+    /// [`Skeleton::above`]); the others stand at the origin.
+    pub fn posture_of(&self, wanted: &[bool], q: &[f64], out: &mut Posture) {
+        self.posture_where(|i| wanted[i], q, out);
+    }
+
+    fn posture_where(&self, wanted: impl Fn(usize) -> bool, q: &[f64], out: &mut Posture) {
         out.rotations.clear();
         out.starts.clear();
         out.ends.clear();
-        for (i, bone) in self.bones().iter().enumerate() {
+        for (i, (bone, rest)) in self.bones().iter().zip(self.rest()).enumerate() {
+            if !wanted(i) {
+                out.rotations.push(DMat3::IDENTITY);
+                out.starts.push(DVec3::ZERO);
+                out.ends.push(DVec3::ZERO);
+                continue;
+            }
             let (mut turn, mut shift, mut longer) = (DMat3::IDENTITY, DVec3::ZERO, 0.0);
             for (dof, &value) in bone.dofs.iter().zip(&q[self.dofs_of(i)]) {
                 let value = value + dof.offset;
@@ -61,18 +77,23 @@ impl Skeleton {
                     Channel::Length => longer += value,
                 }
             }
-            let local = bone.axis * turn * bone.axis.transpose();
-            let (before, start) = match bone.parent {
+            let local = if bone.dofs.is_empty() {
+                rest.still
+            } else {
+                bone.axis * turn * rest.back
+            };
+            let (before, mut start) = match bone.parent {
                 Some(p) => (out.rotations[p], out.ends[p]),
                 None => (DMat3::IDENTITY, DVec3::ZERO),
             };
-            let start = start + before * (bone.axis * shift);
+            if rest.slides {
+                start += before * (bone.axis * shift);
+            }
             let rotation = before * local;
-            let along = bone.offset.try_normalize().unwrap_or(DVec3::ZERO);
             out.rotations.push(rotation);
             out.starts.push(start);
             out.ends
-                .push(start + rotation * (bone.offset + along * longer));
+                .push(start + rotation * (bone.offset + rest.along * longer));
         }
     }
 
@@ -106,10 +127,7 @@ impl Skeleton {
                         Channel::Rotate(axis) => (before * (bone.axis * (later * axis.unit())))
                             .cross(posture.ends[joint] - posture.starts[i]),
                         Channel::Translate(axis) => before * (bone.axis * axis.unit()),
-                        Channel::Length => {
-                            posture.rotations[i]
-                                * bone.offset.try_normalize().unwrap_or(DVec3::ZERO)
-                        }
+                        Channel::Length => posture.rotations[i] * self.rest()[i].along,
                     };
                     for c in 0..3 {
                         out[(3 * row + c) * columns + range.start + n] = motion[c];
@@ -203,6 +221,20 @@ mod tests {
                     );
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_part_of_a_posture_stands_as_in_the_whole() {
+        let s = arm();
+        let q: Vec<f64> = (0..s.dof_count()).map(|i| 0.2 * i as f64 - 0.7).collect();
+        let whole = s.posture(&q);
+        for joint in 0..4 {
+            let wanted = s.above(&[joint]);
+            assert_eq!(wanted.iter().filter(|w| **w).count(), [1, 2, 3, 2][joint]);
+            let mut part = Posture::default();
+            s.posture_of(&wanted, &q, &mut part);
+            assert_eq!(part.ends[joint], whole.ends[joint]);
         }
     }
 

@@ -76,6 +76,33 @@ pub struct Skeleton {
     bones: Vec<Bone>,
     first_dof: Vec<usize>,
     dof_count: usize,
+    rest: Vec<Rest>,
+}
+
+/// What of a bone is the same in every posture.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Rest {
+    /// `C⁻¹`.
+    pub back: DMat3,
+    /// `L` of a bone without degrees of freedom.
+    pub still: DMat3,
+    /// Where it points, of unit length; zero for the root.
+    pub along: DVec3,
+    /// Whether a degree of freedom moves its start.
+    pub slides: bool,
+}
+
+impl Rest {
+    fn of(bone: &Bone) -> Rest {
+        let back = bone.axis.transpose();
+        let slide = |d: &Dof| matches!(d.channel, Channel::Translate(_));
+        Rest {
+            back,
+            still: bone.axis * DMat3::IDENTITY * back,
+            along: bone.offset.try_normalize().unwrap_or(DVec3::ZERO),
+            slides: bone.dofs.iter().any(slide),
+        }
+    }
 }
 
 impl Skeleton {
@@ -103,6 +130,7 @@ impl Skeleton {
             dof_count += bone.dofs.len();
         }
         Ok(Skeleton {
+            rest: bones.iter().map(Rest::of).collect(),
             bones,
             first_dof,
             dof_count,
@@ -112,6 +140,23 @@ impl Skeleton {
     /// The bones, parents first.
     pub fn bones(&self) -> &[Bone] {
         &self.bones
+    }
+    /// What is the same in every posture, a bone each.
+    pub(super) fn rest(&self) -> &[Rest] {
+        &self.rest
+    }
+    /// For each bone whether a joint of `joints` depends on it.
+    pub fn above(&self, joints: &[usize]) -> Vec<bool> {
+        let mut above = vec![false; self.bones.len()];
+        for &joint in joints {
+            above[joint] = true;
+        }
+        for i in (0..above.len()).rev() {
+            if let Some(parent) = self.bones[i].parent {
+                above[parent] |= above[i];
+            }
+        }
+        above
     }
     /// How many values a frame has.
     pub fn dof_count(&self) -> usize {

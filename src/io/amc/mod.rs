@@ -1,14 +1,20 @@
-//! Acclaim motion (AMC): read frame by frame, and written.
+//! Acclaim motion (AMC): read frame by frame or as many as are there, and written.
 //!
 //! A frame is its number on a line of its own, then a line a bone: its name and one value for each of its degrees of
 //! freedom, in the ASF's order. Bones without degrees of freedom may be left out or stand there without values.
 
+mod block;
+mod write;
+
+pub use write::{write_frame, write_head};
+
 use super::Input;
 use super::asf::Asf;
-use super::text::{Lines, number, short, within};
+use super::text::{BLOCK, CAREFUL, Lines, number, short, within};
 use crate::{Error, Place, Result};
+use block::Blocks;
 use std::collections::HashMap;
-use std::io::BufRead;
+use std::io::{BufRead, BufReader};
 
 /// One frame of a take.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -19,11 +25,24 @@ pub struct Frame {
     pub values: Vec<f64>,
 }
 
-/// Reads the frames of a take one at a time.
+/// Several frames.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Frames {
+    /// Their numbers.
+    pub numbers: Vec<u64>,
+    /// Their values, one frame's behind the other's, as in [`Frame::values`].
+    pub values: Vec<f64>,
+}
+
+/// Reads the frames of a take, one at a time or as many as are there.
 pub struct Reader<'a> {
     asf: &'a Asf,
     by_name: HashMap<&'a str, usize>,
-    lines: Lines<Box<dyn BufRead>>,
+    lines: Lines<BufReader<Box<dyn BufRead>>>,
+    blocks: Blocks<'a>,
+    /// How many frames are still to be read one at a time.
+    careful: u32,
+    frame: Frame,
     degrees: bool,
     /// The number of the frame whose number line was read already.
     next: Option<u64>,
@@ -51,6 +70,15 @@ enum Fault {
 impl<'a> Reader<'a> {
     /// Reads the take's head. With `keep_whole`, a take cut off in its last frame ends before that frame.
     pub fn new(asf: &'a Asf, input: Input, keep_whole: bool) -> Result<Reader<'a>> {
+        Reader::with_block(asf, input, keep_whole, BLOCK)
+    }
+
+    fn with_block(
+        asf: &'a Asf,
+        input: Input,
+        keep_whole: bool,
+        block: usize,
+    ) -> Result<Reader<'a>> {
         let by_name = asf
             .skeleton
             .bones()
@@ -62,7 +90,10 @@ impl<'a> Reader<'a> {
         let mut reader = Reader {
             asf,
             by_name,
-            lines: Lines::new(name, input.into_reader()),
+            lines: Lines::new(name, BufReader::with_capacity(block, input.into_reader())),
+            blocks: Blocks::new(asf),
+            careful: 0,
+            frame: Frame::default(),
             degrees: asf.degrees,
             next: None,
             last: None,
@@ -97,6 +128,49 @@ impl<'a> Reader<'a> {
             }
         }
         Err(Error::data(Place::file(&self.lines.name), "holds no frame"))
+    }
+
+    /// The next frames into `frames`: those that are there, at least one; `false` at the end of the take.
+    pub fn read_block(&mut self, frames: &mut Frames) -> Result<bool> {
+        frames.numbers.clear();
+        frames.values.clear();
+        match self.careful {
+            0 => self.read_plain(frames)?,
+            _ => self.careful -= 1,
+        }
+        if !frames.numbers.is_empty() {
+            return Ok(true);
+        }
+        let mut frame = std::mem::take(&mut self.frame);
+        let more = self.read(&mut frame)?;
+        if more {
+            frames.numbers.push(frame.number);
+            frames.values.extend_from_slice(&frame.values);
+        }
+        self.frame = frame;
+        Ok(more)
+    }
+
+    /// Appends what plain frames come next and are there.
+    fn read_plain(&mut self, frames: &mut Frames) -> Result<()> {
+        let Some(first) = self.next else {
+            return Ok(());
+        };
+        if self
+            .last
+            .is_some_and(|last| last.checked_add(1) != Some(first))
+        {
+            return Ok(());
+        }
+        let taken = self
+            .blocks
+            .read(self.lines.waiting()?, first, self.degrees, frames);
+        self.careful = if taken.odd { CAREFUL } else { 0 };
+        self.lines.pass(taken.bytes, taken.lines);
+        self.next = Some(taken.next);
+        self.last = frames.numbers.last().copied().or(self.last);
+        self.whole += frames.numbers.len() as u64;
+        Ok(())
     }
 
     /// The next frame into `frame`; `false` at the end of the take.
@@ -244,49 +318,13 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The head of an AMC file, in degrees as CMU's are.
-pub fn write_head(out: &mut Vec<u8>) {
-    out.extend_from_slice(b":FULLY-SPECIFIED\n:DEGREES\n");
-}
-
-/// Appends one frame in degrees and raw units. Ten decimals: a millionth of a millimetre at arm's length.
-pub fn write_frame(out: &mut Vec<u8>, asf: &Asf, frame: &Frame) {
-    use std::io::Write;
-    // Writing to memory cannot fail.
-    let _ = writeln!(out, "{}", frame.number);
-    for (i, bone) in asf.skeleton.bones().iter().enumerate() {
-        if bone.dofs.is_empty() {
-            continue;
-        }
-        out.extend_from_slice(bone.name.as_bytes());
-        for (dof, &value) in bone.dofs.iter().zip(&frame.values[asf.skeleton.dofs_of(i)]) {
-            let value = if dof.channel.is_angle() {
-                value.to_degrees()
-            } else {
-                value / asf.unit
-            };
-            out.push(b' ');
-            let rounded = (value * 1e10).round() / 1e10;
-            super::text::push_number(
-                out,
-                if rounded.is_finite() {
-                    rounded + 0.0
-                } else {
-                    value
-                },
-            );
-        }
-        out.push(b'\n');
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     const ASF: &str = "\u{feff}# made for tests\r\n:version 1.10\r\n:units\r\n  length 0.45\r\n  angle deg\r\n:root\n order TX TY TZ RX RY RZ\n axis XYZ\n position 0 0 0\n orientation 0 0 0\n:bonedata\n begin\n id 1\n name hip\n direction 1 0 0\n length 2\n axis 0 0 0 XYZ\n end\n begin\n name leg\n direction 0 -1 0\n length 4.5\n axis 10 20 30 ZYX\n dof rx rz\n limits (-10 20)\n (-inf inf)\n end\n:hierarchy\n begin\n root hip\n hip leg\n end\n";
 
-    fn asf() -> Asf {
+    pub(super) fn asf() -> Asf {
         super::super::asf::parse("t.asf", ASF.as_bytes()).unwrap()
     }
 

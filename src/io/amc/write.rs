@@ -1,0 +1,40 @@
+//! Takes written.
+
+use super::{Asf, Frame};
+use crate::io::text::push_number;
+
+/// The head of an AMC file, in degrees as CMU's are.
+pub fn write_head(out: &mut Vec<u8>) {
+    out.extend_from_slice(b":FULLY-SPECIFIED\n:DEGREES\n");
+}
+
+/// Appends one frame in degrees and raw units. Ten decimals: a millionth of a millimetre at arm's length.
+pub fn write_frame(out: &mut Vec<u8>, asf: &Asf, frame: &Frame) {
+    use std::io::Write;
+    // Writing to memory cannot fail.
+    let _ = writeln!(out, "{}", frame.number);
+    for (i, bone) in asf.skeleton.bones().iter().enumerate() {
+        if bone.dofs.is_empty() {
+            continue;
+        }
+        out.extend_from_slice(bone.name.as_bytes());
+        for (dof, &value) in bone.dofs.iter().zip(&frame.values[asf.skeleton.dofs_of(i)]) {
+            let value = if dof.channel.is_angle() {
+                value.to_degrees()
+            } else {
+                value / asf.unit
+            };
+            out.push(b' ');
+            let rounded = (value * 1e10).round() / 1e10;
+            push_number(
+                out,
+                if rounded.is_finite() {
+                    rounded + 0.0
+                } else {
+                    value
+                },
+            );
+        }
+        out.push(b'\n');
+    }
+}

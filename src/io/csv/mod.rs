@@ -1,0 +1,379 @@
+//! Pose tables as CSV (RFC 4180): read row by row, written with unchanged cells as they stood.
+
+mod block;
+mod records;
+mod writer;
+
+pub use writer::{After, CsvWriter};
+
+use super::Input;
+use super::cells::Cells;
+use super::table::{Columns, ReadOptions, Row};
+use super::text::{BLOCK, CAREFUL, short, within};
+use crate::{Error, Place, Result};
+use block::Blocks;
+use records::Records;
+use std::io::BufReader;
+use std::sync::Arc;
+
+/// Reads a table row by row.
+///
+/// Rows that are plain and there already are read ahead, on all threads; a row is never waited for while one that is
+/// there has not been handed out.
+pub struct CsvReader {
+    /// The name that messages use.
+    pub name: String,
+    /// What the columns mean.
+    pub columns: Columns,
+    records: Records,
+    blocks: Blocks,
+    /// How many bytes at the start of what is there have been read ahead.
+    ahead: usize,
+    /// How many rows are still to be read one at a time.
+    careful: u32,
+    keep: bool,
+    take: Arc<str>,
+}
+
+impl CsvReader {
+    /// Reads the header.
+    pub fn new(input: Input, options: &ReadOptions) -> Result<CsvReader> {
+        CsvReader::with_block(input, options, BLOCK)
+    }
+
+    fn with_block(input: Input, options: &ReadOptions, block: usize) -> Result<CsvReader> {
+        let name = input.name.clone();
+        let mut records = Records::new(BufReader::with_capacity(block, input.into_reader()));
+        let place = Place::line(&name, 1);
+        let mut header = Cells::default();
+        records.read(&mut header).map_err(|e| Error::io(&name, e))?;
+        let header: Vec<String> = (0..header.len())
+            .map(|i| String::from_utf8_lossy(&header[i]).trim().to_string())
+            .collect();
+        if header.first().is_some_and(|h| h.starts_with('#')) {
+            return Err(Error::data(
+                place,
+                "starts with a comment; a pose table is plain CSV with a header line",
+            ));
+        }
+        let columns = Columns::from_header(&header, options.planar, &place)?;
+        Ok(CsvReader {
+            name,
+            blocks: Blocks::new(&columns),
+            columns,
+            records,
+            ahead: 0,
+            careful: 0,
+            keep: options.cells,
+            take: Arc::from(""),
+        })
+    }
+
+    /// Reads the next frame; `false` at the end.
+    pub fn read(&mut self, row: &mut Row) -> Result<bool> {
+        loop {
+            if self.hand_out(row) {
+                return Ok(true);
+            }
+            self.records.pass(std::mem::take(&mut self.ahead));
+            if self.careful > 0 {
+                self.careful -= 1;
+                break;
+            }
+            self.read_ahead()?;
+            if self.ahead == 0 {
+                break;
+            }
+        }
+        self.read_carefully(row)
+    }
+
+    /// Reads what plain rows come next and are there.
+    fn read_ahead(&mut self) -> Result<()> {
+        let Some((text, lines)) = self
+            .records
+            .waiting()
+            .map_err(|e| Error::io(&self.name, e))?
+        else {
+            return Ok(());
+        };
+        let taken = self.blocks.read(text, lines);
+        self.ahead = taken.bytes;
+        self.records.lines = taken.lines;
+        self.careful = if taken.odd { CAREFUL } else { 0 };
+        Ok(())
+    }
+
+    /// Hands out the next row that was read ahead, if there is one.
+    fn hand_out(&mut self, row: &mut Row) -> bool {
+        let Some(plain) = self.blocks.next_row() else {
+            return false;
+        };
+        let text = &self.records.there()[plain.text];
+        row.xyz.clear();
+        row.xyz.extend_from_slice(plain.xyz);
+        row.time = plain.time;
+        row.take = self.columns.take.map(|column| {
+            let start = column.checked_sub(1).map_or(0, |c| plain.ends[c] + 1);
+            known(&mut self.take, &text[start..plain.ends[column]])
+        });
+        if self.keep {
+            row.cells.set_plain(text, plain.ends, plain.line);
+        } else {
+            row.cells.clear();
+        }
+        true
+    }
+
+    /// Reads the next row whatever it holds, or says what is wrong with it.
+    fn read_carefully(&mut self, row: &mut Row) -> Result<bool> {
+        let more = self.records.read(&mut row.cells);
+        if !more.map_err(|e| Error::io(&self.name, e))? {
+            return Ok(false);
+        }
+        let line = row.cells.line().unwrap_or(0);
+        let width = self.columns.names.len();
+        if row.cells.len() != width {
+            let what = format!("expected {width} cells, found {}", row.cells.len());
+            return Err(Error::data(Place::line(&self.name, line), what));
+        }
+        row.xyz.clear();
+        for (point, place) in self.columns.place.iter().enumerate() {
+            for (axis, column) in place.iter().enumerate() {
+                let value = match column {
+                    None => f64::NAN,
+                    Some(column) => coordinate(&row.cells[*column]).map_err(|what| {
+                        let part = format!(
+                            "{}.{}",
+                            short(&self.columns.points[point]),
+                            ["x", "y", "z"][axis]
+                        );
+                        Error::data(Place::line(&self.name, line).part(part), what)
+                    })?,
+                };
+                row.xyz.push(value);
+            }
+        }
+        row.time = match self.columns.time {
+            None => None,
+            Some(column) => {
+                let fail = |what| Error::data(Place::line(&self.name, line).part("time"), what);
+                let time = parse(&row.cells[column]).map_err(fail)?;
+                if time.is_nan() {
+                    return Err(fail("a time is missing".to_string()));
+                }
+                Some(time)
+            }
+        };
+        row.take = self
+            .columns
+            .take
+            .map(|column| known(&mut self.take, &row.cells[column]));
+        if !self.keep {
+            row.cells.clear();
+        }
+        Ok(true)
+    }
+}
+
+/// The take of this name: `last` where it is the same, so that a take's name is kept once.
+fn known(last: &mut Arc<str>, name: &[u8]) -> Arc<str> {
+    if last.as_bytes() != name {
+        *last = Arc::from(&*String::from_utf8_lossy(name));
+    }
+    last.clone()
+}
+
+/// A cell's number: NaN for an empty cell or `NaN`.
+fn parse(cell: &[u8]) -> std::result::Result<f64, String> {
+    let text = std::str::from_utf8(cell).unwrap_or("\u{fffd}").trim();
+    if text.is_empty() || text.eq_ignore_ascii_case("nan") {
+        return Ok(f64::NAN);
+    }
+    super::text::number(text)
+}
+
+/// A cell's coordinate: NaN is a missing one.
+fn coordinate(cell: &[u8]) -> std::result::Result<f64, String> {
+    match parse(cell)? {
+        v if v.is_nan() => Ok(v),
+        v => within(v),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::Table;
+    use super::*;
+    use proptest::strategy::Strategy;
+
+    fn input(text: &str) -> Input {
+        Input::new("t.csv", std::io::Cursor::new(text.as_bytes().to_vec())).unwrap()
+    }
+
+    fn through(
+        text: &str,
+        added: &[(String, After)],
+        cells: &[String],
+        change: impl Fn(&mut Vec<f64>),
+    ) -> String {
+        let options = ReadOptions {
+            cells: true,
+            planar: true,
+            ..ReadOptions::default()
+        };
+        let mut reader = CsvReader::new(input(text), &options).unwrap();
+        let writer = CsvWriter::new(&reader.columns, added);
+        let (mut out, mut row) = (Vec::new(), Row::default());
+        writer.push_head(&mut out);
+        while reader.read(&mut row).unwrap() {
+            let mut xyz = row.xyz.clone();
+            change(&mut xyz);
+            writer.push_row(&mut out, &row, &xyz, cells);
+        }
+        String::from_utf8(out).unwrap()
+    }
+
+    const TABLE: &str = "take,time,a.x,a.y,note,a.z,b.z,b.x,b.y\n\"x, y\",0.0,1.50,,\"say \"\"hi\"\"\",NaN,3,1e0,2\n";
+
+    #[test]
+    fn unchanged_cells_keep_their_text() {
+        assert_eq!(through(TABLE, &[], &[], |_| {}), TABLE);
+        let changed = through(TABLE, &[], &[], |xyz| xyz[1] = 7.25);
+        assert_eq!(changed, TABLE.replace("1.50,,", "1.50,7.25,"));
+    }
+
+    #[test]
+    fn added_columns_follow_their_point_and_replace_old_ones() {
+        let added = [
+            ("b.status".to_string(), After::Point(1)),
+            ("cluster".to_string(), After::All),
+        ];
+        let cells = ["observed".to_string(), "4".to_string()];
+        let once = through(TABLE, &added, &cells, |_| {});
+        assert!(once.starts_with("take,time,a.x,a.y,note,a.z,b.z,b.x,b.y,b.status,cluster\n"));
+        assert!(once.ends_with(",2,observed,4\n"));
+        assert_eq!(through(&once, &added, &cells, |_| {}), once);
+    }
+
+    #[test]
+    fn points_without_z_are_read_and_given_one() {
+        let out = through("a.x,a.y\n1,2\n", &[], &[], |xyz| xyz[2] = 5.0);
+        assert_eq!(out, "a.x,a.y,a.z\n1,2,5\n");
+        assert!(CsvReader::new(input("a.x,a.y\n1,2\n"), &ReadOptions::default()).is_err());
+    }
+
+    #[test]
+    fn bad_tables_are_refused_with_their_place() {
+        let says = |text: &str, part: &str| {
+            let e = Table::read(input(text), &ReadOptions::default())
+                .unwrap_err()
+                .to_string();
+            assert!(e.contains(part) && e.lines().count() == 1, "{e}");
+        };
+        says(
+            "a.x,a.y,a.z\n1,2,3\n1,abc,3\n",
+            "t.csv:3: a.y: expected a number, found \"abc\"",
+        );
+        says("a.x,a.y,a.z\n1,2\n", "t.csv:2: expected 3 cells, found 2");
+        says("a.x,a.y,a.z\n1,inf,3\n", "finite");
+        says(
+            "time,a.x,a.y,a.z\n,1,2,3\n",
+            "t.csv:2: time: a time is missing",
+        );
+        says("a.x,a.x,a.y,a.z\n", "two columns");
+        says("# made by hand\na.x,a.y,a.z\n", "comment");
+        says("u,v\n1,2\n", "no point");
+        says("", "empty");
+    }
+
+    #[test]
+    fn takes_and_times_are_read() {
+        let text = "take,time,a.x,a.y,a.z\nw,0,1,2,3\nw,0.5,,nan,3\nv,0,1,2,3\n";
+        let table = Table::read(input(text), &ReadOptions::default()).unwrap();
+        assert_eq!(table.poses.frames(), 3);
+        assert_eq!(table.poses.takes(), [0..2, 2..3]);
+        assert_eq!(table.poses.rate(), Some(2.0));
+        assert!(table.poses.xyz[[1, 0]].is_nan() && table.poses.xyz[[1, 1]].is_nan());
+    }
+
+    /// The rows of a table, and how it ends: read one at a time, or ahead in blocks.
+    fn all(text: &[u8], block: Option<(usize, usize)>) -> (Vec<String>, String) {
+        let options = ReadOptions {
+            cells: true,
+            ..ReadOptions::default()
+        };
+        let input = Input::new("t.csv", std::io::Cursor::new(text.to_vec())).unwrap();
+        let size = block.map_or(BLOCK, |(size, _)| size);
+        let mut reader = match CsvReader::with_block(input, &options, size) {
+            Ok(reader) => reader,
+            Err(e) => return (Vec::new(), e.to_string()),
+        };
+        reader.blocks.piece = block.map_or(1, |(_, piece)| piece);
+        let (mut rows, mut row) = (Vec::new(), Row::default());
+        let end = loop {
+            reader.careful = match block {
+                None => 1,
+                // Behind an odd row, too, blocks are what is tested.
+                Some(_) => reader.careful.min(1),
+            };
+            match reader.read(&mut row) {
+                Ok(true) => {
+                    let cells: Vec<_> = (0..row.cells.len()).map(|i| &row.cells[i]).collect();
+                    let bits: Vec<u64> = row.xyz.iter().map(|v| v.to_bits()).collect();
+                    let (time, take, line) = (row.time, &row.take, row.cells.line());
+                    rows.push(format!("{bits:?} {time:?} {take:?} {line:?} {cells:?}"));
+                }
+                Ok(false) => break String::from("end"),
+                Err(e) => break e.to_string(),
+            }
+        };
+        (rows, end)
+    }
+
+    const PLAIN: &str = "note,a.z,a.x,time,a.y,take,b.y,b.x,b.z\nn,1.5,-2e-3,0,,w,3,nan,5\n,1,2,0.1,3,w,.5,5.,+6\n\nx,1,2,0.2,3,v,4,5,6\n\n\ny,-0,1e12,0.3,3,v,4,5,123456789.123456789\n";
+
+    #[test]
+    fn rows_read_ahead_are_those_read_one_at_a_time() {
+        let quoted = PLAIN.replace("x,1", "\"x,\n\"\"\",1");
+        let returns = PLAIN.replace("\nx", "\rx");
+        for text in [PLAIN, PLAIN.trim_end(), &quoted, &returns] {
+            for text in [text.to_string(), text.replace('\n', "\r\n")] {
+                let want = all(text.as_bytes(), None);
+                assert_eq!((want.0.len(), &*want.1), (4, "end"), "{text:?}");
+                for size in 1..text.len() + 2 {
+                    for piece in [1, 30, 1000] {
+                        let got = all(text.as_bytes(), Some((size, piece)));
+                        assert_eq!(got, want, "{size} {piece} {text:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn the_first_bad_row_is_the_one_told_of(
+            cells in proptest::collection::vec(
+                proptest::prop_oneof![
+                    20 => "-?[0-9]{1,3}(\\.[0-9]{1,17})?",
+                    4 => "[0-9]?(e[+-]?[0-9]{1,3})?",
+                    1 => "[,\"\r\n a-z+.-]{0,3}",
+                    1 => proptest::sample::select(vec!["inf", "NaN", "-nan", "1e13", "\u{e9}", "\"1\"", "0x1"]).prop_map(String::from),
+                ],
+                0..150,
+            ),
+            ending in proptest::sample::select(vec!["\n", "\r\n", "\r"]),
+            size in 1..400usize,
+            piece in 1..200usize,
+        ) {
+            let mut text = format!("a.x,a.y,a.z,time,take{ending}");
+            for row in cells.chunks(5) {
+                text += &row.join(",");
+                text += ending;
+            }
+            let want = all(text.as_bytes(), None);
+            proptest::prop_assert_eq!(all(text.as_bytes(), Some((size, piece))), want);
+        }
+    }
+}

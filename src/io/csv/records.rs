@@ -1,0 +1,88 @@
+//! Records of any CSV (RFC 4180), one at a time: quoted cells, line ends inside them, lines that end in CR alone.
+
+use super::super::cells::Cells;
+use super::super::text::filled;
+use super::block::Lines;
+use csv_core::ReadRecordResult;
+use std::io::{self, BufRead, BufReader};
+
+/// Reads records, and lets others read ahead between two of them.
+pub(super) struct Records {
+    reader: BufReader<Box<dyn BufRead>>,
+    core: csv_core::Reader,
+    /// Where the reader stands.
+    pub(super) lines: Lines,
+    ended: bool,
+    text: Vec<u8>,
+    ends: Vec<usize>,
+}
+
+impl Records {
+    pub(super) fn new(reader: BufReader<Box<dyn BufRead>>) -> Records {
+        Records {
+            reader,
+            core: csv_core::Reader::new(),
+            lines: Lines { line: 1, told: 1 },
+            ended: false,
+            text: vec![0; 1 << 10],
+            ends: vec![0; 1 << 7],
+        }
+    }
+
+    /// The next record; `false` at the end.
+    pub(super) fn read(&mut self, cells: &mut Cells) -> io::Result<bool> {
+        cells.clear();
+        if self.ended {
+            return Ok(false);
+        }
+        let line = self.lines.told;
+        let (mut text, mut ends) = (0, 0);
+        self.core.set_line(self.lines.line);
+        loop {
+            let there = filled(&mut self.reader).and_then(|()| self.reader.fill_buf());
+            let there = there.inspect_err(|_| self.ended = true)?;
+            let (result, read, more, cells_more) =
+                self.core
+                    .read_record(there, &mut self.text[text..], &mut self.ends[ends..]);
+            self.reader.consume(read);
+            let line_now = self.core.line();
+            self.lines = Lines {
+                line: line_now,
+                told: line_now,
+            };
+            (text, ends) = (text + more, ends + cells_more);
+            match result {
+                ReadRecordResult::InputEmpty => {}
+                ReadRecordResult::OutputFull => self.text.resize(2 * self.text.len(), 0),
+                ReadRecordResult::OutputEndsFull => self.ends.resize(2 * self.ends.len(), 0),
+                ReadRecordResult::Record => {
+                    cells.set_fields(&self.text[..text], &self.ends[..ends], line);
+                    return Ok(true);
+                }
+                ReadRecordResult::End => {
+                    self.ended = true;
+                    return Ok(false);
+                }
+            }
+        }
+    }
+
+    /// What is there behind the last record, and where it stands; waits only where nothing is left. `None` at the end.
+    pub(super) fn waiting(&mut self) -> io::Result<Option<(&[u8], Lines)>> {
+        if self.ended {
+            return Ok(None);
+        }
+        filled(&mut self.reader)?;
+        Ok(Some((self.reader.buffer(), self.lines)))
+    }
+
+    /// What is there, without waiting.
+    pub(super) fn there(&self) -> &[u8] {
+        self.reader.buffer()
+    }
+
+    /// Passes over so many bytes of it, whose lines were counted in [`Records::lines`].
+    pub(super) fn pass(&mut self, bytes: usize) {
+        self.reader.consume(bytes);
+    }
+}
