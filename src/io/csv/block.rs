@@ -35,22 +35,11 @@ pub(super) struct Blocks {
     pub(super) piece: usize,
 }
 
-/// Where a table is read: what the careful reader knows of its lines.
-///
-/// A row's line is told as the number of line feeds before the reader left the row before it. Behind a row that ends
-/// with CR LF it stands before the LF, and blank lines are passed on the way to the next row, not after the last one.
-#[derive(Clone, Copy)]
-pub(super) struct Lines {
-    /// One more than the line feeds passed.
-    pub(super) line: u64,
-    /// What is told of the next row.
-    pub(super) told: u64,
-}
-
 /// What was taken of a stretch.
 pub(super) struct Taken {
     pub(super) bytes: usize,
-    pub(super) lines: Lines,
+    /// Line feeds in them.
+    pub(super) line_feeds: u64,
     /// Whether what follows is not plain.
     pub(super) odd: bool,
 }
@@ -66,8 +55,6 @@ struct Piece {
     ends: Vec<usize>,
     bytes: usize,
     line_feeds: u64,
-    /// As [`Lines::told`], counted from the piece's start; `None` where no row came yet.
-    told: Option<u64>,
     odd: bool,
 }
 
@@ -75,8 +62,8 @@ struct Piece {
 struct Span {
     /// Where its text stands in the stretch.
     text: Range<usize>,
-    /// As [`Piece::told`] before this row.
-    told: Option<u64>,
+    /// Line feeds before it, in the piece; then its line in the table.
+    line: u64,
 }
 
 /// One row handed out.
@@ -113,8 +100,8 @@ impl Blocks {
         }
     }
 
-    /// Reads the plain rows at the start of `text`, which begins a line; [`Blocks::next_row`] hands them out.
-    pub(super) fn read(&mut self, text: &[u8], mut lines: Lines) -> Taken {
+    /// Reads the plain rows at the start of `text`, of which line `line` is the first; [`Blocks::next_row`] hands them out.
+    pub(super) fn read(&mut self, text: &[u8], line: u64) -> Taken {
         let text = &text[..memrchr(b'\n', text).map_or(0, |at| at + 1)];
         let mut pieces = std::mem::take(&mut self.pieces);
         let count = split(text, self.piece, &mut pieces);
@@ -122,16 +109,11 @@ impl Blocks {
             [one] => self.piece(text, one),
             all => all.par_iter_mut().for_each(|piece| self.piece(text, piece)),
         }
-        let (mut bytes, mut odd) = (0, false);
+        let (mut bytes, mut line_feeds, mut odd) = (0, 0, false);
         self.count = 0;
         for piece in &mut pieces[..count] {
-            let start = lines.line;
-            for row in &mut piece.rows {
-                let told = row.told.map_or(lines.told, |line| start + line);
-                row.told = Some(told);
-            }
-            lines.told = piece.told.map_or(lines.told, |line| start + line);
-            lines.line += piece.line_feeds;
+            (piece.rows.iter_mut()).for_each(|row| row.line += line + line_feeds);
+            line_feeds += piece.line_feeds;
             bytes += piece.bytes;
             odd = piece.odd;
             self.count += 1;
@@ -141,7 +123,11 @@ impl Blocks {
         }
         self.pieces = pieces;
         self.next = (0, 0);
-        Taken { bytes, lines, odd }
+        Taken {
+            bytes,
+            line_feeds,
+            odd,
+        }
     }
 
     /// The next row of what was read last.
@@ -160,7 +146,7 @@ impl Blocks {
             time: self.timed.then(|| piece.time[row]),
             text: span.text.clone(),
             ends: &piece.ends[row * cells..][..cells],
-            line: span.told.unwrap_or(0),
+            line: span.line,
         })
     }
 
@@ -190,13 +176,12 @@ impl Blocks {
                 piece.odd = true;
                 return;
             };
-            let told = piece.told;
+            let line = piece.line_feeds;
             piece.rows.push(Span {
                 text: at..end,
-                told,
+                line,
             });
             // What stands behind the row: LF or CR LF.
-            piece.told = Some(piece.line_feeds + u64::from(text[end] == b'\n'));
             piece.line_feeds += 1;
             at = end + if text[end] == b'\n' { 1 } else { 2 };
             piece.bytes = at - range.start;
@@ -243,7 +228,7 @@ impl Piece {
         self.xyz.clear();
         self.time.clear();
         self.ends.clear();
-        (self.bytes, self.line_feeds, self.told, self.odd) = (0, 0, None, false);
+        (self.bytes, self.line_feeds, self.odd) = (0, 0, false);
     }
 }
 

@@ -90,16 +90,16 @@ impl CsvReader {
 
     /// Reads what plain rows come next and are there.
     fn read_ahead(&mut self) -> Result<()> {
-        let Some((text, lines)) = self
+        let Some((text, line)) = self
             .records
             .waiting()
             .map_err(|e| Error::io(&self.name, e))?
         else {
             return Ok(());
         };
-        let taken = self.blocks.read(text, lines);
+        let taken = self.blocks.read(text, line);
         self.ahead = taken.bytes;
-        self.records.lines = taken.lines;
+        self.records.line += taken.line_feeds;
         self.careful = if taken.odd { CAREFUL } else { 0 };
         Ok(())
     }
@@ -346,6 +346,23 @@ mod tests {
                         let got = all(text.as_bytes(), Some((size, piece)));
                         assert_eq!(got, want, "{size} {piece} {text:?}");
                     }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lines_are_counted_as_an_editor_does() {
+        for (bad, blank) in [(4, "\n"), (3, "")] {
+            for ending in ["\n", "\r\n"] {
+                let text = format!("a.x,a.y,a.z\n1,2,3\n{blank}1,x,3\n").replace('\n', ending);
+                for block in [None, Some((BLOCK, 1)), Some((7, 1))] {
+                    let (rows, end) = all(text.as_bytes(), block);
+                    assert_eq!(rows.len(), 1);
+                    assert!(
+                        end.starts_with(&format!("t.csv:{bad}: ")),
+                        "{end} {text:?} {block:?}"
+                    );
                 }
             }
         }

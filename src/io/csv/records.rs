@@ -2,7 +2,6 @@
 
 use super::super::cells::Cells;
 use super::super::text::filled;
-use super::block::Lines;
 use csv_core::ReadRecordResult;
 use std::io::{self, BufRead, BufReader};
 
@@ -10,8 +9,8 @@ use std::io::{self, BufRead, BufReader};
 pub(super) struct Records {
     reader: BufReader<Box<dyn BufRead>>,
     core: csv_core::Reader,
-    /// Where the reader stands.
-    pub(super) lines: Lines,
+    /// One more than the line feeds that the reader has passed.
+    pub(super) line: u64,
     ended: bool,
     text: Vec<u8>,
     ends: Vec<usize>,
@@ -22,7 +21,7 @@ impl Records {
         Records {
             reader,
             core: csv_core::Reader::new(),
-            lines: Lines { line: 1, told: 1 },
+            line: 1,
             ended: false,
             text: vec![0; 1 << 10],
             ends: vec![0; 1 << 7],
@@ -35,9 +34,10 @@ impl Records {
         if self.ended {
             return Ok(false);
         }
-        let line = self.lines.told;
+        self.pass_blank_lines().inspect_err(|_| self.ended = true)?;
+        let line = self.line;
         let (mut text, mut ends) = (0, 0);
-        self.core.set_line(self.lines.line);
+        self.core.set_line(line);
         loop {
             let there = filled(&mut self.reader).and_then(|()| self.reader.fill_buf());
             let there = there.inspect_err(|_| self.ended = true)?;
@@ -45,11 +45,7 @@ impl Records {
                 self.core
                     .read_record(there, &mut self.text[text..], &mut self.ends[ends..]);
             self.reader.consume(read);
-            let line_now = self.core.line();
-            self.lines = Lines {
-                line: line_now,
-                told: line_now,
-            };
+            self.line = self.core.line();
             (text, ends) = (text + more, ends + cells_more);
             match result {
                 ReadRecordResult::InputEmpty => {}
@@ -67,13 +63,30 @@ impl Records {
         }
     }
 
-    /// What is there behind the last record, and where it stands; waits only where nothing is left. `None` at the end.
-    pub(super) fn waiting(&mut self) -> io::Result<Option<(&[u8], Lines)>> {
+    /// Ends of lines before the next record: of the one that the record before ended with, its LF may be left.
+    fn pass_blank_lines(&mut self) -> io::Result<()> {
+        loop {
+            filled(&mut self.reader)?;
+            let there = self.reader.fill_buf()?;
+            let blank = there.iter().take_while(|b| matches!(b, b'\r' | b'\n'));
+            let (bytes, line_feeds) = blank.fold((0, 0), |(all, feeds), b| {
+                (all + 1, feeds + u64::from(*b == b'\n'))
+            });
+            if bytes == 0 {
+                return Ok(());
+            }
+            self.line += line_feeds;
+            self.reader.consume(bytes);
+        }
+    }
+
+    /// What is there behind the last record, and the line it begins in; waits only where nothing is left. `None` at the end.
+    pub(super) fn waiting(&mut self) -> io::Result<Option<(&[u8], u64)>> {
         if self.ended {
             return Ok(None);
         }
         filled(&mut self.reader)?;
-        Ok(Some((self.reader.buffer(), self.lines)))
+        Ok(Some((self.reader.buffer(), self.line)))
     }
 
     /// What is there, without waiting.
@@ -81,7 +94,7 @@ impl Records {
         self.reader.buffer()
     }
 
-    /// Passes over so many bytes of it, whose lines were counted in [`Records::lines`].
+    /// Passes over so many bytes of it, whose line feeds are counted in [`Records::line`].
     pub(super) fn pass(&mut self, bytes: usize) {
         self.reader.consume(bytes);
     }
