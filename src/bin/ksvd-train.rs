@@ -114,7 +114,12 @@ fn work(args: &Args) -> Result<Outcome> {
         checkpoint: args.checkpoint.as_deref(),
         log: args.log.as_deref(),
     };
-    let state = training.train(|| start(args, &ksvd, &poses, init))?;
+    let state = training.train(|| {
+        let dictionary = start(args, &ksvd, &poses, init)?;
+        let search = ksvd.pursuit.search(&dictionary, poses.xyz.nrows());
+        say::detail(&format!("{} atoms, found {search}", dictionary.len()));
+        Ok(dictionary)
+    })?;
     if let (Some(error), Some(last)) = (args.error, state.history.last())
         && !ksvd.reached(&state)
     {
