@@ -43,7 +43,10 @@ bench: needs
 
 # posing beside SPAMS, scikit-learn, pyarrow and NumPy, which it fetches into an environment of its own.
 PEERS := target/peers
-bench-peers: build $(PEERS)/ready
+bench-peers: build
+	@test -d "$(or $(CMU),../shared/data/cmu)/01" || \
+	  { echo 'make bench-peers: subject 01 is needed; name the CMU takes: make bench-peers CMU=path' >&2; exit 2; }
+	@$(MAKE) --no-print-directory $(PEERS)/ready
 	$(PEERS)/bin/python tests/bench/peers.py $(BIN) "$(or $(CMU),../shared/data/cmu)" $(if $(QUICK),--quick)
 
 $(PEERS)/ready:

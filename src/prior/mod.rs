@@ -166,6 +166,10 @@ pub trait Prior: Send + Sync {
             pose,
         }
     }
+    /// The same for one of many observations with this noise: what serves them all may be made first.
+    fn fit_often(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
+        self.fit(y, noise, before)
+    }
     /// How the evidence changes as the observation moves along some ways (3 J numbers each, those of what is observed are
     /// read): what a placement climbs by. `None` where a model is placed by its fits instead.
     fn slope(&self, _y: &[f64], _noise: &[f64], _moves: &[Vec<f64>]) -> Option<Slope> {

@@ -44,7 +44,7 @@ pub struct SparsePrior {
     typical: Array2<f64>,
     conditionals: Met<Conditional>,
     /// The dictionary as observations with the noise patterns met so far see it.
-    seen: Met<Option<Weighted>>,
+    seen: Met<Weighted>,
 }
 
 /// The dictionary of a model: its `atoms` (n, D), D numbers for the model's points.
@@ -63,10 +63,14 @@ pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
     Dictionary::from_rows(atoms).map_err(|e| wrong(e.to_string()))
 }
 
-/// So many conditionings are remembered (40 kB each),
+/// So many conditionings are remembered (40 kB each).
 const MOST_MET: usize = 64;
-/// and as many dictionaries as are of so many numbers together, but two.
-const MOST_NUMBERS: usize = 1 << 26;
+/// The dictionary as one noise pattern sees it may be of so many numbers, 128 MiB, with what searches add. Of larger ones
+/// the dictionary is coded with as it is.
+const MOST_NUMBERS: usize = 1 << 25;
+/// That many patterns are remembered as are of so many numbers together, but some in any case.
+const MOST_TOGETHER: usize = 1 << 27;
+const LEAST_MET: usize = 4;
 
 impl SparsePrior {
     /// From the arrays of a model of kind `sparse`: `atoms` (n, D), and where they are there `residual` (D, D) and
@@ -156,14 +160,42 @@ impl SparsePrior {
             .collect()
     }
 
-    /// The dictionary as observations with this noise see it; none where the weights are no weights.
-    fn seen(&self, noise: &[f64], weights: &Array1<f64>) -> Arc<Option<Weighted>> {
-        let (n, d) = (self.dictionary.len(), self.dictionary.width());
-        // The atoms, twice more where they are searched; or, of few, their Gram matrix.
-        let most = MOST_NUMBERS / (n * (3 * d).max(if n > 2048 { 0 } else { d + n }));
-        self.seen.get(noise, most.clamp(2, MOST_MET), || {
-            Weighted::new(&self.dictionary, weights.view()).ok()
-        })
+    /// The dictionary as observations with this noise see it; none where it is too large.
+    fn seen(&self, noise: &[f64], weights: &Array1<f64>) -> Option<Arc<Weighted>> {
+        let n = self.dictionary.len();
+        let seen = weights.iter().filter(|w| **w > 0.0).count();
+        // As they are and as they are scanned; beyond that leaves, or rows of a small Gram matrix.
+        let numbers = n * (2 * seen + if n > 2048 { 40 + seen } else { n });
+        if numbers > MOST_NUMBERS {
+            return None;
+        }
+        let most = (MOST_TOGETHER / numbers).clamp(LEAST_MET, MOST_MET);
+        Some(self.seen.get(noise, most, || {
+            Weighted::new(&self.dictionary, weights.view())
+                .expect("weights are finite, not negative, and as many as an atom's numbers")
+        }))
+    }
+
+    /// A fresh code, or where it is worse the code `before` refitted: greedy coding anew can be worse than the old support,
+    /// but so the objective falls.
+    fn better(
+        &self,
+        fresh: Result<Code>,
+        before: Option<&Fit>,
+        y: ArrayView1<f64>,
+        weights: &Array1<f64>,
+    ) -> Fit {
+        // Coding fails only for numbers that are not finite where observed, which readers refuse.
+        let fresh = fresh.map(|c| self.fit_of(c)).unwrap_or_else(|_| Fit {
+            pose: vec![0.0; self.width()],
+            support: Vec::new(),
+            objective: f64::INFINITY,
+        });
+        match before.and_then(|b| refit(&self.dictionary, &b.support, y, Some(weights.view())).ok())
+        {
+            Some(kept) if kept.squared_residual < fresh.objective => self.fit_of(kept),
+            _ => fresh,
+        }
     }
 
     fn fit_of(&self, code: Code) -> Fit {
@@ -276,24 +308,19 @@ impl Prior for SparsePrior {
     }
 
     fn fit(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
+        let (y, weights) = (ArrayView1::from(y), self.weights(noise));
+        let fresh = (self.pursuit).code(&self.dictionary, y, Some(weights.view()));
+        self.better(fresh, before, y, &weights)
+    }
+
+    fn fit_often(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
         let weights = self.weights(noise);
-        let y = ArrayView1::from(y);
-        // Coding fails only for numbers that are not finite where observed, which readers refuse.
-        let fresh = match &*self.seen(noise, &weights) {
-            Some(seen) => seen.code(&self.pursuit, &self.dictionary, y),
-            None => (self.pursuit).code(&self.dictionary, y, Some(weights.view())),
+        let Some(seen) = self.seen(noise, &weights) else {
+            return self.fit(y, noise, before);
         };
-        let fresh = fresh.map(|c| self.fit_of(c)).unwrap_or_else(|_| Fit {
-            pose: vec![0.0; self.width()],
-            support: Vec::new(),
-            objective: f64::INFINITY,
-        });
-        // Greedy coding anew can be worse than the old support refitted: keep that one, so that the objective falls.
-        match before.and_then(|b| refit(&self.dictionary, &b.support, y, Some(weights.view())).ok())
-        {
-            Some(kept) if kept.squared_residual < fresh.objective => self.fit_of(kept),
-            _ => fresh,
-        }
+        let y = ArrayView1::from(y);
+        let fresh = seen.code(&self.pursuit, &self.dictionary, y);
+        self.better(fresh, before, y, &weights)
     }
 
     fn posterior(&self, y: &[f64], noise: &[f64], fit: &Fit) -> Posterior {

@@ -190,7 +190,7 @@ impl Synthesis {
         let noise = pointwise(seen.noise);
         let mut code = |placement: &Similarity, before: Option<&Fit>| {
             placement.undo_pose(seen.y, &mut back);
-            prior.fit(&back, &noise, before)
+            prior.fit_often(&back, &noise, before)
         };
         let mut placement = self.shifted(prior, seen, anchor, start, None);
         let mut fit = code(&placement, before);

@@ -190,14 +190,12 @@ impl Pursuit {
         }
         let at_once = poses_at_once(dictionary.len()).min(m);
         let ground = dictionary.ground();
-        let by_bounds =
-            self.search(dictionary, m) == Search::Bounds && (0..m).any(|i| is_even(weights, i));
-        let leaves = if by_bounds {
-            ground.leaves(dictionary.atoms())
-        } else {
-            None
+        let even = (0..m).filter(|i| is_even(weights, *i)).count();
+        let leaves = match even > 0 && self.search(dictionary, m) == Search::Bounds {
+            true => ground.leaves(dictionary.atoms()),
+            false => None,
         };
-        ground.count(m);
+        ground.count(even);
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);
         let parts = par::map_chunks(m, at_once * tiles, |rows| {

@@ -131,8 +131,9 @@ impl Pursuit {
         let start = || started(dictionary, capacity, pose, weights, self.tolerance);
         let mut fit = start()?;
         let ground = dictionary.ground();
-        ground.count(ALONE);
-        if fit.root.is_none()
+        let even = fit.root.is_none();
+        ground.count(if even { ALONE } else { 0 });
+        if even
             && self.search(dictionary, 0) == Search::Bounds
             && let Some(leaves) = ground.leaves(dictionary.atoms())
         {

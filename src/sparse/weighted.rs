@@ -5,13 +5,15 @@
 //! alternations of P1) the atoms are brought into that form once. What is short is scanned fast, and bounds rule atoms out.
 
 use super::code::{refit, row};
-use super::dictionary::unit_scale;
+use super::scan::UNSEEN;
 use super::{Code, Dictionary, Pursuit, Stop, Tolerance};
-use crate::{Error, Place, Result, par};
+use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1};
 
 /// A dictionary seen through weights.
 pub struct Weighted {
+    /// n and D of the dictionary.
+    of: (usize, usize),
     /// (D), not negative.
     weights: Array1<f64>,
     /// The coordinates with a weight, and its root there.
@@ -50,6 +52,7 @@ impl Weighted {
             .collect();
         let (atoms, names) = through(dictionary, &seen);
         Ok(Weighted {
+            of: (dictionary.len(), d),
             weights: weights.to_owned(),
             seen,
             atoms,
@@ -57,18 +60,21 @@ impl Weighted {
         })
     }
 
-    /// Codes a pose (D) over `dictionary`, which this was made of, as [`Pursuit::code`] does with these weights. (Rounding
-    /// may tell two nearly equal atoms apart otherwise.)
+    /// Codes a pose (D) over `dictionary`, which this was made of, as [`Pursuit::code`] does with these weights. Where rounding
+    /// alone tells two atoms apart it may take the other: as good for what is seen, but what is not seen can differ.
     ///
     /// # Errors
-    /// Those of [`Pursuit::code`].
+    /// Those of [`Pursuit::code`]; a dictionary of another size than the one this was made of.
     pub fn code(
         &self,
         pursuit: &Pursuit,
         dictionary: &Dictionary,
         pose: ArrayView1<'_, f64>,
     ) -> Result<Code> {
-        debug_assert_eq!(dictionary.width(), self.weights.len());
+        if (dictionary.len(), dictionary.width()) != self.of {
+            let said = "it is not the one that was seen through these weights";
+            return Err(Error::data(Place::file("dictionary"), said));
+        }
         let weights = Some(self.weights.view());
         let Some(atoms) = self
             .atoms
@@ -113,30 +119,22 @@ fn through(
     dictionary: &Dictionary,
     seen: &[(usize, f64)],
 ) -> (Option<Dictionary>, Option<Vec<u32>>) {
-    let parts = par::map_chunks(dictionary.len(), 1024, |rows| {
-        let mut numbers = Vec::with_capacity(rows.len() * seen.len());
-        let mut names = Vec::with_capacity(rows.len());
-        let mut atom = Array1::zeros(seen.len());
-        for i in rows {
-            let whole = row(dictionary, i as u32);
-            atom.iter_mut()
-                .zip(seen)
-                .for_each(|(a, (c, root))| *a = f64::from(whole[*c]) * root);
-            // Where it is nothing, no pose is along it.
-            if let Ok(scale) = unit_scale(atom.view()) {
-                numbers.extend(atom.iter().map(|a| (a * scale) as f32));
-                names.push(i as u32);
-            }
+    // On this thread alone: those who ask are many threads at work on poses of their own.
+    let n = dictionary.len();
+    let (mut numbers, mut names) = (Vec::with_capacity(n * seen.len()), Vec::with_capacity(n));
+    let mut atom = vec![0.0; seen.len()];
+    for i in 0..n as u32 {
+        let whole = row(dictionary, i);
+        for (a, (c, root)) in atom.iter_mut().zip(seen) {
+            *a = f64::from(whole[*c]) * root;
         }
-        (numbers, names)
-    });
-    let (mut numbers, mut names) = (
-        Vec::with_capacity(dictionary.len() * seen.len()),
-        Vec::new(),
-    );
-    for (some, of) in parts {
-        numbers.extend(some);
-        names.extend(of);
+        let squared: f64 = atom.iter().map(|a| a * a).sum();
+        // Where it is next to nothing, no pose is along it: as for a scan.
+        if squared > f64::from(UNSEEN) {
+            let scale = 1.0 / squared.sqrt();
+            numbers.extend(atom.iter().map(|a| (a * scale) as f32));
+            names.push(i);
+        }
     }
     let atoms = Array2::from_shape_vec((names.len(), seen.len()), numbers).ok();
     let atoms = atoms.filter(|a| !a.is_empty()).map(Dictionary::of);
@@ -202,6 +200,24 @@ mod tests {
                 assert!(a.atoms.iter().all(|a| a % 3 != 0));
             }
         }
+    }
+
+    #[test]
+    fn an_atom_that_is_next_to_nothing_where_there_are_weights_is_not_seen() {
+        let d = Dictionary::from_rows(ndarray::array![[1e-12, 1.0, 0.0]].view()).unwrap();
+        let weights = ndarray::array![1.0, 0.0, 0.0];
+        let pose = ndarray::array![5.0, 1.0, 1.0];
+        let seen = Weighted::new(&d, weights.view()).unwrap();
+        let code = seen.code(&Pursuit::default(), &d, pose.view()).unwrap();
+        assert!(code.atoms.is_empty());
+        assert_eq!(
+            code,
+            Pursuit::default()
+                .code(&d, pose.view(), Some(weights.view()))
+                .unwrap()
+        );
+        let other = alike(20, 3, 8);
+        assert!(seen.code(&Pursuit::default(), &other, pose.view()).is_err());
     }
 
     #[test]

@@ -22,6 +22,13 @@ fn main() {
     }
     let takes: Vec<_> = takes.iter().map(|t| t.xyz.view()).collect();
     let takes = ndarray::concatenate(Axis(0), &takes).expect("takes of the same points");
+    if takes.nrows() < 8 * POSES {
+        return println!(
+            "{} frames are too few: {} are asked for",
+            takes.nrows(),
+            8 * POSES
+        );
+    }
     let mut order: Vec<usize> = (0..takes.nrows()).collect();
     rand::seq::SliceRandom::shuffle(&mut order[..], &mut par::generator(0, 0));
     let poses = takes.select(Axis(0), &order[..4 * POSES]);
@@ -78,18 +85,17 @@ impl Bench<'_> {
         })
     }
 
+    /// Of more atoms than have a Gram matrix, and of fewer than there are poses.
     fn atoms(&self) -> Plot {
-        let at = [1, 2, 4, 8, 16, 32].map(|k| k * 1000);
-        plot(
-            "atoms",
-            format!("{POSES} poses, 3 atoms a pose"),
-            &at,
-            |n| {
-                let poses = self.poses.slice(s![..POSES, ..]);
-                let dictionary = self.dictionary(n);
-                [code(&dictionary, poses, 3), learn(&dictionary, poses, 3)]
-            },
-        )
+        let at = [3, 4, 6, 8, 12, 16].map(|k| k * 1000);
+        let m = self.poses.nrows();
+        plot("atoms", format!("{m} poses, 3 atoms a pose"), &at, |n| {
+            let dictionary = self.dictionary(n);
+            [
+                code(&dictionary, self.poses.view(), 3),
+                learn(&dictionary, self.poses.view(), 3),
+            ]
+        })
     }
 
     fn sparsity(&self) -> Plot {

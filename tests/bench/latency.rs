@@ -25,7 +25,7 @@ const POSES: usize = 100;
 
 fn main() {
     let takes = shared::takes();
-    if takes.is_empty() {
+    if takes.len() <= 1 {
         return println!("no takes at ../shared/data/cmu: nothing is posed");
     }
     let (posed, learnt): (Vec<_>, Vec<_>) = takes

@@ -321,7 +321,7 @@ mod tests {
                 None => reader.read(&mut frame),
                 Some(_) => {
                     // Behind an odd frame, too, blocks are what is tested.
-                    reader.careful = reader.careful.min(1);
+                    reader.pace.careful = reader.pace.careful.min(1);
                     reader.read_block(&mut frames)
                 }
             };

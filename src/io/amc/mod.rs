@@ -10,7 +10,7 @@ pub use write::{write_frame, write_head};
 
 use super::Input;
 use super::asf::Asf;
-use super::text::{BLOCK, CAREFUL, Lines, number, short, within};
+use super::text::{BLOCK, Lines, Pace, number, short, within};
 use crate::{Error, Place, Result};
 use block::Blocks;
 use std::collections::HashMap;
@@ -40,8 +40,7 @@ pub struct Reader<'a> {
     by_name: HashMap<&'a str, usize>,
     lines: Lines<BufReader<Box<dyn BufRead>>>,
     blocks: Blocks<'a>,
-    /// How many frames are still to be read one at a time.
-    careful: u32,
+    pace: Pace,
     frame: Frame,
     degrees: bool,
     /// The number of the frame whose number line was read already.
@@ -92,7 +91,7 @@ impl<'a> Reader<'a> {
             by_name,
             lines: Lines::new(name, BufReader::with_capacity(block, input.into_reader())),
             blocks: Blocks::new(asf),
-            careful: 0,
+            pace: Pace::FULL,
             frame: Frame::default(),
             degrees: asf.degrees,
             next: None,
@@ -134,9 +133,9 @@ impl<'a> Reader<'a> {
     pub fn read_block(&mut self, frames: &mut Frames) -> Result<bool> {
         frames.numbers.clear();
         frames.values.clear();
-        match self.careful {
+        match self.pace.careful {
             0 => self.read_plain(frames)?,
-            _ => self.careful -= 1,
+            _ => self.pace.careful -= 1,
         }
         if !frames.numbers.is_empty() {
             return Ok(true);
@@ -162,10 +161,9 @@ impl<'a> Reader<'a> {
         {
             return Ok(());
         }
-        let taken = self
-            .blocks
-            .read(self.lines.waiting()?, first, self.degrees, frames);
-        self.careful = if taken.odd { CAREFUL } else { 0 };
+        let text = self.pace.of(self.lines.waiting()?);
+        let taken = self.blocks.read(text, first, self.degrees, frames);
+        self.pace.met(taken.odd);
         self.lines.pass(taken.bytes, taken.lines);
         self.next = Some(taken.next);
         self.last = frames.numbers.last().copied().or(self.last);

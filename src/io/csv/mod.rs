@@ -9,7 +9,7 @@ pub use writer::{After, CsvWriter};
 use super::Input;
 use super::cells::Cells;
 use super::table::{Columns, ReadOptions, Row};
-use super::text::{BLOCK, CAREFUL, short, within};
+use super::text::{BLOCK, Pace, short, within};
 use crate::{Error, Place, Result};
 use block::Blocks;
 use records::Records;
@@ -29,8 +29,7 @@ pub struct CsvReader {
     blocks: Blocks,
     /// How many bytes at the start of what is there have been read ahead.
     ahead: usize,
-    /// How many rows are still to be read one at a time.
-    careful: u32,
+    pace: Pace,
     keep: bool,
     take: Arc<str>,
 }
@@ -44,9 +43,9 @@ impl CsvReader {
     fn with_block(input: Input, options: &ReadOptions, block: usize) -> Result<CsvReader> {
         let name = input.name.clone();
         let mut records = Records::new(BufReader::with_capacity(block, input.into_reader()));
-        let place = Place::line(&name, 1);
         let mut header = Cells::default();
         records.read(&mut header).map_err(|e| Error::io(&name, e))?;
+        let place = Place::line(&name, header.line().unwrap_or(1));
         let header: Vec<String> = (0..header.len())
             .map(|i| String::from_utf8_lossy(&header[i]).trim().to_string())
             .collect();
@@ -63,7 +62,7 @@ impl CsvReader {
             columns,
             records,
             ahead: 0,
-            careful: 0,
+            pace: Pace::FULL,
             keep: options.cells,
             take: Arc::from(""),
         })
@@ -76,8 +75,8 @@ impl CsvReader {
                 return Ok(true);
             }
             self.records.pass(std::mem::take(&mut self.ahead));
-            if self.careful > 0 {
-                self.careful -= 1;
+            if self.pace.careful > 0 {
+                self.pace.careful -= 1;
                 break;
             }
             self.read_ahead()?;
@@ -97,10 +96,10 @@ impl CsvReader {
         else {
             return Ok(());
         };
-        let taken = self.blocks.read(text, line);
+        let taken = self.blocks.read(self.pace.of(text), line);
         self.ahead = taken.bytes;
         self.records.line += taken.line_feeds;
-        self.careful = if taken.odd { CAREFUL } else { 0 };
+        self.pace.met(taken.odd);
         Ok(())
     }
 
@@ -312,10 +311,10 @@ mod tests {
         reader.blocks.piece = block.map_or(1, |(_, piece)| piece);
         let (mut rows, mut row) = (Vec::new(), Row::default());
         let end = loop {
-            reader.careful = match block {
+            reader.pace.careful = match block {
                 None => 1,
                 // Behind an odd row, too, blocks are what is tested.
-                Some(_) => reader.careful.min(1),
+                Some(_) => reader.pace.careful.min(1),
             };
             match reader.read(&mut row) {
                 Ok(true) => {
@@ -353,6 +352,8 @@ mod tests {
 
     #[test]
     fn lines_are_counted_as_an_editor_does() {
+        let (_, end) = all(b"\n\n\na.x,a.y\n", None);
+        assert!(end.starts_with("t.csv:4: "), "{end}");
         for (bad, blank) in [(4, "\n"), (3, "")] {
             for ending in ["\n", "\r\n"] {
                 let text = format!("a.x,a.y,a.z\n1,2,3\n{blank}1,x,3\n").replace('\n', ending);

@@ -127,6 +127,11 @@ impl Prior for Tasked {
         prior.fit(y, &noise, before)
     }
 
+    fn fit_often(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
+        let (prior, noise) = self.at(noise);
+        prior.fit_often(y, &noise, before)
+    }
+
     fn posterior(&self, y: &[f64], noise: &[f64], fit: &Fit) -> Posterior {
         let (prior, noise) = self.at(noise);
         prior.posterior(y, &noise, fit)

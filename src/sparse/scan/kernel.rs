@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 pub const FLOOR: f32 = 1e-6;
 
 /// An atom with at most this share of its squared norm (1) on what is observed is not seen at all.
-const UNSEEN: f32 = 1e-20;
+pub const UNSEEN: f32 = 1e-20;
 
 /// What is done with the products.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

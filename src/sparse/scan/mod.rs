@@ -39,6 +39,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 pub use follow::Follower;
 pub use gram::{Gram, Term, products};
+pub use kernel::UNSEEN;
 use kernel::{Next, Step};
 pub use leaves::Leaves;
 pub use panels::Panels;

@@ -37,9 +37,10 @@ pub fn takes() -> Vec<Take> {
     let mut subjects: Vec<PathBuf> = entries.map(|e| e.path()).filter(|p| p.is_dir()).collect();
     subjects.sort();
     let of = |subject: &PathBuf| -> Vec<Take> {
-        let asf = files(subject, "asf");
-        let amc = files(subject, "amc");
-        amc.iter().map(|amc| take(&asf[0], amc)).collect()
+        let (asf, amc) = (files(subject, "asf"), files(subject, "amc"));
+        let asf = asf.first().into_iter();
+        asf.flat_map(|asf| amc.iter().map(move |amc| take(asf, amc)))
+            .collect()
     };
     subjects.iter().flat_map(of).collect()
 }
@@ -50,6 +51,7 @@ fn take(asf: &Path, amc: &Path) -> Take {
         .args([asf, amc])
         .output()
         .expect("amc2xyz runs");
+    assert!(done.status.success(), "{}: no take", amc.display());
     let input = Input::new("a take", std::io::Cursor::new(done.stdout)).expect("a table");
     let table = Table::read(input, &ReadOptions::default()).expect("a table of poses");
     Take {
