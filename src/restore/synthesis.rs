@@ -177,7 +177,7 @@ impl Synthesis {
         Some(starts)
     }
 
-    /// Alternates from one heading until the objective settles. `before`: a code that may do.
+    /// Alternates from one heading until the objective settles. `before`: a code that is placed first, and may do.
     fn descend(
         &self,
         prior: &dyn Prior,
@@ -192,7 +192,10 @@ impl Synthesis {
             placement.undo_pose(seen.y, &mut back);
             prior.fit_often(&back, &noise, before)
         };
-        let mut placement = self.shifted(prior, seen, anchor, start, None);
+        let mut placement = match before {
+            Some(before) => self.place(prior, seen, anchor, &start, &start, before),
+            None => self.shifted(prior, seen, anchor, start, None),
+        };
         let mut fit = code(&placement, before);
         let mut objective = fit.objective + self.prior_cost(&placement, &start);
         for iteration in 1..=self.iterations {
@@ -414,5 +417,80 @@ mod tests {
         }
         let r = turn(tau);
         assert!((angles_from(&DMat3::IDENTITY, &r) - tau).length() <= 1e-9);
+    }
+
+    /// Atoms over six points of a body that turns a little, and a pose of them that stands elsewhere, without its last point.
+    fn scene() -> (crate::prior::SparsePrior, Anchor, Vec<f64>, Vec<f64>) {
+        let names = ["root", "lhipjoint", "rhipjoint", "thorax", "head", "lhand"];
+        let names = names.map(String::from);
+        let at = |i: usize, c: usize| {
+            let (point, axis) = (c / 3, c % 3);
+            let still = [
+                0.0, -6.0, 2.0, 6.0, 8.0, 0.0, 4.0, 0.0, 40.0, 0.0, 60.0, 9.0, 45.0, 20.0, 30.0,
+            ];
+            still[(c * 2) % 15] + point as f64 * ((i + 3 * axis) as f64 * 0.7).sin() * 4.0
+        };
+        let atoms = ndarray::Array2::from_shape_fn((3000, 18), |(i, c)| at(i, c) as f32);
+        let mut model = crate::io::Model::new("sparse", &names, "body");
+        model.arrays.insert("atoms".into(), atoms);
+        model.meta.training_rms = Some(0.5);
+        let prior = crate::prior::SparsePrior::from_model(&model, &Default::default(), "made");
+        let away = Similarity {
+            scale: 1.0,
+            rotation: DMat3::from_rotation_y(0.9),
+            shift: DVec3::new(30.0, 80.0, -10.0),
+        };
+        let pose: Vec<f64> = (0..18).map(|c| at(7, c) + 0.3 * (c as f64).cos()).collect();
+        let mut y = vec![0.0; 18];
+        away.apply_pose(&pose, &mut y);
+        let noise = (0..18).map(|c| if c < 15 { 0.0 } else { f64::INFINITY });
+        (
+            prior.unwrap(),
+            Anchor::pelvis(&names).unwrap(),
+            y,
+            noise.collect(),
+        )
+    }
+
+    #[test]
+    fn following_a_solution_never_makes_it_worse() {
+        let (prior, anchor, mut y, noise) = scene();
+        let synthesis = Synthesis {
+            iterations: 3,
+            ..Synthesis::default()
+        };
+        let seen = Observed {
+            y: &y,
+            noise: &noise,
+        };
+        let first = synthesis.solve(&prior, seen, &anchor, &[]).unwrap();
+        let again = synthesis.follow(&prior, seen, &anchor, &first).unwrap();
+        assert!(
+            again.objective <= first.objective,
+            "{} {}",
+            again.objective,
+            first.objective
+        );
+        // A joint is dragged: the code and the placement follow it.
+        y[12] += 3.0;
+        let seen = Observed {
+            y: &y,
+            noise: &noise,
+        };
+        let alone = synthesis
+            .solve(&prior, seen, &anchor, &[first.placement])
+            .unwrap();
+        let moved = synthesis.follow(&prior, seen, &anchor, &again).unwrap();
+        assert!(moved.objective <= 2.0 * alone.objective + 1e-9);
+        assert!((moved.placement.shift - again.placement.shift).length() < 5.0);
+        // Two points determine nothing.
+        let hidden: Vec<f64> = (0..18)
+            .map(|c| if c < 6 { 0.0 } else { f64::INFINITY })
+            .collect();
+        let seen = Observed {
+            y: &y,
+            noise: &hidden,
+        };
+        assert!(synthesis.follow(&prior, seen, &anchor, &again).is_none());
     }
 }

@@ -86,7 +86,8 @@ fn seconds(atoms: &Dictionary, poses: ArrayView2<'_, f32>, search: Search) -> f6
                     .code_batch(&dictionary, poses, None)
                     .expect("finite poses")
             };
-            let warm = if search == Search::Scan {
+            let rows = pursuit.search(&dictionary, poses.nrows()) == Search::Rows;
+            let warm = if search == Search::Scan && !rows {
                 1
             } else {
                 poses.nrows()
