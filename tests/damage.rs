@@ -52,7 +52,7 @@ fn array(fortran: bool, shape: &str) -> Vec<u8> {
 fn model() -> Model {
     let mut model = Model::new("sparse", &["root".into(), "lwrist".into()], "body");
     let atoms = ndarray::Array2::from_shape_fn((4, 6), |(i, j)| ((i * 7 + j) as f32).sin());
-    model.arrays.insert("atoms".into(), atoms);
+    model.insert("atoms", atoms);
     model
 }
 
@@ -246,7 +246,7 @@ fn what_a_file_claims_takes_no_memory() {
         std::io::Write::write_all(&mut zip, &[0; 1 << 20]).unwrap();
     }
     let bytes = zip.finish().unwrap().into_inner();
-    let said = Model::from_bytes(&bytes, NAME).unwrap_err().to_string();
+    let said = Model::from_bytes(bytes, NAME).unwrap_err().to_string();
     assert!(said.contains("unpacks to far more"), "{said}");
     let took = peak() - before;
     assert!(took < 200 << 10, "{took} KiB");
@@ -318,13 +318,15 @@ fn sound_files_that_do_not_fit_are_told_by_name() {
     );
     write("codes.csv", b"atom1,coef1,rms\n0,1,0\n");
     let mut narrow = model();
-    let atoms = narrow.arrays["atoms"]
+    let atoms = narrow
+        .array("atoms", "narrow")
+        .unwrap()
         .slice(ndarray::s![.., ..1])
         .to_owned();
-    narrow.arrays.insert("atoms".into(), atoms);
+    narrow.insert("atoms", atoms);
     write("narrow.npz", &narrow.to_bytes().unwrap());
     let mut zero = model();
-    zero.arrays.get_mut("atoms").unwrap().fill(0.0);
+    zero.get_mut("atoms").unwrap().fill(0.0);
     write("zero.npz", &zero.to_bytes().unwrap());
     let wide: Vec<String> = (0..2100).map(|k| format!("p{k}.x,p{k}.y,p{k}.z")).collect();
     let row = vec!["1"; 6300].join(",");

@@ -117,9 +117,7 @@ fn save(
     path: &Path,
 ) -> Result<()> {
     let mut model = Model::new("centroids", &table.columns.points, "body");
-    model
-        .arrays
-        .insert("centroids".into(), clustering.centroids.mapv(|v| v as f32));
+    model.insert("centroids", clustering.centroids.mapv(|v| v as f32));
     let mut flags = vec![
         ("k", args.k.to_string()),
         ("seed", args.seed.seed.to_string()),

@@ -84,7 +84,7 @@ fn told(model: &Model) -> String {
         &format!("{}: {}", meta.points.len(), meta.points.join(" ")),
     );
     line("space", &format!("{}, {}", meta.space, meta.units));
-    for (name, array) in &model.arrays {
+    for (name, array) in model.arrays() {
         line(
             "array",
             &format!("{name} {} x {}", array.nrows(), array.ncols()),

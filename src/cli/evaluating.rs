@@ -167,11 +167,9 @@ fn given(path: &Path) -> Result<Method> {
     let history = model.meta.history.iter();
     let past = Past {
         digests: history.flat_map(|e| e.inputs.clone()).collect(),
-        poses: model
-            .arrays
-            .values()
+        poses: (model.arrays().map(|(_, a)| a))
             .filter(|a| a.ncols() == width)
-            .cloned()
+            .map(|a| a.floats().into_owned())
             .collect(),
     };
     if past.digests.is_empty() {

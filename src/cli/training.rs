@@ -105,9 +105,7 @@ impl Run<'_> {
             "history".into(),
             serde_json::to_value(&state.history).map_err(json)?,
         );
-        model
-            .arrays
-            .insert("atoms".into(), state.dictionary.atoms().to_owned());
+        model.insert("atoms", state.dictionary.atoms().to_owned());
         crate::io::output::write_file(path, &model.to_bytes()?)
     }
 
@@ -133,8 +131,8 @@ impl Run<'_> {
             .ok_or_else(|| fail("has no history; remove it to start afresh"))?;
         let damaged = |what: &str| fail(&format!("is damaged ({what}); remove it to start afresh"));
         let atoms = model.array("atoms", "checkpoint");
-        let dictionary =
-            (atoms.and_then(Dictionary::from_rows)).map_err(|e| damaged(&e.to_string()))?;
+        let dictionary = (atoms.and_then(|a| Dictionary::from_rows(a.view())))
+            .map_err(|e| damaged(&e.to_string()))?;
         let asked = self.atoms.is_none_or(|n| n == dictionary.len());
         if !asked || dictionary.width() != self.poses.ncols() {
             return Err(damaged("its atoms are not those of this run"));

@@ -2,17 +2,22 @@
 //!
 //! Entries are stored in a fixed order with the time 1980-01-01, so equal models are equal bytes.
 
+mod matrix;
+
 use super::Input;
 use super::npy;
 use super::text::short;
 use crate::pose::Body;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2};
+use bytes::Bytes;
+use ndarray::{Array2, CowArray, Ix2};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use zip::write::SimpleFileOptions;
+
+pub use matrix::{Matrix, Packed};
 
 /// The format this version writes; it reads all up to it.
 pub const FORMAT: u32 = 1;
@@ -127,8 +132,8 @@ impl From<&BodyMeta> for Body {
 pub struct Model {
     /// What it is.
     pub meta: Meta,
-    /// Two-dimensional arrays by name, as f32 (vectors have one column).
-    pub arrays: BTreeMap<String, Array2<f32>>,
+    /// By name; vectors have one column.
+    arrays: BTreeMap<String, Matrix>,
 }
 
 impl Model {
@@ -153,26 +158,57 @@ impl Model {
         }
     }
 
-    /// The array of a name, or an error that names it.
-    pub fn array(&self, name: &str, source: &str) -> Result<ArrayView2<'_, f32>> {
-        match self.arrays.get(name) {
-            Some(a) => Ok(a.view()),
-            None => Err(Error::data(
-                Place::file(source).part(name),
-                "the model has no such array",
-            )),
-        }
+    /// The arrays by name, in the order of their names.
+    pub fn arrays(&self) -> impl Iterator<Item = (&str, &Matrix)> {
+        self.arrays
+            .iter()
+            .map(|(name, matrix)| (name.as_str(), matrix))
+    }
+
+    /// The numbers of an array as f32; `None` where the model has no such array.
+    pub fn get(&self, name: &str) -> Option<CowArray<'_, f32, Ix2>> {
+        self.arrays.get(name).map(Matrix::floats)
+    }
+
+    /// The same to be changed.
+    pub fn get_mut(&mut self, name: &str) -> Option<&mut Array2<f32>> {
+        self.meta.steps.remove(name);
+        self.arrays.get_mut(name).map(Matrix::floats_mut)
+    }
+
+    /// The array of a name as the file keeps it, or an error that names it.
+    pub fn matrix(&self, name: &str, source: &str) -> Result<&Matrix> {
+        let missing = || {
+            let place = Place::file(source).part(name);
+            Error::data(place, "the model has no such array")
+        };
+        self.arrays.get(name).ok_or_else(missing)
+    }
+
+    /// The numbers of an array as f32, or an error that names it.
+    pub fn array(&self, name: &str, source: &str) -> Result<CowArray<'_, f32, Ix2>> {
+        self.matrix(name, source).map(Matrix::floats)
+    }
+
+    /// Adds an array, in place of what has its name.
+    pub fn insert(&mut self, name: &str, array: Array2<f32>) {
+        self.meta.steps.remove(name);
+        self.arrays.insert(name.into(), array.into());
     }
 
     /// Adds an array that is kept as 16-bit whole multiples of a step, and rounds it to them.
     ///
     /// The step is the smallest that holds the largest value. Every value must be finite.
-    pub fn insert_packed(&mut self, name: &str, mut array: Array2<f32>) {
-        let largest = array.iter().fold(0.0f32, |m, v| m.max(v.abs()));
-        let step = (largest / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
-        array.mapv_inplace(|v| (v / step).round() * step);
-        self.meta.steps.insert(name.into(), step);
-        self.arrays.insert(name.into(), array);
+    pub fn insert_packed(&mut self, name: &str, array: &Array2<f32>) {
+        let packed = Packed::of(array);
+        self.meta.steps.insert(name.into(), packed.step);
+        self.arrays.insert(name.into(), Matrix::Packed(packed));
+    }
+
+    /// Takes an array out.
+    pub fn remove(&mut self, name: &str) {
+        self.meta.steps.remove(name);
+        self.arrays.remove(name);
     }
 
     /// The file's bytes.
@@ -195,37 +231,39 @@ impl Model {
         bytes.extend_from_slice(&json);
         entry("meta", &bytes)?;
         for (name, array) in &self.arrays {
-            if let Some(step) = self.meta.steps.get(name) {
-                let mut bytes = npy::header_of("<i2", &[array.nrows(), array.ncols()]);
-                bytes.reserve(2 * array.len());
-                for v in array {
-                    bytes.extend_from_slice(&((v / step).round() as i16).to_le_bytes());
+            let shape = [array.nrows(), array.ncols()];
+            let bytes = match array {
+                Matrix::Packed(packed) => {
+                    [&npy::header_of("<i2", &shape)[..], packed.bytes()].concat()
                 }
-                entry(name, &bytes)?;
-                continue;
-            }
-            let mut bytes = npy::header_of("<f4", &[array.nrows(), array.ncols()]);
-            bytes.reserve(4 * array.len());
-            for v in array {
-                bytes.extend_from_slice(&v.to_le_bytes());
-            }
+                Matrix::Floats(array) => {
+                    let mut bytes = npy::header_of("<f4", &shape);
+                    bytes.reserve(4 * array.len());
+                    for v in array {
+                        bytes.extend_from_slice(&v.to_le_bytes());
+                    }
+                    bytes
+                }
+            };
             entry(name, &bytes)?;
         }
         Ok(zip.finish().map_err(|e| fail(e.to_string()))?.into_inner())
     }
 
-    /// Reads a model from its bytes; `name` is for messages.
-    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Model> {
+    /// Reads a model from its bytes, which it keeps where there are packed arrays; `name` is for messages.
+    pub fn from_bytes(bytes: impl Into<Bytes>, name: &str) -> Result<Model> {
+        Model::of(bytes.into(), name)
+    }
+
+    fn of(bytes: Bytes, name: &str) -> Result<Model> {
         let fail = |what: String| Error::data(Place::file(name), what);
         let broken = |e: zip::result::ZipError| {
             let e = e.to_string();
             fail(format!("is no sound NPZ archive: {}", short(&e)))
         };
-        let mut zip = zip::ZipArchive::new(Cursor::new(bytes)).map_err(broken)?;
+        let mut zip = zip::ZipArchive::new(Cursor::new(&bytes[..])).map_err(broken)?;
         let (mut meta, mut arrays) = (None, BTreeMap::new());
         let mut budget = (MOST_PACKED * bytes.len() as u64 + (1 << 20)).min(LARGEST);
-        // Room for one array after the other: memory that is asked for anew costs more than reading into it.
-        let mut content = Vec::new();
         for i in 0..zip.len() {
             let mut entry = zip.by_index(i).map_err(broken)?;
             let key = entry
@@ -233,11 +271,9 @@ impl Model {
                 .map_err(broken)?
                 .trim_end_matches(".npy")
                 .to_string();
-            // Read in pieces, up to what a model may hold: the directory's sizes are not to be trusted.
-            content.clear();
             let at = Place::file(name).part(short(&key));
-            let read = entry.by_ref().take(budget + 1).read_to_end(&mut content);
-            read.map_err(|e| Error::data(at.clone(), short(&e.to_string())))?;
+            let content = content(&mut entry, &bytes, budget)
+                .map_err(|e| Error::data(at.clone(), short(&e.to_string())))?;
             budget = match budget.checked_sub(content.len() as u64) {
                 Some(left) => left,
                 None => return Err(Error::data(at, "unpacks to far more than the file's size")),
@@ -251,7 +287,7 @@ impl Model {
                 arrays.insert(key, npy::matrix_of(&content, &at)?);
             }
         }
-        let Some(meta) = meta else {
+        let Some(mut meta) = meta else {
             return Err(fail(
                 "is an NPZ archive without meta: no model of posing".into(),
             ));
@@ -262,11 +298,15 @@ impl Model {
                 meta.format
             )));
         }
-        for (key, step) in &meta.steps {
-            if let Some(array) = arrays.get_mut(key) {
-                array.mapv_inplace(|v: f32| v * step);
+        for (key, array) in &mut arrays {
+            match (meta.steps.get(key), array) {
+                (Some(step), Matrix::Packed(packed)) => packed.step = *step,
+                (Some(step), Matrix::Floats(array)) => array.mapv_inplace(|v: f32| v * step),
+                (None, _) => {}
             }
         }
+        // Of those alone that are packed here.
+        (meta.steps).retain(|key, _| matches!(arrays.get(key), Some(Matrix::Packed(_))));
         let points = meta.points.len();
         few_enough(points, name)?;
         let sound = meta.body.as_ref().is_none_or(|b| {
@@ -293,8 +333,34 @@ impl Model {
                 "is no model: expected an .npz file",
             ));
         }
-        Model::from_bytes(&input.read_all(LARGEST)?, &name)
+        Model::from_bytes(input.read_all(LARGEST)?, &name)
     }
+}
+
+/// What an entry holds: where it is not compressed, where it stands in the archive. Of others no more than a little above
+/// `most` is read: the directory's sizes are not to be trusted.
+fn content(
+    entry: &mut zip::read::ZipFile<'_, impl Read>,
+    archive: &Bytes,
+    most: u64,
+) -> std::io::Result<Bytes> {
+    let plain = entry.compression() == zip::CompressionMethod::Stored && !entry.encrypted();
+    let start = entry.data_start().filter(|_| plain);
+    let place = start.and_then(|start| {
+        let end = start.checked_add(entry.compressed_size())?;
+        Some(usize::try_from(start).ok()?..usize::try_from(end).ok()?)
+    });
+    if let Some(place) = place.filter(|p| p.end <= archive.len()) {
+        let content = archive.slice(place);
+        return if crc32fast::hash(&content) == entry.crc32() {
+            Ok(content)
+        } else {
+            Err(std::io::Error::other("Invalid checksum"))
+        };
+    }
+    let mut content = Vec::new();
+    entry.take(most + 1).read_to_end(&mut content)?;
+    Ok(content.into())
 }
 
 #[cfg(test)]
@@ -309,10 +375,7 @@ mod tests {
             lengths: vec![None],
         });
         model.meta.training_rms = Some(0.1);
-        model.arrays.insert(
-            "atoms".into(),
-            array![[0.1, 0.2, 0.3], [1.0, f32::NAN, 0.0]],
-        );
+        model.insert("atoms", array![[0.1, 0.2, 0.3], [1.0, f32::NAN, 0.0]]);
         model
     }
 
@@ -320,9 +383,10 @@ mod tests {
     fn equal_models_are_equal_bytes_and_read_back() {
         let bytes = model().to_bytes().unwrap();
         assert_eq!(bytes, model().to_bytes().unwrap());
-        let back = Model::from_bytes(&bytes, "m.npz").unwrap();
+        let back = Model::from_bytes(bytes.clone(), "m.npz").unwrap();
         assert_eq!(back.meta, model().meta);
-        assert_eq!(back.arrays["atoms"].row(0), model().arrays["atoms"].row(0));
+        let atoms = |model: &Model| model.array("atoms", "m").unwrap().row(0).to_vec();
+        assert_eq!(atoms(&back), atoms(&model()));
         assert!(
             back.array("atom", "m.npz")
                 .unwrap_err()
@@ -335,13 +399,13 @@ mod tests {
     fn packed_arrays_keep_their_values_to_a_step() {
         let mut packed = model();
         let values = Array2::from_shape_fn((7, 3), |(i, j)| (i as f32 - 3.0) * 11.7 + j as f32);
-        packed.insert_packed("poses", values.clone());
-        packed.insert_packed("none", Array2::zeros((2, 1)));
+        packed.insert_packed("poses", &values);
+        packed.insert_packed("none", &Array2::zeros((2, 1)));
         let bytes = packed.to_bytes().unwrap();
-        let back = Model::from_bytes(&bytes, "m.npz").unwrap();
+        let back = Model::from_bytes(bytes.clone(), "m.npz").unwrap();
         assert_eq!(back.arrays["poses"], packed.arrays["poses"]);
-        assert_eq!(back.arrays["none"], Array2::<f32>::zeros((2, 1)));
-        let off = &back.arrays["poses"] - &values;
+        assert_eq!(back.get("none").unwrap(), Array2::<f32>::zeros((2, 1)));
+        let off = &back.get("poses").unwrap() - &values;
         assert!(off.iter().all(|v| v.abs() <= 37.1 / 32767.0));
         assert_eq!(back.to_bytes().unwrap(), bytes);
     }
@@ -350,7 +414,7 @@ mod tests {
     fn damaged_models_are_refused() {
         let bytes = model().to_bytes().unwrap();
         for cut in [0, 1, 30, bytes.len() / 2, bytes.len() - 1] {
-            assert!(Model::from_bytes(&bytes[..cut], "m").is_err());
+            assert!(Model::from_bytes(bytes[..cut].to_vec(), "m").is_err());
         }
         let mut wide = model();
         wide.meta.points = (0..=MOST_POINTS).map(|k| k.to_string()).collect();
@@ -359,7 +423,7 @@ mod tests {
         let mut newer = model();
         newer.meta.format = 99;
         assert!(
-            Model::from_bytes(&newer.to_bytes().unwrap(), "m")
+            Model::from_bytes(newer.to_bytes().unwrap(), "m")
                 .unwrap_err()
                 .to_string()
                 .contains("newer")
@@ -369,6 +433,6 @@ mod tests {
             parents: vec![Some(7)],
             lengths: vec![None],
         });
-        assert!(Model::from_bytes(&odd.to_bytes().unwrap(), "m").is_err());
+        assert!(Model::from_bytes(odd.to_bytes().unwrap(), "m").is_err());
     }
 }

@@ -2,9 +2,11 @@
 //! order; NaN is missing. Read without seeking, so standard input works.
 
 use super::Input;
+use super::model::{Matrix, Packed};
 use super::table::{Columns, ReadOptions, Row};
 use super::text::{FURTHEST, short, within};
 use crate::{Error, Place, Result};
+use bytes::Bytes;
 use ndarray::Array2;
 use std::io::{BufRead, BufReader, Read};
 
@@ -311,10 +313,11 @@ pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
     Ok(rest)
 }
 
-/// A one- or two-dimensional array of floats (or 16-bit integers, `<i2`) in memory, as f32 (a vector has one column).
-pub fn matrix_of(file: &[u8], place: &Place) -> Result<Array2<f32>> {
+/// A one- or two-dimensional array in memory (a vector has one column): of floats, or of 16-bit integers, `<i2`, which stay
+/// where they are.
+pub fn matrix_of(file: &Bytes, place: &Place) -> Result<Matrix> {
     let fail = |what: String| Error::data(place.clone(), what);
-    let mut rest = file;
+    let mut rest = &file[..];
     let header = read_header(&mut rest, place)?;
     let short = header.descr == "<i2";
     let wide = !short && header.wide().map_err(fail)?;
@@ -341,6 +344,11 @@ pub fn matrix_of(file: &[u8], place: &Place) -> Result<Array2<f32>> {
             rest.len()
         )));
     }
+    let (rows, columns) = (rows as usize, columns as usize);
+    if short && !header.fortran {
+        let packed = Packed::new(file.slice_ref(rest), (rows, columns), 1.0);
+        return (packed.map(Matrix::Packed)).ok_or_else(|| fail("is too large".into()));
+    }
     let values: Vec<f32> = if short {
         let pairs = rest.as_chunks::<2>().0.iter();
         pairs.map(|b| f32::from(i16::from_le_bytes(*b))).collect()
@@ -351,14 +359,13 @@ pub fn matrix_of(file: &[u8], place: &Place) -> Result<Array2<f32>> {
         let numbers = rest.as_chunks::<4>().0.iter();
         numbers.map(|b| f32::from_le_bytes(*b)).collect()
     };
-    let (rows, columns) = (rows as usize, columns as usize);
     let array = if header.fortran {
         Array2::from_shape_vec((columns, rows), values)
             .map(|a| a.reversed_axes().as_standard_layout().into_owned())
     } else {
         Array2::from_shape_vec((rows, columns), values)
     };
-    array.map_err(|e| fail(e.to_string()))
+    (array.map(Matrix::Floats)).map_err(|e| fail(e.to_string()))
 }
 
 /// Appends numbers as `<f8`.

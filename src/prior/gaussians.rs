@@ -290,7 +290,7 @@ pub(super) fn train(
     report: &mut dyn FnMut(&str),
 ) -> Result<Model> {
     let mut model = training.model(kind)?;
-    let typical = model.arrays["typical"].mapv(f64::from);
+    let typical = model.array("typical", kind)?.mapv(f64::from);
     let tried = |part: &TrainingPoses| -> Result<Learnt<'_>> {
         let (parts, typical) = (learn(part)?, typical.view());
         Ok(Box::new(move |setting| {
@@ -321,11 +321,7 @@ pub(super) fn open(model: &Model, choice: &Choice, source: &str, style: Style) -
 
 /// A model's typical poses; the means where it has none.
 fn typical(model: &Model, parts: &Parts, source: &str) -> Result<Array2<f64>> {
-    let Some(found) = model
-        .arrays
-        .get("typical")
-        .filter(|t| t.len_of(Axis(0)) > 0)
-    else {
+    let Some(found) = model.get("typical").filter(|t| t.len_of(Axis(0)) > 0) else {
         return Ok(parts.means.clone());
     };
     if found.ncols() != parts.means.ncols() || found.iter().any(|v| !v.is_finite()) {

@@ -167,8 +167,8 @@ impl RigidPairs {
                     _ => self.bodies[[b, c - 1]] as f32,
                 },
             );
-        model.arrays.insert("rigid".into(), rigid);
-        model.arrays.insert("rigid_lengths".into(), lengths);
+        model.insert("rigid", rigid);
+        model.insert("rigid_lengths", lengths);
     }
 
     /// Reads what [`RigidPairs::write`] left; none where the model has none.
@@ -176,9 +176,7 @@ impl RigidPairs {
     /// # Errors
     /// Data: arrays that do not fit together or the points, or numbers out of range.
     pub fn read(model: &Model, source: &str) -> Result<RigidPairs> {
-        let (Some(rigid), Some(lengths)) =
-            (model.arrays.get("rigid"), model.arrays.get("rigid_lengths"))
-        else {
+        let (Some(rigid), Some(lengths)) = (model.get("rigid"), model.get("rigid_lengths")) else {
             return Ok(RigidPairs::default());
         };
         let wrong = || {
@@ -392,15 +390,15 @@ mod tests {
             ("rigid_lengths", [1, 0], 0.0),
         ] {
             let mut bad = model.clone();
-            bad.arrays.get_mut(name).unwrap()[at] = value;
+            bad.get_mut(name).unwrap()[at] = value;
             assert!(RigidPairs::read(&bad, "m").is_err(), "{name} {at:?}");
         }
         let (rigid, lengths) = (
             Array2::from_shape_fn((MOST.0 + 1, 4), |(_, c)| [0.0, 1.0, 0.1, 1.0][c]),
             Array2::ones((1, MOST.0 + 2)),
         );
-        model.arrays.insert("rigid".into(), rigid);
-        model.arrays.insert("rigid_lengths".into(), lengths);
+        model.insert("rigid", rigid);
+        model.insert("rigid_lengths", lengths);
         assert!(RigidPairs::read(&model, "m").is_err());
     }
 

@@ -60,7 +60,7 @@ pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
             "have {d} numbers, but the model has {points} points of 3"
         )));
     }
-    Dictionary::from_rows(atoms).map_err(|e| wrong(e.to_string()))
+    Dictionary::from_rows(atoms.view()).map_err(|e| wrong(e.to_string()))
 }
 
 /// So many conditionings are remembered (40 kB each).
@@ -92,7 +92,7 @@ impl SparsePrior {
             }
             Ok(())
         };
-        let residual = match model.arrays.get("residual") {
+        let residual = match model.get("residual") {
             Some(array) => {
                 shaped("residual", array.view(), Some(width))?;
                 array.mapv(f64::from)
@@ -102,7 +102,7 @@ impl SparsePrior {
                 Array2::from_diag_elem(width, rms.map_or(UNKNOWN_RESIDUAL, |r| r * r))
             }
         };
-        let typical = match model.arrays.get("typical") {
+        let typical = match model.get("typical") {
             Some(array) => {
                 shaped("typical", array.view(), None)?;
                 array.mapv(f64::from)

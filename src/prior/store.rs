@@ -6,7 +6,7 @@ use super::training::TrainingPoses;
 use super::tuning::{Grid, Learnt, Tasked, Tuned, Tuning, tune};
 use crate::io::Model;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2, Axis};
+use ndarray::{Array2, ArrayView2, Axis, CowArray, Ix2};
 
 /// An array of whole rows of `width` finite numbers, at least one row.
 pub(super) fn rows<'a>(
@@ -14,7 +14,7 @@ pub(super) fn rows<'a>(
     name: &str,
     width: usize,
     source: &str,
-) -> Result<ArrayView2<'a, f32>> {
+) -> Result<CowArray<'a, f32, Ix2>> {
     let array = model.array(name, source)?;
     let (n, d) = array.dim();
     let place = || Place::file(source).part(name);
@@ -35,7 +35,7 @@ pub(super) fn typical_or(
     own: ArrayView2<'_, f32>,
     source: &str,
 ) -> Result<Array2<f64>> {
-    if model.arrays.contains_key("typical") {
+    if model.get("typical").is_some() {
         return Ok(rows(model, "typical", own.ncols(), source)?.mapv(f64::from));
     }
     let step = own.nrows().div_ceil(32).max(1);
@@ -54,9 +54,13 @@ pub(super) fn of_poses(
     learn: impl FnOnce(ArrayView2<'_, f32>, Array2<f64>) -> Learnt<'static>,
 ) -> Result<Tasked> {
     let poses = rows(model, "poses", 3 * model.meta.points.len(), source)?;
-    let typical = typical_or(model, poses, source)?;
+    let typical = typical_or(model, poses.view(), source)?;
     let tuned = Tuned::read(model, source)?;
-    Ok(Tasked::new(tuned, choice.task, &learn(poses, typical)))
+    Ok(Tasked::new(
+        tuned,
+        choice.task,
+        &learn(poses.view(), typical),
+    ))
 }
 
 /// Makes such a model, and finds the settings that are for the caller to write into it.
@@ -75,6 +79,6 @@ pub(super) fn learn_poses(
     let learn = |kept: &TrainingPoses| Ok(learn(kept.xyz.view(), Array2::zeros((0, 0))));
     let tuning = tune(training, grid, &learn, report)?;
     let poses = training.poses.xyz.clone();
-    model.arrays.insert("poses".into(), poses);
+    model.insert("poses", poses);
     Ok((model, tuning))
 }

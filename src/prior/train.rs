@@ -80,7 +80,7 @@ impl Training<'_> {
         let frames = self.poses.xyz.nrows();
         model.meta.details.insert("frames".into(), frames.into());
         let typical = training::typical(self.poses.xyz.view())?;
-        model.arrays.insert("typical".into(), typical);
+        model.insert("typical", typical);
         RigidPairs::learn(self.poses.xyz.view(), &self.poses.takes).write(&mut model);
         Ok(model)
     }

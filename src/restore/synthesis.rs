@@ -432,7 +432,7 @@ mod tests {
         };
         let atoms = ndarray::Array2::from_shape_fn((3000, 18), |(i, c)| at(i, c) as f32);
         let mut model = crate::io::Model::new("sparse", &names, "body");
-        model.arrays.insert("atoms".into(), atoms);
+        model.insert("atoms", atoms);
         model.meta.training_rms = Some(0.5);
         let prior = crate::prior::SparsePrior::from_model(&model, &Default::default(), "made");
         let away = Similarity {

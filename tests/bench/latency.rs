@@ -36,10 +36,7 @@ fn main() {
     let frames = ndarray::concatenate(Axis(0), &frames).expect("takes of the same points");
     let all: Vec<usize> = (0..frames.nrows()).collect();
     let mut model = Model::new("sparse", &takes[0].points, "body");
-    model.arrays.insert(
-        "atoms".into(),
-        shared::atoms(&frames, &all, ATOMS).into_atoms(),
-    );
+    model.insert("atoms", shared::atoms(&frames, &all, ATOMS).into_atoms());
     model.meta.training_rms = Some(1.0);
     let prior = SparsePrior::from_model(&model, &Choice::default(), "the bench").expect("a model");
     drop(model);

@@ -4,9 +4,9 @@
 //! first.
 
 use crate::linalg::symmetric_eigen;
-use crate::simd::{padded, weighted_products};
+use crate::simd::{self, padded, weighted_products};
 use glam::{DMat3, DVec3};
-use ndarray::{Array2, ArrayView1, ArrayView2};
+use ndarray::{Array2, ArrayView2};
 
 /// The directions of a covariance (d, d).
 #[derive(Debug, Clone, PartialEq)]
@@ -33,18 +33,12 @@ impl Basis {
         Basis::with(values, |i, k| vectors[[i, k]])
     }
 
-    /// From directions (d, d), one a column, of any length above 0, and the deviation √λ along each.
-    pub fn from_parts(directions: ArrayView2<'_, f32>, deviations: ArrayView1<'_, f32>) -> Basis {
-        let d = directions.nrows();
-        let norm = |k: usize| {
-            let column = directions.column(k);
-            column.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>()
-        };
-        let scale: Vec<f64> = (0..d).map(|k| 1.0 / norm(k).max(LEAST).sqrt()).collect();
-        let values = (deviations.iter())
-            .map(|v| f64::from(*v).powi(2).max(LEAST))
-            .collect();
-        Basis::with(values, |i, k| f64::from(directions[[i, k]]) * scale[k])
+    /// From directions (d, d) by rows, one a column, of any length above 0, and the deviation √λ along each.
+    pub fn from_parts(directions: &[f32], deviations: &[f32]) -> Basis {
+        let d = deviations.len();
+        let scales = scales(directions, d);
+        let values = deviations.iter().map(|v| variance(*v)).collect();
+        Basis::with(values, |i, k| f64::from(directions[i * d + k]) * scales[k])
     }
 
     fn with(values: Vec<f64>, vectors: impl Fn(usize, usize) -> f64) -> Basis {
@@ -152,6 +146,44 @@ impl Basis {
     }
 }
 
+/// λ of the deviation along a direction, cm².
+fn variance(deviation: f32) -> f64 {
+    f64::from(deviation).powi(2).max(LEAST)
+}
+
+/// What makes each of the directions (d, d) by rows, one a column, 1 long.
+fn scales(directions: &[f32], d: usize) -> Vec<f64> {
+    let mut norms = vec![0.0; d];
+    for row in directions.chunks_exact(d.max(1)) {
+        let both = norms.iter_mut().zip(row);
+        both.for_each(|(n, v)| *n += f64::from(*v).powi(2));
+    }
+    norms.iter().map(|n| 1.0 / n.max(LEAST).sqrt()).collect()
+}
+
+/// Adds `share` times the diagonal of the covariance with these directions (d, d) and deviations (d): as
+/// [`Basis::from_parts`] tells it, without making one.
+pub fn add_diagonal(share: f64, directions: &[f32], deviations: &[f32], out: &mut [f64]) {
+    let d = deviations.len();
+    let scales = scales(directions, d);
+    let each = deviations.iter().zip(&scales);
+    let weights: Vec<f64> = each.map(|(v, s)| share * variance(*v) * s * s).collect();
+    simd::wide(
+        #[inline(always)]
+        || {
+            for (out, row) in out.iter_mut().zip(directions.chunks_exact(d.max(1))) {
+                let mut sums = [0.0; 8];
+                for (u, w) in row.chunks(8).zip(weights.chunks(8)) {
+                    for ((sum, u), w) in sums.iter_mut().zip(u).zip(w) {
+                        *sum += f64::from(u * u) * w;
+                    }
+                }
+                *out += sums.iter().sum::<f64>();
+            }
+        },
+    );
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -166,13 +198,19 @@ mod tests {
         let mut spread = Array2::zeros((6, 6));
         basis.add_spread(&basis.values, &mut spread);
         assert!(near(&spread));
-        let directions = Array2::from_shape_fn((6, 6), |(i, k)| 0.5 * basis.row(i)[k]);
-        let deviations: ndarray::Array1<f32> =
-            basis.values.iter().map(|v| v.sqrt() as f32).collect();
-        let again = Basis::from_parts(directions.view(), deviations.view());
+        let directions: Vec<f32> = (0..36).map(|at| 0.5 * basis.row(at / 6)[at % 6]).collect();
+        let deviations: Vec<f32> = basis.values.iter().map(|v| v.sqrt() as f32).collect();
+        let again = Basis::from_parts(&directions, &deviations);
         assert!(basis.values.is_sorted_by(|a, b| a >= b));
         assert!(near(&again.covariance()));
-        let diagonal = basis.diagonal();
+        let mut told = vec![1.0; 6];
+        add_diagonal(0.5, &directions, &deviations, &mut told);
+        let diagonal = again.diagonal();
+        let both = told.iter().zip(&diagonal);
+        assert!(
+            both.clone()
+                .all(|(t, v)| (t - 1.0 - 0.5 * v).abs() <= 1e-6 * v)
+        );
         assert!((0..6).all(|i| (diagonal[i] - c[[i, i]]).abs() <= 1e-5));
     }
 }

@@ -1,6 +1,7 @@
 //! The cells of one level of the hierarchy: a mean, a covariance and a share of the training poses each.
 
-use super::basis::Basis;
+use super::basis::{Basis, add_diagonal};
+use crate::io::model::Matrix;
 use crate::pose::PoseMap;
 use crate::simd::{self, distances};
 use ndarray::{Array2, Axis};
@@ -20,8 +21,18 @@ pub struct Cells {
     /// The variance of each coordinate within the cells, their mean, cm².
     pub within: Vec<f64>,
     bases: Vec<OnceLock<Arc<Basis>>>,
-    /// What the bases are made from, where the cells are those of another body.
-    origin: Option<(Arc<Cells>, Arc<PoseMap>)>,
+    /// What the bases are made from when they are first asked for.
+    origin: Origin,
+}
+
+#[derive(Debug, Clone)]
+enum Origin {
+    /// All are made.
+    Made,
+    /// The directions (K d, d), one a column, and the deviation along each, cm (K, d).
+    Stored(Arc<(Matrix, Matrix)>),
+    /// The cells as another body has them.
+    Mapped(Arc<Cells>, Arc<PoseMap>),
 }
 
 impl Cells {
@@ -35,21 +46,29 @@ impl Cells {
         let mut within = vec![0.0; coordinates.len()];
         for (basis, log) in bases.iter().zip(&log_shares) {
             let share = log.exp();
-            let diagonal = basis.diagonal();
-            within
-                .iter_mut()
-                .zip(diagonal)
-                .for_each(|(w, v)| *w += share * v);
+            let both = within.iter_mut().zip(basis.diagonal());
+            both.for_each(|(w, v)| *w += share * v);
         }
         let bases = bases.into_iter().map(|b| OnceLock::from(Arc::new(b)));
-        Cells::with(
-            wholes,
-            log_shares,
-            within,
-            bases.collect(),
-            None,
-            coordinates,
-        )
+        let bases = bases.collect();
+        Cells::with(wholes, log_shares, within, bases, Origin::Made, coordinates)
+    }
+
+    /// The same where the directions (K d, d), one a column, and the deviation along each, cm (K, d), are as
+    /// [`Cells::parts`] gives them, and perhaps the variances within the cells.
+    pub fn stored(
+        wholes: Array2<f64>,
+        log_shares: Vec<f64>,
+        directions: Matrix,
+        deviations: Matrix,
+        within: Option<Vec<f64>>,
+        coordinates: &[usize],
+    ) -> Cells {
+        let told = || variances_within(&log_shares, &directions, &deviations, coordinates.len());
+        let within = within.unwrap_or_else(told);
+        let bases = log_shares.iter().map(|_| OnceLock::new()).collect();
+        let origin = Origin::Stored(Arc::new((directions, deviations)));
+        Cells::with(wholes, log_shares, within, bases, origin, coordinates)
     }
 
     fn with(
@@ -57,7 +76,7 @@ impl Cells {
         log_shares: Vec<f64>,
         within: Vec<f64>,
         bases: Vec<OnceLock<Arc<Basis>>>,
-        origin: Option<(Arc<Cells>, Arc<PoseMap>)>,
+        origin: Origin,
         coordinates: &[usize],
     ) -> Cells {
         let means = wholes.select(Axis(1), coordinates);
@@ -88,22 +107,32 @@ impl Cells {
 
     /// The directions of a cell.
     pub fn basis(&self, cell: usize, coordinates: &[usize]) -> Arc<Basis> {
+        let d = coordinates.len();
         let make = || match &self.origin {
-            // Directions turn with their poses.
-            Some((origin, map)) if let PoseMap::Turn(turn) = &**map => {
-                Arc::new(origin.basis(cell, coordinates).turned(turn))
+            Origin::Stored(parts) => {
+                let (mut directions, mut deviations) = (Vec::new(), Vec::new());
+                parts
+                    .0
+                    .extend_with(cell * d..(cell + 1) * d, &mut directions);
+                parts.1.extend_with(cell..cell + 1, &mut deviations);
+                Basis::from_parts(&directions, &deviations)
             }
-            Some((origin, map)) => {
-                let own = origin.basis(cell, coordinates).covariance();
-                Arc::new(Basis::of(
-                    carried(&own, map, coordinates, self.wholes.ncols()).view(),
-                ))
+            Origin::Mapped(origin, map) => {
+                let own = origin.basis(cell, coordinates);
+                match &**map {
+                    // Directions turn with their poses.
+                    PoseMap::Turn(turn) => own.turned(turn),
+                    map => {
+                        let width = self.wholes.ncols();
+                        let own = own.covariance();
+                        Basis::of(carried(&own, map, coordinates, width).view())
+                    }
+                }
             }
-            // Never met: cells that are not of another body have all their directions.
-            None => Arc::new(Basis::of(
-                Array2::zeros((coordinates.len(), coordinates.len())).view(),
-            )),
+            // Never met: those that are made are there.
+            Origin::Made => Basis::of(Array2::zeros((d, d)).view()),
         };
+        let make = || Arc::new(make());
         self.bases[cell].get_or_init(make).clone()
     }
 
@@ -131,7 +160,7 @@ impl Cells {
             // Good enough for the search; a body's size is nothing beside what poses do.
             self.within.clone(),
             self.bases.iter().map(|_| OnceLock::new()).collect(),
-            Some((Arc::new(self.clone()), map.clone())),
+            Origin::Mapped(Arc::new(self.clone()), map.clone()),
             coordinates,
         )
     }
@@ -140,6 +169,25 @@ impl Cells {
     pub fn distances(&self, y: &[f32], w: &[f32], out: &mut Vec<f32>) {
         distances(&self.short, y, w, out);
     }
+}
+
+/// The variance of each of d coordinates within cells, their mean.
+fn variances_within(
+    log_shares: &[f64],
+    directions: &Matrix,
+    deviations: &Matrix,
+    d: usize,
+) -> Vec<f64> {
+    let mut within = vec![0.0; d];
+    let (mut own, mut along) = (Vec::new(), Vec::new());
+    for (cell, log) in log_shares.iter().enumerate() {
+        own.clear();
+        along.clear();
+        directions.extend_with(cell * d..(cell + 1) * d, &mut own);
+        deviations.extend_with(cell..cell + 1, &mut along);
+        add_diagonal(log.exp(), &own, &along, &mut within);
+    }
+    within
 }
 
 /// The covariance (d, d) of a part of poses that went through `map`.

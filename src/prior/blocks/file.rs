@@ -8,6 +8,7 @@
 //! | `means.P.L` | (K, 3 J) | the cells' mean poses of part P at level L |
 //! | `directions.P.L` | (K d, d) | the directions of their covariances: d rows a cell, one a column |
 //! | `deviations.P.L` | (K, d) | the standard deviation along each, cm |
+//! | `within.P.L` | (1, d) | the variance of each coordinate within the cells, cm²; may be missing: it follows from the above |
 //! | `shares.P.L` | (K, 1) | the log of their shares of the poses |
 //! | `weights` | (levels, P) | the log weight of each level |
 //! | `ways` | (F, 1) | the log weight of each way to make a body of parts |
@@ -17,7 +18,6 @@
 //! Which coordinates make which part follows from the points' names; the scales are in `details`.
 
 use super::Blocks;
-use super::basis::Basis;
 use super::cells::Cells;
 use super::learn::{Settings, variance_of};
 use super::leaves::Poses;
@@ -25,8 +25,9 @@ use super::limit::Limit;
 use super::part::Part;
 use super::parts::parts;
 use crate::io::Model;
+use crate::io::model::Matrix;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, CowArray, Ix2};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -34,40 +35,37 @@ use std::sync::Arc;
 /// Writes blocks into a model.
 pub fn write(blocks: &Blocks, settings: &Settings, model: &mut Model) -> Result<()> {
     let column = |v: Vec<f32>| Array2::from_shape_vec((v.len(), 1), v).unwrap_or_default();
-    model.insert_packed("poses", blocks.poses.xyz().clone());
-    let mut labels = Array2::zeros((blocks.poses.xyz().nrows(), blocks.parts.len()));
+    model.insert_packed("poses", &blocks.poses.xyz());
+    let mut labels = Array2::zeros((blocks.poses.len(), blocks.parts.len()));
     for (p, part) in blocks.parts.iter().enumerate() {
         for (row, label) in part.leaves.labels().into_iter().enumerate() {
             labels[[row, p]] = label as f32;
         }
         for (l, cells) in part.cells.iter().enumerate() {
             let (directions, deviations) = cells.parts(&part.coordinates);
-            model.insert_packed(&format!("means.{p}.{l}"), cells.wholes.mapv(|v| v as f32));
-            model.insert_packed(&format!("directions.{p}.{l}"), directions);
-            let arrays = &mut model.arrays;
-            arrays.insert(format!("deviations.{p}.{l}"), deviations);
+            model.insert_packed(&format!("means.{p}.{l}"), &cells.wholes.mapv(|v| v as f32));
+            model.insert_packed(&format!("directions.{p}.{l}"), &directions);
+            model.insert(&format!("deviations.{p}.{l}"), deviations);
+            let within =
+                Array2::from_shape_fn((1, cells.within.len()), |(_, i)| cells.within[i] as f32);
+            model.insert(&format!("within.{p}.{l}"), within);
             let shares = cells.log_shares.iter().map(|v| *v as f32).collect();
-            arrays.insert(format!("shares.{p}.{l}"), column(shares));
+            model.insert(&format!("shares.{p}.{l}"), column(shares));
         }
     }
-    model.insert_packed("labels", labels);
-    let arrays = &mut model.arrays;
-    arrays.insert(
-        "takes".into(),
-        column(blocks.poses.takes.iter().map(|t| t.end as f32).collect()),
-    );
+    model.insert_packed("labels", &labels);
+    let ends = blocks.poses.takes.iter().map(|t| t.end as f32);
+    model.insert("takes", column(ends.collect()));
     let levels = blocks.parts[0].levels.len();
     let weights = Array2::from_shape_fn((levels, blocks.parts.len()), |(l, p)| {
         blocks.parts[p].log_weights[l] as f32
     });
-    arrays.insert("weights".into(), weights);
-    arrays.insert(
-        "ways".into(),
-        column(blocks.log_ways.iter().map(|v| *v as f32).collect()),
-    );
-    arrays.insert("typical".into(), blocks.typical.mapv(|v| v as f32));
+    model.insert("weights", weights);
+    let ways = blocks.log_ways.iter().map(|v| *v as f32);
+    model.insert("ways", column(ways.collect()));
+    model.insert("typical", blocks.typical.mapv(|v| v as f32));
     if let Some(least) = blocks.limit.least {
-        arrays.insert("limit".into(), column(vec![least as f32]));
+        model.insert("limit", column(vec![least as f32]));
     }
     let settings = serde_json::to_value(settings).map_err(|e| Error::usage(e.to_string()))?;
     model.meta.details.insert("blocks".into(), settings);
@@ -90,20 +88,21 @@ impl Blocks {
             .map_err(|e| Error::data(Place::file(source).part("meta"), e.to_string()))?;
         let (coordinates, ways) = parts(&model.meta.points);
         let width = 3 * model.meta.points.len();
-        let poses = file.array("poses", None, Some(width))?;
+        let poses = file.matrix("poses", None, Some(width))?;
         let takes = file.takes(poses.nrows())?;
-        let labels = file.array("labels", Some(poses.nrows()), Some(coordinates.len()))?;
+        let labels = file.matrix("labels", Some(poses.nrows()), Some(coordinates.len()))?;
         let count = settings.levels(settings.cells.len()).len();
         let weights = file.array("weights", Some(count), Some(coordinates.len()))?;
-        let poses = Arc::new(Poses::new(poses.to_owned(), takes));
+        let poses = Arc::new(Poses::new(poses.clone(), takes));
         let part = |(p, coordinates): (usize, Vec<usize>)| -> Result<Part> {
             let cells: Vec<Cells> = (0..settings.cells.len())
                 .map(|l| file.cells(p, l, &coordinates))
                 .collect::<Result<_>>()?;
             let finest = cells.last().map_or(0, Cells::len);
-            let labels = labels.column(p);
-            let labels: Vec<usize> = labels.iter().map(|l| l.round() as usize).collect();
-            if labels.iter().any(|l| *l >= finest) {
+            // Above 0, or cut off there: rounded.
+            let labels = (0..labels.nrows()).map(|row| (labels.at(row, p) + 0.5) as u32);
+            let labels: Vec<u32> = labels.collect();
+            if labels.iter().any(|l| *l as usize >= finest) {
                 return Err(file.wrong("labels", "names a cell that is not there"));
             }
             let levels = settings.levels(cells.len());
@@ -142,14 +141,9 @@ impl File<'_> {
         Error::data(Place::file(self.source).part(name), what)
     }
 
-    /// An array of finite numbers, with so many rows and columns.
-    fn array(
-        &self,
-        name: &str,
-        rows: Option<usize>,
-        columns: Option<usize>,
-    ) -> Result<ArrayView2<'_, f32>> {
-        let array = self.model.array(name, self.source)?;
+    /// An array of finite numbers, with so many rows and columns, as it is kept.
+    fn matrix(&self, name: &str, rows: Option<usize>, columns: Option<usize>) -> Result<&Matrix> {
+        let array = self.model.matrix(name, self.source)?;
         let (n, d) = array.dim();
         if n == 0 || rows.is_some_and(|r| r != n) || columns.is_some_and(|c| c != d) {
             let shown = |v: Option<usize>| v.map_or("some".into(), |v| v.to_string());
@@ -160,15 +154,25 @@ impl File<'_> {
             );
             return Err(self.wrong(name, &what));
         }
-        if array.iter().any(|v| !v.is_finite()) {
+        if !array.is_finite() {
             return Err(self.wrong(name, "holds a value that is not finite"));
         }
         Ok(array)
     }
 
+    /// The same as single precision.
+    fn array(
+        &self,
+        name: &str,
+        rows: Option<usize>,
+        columns: Option<usize>,
+    ) -> Result<CowArray<'_, f32, Ix2>> {
+        Ok(self.matrix(name, rows, columns)?.floats())
+    }
+
     /// Models of before there were limits have none.
     fn limit(&self) -> Result<Limit> {
-        if !self.model.arrays.contains_key("limit") {
+        if self.model.get("limit").is_none() {
             return Ok(Limit::default());
         }
         let least = self.array("limit", Some(1), Some(1))?[[0, 0]];
@@ -180,7 +184,7 @@ impl File<'_> {
         let mut takes: Vec<Range<usize>> = Vec::new();
         for end in ends {
             let start = takes.last().map_or(0, |t| t.end);
-            takes.push(start..*end as usize);
+            takes.push(start..end as usize);
         }
         let fits =
             takes.iter().all(|t| t.start <= t.end) && takes.last().is_some_and(|t| t.end == frames);
@@ -194,12 +198,25 @@ impl File<'_> {
         let wholes = self.array(&format!("means.{part}.{level}"), None, Some(width))?;
         let wholes = wholes.mapv(f64::from);
         let k = wholes.nrows();
-        let directions = self.array(&format!("directions.{part}.{level}"), Some(k * d), Some(d))?;
-        let deviations = self.array(&format!("deviations.{part}.{level}"), Some(k), Some(d))?;
+        let directions =
+            self.matrix(&format!("directions.{part}.{level}"), Some(k * d), Some(d))?;
+        let deviations = self.matrix(&format!("deviations.{part}.{level}"), Some(k), Some(d))?;
         let shares = self.array(&format!("shares.{part}.{level}"), Some(k), Some(1))?;
-        let directions = |c: usize| directions.slice(s![c * d..(c + 1) * d, ..]);
-        let bases = (0..k).map(|c| Basis::from_parts(directions(c), deviations.row(c)));
         let shares = shares.iter().map(|v| f64::from(*v)).collect();
-        Ok(Cells::new(wholes, shares, bases.collect(), coordinates))
+        let name = format!("within.{part}.{level}");
+        let within = match self.model.get(&name) {
+            Some(_) => Some(self.array(&name, Some(1), Some(d))?),
+            None => None,
+        };
+        let within = within.map(|w| w.iter().map(|v| f64::from(*v).max(0.0)).collect());
+        let (directions, deviations) = (directions.clone(), deviations.clone());
+        Ok(Cells::stored(
+            wholes,
+            shares,
+            directions,
+            deviations,
+            within,
+            coordinates,
+        ))
     }
 }

@@ -299,7 +299,7 @@ impl Kept {
         let xyz = material.xyz.select(Axis(0), &rows);
         Kept {
             rows,
-            poses: Arc::new(Poses::new(xyz, takes)),
+            poses: Arc::new(Poses::new(xyz.into(), takes)),
         }
     }
 }
@@ -328,7 +328,8 @@ fn part(
         cells.push(cells_of(material.xyz, &coordinates, &labels, k, settings));
     }
     let levels = settings.levels(cells.len());
-    let labels: Vec<usize> = kept.rows.iter().map(|&row| labels[row]).collect();
+    let labels = kept.rows.iter().map(|&row| labels[row] as u32);
+    let labels: Vec<u32> = labels.collect();
     let poses = kept.poses.clone();
     Ok(Part::new(coordinates, cells, poses, &labels, levels))
 }

@@ -1,58 +1,122 @@
 //! Every training pose as a block of its own, as wide as a share of its cell.
 
 use super::basis::Basis;
+use crate::io::model::Matrix;
 use crate::pose::PoseMap;
 use crate::simd::{combine, distances, padded};
 use ndarray::{Array2, ArrayView1};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-/// The training poses and how they move: shared by all parts.
+/// So many poses are carried through a map at a time.
+const CHUNK: usize = 32;
+
+/// The training poses and how they move: shared by all parts. One frame asks for few of them, so they are unpacked when they
+/// are asked for, and carried through a map a few at a time.
 #[derive(Debug)]
 pub struct Poses {
-    xyz: OnceLock<Array2<f32>>,
+    source: Source,
+    /// (N, 3 J).
+    shape: (usize, usize),
     /// The rows of each take.
     pub takes: Vec<Range<usize>>,
-    /// What they are made from when first asked for, where they went through a map.
-    origin: Option<(Arc<Poses>, Arc<PoseMap>)>,
+}
+
+#[derive(Debug)]
+enum Source {
+    Own(Matrix),
+    Mapped {
+        origin: Arc<Poses>,
+        map: Arc<PoseMap>,
+        /// [`CHUNK`] rows each.
+        chunks: Vec<OnceLock<Box<[f32]>>>,
+    },
 }
 
 impl Poses {
     /// Poses (N, 3 J), cm, take after take.
-    pub fn new(xyz: Array2<f32>, takes: Vec<Range<usize>>) -> Poses {
+    pub fn new(xyz: Matrix, takes: Vec<Range<usize>>) -> Poses {
         Poses {
-            xyz: xyz.into(),
+            shape: xyz.dim(),
+            source: Source::Own(xyz),
             takes,
-            origin: None,
         }
     }
 
-    /// The same carried through a map, once they are asked for.
+    /// The same carried through a map.
     pub fn mapped(self: &Arc<Poses>, map: &Arc<PoseMap>) -> Poses {
+        let chunks = (0..self.len().div_ceil(CHUNK)).map(|_| OnceLock::new());
         Poses {
-            xyz: OnceLock::new(),
+            source: Source::Mapped {
+                origin: self.clone(),
+                map: map.clone(),
+                chunks: chunks.collect(),
+            },
+            shape: self.shape,
             takes: self.takes.clone(),
-            origin: Some((self.clone(), map.clone())),
         }
     }
 
-    /// (N, 3 J), cm, take after take.
-    pub fn xyz(&self) -> &Array2<f32> {
-        self.xyz.get_or_init(|| match &self.origin {
-            Some((origin, map)) => {
-                let from = origin.xyz().mapv(f64::from);
-                map.apply_rows(from.view()).mapv(|v| v as f32)
-            }
-            None => Array2::zeros((0, 0)),
-        })
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.shape.0
     }
 
-    /// Half the step from the pose before to the one after in the same take, of some coordinates.
+    /// Appends some coordinates of a pose, cm.
+    pub fn extend_with(&self, row: usize, coordinates: &[usize], out: &mut Vec<f32>) {
+        match &self.source {
+            Source::Own(xyz) => xyz.gather(row, coordinates, out),
+            Source::Mapped { chunks, .. } => {
+                let chunk = chunks[row / CHUNK].get_or_init(|| {
+                    let first = row / CHUNK * CHUNK;
+                    self.carried(first..(first + CHUNK).min(self.len()))
+                });
+                let pose = &chunk[row % CHUNK * self.shape.1..];
+                out.extend(coordinates.iter().map(|&c| pose[c]));
+            }
+        }
+    }
+
+    /// Some poses as they are once they went through the map.
+    fn carried(&self, rows: Range<usize>) -> Box<[f32]> {
+        let Source::Mapped { origin, map, .. } = &self.source else {
+            return Box::default();
+        };
+        let all: Vec<usize> = (0..self.shape.1).collect();
+        let mut out = Vec::with_capacity(rows.len() * all.len());
+        let (mut short, mut mapped) = (Vec::new(), vec![0.0; all.len()]);
+        for row in rows {
+            short.clear();
+            origin.extend_with(row, &all, &mut short);
+            let pose: Vec<f64> = short.iter().map(|v| f64::from(*v)).collect();
+            map.apply(&pose, &mut mapped);
+            out.extend(mapped.iter().map(|v| *v as f32));
+        }
+        out.into()
+    }
+
+    /// All, (N, 3 J), cm.
+    pub fn xyz(&self) -> Array2<f32> {
+        let all: Vec<usize> = (0..self.shape.1).collect();
+        let mut out = Vec::with_capacity(self.len() * all.len());
+        (0..self.len()).for_each(|row| self.extend_with(row, &all, &mut out));
+        // As many as there are: cannot fail.
+        Array2::from_shape_vec(self.shape, out).unwrap_or_default()
+    }
+
+    /// Appends half the step from the pose before to the one after in the same take, of some coordinates.
     pub fn step(&self, row: usize, coordinates: &[usize], out: &mut Vec<f32>) {
         let take = &self.takes[self.takes.partition_point(|t| t.end <= row)];
-        let before = self.xyz().row(row.saturating_sub(1).max(take.start));
-        let after = self.xyz().row((row + 1).min(take.end - 1));
-        out.extend(coordinates.iter().map(|&c| 0.5 * (after[c] - before[c])));
+        let mut before = Vec::with_capacity(coordinates.len());
+        self.extend_with(
+            row.saturating_sub(1).max(take.start),
+            coordinates,
+            &mut before,
+        );
+        let start = out.len();
+        self.extend_with((row + 1).min(take.end - 1), coordinates, out);
+        let both = out[start..].iter_mut().zip(before);
+        both.for_each(|(o, b)| *o = 0.5 * (*o - b));
     }
 }
 
@@ -61,45 +125,72 @@ impl Poses {
 pub struct Leaves {
     poses: Arc<Poses>,
     /// Which training pose each leaf is, sorted by cell.
-    pub rows: Vec<usize>,
+    rows: Arc<[u32]>,
     /// Where the leaves of each cell begin; one more at the end.
-    pub starts: Vec<usize>,
+    starts: Arc<[u32]>,
     /// What is made of a cell's leaves when it is first opened.
     opened: Arc<Vec<OnceLock<Opened>>>,
 }
 
-/// The leaves of one cell.
+/// So many leaves of a cell are turned at a time.
+const GROUP: usize = 16;
+
+/// The leaves of one cell. What only the nearest are asked for is made a few at a time: one frame asks for few of them.
 #[derive(Debug)]
 pub struct Opened {
     /// Rows are padded.
     stride: usize,
     /// (n, d), cm.
     poses: Vec<f32>,
-    /// (n, d), cm: half the step from the pose before to the one after.
-    steps: Vec<f32>,
-    /// (n, d): the poses less the cell's mean, in the cell's directions.
-    codes: Vec<f32>,
-    /// (n, d): the steps in the cell's directions.
-    turns: Vec<f32>,
+    /// Which training pose each leaf is.
+    rows: Box<[u32]>,
+    all: Arc<Poses>,
+    coordinates: Box<[usize]>,
+    /// (d), cm.
+    mean: Vec<f32>,
+    basis: Arc<Basis>,
+    /// (n, d), cm, [`GROUP`] rows each: half the step from the pose before to the one after.
+    steps: Vec<OnceLock<Box<[f32]>>>,
+    /// [`GROUP`] rows each.
+    turned: Vec<OnceLock<Turned>>,
+}
+
+/// Some leaves in their cell's directions.
+#[derive(Debug)]
+struct Turned {
+    /// The poses less the cell's mean, (n, d).
+    codes: Box<[f32]>,
+    /// The steps, (n, d).
+    turns: Box<[f32]>,
 }
 
 impl Leaves {
     /// Leaves by the cell that each training pose belongs to.
-    pub fn new(poses: Arc<Poses>, labels: &[usize], cells: usize) -> Leaves {
-        let mut starts = vec![0; cells + 1];
-        labels.iter().for_each(|l| starts[l + 1] += 1);
+    pub fn new(poses: Arc<Poses>, labels: &[u32], cells: usize) -> Leaves {
+        let mut starts = vec![0u32; cells + 1];
+        labels.iter().for_each(|l| starts[*l as usize + 1] += 1);
         (0..cells).for_each(|c| starts[c + 1] += starts[c]);
         let (mut next, mut rows) = (starts.clone(), vec![0; labels.len()]);
-        for (row, label) in labels.iter().enumerate() {
-            rows[next[*label]] = row;
-            next[*label] += 1;
+        for (row, label) in (0..).zip(labels) {
+            let next = &mut next[*label as usize];
+            rows[*next as usize] = row;
+            *next += 1;
         }
         Leaves {
-            starts,
+            starts: starts.into(),
             opened: Arc::new((0..cells).map(|_| OnceLock::new()).collect()),
             poses,
-            rows,
+            rows: rows.into(),
         }
+    }
+
+    /// How many.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn cell(&self, cell: usize) -> &[u32] {
+        &self.rows[self.starts[cell] as usize..self.starts[cell + 1] as usize]
     }
 
     /// The same of poses that went through a map.
@@ -114,9 +205,9 @@ impl Leaves {
     /// The cell of each training pose, in their own order.
     pub fn labels(&self) -> Vec<usize> {
         let mut labels = vec![0; self.rows.len()];
-        for (cell, range) in self.starts.windows(2).enumerate() {
-            for &row in &self.rows[range[0]..range[1]] {
-                labels[row] = cell;
+        for cell in 0..self.opened.len() {
+            for &row in self.cell(cell) {
+                labels[row as usize] = cell;
             }
         }
         labels
@@ -131,38 +222,25 @@ impl Leaves {
         basis: impl FnOnce() -> Arc<Basis>,
     ) -> &Opened {
         self.opened[cell].get_or_init(|| {
-            let basis = basis();
-            let d = coordinates.len();
-            let stride = padded(d);
-            let rows = &self.rows[self.starts[cell]..self.starts[cell + 1]];
+            let stride = padded(coordinates.len());
+            let rows = self.cell(cell);
             let mut poses = Vec::with_capacity(rows.len() * stride);
-            let mut steps = Vec::with_capacity(rows.len() * stride);
             for &row in rows {
-                let pose = self.poses.xyz().row(row);
-                poses.extend(coordinates.iter().map(|&c| pose[c]));
-                self.poses.step(row, coordinates, &mut steps);
-                let end = poses.len().next_multiple_of(stride);
-                poses.resize(end, 0.0);
-                steps.resize(end, 0.0);
+                self.poses
+                    .extend_with(row as usize, coordinates, &mut poses);
+                poses.resize(poses.len().next_multiple_of(stride), 0.0);
             }
-            let mean: Vec<f32> = mean.iter().map(|v| *v as f32).collect();
-            let turned = |flat: &[f32], mean: Option<&[f32]>| {
-                let mut out = vec![0.0; flat.len()];
-                for (row, out) in flat.chunks(stride).zip(out.chunks_mut(stride)) {
-                    let mut row = row[..d].to_vec();
-                    for (r, m) in row.iter_mut().zip(mean.unwrap_or_default()) {
-                        *r -= m;
-                    }
-                    combine(basis.vectors(), stride, &row, out);
-                }
-                out
-            };
+            let groups = rows.len().div_ceil(GROUP);
             Opened {
-                codes: turned(&poses, Some(&mean)),
-                turns: turned(&steps, None),
                 stride,
                 poses,
-                steps,
+                rows: rows.into(),
+                all: self.poses.clone(),
+                coordinates: coordinates.into(),
+                mean: mean.iter().map(|v| *v as f32).collect(),
+                basis: basis(),
+                steps: (0..groups).map(|_| OnceLock::new()).collect(),
+                turned: (0..groups).map(|_| OnceLock::new()).collect(),
             }
         })
     }
@@ -180,17 +258,57 @@ impl Opened {
 
     /// A leaf's step, cm.
     pub fn step(&self, leaf: usize) -> &[f32] {
-        self.row(&self.steps, leaf)
+        self.row(self.steps(leaf / GROUP), leaf % GROUP)
     }
 
     /// A leaf's pose less the cell's mean, in the cell's directions.
     pub fn code(&self, leaf: usize) -> &[f32] {
-        self.row(&self.codes, leaf)
+        self.row(&self.turned(leaf / GROUP).codes, leaf % GROUP)
     }
 
     /// A leaf's step in the cell's directions.
     pub fn turn(&self, leaf: usize) -> &[f32] {
-        self.row(&self.turns, leaf)
+        self.row(&self.turned(leaf / GROUP).turns, leaf % GROUP)
+    }
+
+    fn group(&self, group: usize) -> Range<usize> {
+        group * GROUP..((group + 1) * GROUP).min(self.rows.len())
+    }
+
+    fn steps(&self, group: usize) -> &[f32] {
+        self.steps[group].get_or_init(|| {
+            let mut steps = Vec::with_capacity(GROUP * self.stride);
+            for &row in &self.rows[self.group(group)] {
+                self.all.step(row as usize, &self.coordinates, &mut steps);
+                steps.resize(steps.len().next_multiple_of(self.stride), 0.0);
+            }
+            steps.into()
+        })
+    }
+
+    fn turned(&self, group: usize) -> &Turned {
+        self.turned[group].get_or_init(|| {
+            let leaves = self.group(group);
+            let poses = &self.poses[leaves.start * self.stride..leaves.end * self.stride];
+            Turned {
+                codes: self.turn_rows(poses, Some(&self.mean)),
+                turns: self.turn_rows(self.steps(group), None),
+            }
+        })
+    }
+
+    /// Padded rows, less the mean where one is given, in the cell's directions.
+    fn turn_rows(&self, rows: &[f32], mean: Option<&[f32]>) -> Box<[f32]> {
+        let mut out = vec![0.0; rows.len()];
+        let both = rows.chunks(self.stride).zip(out.chunks_mut(self.stride));
+        for (row, out) in both {
+            let mut row = row[..self.coordinates.len()].to_vec();
+            for (r, m) in row.iter_mut().zip(mean.unwrap_or_default()) {
+                *r -= m;
+            }
+            combine(self.basis.vectors(), self.stride, &row, out);
+        }
+        out.into()
     }
 
     /// Σ w (y − pose)² of every leaf, into `out`; all padded.

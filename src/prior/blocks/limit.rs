@@ -46,7 +46,7 @@ impl HeldBack {
     /// `whole` is what was learnt without the takes of `poses` (n, 3 J).
     pub fn new(mut whole: Part, poses: Array2<f32>) -> HeldBack {
         // Only cells are asked, and this waits for the weights: the leaves would only fill the memory.
-        let none = Poses::new(Array2::zeros((0, poses.ncols())), Vec::new());
+        let none = Poses::new(Array2::zeros((0, poses.ncols())).into(), Vec::new());
         whole.leaves = Leaves::new(Arc::new(none), &[], 0);
         HeldBack { whole, poses }
     }
@@ -185,17 +185,17 @@ mod tests {
     #[test]
     fn the_file_keeps_the_limit_and_old_files_have_none() {
         let (blocks, model) = learnt(&poses());
-        let again = Model::from_bytes(&model.to_bytes().unwrap(), "m").unwrap();
+        let again = Model::from_bytes(model.to_bytes().unwrap(), "m").unwrap();
         let again = Blocks::from_model(&again, "m").unwrap();
         let [moved, _] = two(20.0);
         assert!(blocks.unlike(&moved).is_some_and(|u| u > 0.0));
         assert_eq!(blocks.unlike(&moved), again.unlike(&moved));
         let mut old = model.clone();
-        old.arrays.remove("limit");
+        old.remove("limit");
         let old = Blocks::from_model(&old, "m").unwrap();
         assert_eq!(old.unlike(&moved), None);
         let mut broken = model.clone();
-        let limit = broken.arrays.get_mut("limit").unwrap();
+        let limit = broken.get_mut("limit").unwrap();
         limit.fill(f32::NAN);
         let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
         assert!(told.contains("limit"), "{told}");
@@ -206,7 +206,7 @@ mod tests {
         let mut poses = poses();
         poses.takes = std::iter::once(0..400).collect();
         let (blocks, model) = learnt(&poses);
-        assert!(!model.arrays.contains_key("limit"));
+        assert!(model.get("limit").is_none());
         assert_eq!(blocks.unlike(&two(60.0)[0]), None);
     }
 }

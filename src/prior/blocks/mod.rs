@@ -390,7 +390,7 @@ mod tests {
         let poses = poses();
         let (blocks, model) = learnt(&poses);
         let bytes = model.to_bytes().unwrap();
-        let again = crate::io::Model::from_bytes(&bytes, "m").unwrap();
+        let again = crate::io::Model::from_bytes(bytes, "m").unwrap();
         let again = Blocks::from_model(&again, "m").unwrap();
         let y: Vec<f64> = poses
             .xyz
@@ -402,6 +402,16 @@ mod tests {
             blocks.believe(&y, &[1.0; 69]),
             again.believe(&y, &[1.0; 69])
         );
+        // What is left out because it follows is found again.
+        let mut short = model.clone();
+        for (p, l) in (0..again.parts.len()).flat_map(|p| (0..3).map(move |l| (p, l))) {
+            assert!(short.get(&format!("within.{p}.{l}")).is_some());
+            short.remove(&format!("within.{p}.{l}"));
+        }
+        let short = Blocks::from_model(&short, "m").unwrap();
+        let (all, short) = (again.believe(&y, &[1.0; 69]), short.believe(&y, &[1.0; 69]));
+        let both = all.mean.iter().zip(&short.mean);
+        assert!(both.clone().all(|(a, b)| (a - b).abs() <= 1e-3));
         for name in [
             "poses",
             "takes",
@@ -411,7 +421,7 @@ mod tests {
             "directions.0.1",
         ] {
             let mut broken = model.clone();
-            broken.arrays.remove(name);
+            broken.remove(name);
             let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
             assert!(told.contains(name), "{told}");
         }

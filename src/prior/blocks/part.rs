@@ -207,7 +207,7 @@ impl Part {
         coordinates: Vec<usize>,
         cells: Vec<Cells>,
         poses: Arc<Poses>,
-        labels: &[usize],
+        labels: &[u32],
         levels: Vec<Level>,
     ) -> Part {
         let finest = cells.last().map_or(0, Cells::len);

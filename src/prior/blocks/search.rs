@@ -200,7 +200,7 @@ impl<'a> Search<'a> {
         }
         let cells = self.likely();
         let near = self.near(&cells, desk);
-        let share = -(part.leaves.rows.len() as f64).ln();
+        let share = -(part.leaves.len() as f64).ln();
         for some in near.chunks(TOGETHER) {
             let mut best = f64::NEG_INFINITY;
             for &Near { fading, of, leaf } in some {

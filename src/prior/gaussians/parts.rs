@@ -72,7 +72,7 @@ impl Parts {
             ("factors", &self.factors),
             ("rest", &self.rest),
         ] {
-            model.arrays.insert(name.into(), array.mapv(|v| v as f32));
+            model.insert(name, array.mapv(|v| v as f32));
         }
     }
 
@@ -168,18 +168,16 @@ mod tests {
         }
         for (name, value) in [("weights", -1.0), ("means", f32::NAN), ("rest", -0.1)] {
             let mut broken = model.clone();
-            broken.arrays.get_mut(name).unwrap()[[0, 0]] = value;
+            broken.get_mut(name).unwrap()[[0, 0]] = value;
             let told = Parts::read(&broken, "m").unwrap_err().to_string();
             assert!(told.contains(name), "{told}");
         }
         let mut broken = model.clone();
-        broken.arrays.get_mut("rest").unwrap()[[0, 0]] = -0.1;
+        broken.get_mut("rest").unwrap()[[0, 0]] = -0.1;
         let told = Parts::read(&broken, "m").unwrap_err().to_string();
         assert!(told.contains("below 0"), "{told}");
         let mut broken = model.clone();
-        broken
-            .arrays
-            .insert("factors".into(), Array2::zeros((4, 6)));
+        broken.insert("factors", Array2::zeros((4, 6)));
         let told = Parts::read(&broken, "m").unwrap_err().to_string();
         assert!(told.contains("factors"), "{told}");
     }

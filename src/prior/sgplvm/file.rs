@@ -13,7 +13,7 @@ const MOST_ACTIVE: usize = 4000;
 pub fn write(learned: &Learned, model: &mut Model) {
     let row = |v: &[f64]| Array2::from_shape_fn((1, v.len()), |(_, c)| v[c] as f32);
     let poses = &learned.poses + &Array1::from(learned.mean.clone());
-    let mut put = |name: &str, array: Array2<f32>| model.arrays.insert(name.into(), array);
+    let mut put = |name: &str, array: Array2<f32>| model.insert(name, array);
     put("active", poses.mapv(|v| v as f32));
     put("latent", learned.latent.mapv(|v| v as f32));
     put("scales", row(&learned.scales));

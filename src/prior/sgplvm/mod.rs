@@ -59,7 +59,7 @@ impl SikPrior {
     pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
         let learned = file::read(model, source)?;
         let active = store::rows(model, "active", 3 * model.meta.points.len(), source)?;
-        let typical = store::typical_or(model, active, source)?;
+        let typical = store::typical_or(model, active.view(), source)?;
         let tuned = Tuned::read(model, source)?;
         let unsound = || {
             let what = "its latent points make no sound kernel; train the model again";

@@ -44,15 +44,9 @@ pub fn sparse_model(
         "pursuit".into(),
         serde_json::to_value(pursuit.rule).unwrap_or_default(),
     );
-    model
-        .arrays
-        .insert("atoms".into(), dictionary.atoms().to_owned());
-    model
-        .arrays
-        .insert("residual".into(), residual.mapv(|v| v as f32));
-    model
-        .arrays
-        .insert("typical".into(), typical(poses.xyz.view())?);
+    model.insert("atoms", dictionary.atoms().to_owned());
+    model.insert("residual", residual.mapv(|v| v as f32));
+    model.insert("typical", typical(poses.xyz.view())?);
     RigidPairs::learn(poses.xyz.view(), &poses.takes).write(&mut model);
     Ok(model)
 }
@@ -120,32 +114,27 @@ pub fn joined_model(
             lengths,
         });
     }
-    model
-        .arrays
-        .insert("atoms".into(), dictionary.atoms().to_owned());
-    let residuals: Option<Vec<_>> = parts.iter().map(|m| m.arrays.get("residual")).collect();
+    model.insert("atoms", dictionary.atoms().to_owned());
+    let residuals: Option<Vec<_>> = parts.iter().map(|m| m.get("residual")).collect();
     if let Some(residuals) = residuals
         && residuals.iter().all(|r| r.dim() == residuals[0].dim())
     {
         let mut sum = Array2::<f64>::zeros(residuals[0].dim());
         for (part, residual) in parts.iter().zip(residuals) {
-            sum.zip_mut_with(residual, |s, r| *s += f64::from(*r) * frames(part) / total);
+            sum.zip_mut_with(&residual, |s, r| *s += f64::from(*r) * frames(part) / total);
         }
-        model
-            .arrays
-            .insert("residual".into(), sum.mapv(|v| v as f32));
+        model.insert("residual", sum.mapv(|v| v as f32));
     }
-    let typical: Option<Vec<_>> = parts
-        .iter()
-        .map(|m| m.arrays.get("typical").map(|t| t.view()))
-        .collect();
-    if let Some(Ok(typical)) = typical.map(|t| ndarray::concatenate(Axis(0), &t)) {
+    let typical: Option<Vec<_>> = parts.iter().map(|m| m.get("typical")).collect();
+    let typical = typical.map(|all| {
+        let views: Vec<_> = all.iter().map(|t| t.view()).collect();
+        ndarray::concatenate(Axis(0), &views)
+    });
+    if let Some(Ok(typical)) = typical {
         // Spread over all parts, no more than one model has.
         let step = typical.nrows().div_ceil(TYPICAL).max(1);
         let some: Vec<usize> = (0..typical.nrows()).step_by(step).collect();
-        model
-            .arrays
-            .insert("typical".into(), typical.select(Axis(0), &some));
+        model.insert("typical", typical.select(Axis(0), &some));
     }
     model.meta.history = parts.iter().flat_map(|m| m.meta.history.clone()).collect();
     model.meta.history.push(step);

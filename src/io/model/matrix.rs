@@ -1,0 +1,199 @@
+//! A matrix of a model, as the file keeps it.
+
+use bytes::Bytes;
+use ndarray::{Array2, CowArray, Ix2};
+
+/// Numbers in rows, as single precision or packed.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Matrix {
+    /// As they are.
+    Floats(Array2<f32>),
+    /// 16-bit whole multiples of a step.
+    Packed(Packed),
+}
+
+/// 16-bit whole multiples of a step. A clone shares the numbers, which stay where they were read: what is not asked for is
+/// not unpacked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Packed {
+    /// `<i2`, row after row.
+    numbers: Bytes,
+    shape: (usize, usize),
+    /// What the numbers are multiplied by.
+    pub step: f32,
+}
+
+impl Packed {
+    /// Of `<i2` numbers, row after row; `None` where they are not as many as the shape says.
+    pub fn new(numbers: Bytes, shape: (usize, usize), step: f32) -> Option<Packed> {
+        let size = shape.0.checked_mul(shape.1)?.checked_mul(2)?;
+        (numbers.len() == size).then_some(Packed {
+            numbers,
+            shape,
+            step,
+        })
+    }
+
+    /// Rounded to the smallest step that holds the largest value. Every value must be finite.
+    pub fn of(array: &Array2<f32>) -> Packed {
+        let largest = array.iter().fold(0.0f32, |m, v| m.max(v.abs()));
+        let step = (largest / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
+        let numbers = array.iter().map(|v| (v / step).round() as i16);
+        Packed {
+            numbers: numbers.flat_map(i16::to_le_bytes).collect(),
+            shape: array.dim(),
+            step,
+        }
+    }
+
+    /// `<i2`, row after row.
+    pub fn bytes(&self) -> &[u8] {
+        &self.numbers
+    }
+
+    fn pairs(&self, row: usize) -> &[[u8; 2]] {
+        let width = self.shape.1;
+        &self.numbers.as_chunks::<2>().0[row * width..(row + 1) * width]
+    }
+
+    fn row(&self, row: usize) -> impl ExactSizeIterator<Item = f32> {
+        let step = self.step;
+        let pairs = self.pairs(row).iter();
+        pairs.map(move |b| f32::from(i16::from_le_bytes(*b)) * step)
+    }
+}
+
+impl Matrix {
+    /// Rows and columns.
+    pub fn dim(&self) -> (usize, usize) {
+        match self {
+            Matrix::Floats(array) => array.dim(),
+            Matrix::Packed(packed) => packed.shape,
+        }
+    }
+
+    /// How many rows.
+    pub fn nrows(&self) -> usize {
+        self.dim().0
+    }
+
+    /// How many columns.
+    pub fn ncols(&self) -> usize {
+        self.dim().1
+    }
+
+    /// Appends some rows.
+    pub fn extend_with(&self, rows: std::ops::Range<usize>, out: &mut Vec<f32>) {
+        for row in rows {
+            match self {
+                Matrix::Floats(array) => out.extend(array.row(row)),
+                Matrix::Packed(packed) => out.extend(packed.row(row)),
+            }
+        }
+    }
+
+    /// Appends some of a row's numbers.
+    pub fn gather(&self, row: usize, columns: &[usize], out: &mut Vec<f32>) {
+        match self {
+            Matrix::Floats(array) => {
+                let row = array.row(row);
+                out.extend(columns.iter().map(|&c| row[c]));
+            }
+            Matrix::Packed(packed) => {
+                let row = packed.pairs(row);
+                let number = |c: &usize| f32::from(i16::from_le_bytes(row[*c])) * packed.step;
+                out.extend(columns.iter().map(number));
+            }
+        }
+    }
+
+    /// One number.
+    pub fn at(&self, row: usize, column: usize) -> f32 {
+        match self {
+            Matrix::Floats(array) => array[[row, column]],
+            Matrix::Packed(packed) => {
+                f32::from(i16::from_le_bytes(packed.pairs(row)[column])) * packed.step
+            }
+        }
+    }
+
+    /// Whether every number is; those that are packed are as finite as their step.
+    pub fn is_finite(&self) -> bool {
+        match self {
+            Matrix::Floats(array) => array.iter().all(|v| v.is_finite()),
+            Matrix::Packed(packed) => {
+                let largest = f32::from(i16::MAX) + 1.0;
+                (largest * packed.step).is_finite()
+            }
+        }
+    }
+
+    /// The numbers in single precision: those that are there, or unpacked.
+    pub fn floats(&self) -> CowArray<'_, f32, Ix2> {
+        match self {
+            Matrix::Floats(array) => array.view().into(),
+            Matrix::Packed(packed) => {
+                let (rows, columns) = packed.shape;
+                let mut all = Vec::with_capacity(rows * columns);
+                self.extend_with(0..rows, &mut all);
+                // As many as there are: cannot fail.
+                let all = Array2::from_shape_vec((rows, columns), all);
+                all.unwrap_or_default().into()
+            }
+        }
+    }
+
+    /// The numbers in single precision, to be changed.
+    pub fn floats_mut(&mut self) -> &mut Array2<f32> {
+        if let Matrix::Packed(_) = self {
+            *self = Matrix::Floats(self.floats().into_owned());
+        }
+        match self {
+            Matrix::Floats(array) => array,
+            Matrix::Packed(_) => unreachable!("unpacked above"),
+        }
+    }
+}
+
+impl From<Array2<f32>> for Matrix {
+    fn from(array: Array2<f32>) -> Matrix {
+        Matrix::Floats(array)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+
+    #[test]
+    fn packed_numbers_read_as_floats_do() {
+        let array = array![[1.0f32, -2.5, 0.0], [32767.0, 3.3, -32767.0]];
+        let packed = Matrix::Packed(Packed::of(&array));
+        let rounded = packed.floats().into_owned();
+        assert_eq!(rounded, array![[1.0, -3.0, 0.0], [32767.0, 3.0, -32767.0]]);
+        let floats = Matrix::from(rounded.clone());
+        for matrix in [&packed, &floats] {
+            assert_eq!(matrix.dim(), (2, 3));
+            assert_eq!(matrix.at(0, 1), -3.0);
+            let mut rows = Vec::new();
+            matrix.extend_with(1..2, &mut rows);
+            assert_eq!(rows, rounded.row(1).to_vec());
+            matrix.gather(0, &[2, 1], &mut rows);
+            assert_eq!(rows[3..], [0.0, -3.0]);
+            assert!(matrix.is_finite());
+        }
+        let mut changed = packed.clone();
+        changed.floats_mut()[[0, 0]] = 0.25;
+        assert_eq!(changed.at(0, 0), 0.25);
+        assert_eq!(packed.at(0, 0), 1.0);
+    }
+
+    #[test]
+    fn numbers_that_are_too_few_or_a_step_too_large_are_told() {
+        assert!(Packed::new(Bytes::from_static(&[0; 11]), (2, 3), 1.0).is_none());
+        assert!(Packed::new(Bytes::new(), (usize::MAX, 3), 1.0).is_none());
+        let far = Packed::new(Bytes::from_static(&[0; 12]), (2, 3), 1e35);
+        assert!(!Matrix::Packed(far.unwrap()).is_finite());
+    }
+}
