@@ -4,6 +4,7 @@
 //! the same whatever the vectors are. Rows are as long as a multiple of [`LANES`]; what is beyond the data is 0.
 
 use ndarray::Array2;
+use pulp::WithSimd;
 use std::sync::OnceLock;
 
 /// Numbers that are summed side by side.
@@ -30,6 +31,12 @@ pub fn rows(all: &Array2<f64>) -> Vec<f32> {
 pub fn wide<R>(f: impl FnOnce() -> R) -> R {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
     ARCH.get_or_init(arch).dispatch(f)
+}
+
+/// Runs a job on the widest vectors there are.
+pub fn widest<J: WithSimd>(job: J) -> J::Output {
+    static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
+    ARCH.get_or_init(pulp::Arch::new).dispatch(job)
 }
 
 /// Not AVX-512: eight lanes are half of its vectors, and code that is made for it runs a tenth slower.

@@ -45,7 +45,7 @@ struct Args {
 }
 
 /// Poses coded together.
-const BATCH: usize = 1 << 13;
+const BATCH: usize = 1 << 12;
 /// Lines that one thread writes at a time.
 const LINES: usize = 256;
 
@@ -76,25 +76,35 @@ fn work(args: &Args) -> Result<Outcome> {
         .map(|k| format!("atom{k},coef{k}"))
         .collect();
     sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
-    let width = stream.columns().width();
-    let mut said = false;
-    loop {
-        let (mut values, mut row) = (Vec::new(), Row::default());
-        while values.len() < BATCH * width && stream.read(&mut row)? {
-            values.extend(row.xyz.iter().map(|v| *v as f32));
-        }
-        if values.is_empty() {
-            sink.finish()?;
-            return Ok(Outcome::Done);
-        }
-        let poses =
-            Array2::from_shape_vec((values.len() / width, width), values).unwrap_or_default();
-        if !std::mem::replace(&mut said, true) {
-            let search = pursuit.search(&dictionary, poses.nrows());
-            say::detail(&format!("{} atoms, found {search}", dictionary.len()));
-        }
-        sink.put(&coded(&pursuit, &dictionary, &poses)?)?;
+    let mut next = batch(&mut stream)?;
+    if let Some(poses) = &next {
+        let search = pursuit.search(&dictionary, poses.nrows());
+        say::detail(&format!("{} atoms, found {search}", dictionary.len()));
     }
+    while let Some(poses) = next {
+        // The poses after these are read while these are coded.
+        let mut lines = Ok(Vec::new());
+        let read = rayon::in_place_scope(|scope| {
+            scope.spawn(|_| lines = coded(&pursuit, &dictionary, &poses));
+            batch(&mut stream)
+        });
+        sink.put(&lines?)?;
+        next = read?;
+    }
+    sink.finish()?;
+    Ok(Outcome::Done)
+}
+
+/// Poses to be coded together; none after the last.
+fn batch(stream: &mut RowStream) -> Result<Option<Array2<f32>>> {
+    let width = stream.columns().width();
+    let (mut values, mut row) = (Vec::new(), Row::default());
+    while values.len() < BATCH * width && stream.read(&mut row)? {
+        values.extend(row.xyz.iter().map(|v| *v as f32));
+    }
+    let shape = (values.len() / width.max(1), width);
+    let poses = Array2::from_shape_vec(shape, values).unwrap_or_default();
+    Ok((poses.nrows() > 0).then_some(poses))
 }
 
 /// The lines of some poses.

@@ -195,6 +195,9 @@ impl Pursuit {
             true => ground.leaves(dictionary.atoms()),
             false => None,
         };
+        if self.sparsity > 1 {
+            ground.fill_gram(dictionary.atoms(), even);
+        }
         ground.count(even);
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);

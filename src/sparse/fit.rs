@@ -10,13 +10,10 @@
 //! z = Qᵀ(√w∘y), R x = z. All in f64, at O(k D) an atom. The signal is scaled to unit norm first, so that every
 //! limit below is a plain number; the scale comes back in the answers.
 
+use super::column::{Column, dot};
 use super::{Stop, Tolerance};
-use crate::simd::wide;
+use crate::simd::{padded, widest};
 use ndarray::ArrayView1;
-
-/// An atom counts as dependent on those chosen when at most this share of its squared (weighted) norm is left
-/// outside their span: an angle of 1e-5. Atoms are f32: two copies of one direction differ by some 1e-7.
-const DEPENDENT: f64 = 1e-10;
 
 /// A pose counts as reached when at most this share of its squared norm is left: 3e-7 of its length, which is
 /// what rounding the atoms to f32 leaves of a pose that they describe exactly.
@@ -27,11 +24,13 @@ const LARGEST: f64 = 1e30;
 
 /// One pose and the atoms chosen for it so far.
 pub(super) struct Fit {
+    /// D.
+    d: usize,
     capacity: usize,
     /// √(w / max w), or nothing if all weights are equal, or nothing is there to be coded.
     pub root: Option<Vec<f64>>,
-    /// What the atoms leave of the weighted, unit-norm signal (D).
-    pub residual: Vec<f64>,
+    /// What the atoms leave of the weighted, unit-norm signal (D), padded.
+    residual: Vec<f64>,
     /// |residual|^2, from 1 downwards.
     left: f64,
     /// The residual at which to stop, on the same scale.
@@ -40,7 +39,7 @@ pub(super) struct Fit {
     energy: f64,
     /// max w, which the weights were divided by.
     heaviest: f64,
-    q: Vec<f64>, // (capacity, D)
+    q: Vec<f64>, // (capacity, D), rows padded
     r: Vec<f64>, // (capacity, capacity), column j at j * capacity
     z: Vec<f64>,
     /// The atoms chosen, in that order.
@@ -53,14 +52,15 @@ impl Fit {
     /// Room for `capacity` atoms of `d` numbers.
     pub fn new(capacity: usize, d: usize) -> Self {
         Fit {
+            d,
             capacity,
             root: None,
-            residual: vec![0.0; d],
+            residual: vec![0.0; padded(d)],
             left: 0.0,
             enough: 0.0,
             energy: 0.0,
             heaviest: 1.0,
-            q: vec![0.0; capacity * d],
+            q: vec![0.0; capacity * padded(d)],
             r: vec![0.0; capacity * capacity],
             z: vec![0.0; capacity],
             support: Vec::with_capacity(capacity),
@@ -81,7 +81,7 @@ impl Fit {
         T: Into<f64> + Copy,
         W: Into<f64> + Copy,
     {
-        let d = self.residual.len();
+        let d = self.d;
         let mut total = d as f64;
         self.heaviest = 1.0;
         match weights {
@@ -129,20 +129,12 @@ impl Fit {
 
     /// Adds an atom; `false`, with nothing changed, if it depends on those chosen where the pose is observed.
     pub fn push(&mut self, index: u32, atom: &[f32]) -> bool {
-        wide(
-            #[inline(always)]
-            || self.push_here(index, atom),
-        )
-    }
-
-    #[inline(always)]
-    fn push_here(&mut self, index: u32, atom: &[f32]) -> bool {
-        let (d, k, cap) = (self.residual.len(), self.support.len(), self.capacity);
+        let (stride, k, cap) = (self.residual.len(), self.support.len(), self.capacity);
         if k == cap {
             return false;
         }
-        let (done, rest) = self.q.split_at_mut(k * d);
-        let v = &mut rest[..d];
+        let (done, rest) = self.q.split_at_mut(k * stride);
+        let v = &mut rest[..stride];
         match &self.root {
             Some(root) => v
                 .iter_mut()
@@ -153,31 +145,26 @@ impl Fit {
         }
         let column = &mut self.r[k * cap..(k + 1) * cap];
         column.fill(0.0);
-        let whole = dot(v, v);
-        // Twice: what one pass of Gram-Schmidt leaves behind when the atom is nearly dependent, the second removes.
-        for _ in 0..2 {
-            for (q, r) in done.chunks_exact(d).zip(column.iter_mut()) {
-                let c = dot(q, v);
-                add(v, -c, q);
-                *r += c;
-            }
-        }
-        let left = dot(v, v);
-        if left <= DEPENDENT * whole {
+        let Some((z, left)) = widest(Column {
+            done,
+            v,
+            column: &mut column[..=k],
+            residual: &mut self.residual,
+        }) else {
             return false;
-        }
-        let norm = left.sqrt();
-        column[k] = norm;
-        v.iter_mut().for_each(|v| *v /= norm);
-        let z = dot(v, &self.residual);
-        add(&mut self.residual, -z, v);
+        };
         self.z[k] = z;
-        self.left = dot(&self.residual, &self.residual);
+        self.left = left;
         self.support.push(index);
         if self.left <= self.enough.max(REACHED) {
             self.stop = Some(Stop::Tolerance);
         }
         true
+    }
+
+    /// What the atoms leave of the weighted, unit-norm signal (D).
+    pub fn residual(&self) -> &[f64] {
+        &self.residual[..self.d]
     }
 
     /// |residual|^2, from 1 downwards.
@@ -187,8 +174,8 @@ impl Fit {
 
     /// The newest direction q_k (D) and the signal's part along it.
     pub fn newest(&self) -> (&[f64], f64) {
-        let (d, k) = (self.residual.len(), self.support.len() - 1);
-        (&self.q[k * d..(k + 1) * d], self.z[k])
+        let (stride, k) = (self.residual.len(), self.support.len() - 1);
+        (&self.q[k * stride..][..self.d], self.z[k])
     }
 
     /// What the newest direction is of the chosen atoms, in their order: R w = e_k.
@@ -240,25 +227,4 @@ fn roots<W: Into<f64> + Copy>(
         *r = (w.into() / scale).sqrt();
     }
     Ok((total, scale))
-}
-
-/// <a, b> with eight running sums, for vector registers.
-#[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0f64; 8];
-    let ((a8, a1), (b8, b1)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    for (a, b) in a8.iter().zip(b8) {
-        for l in 0..8 {
-            sums[l] += a[l] * b[l];
-        }
-    }
-    let rest: f64 = a1.iter().zip(b1).map(|(a, b)| a * b).sum();
-    let [a, b, c, d, e, f, g, h] = sums;
-    ((a + e) + (b + f)) + ((c + g) + (d + h)) + rest
-}
-
-/// v += c u.
-#[inline(always)]
-fn add(v: &mut [f64], c: f64, u: &[f64]) {
-    v.iter_mut().zip(u).for_each(|(v, u)| *v += c * u);
 }

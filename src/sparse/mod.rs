@@ -17,6 +17,7 @@
 
 pub mod batch;
 pub mod code;
+mod column;
 pub mod concat;
 pub mod dictionary;
 mod draw;

@@ -82,7 +82,7 @@ impl<'a> Tile<'a> {
         self.scan.directions.fill(0.0);
         for (fit, row) in fits.iter().zip(self.scan.directions.chunks_exact_mut(d)) {
             if fit.stop.is_none() {
-                weigh(&fit.residual, fit.root.as_deref(), row);
+                weigh(fit.residual(), fit.root.as_deref(), row);
             }
         }
         if fits.iter().all(|f| f.root.is_none()) {

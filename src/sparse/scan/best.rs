@@ -35,26 +35,41 @@ impl Best {
         under: [S::f32s; V],
     ) {
         let enough = simd.splat_f32s(self.enough);
-        let mut perhaps = false;
-        for v in 0..V {
+        let higher = |v: usize| {
             let bar = simd.mul_f32s(enough, under[v]);
-            perhaps |= any::<S>(simd.greater_than_f32s(over[v], bar));
-        }
+            simd.greater_than_f32s(over[v], bar)
+        };
+        let perhaps = (1..V).fold(higher(0), |some, v| simd.or_m32s(some, higher(v)));
         // Seldom, after the first few atoms.
-        if perhaps {
-            let mut keys = Row::ZERO;
-            for v in 0..V {
-                S::as_mut_simd_f32s(&mut keys.0).0[v] = simd.div_f32s(over[v], under[v]);
-            }
-            for (lane, key) in keys.0.iter().enumerate().take(V * S::F32_LANES) {
-                if *key > self.key {
-                    self.key = *key;
-                    self.atom = from + lane as u32;
-                }
-            }
+        if any::<S>(perhaps) {
+            self.compare(simd, from, over, under);
+        }
+    }
+
+    #[inline(always)]
+    fn compare<S: Simd, const V: usize>(
+        &mut self,
+        simd: S,
+        from: u32,
+        over: [S::f32s; V],
+        under: [S::f32s; V],
+    ) {
+        let mut keys = Row::ZERO;
+        let mut most = simd.splat_f32s(self.key);
+        for v in 0..V {
+            let key = simd.div_f32s(over[v], under[v]);
+            // What is no number, of an atom that is taken, is not more.
+            most = simd.select_f32s(simd.greater_than_f32s(key, most), key, most);
+            S::as_mut_simd_f32s(&mut keys.0).0[v] = key;
+        }
+        let most = simd.reduce_max_f32s(most);
+        if most > self.key {
+            self.key = most;
+            let lane = keys.0.iter().position(|key| *key == most);
+            self.atom = from + lane.unwrap_or_default() as u32;
             // Of numbers below the normal ones a share is not told so well.
-            self.enough = match self.key > 1e-30 {
-                true => self.key * NEARLY,
+            self.enough = match most > 1e-30 {
+                true => most * NEARLY,
                 false => 0.0,
             };
         }

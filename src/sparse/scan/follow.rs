@@ -4,6 +4,7 @@ use super::best::Best;
 use super::kernel::{self, Next, Optimised, Plain, Use, Vectors};
 use super::panels::{Row, WIDTH};
 use super::{Panels, Rule, Scan, Term};
+use crate::simd;
 use pulp::{Simd, WithSimd};
 
 /// What is kept of the pose that is followed.
@@ -38,7 +39,7 @@ impl Follower {
         let fresh = self.fresh;
         self.fresh &= last;
         let mut best = None;
-        kernel::widest(Follow {
+        simd::widest(Follow {
             step: Next { rule, fresh, last },
             terms,
             part,

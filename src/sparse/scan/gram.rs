@@ -5,12 +5,15 @@
 
 use super::panels::Row;
 use super::{Panels, Scan};
+use crate::par;
 use std::sync::OnceLock;
 
 /// No Gram matrix is larger, bytes: 2,048 atoms. A row of a larger one comes from so far that a scan is as quick.
 const MEMORY: usize = 16 << 20;
 /// Rows that are made together: as many as the kernel has in registers.
 const TOGETHER: usize = 6;
+/// And so many where all are made: the atoms are read once for all of them.
+const MANY: usize = 60;
 
 /// A part of a direction: its weight, and the products of an atom with all atoms.
 pub type Term<'a> = (f32, &'a [Row]);
@@ -35,12 +38,24 @@ impl Gram {
             .get_or_init(|| products(panels, of(panels, atoms, atom)).swap_remove(0))
     }
 
+    /// Makes all rows that are not there yet, on all threads.
+    pub fn fill(&self, panels: &Panels, atoms: &[f32]) {
+        par::map_chunks(self.rows.len(), MANY, |rows| {
+            let rows = rows.start as u32..rows.end as u32;
+            self.make(panels, atoms, rows.collect(), MANY);
+        });
+    }
+
     /// Makes the rows of some atoms: sooner together than one by one.
-    pub fn prepare(&self, panels: &Panels, atoms: &[f32], mut some: Vec<u32>) {
+    pub fn prepare(&self, panels: &Panels, atoms: &[f32], some: Vec<u32>) {
+        self.make(panels, atoms, some, TOGETHER);
+    }
+
+    fn make(&self, panels: &Panels, atoms: &[f32], mut some: Vec<u32>, together: usize) {
         some.retain(|a| self.rows[*a as usize].get().is_none());
         some.sort_unstable();
         some.dedup();
-        for few in some.chunks(TOGETHER) {
+        for few in some.chunks(together) {
             let directions: Vec<&[f32]> = few.iter().map(|a| of(panels, atoms, *a)).collect();
             for (atom, row) in few.iter().zip(products(panels, &directions.concat())) {
                 // Another thread may have been sooner: its row has the same bits.

@@ -7,8 +7,8 @@
 //! |<a, q>| <= |<head(a), head(q)>| + t(a) t(q)
 //! ```
 
-use super::kernel;
 use crate::par;
+use crate::simd;
 use ndarray::{Array2, ArrayView2, Axis, s};
 use pulp::{Simd, WithSimd};
 
@@ -150,7 +150,7 @@ impl Basis {
     /// A vector (D) along them.
     pub fn turned(&self, vector: &[f64]) -> Turned {
         let mut turned = Turned::NONE;
-        kernel::widest(Turn {
+        simd::widest(Turn {
             basis: &self.0,
             vector,
             turned: &mut turned,

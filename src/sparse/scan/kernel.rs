@@ -8,7 +8,6 @@ use super::super::Rule;
 use super::best::Best;
 use super::panels::{Row, WIDTH};
 use pulp::{Simd, WithSimd};
-use std::sync::OnceLock;
 
 /// What is left of an atom counts as at least this share of its squared norm. Below it the difference of f32 numbers
 /// is rounding; a smaller value would let a copy of a chosen atom win by noise.
@@ -65,12 +64,6 @@ pub struct State<'a> {
     pub remainders: &'a mut [Row],
     /// What e counts for at least; empty where all atoms have norm 1.
     pub floors: &'a mut [Row],
-}
-
-/// Runs on the widest vectors there are.
-pub fn widest(job: impl WithSimd<Output = ()>) {
-    static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
-    ARCH.get_or_init(pulp::Arch::new).dispatch(job);
 }
 
 impl WithSimd for Job<'_> {

@@ -30,6 +30,7 @@ mod sweep;
 mod tally;
 
 use super::Rule;
+use crate::simd;
 use best::Best;
 use kernel::{Job, State};
 use ndarray::ArrayView2;
@@ -85,6 +86,16 @@ impl Ground {
     /// The atoms (n, D) as scans read them.
     pub fn panels(&self, atoms: ArrayView2<'_, f32>) -> &Panels {
         self.panels.get_or_init(|| Panels::new(atoms))
+    }
+
+    /// Makes all rows of the Gram matrix, where there is one and `poses` more poses will have asked for most of them.
+    pub fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize) {
+        let all = self.coded.load(Ordering::Relaxed).saturating_add(poses);
+        if let (Some(gram), Some(flat)) = (&self.gram, atoms.as_slice())
+            && all >= flat.len() / atoms.ncols().max(1)
+        {
+            gram.fill(self.panels(atoms), flat);
+        }
     }
 
     /// Whether searches of so many more poses of `d` numbers are worth leaves.
@@ -193,7 +204,7 @@ impl<'a> Scan<'a> {
             let rows = panel * self.poses..(panel + 1) * self.poses;
             let remainders = part(&rows, &self.remainders);
             let floors = part(&rows, &self.floors);
-            kernel::widest(Job {
+            simd::widest(Job {
                 step,
                 panel,
                 atoms,

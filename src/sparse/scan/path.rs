@@ -40,8 +40,9 @@ impl Path {
     /// Begins with a pose that has no atoms yet.
     pub fn begin(&mut self, leaves: &Leaves, fit: &Fit) {
         self.vectors.clear();
-        self.vectors.extend(fit.residual.iter().map(|v| *v as f32));
-        self.residual = leaves.basis.turned(&fit.residual);
+        self.vectors
+            .extend(fit.residual().iter().map(|v| *v as f32));
+        self.residual = leaves.basis.turned(fit.residual());
         self.heads.clear();
         self.heads.push(self.residual.head());
         self.parts.clear();

@@ -11,10 +11,10 @@
 //! Every bound allows for the rounding of the scan, so the atom is the one that the scan finds, always.
 
 use super::super::Rule;
-use super::kernel;
 use super::leaves::{LEAF, Leaves, NO_ATOM};
 use super::path::Path;
 use super::sweep::{Measured, Sweep};
+use crate::simd;
 use pulp::{Simd, WithSimd};
 
 /// Directions of a pose, its residual's too, that a search can do with; beyond, a scan costs less.
@@ -61,7 +61,7 @@ impl<'a> Pruned<'a> {
     pub fn best(&mut self, sought: &[Sought<'_>], found: &mut Vec<Found>) {
         debug_assert!(sought.len() <= TOGETHER);
         found.clear();
-        kernel::widest(Search {
+        simd::widest(Search {
             room: self,
             sought,
             likely: None,
@@ -72,7 +72,7 @@ impl<'a> Pruned<'a> {
     /// The leaf whose centre is most along a pose.
     pub fn nearest(&mut self, path: &Path, rule: Rule) -> usize {
         let mut nearest = 0;
-        kernel::widest(Search {
+        simd::widest(Search {
             room: self,
             sought: &[Sought {
                 path,

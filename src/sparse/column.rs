@@ -1,0 +1,189 @@
+//! A column of a QR factorisation: an atom made orthogonal to those before it, and taken out of what is left.
+//!
+//! Sums are taken in eight lanes, in an order that the machine has no say in, and nothing is fused: the bytes are the same
+//! whatever the vectors are. (Written with vectors: left to itself the compiler takes these loops apart by twos.)
+
+use crate::simd::{LANES, widest};
+use pulp::{Simd, WithSimd};
+
+/// An atom counts as dependent on those chosen when at most this share of its squared (weighted) norm is left
+/// outside their span: an angle of 1e-5. Atoms are f32: two copies of one direction differ by some 1e-7.
+const DEPENDENT: f64 = 1e-10;
+
+/// And as nearly dependent at this share: of more, rounding leaves no more than 1e-12 of q along those chosen before.
+const NEARLY_DEPENDENT: f64 = 1e-4;
+
+/// What a column is made of. Rows are padded. Gives what the signal has along it, and |residual|²; `None`, with the residual
+/// as it was, where the atom depends on those before.
+pub struct Column<'a> {
+    /// q of the atoms before.
+    pub done: &'a [f64],
+    /// The atom; then its q.
+    pub v: &'a mut [f64],
+    /// Zeros; then <q, a> of the atoms before, and the norm of what they leave.
+    pub column: &'a mut [f64],
+    pub residual: &'a mut [f64],
+}
+
+impl WithSimd for Column<'_> {
+    type Output = Option<(f64, f64)>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+        // So many vectors hold eight lanes.
+        match S::F64_LANES {
+            8 => self.make::<S, 1>(simd),
+            4 => self.make::<S, 2>(simd),
+            2 => self.make::<S, 4>(simd),
+            _ => self.make::<S, LANES>(simd),
+        }
+    }
+}
+
+impl Column<'_> {
+    #[inline(always)]
+    fn make<S: Simd, const V: usize>(self, simd: S) -> Option<(f64, f64)> {
+        let Column {
+            done,
+            v,
+            column,
+            residual,
+        } = self;
+        let whole = product::<S, V>(simd, v, v);
+        let mut left = whole;
+        let (norm, before) = column.split_last_mut()?;
+        for _ in 0..2 {
+            for (q, r) in done.chunks_exact(v.len()).zip(before.iter_mut()) {
+                let c = product::<S, V>(simd, q, v);
+                left = add::<S, V>(simd, v, -c, q);
+                *r += c;
+            }
+            // What one pass of Gram-Schmidt leaves behind when the atom is nearly dependent, a second removes.
+            if left > NEARLY_DEPENDENT * whole {
+                break;
+            }
+        }
+        if left <= DEPENDENT * whole {
+            return None;
+        }
+        *norm = left.sqrt();
+        let scale = simd.splat_f64s(1.0 / *norm);
+        let (vectors, _) = S::as_mut_simd_f64s(v);
+        for vector in vectors {
+            *vector = simd.mul_f64s(*vector, scale);
+        }
+        let z = product::<S, V>(simd, v, residual);
+        Some((z, add::<S, V>(simd, residual, -z, v)))
+    }
+}
+
+/// <a, b> of padded rows.
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    struct Dot<'a>(&'a [f64], &'a [f64]);
+    impl WithSimd for Dot<'_> {
+        type Output = f64;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> f64 {
+            match S::F64_LANES {
+                8 => product::<S, 1>(simd, self.0, self.1),
+                4 => product::<S, 2>(simd, self.0, self.1),
+                2 => product::<S, 4>(simd, self.0, self.1),
+                _ => product::<S, LANES>(simd, self.0, self.1),
+            }
+        }
+    }
+    widest(Dot(a, b))
+}
+
+#[inline(always)]
+fn product<S: Simd, const V: usize>(simd: S, a: &[f64], b: &[f64]) -> f64 {
+    let mut sums = [simd.splat_f64s(0.0); V];
+    let (a, b) = (S::as_simd_f64s(a).0, S::as_simd_f64s(b).0);
+    for (a, b) in a.as_chunks::<V>().0.iter().zip(b.as_chunks::<V>().0) {
+        for v in 0..V {
+            sums[v] = simd.add_f64s(sums[v], simd.mul_f64s(a[v], b[v]));
+        }
+    }
+    total::<S, V>(simd, sums)
+}
+
+/// v += c u; gives <v, v>.
+#[inline(always)]
+fn add<S: Simd, const V: usize>(simd: S, v: &mut [f64], c: f64, u: &[f64]) -> f64 {
+    let c = simd.splat_f64s(c);
+    let mut sums = [simd.splat_f64s(0.0); V];
+    let (v, u) = (S::as_mut_simd_f64s(v).0, S::as_simd_f64s(u).0);
+    for (v, u) in v
+        .as_chunks_mut::<V>()
+        .0
+        .iter_mut()
+        .zip(u.as_chunks::<V>().0)
+    {
+        for l in 0..V {
+            v[l] = simd.add_f64s(v[l], simd.mul_f64s(c, u[l]));
+            sums[l] = simd.add_f64s(sums[l], simd.mul_f64s(v[l], v[l]));
+        }
+    }
+    total::<S, V>(simd, sums)
+}
+
+/// The sum of the lanes.
+#[inline(always)]
+fn total<S: Simd, const V: usize>(_: S, sums: [S::f64s; V]) -> f64 {
+    let mut lanes = [0.0; LANES];
+    S::as_mut_simd_f64s(&mut lanes).0.copy_from_slice(&sums);
+    let [a, b, c, d, e, f, g, h] = lanes;
+    ((a + e) + (b + f)) + ((c + g) + (d + h))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_is_orthogonal_to_those_before_and_one_that_depends_is_refused() {
+        let atom =
+            |k: usize| -> Vec<f64> { (0..16).map(|i| ((i * (k + 3) + k) as f64).sin()).collect() };
+        let mut done: Vec<f64> = Vec::new();
+        let mut residual = atom(9);
+        for k in 0..4 {
+            let (mut v, mut column) = (atom(k), vec![0.0; k + 1]);
+            let before = dot(&residual, &residual);
+            let made = Column {
+                done: &done,
+                v: &mut v,
+                column: &mut column,
+                residual: &mut residual,
+            };
+            let (z, left) = widest(made).unwrap();
+            assert!((dot(&v, &v) - 1.0).abs() <= 1e-14);
+            assert!(done.chunks(16).all(|q| dot(q, &v).abs() <= 1e-14));
+            assert!(dot(&v, &residual).abs() <= 1e-14);
+            assert!((before - z * z - left).abs() <= 1e-13);
+            // The atom is what its column says.
+            let mut again: Vec<f64> = v.iter().map(|v| column[k] * v).collect();
+            for (q, r) in done.chunks(16).zip(&column) {
+                again.iter_mut().zip(q).for_each(|(a, q)| *a += r * q);
+            }
+            assert!(
+                again
+                    .iter()
+                    .zip(atom(k))
+                    .all(|(a, b)| (a - b).abs() <= 1e-14)
+            );
+            done.extend(v);
+        }
+        let both = atom(1).into_iter().zip(atom(3));
+        let mut sum: Vec<f64> = both.map(|(a, b)| a - 2.0 * b).collect();
+        let before = residual.clone();
+        let made = Column {
+            done: &done,
+            v: &mut sum,
+            column: &mut [0.0; 5],
+            residual: &mut residual,
+        };
+        assert_eq!(widest(made), None);
+        assert_eq!(residual, before);
+    }
+}
