@@ -1,12 +1,11 @@
 //! Arrays written frame by frame, though their header, which comes first, counts the frames.
 
+use super::behind::Behind;
 use super::streams::Sink;
 use crate::io::npy;
 use crate::{Error, Result};
 use std::fs::File;
 use std::io::{self, Seek, Write};
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
-use std::thread::JoinHandle;
 
 /// How many bytes are written at a time, and how many blocks wait at most.
 const BLOCK: usize = 1 << 18;
@@ -14,17 +13,10 @@ const WAITING: usize = 4;
 
 /// An array being written.
 pub struct ArraySink {
-    /// Taken out when the array is done.
-    stage: Option<Stage>,
+    target: Behind<Vec<u8>, Target>,
     block: Vec<u8>,
     frames: u64,
     width: usize,
-}
-
-/// A short array needs no thread.
-enum Stage {
-    Here(Target),
-    Behind(Behind),
 }
 
 /// Where the values go.
@@ -32,13 +24,6 @@ struct Target {
     sink: Sink,
     /// Where they wait for their count, if the sink's start cannot be written again: a file without a name.
     spool: Option<File>,
-}
-
-/// The thread that writes, while the command reads and computes.
-struct Behind {
-    blocks: SyncSender<Vec<u8>>,
-    spent: Receiver<Vec<u8>>,
-    thread: JoinHandle<(Target, Result<()>)>,
 }
 
 impl ArraySink {
@@ -51,8 +36,11 @@ impl ArraySink {
         if spool.is_none() {
             sink.put(&npy::header(0, width))?;
         }
+        let put = |target: &mut Target, blocks: &[Vec<u8>]| {
+            blocks.iter().try_for_each(|block| target.put(block))
+        };
         Ok(ArraySink {
-            stage: Some(Stage::Here(Target { sink, spool })),
+            target: Behind::new(Target { sink, spool }, WAITING, put),
             block: Vec::new(),
             frames: 0,
             width,
@@ -64,60 +52,19 @@ impl ArraySink {
         self.frames += 1;
         npy::push_values(&mut self.block, xyz);
         if self.block.len() >= BLOCK {
-            self.hand_over()?;
+            let block = std::mem::take(&mut self.block);
+            self.block = self.target.give(block)?;
+            self.block.clear();
         }
         Ok(())
-    }
-
-    /// Gives the block to the thread.
-    fn hand_over(&mut self) -> Result<()> {
-        let behind = match self.stage.take() {
-            Some(Stage::Here(target)) => Behind::start(target),
-            Some(Stage::Behind(behind)) => behind,
-            None => return Ok(()),
-        };
-        // Memory that was written is used again.
-        let mut next = behind.spent.try_recv().unwrap_or_default();
-        next.clear();
-        let block = std::mem::replace(&mut self.block, next);
-        if behind.blocks.send(block).is_err() {
-            // It ended before its time: it could not write.
-            return behind.end().1;
-        }
-        self.stage = Some(Stage::Behind(behind));
-        Ok(())
-    }
-
-    /// Waits until all is written; where to, unless it broke before.
-    fn end(&mut self) -> Result<Option<Target>> {
-        let mut target = match self.stage.take() {
-            Some(Stage::Here(target)) => target,
-            Some(Stage::Behind(behind)) => {
-                let (target, done) = behind.end();
-                done?;
-                target
-            }
-            None => return Ok(None),
-        };
-        target.put(&self.block)?;
-        Ok(Some(target))
     }
 
     /// Completes the array.
     pub fn finish(mut self) -> Result<()> {
         let header = npy::header(self.frames, self.width);
-        match self.end()? {
+        match self.target.end(std::mem::take(&mut self.block))? {
             Some(target) => target.finish(&header),
             None => Ok(()),
-        }
-    }
-}
-
-impl Drop for ArraySink {
-    fn drop(&mut self) {
-        // After an error elsewhere, which is the one to be told: the thread lets go of its files before the process ends.
-        if let Some(Stage::Behind(behind)) = self.stage.take() {
-            let _ = behind.end();
         }
     }
 }
@@ -146,42 +93,6 @@ impl Target {
         }
         self.sink.finish()
     }
-}
-
-impl Behind {
-    fn start(target: Target) -> Behind {
-        let (blocks, waiting) = sync_channel(WAITING);
-        let (used, spent) = channel();
-        Behind {
-            blocks,
-            spent,
-            thread: std::thread::spawn(move || put_all(target, &waiting, &used)),
-        }
-    }
-
-    /// Waits until all is written; what became of it.
-    fn end(self) -> (Target, Result<()>) {
-        drop(self.blocks);
-        match self.thread.join() {
-            Ok(done) => done,
-            Err(panic) => std::panic::resume_unwind(panic),
-        }
-    }
-}
-
-fn put_all(
-    mut target: Target,
-    waiting: &Receiver<Vec<u8>>,
-    used: &Sender<Vec<u8>>,
-) -> (Target, Result<()>) {
-    for block in waiting {
-        if let Err(e) = target.put(&block) {
-            return (target, Err(e));
-        }
-        // Nobody wants it any more at the end.
-        let _ = used.send(block);
-    }
-    (target, Ok(()))
 }
 
 fn spool_error(e: io::Error) -> Error {

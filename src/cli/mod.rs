@@ -1,6 +1,7 @@
 //! What every command shares: the wrapper around `main`, flags, streams, progress, pages of the manual.
 
 pub mod arrays;
+mod behind;
 pub mod commands;
 pub mod drawing;
 pub mod evaluating;

@@ -1,14 +1,12 @@
 //! Rows become text behind a command's back: while it reads and computes the next ones, a thread prints and writes.
 
+use super::behind::Behind;
 use super::streams::Sink;
 use crate::Result;
 use crate::io::csv::CsvWriter;
 use crate::io::table::Row;
 use rayon::prelude::*;
 use std::io::Write;
-use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
-use std::thread::JoinHandle;
 
 /// How many bytes of text a batch becomes at most: no row waits for more others than a buffer of a pipe holds.
 const BATCH: usize = 1 << 16;
@@ -24,23 +22,8 @@ const NUMBER: usize = 25;
 
 /// Prints the rows of a table, in order. What was given before an error is written all the same.
 pub struct Printer {
-    csv: Arc<CsvWriter>,
     batch: Batch,
-    /// Taken out when the printer is done.
-    stage: Option<Stage>,
-}
-
-/// A short table needs no thread.
-enum Stage {
-    Here(Sink),
-    Behind(Press),
-}
-
-/// The thread that prints.
-struct Press {
-    batches: SyncSender<Batch>,
-    spent: Receiver<Batch>,
-    thread: JoinHandle<(Sink, Result<()>)>,
+    press: Behind<Batch, Sink>,
 }
 
 /// Rows to be printed. The first `count` count, the others are memory to be used again.
@@ -65,10 +48,12 @@ impl Printer {
         let mut head = Vec::new();
         csv.push_head(&mut head);
         sink.put(&head)?;
+        let mut texts = Vec::new();
         Ok(Printer {
-            csv: Arc::new(csv),
             batch: Batch::default(),
-            stage: Some(Stage::Here(sink)),
+            press: Behind::new(sink, WAITING, move |sink, batches: &[Batch]| {
+                print(&csv, sink, batches, &mut texts)
+            }),
         })
     }
 
@@ -76,126 +61,51 @@ impl Printer {
     pub fn write(&mut self, row: &Row, xyz: &[f64], added: &[String]) -> Result<()> {
         self.batch.push(row, xyz, added);
         if self.batch.bytes >= BATCH {
-            self.hand_over()?;
+            let batch = std::mem::take(&mut self.batch);
+            self.batch = self.press.give(batch)?;
+            self.batch.clear();
         }
         Ok(())
-    }
-
-    /// Gives the batch to the thread.
-    fn hand_over(&mut self) -> Result<()> {
-        let press = match self.stage.take() {
-            Some(Stage::Here(sink)) => Press::start(sink, self.csv.clone()),
-            Some(Stage::Behind(press)) => press,
-            None => return Ok(()),
-        };
-        let next = press.spent.try_recv().unwrap_or_default();
-        if press
-            .batches
-            .send(std::mem::replace(&mut self.batch, next))
-            .is_err()
-        {
-            // It ended before its time: it could not write.
-            return press.end().1;
-        }
-        self.stage = Some(Stage::Behind(press));
-        Ok(())
-    }
-
-    /// Prints what is left; the sink, unless it broke before.
-    fn end(&mut self) -> Result<Option<Sink>> {
-        if matches!(self.stage, Some(Stage::Behind(_))) && self.batch.count > 0 {
-            self.hand_over()?;
-        }
-        match self.stage.take() {
-            Some(Stage::Here(mut sink)) => {
-                let mut text = Vec::new();
-                self.batch.print(&self.csv, 0, usize::MAX, &mut text);
-                sink.put(&text)?;
-                Ok(Some(sink))
-            }
-            Some(Stage::Behind(press)) => {
-                let (sink, done) = press.end();
-                done.map(|()| Some(sink))
-            }
-            None => Ok(None),
-        }
     }
 
     /// Completes the table.
     pub fn finish(mut self) -> Result<()> {
-        self.end()?.map_or(Ok(()), Sink::finish)
+        let batch = std::mem::take(&mut self.batch);
+        self.press.end(batch)?.map_or(Ok(()), Sink::finish)
     }
 }
 
 impl Drop for Printer {
     fn drop(&mut self) {
         // After an error elsewhere, which is the one to be told.
-        let _ = self.end();
+        let _ = self.press.end(std::mem::take(&mut self.batch));
     }
 }
 
-impl Press {
-    fn start(sink: Sink, csv: Arc<CsvWriter>) -> Press {
-        let (batches, waiting) = sync_channel(WAITING);
-        let (used, spent) = channel();
-        Press {
-            batches,
-            spent,
-            thread: std::thread::spawn(move || print(sink, &csv, &waiting, &used)),
-        }
-    }
-
-    /// Waits until all is written; what became of it.
-    fn end(self) -> (Sink, Result<()>) {
-        drop(self.batches);
-        match self.thread.join() {
-            Ok(done) => done,
-            Err(panic) => std::panic::resume_unwind(panic),
-        }
-    }
-}
-
-/// Prints batches and writes them: as soon as one is there, and together what came meanwhile.
+/// Prints batches, on all threads, and writes them. `texts` is memory that is used again: got anew, its page faults showed
+/// beside the printing.
 fn print(
-    mut sink: Sink,
     csv: &CsvWriter,
-    waiting: &Receiver<Batch>,
-    used: &Sender<Batch>,
-) -> (Sink, Result<()>) {
-    let mut texts: Vec<Vec<u8>> = Vec::new();
-    while let Ok(first) = waiting.recv() {
-        let more = waiting.try_iter().take(WAITING - 1);
-        let batches: Vec<Batch> = std::iter::once(first).chain(more).collect();
-        let chunks: Vec<(&Batch, usize)> = batches
-            .iter()
-            .flat_map(|batch| {
-                (0..batch.count)
-                    .step_by(batch.chunk())
-                    .map(move |start| (batch, start))
-            })
-            .collect();
-        // Their memory is used again: got anew, its page faults showed beside the printing.
-        let count = chunks.len();
-        texts.resize_with(texts.len().max(count), Vec::new);
-        texts[..count]
-            .par_iter_mut()
-            .zip(chunks)
-            .for_each(|(text, (batch, start))| {
-                text.clear();
-                batch.print(csv, start, batch.chunk(), text);
-            });
-        let done = texts[..count].iter().try_for_each(|text| sink.put(text));
-        let done = done.and_then(|()| sink.flush().map_err(|e| sink.fail(e)));
-        if done.is_err() {
-            return (sink, done);
-        }
-        for mut batch in batches {
-            batch.clear();
-            // Nobody wants it any more at the end.
-            let _ = used.send(batch);
-        }
-    }
-    (sink, Ok(()))
+    sink: &mut Sink,
+    batches: &[Batch],
+    texts: &mut Vec<Vec<u8>>,
+) -> Result<()> {
+    let pieces = |batch: &Batch| (0..batch.count).step_by(batch.chunk());
+    let chunks: Vec<(&Batch, usize)> = batches
+        .iter()
+        .flat_map(|batch| pieces(batch).map(move |start| (batch, start)))
+        .collect();
+    let count = chunks.len();
+    texts.resize_with(texts.len().max(count), Vec::new);
+    texts[..count]
+        .par_iter_mut()
+        .zip(chunks)
+        .for_each(|(text, (batch, start))| {
+            text.clear();
+            batch.print(csv, start, batch.chunk(), text);
+        });
+    texts[..count].iter().try_for_each(|text| sink.put(text))?;
+    sink.flush().map_err(|e| sink.fail(e))
 }
 
 impl Line {
@@ -253,6 +163,7 @@ mod tests {
     use crate::io::csv::After;
     use crate::io::output::OutputFile;
     use crate::io::table::Columns;
+    use std::sync::Arc;
 
     /// What is printed of so many rows, and what they are row by row.
     fn printed(rows: usize) -> (Vec<u8>, Vec<u8>) {
