@@ -4,6 +4,7 @@
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use std::cell::Cell;
 use std::ops::Range;
 
 /// Applies `work` to fixed chunks of `0..len` (the last may be shorter) on rayon's threads.
@@ -17,10 +18,48 @@ where
     F: Fn(Range<usize>) -> T + Sync,
 {
     let chunk = chunk.max(1);
-    (0..len.div_ceil(chunk))
-        .into_par_iter()
-        .map(|i| work(i * chunk..((i + 1) * chunk).min(len)))
-        .collect()
+    let chunks = 0..len.div_ceil(chunk);
+    let one = |i: usize| work(i * chunk..((i + 1) * chunk).min(len));
+    if ALONE.get() {
+        return chunks.map(one).collect();
+    }
+    chunks.into_par_iter().map(one).collect()
+}
+
+/// Applies `work` to each item on rayon's threads, the answers in the order of the items; `desk` makes what one thread works
+/// with, which must not change an answer.
+pub fn map_each<T, D, R>(
+    items: Vec<T>,
+    desk: impl Fn() -> D + Sync + Send,
+    work: impl Fn(&mut D, T) -> R + Sync + Send,
+) -> Vec<R>
+where
+    T: Send,
+    R: Send,
+{
+    if ALONE.get() {
+        let mut desk = desk();
+        return items.into_iter().map(|i| work(&mut desk, i)).collect();
+    }
+    items.into_par_iter().map_init(desk, work).collect()
+}
+
+thread_local! {
+    /// Whether this thread is to do all that it is given by itself.
+    static ALONE: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Does `work` on this thread alone: chunks and items that are met in it are not shared with others. So its time is its own;
+/// a thread that waits for others takes up what has nothing to do with it.
+pub fn alone<R>(work: impl FnOnce() -> R) -> R {
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            ALONE.set(self.0);
+        }
+    }
+    let _before = Before(ALONE.replace(true));
+    work()
 }
 
 /// A random generator for one stream of one seed: the same on every machine and for any number of threads.
@@ -40,5 +79,24 @@ mod tests {
             let seen: Vec<usize> = map_chunks(len, chunk, |r| r.collect::<Vec<_>>()).concat();
             assert_eq!(seen, (0..len).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn what_is_done_alone_stays_on_its_thread() {
+        let here = std::thread::current().id();
+        let apart = || -> Vec<bool> {
+            let chunks = map_chunks(64, 1, |_| std::thread::current().id() == here);
+            let items = vec![(); 64];
+            let each = map_each(items, || (), |(), ()| std::thread::current().id() == here);
+            [chunks, each].concat()
+        };
+        assert!(alone(|| alone(apart)).into_iter().all(|on| on));
+        // This thread is none of rayon's.
+        assert!(apart().into_iter().all(|on| !on));
+        let items: Vec<usize> = (0..100).collect();
+        let squares = |items: Vec<usize>| map_each(items, || 2, |by, i| i * *by);
+        let want: Vec<usize> = (0..100).map(|i| 2 * i).collect();
+        assert_eq!(squares(items.clone()), want);
+        assert_eq!(alone(|| squares(items)), want);
     }
 }

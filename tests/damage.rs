@@ -6,6 +6,7 @@ mod common;
 use posing::io::table::{ReadOptions, Table};
 use posing::io::{Input, Model, amc, asf};
 use posing::par::generator;
+use posing::prior::pairs::RigidPairs;
 use rand::Rng;
 use std::io::Cursor;
 use std::time::{Duration, Instant};
@@ -36,13 +37,19 @@ fn table() -> String {
     text
 }
 
-fn array(fortran: bool, shape: &str) -> Vec<u8> {
+/// What stands before an array's numbers.
+fn head(descr: &str, fortran: bool, shape: &str) -> Vec<u8> {
     let order = if fortran { "True" } else { "False" };
     let text =
-        format!("{{'descr': '<f8', 'fortran_order': {order}, 'shape': {shape}, }}          \n");
+        format!("{{'descr': '{descr}', 'fortran_order': {order}, 'shape': {shape}, }}          \n");
     let mut out = b"\x93NUMPY\x01\x00".to_vec();
     out.extend_from_slice(&(text.len() as u16).to_le_bytes());
     out.extend_from_slice(text.as_bytes());
+    out
+}
+
+fn array(fortran: bool, shape: &str) -> Vec<u8> {
+    let mut out = head("<f8", fortran, shape);
     for i in 0..48 {
         out.extend_from_slice(&(f64::from(i) * 0.5).to_le_bytes());
     }
@@ -248,6 +255,21 @@ fn what_a_file_claims_takes_no_memory() {
     let bytes = zip.finish().unwrap().into_inner();
     let said = Model::from_bytes(bytes, NAME).unwrap_err().to_string();
     assert!(said.contains("unpacks to far more"), "{said}");
+    // An array of very many rows of nothing.
+    for shape in ["(1000000000000000, 0)", "(18446744073709551615, 0)"] {
+        let bytes = model().to_bytes().unwrap();
+        let mut zip = zip::ZipWriter::new_append(Cursor::new(bytes)).unwrap();
+        zip.start_file("rigid_lengths.npy", options).unwrap();
+        std::io::Write::write_all(&mut zip, &head("<i2", false, shape)).unwrap();
+        zip.start_file("rigid.npy", options).unwrap();
+        std::io::Write::write_all(&mut zip, &head("<i2", false, shape)).unwrap();
+        let bytes = zip.finish().unwrap().into_inner();
+        let refused = match Model::from_bytes(bytes, NAME) {
+            Ok(model) => RigidPairs::read(&model, NAME).is_err(),
+            Err(_) => true,
+        };
+        assert!(refused, "{shape}");
+    }
     let took = peak() - before;
     assert!(took < 200 << 10, "{took} KiB");
 }
@@ -326,7 +348,8 @@ fn sound_files_that_do_not_fit_are_told_by_name() {
     narrow.insert("atoms", atoms);
     write("narrow.npz", &narrow.to_bytes().unwrap());
     let mut zero = model();
-    zero.get_mut("atoms").unwrap().fill(0.0);
+    let atoms = 0.0 * &zero.array("atoms", "zero").unwrap();
+    zero.insert("atoms", atoms);
     write("zero.npz", &zero.to_bytes().unwrap());
     let wide: Vec<String> = (0..2100).map(|k| format!("p{k}.x,p{k}.y,p{k}.z")).collect();
     let row = vec!["1"; 6300].join(",");

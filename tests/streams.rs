@@ -118,6 +118,28 @@ fn rows_come_out_while_more_are_waited_for() {
     assert!(child.wait().unwrap().success());
 }
 
+#[test]
+fn what_was_coded_before_a_bad_row_is_written() {
+    let dir = folder();
+    let at = |name: &str| dir.path().join(name);
+    let table = fs::read_to_string(at("t.csv")).unwrap();
+    let all = bash(dir.path(), "encode -m m.npz --sparsity 2 t.csv").stdout;
+    for row in [5, 9_000] {
+        let mut lines: Vec<&str> = table.lines().collect();
+        lines[row] = "walk,0,x,80,1e1,,5,4,0.125";
+        fs::write(at("bad.csv"), lines.join("\n") + "\n").unwrap();
+        let out = bash(dir.path(), "encode -m m.npz --sparsity 2 bad.csv");
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(1), "{said}");
+        let place = format!("bad.csv:{}", row + 1);
+        assert!(said.contains(&place) && said.lines().count() == 1, "{said}");
+        assert!(all.starts_with(&out.stdout));
+        // All but the batch that the row is in.
+        let written = out.stdout.iter().filter(|b| **b == b'\n').count();
+        assert!(written + 4096 >= row && written <= row, "{written}");
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_an_error_of_one_line() {

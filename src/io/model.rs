@@ -70,9 +70,10 @@ pub struct Meta {
     /// Words that must go with the data the model was learnt from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub credit: Option<String>,
-    /// Arrays that are kept as 16-bit whole multiples (`<i2`) of a step: by name, the step.
+    /// Arrays that are kept as 16-bit whole multiples (`<i2`) of a step: by name, the step. Only in files; here the arrays
+    /// know.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub steps: BTreeMap<String, f32>,
+    steps: BTreeMap<String, f32>,
     /// What else the kind wants to know.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub details: Map<String, Value>,
@@ -170,12 +171,6 @@ impl Model {
         self.arrays.get(name).map(Matrix::floats)
     }
 
-    /// The same to be changed.
-    pub fn get_mut(&mut self, name: &str) -> Option<&mut Array2<f32>> {
-        self.meta.steps.remove(name);
-        self.arrays.get_mut(name).map(Matrix::floats_mut)
-    }
-
     /// The array of a name as the file keeps it, or an error that names it.
     pub fn matrix(&self, name: &str, source: &str) -> Result<&Matrix> {
         let missing = || {
@@ -192,7 +187,6 @@ impl Model {
 
     /// Adds an array, in place of what has its name.
     pub fn insert(&mut self, name: &str, array: Array2<f32>) {
-        self.meta.steps.remove(name);
         self.arrays.insert(name.into(), array.into());
     }
 
@@ -201,13 +195,11 @@ impl Model {
     /// The step is the smallest that holds the largest value. Every value must be finite.
     pub fn insert_packed(&mut self, name: &str, array: &Array2<f32>) {
         let packed = Packed::of(array);
-        self.meta.steps.insert(name.into(), packed.step);
         self.arrays.insert(name.into(), Matrix::Packed(packed));
     }
 
     /// Takes an array out.
     pub fn remove(&mut self, name: &str) {
-        self.meta.steps.remove(name);
         self.arrays.remove(name);
     }
 
@@ -221,7 +213,13 @@ impl Model {
             .compression_method(zip::CompressionMethod::Stored)
             .last_modified_time(zip::DateTime::default())
             .large_file(false);
-        let json = serde_json::to_vec(&self.meta).map_err(|e| fail(e.to_string()))?;
+        let step = |(name, array): (&String, &Matrix)| match array {
+            Matrix::Packed(packed) => Some((name.clone(), packed.step)),
+            Matrix::Floats(_) => None,
+        };
+        let mut meta = self.meta.clone();
+        meta.steps = self.arrays.iter().filter_map(step).collect();
+        let json = serde_json::to_vec(&meta).map_err(|e| fail(e.to_string()))?;
         let mut entry = |name: &str, bytes: &[u8]| -> Result<()> {
             zip.start_file(format!("{name}.npy"), options)
                 .map_err(|e| fail(e.to_string()))?;
@@ -298,15 +296,13 @@ impl Model {
                 meta.format
             )));
         }
-        for (key, array) in &mut arrays {
-            match (meta.steps.get(key), array) {
-                (Some(step), Matrix::Packed(packed)) => packed.step = *step,
-                (Some(step), Matrix::Floats(array)) => array.mapv_inplace(|v: f32| v * step),
-                (None, _) => {}
+        for (key, step) in std::mem::take(&mut meta.steps) {
+            match arrays.get_mut(&key) {
+                Some(Matrix::Packed(packed)) => packed.step = step,
+                Some(Matrix::Floats(array)) => array.mapv_inplace(|v: f32| v * step),
+                None => {}
             }
         }
-        // Of those alone that are packed here.
-        (meta.steps).retain(|key, _| matches!(arrays.get(key), Some(Matrix::Packed(_))));
         let points = meta.points.len();
         few_enough(points, name)?;
         let sound = meta.body.as_ref().is_none_or(|b| {
@@ -408,6 +404,35 @@ mod tests {
         let off = &back.get("poses").unwrap() - &values;
         assert!(off.iter().all(|v| v.abs() <= 37.1 / 32767.0));
         assert_eq!(back.to_bytes().unwrap(), bytes);
+    }
+
+    #[test]
+    fn an_archive_may_be_compressed_and_damage_in_it_is_told() {
+        let mut packed = model();
+        let values = Array2::from_shape_fn((50, 3), |(i, j)| (i * j) as f32);
+        packed.insert_packed("poses", &values);
+        packed.remove("atoms");
+        let bytes = packed.to_bytes().unwrap();
+        let mut stored = zip::ZipArchive::new(Cursor::new(&bytes)).unwrap();
+        let mut deflated = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        let options =
+            SimpleFileOptions::default().compression_method(zip::CompressionMethod::Deflated);
+        for i in 0..stored.len() {
+            let mut entry = stored.by_index(i).unwrap();
+            let name = entry.name().unwrap().to_string();
+            deflated.start_file(name, options).unwrap();
+            std::io::copy(&mut entry, &mut deflated).unwrap();
+        }
+        let deflated = deflated.finish().unwrap().into_inner();
+        assert!(deflated.len() < bytes.len());
+        assert_eq!(Model::from_bytes(deflated, "m").unwrap(), packed);
+        let place = stored.by_name("poses.npy").unwrap().data_start().unwrap();
+        for at in [0, 90, 200, 300] {
+            let mut damaged = bytes.clone();
+            damaged[place as usize + at] ^= 4;
+            let told = Model::from_bytes(damaged, "m").unwrap_err().to_string();
+            assert!(told.contains("m: poses"), "{told}");
+        }
     }
 
     #[test]

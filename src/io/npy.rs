@@ -345,7 +345,8 @@ pub fn matrix_of(file: &Bytes, place: &Place) -> Result<Matrix> {
         )));
     }
     let (rows, columns) = (rows as usize, columns as usize);
-    if short && !header.fortran {
+    // Of nothing there may be any number of rows: arrays of floats refuse too many.
+    if short && !header.fortran && size > 0 {
         let packed = Packed::new(file.slice_ref(rest), (rows, columns), 1.0);
         return (packed.map(Matrix::Packed)).ok_or_else(|| fail("is too large".into()));
     }

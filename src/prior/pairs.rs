@@ -390,7 +390,9 @@ mod tests {
             ("rigid_lengths", [1, 0], 0.0),
         ] {
             let mut bad = model.clone();
-            bad.get_mut(name).unwrap()[at] = value;
+            let mut array = bad.get(name).unwrap().into_owned();
+            array[at] = value;
+            bad.insert(name, array);
             assert!(RigidPairs::read(&bad, "m").is_err(), "{name} {at:?}");
         }
         let (rigid, lengths) = (

@@ -10,8 +10,10 @@ use pulp::{Simd, WithSimd};
 /// outside their span: an angle of 1e-5. Atoms are f32: two copies of one direction differ by some 1e-7.
 const DEPENDENT: f64 = 1e-10;
 
-/// And as nearly dependent at this share: of more, rounding leaves no more than 1e-12 of q along those chosen before.
-const NEARLY_DEPENDENT: f64 = 1e-4;
+/// After up to so many atoms one pass of Gram-Schmidt is enough for one of which more than this share is left: what rounding
+/// leaves of it along the others is at most tenfold what it left of those, 1e-13 in all. Later atoms get a second.
+const FEW: usize = 3;
+const NEARLY_DEPENDENT: f64 = 1e-2;
 
 /// What a column is made of. Rows are padded. Gives what the signal has along it, and |residual|²; `None`, with the residual
 /// as it was, where the atom depends on those before.
@@ -59,7 +61,7 @@ impl Column<'_> {
                 *r += c;
             }
             // What one pass of Gram-Schmidt leaves behind when the atom is nearly dependent, a second removes.
-            if left > NEARLY_DEPENDENT * whole {
+            if before.len() <= FEW && left > NEARLY_DEPENDENT * whole {
                 break;
             }
         }
@@ -174,6 +176,24 @@ mod tests {
             );
             done.extend(v);
         }
+        // On vectors of any width the same bits.
+        fn on<S: Simd>(simd: S, done: &[f64], atom: &[f64]) -> Vec<u64> {
+            let (mut v, mut column) = (atom.to_vec(), vec![0.0; done.len() / 16 + 1]);
+            let mut residual: Vec<f64> = (0..16).map(|i| 1.0 / (i as f64 + 0.3)).collect();
+            let made = Column {
+                done,
+                v: &mut v,
+                column: &mut column,
+                residual: &mut residual,
+            };
+            let (z, left) = made.with_simd(simd).unwrap();
+            let all = [z, left].into_iter().chain(v).chain(column).chain(residual);
+            all.map(f64::to_bits).collect()
+        }
+        let want = on(pulp::Scalar, &done, &atom(6));
+        assert_eq!(on(pulp::Scalar128b, &done, &atom(6)), want);
+        assert_eq!(on(pulp::Scalar256b, &done, &atom(6)), want);
+        assert_eq!(on(pulp::Scalar512b, &done, &atom(6)), want);
         let both = atom(1).into_iter().zip(atom(3));
         let mut sum: Vec<f64> = both.map(|(a, b)| a - 2.0 * b).collect();
         let before = residual.clone();

@@ -165,20 +165,20 @@ def inertia(poses, centres):
 
 
 def clustering(Y, work):
-    title("k-means, median of 5 seeds; inertia")
+    title("k-means, medians of some seeds; inertia")
     file, model = os.path.join(work, "k.npy"), os.path.join(work, "k.npz")
     np.save(file, Y)
-    # Few clusters are found so fast that the better of two runs costs little.
-    for k, restarts in ((200, 2), (2000, 1)):
+    # Inertias of few clusters differ by more between seeds (0.4%) than between programs: many seeds tell them apart.
+    for k, seeds in ((200, 21), (2000, 5)):
         for algorithm in ("lloyd", "elkan"):
             mine, other = [], []
-            for seed in range(1 if QUICK else 5):
-                cluster = lambda: posing("cluster", "-k", k, "--seed", seed, "--restarts", restarts, "--save", model, "--to", "npy", "-o", os.path.join(work, "k2.npy"), file)
+            for seed in range(1 if QUICK else seeds):
+                cluster = lambda: posing("cluster", "-k", k, "--seed", seed, "--save", model, "--to", "npy", "-o", os.path.join(work, "k2.npy"), file)
                 mine.append((timed(cluster)[0], inertia(Y, np.load(model)["centroids"].astype(np.float64))))
                 seconds, fit = timed(lambda: KMeans(k, n_init=1, algorithm=algorithm, random_state=seed).fit(Y))
                 other.append((seconds, inertia(Y, fit.cluster_centers_.astype(np.float64))))
             (a, ours), (b, theirs) = np.median(mine, axis=0), np.median(other, axis=0)
-            line(f"k = {k}, {restarts} runs of ours: scikit-learn, {algorithm}", a, b, 2, f"{ours:.5g} {theirs:.5g}", ours <= theirs)
+            line(f"k = {k}, {len(mine)} seeds: scikit-learn, {algorithm}", a, b, 2, f"{ours:.5g} {theirs:.5g}", ours <= theirs)
 
 
 def tables(takes, work):

@@ -275,15 +275,15 @@ pub fn restore(
     damaged: &Damaged,
 ) -> (Vec<Posterior>, f64) {
     let parts = par::map_chunks(damaged.y.nrows(), BATCH, |range| {
-        let began = Instant::now();
         let part = |a: &Array2<f64>| a.slice(s![range.clone(), ..]).to_owned();
         // A number that is missing is read nowhere, but nothing should hang on that.
         let y = part(&damaged.y).mapv(|v| if v.is_nan() { 0.0 } else { v });
         let told = part(&damaged.told);
-        let answers = match treatment {
+        let began = Instant::now();
+        let answers = par::alone(|| match treatment {
             Some(treatment) => treatment.answer(prior, y.view(), told.view()),
             None => prior.posteriors(y.view(), told.view()),
-        };
+        });
         (answers, began.elapsed().as_secs_f64())
     });
     let seconds = parts.iter().map(|p| p.1).sum();

@@ -20,7 +20,7 @@ pub struct Basis {
 }
 
 /// No direction has a smaller variance, cm².
-const LEAST: f64 = 1e-9;
+pub const LEAST: f64 = 1e-9;
 
 impl Basis {
     /// Of a symmetric positive semidefinite matrix.
@@ -175,7 +175,7 @@ pub fn add_diagonal(share: f64, directions: &[f32], deviations: &[f32], out: &mu
                 let mut sums = [0.0; 8];
                 for (u, w) in row.chunks(8).zip(weights.chunks(8)) {
                     for ((sum, u), w) in sums.iter_mut().zip(u).zip(w) {
-                        *sum += f64::from(u * u) * w;
+                        *sum += f64::from(*u).powi(2) * w;
                     }
                 }
                 *out += sums.iter().sum::<f64>();

@@ -18,6 +18,7 @@
 //! Which coordinates make which part follows from the points' names; the scales are in `details`.
 
 use super::Blocks;
+use super::basis::LEAST;
 use super::cells::Cells;
 use super::learn::{Settings, variance_of};
 use super::leaves::Poses;
@@ -208,7 +209,7 @@ impl File<'_> {
             Some(_) => Some(self.array(&name, Some(1), Some(d))?),
             None => None,
         };
-        let within = within.map(|w| w.iter().map(|v| f64::from(*v).max(0.0)).collect());
+        let within = within.map(|w| w.iter().map(|v| f64::from(*v).max(LEAST)).collect());
         let (directions, deviations) = (directions.clone(), deviations.clone());
         Ok(Cells::stored(
             wholes,

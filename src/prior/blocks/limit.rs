@@ -195,8 +195,7 @@ mod tests {
         let old = Blocks::from_model(&old, "m").unwrap();
         assert_eq!(old.unlike(&moved), None);
         let mut broken = model.clone();
-        let limit = broken.get_mut("limit").unwrap();
-        limit.fill(f32::NAN);
+        broken.insert("limit", ndarray::Array2::from_elem((1, 1), f32::NAN));
         let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
         assert!(told.contains("limit"), "{told}");
     }

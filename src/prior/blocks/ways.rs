@@ -5,9 +5,9 @@ use super::answer::{Answer, Told};
 use super::explained::Explained;
 use super::part::View;
 use super::search::{Desk, Search};
+use crate::par;
 use crate::prior::small::{add, log_sum};
 use crate::prior::{Belief, Posterior};
-use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Ways of making a body of parts that weigh less for an observation do not answer it; those that by their cells alone
@@ -66,30 +66,30 @@ impl Blocks {
             .map(|p| p.coordinates.iter().map(|&i| y[i]).collect())
             .collect();
         // The parts side by side: a frame that comes alone is answered sooner, and among others it costs next to nothing.
-        let parts = self.parts.par_iter().zip(&views).zip(&observed);
-        let mut searches: Vec<Option<Search<'_>>> = parts
-            .zip(self.wanted(&self.log_ways, LEAST_WAY))
-            .map_init(Desk::default, |desk, (((part, view), y), wanted)| {
-                wanted.then(|| part.search(view, y, desk))
-            })
-            .collect();
+        let parts = self.parts.iter().zip(&views).zip(&observed);
+        let parts = parts.zip(self.wanted(&self.log_ways, LEAST_WAY));
+        let searches: Vec<Option<Search<'_>>> = par::map_each(
+            parts.collect(),
+            Desk::default,
+            |desk, (((part, view), y), wanted)| wanted.then(|| part.search(view, y, desk)),
+        );
         let by_cells = self.ways_of(searches.iter().map(|s| match s {
             Some(search) => search.evidence(),
             None => f64::NEG_INFINITY,
         }));
         let wanted = self.wanted(&self.tempered(&by_cells), least);
-        let searches = searches.par_iter_mut().zip(wanted);
-        let explained: Vec<Explained> = searches
-            .map_init(Desk::default, |desk, (search, wanted)| {
-                match search.take() {
-                    Some(mut search) if wanted => {
-                        search.open(desk);
-                        search.end()
-                    }
-                    _ => Explained::nothing(),
+        let searches = searches.into_iter().zip(wanted);
+        let explained: Vec<Explained> = par::map_each(
+            searches.collect(),
+            Desk::default,
+            |desk, (search, wanted)| match search {
+                Some(mut search) if wanted => {
+                    search.open(desk);
+                    search.end()
                 }
-            })
-            .collect();
+                _ => Explained::nothing(),
+            },
+        );
         let ways = self.ways_of(explained.iter().map(|e| e.evidence));
         Considered {
             views,

@@ -166,16 +166,18 @@ mod tests {
             let off = back.covariance(j) - three().covariance(j);
             assert!(off.iter().all(|d| d.abs() <= 1e-4));
         }
-        for (name, value) in [("weights", -1.0), ("means", f32::NAN), ("rest", -0.1)] {
+        for (name, value, what) in [
+            ("weights", -1.0, "weights"),
+            ("means", f32::NAN, "means"),
+            ("rest", -0.1, "below 0"),
+        ] {
             let mut broken = model.clone();
-            broken.get_mut(name).unwrap()[[0, 0]] = value;
+            let mut array = broken.get(name).unwrap().into_owned();
+            array[[0, 0]] = value;
+            broken.insert(name, array);
             let told = Parts::read(&broken, "m").unwrap_err().to_string();
-            assert!(told.contains(name), "{told}");
+            assert!(told.contains(name) && told.contains(what), "{told}");
         }
-        let mut broken = model.clone();
-        broken.get_mut("rest").unwrap()[[0, 0]] = -0.1;
-        let told = Parts::read(&broken, "m").unwrap_err().to_string();
-        assert!(told.contains("below 0"), "{told}");
         let mut broken = model.clone();
         broken.insert("factors", Array2::zeros((4, 6)));
         let told = Parts::read(&broken, "m").unwrap_err().to_string();

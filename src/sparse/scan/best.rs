@@ -80,3 +80,79 @@ impl Best {
         (self.key > 0.0).then_some(self.atom)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::panels::WIDTH;
+    use super::*;
+    use crate::par;
+    use pulp::{Scalar, Scalar256b, Scalar512b, WithSimd};
+    use rand::Rng;
+
+    /// Two panels, one after the other.
+    struct Met<'a>([(&'a [f32; WIDTH], &'a [f32; WIDTH]); 2]);
+
+    impl Met<'_> {
+        fn by<S: Simd, const V: usize>(self, simd: S) -> Option<u32> {
+            let mut best = Best::NONE;
+            for (panel, (over, under)) in (0..).zip(self.0) {
+                let of = |all: &[f32; WIDTH]| -> [S::f32s; V] {
+                    let all = S::as_simd_f32s(&all[..]).0;
+                    std::array::from_fn(|v| all[v])
+                };
+                best.meet(simd, panel * WIDTH as u32, of(over), of(under));
+            }
+            best.atom()
+        }
+    }
+
+    impl WithSimd for Met<'_> {
+        type Output = Option<u32>;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> Option<u32> {
+            match S::F32_LANES {
+                16 => self.by::<S, 4>(simd),
+                8 => self.by::<S, 8>(simd),
+                4 => self.by::<S, 16>(simd),
+                _ => self.by::<S, WIDTH>(simd),
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_of_the_best_is_found_on_vectors_of_any_width() {
+        let mut generator = par::generator(1, 0);
+        for round in 0..500 {
+            let mut over = [[0.0f32; WIDTH]; 2];
+            let mut under = [[1.0f32; WIDTH]; 2];
+            // Many equal keys, atoms that are taken, and ones that are not seen.
+            over.as_flattened_mut().iter_mut().for_each(|o| {
+                *o = match generator.random_range(0..5) {
+                    0 => f32::NAN,
+                    1 => 0.0,
+                    _ => generator.random_range(0..4) as f32 * 1e-3,
+                }
+            });
+            under
+                .as_flattened_mut()
+                .iter_mut()
+                .for_each(|u| *u = [1.0, 0.5, 1e-6, f32::INFINITY][generator.random_range(0..4)]);
+            if round == 0 {
+                over = [[f32::NAN; WIDTH]; 2];
+            }
+            let keys = over.as_flattened().iter().zip(under.as_flattened());
+            let mut want = (0.0, None);
+            for (atom, key) in (0u32..).zip(keys.map(|(o, u)| o / u)) {
+                if key > want.0 {
+                    want = (key, Some(atom));
+                }
+            }
+            let met = || Met([(&over[0], &under[0]), (&over[1], &under[1])]);
+            assert_eq!(crate::simd::widest(met()), want.1);
+            assert_eq!(met().with_simd(Scalar), want.1);
+            assert_eq!(met().with_simd(Scalar256b), want.1);
+            assert_eq!(met().with_simd(Scalar512b), want.1);
+        }
+    }
+}

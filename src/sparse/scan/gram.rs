@@ -1,4 +1,5 @@
-//! Products of atoms with each other: rows of the Gram matrix, made when they are first asked for and kept.
+//! Products of atoms with each other: rows of the Gram matrix, made when they are first asked for, or all at once where
+//! there are poses enough to ask for most of them, and kept.
 //!
 //! The direction that an atom adds is a sum of the atoms taken, q = Σ w_j a_j; so its product with every atom is the same
 //! sum of rows of the Gram matrix, and costs a few multiplications an atom where a scan costs D.

@@ -88,11 +88,10 @@ impl Ground {
         self.panels.get_or_init(|| Panels::new(atoms))
     }
 
-    /// Makes all rows of the Gram matrix, where there is one and `poses` more poses will have asked for most of them.
+    /// Makes all rows of the Gram matrix, where there is one and so many poses will ask for most of them.
     pub fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize) {
-        let all = self.coded.load(Ordering::Relaxed).saturating_add(poses);
         if let (Some(gram), Some(flat)) = (&self.gram, atoms.as_slice())
-            && all >= flat.len() / atoms.ncols().max(1)
+            && poses >= atoms.nrows()
         {
             gram.fill(self.panels(atoms), flat);
         }
