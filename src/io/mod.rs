@@ -6,6 +6,7 @@ pub mod bvh;
 pub mod cells;
 pub mod csv;
 pub mod input;
+mod matrix;
 pub mod model;
 pub mod npy;
 pub mod output;

@@ -2,8 +2,6 @@
 //!
 //! Entries are stored in a fixed order with the time 1980-01-01, so equal models are equal bytes.
 
-mod matrix;
-
 use super::Input;
 use super::npy;
 use super::text::short;
@@ -17,7 +15,7 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use zip::write::SimpleFileOptions;
 
-pub use matrix::{Matrix, Packed};
+pub use super::matrix::{Matrix, Packed};
 
 /// The format this version writes; it reads all up to it.
 pub const FORMAT: u32 = 1;
@@ -282,7 +280,7 @@ impl Model {
                     .map_err(|e| Error::data(at, short(&e.to_string())))?;
                 meta = Some(read);
             } else {
-                arrays.insert(key, npy::matrix_of(&content, &at)?);
+                arrays.insert(key, Matrix::from_npy(&content, &at)?);
             }
         }
         let Some(mut meta) = meta else {

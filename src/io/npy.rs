@@ -2,12 +2,9 @@
 //! order; NaN is missing. Read without seeking, so standard input works.
 
 use super::Input;
-use super::model::{Matrix, Packed};
 use super::table::{Columns, ReadOptions, Row};
 use super::text::{FURTHEST, short, within};
 use crate::{Error, Place, Result};
-use bytes::Bytes;
-use ndarray::Array2;
 use std::io::{BufRead, BufReader, Read};
 
 /// How many bytes are read at a time, where so many are there.
@@ -29,15 +26,15 @@ pub struct NpyReader {
 }
 
 /// What a header says.
-struct Header {
-    descr: String,
-    fortran: bool,
-    shape: Vec<u64>,
+pub(super) struct Header {
+    pub(super) descr: String,
+    pub(super) fortran: bool,
+    pub(super) shape: Vec<u64>,
 }
 
 impl Header {
     /// Whether the floats are f64; an error when they are not floats.
-    fn wide(&self) -> std::result::Result<bool, String> {
+    pub(super) fn wide(&self) -> std::result::Result<bool, String> {
         match self.descr.as_str() {
             "<f8" => Ok(true),
             "<f4" => Ok(false),
@@ -203,7 +200,7 @@ fn decode(bytes: &[u8], wide: bool, out: &mut Vec<f64>) {
     }
 }
 
-fn read_header(reader: &mut dyn Read, place: &Place) -> Result<Header> {
+pub(super) fn read_header(reader: &mut dyn Read, place: &Place) -> Result<Header> {
     let fail = |what: String| Error::data(place.clone(), what);
     let cut = |_| fail("ends inside its header".to_string());
     let mut start = [0; 8];
@@ -311,62 +308,6 @@ pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
         return Err(Error::data(place.clone(), "is no plain array of bytes"));
     }
     Ok(rest)
-}
-
-/// A one- or two-dimensional array in memory (a vector has one column): of floats, or of 16-bit integers, `<i2`, which stay
-/// where they are.
-pub fn matrix_of(file: &Bytes, place: &Place) -> Result<Matrix> {
-    let fail = |what: String| Error::data(place.clone(), what);
-    let mut rest = &file[..];
-    let header = read_header(&mut rest, place)?;
-    let short = header.descr == "<i2";
-    let wide = !short && header.wide().map_err(fail)?;
-    let (rows, columns) = match header.shape[..] {
-        [n] => (n, 1),
-        [n, d] => (n, d),
-        _ => {
-            return Err(fail(format!(
-                "has the shape {:?}, expected a matrix",
-                header.shape
-            )));
-        }
-    };
-    let size = rows.saturating_mul(columns).saturating_mul(if short {
-        2
-    } else if wide {
-        8
-    } else {
-        4
-    });
-    if size != rest.len() as u64 {
-        return Err(fail(format!(
-            "holds {} bytes, its shape wants {size}",
-            rest.len()
-        )));
-    }
-    let (rows, columns) = (rows as usize, columns as usize);
-    // Of nothing there may be any number of rows: arrays of floats refuse too many.
-    if short && !header.fortran && size > 0 {
-        let packed = Packed::new(file.slice_ref(rest), (rows, columns), 1.0);
-        return (packed.map(Matrix::Packed)).ok_or_else(|| fail("is too large".into()));
-    }
-    let values: Vec<f32> = if short {
-        let pairs = rest.as_chunks::<2>().0.iter();
-        pairs.map(|b| f32::from(i16::from_le_bytes(*b))).collect()
-    } else if wide {
-        let numbers = rest.as_chunks::<8>().0.iter();
-        numbers.map(|b| f64::from_le_bytes(*b) as f32).collect()
-    } else {
-        let numbers = rest.as_chunks::<4>().0.iter();
-        numbers.map(|b| f32::from_le_bytes(*b)).collect()
-    };
-    let array = if header.fortran {
-        Array2::from_shape_vec((columns, rows), values)
-            .map(|a| a.reversed_axes().as_standard_layout().into_owned())
-    } else {
-        Array2::from_shape_vec((rows, columns), values)
-    };
-    (array.map(Matrix::Floats)).map_err(|e| fail(e.to_string()))
 }
 
 /// Appends numbers as `<f8`.

@@ -164,8 +164,8 @@ impl Pursuit {
     /// Where a weight is 0 the pose may be NaN. The codes do not depend on the number of threads, nor on which
     /// poses are coded together. Memory: beside the codes, 4 to 12 bytes for each atom and each pose of a tile (60
     /// poses, 30 of very many atoms) a thread. With the dictionary stay its atoms as they are scanned, some (D + 40) numbers an
-    /// atom where they are searched by bounds, and up to 2,048 atoms the rows of their Gram matrix that were asked for, up to 16 MiB; all, where there are
-    /// as many poses as atoms.
+    /// atom where they are searched by bounds, and up to 2,048 atoms the rows of their Gram matrix that were asked for, or
+    /// all where there are as many poses as atoms: up to 16 MiB.
     ///
     /// # Errors
     /// A parameter or a shape that cannot be used; a number that is not finite where it is observed, or a weight that is

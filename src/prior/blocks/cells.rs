@@ -29,10 +29,40 @@ pub struct Cells {
 enum Origin {
     /// All are made.
     Made,
-    /// The directions (K d, d), one a column, and the deviation along each, cm (K, d).
-    Stored(Arc<(Matrix, Matrix)>),
+    /// As a file keeps them.
+    Stored(Arc<Stored>),
     /// The cells as another body has them.
     Mapped(Arc<Cells>, Arc<PoseMap>),
+}
+
+/// The sub-dictionaries as a file keeps them: see [`Cells::parts`].
+#[derive(Debug)]
+pub struct Stored {
+    /// (K d, d), one a column.
+    pub directions: Matrix,
+    /// Along each, cm (K, d).
+    pub deviations: Matrix,
+}
+
+impl Stored {
+    /// The directions (d, d) of a cell, and the deviation (d) along each.
+    fn cell(&self, cell: usize) -> (Vec<f32>, Vec<f32>) {
+        let d = self.deviations.ncols();
+        let (mut directions, mut deviations) = (Vec::with_capacity(d * d), Vec::with_capacity(d));
+        (self.directions).extend_with(cell * d..(cell + 1) * d, &mut directions);
+        (self.deviations).extend_with(cell..cell + 1, &mut deviations);
+        (directions, deviations)
+    }
+
+    /// The variance of each coordinate within the cells, their mean.
+    fn within(&self, log_shares: &[f64]) -> Vec<f64> {
+        let mut within = vec![0.0; self.deviations.ncols()];
+        for (cell, log) in log_shares.iter().enumerate() {
+            let (directions, deviations) = self.cell(cell);
+            add_diagonal(log.exp(), &directions, &deviations, &mut within);
+        }
+        within
+    }
 }
 
 impl Cells {
@@ -54,20 +84,17 @@ impl Cells {
         Cells::with(wholes, log_shares, within, bases, Origin::Made, coordinates)
     }
 
-    /// The same where the directions (K d, d), one a column, and the deviation along each, cm (K, d), are as
-    /// [`Cells::parts`] gives them, and perhaps the variances within the cells.
+    /// The same of sub-dictionaries in a file, and perhaps the variances within the cells.
     pub fn stored(
         wholes: Array2<f64>,
         log_shares: Vec<f64>,
-        directions: Matrix,
-        deviations: Matrix,
+        stored: Stored,
         within: Option<Vec<f64>>,
         coordinates: &[usize],
     ) -> Cells {
-        let told = || variances_within(&log_shares, &directions, &deviations, coordinates.len());
-        let within = within.unwrap_or_else(told);
+        let within = within.unwrap_or_else(|| stored.within(&log_shares));
         let bases = log_shares.iter().map(|_| OnceLock::new()).collect();
-        let origin = Origin::Stored(Arc::new((directions, deviations)));
+        let origin = Origin::Stored(Arc::new(stored));
         Cells::with(wholes, log_shares, within, bases, origin, coordinates)
     }
 
@@ -109,12 +136,8 @@ impl Cells {
     pub fn basis(&self, cell: usize, coordinates: &[usize]) -> Arc<Basis> {
         let d = coordinates.len();
         let make = || match &self.origin {
-            Origin::Stored(parts) => {
-                let (mut directions, mut deviations) = (Vec::new(), Vec::new());
-                parts
-                    .0
-                    .extend_with(cell * d..(cell + 1) * d, &mut directions);
-                parts.1.extend_with(cell..cell + 1, &mut deviations);
+            Origin::Stored(stored) => {
+                let (directions, deviations) = stored.cell(cell);
                 Basis::from_parts(&directions, &deviations)
             }
             Origin::Mapped(origin, map) => {
@@ -169,25 +192,6 @@ impl Cells {
     pub fn distances(&self, y: &[f32], w: &[f32], out: &mut Vec<f32>) {
         distances(&self.short, y, w, out);
     }
-}
-
-/// The variance of each of d coordinates within cells, their mean.
-fn variances_within(
-    log_shares: &[f64],
-    directions: &Matrix,
-    deviations: &Matrix,
-    d: usize,
-) -> Vec<f64> {
-    let mut within = vec![0.0; d];
-    let (mut own, mut along) = (Vec::new(), Vec::new());
-    for (cell, log) in log_shares.iter().enumerate() {
-        own.clear();
-        along.clear();
-        directions.extend_with(cell * d..(cell + 1) * d, &mut own);
-        deviations.extend_with(cell..cell + 1, &mut along);
-        add_diagonal(log.exp(), &own, &along, &mut within);
-    }
-    within
 }
 
 /// The covariance (d, d) of a part of poses that went through `map`.

@@ -19,7 +19,7 @@
 
 use super::Blocks;
 use super::basis::LEAST;
-use super::cells::Cells;
+use super::cells::{Cells, Stored};
 use super::learn::{Settings, variance_of};
 use super::leaves::Poses;
 use super::limit::Limit;
@@ -210,14 +210,10 @@ impl File<'_> {
             None => None,
         };
         let within = within.map(|w| w.iter().map(|v| f64::from(*v).max(LEAST)).collect());
-        let (directions, deviations) = (directions.clone(), deviations.clone());
-        Ok(Cells::stored(
-            wholes,
-            shares,
-            directions,
-            deviations,
-            within,
-            coordinates,
-        ))
+        let stored = Stored {
+            directions: directions.clone(),
+            deviations: deviations.clone(),
+        };
+        Ok(Cells::stored(wholes, shares, stored, within, coordinates))
     }
 }

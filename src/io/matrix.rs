@@ -1,5 +1,7 @@
 //! A matrix of a model, as the file keeps it.
 
+use super::npy;
+use crate::{Error, Place, Result};
 use bytes::Bytes;
 use ndarray::{Array2, CowArray, Ix2};
 
@@ -56,14 +58,71 @@ impl Packed {
         &self.numbers.as_chunks::<2>().0[row * width..(row + 1) * width]
     }
 
-    fn row(&self, row: usize) -> impl ExactSizeIterator<Item = f32> {
-        let step = self.step;
-        let pairs = self.pairs(row).iter();
-        pairs.map(move |b| f32::from(i16::from_le_bytes(*b)) * step)
+    fn number(&self, pair: [u8; 2]) -> f32 {
+        f32::from(i16::from_le_bytes(pair)) * self.step
     }
 }
 
 impl Matrix {
+    /// A one- or two-dimensional array in memory (a vector has one column): of floats, or of 16-bit integers, `<i2`, which stay
+    /// where they are.
+    ///
+    /// # Errors
+    /// Data: other numbers, more dimensions, or not as many bytes as the shape wants.
+    pub fn from_npy(file: &Bytes, place: &Place) -> Result<Matrix> {
+        let fail = |what: String| Error::data(place.clone(), what);
+        let mut rest = &file[..];
+        let header = npy::read_header(&mut rest, place)?;
+        let short = header.descr == "<i2";
+        let wide = !short && header.wide().map_err(fail)?;
+        let (rows, columns) = match header.shape[..] {
+            [n] => (n, 1),
+            [n, d] => (n, d),
+            _ => {
+                return Err(fail(format!(
+                    "has the shape {:?}, expected a matrix",
+                    header.shape
+                )));
+            }
+        };
+        let size = rows.saturating_mul(columns).saturating_mul(if short {
+            2
+        } else if wide {
+            8
+        } else {
+            4
+        });
+        if size != rest.len() as u64 {
+            return Err(fail(format!(
+                "holds {} bytes, its shape wants {size}",
+                rest.len()
+            )));
+        }
+        let (rows, columns) = (rows as usize, columns as usize);
+        // Of nothing there may be any number of rows: arrays of floats refuse too many.
+        if short && !header.fortran && size > 0 {
+            let packed = Packed::new(file.slice_ref(rest), (rows, columns), 1.0);
+            return (packed.map(Matrix::Packed)).ok_or_else(|| fail("is too large".into()));
+        }
+        let values: Vec<f32> = if short {
+            let pairs = rest.as_chunks::<2>().0.iter();
+            pairs.map(|b| f32::from(i16::from_le_bytes(*b))).collect()
+        } else if wide {
+            let numbers = rest.as_chunks::<8>().0.iter();
+            numbers.map(|b| f64::from_le_bytes(*b) as f32).collect()
+        } else {
+            let numbers = rest.as_chunks::<4>().0.iter();
+            numbers.map(|b| f32::from_le_bytes(*b)).collect()
+        };
+        let array = if header.fortran {
+            Array2::from_shape_vec((columns, rows), values)
+                .map(|a| a.reversed_axes().as_standard_layout().into_owned())
+        } else {
+            Array2::from_shape_vec((rows, columns), values)
+        };
+        (array.map(Matrix::Floats)).map_err(|e| fail(e.to_string()))
+    }
+
     /// Rows and columns.
     pub fn dim(&self) -> (usize, usize) {
         match self {
@@ -87,7 +146,9 @@ impl Matrix {
         for row in rows {
             match self {
                 Matrix::Floats(array) => out.extend(array.row(row)),
-                Matrix::Packed(packed) => out.extend(packed.row(row)),
+                Matrix::Packed(packed) => {
+                    out.extend(packed.pairs(row).iter().map(|b| packed.number(*b)));
+                }
             }
         }
     }
@@ -101,8 +162,7 @@ impl Matrix {
             }
             Matrix::Packed(packed) => {
                 let row = packed.pairs(row);
-                let number = |c: &usize| f32::from(i16::from_le_bytes(row[*c])) * packed.step;
-                out.extend(columns.iter().map(number));
+                out.extend(columns.iter().map(|&c| packed.number(row[c])));
             }
         }
     }
@@ -111,9 +171,7 @@ impl Matrix {
     pub fn at(&self, row: usize, column: usize) -> f32 {
         match self {
             Matrix::Floats(array) => array[[row, column]],
-            Matrix::Packed(packed) => {
-                f32::from(i16::from_le_bytes(packed.pairs(row)[column])) * packed.step
-            }
+            Matrix::Packed(packed) => packed.number(packed.pairs(row)[column]),
         }
     }
 
