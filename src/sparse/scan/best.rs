@@ -35,11 +35,12 @@ impl Best {
         under: [S::f32s; V],
     ) {
         let enough = simd.splat_f32s(self.enough);
-        let higher = |v: usize| {
+        // Loops, not closures: those are not always inlined, and then have no vectors.
+        let mut perhaps = simd.greater_than_f32s(over[0], simd.mul_f32s(enough, under[0]));
+        for v in 1..V {
             let bar = simd.mul_f32s(enough, under[v]);
-            simd.greater_than_f32s(over[v], bar)
-        };
-        let perhaps = (1..V).fold(higher(0), |some, v| simd.or_m32s(some, higher(v)));
+            perhaps = simd.or_m32s(perhaps, simd.greater_than_f32s(over[v], bar));
+        }
         // Seldom, after the first few atoms.
         if any::<S>(perhaps) {
             self.compare(simd, from, over, under);

@@ -210,10 +210,11 @@ fn products<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
 /// Whether any lane of a mask is true. (pulp 0.22's `first_true` asks lane by lane, and counts AVX-512's from the wrong end.)
 #[inline(always)]
 pub fn any<S: Simd>(mask: S::m32s) -> bool {
-    pulp::bytemuck::bytes_of(&mask)
-        .iter()
-        .fold(0, |all, b| all | b)
-        != 0
+    let mut all = 0;
+    for byte in pulp::bytemuck::bytes_of(&mask) {
+        all |= byte;
+    }
+    all != 0
 }
 
 /// a b + c: fused wherever that is an instruction.
