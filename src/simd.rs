@@ -29,8 +29,12 @@ pub fn rows(all: &Array2<f64>) -> Vec<f32> {
 /// Runs `f`, into which all is inlined, with the widest vectors that serve [`LANES`] numbers side by side.
 #[inline]
 pub fn wide<R>(f: impl FnOnce() -> R) -> R {
-    static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
-    ARCH.get_or_init(arch).dispatch(f)
+    of_eight().dispatch(f)
+}
+
+/// Runs a job on the widest vectors that serve [`LANES`] numbers side by side.
+pub fn eights<J: WithSimd>(job: J) -> J::Output {
+    of_eight().dispatch(job)
 }
 
 /// Runs a job on the widest vectors there are.
@@ -40,12 +44,13 @@ pub fn widest<J: WithSimd>(job: J) -> J::Output {
 }
 
 /// Not AVX-512: eight lanes are half of its vectors, and code that is made for it runs a tenth slower.
-fn arch() -> pulp::Arch {
-    match pulp::Arch::new() {
+fn of_eight() -> pulp::Arch {
+    static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
+    *ARCH.get_or_init(|| match pulp::Arch::new() {
         #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
         pulp::Arch::V4(_) => pulp::x86::V3::try_new().map_or_else(pulp::Arch::new, pulp::Arch::V3),
         arch => arch,
-    }
+    })
 }
 
 #[inline(always)]

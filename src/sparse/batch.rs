@@ -3,7 +3,7 @@
 use super::fit::Fit;
 use super::group::{GROUP, Group};
 use super::pursuit::Pursuit;
-use super::scan::{DIRECTIONS, Leaves};
+use super::scan::{DIRECTIONS, Leaves, TOGETHER};
 use super::tile::{Tile, poses_at_once};
 use super::{Dictionary, Stop};
 use crate::{Error, Place, Result, par};
@@ -202,7 +202,11 @@ impl Pursuit {
         ground.count(even);
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);
-        let parts = par::map_chunks(m, at_once * tiles, |rows| {
+        let chunk = match leaves {
+            Some(_) => (m / 8).clamp(TOGETHER, GROUP),
+            None => at_once * tiles,
+        };
+        let parts = par::map_chunks(m, chunk, |rows| {
             let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
             let part = poses.slice(s![rows.clone(), ..]);
             self.code_chunk(dictionary, (at_once, leaves), rows, part, weights)

@@ -53,12 +53,7 @@ impl<'a> Group<'a> {
     /// little: they are to be started anew and coded by scans.
     pub fn code(&mut self, fits: &mut [Fit], sparsity: usize, unpruned: &mut Vec<usize>) {
         let full = Full::of(self.dictionary, sparsity);
-        let path = &mut self.walks[0].path;
-        let mut order: Vec<(usize, usize)> = Vec::with_capacity(fits.len());
-        for (i, fit) in fits.iter().enumerate().filter(|(_, f)| f.stop.is_none()) {
-            path.begin(self.leaves, fit);
-            order.push((self.search.nearest(path, self.rule), i));
-        }
+        let mut order = self.order(fits);
         // Neighbouring poses look into the same leaves.
         order.sort_unstable();
         for few in order.chunks(TOGETHER) {
@@ -80,6 +75,30 @@ impl<'a> Group<'a> {
         }
         fits.iter_mut()
             .for_each(|f| f.stop = f.stop.or(Some(Stop::Dependent)));
+    }
+
+    /// The poses that are to be coded, each with the leaf that it is nearest to.
+    fn order(&mut self, fits: &[Fit]) -> Vec<(usize, usize)> {
+        let open: Vec<usize> = (0..fits.len())
+            .filter(|i| fits[*i].stop.is_none())
+            .collect();
+        let mut order = Vec::with_capacity(open.len());
+        let mut nearest = Vec::new();
+        for few in open.chunks(TOGETHER) {
+            for (walk, i) in self.walks.iter_mut().zip(few) {
+                walk.path.begin(self.leaves, &fits[*i]);
+            }
+            let sought: Vec<Sought<'_>> = (self.walks.iter().take(few.len()))
+                .map(|walk| Sought {
+                    path: &walk.path,
+                    rule: self.rule,
+                    taken: &[],
+                })
+                .collect();
+            self.search.nearest(&sought, &mut nearest);
+            order.extend(nearest.iter().copied().zip(few.iter().copied()));
+        }
+        order
     }
 
     /// Gives each pose that has taken so many atoms another.

@@ -18,10 +18,10 @@ pub const PART: usize = 8;
 pub const PARTS: usize = HEAD / PART;
 pub const CENTRE_PARTS: usize = CENTRE / PART;
 /// Coordinates of a head, and of a centre.
-const HEAD: usize = 32;
+pub const HEAD: usize = 32;
 pub const CENTRE: usize = 16;
 /// Bounds are tried after so many parts.
-pub const LEVELS: [usize; 3] = [1, 2, PARTS];
+pub const LEVELS: [usize; 2] = [CENTRE_PARTS, PARTS];
 /// Added to lengths that are to be bounds: more than f32 rounds of numbers up to 1.
 pub const ROUNDING: f64 = 1e-6;
 /// Atoms that the basis is learnt from, at most.
@@ -40,6 +40,11 @@ impl Head {
     /// The coordinates that a centre has.
     pub fn centre(&self) -> &[f32] {
         &self.along.as_flattened()[..CENTRE]
+    }
+
+    /// The length of what is beyond them, at most.
+    pub fn beyond_centre(&self) -> f32 {
+        self.beyond[0]
     }
 }
 

@@ -1,6 +1,6 @@
-//! Atoms by sixteens that are near one another, each told by a few of its numbers: what a pruned search looks at first.
+//! Atoms by eights that are near one another, each told by a few of its numbers: what a pruned search looks at first.
 //!
-//! A leaf is 16 atoms of neighbouring heads; all of them lie in a ball about its centre, which bounds them together.
+//! A leaf is 8 atoms of neighbouring heads; all of them lie in a ball about its centre, which bounds them together.
 
 use super::heads::{Basis, CENTRE, CENTRE_PARTS, Head, LEVELS, PART, PARTS, ROUNDING};
 use super::tally::Tally;
@@ -8,7 +8,9 @@ use crate::par;
 use ndarray::ArrayView2;
 
 /// Atoms in a leaf, and leaves beside one another.
-pub const LEAF: usize = 16;
+pub const LEAF: usize = 8;
+/// The top layer has so many groups of eight balls, at most: all of them are looked at.
+const TOP: usize = 16;
 /// Marks a place of a leaf without an atom.
 pub const NO_ATOM: u32 = u32::MAX;
 
@@ -22,16 +24,16 @@ pub const NEAR: f32 = 0.03;
 /// Beyond this rounding hardly tells.
 pub const FAR: f32 = 0.15;
 
-/// One number of each atom of a leaf, or of each of sixteen leaves.
+/// One number of each atom of a leaf, or of each of eight leaves.
 #[derive(Debug, Clone, Copy)]
-#[repr(C, align(64))]
+#[repr(C, align(32))]
 pub struct Lanes(pub [f32; LEAF]);
 
 impl Lanes {
     pub const ZERO: Lanes = Lanes([0.0; LEAF]);
 }
 
-/// Sixteen atoms.
+/// Eight atoms.
 #[derive(Clone)]
 pub struct Leaf {
     pub heads: [[Lanes; PART]; PARTS],
@@ -40,7 +42,14 @@ pub struct Leaf {
     pub atoms: [u32; LEAF],
 }
 
-/// Sixteen balls, each about the atoms of a leaf or a branch.
+impl Leaf {
+    /// The heads as far as the first of [`LEVELS`].
+    pub fn first_parts(&self) -> &[[Lanes; PART]] {
+        &self.heads[..LEVELS[0]]
+    }
+}
+
+/// Eight balls, each about the atoms of a leaf or of several.
 #[derive(Clone)]
 pub struct Balls {
     pub heads: [[Lanes; PART]; CENTRE_PARTS],
@@ -60,10 +69,8 @@ pub struct Leaves {
     pub leaves: Vec<Leaf>,
     /// Of each leaf D rows: its atoms as they are.
     pub whole: Vec<Lanes>,
-    /// Of each leaf a ball.
-    pub balls: Vec<Balls>,
-    /// Of each sixteen leaves one.
-    pub branches: Vec<Balls>,
+    /// Of each leaf a ball; then of each eight balls of the layer before one, up to the top.
+    pub layers: Vec<Vec<Balls>>,
     /// Of each atom, in which leaf it is.
     places: Vec<u32>,
     pub tally: Tally,
@@ -86,10 +93,15 @@ impl Leaves {
         let mut order: Vec<u32> = (0..n as u32).collect();
         split(&mut order, &heads);
         let leaves: Vec<Leaf> = par::map_chunks(n, LEAF, |places| leaf(&order[places], &heads));
-        let about = |atoms: usize| -> Vec<Balls> {
+        let layer = |atoms: usize| -> Vec<Balls> {
             let balls = par::map_chunks(n, atoms, |places| ball(&order[places], &heads));
             balls.chunks(LEAF).map(beside).collect()
         };
+        let (mut layers, mut atoms_each) = (vec![layer(LEAF)], LEAF);
+        while layers[layers.len() - 1].len() > TOP {
+            atoms_each *= LEAF;
+            layers.push(layer(atoms_each));
+        }
         let whole = par::map_chunks(n, LEAF, |places| whole(&order[places], atoms)).concat();
         let mut places = vec![0; n];
         for (place, atom) in order.iter().enumerate() {
@@ -99,8 +111,7 @@ impl Leaves {
             basis,
             leaves,
             whole,
-            balls: about(LEAF),
-            branches: about(LEAF * LEAF),
+            layers,
             places,
             tally: Tally::default(),
         }
@@ -111,13 +122,18 @@ impl Leaves {
         self.whole.len()
     }
 
+    /// The balls that are all looked at.
+    pub fn top(&self) -> &[Balls] {
+        self.layers.last().map_or(&[], |layer| layer)
+    }
+
     /// In which leaf an atom is; neighbouring leaves have neighbouring numbers.
     pub fn place(&self, atom: u32) -> u32 {
         self.places[atom as usize]
     }
 }
 
-/// Orders atoms so that each sixteen are neighbours: halves by where they are along their widest direction, and so on.
+/// Orders atoms so that each eight are neighbours: halves by where they are along their widest direction, and so on.
 fn split(order: &mut [u32], heads: &[Head]) {
     if order.len() <= LEAF {
         return;
@@ -213,7 +229,7 @@ fn ball(atoms: &[u32], heads: &[Head]) -> Ball {
             .iter()
             .zip(centre)
             .map(|(a, c)| f64::from(a - c).powi(2));
-        apart.sum::<f64>() + f64::from(h.beyond[1]).powi(2)
+        apart.sum::<f64>() + f64::from(h.beyond_centre()).powi(2)
     });
     let radius = squared.fold(0.0, f64::max).sqrt() * (1.0 + ROUNDING) + ROUNDING;
     Ball { centre, radius }

@@ -17,12 +17,17 @@
 //! Of many atoms most need not be looked at: [`leaves`] hold neighbours together, and [`pruned`] finds what a scan would,
 //! to the bit, by bounds. Of few atoms [`gram`] keeps the products with one another, and [`follow`] uses them.
 
+mod balls;
 mod best;
+mod block;
 mod follow;
 mod gram;
 mod heads;
 mod kernel;
+mod keys;
+mod leaders;
 mod leaves;
+mod meet;
 mod panels;
 mod path;
 mod pruned;

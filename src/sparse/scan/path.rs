@@ -1,8 +1,12 @@
 //! What a pruned search knows of a pose: its signal, and the directions of the atoms that it took.
 
 use super::super::fit::Fit;
-use super::heads::{Head, Turned};
+use super::heads::{HEAD, Head, Turned};
 use super::leaves::Leaves;
+use super::meet::CHAINS;
+
+/// Roundings beside those of a sum's terms.
+const SOME: usize = 8;
 
 /// A pose on its way.
 pub struct Path {
@@ -64,15 +68,20 @@ impl Path {
     /// What rounding may change, in a scan and here, of a product of an atom with the residual and of what is left of the
     /// atom's square.
     ///
-    /// A sum of D products, each fused into it, of unit vectors errs by D u at most, u = 2^-24 (Higham, Accuracy and
-    /// Stability of Numerical Algorithms, 3.1); the scan's c is such a sum and one more a direction, times its part.
+    /// A sum of k products, each fused into it, of unit vectors errs by k u at most, u = 2^-24 (Higham, Accuracy and
+    /// Stability of Numerical Algorithms, 3.1); some more are for numbers that were rounded themselves. The scan's c is such
+    /// a sum of D and one more a direction, times its part. Here sums are of a head's numbers, or of a quarter of D.
     pub fn noise(&self) -> Noise {
-        let one = (self.d + 8) as f32 * (f32::EPSILON / 2.0);
+        let unit = f32::EPSILON / 2.0;
+        let scan = (self.d + SOME) as f32 * unit;
+        let head = (HEAD + SOME) as f32 * unit;
+        let quarter = (self.d.div_ceil(CHAINS) + SOME) as f32 * unit;
         let parts: f32 = self.parts.iter().map(|p| p.abs()).sum();
+        let here = head.max(quarter * (1.0 + parts));
         let count = self.parts.len() as f32;
         Noise {
-            product: one * (2.0 + parts),
-            rest: one * 4.0 * count.sqrt(),
+            product: scan * (1.0 + parts) + here,
+            rest: 2.0 * (scan + head.max(quarter)) * count.sqrt(),
         }
     }
 }

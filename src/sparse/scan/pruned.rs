@@ -1,19 +1,27 @@
 //! The best atom of one pose by bounds: of most atoms a few numbers tell that they cannot be it.
 //!
-//! 1. Atoms that are likely good give a key that the best has at least.
-//! 2. Of each leaf the centre's c and e tell whether any atom within the radius can reach that key. In the space that is
-//!    left beside the directions taken, a ball of radius ρ about m is seen from 0 within the angle asin(ρ / |m|), and no atom
-//!    in it has a larger c²/e than a vector that much nearer to the residual than m:
+//! 1. Leaves that are likely good give a key that the best atom has at least.
+//! 2. Of each leaf, and of each several leaves, the centre's c and e tell whether any atom within the radius can reach that key.
+//!    In the space that is left beside the directions taken, a ball of radius ρ about m is seen from 0 within the angle
+//!    asin(ρ / |m|), and no atom in it has a larger c²/e than a vector that much nearer to the residual than m:
 //!    (|<m, r>| + ρ √(|r|² − key))² < key (|m|² − ρ²) rules the ball out.
-//! 3. Of each atom of the leaves that are left a head, then a longer one, bound c from above and e from below.
-//! 4. Where an atom is left its leaf is met as a scan meets it: the same sums in the same order, the same key.
+//! 3. Of each atom of the leaves that are left a head, then a longer one, bound c and e from both sides. Where it is likely the
+//!    best so far its whole tells more.
+//! 4. The leaves that may still hold the best are met as a scan meets them: the same sums in the same order, the same key.
 //!
 //! Every bound allows for the rounding of the scan, so the atom is the one that the scan finds, always.
+//!
+//! Several poses that are alike go through this together: what one reads is in the cache for the others, and their products are
+//! summed side by side.
 
 use super::super::Rule;
-use super::leaves::{LEAF, Leaves, NO_ATOM};
+use super::balls::Measured;
+use super::block::{self, AT_ONCE, Few};
+use super::heads::Head;
+use super::leaves::{Balls, LEAF, Leaves};
+use super::meet;
 use super::path::Path;
-use super::sweep::{Measured, Sweep};
+use super::sweep::{Kept, Sweep};
 use crate::simd;
 use pulp::{Simd, WithSimd};
 
@@ -25,8 +33,8 @@ pub const TOGETHER: usize = 16;
 /// Searches of one dictionary: room that is made once.
 pub struct Pruned<'a> {
     leaves: &'a Leaves,
-    /// Of each leaf, which poses look into it.
-    open: Vec<[u16; LEAF]>,
+    /// Room for the leaves that may hold a pose's best atom.
+    kept: Vec<Vec<Kept>>,
 }
 
 /// What is sought of a pose.
@@ -53,63 +61,65 @@ impl<'a> Pruned<'a> {
     pub fn new(leaves: &'a Leaves) -> Self {
         Pruned {
             leaves,
-            open: vec![[0; LEAF]; leaves.balls.len()],
+            kept: Vec::new(),
         }
     }
 
     /// The best atoms of at most [`TOGETHER`] poses that have taken equally many.
     pub fn best(&mut self, sought: &[Sought<'_>], found: &mut Vec<Found>) {
         debug_assert!(sought.len() <= TOGETHER);
+        self.kept.resize_with(sought.len(), Vec::new);
         found.clear();
-        simd::widest(Search {
-            room: self,
+        simd::eights(Search {
+            leaves: self.leaves,
+            kept: &mut self.kept,
             sought,
-            likely: None,
-            found,
+            task: Task::Best(found),
         });
     }
 
-    /// The leaf whose centre is most along a pose.
-    pub fn nearest(&mut self, path: &Path, rule: Rule) -> usize {
-        let mut nearest = 0;
-        simd::widest(Search {
-            room: self,
-            sought: &[Sought {
-                path,
-                rule,
-                taken: &[],
-            }],
-            likely: Some(&mut nearest),
-            found: &mut Vec::new(),
+    /// The leaves whose centres are most along poses without atoms.
+    pub fn nearest(&mut self, sought: &[Sought<'_>], nearest: &mut Vec<usize>) {
+        debug_assert!(sought.len() <= TOGETHER);
+        self.kept.resize_with(sought.len(), Vec::new);
+        nearest.clear();
+        simd::eights(Search {
+            leaves: self.leaves,
+            kept: &mut self.kept,
+            sought,
+            task: Task::Nearest(nearest),
         });
-        nearest
     }
 }
 
-struct Search<'s, 'a> {
-    room: &'s mut Pruned<'a>,
+/// What is asked for.
+enum Task<'s> {
+    Best(&'s mut Vec<Found>),
+    Nearest(&'s mut Vec<usize>),
+}
+
+struct Search<'s> {
+    leaves: &'s Leaves,
+    kept: &'s mut [Vec<Kept>],
     sought: &'s [Sought<'s>],
-    /// Only this is asked for.
-    likely: Option<&'s mut usize>,
-    found: &'s mut Vec<Found>,
+    task: Task<'s>,
 }
 
-impl WithSimd for Search<'_, '_> {
+impl WithSimd for Search<'_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         // So many vectors hold a leaf's lanes.
         match S::F32_LANES {
-            16 => self.of_directions::<S, 1>(simd),
-            8 => self.of_directions::<S, 2>(simd),
-            4 => self.of_directions::<S, 4>(simd),
+            8 => self.of_directions::<S, 1>(simd),
+            4 => self.of_directions::<S, 2>(simd),
             _ => self.of_directions::<S, LEAF>(simd),
         }
     }
 }
 
-impl Search<'_, '_> {
+impl Search<'_> {
     #[inline(always)]
     fn of_directions<S: Simd, const V: usize>(self, simd: S) {
         match self.sought.first().map_or(0, |s| s.path.heads.len()) {
@@ -123,41 +133,164 @@ impl Search<'_, '_> {
 
     #[inline(always)]
     fn go<S: Simd, const N: usize, const V: usize>(self, simd: S) {
-        let room = self.room;
-        let mut branches = vec![Measured::none(simd); room.leaves.branches.len()];
+        let leaves = self.leaves;
         let mut sweeps: Vec<Sweep<'_, S, N, V>> = Vec::with_capacity(self.sought.len());
-        for sought in self.sought {
-            let mut sweep = Sweep::new(simd, room.leaves, *sought);
-            if let Some(likely) = self.likely {
-                *likely = sweep.likely(&mut branches)[0].unwrap_or(0);
-                return;
-            }
-            // What is good for the pose before is likely good.
-            let before = sweeps.last().map(|s| s.best).filter(|a| *a != NO_ATOM);
-            sweep.start(&mut branches, before);
-            sweep.open(&branches, &mut room.open, 1 << sweeps.len());
-            sweeps.push(sweep);
+        for (sought, kept) in self.sought.iter().zip(&mut *self.kept) {
+            sweeps.push(Sweep::new(simd, leaves, *sought, std::mem::take(kept)));
         }
-        let mut looks = 0;
-        // A leaf is looked into by all poses that may want it, while it is in the cache nearest.
-        for (i, masks) in room.open.iter_mut().enumerate() {
-            if *masks == [0; LEAF] {
-                continue;
+        let top = top(simd, leaves, &mut sweeps);
+        let of_poses = sweeps.iter_mut().zip(top.chunks_exact(leaves.top().len()));
+        match self.task {
+            Task::Nearest(nearest) => {
+                for (sweep, top) in of_poses {
+                    nearest.push(sweep.likely(top)[0].unwrap_or(0));
+                }
             }
-            for (lane, mask) in masks.iter_mut().enumerate() {
-                looks += mask.count_ones() as usize;
-                while *mask != 0 {
-                    sweeps[mask.trailing_zeros() as usize].look_into(i * LEAF + lane);
-                    *mask &= *mask - 1;
+            Task::Best(found) => {
+                let mut before = None;
+                for (sweep, top) in of_poses {
+                    // What is good for the pose before is likely good.
+                    sweep.start(top, before);
+                    before = sweep.leader;
+                }
+                look_around(simd, leaves, &mut sweeps, &top);
+                for sweep in &mut sweeps {
+                    let best = meet::best(sweep);
+                    found.push(sweep.found(best));
+                    leaves.tally.search(sweep.spent(), leaves.scan());
                 }
             }
         }
-        for sweep in &sweeps {
-            self.found.push(sweep.found());
-            let looks = looks / sweeps.len();
-            room.leaves
-                .tally
-                .search(sweep.spent(looks), room.leaves.scan());
+        for (sweep, kept) in sweeps.into_iter().zip(self.kept) {
+            *kept = sweep.kept;
         }
     }
+}
+
+/// What all poses measure of the top, pose by pose.
+#[inline(always)]
+fn top<S: Simd, const N: usize, const V: usize>(
+    simd: S,
+    leaves: &Leaves,
+    sweeps: &mut [Sweep<'_, S, N, V>],
+) -> Vec<Measured<S, V>> {
+    let groups = leaves.top().len();
+    let mut top = vec![Measured::none(simd); groups * sweeps.len()];
+    for (group, balls) in leaves.top().iter().enumerate() {
+        let mut poses = all(sweeps.len());
+        while let Some(few) = Few::of(&mut poses) {
+            let sums = block::products(simd, &balls.heads, &heads(sweeps, &few), few.count);
+            for k in 0..few.count {
+                let pose = few.poses[k];
+                top[pose * groups + group] = sweeps[pose].measured(balls, &sums[k]);
+            }
+        }
+    }
+    top
+}
+
+/// Balls that may hold the best atoms of some poses.
+struct Open {
+    layer: usize,
+    /// Which eight of the layer, or which leaf.
+    group: usize,
+    poses: [u16; LEAF],
+}
+
+/// All poses look into the leaves that may hold their best atoms. A leaf is looked into by all poses that may want it, while it
+/// is in the cache nearest.
+#[inline(always)]
+fn look_around<S: Simd, const N: usize, const V: usize>(
+    simd: S,
+    leaves: &Leaves,
+    sweeps: &mut [Sweep<'_, S, N, V>],
+    top: &[Measured<S, V>],
+) {
+    let groups = leaves.top().len();
+    let mut open: Vec<Open> = Vec::with_capacity(leaves.layers.len());
+    for (group, balls) in leaves.top().iter().enumerate() {
+        let mut poses = [0; LEAF];
+        for (pose, sweep) in sweeps.iter().enumerate() {
+            sweep.open(balls, &top[pose * groups + group], 1 << pose, &mut poses);
+        }
+        let layer = leaves.layers.len() - 1;
+        open.push(Open {
+            layer,
+            group,
+            poses,
+        });
+        while let Some(last) = open.last_mut() {
+            let Some(lane) = last.poses.iter().position(|poses| *poses != 0) else {
+                open.pop();
+                continue;
+            };
+            let (layer, group) = (last.layer, last.group * LEAF + lane);
+            let poses = std::mem::take(&mut last.poses[lane]);
+            match layer {
+                0 => look_into(simd, leaves, sweeps, (group, poses)),
+                _ => {
+                    let balls = &leaves.layers[layer - 1][group];
+                    open.push(Open {
+                        layer: layer - 1,
+                        group,
+                        poses: look_at(simd, balls, sweeps, poses),
+                    });
+                }
+            }
+        }
+    }
+}
+
+/// Some poses look at eight balls: gives which of them each ball is open to.
+#[inline(always)]
+fn look_at<S: Simd, const N: usize, const V: usize>(
+    simd: S,
+    balls: &Balls,
+    sweeps: &mut [Sweep<'_, S, N, V>],
+    mut poses: u16,
+) -> [u16; LEAF] {
+    let mut open = [0; LEAF];
+    while let Some(few) = Few::of(&mut poses) {
+        let sums = block::products(simd, &balls.heads, &heads(sweeps, &few), few.count);
+        for k in 0..few.count {
+            let sweep = &mut sweeps[few.poses[k]];
+            let measured = sweep.measured(balls, &sums[k]);
+            sweep.open(balls, &measured, 1 << few.poses[k], &mut open);
+        }
+    }
+    open
+}
+
+/// Some poses look into a leaf.
+#[inline(always)]
+fn look_into<S: Simd, const N: usize, const V: usize>(
+    simd: S,
+    leaves: &Leaves,
+    sweeps: &mut [Sweep<'_, S, N, V>],
+    (leaf, mut poses): (usize, u16),
+) {
+    let parts = leaves.leaves[leaf].first_parts();
+    while let Some(few) = Few::of(&mut poses) {
+        let sums = block::products(simd, parts, &heads(sweeps, &few), few.count);
+        for k in 0..few.count {
+            sweeps[few.poses[k]].judge(leaf, &sums[k]);
+        }
+    }
+}
+
+#[inline(always)]
+fn heads<'s, S: Simd, const N: usize, const V: usize>(
+    sweeps: &[Sweep<'s, S, N, V>],
+    few: &Few,
+) -> [&'s [Head; N]; AT_ONCE] {
+    let mut heads = [sweeps[few.poses[0]].heads; AT_ONCE];
+    for k in 1..AT_ONCE {
+        heads[k] = sweeps[few.poses[k]].heads;
+    }
+    heads
+}
+
+/// A mask of so many poses.
+fn all(poses: usize) -> u16 {
+    u16::MAX >> (TOGETHER - poses)
 }

@@ -1,0 +1,112 @@
+//! Products of a few poses' vectors with the heads of eight atoms or balls: those are read once for all of the poses, and the
+//! products are summed in registers side by side.
+
+use super::heads::{Head, PART};
+use super::kernel::add_product;
+use super::leaves::Lanes;
+use pulp::Simd;
+
+/// Poses that share what is read.
+pub const AT_ONCE: usize = 4;
+
+/// Products of N vectors with eight heads.
+pub type Products<S, const N: usize, const V: usize> = [[<S as Simd>::f32s; V]; N];
+
+/// A few poses of many.
+pub struct Few {
+    /// The first `count` of them; the others are the first once more.
+    pub poses: [usize; AT_ONCE],
+    pub count: usize,
+}
+
+impl Few {
+    /// Takes the first few off the poses that `mask` tells.
+    #[inline(always)]
+    pub fn of(mask: &mut u16) -> Option<Few> {
+        let first = mask.trailing_zeros() as usize;
+        let count = (mask.count_ones() as usize).min(AT_ONCE);
+        // Without a branch of the program: how many there are cannot be foretold.
+        let mut poses = [first; AT_ONCE];
+        for pose in &mut poses {
+            *pose = match *mask {
+                0 => first,
+                some => some.trailing_zeros() as usize,
+            };
+            *mask &= mask.wrapping_sub(1);
+        }
+        (count > 0).then_some(Few { poses, count })
+    }
+}
+
+/// The products of the vectors of `count` poses with the parts of eight heads; what is beyond them is of no use.
+#[inline(always)]
+pub fn products<S: Simd, const N: usize, const V: usize>(
+    simd: S,
+    parts: &[[Lanes; PART]],
+    heads: &[&[Head; N]; AT_ONCE],
+    count: usize,
+) -> [Products<S, N, V>; AT_ONCE] {
+    let mut all = [[[simd.splat_f32s(0.0); V]; N]; AT_ONCE];
+    match count {
+        1 => sum::<S, N, V, 1>(simd, parts, heads, &mut all),
+        2 => sum::<S, N, V, 2>(simd, parts, heads, &mut all),
+        _ => sum::<S, N, V, AT_ONCE>(simd, parts, heads, &mut all),
+    }
+    all
+}
+
+#[inline(always)]
+fn sum<S: Simd, const N: usize, const V: usize, const P: usize>(
+    simd: S,
+    parts: &[[Lanes; PART]],
+    heads: &[&[Head; N]; AT_ONCE],
+    all: &mut [Products<S, N, V>; AT_ONCE],
+) {
+    let mut sums = [[[simd.splat_f32s(0.0); V]; N]; P];
+    for (p, rows) in parts.iter().enumerate() {
+        for (k, row) in rows.iter().enumerate() {
+            let row = vectors::<S>(row);
+            for pose in 0..P {
+                for n in 0..N {
+                    let by = simd.splat_f32s(heads[pose][n].along[p][k]);
+                    for v in 0..V {
+                        sums[pose][n][v] = add_product(simd, row[v], by, sums[pose][n][v]);
+                    }
+                }
+            }
+        }
+    }
+    all[..P].copy_from_slice(&sums);
+}
+
+/// Adds the products of one pose's vectors with part `p` of eight heads.
+#[inline(always)]
+pub fn add<S: Simd, const N: usize, const V: usize>(
+    simd: S,
+    sums: &mut Products<S, N, V>,
+    heads: &[Head; N],
+    p: usize,
+    rows: &[Lanes; PART],
+) {
+    for (k, row) in rows.iter().enumerate() {
+        let row = vectors::<S>(row);
+        for n in 0..N {
+            let by = simd.splat_f32s(heads[n].along[p][k]);
+            for v in 0..V {
+                sums[n][v] = add_product(simd, row[v], by, sums[n][v]);
+            }
+        }
+    }
+}
+
+/// The vectors of a row of lanes.
+#[inline(always)]
+pub fn vectors<S: Simd>(lanes: &Lanes) -> &[S::f32s] {
+    S::as_simd_f32s(&lanes.0).0
+}
+
+/// The same, to be written.
+#[inline(always)]
+pub fn vectors_mut<S: Simd>(lanes: &mut Lanes) -> &mut [S::f32s] {
+    S::as_mut_simd_f32s(&mut lanes.0).0
+}
