@@ -77,11 +77,14 @@ impl<'a> Group<'a> {
             .for_each(|f| f.stop = f.stop.or(Some(Stop::Dependent)));
     }
 
-    /// The poses that are to be coded, each with the leaf that it is nearest to.
+    /// The poses that are to be coded, each with the leaf that it is nearest to; one alone need not know.
     fn order(&mut self, fits: &[Fit]) -> Vec<(usize, usize)> {
         let open: Vec<usize> = (0..fits.len())
             .filter(|i| fits[*i].stop.is_none())
             .collect();
+        if let [one] = open[..] {
+            return vec![(0, one)];
+        }
         let mut order = Vec::with_capacity(open.len());
         let mut nearest = Vec::new();
         for few in open.chunks(TOGETHER) {

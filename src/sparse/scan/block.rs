@@ -48,55 +48,62 @@ pub fn products<S: Simd, const N: usize, const V: usize>(
 ) -> [Products<S, N, V>; AT_ONCE] {
     let mut all = [[[simd.splat_f32s(0.0); V]; N]; AT_ONCE];
     match count {
-        1 => sum::<S, N, V, 1>(simd, parts, heads, &mut all),
-        2 => sum::<S, N, V, 2>(simd, parts, heads, &mut all),
-        _ => sum::<S, N, V, AT_ONCE>(simd, parts, heads, &mut all),
+        1 => sum::<S, N, V, 1, 4>(simd, (parts, 0), heads, &mut all),
+        2 => sum::<S, N, V, 2, 2>(simd, (parts, 0), heads, &mut all),
+        _ => sum::<S, N, V, AT_ONCE, 1>(simd, (parts, 0), heads, &mut all),
     }
     all
 }
 
+/// Of P poses, each product in C sums, which need not wait for one another. The heads' parts count `from` one on.
 #[inline(always)]
-fn sum<S: Simd, const N: usize, const V: usize, const P: usize>(
+fn sum<S: Simd, const N: usize, const V: usize, const P: usize, const C: usize>(
     simd: S,
-    parts: &[[Lanes; PART]],
+    (parts, from): (&[[Lanes; PART]], usize),
     heads: &[&[Head; N]; AT_ONCE],
     all: &mut [Products<S, N, V>; AT_ONCE],
 ) {
-    let mut sums = [[[simd.splat_f32s(0.0); V]; N]; P];
-    for (p, rows) in parts.iter().enumerate() {
-        for (k, row) in rows.iter().enumerate() {
-            let row = vectors::<S>(row);
-            for pose in 0..P {
-                for n in 0..N {
-                    let by = simd.splat_f32s(heads[pose][n].along[p][k]);
-                    for v in 0..V {
-                        sums[pose][n][v] = add_product(simd, row[v], by, sums[pose][n][v]);
+    let mut sums = [[[[simd.splat_f32s(0.0); V]; N]; P]; C];
+    for (p, rows) in (from..).zip(parts) {
+        for first in (0..PART).step_by(C) {
+            for c in 0..C {
+                let row = vectors::<S>(&rows[first + c]);
+                for pose in 0..P {
+                    for n in 0..N {
+                        let by = simd.splat_f32s(heads[pose][n].along[p][first + c]);
+                        for v in 0..V {
+                            let sum = &mut sums[c][pose][n][v];
+                            *sum = add_product(simd, row[v], by, *sum);
+                        }
                     }
                 }
             }
         }
     }
-    all[..P].copy_from_slice(&sums);
-}
-
-/// Adds the products of one pose's vectors with part `p` of eight heads.
-#[inline(always)]
-pub fn add<S: Simd, const N: usize, const V: usize>(
-    simd: S,
-    sums: &mut Products<S, N, V>,
-    heads: &[Head; N],
-    p: usize,
-    rows: &[Lanes; PART],
-) {
-    for (k, row) in rows.iter().enumerate() {
-        let row = vectors::<S>(row);
+    for pose in 0..P {
         for n in 0..N {
-            let by = simd.splat_f32s(heads[n].along[p][k]);
             for v in 0..V {
-                sums[n][v] = add_product(simd, row[v], by, sums[n][v]);
+                let mut sum = sums[0][pose][n][v];
+                for c in 1..C {
+                    sum = simd.add_f32s(sum, sums[c][pose][n][v]);
+                }
+                all[pose][n][v] = sum;
             }
         }
     }
+}
+
+/// The products of one pose's vectors with the parts `from` one on.
+#[inline(always)]
+pub fn more<S: Simd, const N: usize, const V: usize>(
+    simd: S,
+    parts: &[[Lanes; PART]],
+    heads: &[Head; N],
+    from: usize,
+) -> Products<S, N, V> {
+    let mut all = [[[simd.splat_f32s(0.0); V]; N]; AT_ONCE];
+    sum::<S, N, V, 1, 4>(simd, (&parts[from..], from), &[heads; AT_ONCE], &mut all);
+    all[0]
 }
 
 /// The vectors of a row of lanes.

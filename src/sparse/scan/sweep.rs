@@ -3,7 +3,7 @@
 use super::super::Rule;
 use super::balls::{Bar, Measured};
 use super::block::{self, AT_ONCE, Products};
-use super::heads::{CENTRE_PARTS, Head, LEVELS, PART, PARTS};
+use super::heads::{CENTRE_PARTS, Head, LEVELS, PART};
 use super::keys::NOTHING_BEYOND;
 use super::leaders::Leaders;
 use super::leaves::{Leaf, Leaves};
@@ -148,9 +148,12 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
         if self.is_given_up || !self.may_be_best(self.leaf(leaf), sums) {
             return;
         }
-        let (mut sums, atoms) = (*sums, self.leaf(leaf));
-        for p in LEVELS[0]..PARTS {
-            block::add(self.simd, &mut sums, self.heads, p, &atoms.heads[p]);
+        let mut sums = *sums;
+        let more = block::more::<S, N, V>(self.simd, &self.leaf(leaf).heads, self.heads, LEVELS[0]);
+        for n in 0..N {
+            for v in 0..V {
+                sums[n][v] = self.simd.add_f32s(sums[n][v], more[n][v]);
+            }
         }
         let mut keys = self.keys(leaf, &sums, LEVELS.len() - 1);
         if keys.nearly > self.key {
