@@ -294,3 +294,67 @@ fn heads<'s, S: Simd, const N: usize, const V: usize>(
 fn all(poses: usize) -> u16 {
     u16::MAX >> (TOGETHER - poses)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::fit::Fit;
+    use super::super::super::testdata::random;
+    use super::super::super::{Dictionary, Tolerance, code};
+    use super::*;
+    use ndarray::ArrayView1;
+    use pulp::{Scalar, Scalar128b, Scalar256b};
+
+    fn on<S: Simd>(simd: S, leaves: &Leaves, sought: &[Sought<'_>]) -> Vec<Found> {
+        let mut kept = vec![Vec::new(); sought.len()];
+        let mut found = Vec::new();
+        Search {
+            leaves,
+            kept: &mut kept,
+            sought,
+            task: Task::Best(&mut found),
+        }
+        .with_simd(simd);
+        found
+    }
+
+    #[test]
+    fn vectors_of_any_width_find_the_same() {
+        // Two layers of balls, the last of each not full.
+        let atoms = random(1_100, 12, 1);
+        let dictionary = Dictionary::from_rows(atoms.view()).unwrap();
+        let leaves = dictionary.ground().leaves(dictionary.atoms()).unwrap();
+        assert_eq!(leaves.layers.len(), 2);
+        let poses = random(TOGETHER, 12, 2);
+        let mut fits: Vec<Fit> = Vec::new();
+        let mut paths: Vec<Path> = Vec::new();
+        for pose in poses.outer_iter() {
+            let (mut fit, mut path) = (Fit::new(3, 12), Path::new(12));
+            let weights = None::<ArrayView1<'_, f32>>;
+            fit.start(pose, weights, Tolerance::Never).unwrap();
+            path.begin(leaves, &fit);
+            fits.push(fit);
+            paths.push(path);
+        }
+        for _ in 0..3 {
+            let sought: Vec<Sought<'_>> = (paths.iter().zip(&fits))
+                .map(|(path, fit)| Sought {
+                    path,
+                    rule: Rule::Optimised,
+                    taken: &fit.support,
+                })
+                .collect();
+            let mut found = Vec::new();
+            Pruned::new(leaves).best(&sought, &mut found);
+            assert!(found.iter().all(|f| matches!(f, Found::Atom(_))));
+            assert_eq!(on(Scalar, leaves, &sought), found);
+            assert_eq!(on(Scalar128b, leaves, &sought), found);
+            assert_eq!(on(Scalar256b, leaves, &sought), found);
+            for ((fit, path), found) in fits.iter_mut().zip(&mut paths).zip(found) {
+                if let Found::Atom(atom) = found {
+                    assert!(fit.push(atom, code::row(&dictionary, atom)));
+                    path.take(leaves, fit);
+                }
+            }
+        }
+    }
+}
