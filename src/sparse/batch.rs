@@ -3,7 +3,7 @@
 use super::fit::Fit;
 use super::group::{GROUP, Group};
 use super::pursuit::Pursuit;
-use super::scan::{DIRECTIONS, Leaves, TOGETHER};
+use super::scan::{DIRECTIONS, Leaves};
 use super::tile::{Tile, poses_at_once};
 use super::{Dictionary, Stop};
 use crate::{Error, Place, Result, par};
@@ -203,7 +203,8 @@ impl Pursuit {
         // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
         let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);
         let chunk = match leaves {
-            Some(_) => (m / 8).clamp(TOGETHER, GROUP),
+            // The more poses are put in order together the more alike neighbours are.
+            Some(_) => (m / (4 * rayon::current_num_threads())).clamp(at_once, GROUP),
             None => at_once * tiles,
         };
         let parts = par::map_chunks(m, chunk, |rows| {

@@ -76,6 +76,9 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
         mark: u16,
         open: &mut [u16; LEAF],
     ) {
+        if self.is_given_up {
+            return;
+        }
         let excess = self.excess(balls, measured);
         // Without a branch of the program: whether a ball is open cannot be foretold.
         for (open, excess) in open.iter_mut().zip(excess.0) {
@@ -129,23 +132,27 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
     /// δ >= |a| |r| (cos α - cos(α + φ)) = |a| |r| 2 sin(α + φ/2) sin(φ/2),    distance = |a| sin φ <= 2 |a| sin(φ/2)
     /// ```
     ///
-    /// so the distance is at most δ / (|r| sin α), and √(2 |a| δ / |r|). A ball that is wider by as much tells of the rest.
+    /// and α + φ is 90° at most, as a cone opens to both sides; so the distance is at most δ / (|r| sin α), and √(2 |a| δ / |r|),
+    /// where |a| is 1 at most. A ball that is wider by as much tells of the rest.
     #[inline(always)]
     pub fn raise(&mut self, key: f32) {
         self.key = key;
-        let (noise, left) = (self.noise, self.sought.path.left * (2.0 - BELOW));
-        let key = key * BELOW;
-        let beside = (left - key).max(0.0).sqrt();
+        let (noise, left) = (self.noise, self.sought.path.left);
+        // By rounding a key may be more than there is: then the cone is a ray.
+        let key = key.min(left) * BELOW;
+        // What divides is taken for less than it is, what is measured against for more.
+        let beside = |left: f32| (left - key).max(0.0).sqrt();
+        let (least, most) = (beside(left * BELOW), beside(left * (2.0 - BELOW)));
         let wider = |gap: f32| -> f32 {
             let slack = match self.optimised {
-                true => noise.product + key.sqrt() * noise.rest / gap,
+                true => noise.product + key.sqrt() * noise.rest / (gap * 0.99),
                 false => noise.product,
             };
-            (slack / beside).min((2.0 * slack / left.sqrt()).sqrt()) * 1.001
+            (slack / least).min((2.0 * slack / left.sqrt()).sqrt()) * 1.001
         };
         self.bar = Bar {
             key,
-            beside: beside * (2.0 - BELOW),
+            beside: most * (2.0 - BELOW),
             far: wider(FAR),
             near: wider(NEAR),
         };

@@ -1,4 +1,4 @@
-//! The best atom of one pose by bounds: of most atoms a few numbers tell that they cannot be it.
+//! The best atoms of a few poses by bounds: of most atoms a few numbers tell that they cannot be it.
 //!
 //! 1. Leaves that are likely good give a key that the best atom has at least.
 //! 2. Of each leaf, and of each several leaves, the centre's c and e tell whether any atom within the radius can reach that key.

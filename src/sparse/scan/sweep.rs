@@ -53,7 +53,7 @@ pub struct Sweep<'s, S, const N: usize, const V: usize> {
     pub bar: Bar,
     pub kept: Vec<Kept>,
     /// Too many leaves may hold the best.
-    is_given_up: bool,
+    pub is_given_up: bool,
     pub spent: Spent,
 }
 
@@ -145,7 +145,8 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
     #[inline(always)]
     pub fn judge(&mut self, leaf: usize, sums: &Products<S, N, V>) {
         self.spent.leaves += 1;
-        if self.is_given_up || !self.may_be_best(self.leaf(leaf), sums) {
+        let is_known = self.is_given_up || self.leader == Some(leaf);
+        if is_known || !self.may_be_best(self.leaf(leaf), sums) {
             return;
         }
         let mut sums = *sums;
