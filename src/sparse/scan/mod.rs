@@ -33,6 +33,7 @@ mod path;
 mod pruned;
 mod sweep;
 mod tally;
+mod whole;
 
 use super::Rule;
 use crate::simd;

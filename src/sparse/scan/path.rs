@@ -3,7 +3,7 @@
 use super::super::fit::Fit;
 use super::heads::{HEAD, Head, Turned};
 use super::leaves::Leaves;
-use super::meet::CHAINS;
+use super::whole::CHAINS;
 
 /// Roundings beside those of a sum's terms.
 const SOME: usize = 8;

@@ -10,6 +10,7 @@ use super::leaves::{Leaf, Leaves};
 use super::meet;
 use super::path::Noise;
 use super::pruned::{Found, Sought};
+use super::whole;
 use pulp::Simd;
 
 /// Leaves that are looked into before it is known which are worth it.
@@ -159,7 +160,7 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
         let mut keys = self.keys(leaf, &sums, LEVELS.len() - 1);
         if keys.nearly > self.key {
             // It is likely the best so far: what its key is tells which others are worth a look.
-            keys = self.keys(leaf, &meet::products(self, leaf), NOTHING_BEYOND);
+            keys = self.keys(leaf, &whole::products(self, leaf), NOTHING_BEYOND);
             if keys.nearly > self.key && keys.least <= self.key {
                 // Rounding hides by how much: what a scan finds does not.
                 keys.least = meet::key(self, leaf);
