@@ -14,7 +14,8 @@ use crate::prior::EXACT;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
-/// Up to this noise of most points, cm, the others of a frame are outliers; above, all is noise.
+/// Up to this noise of most points, cm, the others of a frame are outliers; above, all is noise unless distances tell
+/// otherwise.
 const NEARLY_CLEAN: f64 = 1.0;
 
 /// Up to this noise of a smoothed coordinate, cm, a take tells its body's lengths well enough to hold poses to them.
@@ -70,8 +71,8 @@ impl Answer {
 
 /// Denoises frames each by itself (in the model's order).
 ///
-/// A noise that is given is every coordinate's. Otherwise rigid distances tell how noisy most points of a frame are, if
-/// the model knows any: where that is little, the others are outliers.
+/// Rigid distances tell how noisy most points of a frame are, if the model knows any: where that is little, or the others are
+/// too far off for it, those are outliers. A noise that is given is that of every coordinate, or where it is little of clean ones.
 pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>, settings: Denoise) -> Restoration {
     let answers = par::map_chunks(xyz.nrows(), 8, |range| {
         range
@@ -90,7 +91,7 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     let restorer = job.restorer(&adapted);
     // Distances tell it, where enough are seen; else the model has to.
     let noise = settings.noise.unwrap_or_else(|| {
-        let told = job.treatment_of_anyone().base_noise(&y);
+        let told = job.unmeasured(&y).map(|(_, base)| base.sd);
         shared(told.unwrap_or_else(|| noise_of_frame(&restorer, &y)))
     });
     let treatment = job.treatment_for(&adapted, frame, noise);
@@ -102,16 +103,15 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
 
 /// The answer for a frame most points of which are nearly clean, by the distances between them.
 fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
-    if !settings.outliers || settings.noise.is_some() {
+    if !settings.outliers {
         return None;
     }
-    let treatment = job.treatment_of_anyone();
+    let (treatment, found) = job.unmeasured(y)?;
+    let base = match settings.noise {
+        Some(noise) => (noise <= NEARLY_CLEAN).then_some(noise)?,
+        None => (found.sd <= NEARLY_CLEAN || found.has_outliers).then_some(shared(found.sd))?,
+    };
     let own = job.restorer(&None).treating(treatment);
-    let base = own
-        .treatment?
-        .base_noise(y)
-        .filter(|b| *b <= NEARLY_CLEAN)
-        .map(shared)?;
     // The distances have told whose lengths they may be: nothing is to be adapted but the placement's own.
     let (found, corrupt) = own.restore_outliers(y, base * base)?;
     let suspects = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();

@@ -4,6 +4,7 @@ use super::adapt;
 use super::frame::Restorer;
 use super::synthesis::Synthesis;
 use super::treat::Treatment;
+use super::treat::base::BaseNoise;
 use crate::io::Model;
 use crate::pose::{Anchor, Body, PoseMap, joints};
 use crate::prior::{self, Choice, Prior};
@@ -77,10 +78,7 @@ impl Job {
             mirror,
             index,
             synthesis: Synthesis::default(),
-            anyones: match body {
-                Some(_) => treatment.of_anyone(),
-                None => treatment.clone(),
-            },
+            anyones: treatment.of_anyone(),
             body,
             treatment,
         })
@@ -132,9 +130,12 @@ impl Job {
         (!same).then(|| self.prior.mapped(&map))
     }
 
-    /// What is known of rigid distances before the body is measured: in world space it may be anyone's.
-    pub fn treatment_of_anyone(&self) -> &Treatment {
-        &self.anyones
+    /// What is known of a frame's rigid distances before its body is measured, and its base noise by that. In world space
+    /// the body may be anyone's; rows that are used as they are may be of the bodies that the model knows.
+    pub fn unmeasured(&self, y: &[f64]) -> Option<(&Treatment, BaseNoise)> {
+        let own = self.body.is_none().then_some(&self.treatment);
+        let mut all = own.into_iter().chain([&self.anyones]);
+        all.find_map(|t| Some((t, t.base_noise(y)?)))
     }
 
     /// What is known of rigid distances of that body; `noise` is what the lengths were measured with, the standard

@@ -18,31 +18,67 @@ pub struct Lengths {
 /// The bodies a pose may be of: those seen, and a stranger's.
 #[derive(Debug, Clone, Default)]
 pub struct Bodies {
-    /// Log share and lengths; the stranger comes last.
+    /// Log share and lengths; the stranger, if there is one, comes last.
     pub all: Vec<(f64, Lengths)>,
+    has_stranger: bool,
 }
 
 impl Bodies {
-    /// From what was learnt.
-    pub fn of(pairs: &RigidPairs) -> Bodies {
+    /// Those of what was learnt alone.
+    pub fn known(pairs: &RigidPairs) -> Bodies {
         let own = |k: usize| (pairs.pairs[k].sd * pairs.pairs[k].sd).max(EXACT);
         let n = pairs.pairs.len();
-        let mut all: Vec<(f64, Lengths)> = (pairs.bodies.rows().into_iter().zip(&pairs.shares))
+        let all = (pairs.bodies.rows().into_iter().zip(&pairs.shares))
             .map(|(row, share)| {
                 let lengths = Lengths {
                     mean: row.to_vec(),
                     variance: (0..n).map(own).collect(),
                 };
-                (((1.0 - STRANGER.0) * share).ln(), lengths)
+                (share.ln(), lengths)
             })
             .collect();
+        Bodies {
+            all,
+            has_stranger: false,
+        }
+    }
+
+    /// The same and a stranger's.
+    pub fn of(pairs: &RigidPairs) -> Bodies {
+        let mut all = Bodies::known(pairs).all;
         let weights: Vec<f64> = pairs.shares.iter().map(|s| s.max(0.0)).collect();
         let mut stranger = mixed(&all, &weights);
         for (v, l) in stranger.variance.iter_mut().zip(&stranger.mean) {
             *v += (STRANGER.1 * l).powi(2);
         }
+        all.iter_mut()
+            .for_each(|(share, _)| *share += (1.0 - STRANGER.0).ln());
         all.push((STRANGER.0.ln(), stranger));
-        Bodies { all }
+        Bodies {
+            all,
+            has_stranger: true,
+        }
+    }
+
+    /// A body that is known.
+    pub fn one(lengths: Lengths) -> Bodies {
+        Bodies {
+            all: vec![(0.0, lengths)],
+            has_stranger: false,
+        }
+    }
+
+    /// The same bodies by other lengths.
+    pub fn of_others(&self, other: impl Fn(&Lengths) -> Lengths) -> Bodies {
+        Bodies {
+            all: self.all.iter().map(|(w, l)| (*w, other(l))).collect(),
+            has_stranger: self.has_stranger,
+        }
+    }
+
+    /// Whether a body is nobody's that was seen.
+    pub fn is_stranger(&self, body: usize) -> bool {
+        self.has_stranger && body + 1 == self.all.len()
     }
 
     /// The lengths, given how likely each body is (logs, to a constant; their shares included).

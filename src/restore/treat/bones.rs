@@ -9,23 +9,23 @@
 //!
 //! The sum over z is taken over the best few assignments of a beam that goes from point to point.
 
+use super::base;
 use super::bodies::{Bodies, Lengths};
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::EXACT;
 use crate::prior::pairs::RigidPairs;
+use crate::prior::small::log_sum;
 
 /// The share of points that are corrupt.
 pub const SHARE: f64 = 0.2;
 /// The least variance of a corrupt point's coordinate, cm²: (1 asf)².
 pub const SLAB: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
+/// The share of a corrupt end's distances that are further off than its slab tells.
+const FAR: f64 = 0.1;
 /// What a prior leaves of a distance's deviation when it knows of no bones, cm²: the lengths tell what they tell beyond it.
 const PRIOR_KNOWS: f64 = 1.0;
 /// Assignments that a beam carries along.
 const WIDTH: usize = 64;
-/// Standard deviations of base noise that are tried, cm.
-const BASES: [f64; 12] = [
-    0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.2, 3.6, 6.0,
-];
 
 /// The log odds of a corrupt point before anything is known.
 pub fn log_odds() -> f64 {
@@ -33,7 +33,7 @@ pub fn log_odds() -> f64 {
 }
 
 /// log N(x; 0, v) without the constant.
-fn log_normal(x: f64, v: f64) -> f64 {
+pub fn log_normal(x: f64, v: f64) -> f64 {
     -0.5 * (x * x / v + v.ln())
 }
 
@@ -79,7 +79,7 @@ pub fn base_of(told: &[f64], p: usize) -> f64 {
 }
 
 /// How far each distance is off, and with what base variance.
-fn deviations<'a>(
+pub fn deviations<'a>(
     pairs: &'a RigidPairs,
     y: &'a [f64],
     told: &'a [f64],
@@ -95,89 +95,11 @@ fn deviations<'a>(
     })
 }
 
-/// The lengths of the body that explains most distances, whatever points are corrupt; and how well it does.
-fn body(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> (Lengths, Vec<f64>) {
-    let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, told).collect();
-    let clean = (1.0 - SHARE).powi(2);
-    let logs: Vec<f64> = bodies
-        .all
-        .iter()
-        .map(|(share, l)| {
-            let of = |&(k, d, base): &(usize, f64, f64)| {
-                let (off, v) = (d - l.mean[k], l.variance[k] + base);
-                let (a, b) = (log_normal(off, v), log_normal(off, v + SLAB));
-                let top = a.max(b);
-                top + (clean * (a - top).exp() + (1.0 - clean) * (b - top).exp()).ln()
-            };
-            share + seen.iter().map(of).sum::<f64>()
-        })
-        .collect();
-    (bodies.given(&logs), logs)
-}
-
-/// The base noise of a frame by itself: the standard deviation of a coordinate, cm, under which its distances are most
-/// likely, a fifth of the points aside. `None` where too few are seen, or the body is a stranger's: its lengths would
-/// explain anything.
-pub fn base(pairs: &RigidPairs, bodies: &Bodies, y: &[f64]) -> Option<f64> {
-    let all = vec![EXACT; y.len()];
-    if deviations(pairs, y, &all).count() < 6 {
-        return None;
-    }
-    let mut best: Option<(f64, Option<f64>)> = None;
-    for base in BASES {
-        let told = vec![base * base; y.len()];
-        let logs = body(pairs, bodies, y, &told).1;
-        // The stranger comes last, and loses where another does as well.
-        for (at, log) in logs.iter().enumerate() {
-            if best.is_none_or(|(b, _)| *log > b) {
-                best = Some((*log, (at + 1 < logs.len()).then_some(base)));
-            }
-        }
-    }
-    best.and_then(|(_, base)| base)
-}
-
 /// Looks at a frame: `told` holds the base variance of each coordinate, infinite where it is missing.
 pub fn look(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Look {
     let points = y.len() / 3;
-    let lengths = body(pairs, bodies, y, told).0;
+    let lengths = base::lengths(pairs, bodies, y, told);
     let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, told).collect();
-    // All distances of a point that is far off are off, its neighbours' others are not.
-    let mut least = vec![f64::INFINITY; points];
-    for &(k, d, _) in &seen {
-        for p in pairs.pairs[k].ends {
-            least[p] = least[p].min((d - lengths.mean[k]).powi(2));
-        }
-    }
-    let slab: Vec<f64> = least
-        .iter()
-        .map(|l| if l.is_finite() { l.max(SLAB) } else { SLAB })
-        .collect();
-    let terms: Vec<Term> = seen
-        .iter()
-        .map(|&(k, d, base)| {
-            let ends = pairs.pairs[k].ends;
-            let (off, v) = (d - lengths.mean[k], lengths.variance[k] + base);
-            let log = |z: usize| {
-                let more = if z & 1 > 0 { slab[ends[0]] } else { 0.0 }
-                    + if z & 2 > 0 { slab[ends[1]] } else { 0.0 };
-                // Noise across a bone makes it longer.
-                let shift = (more / lengths.mean[k].max(1.0)).min(more.sqrt());
-                log_normal(off - shift, v + more)
-            };
-            Term {
-                ends,
-                logs: std::array::from_fn(log),
-                clean: log_normal(off, v) - log_normal(off, v + PRIOR_KNOWS),
-            }
-        })
-        .collect();
-    let mut look = Look {
-        terms,
-        corrupt: Vec::new(),
-        slab,
-        lengths,
-    };
     let unary: Vec<f64> = (0..points)
         .map(|p| {
             if is_seen(y, told, p) {
@@ -187,8 +109,80 @@ pub fn look(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Loo
             }
         })
         .collect();
+    let slab = slabs(pairs, &seen, &lengths, &vec![0.0; points]);
+    let mut look = Look {
+        terms: terms(pairs, &seen, &lengths, &slab),
+        corrupt: Vec::new(),
+        slab,
+        lengths,
+    };
     look.corrupt = look.marginals(&unary);
+    // Distances to other corrupt points tell nothing of how far one is off.
+    let again = slabs(pairs, &seen, &look.lengths, &look.corrupt);
+    if again != look.slab {
+        look.terms = terms(pairs, &seen, &look.lengths, &again);
+        look.slab = again;
+        look.corrupt = look.marginals(&unary);
+    }
     look
+}
+
+/// The variance of a coordinate of each point if it is corrupt: all distances of a point that is far off are off, its
+/// neighbours' others are not. Distances to points that are likely `corrupt` count where there is no other.
+fn slabs(
+    pairs: &RigidPairs,
+    seen: &[(usize, f64, f64)],
+    lengths: &Lengths,
+    corrupt: &[f64],
+) -> Vec<f64> {
+    let mut least = vec![[f64::INFINITY; 2]; corrupt.len()];
+    for &(k, d, _) in seen {
+        let [i, j] = pairs.pairs[k].ends;
+        for (p, other) in [(i, j), (j, i)] {
+            let least = &mut least[p][usize::from(corrupt[other] > 0.5)];
+            *least = least.min((d - lengths.mean[k]).powi(2));
+        }
+    }
+    let of = |[clean, any]: [f64; 2]| if clean.is_finite() { clean } else { any };
+    least
+        .into_iter()
+        .map(|l| match of(l) {
+            l if l.is_finite() => l.max(SLAB),
+            _ => SLAB,
+        })
+        .collect()
+}
+
+/// What each distance tells of its ends.
+fn terms(
+    pairs: &RigidPairs,
+    seen: &[(usize, f64, f64)],
+    lengths: &Lengths,
+    slab: &[f64],
+) -> Vec<Term> {
+    seen.iter()
+        .map(|&(k, d, base)| {
+            let ends = pairs.pairs[k].ends;
+            let (off, v) = (d - lengths.mean[k], lengths.variance[k] + base);
+            let log = |z: usize| {
+                let more = if z & 1 > 0 { slab[ends[0]] } else { 0.0 }
+                    + if z & 2 > 0 { slab[ends[1]] } else { 0.0 };
+                // Noise across a bone makes it longer.
+                let shift = (more / lengths.mean[k].max(1.0)).min(more.sqrt());
+                let near = log_normal(off - shift, v + more);
+                if z == 0 {
+                    return near;
+                }
+                let far = log_normal(off, v + more.max(off * off));
+                log_sum(&[(1.0 - FAR).ln() + near, FAR.ln() + far])
+            };
+            Term {
+                ends,
+                logs: std::array::from_fn(log),
+                clean: log_normal(off, v) - log_normal(off, v + PRIOR_KNOWS),
+            }
+        })
+        .collect()
 }
 
 impl Look {
@@ -279,38 +273,5 @@ mod tests {
         y[6] = f64::NAN;
         let gap = look(&pairs, &bodies, &y, &[0.0; 15]);
         assert!(gap.corrupt[2] == 0.0 && gap.terms.len() == 2);
-    }
-
-    #[test]
-    fn the_base_noise_is_told_from_outliers() {
-        let pairs = RigidPairs {
-            pairs: (0..20)
-                .map(|k| Pair {
-                    ends: [k, k + 1],
-                    sd: 0.0,
-                    still: false,
-                })
-                .collect(),
-            bodies: Array2::from_elem((1, 20), 10.0),
-            shares: vec![1.0],
-        };
-        let bodies = Bodies::of(&pairs);
-        let mut y: Vec<f64> = (0..21).flat_map(|p| [10.0 * p as f64, 0.0, 0.0]).collect();
-        for p in [3, 9, 10, 16] {
-            y[3 * p] += 6.0;
-            y[3 * p + 1] -= 4.0;
-        }
-        assert!(base(&pairs, &bodies, &y).unwrap() <= 0.02);
-        let noisy = |sd: f64| -> Vec<f64> {
-            let wave = |i: usize| ((i * i * 7 + 3 * i) as f64).sin() * std::f64::consts::SQRT_2;
-            y.iter()
-                .enumerate()
-                .map(|(i, v)| v + sd * wave(i))
-                .collect()
-        };
-        let found = base(&pairs, &bodies, &noisy(0.3)).unwrap();
-        assert!((0.1..=0.8).contains(&found), "{found}");
-        assert!(base(&pairs, &bodies, &noisy(6.0)).unwrap() >= 2.0);
-        assert!(base(&pairs, &bodies, &vec![f64::NAN; 63]).is_none());
     }
 }

@@ -6,6 +6,7 @@
 //! answer <───────────────────── rigid distances kept <─────────────────────────────────────────────────────────┘
 //! ```
 
+pub mod base;
 pub mod bodies;
 pub mod bones;
 mod gradients;
@@ -19,6 +20,7 @@ use crate::par;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::tuning::Task;
 use crate::prior::{Belief, EXACT, Enough, Posterior, Prior};
+use base::BaseNoise;
 use bodies::Bodies;
 use ndarray::ArrayView2;
 use rigid::Whose;
@@ -132,7 +134,11 @@ impl Treatment {
                 .sum::<f64>();
             pair.sd = pair.sd.hypot(ANYONES_SHARE * mean);
         }
-        Treatment::of(pairs)
+        Treatment {
+            // Nobody is a stranger to lengths that may be anyone's.
+            bodies: Bodies::known(&pairs),
+            pairs,
+        }
     }
 
     /// Whether there is nothing it knows.
@@ -140,10 +146,10 @@ impl Treatment {
         self.pairs.is_empty()
     }
 
-    /// The base noise of a frame (3 J numbers, cm; NaN missing) by its rigid distances: the standard deviation of a
-    /// coordinate, cm, outliers aside. `None` where too few distances are seen.
-    pub fn base_noise(&self, y: &[f64]) -> Option<f64> {
-        bones::base(&self.pairs, &self.bodies, y)
+    /// The base noise of a frame (3 J numbers, cm; NaN missing) by its rigid distances. `None` where too few are seen, or
+    /// they are of no body that is known.
+    pub fn base_noise(&self, y: &[f64]) -> Option<BaseNoise> {
+        base::base(&self.pairs, &self.bodies, y)
     }
 
     /// The probability that each point (J) is corrupt by the distances alone; `noise` is the variance of clean

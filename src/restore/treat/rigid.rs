@@ -66,11 +66,9 @@ pub fn keep(
         mean: used.iter().map(|&k| l.mean[k]).collect(),
         variance: used.iter().map(|&k| l.variance[k]).collect(),
     };
-    let bodies = Bodies {
-        all: match whose {
-            Whose::Known(l) => vec![(0.0, only(l))],
-            Whose::Any => bodies.all.iter().map(|(w, l)| (*w, only(l))).collect(),
-        },
+    let bodies = match whose {
+        Whose::Known(l) => Bodies::one(only(l)),
+        Whose::Any => bodies.of_others(only),
     };
     let rows = gradients(&ends, mean);
     let (add, lengths) = choose(&bodies, &rows, sure, noise);
