@@ -18,7 +18,7 @@ const BASES: [f64; 12] = [
 ];
 /// What corrupt ends add to the variance of a distance, cm², with its weight. A marker that was taken for another's is off by
 /// much more than one that a few trembling pixels moved.
-const SLABS: [(f64, f64); 4] = [
+pub const SLABS: [(f64, f64); 4] = [
     (0.5, SLAB),
     (0.25, 4.0 * SLAB),
     (0.15, 16.0 * SLAB),

@@ -21,7 +21,7 @@ pub const SHARE: f64 = 0.2;
 /// The least variance of a corrupt point's coordinate, cm²: (1 asf)².
 pub const SLAB: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 /// The share of a corrupt end's distances that are further off than its slab tells.
-const FAR: f64 = 0.1;
+const FAR: f64 = 0.3;
 /// What a prior leaves of a distance's deviation when it knows of no bones, cm²: the lengths tell what they tell beyond it.
 const PRIOR_KNOWS: f64 = 1.0;
 /// Assignments that a beam carries along.

@@ -5,6 +5,7 @@ use super::frame::Frame;
 use super::judge::SCALES;
 use crate::prior::Belief;
 use crate::prior::small::{backward, factorise, forward, log_sum};
+use crate::simd;
 
 /// Assignments that the beam carries along, and that make an answer.
 const WIDTH: (usize, usize) = (16, 8);
@@ -22,88 +23,172 @@ pub struct Assignment {
     pub told: f64,
 }
 
+/// A number at each scale, side by side.
+type Scaled = [f64; SCALES.len()];
+
 /// An assignment of the first few points in doubt, with a Cholesky factor at each scale that grows by three rows a point.
 #[derive(Clone)]
 struct Hypothesis {
     assigned: Vec<bool>,
     /// Rows of 1, 2, 3, … numbers.
-    factor: [Vec<f64>; SCALES.len()],
-    white: [Vec<f64>; SCALES.len()],
-    log: [f64; SCALES.len()],
+    factor: Vec<Scaled>,
+    white: Vec<Scaled>,
+    log: Scaled,
     /// Odds and distances.
     more: f64,
 }
 
+/// What the next point adds to a hypothesis.
+struct Next {
+    score: f64,
+    corrupt: bool,
+    /// The last three numbers of each of its rows; those before are the same whether it is corrupt or not.
+    block: [[Scaled; 3]; 3],
+    white: [Scaled; 3],
+    log: Scaled,
+    more: f64,
+}
+
 impl Hypothesis {
+    fn of_nothing() -> Hypothesis {
+        Hypothesis {
+            assigned: Vec::new(),
+            factor: Vec::new(),
+            white: Vec::new(),
+            log: SCALES.map(|s| s.0.ln()),
+            more: 0.0,
+        }
+    }
+
     fn score(&self) -> f64 {
         log_sum(&self.log) + self.more
     }
 
-    /// With the next point added.
-    fn with(&self, frame: &Frame, expected: &Belief, corrupt: bool) -> Hypothesis {
-        let mut out = self.clone();
-        let (n, p) = (self.assigned.len(), frame.doubt[self.assigned.len()]);
-        out.assigned.push(corrupt);
-        let noise = if corrupt {
-            frame.look.slab[p]
-        } else {
-            base_of(&frame.told, p)
-        };
-        for (s, (_, c, i)) in SCALES.iter().enumerate() {
-            for axis in 0..3 {
-                let g = 3 * n + axis;
-                let at = 3 * p + axis;
-                let (factor, white) = (&mut out.factor[s], &mut out.white[s]);
-                let start = factor.len();
-                for h in 0..g {
-                    let other = 3 * frame.doubt[h / 3] + h % 3;
-                    let row = h * (h + 1) / 2;
-                    let known: f64 = (factor[row..row + h].iter().zip(&factor[start..]))
-                        .map(|(a, b)| a * b)
-                        .sum();
-                    let v = (c * expected.covariance[[at, other]] - known) / factor[row + h];
-                    factor.push(v);
-                }
-                let row = &factor[start..];
-                let known: f64 = row.iter().map(|v| v * v).sum();
-                let whole = c * expected.covariance[[at, at]] + i + noise;
-                let pivot = (whole - known).max(1e-9 * whole).sqrt();
-                let off: f64 = row.iter().zip(white.iter()).map(|(l, z)| l * z).sum();
-                let z = (frame.y[at] - expected.mean[at] - off) / pivot;
-                factor.push(pivot);
-                white.push(z);
-                out.log[s] -= 0.5 * z * z + pivot.ln();
+    /// What the next point adds, clean and corrupt. Its rows before its own three numbers go to `rows`.
+    #[inline(always)]
+    fn next(&self, frame: &Frame, expected: &Belief, rows: &mut [Vec<Scaled>; 3]) -> [Next; 2] {
+        let (n, p) = (3 * self.assigned.len(), frame.doubt[self.assigned.len()]);
+        for (axis, out) in rows.iter_mut().enumerate() {
+            out.clear();
+            let row = expected.covariance.row(3 * p + axis);
+            for h in 0..n {
+                let other = 3 * frame.doubt[h / 3] + h % 3;
+                let from = h * (h + 1) / 2;
+                let factor = &self.factor[from..=from + h];
+                let known = products(&factor[..h], out);
+                out.push(each(|s| {
+                    (SCALES[s].1 * row[other] - known[s]) / factor[h][s]
+                }));
             }
         }
-        out.more += if corrupt {
-            log_odds()
-        } else {
-            frame.clean_terms(&out.assigned, p)
-        };
-        out
+        let known: [[Scaled; 3]; 3] =
+            std::array::from_fn(|a| std::array::from_fn(|b| products(&rows[a], &rows[b])));
+        let off: [Scaled; 3] = std::array::from_fn(|a| products(&rows[a], &self.white));
+        [false, true].map(|corrupt| {
+            let noise = match corrupt {
+                true => frame.look.slab[p],
+                false => base_of(&frame.told, p),
+            };
+            let mut next = Next {
+                score: 0.0,
+                corrupt,
+                block: Default::default(),
+                white: Default::default(),
+                log: self.log,
+                more: self.more + self.told(frame, p, corrupt),
+            };
+            for axis in 0..3 {
+                next.add(
+                    frame,
+                    expected,
+                    (p, axis),
+                    (&known[axis], &off[axis]),
+                    noise,
+                );
+            }
+            next.score = log_sum(&next.log) + next.more;
+            next
+        })
     }
+
+    /// What odds and distances say of the next point.
+    fn told(&self, frame: &Frame, p: usize, corrupt: bool) -> f64 {
+        if corrupt {
+            return log_odds();
+        }
+        frame.clean_terms(&self.assigned, p)
+    }
+
+    /// With the next point added, whose rows before its own three numbers are `rows`.
+    fn with(&mut self, next: &Next, rows: &[Vec<Scaled>; 3]) {
+        self.assigned.push(next.corrupt);
+        for (axis, row) in rows.iter().enumerate() {
+            self.factor.extend(row);
+            self.factor.extend(&next.block[axis][..=axis]);
+        }
+        self.white.extend(next.white);
+        (self.log, self.more) = (next.log, next.more);
+    }
+}
+
+impl Next {
+    /// Adds the row of one axis of point `p`: `known` are its products with the rows of all three, as far as those are shared,
+    /// `off` that with what is white.
+    #[inline(always)]
+    fn add(
+        &mut self,
+        frame: &Frame,
+        expected: &Belief,
+        (p, axis): (usize, usize),
+        (known, off): (&[Scaled; 3], &Scaled),
+        noise: f64,
+    ) {
+        let at = 3 * p + axis;
+        let Next {
+            block, white, log, ..
+        } = self;
+        for s in 0..SCALES.len() {
+            let (_, c, i) = SCALES[s];
+            for b in 0..axis {
+                let inner: f64 = (0..b).map(|k| block[axis][k][s] * block[b][k][s]).sum();
+                let v = c * expected.covariance[[at, 3 * p + b]] - known[b][s] - inner;
+                block[axis][b][s] = v / block[b][b][s];
+            }
+            let own: f64 = (0..axis).map(|k| block[axis][k][s].powi(2)).sum();
+            let whole = c * expected.covariance[[at, at]] + i + noise;
+            let pivot = (whole - known[axis][s] - own).max(1e-9 * whole).sqrt();
+            let near: f64 = (0..axis).map(|k| block[axis][k][s] * white[k][s]).sum();
+            let z = (frame.y[at] - expected.mean[at] - off[s] - near) / pivot;
+            block[axis][axis][s] = pivot;
+            white[axis][s] = z;
+            log[s] -= 0.5 * z * z + pivot.ln();
+        }
+    }
+}
+
+#[inline(always)]
+fn each(of: impl Fn(usize) -> f64) -> Scaled {
+    std::array::from_fn(of)
+}
+
+/// Σ a b at each scale.
+#[inline(always)]
+fn products(a: &[Scaled], b: &[Scaled]) -> Scaled {
+    let mut sum = Scaled::default();
+    for (a, b) in a.iter().zip(b) {
+        for s in 0..SCALES.len() {
+            sum[s] += a[s] * b[s];
+        }
+    }
+    sum
 }
 
 /// The likely assignments of the points in doubt, the heaviest first; the weights add up to one.
 pub fn likely(frame: &Frame, expected: &Belief) -> Vec<Assignment> {
-    let mut beam = vec![Hypothesis {
-        assigned: Vec::new(),
-        factor: Default::default(),
-        white: Default::default(),
-        log: SCALES.map(|s| s.0.ln()),
-        more: 0.0,
-    }];
+    let mut beam = vec![Hypothesis::of_nothing()];
+    let mut rows: Vec<[Vec<Scaled>; 3]> = Vec::new();
     for _ in &frame.doubt {
-        let mut next: Vec<(f64, Hypothesis)> = Vec::with_capacity(2 * beam.len());
-        for h in &beam {
-            for corrupt in [false, true] {
-                let h = h.with(frame, expected, corrupt);
-                next.push((h.score(), h));
-            }
-        }
-        next.sort_by(|a, b| b.0.total_cmp(&a.0));
-        next.truncate(WIDTH.0);
-        beam = next.into_iter().map(|n| n.1).collect();
+        beam = widened(frame, expected, beam, &mut rows);
     }
     let best = beam[0].score();
     let mut out: Vec<Assignment> = (beam.into_iter())
@@ -126,6 +211,41 @@ pub fn likely(frame: &Frame, expected: &Belief) -> Vec<Assignment> {
     let total: f64 = out.iter().map(|a| a.weight).sum();
     out.iter_mut().for_each(|a| a.weight /= total);
     out
+}
+
+/// The likeliest hypotheses with the next point, the likeliest first. `rows` is room.
+fn widened(
+    frame: &Frame,
+    expected: &Belief,
+    beam: Vec<Hypothesis>,
+    rows: &mut Vec<[Vec<Scaled>; 3]>,
+) -> Vec<Hypothesis> {
+    rows.resize_with(beam.len().max(rows.len()), Default::default);
+    let mut next: Vec<(usize, Next)> = Vec::with_capacity(2 * beam.len());
+    simd::wide(
+        #[inline(always)]
+        || {
+            for (i, (h, rows)) in beam.iter().zip(rows.iter_mut()).enumerate() {
+                next.extend(h.next(frame, expected, rows).map(|next| (i, next)));
+            }
+        },
+    );
+    next.sort_by(|a, b| b.1.score.total_cmp(&a.1.score));
+    next.truncate(WIDTH.0);
+    let mut left: Vec<usize> = vec![0; beam.len()];
+    next.iter().for_each(|(i, _)| left[*i] += 1);
+    let mut beam: Vec<Option<Hypothesis>> = beam.into_iter().map(Some).collect();
+    let grown = next.iter().filter_map(|(i, next)| {
+        left[*i] -= 1;
+        // The last one of a hypothesis takes it over.
+        let mut h = match left[*i] {
+            0 => beam[*i].take(),
+            _ => beam[*i].clone(),
+        }?;
+        h.with(next, &rows[*i]);
+        Some(h)
+    });
+    grown.collect()
 }
 
 /// What is expected of the hidden points, once they are seen with the noise of an assignment.

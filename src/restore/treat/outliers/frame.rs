@@ -89,9 +89,10 @@ impl Frame {
         out
     }
 
-    /// What the distances of a clean point to clean ones tell, of those decided so far.
+    /// What the distances of a point that is taken for clean to clean ones tell, of those decided so far.
     pub fn clean_terms(&self, assigned: &[bool], p: usize) -> f64 {
         let clean = |q: usize| match self.doubt.iter().position(|d| *d == q) {
+            _ if q == p => true,
             Some(at) => assigned.get(at).is_some_and(|z| !z),
             None => !self.corrupt[q],
         };

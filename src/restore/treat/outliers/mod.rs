@@ -12,8 +12,8 @@
 //! they are weighed anew. The few light ones follow from N(m, P). The answer is the average.
 //!
 //! Where many points are in doubt, as with base noise, the prior sees too little that is sure. Then all points are judged by
-//! the answer, each without itself, and those that stay in doubt are assigned once more.
-//! Cost: an answer of the prior for each assignment that is asked and one more, twice that where many are in doubt.
+//! the answers that follow from N(m, P), each without itself, and those that stay in doubt are hidden once more.
+//! Cost: an answer of the prior for each assignment that is asked and one more, two more where many are in doubt.
 
 mod assignments;
 mod frame;
@@ -73,17 +73,15 @@ pub fn restore(
             .collect()
     }));
     judge::narrow(prior, &mut frames);
-    let mut answers = answer(prior, &frames.iter().collect::<Vec<_>>());
     let many: Vec<usize> = (0..frames.len())
         .filter(|&t| frames[t].doubt.len() > FEW)
         .collect();
-    for &t in &many {
-        judge::again(&mut frames[t], &answers[t]);
+    let first = assign(prior, &many.iter().map(|&t| &frames[t]).collect::<Vec<_>>());
+    for (t, own) in many.into_iter().zip(first) {
+        let guessed = own.guessed(&frames[t]);
+        judge::again(&mut frames[t], &guessed);
     }
-    let second = answer(prior, &many.iter().map(|&t| &frames[t]).collect::<Vec<_>>());
-    for (t, second) in many.into_iter().zip(second) {
-        answers[t] = second;
-    }
+    let answers = answer(prior, &frames.iter().collect::<Vec<_>>());
     let each = frames.into_iter().zip(answers);
     each.map(|(frame, answers)| gather(frame, answers))
         .collect()
@@ -107,6 +105,11 @@ impl Assigned {
             assignments,
             expected,
         }
+    }
+
+    /// The answers as far as they follow from what is expected: the prior is asked for none.
+    fn guessed(self, frame: &Frame) -> Vec<Answer> {
+        answers(frame, Assigned { heavy: 0, ..self }, Vec::new())
     }
 
     fn nothing_in_doubt() -> Self {
