@@ -7,6 +7,7 @@ use super::complete::{self, Complete};
 use super::frame::Restoration;
 use super::job::Job;
 use super::smooth;
+use super::strays;
 use super::suspects::RigidBones;
 use crate::par;
 use crate::pose::Status;
@@ -174,14 +175,19 @@ pub fn take(
 ) -> Restoration {
     let noise = noise_by_point(job, xyz, runs, settings.noise);
     let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
-    let suspects = suspects(job, xyz, usual, settings);
     let mut counted = xyz.to_owned();
-    for (t, points) in suspects.iter().enumerate() {
-        for &p in points {
-            counted.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
-        }
+    let mut suspects = vec![Vec::new(); xyz.nrows()];
+    let mut strays = suspects.clone();
+    if settings.outliers {
+        strays = strays::strays(xyz, runs, rate, &noise);
+        leave_out(&mut counted, &strays);
+        suspects = broken(job, counted.view(), usual);
+        leave_out(&mut counted, &suspects);
     }
-    let (mean, variances) = smoothed(&counted, runs, rate, &noise);
+    for (s,t) in suspects.iter_mut().zip(&strays) { s.extend(t); }
+    if std::env::var("DBG").is_ok() { eprintln!("DBG strays {} all {} of {}", strays.iter().map(Vec::len).sum::<usize>(), suspects.iter().map(Vec::len).sum::<usize>(), xyz.len()/3); }
+    let noise = if settings.outliers { noise_by_point(job, counted.view(), runs, settings.noise) } else {noise};
+    let (mean, variances) = smoothed(&counted, runs, rate, &noise, &strays);
     let seen = mean_where_seen(&counted, &mean);
     let adapted = job.prior_for(seen.view(), 0.0);
     let noise_left = left(&variances);
@@ -240,10 +246,8 @@ fn fill(job: &Job, out: &mut Restoration, runs: &[Range<usize>], rate: f64) {
     out.xyz = filled.xyz;
 }
 
-fn suspects(job: &Job, xyz: ArrayView2<'_, f64>, noise: f64, settings: Denoise) -> Vec<Vec<usize>> {
-    if !settings.outliers {
-        return vec![Vec::new(); xyz.nrows()];
-    }
+/// The points of each frame that break rigid bones.
+fn broken(job: &Job, xyz: ArrayView2<'_, f64>, noise: f64) -> Vec<Vec<usize>> {
     let bones = RigidBones::measure(&job.parents(), xyz);
     par::map_chunks(xyz.nrows(), 64, |range| {
         range
@@ -300,6 +304,7 @@ fn smoothed(
     runs: &[Range<usize>],
     rate: f64,
     noise: &[f64],
+    strays: &[Vec<usize>],
 ) -> (Array2<f64>, Array2<f64>) {
     let columns = par::map_chunks(counted.ncols(), 1, |range| {
         let column = counted.column(range.start);
@@ -313,6 +318,9 @@ fn smoothed(
                 if series[k].is_finite() {
                     mean[t] = out.mean[k];
                     variance[t] = out.variance[k].clamp(EXACT, r);
+                } else if strays[t].contains(&(range.start/3)) {
+                    mean[t] = out.mean[k];
+                    variance[t] = out.variance[k].max(EXACT);
                 }
             }
         }
@@ -331,6 +339,15 @@ fn left(variances: &Array2<f64>) -> f64 {
     let known = variances.iter().filter(|v| v.is_finite());
     let (sum, n) = known.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
     (sum / n.max(1) as f64).sqrt()
+}
+
+/// Points of each frame count for nothing.
+fn leave_out(counted: &mut Array2<f64>, points: &[Vec<usize>]) {
+    for (t, points) in points.iter().enumerate() {
+        for &p in points {
+            counted.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
+        }
+    }
 }
 
 fn mean_where_seen(counted: &Array2<f64>, mean: &Array2<f64>) -> Array2<f64> {

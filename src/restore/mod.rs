@@ -15,6 +15,7 @@ pub mod measured;
 pub mod planar;
 pub mod report;
 pub mod smooth;
+pub mod strays;
 pub mod suspects;
 pub mod synthesis;
 pub mod take;
