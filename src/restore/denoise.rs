@@ -6,9 +6,9 @@
 use super::complete::{self, Complete};
 use super::frame::Restoration;
 use super::job::Job;
+use super::rejects::{Rejects, leave_out};
 use super::smooth;
-use super::strays;
-use super::suspects::RigidBones;
+use super::treat::base::BaseNoise;
 use crate::par;
 use crate::pose::Status;
 use crate::prior::EXACT;
@@ -110,7 +110,7 @@ fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
     let (treatment, found) = job.unmeasured(y)?;
     let base = match settings.noise {
         Some(noise) => (noise <= NEARLY_CLEAN).then_some(noise)?,
-        None => (found.sd <= NEARLY_CLEAN || found.has_outliers).then_some(shared(found.sd))?,
+        None => worth_a_search(&found).then_some(shared(found.sd))?,
     };
     let own = job.restorer(&None).treating(treatment);
     // The distances have told whose lengths they may be: nothing is to be adapted but the placement's own.
@@ -119,9 +119,14 @@ fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
     Some(Answer::new(&own, Some(found), suspects, base))
 }
 
+/// Whether outliers are looked for in a frame of such a base noise.
+pub(super) fn worth_a_search(base: &BaseNoise) -> bool {
+    base.sd <= NEARLY_CLEAN || base.has_outliers
+}
+
 /// A noise that was found in one frame, cm, to an eighth of an octave: it is no surer than that, and frames that have the
 /// same noise share what a model makes for it.
-fn shared(noise: f64) -> f64 {
+pub(super) fn shared(noise: f64) -> f64 {
     if noise * noise > EXACT {
         ((noise.log2() * 8.0).round() / 8.0).exp2()
     } else {
@@ -175,19 +180,15 @@ pub fn take(
 ) -> Restoration {
     let noise = noise_by_point(job, xyz, runs, settings.noise);
     let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
+    let rejects = match settings.outliers {
+        true => Rejects::find(job, xyz, runs, rate, &noise),
+        false => Rejects::none(xyz.nrows()),
+    };
     let mut counted = xyz.to_owned();
-    let mut suspects = vec![Vec::new(); xyz.nrows()];
-    let mut strays = suspects.clone();
-    if settings.outliers {
-        strays = strays::strays(xyz, runs, rate, &noise);
-        leave_out(&mut counted, &strays);
-        suspects = broken(job, counted.view(), usual);
-        leave_out(&mut counted, &suspects);
-    }
-    for (s,t) in suspects.iter_mut().zip(&strays) { s.extend(t); }
-    if std::env::var("DBG").is_ok() { eprintln!("DBG strays {} all {} of {}", strays.iter().map(Vec::len).sum::<usize>(), suspects.iter().map(Vec::len).sum::<usize>(), xyz.len()/3); }
-    let noise = if settings.outliers { noise_by_point(job, counted.view(), runs, settings.noise) } else {noise};
-    let (mean, variances) = smoothed(&counted, runs, rate, &noise, &strays);
+    leave_out(&mut counted, &rejects.points);
+    // What was rejected spoilt the noise too.
+    let noise = noise_by_point(job, counted.view(), runs, settings.noise);
+    let (mean, variances) = smoothed(&counted, runs, rate, &noise, &rejects.strays);
     let seen = mean_where_seen(&counted, &mean);
     let adapted = job.prior_for(seen.view(), 0.0);
     let noise_left = left(&variances);
@@ -202,7 +203,7 @@ pub fn take(
             .clone()
             .map(|t| {
                 let found = restorer.restore(&mean.row(t).to_vec(), &variances.row(t).to_vec());
-                Answer::new(&restorer, found, suspects[t].clone(), usual)
+                Answer::new(&restorer, found, rejects.points[t].clone(), usual)
             })
             .collect();
         done(range.len());
@@ -244,17 +245,6 @@ fn fill(job: &Job, out: &mut Restoration, runs: &[Range<usize>], rate: f64) {
         }
     }
     out.xyz = filled.xyz;
-}
-
-/// The points of each frame that break rigid bones.
-fn broken(job: &Job, xyz: ArrayView2<'_, f64>, noise: f64) -> Vec<Vec<usize>> {
-    let bones = RigidBones::measure(&job.parents(), xyz);
-    par::map_chunks(xyz.nrows(), 64, |range| {
-        range
-            .map(|t| bones.suspects(&xyz.row(t).to_vec(), noise, |_| 0.0))
-            .collect::<Vec<_>>()
-    })
-    .concat()
 }
 
 /// The noise of each point, cm: given, or from the third differences of its coordinates. A point that is not seen long
@@ -318,7 +308,7 @@ fn smoothed(
                 if series[k].is_finite() {
                     mean[t] = out.mean[k];
                     variance[t] = out.variance[k].clamp(EXACT, r);
-                } else if strays[t].contains(&(range.start/3)) {
+                } else if strays[t].contains(&(range.start / 3)) {
                     mean[t] = out.mean[k];
                     variance[t] = out.variance[k].max(EXACT);
                 }
@@ -339,15 +329,6 @@ fn left(variances: &Array2<f64>) -> f64 {
     let known = variances.iter().filter(|v| v.is_finite());
     let (sum, n) = known.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
     (sum / n.max(1) as f64).sqrt()
-}
-
-/// Points of each frame count for nothing.
-fn leave_out(counted: &mut Array2<f64>, points: &[Vec<usize>]) {
-    for (t, points) in points.iter().enumerate() {
-        for &p in points {
-            counted.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
-        }
-    }
 }
 
 fn mean_where_seen(counted: &Array2<f64>, mean: &Array2<f64>) -> Array2<f64> {

@@ -52,6 +52,11 @@ impl RigidBones {
         RigidBones(bones)
     }
 
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
     /// The points of a frame that break rigid bones; `noise` is the standard deviation of a coordinate.
     ///
     /// While a bone is broken, the end with the most broken bones is blamed, then the one with the larger share of its
