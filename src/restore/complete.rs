@@ -4,9 +4,10 @@
 //! to its neighbours: at both ends of a gap the points were seen, so the answer's error there is known; it is predicted
 //! into the gap as a Gaussian process whose correlation falls off over a quarter of a second and over four.
 
+use super::denoise::noise_by_point;
 use super::frame::{Restoration, Restored};
 use super::job::Job;
-use super::suspects::RigidBones;
+use super::rejects::{Rejects, leave_out};
 use crate::par;
 use crate::pose::Status;
 use crate::prior::EXACT;
@@ -142,23 +143,14 @@ pub fn take(
     settings: Complete,
     done: &(dyn Fn(usize) + Sync),
 ) -> Restoration {
-    let bones = RigidBones::measure(&job.parents(), xyz);
+    let noise = noise_by_point(job, xyz, runs, None);
+    let suspects = Rejects::find(job, xyz, runs, rate, &noise).points;
     let adapted = job.prior_for(xyz, 0.0);
     let treatment = job.treatment_for(&adapted, xyz, 0.0);
     let restorer = job.restorer(&adapted).treating(&treatment);
-    let suspects: Vec<Vec<usize>> = par::map_chunks(xyz.nrows(), 64, |range| {
-        range
-            .map(|t| bones.suspects(&xyz.row(t).to_vec(), 0.0, |_| 0.0))
-            .collect::<Vec<_>>()
-    })
-    .concat();
     // What counts: the numbers seen, without the suspects.
     let mut counted = xyz.to_owned();
-    for (t, points) in suspects.iter().enumerate() {
-        for &p in points {
-            counted.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
-        }
-    }
+    leave_out(&mut counted, &suspects);
     let gaps: Vec<Gap> = runs.iter().flat_map(|run| gaps_of(&counted, run)).collect();
     let answers: Vec<Answer> = par::map_chunks(xyz.nrows(), CHUNK, |range| {
         let out: Vec<Answer> = range

@@ -249,7 +249,7 @@ fn fill(job: &Job, out: &mut Restoration, runs: &[Range<usize>], rate: f64) {
 
 /// The noise of each point, cm: given, or from the third differences of its coordinates. A point that is not seen long
 /// enough on end takes the median of the others; where none is, the model tells the noise of some frames.
-fn noise_by_point(
+pub(super) fn noise_by_point(
     job: &Job,
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],

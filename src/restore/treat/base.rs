@@ -7,10 +7,9 @@
 //! ```
 
 use super::bodies::{Bodies, Lengths};
-use super::bones::{SHARE, SLAB, deviations, log_normal};
+use super::bones::{SHARE, SLAB, deviations};
 use crate::prior::EXACT;
 use crate::prior::pairs::RigidPairs;
-use crate::prior::small::log_sum;
 
 /// Standard deviations of base noise that are tried, cm.
 const BASES: [f64; 12] = [
@@ -18,7 +17,7 @@ const BASES: [f64; 12] = [
 ];
 /// What corrupt ends add to the variance of a distance, cm², with its weight. A marker that was taken for another's is off by
 /// much more than one that a few trembling pixels moved.
-pub const SLABS: [(f64, f64); 4] = [
+const SLABS: [(f64, f64); 4] = [
     (0.5, SLAB),
     (0.25, 4.0 * SLAB),
     (0.15, 16.0 * SLAB),
@@ -36,59 +35,102 @@ pub struct BaseNoise {
     pub has_outliers: bool,
 }
 
-/// The log likelihood of the distances seen under the lengths of each body, its share included; `share` of the points are
-/// corrupt.
-fn logs(bodies: &Bodies, seen: &[(usize, f64, f64)], share: f64) -> Vec<f64> {
-    let clean = (1.0 - share).powi(2);
-    let of = |l: &Lengths, &(k, d, base): &(usize, f64, f64)| {
-        let (off, v) = (d - l.mean[k], l.variance[k] + base);
-        let near = clean.ln() + log_normal(off, v);
-        if share == 0.0 {
-            return near;
-        }
-        let far = |(w, s): (f64, f64)| ((1.0 - clean) * w).ln() + log_normal(off, v + s);
-        let [a, b, c, d] = SLABS.map(far);
-        log_sum(&[near, a, b, c, d])
-    };
-    let all = bodies.all.iter();
-    all.map(|(share, l)| share + seen.iter().map(|s| of(l, s)).sum::<f64>())
-        .collect()
-}
-
 /// The lengths of the bodies that explain most distances, whatever points are corrupt; `told` holds the base variance of each
 /// coordinate, infinite where it is missing.
 pub fn lengths(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Lengths {
     let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, told).collect();
-    bodies.given(&logs(bodies, &seen, SHARE))
+    let of = |(share, l): &(f64, Lengths)| {
+        let logs = seen.iter().map(|&(k, d, base)| {
+            let off = d - l.mean[k];
+            Deviation::of(l.variance[k] + base).log(off * off)
+        });
+        share + logs.sum::<f64>()
+    };
+    bodies.given(&bodies.all.iter().map(of).collect::<Vec<_>>())
 }
 
-/// The base noise of a frame by itself: the one under which its distances are most likely. `None` where too few are seen, or
-/// the body is a stranger's: its lengths would explain anything.
-pub fn base(pairs: &RigidPairs, bodies: &Bodies, y: &[f64]) -> Option<BaseNoise> {
-    let all = vec![EXACT; y.len()];
-    let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, &all).collect();
-    if seen.len() < FEWEST {
-        return None;
+/// How likely a distance is off by so much: Σ heights exp(−rates off²); its clean ends are the first.
+#[derive(Debug, Clone, Copy)]
+struct Deviation {
+    heights: [f64; 1 + SLABS.len()],
+    rates: [f64; 1 + SLABS.len()],
+}
+
+impl Deviation {
+    /// By the variance it has where both ends are clean, cm².
+    fn of(variance: f64) -> Deviation {
+        let clean = (1.0 - SHARE).powi(2);
+        let part = |s: usize| match s {
+            0 => (clean, variance),
+            s => ((1.0 - clean) * SLABS[s - 1].0, variance + SLABS[s - 1].1),
+        };
+        Deviation {
+            heights: std::array::from_fn(|s| part(s).0 / part(s).1.sqrt()),
+            rates: std::array::from_fn(|s| 0.5 / part(s).1),
+        }
     }
-    let best = |share: f64| {
-        let mut best = (f64::NEG_INFINITY, None);
-        for sd in BASES {
-            let seen: Vec<_> = (seen.iter())
-                .map(|&(k, d, _)| (k, d, 2.0 * sd * sd))
+
+    /// The log likelihood by the square of how far it is off.
+    fn log(&self, square: f64) -> f64 {
+        let parts = self.heights.iter().zip(&self.rates);
+        let sum: f64 = parts.map(|(h, r)| h * (-r * square).exp()).sum();
+        sum.max(f64::MIN_POSITIVE).ln()
+    }
+
+    /// The same where both ends are known to be clean.
+    fn log_of_clean(&self, square: f64) -> f64 {
+        (self.heights[0] / (1.0 - SHARE).powi(2)).ln() - self.rates[0] * square
+    }
+}
+
+/// The deviations of all distances of each body, under each base noise.
+#[derive(Debug, Clone, Default)]
+pub struct Bases(Vec<Vec<Vec<Deviation>>>);
+
+impl Bases {
+    /// Of the bodies' lengths.
+    pub fn of(bodies: &Bodies) -> Bases {
+        let under = |l: &Lengths, sd: f64| -> Vec<Deviation> {
+            let variances = l.variance.iter().map(|v| v + 2.0 * sd * sd);
+            variances.map(Deviation::of).collect()
+        };
+        let all = bodies.all.iter();
+        Bases(
+            all.map(|(_, l)| BASES.map(|sd| under(l, sd)).to_vec())
+                .collect(),
+        )
+    }
+
+    /// The base noise of a frame by itself: the one under which its distances are most likely. `None` where too few are seen,
+    /// or the body is a stranger's: its lengths would explain anything.
+    pub fn base(&self, pairs: &RigidPairs, bodies: &Bodies, y: &[f64]) -> Option<BaseNoise> {
+        let all = vec![EXACT; y.len()];
+        let seen: Vec<(usize, f64)> = deviations(pairs, y, &all).map(|(k, d, _)| (k, d)).collect();
+        if seen.len() < FEWEST {
+            return None;
+        }
+        let (mut with, mut without) = ((f64::NEG_INFINITY, None), f64::NEG_INFINITY);
+        for (at, ((share, lengths), bases)) in bodies.all.iter().zip(&self.0).enumerate() {
+            let squares: Vec<(usize, f64)> = (seen.iter())
+                .map(|&(k, d)| (k, (d - lengths.mean[k]).powi(2)))
                 .collect();
-            for (at, log) in logs(bodies, &seen, share).into_iter().enumerate() {
-                if log > best.0 {
-                    best = (log, (!bodies.is_stranger(at)).then_some(sd));
+            for (sd, of) in BASES.into_iter().zip(bases) {
+                let logs = squares.iter().map(|(k, square)| of[*k].log(*square));
+                let log = share + logs.sum::<f64>();
+                if log > with.0 {
+                    with = (log, (!bodies.is_stranger(at)).then_some(sd));
                 }
+                let clean = squares
+                    .iter()
+                    .map(|(k, square)| of[*k].log_of_clean(*square));
+                without = without.max(share + clean.sum::<f64>());
             }
         }
-        best
-    };
-    let (with, without) = (best(SHARE), best(0.0));
-    Some(BaseNoise {
-        sd: with.1?,
-        has_outliers: with.0 > without.0,
-    })
+        Some(BaseNoise {
+            sd: with.1?,
+            has_outliers: with.0 > without,
+        })
+    }
 }
 
 #[cfg(test)]
@@ -111,12 +153,13 @@ mod tests {
             shares: vec![1.0],
         };
         let bodies = Bodies::of(&pairs);
+        let bases = Bases::of(&bodies);
         let mut y: Vec<f64> = (0..21).flat_map(|p| [10.0 * p as f64, 0.0, 0.0]).collect();
         for p in [3, 9, 10, 16] {
             y[3 * p] += 6.0;
             y[3 * p + 1] -= 4.0;
         }
-        assert!(base(&pairs, &bodies, &y).unwrap().sd <= 0.02);
+        assert!(bases.base(&pairs, &bodies, &y).unwrap().sd <= 0.02);
         let noisy = |sd: f64| -> Vec<f64> {
             let wave = |i: usize| ((i * i * 7 + 3 * i) as f64).sin() * std::f64::consts::SQRT_2;
             y.iter()
@@ -124,7 +167,7 @@ mod tests {
                 .map(|(i, v)| v + sd * wave(i))
                 .collect()
         };
-        let found = |sd: f64| base(&pairs, &bodies, &noisy(sd)).unwrap();
+        let found = |sd: f64| bases.base(&pairs, &bodies, &noisy(sd)).unwrap();
         assert!((0.1..=0.8).contains(&found(0.3).sd), "{:?}", found(0.3));
         assert!(found(0.3).has_outliers);
         assert!(found(6.0).sd >= 2.0);
@@ -133,7 +176,7 @@ mod tests {
         let mut far = y.clone();
         for off in [9.0, 30.0, 90.0, 300.0] {
             far[3 * 11 + 1] = off;
-            let base = base(&pairs, &bodies, &far).unwrap();
+            let base = bases.base(&pairs, &bodies, &far).unwrap();
             assert!(base.sd <= 0.02 && base.has_outliers, "{off} {base:?}");
         }
         for sd in [0.5, 2.0, 6.0] {
@@ -141,9 +184,9 @@ mod tests {
             let all: Vec<f64> = (y.iter().enumerate())
                 .map(|(i, v)| v + sd * wave(i))
                 .collect();
-            let base = base(&pairs, &bodies, &all).unwrap();
+            let base = bases.base(&pairs, &bodies, &all).unwrap();
             assert!(!base.has_outliers, "{sd} {base:?}");
         }
-        assert!(base(&pairs, &bodies, &vec![f64::NAN; 63]).is_none());
+        assert!(bases.base(&pairs, &bodies, &vec![f64::NAN; 63]).is_none());
     }
 }

@@ -33,7 +33,7 @@ pub fn log_odds() -> f64 {
 }
 
 /// log N(x; 0, v) without the constant.
-pub fn log_normal(x: f64, v: f64) -> f64 {
+fn log_normal(x: f64, v: f64) -> f64 {
     -0.5 * (x * x / v + v.ln())
 }
 

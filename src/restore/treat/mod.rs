@@ -20,7 +20,7 @@ use crate::par;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::tuning::Task;
 use crate::prior::{Belief, EXACT, Enough, Posterior, Prior};
-use base::BaseNoise;
+use base::{BaseNoise, Bases};
 use bodies::Bodies;
 use ndarray::ArrayView2;
 use rigid::Whose;
@@ -74,6 +74,7 @@ impl From<Posterior> for Treated {
 pub struct Treatment {
     pairs: RigidPairs,
     bodies: Bodies,
+    bases: Bases,
 }
 
 /// How much of a distance a person may differ by from the model's body. Chosen among 0, .02, .04 and .06 on single frames of
@@ -92,8 +93,14 @@ impl Treatment {
         if pairs.is_empty() {
             return Treatment::default();
         }
+        let bodies = Bodies::of(&pairs);
+        Treatment::with(pairs, bodies)
+    }
+
+    fn with(pairs: RigidPairs, bodies: Bodies) -> Treatment {
         Treatment {
-            bodies: Bodies::of(&pairs),
+            bases: Bases::of(&bodies),
+            bodies,
             pairs,
         }
     }
@@ -134,11 +141,9 @@ impl Treatment {
                 .sum::<f64>();
             pair.sd = pair.sd.hypot(ANYONES_SHARE * mean);
         }
-        Treatment {
-            // Nobody is a stranger to lengths that may be anyone's.
-            bodies: Bodies::known(&pairs),
-            pairs,
-        }
+        // Nobody is a stranger to lengths that may be anyone's.
+        let bodies = Bodies::known(&pairs);
+        Treatment::with(pairs, bodies)
     }
 
     /// Whether there is nothing it knows.
@@ -149,7 +154,7 @@ impl Treatment {
     /// The base noise of a frame (3 J numbers, cm; NaN missing) by its rigid distances. `None` where too few are seen, or
     /// they are of no body that is known.
     pub fn base_noise(&self, y: &[f64]) -> Option<BaseNoise> {
-        base::base(&self.pairs, &self.bodies, y)
+        self.bases.base(&self.pairs, &self.bodies, y)
     }
 
     /// The probability that each point (J) is corrupt by the distances alone; `noise` is the variance of clean
