@@ -184,6 +184,66 @@ fn clean_points_among_outliers_stay_exactly_where_they_are() {
     assert!(clean > 2000 && same * 10 >= clean * 7, "{same} of {clean}");
 }
 
+/// A walk with points that were hit by about so much, one in five of each frame, and what an answer's MSE is.
+fn hit<'a>(walk: &'a str, noise: &str) -> (String, impl Fn(&str, &[&str]) -> f64 + use<'a>) {
+    let hit = run("corrupt", &["--sparse", noise, "--seed", "4"], walk);
+    let truth = Numbers::read(walk);
+    let mse = move |table: &str, flags: &[&str]| {
+        let flags = [&["-q"], flags].concat();
+        truth
+            .rms(&Numbers::read(&run("denoise", &flags, table)))
+            .powi(2)
+    };
+    (hit, mse)
+}
+
+#[test]
+fn outliers_of_a_take_are_found_by_its_motion_however_far_off() {
+    let Some(walk) = walk(316) else { return };
+    for noise in ["1asf", "20cm", "100cm"] {
+        let (hit, mse) = hit(&walk, noise);
+        let (sought, plain) = (mse(&hit, &[]), mse(&hit, &["--outliers", "none"]));
+        assert!(
+            sought <= 0.05 && plain >= 1.0,
+            "{noise}: {plain} became {sought}"
+        );
+    }
+}
+
+#[test]
+fn outliers_of_single_frames_are_told_from_noise() {
+    let Some(walk) = walk(60) else { return };
+    for (noise, most) in [("10cm", 4.0), ("50cm", 40.0)] {
+        let (hit, mse) = hit(&walk, noise);
+        let sought = mse(&hit, &["--per-frame"]);
+        let plain = mse(&hit, &["--per-frame", "--outliers", "none"]);
+        assert!(
+            sought <= most && sought <= 0.3 * plain,
+            "{noise}: {plain} became {sought}"
+        );
+    }
+}
+
+#[test]
+fn rows_used_as_they_are_may_be_a_strangers_and_a_noise_that_is_told_is_that_of_clean_points() {
+    let Some(walk) = take("07", "07_01", &["--space", "body"]) else {
+        return;
+    };
+    let walk = thin(&walk, 60, 1);
+    let (hit, mse) = hit(&walk, "10cm");
+    let flags = ["--per-frame", "--space", "body"];
+    let [auto, told, none] = [
+        vec![],
+        vec!["--noise", "0.1"],
+        vec!["--outliers", "none", "--noise", "0.1"],
+    ]
+    .map(|more| mse(&hit, &[&flags[..], &more].concat()));
+    assert!(
+        auto <= 4.0 && told <= 4.0 && none >= 10.0,
+        "{auto} {told} {none}"
+    );
+}
+
 /// Blocks learnt from some of subject 07's walks, and a walk that they have not seen.
 fn blocks() -> Option<(tempfile::TempDir, String, String)> {
     let dir = tempfile::tempdir().unwrap();

@@ -15,6 +15,9 @@ use std::process::ExitCode;
 /// In a take (a table with times, or --fps) the answer is carried over to what was seen at both ends of a gap; without
 /// times each frame is answered by itself. A frame that shows too little stays as it is, and is counted. Distances that
 /// the model knows to be rigid, bones among them, are kept.
+///
+/// Points of a take that jump away from their path and back, or break rigid distances, count for nothing; --status marks them
+/// as rejected.
 #[derive(Parser)]
 #[command(
     name = "complete",

@@ -13,9 +13,11 @@ use std::process::ExitCode;
 /// Changes values to what they more likely were, by a model of what poses look like and, in a take (a table with times,
 /// or --fps), by what neighbouring frames tell. Empty cells stay empty without --fill.
 ///
-/// A model learnt by prior-train or ksvd-train knows which distances are rigid, and answers keep them. They also tell of
-/// a single frame (--per-frame) how noisy most of its points are: where that is little (up to 1 cm), the others are
-/// outliers, which are found and put back; points that are found clean, and exact, stay where they are.
+/// A model learnt by prior-train or ksvd-train knows which distances are rigid, and answers keep them.
+///
+/// Outliers are found and put back. In a take they are points that jump away from their path and back, and those that break
+/// rigid distances. In a single frame (--per-frame) distances tell how noisy most points are: where that is little (up to
+/// 1 cm), or a few are too far off for it, those few are outliers; points that are found clean, and exact, stay where they are.
 #[derive(Parser)]
 #[command(
     name = "denoise",
@@ -27,7 +29,8 @@ struct Args {
     input: TableIn,
     #[command(flatten)]
     model: ModelFlags,
-    /// The noise: standard deviation of a coordinate, cm or with a unit (1asf), or auto
+    /// The noise, outliers aside: standard deviation of a coordinate, cm or with a unit (1asf), or auto; where more than
+    /// 1 cm is given, no point of a single frame is an outlier
     #[arg(long, value_name = "CM|auto", default_value = "auto", value_parser = parse_noise)]
     noise: Noise,
     /// Whether points that cannot be where they were captured count for nothing

@@ -85,7 +85,32 @@ impl Path {
                 .collect();
         }
         while self.add_worst(&mut strays) {}
+        self.release(&mut strays);
         strays
+    }
+
+    /// Where a path jumps and stays away, the frames on either side of the jump agree with too few of their neighbours: they are
+    /// no strays.
+    fn release(&self, strays: &mut [bool]) {
+        let mut from = 0;
+        while let Some(first) = (from..strays.len()).find(|t| strays[*t]) {
+            let end = (first..strays.len()).find(|t| !strays[*t]);
+            let end = end.unwrap_or(strays.len());
+            if self.jumps(first, end, strays) {
+                strays[first..end].fill(false);
+            }
+            from = end;
+        }
+    }
+
+    /// Whether what is before some strays does not lead to what is after them, nor the other way.
+    fn jumps(&self, first: usize, end: usize, strays: &[bool]) -> bool {
+        let before = &self.neighbours(first, strays)[0];
+        let after = &self.neighbours(end - 1, strays)[1];
+        match (&before[..], &after[..]) {
+            ([b, a, ..], [c, d, ..]) => !self.agrees(*c, *a, *b) && !self.agrees(*b, *c, *d),
+            _ => false,
+        }
     }
 
     /// Adds the places that are worst off of those near them, by the cubics through their neighbours; whether there are any.
@@ -107,27 +132,19 @@ impl Path {
 
     /// How far a place is off the cubic through its neighbours, of what may be; 0 where it has too few, or is a stray.
     fn off_cubic(&self, t: usize, strays: &[bool]) -> f64 {
-        let counts = |i: &usize| self.places[*i].is_finite() && !strays[*i];
-        if !counts(&t) {
+        if !self.places[t].is_finite() || strays[t] {
             return 0.0;
         }
-        let from = t.saturating_sub(self.reach);
-        let to = (t + self.reach + 1).min(self.places.len());
-        let mut before = (from..t).rev().filter(counts);
-        let mut after = (t + 1..to).filter(counts);
-        let [Some(a), Some(b), Some(c), Some(d)] =
-            [before.next(), before.next(), after.next(), after.next()]
-        else {
+        let [before, after] = self.neighbours(t, strays);
+        let ([a, b, ..], [c, d, ..]) = (&before[..], &after[..]) else {
             return 0.0;
         };
-        let near = [a, b, c, d];
+        let near = [*a, *b, *c, *d];
         let x = near.map(|i| i as f64 - t as f64);
         let (mut expected, mut square) = (DVec3::ZERO, 1.0);
         for i in 0..4 {
-            let share: f64 = (0..4)
-                .filter(|j| *j != i)
-                .map(|j| x[j] / (x[j] - x[i]))
-                .product();
+            let others = (0..4).filter(|j| *j != i);
+            let share: f64 = others.map(|j| x[j] / (x[j] - x[i])).product();
             expected += share * self.places[near[i]];
             square += share * share;
         }
@@ -136,31 +153,134 @@ impl Path {
         (self.places[t] - expected).length() / most
     }
 
-    /// Whether a place agrees with too few of its neighbours that are no strays.
+    /// Whether a place agrees with too few of its neighbours.
     fn is_stray(&self, t: usize, strays: &[bool]) -> bool {
         if !self.places[t].is_finite() {
             return false;
         }
-        let counts = |i: &usize| self.places[*i].is_finite() && !strays[*i];
-        let from = t.saturating_sub(self.reach);
-        let to = (t + self.reach + 1).min(self.places.len());
-        let (mut all, mut agree) = (0, 0);
-        for before in (from..t).rev().filter(counts).take(NEIGHBOURS) {
-            for after in (t + 1..to).filter(counts).take(NEIGHBOURS) {
-                all += 1;
-                agree += usize::from(self.agrees(t, before, after));
-            }
-        }
+        let [before, after] = self.neighbours(t, strays);
+        let pairs = before
+            .iter()
+            .flat_map(|a| after.iter().map(move |b| (*a, *b)));
+        let agree = pairs.filter(|(a, b)| self.agrees(t, *a, *b)).count();
         // At an end, and beside gaps, nothing tells.
+        let all = before.len() * after.len();
         all > 1 && AGREE * agree < all
     }
 
-    fn agrees(&self, t: usize, before: usize, after: usize) -> bool {
-        let (a, b) = ((t - before) as f64, (after - t) as f64);
-        let share = a / (a + b);
-        let expected = self.places[before].lerp(self.places[after], share);
+    /// The nearest frames before and after one that count, the nearest first.
+    fn neighbours(&self, t: usize, strays: &[bool]) -> [Vec<usize>; 2] {
+        let counts = |i: &usize| self.places[*i].is_finite() && !strays[*i];
+        let from = t.saturating_sub(self.reach);
+        let to = (t + self.reach + 1).min(self.places.len());
+        [
+            (from..t).rev().filter(counts).take(NEIGHBOURS).collect(),
+            (t + 1..to).filter(counts).take(NEIGHBOURS).collect(),
+        ]
+    }
+
+    /// Whether a place is on the line through two others, as far as it may be off.
+    fn agrees(&self, t: usize, i: usize, j: usize) -> bool {
+        let [a, b] = [i, j].map(|i| i as f64 - t as f64);
+        let share = a / (a - b);
+        let expected = self.places[i].lerp(self.places[j], share);
         let noise = self.noise * (1.0 + share * share + (1.0 - share) * (1.0 - share)).sqrt();
-        let bent = MOST * self.step * self.step * a * b / 2.0;
+        let bent = MOST * self.step * self.step * (a * b).abs() / 2.0;
         (self.places[t] - expected).length() <= LEAST + bent + SURE * noise
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::par;
+    use ndarray::Array2;
+    use rand::Rng;
+
+    const RATE: f64 = 120.0;
+
+    /// A point that swings, and one that strikes: from 4 m/s to rest within three frames.
+    fn motion(frames: usize) -> Array2<f64> {
+        Array2::from_shape_fn((frames, 6), |(t, c)| {
+            let at = t as f64 / RATE;
+            match c {
+                0..3 => 30.0 * (5.0 * at + c as f64).sin(),
+                3 => {
+                    let late = (at - 0.4).clamp(0.0, 0.025);
+                    400.0 * (at.min(0.425) - 0.5 * late * late / 0.025)
+                }
+                _ => 0.0,
+            }
+        })
+    }
+
+    fn found(xyz: &Array2<f64>, runs: &[Range<usize>], noise: f64) -> Vec<(usize, usize)> {
+        let strays = strays(xyz.view(), runs, RATE, &[noise; 2]);
+        let each = strays.into_iter().enumerate();
+        each.flat_map(|(t, points)| points.into_iter().map(move |p| (t, p)))
+            .collect()
+    }
+
+    #[test]
+    fn what_moves_is_no_stray_and_neither_is_noise() {
+        let mut xyz = motion(100);
+        assert_eq!(found(&xyz, &[0..100], 0.0), []);
+        let mut generator = par::generator(1, 0);
+        xyz.mapv_inplace(|v| v + generator.random_range(-1.0..1.0));
+        assert_eq!(found(&xyz, &[0..100], 0.6), []);
+    }
+
+    #[test]
+    fn points_that_jump_away_and_back_are_found_however_far() {
+        let mut generator = par::generator(2, 0);
+        for far in [10.0, 30.0, 1e3, 1e9] {
+            let mut xyz = motion(1000);
+            let hit: Vec<usize> = (0..1000).filter(|_| generator.random_bool(0.2)).collect();
+            for &t in &hit {
+                (0..3).for_each(|c| xyz[[t, c]] += far * generator.random_range(-1.0..1.0));
+            }
+            let told = found(&xyz, &[0..1000], 0.0);
+            let right = told
+                .iter()
+                .filter(|(t, p)| *p == 0 && hit.contains(t))
+                .count();
+            // Some are hardly moved, and of some the neighbours are no better.
+            assert!(
+                right * 10 >= hit.len() * 9,
+                "{far}: {right} of {}",
+                hit.len()
+            );
+            assert!(
+                (told.len() - right) * 5 <= right,
+                "{far}: {right} of {}",
+                told.len()
+            );
+        }
+    }
+
+    #[test]
+    fn one_that_stays_away_is_none_and_gaps_and_ends_of_runs_tell_nothing() {
+        let mut xyz = motion(100);
+        for t in 30..70 {
+            xyz[[t, 1]] += 50.0;
+        }
+        let told = found(&xyz, &[0..100], 0.0);
+        assert!(
+            told.iter().all(|(t, p)| *p == 0 && (26..75).contains(t)),
+            "{told:?}"
+        );
+        assert!(told.len() < 8, "{told:?}");
+        // What two takes have beside one another need not be near.
+        let mut two = motion(100);
+        for t in 50..100 {
+            two[[t, 1]] += 50.0;
+        }
+        assert_eq!(found(&two, &[0..50, 50..100], 0.0), []);
+        let mut holes = motion(100);
+        for t in (0..100).filter(|t| t % 3 > 0) {
+            holes.row_mut(t).fill(f64::NAN);
+        }
+        assert_eq!(found(&holes, &[0..100, 0..0], 0.0), []);
+        assert_eq!(found(&motion(2), &[0..1, 1..2], 0.0), []);
     }
 }

@@ -274,4 +274,22 @@ mod tests {
         let gap = look(&pairs, &bodies, &y, &[0.0; 15]);
         assert!(gap.corrupt[2] == 0.0 && gap.terms.len() == 2);
     }
+
+    #[test]
+    fn how_far_off_a_point_is_is_not_told_by_corrupt_neighbours() {
+        // Point 2 is off, and point 3 as well: from one another they are nearly as far as they should be.
+        let (pairs, pose) = chain();
+        let lengths = &Bodies::of(&pairs).all[0].1;
+        let mut y = pose.clone();
+        y[7] += 90.0;
+        y[10] += 94.0;
+        let seen: Vec<_> = deviations(&pairs, &y, &[0.0; 15]).collect();
+        let slab = |corrupt: &[f64]| slabs(&pairs, &seen, lengths, corrupt)[3];
+        assert_eq!(slab(&[0.0; 5]), SLAB);
+        assert!(slab(&[0.0, 0.0, 1.0, 0.0, 0.0]) > 80.0 * 80.0);
+        assert_eq!(slab(&[0.0, 0.0, 1.0, 1.0, 1.0]), SLAB);
+        // However far off, the first of them is found.
+        let look = look(&pairs, &Bodies::of(&pairs), &y, &[0.0; 15]);
+        assert!(look.corrupt[2] > 0.9 && look.corrupt[..2].iter().all(|q| *q < 0.1));
+    }
 }
