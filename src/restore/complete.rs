@@ -4,9 +4,9 @@
 //! to its neighbours: at both ends of a gap the points were seen, so the answer's error there is known; it is predicted
 //! into the gap as a Gaussian process whose correlation falls off over a quarter of a second and over four.
 
-use super::denoise::noise_by_point;
 use super::frame::{Restoration, Restored};
 use super::job::Job;
+use super::noise;
 use super::rejects::{Rejects, leave_out};
 use crate::par;
 use crate::pose::Status;
@@ -143,7 +143,7 @@ pub fn take(
     settings: Complete,
     done: &(dyn Fn(usize) + Sync),
 ) -> Restoration {
-    let noise = noise_by_point(job, xyz, runs, None);
+    let noise = noise::by_point(job, xyz, runs, None);
     let suspects = Rejects::find(job, xyz, runs, rate, &noise).points;
     let adapted = job.prior_for(xyz, 0.0);
     let treatment = job.treatment_for(&adapted, xyz, 0.0);

@@ -6,18 +6,14 @@
 use super::complete::{self, Complete};
 use super::frame::Restoration;
 use super::job::Job;
+use super::noise;
 use super::rejects::{Rejects, leave_out};
 use super::smooth;
-use super::treat::base::BaseNoise;
 use crate::par;
 use crate::pose::Status;
 use crate::prior::EXACT;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
-
-/// Up to this noise of most points, cm, the others of a frame are outliers; above, all is noise unless distances tell
-/// otherwise.
-const NEARLY_CLEAN: f64 = 1.0;
 
 /// Up to this noise of a smoothed coordinate, cm, a take tells its body's lengths well enough to hold poses to them.
 const MEASURES: f64 = 0.3;
@@ -93,11 +89,11 @@ fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     // Distances tell it, where enough are seen; else the model has to.
     let noise = settings.noise.unwrap_or_else(|| {
         let told = job.unmeasured(&y).map(|(_, base)| base.sd);
-        shared(told.unwrap_or_else(|| noise_of_frame(&restorer, &y)))
+        noise::shared(told.unwrap_or_else(|| noise::of_frame(&restorer, &y)))
     });
     let treatment = job.treatment_for(&adapted, frame, noise);
     let restorer = restorer.treating(&treatment);
-    let variances: Vec<f64> = y.iter().map(|v| variance(*v, noise)).collect();
+    let variances: Vec<f64> = y.iter().map(|v| noise::variance(*v, noise)).collect();
     let found = restorer.restore(&y, &variances);
     Answer::new(&restorer, found, Vec::new(), noise)
 }
@@ -109,64 +105,14 @@ fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
     }
     let (treatment, found) = job.unmeasured(y)?;
     let base = match settings.noise {
-        Some(noise) => (noise <= NEARLY_CLEAN).then_some(noise)?,
-        None => worth_a_search(&found).then_some(shared(found.sd))?,
+        Some(noise) => (noise <= noise::NEARLY_CLEAN).then_some(noise)?,
+        None => noise::worth_a_search(&found).then_some(noise::shared(found.sd))?,
     };
     let own = job.restorer(&None).treating(treatment);
     // The distances have told whose lengths they may be: nothing is to be adapted but the placement's own.
     let (found, corrupt) = own.restore_outliers(y, base * base)?;
     let suspects = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
     Some(Answer::new(&own, Some(found), suspects, base))
-}
-
-/// Whether outliers are looked for in a frame of such a base noise.
-pub(super) fn worth_a_search(base: &BaseNoise) -> bool {
-    base.sd <= NEARLY_CLEAN || base.has_outliers
-}
-
-/// A noise that was found in one frame, cm, to an eighth of an octave: it is no surer than that, and frames that have the
-/// same noise share what a model makes for it.
-pub(super) fn shared(noise: f64) -> f64 {
-    if noise * noise > EXACT {
-        ((noise.log2() * 8.0).round() / 8.0).exp2()
-    } else {
-        noise
-    }
-}
-
-fn variance(value: f64, noise: f64) -> f64 {
-    if value.is_finite() {
-        (noise * noise).max(EXACT)
-    } else {
-        f64::INFINITY
-    }
-}
-
-/// The noise of one frame by itself: what the model leaves of most of its points beyond what it leaves of clean ones.
-///
-/// The quarter of the points that fits worst does not count, as it may be outliers.
-fn noise_of_frame(restorer: &super::Restorer<'_>, y: &[f64]) -> f64 {
-    // First guess: a centimetre, so that the answer does not follow the noise.
-    let first: Vec<f64> = y.iter().map(|v| variance(*v, 1.0)).collect();
-    let Some(found) = restorer.restore(y, &first) else {
-        return 0.0;
-    };
-    let model = restorer.prior.variance();
-    let mut rest: Vec<f64> = (0..y.len() / 3)
-        .filter(|p| y[3 * p..3 * p + 3].iter().all(|v| v.is_finite()))
-        .map(|p| {
-            let v: f64 = model[3 * p..3 * p + 3].iter().sum();
-            // The answer lies between model and observation: y - mean = (noise + v) share of the residual.
-            let share = 3.0 / (3.0 + v);
-            let d = super::frame::moved(y, &found.mean, p) / share;
-            (d * d - v) / 3.0
-        })
-        .collect();
-    rest.sort_by(f64::total_cmp);
-    rest.truncate((rest.len() * 3).div_ceil(4));
-    let mean = rest.iter().sum::<f64>() / rest.len().max(1) as f64;
-    // Three quarters of the points, the better ones, hold about half of the squared noise of all.
-    (2.0 * mean).max(0.0).sqrt()
 }
 
 /// Denoises one take: `runs` are the stretches of frames that follow one another, `rate` frames a second.
@@ -178,8 +124,7 @@ pub fn take(
     settings: Denoise,
     done: &(dyn Fn(usize) + Sync),
 ) -> Restoration {
-    let noise = noise_by_point(job, xyz, runs, settings.noise);
-    let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
+    let noise = noise::by_point(job, xyz, runs, settings.noise);
     let rejects = match settings.outliers {
         true => Rejects::find(job, xyz, runs, rate, &noise),
         false => Rejects::none(xyz.nrows()),
@@ -187,7 +132,8 @@ pub fn take(
     let mut counted = xyz.to_owned();
     leave_out(&mut counted, &rejects.points);
     // What was rejected spoilt the noise too.
-    let noise = noise_by_point(job, counted.view(), runs, settings.noise);
+    let noise = noise::by_point(job, counted.view(), runs, settings.noise);
+    let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
     let (mean, variances) = smoothed(&counted, runs, rate, &noise, &rejects.strays);
     let seen = mean_where_seen(&counted, &mean);
     let adapted = job.prior_for(seen.view(), 0.0);
@@ -245,47 +191,6 @@ fn fill(job: &Job, out: &mut Restoration, runs: &[Range<usize>], rate: f64) {
         }
     }
     out.xyz = filled.xyz;
-}
-
-/// The noise of each point, cm: given, or from the third differences of its coordinates. A point that is not seen long
-/// enough on end takes the median of the others; where none is, the model tells the noise of some frames.
-pub(super) fn noise_by_point(
-    job: &Job,
-    xyz: ArrayView2<'_, f64>,
-    runs: &[Range<usize>],
-    given: Option<f64>,
-) -> Vec<f64> {
-    let points = xyz.ncols() / 3;
-    if let Some(noise) = given {
-        return vec![noise; points];
-    }
-    let of_column = |i: usize| {
-        // Runs are joined by a missing value, which no difference crosses.
-        let ends = [f64::NAN];
-        let series: Vec<f64> = runs
-            .iter()
-            .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain(ends))
-            .collect();
-        smooth::noise_of(&series)
-    };
-    let measured: Vec<Option<f64>> = (0..points)
-        .map(|p| {
-            let found: Vec<f64> = (3 * p..3 * p + 3).filter_map(of_column).collect();
-            (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
-        })
-        .collect();
-    let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
-    if known.is_empty() {
-        let restorer = job.restorer(&None);
-        let step = xyz.nrows().div_ceil(20).max(1);
-        known = (0..xyz.nrows())
-            .step_by(step)
-            .map(|t| noise_of_frame(&restorer, &xyz.row(t).to_vec()))
-            .collect();
-    }
-    known.sort_by(f64::total_cmp);
-    let usual = known.get(known.len() / 2).copied().unwrap_or(0.0);
-    measured.into_iter().map(|m| m.unwrap_or(usual)).collect()
 }
 
 /// The smoothed coordinates and their variances; infinite where the smoother cannot say more than the model.

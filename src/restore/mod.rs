@@ -12,6 +12,7 @@ pub mod greedy;
 pub mod ik;
 pub mod job;
 pub mod measured;
+mod noise;
 pub mod planar;
 mod rejects;
 pub mod report;

@@ -3,14 +3,16 @@
 //! First [`strays`] are told by time alone. Of the other points some break rigid bones; in those frames distances and the
 //! model tell together which points are corrupt ([`super::treat`]), where they can.
 
-use super::denoise::{shared, worth_a_search};
 use super::job::Job;
+use super::noise::{shared, worth_a_search};
 use super::strays::strays;
 use super::suspects::RigidBones;
 use crate::par;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
+/// No clean point is taken for more exact, cm.
+const LEAST_NOISE: f64 = 0.01;
 /// Frames looked at by one piece of parallel work.
 const CHUNK: usize = 8;
 
@@ -102,7 +104,7 @@ fn corrupt(job: &Job, xyz: &Array2<f64>, noise: f64, frames: &[usize], blamed: &
         let of = |t: usize| {
             let y = xyz.row(t).to_vec();
             let base = treatment.base_noise(&y).filter(worth_a_search)?;
-            let base = shared(base.sd.min(noise.max(0.01)));
+            let base = shared(base.sd.min(noise.max(LEAST_NOISE)));
             let corrupt = restorer.restore_outliers(&y, base * base)?.1;
             Some((0..corrupt.len()).filter(|p| corrupt[*p] > 0.5).collect())
         };
