@@ -137,7 +137,7 @@ pub fn take(
     let (mean, variances) = smoothed(&counted, runs, rate, &noise, &rejects.strays);
     let seen = mean_where_seen(&counted, &mean);
     let adapted = job.prior_for(seen.view(), 0.0);
-    let noise_left = left(&variances);
+    let noise_left = left(&counted, &variances);
     let treatment = job.treatment_for(&adapted, seen.view(), noise_left);
     let mut restorer = job.restorer(&adapted);
     // Lengths measured through noise are all too long: kept, they would do more harm than good.
@@ -207,13 +207,14 @@ fn smoothed(
         let (mut mean, mut variance) = (column.to_vec(), vec![f64::INFINITY; column.len()]);
         for run in runs {
             let series = column.slice(s![run.clone()]).to_vec();
+            let is_seen = series.iter().any(|v| v.is_finite());
             let out = smooth::smooth(&series, r, 1.0 / rate);
             for (k, t) in run.clone().enumerate() {
                 // A missing value is the model's business: the smoother only guesses there.
                 if series[k].is_finite() {
                     mean[t] = out.mean[k];
                     variance[t] = out.variance[k].clamp(EXACT, r);
-                } else if strays[t].contains(&(range.start / 3)) {
+                } else if is_seen && strays[t].contains(&(range.start / 3)) {
                     mean[t] = out.mean[k];
                     variance[t] = out.variance[k].max(EXACT);
                 }
@@ -230,8 +231,11 @@ fn smoothed(
 }
 
 /// The standard deviation of the noise that smoothing leaves, cm.
-fn left(variances: &Array2<f64>) -> f64 {
-    let known = variances.iter().filter(|v| v.is_finite());
+fn left(counted: &Array2<f64>, variances: &Array2<f64>) -> f64 {
+    let both = counted.iter().zip(variances);
+    let known = both
+        .filter(|(c, v)| c.is_finite() && v.is_finite())
+        .map(|b| b.1);
     let (sum, n) = known.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
     (sum / n.max(1) as f64).sqrt()
 }

@@ -42,7 +42,10 @@ impl Rejects {
         rate: f64,
         noise: &[f64],
     ) -> Rejects {
-        let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
+        let mut sorted = noise.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        // One point's may be garbage.
+        let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
         let strays = strays(xyz, runs, rate, noise);
         let mut counted = xyz.to_owned();
         leave_out(&mut counted, &strays);

@@ -13,7 +13,7 @@
 //!
 //! Where many points are in doubt, as with base noise, the prior sees too little that is sure. Then all points are judged by
 //! the answers that follow from N(m, P), each without itself, and those that stay in doubt are hidden once more.
-//! Cost: an answer of the prior for each assignment that is asked and one more, two more where many are in doubt.
+//! Cost: an answer of the prior for each assignment that is asked and one more, up to three more where many are in doubt.
 
 mod assignments;
 mod frame;
