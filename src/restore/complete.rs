@@ -6,7 +6,6 @@
 
 use super::frame::{Restoration, Restored};
 use super::job::Job;
-use super::noise;
 use super::rejects::{Rejects, leave_out};
 use crate::par;
 use crate::pose::Status;
@@ -143,8 +142,7 @@ pub fn take(
     settings: Complete,
     done: &(dyn Fn(usize) + Sync),
 ) -> Restoration {
-    let noise = noise::by_point(job, xyz, runs, None);
-    let suspects = Rejects::find(job, xyz, runs, rate, &noise).points;
+    let suspects = Rejects::find(job, xyz, runs, rate, None).points;
     let adapted = job.prior_for(xyz, 0.0);
     let treatment = job.treatment_for(&adapted, xyz, 0.0);
     let restorer = job.restorer(&adapted).treating(&treatment);

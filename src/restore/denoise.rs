@@ -124,14 +124,12 @@ pub fn take(
     settings: Denoise,
     done: &(dyn Fn(usize) + Sync),
 ) -> Restoration {
-    let noise = noise::by_point(job, xyz, runs, settings.noise);
     let rejects = match settings.outliers {
-        true => Rejects::find(job, xyz, runs, rate, &noise),
+        true => Rejects::find(job, xyz, runs, rate, settings.noise),
         false => Rejects::none(xyz.nrows()),
     };
     let mut counted = xyz.to_owned();
     leave_out(&mut counted, &rejects.points);
-    // What was rejected spoilt the noise too.
     let noise = noise::by_point(job, counted.view(), runs, settings.noise);
     let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
     let (mean, variances) = smoothed(&counted, runs, rate, &noise, &rejects.strays);

@@ -4,7 +4,7 @@
 //! model tell together which points are corrupt ([`super::treat`]), where they can.
 
 use super::job::Job;
-use super::noise::{shared, worth_a_search};
+use super::noise::{self, shared, worth_a_search};
 use super::strays::strays;
 use super::suspects::RigidBones;
 use crate::par;
@@ -34,21 +34,22 @@ impl Rejects {
     }
 
     /// Of a take (frames, 3 J; cm): `runs` are the stretches of frames that follow one another, `rate` frames a second,
-    /// `noise` the standard deviation of a coordinate of each point (J), cm.
+    /// `given` the standard deviation of a coordinate, cm, if it is known.
     pub fn find(
         job: &Job,
         xyz: ArrayView2<'_, f64>,
         runs: &[Range<usize>],
         rate: f64,
-        noise: &[f64],
+        given: Option<f64>,
     ) -> Rejects {
-        let mut sorted = noise.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        // One point's may be garbage.
-        let usual = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        let strays = strays(xyz, runs, rate, noise);
+        let noise = noise::by_point(job, xyz, runs, given);
+        let strays = strays(xyz, runs, rate, &noise);
         let mut counted = xyz.to_owned();
         leave_out(&mut counted, &strays);
+        // Strays spoilt the noise too, and one point's may be garbage.
+        let mut noise = noise::by_point(job, counted.view(), runs, given);
+        noise.sort_by(f64::total_cmp);
+        let usual = noise.get(noise.len() / 2).copied().unwrap_or(0.0);
         let bones = RigidBones::measure(&job.parents(), counted.view());
         let mut points = broken(&bones, &counted, usual);
         let looked_at = doubtful(job, &bones, &counted, &points);

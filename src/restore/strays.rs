@@ -28,6 +28,8 @@ const AGREE: usize = 3;
 const APART: usize = 3;
 /// The first time strays are among the neighbours too; then they are left out, as far as they were found.
 const TIMES: usize = 3;
+/// So often at most the worst are looked for.
+const ROUNDS: usize = 50;
 
 /// The strays of each frame of a take (frames, 3 J; cm, NaN missing): `runs` are the stretches of frames that follow one
 /// another, `rate` frames a second, `noise` the standard deviation of a coordinate of each point (J), cm.
@@ -84,8 +86,18 @@ impl Path {
                 .map(|t| self.is_stray(t, &strays))
                 .collect();
         }
-        while self.add_worst(&mut strays) {}
+        for _ in 0..ROUNDS {
+            if !self.add_worst(&mut strays) {
+                break;
+            }
+        }
         self.release(&mut strays);
+        let count = |some: &[bool]| some.iter().filter(|s| **s).count();
+        let seen: Vec<bool> = self.places.iter().map(|p| p.is_finite()).collect();
+        if 2 * count(&strays) > count(&seen) {
+            // There is no path: all is noise, of more than was told.
+            strays.fill(false);
+        }
         strays
     }
 
@@ -159,18 +171,32 @@ impl Path {
             return false;
         }
         let [before, after] = self.neighbours(t, strays);
+        // Of a stretch's second frame the one that is off may be the first.
+        match self.neighbours(t, &[]).map(|seen| seen.len()) {
+            [0, _] => return self.is_loose(t, &after),
+            [_, 0] => return self.is_loose(t, &before),
+            [1, _] | [_, 1] => return false,
+            _ => {}
+        }
         let pairs = before
             .iter()
             .flat_map(|a| after.iter().map(move |b| (*a, *b)));
         let agree = pairs.filter(|(a, b)| self.agrees(t, *a, *b)).count();
-        // At an end, and beside gaps, nothing tells.
         let all = before.len() * after.len();
         all > 1 && AGREE * agree < all
     }
 
-    /// The nearest frames before and after one that count, the nearest first.
+    /// Whether the end of a stretch agrees with no two of its neighbours, which agree with each other.
+    fn is_loose(&self, t: usize, near: &[usize]) -> bool {
+        let [a, b, c] = *near else { return false };
+        let pairs = [(a, b), (a, c), (b, c)];
+        self.agrees(b, a, c) && pairs.iter().all(|(i, j)| !self.agrees(t, *i, *j))
+    }
+
+    /// The nearest frames before and after one that are seen and no `strays` (none where the list is empty), the nearest first.
     fn neighbours(&self, t: usize, strays: &[bool]) -> [Vec<usize>; 2] {
-        let counts = |i: &usize| self.places[*i].is_finite() && !strays[*i];
+        let is_stray = |i: usize| strays.get(i).is_some_and(|is| *is);
+        let counts = |i: &usize| self.places[*i].is_finite() && !is_stray(*i);
         let from = t.saturating_sub(self.reach);
         let to = (t + self.reach + 1).min(self.places.len());
         [
@@ -194,7 +220,7 @@ impl Path {
 mod tests {
     use super::*;
     use crate::par;
-    use ndarray::Array2;
+    use ndarray::{Array2, s};
     use rand::Rng;
 
     const RATE: f64 = 120.0;
@@ -260,6 +286,24 @@ mod tests {
                 told.len()
             );
         }
+    }
+
+    #[test]
+    fn a_stretch_that_begins_or_ends_off_its_path_loses_no_other_frame() {
+        for (gap, off) in [(0..0, 0), (0..0, 99), (30..50, 50), (30..50, 29)] {
+            let mut xyz = motion(100);
+            xyz.slice_mut(s![gap, ..3]).fill(f64::NAN);
+            xyz[[off, 1]] += 20.0;
+            assert_eq!(found(&xyz, 0.0), [(off, 0)]);
+        }
+    }
+
+    #[test]
+    fn noise_of_more_than_was_told_makes_no_strays_of_all() {
+        let mut generator = par::generator(3, 0);
+        let mut xyz = motion(400);
+        xyz.mapv_inplace(|v| v + generator.random_range(-20.0..20.0));
+        assert_eq!(found(&xyz, 0.1), []);
     }
 
     #[test]

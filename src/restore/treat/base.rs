@@ -35,10 +35,8 @@ pub struct BaseNoise {
     pub has_outliers: bool,
 }
 
-/// The lengths of the bodies that explain most distances, whatever points are corrupt; `told` holds the base variance of each
-/// coordinate, infinite where it is missing.
-pub fn lengths(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Lengths {
-    let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, told).collect();
+/// The lengths of the bodies that explain most of the distances `seen` ([`deviations`]), whatever points are corrupt.
+pub fn lengths(bodies: &Bodies, seen: &[(usize, f64, f64)]) -> Lengths {
     let of = |(share, l): &(f64, Lengths)| {
         let logs = seen.iter().map(|&(k, d, base)| {
             let off = d - l.mean[k];

@@ -78,7 +78,7 @@ pub fn base_of(told: &[f64], p: usize) -> f64 {
     (told[3 * p..3 * p + 3].iter().sum::<f64>() / 3.0).max(EXACT)
 }
 
-/// How far each distance is off, and with what base variance.
+/// The distances seen: which pair's, how far its ends are apart, and the base variance of that.
 pub fn deviations<'a>(
     pairs: &'a RigidPairs,
     y: &'a [f64],
@@ -98,8 +98,8 @@ pub fn deviations<'a>(
 /// Looks at a frame: `told` holds the base variance of each coordinate, infinite where it is missing.
 pub fn look(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Look {
     let points = y.len() / 3;
-    let lengths = base::lengths(pairs, bodies, y, told);
     let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, told).collect();
+    let lengths = base::lengths(bodies, &seen);
     let unary: Vec<f64> = (0..points)
         .map(|p| {
             if is_seen(y, told, p) {
