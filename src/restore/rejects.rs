@@ -5,7 +5,7 @@
 
 use super::job::Job;
 use super::noise::{self, shared, worth_a_search};
-use super::strays::strays;
+use super::strays;
 use super::suspects::RigidBones;
 use crate::par;
 use ndarray::{Array2, ArrayView2, s};
@@ -13,6 +13,8 @@ use std::ops::Range;
 
 /// No clean point is taken for more exact, cm.
 const LEAST_NOISE: f64 = 0.01;
+/// So often strays are looked for, each time by the noise without those found before.
+const TIMES: usize = 2;
 /// Frames looked at by one piece of parallel work.
 const CHUNK: usize = 8;
 
@@ -42,12 +44,21 @@ impl Rejects {
         rate: f64,
         given: Option<f64>,
     ) -> Rejects {
-        let noise = noise::by_point(job, xyz, runs, given);
-        let strays = strays(xyz, runs, rate, &noise);
+        let mut strays = vec![Vec::new(); xyz.nrows()];
         let mut counted = xyz.to_owned();
-        leave_out(&mut counted, &strays);
-        // Strays spoilt the noise too, and one point's may be garbage.
-        let mut noise = noise::by_point(job, counted.view(), runs, given);
+        let mut noise = noise::by_point(job, xyz, runs, given);
+        // Strays spoil the noise too, which hides others.
+        for _ in 0..TIMES {
+            let found = strays::strays(xyz, runs, rate, &noise);
+            if found == strays {
+                break;
+            }
+            strays = found;
+            counted.assign(&xyz);
+            leave_out(&mut counted, &strays);
+            noise = noise::by_point(job, counted.view(), runs, given);
+        }
+        // One point's may be garbage.
         noise.sort_by(f64::total_cmp);
         let usual = noise.get(noise.len() / 2).copied().unwrap_or(0.0);
         let bones = RigidBones::measure(&job.parents(), counted.view());

@@ -171,11 +171,10 @@ impl Path {
             return false;
         }
         let [before, after] = self.neighbours(t, strays);
-        // Of a stretch's second frame the one that is off may be the first.
+        // Of a stretch's second frame the one that is off may be the first: it tells nothing.
         match self.neighbours(t, &[]).map(|seen| seen.len()) {
-            [0, _] => return self.is_loose(t, &after),
-            [_, 0] => return self.is_loose(t, &before),
-            [1, _] | [_, 1] => return false,
+            [0 | 1, _] => return self.is_loose(t, &after),
+            [_, 0 | 1] => return self.is_loose(t, &before),
             _ => {}
         }
         let pairs = before
@@ -289,8 +288,17 @@ mod tests {
     }
 
     #[test]
-    fn a_stretch_that_begins_or_ends_off_its_path_loses_no_other_frame() {
-        for (gap, off) in [(0..0, 0), (0..0, 99), (30..50, 50), (30..50, 29)] {
+    fn a_stretch_one_of_whose_ends_is_off_loses_no_other_frame() {
+        for (gap, off) in [
+            (0..0, 0),
+            (0..0, 1),
+            (0..0, 98),
+            (0..0, 99),
+            (30..50, 50),
+            (30..50, 51),
+            (30..50, 28),
+            (30..50, 29),
+        ] {
             let mut xyz = motion(100);
             xyz.slice_mut(s![gap, ..3]).fill(f64::NAN);
             xyz[[off, 1]] += 20.0;
