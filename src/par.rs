@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::cell::Cell;
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// Applies `work` to fixed chunks of `0..len` (the last may be shorter) on rayon's threads.
 ///
@@ -42,6 +43,29 @@ where
         return items.into_iter().map(|i| work(&mut desk, i)).collect();
     }
     items.into_par_iter().map_init(desk, work).collect()
+}
+
+/// [`map_chunks`] where `desk` makes what one thread works with. A desk serves one chunk after another: it must not change an
+/// answer, but room that is large is made once a thread.
+pub fn map_chunks_at<T, D>(
+    len: usize,
+    chunk: usize,
+    desk: impl Fn() -> D + Sync,
+    work: impl Fn(&mut D, Range<usize>) -> T + Sync,
+) -> Vec<T>
+where
+    T: Send,
+    D: Send,
+{
+    let free = Mutex::new(Vec::new());
+    let of = || free.lock().unwrap_or_else(PoisonError::into_inner);
+    map_chunks(len, chunk, |range| {
+        let before = of().pop();
+        let mut here = before.unwrap_or_else(&desk);
+        let answer = work(&mut here, range);
+        of().push(here);
+        answer
+    })
 }
 
 thread_local! {

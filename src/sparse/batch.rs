@@ -4,7 +4,7 @@ use super::fit::Fit;
 use super::group::{GROUP, Group};
 use super::pursuit::Pursuit;
 use super::scan::{DIRECTIONS, Leaves};
-use super::tile::{Tile, poses_at_once};
+use super::tile::{POSES, Tile};
 use super::{Dictionary, Stop};
 use crate::{Error, Place, Result, par};
 use ndarray::{Array2, ArrayView2, Axis, s};
@@ -163,7 +163,7 @@ impl Pursuit {
     ///
     /// Where a weight is 0 the pose may be NaN. The codes do not depend on the number of threads, nor on which
     /// poses are coded together. Memory: beside the codes, 4 to 12 bytes for each atom and each pose of a tile (60
-    /// poses, 30 of very many atoms) a thread. With the dictionary stay its atoms as they are scanned, some (D + 40) numbers an
+    /// poses) a thread. With the dictionary stay its atoms as they are scanned, some (D + 40) numbers an
     /// atom where they are searched by bounds, and up to 2,048 atoms the rows of their Gram matrix that were asked for, or
     /// all where there are as many poses as atoms: up to 16 MiB.
     ///
@@ -189,7 +189,7 @@ impl Pursuit {
             let said = format!("shape {shape:?}, but the poses have {:?}", (m, d));
             return Err(Error::data(Place::file("weights"), said));
         }
-        let at_once = poses_at_once(dictionary.len()).min(m);
+        let at_once = POSES.min(m);
         let ground = dictionary.ground();
         let even = (0..m).filter(|i| is_even(weights, *i)).count();
         let leaves = match even > 0 && self.search(dictionary, m) == Search::Bounds {
@@ -207,10 +207,11 @@ impl Pursuit {
             Some(_) => (m / (4 * rayon::current_num_threads())).clamp(at_once, GROUP),
             None => at_once * tiles,
         };
-        let parts = par::map_chunks(m, chunk, |rows| {
+        let desk = || Desk::new(dictionary, *self, leaves);
+        let parts = par::map_chunks_at(m, chunk, desk, |desk, rows| {
             let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
             let part = poses.slice(s![rows.clone(), ..]);
-            self.code_chunk(dictionary, (at_once, leaves), rows, part, weights)
+            desk.code(at_once, rows, part, weights)
         });
         let mut codes = Codes::empty(m, self.capacity(dictionary));
         let mut from = 0;
@@ -222,26 +223,49 @@ impl Pursuit {
         }
         Ok(codes)
     }
+}
 
-    fn code_chunk(
-        &self,
-        dictionary: &Dictionary,
-        (at_once, leaves): (usize, Option<&Leaves>),
+/// What one thread codes with, made once for many chunks.
+struct Desk<'a> {
+    dictionary: &'a Dictionary,
+    pursuit: Pursuit,
+    group: Option<Group<'a>>,
+    /// Made where poses are scanned.
+    tile: Option<Tile<'a>>,
+    fits: Vec<Fit>,
+}
+
+impl<'a> Desk<'a> {
+    fn new(dictionary: &'a Dictionary, pursuit: Pursuit, leaves: Option<&'a Leaves>) -> Desk<'a> {
+        Desk {
+            dictionary,
+            pursuit,
+            group: leaves.map(|leaves| Group::new(dictionary, leaves, pursuit.rule)),
+            tile: None,
+            fits: Vec::new(),
+        }
+    }
+
+    /// Codes the poses of a chunk, of which `rows` are those of all; `at_once` of them are scanned together.
+    fn code(
+        &mut self,
+        at_once: usize,
         rows: Range<usize>,
         poses: ArrayView2<f32>,
         weights: Option<ArrayView2<f32>>,
     ) -> Result<Codes> {
-        let k = self.capacity(dictionary);
+        let (dictionary, pursuit) = (self.dictionary, self.pursuit);
+        let k = pursuit.capacity(dictionary);
         let mut codes = Codes::empty(rows.len(), k);
         // Poses that are seen whole are coded with each other, as they would be alone.
         let (mut whole, part): (Vec<usize>, Vec<usize>) =
             (0..rows.len()).partition(|i| is_even(weights, *i));
-        let (mut fits, mut x) = (Vec::new(), vec![0.0; k]);
+        let mut x = vec![0.0; k];
         let start = |fits: &mut Vec<Fit>, here: &[usize]| -> Result<()> {
             fits.resize_with(here.len(), || Fit::new(k, dictionary.width()));
             for (&i, fit) in here.iter().zip(fits) {
                 let weights = weights.as_ref().map(|w| w.index_axis(Axis(0), i));
-                fit.start(poses.row(i), weights, self.tolerance)
+                fit.start(poses.row(i), weights, pursuit.tolerance)
                     .map_err(|what| {
                         let row = Place::line("poses", (rows.start + i + 1) as u64);
                         Error::data(row, what)
@@ -249,25 +273,23 @@ impl Pursuit {
             }
             Ok(())
         };
-        if let Some(leaves) = leaves {
-            let mut group = Group::new(dictionary, leaves, self.rule);
+        let fits = &mut self.fits;
+        if let Some(group) = &mut self.group {
             let (mut unpruned, mut left) = (Vec::new(), Vec::new());
             for here in whole.chunks(GROUP) {
-                start(&mut fits, here)?;
-                group.code(&mut fits, self.sparsity, &mut unpruned);
-                (here.iter().zip(&fits)).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
+                start(fits, here)?;
+                group.code(fits, pursuit.sparsity, &mut unpruned);
+                (here.iter().zip(&*fits)).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
                 left.extend(unpruned.drain(..).map(|i| here[i]));
             }
             whole = left;
         }
-        if whole.is_empty() && part.is_empty() {
-            return Ok(codes);
-        }
-        let mut tile = Tile::new(dictionary, self.rule, at_once);
         for here in whole.chunks(at_once).chain(part.chunks(at_once)) {
-            start(&mut fits, here)?;
-            tile.code(&mut fits, self.sparsity);
-            (here.iter().zip(&fits)).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
+            let new = || Tile::new(dictionary, pursuit.rule, at_once);
+            let tile = self.tile.get_or_insert_with(new);
+            start(fits, here)?;
+            tile.code(fits, pursuit.sparsity);
+            (here.iter().zip(&*fits)).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
         }
         Ok(codes)
     }

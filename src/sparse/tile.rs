@@ -14,14 +14,10 @@ pub(super) const RETRIES: usize = 4;
 /// tells in their sum.
 const LARGEST_WEIGHT: f64 = 32.0;
 
-/// How many poses to code together: the numbers kept for each pair of pose and atom should stay in the cache, but the more
-/// poses there are the seldomer the atoms are read.
-pub(super) fn poses_at_once(n: usize) -> usize {
-    match n {
-        0..=65_536 => 60,
-        _ => 30,
-    }
-}
+/// Poses that are coded together. The numbers kept for each pair of pose and atom should stay in the cache, but the more poses
+/// there are the seldomer the atoms are read, of which more do not fit into it either: as many are best of any number of atoms,
+/// measured.
+pub(super) const POSES: usize = 60;
 
 /// The state of a tile. Made once for many tiles.
 pub(super) struct Tile<'a> {
