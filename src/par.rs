@@ -98,6 +98,16 @@ mod tests {
     use super::*;
 
     #[test]
+    fn desks_serve_many_chunks_and_the_answers_are_in_order() {
+        let made = std::sync::atomic::AtomicUsize::new(0);
+        let desk = || made.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        let answers = map_chunks_at(1000, 3, desk, |_, range| range.start);
+        assert_eq!(answers, (0..1000).step_by(3).collect::<Vec<_>>());
+        // Threads that work at a time have one each.
+        assert!(made.into_inner() <= rayon::current_num_threads() + 1);
+    }
+
+    #[test]
     fn chunks_cover_everything_in_order() {
         for (len, chunk) in [(0, 4), (1, 4), (4, 4), (9, 4), (3, 0)] {
             let seen: Vec<usize> = map_chunks(len, chunk, |r| r.collect::<Vec<_>>()).concat();

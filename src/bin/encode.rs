@@ -45,7 +45,7 @@ struct Args {
 }
 
 /// Poses coded together.
-const BATCH: usize = 1 << 12;
+const BATCH: usize = 1 << 13;
 /// Lines that one thread writes at a time.
 const LINES: usize = 256;
 

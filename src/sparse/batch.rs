@@ -1,15 +1,13 @@
 //! Codes of many poses, by tiles of poses that share the products with the atoms.
 
+use super::desk::Batch;
 use super::fit::Fit;
-use super::group::{GROUP, Group};
 use super::pursuit::Pursuit;
-use super::scan::{DIRECTIONS, Leaves};
-use super::tile::{POSES, Tile};
+use super::scan::DIRECTIONS;
 use super::{Dictionary, Stop};
-use crate::{Error, Place, Result, par};
-use ndarray::{Array2, ArrayView2, Axis, s};
+use crate::{Error, Place, Result};
+use ndarray::{Array2, ArrayView2, Axis};
 use std::fmt;
-use std::ops::Range;
 
 /// Marks a place of [`Codes::atoms`] that holds no atom.
 pub const UNUSED: u32 = u32::MAX;
@@ -95,13 +93,15 @@ impl Codes {
         Ok(poses)
     }
 
-    /// Puts the codes of `part` in the rows from `from` on.
-    pub(super) fn put(&mut self, from: usize, part: Codes) {
-        let rows = s![from..from + part.len(), ..];
-        self.atoms.slice_mut(rows).assign(&part.atoms);
-        self.coefficients.slice_mut(rows).assign(&part.coefficients);
-        self.squared_residuals[from..from + part.len()].copy_from_slice(&part.squared_residuals);
-        self.stops[from..from + part.len()].copy_from_slice(&part.stops);
+    /// Puts the codes of `part` in some rows, one after another.
+    pub(super) fn put(&mut self, rows: &[u32], part: &Codes) {
+        for (i, row) in rows.iter().enumerate() {
+            let row = *row as usize;
+            self.atoms.row_mut(row).assign(&part.atoms.row(i));
+            (self.coefficients.row_mut(row)).assign(&part.coefficients.row(i));
+            self.squared_residuals[row] = part.squared_residuals[i];
+            self.stops[row] = part.stops[i];
+        }
     }
 
     /// Writes what `fit` found in row `i`. `x` is room for the coefficients.
@@ -189,108 +189,32 @@ impl Pursuit {
             let said = format!("shape {shape:?}, but the poses have {:?}", (m, d));
             return Err(Error::data(Place::file("weights"), said));
         }
-        let at_once = POSES.min(m);
         let ground = dictionary.ground();
-        let even = (0..m).filter(|i| is_even(weights, *i)).count();
-        let leaves = match even > 0 && self.search(dictionary, m) == Search::Bounds {
+        // Poses that are seen whole are coded with each other, as they would be alone.
+        let (whole, part): (Vec<u32>, Vec<u32>) =
+            (0..m as u32).partition(|i| is_even(weights, *i as usize));
+        let leaves = match !whole.is_empty() && self.search(dictionary, m) == Search::Bounds {
             true => ground.leaves(dictionary.atoms()),
             false => None,
         };
         if self.sparsity > 1 {
-            ground.fill_gram(dictionary.atoms(), even);
+            ground.fill_gram(dictionary.atoms(), whole.len());
         }
-        ground.count(even);
-        // A chunk is several tiles that share their memory, but enough chunks are left for many threads.
-        let tiles = (m / (at_once.max(1) * 16)).clamp(1, 32);
-        let chunk = match leaves {
-            // The more poses are put in order together the more alike neighbours are.
-            Some(_) => (m / (4 * rayon::current_num_threads())).clamp(at_once, GROUP),
-            None => at_once * tiles,
-        };
-        let desk = || Desk::new(dictionary, *self, leaves);
-        let parts = par::map_chunks_at(m, chunk, desk, |desk, rows| {
-            let weights = weights.map(|w| w.slice_move(s![rows.clone(), ..]));
-            let part = poses.slice(s![rows.clone(), ..]);
-            desk.code(at_once, rows, part, weights)
-        });
-        let mut codes = Codes::empty(m, self.capacity(dictionary));
-        let mut from = 0;
-        for part in parts {
-            let part = part?;
-            let len = part.len();
-            codes.put(from, part);
-            from += len;
-        }
-        Ok(codes)
-    }
-}
-
-/// What one thread codes with, made once for many chunks.
-struct Desk<'a> {
-    dictionary: &'a Dictionary,
-    pursuit: Pursuit,
-    group: Option<Group<'a>>,
-    /// Made where poses are scanned.
-    tile: Option<Tile<'a>>,
-    fits: Vec<Fit>,
-}
-
-impl<'a> Desk<'a> {
-    fn new(dictionary: &'a Dictionary, pursuit: Pursuit, leaves: Option<&'a Leaves>) -> Desk<'a> {
-        Desk {
+        ground.count(whole.len());
+        let batch = Batch {
             dictionary,
-            pursuit,
-            group: leaves.map(|leaves| Group::new(dictionary, leaves, pursuit.rule)),
-            tile: None,
-            fits: Vec::new(),
-        }
-    }
-
-    /// Codes the poses of a chunk, of which `rows` are those of all; `at_once` of them are scanned together.
-    fn code(
-        &mut self,
-        at_once: usize,
-        rows: Range<usize>,
-        poses: ArrayView2<f32>,
-        weights: Option<ArrayView2<f32>>,
-    ) -> Result<Codes> {
-        let (dictionary, pursuit) = (self.dictionary, self.pursuit);
-        let k = pursuit.capacity(dictionary);
-        let mut codes = Codes::empty(rows.len(), k);
-        // Poses that are seen whole are coded with each other, as they would be alone.
-        let (mut whole, part): (Vec<usize>, Vec<usize>) =
-            (0..rows.len()).partition(|i| is_even(weights, *i));
-        let mut x = vec![0.0; k];
-        let start = |fits: &mut Vec<Fit>, here: &[usize]| -> Result<()> {
-            fits.resize_with(here.len(), || Fit::new(k, dictionary.width()));
-            for (&i, fit) in here.iter().zip(fits) {
-                let weights = weights.as_ref().map(|w| w.index_axis(Axis(0), i));
-                fit.start(poses.row(i), weights, pursuit.tolerance)
-                    .map_err(|what| {
-                        let row = Place::line("poses", (rows.start + i + 1) as u64);
-                        Error::data(row, what)
-                    })?;
-            }
-            Ok(())
+            pursuit: *self,
+            leaves,
+            poses,
+            weights,
         };
-        let fits = &mut self.fits;
-        if let Some(group) = &mut self.group {
-            let (mut unpruned, mut left) = (Vec::new(), Vec::new());
-            for here in whole.chunks(GROUP) {
-                start(fits, here)?;
-                group.code(fits, pursuit.sparsity, &mut unpruned);
-                (here.iter().zip(&*fits)).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
-                left.extend(unpruned.drain(..).map(|i| here[i]));
-            }
-            whole = left;
-        }
-        for here in whole.chunks(at_once).chain(part.chunks(at_once)) {
-            let new = || Tile::new(dictionary, pursuit.rule, at_once);
-            let tile = self.tile.get_or_insert_with(new);
-            start(fits, here)?;
-            tile.code(fits, pursuit.sparsity);
-            (here.iter().zip(&*fits)).for_each(|(&i, fit)| codes.set(i, fit, &mut x));
-        }
+        let mut codes = Codes::empty(m, self.capacity(dictionary));
+        let left = match leaves {
+            Some(_) => batch.by_bounds(&whole, &mut codes)?,
+            None => whole,
+        };
+        batch.by_scans(&left, &mut codes)?;
+        batch.by_scans(&part, &mut codes)?;
         Ok(codes)
     }
 }
@@ -299,7 +223,8 @@ impl<'a> Desk<'a> {
 mod tests {
     use super::super::pursuit::{Rule, Tolerance};
     use super::*;
-    use ndarray::ShapeBuilder;
+    use crate::par;
+    use ndarray::{ShapeBuilder, s};
     use rand::Rng;
 
     fn random(n: usize, d: usize, seed: u64) -> Array2<f32> {

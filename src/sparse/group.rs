@@ -7,9 +7,6 @@ use super::scan::{Found, Leaves, Path, Pruned, Sought, TOGETHER};
 use super::tile::{Full, RETRIES};
 use super::{Dictionary, Stop};
 
-/// Poses that are put in order together.
-pub(super) const GROUP: usize = 512;
-
 /// Room for the poses of a group.
 pub(super) struct Group<'a> {
     dictionary: &'a Dictionary,
@@ -49,19 +46,16 @@ impl<'a> Group<'a> {
         }
     }
 
-    /// Codes the poses that `fits` were started on, none of them with weights that differ. Lists those of which bounds tell too
-    /// little: they are to be started anew and coded by scans.
+    /// Codes the poses that `fits` were started on, none of them with weights that differ; neighbours are best alike. Lists those
+    /// of which bounds tell too little: they are to be started anew and coded by scans.
     pub fn code(&mut self, fits: &mut [Fit], sparsity: usize, unpruned: &mut Vec<usize>) {
         let full = Full::of(self.dictionary, sparsity);
-        let mut order = self.order(fits);
-        // Neighbouring poses look into the same leaves.
-        order.sort_unstable();
-        for few in order.chunks(TOGETHER) {
+        for few in open(fits).chunks(TOGETHER) {
             if self.leaves.tally.is_useless() {
-                unpruned.extend(few.iter().map(|(_, i)| *i));
+                unpruned.extend(few);
                 continue;
             }
-            for (walk, (_, i)) in self.walks.iter_mut().zip(few) {
+            for (walk, i) in self.walks.iter_mut().zip(few) {
                 walk.path.begin(self.leaves, &fits[*i]);
                 walk.fit = *i;
                 walk.taken.clear();
@@ -77,17 +71,11 @@ impl<'a> Group<'a> {
             .for_each(|f| f.stop = f.stop.or(Some(Stop::Dependent)));
     }
 
-    /// The poses that are to be coded, each with the leaf that it is nearest to; one alone need not know.
-    fn order(&mut self, fits: &[Fit]) -> Vec<(usize, usize)> {
-        let open: Vec<usize> = (0..fits.len())
-            .filter(|i| fits[*i].stop.is_none())
-            .collect();
-        if let [one] = open[..] {
-            return vec![(0, one)];
-        }
-        let mut order = Vec::with_capacity(open.len());
+    /// Near which atoms each of the poses is that `fits` were started on: the numbers of neighbours are near.
+    pub fn places(&mut self, fits: &[Fit]) -> Vec<u32> {
+        let mut places = vec![0; fits.len()];
         let mut nearest = Vec::new();
-        for few in open.chunks(TOGETHER) {
+        for few in open(fits).chunks(TOGETHER) {
             for (walk, i) in self.walks.iter_mut().zip(few) {
                 walk.path.begin(self.leaves, &fits[*i]);
             }
@@ -99,9 +87,9 @@ impl<'a> Group<'a> {
                 })
                 .collect();
             self.search.nearest(&sought, &mut nearest);
-            order.extend(nearest.iter().copied().zip(few.iter().copied()));
+            (few.iter().zip(&nearest)).for_each(|(i, leaf)| places[*i] = *leaf as u32);
         }
-        order
+        places
     }
 
     /// Gives each pose that has taken so many atoms another.
@@ -138,6 +126,13 @@ impl<'a> Group<'a> {
             );
         }
     }
+}
+
+/// Those that are to be coded.
+fn open(fits: &[Fit]) -> Vec<usize> {
+    (0..fits.len())
+        .filter(|i| fits[*i].stop.is_none())
+        .collect()
 }
 
 impl Walk {

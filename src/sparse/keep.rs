@@ -41,7 +41,7 @@ pub fn keep_better(codes: &mut Codes, state: &State, poses: ArrayView2<f32>) {
     });
     kept.into_iter()
         .flatten()
-        .for_each(|(i, code)| codes.put(i, code));
+        .for_each(|(i, code)| codes.put(&[i as u32], &code));
 }
 
 #[cfg(test)]

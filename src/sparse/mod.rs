@@ -19,6 +19,7 @@ pub mod batch;
 pub mod code;
 mod column;
 pub mod concat;
+mod desk;
 pub mod dictionary;
 mod draw;
 mod fit;
