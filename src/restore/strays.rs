@@ -9,7 +9,7 @@
 use crate::par;
 use glam::DVec3;
 use ndarray::ArrayView2;
-use std::ops::Range;
+use std::ops::{Deref, Range};
 
 /// No part of a body is accelerated by more, cm/s²: as a heel that strikes the ground is.
 const MOST: f64 = 2e4;
@@ -65,6 +65,32 @@ pub fn strays(
         frames.into_iter().for_each(|t| out[t].push(p));
     }
     out
+}
+
+/// The nearest frames on one side, without an allocation: there are many.
+#[derive(Default)]
+struct Near {
+    frames: [usize; NEIGHBOURS],
+    count: usize,
+}
+
+impl Near {
+    fn of(frames: impl Iterator<Item = usize>) -> Near {
+        let mut near = Near::default();
+        for (to, frame) in near.frames.iter_mut().zip(frames) {
+            *to = frame;
+            near.count += 1;
+        }
+        near
+    }
+}
+
+impl Deref for Near {
+    type Target = [usize];
+
+    fn deref(&self) -> &[usize] {
+        &self.frames[..self.count]
+    }
 }
 
 /// A point over the frames of a run.
@@ -193,14 +219,14 @@ impl Path {
     }
 
     /// The nearest frames before and after one that are seen and no `strays` (none where the list is empty), the nearest first.
-    fn neighbours(&self, t: usize, strays: &[bool]) -> [Vec<usize>; 2] {
+    fn neighbours(&self, t: usize, strays: &[bool]) -> [Near; 2] {
         let is_stray = |i: usize| strays.get(i).is_some_and(|is| *is);
         let counts = |i: &usize| self.places[*i].is_finite() && !is_stray(*i);
         let from = t.saturating_sub(self.reach);
         let to = (t + self.reach + 1).min(self.places.len());
         [
-            (from..t).rev().filter(counts).take(NEIGHBOURS).collect(),
-            (t + 1..to).filter(counts).take(NEIGHBOURS).collect(),
+            Near::of((from..t).rev().filter(counts)),
+            Near::of((t + 1..to).filter(counts)),
         ]
     }
 

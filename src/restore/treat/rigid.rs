@@ -249,25 +249,15 @@ fn choose(bodies: &Bodies, rows: &[Gradient], sure: Sure<'_>, noise: &[f64]) -> 
         }
         let mut logs = Vec::with_capacity(bodies.all.len());
         // Bodies seen have the same variances: one factorisation serves them all, another the stranger.
-        let mut factored: Option<&[f64]> = None;
-        for (share, lengths) in &bodies.all {
-            if factored != Some(&lengths.variance[..]) {
-                a.copy_from_slice(&all);
-                for k in 0..n {
-                    a[k * n + k] += lengths.variance[k];
-                }
-                factorise(&mut a, n);
-                factored = Some(&lengths.variance);
+        for alike in bodies.all.chunk_by(|a, b| a.1.variance == b.1.variance) {
+            a.copy_from_slice(&all);
+            for (k, variance) in alike[0].1.variance.iter().enumerate() {
+                a[k * n + k] += variance;
             }
-            let mut z: Vec<f64> = lengths
-                .mean
-                .iter()
-                .zip(rows)
-                .map(|(l, r)| l - r.length)
-                .collect();
-            forward(&a, n, &mut z);
+            factorise(&mut a, n);
             let log_det: f64 = (0..n).map(|k| a[k * n + k].ln()).sum();
-            logs.push(share - 0.5 * z.iter().map(|z| z * z).sum::<f64>() - log_det);
+            let far = lengths_off(&a, rows, alike);
+            logs.extend((alike.iter().zip(far)).map(|((share, _), f)| share - 0.5 * f - log_det));
         }
         let top = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let sum = top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln();
@@ -282,6 +272,27 @@ fn choose(bodies: &Bodies, rows: &[Gradient], sure: Sure<'_>, noise: &[f64]) -> 
             bodies.all[0].1.clone(),
         ),
     }
+}
+
+/// How far off the lengths of some bodies are, |L⁻¹ (l − g)|² each: `a` holds L.
+fn lengths_off(a: &[f64], rows: &[Gradient], bodies: &[(f64, Lengths)]) -> Vec<f64> {
+    let off = |(k, row): (usize, &Gradient)| -> Vec<f64> {
+        (bodies.iter())
+            .map(|(_, l)| l.mean[k] - row.length)
+            .collect()
+    };
+    let mut z: Vec<Vec<f64>> = rows.iter().enumerate().map(off).collect();
+    let mut far = vec![0.0; bodies.len()];
+    simd::wide(
+        #[inline(always)]
+        || {
+            forward_rows(a, rows.len(), &mut z);
+            for row in &z {
+                far.iter_mut().zip(row).for_each(|(f, z)| *f += z * z);
+            }
+        },
+    );
+    far
 }
 
 /// Z ← L⁻¹ Z by rows of Z.
