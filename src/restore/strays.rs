@@ -13,6 +13,8 @@ use std::ops::{Deref, Range};
 
 /// No part of a body is accelerated by more, cm/s²: as a heel that strikes the ground is.
 const MOST: f64 = 2e4;
+/// Nor is it by more for as long as strays last.
+const MOST_LONG: f64 = 5e3;
 /// Nor is the fourth derivative of its path larger, cm/s⁴.
 const MOST_BENT: f64 = 4e8;
 /// A point that is off its path by less is none, cm.
@@ -93,6 +95,12 @@ impl Deref for Near {
     }
 }
 
+/// Each two of some frames.
+fn pairs(frames: &[usize]) -> impl Iterator<Item = (usize, usize)> {
+    let each = frames.iter().enumerate();
+    each.flat_map(|(k, a)| frames[k + 1..].iter().map(move |b| (*a, *b)))
+}
+
 /// A point over the frames of a run.
 struct Path {
     /// NaN where it is missing.
@@ -141,14 +149,14 @@ impl Path {
         }
     }
 
-    /// Whether what is before some strays does not lead to what is after them, nor the other way.
+    /// Whether what is before some strays does not lead to what is after them, nor the other way; of either side one may be off.
     fn jumps(&self, first: usize, end: usize, strays: &[bool]) -> bool {
         let before = &self.neighbours(first, strays)[0];
         let after = &self.neighbours(end - 1, strays)[1];
-        match (&before[..], &after[..]) {
-            ([b, a, ..], [c, d, ..]) => !self.agrees(*c, *a, *b) && !self.agrees(*b, *c, *d),
-            _ => false,
-        }
+        let leads = |from: &[usize], to: &[usize]| {
+            pairs(from).any(|(a, b)| to.iter().any(|t| self.is_on_line(*t, (a, b), MOST_LONG)))
+        };
+        before.len() > 1 && after.len() > 1 && !leads(before, after) && !leads(after, before)
     }
 
     /// Adds the places that are worst off of those near them, by the cubics through their neighbours; whether there are any.
@@ -203,10 +211,10 @@ impl Path {
             [_, 0 | 1] => return self.is_loose(t, &before),
             _ => {}
         }
-        let pairs = before
+        let both = before
             .iter()
             .flat_map(|a| after.iter().map(move |b| (*a, *b)));
-        let agree = pairs.filter(|(a, b)| self.agrees(t, *a, *b)).count();
+        let agree = both.filter(|(a, b)| self.agrees(t, *a, *b)).count();
         let all = before.len() * after.len();
         all > 1 && AGREE * agree < all
     }
@@ -214,8 +222,7 @@ impl Path {
     /// Whether the end of a stretch agrees with no two of its neighbours, which agree with each other.
     fn is_loose(&self, t: usize, near: &[usize]) -> bool {
         let [a, b, c] = *near else { return false };
-        let pairs = [(a, b), (a, c), (b, c)];
-        self.agrees(b, a, c) && pairs.iter().all(|(i, j)| !self.agrees(t, *i, *j))
+        self.agrees(b, a, c) && pairs(near).all(|(i, j)| !self.agrees(t, i, j))
     }
 
     /// The nearest frames before and after one that are seen and no `strays` (none where the list is empty), the nearest first.
@@ -232,11 +239,16 @@ impl Path {
 
     /// Whether a place is on the line through two others, as far as it may be off.
     fn agrees(&self, t: usize, i: usize, j: usize) -> bool {
+        self.is_on_line(t, (i, j), MOST)
+    }
+
+    /// The same if it is accelerated by no more than `most`.
+    fn is_on_line(&self, t: usize, (i, j): (usize, usize), most: f64) -> bool {
         let [a, b] = [i, j].map(|i| i as f64 - t as f64);
         let share = a / (a - b);
         let expected = self.places[i].lerp(self.places[j], share);
         let noise = self.noise * (1.0 + share * share + (1.0 - share) * (1.0 - share)).sqrt();
-        let bent = MOST * self.step * self.step * (a * b).abs() / 2.0;
+        let bent = most * self.step * self.step * (a * b).abs() / 2.0;
         (self.places[t] - expected).length() <= LEAST + bent + SURE * noise
     }
 }
@@ -329,6 +341,18 @@ mod tests {
             xyz.slice_mut(s![gap, ..3]).fill(f64::NAN);
             xyz[[off, 1]] += 20.0;
             assert_eq!(found(&xyz, 0.0), [(off, 0)]);
+        }
+    }
+
+    #[test]
+    fn strays_are_strays_though_a_frame_before_them_is_off_too() {
+        let mut xyz = motion(100);
+        for (t, far) in [(1, 90.0), (2, 150.0), (6, -160.0), (7, 140.0)] {
+            xyz[[t, 1]] += far;
+        }
+        let told = found(&xyz, 0.0);
+        for t in [2, 6, 7] {
+            assert!(told.contains(&(t, 0)), "{told:?}");
         }
     }
 
