@@ -44,16 +44,24 @@ impl Rejects {
         rate: f64,
         given: Option<f64>,
     ) -> Rejects {
-        let mut strays = vec![Vec::new(); xyz.nrows()];
+        let mut strays: Vec<Vec<usize>> = vec![Vec::new(); xyz.nrows()];
         let mut counted = xyz.to_owned();
         let mut noise = noise::by_point(job, xyz, runs, given);
         // Strays spoil the noise too, which hides others.
         for _ in 0..TIMES {
-            let found = strays::strays(xyz, runs, rate, &noise);
-            if found == strays {
+            let before = strays.clone();
+            for (strays, found) in strays
+                .iter_mut()
+                .zip(strays::strays(xyz, runs, rate, &noise))
+            {
+                // By less noise no path may be left to be off of: what was found stays.
+                strays.extend(found);
+                strays.sort_unstable();
+                strays.dedup();
+            }
+            if strays == before {
                 break;
             }
-            strays = found;
             counted.assign(&xyz);
             leave_out(&mut counted, &strays);
             noise = noise::by_point(job, counted.view(), runs, given);

@@ -156,7 +156,7 @@ impl Path {
         let leads = |from: &[usize], to: &[usize]| {
             pairs(from).any(|(a, b)| to.iter().any(|t| self.is_on_line(*t, (a, b), MOST_LONG)))
         };
-        before.len() > 1 && after.len() > 1 && !leads(before, after) && !leads(after, before)
+        !before.is_empty() && !after.is_empty() && !leads(before, after) && !leads(after, before)
     }
 
     /// Adds the places that are worst off of those near them, by the cubics through their neighbours; whether there are any.
@@ -205,10 +205,12 @@ impl Path {
             return false;
         }
         let [before, after] = self.neighbours(t, strays);
-        // Of a stretch's second frame the one that is off may be the first: it tells nothing.
-        match self.neighbours(t, &[]).map(|seen| seen.len()) {
-            [0 | 1, _] => return self.is_loose(t, &after),
-            [_, 0 | 1] => return self.is_loose(t, &before),
+        let seen = self.neighbours(t, &[]);
+        match [seen[0].len(), seen[1].len()] {
+            [0, _] => return self.is_loose(t, &after),
+            [_, 0] => return self.is_loose(t, &before),
+            [1, _] => return self.is_loose_beside(t, seen[0][0], &after, strays),
+            [_, 1] => return self.is_loose_beside(t, seen[1][0], &before, strays),
             _ => {}
         }
         let both = before
@@ -223,6 +225,13 @@ impl Path {
     fn is_loose(&self, t: usize, near: &[usize]) -> bool {
         let [a, b, c] = *near else { return false };
         self.agrees(b, a, c) && pairs(near).all(|(i, j)| !self.agrees(t, i, j))
+    }
+
+    /// The same of the frame beside the end of a stretch, which may be the one that is off: it has to be known, or to agree with
+    /// the others.
+    fn is_loose_beside(&self, t: usize, end: usize, near: &[usize], strays: &[bool]) -> bool {
+        let is_known = || strays[end] || pairs(near).any(|(i, j)| self.agrees(end, i, j));
+        self.is_loose(t, near) && is_known()
     }
 
     /// The nearest frames before and after one that are seen and no `strays` (none where the list is empty), the nearest first.
@@ -341,6 +350,16 @@ mod tests {
             xyz.slice_mut(s![gap, ..3]).fill(f64::NAN);
             xyz[[off, 1]] += 20.0;
             assert_eq!(found(&xyz, 0.0), [(off, 0)]);
+        }
+    }
+
+    #[test]
+    fn where_the_first_few_frames_are_off_no_other_is_lost() {
+        for (count, far) in [(2, 20.0), (3, 30.0), (3, 50.0), (4, 30.0)] {
+            let mut xyz = motion(100);
+            (0..count).for_each(|t| xyz[[t, 1]] += far);
+            let told = found(&xyz, 0.0);
+            assert!(told.iter().all(|(t, _)| *t < count), "{count}: {told:?}");
         }
     }
 

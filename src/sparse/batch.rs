@@ -169,7 +169,7 @@ impl Pursuit {
     ///
     /// # Errors
     /// A parameter or a shape that cannot be used; a number that is not finite where it is observed, or a weight that is
-    /// negative or not finite (the row is named, counted from 1).
+    /// negative or not finite (the row is named, counted from 1; of several one, always the same).
     pub fn code_batch(
         &self,
         dictionary: &Dictionary,
@@ -188,6 +188,10 @@ impl Pursuit {
         if let Some(shape) = weights.map(|w| w.dim()).filter(|&shape| shape != (m, d)) {
             let said = format!("shape {shape:?}, but the poses have {:?}", (m, d));
             return Err(Error::data(Place::file("weights"), said));
+        }
+        if u32::try_from(m).is_err() {
+            let said = format!("{m} poses: at most 4,294,967,295 are coded at once");
+            return Err(Error::data(Place::file("poses"), said));
         }
         let ground = dictionary.ground();
         // Poses that are seen whole are coded with each other, as they would be alone.
@@ -250,6 +254,48 @@ mod tests {
             let d = Dictionary::from_rows(random(n, 21, 1).view()).unwrap();
             assert_eq!(d.ground().gram.is_some(), n == 300);
             alone_as_together(&d, &random(150, 21, 2), &weights(150, 21), 4);
+        }
+    }
+
+    #[test]
+    fn poses_put_in_order_for_bounds_get_the_codes_that_scans_give() {
+        let (n, m) = (2_100, 1_300);
+        let atoms = Dictionary::from_rows(random(n, 21, 5).view()).unwrap();
+        let (noise, other) = (random(m, 21, 6), random(m, 21, 7));
+        // Near an atom, like nothing, and nothing.
+        let y = Array2::from_shape_fn((m, 21), |(i, j)| match (i % 50, i % 7) {
+            (0, _) => 0.0,
+            (_, 0) => other[[i, j]],
+            _ => 9.0 * atoms.atoms()[[i * 37 % n, j]] + 0.05 * noise[[i, j]],
+        });
+        let mut w = Array2::ones(y.dim());
+        w.slice_mut(s![..;11, ..4]).fill(0.0);
+        let p = Pursuit::default();
+        let code = |rows: ndarray::Slice, threads| {
+            // Its own: few poses at a time are scanned, as it does not know of the others.
+            let atoms = Dictionary::from_rows(atoms.atoms()).unwrap();
+            let (y, w) = (y.slice_axis(Axis(0), rows), w.slice_axis(Axis(0), rows));
+            let expected = if y.nrows() == m {
+                Search::Bounds
+            } else {
+                Search::Scan
+            };
+            assert_eq!(p.search(&atoms, y.nrows()), expected);
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+            let pool = pool.build().unwrap();
+            pool.install(|| p.code_batch(&atoms, y, Some(w)).unwrap())
+        };
+        let halves = [0..m / 2, m / 2..m].map(|rows| code(rows.into(), 2));
+        let by_bounds = code((..).into(), 1);
+        for i in 0..m {
+            let (half, k) = (&halves[i / (m / 2)], i % (m / 2));
+            assert_eq!(by_bounds.atoms.row(i), half.atoms.row(k), "{i}");
+            assert_eq!(by_bounds.coefficients.row(i), half.coefficients.row(k));
+            assert_eq!(by_bounds.squared_residuals[i], half.squared_residuals[k]);
+            assert_eq!(by_bounds.stops[i], half.stops[k]);
+        }
+        for threads in [2, 7] {
+            assert_eq!(code((..).into(), threads), by_bounds);
         }
     }
 

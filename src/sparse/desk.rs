@@ -10,6 +10,8 @@ use ndarray::{ArrayView2, Axis};
 
 /// Poses that a desk is given at once: many share what is made ready for them, but their fits should stay in the cache.
 const CHUNK: usize = 512;
+/// But at least so many, whole groups.
+const LEAST: usize = 64;
 /// Chunks a thread at least, where there are poses enough: threads are not equally fast.
 const CHUNKS: usize = 8;
 /// Tiles that a desk is given at once.
@@ -30,12 +32,12 @@ impl<'a> Batch<'a> {
     /// Codes the poses of some rows, none of them with weights that differ, by bounds. Gives the rows of which bounds tell too
     /// little.
     pub fn by_bounds(&self, rows: &[u32], codes: &mut Codes) -> Result<Vec<u32>> {
-        let places = self.share(rows, POSES, CHUNK, |desk, rows| desk.places(rows))?;
+        let places = self.share(rows, LEAST, CHUNK, |desk, rows| desk.places(rows))?;
         let mut order: Vec<(u32, u32)> = places.into_iter().flatten().zip(rows.to_vec()).collect();
         // Neighbouring poses look into the same leaves.
         order.sort_unstable();
         let order: Vec<u32> = order.into_iter().map(|(_, row)| row).collect();
-        let parts = self.share(&order, POSES, CHUNK, |desk, rows| desk.by_bounds(rows))?;
+        let parts = self.share(&order, LEAST, CHUNK, |desk, rows| desk.by_bounds(rows))?;
         let mut left = Vec::new();
         let mut from = 0;
         for (part, unpruned) in parts {
@@ -130,8 +132,9 @@ impl<'b, 'a> Desk<'b, 'a> {
     fn by_bounds(&mut self, rows: &[u32]) -> Result<(Codes, Vec<u32>)> {
         self.start(rows)?;
         let mut unpruned = Vec::new();
-        if let Some(group) = &mut self.group {
-            group.code(&mut self.fits, self.batch.pursuit.sparsity, &mut unpruned);
+        match &mut self.group {
+            Some(group) => group.code(&mut self.fits, self.batch.pursuit.sparsity, &mut unpruned),
+            None => unpruned.extend(0..rows.len()),
         }
         let k = self.batch.pursuit.capacity(self.batch.dictionary);
         let (mut codes, mut x) = (Codes::empty(rows.len(), k), vec![0.0; k]);

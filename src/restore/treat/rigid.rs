@@ -276,6 +276,12 @@ fn choose(bodies: &Bodies, rows: &[Gradient], sure: Sure<'_>, noise: &[f64]) -> 
 
 /// How far off the lengths of some bodies are, |L⁻¹ (l − g)|² each: `a` holds L.
 fn lengths_off(a: &[f64], rows: &[Gradient], bodies: &[(f64, Lengths)]) -> Vec<f64> {
+    if let [(_, one)] = bodies {
+        let off = one.mean.iter().zip(rows).map(|(l, r)| l - r.length);
+        let mut z: Vec<f64> = off.collect();
+        forward(a, rows.len(), &mut z);
+        return vec![z.iter().map(|z| z * z).sum()];
+    }
     let off = |(k, row): (usize, &Gradient)| -> Vec<f64> {
         (bodies.iter())
             .map(|(_, l)| l.mean[k] - row.length)
