@@ -44,7 +44,7 @@ struct Args {
     common: Common,
 }
 
-/// Poses coded together.
+/// Poses coded together: of more, neighbours in the order of a search by bounds are more alike.
 const BATCH: usize = 1 << 13;
 /// Lines that one thread writes at a time.
 const LINES: usize = 256;

@@ -5,6 +5,7 @@
 //!    with too few of its neighbours in time is a stray.
 //! 2. Of the others, a point is on the cubic through its two neighbours on either side but for S h⁴ a b c d / 24, if the
 //!    fourth derivative of its path is no more than S. The one that is worst off of those near it is a stray, until none is.
+//! 3. Strays on whose other side the path does not go on as before are none: it jumped, and stays where it is.
 
 use crate::par;
 use glam::DVec3;

@@ -104,6 +104,16 @@ impl Codes {
         }
     }
 
+    /// Puts parts in some rows, one after another.
+    pub(super) fn put_parts(&mut self, rows: &[u32], parts: &[Codes]) {
+        let mut rows = rows;
+        for part in parts {
+            let (here, after) = rows.split_at(part.len());
+            self.put(here, part);
+            rows = after;
+        }
+    }
+
     /// Writes what `fit` found in row `i`. `x` is room for the coefficients.
     pub(super) fn set(&mut self, i: usize, fit: &Fit, x: &mut [f64]) {
         fit.coefficients(x);
@@ -208,13 +218,12 @@ impl Pursuit {
         let batch = Batch {
             dictionary,
             pursuit: *self,
-            leaves,
             poses,
             weights,
         };
         let mut codes = Codes::empty(m, self.capacity(dictionary));
         let left = match leaves {
-            Some(_) => batch.by_bounds(&whole, &mut codes)?,
+            Some(leaves) => batch.by_bounds(leaves, &whole, &mut codes)?,
             None => whole,
         };
         batch.by_scans(&left, &mut codes)?;

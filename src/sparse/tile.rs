@@ -49,11 +49,6 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// How many poses there is room for.
-    pub fn poses(&self) -> usize {
-        self.scan.poses()
-    }
-
     /// One that does without rows of the Gram matrix.
     #[cfg(test)]
     pub fn of_scans(dictionary: &'a Dictionary, rule: Rule, poses: usize) -> Self {
