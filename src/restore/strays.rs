@@ -365,18 +365,6 @@ mod tests {
     }
 
     #[test]
-    fn strays_are_strays_though_a_frame_before_them_is_off_too() {
-        let mut xyz = motion(100);
-        for (t, far) in [(1, 90.0), (2, 150.0), (6, -160.0), (7, 140.0)] {
-            xyz[[t, 1]] += far;
-        }
-        let told = found(&xyz, 0.0);
-        for t in [2, 6, 7] {
-            assert!(told.contains(&(t, 0)), "{told:?}");
-        }
-    }
-
-    #[test]
     fn noise_of_more_than_was_told_makes_no_strays_of_all() {
         let mut generator = par::generator(3, 0);
         let mut xyz = motion(400);
