@@ -57,6 +57,8 @@ pub struct Look {
     pub corrupt: Vec<f64>,
     /// The variance of a coordinate of each point if it is corrupt, cm².
     pub slab: Vec<f64>,
+    /// How far off the distance of each point is that is off most, cm².
+    pub farthest: Vec<f64>,
     /// Whose lengths were taken.
     pub lengths: Lengths,
 }
@@ -114,6 +116,7 @@ pub fn look(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Loo
         terms: terms(pairs, &seen, &lengths, &slab),
         corrupt: Vec::new(),
         slab,
+        farthest: farthest(pairs, &seen, &lengths, points),
         lengths,
     };
     look.corrupt = look.marginals(&unary);
@@ -151,6 +154,22 @@ fn slabs(
             _ => SLAB,
         })
         .collect()
+}
+
+/// The square of how far off the distance of each point is that is off most.
+fn farthest(
+    pairs: &RigidPairs,
+    seen: &[(usize, f64, f64)],
+    lengths: &Lengths,
+    points: usize,
+) -> Vec<f64> {
+    let mut out = vec![0.0f64; points];
+    for &(k, d, _) in seen {
+        for p in pairs.pairs[k].ends {
+            out[p] = out[p].max((d - lengths.mean[k]).powi(2));
+        }
+    }
+    out
 }
 
 /// What each distance tells of its ends.

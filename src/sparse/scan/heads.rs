@@ -11,6 +11,7 @@ use crate::par;
 use crate::simd;
 use ndarray::{Array2, ArrayView2, Axis, s};
 use pulp::{Simd, WithSimd};
+use rand::Rng;
 
 /// Coordinates are multiplied by so many.
 pub const PART: usize = 8;
@@ -168,12 +169,10 @@ impl Basis {
 /// not matter, but they are orthonormal. (LAPACK would be exact, but a command that loads it starts 4 ms later.)
 fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; HEAD]> {
     let d = matrix.nrows();
-    let mut axes: Vec<usize> = (0..d).collect();
-    axes.sort_by(|a, b| matrix[[*b, *b]].total_cmp(&matrix[[*a, *a]]));
-    let mut vectors = Array2::zeros((HEAD.min(d), d));
-    for (mut vector, axis) in vectors.outer_iter_mut().zip(axes) {
-        vector[axis] = 1.0;
-    }
+    // Along no axes: coordinates may be 0 in all atoms, or the same as others, and what starts along them is lost.
+    let mut random = par::generator(0, 0);
+    let start = |_| random.random::<f64>() - 0.5;
+    let mut vectors = Array2::from_shape_fn((HEAD.min(d), d), start);
     for _ in 0..ITERATIONS {
         vectors = vectors.dot(matrix);
         orthonormalise(&mut vectors);
@@ -199,6 +198,33 @@ fn orthonormalise(vectors: &mut Array2<f64>) {
         match left > whole * 1e-9 {
             true => vector.mapv_inplace(|v| v / left),
             false => vector.fill(0.0),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::testdata::random;
+
+    #[test]
+    fn heads_hold_all_of_few_dimensions_whatever_the_coordinates_are() {
+        // Poses like those of a skeleton: three coordinates that are always 0, and others that are the same point's twice.
+        let (few, mix) = (random(400, HEAD, 1), random(HEAD, 60, 2));
+        let mut atoms = few.dot(&mix);
+        atoms.slice_mut(s![.., ..3]).fill(0.0);
+        for k in 3..23 {
+            let same = atoms.column(k).to_owned();
+            atoms.column_mut(k + 20).assign(&same);
+        }
+        for mut atom in atoms.rows_mut() {
+            let norm = atom.dot(&atom).sqrt();
+            atom /= norm;
+        }
+        let basis = Basis::of(atoms.mapv(|v| v as f32).view());
+        for atom in atoms.rows() {
+            let head = basis.turned(&atom.to_vec()).head();
+            assert!(head.beyond[1] <= 1e-3, "{:?}", head.beyond);
         }
     }
 }

@@ -7,7 +7,8 @@
 //! Σ_s w_s N(y; m, c_s P + i_s I + R_z) · Π odds · Π over distances between clean ends
 //! ```
 //!
-//! The scales (c, i) are there because priors are surer of unseen poses than they should be. The assignments that weigh most
+//! The scales (c, i) are there because priors are surer of unseen poses than they should be. How far off a corrupt point may be
+//! (R) its distances tell along themselves alone; where the prior expects it tells more. The assignments that weigh most
 //! are asked of the prior, which tells the evidence of all that was seen under each: with that, tempered, in place of the sum
 //! they are weighed anew. The few light ones follow from N(m, P). The answer is the average.
 //!
@@ -73,15 +74,14 @@ pub fn restore(
             .collect()
     }));
     judge::narrow(prior, &mut frames);
-    let many: Vec<usize> = (0..frames.len())
-        .filter(|&t| frames[t].doubt.len() > FEW)
-        .collect();
-    let first = assign(prior, &many.iter().map(|&t| &frames[t]).collect::<Vec<_>>());
-    for (t, own) in many.into_iter().zip(first) {
-        let guessed = own.guessed(&frames[t]);
-        judge::again(&mut frames[t], &guessed);
+    let many = frames.iter_mut().filter(|f| f.doubt.len() > FEW);
+    let mut many: Vec<&mut Frame> = many.collect();
+    let first = assign(prior, &mut many);
+    for (frame, own) in many.into_iter().zip(first) {
+        let guessed = own.guessed(frame);
+        judge::again(frame, &guessed);
     }
-    let answers = answer(prior, &frames.iter().collect::<Vec<_>>());
+    let answers = answer(prior, &mut frames.iter_mut().collect::<Vec<_>>());
     let each = frames.into_iter().zip(answers);
     each.map(|(frame, answers)| gather(frame, answers))
         .collect()
@@ -123,7 +123,7 @@ impl Assigned {
 }
 
 /// The answers of the likely assignments of each frame.
-fn answer(prior: &dyn Prior, frames: &[&Frame]) -> Vec<Vec<Answer>> {
+fn answer(prior: &dyn Prior, frames: &mut [&mut Frame]) -> Vec<Vec<Answer>> {
     let all = assign(prior, frames);
     // (frame, which assignment) of all that are heavy.
     let asked: Vec<(usize, usize)> = (all.iter().enumerate())
@@ -145,14 +145,19 @@ fn answer(prior: &dyn Prior, frames: &[&Frame]) -> Vec<Vec<Answer>> {
         .collect()
 }
 
-/// The likely assignments of each frame, by what the prior expects of the points in doubt where it does not see them.
-fn assign(prior: &dyn Prior, frames: &[&Frame]) -> Vec<Assigned> {
+/// The likely assignments of each frame, by what the prior expects of the points in doubt where it does not see them; that tells
+/// as well how far off they are.
+fn assign(prior: &dyn Prior, frames: &mut [&mut Frame]) -> Vec<Assigned> {
     let hidden: Vec<usize> = (0..frames.len())
         .filter(|&t| !frames[t].doubt.is_empty())
         .collect();
     let expected = ask(prior, &hidden, |t| {
         (frames[t].y.clone(), frames[t].noise(None))
     });
+    for (t, expected) in hidden.iter().zip(&expected) {
+        frames[*t].expect(expected);
+    }
+    let frames = &*frames;
     let likely: Vec<Vec<Assignment>> = flat(par::map_chunks(hidden.len(), CHUNK, |rows| {
         rows.map(|i| likely(frames[hidden[i]], &expected[i]))
             .collect()
