@@ -57,7 +57,7 @@ pub struct Look {
     pub corrupt: Vec<f64>,
     /// The variance of a coordinate of each point if it is corrupt, cm².
     pub slab: Vec<f64>,
-    /// How far off the distance of each point is that is off most, cm².
+    /// The square of how far off the distance of each point is that is off most, cm².
     pub farthest: Vec<f64>,
     /// Whose lengths were taken.
     pub lengths: Lengths,

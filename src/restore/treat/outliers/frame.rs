@@ -72,8 +72,9 @@ impl Frame {
     }
 
     /// What a model expects of the points that may be corrupt tells how far off they are: a distance tells that along itself
-    /// alone, and a point may be far off and a distance of it right. But no point counts for farther off than its worst
-    /// distance: one whose distances are all right is no outlier where only the model does not expect it.
+    /// alone, and a point may be far off and a distance of it right. But the variance of a coordinate is never above the square
+    /// of the worst distance: a point whose distances are all right is no outlier where only the model does not expect it.
+    /// Right of points that were hidden; one that is decided to be corrupt was shown with its slab, and is told too little of.
     pub fn expect(&mut self, expected: &Belief) {
         for p in 0..self.points() {
             let square =
