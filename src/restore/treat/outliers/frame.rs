@@ -2,8 +2,8 @@
 
 use super::super::bodies::Bodies;
 use super::super::bones::{self, Look};
+use crate::prior::EXACT;
 use crate::prior::pairs::RigidPairs;
-use crate::prior::{Belief, EXACT};
 
 /// Points less sure than this to be clean, or corrupt, are in doubt.
 pub const SURE: f64 = 0.01;
@@ -71,29 +71,15 @@ impl Frame {
             .collect();
     }
 
-    /// What a model expects of the points that may be corrupt tells how far off they are: a distance tells that along itself
-    /// alone, and a point may be far off and a distance of it right. But the variance of a coordinate is never above the square
-    /// of the worst distance: a point whose distances are all right is no outlier where only the model does not expect it.
-    /// Right of points that were hidden; one that is decided to be corrupt was shown with its slab, and is told too little of.
-    pub fn expect(&mut self, expected: &Belief) {
-        for p in 0..self.points() {
-            let square =
-                |i: usize| (self.y[i] - expected.mean[i]).powi(2) - expected.covariance[[i, i]];
-            let off = (3 * p..3 * p + 3).map(square).sum::<f64>() / 3.0;
-            if self.look.corrupt[p] > SURE && off.is_finite() {
-                let slab = &mut self.look.slab[p];
-                *slab = slab.max(off.min(self.look.farthest[p]));
-            }
-        }
-    }
-
-    /// The noise under an assignment; points in doubt are missing where there is none.
+    /// The noise under an assignment. Where there is none, points in doubt are missing, and those decided to be corrupt may
+    /// be as far off as their worst distance tells.
     pub fn noise(&self, assigned: Option<&[bool]>) -> Vec<f64> {
         let mut out: Vec<f64> = self.told.iter().map(|v| v.max(EXACT)).collect();
         let of = |p: usize| match (self.doubt.iter().position(|d| *d == p), assigned) {
             (Some(_), None) => f64::INFINITY,
             (Some(at), Some(z)) if z[at] => self.look.slab[p],
-            (None, _) if self.corrupt[p] => self.look.slab[p],
+            (None, None) if self.corrupt[p] => self.look.slab[p].max(self.look.farthest[p]),
+            (None, Some(_)) if self.corrupt[p] => self.look.slab[p],
             _ => 0.0,
         };
         for p in 0..out.len() / 3 {
@@ -114,57 +100,5 @@ impl Frame {
         };
         let of = |t: &&bones::Term| t.ends.contains(&p) && t.ends.iter().all(|q| clean(*q));
         self.look.terms.iter().filter(of).map(|t| t.clean).sum()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::prior::pairs::Pair;
-    use ndarray::Array2;
-
-    #[test]
-    fn a_point_is_as_far_off_as_from_where_it_is_expected_but_no_farther_than_its_worst_distance() {
-        // A chain of six points, 10 cm apart.
-        let pairs = RigidPairs {
-            pairs: (0..5)
-                .map(|k| Pair {
-                    ends: [k, k + 1],
-                    sd: 0.0,
-                    still: false,
-                })
-                .collect(),
-            bodies: Array2::from_elem((1, 5), 10.0),
-            shares: vec![1.0],
-        };
-        let bodies = Bodies::of(&pairs);
-        let pose: Vec<f64> = (0..6).flat_map(|p| [10.0 * p as f64, 0.0, 0.0]).collect();
-        let expected = |mean: &[f64]| Belief {
-            mean: mean.to_vec(),
-            covariance: Array2::eye(18),
-            evidence: 0.0,
-        };
-        // Turned about its neighbour: one of its distances is right, the other tells how far off it is.
-        let mut y = pose.clone();
-        (y[9], y[10]) = (21.0, 9.9);
-        let mut frame = Frame::new(&pairs, &bodies, y.clone(), vec![0.0; 18]);
-        let before = frame.look.slab.clone();
-        frame.expect(&expected(&pose));
-        let off = |p: usize| -> f64 {
-            let squares = (3 * p..3 * p + 3).map(|i| (y[i] - pose[i]).powi(2) - 1.0);
-            squares.sum::<f64>() / 3.0
-        };
-        assert!(before[3] < off(3) && off(3) < frame.look.farthest[3]);
-        assert_eq!(frame.look.slab[3], off(3));
-        // Expected farther off still.
-        let far: Vec<f64> = pose.iter().map(|v| v + 400.0).collect();
-        frame.expect(&expected(&far));
-        assert_eq!(frame.look.slab[3], frame.look.farthest[3]);
-        // Points whose distances are right are none the worse for it, and no number tells nothing.
-        let mut whole = Frame::new(&pairs, &bodies, pose, vec![0.0; 18]);
-        let before = whole.look.slab.clone();
-        whole.expect(&expected(&far));
-        whole.expect(&expected(&[f64::NAN; 18]));
-        assert_eq!(whole.look.slab, before);
     }
 }

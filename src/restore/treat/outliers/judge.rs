@@ -2,7 +2,7 @@
 
 use super::super::bones::{SHARE, SLAB, base_of, is_seen, log_odds};
 use super::Answer;
-use super::frame::{Frame, MOST};
+use super::frame::{Frame, MOST, SURE};
 use crate::prior::small::{factorise, forward, log_sum};
 use crate::prior::{Belief, Prior};
 use glam::DMat3;
@@ -33,6 +33,26 @@ pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
         };
         let unary = of_seen(frame, odds);
         frame.judge(&unary);
+    }
+}
+
+/// What a belief expects of the points that may be corrupt tells how far off they are: a distance tells that along itself
+/// alone, and a point may be far off and a distance of it right. But the variance of a coordinate is never above the square of
+/// the worst distance: a point whose distances are all right is no outlier where only the belief does not expect it.
+///
+/// `expected` is what was asked with [`Frame::noise`] of no assignment. Slabs only rise, also at a second look; what the
+/// distances tell of who is corrupt stays what their own slabs made of it.
+pub fn farther(frame: &mut Frame, expected: &Belief) {
+    let shown = frame.noise(None);
+    for p in (0..frame.points()).filter(|p| frame.look.corrupt[*p] > SURE) {
+        let Some((off, open)) = left_out(&frame.y, expected, p, shown[3 * p]) else {
+            continue;
+        };
+        let off = (0..3).map(|c| off[c].powi(2) - open[4 * c]).sum::<f64>() / 3.0;
+        if off.is_finite() {
+            let slab = &mut frame.look.slab[p];
+            *slab = slab.max(off.min(frame.look.farthest[p]));
+        }
     }
 }
 
@@ -73,7 +93,7 @@ fn logs(frame: &Frame, belief: &Belief, p: usize, r: f64) -> Option<[f64; 2]> {
     logs.iter().all(|l| l.is_finite()).then_some(logs)
 }
 
-/// What a belief would be of a point without its own observation of variance `r`: how far that is off, and the
+/// What a belief would be of a point without its own observation of variance `r` (infinite: it had none): how far that is off, and the
 /// covariance (3, 3) by rows. `None` where it leaves more open than the observation's own noise, as blocks that compete may:
 /// it is no Gaussian then.
 fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<([f64; 3], [f64; 9])> {
@@ -122,7 +142,9 @@ fn log_density(r: &[f64; 3], p: &[f64; 9], noise: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::super::bodies::Bodies;
     use super::*;
+    use crate::prior::pairs::{Pair, RigidPairs};
     use ndarray::Array2;
 
     #[test]
@@ -169,5 +191,93 @@ mod tests {
         assert!(left_out(&[1.0; 3], &belief(0.9), 0, 1.0).is_some());
         assert!(left_out(&[1.0; 3], &belief(1.1), 0, 1.0).is_none());
         assert!(left_out(&[1.0; 3], &belief(f64::NAN), 0, 1.0).is_none());
+    }
+
+    /// A frame of a chain of six points, 10 cm apart, along x; some of them seen elsewhere.
+    fn chain(seen: &[(usize, f64)]) -> (Frame, Vec<f64>) {
+        let rigid = |k| Pair {
+            ends: [k, k + 1],
+            sd: 0.0,
+            still: false,
+        };
+        let pairs = RigidPairs {
+            pairs: (0..5).map(rigid).collect(),
+            bodies: Array2::from_elem((1, 5), 10.0),
+            shares: vec![1.0],
+        };
+        let pose: Vec<f64> = (0..6).flat_map(|p| [10.0 * p as f64, 0.0, 0.0]).collect();
+        let mut y = pose.clone();
+        seen.iter().for_each(|(i, v)| y[*i] = *v);
+        let frame = Frame::new(&pairs, &Bodies::of(&pairs), y, vec![0.0; 18]);
+        (frame, pose)
+    }
+
+    fn belief(mean: Vec<f64>, variance: &[f64]) -> Belief {
+        Belief {
+            mean,
+            covariance: Array2::from_diag(&ndarray::arr1(variance)),
+            evidence: 0.0,
+        }
+    }
+
+    /// How far a point is off what is expected, by the variance of a coordinate; what is expected is 1 cm off itself.
+    fn off(frame: &Frame, pose: &[f64], p: usize) -> f64 {
+        let square = |i: usize| (frame.y[i] - pose[i]).powi(2) - 1.0;
+        (3 * p..3 * p + 3).map(square).sum::<f64>() / 3.0
+    }
+
+    #[test]
+    fn a_point_is_as_far_off_as_from_where_it_is_expected_but_no_farther_than_its_worst_distance() {
+        // Turned about its neighbour: one of its distances is right, the other tells how far off it is.
+        let (mut frame, pose) = chain(&[(9, 21.0), (10, 9.9)]);
+        frame.look.corrupt[3] = 0.5;
+        frame.doubt = vec![3];
+        frame.corrupt.fill(false);
+        let before = frame.look.slab[3];
+        farther(&mut frame, &belief(pose.clone(), &[1.0; 18]));
+        let told = off(&frame, &pose, 3);
+        assert!(before < told && told < frame.look.farthest[3]);
+        assert!((frame.look.slab[3] - told).abs() <= 1e-9 * told);
+        // No number tells nothing.
+        let raised = frame.look.slab.clone();
+        farther(&mut frame, &belief(vec![f64::NAN; 18], &[1.0; 18]));
+        assert_eq!(frame.look.slab, raised);
+        // Expected farther off still.
+        let far = pose.iter().map(|v| v + 400.0).collect();
+        farther(&mut frame, &belief(far, &[1.0; 18]));
+        assert_eq!(frame.look.slab[3], frame.look.farthest[3]);
+    }
+
+    #[test]
+    fn a_point_decided_to_be_corrupt_was_shown_and_is_judged_without_that() {
+        let (mut frame, pose) = chain(&[(9, 21.0), (10, 9.9)]);
+        frame.look.corrupt[3] = 1.0;
+        frame.doubt = vec![];
+        frame.corrupt = (0..6).map(|p| p == 3).collect();
+        // What would be expected of each coordinate, 1 cm off, after it was shown.
+        let shown = frame.noise(None);
+        assert_eq!(shown[9], frame.look.farthest[3].max(frame.look.slab[3]));
+        let gain = |i: usize| 1.0 / (1.0 + shown[i]);
+        let at = |i: usize| pose[i] + gain(i) * (frame.y[i] - pose[i]);
+        let variance: Vec<f64> = (0..18).map(|i| 1.0 - gain(i)).collect();
+        let told = belief((0..18).map(at).collect(), &variance);
+        farther(&mut frame, &told);
+        let whole = off(&frame, &pose, 3);
+        assert!(
+            (frame.look.slab[3] - whole).abs() <= 0.05 * whole,
+            "{} {whole}",
+            frame.look.slab[3]
+        );
+    }
+
+    #[test]
+    fn points_whose_distances_are_right_are_not_off_where_the_belief_does_not_expect_them() {
+        let (mut frame, pose) = chain(&[]);
+        frame.look.corrupt.fill(0.5);
+        frame.doubt = (0..6).collect();
+        let before = frame.look.slab.clone();
+        let far = pose.iter().map(|v| v + 400.0).collect();
+        farther(&mut frame, &belief(far, &[1.0; 18]));
+        assert_eq!(frame.look.slab, before);
     }
 }

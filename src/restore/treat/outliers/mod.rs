@@ -146,26 +146,26 @@ fn answer(prior: &dyn Prior, frames: &mut [&mut Frame]) -> Vec<Vec<Answer>> {
 }
 
 /// The likely assignments of each frame, by what the prior expects of the points in doubt where it does not see them; that tells
-/// as well how far off they are.
+/// as well how far off they, and those decided to be corrupt, are.
 fn assign(prior: &dyn Prior, frames: &mut [&mut Frame]) -> Vec<Assigned> {
-    let hidden: Vec<usize> = (0..frames.len())
-        .filter(|&t| !frames[t].doubt.is_empty())
+    let open: Vec<usize> = (0..frames.len())
+        .filter(|&t| !frames[t].doubt.is_empty() || frames[t].corrupt.contains(&true))
         .collect();
-    let expected = ask(prior, &hidden, |t| {
+    let expected = ask(prior, &open, |t| {
         (frames[t].y.clone(), frames[t].noise(None))
     });
-    for (t, expected) in hidden.iter().zip(&expected) {
-        frames[*t].expect(expected);
+    for (t, expected) in open.iter().zip(&expected) {
+        judge::farther(frames[*t], expected);
     }
     let frames = &*frames;
-    let likely: Vec<Vec<Assignment>> = flat(par::map_chunks(hidden.len(), CHUNK, |rows| {
-        rows.map(|i| likely(frames[hidden[i]], &expected[i]))
+    let likely: Vec<Vec<Assignment>> = flat(par::map_chunks(open.len(), CHUNK, |rows| {
+        rows.map(|i| likely(frames[open[i]], &expected[i]))
             .collect()
     }));
     let mut all: Vec<Assigned> = (0..frames.len())
         .map(|_| Assigned::nothing_in_doubt())
         .collect();
-    for ((t, likely), expected) in hidden.into_iter().zip(likely).zip(expected) {
+    for ((t, likely), expected) in open.into_iter().zip(likely).zip(expected) {
         all[t] = Assigned::new(likely, expected);
     }
     all
