@@ -4,7 +4,7 @@ use super::super::bones::{base_of, log_odds};
 use super::frame::Frame;
 use super::judge::SCALES;
 use crate::prior::Belief;
-use crate::prior::small::{backward, factorise, forward, log_sum};
+use crate::prior::small::log_sum;
 use crate::simd;
 
 /// Assignments that the beam carries along, and that make an answer.
@@ -246,46 +246,4 @@ fn widened(
         Some(h)
     });
     grown.collect()
-}
-
-/// What is expected of the hidden points, once they are seen with the noise of an assignment.
-pub fn conditioned(frame: &Frame, expected: &Belief, assigned: &[bool]) -> Belief {
-    let noise = frame.noise(Some(assigned));
-    let at: Vec<usize> = frame.doubt.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
-    let n = at.len();
-    let mut a = vec![0.0; n * n];
-    for (k, i) in at.iter().enumerate() {
-        for (l, j) in at[..=k].iter().enumerate() {
-            a[k * n + l] = expected.covariance[[*i, *j]];
-        }
-        a[k * n + k] += noise[*i];
-    }
-    factorise(&mut a, n);
-    let mut out = expected.clone();
-    let mut z: Vec<f64> = at.iter().map(|i| frame.y[*i] - expected.mean[*i]).collect();
-    forward(&a, n, &mut z);
-    backward(&a, n, &mut z);
-    for (i, z) in at.iter().zip(&z) {
-        let row = expected.covariance.row(*i);
-        out.mean.iter_mut().zip(row).for_each(|(m, c)| *m += z * c);
-    }
-    let mut column = vec![0.0; n];
-    let mut rows: Vec<Vec<f64>> = vec![vec![0.0; out.mean.len()]; n];
-    for c in 0..out.mean.len() {
-        for (v, i) in column.iter_mut().zip(&at) {
-            *v = expected.covariance[[*i, c]];
-        }
-        forward(&a, n, &mut column);
-        rows.iter_mut()
-            .zip(&column)
-            .for_each(|(row, v)| row[c] = *v);
-    }
-    for row in &rows {
-        for (i, v) in row.iter().enumerate() {
-            let mut target = out.covariance.row_mut(i);
-            target.iter_mut().zip(row).for_each(|(t, w)| *t -= v * w);
-        }
-    }
-    out.covariance.diag_mut().mapv_inplace(|v| v.max(0.0));
-    out
 }

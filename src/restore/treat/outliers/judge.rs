@@ -1,8 +1,9 @@
 //! Points judged one by one: by what a belief expects of each without its own observation.
 
 use super::super::bones::{SHARE, SLAB, base_of, is_seen, log_odds};
-use super::Answer;
+use super::assignments::Assignment;
 use super::frame::{Frame, MOST, SURE};
+use super::hidden::{Cavity, Shown};
 use crate::prior::small::{factorise, forward, log_sum};
 use crate::prior::{Belief, Prior};
 use glam::DMat3;
@@ -14,7 +15,7 @@ pub const SCALES: [(f64, f64, f64); 4] = [
     (0.2, 16.0, 0.2 * SLAB),
     (0.1, 64.0, 0.5 * SLAB),
 ];
-/// What a point's log likelihood ratio by an answer is multiplied by: the answer has used the point.
+/// What a point's log likelihood ratio is multiplied by at a second look: the assignments' weights have used the point.
 const SECOND: f64 = 0.5;
 
 /// Where too much is in doubt to hide it all, each point is first judged by what the prior expects of it.
@@ -28,7 +29,8 @@ pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
         let frame = &mut frames[t];
         let guess = noise(frame);
         let odds = |p: usize| {
-            let told = logs(frame, belief, p, guess[3 * p]);
+            let cavity = left_out(&frame.y, belief, p, guess[3 * p]);
+            let told = cavity.and_then(|c| logs(frame, &c, p));
             log_odds() + told.map_or(0.0, |[clean, corrupt]| corrupt - clean)
         };
         let unary = of_seen(frame, odds);
@@ -45,10 +47,11 @@ pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
 pub fn farther(frame: &mut Frame, expected: &Belief) {
     let shown = frame.noise(None);
     for p in (0..frame.points()).filter(|p| frame.look.corrupt[*p] > SURE) {
-        let Some((off, open)) = left_out(&frame.y, expected, p, shown[3 * p]) else {
+        let Some(own) = left_out(&frame.y, expected, p, shown[3 * p]) else {
             continue;
         };
-        let off = (0..3).map(|c| off[c].powi(2) - open[4 * c]).sum::<f64>() / 3.0;
+        let square = |c: usize| own.off[c].powi(2) - own.covariance[4 * c];
+        let off = (0..3).map(square).sum::<f64>() / 3.0;
         if off.is_finite() {
             let slab = &mut frame.look.slab[p];
             *slab = slab.max(off.min(frame.look.farthest[p]));
@@ -56,18 +59,31 @@ pub fn farther(frame: &mut Frame, expected: &Belief) {
     }
 }
 
-/// Judges all points anew, by the answers of the likely assignments.
-pub fn again(frame: &mut Frame, answers: &[Answer]) {
-    let noises: Vec<Vec<f64>> = answers
-        .iter()
-        .map(|a| frame.noise(Some(&a.corrupt)))
+/// Judges all points anew, by what the others expect of each under the likely assignments. `expected` is what is expected of
+/// the points in doubt without them.
+pub fn again(frame: &mut Frame, expected: &Belief, assignments: &[Assignment]) {
+    // What each assignment expects of a point: of those in doubt it is known without them, of the others by leaving them out.
+    let noise = frame.noise(None);
+    let under = |a: &Assignment| -> Vec<Option<Cavity>> {
+        let shown = Shown::of(frame, expected, &a.corrupt);
+        let belief = shown.belief();
+        let mut each: Vec<Option<Cavity>> = (0..frame.points())
+            .map(|p| left_out(&frame.y, &belief, p, noise[3 * p]))
+            .collect();
+        for (p, cavity) in frame.doubt.iter().zip(shown.cavities()) {
+            each[*p] = Some(cavity);
+        }
+        each
+    };
+    let told: Vec<(f64, Vec<Option<Cavity>>)> = (assignments.iter())
+        .map(|a| (a.weight.ln(), under(a)))
         .collect();
     let odds = |p: usize| {
         let (mut clean, mut corrupt) = (Vec::new(), Vec::new());
-        for (answer, noise) in answers.iter().zip(&noises) {
-            if let Some(logs) = logs(frame, &answer.belief, p, noise[3 * p]) {
-                clean.push(answer.weight.ln() + logs[0]);
-                corrupt.push(answer.weight.ln() + logs[1]);
+        for (weight, each) in &told {
+            if let Some(logs) = each[p].as_ref().and_then(|c| logs(frame, c, p)) {
+                clean.push(weight + logs[0]);
+                corrupt.push(weight + logs[1]);
             }
         }
         let told = log_sum(&corrupt) - log_sum(&clean);
@@ -84,19 +100,16 @@ fn of_seen(frame: &Frame, odds: impl Fn(usize) -> f64) -> Vec<f64> {
     (0..frame.points()).map(of).collect()
 }
 
-/// The log density of a point where it was seen, if it is clean and if it is corrupt, by a belief that took each of its
-/// coordinates for noisy by the variance `r`; `None` where that belief tells nothing.
-fn logs(frame: &Frame, belief: &Belief, p: usize, r: f64) -> Option<[f64; 2]> {
-    let (off, without) = left_out(&frame.y, belief, p, r)?;
+/// The log density of a point where it was seen, if it is clean and if it is corrupt; `None` where no number is expected.
+fn logs(frame: &Frame, expected: &Cavity, p: usize) -> Option<[f64; 2]> {
     let noises = [base_of(&frame.told, p), frame.look.slab[p]];
-    let logs = noises.map(|n| log_density(&off, &without, n));
+    let logs = noises.map(|n| log_density(expected, n));
     logs.iter().all(|l| l.is_finite()).then_some(logs)
 }
 
-/// What a belief would be of a point without its own observation of variance `r` (infinite: it had none): how far that is off, and the
-/// covariance (3, 3) by rows. `None` where it leaves more open than the observation's own noise, as blocks that compete may:
-/// it is no Gaussian then.
-fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<([f64; 3], [f64; 9])> {
+/// What a belief would be of a point without its own observation of variance `r` (infinite: it had none). `None` where it leaves
+/// more open than the observation's own noise, as blocks that compete may: it is no Gaussian then.
+fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<Cavity> {
     // P_cav = P (I − P/r)⁻¹ and y − m_cav = (I − P/r)⁻¹ (y − m).
     let left = |by: f64| -> [f64; 9] {
         std::array::from_fn(|k| {
@@ -111,13 +124,16 @@ fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<([f64; 3], [
     let share = left(0.98);
     let inverse = DMat3::from_cols_array(&share).inverse().to_cols_array();
     let off: [f64; 3] = std::array::from_fn(|c| y[3 * p + c] - belief.mean[3 * p + c]);
-    let r_out = std::array::from_fn(|a| (0..3).map(|b| inverse[3 * a + b] * off[b]).sum());
-    let p_out = std::array::from_fn(|k| {
+    let without = std::array::from_fn(|a| (0..3).map(|b| inverse[3 * a + b] * off[b]).sum());
+    let covariance = std::array::from_fn(|k| {
         let (a, b) = (k / 3, k % 3);
         let of = |c: usize| inverse[3 * a + c] * belief.covariance[[3 * p + c, 3 * p + b]];
         (0..3).map(of).sum()
     });
-    Some((r_out, p_out))
+    Some(Cavity {
+        off: without,
+        covariance,
+    })
 }
 
 /// Whether a symmetric matrix (3, 3) is positive definite: its leading minors are above 0.
@@ -126,13 +142,13 @@ fn is_positive(a: &[f64; 9]) -> bool {
     a[0] > 0.0 && minor > 0.0 && DMat3::from_cols_array(a).determinant() > 0.0
 }
 
-/// log Σ_s w_s N(r; 0, c_s P + (i_s + noise) I), without the constant.
-fn log_density(r: &[f64; 3], p: &[f64; 9], noise: f64) -> f64 {
+/// log Σ_s w_s N(off; 0, c_s P + (i_s + noise) I), without the constant.
+fn log_density(expected: &Cavity, noise: f64) -> f64 {
     let logs = SCALES.map(|(w, c, i)| {
-        let mut a: Vec<f64> = p.iter().map(|v| c * v).collect();
+        let mut a: Vec<f64> = expected.covariance.iter().map(|v| c * v).collect();
         (0..3).for_each(|k| a[4 * k] += i + noise);
         factorise(&mut a, 3);
-        let mut z = r.to_vec();
+        let mut z = expected.off.to_vec();
         forward(&a, 3, &mut z);
         let log_det: f64 = (0..3).map(|k| a[4 * k].ln()).sum();
         f64::ln(w) - 0.5 * z.iter().map(|z| z * z).sum::<f64>() - log_det
@@ -168,17 +184,26 @@ mod tests {
             covariance: Array2::from_shape_fn((3, 3), |(i, j)| s[3 * i + j] - told[3 * i + j]),
             evidence: 0.0,
         };
-        let (off, without) = left_out(&y, &belief, 0, r).unwrap();
+        let Cavity { off, covariance } = left_out(&y, &belief, 0, r).unwrap();
         // A share of .98 of the variance is left out: next to the prior's own.
         for k in 0..3 {
             assert!((off[k] - (y[k] - m[k])).abs() <= 0.2, "{off:?}");
             assert!(
-                (without[4 * k] - s[4 * k]).abs() <= 0.1 * s[4 * k] + 0.02,
-                "{without:?}"
+                (covariance[4 * k] - s[4 * k]).abs() <= 0.1 * s[4 * k] + 0.02,
+                "{covariance:?}"
             );
         }
-        let near = log_density(&off, &without, r);
-        assert!(near > log_density(&off.map(|o| 5.0 * o), &without, r));
+        let farther = off.map(|o| 5.0 * o);
+        let near = log_density(&Cavity { off, covariance }, r);
+        assert!(
+            near > log_density(
+                &Cavity {
+                    off: farther,
+                    covariance
+                },
+                r
+            )
+        );
     }
 
     #[test]

@@ -13,11 +13,13 @@
 //! they are weighed anew. The few light ones follow from N(m, P). The answer is the average.
 //!
 //! Where many points are in doubt, as with base noise, the prior sees too little that is sure. Then all points are judged by
-//! the answers that follow from N(m, P), each without itself, and those that stay in doubt are hidden once more.
+//! what follows from N(m, P) under each assignment, each without its own observation, and those that stay in doubt are hidden
+//! once more.
 //! Cost: an answer of the prior for each assignment that is asked and one more, up to three more where many are in doubt.
 
 mod assignments;
 mod frame;
+mod hidden;
 mod judge;
 
 use super::bodies::{Bodies, Lengths};
@@ -25,8 +27,9 @@ use crate::par;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::small::log_sum;
 use crate::prior::{Belief, EXACT, Prior};
-use assignments::{Assignment, conditioned, likely};
+use assignments::{Assignment, likely};
 use frame::{Frame, SURE};
+use hidden::Shown;
 use ndarray::{Array2, ArrayView2};
 
 /// Assignments that weigh less than this share of the heaviest are not asked of the prior.
@@ -78,8 +81,7 @@ pub fn restore(
     let mut many: Vec<&mut Frame> = many.collect();
     let first = assign(prior, &mut many);
     for (frame, own) in many.into_iter().zip(first) {
-        let guessed = own.guessed(frame);
-        judge::again(frame, &guessed);
+        judge::again(frame, &own.expected, &own.assignments);
     }
     let answers = answer(prior, &mut frames.iter_mut().collect::<Vec<_>>());
     let each = frames.into_iter().zip(answers);
@@ -105,11 +107,6 @@ impl Assigned {
             assignments,
             expected,
         }
-    }
-
-    /// The answers as far as they follow from what is expected: the prior is asked for none.
-    fn guessed(self, frame: &Frame) -> Vec<Answer> {
-        answers(frame, Assigned { heavy: 0, ..self }, Vec::new())
     }
 
     fn nothing_in_doubt() -> Self {
@@ -179,7 +176,8 @@ fn answers(frame: &Frame, mut own: Assigned, told: Vec<Belief>) -> Vec<Answer> {
         .into_iter()
         .map(|a| Answer {
             weight: a.weight,
-            belief: (told.next()).unwrap_or_else(|| conditioned(frame, &own.expected, &a.corrupt)),
+            belief: (told.next())
+                .unwrap_or_else(|| Shown::of(frame, &own.expected, &a.corrupt).belief()),
             corrupt: a.corrupt,
         })
         .collect()

@@ -1,0 +1,181 @@
+//! What is expected of points in doubt, which the prior did not see, once they are shown with the noise of an assignment: it follows
+//! from what the prior told of all of them, N(m, P), without asking it again.
+
+use super::frame::Frame;
+use crate::prior::Belief;
+use crate::prior::small::{backward, factorise, forward};
+use glam::DMat3;
+
+/// What is expected of a point by all but its own observation.
+pub struct Cavity {
+    /// How far off that it was seen, cm.
+    pub off: [f64; 3],
+    /// The covariance (3, 3) by rows, cm².
+    pub covariance: [f64; 9],
+}
+
+/// The points in doubt of a frame, shown.
+pub struct Shown<'a> {
+    frame: &'a Frame,
+    expected: &'a Belief,
+    /// The coordinates of the points in doubt.
+    at: Vec<usize>,
+    /// Of all coordinates.
+    noise: Vec<f64>,
+    /// The Cholesky factor of P + R where they are, (n, n) by rows.
+    factor: Vec<f64>,
+    /// (P + R)⁻¹ (y − m).
+    pull: Vec<f64>,
+}
+
+impl<'a> Shown<'a> {
+    /// Under an assignment, which has one a point in doubt; `expected` is what is expected of the frame without them.
+    pub fn of(frame: &'a Frame, expected: &'a Belief, assigned: &[bool]) -> Shown<'a> {
+        let noise = frame.noise(Some(assigned));
+        let at: Vec<usize> = frame.doubt.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+        let n = at.len();
+        let mut factor = vec![0.0; n * n];
+        for (k, i) in at.iter().enumerate() {
+            for (l, j) in at[..=k].iter().enumerate() {
+                factor[k * n + l] = expected.covariance[[*i, *j]];
+            }
+            factor[k * n + k] += noise[*i];
+        }
+        factorise(&mut factor, n);
+        let mut pull: Vec<f64> = at.iter().map(|i| frame.y[*i] - expected.mean[*i]).collect();
+        forward(&factor, n, &mut pull);
+        backward(&factor, n, &mut pull);
+        Shown {
+            frame,
+            expected,
+            at,
+            noise,
+            factor,
+            pull,
+        }
+    }
+
+    /// What is expected of all points.
+    pub fn belief(&self) -> Belief {
+        let n = self.at.len();
+        let mut out = self.expected.clone();
+        for (i, pull) in self.at.iter().zip(&self.pull) {
+            let row = self.expected.covariance.row(*i);
+            out.mean
+                .iter_mut()
+                .zip(row)
+                .for_each(|(m, c)| *m += pull * c);
+        }
+        let mut column = vec![0.0; n];
+        let mut rows: Vec<Vec<f64>> = vec![vec![0.0; out.mean.len()]; n];
+        for c in 0..out.mean.len() {
+            for (v, i) in column.iter_mut().zip(&self.at) {
+                *v = self.expected.covariance[[*i, c]];
+            }
+            forward(&self.factor, n, &mut column);
+            rows.iter_mut()
+                .zip(&column)
+                .for_each(|(row, v)| row[c] = *v);
+        }
+        for row in &rows {
+            for (i, v) in row.iter().enumerate() {
+                let mut target = out.covariance.row_mut(i);
+                target.iter_mut().zip(row).for_each(|(t, w)| *t -= v * w);
+            }
+        }
+        out.covariance.diag_mut().mapv_inplace(|v| v.max(0.0));
+        out
+    }
+
+    /// Of each point in doubt: what all the others expect of it, also those in doubt.
+    pub fn cavities(&self) -> Vec<Cavity> {
+        (0..self.frame.doubt.len())
+            .map(|p| self.cavity(p))
+            .collect()
+    }
+
+    /// With K = (P + R)⁻¹, its own block of K⁻¹ is C + R and y − m without it is K_pp⁻¹ (K (y − m))_p: no difference of what is
+    /// nearly the same, as there is where an exact observation is taken out of the answer that has used it.
+    fn cavity(&self, p: usize) -> Cavity {
+        let (n, at) = (self.at.len(), 3 * p..3 * p + 3);
+        let columns: [Vec<f64>; 3] = std::array::from_fn(|c| {
+            let mut unit = vec![0.0; n];
+            unit[3 * p + c] = 1.0;
+            forward(&self.factor, n, &mut unit);
+            unit
+        });
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum();
+        let own: [f64; 9] = std::array::from_fn(|k| product(&columns[k / 3], &columns[k % 3]));
+        let mut covariance = DMat3::from_cols_array(&own).inverse().to_cols_array();
+        let pull = &self.pull[at.clone()];
+        let off = std::array::from_fn(|c| product(&covariance[3 * c..3 * c + 3], pull));
+        for (c, i) in self.at[at].iter().enumerate() {
+            covariance[4 * c] -= self.noise[*i];
+        }
+        Cavity { off, covariance }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::bodies::Bodies;
+    use super::*;
+    use crate::prior::pairs::RigidPairs;
+    use ndarray::Array2;
+
+    /// Four points that are expected to move together, seen elsewhere, with some of them in doubt.
+    fn frame(doubt: &[usize]) -> (Frame, Belief) {
+        let pairs = RigidPairs::default();
+        let y: Vec<f64> = (0..12).map(|i| f64::from((7 * i) % 5)).collect();
+        let mut frame = Frame::new(&pairs, &Bodies::of(&pairs), y, vec![0.0; 12]);
+        frame.doubt = doubt.to_vec();
+        frame.corrupt.fill(false);
+        let of = |i: usize, j: usize| match i.abs_diff(j) {
+            0 => 3.0,
+            d => 2.0 / (1.0 + d as f64),
+        };
+        let expected = Belief {
+            mean: vec![1.0; 12],
+            covariance: Array2::from_shape_fn((12, 12), |(i, j)| of(i, j)),
+            evidence: 0.0,
+        };
+        (frame, expected)
+    }
+
+    #[test]
+    fn a_cavity_is_what_is_expected_where_all_but_that_point_are_shown() {
+        let (all, expected) = frame(&[0, 1, 3]);
+        let assigned = [false, true, false];
+        let shown = Shown::of(&all, &expected, &assigned);
+        for (k, p) in [0, 1, 3].into_iter().enumerate() {
+            let others = |k: usize| (0..3).filter(move |o| *o != k);
+            let doubt: Vec<usize> = others(k).map(|o| [0, 1, 3][o]).collect();
+            let (rest, expected) = frame(&doubt);
+            let assigned: Vec<bool> = others(k).map(|o| assigned[o]).collect();
+            let belief = Shown::of(&rest, &expected, &assigned).belief();
+            let cavity = &shown.cavities()[k];
+            for c in 0..3 {
+                let off = rest.y[3 * p + c] - belief.mean[3 * p + c];
+                assert!((cavity.off[c] - off).abs() <= 1e-6, "{p} {c}");
+                for d in 0..3 {
+                    let v = belief.covariance[[3 * p + c, 3 * p + d]];
+                    assert!((cavity.covariance[3 * c + d] - v).abs() <= 1e-6, "{p} {c}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_shown_exactly_is_where_it_was_seen_and_draws_the_others_along() {
+        let (frame, expected) = frame(&[1]);
+        let exact = Shown::of(&frame, &expected, &[false]).belief();
+        let noisy = Shown::of(&frame, &expected, &[true]).belief();
+        for i in 3..6 {
+            assert!((exact.mean[i] - frame.y[i]).abs() <= 1e-4);
+            assert!(exact.covariance[[i, i]] <= 1e-4);
+            assert!((noisy.mean[i] - frame.y[i]).abs() >= (exact.mean[i] - frame.y[i]).abs());
+        }
+        assert!(exact.covariance[[6, 6]] < noisy.covariance[[6, 6]]);
+        assert!(noisy.covariance[[6, 6]] < expected.covariance[[6, 6]]);
+    }
+}
