@@ -149,6 +149,8 @@ pub fn take(
     // What counts: the numbers seen, without the suspects.
     let mut counted = xyz.to_owned();
     leave_out(&mut counted, &suspects);
+    let parts = in_part(&counted);
+    leave_out(&mut counted, &parts);
     let gaps: Vec<Gap> = runs.iter().flat_map(|run| gaps_of(&counted, run)).collect();
     let answers: Vec<Answer> = par::map_chunks(xyz.nrows(), CHUNK, |range| {
         let out: Vec<Answer> = range
@@ -184,6 +186,12 @@ pub fn take(
         );
     }
     settle(&mut out, &counted, &gaps, runs, rate);
+    for (t, points) in parts.iter().enumerate() {
+        let seen = points.iter().flat_map(|p| 3 * p..3 * p + 3);
+        for i in seen.filter(|&i| xyz[[t, i]].is_finite()) {
+            out.xyz[[t, i]] = xyz[[t, i]];
+        }
+    }
     out.unlike = par::map_chunks(answers.len(), CHUNK, |range| {
         let of = |t: usize| match &answers[t] {
             Answer::Found(found) => unlike(&restorer, &out.xyz.row(t).to_vec(), found),
@@ -229,6 +237,28 @@ pub fn take(
         }
     }
     out
+}
+
+/// The points of each frame that are seen in part and are no more than those seen whole: in a take their neighbours in time
+/// tell more than a part does, which costs a descent a frame. Frames seen in part as such, as in a picture, have none.
+fn in_part(counted: &Array2<f64>) -> Vec<Vec<usize>> {
+    let of = |row: ndarray::ArrayView1<'_, f64>| {
+        let seen = |p: usize| (3 * p..3 * p + 3).filter(|&i| row[i].is_finite()).count();
+        let (mut whole, mut parts) = (0, Vec::new());
+        for p in 0..row.len() / 3 {
+            match seen(p) {
+                3 => whole += 1,
+                1 | 2 => parts.push(p),
+                _ => {}
+            }
+        }
+        if parts.len() <= whole {
+            parts
+        } else {
+            Vec::new()
+        }
+    };
+    counted.rows().into_iter().map(of).collect()
 }
 
 /// A point missing (or suspected) for some frames on end.

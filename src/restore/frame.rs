@@ -102,7 +102,8 @@ impl<'a> Restorer<'a> {
             return Some(self.in_place(seen));
         };
         if seen.is_partial() {
-            return planar::restore(self.prior, seen, &self.synthesis);
+            let known = self.stand_by_whole(anchor, seen);
+            return planar::restore(self.prior, seen, &self.synthesis, known);
         }
         let Some(solution) = self.stand(anchor, seen)? else {
             return Some(self.in_place(seen));
@@ -134,6 +135,29 @@ impl<'a> Restorer<'a> {
         let known = known.as_slice();
         let solution = self.synthesis.solve(self.prior, seen, anchor, known)?;
         Some(Some(solution))
+    }
+
+    /// Where the points seen whole say that a frame stands; `None` where they are fewer than those seen in part, or too few.
+    fn stand_by_whole(&self, anchor: &Anchor, seen: Observed<'_>) -> Option<Similarity> {
+        let of = |n: &[f64]| n.iter().filter(|v| v.is_finite()).count();
+        let (whole, part) = seen
+            .noise
+            .chunks_exact(3)
+            .map(of)
+            .fold((0, 0), |(w, p), n| {
+                (w + usize::from(n == 3), p + usize::from(n == 1 || n == 2))
+            });
+        (whole >= part).then_some(())?;
+        let mut noise = seen.noise.to_vec();
+        for point in noise.chunks_exact_mut(3).filter(|n| of(n) < 3) {
+            point.fill(f64::INFINITY);
+        }
+        let only = Observed {
+            y: seen.y,
+            noise: &noise,
+        };
+        let solution = self.stand(anchor, only)?;
+        Some(solution.map_or(Similarity::IDENTITY, |s| s.placement))
     }
 
     /// The placement that [`restore`](Restorer::restore) would find, without the answer.

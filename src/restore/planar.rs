@@ -12,8 +12,14 @@ use crate::pose::{PoseMap, Similarity};
 use crate::prior::{Fit, Prior};
 use glam::{DMat3, DVec3};
 
-/// Restores one frame with points observed in part. `None` with fewer than four points.
-pub fn restore(prior: &dyn Prior, seen: Observed<'_>, synthesis: &Synthesis) -> Option<Restored> {
+/// Restores one frame with points observed in part, from where it is `known` to stand or else from the headings that typical
+/// poses suggest. `None` with fewer than four points.
+pub fn restore(
+    prior: &dyn Prior,
+    seen: Observed<'_>,
+    synthesis: &Synthesis,
+    known: Option<Similarity>,
+) -> Option<Restored> {
     let count = seen
         .noise
         .chunks_exact(3)
@@ -23,7 +29,11 @@ pub fn restore(prior: &dyn Prior, seen: Observed<'_>, synthesis: &Synthesis) -> 
         return None;
     }
     let mut best: Option<(Fit, DMat3, DVec3)> = None;
-    for start in starts(prior, seen, synthesis.headings) {
+    let starts = match known {
+        Some(known) => vec![(known.rotation, known.shift)],
+        None => starts(prior, seen, synthesis.headings),
+    };
+    for start in starts {
         let solved = descend(prior, seen, start, synthesis.iterations.min(12));
         if best
             .as_ref()
