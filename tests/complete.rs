@@ -168,19 +168,11 @@ fn flat_input(flags: &[&str]) {
     }
 }
 
-/// Beside points that are missing, some lack a number; most are whole and tell where the pose stands.
 #[test]
 fn points_seen_in_part_among_whole_ones_are_filled_and_what_was_seen_of_them_stays() {
     let Some(walk) = walk(40) else { return };
-    let (mut table, truth) = (Numbers::read(&walk), Numbers::read(&walk));
-    for (t, row) in table.rows.iter_mut().enumerate().skip(1) {
-        if t % 3 > 0 {
-            // From one hip over a leg to the back: six points, and a number or three of three others.
-            row[3 * 5 + 2..=3 * 12].fill(f64::NAN);
-            row[3 * (14 + t % 9) + t % 3] = f64::NAN;
-        }
-    }
-    let damaged = table.write();
+    let truth = Numbers::read(&walk);
+    let damaged = truth.lacking_parts().write();
     let table = Numbers::read(&damaged);
     for (flags, most) in [(&["-q"][..], 0.2), (&["-q", "--per-frame"], 1.0)] {
         let filled = Numbers::read(&run("complete", flags, &damaged));

@@ -244,6 +244,19 @@ fn rows_used_as_they_are_may_be_a_strangers_and_a_noise_that_is_told_is_that_of_
     );
 }
 
+#[test]
+fn points_seen_in_part_among_whole_ones_are_filled_in_a_take() {
+    let Some(walk) = walk(120) else { return };
+    let truth = Numbers::read(&walk);
+    let damaged = truth.lacking_parts().write();
+    let filled = Numbers::read(&run("denoise", &["-q", "--fill"], &damaged));
+    let rms = truth.rms(&filled);
+    assert!(rms <= 0.3, "{rms} cm");
+    let kept = Numbers::read(&run("denoise", &["-q"], &damaged));
+    assert_eq!(kept.missing(), Numbers::read(&damaged).missing());
+    assert!(kept.far(&truth).0 <= 0.5);
+}
+
 /// Blocks learnt from some of subject 07's walks, and a walk that they have not seen.
 fn blocks() -> Option<(tempfile::TempDir, String, String)> {
     let dir = tempfile::tempdir().unwrap();

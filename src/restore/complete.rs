@@ -7,6 +7,7 @@
 use super::frame::{Restoration, Restored};
 use super::job::Job;
 use super::rejects::{Rejects, leave_out};
+use super::synthesis::Observed;
 use crate::par;
 use crate::pose::Status;
 use crate::prior::EXACT;
@@ -239,24 +240,17 @@ pub fn take(
     out
 }
 
-/// The points of each frame that are seen in part and are no more than those seen whole: in a take their neighbours in time
-/// tell more than a part does, which costs a descent a frame. Frames seen in part as such, as in a picture, have none.
+/// The points of each frame that are seen in part among whole ones: in a take their neighbours in time tell more than a part
+/// does, which costs a descent a frame.
 fn in_part(counted: &Array2<f64>) -> Vec<Vec<usize>> {
     let of = |row: ndarray::ArrayView1<'_, f64>| {
-        let seen = |p: usize| (3 * p..3 * p + 3).filter(|&i| row[i].is_finite()).count();
-        let (mut whole, mut parts) = (0, Vec::new());
-        for p in 0..row.len() / 3 {
-            match seen(p) {
-                3 => whole += 1,
-                1 | 2 => parts.push(p),
-                _ => {}
-            }
-        }
-        if parts.len() <= whole {
-            parts
-        } else {
-            Vec::new()
-        }
+        let y = row.to_vec();
+        let noise = noise_of(&y, &[]);
+        let seen = Observed {
+            y: &y,
+            noise: &noise,
+        };
+        seen.parts_among_whole()
     };
     counted.rows().into_iter().map(of).collect()
 }

@@ -9,6 +9,7 @@ use super::job::Job;
 use super::noise;
 use super::rejects::{Rejects, leave_out};
 use super::smooth;
+use super::synthesis::Observed;
 use crate::par;
 use crate::pose::Status;
 use crate::prior::EXACT;
@@ -146,7 +147,8 @@ pub fn take(
         let out: Vec<Answer> = range
             .clone()
             .map(|t| {
-                let found = restorer.restore(&mean.row(t).to_vec(), &variances.row(t).to_vec());
+                let found =
+                    smoothed_frame(&restorer, &mean.row(t).to_vec(), &variances.row(t).to_vec());
                 Answer::new(&restorer, found, rejects.points[t].clone(), usual)
             })
             .collect();
@@ -165,6 +167,30 @@ pub fn take(
         fill(job, &mut out, runs, rate);
     }
     out
+}
+
+/// The answer for a smoothed frame. Points seen in part among whole ones count as missing, which costs no descent; what was
+/// seen of them is as the smoother left it.
+fn smoothed_frame(
+    restorer: &super::Restorer<'_>,
+    y: &[f64],
+    variances: &[f64],
+) -> Option<super::Restored> {
+    let seen = Observed {
+        y,
+        noise: variances,
+    };
+    let parts = seen.parts_among_whole();
+    let mut noise = variances.to_vec();
+    for p in &parts {
+        noise[3 * p..3 * p + 3].fill(f64::INFINITY);
+    }
+    let mut found = restorer.restore(y, &noise)?;
+    let parts = parts.iter().flat_map(|p| 3 * p..3 * p + 3);
+    for i in parts.filter(|&i| variances[i].is_finite()) {
+        found.mean[i] = y[i];
+    }
+    Some(found)
 }
 
 /// Fills what is missing from the denoised points, as completing does: carried over from both ends of a gap.

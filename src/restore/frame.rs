@@ -139,18 +139,13 @@ impl<'a> Restorer<'a> {
 
     /// Where the points seen whole say that a frame stands; `None` where they are fewer than those seen in part, or too few.
     fn stand_by_whole(&self, anchor: &Anchor, seen: Observed<'_>) -> Option<Similarity> {
-        let of = |n: &[f64]| n.iter().filter(|v| v.is_finite()).count();
-        let (whole, part) = seen
-            .noise
-            .chunks_exact(3)
-            .map(of)
-            .fold((0, 0), |(w, p), n| {
-                (w + usize::from(n == 3), p + usize::from(n == 1 || n == 2))
-            });
-        (whole >= part).then_some(())?;
+        let parts = seen.parts_among_whole();
+        if parts.is_empty() {
+            return None;
+        }
         let mut noise = seen.noise.to_vec();
-        for point in noise.chunks_exact_mut(3).filter(|n| of(n) < 3) {
-            point.fill(f64::INFINITY);
+        for p in parts {
+            noise[3 * p..3 * p + 3].fill(f64::INFINITY);
         }
         let only = Observed {
             y: seen.y,

@@ -85,10 +85,29 @@ impl<'a> Observed<'a> {
 
     /// Whether some point is observed in part: the paper's 2-D input.
     pub fn is_partial(&self) -> bool {
-        self.noise.chunks_exact(3).any(|n| {
-            let seen = n.iter().filter(|v| v.is_finite()).count();
-            seen == 1 || seen == 2
-        })
+        (0..self.noise.len() / 3).any(|p| self.is_in_part(p))
+    }
+
+    /// How many coordinates of a point are observed.
+    fn count(&self, p: usize) -> usize {
+        let point = &self.noise[3 * p..3 * p + 3];
+        point.iter().filter(|v| v.is_finite()).count()
+    }
+
+    fn is_in_part(&self, p: usize) -> bool {
+        matches!(self.count(p), 1 | 2)
+    }
+
+    /// The points observed in part, where no fewer are whole: those tell where the pose stands. A picture has none.
+    pub fn parts_among_whole(&self) -> Vec<usize> {
+        let points = 0..self.noise.len() / 3;
+        let whole = points.clone().filter(|&p| self.count(p) == 3).count();
+        let parts: Vec<usize> = points.filter(|&p| self.is_in_part(p)).collect();
+        if parts.len() <= whole {
+            parts
+        } else {
+            Vec::new()
+        }
     }
 }
 

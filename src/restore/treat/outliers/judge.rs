@@ -2,7 +2,7 @@
 
 use super::super::bones::{SHARE, SLAB, base_of, is_seen, log_odds};
 use super::assignments::Assignment;
-use super::frame::{Frame, MOST, SURE};
+use super::frame::{Frame, MOST};
 use super::hidden::{Cavity, Shown};
 use crate::prior::small::{factorise, forward, log_sum};
 use crate::prior::{Belief, Prior};
@@ -17,6 +17,9 @@ pub const SCALES: [(f64, f64, f64); 4] = [
 ];
 /// What a point's log likelihood ratio is multiplied by at a second look: the assignments' weights have used the point.
 const SECOND: f64 = 0.5;
+
+/// Where more than this share of an observation's variance is left, nearly all that is believed is its own.
+const MOST_OWN: f64 = 0.98;
 
 /// Where too much is in doubt to hide it all, each point is first judged by what the prior expects of it.
 pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
@@ -39,14 +42,17 @@ pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
 }
 
 /// What a belief expects of the points that may be corrupt tells how far off they are: a distance tells that along itself
-/// alone, and a point may be far off and a distance of it right. But the variance of a coordinate is never above the square of
-/// the worst distance: a point whose distances are all right is no outlier where only the belief does not expect it.
+/// alone, and a point may be far off and a distance of it right. But the variance of a coordinate is never raised above the
+/// square of the worst distance: a point whose distances are all right is no outlier where only the belief does not expect it.
 ///
-/// `expected` is what was asked with [`Frame::noise`] of no assignment. Slabs only rise, also at a second look; what the
-/// distances tell of who is corrupt stays what their own slabs made of it.
+/// `expected` is what was asked with [`Frame::noise`] of no assignment; that stays what it was, as it is no less than the worst
+/// distance's. Slabs only rise, also at a second look; what the distances tell of who is corrupt stays what their own slabs
+/// made of it.
 pub fn farther(frame: &mut Frame, expected: &Belief) {
     let shown = frame.noise(None);
-    for p in (0..frame.points()).filter(|p| frame.look.corrupt[*p] > SURE) {
+    let may = |p: &usize| frame.corrupt[*p] || frame.doubt.contains(p);
+    let may: Vec<usize> = (0..frame.points()).filter(may).collect();
+    for p in may {
         let Some(own) = left_out(&frame.y, expected, p, shown[3 * p]) else {
             continue;
         };
@@ -62,18 +68,19 @@ pub fn farther(frame: &mut Frame, expected: &Belief) {
 /// Judges all points anew, by what the others expect of each under the likely assignments. `expected` is what is expected of
 /// the points in doubt without them.
 pub fn again(frame: &mut Frame, expected: &Belief, assignments: &[Assignment]) {
-    // What each assignment expects of a point: of those in doubt it is known without them, of the others by leaving them out.
+    // What each assignment expects of a point: of those in doubt it is known without them, of the others by leaving them out,
+    // which tells of those that were not exact.
     let noise = frame.noise(None);
     let under = |a: &Assignment| -> Vec<Option<Cavity>> {
         let shown = Shown::of(frame, expected, &a.corrupt);
         let belief = shown.belief();
-        let mut each: Vec<Option<Cavity>> = (0..frame.points())
-            .map(|p| left_out(&frame.y, &belief, p, noise[3 * p]))
-            .collect();
-        for (p, cavity) in frame.doubt.iter().zip(shown.cavities()) {
-            each[*p] = Some(cavity);
-        }
-        each
+        let mut own = shown.cavities().into_iter();
+        (0..frame.points())
+            .map(|p| match frame.doubt.contains(&p) {
+                true => own.next(),
+                false => left_out(&frame.y, &belief, p, noise[3 * p]),
+            })
+            .collect()
     };
     let told: Vec<(f64, Vec<Option<Cavity>>)> = (assignments.iter())
         .map(|a| (a.weight.ln(), under(a)))
@@ -108,7 +115,8 @@ fn logs(frame: &Frame, expected: &Cavity, p: usize) -> Option<[f64; 2]> {
 }
 
 /// What a belief would be of a point without its own observation of variance `r` (infinite: it had none). `None` where it leaves
-/// more open than the observation's own noise, as blocks that compete may: it is no Gaussian then.
+/// more open than the observation's own noise, as blocks that compete may: it is no Gaussian then; or nearly as much: what is
+/// believed is what was seen, and tells nothing of what the others say.
 fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<Cavity> {
     // P_cav = P (I − P/r)⁻¹ and y − m_cav = (I − P/r)⁻¹ (y − m).
     let left = |by: f64| -> [f64; 9] {
@@ -117,12 +125,10 @@ fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<Cavity> {
             f64::from(u8::from(k / 3 == k % 3)) - by * v
         })
     };
-    if !is_positive(&left(1.0)) {
+    if !is_positive(&left(1.0 / MOST_OWN)) {
         return None;
     }
-    // An observation takes something from any variance: no share is above .98.
-    let share = left(0.98);
-    let inverse = DMat3::from_cols_array(&share).inverse().to_cols_array();
+    let inverse = DMat3::from_cols_array(&left(1.0)).inverse().to_cols_array();
     let off: [f64; 3] = std::array::from_fn(|c| y[3 * p + c] - belief.mean[3 * p + c]);
     let without = std::array::from_fn(|a| (0..3).map(|b| inverse[3 * a + b] * off[b]).sum());
     let covariance = std::array::from_fn(|k| {
@@ -185,11 +191,10 @@ mod tests {
             evidence: 0.0,
         };
         let Cavity { off, covariance } = left_out(&y, &belief, 0, r).unwrap();
-        // A share of .98 of the variance is left out: next to the prior's own.
         for k in 0..3 {
-            assert!((off[k] - (y[k] - m[k])).abs() <= 0.2, "{off:?}");
+            assert!((off[k] - (y[k] - m[k])).abs() <= 1e-9, "{off:?}");
             assert!(
-                (covariance[4 * k] - s[4 * k]).abs() <= 0.1 * s[4 * k] + 0.02,
+                (covariance[4 * k] - s[4 * k]).abs() <= 1e-9,
                 "{covariance:?}"
             );
         }
@@ -215,6 +220,8 @@ mod tests {
         };
         assert!(left_out(&[1.0; 3], &belief(0.9), 0, 1.0).is_some());
         assert!(left_out(&[1.0; 3], &belief(1.1), 0, 1.0).is_none());
+        // All but what was seen.
+        assert!(left_out(&[1.0; 3], &belief(0.99), 0, 1.0).is_none());
         assert!(left_out(&[1.0; 3], &belief(f64::NAN), 0, 1.0).is_none());
     }
 
@@ -264,13 +271,14 @@ mod tests {
         assert!(before < told && told < frame.look.farthest[3]);
         assert!((frame.look.slab[3] - told).abs() <= 1e-9 * told);
         // No number tells nothing.
-        let raised = frame.look.slab.clone();
+        let (raised, shown) = (frame.look.slab.clone(), frame.noise(None));
         farther(&mut frame, &belief(vec![f64::NAN; 18], &[1.0; 18]));
         assert_eq!(frame.look.slab, raised);
         // Expected farther off still.
         let far = pose.iter().map(|v| v + 400.0).collect();
         farther(&mut frame, &belief(far, &[1.0; 18]));
         assert_eq!(frame.look.slab[3], frame.look.farthest[3]);
+        assert_eq!(frame.noise(None), shown);
     }
 
     #[test]
@@ -289,7 +297,7 @@ mod tests {
         farther(&mut frame, &told);
         let whole = off(&frame, &pose, 3);
         assert!(
-            (frame.look.slab[3] - whole).abs() <= 0.05 * whole,
+            (frame.look.slab[3] - whole).abs() <= 1e-6 * whole,
             "{} {whole}",
             frame.look.slab[3]
         );
@@ -304,5 +312,29 @@ mod tests {
         let far = pose.iter().map(|v| v + 400.0).collect();
         farther(&mut frame, &belief(far, &[1.0; 18]));
         assert_eq!(frame.look.slab, before);
+    }
+
+    #[test]
+    fn a_second_look_judges_an_exact_point_by_the_others_also_where_it_was_taken_for_clean() {
+        let clean = |n: usize| Assignment {
+            weight: 1.0,
+            corrupt: vec![false; n],
+            told: 0.0,
+        };
+        let (mut frame, pose) = chain(&[(9, 21.0), (10, 9.9)]);
+        frame.doubt = vec![3];
+        frame.corrupt.fill(false);
+        let seen = frame.y.clone();
+        let look = |frame: &mut Frame, mean: Vec<f64>| {
+            frame.doubt = vec![3];
+            again(frame, &belief(mean, &[0.1; 18]), &[clean(1)]);
+            frame.look.corrupt[3]
+        };
+        let expected_there = look(&mut frame, seen);
+        let expected_elsewhere = look(&mut frame, pose);
+        assert!(
+            expected_there < 0.8 && expected_elsewhere > 0.98,
+            "{expected_there} {expected_elsewhere}"
+        );
     }
 }
