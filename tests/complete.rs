@@ -186,6 +186,22 @@ fn points_seen_in_part_among_whole_ones_are_filled_and_what_was_seen_of_them_sta
 }
 
 #[test]
+fn points_seen_in_part_all_the_time_tell_what_they_can() {
+    let Some(walk) = walk(12) else { return };
+    let truth = Numbers::read(&walk);
+    let mut flat = truth.clone();
+    for row in &mut flat.rows {
+        for p in [3, 4, 7, 8, 17, 18, 21, 22] {
+            row[3 * p + 2] = f64::NAN;
+        }
+    }
+    for flags in [&["-q"][..], &["-q", "--per-frame"]] {
+        let rms = truth.rms(&Numbers::read(&run("complete", flags, &flat.write())));
+        assert!(rms <= 0.6, "{flags:?}: {rms} cm");
+    }
+}
+
+#[test]
 fn flags_that_change_nothing_are_told() {
     let Some(walk) = walk(3) else { return };
     let out = command("complete")

@@ -18,6 +18,8 @@ use std::ops::Range;
 
 /// Frames restored by one piece of parallel work.
 const CHUNK: usize = 8;
+/// What is seen in part for no longer than this, in seconds, is told better by its neighbours in time.
+const BRIEF: f64 = 0.25;
 
 /// What to do where.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -150,7 +152,7 @@ pub fn take(
     // What counts: the numbers seen, without the suspects.
     let mut counted = xyz.to_owned();
     leave_out(&mut counted, &suspects);
-    let parts = in_part(&counted);
+    let parts = brief_parts(&counted, runs, rate);
     leave_out(&mut counted, &parts);
     let gaps: Vec<Gap> = runs.iter().flat_map(|run| gaps_of(&counted, run)).collect();
     let answers: Vec<Answer> = par::map_chunks(xyz.nrows(), CHUNK, |range| {
@@ -240,10 +242,10 @@ pub fn take(
     out
 }
 
-/// The points of each frame that are seen in part among whole ones: in a take their neighbours in time tell more than a part
-/// does, which costs a descent a frame.
-fn in_part(counted: &Array2<f64>) -> Vec<Vec<usize>> {
-    let of = |row: ndarray::ArrayView1<'_, f64>| {
+/// The points of each frame that are seen in part among whole ones, for a while and whole before and after: their neighbours in
+/// time tell more than a part does, which costs a descent a frame. Of what is seen in part for longer, the part tells more.
+fn brief_parts(counted: &Array2<f64>, runs: &[Range<usize>], rate: f64) -> Vec<Vec<usize>> {
+    let among_whole = |row: ndarray::ArrayView1<'_, f64>| {
         let y = row.to_vec();
         let noise = noise_of(&y, &[]);
         let seen = Observed {
@@ -252,7 +254,16 @@ fn in_part(counted: &Array2<f64>) -> Vec<Vec<usize>> {
         };
         seen.parts_among_whole()
     };
-    counted.rows().into_iter().map(of).collect()
+    let parts: Vec<Vec<usize>> = counted.rows().into_iter().map(among_whole).collect();
+    let mut brief = vec![Vec::new(); parts.len()];
+    for gap in runs.iter().flat_map(|run| gaps_of(counted, run)) {
+        let between = gap.before.is_some() && gap.after.is_some();
+        if between && gap.frames.len() as f64 <= BRIEF * rate {
+            let here = gap.frames.filter(|&t| parts[t].contains(&gap.point));
+            here.for_each(|t| brief[t].push(gap.point));
+        }
+    }
+    brief
 }
 
 /// A point missing (or suspected) for some frames on end.

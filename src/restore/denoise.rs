@@ -181,11 +181,7 @@ fn smoothed_frame(
         noise: variances,
     };
     let parts = seen.parts_among_whole();
-    let mut noise = variances.to_vec();
-    for p in &parts {
-        noise[3 * p..3 * p + 3].fill(f64::INFINITY);
-    }
-    let mut found = restorer.restore(y, &noise)?;
+    let mut found = restorer.restore(y, &seen.noise_without(&parts))?;
     let parts = parts.iter().flat_map(|p| 3 * p..3 * p + 3);
     for i in parts.filter(|&i| variances[i].is_finite()) {
         found.mean[i] = y[i];

@@ -143,10 +143,7 @@ impl<'a> Restorer<'a> {
         if parts.is_empty() {
             return None;
         }
-        let mut noise = seen.noise.to_vec();
-        for p in parts {
-            noise[3 * p..3 * p + 3].fill(f64::INFINITY);
-        }
+        let noise = seen.noise_without(&parts);
         let only = Observed {
             y: seen.y,
             noise: &noise,

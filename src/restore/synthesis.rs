@@ -59,6 +59,9 @@ pub struct Solution {
     pub iterations: usize,
 }
 
+/// So many whole points tell a pose: as many as the paper completes from.
+const ENOUGH: usize = 6;
+
 /// An observation: 3 J numbers with the variance of the noise of each; infinite where missing.
 #[derive(Debug, Clone, Copy)]
 pub struct Observed<'a> {
@@ -88,6 +91,15 @@ impl<'a> Observed<'a> {
         (0..self.noise.len() / 3).any(|p| self.is_in_part(p))
     }
 
+    /// The noise where those points are not seen at all.
+    pub fn noise_without(&self, points: &[usize]) -> Vec<f64> {
+        let mut noise = self.noise.to_vec();
+        for p in points {
+            noise[3 * p..3 * p + 3].fill(f64::INFINITY);
+        }
+        noise
+    }
+
     /// How many coordinates of a point are observed.
     fn count(&self, p: usize) -> usize {
         let point = &self.noise[3 * p..3 * p + 3];
@@ -98,12 +110,13 @@ impl<'a> Observed<'a> {
         matches!(self.count(p), 1 | 2)
     }
 
-    /// The points observed in part, where no fewer are whole: those tell where the pose stands. A picture has none.
+    /// The points observed in part, where no fewer and at least [`ENOUGH`] are whole: those tell where the pose stands. A picture
+    /// has none.
     pub fn parts_among_whole(&self) -> Vec<usize> {
         let points = 0..self.noise.len() / 3;
         let whole = points.clone().filter(|&p| self.count(p) == 3).count();
         let parts: Vec<usize> = points.filter(|&p| self.is_in_part(p)).collect();
-        if parts.len() <= whole {
+        if whole >= ENOUGH.max(parts.len()) {
             parts
         } else {
             Vec::new()

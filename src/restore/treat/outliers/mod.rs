@@ -10,8 +10,8 @@
 //! The scales (c, i) are there because priors are surer of unseen poses than they should be. How far off a corrupt point may be
 //! (R) its distances tell along themselves alone; where the prior expects it tells more. The assignments that weigh most
 //! are asked of the prior, which tells the evidence of all that was seen under each: with that, tempered, in place of the sum
-//! they are weighed anew. The few light ones follow from N(m, P), which points
-//! decided to be corrupt had less of a say in. The answer is the average.
+//! they are weighed anew. The few light ones follow from N(m, P), in which points decided to be corrupt had less of a say. The
+//! answer is the average.
 //!
 //! Where many points are in doubt, as with base noise, the prior sees too little that is sure. Then all points are judged by
 //! what follows from N(m, P) under each assignment, each without its own observation, and those that stay in doubt are hidden
