@@ -110,7 +110,7 @@ impl<'a> Observed<'a> {
         matches!(self.count(p), 1 | 2)
     }
 
-    /// The points observed in part, where no fewer and at least [`ENOUGH`] are whole: those tell where the pose stands. A picture
+    /// The points observed in part, where no fewer and at least six are whole: those tell where the pose stands. A picture
     /// has none.
     pub fn parts_among_whole(&self) -> Vec<usize> {
         let points = 0..self.noise.len() / 3;
