@@ -11,7 +11,7 @@
 //! a turned observation gives the turned answer. From each heading the evidence of a model that tells its slope
 //! ([`Prior::slope`]) is climbed instead.
 
-use super::climb;
+use super::climb::{self, Climbed};
 use crate::pose::align::{Free, fit_similarity};
 use crate::pose::rotation::{angle_between, cross_matrix};
 use crate::pose::{Anchor, Similarity};
@@ -137,9 +137,19 @@ impl Synthesis {
     ) -> Option<Solution> {
         let starts = self.headings(prior, seen, known)?;
         let mut best: Option<Solution> = None;
+        let mut tops = Vec::new();
         for start in starts {
-            let solved = climb::climb(self, prior, seen, start)
-                .unwrap_or_else(|| self.descend(prior, seen, anchor, start, None));
+            let solved = match climb::climb(self, prior, seen, start, &tops) {
+                Climbed::Top(solved) => {
+                    // Who wishes to stay near another start climbs elsewhere.
+                    if self.rotation_prior == DVec3::ZERO {
+                        tops.push(solved.placement);
+                    }
+                    solved
+                }
+                Climbed::SameTop => continue,
+                Climbed::Flat => self.descend(prior, seen, anchor, start, None),
+            };
             if best.as_ref().is_none_or(|b| solved.objective < b.objective) {
                 best = Some(solved);
             }
@@ -159,8 +169,10 @@ impl Synthesis {
         before: &Solution,
     ) -> Option<Solution> {
         let start = *self.headings(prior, seen, &[before.placement])?.first()?;
-        let climbed = climb::climb(self, prior, seen, start);
-        climbed.or_else(|| Some(self.descend(prior, seen, anchor, start, before.fit.as_ref())))
+        match climb::climb(self, prior, seen, start, &[]) {
+            Climbed::Top(solved) => Some(solved),
+            _ => Some(self.descend(prior, seen, anchor, start, before.fit.as_ref())),
+        }
     }
 
     /// The headings to start from: the known ones, or those of the typical poses that fit the points best, far apart.
