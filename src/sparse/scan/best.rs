@@ -1,12 +1,23 @@
 //! The best atom of those met so far.
 
 use super::kernel::any;
-use super::panels::Row;
+use super::panels::{Row, WIDTH};
 use pulp::Simd;
 
 /// An atom is as good as its key: c² / e, rounded to f32. It is sought without a division: below this share of the key there
 /// is nothing better.
 const NEARLY: f32 = 1.0 - 1e-6;
+
+/// The places of a panel's atoms, in order.
+const PLACES: Row = {
+    let mut places = Row::ZERO;
+    let mut i = 0;
+    while i < WIDTH {
+        places.0[i] = i as f32;
+        i += 1;
+    }
+    places
+};
 
 /// The best atom for a pose: that with the largest key, the first of equals.
 #[derive(Debug, Clone, Copy)]
@@ -55,19 +66,24 @@ impl Best {
         over: [S::f32s; V],
         under: [S::f32s; V],
     ) {
-        let mut keys = Row::ZERO;
+        let mut keys = over;
         let mut most = simd.splat_f32s(self.key);
         for v in 0..V {
-            let key = simd.div_f32s(over[v], under[v]);
+            keys[v] = simd.div_f32s(over[v], under[v]);
             // What is no number, of an atom that is taken, is not more.
-            most = simd.select_f32s(simd.greater_than_f32s(key, most), key, most);
-            S::as_mut_simd_f32s(&mut keys.0).0[v] = key;
+            most = simd.select_f32s(simd.greater_than_f32s(keys[v], most), keys[v], most);
         }
         let most = simd.reduce_max_f32s(most);
         if most > self.key {
             self.key = most;
-            let lane = keys.0.iter().position(|key| *key == most);
-            self.atom = from + lane.unwrap_or_default() as u32;
+            let places = S::as_simd_f32s(&PLACES.0).0;
+            let (all, mut first) = (simd.splat_f32s(most), simd.splat_f32s(f32::INFINITY));
+            for v in 0..V {
+                let is_it = simd.equal_f32s(keys[v], all);
+                let place = simd.select_f32s(is_it, places[v], first);
+                first = simd.min_f32s(first, place);
+            }
+            self.atom = from + simd.reduce_min_f32s(first) as u32;
             // Of numbers below the normal ones a share is not told so well.
             self.enough = match most > 1e-30 {
                 true => most * NEARLY,
@@ -84,7 +100,6 @@ impl Best {
 
 #[cfg(test)]
 mod tests {
-    use super::super::panels::WIDTH;
     use super::*;
     use crate::par;
     use pulp::{Scalar, Scalar256b, Scalar512b, WithSimd};
