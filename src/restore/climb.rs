@@ -9,9 +9,9 @@
 //!
 //! by damped Newton steps δ, ε of y ↦ Rᵀ (exp(−δ) (y − c − ε) + c − t) about the centre c of what is seen.
 
-use super::synthesis::{
-    Observed, Solution, Synthesis, angles_from, pointwise, turn, turn_derivatives,
-};
+use super::observed::{Observed, pointwise};
+use super::synthesis::{Solution, Synthesis};
+use super::turn::{angles_from, turn, turn_derivatives};
 use crate::linalg::cholesky_solve;
 use crate::pose::Similarity;
 use crate::pose::rotation::{angle_between, exponential};

@@ -6,8 +6,8 @@
 
 use super::frame::{Restoration, Restored};
 use super::job::Job;
+use super::observed::Observed;
 use super::rejects::{Rejects, leave_out};
-use super::synthesis::Observed;
 use crate::par;
 use crate::pose::Status;
 use crate::prior::EXACT;

@@ -1,7 +1,8 @@
 //! One frame restored: placed, fitted, answered. The one function behind `denoise` and `complete`.
 
+use super::observed::{Observed, pointwise};
 use super::planar;
-use super::synthesis::{Observed, Solution, Synthesis};
+use super::synthesis::{Solution, Synthesis};
 use super::treat::{Seek, Treatment};
 use crate::pose::{Anchor, Similarity, Status};
 use crate::prior::{EXACT, Posterior, Prior};
@@ -111,7 +112,7 @@ impl<'a> Restorer<'a> {
         let placement = solution.placement;
         let mut back = vec![0.0; y.len()];
         placement.undo_pose(y, &mut back);
-        let noise = super::synthesis::pointwise(noise);
+        let noise = pointwise(noise);
         let posterior = match self.treated(&back, &noise, Seek::Nothing) {
             Some(treated) => treated.0,
             None => {

@@ -13,6 +13,7 @@ pub mod ik;
 pub mod job;
 pub mod measured;
 mod noise;
+pub mod observed;
 pub mod planar;
 mod rejects;
 pub mod report;
@@ -22,7 +23,9 @@ pub mod suspects;
 pub mod synthesis;
 pub mod take;
 pub mod treat;
+mod turn;
 
 pub use frame::{Restoration, Restored, Restorer};
 pub use job::Job;
+pub use observed::Observed;
 pub use treat::{Seek, Treated, Treatment};

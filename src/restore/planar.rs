@@ -6,7 +6,8 @@
 //! pass through the origin.
 
 use super::frame::{Restored, point_sd};
-use super::synthesis::{Observed, Synthesis};
+use super::observed::Observed;
+use super::synthesis::Synthesis;
 use crate::pose::rotation::exponential;
 use crate::pose::{PoseMap, Similarity};
 use crate::prior::{Fit, Prior};

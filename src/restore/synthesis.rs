@@ -12,8 +12,10 @@
 //! ([`Prior::slope`]) is climbed instead.
 
 use super::climb::{self, Climbed};
+use super::observed::{Observed, pointwise};
+use super::turn::{angles_from, turn, turn_derivatives};
 use crate::pose::align::{Free, fit_similarity};
-use crate::pose::rotation::{angle_between, cross_matrix};
+use crate::pose::rotation::angle_between;
 use crate::pose::{Anchor, Similarity};
 use crate::prior::{Fit, Prior};
 use glam::{DMat3, DVec3};
@@ -57,71 +59,6 @@ pub struct Solution {
     pub objective: f64,
     /// Alternations or steps made from the heading that won.
     pub iterations: usize,
-}
-
-/// So many whole points tell a pose: as many as the paper completes from.
-const ENOUGH: usize = 6;
-
-/// An observation: 3 J numbers with the variance of the noise of each; infinite where missing.
-#[derive(Debug, Clone, Copy)]
-pub struct Observed<'a> {
-    /// Numbers, cm.
-    pub y: &'a [f64],
-    /// Variances, cm².
-    pub noise: &'a [f64],
-}
-
-impl<'a> Observed<'a> {
-    /// The points of which all three coordinates are observed, with their precision against `model` variances.
-    pub fn points(
-        &self,
-        model: &'a [f64],
-    ) -> impl Iterator<Item = (usize, DVec3, f64)> + Clone + 'a {
-        let (y, noise) = (self.y, self.noise);
-        (0..y.len() / 3).filter_map(move |j| {
-            let variance: f64 = (3 * j..3 * j + 3).map(|c| noise[c] + model[c]).sum();
-            variance
-                .is_finite()
-                .then(|| (j, DVec3::from_slice(&y[3 * j..]), 3.0 / variance))
-        })
-    }
-
-    /// Whether some point is observed in part: the paper's 2-D input.
-    pub fn is_partial(&self) -> bool {
-        (0..self.noise.len() / 3).any(|p| self.is_in_part(p))
-    }
-
-    /// The noise where those points are not seen at all.
-    pub fn noise_without(&self, points: &[usize]) -> Vec<f64> {
-        let mut noise = self.noise.to_vec();
-        for p in points {
-            noise[3 * p..3 * p + 3].fill(f64::INFINITY);
-        }
-        noise
-    }
-
-    /// How many coordinates of a point are observed.
-    fn count(&self, p: usize) -> usize {
-        let point = &self.noise[3 * p..3 * p + 3];
-        point.iter().filter(|v| v.is_finite()).count()
-    }
-
-    fn is_in_part(&self, p: usize) -> bool {
-        matches!(self.count(p), 1 | 2)
-    }
-
-    /// The points observed in part, where no fewer and at least six are whole: those tell where the pose stands. A picture
-    /// has none.
-    pub fn parts_among_whole(&self) -> Vec<usize> {
-        let points = 0..self.noise.len() / 3;
-        let whole = points.clone().filter(|&p| self.count(p) == 3).count();
-        let parts: Vec<usize> = points.filter(|&p| self.is_in_part(p)).collect();
-        if whole >= ENOUGH.max(parts.len()) {
-            parts
-        } else {
-            Vec::new()
-        }
-    }
 }
 
 impl Synthesis {
@@ -407,61 +344,9 @@ impl Synthesis {
     }
 }
 
-/// The noise of whole points: turning a point mixes its coordinates, so each gets their mean.
-pub(super) fn pointwise(noise: &[f64]) -> Vec<f64> {
-    noise
-        .chunks_exact(3)
-        .flat_map(|n| [n.iter().sum::<f64>() / 3.0; 3])
-        .collect()
-}
-
-/// R = Rz Ry Rx.
-pub(super) fn turn(tau: DVec3) -> DMat3 {
-    DMat3::from_rotation_z(tau.z) * DMat3::from_rotation_y(tau.y) * DMat3::from_rotation_x(tau.x)
-}
-
-/// dR/dτx = Rz Ry Rx [ex]×, dR/dτy = Rz Ry [ey]× Rx, dR/dτz = [ez]× R.
-pub(super) fn turn_derivatives(tau: DVec3) -> [DMat3; 3] {
-    let (x, y, z) = (
-        DMat3::from_rotation_x(tau.x),
-        DMat3::from_rotation_y(tau.y),
-        DMat3::from_rotation_z(tau.z),
-    );
-    [
-        z * y * x * cross_matrix(DVec3::X),
-        z * y * cross_matrix(DVec3::Y) * x,
-        cross_matrix(DVec3::Z) * z * y * x,
-    ]
-}
-
-/// The angles τ with R(τ) R_start = R.
-pub(super) fn angles_from(start: &DMat3, now: &DMat3) -> DVec3 {
-    use crate::pose::rotation::{decompose, parse_order};
-    let relative = *now * start.transpose();
-    let order = parse_order("zyx").unwrap_or([crate::pose::rotation::Axis::Z; 3]);
-    let [z, y, x] = decompose(&relative, order, [0.0; 3]);
-    DVec3::new(x, y, z)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_derivatives_of_the_turn_are_right() {
-        let tau = DVec3::new(0.3, -0.8, 1.9);
-        let h = 1e-6;
-        for (k, d) in turn_derivatives(tau).into_iter().enumerate() {
-            let e = DVec3::AXES[k] * h;
-            let want = (turn(tau + e) - turn(tau - e)) * (0.5 / h);
-            assert!(
-                (0..3).all(|c| (d.col(c) - want.col(c)).length() <= 1e-8),
-                "{k}"
-            );
-        }
-        let r = turn(tau);
-        assert!((angles_from(&DMat3::IDENTITY, &r) - tau).length() <= 1e-9);
-    }
 
     /// Atoms over six points of a body that turns a little, and a pose of them that stands elsewhere, without its last point.
     fn scene() -> (crate::prior::SparsePrior, Anchor, Vec<f64>, Vec<f64>) {

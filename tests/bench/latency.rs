@@ -10,7 +10,8 @@ use ndarray::Axis;
 use posing::io::Model;
 use posing::pose::{Anchor, Similarity};
 use posing::prior::{Choice, Prior, SparsePrior};
-use posing::restore::synthesis::{Observed, Solution, Synthesis};
+use posing::restore::Observed;
+use posing::restore::synthesis::{Solution, Synthesis};
 use shared::Take;
 use std::time::Instant;
 
