@@ -8,7 +8,7 @@
 //! ```
 
 use super::explained::Explained;
-use super::lens::Aside;
+use super::lens::Weighted;
 use super::part::{Part, View};
 use crate::prior::Slope;
 
@@ -68,19 +68,17 @@ impl Pull<'_> {
                 *o -= *m as f32;
             }
         }
-        let aside = |of| Aside::of(&sight.lens, &sight.scales, of);
-        let rest = aside(&off);
-        let ways: Vec<Aside<'_>> = self.moves.iter().map(|m| aside(m)).collect();
-        let mut forms = Vec::new();
-        let mut sum = |a: &Aside<'_>, b: &Aside<'_>| -> f64 {
-            a.forms(b, &mut forms);
-            let terms = blocks.iter().map(|&i| self.shares[i] * forms[best[i].at]);
-            terms.sum()
-        };
+        let mut weights = vec![0.0; sight.scales.scales.len()];
+        blocks
+            .iter()
+            .for_each(|&i| weights[best[i].at] += self.shares[i]);
+        let through = Weighted::of(&sight.lens, &sight.scales, &weights);
+        let rest = through.aside(&off);
+        let ways: Vec<_> = self.moves.iter().map(|m| through.aside(m)).collect();
         for i in 0..n {
-            slope.gradient[i] -= sum(&ways[i], &rest);
+            slope.gradient[i] -= ways[i].form(&rest);
             for j in 0..=i {
-                let v = sum(&ways[i], &ways[j]);
+                let v = ways[i].form(&ways[j]);
                 slope.curvature[i * n + j] += v;
                 if i != j {
                     slope.curvature[j * n + i] += v;

@@ -5,49 +5,81 @@ use super::Lens;
 use crate::prior::small::dot;
 use crate::simd;
 
-/// A vector beside a lens at some scales.
-pub struct Aside<'a> {
+/// A lens at some scales that have weights, Σ weight (a C_oo + R)⁻¹.
+pub struct Weighted<'a> {
     lens: &'a Lens,
     scales: &'a Scales,
+    /// Those with any weight, and its root.
+    roots: Vec<(usize, f64)>,
+    /// Σ weight s by directions; 0 for those that are shared.
+    shares: Vec<f32>,
+    /// The same for what is shared.
+    shared: f32,
+}
+
+/// A vector beside it.
+pub struct Aside<'a> {
+    through: &'a Weighted<'a>,
     of: &'a [f32],
     /// In the directions; 0 for those that are shared.
     z: Vec<f32>,
-    /// L⁻¹ q at each scale, where coordinates are changed.
+    /// The same times the shares.
+    weighted: Vec<f32>,
+    /// L⁻¹ q at each scale times the weight's root, where coordinates are changed.
     fixed: Vec<f64>,
 }
 
-impl<'a> Aside<'a> {
-    /// Of a vector (d, padded with 0; read where seen).
-    pub fn of(lens: &'a Lens, scales: &'a Scales, of: &'a [f32]) -> Aside<'a> {
-        let mut z = Vec::new();
-        lens.project(of, &mut z);
-        if let Some(cut) = &lens.cut {
-            z[cut.values.len() - 1] = 0.0;
+impl<'a> Weighted<'a> {
+    /// `weights` are of the scales.
+    pub fn of(lens: &'a Lens, scales: &'a Scales, weights: &[f64]) -> Weighted<'a> {
+        let some = weights.iter().enumerate().filter(|(_, w)| **w > 0.0);
+        let mut sums = vec![0.0; lens.stride()];
+        for (at, weight) in some.clone() {
+            let shares = sums.iter_mut().zip(scales.shares(at));
+            shares.for_each(|(sum, s)| *sum += weight * f64::from(*s));
         }
-        let all = 0..scales.scales.len();
-        Aside {
-            fixed: all.flat_map(|at| scales.whitened(at, &z)).collect(),
+        let shared = lens.cut.as_ref().map(|cut| cut.values.len() - 1);
+        let shared = shared.map_or(0.0, |last| std::mem::take(&mut sums[last]));
+        Weighted {
+            roots: some.map(|(at, weight)| (at, weight.sqrt())).collect(),
+            shares: sums.iter().map(|s| *s as f32).collect(),
+            shared: shared as f32,
             lens,
             scales,
-            of,
-            z,
         }
     }
 
-    /// aᵀ (a C_oo + R)⁻¹ b with another at each scale, into `out`.
-    pub fn forms(&self, other: &Aside<'_>, out: &mut Vec<f64>) {
-        self.scales.plain(&self.z, &other.z, out);
-        let changed = self.fixed.len() / self.scales.scales.len().max(1);
-        if changed > 0 {
-            let pairs = self.fixed.chunks(changed).zip(other.fixed.chunks(changed));
-            for (out, (p, q)) in out.iter_mut().zip(pairs) {
-                *out -= dot(p, q);
-            }
+    /// A vector (d, padded with 0; read where seen).
+    pub fn aside(&'a self, of: &'a [f32]) -> Aside<'a> {
+        let mut z = Vec::new();
+        self.lens.project(of, &mut z);
+        if let Some(cut) = &self.lens.cut {
+            z[cut.values.len() - 1] = 0.0;
         }
-        let Some(cut) = &self.lens.cut else { return };
+        let mut fixed = Vec::new();
+        for &(at, root) in &self.roots {
+            let white = self.scales.whitened(at, &z);
+            fixed.extend(white.iter().map(|v| root * v));
+        }
+        Aside {
+            weighted: z.iter().zip(&self.shares).map(|(z, s)| z * s).collect(),
+            through: self,
+            of,
+            z,
+            fixed,
+        }
+    }
+}
+
+impl Aside<'_> {
+    /// aᵀ Σ weight (a C_oo + R)⁻¹ b with another.
+    pub fn form(&self, other: &Aside<'_>) -> f64 {
+        let form = simd::dot(&self.weighted, &other.z);
+        let form = f64::from(form) - dot(&self.fixed, &other.fixed);
+        if self.through.lens.cut.is_none() {
+            return form;
+        }
         let left = simd::dot(self.of, other.of) - simd::dot(&self.z, &other.z);
-        for (at, out) in out.iter_mut().enumerate() {
-            *out += f64::from(self.scales.shares(at)[cut.values.len() - 1] * left);
-        }
+        form + f64::from(self.through.shared * left)
     }
 }
