@@ -57,6 +57,11 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    match &args.split {
+        Some(folder) if folder.is_dir() => refuse_others(folder, args.k as usize)?,
+        Some(_) => {}
+        None => streams::fits(&args.out, &added())?,
+    }
     let table = streams::read_table(&args.input, false, true)?;
     if args.save.is_some() {
         few_enough(table.columns.points.len(), &table.name)?;
@@ -101,12 +106,16 @@ fn work(args: &Args) -> Result<Outcome> {
     match &args.split {
         Some(folder) => split(args, &table, &clustering, folder)?,
         None => {
-            let added = [("cluster".to_string(), After::All)];
             let label = |t: usize| vec![clustering.labels[t].to_string()];
-            streams::write_table(&args.out, &table, table.poses.xyz.view(), &added, label)?;
+            streams::write_table(&args.out, &table, table.poses.xyz.view(), &added(), label)?;
         }
     }
     Ok(Outcome::Done)
+}
+
+/// What the table gets besides its columns.
+fn added() -> [(String, After); 1] {
+    [("cluster".to_string(), After::All)]
 }
 
 fn save(
@@ -130,6 +139,27 @@ fn save(
         vec![digest(&table.columns.points, poses)],
     ));
     streams::write_bytes(Some(path), &model.to_bytes()?, true)
+}
+
+/// Parts of more clusters than there are now would stand beside these as if they were of them.
+fn refuse_others(folder: &Path, clusters: usize) -> Result<()> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+    for entry in entries.flatten() {
+        let path = entry.path();
+        let number = path
+            .file_stem()
+            .and_then(|s| s.to_str()?.parse::<usize>().ok());
+        let is_table = path.extension().is_some_and(|e| e == "csv" || e == "npy");
+        if is_table && number.is_some_and(|n| n >= clusters) {
+            return Err(Error::data(
+                Place::file(path.display().to_string()),
+                format!(
+                    "is of a split into more than {clusters} clusters: remove it, or name another folder"
+                ),
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// One table a cluster. All columns are kept, so that the parts put together are the whole.

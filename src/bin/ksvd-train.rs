@@ -187,9 +187,9 @@ fn start(
 
 /// `--init`: a model's atoms, or a table's poses.
 fn initial(args: &Args, path: &Path, poses: &TrainingPoses) -> Result<Dictionary> {
-    let mut input = streams::open(path)?;
+    let input = streams::open(path)?;
     let name = input.name.clone();
-    let dictionary = if input.kind()? == Kind::Npz {
+    let dictionary = if input.kind() == Kind::Npz {
         let model = Model::read(input)?;
         if model.meta.points != poses.points || model.meta.space != args.space.name() {
             let what =

@@ -64,6 +64,8 @@ fn work(args: &Args) -> Result<Outcome> {
         }
         (Some(other), _) => {
             find(other)?;
+            let what = format!("posing {other} runs it, with nothing before its name");
+            return Err(Error::usage(what));
         }
     }
     Ok(Outcome::Done)

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
-use posing::cli::solving::solve;
+use posing::cli::solving::{solve, tell_jumps};
 use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
 use posing::cli::{Outcome, run};
 use posing::io::amc::{Frame, write_frame, write_head};
@@ -79,6 +79,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let table = read_table(&input, false, false)?;
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let rate = input.rate(&poses)?;
+    tell_jumps(&poses, &table.name, "an AMC file");
     let joints: Vec<_> = poses.points.iter().map(|n| asf.skeleton.find(n)).collect();
     let matched = match_points(&poses, &joints);
     if matched.joints.is_empty() {

@@ -3,7 +3,7 @@
 use clap::Parser;
 use glam::DMat3;
 use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
-use posing::cli::solving::solve;
+use posing::cli::solving::{solve, tell_jumps};
 use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
 use posing::cli::{Outcome, run, say};
 use posing::io::bvh::{self, Target};
@@ -99,13 +99,7 @@ fn work(args: &Args) -> Result<Outcome> {
         let what = format!("{}: has no rate; give it with --fps", table.name);
         return Err(Error::usage(what));
     };
-    let gaps = poses.runs().len().saturating_sub(1);
-    if gaps > 0 {
-        let place = &table.name;
-        say::note(&format!(
-            "{place}: the time jumps {gaps} times; in a BVH those frames follow at once"
-        ));
-    }
+    tell_jumps(&poses, &table.name, "a BVH");
     let target = match given {
         Some(target) => target,
         None => Target::Bones(measure(&poses)?),

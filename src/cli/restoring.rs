@@ -2,7 +2,9 @@
 
 use super::flags::{TableIn, TableOut};
 use super::progress::Progress;
-use super::streams::{RowStream, TableSink, one_stdin_with, open_model, read_table, write_table};
+use super::streams::{
+    RowStream, TableSink, fits, one_stdin_with, open_model, read_table, write_table,
+};
 use super::tally::{Tally, added, cells};
 use super::{Outcome, say};
 use crate::io::table::{Columns, Row};
@@ -156,6 +158,7 @@ fn go(
     }
     let table = read_table(task.input, planar, true)?;
     let hidden = hidden(&table.columns, observe)?;
+    fits(task.out, &added(task.status, &table.columns))?;
     let job = job(task, &table.columns)?;
     let Some(rate) = task.input.rate(&table.poses)? else {
         if tally.max_gap {
@@ -207,6 +210,7 @@ fn go(
             .map(|r| r.start - range.start..r.end - range.start)
             .collect();
         let gathered = job.gather(xyz.view());
+        let rate = table.poses.rate_within(range.clone()).unwrap_or(rate);
         let restored = take(&job, gathered.view(), &runs, rate, &progress);
         tally.add(&job, &restored, gathered.view());
         let whole = scatter(

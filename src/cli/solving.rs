@@ -3,9 +3,24 @@
 use super::progress::Progress;
 use super::say;
 use crate::Result;
-use crate::pose::Skeleton;
+use crate::pose::{Poses, Skeleton};
 use crate::restore::fit::{Fit, FitSettings, fit};
 use crate::restore::report::Matched;
+
+/// Says where a take's times jump, which `format` has no word for.
+pub fn tell_jumps(poses: &Poses, name: &str, format: &str) {
+    let jumps = poses.runs().len().saturating_sub(1);
+    if jumps > 0 {
+        let times = if jumps == 1 {
+            "once"
+        } else {
+            &format!("{jumps} times")
+        };
+        say::note(&format!(
+            "{name}: the time jumps {times}; in {format} those frames follow at once"
+        ));
+    }
+}
 
 /// Solves `skeleton` for the matched points of a table named `name`; with `limits` within its joints' limits.
 pub fn solve(skeleton: &Skeleton, matched: &Matched, limits: bool, name: &str) -> Result<Fit> {

@@ -7,10 +7,12 @@ use crate::io::csv::{After, CsvWriter};
 use crate::io::output::OutputFile;
 use crate::io::table::{Builder, Columns, Row, RowReader, Table};
 use crate::io::{Input, Model};
+use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// The name of standard output in messages.
 const STDOUT: &str = "standard output";
@@ -59,6 +61,8 @@ pub struct RowStream<'a> {
     planar: bool,
     cells: bool,
     rest: std::vec::IntoIter<PathBuf>,
+    /// What the file being read is called as a take.
+    take: Arc<str>,
     reader: RowReader,
     columns: Columns,
 }
@@ -74,6 +78,7 @@ impl<'a> RowStream<'a> {
         };
         let mut rest = files.into_iter();
         let first = rest.next().unwrap_or_default();
+        let take = stem(&first).into();
         let reader = RowReader::new(open(&first)?, &flags.options(planar, cells)?)?;
         let columns = reader.columns().clone();
         Ok(RowStream {
@@ -81,6 +86,7 @@ impl<'a> RowStream<'a> {
             planar,
             cells,
             rest,
+            take,
             reader,
             columns,
         })
@@ -96,11 +102,22 @@ impl<'a> RowStream<'a> {
         self.reader.name()
     }
 
+    /// What the file being read is called as a take, where nothing in it tells.
+    fn take_of_file(&self) -> Arc<str> {
+        self.take.clone()
+    }
+
     /// The next frame, in centimetres, y up; `false` at the end of the last file.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         while !self.reader.read(row)? {
             let Some(next) = self.rest.next() else {
                 return Ok(false);
+            };
+            let name = stem(&next);
+            // The same file twice is two takes.
+            self.take = match *name == *self.take {
+                true => format!("{name}'").into(),
+                false => name.into(),
             };
             self.reader =
                 RowReader::new(open(&next)?, &self.flags.options(self.planar, self.cells)?)?;
@@ -114,13 +131,24 @@ impl<'a> RowStream<'a> {
     }
 }
 
+fn stem(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default();
+    stem.to_string_lossy().into_owned()
+}
+
 /// Reads whole tables, one after another, into one.
 pub fn read_table(flags: &TableIn, planar: bool, cells: bool) -> Result<Table> {
     let mut stream = RowStream::open(flags, planar, cells)?;
     let columns = stream.columns().clone();
     let name = stream.name().to_string();
     let (mut builder, mut kept, mut row) = (Builder::new(&columns), Vec::new(), Row::default());
+    // Where neither takes nor times tell how frames hang together, each file is a take.
+    let is_telling = columns.take.is_some() || columns.time.is_some() || flags.files.len() < 2;
+    let mut files: Vec<Arc<str>> = Vec::new();
     while stream.read(&mut row)? {
+        if !is_telling {
+            files.push(stream.take_of_file());
+        }
         builder.push(&row);
         if cells {
             kept.push(std::mem::take(&mut row.cells));
@@ -129,7 +157,10 @@ pub fn read_table(flags: &TableIn, planar: bool, cells: bool) -> Result<Table> {
     Ok(Table {
         name,
         columns,
-        poses: builder.finish(),
+        poses: Poses {
+            take: (!is_telling).then_some(files),
+            ..builder.finish()
+        },
         cells: kept,
         converted: row.converted,
     })
@@ -225,6 +256,7 @@ impl TableSink {
         added: &[(String, After)],
     ) -> Result<TableSink> {
         let binary = flags.format() == Format::Npy;
+        fits(flags, added)?;
         let sink = Sink::open(flags.output.as_deref(), binary)?;
         if binary {
             return Ok(TableSink::Npy(ArraySink::new(sink, columns.width())?));
@@ -249,6 +281,16 @@ impl TableSink {
             TableSink::Csv(printer) => printer.finish(),
             TableSink::Npy(array) => array.finish(),
         }
+    }
+}
+
+/// Refuses an output that has no room for added columns.
+pub fn fits(flags: &TableOut, added: &[(String, After)]) -> Result<()> {
+    match (flags.format(), added.first()) {
+        (Format::Npy, Some((lost, _))) => Err(Error::usage(format!(
+            "an array (NPY) holds coordinates alone: the column {lost} would be lost; write CSV"
+        ))),
+        _ => Ok(()),
     }
 }
 

@@ -124,6 +124,29 @@ mod tests {
     }
 
     #[test]
+    fn a_line_of_other_values_is_named_and_shifts_nothing() {
+        let frame = |line: &str| format!("{}\n", line.trim());
+        let (short, long) = ("90 0 0 5 6 7 0 0 0", "90 0 0 5 6 7 0 0 0 0 0");
+        for (lines, wrong) in [
+            ([short, FRAME, FRAME], 1),
+            ([FRAME, short, FRAME], 2),
+            ([FRAME, short, long], 2),
+            ([short, FRAME, long], 1),
+            ([FRAME, FRAME, long], 3),
+        ] {
+            let text: String = lines.into_iter().map(frame).collect();
+            for keep_whole in [false, true] {
+                let said = load(odd(&text), keep_whole).unwrap_err().to_string();
+                let named = format!("frame {wrong}: expected 10 values");
+                assert!(said.contains(&named), "{said}");
+            }
+        }
+        // Laid out otherwise, values count alone.
+        let wrapped = FRAME.replace("5", "5\n").repeat(3);
+        assert_eq!(load(odd(&wrapped), false).unwrap().bvh.motion.nrows(), 3);
+    }
+
+    #[test]
     fn frames_are_counted_not_believed() {
         let three = load(odd(&FRAME.repeat(3)), false).unwrap();
         assert_eq!(three.bvh.motion.nrows(), 3);

@@ -7,11 +7,14 @@ use std::path::Path;
 
 /// How much is buffered of an input.
 const BUFFER: usize = 1 << 16;
+/// So many bytes tell what an input is.
+const MAGIC: usize = 6;
 
 /// An opened input, decompressed, with the name its messages use.
 pub struct Input {
     /// As the user wrote it, or `standard input`.
     pub name: String,
+    kind: Kind,
     reader: Box<dyn BufRead>,
 }
 
@@ -45,31 +48,30 @@ impl Input {
     /// Wraps a stream; gzip and zstd are decompressed.
     pub fn new(name: impl Into<String>, stream: impl Read + 'static) -> Result<Input> {
         let name = name.into();
-        let mut reader = BufReader::with_capacity(BUFFER, stream);
-        let start = peek(&mut reader).map_err(|e| Error::io(&name, e))?;
-        let reader: Box<dyn BufRead> = if start.starts_with(&[0x1f, 0x8b]) {
-            Box::new(BufReader::with_capacity(
-                BUFFER,
-                flate2::bufread::MultiGzDecoder::new(reader),
-            ))
-        } else if start.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) {
-            let decoder = zstd::Decoder::with_buffer(reader).map_err(|e| Error::io(&name, e))?;
-            Box::new(BufReader::with_capacity(BUFFER, decoder))
+        let fail = |e| Error::io(&name, e);
+        let (first, stream) = start(stream).map_err(fail)?;
+        let stream: Box<dyn Read> = if first.starts_with(&[0x1f, 0x8b]) {
+            let stream = BufReader::with_capacity(BUFFER, stream);
+            Box::new(flate2::bufread::MultiGzDecoder::new(stream))
+        } else if first.starts_with(&[0x28, 0xb5, 0x2f, 0xfd]) {
+            let stream = BufReader::with_capacity(BUFFER, stream);
+            Box::new(zstd::Decoder::with_buffer(stream).map_err(fail)?)
         } else {
-            Box::new(reader)
+            let reader = Box::new(BufReader::with_capacity(BUFFER, stream));
+            let kind = kind_of(&first);
+            return Ok(Input { name, kind, reader });
         };
-        Ok(Input { name, reader })
+        let (first, stream) = start(stream).map_err(fail)?;
+        Ok(Input {
+            kind: kind_of(&first),
+            reader: Box::new(BufReader::with_capacity(BUFFER, stream)),
+            name,
+        })
     }
 
-    /// What the input holds. Reads nothing past the buffer.
-    pub fn kind(&mut self) -> Result<Kind> {
-        let start = peek(&mut self.reader).map_err(|e| Error::io(&self.name, e))?;
-        Ok(match start {
-            [] => Kind::Empty,
-            s if s.starts_with(b"\x93NUMPY") => Kind::Npy,
-            s if s.starts_with(b"PK\x03\x04") || s.starts_with(b"PK\x05\x06") => Kind::Npz,
-            _ => Kind::Text,
-        })
+    /// What the input holds.
+    pub fn kind(&self) -> Kind {
+        self.kind
     }
 
     /// Everything that is left, as bytes; an error beyond `limit` bytes.
@@ -94,22 +96,39 @@ impl Input {
     }
 }
 
-/// The first bytes without consuming them; short reads of a pipe are retried.
-fn peek(reader: &mut dyn BufRead) -> io::Result<&[u8]> {
-    loop {
-        match reader.fill_buf() {
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
-            Err(e) => return Err(e),
-            Ok(_) => break,
-        }
+/// The first bytes of a stream, and the stream with them: a pipe may give them one by one.
+fn start<R: Read>(mut stream: R) -> io::Result<(Vec<u8>, impl Read + use<R>)> {
+    let mut bytes = Vec::with_capacity(MAGIC);
+    stream.by_ref().take(MAGIC as u64).read_to_end(&mut bytes)?;
+    Ok((bytes.clone(), io::Cursor::new(bytes).chain(stream)))
+}
+
+fn kind_of(start: &[u8]) -> Kind {
+    match start {
+        [] => Kind::Empty,
+        s if s.starts_with(b"\x93NUMPY") => Kind::Npy,
+        s if s.starts_with(b"PK\x03\x04") || s.starts_with(b"PK\x05\x06") => Kind::Npz,
+        _ => Kind::Text,
     }
-    reader.fill_buf()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::io::Write;
+
+    /// A slow pipe.
+    struct OneByOne(std::collections::VecDeque<u8>);
+
+    impl Read for OneByOne {
+        fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+            let (Some(out), Some(byte)) = (out.first_mut(), self.0.pop_front()) else {
+                return Ok(0);
+            };
+            *out = byte;
+            Ok(1)
+        }
+    }
 
     #[test]
     fn compressed_streams_are_opened_by_content() {
@@ -118,15 +137,22 @@ mod tests {
         let gz = gz.finish().unwrap();
         let zst = zstd::encode_all(&b"take,time\n"[..], 1).unwrap();
         for bytes in [b"take,time\n".to_vec(), gz, zst] {
-            let mut input = Input::new("x", io::Cursor::new(bytes)).unwrap();
-            assert_eq!(input.kind().unwrap(), Kind::Text);
+            let input = Input::new("x", OneByOne(bytes.into())).unwrap();
+            assert_eq!(input.kind(), Kind::Text);
             assert_eq!(input.read_all(1000).unwrap(), b"take,time\n");
         }
     }
 
     #[test]
     fn kinds_and_limits() {
-        let kind = |b: &'static [u8]| Input::new("x", b).unwrap().kind().unwrap();
+        let kind = |b: &'static [u8]| {
+            let slow = OneByOne(b.iter().copied().collect());
+            assert_eq!(
+                Input::new("x", slow).unwrap().kind(),
+                Input::new("x", b).unwrap().kind()
+            );
+            Input::new("x", b).unwrap().kind()
+        };
         assert_eq!(kind(b""), Kind::Empty);
         assert_eq!(kind(b"\x93NUMPY\x01"), Kind::Npy);
         assert_eq!(kind(b"PK\x03\x04"), Kind::Npz);

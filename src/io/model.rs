@@ -319,9 +319,9 @@ impl Model {
     }
 
     /// Reads a model.
-    pub fn read(mut input: Input) -> Result<Model> {
+    pub fn read(input: Input) -> Result<Model> {
         let name = input.name.clone();
-        if input.kind()? != super::input::Kind::Npz {
+        if input.kind() != super::input::Kind::Npz {
             return Err(Error::data(
                 Place::file(name),
                 "is no model: expected an .npz file",

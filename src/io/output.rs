@@ -9,7 +9,8 @@ use tempfile::NamedTempFile;
 /// A file being written: a temporary file in the same folder, renamed over the target by [`OutputFile::finish`].
 /// Dropped before that, it leaves nothing behind.
 ///
-/// A target that exists and is no regular file (a pipe, `/dev/null`) is written to directly.
+/// A target that exists and is no regular file (a pipe, `/dev/null`), or that is what the process has open (`/dev/stdout`), is
+/// written to directly; a link stays, and the file that it names is written.
 pub struct OutputFile {
     path: PathBuf,
     sink: Sink,
@@ -24,14 +25,17 @@ impl OutputFile {
     /// Starts writing the file that will stand at `path`.
     pub fn create(path: &Path) -> Result<OutputFile> {
         let fail = |e| Error::io(path, e);
-        let special = fs::metadata(path).is_ok_and(|m| !m.is_file());
+        let named = behind_links(path);
+        let special = is_descriptor(path) || fs::metadata(path).is_ok_and(|m| !m.is_file());
         let sink = if special {
+            // What is there already, of a file that others write to as well, stays.
             let file = fs::OpenOptions::new()
-                .write(true)
+                .append(true)
                 .open(path)
                 .map_err(fail)?;
             Sink::Direct(BufWriter::new(file))
         } else {
+            let path = &named;
             let folder = match path.parent() {
                 Some(p) if !p.as_os_str().is_empty() => p,
                 _ => Path::new("."),
@@ -44,10 +48,7 @@ impl OutputFile {
                 .map_err(fail)?;
             Sink::Temporary(BufWriter::with_capacity(1 << 16, file))
         };
-        Ok(OutputFile {
-            path: path.to_path_buf(),
-            sink,
-        })
+        Ok(OutputFile { path: named, sink })
     }
 
     /// Whether [`OutputFile::rewrite_start`] can be: what is written to a pipe is gone.
@@ -80,6 +81,29 @@ impl OutputFile {
             }
         }
     }
+}
+
+/// What a path names once links are followed; one that leads nowhere yet names what it leads to.
+fn behind_links(path: &Path) -> PathBuf {
+    match fs::canonicalize(path) {
+        Ok(real) if path.is_symlink() => real,
+        Err(_) if path.is_symlink() => match (fs::read_link(path), path.parent()) {
+            (Ok(target), Some(folder)) => folder.join(target),
+            _ => path.to_path_buf(),
+        },
+        _ => path.to_path_buf(),
+    }
+}
+
+/// Whether a path names what the process has open.
+fn is_descriptor(path: &Path) -> bool {
+    let named = ["/dev/stdout", "/dev/stderr"]
+        .map(Path::new)
+        .contains(&path);
+    named
+        || ["/dev/fd", "/proc/self/fd"]
+            .iter()
+            .any(|folder| path.starts_with(folder))
 }
 
 /// The mode the file has now, or what the umask leaves of 0666 (a temporary file would be 0600).

@@ -170,8 +170,8 @@ pub enum RowReader {
 
 impl RowReader {
     /// Recognises the format by content and reads the header.
-    pub fn new(mut input: Input, options: &ReadOptions) -> Result<RowReader> {
-        match input.kind()? {
+    pub fn new(input: Input, options: &ReadOptions) -> Result<RowReader> {
+        match input.kind() {
             Kind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
             Kind::Text => CsvReader::new(input, options).map(|r| RowReader::Csv(Box::new(r))),
             Kind::Empty => Err(Error::data(

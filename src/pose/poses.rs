@@ -28,33 +28,40 @@ impl Poses {
         self.xyz.row(index)
     }
 
-    /// Frames a second: 1 / the median step of time, rounded to a whole number (or n/1.001) when that close.
+    /// Frames a second, of all takes: 1 / the usual step of time, rounded to a whole number (or n/1.001) where it is as close
+    /// as the times tell.
     ///
     /// `None` without times, or when no step goes forward.
     pub fn rate(&self) -> Option<f64> {
-        let time = self.time.as_deref()?;
-        rate_of(time, |i| self.same_take(i))
+        self.rate_within(0..self.frames())
+    }
+
+    /// The same of some frames, such as those of one take.
+    pub fn rate_within(&self, frames: Range<usize>) -> Option<f64> {
+        let time = self.time.as_deref()?.get(frames.clone())?;
+        rate_of(time, |i| self.same_take(frames.start + i))
     }
 
     /// Runs of frames that follow one another: a new take, a time that does not go forward and a step of more than
     /// 1.5 frames each start a new run. Nothing is ever interpolated across runs.
     pub fn runs(&self) -> Vec<Range<usize>> {
-        let step = self.rate().map(|r| 1.0 / r);
         let mut runs = Vec::new();
-        let mut start = 0;
-        for i in 1..self.frames() {
-            let broken = match (&self.time, step) {
-                (Some(t), Some(step)) => !(t[i] > t[i - 1] && t[i] - t[i - 1] <= 1.5 * step),
-                (Some(t), None) => !(t[i] > t[i - 1]),
-                (None, _) => false,
-            };
-            if broken || !self.same_take(i) {
-                runs.push(start..i);
-                start = i;
+        for take in self.takes() {
+            // Takes may be of different rates.
+            let step = self.rate_within(take.clone()).map(|r| 1.0 / r);
+            let mut start = take.start;
+            for i in take.start + 1..take.end {
+                let broken = match (&self.time, step) {
+                    (Some(t), Some(step)) => !(t[i] > t[i - 1] && t[i] - t[i - 1] <= 1.5 * step),
+                    (Some(t), None) => !(t[i] > t[i - 1]),
+                    (None, _) => false,
+                };
+                if broken {
+                    runs.push(start..i);
+                    start = i;
+                }
             }
-        }
-        if start < self.frames() {
-            runs.push(start..self.frames());
+            runs.push(start..take.end);
         }
         runs
     }
@@ -90,14 +97,33 @@ fn rate_of(time: &[f64], joined: impl Fn(usize) -> bool) -> Option<f64> {
     }
     let middle = steps.len() / 2;
     let (_, &mut step, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-    Some(round_rate(1.0 / step))
+    // Times may be rounded, to milliseconds say: then steps differ by one, and only many of them tell the rate.
+    steps.retain(|s| (0.65 * step..=1.35 * step).contains(s));
+    let (least, most) = steps
+        .iter()
+        .fold((step, step), |(l, m), s| (s.min(l), s.max(m)));
+    let span: f64 = steps.iter().sum();
+    Some(near_rate(
+        steps.len() as f64 / span,
+        ((most - least) / span).clamp(CLOSE, MOST_UNSURE),
+    ))
 }
+
+/// A rate this close to a whole one, as a share of it, is that.
+const CLOSE: f64 = 1e-4;
+/// Times that differ by more than this share tell no rounder rate.
+const MOST_UNSURE: f64 = 5e-3;
 
 /// The nearest whole rate, or NTSC rate (n/1.001), when it is within 1e-4 of it.
 pub fn round_rate(rate: f64) -> f64 {
+    near_rate(rate, CLOSE)
+}
+
+/// The same within another share of it.
+fn near_rate(rate: f64, share: f64) -> f64 {
     let whole = rate.round();
     let ntsc = (rate * 1.001).round() / 1.001;
-    let close = |r: f64| r >= 1.0 && (r - rate).abs() <= 1e-4 * r;
+    let close = |r: f64| r >= 1.0 && (r - rate).abs() <= share * r;
     if close(whole) {
         whole
     } else if close(ntsc) {
@@ -131,6 +157,36 @@ mod tests {
         assert_eq!(poses(&[], None).rate(), None);
         // A slow rate below one frame a second is kept.
         assert!((at(0.2).unwrap() - 0.2).abs() <= 1e-9);
+    }
+
+    #[test]
+    fn times_rounded_to_milliseconds_tell_the_rate() {
+        for (rate, frames) in [
+            (120.0, 60),
+            (120.0, 3000),
+            (240.0, 500),
+            (30.0 / 1.001, 2000),
+        ] {
+            let round = |t: f64| (t * 1e3).round() / 1e3;
+            let times: Vec<f64> = (0..frames).map(|i| round(i as f64 / rate)).collect();
+            let p = poses(&times, None);
+            assert!((p.rate().unwrap() - rate).abs() <= 1e-9, "{rate} {frames}");
+            assert_eq!(p.runs(), [0..frames]);
+        }
+    }
+
+    #[test]
+    fn each_take_has_its_own_rate() {
+        let fast = (0..9).map(|i| i as f64 / 120.0);
+        let slow = (0..5).map(|i| i as f64 / 30.0);
+        let times: Vec<f64> = fast.chain(slow).collect();
+        let takes: Vec<&str> = (0..14).map(|i| if i < 9 { "a" } else { "b" }).collect();
+        let p = poses(&times, Some(&takes));
+        assert_eq!(p.runs(), [0..9, 9..14]);
+        assert_eq!(
+            [p.rate_within(0..9), p.rate_within(9..14)],
+            [Some(120.0), Some(30.0)]
+        );
     }
 
     #[test]

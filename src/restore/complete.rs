@@ -117,6 +117,12 @@ fn fill(
             continue;
         };
         let (add, share) = correction.map_or((DVec3::ZERO, 1.0), |c| c[p]);
+        if (3 * p..3 * p + 3).any(|i| !found.mean[i].is_finite()) {
+            // A model of another unit may answer with what is no number: that is no answer.
+            lacked = true;
+            out.set(t, p, Status::Unknown, f64::NAN);
+            continue;
+        }
         let sd = found.sd[p] * share;
         if suspect {
             out.set(t, p, Status::Rejected, sd);

@@ -70,6 +70,7 @@ pub fn values(
             }
         })
         .collect();
+    check_lines(&words.text[words.at..], words.at, scales.len())?;
     let mut out = Vec::new();
     let mut channel = 0;
     while let Some((at, word)) = words.next() {
@@ -84,4 +85,33 @@ pub fn values(
         channel = (channel + 1) % scales.len();
     }
     Ok(out)
+}
+
+/// Where frames have lines of their own, one with too few or too many values would shift all after it. (The last may be cut
+/// off, and frames may be laid out otherwise: then values count alone.)
+fn check_lines(text: &str, start: usize, width: usize) -> std::result::Result<(), Fault> {
+    let mut at = start;
+    let mut lines = Vec::new();
+    for line in text.split_inclusive(['\n', '\r']) {
+        let count = line.split_ascii_whitespace().count();
+        if count > 0 {
+            lines.push((at, count));
+        }
+        at += line.len();
+    }
+    let before_last = &lines[..lines.len().saturating_sub(1)];
+    if !before_last.iter().any(|(_, count)| *count == width) {
+        return Ok(());
+    }
+    let is_wrong = |(i, (_, count)): &(usize, &(usize, usize))| match i + 1 == lines.len() {
+        true => *count > width,
+        false => *count != width,
+    };
+    match lines.iter().enumerate().find(is_wrong) {
+        Some((i, (at, count))) => {
+            let what = format!("frame {}: expected {width} values, found {count}", i + 1);
+            Err(Fault(*at, what))
+        }
+        None => Ok(()),
+    }
 }

@@ -36,18 +36,30 @@ impl Records {
         }
         self.pass_blank_lines().inspect_err(|_| self.ended = true)?;
         let line = self.line;
-        let (mut text, mut ends) = (0, 0);
+        let (mut text, mut ends, mut has_begun) = (0, 0, false);
         self.core.set_line(line);
         loop {
             let there = filled(&mut self.reader).and_then(|()| self.reader.fill_buf());
             let there = there.inspect_err(|_| self.ended = true)?;
+            // A last line may do without its end. Within quotes an end of line is part of the cell.
+            let is_last = has_begun && there.is_empty();
+            let there = if is_last { b"\n" } else { there };
             let (result, read, more, cells_more) =
                 self.core
                     .read_record(there, &mut self.text[text..], &mut self.ends[ends..]);
-            self.reader.consume(read);
-            self.line = self.core.line();
+            if !is_last {
+                has_begun |= read > 0;
+                self.reader.consume(read);
+                self.line = self.core.line();
+            }
             (text, ends) = (text + more, ends + cells_more);
             match result {
+                ReadRecordResult::InputEmpty if is_last => {
+                    self.ended = true;
+                    let what =
+                        format!("line {line}: a cell begins with a quote that is never closed");
+                    return Err(io::Error::new(io::ErrorKind::InvalidData, what));
+                }
                 ReadRecordResult::InputEmpty => {}
                 ReadRecordResult::OutputFull => self.text.resize(2 * self.text.len(), 0),
                 ReadRecordResult::OutputEndsFull => self.ends.resize(2 * self.ends.len(), 0),
@@ -97,5 +109,50 @@ impl Records {
     /// Passes over so many bytes of it, whose line feeds are counted in [`Records::line`].
     pub(super) fn pass(&mut self, bytes: usize) {
         self.reader.consume(bytes);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How many records there are, or what is wrong.
+    fn count(text: &'static str, at_once: usize) -> Result<usize, String> {
+        let reader: Box<dyn BufRead> = Box::new(text.as_bytes());
+        let mut records = Records::new(BufReader::with_capacity(at_once, reader));
+        let (mut cells, mut n) = (Cells::default(), 0);
+        while records.read(&mut cells).map_err(|e| e.to_string())? {
+            n += 1;
+        }
+        Ok(n)
+    }
+
+    #[test]
+    fn a_quote_that_is_never_closed_swallows_nothing() {
+        for at_once in [1, 2, 3, 64] {
+            for (text, records) in [
+                ("a,b\n1,\"2\"", 2),
+                ("a,b\n1,\"2\"\"\"", 2),
+                ("a,b\n1,\"2\n3\"\n", 2),
+                ("a,b\n1,2\" 3", 2),
+                ("", 0),
+            ] {
+                assert_eq!(count(text, at_once), Ok(records), "{text}");
+            }
+            for text in [
+                "a,b\n1,\"2\n3,4\n5,6\n",
+                "a,b\n1,\"2",
+                "a,b\n1,\"2\"\"",
+                "\"",
+            ] {
+                let said = count(text, at_once).unwrap_err();
+                assert!(said.contains("never closed"), "{said}");
+            }
+        }
+        assert!(
+            count("a,b\n\n1,\"2\n", 9)
+                .unwrap_err()
+                .starts_with("line 3: ")
+        );
     }
 }
