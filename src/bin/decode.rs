@@ -53,6 +53,7 @@ fn work(args: &Args) -> Result<Outcome> {
             find("atom").zip(find("coef"))
         })
         .collect();
+    let rms = header.iter().position(|h| h == "rms");
     if pairs.is_empty() {
         return Err(Error::data(
             Place::line(&name, 1),
@@ -66,11 +67,20 @@ fn work(args: &Args) -> Result<Outcome> {
         let line = record.position().map_or(0, csv::Position::line);
         let place = |part: String| Place::line(&name, line).part(part);
         let mut pose = vec![0.0; columns.width()];
+        let is_empty = |column: usize| record.get(column).is_none_or(str::is_empty);
+        if rms.is_some_and(is_empty) && pairs.iter().all(|&(a, c)| is_empty(a) && is_empty(c)) {
+            // Nothing was seen of it.
+            pose.fill(f64::NAN);
+        }
         for (k, &(atom, coefficient)) in pairs.iter().enumerate() {
             let (atom, coefficient) = (
                 record.get(atom).unwrap_or(""),
                 record.get(coefficient).unwrap_or(""),
             );
+            if atom.is_empty() && !coefficient.is_empty() {
+                let what = format!("a coefficient, but no atom{}", k + 1);
+                return Err(Error::data(place(format!("coef{}", k + 1)), what));
+            }
             if atom.is_empty() {
                 continue;
             }

@@ -18,7 +18,7 @@ use std::process::ExitCode;
 /// Turn poses into sparse codes
 ///
 /// Rows are coded as they are, as codes.csv: atom1,coef1,…,atomK,coefK,rms. Atoms count from 0; unused cells are empty;
-/// rms is the error a coordinate, over what is not missing, in the table's unit.
+/// rms is the error a coordinate, over what is not missing, in the table's unit; a pose of which all is missing has none.
 #[derive(Parser)]
 #[command(
     name = "encode",
@@ -113,12 +113,13 @@ fn coded(pursuit: &Pursuit, dictionary: &Dictionary, poses: &Array2<f32>) -> Res
     let seen = gaps.then(|| poses.mapv(|v| f32::from(v.is_finite())));
     let codes = pursuit.code_batch(dictionary, poses.view(), seen.as_ref().map(|s| s.view()))?;
     let count = |i: usize| match &seen {
-        Some(seen) => seen.row(i).sum().max(1.0),
+        Some(seen) => seen.row(i).sum(),
         None => poses.ncols() as f32,
     };
     let lines = |rows: std::ops::Range<usize>| {
         let mut out = Vec::with_capacity(64 * rows.len());
         for i in rows {
+            // No number where nothing is seen: that is written as an empty cell.
             let squared = codes.squared_residuals[i] / f64::from(count(i));
             line(&mut out, pursuit, &codes, (i, squared.sqrt()));
         }

@@ -8,6 +8,7 @@ use super::streams::{
 use super::tally::{Tally, added, cells};
 use super::{Outcome, say};
 use crate::io::table::{Columns, Row};
+use crate::io::text::short;
 use crate::prior::{Choice, builtin};
 use crate::restore::complete::{self, Complete};
 use crate::restore::denoise::{self, Denoise};
@@ -161,12 +162,17 @@ fn go(
     fits(task.out, &added(task.status, &table.columns))?;
     let job = job(task, &table.columns)?;
     let Some(rate) = task.input.rate(&table.poses)? else {
+        let lack = match table.poses.time {
+            Some(_) => "the table's times tell no rate",
+            None => "the table has no time",
+        };
         if tally.max_gap {
-            return Err(Error::usage(
-                "--max-gap wants time, which the table has not: --fps gives the rate",
-            ));
+            let what = format!("--max-gap wants a rate, but {lack}: --fps gives it");
+            return Err(Error::usage(what));
         }
-        say::note("the table has no time: each frame is answered by itself (--fps gives the rate)");
+        say::note(&format!(
+            "{lack}: each frame is answered by itself (--fps gives the rate)"
+        ));
         let xyz = hide(table.poses.xyz.clone(), &hidden);
         let restored = frames(&job, job.gather(xyz.view()).view());
         let out = scatter(&job, &table.poses.xyz, &restored);
@@ -302,7 +308,28 @@ fn job(task: &Task<'_>, columns: &Columns) -> Result<Job> {
              dict-concat make models that have)"
         ));
     }
-    Job::new(&model, &choice, &name, &columns.points, task.world)
+    let job = Job::new(&model, &choice, &name, &columns.points, task.world)?;
+    tell_strangers(&columns.points, &model.meta.points);
+    Ok(job)
+}
+
+/// Says which points the model does not know.
+fn tell_strangers(points: &[String], known: &[String]) {
+    let strangers: Vec<String> = (points.iter().filter(|p| !known.contains(p)))
+        .map(|p| short(p))
+        .collect();
+    let (count, shown) = (strangers.len(), &strangers[..strangers.len().min(3)]);
+    let more = if count > 3 { ", …" } else { "" };
+    let names = format!("({}{more})", shown.join(", "));
+    match count {
+        0 => {}
+        1 => say::note(&format!(
+            "1 point is none of the model's and stays as it is {names}"
+        )),
+        _ => say::note(&format!(
+            "{count} points are none of the model's and stay as they are {names}"
+        )),
+    }
 }
 
 /// The columns that `--observe` hides.

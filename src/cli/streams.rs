@@ -7,7 +7,6 @@ use crate::io::csv::{After, CsvWriter};
 use crate::io::output::OutputFile;
 use crate::io::table::{Builder, Columns, Row, RowReader, Table};
 use crate::io::{Input, Model};
-use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
@@ -154,13 +153,14 @@ pub fn read_table(flags: &TableIn, planar: bool, cells: bool) -> Result<Table> {
             kept.push(std::mem::take(&mut row.cells));
         }
     }
+    let mut poses = builder.finish();
+    if !is_telling {
+        poses.take = Some(files);
+    }
     Ok(Table {
         name,
         columns,
-        poses: Poses {
-            take: (!is_telling).then_some(files),
-            ..builder.finish()
-        },
+        poses,
         cells: kept,
         converted: row.converted,
     })

@@ -71,6 +71,26 @@ pub fn fit(
     parameters: &Parameters,
     observer: &mut dyn FnMut(&Report),
 ) -> Result<Clustering> {
+    let k = parameters.k;
+    let found = fit_at_most(poses, parameters, observer)?;
+    if found.sizes.len() < k {
+        return Err(Error::usage(format!(
+            "k = {k} clusters: it must be from 1 to {}, the number of different poses",
+            found.sizes.len()
+        )));
+    }
+    Ok(found)
+}
+
+/// The same, with fewer clusters where there are not so many different poses.
+///
+/// # Errors
+/// As for [`fit`], but for that.
+pub fn fit_at_most(
+    poses: ArrayView2<'_, f32>,
+    parameters: &Parameters,
+    observer: &mut dyn FnMut(&Report),
+) -> Result<Clustering> {
     parameters.check()?;
     let k = parameters.k;
     if k > poses.nrows() {
@@ -81,17 +101,10 @@ pub fn fit(
     }
     let table = poses.as_standard_layout();
     let poses = Poses::check(&table)?;
-    let found = match parameters.branch {
+    Ok(match parameters.branch {
         None => best_run(poses, parameters, 0, observer),
         Some(branch) => hierarchy::grow(poses, parameters, branch, observer),
-    };
-    if found.sizes.len() < k {
-        return Err(Error::usage(format!(
-            "k = {k} clusters: it must be from 1 to {}, the number of different poses",
-            found.sizes.len()
-        )));
-    }
-    Ok(found)
+    })
 }
 
 /// The best of the restarts (the first on a tie), whole. Fewer clusters than `k`, one a pose, when

@@ -52,7 +52,7 @@ mod seeding;
 mod update;
 
 pub use hierarchy::{Node, Tree};
-pub use kmeans::{Clustering, Report, fit};
+pub use kmeans::{Clustering, Report, fit, fit_at_most};
 pub use nearest::assign;
 pub use parameters::Parameters;
 

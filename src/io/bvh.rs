@@ -142,7 +142,7 @@ mod tests {
             }
         }
         // Laid out otherwise, values count alone.
-        let wrapped = FRAME.replace("5", "5\n").repeat(3);
+        let wrapped = frame(&FRAME.replace('5', "5\n")).repeat(3);
         assert_eq!(load(odd(&wrapped), false).unwrap().bvh.motion.nrows(), 3);
     }
 

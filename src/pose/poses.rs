@@ -33,7 +33,7 @@ impl Poses {
     ///
     /// `None` without times, or when no step goes forward.
     pub fn rate(&self) -> Option<f64> {
-        self.rate_within(0..self.frames())
+        self.rate_within(0..self.time.as_ref()?.len())
     }
 
     /// The same of some frames, such as those of one take.

@@ -323,7 +323,8 @@ fn part(
             max_iterations: 20,
             ..Parameters::default()
         };
-        let found = cluster::fit(xyz.view(), &parameters, &mut |_| ())?;
+        let found = cluster::fit_at_most(xyz.view(), &parameters, &mut |_| ())?;
+        let k = found.sizes.len();
         labels = found.labels.iter().map(|l| *l as usize).collect();
         cells.push(cells_of(material.xyz, &coordinates, &labels, k, settings));
     }

@@ -125,10 +125,11 @@ pub fn ready(
     }
     let frames = rows.len() / width.max(1);
     if frames == 0 {
-        return Err(Error::data(
-            Place::file(name),
-            "holds no complete pose to learn from",
-        ));
+        let what = match out.unplaced {
+            0 => "holds no complete pose to learn from",
+            _ => "holds no pose that can be placed: that takes three points that are not on a line",
+        };
+        return Err(Error::data(Place::file(name), what));
     }
     out.xyz =
         Array2::from_shape_vec((frames, width), rows).map_err(|e| Error::usage(e.to_string()))?;
