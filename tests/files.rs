@@ -1,0 +1,193 @@
+//! Files in and out: several that make one table, slow pipes, links, and what an array has no room for.
+
+mod common;
+
+use common::{Numbers, command, fails, run, take, thin};
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use std::process::Stdio;
+
+/// `frames` of a walk with its left foot hidden in the first or last ten.
+fn walk(from: usize, hidden: std::ops::Range<usize>) -> Option<String> {
+    let table = thin(&take("07", "07_01", &[])?, 400, 1);
+    let (header, rows) = table.split_once('\n')?;
+    let foot: Vec<usize> = header
+        .split(',')
+        .enumerate()
+        .filter_map(|(c, n)| n.starts_with("lfoot.").then_some(c))
+        .collect();
+    let rows = rows
+        .lines()
+        .skip(from)
+        .take(60)
+        .enumerate()
+        .map(|(t, row)| {
+            let cells = row.split(',').enumerate();
+            let shown = |(c, cell): (usize, &str)| match hidden.contains(&t) && foot.contains(&c) {
+                true => String::new(),
+                false => cell.to_string(),
+            };
+            cells.map(shown).collect::<Vec<_>>().join(",") + "\n"
+        });
+    Some(format!("{header}\n{}", rows.collect::<String>()))
+}
+
+/// A table as an array in a folder.
+fn array(folder: &Path, name: &str, table: &str) -> String {
+    let path = folder.join(name).to_str().unwrap().to_string();
+    run("corrupt", &["--dense", "0", "-o", &path], table);
+    path
+}
+
+#[test]
+fn files_that_tell_no_take_are_takes() {
+    let (Some(one), Some(two)) = (walk(0, 50..60), walk(300, 0..10)) else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let one = array(folder.path(), "one.npy", &one);
+    let two = array(folder.path(), "two.npy", &two);
+    let done = |files: &[&str]| run("complete", &[&["-q", "--fps", "120"], files].concat(), "");
+    let rows = |table: String| table.split_once('\n').unwrap().1.to_string();
+    assert_eq!(done(&[&one, &two]), done(&[&one]) + &rows(done(&[&two])));
+    // The same file twice is two takes too.
+    assert_eq!(done(&[&one, &one]), done(&[&one]) + &rows(done(&[&one])));
+    let said = fails("xyz2bvh", &["--fps", "120", &one, &two], b"", 1);
+    assert!(
+        said.contains("one") && said.contains("two") && said.contains("--take"),
+        "{said}"
+    );
+}
+
+#[test]
+fn each_take_has_its_own_rate() {
+    let Some(fast) = walk(0, 25..35) else { return };
+    // A quarter of the rate: 10 frames are a third of a second.
+    let mut slow = String::new();
+    for (t, row) in fast.lines().skip(1).enumerate() {
+        let cells = row.splitn(3, ',').nth(2).unwrap();
+        slow += &format!("slow,{},{cells}\n", t as f64 / 30.0);
+    }
+    let header = fast.lines().next().unwrap().to_string() + "\n";
+    let args = ["-q", "--max-gap", "0.2"];
+    let both = run("complete", &args, &format!("{fast}{slow}"));
+    let alone = run("complete", &args, &format!("{header}{slow}"));
+    assert!(both.ends_with(alone.split_once('\n').unwrap().1));
+    assert_eq!(Numbers::read(&alone).missing(), 30);
+    assert_eq!(Numbers::read(&both).missing(), 30);
+}
+
+#[cfg(unix)]
+#[test]
+fn what_a_link_names_is_written_and_the_link_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let table = "a.x,a.y,a.z\n1,2,3\n";
+    fs::write(at("there.csv"), "old").unwrap();
+    for target in ["there.csv", "not-yet.csv"] {
+        let link = at("link.csv");
+        let _ = fs::remove_file(&link);
+        std::os::unix::fs::symlink(target, &link).unwrap();
+        run(
+            "corrupt",
+            &["--dense", "0", "-o", link.to_str().unwrap()],
+            table,
+        );
+        assert!(link.is_symlink());
+        assert_eq!(fs::read_to_string(at(target)).unwrap(), table);
+    }
+    if Path::new("/dev/stdout").exists() {
+        assert_eq!(
+            run("corrupt", &["--dense", "0", "-o", "/dev/stdout"], table),
+            table
+        );
+        assert!(Path::new("/dev/stdout").is_symlink());
+    }
+}
+
+#[test]
+fn a_slow_pipe_is_told_by_what_it_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = array(folder.path(), "a.npy", "root.x,root.y,root.z\n1,2,3\n");
+    let bytes = fs::read(path).unwrap();
+    let mut child = std::process::Command::new(common::bin().join("corrupt"))
+        .args(["--dense", "0", "--joints", "root"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut pipe = child.stdin.take().unwrap();
+    pipe.write_all(&bytes[..3]).unwrap();
+    pipe.flush().unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(100));
+    pipe.write_all(&bytes[3..]).unwrap();
+    drop(pipe);
+    let out = child.wait_with_output().unwrap();
+    assert_eq!(
+        String::from_utf8(out.stdout).unwrap(),
+        "root.x,root.y,root.z\n1,2,3\n"
+    );
+}
+
+#[test]
+fn an_array_never_swallows_columns() {
+    let table = "a.x,a.y,a.z\n1,2,3\n4,5,6\n";
+    let said = fails("cluster", &["-k", "2", "--to", "npy"], table.as_bytes(), 2);
+    assert!(said.contains("the column cluster would be lost"), "{said}");
+    let folder = tempfile::tempdir().unwrap();
+    let parts = folder.path().to_str().unwrap();
+    run(
+        "cluster",
+        &["-q", "-k", "2", "--split", parts, "--to", "npy"],
+        table,
+    );
+    assert!(folder.path().join("1.npy").exists());
+    // What is left of more parts is not of these.
+    let said = fails(
+        "cluster",
+        &["-k", "1", "--split", parts],
+        table.as_bytes(),
+        1,
+    );
+    assert!(
+        said.contains("1.npy: is of a split into more than 1 clusters"),
+        "{said}"
+    );
+}
+
+#[test]
+fn what_was_never_seen_stays_missing_in_codes() {
+    let table = "root.x,root.y,root.z,a.x,a.y,a.z\n1,2,3,4,5,7\n,,,,,\n4,5,6,1,0,2\n0,0,0,0,0,0\n";
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.npz").to_str().unwrap().to_string();
+    let whole: Vec<&str> = table
+        .lines()
+        .filter(|l| !l.starts_with(',') && *l != "0,0,0,0,0,0")
+        .collect();
+    run(
+        "ksvd-train",
+        &[
+            "-q",
+            "-n",
+            "2",
+            "--space",
+            "body",
+            "--iterations",
+            "1",
+            "-o",
+            &model,
+        ],
+        &(whole.join("\n") + "\n"),
+    );
+    let codes = run("encode", &["-m", &model], table);
+    let lines: Vec<&str> = codes.lines().collect();
+    assert_eq!((lines[2], lines[4]), (",,,,,,", ",,,,,,0"));
+    let back = run("decode", &["-m", &model], &codes);
+    let lines: Vec<&str> = back.lines().collect();
+    assert_eq!((lines[2], lines[4]), (",,,,,", "0,0,0,0,0,0"));
+    let torn = "atom1,coef1,rms\n,5,0\n";
+    assert!(fails("decode", &["-m", &model], torn.as_bytes(), 1).contains("no atom1"));
+    // Standard input is no place for both.
+    command("decode").args(["-m", "-", "-"]).assert().failure();
+}
