@@ -191,3 +191,31 @@ fn what_was_never_seen_stays_missing_in_codes() {
     // Standard input is no place for both.
     command("decode").args(["-m", "-", "-"]).assert().failure();
 }
+
+#[cfg(unix)]
+#[test]
+fn a_signal_leaves_nothing_half_written() {
+    use std::os::unix::process::ExitStatusExt;
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("x.csv");
+    let mut child = std::process::Command::new(common::bin().join("corrupt"))
+        .args(["--dense", "1", "-o", out.to_str().unwrap()])
+        .stdin(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut pipe = child.stdin.take().unwrap();
+    pipe.write_all(b"a.x,a.y,a.z\n1,2,3\n").unwrap();
+    pipe.flush().unwrap();
+    let count = || fs::read_dir(folder.path()).unwrap().count();
+    let start = std::time::Instant::now();
+    while count() == 0 && start.elapsed().as_secs() < 20 {
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    assert_eq!(count(), 1);
+    let kill = std::process::Command::new("kill")
+        .arg(child.id().to_string())
+        .status();
+    assert!(kill.unwrap().success());
+    assert_eq!(child.wait().unwrap().signal(), Some(15));
+    assert_eq!(count(), 0);
+}

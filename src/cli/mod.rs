@@ -12,6 +12,7 @@ pub mod printing;
 pub mod progress;
 pub mod restoring;
 pub mod say;
+mod signals;
 pub mod solving;
 pub mod streams;
 mod tally;

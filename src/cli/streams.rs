@@ -179,6 +179,7 @@ impl Sink {
     pub fn open(path: Option<&Path>, binary: bool) -> Result<Sink> {
         match path {
             Some(path) if path != Path::new("-") => {
+                super::signals::watch();
                 Ok(Sink::File(OutputFile::create(path)?, path.to_path_buf()))
             }
             _ if binary && io::stdout().is_terminal() => Err(Error::usage(

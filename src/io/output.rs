@@ -4,6 +4,7 @@ use crate::{Error, Result};
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use tempfile::NamedTempFile;
 
 /// A file being written: a temporary file in the same folder, renamed over the target by [`OutputFile::finish`].
@@ -14,6 +15,37 @@ use tempfile::NamedTempFile;
 pub struct OutputFile {
     path: PathBuf,
     sink: Sink,
+    _half: Option<Half>,
+}
+
+/// The temporary files that are being written.
+static HALF_WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// One of them.
+struct Half(PathBuf);
+
+impl Half {
+    fn written(path: &Path) -> Half {
+        let mut all = HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+        all.push(path.to_path_buf());
+        Half(path.to_path_buf())
+    }
+}
+
+impl Drop for Half {
+    fn drop(&mut self) {
+        let mut all = HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+        all.retain(|path| *path != self.0);
+    }
+}
+
+/// Removes what is half written, before the process is ended by a signal.
+pub fn remove_half_written() {
+    let all = HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+    for path in &*all {
+        // It is gone already where it was just finished.
+        let _ = fs::remove_file(path);
+    }
 }
 
 enum Sink {
@@ -48,7 +80,15 @@ impl OutputFile {
                 .map_err(fail)?;
             Sink::Temporary(BufWriter::with_capacity(1 << 16, file))
         };
-        Ok(OutputFile { path: named, sink })
+        let half = match &sink {
+            Sink::Temporary(file) => Some(Half::written(file.get_ref().path())),
+            Sink::Direct(_) => None,
+        };
+        Ok(OutputFile {
+            path: named,
+            sink,
+            _half: half,
+        })
     }
 
     /// Whether [`OutputFile::rewrite_start`] can be: what is written to a pipe is gone.

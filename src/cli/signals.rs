@@ -1,0 +1,32 @@
+//! Signals that end the process: what is half written goes with it.
+
+use crate::io::output::remove_half_written;
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::emulate_default_handler;
+use std::sync::Once;
+
+/// Watches for them from now on. The process ends as it would have without.
+pub fn watch() {
+    static WATCHING: Once = Once::new();
+    WATCHING.call_once(|| {
+        let heeded = [SIGINT, SIGTERM].into_iter().filter(|s| !is_ignored(*s));
+        let Ok(mut signals) = Signals::new(heeded) else {
+            return;
+        };
+        std::thread::spawn(move || {
+            if let Some(signal) = signals.forever().next() {
+                remove_half_written();
+                let _ = emulate_default_handler(signal);
+            }
+        });
+    });
+}
+
+/// Whether whoever started the process wants it to go on, as a shell does with what runs behind it. (Linux tells.)
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|l| l.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|bits| u64::from_str_radix(bits.trim(), 16).ok());
+    ignored.is_some_and(|bits| bits >> (signal - 1) & 1 == 1)
+}
