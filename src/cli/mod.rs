@@ -71,12 +71,17 @@ fn parse_failure(name: &str, error: &clap::Error) -> ExitCode {
         };
     }
     let text = error.render().to_string();
-    // clap's message runs over several lines: what is wrong, hints, the usage. One line carries the first two.
+    // clap's message runs over several lines: what is wrong, hints, the usage. One line carries the first two, but for the hint
+    // to take a flag for a file's name.
+    let is_said = |l: &&str| {
+        let beside = ["For more information", "tip: to pass"];
+        !l.is_empty() && !beside.iter().any(|b| l.starts_with(b))
+    };
     let told: Vec<&str> = text
         .lines()
         .map(str::trim)
         .take_while(|l| !l.starts_with("Usage:"))
-        .filter(|l| !l.is_empty())
+        .filter(is_said)
         .collect();
     let told = told.join(" ");
     let told = told.strip_prefix("error: ").unwrap_or(&told);
