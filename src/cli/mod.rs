@@ -83,7 +83,7 @@ fn parse_failure(name: &str, error: &clap::Error) -> ExitCode {
         .take_while(|l| !l.starts_with("Usage:"))
         .filter(is_said)
         .collect();
-    let told = told.join(" ");
+    let told = told.join(" ").replace(" tip: ", "; ");
     let told = told.strip_prefix("error: ").unwrap_or(&told);
     say::error(&format!("{told}; see {name} --help"));
     ExitCode::from(2)
