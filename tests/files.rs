@@ -51,7 +51,9 @@ fn files_that_tell_no_take_are_takes() {
     let done = |files: &[&str]| run("complete", &[&["-q", "--fps", "120"], files].concat(), "");
     let rows = |table: String| table.split_once('\n').unwrap().1.to_string();
     assert_eq!(done(&[&one, &two]), done(&[&one]) + &rows(done(&[&two])));
-    // The same file twice is two takes too.
+    // The same file twice is two takes too, whatever is between them.
+    let thrice = done(&[&one, &two, &one]);
+    assert!(thrice.ends_with(&rows(done(&[&one]))));
     assert_eq!(done(&[&one, &one]), done(&[&one]) + &rows(done(&[&one])));
     let said = fails("xyz2bvh", &["--fps", "120", &one, &two], b"", 1);
     assert!(
@@ -97,7 +99,41 @@ fn what_a_link_names_is_written_and_the_link_stays() {
         assert!(link.is_symlink());
         assert_eq!(fs::read_to_string(at(target)).unwrap(), table);
     }
+    let round = at("round.csv");
+    std::os::unix::fs::symlink("round.csv", &round).unwrap();
+    let said = fails(
+        "corrupt",
+        &["--dense", "0", "-o", round.to_str().unwrap()],
+        table.as_bytes(),
+        1,
+    );
+    assert!(said.contains("links"), "{said}");
     if Path::new("/dev/stdout").exists() {
+        // Between what others write to the same file.
+        std::os::unix::fs::symlink("/dev/stdout", at("out.csv")).unwrap();
+        for to in ["/dev/stdout", at("out.csv").to_str().unwrap()] {
+            let mut shell = std::process::Command::new("sh");
+            shell.args([
+                "-c",
+                "(echo before; \"$0\" --dense 0 -o \"$1\"; echo after) > all.csv",
+            ]);
+            shell.arg(common::bin().join("corrupt")).arg(to);
+            let mut shell = shell
+                .current_dir(folder.path())
+                .stdin(Stdio::piped())
+                .spawn()
+                .unwrap();
+            shell
+                .stdin
+                .take()
+                .unwrap()
+                .write_all(table.as_bytes())
+                .unwrap();
+            assert!(shell.wait().unwrap().success());
+            let all = fs::read_to_string(at("all.csv")).unwrap();
+            assert_eq!(all, format!("before\n{table}after\n"));
+        }
+
         assert_eq!(
             run("corrupt", &["--dense", "0", "-o", "/dev/stdout"], table),
             table
@@ -143,16 +179,22 @@ fn an_array_never_swallows_columns() {
         table,
     );
     assert!(folder.path().join("1.npy").exists());
-    // What is left of more parts is not of these.
-    let said = fails(
+    // Others would be taken for parts of this: of more clusters, in another format, with other zeros.
+    for (args, left) in [
+        (&["-k", "1", "--to", "npy"][..], "1.npy"),
+        (&["-k", "2"], ".npy"),
+    ] {
+        let args = [args, &["--split", parts]].concat();
+        let said = fails("cluster", &args, table.as_bytes(), 1);
+        assert!(
+            said.contains(left) && said.contains("would stand among the parts"),
+            "{said}"
+        );
+    }
+    run(
         "cluster",
-        &["-k", "1", "--split", parts],
-        table.as_bytes(),
-        1,
-    );
-    assert!(
-        said.contains("1.npy: is of a split into more than 1 clusters"),
-        "{said}"
+        &["-q", "-k", "2", "--split", parts, "--to", "npy"],
+        table,
     );
 }
 
@@ -188,6 +230,8 @@ fn what_was_never_seen_stays_missing_in_codes() {
     assert_eq!((lines[2], lines[4]), (",,,,,", "0,0,0,0,0,0"));
     let torn = "atom1,coef1,rms\n,5,0\n";
     assert!(fails("decode", &["-m", &model], torn.as_bytes(), 1).contains("no atom1"));
+    let torn = "atom1,coef1,rms\n0,3,1\n0,2,\"1\n0,1,1\n";
+    assert!(fails("decode", &["-m", &model], torn.as_bytes(), 1).contains("quote"));
     // Standard input is no place for both.
     command("decode").args(["-m", "-", "-"]).assert().failure();
 }

@@ -58,7 +58,7 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     match &args.split {
-        Some(folder) if folder.is_dir() => refuse_others(folder, args.k as usize)?,
+        Some(folder) if folder.is_dir() => refuse_others(args, folder)?,
         Some(_) => {}
         None => streams::fits(&args.out, &added())?,
     }
@@ -141,21 +141,29 @@ fn save(
     streams::write_bytes(Some(path), &model.to_bytes()?, true)
 }
 
-/// Parts of more clusters than there are now would stand beside these as if they were of them.
-fn refuse_others(folder: &Path, clusters: usize) -> Result<()> {
+/// The name of a cluster's part.
+fn part(args: &Args, cluster: usize) -> String {
+    let width = (args.k as usize - 1).to_string().len();
+    let ending = match args.out.format() {
+        Format::Csv => "csv",
+        Format::Npy => "npy",
+    };
+    format!("{cluster:0width$}.{ending}")
+}
+
+/// Parts of another split would stand beside these as if they were of it.
+fn refuse_others(args: &Args, folder: &Path) -> Result<()> {
+    let own: Vec<String> = (0..args.k as usize).map(|c| part(args, c)).collect();
     let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
     for entry in entries.flatten() {
-        let path = entry.path();
-        let number = path
-            .file_stem()
-            .and_then(|s| s.to_str()?.parse::<usize>().ok());
-        let is_table = path.extension().is_some_and(|e| e == "csv" || e == "npy");
-        if is_table && number.is_some_and(|n| n >= clusters) {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let number = name.strip_suffix(".csv").or(name.strip_suffix(".npy"));
+        let is_part =
+            number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()));
+        if is_part && !own.contains(&name) {
             return Err(Error::data(
-                Place::file(path.display().to_string()),
-                format!(
-                    "is of a split into more than {clusters} clusters: remove it, or name another folder"
-                ),
+                Place::file(entry.path().display().to_string()),
+                "would stand among the parts as one of them: move it away, or name another folder",
             ));
         }
     }
@@ -165,19 +173,14 @@ fn refuse_others(folder: &Path, clusters: usize) -> Result<()> {
 /// One table a cluster. All columns are kept, so that the parts put together are the whole.
 fn split(args: &Args, table: &Table, clustering: &Clustering, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let width = (clustering.sizes.len() - 1).to_string().len();
     let poses = &table.poses;
-    let ending = match args.out.format() {
-        Format::Csv => "csv",
-        Format::Npy => "npy",
-    };
     let mut members = vec![Vec::new(); clustering.sizes.len()];
     for (t, &label) in clustering.labels.iter().enumerate() {
         members[label as usize].push(t);
     }
     for (cluster, members) in members.into_iter().enumerate() {
         let out = TableOut {
-            output: Some(folder.join(format!("{cluster:0width$}.{ending}"))),
+            output: Some(folder.join(part(args, cluster))),
             to: args.out.to,
         };
         let mut sink = TableSink::create(&out, &table.columns, &[])?;

@@ -66,6 +66,10 @@ fn work(args: &Args) -> Result<Outcome> {
         let record = record.map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
         let line = record.position().map_or(0, csv::Position::line);
         let place = |part: String| Place::line(&name, line).part(part);
+        if record.iter().any(|cell| cell.contains(['\n', '\r'])) {
+            let what = "a cell goes on in the next line: its quote is not closed";
+            return Err(Error::data(Place::line(&name, line), what));
+        }
         let mut pose = vec![0.0; columns.width()];
         let is_empty = |column: usize| record.get(column).is_none_or(str::is_empty);
         if rms.is_some_and(is_empty) && pairs.iter().all(|&(a, c)| is_empty(a) && is_empty(c)) {

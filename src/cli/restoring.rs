@@ -9,6 +9,7 @@ use super::tally::{Tally, added, cells};
 use super::{Outcome, say};
 use crate::io::table::{Columns, Row};
 use crate::io::text::short;
+use crate::pose::Poses;
 use crate::prior::{Choice, builtin};
 use crate::restore::complete::{self, Complete};
 use crate::restore::denoise::{self, Denoise};
@@ -267,15 +268,7 @@ fn by_frames(
         if rows.is_empty() {
             return sink.finish();
         }
-        if let (Some(flag), [first, second, ..]) = (task.input.fps, &rows[..])
-            && let (Some(a), Some(b)) = (first.time, second.time)
-            && first.take == second.take
-            && (crate::pose::poses::round_rate(1.0 / (b - a)) - flag).abs() > 1e-4 * flag
-        {
-            return Err(Error::usage(format!(
-                "--fps {flag} contradicts the table's times"
-            )));
-        }
+        task.input.rate(&clock(&rows))?;
         let flat: Vec<f64> = rows.iter().flat_map(|r| r.xyz.iter().copied()).collect();
         let xyz = Array2::from_shape_vec((rows.len(), columns.width()), flat).unwrap_or_default();
         let gathered = job.gather(hide(xyz.clone(), &hidden).view());
@@ -329,6 +322,15 @@ fn tell_strangers(points: &[String], known: &[String]) {
         _ => say::note(&format!(
             "{count} points are none of the model's and stay as they are {names}"
         )),
+    }
+}
+
+/// The takes and times of some frames.
+fn clock(rows: &[Row]) -> Poses {
+    Poses {
+        time: rows.iter().map(|r| r.time).collect(),
+        take: rows.iter().map(|r| r.take.clone()).collect(),
+        ..Poses::default()
     }
 }
 

@@ -4,7 +4,7 @@ use super::arrays::ArraySink;
 use super::flags::{Format, TableIn, TableOut};
 use super::printing::Printer;
 use crate::io::csv::{After, CsvWriter};
-use crate::io::output::OutputFile;
+use crate::io::output::{OutputFile, descriptor};
 use crate::io::table::{Builder, Columns, Row, RowReader, Table};
 use crate::io::{Input, Model};
 use crate::{Error, Place, Result};
@@ -62,6 +62,8 @@ pub struct RowStream<'a> {
     rest: std::vec::IntoIter<PathBuf>,
     /// What the file being read is called as a take.
     take: Arc<str>,
+    /// What those before it were called.
+    takes: Vec<Arc<str>>,
     reader: RowReader,
     columns: Columns,
 }
@@ -86,6 +88,7 @@ impl<'a> RowStream<'a> {
             cells,
             rest,
             take,
+            takes: Vec::new(),
             reader,
             columns,
         })
@@ -101,6 +104,16 @@ impl<'a> RowStream<'a> {
         self.reader.name()
     }
 
+    /// Names the take of the next file: the same name twice is two takes.
+    fn name_take(&mut self, file: &Path) {
+        let mut name = stem(file);
+        self.takes.push(self.take.clone());
+        while self.takes.iter().any(|t| **t == *name) {
+            name.push('\'');
+        }
+        self.take = name.into();
+    }
+
     /// What the file being read is called as a take, where nothing in it tells.
     fn take_of_file(&self) -> Arc<str> {
         self.take.clone()
@@ -112,12 +125,7 @@ impl<'a> RowStream<'a> {
             let Some(next) = self.rest.next() else {
                 return Ok(false);
             };
-            let name = stem(&next);
-            // The same file twice is two takes.
-            self.take = match *name == *self.take {
-                true => format!("{name}'").into(),
-                false => name.into(),
-            };
+            self.name_take(&next);
             self.reader =
                 RowReader::new(open(&next)?, &self.flags.options(self.planar, self.cells)?)?;
             if self.reader.columns() != &self.columns {
@@ -178,7 +186,7 @@ impl Sink {
     /// Opens the output; binary is never written to a terminal.
     pub fn open(path: Option<&Path>, binary: bool) -> Result<Sink> {
         match path {
-            Some(path) if path != Path::new("-") => {
+            Some(path) if path != Path::new("-") && descriptor(path) != Some(1) => {
                 super::signals::watch();
                 Ok(Sink::File(OutputFile::create(path)?, path.to_path_buf()))
             }

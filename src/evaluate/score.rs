@@ -57,7 +57,7 @@ pub struct PointErrors {
 }
 
 /// Finds the frames that do not follow the one before them: a new take, a time that does not go forward, a step of more
-/// than 1.5 frames. The rule is that of [`crate::pose::Poses::runs`], for frames that come one at a time.
+/// than 1.5 frames. The rule is that of [`crate::pose::Poses::runs`] for takes of one rate, for frames that come one at a time.
 #[derive(Debug, Clone, Default)]
 pub struct Runs {
     step: Option<f64>,

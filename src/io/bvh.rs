@@ -130,9 +130,11 @@ mod tests {
         for (lines, wrong) in [
             ([short, FRAME, FRAME], 1),
             ([FRAME, short, FRAME], 2),
-            ([FRAME, short, long], 2),
-            ([short, FRAME, long], 1),
+            ([long, short, ""], 1),
             ([FRAME, FRAME, long], 3),
+            // As many lines as the file says are its frames.
+            ([long, long, ""], 1),
+            ([short, FRAME, ""], 1),
         ] {
             let text: String = lines.into_iter().map(frame).collect();
             for keep_whole in [false, true] {
@@ -144,6 +146,19 @@ mod tests {
         // Laid out otherwise, values count alone.
         let wrapped = frame(&FRAME.replace('5', "5\n")).repeat(3);
         assert_eq!(load(odd(&wrapped), false).unwrap().bvh.motion.nrows(), 3);
+        let by_width = FRAME.repeat(10);
+        let by_width: Vec<&str> = by_width.split_whitespace().collect();
+        let by_width: Vec<String> = by_width.chunks(9).map(|c| c.join(" ") + "\n").collect();
+        let first_whole = frame(FRAME) + &by_width.concat();
+        assert_eq!(
+            load(odd(&first_whole), false).unwrap().bvh.motion.nrows(),
+            11
+        );
+        let two_at_once = frame(FRAME) + &frame(&FRAME.repeat(2));
+        assert_eq!(
+            load(odd(&two_at_once), false).unwrap().bvh.motion.nrows(),
+            3
+        );
     }
 
     #[test]

@@ -18,6 +18,9 @@ pub struct OutputFile {
     _half: Option<Half>,
 }
 
+/// Links are followed so far.
+const MOST_LINKS: usize = 40;
+
 /// The temporary files that are being written.
 static HALF_WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
@@ -57,9 +60,9 @@ impl OutputFile {
     /// Starts writing the file that will stand at `path`.
     pub fn create(path: &Path) -> Result<OutputFile> {
         let fail = |e| Error::io(path, e);
-        let named = behind_links(path);
-        let special = is_descriptor(path) || fs::metadata(path).is_ok_and(|m| !m.is_file());
-        let sink = if special {
+        let (named, descriptor) = resolved(path).map_err(fail)?;
+        let is_file = fs::metadata(&named).map_or(true, |m| m.is_file());
+        let sink = if descriptor.is_some() || !is_file {
             // What is there already, of a file that others write to as well, stays.
             let file = fs::OpenOptions::new()
                 .append(true)
@@ -123,27 +126,39 @@ impl OutputFile {
     }
 }
 
-/// What a path names once links are followed; one that leads nowhere yet names what it leads to.
-fn behind_links(path: &Path) -> PathBuf {
-    match fs::canonicalize(path) {
-        Ok(real) if path.is_symlink() => real,
-        Err(_) if path.is_symlink() => match (fs::read_link(path), path.parent()) {
-            (Ok(target), Some(folder)) => folder.join(target),
-            _ => path.to_path_buf(),
-        },
-        _ => path.to_path_buf(),
+/// What a path names, links followed, and its number if it is what the process has open.
+fn resolved(path: &Path) -> io::Result<(PathBuf, Option<u32>)> {
+    let mut path = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        let open = descriptor_here(&path);
+        let Some(target) = fs::read_link(&path).ok().filter(|_| open.is_none()) else {
+            return Ok((path, open));
+        };
+        path = match path.parent() {
+            Some(folder) => folder.join(target),
+            None => target,
+        };
     }
+    Err(io::Error::other("too many links, or they lead round"))
 }
 
-/// Whether a path names what the process has open.
-fn is_descriptor(path: &Path) -> bool {
-    let named = ["/dev/stdout", "/dev/stderr"]
-        .map(Path::new)
-        .contains(&path);
-    named
-        || ["/dev/fd", "/proc/self/fd"]
-            .iter()
-            .any(|folder| path.starts_with(folder))
+/// The number of what the process has open, if a path leads there: 1 is standard output.
+pub fn descriptor(path: &Path) -> Option<u32> {
+    resolved(path).ok()?.1
+}
+
+/// The same, where the path itself says so.
+fn descriptor_here(path: &Path) -> Option<u32> {
+    let text = path.to_str()?;
+    match text {
+        "/dev/stdout" => return Some(1),
+        "/dev/stderr" => return Some(2),
+        _ => {}
+    }
+    let own = format!("/proc/{}/fd/", std::process::id());
+    let folders = ["/dev/fd/", "/proc/self/fd/", "/proc/thread-self/fd/", &own];
+    let number = folders.iter().find_map(|f| text.strip_prefix(f))?;
+    number.parse().ok()
 }
 
 /// The mode the file has now, or what the umask leaves of 0666 (a temporary file would be 0600).

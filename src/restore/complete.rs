@@ -106,7 +106,14 @@ fn fill(
         if missing.is_empty() && !suspect {
             continue;
         }
-        let Answer::Found(found) = answer else {
+        // A model of another unit may answer with what is no number: that is no answer.
+        let is_told =
+            |found: &&Restored| found.mean[3 * p..3 * p + 3].iter().all(|v| v.is_finite());
+        let found = match answer {
+            Answer::Found(found) => Some(found).filter(is_told),
+            _ => None,
+        };
+        let Some(found) = found else {
             lacked = true;
             let status = if missing.is_empty() {
                 Status::Rejected
@@ -117,12 +124,6 @@ fn fill(
             continue;
         };
         let (add, share) = correction.map_or((DVec3::ZERO, 1.0), |c| c[p]);
-        if (3 * p..3 * p + 3).any(|i| !found.mean[i].is_finite()) {
-            // A model of another unit may answer with what is no number: that is no answer.
-            lacked = true;
-            out.set(t, p, Status::Unknown, f64::NAN);
-            continue;
-        }
         let sd = found.sd[p] * share;
         if suspect {
             out.set(t, p, Status::Rejected, sd);

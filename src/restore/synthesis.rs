@@ -78,8 +78,9 @@ impl Synthesis {
         for start in starts {
             let solved = match climb::climb(self, prior, seen, start, &tops) {
                 Climbed::Top(solved) => {
-                    // Who wishes to stay near another start climbs elsewhere.
-                    if self.rotation_prior == DVec3::ZERO {
+                    // Who wishes to stay near another start climbs elsewhere, and one that ran out of steps is at no top.
+                    let is_top = solved.iterations < self.iterations;
+                    if is_top && self.rotation_prior == DVec3::ZERO {
                         tops.push(solved.placement);
                     }
                     solved

@@ -115,7 +115,7 @@ impl Data {
         let width = 3 * self.points.len();
         let root = self.points.iter().position(|p| p == "root");
         let start = rows.len() / width.max(1);
-        for t in range {
+        for t in range.clone() {
             let frame = source.poses.frame(t);
             if frame.iter().any(|v| !(*v as f32).is_finite()) {
                 self.incomplete += 1;
@@ -138,7 +138,7 @@ impl Data {
                 subject: subjects.get(&name).cloned().unwrap_or(before),
                 name,
                 rows: start..end,
-                rate: source.poses.rate(),
+                rate: source.poses.rate_within(range),
                 digest: String::new(),
             });
         }

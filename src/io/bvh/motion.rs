@@ -53,11 +53,12 @@ fn labelled(
     Ok((value, start.unwrap_or(at)))
 }
 
-/// Everything after the head, in radians and centimetres.
+/// Everything after the head, which says that there are so many `frames`, in radians and centimetres.
 pub fn values(
     words: &mut Words,
     joints: &[Joint],
     unit: f64,
+    frames: f64,
 ) -> std::result::Result<Vec<f64>, Fault> {
     let scales: Vec<f64> = joints
         .iter()
@@ -70,7 +71,7 @@ pub fn values(
             }
         })
         .collect();
-    check_lines(&words.text[words.at..], words.at, scales.len())?;
+    check_lines(&words.text[words.at..], words.at, scales.len(), frames)?;
     let mut out = Vec::new();
     let mut channel = 0;
     while let Some((at, word)) = words.next() {
@@ -87,9 +88,14 @@ pub fn values(
     Ok(out)
 }
 
-/// Where frames have lines of their own, one with too few or too many values would shift all after it. (The last may be cut
-/// off, and frames may be laid out otherwise: then values count alone.)
-fn check_lines(text: &str, start: usize, width: usize) -> std::result::Result<(), Fault> {
+/// Where frames have lines of their own, as many as the file says or most of the lines, one with too few or too many values
+/// would shift all after it. (The last may be cut off, and frames may be laid out otherwise: then values count alone.)
+fn check_lines(
+    text: &str,
+    start: usize,
+    width: usize,
+    frames: f64,
+) -> std::result::Result<(), Fault> {
     let mut at = start;
     let mut lines = Vec::new();
     for line in text.split_inclusive(['\n', '\r']) {
@@ -99,19 +105,16 @@ fn check_lines(text: &str, start: usize, width: usize) -> std::result::Result<()
         }
         at += line.len();
     }
-    let before_last = &lines[..lines.len().saturating_sub(1)];
-    if !before_last.iter().any(|(_, count)| *count == width) {
+    let exact = lines.iter().filter(|(_, count)| *count == width).count();
+    if width == 0 || !(lines.len() as f64 == frames || 2 * exact > lines.len()) {
         return Ok(());
     }
-    let is_wrong = |(i, (_, count)): &(usize, &(usize, usize))| match i + 1 == lines.len() {
-        true => *count > width,
-        false => *count != width,
-    };
-    match lines.iter().enumerate().find(is_wrong) {
-        Some((i, (at, count))) => {
+    for (i, (at, count)) in lines.iter().enumerate() {
+        let is_cut_off = i + 1 == lines.len() && *count < width;
+        if count % width != 0 && !is_cut_off {
             let what = format!("frame {}: expected {width} values, found {count}", i + 1);
-            Err(Fault(*at, what))
+            return Err(Fault(*at, what));
         }
-        None => Ok(()),
     }
+    Ok(())
 }

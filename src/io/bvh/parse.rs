@@ -70,7 +70,7 @@ pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Loaded> {
         Err(fault) => return Err(fail(fault, &parser.words)),
     };
     let width = Bvh::channels(&joints);
-    let values = match values(&mut parser.words, &joints, unit) {
+    let values = match values(&mut parser.words, &joints, unit, frames) {
         Ok(values) => values,
         Err(fault) => return Err(fail(fault, &parser.words)),
     };

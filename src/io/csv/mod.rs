@@ -12,7 +12,7 @@ use super::table::{Columns, ReadOptions, Row};
 use super::text::{BLOCK, Pace, short, within};
 use crate::{Error, Place, Result};
 use block::Blocks;
-use records::Records;
+use records::{Records, fault};
 use std::io::BufReader;
 use std::sync::Arc;
 
@@ -44,7 +44,7 @@ impl CsvReader {
         let name = input.name.clone();
         let mut records = Records::new(BufReader::with_capacity(block, input.into_reader()));
         let mut header = Cells::default();
-        records.read(&mut header).map_err(|e| Error::io(&name, e))?;
+        records.read(&mut header).map_err(|e| fault(&name, e))?;
         let place = Place::line(&name, header.line().unwrap_or(1));
         let header: Vec<String> = (0..header.len())
             .map(|i| String::from_utf8_lossy(&header[i]).trim().to_string())
@@ -127,7 +127,7 @@ impl CsvReader {
     /// Reads the next row whatever it holds, or says what is wrong with it.
     fn read_carefully(&mut self, row: &mut Row) -> Result<bool> {
         let more = self.records.read(&mut row.cells);
-        if !more.map_err(|e| Error::io(&self.name, e))? {
+        if !more.map_err(|e| fault(&self.name, e))? {
             return Ok(false);
         }
         let line = row.cells.line().unwrap_or(0);

@@ -2,8 +2,23 @@
 
 use super::super::cells::Cells;
 use super::super::text::filled;
+use crate::{Error, Place};
 use csv_core::ReadRecordResult;
 use std::io::{self, BufRead, BufReader};
+
+/// A quote that is never closed, of a cell of the record that begins in this line.
+#[derive(Debug, thiserror::Error)]
+#[error("a cell begins with a quote that is never closed")]
+struct Unclosed(u64);
+
+/// What went wrong in a file of that name.
+pub(super) fn fault(name: &str, e: io::Error) -> Error {
+    let unclosed = e.get_ref().and_then(|e| e.downcast_ref::<Unclosed>());
+    match unclosed {
+        Some(what) => Error::data(Place::line(name, what.0), what.to_string()),
+        None => Error::io(name, e),
+    }
+}
 
 /// Reads records, and lets others read ahead between two of them.
 pub(super) struct Records {
@@ -48,7 +63,9 @@ impl Records {
                 self.core
                     .read_record(there, &mut self.text[text..], &mut self.ends[ends..]);
             if !is_last {
-                has_begun |= read > 0;
+                let new = there.strip_prefix(b"\xef\xbb\xbf").unwrap_or(there);
+                let new = &new[..new.len().min(read)];
+                has_begun |= new.iter().any(|b| !matches!(b, b'\r' | b'\n'));
                 self.reader.consume(read);
                 self.line = self.core.line();
             }
@@ -56,9 +73,7 @@ impl Records {
             match result {
                 ReadRecordResult::InputEmpty if is_last => {
                     self.ended = true;
-                    let what =
-                        format!("line {line}: a cell begins with a quote that is never closed");
-                    return Err(io::Error::new(io::ErrorKind::InvalidData, what));
+                    return Err(io::Error::new(io::ErrorKind::InvalidData, Unclosed(line)));
                 }
                 ReadRecordResult::InputEmpty => {}
                 ReadRecordResult::OutputFull => self.text.resize(2 * self.text.len(), 0),
@@ -121,7 +136,10 @@ mod tests {
         let reader: Box<dyn BufRead> = Box::new(text.as_bytes());
         let mut records = Records::new(BufReader::with_capacity(at_once, reader));
         let (mut cells, mut n) = (Cells::default(), 0);
-        while records.read(&mut cells).map_err(|e| e.to_string())? {
+        while records
+            .read(&mut cells)
+            .map_err(|e| fault("t", e).to_string())?
+        {
             n += 1;
         }
         Ok(n)
@@ -149,10 +167,7 @@ mod tests {
                 assert!(said.contains("never closed"), "{said}");
             }
         }
-        assert!(
-            count("a,b\n\n1,\"2\n", 9)
-                .unwrap_err()
-                .starts_with("line 3: ")
-        );
+        assert!(count("a,b\n\n1,\"2\n", 9).unwrap_err().starts_with("t:3: "));
+        assert_eq!(count("\u{feff}\n", 64), Ok(0));
     }
 }
