@@ -318,3 +318,14 @@ fn a_larger_body_has_the_larger_answer() {
     let answer = |t: &Numbers| Numbers::read(&run("complete", &["-q"], &t.write()));
     close(&answer(&grown(&damaged)), &grown(&answer(&damaged)), 0.5);
 }
+
+#[test]
+fn a_dictionary_of_another_unit_answers_with_numbers() {
+    let Some(walk) = walk(60) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let model = dir.path().join("m.npz").to_str().unwrap().to_string();
+    let large = Numbers::read(&walk).map(|p| p.map(|v| 100.0 * v)).write();
+    run("ksvd-train", &["-q", "-n", "20", "-o", &model], &large);
+    let done = run("complete", &["-q", "-m", &model], &gappy(&walk));
+    assert_eq!(Numbers::read(&done).missing(), 0);
+}

@@ -131,7 +131,11 @@ impl SparsePrior {
         mut residual: Array2<f64>,
         typical: Array2<f64>,
     ) -> SparsePrior {
-        residual.diag_mut().mapv_inplace(|v| v.max(0.0) + EXACT);
+        // It was stored in single precision: its least directions may be below nothing by as much as that rounds.
+        let most = residual.diag().fold(0.0, |most: f64, v| most.max(*v));
+        let rounded = residual.nrows() as f64 * f64::from(f32::EPSILON) * most;
+        let least = EXACT.max(rounded);
+        residual.diag_mut().mapv_inplace(|v| v.max(0.0) + least);
         let variance = residual.diag().to_vec();
         SparsePrior {
             dictionary,
