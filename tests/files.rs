@@ -80,6 +80,16 @@ fn each_take_has_its_own_rate() {
     assert_eq!(Numbers::read(&both).missing(), 30);
 }
 
+#[test]
+fn a_last_batch_of_few_frames_contradicts_no_rate() {
+    let rows = (0..515).map(|t| format!("{:.3},1,2,3\n", t as f64 / 120.0));
+    let table = "time,root.x,root.y,root.z\n".to_string() + &rows.collect::<String>();
+    let args = ["-q", "--per-frame", "--space", "body", "--fps", "120"];
+    assert_eq!(run("complete", &args, &table), table);
+    let args = [&args[..5], &["100"]].concat();
+    assert!(fails("complete", &args, table.as_bytes(), 2).contains("--fps 100 contradicts"));
+}
+
 #[cfg(unix)]
 #[test]
 fn what_a_link_names_is_written_and_the_link_stays() {

@@ -80,7 +80,9 @@ fn work(args: &Args) -> Result<Outcome> {
     while first.len() < RATE_FRAMES && tables.read(&mut step)? {
         first.push(step.clone());
     }
-    let rate = inputs[0].rate(&clock(&first))?;
+    let rate = inputs[0].rate(&Poses::clock(
+        first.iter().map(|s| (s.time, s.take.clone())),
+    ))?;
     let mut runs = Runs::new(rate);
     let mut scores = Scores::new(tables.points(), rate, args.damaged.is_some());
     for step in &first {
@@ -112,15 +114,6 @@ fn table(args: &Args, file: &Path) -> TableIn {
         joints: args.joints.clone(),
         units: Units::Cm,
         up: Up::Y,
-    }
-}
-
-/// The takes and times of some frames.
-fn clock(steps: &[Step]) -> Poses {
-    Poses {
-        time: steps.iter().map(|s| s.time).collect(),
-        take: steps.iter().map(|s| s.take.clone()).collect(),
-        ..Poses::default()
     }
 }
 

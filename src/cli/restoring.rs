@@ -259,16 +259,20 @@ fn by_frames(
     let hidden = hidden(&columns, observe)?;
     let job = job(task, &columns)?;
     let mut sink = TableSink::create(task.out, &columns, &added(task.status, &columns))?;
-    loop {
+    for batch in 0.. {
         let mut rows = Vec::with_capacity(BATCH);
         let mut row = Row::default();
         while rows.len() < BATCH && stream.read(&mut row)? {
             rows.push(std::mem::take(&mut row));
         }
         if rows.is_empty() {
-            return sink.finish();
+            break;
         }
-        task.input.rate(&clock(&rows))?;
+        if batch == 0 {
+            // Of few frames, as the last are, rounded times tell no rate that could contradict.
+            task.input
+                .rate(&Poses::clock(rows.iter().map(|r| (r.time, r.take.clone()))))?;
+        }
         let flat: Vec<f64> = rows.iter().flat_map(|r| r.xyz.iter().copied()).collect();
         let xyz = Array2::from_shape_vec((rows.len(), columns.width()), flat).unwrap_or_default();
         let gathered = job.gather(hide(xyz.clone(), &hidden).view());
@@ -280,6 +284,7 @@ fn by_frames(
             sink.write(row, &out.row(t).to_vec(), &cells)?;
         }
     }
+    sink.finish()
 }
 
 fn job(task: &Task<'_>, columns: &Columns) -> Result<Job> {
@@ -322,15 +327,6 @@ fn tell_strangers(points: &[String], known: &[String]) {
         _ => say::note(&format!(
             "{count} points are none of the model's and stay as they are {names}"
         )),
-    }
-}
-
-/// The takes and times of some frames.
-fn clock(rows: &[Row]) -> Poses {
-    Poses {
-        time: rows.iter().map(|r| r.time).collect(),
-        take: rows.iter().map(|r| r.take.clone()).collect(),
-        ..Poses::default()
     }
 }
 

@@ -18,6 +18,16 @@ pub struct Poses {
 }
 
 impl Poses {
+    /// When frames were captured, and of which takes, with no points.
+    pub fn clock(frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>) -> Poses {
+        let (time, take): (Vec<_>, Vec<_>) = frames.unzip();
+        Poses {
+            time: time.into_iter().collect(),
+            take: take.into_iter().collect(),
+            ..Poses::default()
+        }
+    }
+
     /// How many frames there are.
     pub fn frames(&self) -> usize {
         self.xyz.nrows()

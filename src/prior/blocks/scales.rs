@@ -140,7 +140,7 @@ impl Scales {
     }
 
     /// Σ s a b of two residuals, given their z, at each scale; into `out`.
-    pub fn plain(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
+    fn plain(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
         let mut plain = [0.0; 16];
         out.clear();
         for (at, shares) in self.shares.chunks(16 * self.stride.max(1)).enumerate() {

@@ -8,7 +8,7 @@
 //! ```
 
 use super::explained::Explained;
-use super::lens::Weighted;
+use super::lens::Blend;
 use super::part::{Part, View};
 use crate::prior::Slope;
 
@@ -72,7 +72,7 @@ impl Pull<'_> {
         blocks
             .iter()
             .for_each(|&i| weights[best[i].at] += self.shares[i]);
-        let through = Weighted::of(&sight.lens, &sight.scales, &weights);
+        let through = Blend::of(&sight.lens, &sight.scales, &weights);
         let rest = through.aside(&off);
         let ways: Vec<_> = self.moves.iter().map(|m| through.aside(m)).collect();
         for i in 0..n {

@@ -6,7 +6,7 @@ use crate::prior::small::dot;
 use crate::simd;
 
 /// A lens at some scales that have weights, Σ weight (a C_oo + R)⁻¹.
-pub struct Weighted<'a> {
+pub struct Blend<'a> {
     lens: &'a Lens,
     scales: &'a Scales,
     /// Those with any weight, and its root.
@@ -19,7 +19,7 @@ pub struct Weighted<'a> {
 
 /// A vector beside it.
 pub struct Aside<'a> {
-    through: &'a Weighted<'a>,
+    through: &'a Blend<'a>,
     of: &'a [f32],
     /// In the directions; 0 for those that are shared.
     z: Vec<f32>,
@@ -29,9 +29,9 @@ pub struct Aside<'a> {
     fixed: Vec<f64>,
 }
 
-impl<'a> Weighted<'a> {
+impl<'a> Blend<'a> {
     /// `weights` are of the scales.
-    pub fn of(lens: &'a Lens, scales: &'a Scales, weights: &[f64]) -> Weighted<'a> {
+    pub fn of(lens: &'a Lens, scales: &'a Scales, weights: &[f64]) -> Blend<'a> {
         let some = weights.iter().enumerate().filter(|(_, w)| **w > 0.0);
         let mut sums = vec![0.0; lens.stride()];
         for (at, weight) in some.clone() {
@@ -40,7 +40,7 @@ impl<'a> Weighted<'a> {
         }
         let shared = lens.cut.as_ref().map(|cut| cut.values.len() - 1);
         let shared = shared.map_or(0.0, |last| std::mem::take(&mut sums[last]));
-        Weighted {
+        Blend {
             roots: some.map(|(at, weight)| (at, weight.sqrt())).collect(),
             shares: sums.iter().map(|s| *s as f32).collect(),
             shared: shared as f32,

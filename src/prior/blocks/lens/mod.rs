@@ -31,7 +31,7 @@ use cut::Cut;
 use ndarray::Array2;
 use std::sync::Arc;
 
-pub use aside::Weighted;
+pub use aside::Blend;
 pub use pattern::Pattern;
 
 /// A block's covariance through one noise, for every scale of it.
