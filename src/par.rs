@@ -1,12 +1,19 @@
 //! Work shared between threads so that the result does not depend on how many there are:
 //! fixed chunks, answered in order; a random generator for each chunk.
 
+use crate::Result;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::cell::Cell;
+use std::collections::VecDeque;
 use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::mpsc::channel;
 use std::sync::{Mutex, PoisonError};
+
+/// Items of a stream that are on their way at a time, a thread.
+const AHEAD: usize = 2;
 
 /// Applies `work` to fixed chunks of `0..len` (the last may be shorter) on rayon's threads.
 ///
@@ -86,6 +93,61 @@ pub fn alone<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
+/// Works on the items of a stream on all of rayon's threads while `next` reads more of them, here; `put` is given what became
+/// of them, here too, in their order.
+///
+/// A few items a thread are on their way at a time, so memory does not grow with the stream.
+///
+/// # Errors
+/// The first, in the order of the items; all before it are put.
+pub fn in_turn<T: Send, R: Send>(
+    mut next: impl FnMut() -> Result<Option<T>>,
+    work: impl Fn(T) -> Result<R> + Sync,
+    mut put: impl FnMut(R) -> Result<()>,
+) -> Result<()> {
+    let most = AHEAD * rayon::current_num_threads() + 1;
+    let (done, answers) = channel();
+    let work = &work;
+    rayon::in_place_scope(|scope| {
+        let mut end = None;
+        let mut given = 0;
+        // Of those on their way what became of them, the first of them first.
+        let mut answered = VecDeque::new();
+        loop {
+            while end.is_none() && answered.len() < most {
+                match next() {
+                    Ok(Some(item)) => {
+                        let (done, number) = (done.clone(), given);
+                        scope.spawn(move |_| {
+                            let answer = catch_unwind(AssertUnwindSafe(|| work(item)));
+                            // Nobody listens any more after an error.
+                            let _ = done.send((number, answer));
+                        });
+                        given += 1;
+                        answered.push_back(None);
+                    }
+                    Ok(None) => end = Some(Ok(())),
+                    Err(error) => end = Some(Err(error)),
+                }
+            }
+            let Some(wait) = answered.front() else {
+                return end.unwrap_or(Ok(()));
+            };
+            if wait.is_none() {
+                let (number, answer): (usize, _) = match answers.recv() {
+                    Ok(answer) => answer,
+                    Err(_) => unreachable!("`done` is here"),
+                };
+                let first = given - answered.len();
+                answered[number - first] = Some(answer);
+            }
+            while let Some(answer) = answered.pop_front_if(|a| a.is_some()).flatten() {
+                put(answer.unwrap_or_else(|panic| resume_unwind(panic))?)?;
+            }
+        }
+    })
+}
+
 /// A random generator for one stream of one seed: the same on every machine and for any number of threads.
 pub fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
@@ -96,6 +158,7 @@ pub fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Error;
 
     #[test]
     fn desks_serve_many_chunks_and_the_answers_are_in_order() {
@@ -105,6 +168,59 @@ mod tests {
         assert_eq!(answers, (0..1000).step_by(3).collect::<Vec<_>>());
         // Threads that work at a time have one each.
         assert!(made.into_inner() <= rayon::current_num_threads() + 1);
+    }
+
+    #[test]
+    fn a_stream_is_worked_on_ahead_and_put_in_order() {
+        for len in [0, 1, 3, 500] {
+            let (mut read, mut all) = (0, Vec::new());
+            let next = || {
+                read += 1;
+                Ok((read <= len).then_some(read))
+            };
+            let work = |i: usize| {
+                // Some are done before those read before them.
+                std::thread::sleep(std::time::Duration::from_micros(37 * (i as u64 % 5)));
+                Ok(2 * i)
+            };
+            in_turn(next, work, |i| {
+                all.push(i);
+                Ok(())
+            })
+            .unwrap();
+            assert_eq!(all, (1..=len).map(|i| 2 * i).collect::<Vec<_>>());
+        }
+    }
+
+    #[test]
+    fn a_stream_ends_with_the_first_error() {
+        let wrong = |i: usize| Error::usage(format!("{i}"));
+        for (reading, working, putting) in [(7, 99, 99), (99, 7, 9), (99, 99, 7), (7, 5, 6)] {
+            let (mut read, mut all) = (0, Vec::new());
+            let next = || {
+                read += 1;
+                match read == reading {
+                    true => Err(wrong(read)),
+                    false => Ok(Some(read)),
+                }
+            };
+            let work = |i| if i == working { Err(wrong(i)) } else { Ok(i) };
+            let put = |i| {
+                if i == putting {
+                    return Err(wrong(i));
+                }
+                all.push(i);
+                Ok(())
+            };
+            let first = reading.min(working).min(putting);
+            let told = in_turn(next, work, put).unwrap_err();
+            assert!(told.to_string().contains(&first.to_string()), "{told}");
+            assert_eq!(all, (1..first).collect::<Vec<_>>());
+        }
+        let panic = std::panic::catch_unwind(|| {
+            let _ = in_turn(|| Ok(Some(())), |()| -> Result<()> { panic!("at work") }, Ok);
+        });
+        assert!(panic.is_err());
     }
 
     #[test]

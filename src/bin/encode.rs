@@ -9,7 +9,7 @@ use posing::cli::{Outcome, run, say};
 use posing::io::table::Row;
 use posing::io::text::{push_number, push_single};
 use posing::prior::sparse::dictionary;
-use posing::sparse::{Codes, Dictionary, Pursuit};
+use posing::sparse::{Codes, Dictionary, Pursuit, Search};
 use posing::{Error, Place, Result, par};
 use std::io::Write;
 use std::path::PathBuf;
@@ -44,8 +44,10 @@ struct Args {
     common: Common,
 }
 
-/// Poses coded together: of more, neighbours in the order of a search by bounds are more alike.
+/// Poses that are coded together where an order among them counts: of more, neighbours are more alike.
 const BATCH: usize = 1 << 13;
+/// And where that is quick, by one thread.
+const FEW: usize = 480;
 /// Lines that one thread writes at a time.
 const LINES: usize = 256;
 
@@ -76,30 +78,33 @@ fn work(args: &Args) -> Result<Outcome> {
         .map(|k| format!("atom{k},coef{k}"))
         .collect();
     sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
-    let mut next = batch(&mut stream)?;
-    if let Some(poses) = &next {
+    let is_quick = pursuit.search(&dictionary, BATCH) == Search::Rows;
+    let most = if is_quick { FEW } else { BATCH };
+    let mut first = batch(&mut stream, most)?;
+    if let Some(poses) = &first {
         let search = pursuit.search(&dictionary, poses.nrows());
         say::detail(&format!("{} atoms, found {search}", dictionary.len()));
     }
-    while let Some(poses) = next {
-        // The poses after these are read while these are coded.
-        let mut lines = Ok(Vec::new());
-        let read = rayon::in_place_scope(|scope| {
-            scope.spawn(|_| lines = coded(&pursuit, &dictionary, &poses));
-            batch(&mut stream)
-        });
-        sink.put(&lines?)?;
-        next = read?;
-    }
+    par::in_turn(
+        || match first.take() {
+            Some(poses) => Ok(Some(poses)),
+            None => batch(&mut stream, most),
+        },
+        |poses| match is_quick {
+            true => par::alone(|| coded(&pursuit, &dictionary, &poses)),
+            false => coded(&pursuit, &dictionary, &poses),
+        },
+        |lines| sink.put(&lines),
+    )?;
     sink.finish()?;
     Ok(Outcome::Done)
 }
 
-/// Poses to be coded together; none after the last.
-fn batch(stream: &mut RowStream) -> Result<Option<Array2<f32>>> {
+/// Up to so many poses, to be coded together; none after the last.
+fn batch(stream: &mut RowStream, most: usize) -> Result<Option<Array2<f32>>> {
     let width = stream.columns().width();
     let (mut values, mut row) = (Vec::new(), Row::default());
-    while values.len() < BATCH * width && stream.read(&mut row)? {
+    while values.len() < most * width && stream.read(&mut row)? {
         values.extend(row.xyz.iter().map(|v| *v as f32));
     }
     let shape = (values.len() / width.max(1), width);
