@@ -20,7 +20,10 @@ const NEARLY_DEPENDENT: f64 = 1e-2;
 pub struct Column<'a> {
     /// q of the atoms before.
     pub done: &'a [f64],
-    /// The atom; then its q.
+    /// The atom, and what its numbers are multiplied by, if not 1. Not padded.
+    pub atom: &'a [f32],
+    pub root: Option<&'a [f64]>,
+    /// Its q.
     pub v: &'a mut [f64],
     /// Zeros; then <q, a> of the atoms before, and the norm of what they leave.
     pub column: &'a mut [f64],
@@ -47,11 +50,16 @@ impl Column<'_> {
     fn make<S: Simd, const V: usize>(self, simd: S) -> Option<(f64, f64)> {
         let Column {
             done,
+            atom,
+            root,
             v,
             column,
             residual,
         } = self;
-        let whole = product::<S, V>(simd, v, v);
+        let whole = match root {
+            None => load::<S, V>(simd, v, atom, |a, _| f64::from(a)),
+            Some(root) => load::<S, V>(simd, v, atom, |a, i| f64::from(a) * root[i]),
+        };
         let mut left = whole;
         let (norm, before) = column.split_last_mut()?;
         for _ in 0..2 {
@@ -110,6 +118,41 @@ fn product<S: Simd, const V: usize>(simd: S, a: &[f64], b: &[f64]) -> f64 {
     total::<S, V>(simd, sums)
 }
 
+/// What `of` makes of numbers and their places, into v, padded with 0; gives <v, v>.
+#[inline(always)]
+pub fn load<S: Simd, const V: usize>(
+    simd: S,
+    v: &mut [f64],
+    numbers: &[f32],
+    of: impl Fn(f32, usize) -> f64,
+) -> f64 {
+    let mut sums = [simd.splat_f64s(0.0); V];
+    let mut at = 0;
+    // Eight at a time, as they are read next: what is written by halves is not there yet when it is read whole.
+    for v in v.as_chunks_mut::<LANES>().0 {
+        let mut lanes = [0.0; LANES];
+        match numbers.get(at..at + LANES) {
+            Some(numbers) => {
+                for l in 0..LANES {
+                    lanes[l] = of(numbers[l], at + l);
+                }
+            }
+            None => {
+                for (l, number) in numbers.iter().skip(at).enumerate() {
+                    lanes[l] = of(*number, at + l);
+                }
+            }
+        }
+        at += LANES;
+        *v = lanes;
+        let lanes = S::as_simd_f64s(&lanes).0;
+        for l in 0..V {
+            sums[l] = simd.add_f64s(sums[l], simd.mul_f64s(lanes[l], lanes[l]));
+        }
+    }
+    total::<S, V>(simd, sums)
+}
+
 /// v += c u; gives <v, v>.
 #[inline(always)]
 fn add<S: Simd, const V: usize>(simd: S, v: &mut [f64], c: f64, u: &[f64]) -> f64 {
@@ -146,14 +189,20 @@ mod tests {
     #[test]
     fn a_column_is_orthogonal_to_those_before_and_one_that_depends_is_refused() {
         let atom =
-            |k: usize| -> Vec<f64> { (0..16).map(|i| ((i * (k + 3) + k) as f64).sin()).collect() };
+            |k: usize| -> Vec<f32> { (0..13).map(|i| ((i * (k + 3) + k) as f32).sin()).collect() };
+        let padded = |atom: Vec<f32>| -> Vec<f64> {
+            let numbers = atom.into_iter().map(f64::from);
+            numbers.chain(std::iter::repeat(0.0)).take(16).collect()
+        };
         let mut done: Vec<f64> = Vec::new();
-        let mut residual = atom(9);
+        let mut residual = padded(atom(9));
         for k in 0..4 {
-            let (mut v, mut column) = (atom(k), vec![0.0; k + 1]);
+            let (mut v, mut column) = (vec![0.0; 16], vec![0.0; k + 1]);
             let before = dot(&residual, &residual);
             let made = Column {
                 done: &done,
+                atom: &atom(k),
+                root: None,
                 v: &mut v,
                 column: &mut column,
                 residual: &mut residual,
@@ -171,17 +220,19 @@ mod tests {
             assert!(
                 again
                     .iter()
-                    .zip(atom(k))
+                    .zip(padded(atom(k)))
                     .all(|(a, b)| (a - b).abs() <= 1e-14)
             );
             done.extend(v);
         }
         // On vectors of any width the same bits.
-        fn on<S: Simd>(simd: S, done: &[f64], atom: &[f64]) -> Vec<u64> {
-            let (mut v, mut column) = (atom.to_vec(), vec![0.0; done.len() / 16 + 1]);
+        fn on<S: Simd>(simd: S, done: &[f64], atom: &[f32]) -> Vec<u64> {
+            let (mut v, mut column) = (vec![0.0; 16], vec![0.0; done.len() / 16 + 1]);
             let mut residual: Vec<f64> = (0..16).map(|i| 1.0 / (i as f64 + 0.3)).collect();
             let made = Column {
                 done,
+                atom,
+                root: None,
                 v: &mut v,
                 column: &mut column,
                 residual: &mut residual,
@@ -195,11 +246,13 @@ mod tests {
         assert_eq!(on(pulp::Scalar256b, &done, &atom(6)), want);
         assert_eq!(on(pulp::Scalar512b, &done, &atom(6)), want);
         let both = atom(1).into_iter().zip(atom(3));
-        let mut sum: Vec<f64> = both.map(|(a, b)| a - 2.0 * b).collect();
+        let sum: Vec<f32> = both.map(|(a, b)| a - 2.0 * b).collect();
         let before = residual.clone();
         let made = Column {
             done: &done,
-            v: &mut sum,
+            atom: &sum,
+            root: None,
+            v: &mut [0.0; 16],
             column: &mut [0.0; 5],
             residual: &mut residual,
         };

@@ -102,12 +102,14 @@ impl Fit {
                 }
             }
         }
-        if let Some(i) = self.residual.iter().position(|r| !r.is_finite()) {
+        self.energy = dot(&self.residual, &self.residual);
+        if !self.energy.is_finite()
+            && let Some(i) = self.residual.iter().position(|r| !r.is_finite())
+        {
             return Err(format!(
                 "number {i} is missing or not finite: give it the weight 0"
             ));
         }
-        self.energy = dot(&self.residual, &self.residual);
         if self.energy > LARGEST {
             return Err("its numbers are too large: a pose may be at most 1e15 long".into());
         }
@@ -135,18 +137,12 @@ impl Fit {
         }
         let (done, rest) = self.q.split_at_mut(k * stride);
         let v = &mut rest[..stride];
-        match &self.root {
-            Some(root) => v
-                .iter_mut()
-                .zip(atom)
-                .zip(root)
-                .for_each(|((v, &a), w)| *v = f64::from(a) * w),
-            None => v.iter_mut().zip(atom).for_each(|(v, &a)| *v = f64::from(a)),
-        }
         let column = &mut self.r[k * cap..(k + 1) * cap];
         column.fill(0.0);
         let Some((z, left)) = widest(Column {
             done,
+            atom,
+            root: self.root.as_deref(),
             v,
             column: &mut column[..=k],
             residual: &mut self.residual,

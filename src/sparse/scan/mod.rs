@@ -267,8 +267,10 @@ impl Used {
         self.rows.extend((0..d as u32).filter(counts));
         self.numbers.clear();
         for vector in vectors.chunks_exact(d) {
-            self.numbers
-                .extend(self.rows.iter().map(|k| vector[*k as usize]));
+            for run in self.rows.chunk_by(|k, next| k + 1 == *next) {
+                let run = run[0] as usize..=run[run.len() - 1] as usize;
+                self.numbers.extend_from_slice(&vector[run]);
+            }
         }
     }
 }
