@@ -64,15 +64,31 @@ where
     T: Send,
     D: Send,
 {
-    let free = Mutex::new(Vec::new());
-    let of = || free.lock().unwrap_or_else(PoisonError::into_inner);
+    let desks = Desks::default();
     map_chunks(len, chunk, |range| {
-        let before = of().pop();
-        let mut here = before.unwrap_or_else(&desk);
-        let answer = work(&mut here, range);
-        of().push(here);
-        answer
+        desks.at(&desk, |desk| work(desk, range))
     })
+}
+
+/// What threads work with, one each at a time, kept for those that come after.
+pub struct Desks<D>(Mutex<Vec<D>>);
+
+impl<D> Default for Desks<D> {
+    fn default() -> Self {
+        Desks(Mutex::new(Vec::new()))
+    }
+}
+
+impl<D> Desks<D> {
+    /// Works at a desk that is free, or at a new one.
+    pub fn at<R>(&self, new: impl FnOnce() -> D, work: impl FnOnce(&mut D) -> R) -> R {
+        let free = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = free().pop();
+        let mut desk = before.unwrap_or_else(new);
+        let answer = work(&mut desk);
+        free().push(desk);
+        answer
+    }
 }
 
 thread_local! {

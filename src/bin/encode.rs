@@ -9,7 +9,7 @@ use posing::cli::{Outcome, run, say};
 use posing::io::table::Row;
 use posing::io::text::{push_number, push_single};
 use posing::prior::sparse::dictionary;
-use posing::sparse::{Codes, Dictionary, Pursuit, Search};
+use posing::sparse::{Codes, Coder, Pursuit, Search};
 use posing::{Error, Place, Result, par};
 use std::io::Write;
 use std::path::PathBuf;
@@ -85,14 +85,15 @@ fn work(args: &Args) -> Result<Outcome> {
         let search = pursuit.search(&dictionary, poses.nrows());
         say::detail(&format!("{} atoms, found {search}", dictionary.len()));
     }
+    let coder = pursuit.coder(&dictionary)?;
     par::in_turn(
         || match first.take() {
             Some(poses) => Ok(Some(poses)),
             None => batch(&mut stream, most),
         },
         |poses| match is_quick {
-            true => par::alone(|| coded(&pursuit, &dictionary, &poses)),
-            false => coded(&pursuit, &dictionary, &poses),
+            true => par::alone(|| coded(&coder, pursuit.sparsity, &poses)),
+            false => coded(&coder, pursuit.sparsity, &poses),
         },
         |lines| sink.put(&lines),
     )?;
@@ -103,7 +104,7 @@ fn work(args: &Args) -> Result<Outcome> {
 /// Up to so many poses, to be coded together; none after the last.
 fn batch(stream: &mut RowStream, most: usize) -> Result<Option<Array2<f32>>> {
     let width = stream.columns().width();
-    let (mut values, mut row) = (Vec::new(), Row::default());
+    let (mut values, mut row) = (Vec::with_capacity(most.min(FEW) * width), Row::default());
     while values.len() < most * width && stream.read(&mut row)? {
         values.extend(row.xyz.iter().map(|v| *v as f32));
     }
@@ -113,10 +114,10 @@ fn batch(stream: &mut RowStream, most: usize) -> Result<Option<Array2<f32>>> {
 }
 
 /// The lines of some poses.
-fn coded(pursuit: &Pursuit, dictionary: &Dictionary, poses: &Array2<f32>) -> Result<Vec<u8>> {
+fn coded(coder: &Coder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>> {
     let gaps = poses.iter().any(|v| !v.is_finite());
     let seen = gaps.then(|| poses.mapv(|v| f32::from(v.is_finite())));
-    let codes = pursuit.code_batch(dictionary, poses.view(), seen.as_ref().map(|s| s.view()))?;
+    let codes = coder.code_batch(poses.view(), seen.as_ref().map(|s| s.view()))?;
     let count = |i: usize| match &seen {
         Some(seen) => seen.row(i).sum(),
         None => poses.ncols() as f32,
@@ -126,14 +127,14 @@ fn coded(pursuit: &Pursuit, dictionary: &Dictionary, poses: &Array2<f32>) -> Res
         for i in rows {
             // No number where nothing is seen: that is written as an empty cell.
             let squared = codes.squared_residuals[i] / f64::from(count(i));
-            line(&mut out, pursuit, &codes, (i, squared.sqrt()));
+            line(&mut out, sparsity, &codes, (i, squared.sqrt()));
         }
         out
     };
     Ok(par::map_chunks(codes.len(), LINES, lines).concat())
 }
 
-fn line(out: &mut Vec<u8>, pursuit: &Pursuit, codes: &Codes, (i, rms): (usize, f64)) {
+fn line(out: &mut Vec<u8>, sparsity: usize, codes: &Codes, (i, rms): (usize, f64)) {
     let mut used = 0;
     for (atom, coefficient) in codes.entries(i) {
         let _ = write!(out, "{atom},");
@@ -141,7 +142,7 @@ fn line(out: &mut Vec<u8>, pursuit: &Pursuit, codes: &Codes, (i, rms): (usize, f
         out.push(b',');
         used += 1;
     }
-    out.extend(std::iter::repeat_n(b',', 2 * (pursuit.sparsity - used)));
+    out.extend(std::iter::repeat_n(b',', 2 * (sparsity - used)));
     push_number(out, rms);
     out.push(b'\n');
 }

@@ -1,6 +1,6 @@
 //! Codes of many poses, by tiles of poses that share the products with the atoms.
 
-use super::desk::Batch;
+use super::desk::{Batch, Coder};
 use super::fit::Fit;
 use super::pursuit::Pursuit;
 use super::scan::DIRECTIONS;
@@ -186,7 +186,30 @@ impl Pursuit {
         poses: ArrayView2<f32>,
         weights: Option<ArrayView2<f32>>,
     ) -> Result<Codes> {
+        self.coder(dictionary)?.code_batch(poses, weights)
+    }
+
+    /// The same for batch after batch.
+    ///
+    /// # Errors
+    /// A parameter that cannot be used.
+    pub fn coder<'a>(&self, dictionary: &'a Dictionary) -> Result<Coder<'a>> {
         self.check()?;
+        Ok(Coder::new(dictionary, *self))
+    }
+}
+
+impl Coder<'_> {
+    /// Codes many poses, as [`Pursuit::code_batch`] does.
+    ///
+    /// # Errors
+    /// The same, but of the parameters, which were checked.
+    pub fn code_batch(
+        &self,
+        poses: ArrayView2<f32>,
+        weights: Option<ArrayView2<f32>>,
+    ) -> Result<Codes> {
+        let (dictionary, pursuit) = (self.dictionary, &self.pursuit);
         let (m, d) = poses.dim();
         if d != dictionary.width() {
             let said = format!(
@@ -207,21 +230,18 @@ impl Pursuit {
         // Poses that are seen whole are coded with each other, as they would be alone.
         let (whole, part): (Vec<u32>, Vec<u32>) =
             (0..m as u32).partition(|i| is_even(weights, *i as usize));
-        let leaves = match !whole.is_empty() && self.search(dictionary, m) == Search::Bounds {
+        let leaves = match !whole.is_empty() && pursuit.search(dictionary, m) == Search::Bounds {
             true => ground.leaves(dictionary.atoms()),
             false => None,
         };
-        if self.sparsity > 1 {
-            ground.fill_gram(dictionary.atoms(), whole.len());
-        }
+        ground.fill_gram(dictionary.atoms(), whole.len(), pursuit.sparsity);
         ground.count(whole.len());
         let batch = Batch {
-            dictionary,
-            pursuit: *self,
+            coder: self,
             poses,
             weights,
         };
-        let mut codes = Codes::empty(m, self.capacity(dictionary));
+        let mut codes = Codes::empty(m, pursuit.capacity(dictionary));
         let left = match leaves {
             Some(leaves) => batch.by_bounds(leaves, &whole, &mut codes)?,
             None => whole,

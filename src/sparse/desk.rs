@@ -5,7 +5,8 @@ use super::group::Group;
 use super::scan::Leaves;
 use super::tile::{POSES, Tile};
 use super::{Codes, Dictionary, Pursuit};
-use crate::{Error, Place, Result, par};
+use crate::par::{self, Desks};
+use crate::{Error, Place, Result};
 use ndarray::{ArrayView2, Axis};
 
 /// Poses that a desk is given at once: many share what is made ready for them, but their fits should stay in the cache.
@@ -17,26 +18,56 @@ const CHUNKS: usize = 8;
 /// Tiles that a desk is given at once.
 const TILES: usize = 32;
 
-/// Poses that are coded with one dictionary.
-pub(super) struct Batch<'a> {
-    pub dictionary: &'a Dictionary,
-    pub pursuit: Pursuit,
-    /// (m, D)
-    pub poses: ArrayView2<'a, f32>,
-    pub weights: Option<ArrayView2<'a, f32>>,
+/// What codes many batches of poses with one dictionary: room that is large is made once a thread. The codes are those of
+/// [`Pursuit::code_batch`], whatever was coded before.
+pub struct Coder<'a> {
+    pub(super) dictionary: &'a Dictionary,
+    pub(super) pursuit: Pursuit,
+    tiles: Desks<(Tile<'a>, Vec<Fit>)>,
+    groups: Desks<(Group<'a>, Vec<Fit>)>,
 }
 
-impl Batch<'_> {
+impl<'a> Coder<'a> {
+    /// For some parameters, which were checked.
+    pub(super) fn new(dictionary: &'a Dictionary, pursuit: Pursuit) -> Self {
+        Coder {
+            dictionary,
+            pursuit,
+            tiles: Desks::default(),
+            groups: Desks::default(),
+        }
+    }
+}
+
+/// A batch of them.
+pub(super) struct Batch<'b, 'a> {
+    pub coder: &'b Coder<'a>,
+    /// (m, D)
+    pub poses: ArrayView2<'b, f32>,
+    pub weights: Option<ArrayView2<'b, f32>>,
+}
+
+impl<'a> Batch<'_, 'a> {
     /// Codes the poses of some rows, none of them with weights that differ, by bounds. Gives the rows of which bounds tell too
     /// little.
-    pub fn by_bounds(&self, leaves: &Leaves, rows: &[u32], codes: &mut Codes) -> Result<Vec<u32>> {
-        let desk = || {
-            let group = Group::new(self.dictionary, leaves, self.pursuit.rule);
-            (group, Vec::new())
-        };
-        let places = share(rows, LEAST, CHUNK, desk, |(group, fits), rows| {
-            self.start(fits, rows)?;
-            Ok(group.places(fits))
+    pub fn by_bounds(
+        &self,
+        leaves: &'a Leaves,
+        rows: &[u32],
+        codes: &mut Codes,
+    ) -> Result<Vec<u32>> {
+        let Coder {
+            dictionary,
+            pursuit,
+            ref groups,
+            ..
+        } = *self.coder;
+        let desk = || (Group::new(dictionary, leaves, pursuit.rule), Vec::new());
+        let places = share(rows, LEAST, CHUNK, |rows| {
+            groups.at(desk, |(group, fits)| {
+                self.start(fits, rows)?;
+                Ok(group.places(fits))
+            })
         })?;
         let mut order: Vec<(u32, u32)> = (places.into_iter().flatten().zip(rows))
             .map(|(place, row)| (place, *row))
@@ -44,12 +75,14 @@ impl Batch<'_> {
         // Neighbouring poses look into the same leaves.
         order.sort_unstable();
         let order: Vec<u32> = order.into_iter().map(|(_, row)| row).collect();
-        let parts = share(&order, LEAST, CHUNK, desk, |(group, fits), rows| {
-            self.start(fits, rows)?;
-            let mut unpruned = Vec::new();
-            group.code(fits, self.pursuit.sparsity, &mut unpruned);
-            let unpruned: Vec<u32> = unpruned.into_iter().map(|i| rows[i]).collect();
-            Ok((self.codes(fits), unpruned))
+        let parts = share(&order, LEAST, CHUNK, |rows| {
+            groups.at(desk, |(group, fits)| {
+                self.start(fits, rows)?;
+                let mut unpruned = Vec::new();
+                group.code(fits, pursuit.sparsity, &mut unpruned);
+                let unpruned: Vec<u32> = unpruned.into_iter().map(|i| rows[i]).collect();
+                Ok((self.codes(fits), unpruned))
+            })
         })?;
         let (parts, left): (Vec<Codes>, Vec<Vec<u32>>) = parts.into_iter().unzip();
         codes.put_parts(&order, &parts);
@@ -60,19 +93,27 @@ impl Batch<'_> {
 
     /// Codes the poses of some rows by scans.
     pub fn by_scans(&self, rows: &[u32], codes: &mut Codes) -> Result<()> {
+        let Coder {
+            dictionary,
+            pursuit,
+            ref tiles,
+            ..
+        } = *self.coder;
         let room = POSES.min(rows.len());
-        let desk = || {
-            let tile = Tile::new(self.dictionary, self.pursuit.rule, room);
-            (tile, Vec::new())
-        };
+        let desk = || (Tile::new(dictionary, pursuit.rule, room), Vec::new());
+        // Room for few poses is not kept for many.
+        let few = Desks::default();
+        let desks = if room == POSES { tiles } else { &few };
         // Several tiles share what is made ready for them.
-        let parts = share(rows, POSES, POSES * TILES, desk, |(tile, fits), rows| {
-            let tiles = rows.chunks(room).map(|few| {
-                self.start(fits, few)?;
-                tile.code(fits, self.pursuit.sparsity);
-                Ok(self.codes(fits))
-            });
-            tiles.collect::<Result<Vec<Codes>>>()
+        let parts = share(rows, POSES, POSES * TILES, |rows| {
+            desks.at(desk, |(tile, fits)| {
+                let tiles = rows.chunks(room).map(|few| {
+                    self.start(fits, few)?;
+                    tile.code(fits, pursuit.sparsity);
+                    Ok(self.codes(fits))
+                });
+                tiles.collect::<Result<Vec<Codes>>>()
+            })
         })?;
         codes.put_parts(rows, &parts.concat());
         Ok(())
@@ -80,7 +121,7 @@ impl Batch<'_> {
 
     /// Starts on the poses of some rows.
     fn start(&self, fits: &mut Vec<Fit>, rows: &[u32]) -> Result<()> {
-        let (dictionary, pursuit) = (self.dictionary, &self.pursuit);
+        let (dictionary, pursuit) = (self.coder.dictionary, &self.coder.pursuit);
         let new = || Fit::new(pursuit.capacity(dictionary), dictionary.width());
         fits.resize_with(rows.len(), new);
         for (row, fit) in rows.iter().zip(fits) {
@@ -94,7 +135,7 @@ impl Batch<'_> {
 
     /// What was found for some poses.
     fn codes(&self, fits: &[Fit]) -> Codes {
-        let k = self.pursuit.capacity(self.dictionary);
+        let k = self.coder.pursuit.capacity(self.coder.dictionary);
         let (mut codes, mut x) = (Codes::empty(fits.len(), k), vec![0.0; k]);
         for (i, fit) in fits.iter().enumerate() {
             codes.set(i, fit, &mut x);
@@ -103,18 +144,15 @@ impl Batch<'_> {
     }
 }
 
-/// Shares rows among threads, each with a desk of its own: `least` to `most` rows at a time, a multiple of the former.
-fn share<D: Send, T: Send>(
+/// Shares rows among threads, `least` to `most` rows at a time, a multiple of the former.
+fn share<T: Send>(
     rows: &[u32],
     least: usize,
     most: usize,
-    desk: impl Fn() -> D + Sync,
-    work: impl Fn(&mut D, &[u32]) -> Result<T> + Sync,
+    work: impl Fn(&[u32]) -> Result<T> + Sync,
 ) -> Result<Vec<T>> {
     let share = rows.len() / (CHUNKS * rayon::current_num_threads());
     let chunk = (share - share % least).clamp(least, most);
-    let parts = par::map_chunks_at(rows.len(), chunk, desk, |desk, part| {
-        work(desk, &rows[part])
-    });
+    let parts = par::map_chunks(rows.len(), chunk, |part| work(&rows[part]));
     parts.into_iter().collect()
 }

@@ -42,6 +42,7 @@ pub mod weighted;
 pub use batch::{Codes, Search, UNUSED};
 pub use code::{Code, Stop, refit};
 pub use concat::{Closeness, Concat, Joined};
+pub use desk::Coder;
 pub use dictionary::Dictionary;
 pub use ksvd::{Ksvd, draw};
 pub use pursuit::{Pursuit, Rule, Tolerance};

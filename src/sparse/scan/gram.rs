@@ -8,6 +8,7 @@ use super::panels::Row;
 use super::{Panels, Scan};
 use crate::par;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// No Gram matrix is larger, bytes: 2,048 atoms. A row of a larger one comes from so far that a scan is as quick.
 const MEMORY: usize = 16 << 20;
@@ -22,6 +23,8 @@ pub type Term<'a> = (f32, &'a [Row]);
 /// Rows of <a_i, a_j> by atoms; as long as all panels.
 pub struct Gram {
     rows: Vec<OnceLock<Box<[Row]>>>,
+    /// All before this one are made, or about to be, since all were asked for.
+    begun: AtomicUsize,
 }
 
 impl Gram {
@@ -30,6 +33,7 @@ impl Gram {
         let fits = n.saturating_mul(n).saturating_mul(size_of::<f32>()) <= MEMORY;
         fits.then(|| Gram {
             rows: (0..n).map(|_| OnceLock::new()).collect(),
+            begun: AtomicUsize::new(0),
         })
     }
 
@@ -39,10 +43,15 @@ impl Gram {
             .get_or_init(|| products(panels, of(panels, atoms, atom)).swap_remove(0))
     }
 
-    /// Makes all rows that are not there yet, on all threads.
+    /// Makes all rows that are not there yet, on all threads; what other threads have begun to make is left to them.
     pub fn fill(&self, panels: &Panels, atoms: &[f32]) {
-        par::map_chunks(self.rows.len(), MANY, |rows| {
-            let rows = rows.start as u32..rows.end as u32;
+        let n = self.rows.len();
+        if self.begun.load(Ordering::Relaxed) >= n {
+            return;
+        }
+        par::map_chunks(n, MANY, |_| {
+            let from = self.begun.fetch_add(MANY, Ordering::Relaxed).min(n);
+            let rows = from as u32..n.min(from + MANY) as u32;
             self.make(panels, atoms, rows.collect(), MANY);
         });
     }

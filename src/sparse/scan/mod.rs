@@ -94,10 +94,13 @@ impl Ground {
         self.panels.get_or_init(|| Panels::new(atoms))
     }
 
-    /// Makes all rows of the Gram matrix, where there is one and so many poses will ask for most of them.
-    pub fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize) {
+    /// Makes all rows of the Gram matrix, where there is one and so many poses more, each with up to `sparsity` atoms, will have
+    /// asked for many of them.
+    pub fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize, sparsity: usize) {
+        let coded = self.coded.load(Ordering::Relaxed).saturating_add(poses);
+        let asked = coded.saturating_mul(sparsity - 1);
         if let (Some(gram), Some(flat)) = (&self.gram, atoms.as_slice())
-            && poses >= atoms.nrows()
+            && asked >= atoms.nrows() / 2
         {
             gram.fill(self.panels(atoms), flat);
         }
@@ -249,6 +252,8 @@ impl<'a> Scan<'a> {
 #[derive(Default)]
 struct Used {
     rows: Vec<u32>,
+    /// The same, those side by side together.
+    runs: Vec<std::ops::Range<usize>>,
     /// Of each vector the numbers of those rows.
     numbers: Vec<f32>,
 }
@@ -265,11 +270,14 @@ impl Used {
         };
         self.rows.clear();
         self.rows.extend((0..d as u32).filter(counts));
+        self.runs.clear();
+        let runs = self.rows.chunk_by(|k, next| k + 1 == *next);
+        let runs = runs.map(|run| run[0] as usize..run[0] as usize + run.len());
+        self.runs.extend(runs);
         self.numbers.clear();
         for vector in vectors.chunks_exact(d) {
-            for run in self.rows.chunk_by(|k, next| k + 1 == *next) {
-                let run = run[0] as usize..=run[run.len() - 1] as usize;
-                self.numbers.extend_from_slice(&vector[run]);
+            for run in &self.runs {
+                self.numbers.extend_from_slice(&vector[run.clone()]);
             }
         }
     }
