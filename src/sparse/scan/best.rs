@@ -36,6 +36,15 @@ impl Best {
         atom: 0,
     };
 
+    /// An atom that is known to be the best.
+    pub fn of(atom: u32) -> Best {
+        Best {
+            key: f32::INFINITY,
+            enough: f32::INFINITY,
+            atom,
+        }
+    }
+
     /// Meets atoms with c² = `over` and e = `under`, `from` the first of them; atoms are met in their order.
     #[inline(always)]
     pub fn meet<S: Simd, const V: usize>(

@@ -1,6 +1,6 @@
 //! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
 
-use super::best::Best;
+use super::lanes::Leading;
 use super::kernel::{self, Next, Optimised, Plain, Use, Vectors};
 use super::panels::{Row, WIDTH};
 use super::{Panels, Rule, Scan, Term};
@@ -10,6 +10,8 @@ use pulp::{Simd, WithSimd};
 /// What is kept of the pose that is followed.
 pub struct Follower {
     remainders: Vec<Row>,
+    /// Room.
+    keys: Vec<Row>,
     fresh: bool,
 }
 
@@ -18,6 +20,7 @@ impl Follower {
     pub fn new(panels: &Panels) -> Follower {
         Follower {
             remainders: vec![Row::ZERO; panels.iter().len()],
+            keys: vec![Row::ZERO; panels.iter().len()],
             fresh: true,
         }
     }
@@ -46,6 +49,7 @@ impl Follower {
             correlations: &mut scan.correlations[pose..],
             stride: scan.poses,
             remainders: &mut self.remainders,
+            keys: &mut self.keys,
             best: &mut best,
         });
         best
@@ -61,6 +65,7 @@ struct Follow<'a> {
     correlations: &'a mut [Row],
     stride: usize,
     remainders: &'a mut [Row],
+    keys: &'a mut [Row],
     best: &'a mut Option<u32>,
 }
 
@@ -95,7 +100,7 @@ impl Follow<'_> {
     #[inline(always)]
     fn go<S: Simd, U: Use, const VECTORS: usize>(self, simd: S) {
         let part = simd.splat_f32s(self.part);
-        let mut best = Best::NONE;
+        let mut leading = Leading::NONE;
         let correlations = self.correlations.iter_mut().step_by(self.stride);
         for (panel, (c, e)) in correlations.zip(self.remainders).enumerate() {
             let mut products = [simd.splat_f32s(0.0); VECTORS];
@@ -117,9 +122,20 @@ impl Follow<'_> {
                     (over[v], under[v]) = key;
                 }
             }
-            best.meet(simd, (panel * WIDTH) as u32, over, under);
+            let keys_here = S::as_mut_simd_f32s(&mut self.keys[panel].0).0;
+            for v in 0..VECTORS {
+                over[v] = simd.div_f32s(over[v], under[v]);
+                keys_here[v] = over[v];
+            }
+            leading.meet(simd, panel, over);
         }
-        *self.best = best.atom();
+        let keys = &*self.keys;
+        *self.best = leading.atom(simd, |panel| {
+            let keys = vectors::<S>(&keys[panel]);
+            let mut all = [simd.splat_f32s(0.0); VECTORS];
+            all.copy_from_slice(&keys[..VECTORS]);
+            all
+        });
     }
 }
 

@@ -6,6 +6,7 @@
 
 use super::super::Rule;
 use super::best::Best;
+use super::lanes::Leading;
 use super::panels::{Row, WIDTH};
 use pulp::{Simd, WithSimd};
 
@@ -54,6 +55,8 @@ pub struct Job<'a> {
     /// The state, one row a pose.
     pub state: State<'a>,
     pub best: &'a mut [Best],
+    /// In its place where nothing but c² is compared.
+    pub leading: &'a mut [Leading],
 }
 
 /// What is kept for a panel: one row a pose.
@@ -166,9 +169,11 @@ impl Job<'_> {
                         (over[v], under[v]) = key;
                     }
                 }
-                if U::COMPARED {
-                    let from = self.panel * WIDTH + at * lanes;
-                    self.best[pose].meet(simd, from as u32, over, under);
+                let from = self.panel * WIDTH + at * lanes;
+                match U::COMPARED {
+                    Compared::Not => {}
+                    Compared::Squares => self.leading[pose].meet(simd, self.panel, over),
+                    Compared::Ratios => self.best[pose].meet(simd, from as u32, over, under),
                 }
             }
         }
@@ -234,12 +239,23 @@ pub struct Vectors<'a, S: Simd> {
     pub floor: Option<&'a mut S::f32s>,
 }
 
+/// How atoms are compared.
+#[derive(Clone, Copy)]
+pub enum Compared {
+    /// They are not.
+    Not,
+    /// By c² alone.
+    Squares,
+    /// By c² / e.
+    Ratios,
+}
+
 /// What is done with a vector of products; gives c² and e where atoms are compared.
 pub trait Use {
     /// Atoms and directions are squared.
     const SQUARED: bool = false;
-    /// Atoms are compared.
-    const COMPARED: bool = true;
+    /// How atoms are compared.
+    const COMPARED: Compared = Compared::Ratios;
 
     fn meet<S: Simd>(
         simd: S,
@@ -253,7 +269,7 @@ struct Norms;
 
 impl Use for Norms {
     const SQUARED: bool = true;
-    const COMPARED: bool = false;
+    const COMPARED: Compared = Compared::Not;
 
     #[inline(always)]
     fn meet<S: Simd>(
@@ -275,6 +291,11 @@ impl Use for Norms {
 struct First<const UNIT: bool>;
 
 impl<const UNIT: bool> Use for First<UNIT> {
+    const COMPARED: Compared = match UNIT {
+        true => Compared::Squares,
+        false => Compared::Ratios,
+    };
+
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,

@@ -25,6 +25,7 @@ mod gram;
 mod heads;
 mod kernel;
 mod keys;
+mod lanes;
 mod leaders;
 mod leaves;
 mod meet;
@@ -38,6 +39,8 @@ mod whole;
 use super::Rule;
 use crate::simd;
 use best::Best;
+use lanes::Leading;
+use pulp::{Simd, WithSimd};
 use kernel::{Job, State};
 use ndarray::ArrayView2;
 use panels::{Row, WIDTH};
@@ -143,6 +146,7 @@ pub struct Scan<'a> {
     /// −<q, r>, one a pose.
     pub parts: Vec<f32>,
     best: Vec<Best>,
+    leading: Vec<Leading>,
     used: Used,
     /// e is 1 of all atoms, whatever is kept.
     fresh: bool,
@@ -160,6 +164,7 @@ impl<'a> Scan<'a> {
             directions: vec![0.0; poses * panels.width()],
             parts: vec![0.0; poses],
             best: vec![Best::NONE; poses],
+            leading: vec![Leading::NONE; poses],
             used: Used::default(),
             fresh: true,
         }
@@ -187,7 +192,11 @@ impl<'a> Scan<'a> {
     /// Finds each pose's best atom for the residuals in place of the directions.
     pub fn first(&mut self) {
         self.best.fill(Best::NONE);
+        self.leading.fill(Leading::NONE);
         self.each(Step::First, None);
+        if self.floors.is_empty() {
+            simd::widest(Lead(self));
+        }
     }
 
     /// Brings c and e up to date, if they are needed any more (`last`), and finds each pose's best atom.
@@ -225,6 +234,7 @@ impl<'a> Scan<'a> {
                     floors: &mut self.floors[floors],
                 },
                 best: &mut self.best,
+                leading: &mut self.leading,
             });
         }
     }
@@ -244,6 +254,41 @@ impl<'a> Scan<'a> {
     /// c of one pose and all atoms, one row a panel.
     fn of_pose(&self, pose: usize) -> impl Iterator<Item = &Row> {
         self.correlations.iter().skip(pose).step_by(self.poses)
+    }
+}
+
+/// Each pose's best atom is that which leads by c².
+struct Lead<'s, 'a>(&'s mut Scan<'a>);
+
+impl WithSimd for Lead<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        match S::F32_LANES {
+            16 => self.go::<S, 4>(simd),
+            8 => self.go::<S, 8>(simd),
+            4 => self.go::<S, 16>(simd),
+            _ => self.go::<S, WIDTH>(simd),
+        }
+    }
+}
+
+impl Lead<'_, '_> {
+    #[inline(always)]
+    fn go<S: Simd, const V: usize>(self, simd: S) {
+        let scan = self.0;
+        for (pose, (best, leading)) in scan.best.iter_mut().zip(&scan.leading).enumerate() {
+            let atom = leading.atom(simd, |panel| {
+                let mut keys = [simd.splat_f32s(0.0); V];
+                let c = S::as_simd_f32s(&scan.correlations[panel * scan.poses + pose].0).0;
+                for v in 0..V {
+                    keys[v] = simd.mul_f32s(c[v], c[v]);
+                }
+                keys
+            });
+            *best = atom.map_or(Best::NONE, Best::of);
+        }
     }
 }
 
