@@ -234,7 +234,11 @@ mod tests {
             assert_eq!(all, (1..first).collect::<Vec<_>>());
         }
         let panic = std::panic::catch_unwind(|| {
-            let _ = in_turn(|| Ok(Some(())), |()| -> Result<()> { panic!("at work") }, Ok);
+            let _ = in_turn(
+                || Ok(Some(())),
+                |()| -> Result<()> { panic!("at work") },
+                Ok,
+            );
         });
         assert!(panic.is_err());
     }

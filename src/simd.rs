@@ -4,7 +4,7 @@
 //! the same whatever the vectors are. Rows are as long as a multiple of [`LANES`]; what is beyond the data is 0.
 
 use ndarray::Array2;
-use pulp::WithSimd;
+use pulp::{Simd, WithSimd};
 use std::sync::OnceLock;
 
 /// Numbers that are summed side by side.
@@ -41,6 +41,20 @@ pub fn eights<J: WithSimd>(job: J) -> J::Output {
 pub fn widest<J: WithSimd>(job: J) -> J::Output {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
     ARCH.get_or_init(pulp::Arch::new).dispatch(job)
+}
+
+/// How many numbers of single precision the widest vectors hold.
+pub fn lanes() -> usize {
+    struct Lanes;
+    impl WithSimd for Lanes {
+        type Output = usize;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) -> usize {
+            S::F32_LANES
+        }
+    }
+    widest(Lanes)
 }
 
 /// Not AVX-512: eight lanes are half of its vectors, and code that is made for it runs a tenth slower.

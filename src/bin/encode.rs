@@ -9,7 +9,7 @@ use posing::cli::{Outcome, run, say};
 use posing::io::table::Row;
 use posing::io::text::{push_number, push_single};
 use posing::prior::sparse::dictionary;
-use posing::sparse::{Codes, Coder, Pursuit, Search};
+use posing::sparse::{Coder, Codes, Pursuit, Search};
 use posing::{Error, Place, Result, par};
 use std::io::Write;
 use std::path::PathBuf;
@@ -78,7 +78,10 @@ fn work(args: &Args) -> Result<Outcome> {
         .map(|k| format!("atom{k},coef{k}"))
         .collect();
     sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
-    let is_quick = pursuit.search(&dictionary, BATCH) == Search::Rows;
+    let is_quick = matches!(
+        pursuit.search(&dictionary, BATCH),
+        Search::Rows | Search::Sieve
+    );
     let most = if is_quick { FEW } else { BATCH };
     let mut first = batch(&mut stream, most)?;
     if let Some(poses) = &first {

@@ -3,7 +3,7 @@
 use super::desk::{Batch, Coder};
 use super::fit::Fit;
 use super::pursuit::Pursuit;
-use super::scan::DIRECTIONS;
+use super::scan::{DIRECTIONS, Kind};
 use super::{Dictionary, Stop};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, Axis};
@@ -143,9 +143,11 @@ pub enum Search {
     Rows,
     /// By scans of all atoms.
     Scan,
-    /// By bounds of atoms in leaves, so that of poses like them most atoms need not be looked at: what a scan would find, to
-    /// the bit. Poses of which bounds tell too little are scanned.
-    Bounds,
+    /// By bounds of all atoms, which a third of their products tells: what a scan would find, to the bit. Poses of which bounds
+    /// tell too little are scanned.
+    Sieve,
+    /// By bounds of atoms in leaves, so that of poses like them most atoms need not be looked at: the same.
+    Leaves,
 }
 
 impl fmt::Display for Search {
@@ -153,7 +155,10 @@ impl fmt::Display for Search {
         f.write_str(match self {
             Search::Rows => "by a scan and by rows of their Gram matrix",
             Search::Scan => "by scans",
-            Search::Bounds => "by bounds; by scans where poses have gaps or are unlike the atoms",
+            Search::Sieve => {
+                "by bounds of all; by scans where poses have gaps or are unlike the atoms"
+            }
+            Search::Leaves => "by bounds; by scans where poses have gaps or are unlike the atoms",
         })
     }
 }
@@ -162,10 +167,14 @@ impl Pursuit {
     /// How [`Pursuit::code_batch`] goes about `m` poses. Poses with weights that differ are coded by scans all the same.
     pub fn search(&self, dictionary: &Dictionary, m: usize) -> Search {
         let ground = dictionary.ground();
-        match (&ground.gram, self.capacity(dictionary) <= DIRECTIONS) {
-            (Some(_), _) => Search::Rows,
-            (None, true) if ground.has_leaves(m, dictionary.width()) => Search::Bounds,
-            _ => Search::Scan,
+        if ground.gram.is_some() {
+            return Search::Rows;
+        }
+        let bounds = ground.has_bounds(m, dictionary.len(), dictionary.width());
+        match bounds.filter(|_| self.capacity(dictionary) <= DIRECTIONS) {
+            Some(Kind::Sieve) => Search::Sieve,
+            Some(Kind::Leaves) => Search::Leaves,
+            None => Search::Scan,
         }
     }
 
@@ -173,9 +182,9 @@ impl Pursuit {
     ///
     /// Where a weight is 0 the pose may be NaN. The codes do not depend on the number of threads, nor on which
     /// poses are coded together. Memory: beside the codes, 4 to 12 bytes for each atom and each pose of a tile (60
-    /// poses) a thread. With the dictionary stay its atoms as they are scanned, some (D + 40) numbers an
+    /// poses) a thread. With the dictionary stay its atoms as they are scanned, some (D + 80) numbers an
     /// atom where they are searched by bounds, and up to 2,048 atoms the rows of their Gram matrix that were asked for, or
-    /// all where there are as many poses as atoms: up to 16 MiB.
+    /// all where poses will have asked for many: up to 16 MiB.
     ///
     /// # Errors
     /// A parameter or a shape that cannot be used; a number that is not finite where it is observed, or a weight that is
@@ -230,9 +239,11 @@ impl Coder<'_> {
         // Poses that are seen whole are coded with each other, as they would be alone.
         let (whole, part): (Vec<u32>, Vec<u32>) =
             (0..m as u32).partition(|i| is_even(weights, *i as usize));
-        let leaves = match !whole.is_empty() && pursuit.search(dictionary, m) == Search::Bounds {
-            true => ground.leaves(dictionary.atoms()),
-            false => None,
+        let bounds = match pursuit.search(dictionary, m) {
+            Search::Sieve | Search::Leaves if !whole.is_empty() => {
+                ground.bounds(dictionary.atoms())
+            }
+            _ => None,
         };
         ground.fill_gram(dictionary.atoms(), whole.len(), pursuit.sparsity);
         ground.count(whole.len());
@@ -242,8 +253,8 @@ impl Coder<'_> {
             weights,
         };
         let mut codes = Codes::empty(m, pursuit.capacity(dictionary));
-        let left = match leaves {
-            Some(leaves) => batch.by_bounds(leaves, &whole, &mut codes)?,
+        let left = match bounds {
+            Some(bounds) => batch.by_bounds(bounds, &whole, &mut codes)?,
             None => whole,
         };
         batch.by_scans(&left, &mut codes)?;
@@ -287,12 +298,18 @@ mod tests {
     }
 
     #[test]
-    fn poses_put_in_order_for_bounds_get_the_codes_that_scans_give() {
+    fn poses_sought_by_bounds_get_the_codes_that_scans_give() {
+        for (d, search) in [(21, Search::Leaves), (60, Search::Sieve)] {
+            by_bounds_as_by_scans(d, search);
+        }
+    }
+
+    fn by_bounds_as_by_scans(d: usize, search: Search) {
         let (n, m) = (2_100, 1_300);
-        let atoms = Dictionary::from_rows(random(n, 21, 5).view()).unwrap();
-        let (noise, other) = (random(m, 21, 6), random(m, 21, 7));
+        let atoms = Dictionary::from_rows(random(n, d, 5).view()).unwrap();
+        let (noise, other) = (random(m, d, 6), random(m, d, 7));
         // Near an atom, like nothing, and nothing.
-        let y = Array2::from_shape_fn((m, 21), |(i, j)| match (i % 50, i % 7) {
+        let y = Array2::from_shape_fn((m, d), |(i, j)| match (i % 50, i % 7) {
             (0, _) => 0.0,
             (_, 0) => other[[i, j]],
             _ => 9.0 * atoms.atoms()[[i * 37 % n, j]] + 0.05 * noise[[i, j]],
@@ -304,24 +321,20 @@ mod tests {
             // Its own: few poses at a time are scanned, as it does not know of the others.
             let atoms = Dictionary::from_rows(atoms.atoms()).unwrap();
             let (y, w) = (y.slice_axis(Axis(0), rows), w.slice_axis(Axis(0), rows));
-            let expected = if y.nrows() == m {
-                Search::Bounds
-            } else {
-                Search::Scan
-            };
+            let expected = if y.nrows() == m { search } else { Search::Scan };
             assert_eq!(p.search(&atoms, y.nrows()), expected);
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
             let pool = pool.build().unwrap();
             pool.install(|| p.code_batch(&atoms, y, Some(w)).unwrap())
         };
-        let halves = [0..m / 2, m / 2..m].map(|rows| code(rows.into(), 2));
+        let parts = [0, 325, 650, 975].map(|from| code((from..from + 325).into(), 2));
         let by_bounds = code((..).into(), 1);
         for i in 0..m {
-            let (half, k) = (&halves[i / (m / 2)], i % (m / 2));
-            assert_eq!(by_bounds.atoms.row(i), half.atoms.row(k), "{i}");
-            assert_eq!(by_bounds.coefficients.row(i), half.coefficients.row(k));
-            assert_eq!(by_bounds.squared_residuals[i], half.squared_residuals[k]);
-            assert_eq!(by_bounds.stops[i], half.stops[k]);
+            let (part, k) = (&parts[i / 325], i % 325);
+            assert_eq!(by_bounds.atoms.row(i), part.atoms.row(k), "{i}");
+            assert_eq!(by_bounds.coefficients.row(i), part.coefficients.row(k));
+            assert_eq!(by_bounds.squared_residuals[i], part.squared_residuals[k]);
+            assert_eq!(by_bounds.stops[i], part.stops[k]);
         }
         for threads in [2, 7] {
             assert_eq!(code((..).into(), threads), by_bounds);

@@ -1,8 +1,8 @@
 //! Poses of a batch shared among threads, each with a desk of its own.
 
 use super::fit::Fit;
-use super::group::Group;
-use super::scan::Leaves;
+use super::group::{Group, Places};
+use super::scan::{Bounds, Leaves};
 use super::tile::{POSES, Tile};
 use super::{Codes, Dictionary, Pursuit};
 use crate::par::{self, Desks};
@@ -52,7 +52,7 @@ impl<'a> Batch<'_, 'a> {
     /// little.
     pub fn by_bounds(
         &self,
-        leaves: &'a Leaves,
+        bounds: Bounds<'a>,
         rows: &[u32],
         codes: &mut Codes,
     ) -> Result<Vec<u32>> {
@@ -62,21 +62,25 @@ impl<'a> Batch<'_, 'a> {
             ref groups,
             ..
         } = *self.coder;
-        let desk = || (Group::new(dictionary, leaves, pursuit.rule), Vec::new());
-        let places = share(rows, LEAST, CHUNK, |rows| {
-            groups.at(desk, |(group, fits)| {
-                self.start(fits, rows)?;
-                Ok(group.places(fits))
-            })
-        })?;
-        let mut order: Vec<(u32, u32)> = (places.into_iter().flatten().zip(rows))
-            .map(|(place, row)| (place, *row))
-            .collect();
-        // Neighbouring poses look into the same leaves.
-        order.sort_unstable();
-        let order: Vec<u32> = order.into_iter().map(|(_, row)| row).collect();
-        let parts = share(&order, LEAST, CHUNK, |rows| {
-            groups.at(desk, |(group, fits)| {
+        let order = match bounds {
+            Bounds::Leaves(leaves) => Some(self.in_order(leaves, rows)?),
+            Bounds::Sieve(_) => None,
+        };
+        let order = order.as_deref().unwrap_or(rows);
+        let room = bounds.together().min(rows.len());
+        let desk = || {
+            let group = Group::new(dictionary, bounds, pursuit.rule, room);
+            (group, Vec::new())
+        };
+        // Room for few poses is not kept for many.
+        let few = Desks::default();
+        let desks = if room == bounds.together() {
+            groups
+        } else {
+            &few
+        };
+        let parts = share(order, LEAST, CHUNK, |rows| {
+            desks.at(desk, |(group, fits)| {
                 self.start(fits, rows)?;
                 let mut unpruned = Vec::new();
                 group.code(fits, pursuit.sparsity, &mut unpruned);
@@ -85,10 +89,27 @@ impl<'a> Batch<'_, 'a> {
             })
         })?;
         let (parts, left): (Vec<Codes>, Vec<Vec<u32>>) = parts.into_iter().unzip();
-        codes.put_parts(&order, &parts);
+        codes.put_parts(order, &parts);
         let mut left = left.concat();
         left.sort_unstable();
         Ok(left)
+    }
+
+    /// Puts rows in an order in which neighbouring poses look into the same leaves.
+    fn in_order(&self, leaves: &Leaves, rows: &[u32]) -> Result<Vec<u32>> {
+        let desks = Desks::default();
+        let desk = || (Places::new(leaves), Vec::new());
+        let places = share(rows, LEAST, CHUNK, |rows| {
+            desks.at(desk, |(places, fits)| {
+                self.start(fits, rows)?;
+                Ok(places.of(fits))
+            })
+        })?;
+        let mut order: Vec<(u32, u32)> = (places.into_iter().flatten().zip(rows))
+            .map(|(place, row)| (place, *row))
+            .collect();
+        order.sort_unstable();
+        Ok(order.into_iter().map(|(_, row)| row).collect())
     }
 
     /// Codes the poses of some rows by scans.

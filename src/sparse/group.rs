@@ -3,16 +3,16 @@
 
 use super::fit::Fit;
 use super::pursuit::Rule;
-use super::scan::{Found, Leaves, Path, Pruned, Sought, TOGETHER};
+use super::scan::{Bounds, Found, Leaves, Path, Pruned, Searcher, Sought, TOGETHER};
 use super::tile::{Full, RETRIES};
 use super::{Dictionary, Stop};
 
 /// Room for the poses of a group.
 pub(super) struct Group<'a> {
     dictionary: &'a Dictionary,
-    leaves: &'a Leaves,
+    bounds: Bounds<'a>,
     rule: Rule,
-    search: Pruned<'a>,
+    search: Searcher<'a>,
     walks: Vec<Walk>,
     found: Vec<Found>,
 }
@@ -28,8 +28,9 @@ struct Walk {
 }
 
 impl<'a> Group<'a> {
-    /// Room for poses. Their codes have at most [`DIRECTIONS`] atoms.
-    pub fn new(dictionary: &'a Dictionary, leaves: &'a Leaves, rule: Rule) -> Self {
+    /// Room for `poses` poses, or as many of them as are best coded together. Their codes have at most [`DIRECTIONS`] atoms.
+    pub fn new(dictionary: &'a Dictionary, bounds: Bounds<'a>, rule: Rule, poses: usize) -> Self {
+        let together = poses.min(bounds.together());
         let walk = || Walk {
             path: Path::new(dictionary.width()),
             fit: 0,
@@ -38,10 +39,10 @@ impl<'a> Group<'a> {
         };
         Group {
             dictionary,
-            leaves,
+            bounds,
             rule,
-            search: Pruned::new(leaves),
-            walks: std::iter::repeat_with(walk).take(TOGETHER).collect(),
+            search: bounds.searcher(dictionary.flat(), together),
+            walks: std::iter::repeat_with(walk).take(together).collect(),
             found: Vec::new(),
         }
     }
@@ -50,13 +51,14 @@ impl<'a> Group<'a> {
     /// of which bounds tell too little: they are to be started anew and coded by scans.
     pub fn code(&mut self, fits: &mut [Fit], sparsity: usize, unpruned: &mut Vec<usize>) {
         let full = Full::of(self.dictionary, sparsity);
-        for few in open(fits).chunks(TOGETHER) {
-            if self.leaves.tally.is_useless() {
+        for few in open(fits).chunks(self.walks.len()) {
+            if self.bounds.tally().is_useless() {
                 unpruned.extend(few);
                 continue;
             }
-            for (walk, i) in self.walks.iter_mut().zip(few) {
-                walk.path.begin(self.leaves, &fits[*i]);
+            for (slot, (walk, i)) in self.walks.iter_mut().zip(few).enumerate() {
+                walk.path.begin(self.bounds.basis(), &fits[*i]);
+                self.search.begin(slot);
                 walk.fit = *i;
                 walk.taken.clear();
                 walk.done = false;
@@ -71,32 +73,12 @@ impl<'a> Group<'a> {
             .for_each(|f| f.stop = f.stop.or(Some(Stop::Dependent)));
     }
 
-    /// Near which atoms each of the poses is that `fits` were started on: the numbers of neighbours are near.
-    pub fn places(&mut self, fits: &[Fit]) -> Vec<u32> {
-        let mut places = vec![0; fits.len()];
-        let mut nearest = Vec::new();
-        for few in open(fits).chunks(TOGETHER) {
-            for (walk, i) in self.walks.iter_mut().zip(few) {
-                walk.path.begin(self.leaves, &fits[*i]);
-            }
-            let sought: Vec<Sought<'_>> = (self.walks.iter().take(few.len()))
-                .map(|walk| Sought {
-                    path: &walk.path,
-                    rule: self.rule,
-                    taken: &[],
-                })
-                .collect();
-            self.search.nearest(&sought, &mut nearest);
-            (few.iter().zip(&nearest)).for_each(|(i, leaf)| places[*i] = *leaf as u32);
-        }
-        places
-    }
-
     /// Gives each pose that has taken so many atoms another.
     fn step(&mut self, fits: &mut [Fit], taken: usize, full: Full, unpruned: &mut Vec<usize>) {
-        let here = |w: &&Walk| !w.done && w.path.parts.len() == taken;
-        let sought: Vec<Sought<'_>> = (self.walks.iter().filter(here))
-            .map(|walk| Sought {
+        let here = |(_, w): &(usize, &Walk)| !w.done && w.path.parts.len() == taken;
+        let sought: Vec<Sought<'_>> = (self.walks.iter().enumerate().filter(here))
+            .map(|(slot, walk)| Sought {
+                slot,
                 path: &walk.path,
                 rule: self.rule,
                 taken: &walk.taken,
@@ -114,17 +96,60 @@ impl<'a> Group<'a> {
                 Found::Unpruned => {
                     walk.done = true;
                     unpruned.push(walk.fit);
-                    self.leaves.tally.scans(full.most, self.leaves.scan());
+                    let scan = self.bounds.scan(self.dictionary.width());
+                    self.bounds.tally().scans(full.most, scan);
                     continue;
                 }
             };
             walk.take(
                 &mut fits[walk.fit],
                 atom,
-                (self.dictionary, self.leaves),
+                (self.dictionary, self.bounds),
                 full,
             );
         }
+    }
+}
+
+/// Near which atoms poses are.
+pub(super) struct Places<'a> {
+    leaves: &'a Leaves,
+    search: Pruned<'a>,
+    paths: Vec<Path>,
+    nearest: Vec<usize>,
+}
+
+impl<'a> Places<'a> {
+    /// Among the atoms of some leaves.
+    pub fn new(leaves: &'a Leaves) -> Self {
+        let path = || Path::new(leaves.width());
+        Places {
+            leaves,
+            search: Pruned::new(leaves),
+            paths: std::iter::repeat_with(path).take(TOGETHER).collect(),
+            nearest: Vec::new(),
+        }
+    }
+
+    /// Near which each of the poses is that `fits` were started on: the numbers of neighbours are near.
+    pub fn of(&mut self, fits: &[Fit]) -> Vec<u32> {
+        let mut places = vec![0; fits.len()];
+        for few in open(fits).chunks(TOGETHER) {
+            for (path, i) in self.paths.iter_mut().zip(few) {
+                path.begin(&self.leaves.basis, &fits[*i]);
+            }
+            let sought: Vec<Sought<'_>> = (self.paths.iter().take(few.len()).enumerate())
+                .map(|(slot, path)| Sought {
+                    slot,
+                    path,
+                    rule: Rule::Plain,
+                    taken: &[],
+                })
+                .collect();
+            self.search.nearest(&sought, &mut self.nearest);
+            (few.iter().zip(&self.nearest)).for_each(|(i, leaf)| places[*i] = *leaf as u32);
+        }
+        places
     }
 }
 
@@ -141,7 +166,7 @@ impl Walk {
         &mut self,
         fit: &mut Fit,
         atom: Option<u32>,
-        (dictionary, leaves): (&Dictionary, &Leaves),
+        (dictionary, bounds): (&Dictionary, Bounds<'_>),
         full: Full,
     ) {
         let Some(atom) = atom else {
@@ -155,7 +180,7 @@ impl Walk {
         }
         self.done = fit.stop.is_some() || self.taken.len() == full.most + RETRIES;
         if pushed && !self.done {
-            self.path.take(leaves, fit);
+            self.path.take(bounds.basis(), fit);
         }
     }
 }
@@ -163,6 +188,7 @@ impl Walk {
 #[cfg(test)]
 mod tests {
     use super::super::pursuit::Tolerance;
+    use super::super::scan::{Made, Sieve};
     use super::super::testdata::random;
     use super::super::tile::Tile;
     use super::*;
@@ -172,8 +198,8 @@ mod tests {
     use rand::Rng;
 
     /// Coded by bounds as by scans: the same atoms, to the bit the same numbers, the same reasons. Gives the share of
-    /// poses of which bounds told too little, for each way of coding.
-    fn as_by_scans(atoms: &Array2<f64>, poses: &Array2<f64>) -> Vec<f64> {
+    /// poses of which bounds told too little, those of leaves and of a sieve, for each way of coding.
+    fn as_by_scans(atoms: &Array2<f64>, poses: &Array2<f64>) -> Vec<[f64; 2]> {
         let (m, d) = poses.dim();
         let mut shares = Vec::new();
         for (rule, sparsity, tolerance) in [
@@ -182,7 +208,6 @@ mod tests {
             (Rule::Plain, 4, Tolerance::Never),
             (Rule::Optimised, 1, Tolerance::Never),
         ] {
-            // Its own, which does not know what searches cost before.
             let dictionary = Dictionary::from_rows(atoms.view()).unwrap();
             let started = || -> Vec<Fit> {
                 let start = |pose: ArrayView1<'_, f64>| {
@@ -193,18 +218,24 @@ mod tests {
                 };
                 poses.outer_iter().map(start).collect()
             };
-            let (mut by_bounds, mut by_scans) = (started(), started());
-            let mut unpruned = Vec::new();
-            let leaves = dictionary.ground().leaves(dictionary.atoms()).unwrap();
-            Group::new(&dictionary, leaves, rule).code(&mut by_bounds, sparsity, &mut unpruned);
+            let mut by_scans = started();
             // Without rows of the Gram matrix, whose products are rounded otherwise.
             Tile::of_scans(&dictionary, rule, m).code(&mut by_scans, sparsity);
-            let both = by_bounds.iter().zip(&by_scans).enumerate();
-            for (i, (a, b)) in both.filter(|(i, _)| !unpruned.contains(i)) {
-                assert_eq!(a.support, b.support, "pose {i} {rule:?} {sparsity}");
-                assert_eq!((a.stop, a.left()), (b.stop, b.left()));
-            }
-            shares.push(unpruned.len() as f64 / m as f64);
+            // Their own, which do not know what searches cost before.
+            let leaves = Made::Leaves(Leaves::new(dictionary.atoms()));
+            let sieve = Made::Sieve(Sieve::new(dictionary.atoms()));
+            let both = [leaves, sieve].map(|made| {
+                let (mut by_bounds, mut unpruned) = (started(), Vec::new());
+                let mut group = Group::new(&dictionary, made.bounds(), rule, usize::MAX);
+                group.code(&mut by_bounds, sparsity, &mut unpruned);
+                let both = by_bounds.iter().zip(&by_scans).enumerate();
+                for (i, (a, b)) in both.filter(|(i, _)| !unpruned.contains(i)) {
+                    assert_eq!(a.support, b.support, "pose {i} {rule:?} {sparsity}");
+                    assert_eq!((a.stop, a.left()), (b.stop, b.left()));
+                }
+                unpruned.len() as f64 / m as f64
+            });
+            shares.push(both);
         }
         shares
     }
@@ -225,13 +256,13 @@ mod tests {
         let poses = concatenate![Axis(0), near, poses];
         let shares = as_by_scans(&atoms.to_owned(), &poses);
         // Of up to four atoms what is left of a pose is noise, which is unlike all atoms.
-        assert_eq!((shares[1], shares[3]), (0.0, 0.0));
+        assert_eq!((shares[1], shares[3]), ([0.0; 2], [0.0; 2]));
     }
 
     #[test]
     fn where_bounds_tell_nothing_scans_answer() {
         let shares = as_by_scans(&random(1500, 69, 6), &random(40, 69, 7));
-        assert!(shares[0] > 0.5, "{shares:?}");
+        assert!(shares[0].iter().all(|s| *s > 0.5), "{shares:?}");
     }
 
     #[test]

@@ -10,6 +10,7 @@
 //! | [`ksvd`], [`state`] | learning a dictionary from poses; how far it has come |
 //! | [`size`] | how many atoms a given error asks for |
 //! | [`mod@concat`] | joining dictionaries, finding and dropping near duplicates |
+//! | `desk` | poses of a batch shared among threads; room that is kept from batch to batch |
 //! | `tile`, `group` | atoms found by scans for a tile of poses; by bounds for a group of them |
 //! | `fit` | the growing fit of one pose |
 //! | `draw`, `update`, `rank_one`, `replace`, `keep` | the atoms that learning starts from, their update, new ones for useless ones, old codes that are better |

@@ -1,7 +1,7 @@
 //! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
 
-use super::lanes::Leading;
 use super::kernel::{self, Next, Optimised, Plain, Use, Vectors};
+use super::lanes::Leading;
 use super::panels::{Row, WIDTH};
 use super::{Panels, Rule, Scan, Term};
 use crate::simd;

@@ -22,7 +22,7 @@ pub const CENTRE_PARTS: usize = CENTRE / PART;
 pub const HEAD: usize = 32;
 pub const CENTRE: usize = 16;
 /// Bounds are tried after so many parts.
-pub const LEVELS: [usize; 2] = [CENTRE_PARTS, PARTS];
+pub const LEVELS: [usize; 3] = [CENTRE_PARTS, 3, PARTS];
 /// Added to lengths that are to be bounds: more than f32 rounds of numbers up to 1.
 pub const ROUNDING: f64 = 1e-6;
 /// Atoms that the basis is learnt from, at most.
@@ -41,6 +41,12 @@ impl Head {
     /// The coordinates that a centre has.
     pub fn centre(&self) -> &[f32] {
         &self.along.as_flattened()[..CENTRE]
+    }
+
+    /// The first numbers, and the length of what is beyond them, at most: of the parts of a level.
+    pub fn short(&self, level: usize) -> (&[f32], f32) {
+        let numbers = &self.along.as_flattened()[..LEVELS[level] * PART];
+        (numbers, self.beyond[level])
     }
 
     /// The length of what is beyond them, at most.
@@ -153,6 +159,19 @@ impl Basis {
         Basis(orthogonal_iteration(&moment))
     }
 
+    /// The heads of atoms (n, D).
+    pub fn heads(&self, atoms: ArrayView2<'_, f32>) -> Vec<Head> {
+        par::map_chunks(atoms.nrows(), 1024, |rows| {
+            let mut atom = vec![0.0; atoms.ncols()];
+            let mut of = |i| {
+                (atom.iter_mut().zip(atoms.row(i))).for_each(|(to, a)| *to = f64::from(*a));
+                self.turned(&atom).head()
+            };
+            rows.map(&mut of).collect::<Vec<_>>()
+        })
+        .concat()
+    }
+
     /// A vector (D) along them.
     pub fn turned(&self, vector: &[f64]) -> Turned {
         let mut turned = Turned::NONE;
@@ -224,7 +243,7 @@ mod tests {
         let basis = Basis::of(atoms.mapv(|v| v as f32).view());
         for atom in atoms.rows() {
             let head = basis.turned(&atom.to_vec()).head();
-            assert!(head.beyond[1] <= 1e-3, "{:?}", head.beyond);
+            assert!(head.beyond[LEVELS.len() - 1] <= 1e-3, "{:?}", head.beyond);
         }
     }
 }

@@ -15,121 +15,57 @@
 //! A pose's numbers do not depend on the poses beside it: one pose alone gives the same bits as one of many.
 //!
 //! Of many atoms most need not be looked at: [`leaves`] hold neighbours together, and [`pruned`] finds what a scan would,
-//! to the bit, by bounds. Of few atoms [`gram`] keeps the products with one another, and [`follow`] uses them.
+//! to the bit, by bounds. Of fewer all are looked at, but by a third of their numbers: a [`sieve`], by which [`sift`] does. Of few atoms [`gram`] keeps the products with one another, and [`follow`] uses them.
 
 mod balls;
+mod bar;
 mod best;
 mod block;
+mod bounds;
+mod closer;
 mod follow;
 mod gram;
+mod ground;
 mod heads;
 mod kernel;
 mod keys;
 mod lanes;
+mod lead;
 mod leaders;
 mod leaves;
 mod meet;
 mod panels;
 mod path;
 mod pruned;
+mod sieve;
+mod sift;
 mod sweep;
 mod tally;
+mod weigh;
 mod whole;
 
 use super::Rule;
 use crate::simd;
 use best::Best;
-use lanes::Leading;
-use pulp::{Simd, WithSimd};
 use kernel::{Job, State};
-use ndarray::ArrayView2;
+use lanes::Leading;
 use panels::{Row, WIDTH};
-use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use pulp::{Simd, WithSimd};
 
+#[cfg(test)]
+pub use bounds::Made;
+pub use bounds::{Bounds, Kind, Searcher};
 pub use follow::Follower;
 pub use gram::{Gram, Term, products};
+pub use ground::{ALONE, Ground};
 pub use kernel::UNSEEN;
 use kernel::{Next, Step};
 pub use leaves::Leaves;
 pub use panels::Panels;
 pub use path::Path;
 pub use pruned::{DIRECTIONS, Found, Pruned, Sought, TOGETHER};
-
-/// Leaves are made for so many poses: it costs what so many scans do,
-const WORTH_LEAVES: usize = 1024;
-/// one that is coded alone counted as so many, as it shares its scans with none,
-pub const ALONE: usize = 16;
-/// of poses with up to so many numbers: it grows with their square.
-const MOST_NUMBERS: usize = 384;
-
-/// Atoms laid out for searches, each layout made when it is first asked for.
-pub struct Ground {
-    panels: OnceLock<Panels>,
-    /// Room for rows of the Gram matrix, where it is not too large: they serve so few atoms better than leaves.
-    pub gram: Option<Gram>,
-    leaves: OnceLock<Leaves>,
-    /// Whether a thread has begun to make leaves.
-    begun: AtomicBool,
-    /// Poses that were coded so far.
-    coded: AtomicUsize,
-}
-
-impl Ground {
-    /// For n atoms.
-    pub fn new(n: usize) -> Ground {
-        Ground {
-            panels: OnceLock::new(),
-            gram: Gram::new(n),
-            leaves: OnceLock::new(),
-            begun: AtomicBool::new(false),
-            coded: AtomicUsize::new(0),
-        }
-    }
-
-    /// Poses are coded: `poses` of them as part of many, or one that counts for as many.
-    pub fn count(&self, poses: usize) {
-        self.coded.fetch_add(poses, Ordering::Relaxed);
-    }
-
-    /// The atoms (n, D) as scans read them.
-    pub fn panels(&self, atoms: ArrayView2<'_, f32>) -> &Panels {
-        self.panels.get_or_init(|| Panels::new(atoms))
-    }
-
-    /// Makes all rows of the Gram matrix, where there is one and so many poses more, each with up to `sparsity` atoms, will have
-    /// asked for many of them.
-    pub fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize, sparsity: usize) {
-        let coded = self.coded.load(Ordering::Relaxed).saturating_add(poses);
-        let asked = coded.saturating_mul(sparsity - 1);
-        if let (Some(gram), Some(flat)) = (&self.gram, atoms.as_slice())
-            && asked >= atoms.nrows() / 2
-        {
-            gram.fill(self.panels(atoms), flat);
-        }
-    }
-
-    /// Whether searches of so many more poses of `d` numbers are worth leaves.
-    pub fn has_leaves(&self, poses: usize, d: usize) -> bool {
-        match self.leaves.get() {
-            Some(leaves) => !leaves.tally.is_useless(),
-            None => {
-                let all = self.coded.load(Ordering::Relaxed).saturating_add(poses);
-                self.gram.is_none() && all >= WORTH_LEAVES && d <= MOST_NUMBERS
-            }
-        }
-    }
-
-    /// The atoms (n, D) in leaves, made now if they are not; none while another thread is at it, which need not be waited
-    /// for: scans find the same.
-    pub fn leaves(&self, atoms: ArrayView2<'_, f32>) -> Option<&Leaves> {
-        // Not within the lock: a thread that waits for parts of this may take up other work, which may ask for it too.
-        if self.leaves.get().is_none() && !self.begun.swap(true, Ordering::Relaxed) {
-            let _ = self.leaves.set(Leaves::new(atoms));
-        }
-        self.leaves.get()
-    }
-}
+#[cfg(test)]
+pub use sieve::Sieve;
 
 /// What is kept for a tile of poses: c and e of each pose and atom, and the best atom of each pose.
 pub struct Scan<'a> {

@@ -1,8 +1,7 @@
 //! What a pruned search knows of a pose: its signal, and the directions of the atoms that it took.
 
 use super::super::fit::Fit;
-use super::heads::{HEAD, Head, Turned};
-use super::leaves::Leaves;
+use super::heads::{Basis, HEAD, Head, Turned};
 use super::whole::CHAINS;
 
 /// Roundings beside those of a sum's terms.
@@ -42,11 +41,11 @@ impl Path {
     }
 
     /// Begins with a pose that has no atoms yet.
-    pub fn begin(&mut self, leaves: &Leaves, fit: &Fit) {
+    pub fn begin(&mut self, basis: &Basis, fit: &Fit) {
         self.vectors.clear();
         self.vectors
             .extend(fit.residual().iter().map(|v| *v as f32));
-        self.residual = leaves.basis.turned(fit.residual());
+        self.residual = basis.turned(fit.residual());
         self.heads.clear();
         self.heads.push(self.residual.head());
         self.parts.clear();
@@ -54,10 +53,10 @@ impl Path {
     }
 
     /// Takes the direction of the newest atom along.
-    pub fn take(&mut self, leaves: &Leaves, fit: &Fit) {
+    pub fn take(&mut self, basis: &Basis, fit: &Fit) {
         let (q, z) = fit.newest();
         self.vectors.extend(q.iter().map(|v| *v as f32));
-        let turned = leaves.basis.turned(q);
+        let turned = basis.turned(q);
         self.heads.push(turned.head());
         self.parts.push(-z as f32);
         self.residual.less(z, &turned, fit.left());
@@ -72,16 +71,25 @@ impl Path {
     /// Stability of Numerical Algorithms, 3.1); some more are for numbers that were rounded themselves. The scan's c is such
     /// a sum of D and one more a direction, times its part. Here sums are of a head's numbers, or of a quarter of D.
     pub fn noise(&self) -> Noise {
+        self.noise_of(self.d.div_ceil(CHAINS))
+    }
+
+    /// The same where the scan's c is summed up as by a scan, but of a head's numbers at most.
+    pub fn sifting_noise(&self) -> Noise {
+        self.noise_of(HEAD)
+    }
+
+    fn noise_of(&self, terms: usize) -> Noise {
         let unit = f32::EPSILON / 2.0;
         let scan = (self.d + SOME) as f32 * unit;
         let head = (HEAD + SOME) as f32 * unit;
-        let quarter = (self.d.div_ceil(CHAINS) + SOME) as f32 * unit;
+        let summed = (terms + SOME) as f32 * unit;
         let parts: f32 = self.parts.iter().map(|p| p.abs()).sum();
-        let here = head.max(quarter * (1.0 + parts));
+        let here = head.max(summed * (1.0 + parts));
         let count = self.parts.len() as f32;
         Noise {
             product: scan * (1.0 + parts) + here,
-            rest: 2.0 * (scan + head.max(quarter)) * count.sqrt(),
+            rest: 2.0 * (scan + head.max(summed)) * count.sqrt(),
         }
     }
 }

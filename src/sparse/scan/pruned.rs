@@ -40,6 +40,8 @@ pub struct Pruned<'a> {
 /// What is sought of a pose.
 #[derive(Clone, Copy)]
 pub struct Sought<'a> {
+    /// Which of the poses that are sought for together.
+    pub slot: usize,
     pub path: &'a Path,
     pub rule: Rule,
     /// Atoms that are not to be taken.
@@ -322,7 +324,7 @@ mod tests {
         // Two layers of balls, the last of each not full.
         let atoms = random(1_100, 12, 1);
         let dictionary = Dictionary::from_rows(atoms.view()).unwrap();
-        let leaves = dictionary.ground().leaves(dictionary.atoms()).unwrap();
+        let leaves = &Leaves::new(dictionary.atoms());
         assert_eq!(leaves.layers.len(), 2);
         let poses = random(TOGETHER, 12, 2);
         let mut fits: Vec<Fit> = Vec::new();
@@ -331,13 +333,15 @@ mod tests {
             let (mut fit, mut path) = (Fit::new(3, 12), Path::new(12));
             let weights = None::<ArrayView1<'_, f32>>;
             fit.start(pose, weights, Tolerance::Never).unwrap();
-            path.begin(leaves, &fit);
+            path.begin(&leaves.basis, &fit);
             fits.push(fit);
             paths.push(path);
         }
         for _ in 0..3 {
             let sought: Vec<Sought<'_>> = (paths.iter().zip(&fits))
-                .map(|(path, fit)| Sought {
+                .enumerate()
+                .map(|(slot, (path, fit))| Sought {
+                    slot,
                     path,
                     rule: Rule::Optimised,
                     taken: &fit.support,
@@ -352,7 +356,7 @@ mod tests {
             for ((fit, path), found) in fits.iter_mut().zip(&mut paths).zip(found) {
                 if let Found::Atom(atom) = found {
                     assert!(fit.push(atom, code::row(&dictionary, atom)));
-                    path.take(leaves, fit);
+                    path.take(&leaves.basis, fit);
                 }
             }
         }

@@ -4,19 +4,28 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Searches that are made in any case.
 const TRIED: u64 = 64;
-/// A row multiplied in a search costs as much as so many in a scan, measured: 1 / 2.5.
-const WORTH: f64 = 0.4;
 
 /// What searches of a dictionary have cost, and what scans in their place would have, in rows of lanes multiplied. What is
 /// found does not depend on it.
-#[derive(Default)]
 pub struct Tally {
+    /// A row multiplied in a scan costs as much as so many in a search.
+    worth: f64,
     spent: AtomicU64,
     scans: AtomicU64,
     searches: AtomicU64,
 }
 
 impl Tally {
+    /// Nothing yet; a row multiplied in a scan costs as much as `worth` of a search.
+    pub fn new(worth: f64) -> Tally {
+        Tally {
+            worth,
+            spent: AtomicU64::new(0),
+            scans: AtomicU64::new(0),
+            searches: AtomicU64::new(0),
+        }
+    }
+
     /// A search that multiplied `spent` rows, where a scan multiplies `scan`.
     pub fn search(&self, spent: usize, scan: usize) {
         self.spent.fetch_add(spent as u64, Ordering::Relaxed);
@@ -34,6 +43,6 @@ impl Tally {
     pub fn is_useless(&self) -> bool {
         let [spent, scans, searches] =
             [&self.spent, &self.scans, &self.searches].map(|n| n.load(Ordering::Relaxed));
-        searches >= TRIED && spent as f64 > WORTH * scans as f64
+        searches >= TRIED && spent as f64 > self.worth * scans as f64
     }
 }

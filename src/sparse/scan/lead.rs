@@ -1,0 +1,109 @@
+//! The atoms that are likely the best of a pose, by what was weighed.
+
+use super::kernel::FLOOR;
+use super::panels::{Row, WIDTH};
+use super::path::Path;
+use super::sieve::{Sieve, short};
+use pulp::Simd;
+
+/// Lanes of the widest vectors.
+const MOST: usize = 16;
+/// Atoms that are likely the best.
+pub const LEADS: usize = 4;
+
+/// A number in each lane of the widest vectors.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Wide(pub [f32; MOST]);
+
+impl Wide {
+    pub const ZERO: Wide = Wide([0.0; MOST]);
+
+    /// The first vector.
+    #[inline(always)]
+    pub fn first<S: Simd>(&self) -> S::f32s {
+        S::as_simd_f32s(&self.0).0[0]
+    }
+
+    /// The same, to be written.
+    #[inline(always)]
+    pub fn first_mut<S: Simd>(&mut self) -> &mut S::f32s {
+        &mut S::as_mut_simd_f32s(&mut self.0).0[0]
+    }
+}
+
+/// Where the atoms are that are likely the best: in each lane of some vectors side by side one.
+#[derive(Clone, Copy)]
+pub struct Lead {
+    /// Their c² and e, multiplied by as much.
+    pub over: Wide,
+    pub under: Wide,
+    /// The first place of the vectors.
+    pub places: Wide,
+    /// How many lanes a vector has, and how many vectors are side by side.
+    pub lanes: usize,
+    pub vectors: usize,
+}
+
+impl Lead {
+    pub const NONE: Lead = Lead {
+        over: Wide::ZERO,
+        under: Wide([1.0; MOST]),
+        places: Wide::ZERO,
+        lanes: 1,
+        vectors: 1,
+    };
+
+    /// The most likely of each quarter of the lanes: the lane, and the first place of its vectors.
+    fn best(&self) -> [(usize, usize); LEADS] {
+        std::array::from_fn(|quarter| {
+            let mut best = 0;
+            for lane in (quarter..MOST).step_by(LEADS) {
+                // Of numbers that are not negative bits are in order. What is no number was never a lead.
+                let key = u64::from((self.over.0[lane] / self.under.0[lane]).to_bits());
+                best = best.max(key << 32 | lane as u64);
+            }
+            let lane = best as usize % MOST;
+            (lane, self.places.0[lane] as usize)
+        })
+    }
+}
+
+/// What was kept of a pose: every `poses`-th row.
+#[derive(Clone, Copy)]
+pub struct Weighed<'a> {
+    pub sieve: &'a Sieve,
+    pub correlations: &'a [Row],
+    pub remainders: &'a [Row],
+    pub most: &'a [Wide],
+    pub poses: usize,
+}
+
+impl Weighed<'_> {
+    /// The places of a few atoms that are likely the best.
+    pub fn likely(&self, lead: &Lead, path: &Path, is_optimised: bool) -> [u32; LEADS] {
+        // Of an atom near the first taken, the product with its direction is nearly 1, and counts most.
+        let gap = path.heads.get(1).map_or(0.0, |q| 2.0 * short(q).1);
+        let of = |place: usize| {
+            let (panel, lane) = (place / WIDTH, place % WIDTH);
+            let c = self.correlations[panel * self.poses].0[lane];
+            match is_optimised {
+                true => {
+                    let e = self.remainders[panel * self.poses].0[lane];
+                    c * c / (e + gap * self.sieve.tails[panel].0[lane]).max(FLOOR)
+                }
+                false => c * c,
+            }
+        };
+        lead.best().map(|(lane, first)| {
+            let mut best = (0.0, 0);
+            for place in (0..lead.vectors).map(|v| first + v * lead.lanes + lane) {
+                let key = of(place);
+                if key > best.0 {
+                    best = (key, place as u32);
+                }
+            }
+            best.1
+        })
+    }
+}

@@ -1,0 +1,80 @@
+//! A sieve: all atoms, each told by the first few numbers of its head, laid out as scans read them.
+//!
+//! Poses fill few dimensions, so a quarter of the products that a scan sums tell of nearly all atoms that they are not the
+//! best; see [`super::sift`].
+
+use super::heads::{Basis, Head, LEVELS, PART};
+use super::leaves::{LEAF, in_order};
+use super::panels::{Row, WIDTH};
+use super::tally::Tally;
+use crate::par;
+use ndarray::ArrayView2;
+
+/// Numbers of a head that all atoms are told by.
+pub const SHORT: usize = LEVELS[LEVEL] * PART;
+const LEVEL: usize = 1;
+/// What becomes of the products of an atom costs as much as so many more, measured.
+const BESIDE: usize = 20;
+
+/// The first [`SHORT`] numbers of a head, and the length of what is beyond them, at most.
+pub fn short(head: &Head) -> (&[f32], f32) {
+    head.short(LEVEL)
+}
+
+/// All atoms of a dictionary, in an order in which neighbours are near: each has a place.
+pub struct Sieve {
+    pub basis: Basis,
+    /// The atom at each place, and each atom's place.
+    pub atoms: Vec<u32>,
+    places: Vec<u32>,
+    /// By places.
+    pub heads: Vec<Head>,
+    /// Of each panel [`SHORT`] rows: its atoms' heads.
+    pub rows: Vec<Row>,
+    /// Of each panel the lengths of what is beyond those.
+    pub tails: Vec<Row>,
+    pub tally: Tally,
+}
+
+impl Sieve {
+    /// Of atoms (n, D) of unit norm.
+    pub fn new(atoms: ArrayView2<'_, f32>) -> Sieve {
+        let basis = Basis::of(atoms);
+        let n = atoms.nrows();
+        let by_atoms = basis.heads(atoms);
+        let order = in_order(&by_atoms);
+        let heads: Vec<Head> = order.iter().map(|a| by_atoms[*a as usize]).collect();
+        let panels = par::map_chunks(n, WIDTH, |places| {
+            let (mut rows, mut tails) = ([Row::ZERO; SHORT], Row::ZERO);
+            for (lane, head) in heads[places].iter().enumerate() {
+                let (numbers, beyond) = short(head);
+                (rows.iter_mut().zip(numbers)).for_each(|(row, h)| row.0[lane] = *h);
+                tails.0[lane] = beyond;
+            }
+            (rows, tails)
+        });
+        let mut places = vec![0; n];
+        (0..)
+            .zip(&order)
+            .for_each(|(place, atom)| places[*atom as usize] = place);
+        Sieve {
+            basis,
+            atoms: order,
+            places,
+            rows: panels.iter().flat_map(|(rows, _)| *rows).collect(),
+            tails: panels.iter().map(|(_, tails)| *tails).collect(),
+            heads,
+            tally: Tally::new(1.0),
+        }
+    }
+
+    /// Rows of lanes that a search multiplies a step, nearly.
+    pub fn spent(&self) -> usize {
+        self.heads.len().div_ceil(LEAF) * (SHORT + BESIDE)
+    }
+
+    /// Where an atom is.
+    pub fn place(&self, atom: u32) -> usize {
+        self.places[atom as usize] as usize
+    }
+}
