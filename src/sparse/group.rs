@@ -28,7 +28,7 @@ struct Walk {
 }
 
 impl<'a> Group<'a> {
-    /// Room for `poses` poses, or as many of them as are best coded together. Their codes have at most [`DIRECTIONS`] atoms.
+    /// Room for `poses` poses, or as many of them as are best coded together. Their codes have at most `DIRECTIONS` atoms.
     pub fn new(dictionary: &'a Dictionary, bounds: Bounds<'a>, rule: Rule, poses: usize) -> Self {
         let together = poses.min(bounds.together());
         let walk = || Walk {
