@@ -13,7 +13,7 @@ pub const NEARLY_CLEAN: f64 = 1.0;
 
 /// Whether outliers are looked for in a frame of such a base noise.
 pub fn worth_a_search(base: &BaseNoise) -> bool {
-    base.sd <= NEARLY_CLEAN || base.has_outliers
+    base.sd <= NEARLY_CLEAN || base.has_outliers()
 }
 
 /// A noise that was found in one frame, cm, to an eighth of an octave: it is no surer than that, and frames that have the

@@ -4,7 +4,7 @@
 //! model tell together which points are corrupt ([`super::treat`]), where they can.
 
 use super::job::Job;
-use super::noise::{self, shared, worth_a_search};
+use super::noise::{self, shared};
 use super::strays;
 use super::suspects::RigidBones;
 use crate::par;
@@ -15,6 +15,13 @@ use std::ops::Range;
 const LEAST_NOISE: f64 = 0.01;
 /// So often strays are looked for, each time by the noise without those found before.
 const TIMES: usize = 2;
+/// So many frames on either side tell of a frame too.
+const NEAR: usize = 10;
+/// Nats that are enough: of a frame by itself, of it and its neighbours, and of the neighbours on each side where it tells
+/// nothing itself.
+const ALONE: f64 = 3.0;
+const TOGETHER: f64 = 8.0;
+const EITHER_SIDE: f64 = 5.0;
 /// Frames looked at by one piece of parallel work.
 const CHUNK: usize = 8;
 
@@ -71,7 +78,7 @@ impl Rejects {
         let usual = noise.get(noise.len() / 2).copied().unwrap_or(0.0);
         let bones = RigidBones::measure(&job.parents(), counted.view());
         let mut points = broken(&bones, &counted, usual);
-        let looked_at = doubtful(job, &bones, &counted, &points);
+        let looked_at = doubtful(job, &bones, &counted, runs, &points);
         corrupt(job, &counted, usual, &looked_at, &mut points);
         for (points, strays) in points.iter_mut().zip(&strays) {
             points.extend(strays);
@@ -100,17 +107,47 @@ fn broken(bones: &RigidBones, xyz: &Array2<f64>, noise: f64) -> Vec<Vec<usize>> 
 }
 
 /// The frames that may hold corrupt points: those with broken bones, and where not all bones are known to be rigid, those whose
-/// distances tell so.
-fn doubtful(job: &Job, bones: &RigidBones, xyz: &Array2<f64>, blamed: &[Vec<usize>]) -> Vec<usize> {
+/// distances tell so, with those of their neighbours.
+fn doubtful(
+    job: &Job,
+    bones: &RigidBones,
+    xyz: &Array2<f64>,
+    runs: &[Range<usize>],
+    blamed: &[Vec<usize>],
+) -> Vec<usize> {
     let bones_tell = bones.count() > 0 && bones.count() == job.parents().iter().flatten().count();
-    let is_doubtful = |t: usize| {
-        let told = || job.unmeasured(&xyz.row(t).to_vec());
-        !blamed[t].is_empty() || (!bones_tell && told().is_some_and(|(_, base)| base.has_outliers))
+    let told = if bones_tell {
+        vec![false; blamed.len()]
+    } else {
+        let odds = par::map_chunks(xyz.nrows(), 64, |range| {
+            let of = |t: usize| job.unmeasured(&xyz.row(t).to_vec());
+            let odds = range.map(|t| of(t).map_or(0.0, |(_, base)| base.odds.max(0.0)));
+            odds.collect::<Vec<f64>>()
+        });
+        told_together(&odds.concat(), runs)
     };
-    let parts = par::map_chunks(blamed.len(), 64, |range| {
-        range.filter(|t| is_doubtful(*t)).collect::<Vec<_>>()
-    });
-    parts.concat()
+    let is_doubtful = |t: &usize| told[*t] || !blamed[*t].is_empty();
+    (0..blamed.len()).filter(is_doubtful).collect()
+}
+
+/// Which frames hold corrupt points, by the odds (nats, not negative) that each has of it by itself.
+///
+/// By much noise distances tell so of one frame in eight where no point is off, and then of one by itself; a point that is off,
+/// but for a moment that time tells, is so in frames that follow one another, some of which do not tell.
+fn told_together(odds: &[f64], runs: &[Range<usize>]) -> Vec<bool> {
+    let mut told = vec![false; odds.len()];
+    for run in runs {
+        for t in run.clone() {
+            let sum = |frames: Range<usize>| odds[frames].iter().sum::<f64>();
+            let before = sum(t.saturating_sub(NEAR).max(run.start)..t);
+            let after = sum(t + 1..run.end.min(t + NEAR + 1));
+            told[t] = match odds[t] > 0.0 {
+                true => odds[t] >= ALONE || before + odds[t] + after >= TOGETHER,
+                false => before.min(after) >= EITHER_SIDE,
+            };
+        }
+    }
+    told
 }
 
 /// Of some frames the points that are corrupt, in place of those blamed, where the model can tell.
@@ -126,7 +163,7 @@ fn corrupt(job: &Job, xyz: &Array2<f64>, noise: f64, frames: &[usize], blamed: &
     let found = par::map_chunks(frames.len(), CHUNK, |range| {
         let of = |t: usize| {
             let y = xyz.row(t).to_vec();
-            let base = treatment.base_noise(&y).filter(worth_a_search)?;
+            let base = treatment.base_noise(&y)?;
             let base = shared(base.sd.min(noise.max(LEAST_NOISE)));
             let corrupt = restorer.restore_outliers(&y, base * base)?.1;
             Some((0..corrupt.len()).filter(|p| corrupt[*p] > 0.5).collect())
@@ -140,5 +177,27 @@ fn corrupt(job: &Job, xyz: &Array2<f64>, noise: f64, frames: &[usize], blamed: &
         if let Some(found) = found {
             blamed[t] = found;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_tell_of_corrupt_points_together_with_their_neighbours() {
+        let mut odds = vec![0.0; 200];
+        // Now and then by noise, and once for sure.
+        (0..60).step_by(7).for_each(|t| odds[t] = 0.8);
+        odds[40] = 4.0;
+        // For a while, though not in all of it; up to the end of a run.
+        (90..110).for_each(|t| odds[t] = 2.0 * f64::from(u8::from(t % 3 != 0)));
+        (145..150).for_each(|t| odds[t] = 2.5);
+        let told = told_together(&odds, &[0..150, 150..200]);
+        let told: Vec<usize> = (0..200).filter(|t| told[*t]).collect();
+        // At its ends a frame that does not tell has too little on one side.
+        let a_while = [91, 92].into_iter().chain(94..108).chain([109]);
+        let want: Vec<usize> = [40].into_iter().chain(a_while).chain(145..150).collect();
+        assert_eq!(told, want);
     }
 }
