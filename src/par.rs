@@ -12,9 +12,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::channel;
 use std::sync::{Mutex, PoisonError};
 
-/// Items of a stream that are on their way at a time, a thread.
-const AHEAD: usize = 2;
-
 /// Applies `work` to fixed chunks of `0..len` (the last may be shorter) on rayon's threads.
 ///
 /// The answers come back in the order of the chunks, whatever the number of threads,
@@ -112,16 +109,18 @@ pub fn alone<R>(work: impl FnOnce() -> R) -> R {
 /// Works on the items of a stream on all of rayon's threads while `next` reads more of them, here; `put` is given what became
 /// of them, here too, in their order.
 ///
-/// A few items a thread are on their way at a time, so memory does not grow with the stream.
+/// Up to `ahead` items are on their way at a time: a few a thread where each is worked on by one, two where work is shared
+/// among them itself. Not for rayon's own threads, as this one waits.
 ///
 /// # Errors
 /// The first, in the order of the items; all before it are put.
 pub fn in_turn<T: Send, R: Send>(
+    ahead: usize,
     mut next: impl FnMut() -> Result<Option<T>>,
     work: impl Fn(T) -> Result<R> + Sync,
     mut put: impl FnMut(R) -> Result<()>,
 ) -> Result<()> {
-    let most = AHEAD * rayon::current_num_threads() + 1;
+    debug_assert!(rayon::current_thread_index().is_none());
     let (done, answers) = channel();
     let work = &work;
     rayon::in_place_scope(|scope| {
@@ -130,7 +129,7 @@ pub fn in_turn<T: Send, R: Send>(
         // Of those on their way what became of them, the first of them first.
         let mut answered = VecDeque::new();
         loop {
-            while end.is_none() && answered.len() < most {
+            while end.is_none() && answered.len() < ahead.max(1) {
                 match next() {
                     Ok(Some(item)) => {
                         let (done, number) = (done.clone(), given);
@@ -199,7 +198,7 @@ mod tests {
                 std::thread::sleep(std::time::Duration::from_micros(37 * (i as u64 % 5)));
                 Ok(2 * i)
             };
-            in_turn(next, work, |i| {
+            in_turn(5, next, work, |i| {
                 all.push(i);
                 Ok(())
             })
@@ -229,12 +228,13 @@ mod tests {
                 Ok(())
             };
             let first = reading.min(working).min(putting);
-            let told = in_turn(next, work, put).unwrap_err();
+            let told = in_turn(5, next, work, put).unwrap_err();
             assert!(told.to_string().contains(&first.to_string()), "{told}");
             assert_eq!(all, (1..first).collect::<Vec<_>>());
         }
         let panic = std::panic::catch_unwind(|| {
             let _ = in_turn(
+                5,
                 || Ok(Some(())),
                 |()| -> Result<()> { panic!("at work") },
                 Ok,

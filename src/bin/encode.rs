@@ -60,7 +60,7 @@ fn work(args: &Args) -> Result<Outcome> {
     one_stdin_with(&args.input, [&args.model])?;
     let model = open_model(&args.model)?;
     let dictionary = dictionary(&model, &args.model.display().to_string())?;
-    let mut stream = RowStream::open(&args.input, false, false)?;
+    let stream = RowStream::open(&args.input, false, false)?;
     if stream.columns().points != model.meta.points {
         let what = format!(
             "its points are not the dictionary's ({}, …) in their order",
@@ -83,16 +83,26 @@ fn work(args: &Args) -> Result<Outcome> {
         Search::Rows | Search::Sieve
     );
     let most = if is_quick { FEW } else { BATCH };
-    let mut first = batch(&mut stream, most)?;
+    let mut batches = Batches::new(stream, most);
+    let coder = pursuit.coder(&dictionary)?;
+    let mut first = batches.next()?;
     if let Some(poses) = &first {
         let search = pursuit.search(&dictionary, poses.nrows());
         say::detail(&format!("{} atoms, found {search}", dictionary.len()));
     }
-    let coder = pursuit.coder(&dictionary)?;
+    if let Some(poses) = first.take_if(|p| !is_quick || p.nrows() < most) {
+        // By all threads: few poses; and bounds are made with the first, those coded beside would have to do without.
+        sink.put(&coded(&coder, pursuit.sparsity, &poses)?)?;
+    }
+    let ahead = match is_quick {
+        true => 2 * rayon::current_num_threads() + 1,
+        false => 2,
+    };
     par::in_turn(
+        ahead,
         || match first.take() {
             Some(poses) => Ok(Some(poses)),
-            None => batch(&mut stream, most),
+            None => batches.next(),
         },
         |poses| match is_quick {
             true => par::alone(|| coded(&coder, pursuit.sparsity, &poses)),
@@ -104,16 +114,47 @@ fn work(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Up to so many poses, to be coded together; none after the last.
-fn batch(stream: &mut RowStream, most: usize) -> Result<Option<Array2<f32>>> {
-    let width = stream.columns().width();
-    let (mut values, mut row) = (Vec::with_capacity(most.min(FEW) * width), Row::default());
-    while values.len() < most * width && stream.read(&mut row)? {
-        values.extend(row.xyz.iter().map(|v| *v as f32));
+/// The poses of a stream, some to be coded together at a time.
+struct Batches<'a> {
+    stream: RowStream<'a>,
+    most: usize,
+    /// What ended the poses before, to be told after them.
+    error: Option<Error>,
+}
+
+impl<'a> Batches<'a> {
+    /// Up to `most` at a time.
+    fn new(stream: RowStream<'a>, most: usize) -> Self {
+        Batches {
+            stream,
+            most,
+            error: None,
+        }
     }
-    let shape = (values.len() / width.max(1), width);
-    let poses = Array2::from_shape_vec(shape, values).unwrap_or_default();
-    Ok((poses.nrows() > 0).then_some(poses))
+
+    /// The next; none after the last.
+    fn next(&mut self) -> Result<Option<Array2<f32>>> {
+        if let Some(error) = self.error.take() {
+            return Err(error);
+        }
+        let width = self.stream.columns().width();
+        let mut values = Vec::with_capacity(self.most.min(FEW) * width);
+        let mut row = Row::default();
+        while values.len() < self.most * width {
+            match self.stream.read(&mut row) {
+                Ok(true) => values.extend(row.xyz.iter().map(|v| *v as f32)),
+                Ok(false) => break,
+                Err(error) if values.is_empty() => return Err(error),
+                Err(error) => {
+                    self.error = Some(error);
+                    break;
+                }
+            }
+        }
+        let shape = (values.len() / width.max(1), width);
+        let poses = Array2::from_shape_vec(shape, values).unwrap_or_default();
+        Ok((poses.nrows() > 0).then_some(poses))
+    }
 }
 
 /// The lines of some poses.

@@ -15,7 +15,7 @@ use std::ops::Range;
 const LEAST_NOISE: f64 = 0.01;
 /// So often strays are looked for, each time by the noise without those found before.
 const TIMES: usize = 2;
-/// So many frames on either side tell of a frame too.
+/// So many frames on either side tell of a frame too. (Not seconds: each is a measurement of its own.)
 const NEAR: usize = 10;
 /// Nats that are enough: of a frame by itself, of it and its neighbours, and of the neighbours on each side where it tells
 /// nothing itself.

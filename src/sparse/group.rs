@@ -1,5 +1,4 @@
-//! A group of poses in an order in which neighbours are alike, coded a few together, each atom sought by bounds: see
-//! [`super::scan`].
+//! A group of poses coded a few together, each atom sought by bounds: see [`super::scan`]. By leaves neighbours are best alike.
 
 use super::fit::Fit;
 use super::pursuit::Rule;

@@ -79,3 +79,134 @@ impl WithSimd for Sifting<'_> {
         true
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::code;
+    use super::super::super::fit::Fit;
+    use super::super::super::testdata::random;
+    use super::super::super::{Dictionary, Tolerance};
+    use super::super::lead::{Lead, Wide};
+    use super::super::panels::Row;
+    use super::super::path::Path;
+    use super::super::sieve::Sieve;
+    use super::super::weigh::{Look, State, Step, Weighing};
+    use super::*;
+    use ndarray::{ArrayView1, aview1};
+    use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b};
+
+    /// Poses that are sought for.
+    const POSES: usize = 7;
+
+    /// Two steps: of each pose the atoms that may be the best, with it among them.
+    struct On<'a>(&'a Sieve, &'a Dictionary);
+
+    impl WithSimd for On<'_> {
+        type Output = Vec<Vec<u32>>;
+
+        fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
+            let On(sieve, dictionary) = self;
+            let (rows, mut all) = (sieve.tails.len() * POSES, Vec::new());
+            let mut kept = [(); 2].map(|()| vec![Row::ZERO; rows]);
+            let mut most = vec![Wide::ZERO; rows];
+            let poses = random(POSES, 8, 3).dot(&random(8, 50, 2));
+            let mut poses: Vec<(Fit, Path)> = (poses.outer_iter())
+                .map(|pose| {
+                    let (mut fit, mut path) = (Fit::new(2, 50), Path::new(50));
+                    let weights = None::<ArrayView1<'_, f32>>;
+                    fit.start(pose, weights, Tolerance::Never).unwrap();
+                    path.begin(&sieve.basis, &fit);
+                    (fit, path)
+                })
+                .collect();
+            for step in [Step::First, Step::Optimised] {
+                let looks: Vec<Look> = (poses.iter().enumerate())
+                    .map(|(slot, (_, path))| Look::at(path, slot, true))
+                    .collect();
+                let mut leads = vec![Lead::NONE; POSES];
+                let [correlations, remainders] = &mut kept;
+                let state = State {
+                    correlations,
+                    remainders,
+                    most: &mut most,
+                    poses: POSES,
+                };
+                let weighing = Weighing {
+                    step,
+                    sieve,
+                    looks: &looks,
+                    state,
+                    leads: &mut leads,
+                };
+                weighing.with_simd(simd);
+                for (slot, (fit, path)) in poses.iter_mut().enumerate() {
+                    let weighed = Weighed {
+                        sieve,
+                        correlations: &kept[0][slot..],
+                        remainders: &kept[1][slot..],
+                        most: &most[slot..],
+                        poses: POSES,
+                    };
+                    let keys = keys(sieve, dictionary, fit);
+                    let best = (0..keys.len()).max_by(|a, b| keys[*a].total_cmp(&keys[*b]));
+                    let best = best.unwrap();
+                    let sought = Sought {
+                        slot,
+                        path,
+                        rule: Rule::Optimised,
+                        taken: &[],
+                    };
+                    let mut left = Vec::new();
+                    let sifting = Sifting {
+                        bar: Bar::of(&sought, keys[best] as f32),
+                        weighed,
+                        few: usize::MAX,
+                        left: &mut left,
+                    };
+                    assert!(sifting.with_simd(simd) && left.contains(&(best as u32)));
+                    assert!(left.len() < keys.len() / 2, "{}", left.len());
+                    let is_optimised = matches!(step, Step::Optimised);
+                    // A guess: only of the first step is it known to be good.
+                    let likely = weighed.likely(&leads[slot], path, is_optimised);
+                    let mut likely = likely.map(|place| keys[place as usize]).into_iter();
+                    assert!(is_optimised || likely.any(|key| key > 0.9 * keys[best]));
+                    all.push(left);
+                    if !is_optimised {
+                        let atom = sieve.atoms[best];
+                        assert!(fit.push(atom, code::row(dictionary, atom)));
+                        path.take(&sieve.basis, fit);
+                    }
+                }
+            }
+            all
+        }
+    }
+
+    /// Of each place, by all numbers in f64.
+    fn keys(sieve: &Sieve, dictionary: &Dictionary, fit: &Fit) -> Vec<f64> {
+        let of = |atom: &u32| {
+            let atom = dictionary.atom(*atom as usize).mapv(f64::from);
+            let left = match fit.support.is_empty() {
+                true => 1.0,
+                false => 1.0 - atom.dot(&aview1(fit.newest().0)).powi(2),
+            };
+            atom.dot(&aview1(fit.residual())).powi(2) / left.max(1e-6)
+        };
+        sieve.atoms.iter().map(of).collect()
+    }
+
+    #[test]
+    fn what_may_be_the_best_is_left_on_vectors_of_any_width() {
+        // Few hidden dimensions and a little of all; a last panel that is not full.
+        let atoms = random(333, 8, 1).dot(&random(8, 50, 2)) + random(333, 50, 4) * 0.05;
+        let dictionary = Dictionary::from_rows(atoms.view()).unwrap();
+        let sieve = Sieve::new(dictionary.atoms());
+        let on = || On(&sieve, &dictionary);
+        let want = crate::simd::widest(on());
+        assert_eq!(crate::simd::eights(on()), want);
+        assert_eq!(on().with_simd(Scalar), want);
+        assert_eq!(on().with_simd(Scalar128b), want);
+        assert_eq!(on().with_simd(Scalar256b), want);
+        assert_eq!(on().with_simd(Scalar512b), want);
+    }
+}

@@ -12,7 +12,7 @@ pub struct Path {
     d: usize,
     /// The signal, then the directions taken, D each.
     pub vectors: Vec<f32>,
-    /// The residual, then the directions taken, in the basis of the leaves.
+    /// The residual, then the directions taken, in the basis of the bounds.
     pub heads: Vec<Head>,
     /// What is left, in that basis.
     residual: Turned,

@@ -1,6 +1,6 @@
 //! A sieve: all atoms, each told by the first few numbers of its head, laid out as scans read them.
 //!
-//! Poses fill few dimensions, so a quarter of the products that a scan sums tell of nearly all atoms that they are not the
+//! Poses fill few dimensions, so a third of the products that a scan sums tell of nearly all atoms that they are not the
 //! best; see [`super::sift`].
 
 use super::heads::{Basis, Head, LEVELS, PART};
