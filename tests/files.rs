@@ -246,6 +246,60 @@ fn what_was_never_seen_stays_missing_in_codes() {
     command("decode").args(["-m", "-", "-"]).assert().failure();
 }
 
+#[test]
+fn many_poses_are_coded_in_their_order_and_those_before_a_faulty_row_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.npz").to_str().unwrap().to_string();
+    let header = "root.x,root.y,root.z,a.x,a.y,a.z\n";
+    let atoms = format!("{header}1,2,3,4,5,7\n4,5,6,1,0,2\n7,-1,2,2,8,1\n");
+    let train = [
+        "-q",
+        "-n",
+        "3",
+        "--space",
+        "body",
+        "--iterations",
+        "0",
+        "-o",
+    ];
+    run("ksvd-train", &[&train[..], &[&model]].concat(), &atoms);
+    // Each pose a number of times an atom: more than all threads are given at once.
+    let poses = |n: usize| -> String {
+        let row = |t: usize| {
+            [1, 2, 3, 4, 5, 7]
+                .map(|v| (v * (t + 1)).to_string())
+                .join(",")
+        };
+        (0..n).map(|t| row(t) + "\n").collect()
+    };
+    let coded = |threads: &str| {
+        let args = ["-m", &model, "--sparsity", "1", "--threads", threads];
+        run("encode", &args, &(header.to_string() + &poses(3000)))
+    };
+    let codes = coded("2");
+    assert_eq!((coded("1"), codes.lines().count()), (codes.clone(), 3001));
+    let lines: Vec<&str> = codes.lines().skip(1).collect();
+    let coefficient = |line: &str| line.split(',').nth(1).unwrap().parse::<f64>().unwrap();
+    let one = coefficient(lines[0]);
+    for (t, line) in (1..).zip(&lines) {
+        assert!(
+            (coefficient(line) / one / f64::from(t) - 1.0).abs() <= 1e-6,
+            "{t}"
+        );
+    }
+    let torn = format!("{header}{}1,2,x,4,5,7\n", poses(700));
+    let mut encode = command("encode");
+    let output = encode
+        .args(["-m", &model])
+        .write_stdin(torn)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("702"), "{said}");
+    assert_eq!(output.stdout.iter().filter(|b| **b == b'\n').count(), 701);
+}
+
 #[cfg(unix)]
 #[test]
 fn a_signal_leaves_nothing_half_written() {
