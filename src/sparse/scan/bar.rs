@@ -86,8 +86,8 @@ mod tests {
     use super::super::super::fit::Fit;
     use super::super::super::testdata::random;
     use super::super::super::{Dictionary, Tolerance};
-    use super::super::lead::{Lead, Wide};
-    use super::super::panels::Row;
+    use super::super::lead::Lead;
+    use super::super::panels::{Row, Wide};
     use super::super::path::Path;
     use super::super::sieve::Sieve;
     use super::super::weigh::{Look, State, Step, Weighing};

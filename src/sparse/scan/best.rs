@@ -1,23 +1,12 @@
 //! The best atom of those met so far.
 
 use super::kernel::any;
-use super::panels::{Row, WIDTH};
+use super::panels::PLACES;
 use pulp::Simd;
 
 /// An atom is as good as its key: c² / e, rounded to f32. It is sought without a division: below this share of the key there
 /// is nothing better.
 const NEARLY: f32 = 1.0 - 1e-6;
-
-/// The places of a panel's atoms, in order.
-const PLACES: Row = {
-    let mut places = Row::ZERO;
-    let mut i = 0;
-    while i < WIDTH {
-        places.0[i] = i as f32;
-        i += 1;
-    }
-    places
-};
 
 /// The best atom for a pose: that with the largest key, the first of equals.
 #[derive(Debug, Clone, Copy)]
@@ -109,6 +98,7 @@ impl Best {
 
 #[cfg(test)]
 mod tests {
+    use super::super::panels::WIDTH;
     use super::*;
     use crate::par;
     use pulp::{Scalar, Scalar256b, Scalar512b, WithSimd};

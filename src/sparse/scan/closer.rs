@@ -6,6 +6,7 @@ use super::heads::LEVELS;
 use super::kernel::{FLOOR, add_product};
 use super::lead::LEADS;
 use super::leaves::{LEAF, Lanes};
+use super::meet;
 use super::path::Noise;
 use super::pruned::Sought;
 use super::sieve::Sieve;
@@ -59,15 +60,21 @@ impl<'s> Closer<'s> {
     pub fn start(&mut self, likely: [u32; LEADS]) -> Option<f32> {
         let last = self.sieve.heads.len() as u32 - 1;
         self.first = likely.map(|place| place.min(last));
-        simd::eights(Met(self));
+        let places = self.first;
+        simd::eights(Meeting {
+            closer: self,
+            places: &places,
+            by_heads: false,
+        });
         (self.key > 0.0).then_some(self.key)
     }
 
     /// The best of the atoms at some places, and of those before: the first of equals.
     pub fn best(&mut self, some: &[u32]) -> u32 {
-        simd::eights(Best {
+        simd::eights(Meeting {
             closer: self,
             places: some,
+            by_heads: true,
         });
         self.atom
     }
@@ -126,38 +133,33 @@ impl<'s> Closer<'s> {
     }
 }
 
-/// The atoms that are likely the best are met as by a scan.
-struct Met<'c, 's>(&'c mut Closer<'s>);
+/// Atoms at some places are met.
+struct Meeting<'c, 's> {
+    closer: &'c mut Closer<'s>,
+    places: &'c [u32],
+    /// Only those whose heads tell that they may be the best.
+    by_heads: bool,
+}
 
-impl WithSimd for Met<'_, '_> {
+impl WithSimd for Meeting<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let first = self.0.first;
         match S::F32_LANES {
-            8 => self.0.meet::<S, 1>(simd, &first),
-            4 => self.0.meet::<S, 2>(simd, &first),
-            _ => self.0.meet::<S, LEAF>(simd, &first),
+            8 => self.go::<S, 1>(simd),
+            4 => self.go::<S, 2>(simd),
+            _ => self.go::<S, LEAF>(simd),
         }
     }
 }
 
-/// Atoms are looked at closer.
-struct Best<'c, 's> {
-    closer: &'c mut Closer<'s>,
-    places: &'c [u32],
-}
-
-impl WithSimd for Best<'_, '_> {
-    type Output = ();
-
+impl Meeting<'_, '_> {
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match S::F32_LANES {
-            8 => self.closer.look::<S, 1>(simd, self.places),
-            4 => self.closer.look::<S, 2>(simd, self.places),
-            _ => self.closer.look::<S, LEAF>(simd, self.places),
+    fn go<S: Simd, const V: usize>(self, simd: S) {
+        match self.by_heads {
+            true => self.closer.look::<S, V>(simd, self.places),
+            false => self.closer.meet::<S, V>(simd, self.places),
         }
     }
 }
@@ -197,40 +199,23 @@ impl<'s> Closer<'s> {
             whole[l] = self.atom_at(places[l]);
         }
         let sums = Self::chains::<S, V, AT_ONCE>(simd, self.whole, whole);
-        let keys = self.keys::<S, V>(simd, &sums);
+        let path = self.sought.path;
+        let mut side_by_side = [[simd.splat_f32s(0.0); V]; LEAF];
+        for (n, vectors_of) in side_by_side.iter_mut().enumerate() {
+            let mut lanes = Lanes::ZERO;
+            for l in 0..AT_ONCE {
+                lanes.0[l] = sums[l].0[n];
+            }
+            vectors_of.copy_from_slice(vectors::<S>(&lanes));
+        }
+        let sums = &side_by_side[..path.heads.len()];
+        let keys = meet::keys(simd, sums, &path.parts, self.is_optimised);
         for (place, key) in places.iter().zip(keys.0) {
             let atom = self.sieve.atoms[*place as usize];
             if !self.sought.taken.contains(&atom) {
                 self.choose(atom, key);
             }
         }
-    }
-
-    /// The keys of atoms by the products of each with the pose's vectors.
-    #[inline(always)]
-    fn keys<S: Simd, const V: usize>(&self, simd: S, sums: &[Lanes; AT_ONCE]) -> Lanes {
-        let path = self.sought.path;
-        let mut of = [Lanes::ZERO; LEAF];
-        for (l, sums) in sums.iter().enumerate() {
-            for n in 0..path.heads.len() {
-                of[n].0[l] = sums.0[n];
-            }
-        }
-        let mut keys = Lanes::ZERO;
-        for v in 0..V {
-            let (mut c, mut e) = (vectors::<S>(&of[0])[v], simd.splat_f32s(1.0));
-            for n in 1..path.heads.len() {
-                let p = vectors::<S>(&of[n])[v];
-                c = add_product(simd, simd.splat_f32s(path.parts[n - 1]), p, c);
-                e = add_product(simd, simd.neg_f32s(p), p, e);
-            }
-            let under = match self.is_optimised {
-                true => simd.max_f32s(e, simd.splat_f32s(FLOOR)),
-                false => simd.splat_f32s(1.0),
-            };
-            vectors_mut::<S>(&mut keys)[v] = simd.div_f32s(simd.mul_f32s(c, c), under);
-        }
-        keys
     }
 
     fn head(&self, place: u32) -> &'s [f32] {

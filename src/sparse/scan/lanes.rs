@@ -3,43 +3,28 @@
 //! Atoms come in any order, so whether the next is better cannot be foretold: kept by lanes it costs no branch of the
 //! program.
 
-use super::panels::{Row, WIDTH};
+use super::panels::{PLACES, WIDTH, Wide};
 use pulp::Simd;
-
-/// Lanes of the widest vectors.
-const MOST: usize = 16;
-
-/// The places of a panel's atoms, in order.
-const PLACES: Row = {
-    let mut places = Row::ZERO;
-    let mut i = 0;
-    while i < WIDTH {
-        places.0[i] = i as f32;
-        i += 1;
-    }
-    places
-};
 
 /// The largest key met so far in each lane, and the first panel that has it.
 #[derive(Debug, Clone, Copy)]
-#[repr(C, align(64))]
 pub struct Leading {
-    keys: [f32; MOST],
+    keys: Wide,
     /// Exact: no dictionary has 2^24 panels.
-    panels: [f32; MOST],
+    panels: Wide,
 }
 
 impl Leading {
     /// Nothing yet.
     pub const NONE: Leading = Leading {
-        keys: [0.0; MOST],
-        panels: [0.0; MOST],
+        keys: Wide::ZERO,
+        panels: Wide::ZERO,
     };
 
     /// Meets some keys of a panel; panels are met in their order.
     #[inline(always)]
     pub fn meet<S: Simd, const V: usize>(&mut self, simd: S, panel: usize, new: [S::f32s; V]) {
-        let (keys, panels) = self.vectors::<S>();
+        let (keys, panels) = (self.keys.first_mut::<S>(), self.panels.first_mut::<S>());
         let mut most = simd.splat_f32s(0.0);
         for key in new {
             // What is no number, of an atom that is taken, is not more.
@@ -50,28 +35,20 @@ impl Leading {
         *panels = simd.select_f32s(more, simd.splat_f32s(panel as f32), *panels);
     }
 
-    #[inline(always)]
-    fn vectors<S: Simd>(&mut self) -> (&mut S::f32s, &mut S::f32s) {
-        (
-            &mut S::as_mut_simd_f32s(&mut self.keys).0[0],
-            &mut S::as_mut_simd_f32s(&mut self.panels).0[0],
-        )
-    }
-
     /// The best atom: the first of equals. `None` where none has a key above 0. `keys` gives the keys of a panel again.
     #[inline(always)]
     pub fn atom<S: Simd, const V: usize>(
-        mut self,
+        self,
         simd: S,
         keys: impl FnOnce(usize) -> [S::f32s; V],
     ) -> Option<u32> {
-        let (of_lanes, panels) = self.vectors::<S>();
-        let most = simd.reduce_max_f32s(*of_lanes);
+        let (of_lanes, panels) = (self.keys.first::<S>(), self.panels.first::<S>());
+        let most = simd.reduce_max_f32s(of_lanes);
         if most <= 0.0 {
             return None;
         }
         let (all, none) = (simd.splat_f32s(most), simd.splat_f32s(f32::INFINITY));
-        let panel = simd.select_f32s(simd.equal_f32s(*of_lanes, all), *panels, none);
+        let panel = simd.select_f32s(simd.equal_f32s(of_lanes, all), panels, none);
         let panel = simd.reduce_min_f32s(panel) as usize;
         let places = S::as_simd_f32s(&PLACES.0).0;
         let mut first = none;

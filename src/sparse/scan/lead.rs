@@ -1,36 +1,12 @@
 //! The atoms that are likely the best of a pose, by what was weighed.
 
 use super::kernel::FLOOR;
-use super::panels::{Row, WIDTH};
+use super::panels::{MOST, Row, WIDTH, Wide};
 use super::path::Path;
 use super::sieve::{Sieve, short};
-use pulp::Simd;
 
-/// Lanes of the widest vectors.
-const MOST: usize = 16;
 /// Atoms that are likely the best.
 pub const LEADS: usize = 4;
-
-/// A number in each lane of the widest vectors.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(64))]
-pub struct Wide(pub [f32; MOST]);
-
-impl Wide {
-    pub const ZERO: Wide = Wide([0.0; MOST]);
-
-    /// The first vector.
-    #[inline(always)]
-    pub fn first<S: Simd>(&self) -> S::f32s {
-        S::as_simd_f32s(&self.0).0[0]
-    }
-
-    /// The same, to be written.
-    #[inline(always)]
-    pub fn first_mut<S: Simd>(&mut self) -> &mut S::f32s {
-        &mut S::as_mut_simd_f32s(&mut self.0).0[0]
-    }
-}
 
 /// Where the atoms are that are likely the best: in each lane of some vectors side by side one.
 #[derive(Clone, Copy)]

@@ -84,26 +84,28 @@ fn meet<S: Simd, const N: usize, const V: usize, const L: usize>(
         }
     }
     for (kept, sums) in few.iter().zip(&sums) {
-        choose(sweep, kept.leaf as usize, &keys(sweep, sums), best);
+        let keys = keys(simd, sums, &path.parts, sweep.optimised);
+        choose(sweep, kept.leaf as usize, &keys, best);
     }
 }
 
-/// The keys of a leaf's atoms.
+/// The keys of atoms side by side, as a scan finds them: by their products with the signal, then with the directions, of which
+/// the residual had −`parts`.
 #[inline(always)]
-fn keys<S: Simd, const N: usize, const V: usize>(
-    sweep: &Sweep<'_, S, N, V>,
-    sums: &Products<S, N, V>,
+pub fn keys<S: Simd, const V: usize>(
+    simd: S,
+    sums: &[[S::f32s; V]],
+    parts: &[f32],
+    is_optimised: bool,
 ) -> Lanes {
-    let (simd, path) = (sweep.simd, sweep.sought.path);
     let mut keys = Lanes::ZERO;
     for v in 0..V {
         let (mut c, mut e) = (sums[0][v], simd.splat_f32s(1.0));
-        for n in 1..N {
-            let p = sums[n][v];
-            c = add_product(simd, simd.splat_f32s(path.parts[n - 1]), p, c);
-            e = add_product(simd, simd.neg_f32s(p), p, e);
+        for (p, part) in sums[1..].iter().zip(parts) {
+            c = add_product(simd, simd.splat_f32s(*part), p[v], c);
+            e = add_product(simd, simd.neg_f32s(p[v]), p[v], e);
         }
-        let under = match sweep.optimised {
+        let under = match is_optimised {
             true => simd.max_f32s(e, simd.splat_f32s(FLOOR)),
             false => simd.splat_f32s(1.0),
         };

@@ -2,8 +2,8 @@
 
 use super::heads::Head;
 use super::kernel::{FLOOR, add_product};
-use super::lead::{Lead, Wide};
-use super::panels::{Row, WIDTH};
+use super::lead::Lead;
+use super::panels::{Row, WIDTH, Wide};
 use super::path::Path;
 use super::sieve::{SHORT, Sieve, short};
 use pulp::{Simd, WithSimd};
