@@ -2,19 +2,9 @@
 
 mod common;
 
-use common::{command, fails, run, text};
+use common::{command, fails, long, run, text};
 use std::fs;
 use std::path::Path;
-
-/// A table long enough to fill every buffer on its way.
-fn long(frames: usize) -> String {
-    let mut out = String::from("take,time,root.x,root.y,root.z,note,lfemur.x,lfemur.y,lfemur.z\n");
-    for i in 0..frames {
-        let t = i as f64 / 100.0;
-        out += &format!("walk,{t},{}.5,80,1e1,\"so, so\",5,4{i},0.125\n", i % 7);
-    }
-    out
-}
 
 #[test]
 fn inputs_are_known_by_content() {

@@ -75,6 +75,16 @@ pub fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
+/// A table long enough to fill every buffer on its way.
+pub fn long(frames: usize) -> String {
+    let mut out = String::from("take,time,root.x,root.y,root.z,note,lfemur.x,lfemur.y,lfemur.z\n");
+    for i in 0..frames {
+        let t = i as f64 / 100.0;
+        out += &format!("walk,{t},{}.5,80,1e1,\"so, so\",5,4{i},0.125\n", i % 7);
+    }
+    out
+}
+
 /// A take as a table: subject, take, and more flags of amc2xyz.
 pub fn take(subject: &str, take: &str, more: &[&str]) -> Option<String> {
     let asf = cmu(&format!("{subject}/{subject}.asf"))?;
