@@ -1,7 +1,7 @@
 //! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
 
 use super::kernel::{self, Next, Optimised, Plain, Use, Vectors};
-use super::lanes::Leading;
+use super::lanes::{Ahead, Finish};
 use super::panels::{Row, WIDTH};
 use super::{Panels, Rule, Scan, Term};
 use crate::simd;
@@ -10,8 +10,6 @@ use pulp::{Simd, WithSimd};
 /// What is kept of the pose that is followed.
 pub struct Follower {
     remainders: Vec<Row>,
-    /// Room.
-    keys: Vec<Row>,
     fresh: bool,
 }
 
@@ -20,7 +18,6 @@ impl Follower {
     pub fn new(panels: &Panels) -> Follower {
         Follower {
             remainders: vec![Row::ZERO; panels.iter().len()],
-            keys: vec![Row::ZERO; panels.iter().len()],
             fresh: true,
         }
     }
@@ -49,7 +46,6 @@ impl Follower {
             correlations: &mut scan.correlations[pose..],
             stride: scan.poses,
             remainders: &mut self.remainders,
-            keys: &mut self.keys,
             best: &mut best,
         });
         best
@@ -65,7 +61,6 @@ struct Follow<'a> {
     correlations: &'a mut [Row],
     stride: usize,
     remainders: &'a mut [Row],
-    keys: &'a mut [Row],
     best: &'a mut Option<u32>,
 }
 
@@ -88,54 +83,46 @@ impl WithSimd for Follow<'_> {
 impl Follow<'_> {
     #[inline(always)]
     fn of_terms<S: Simd, U: Use>(self, simd: S) {
-        // So many vectors hold a panel's atoms.
+        // So many vectors at a time as the registers hold what leads in.
         match S::F32_LANES {
             16 => self.go::<S, U, 4>(simd),
-            8 => self.go::<S, U, 8>(simd),
-            4 => self.go::<S, U, 16>(simd),
-            _ => self.go::<S, U, WIDTH>(simd),
+            8 => self.go::<S, U, 2>(simd),
+            _ => self.go::<S, U, 4>(simd),
         }
     }
 
     #[inline(always)]
     fn go<S: Simd, U: Use, const VECTORS: usize>(self, simd: S) {
         let part = simd.splat_f32s(self.part);
-        let mut leading = Leading::NONE;
-        let correlations = self.correlations.iter_mut().step_by(self.stride);
-        for (panel, (c, e)) in correlations.zip(self.remainders).enumerate() {
-            let mut products = [simd.splat_f32s(0.0); VECTORS];
-            for (weight, row) in self.terms {
-                let (weight, row) = (simd.splat_f32s(*weight), vectors::<S>(&row[panel]));
+        let mut finish = Finish::NONE;
+        for at in (0..WIDTH / S::F32_LANES).step_by(VECTORS) {
+            let mut ahead = [Ahead::none(simd); VECTORS];
+            let correlations = self.correlations.iter_mut().step_by(self.stride);
+            for (panel, (c, e)) in correlations.zip(&mut *self.remainders).enumerate() {
+                let mut products = [simd.splat_f32s(0.0); VECTORS];
+                for (weight, row) in self.terms {
+                    let row = &vectors::<S>(&row[panel])[at..at + VECTORS];
+                    let weight = simd.splat_f32s(*weight);
+                    for v in 0..VECTORS {
+                        products[v] = kernel::add_product(simd, weight, row[v], products[v]);
+                    }
+                }
                 for v in 0..VECTORS {
-                    products[v] = kernel::add_product(simd, weight, row[v], products[v]);
+                    let state = Vectors {
+                        c: kernel::vector::<S>(c, at + v),
+                        e: Some(kernel::vector::<S>(e, at + v)),
+                        floor: None,
+                    };
+                    if let Some((over, under)) = U::meet(simd, products[v], part, state) {
+                        ahead[v].meet(simd, panel, over, under);
+                    }
                 }
             }
-            let mut over = [simd.splat_f32s(0.0); VECTORS];
-            let mut under = [simd.splat_f32s(1.0); VECTORS];
-            for v in 0..VECTORS {
-                let state = Vectors {
-                    c: kernel::vector::<S>(c, v),
-                    e: Some(kernel::vector::<S>(e, v)),
-                    floor: None,
-                };
-                if let Some(key) = U::meet(simd, products[v], part, state) {
-                    (over[v], under[v]) = key;
-                }
+            for (v, ahead) in ahead.into_iter().enumerate() {
+                finish.put::<S>(at + v, ahead);
             }
-            let keys_here = S::as_mut_simd_f32s(&mut self.keys[panel].0).0;
-            for v in 0..VECTORS {
-                over[v] = simd.div_f32s(over[v], under[v]);
-                keys_here[v] = over[v];
-            }
-            leading.meet(simd, panel, over);
         }
-        let keys = &*self.keys;
-        *self.best = leading.atom(simd, |panel| {
-            let keys = vectors::<S>(&keys[panel]);
-            let mut all = [simd.splat_f32s(0.0); VECTORS];
-            all.copy_from_slice(&keys[..VECTORS]);
-            all
-        });
+        *self.best = finish.atom(simd);
     }
 }
 
