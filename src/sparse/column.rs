@@ -10,9 +10,11 @@ use pulp::{Simd, WithSimd};
 /// outside their span: an angle of 1e-5. Atoms are f32: two copies of one direction differ by some 1e-7.
 const DEPENDENT: f64 = 1e-10;
 
-/// After up to so many atoms one pass of Gram-Schmidt is enough for one of which more than this share is left: what rounding
-/// leaves of it along the others is at most tenfold what it left of those, 1e-13 in all. Later atoms get a second.
+/// So many columns are taken out of an atom at once: what it has along each does not wait for the others.
 const FEW: usize = 3;
+
+/// After no more one pass of Gram-Schmidt is enough for an atom of which more than this share is left: what rounding leaves of
+/// it along the others is at most tenfold what it left of those, 1e-13 in all. Later atoms get a second.
 const NEARLY_DEPENDENT: f64 = 1e-2;
 
 /// What a column is made of. Rows are padded. Gives what the signal has along it, and |residual|²; `None`, with the residual
@@ -60,13 +62,17 @@ impl Column<'_> {
             None => load::<S, V>(simd, v, atom, |a, _| f64::from(a)),
             Some(root) => load::<S, V>(simd, v, atom, |a, i| f64::from(a) * root[i]),
         };
-        let mut left = whole;
         let (norm, before) = column.split_last_mut()?;
+        let stride = v.len();
+        let (mut left, mut along) = without::<S, V, 0>(simd, done, v, residual, &mut []);
         for _ in 0..2 {
-            for (q, r) in done.chunks_exact(v.len()).zip(before.iter_mut()) {
-                let c = product::<S, V>(simd, q, v);
-                left = add::<S, V>(simd, v, -c, q);
-                *r += c;
+            let few = done.chunks(FEW * stride).zip(before.chunks_mut(FEW));
+            for (done, r) in few {
+                (left, along) = match r.len() {
+                    1 => without::<S, V, 1>(simd, done, v, residual, r),
+                    2 => without::<S, V, 2>(simd, done, v, residual, r),
+                    _ => without::<S, V, FEW>(simd, done, v, residual, r),
+                };
             }
             // What one pass of Gram-Schmidt leaves behind when the atom is nearly dependent, a second removes.
             if before.len() <= FEW && left > NEARLY_DEPENDENT * whole {
@@ -77,14 +83,71 @@ impl Column<'_> {
             return None;
         }
         *norm = left.sqrt();
-        let scale = simd.splat_f64s(1.0 / *norm);
-        let (vectors, _) = S::as_mut_simd_f64s(v);
-        for vector in vectors {
-            *vector = simd.mul_f64s(*vector, scale);
-        }
-        let z = product::<S, V>(simd, v, residual);
-        Some((z, add::<S, V>(simd, residual, -z, v)))
+        let z = along / *norm;
+        Some((z, finish::<S, V>(simd, 1.0 / *norm, v, z, residual)))
     }
+}
+
+/// Takes K columns, one after another in `done`, out of v, and adds what it had along each to r; gives <v, v> and
+/// <v, residual>.
+#[inline(always)]
+fn without<S: Simd, const V: usize, const K: usize>(
+    simd: S,
+    done: &[f64],
+    v: &mut [f64],
+    residual: &[f64],
+    r: &mut [f64],
+) -> (f64, f64) {
+    let (v, residual) = (blocks_mut::<S, V>(v), blocks::<S, V>(residual));
+    let done = blocks::<S, V>(done);
+    let columns: [&[[S::f64s; V]]; K] =
+        std::array::from_fn(|k| &done[k * v.len()..(k + 1) * v.len()]);
+    let zeros = [simd.splat_f64s(0.0); V];
+    let mut sums = [zeros; K];
+    for (b, v) in v.iter().enumerate() {
+        for k in 0..K {
+            add_products::<S, V>(simd, &mut sums[k], &columns[k][b], v);
+        }
+    }
+    let mut parts = [simd.splat_f64s(0.0); K];
+    for k in 0..K {
+        let part = total::<S, V>(simd, sums[k]);
+        r[k] += part;
+        parts[k] = simd.splat_f64s(part);
+    }
+    let (mut left, mut along) = (zeros, zeros);
+    for (b, (v, residual)) in v.iter_mut().zip(residual).enumerate() {
+        for k in 0..K {
+            for l in 0..V {
+                v[l] = simd.sub_f64s(v[l], simd.mul_f64s(parts[k], columns[k][b][l]));
+            }
+        }
+        add_products::<S, V>(simd, &mut left, v, v);
+        add_products::<S, V>(simd, &mut along, v, residual);
+    }
+    (total::<S, V>(simd, left), total::<S, V>(simd, along))
+}
+
+/// Scales v, and takes z of it out of the residual; gives <residual, residual>.
+#[inline(always)]
+fn finish<S: Simd, const V: usize>(
+    simd: S,
+    scale: f64,
+    v: &mut [f64],
+    z: f64,
+    residual: &mut [f64],
+) -> f64 {
+    let (scale, z) = (simd.splat_f64s(scale), simd.splat_f64s(z));
+    let mut sums = [simd.splat_f64s(0.0); V];
+    let residual = blocks_mut::<S, V>(residual).iter_mut();
+    for (v, residual) in blocks_mut::<S, V>(v).iter_mut().zip(residual) {
+        for l in 0..V {
+            v[l] = simd.mul_f64s(v[l], scale);
+            residual[l] = simd.sub_f64s(residual[l], simd.mul_f64s(z, v[l]));
+        }
+        add_products::<S, V>(simd, &mut sums, residual, residual);
+    }
+    total::<S, V>(simd, sums)
 }
 
 /// <a, b> of padded rows.
@@ -109,13 +172,33 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[inline(always)]
 fn product<S: Simd, const V: usize>(simd: S, a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [simd.splat_f64s(0.0); V];
-    let (a, b) = (S::as_simd_f64s(a).0, S::as_simd_f64s(b).0);
-    for (a, b) in a.as_chunks::<V>().0.iter().zip(b.as_chunks::<V>().0) {
-        for v in 0..V {
-            sums[v] = simd.add_f64s(sums[v], simd.mul_f64s(a[v], b[v]));
-        }
+    for (a, b) in blocks::<S, V>(a).iter().zip(blocks::<S, V>(b)) {
+        add_products::<S, V>(simd, &mut sums, a, b);
     }
     total::<S, V>(simd, sums)
+}
+
+/// Eight numbers at a time.
+#[inline(always)]
+fn blocks<S: Simd, const V: usize>(row: &[f64]) -> &[[S::f64s; V]] {
+    S::as_simd_f64s(row).0.as_chunks().0
+}
+
+#[inline(always)]
+fn blocks_mut<S: Simd, const V: usize>(row: &mut [f64]) -> &mut [[S::f64s; V]] {
+    S::as_mut_simd_f64s(row).0.as_chunks_mut().0
+}
+
+#[inline(always)]
+fn add_products<S: Simd, const V: usize>(
+    simd: S,
+    sums: &mut [S::f64s; V],
+    a: &[S::f64s; V],
+    b: &[S::f64s; V],
+) {
+    for l in 0..V {
+        sums[l] = simd.add_f64s(sums[l], simd.mul_f64s(a[l], b[l]));
+    }
 }
 
 /// What `of` makes of numbers and their places, into v, padded with 0; gives <v, v>.
@@ -148,26 +231,6 @@ pub fn load<S: Simd, const V: usize>(
         let lanes = S::as_simd_f64s(&lanes).0;
         for l in 0..V {
             sums[l] = simd.add_f64s(sums[l], simd.mul_f64s(lanes[l], lanes[l]));
-        }
-    }
-    total::<S, V>(simd, sums)
-}
-
-/// v += c u; gives <v, v>.
-#[inline(always)]
-fn add<S: Simd, const V: usize>(simd: S, v: &mut [f64], c: f64, u: &[f64]) -> f64 {
-    let c = simd.splat_f64s(c);
-    let mut sums = [simd.splat_f64s(0.0); V];
-    let (v, u) = (S::as_mut_simd_f64s(v).0, S::as_simd_f64s(u).0);
-    for (v, u) in v
-        .as_chunks_mut::<V>()
-        .0
-        .iter_mut()
-        .zip(u.as_chunks::<V>().0)
-    {
-        for l in 0..V {
-            v[l] = simd.add_f64s(v[l], simd.mul_f64s(c, u[l]));
-            sums[l] = simd.add_f64s(sums[l], simd.mul_f64s(v[l], v[l]));
         }
     }
     total::<S, V>(simd, sums)
