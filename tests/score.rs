@@ -234,3 +234,49 @@ fn noise_of_one_unit_on_a_real_take_is_an_mse_of_one() {
     let sd = r["bones"]["truth_sd"].as_f64().unwrap();
     assert!(sd <= 1e-9, "{sd}");
 }
+
+#[test]
+fn takes_of_several_rates_are_each_judged_by_their_own() {
+    let dir = Folder::new();
+    // Each falls 1, 2, 3 … a frame; the result of each lacks a point for three frames.
+    let take = |name: &str, rate: f64, of: f64| -> String {
+        let row = |i: u32| {
+            let y = of * f64::from(i * i);
+            format!("{name},{},0,{y},0\n", f64::from(i) / rate)
+        };
+        (0..20).map(row).collect()
+    };
+    let header = "take,time,root.x,root.y,root.z\n";
+    let (slow, fast) = (take("slow", 10.0, 1.0), take("fast", 100.0, 1.0));
+    let gap = |take: &str| -> String {
+        let line = |(i, line): (usize, &str)| match i {
+            3..6 => line.splitn(3, ',').take(2).collect::<Vec<_>>().join(",") + ",,,\n",
+            _ => line.to_string() + "\n",
+        };
+        take.lines().enumerate().map(line).collect()
+    };
+    let table = |name: &str, parts: [&str; 2]| dir.file(name, header.to_string() + &parts.concat());
+    for (i, order) in [[&slow, &fast], [&fast, &slow]].into_iter().enumerate() {
+        let truth = table(&format!("truth{i}.csv"), order.map(String::as_str));
+        let [a, b] = order.map(|take| gap(take));
+        let damaged = table(&format!("damaged{i}.csv"), [&a, &b]);
+        let damaged = damaged.to_str().unwrap();
+        let r = json(&["--damaged", damaged], &[truth.as_path(), &truth]);
+        assert_eq!(r["rate"], Value::Null);
+        let rates = [[10.0, 100.0], [100.0, 10.0]][i];
+        assert_eq!(r["rates"], serde_json::json!(rates));
+        // Second differences of 2 along one axis of three: 200 and 20,000 a second squared, as many of each.
+        let want = ((200f64.powi(2) + 20_000f64.powi(2)) / 6.0).sqrt();
+        let told = r["accelerations"]["truth"].as_f64().unwrap();
+        assert!((told - want).abs() <= 1e-6 * want, "{told} {want}");
+        // Three frames are 0.3 s and 0.03 s.
+        let gaps: Vec<u64> = (0..3)
+            .map(|bin| r["damaged"]["by_gap"][bin]["gaps"].as_u64().unwrap())
+            .collect();
+        assert_eq!(gaps, [1, 1, 0]);
+        let said = score(&[], &[truth.as_path(), &truth], "").success();
+        let said = String::from_utf8(said.get_output().stdout.clone()).unwrap();
+        let told = ["10 and 100 frames/s", "100 and 10 frames/s"][i];
+        assert!(said.contains(told), "{said}");
+    }
+}

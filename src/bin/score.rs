@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
-use posing::cli::instep::{InStep, Step};
+use posing::cli::instep::InStep;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, run, say};
 use posing::evaluate::score::{Frame, Runs, Scores};
@@ -12,16 +12,13 @@ use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// From so many frames the rate is told: the tables are read in constant memory.
-const RATE_FRAMES: usize = 1024;
-
 /// Compare poses with the truth
 ///
 /// Prints the mean squared error of a coordinate (MSE), its root (RMS), the mean distance of a point, the largest error
 /// of a coordinate, and over how many coordinates; all in all and by point, then how far bone lengths differ and vary,
 /// and the accelerations (a trembling result has more than the truth). Frames must be the same; points are matched by
 /// name. Coordinates that TRUTH lacks do not count; those that RESULT lacks are counted as still missing. Tables are read
-/// in step in constant memory; the rate is that of the first 1024 frames.
+/// in step in constant memory; a take's rate is told by its first 1024 frames.
 #[derive(Parser)]
 #[command(
     name = "score",
@@ -76,24 +73,19 @@ fn work(args: &Args) -> Result<Outcome> {
             "{name}: left out {count} of its points, which {truth} has not"
         ));
     }
-    let (mut first, mut step) = (Vec::new(), Step::default());
-    while first.len() < RATE_FRAMES && tables.read(&mut step)? {
-        first.push(step.clone());
-    }
-    let rate = inputs[0].rate(&Poses::clock(
-        first.iter().map(|s| (s.time, s.take.clone())),
-    ))?;
-    let mut runs = Runs::new(rate);
-    let mut scores = Scores::new(tables.points(), rate, args.damaged.is_some());
-    for step in &first {
-        add(&mut scores, &mut runs, step);
-    }
-    if first.len() == RATE_FRAMES {
-        while tables.read(&mut step)? {
-            add(&mut scores, &mut runs, &step);
-        }
-    }
-    if first.is_empty() {
+    let mut runs = Runs::default();
+    let mut scores = Scores::new(tables.points(), args.damaged.is_some());
+    let rate = |take: &Poses| inputs[0].rate(take);
+    tables.each_with_rate(rate, |step, rate| {
+        scores.add(&Frame {
+            truth: &step.xyz[0],
+            result: &step.xyz[1],
+            damaged: step.xyz.get(2).map(Vec::as_slice),
+            starts_run: runs.starts(step.time, &step.take, rate),
+            rate,
+        });
+    })?;
+    if scores.frames() == 0 {
         let place = Place::file(args.truth.display().to_string());
         return Err(Error::data(place, "has no frames, nothing can be compared"));
     }
@@ -115,13 +107,4 @@ fn table(args: &Args, file: &Path) -> TableIn {
         units: Units::Cm,
         up: Up::Y,
     }
-}
-
-fn add(scores: &mut Scores, runs: &mut Runs, step: &Step) {
-    scores.add(&Frame {
-        truth: &step.xyz[0],
-        result: &step.xyz[1],
-        damaged: step.xyz.get(2).map(Vec::as_slice),
-        starts_run: runs.starts(step.time, &step.take),
-    });
 }

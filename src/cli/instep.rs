@@ -3,9 +3,13 @@
 use super::flags::TableIn;
 use super::streams::{RowStream, one_stdin};
 use crate::io::table::Row;
+use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
+
+/// From so many frames of a take its rate is told: tables are read in constant memory.
+const RATE_FRAMES: usize = 1024;
 
 /// Times that differ by no more are the same, in seconds: other tools round them.
 const SAME_TIME: f64 = 1e-4;
@@ -103,6 +107,40 @@ impl<'a> InStep<'a> {
         step.take = self.agreed(|row| row.take.clone(), |a, b| a == b, "take")?;
         step.time = self.agreed(|r| r.time, |a, b| (a - b).abs() <= SAME_TIME, "time")?;
         Ok(true)
+    }
+
+    /// Gives each frame of every table to `put`, with the rate of its take: `rate` tells that by the times of a take's first
+    /// frames, of which [`RATE_FRAMES`] at most are kept.
+    ///
+    /// # Errors
+    /// As [`read`](InStep::read) gives, or `rate`.
+    pub fn each_with_rate(
+        &mut self,
+        rate: impl Fn(&Poses) -> Result<Option<f64>>,
+        mut put: impl FnMut(&Step, Option<f64>),
+    ) -> Result<()> {
+        let told = |first: &mut Vec<Step>, put: &mut dyn FnMut(&Step, Option<f64>)| {
+            let times = first.iter().map(|s| (s.time, s.take.clone()));
+            let rate = rate(&Poses::clock(times))?;
+            first.drain(..).for_each(|step| put(&step, rate));
+            Ok(rate)
+        };
+        let (mut first, mut known) = (Vec::<Step>::new(), None);
+        let (mut step, mut take) = (Step::default(), None);
+        while self.read(&mut step)? {
+            if step.take != take {
+                told(&mut first, &mut put)?;
+                (take, known) = (step.take.clone(), None);
+            }
+            match known {
+                Some(rate) => put(&step, rate),
+                None => first.push(step.clone()),
+            }
+            if first.len() == RATE_FRAMES {
+                known = Some(told(&mut first, &mut put)?);
+            }
+        }
+        told(&mut first, &mut put).map(drop)
     }
 
     /// All must end together.

@@ -59,11 +59,12 @@ pub(super) struct DamageSums {
     open: Vec<(u64, Tally)>,
     /// Each bin's gaps and errors.
     bins: [(u64, Tally); GAP_SECONDS.len() + 1],
+    /// Of the take that the last frame is of.
     rate: Option<f64>,
 }
 
 impl DamageSums {
-    pub(super) fn new(points: usize, rate: Option<f64>) -> DamageSums {
+    pub(super) fn new(points: usize) -> DamageSums {
         DamageSums {
             before: Tally::default(),
             missing: Tally::default(),
@@ -73,11 +74,15 @@ impl DamageSums {
             changed: Tally::default(),
             open: vec![Default::default(); points],
             bins: Default::default(),
-            rate,
+            rate: None,
         }
     }
 
     pub(super) fn add(&mut self, frame: &Frame<'_>, damaged: &[f64]) {
+        if frame.starts_run {
+            (0..self.open.len()).for_each(|i| self.close(i));
+        }
+        self.rate = frame.rate;
         for i in 0..self.open.len() {
             let [t, r, d] = [frame.truth, frame.result, damaged].map(|xyz| point(xyz, i));
             let missing = d.map(f64::is_nan);
@@ -91,7 +96,7 @@ impl DamageSums {
             self.corrupted.add(t, r, corrupted);
             self.intact.add(t, r, intact);
             self.changed.add(t, r, changed);
-            if frame.starts_run || observed == [true; 3] {
+            if observed == [true; 3] {
                 self.close(i);
             }
             if observed != [true; 3] {
@@ -119,13 +124,14 @@ impl DamageSums {
         self.bins[bin].1.merge(&tally);
     }
 
-    pub(super) fn finish(mut self, unit: f64) -> Damage {
+    /// `is_timed`: gaps are told in seconds.
+    pub(super) fn finish(mut self, unit: f64, is_timed: bool) -> Damage {
         for point in 0..self.open.len() {
             self.close(point);
         }
-        let limits = match self.rate {
-            Some(_) => GAP_SECONDS,
-            None => GAP_FRAMES.map(|f| f as f64),
+        let limits = match is_timed {
+            true => GAP_SECONDS,
+            false => GAP_FRAMES.map(|f| f as f64),
         };
         let bins = self.bins.iter().enumerate();
         let by_gap = bins.map(|(i, (gaps, tally))| GapErrors {
@@ -159,13 +165,14 @@ mod tests {
 
     /// Scores one point whose damaged table lacks the frames marked `.`; the result is off by one everywhere.
     fn gaps(seen: &str, rate: Option<f64>, starts: &[usize]) -> Damage {
-        let mut s = Scores::new(&names(1), rate, true);
+        let mut s = Scores::new(&names(1), true);
         for (i, c) in seen.chars().enumerate() {
             s.add(&Frame {
                 truth: &[0.0; 3],
                 result: &[1.0; 3],
                 damaged: Some(&[if c == '.' { NAN } else { 0.0 }; 3]),
                 starts_run: i == 0 || starts.contains(&i),
+                rate,
             });
         }
         s.finish("cm", 1.0).damaged.unwrap()
@@ -200,13 +207,14 @@ mod tests {
 
     #[test]
     fn sets_by_what_the_damaged_table_held() {
-        let mut s = Scores::new(&names(4), None, true);
+        let mut s = Scores::new(&names(4), true);
         s.add(&Frame {
             truth: &[0.0; 12],
             // Left as it was, mended, spoilt, filled but for one coordinate.
             result: &[0., 0., 0., 1., 1., 1., 2., 2., 2., 3., 3., NAN],
             damaged: Some(&[0., 0., 0., 9., 9., 9., 0., 0., 0., NAN, NAN, NAN]),
             starts_run: true,
+            rate: None,
         });
         let d = s.finish("cm", 1.0).damaged.unwrap();
         let of = |e: &Errors| (e.coordinates, e.still_missing, e.mse);

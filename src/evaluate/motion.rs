@@ -1,5 +1,6 @@
 //! What a list of single errors does not show: whether bones keep their lengths, and how much the points tremble.
 
+use super::score::Frame;
 use super::tally::mean;
 use crate::pose::joints::parents_by_name;
 use serde::Serialize;
@@ -144,13 +145,15 @@ pub(super) struct AccelerationSums {
     /// The last two frames of this run, newest last: truth and result.
     last: Vec<[Vec<f64>; 2]>,
     count: u64,
-    /// Squared second differences of truth, result and error.
+    /// Squared accelerations of truth, result and error.
     squares: [f64; 3],
 }
 
 impl AccelerationSums {
-    pub(super) fn add(&mut self, truth: &[f64], result: &[f64], starts_run: bool) {
-        if starts_run {
+    /// Of a take of so many frames a second.
+    pub(super) fn add(&mut self, frame: &Frame<'_>, rate: f64) {
+        let (truth, result) = (frame.truth, frame.result);
+        if frame.starts_run {
             self.last.clear();
         }
         if self.last.len() < 2 {
@@ -158,7 +161,7 @@ impl AccelerationSums {
             return;
         }
         let second = |new: f64, which: usize, i: usize| {
-            new - 2.0 * self.last[1][which][i] + self.last[0][which][i]
+            (new - 2.0 * self.last[1][which][i] + self.last[0][which][i]) * rate * rate
         };
         for (i, (&t, &r)) in truth.iter().zip(result).enumerate() {
             let (t, r) = (second(t, 0, i), second(r, 1, i));
@@ -175,8 +178,8 @@ impl AccelerationSums {
         }
     }
 
-    pub(super) fn finish(&self, rate: f64, unit: f64) -> Accelerations {
-        let root = |s: f64| mean(s, self.count).map(|v| v.sqrt() * rate * rate / unit);
+    pub(super) fn finish(&self, unit: f64) -> Accelerations {
+        let root = |s: f64| mean(s, self.count).map(|v| v.sqrt() / unit);
         let [truth, result, difference] = self.squares.map(root);
         Accelerations {
             count: self.count,
@@ -232,9 +235,16 @@ mod tests {
         for i in 0..40 {
             let t = i as f64 / rate;
             let y = -0.5 * g * t * t;
-            sums.add(&[0.0, y, 0.0], &[0.0, y / 2.0, f64::NAN], i == 0);
+            let frame = Frame {
+                truth: &[0.0, y, 0.0],
+                result: &[0.0, y / 2.0, f64::NAN],
+                damaged: None,
+                starts_run: i == 0,
+                rate: Some(rate),
+            };
+            sums.add(&frame, rate);
         }
-        let a = sums.finish(rate, 1.0);
+        let a = sums.finish(1.0);
         assert_eq!(a.count, 2 * 38);
         // Of two coordinates one falls.
         assert!((a.truth.unwrap() - g / 2f64.sqrt()).abs() <= 1e-6 * g);
@@ -247,10 +257,17 @@ mod tests {
         let mut sums = AccelerationSums::default();
         for i in 0..8 {
             let x = if i < 4 { 0.0 } else { 1000.0 };
-            sums.add(&[x; 3], &[x; 3], i == 0 || i == 4);
+            let frame = Frame {
+                truth: &[x; 3],
+                result: &[x; 3],
+                damaged: None,
+                starts_run: i == 0 || i == 4,
+                rate: Some(120.0),
+            };
+            sums.add(&frame, 120.0);
         }
-        assert_eq!(sums.finish(120.0, 1.0).truth, Some(0.0));
+        assert_eq!(sums.finish(1.0).truth, Some(0.0));
         assert_eq!(sums.count, 2 * 2 * 3);
-        assert_eq!(AccelerationSums::default().finish(1.0, 1.0).truth, None);
+        assert_eq!(AccelerationSums::default().finish(1.0).truth, None);
     }
 }

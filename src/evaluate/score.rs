@@ -21,6 +21,8 @@ pub struct Frame<'a> {
     pub damaged: Option<&'a [f64]>,
     /// Whether this frame does not follow the one before it: see [`Runs`].
     pub starts_run: bool,
+    /// Frames a second of its take, where known.
+    pub rate: Option<f64>,
 }
 
 /// Everything a score tells. Lengths are in `units`.
@@ -32,8 +34,10 @@ pub struct Report {
     pub frames: u64,
     /// How many points there are.
     pub points: usize,
-    /// Frames a second, where known.
+    /// Frames a second, where known and the same of all takes.
     pub rate: Option<f64>,
+    /// Each rate that takes have, in the order in which they were met.
+    pub rates: Vec<f64>,
     /// Over all coordinates.
     pub all: Errors,
     /// Point by point.
@@ -42,7 +46,7 @@ pub struct Report {
     pub damaged: Option<Damage>,
     /// Where the points' names tell of bones.
     pub bones: Option<Bones>,
-    /// Where there is a rate.
+    /// Where there is a rate: each take's own.
     pub accelerations: Option<Accelerations>,
 }
 
@@ -57,30 +61,26 @@ pub struct PointErrors {
 }
 
 /// Finds the frames that do not follow the one before them: a new take, a time that does not go forward, a step of more
-/// than 1.5 frames. The rule is that of [`crate::pose::Poses::runs`] for takes of one rate, for frames that come one at a time.
+/// than 1.5 frames. The rule is that of [`crate::pose::Poses::runs`], for frames that come one at a time.
 #[derive(Debug, Clone, Default)]
 pub struct Runs {
-    step: Option<f64>,
     last: Option<(Option<f64>, Option<Arc<str>>)>,
 }
 
 impl Runs {
-    /// For tables of so many frames a second, where known.
-    pub fn new(rate: Option<f64>) -> Runs {
-        Runs {
-            step: rate.map(|r| 1.0 / r),
-            last: None,
-        }
-    }
-
-    /// Whether the next frame starts a run. The first does.
-    pub fn starts(&mut self, time: Option<f64>, take: &Option<Arc<str>>) -> bool {
+    /// Whether the next frame, of a take of so many frames a second, where known, starts a run. The first does.
+    pub fn starts(
+        &mut self,
+        time: Option<f64>,
+        take: &Option<Arc<str>>,
+        rate: Option<f64>,
+    ) -> bool {
         let last = self.last.replace((time, take.clone()));
         let Some((last_time, last_take)) = last else {
             return true;
         };
         let on = match (last_time, time) {
-            (Some(a), Some(b)) => b > a && self.step.is_none_or(|step| b - a <= 1.5 * step),
+            (Some(a), Some(b)) => b > a && rate.is_none_or(|rate| b - a <= 1.5 / rate),
             _ => true,
         };
         !on || last_take != *take
@@ -91,7 +91,7 @@ impl Runs {
 #[derive(Debug, Clone)]
 pub struct Scores {
     points: Vec<String>,
-    rate: Option<f64>,
+    rates: Vec<f64>,
     frames: u64,
     all: Tally,
     by_point: Vec<Tally>,
@@ -102,14 +102,14 @@ pub struct Scores {
 
 impl Scores {
     /// A score of frames of these points; `damaged` tells whether every frame will come with what it was made from.
-    pub fn new(points: &[String], rate: Option<f64>, damaged: bool) -> Scores {
+    pub fn new(points: &[String], damaged: bool) -> Scores {
         Scores {
             points: points.to_vec(),
-            rate,
+            rates: Vec::new(),
             frames: 0,
             all: Tally::default(),
             by_point: vec![Tally::default(); points.len()],
-            damage: damaged.then(|| DamageSums::new(points.len(), rate)),
+            damage: damaged.then(|| DamageSums::new(points.len())),
             bones: BoneSums::new(points),
             accelerations: AccelerationSums::default(),
         }
@@ -126,24 +126,35 @@ impl Scores {
             self.all.merge(&one);
         }
         self.bones.add(frame.truth, frame.result);
-        if self.rate.is_some() {
-            self.accelerations
-                .add(frame.truth, frame.result, frame.starts_run);
+        if let Some(rate) = frame.rate {
+            if !self.rates.contains(&rate) {
+                self.rates.push(rate);
+            }
+            self.accelerations.add(frame, rate);
         }
         if let (Some(sums), Some(damaged)) = (&mut self.damage, frame.damaged) {
             sums.add(frame, damaged);
         }
     }
 
+    /// How many frames were added.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
     /// The report, its lengths in a unit of this name and of so many centimetres.
     pub fn finish(self, units: &str, centimetres: f64) -> Report {
         let unit = centimetres;
+        let is_timed = !self.rates.is_empty();
         let named = self.points.iter().zip(&self.by_point);
         Report {
             units: units.to_string(),
             frames: self.frames,
             points: self.points.len(),
-            rate: self.rate,
+            rate: match self.rates[..] {
+                [rate] => Some(rate),
+                _ => None,
+            },
             all: self.all.errors(unit),
             by_point: named
                 .map(|(point, tally)| PointErrors {
@@ -152,8 +163,9 @@ impl Scores {
                 })
                 .collect(),
             bones: self.bones.finish(&self.points, unit),
-            accelerations: self.rate.map(|rate| self.accelerations.finish(rate, unit)),
-            damaged: self.damage.map(|sums| sums.finish(unit)),
+            accelerations: is_timed.then(|| self.accelerations.finish(unit)),
+            damaged: self.damage.map(|sums| sums.finish(unit, is_timed)),
+            rates: self.rates,
         }
     }
 }
@@ -172,12 +184,13 @@ mod tests {
             result,
             damaged: None,
             starts_run: false,
+            rate: None,
         }
     }
 
     #[test]
     fn all_and_by_point() {
-        let mut s = Scores::new(&names(2), None, false);
+        let mut s = Scores::new(&names(2), false);
         s.add(&frame(&[0.0; 6], &[1.0, 1.0, 1.0, 2.0, 2.0, f64::NAN]));
         s.add(&frame(
             &[0.0, 0.0, 0.0, f64::NAN, f64::NAN, f64::NAN],
@@ -194,7 +207,7 @@ mod tests {
 
     #[test]
     fn nothing_compared_is_no_number() {
-        let r = Scores::new(&names(1), Some(1.0), true).finish("asf", 5.0);
+        let r = Scores::new(&names(1), true).finish("asf", 5.0);
         assert_eq!((r.all.mse, r.all.max), (None, None));
         let json = serde_json::to_string(&r).unwrap();
         assert!(json.contains("\"mse\":null") && json.contains("\"units\":\"asf\""));
@@ -203,10 +216,13 @@ mod tests {
     #[test]
     fn units_scale_every_length() {
         let score = |unit| {
-            let mut s = Scores::new(&names(1), Some(10.0), false);
+            let mut s = Scores::new(&names(1), false);
             for i in 0..5 {
                 let x = f64::from(i * i);
-                s.add(&frame(&[x; 3], &[2.0 * x; 3]));
+                s.add(&Frame {
+                    rate: Some(10.0),
+                    ..frame(&[x; 3], &[2.0 * x; 3])
+                });
             }
             s.finish("u", unit)
         };
@@ -235,13 +251,14 @@ mod tests {
             take: Some(take.clone()),
             ..Poses::default()
         };
-        let mut runs = Runs::new(poses.rate());
+        let mut runs = Runs::default();
         let starts: Vec<usize> = (0..8)
-            .filter(|&i| runs.starts(Some(time[i]), &Some(take[i].clone())))
+            .filter(|&i| runs.starts(Some(time[i]), &Some(take[i].clone()), poses.rate()))
             .collect();
         let want: Vec<usize> = poses.runs().iter().map(|r| r.start).collect();
         assert_eq!(starts, want);
-        let mut bare = Runs::new(Some(1.0));
-        assert!(bare.starts(None, &None) && !bare.starts(None, &None));
+        let mut bare = Runs::default();
+        let rate = Some(1.0);
+        assert!(bare.starts(None, &None, rate) && !bare.starts(None, &None, rate));
     }
 }

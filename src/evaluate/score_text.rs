@@ -61,9 +61,10 @@ fn number(value: Option<f64>) -> String {
 /// The report as a text of many lines, each ended.
 pub fn text(report: &Report) -> String {
     let unit = &report.units;
-    let rate = match report.rate {
-        Some(rate) => format!("{rate} frames/s"),
-        None => "no rate: gap lengths in frames, no accelerations (--fps F)".into(),
+    let rates: Vec<String> = report.rates.iter().map(f64::to_string).collect();
+    let rate = match rates.is_empty() {
+        true => "no rate: gap lengths in frames, no accelerations (--fps F)".into(),
+        false => format!("{} frames/s", rates.join(" and ")),
     };
     let mut out = format!(
         "{} frames, {} points, {rate}\n",
@@ -110,7 +111,11 @@ fn damage(grid: &mut Grid, report: &Report) {
     let Some(damage) = &report.damaged else {
         return;
     };
-    let unit = if report.rate.is_some() { "s" } else { "frames" };
+    let unit = if report.rates.is_empty() {
+        "frames"
+    } else {
+        "s"
+    };
     grid.errors("the damaged table", &damage.before);
     grid.errors("was missing", &damage.missing);
     for bin in damage.by_gap.iter().filter(|b| b.gaps > 0) {
@@ -176,12 +181,13 @@ mod tests {
     #[test]
     fn columns_line_up_and_what_is_missing_is_told() {
         let points = ["root", "lhipjoint"].map(String::from);
-        let mut s = Scores::new(&points, Some(120.0), true);
+        let mut s = Scores::new(&points, true);
         s.add(&Frame {
             truth: &[0.0; 6],
             result: &[1.0, 1.0, 1.0, 0.0, 0.0, f64::NAN],
             damaged: Some(&[0.0, 0.0, 0.0, f64::NAN, f64::NAN, f64::NAN]),
             starts_run: true,
+            rate: Some(120.0),
         });
         let text = text(&s.finish("cm", 1.0));
         assert!(text.starts_with("1 frames, 2 points, 120 frames/s\nstill missing: 1 of 6"));

@@ -46,9 +46,18 @@ impl CsvReader {
         let mut header = Cells::default();
         records.read(&mut header).map_err(|e| fault(&name, e))?;
         let place = Place::line(&name, header.line().unwrap_or(1));
-        let header: Vec<String> = (0..header.len())
-            .map(|i| String::from_utf8_lossy(&header[i]).trim().to_string())
-            .collect();
+        // Names are written again: what cannot be read as text would not be the same.
+        let name_of = |i: usize| match std::str::from_utf8(&header[i]) {
+            Ok(name) => Ok(name.trim().to_string()),
+            Err(_) => {
+                let what = "its name is not UTF-8: convert the table first (iconv -t utf-8)";
+                Err(Error::data(
+                    place.clone().part(format!("column {}", i + 1)),
+                    what,
+                ))
+            }
+        };
+        let header = (0..header.len()).map(name_of).collect::<Result<Vec<_>>>()?;
         if header.first().is_some_and(|h| h.starts_with('#')) {
             return Err(Error::data(
                 place,
@@ -253,6 +262,20 @@ mod tests {
         assert!(once.starts_with("take,time,a.x,a.y,note,a.z,b.z,b.x,b.y,b.status,cluster\n"));
         assert!(once.ends_with(",2,observed,4\n"));
         assert_eq!(through(&once, &added, &cells, |_| {}), once);
+    }
+
+    #[test]
+    fn a_column_whose_name_is_no_text_is_told() {
+        let latin = b"a.x,a.y,a.z,h\xf6he\n1,2,3,4\n".to_vec();
+        let input = Input::new("t.csv", std::io::Cursor::new(latin)).unwrap();
+        let told = CsvReader::new(input, &ReadOptions::default())
+            .err()
+            .unwrap();
+        assert!(
+            told.to_string()
+                .contains("t.csv:1: column 4: its name is not UTF-8"),
+            "{told}"
+        );
     }
 
     #[test]
