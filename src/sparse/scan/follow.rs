@@ -1,7 +1,7 @@
 //! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
 
 use super::kernel::{self, Next, Optimised, Plain, Use, Vectors};
-use super::lanes::{Ahead, Finish};
+use super::lanes::{Ahead, best};
 use super::panels::{Row, WIDTH};
 use super::{Panels, Rule, Scan, Term};
 use crate::simd;
@@ -83,46 +83,40 @@ impl WithSimd for Follow<'_> {
 impl Follow<'_> {
     #[inline(always)]
     fn of_terms<S: Simd, U: Use>(self, simd: S) {
-        // So many vectors at a time as the registers hold what leads in.
+        // So many vectors hold a panel's atoms.
         match S::F32_LANES {
             16 => self.go::<S, U, 4>(simd),
-            8 => self.go::<S, U, 2>(simd),
-            _ => self.go::<S, U, 4>(simd),
+            8 => self.go::<S, U, 8>(simd),
+            4 => self.go::<S, U, 16>(simd),
+            _ => self.go::<S, U, WIDTH>(simd),
         }
     }
 
     #[inline(always)]
     fn go<S: Simd, U: Use, const VECTORS: usize>(self, simd: S) {
         let part = simd.splat_f32s(self.part);
-        let mut finish = Finish::NONE;
-        for at in (0..WIDTH / S::F32_LANES).step_by(VECTORS) {
-            let mut ahead = [Ahead::none(simd); VECTORS];
-            let correlations = self.correlations.iter_mut().step_by(self.stride);
-            for (panel, (c, e)) in correlations.zip(&mut *self.remainders).enumerate() {
-                let mut products = [simd.splat_f32s(0.0); VECTORS];
-                for (weight, row) in self.terms {
-                    let row = &vectors::<S>(&row[panel])[at..at + VECTORS];
-                    let weight = simd.splat_f32s(*weight);
-                    for v in 0..VECTORS {
-                        products[v] = kernel::add_product(simd, weight, row[v], products[v]);
-                    }
-                }
+        let mut ahead = [Ahead::none(simd); VECTORS];
+        let correlations = self.correlations.iter_mut().step_by(self.stride);
+        for (panel, (c, e)) in correlations.zip(self.remainders).enumerate() {
+            let mut products = [simd.splat_f32s(0.0); VECTORS];
+            for (weight, row) in self.terms {
+                let (weight, row) = (simd.splat_f32s(*weight), vectors::<S>(&row[panel]));
                 for v in 0..VECTORS {
-                    let state = Vectors {
-                        c: kernel::vector::<S>(c, at + v),
-                        e: Some(kernel::vector::<S>(e, at + v)),
-                        floor: None,
-                    };
-                    if let Some((over, under)) = U::meet(simd, products[v], part, state) {
-                        ahead[v].meet(simd, panel, over, under);
-                    }
+                    products[v] = kernel::add_product(simd, weight, row[v], products[v]);
                 }
             }
-            for (v, ahead) in ahead.into_iter().enumerate() {
-                finish.put::<S>(at + v, ahead);
+            for v in 0..VECTORS {
+                let state = Vectors {
+                    c: kernel::vector::<S>(c, v),
+                    e: Some(kernel::vector::<S>(e, v)),
+                    floor: None,
+                };
+                if let Some((over, under)) = U::meet(simd, products[v], part, state) {
+                    ahead[v].meet(simd, panel, over, under);
+                }
             }
         }
-        *self.best = finish.atom(simd);
+        *self.best = best(simd, ahead);
     }
 }
 

@@ -3,7 +3,7 @@
 //! Atoms come in any order, so whether the next is better cannot be foretold: kept by lanes it costs no branch of the
 //! program.
 
-use super::panels::{PLACES, Row, WIDTH, Wide};
+use super::panels::{PLACES, WIDTH, Wide};
 use pulp::Simd;
 
 /// The largest key met so far in each lane, and the first panel that has it.
@@ -95,51 +95,111 @@ impl<S: Simd> Ahead<S> {
     }
 }
 
-/// The atoms ahead in all lanes of a panel, once all are met.
-pub struct Finish {
-    over: Row,
-    under: Row,
-    panels: Row,
+/// The best of the atoms ahead in all lanes of a panel, once all panels are met: the first of equals. `None` where none has a
+/// key above 0.
+#[inline(always)]
+pub fn best<S: Simd, const V: usize>(simd: S, ahead: [Ahead<S>; V]) -> Option<u32> {
+    let mut keys = [simd.splat_f32s(0.0); V];
+    let mut most = simd.splat_f32s(0.0);
+    for v in 0..V {
+        keys[v] = simd.div_f32s(ahead[v].over, ahead[v].under);
+        most = simd.max_f32s(most, keys[v]);
+    }
+    let most = simd.reduce_max_f32s(most);
+    if most <= 0.0 {
+        return None;
+    }
+    let (all, none) = (simd.splat_f32s(most), simd.splat_f32s(f32::INFINITY));
+    let places = S::as_simd_f32s(&PLACES.0).0;
+    let mut first = none;
+    for v in 0..V {
+        // Exact: no dictionary that is met so has 2^24 atoms.
+        let panel = simd.mul_f32s(ahead[v].panels, simd.splat_f32s(WIDTH as f32));
+        let atom = simd.add_f32s(panel, places[v]);
+        let atom = simd.select_f32s(simd.equal_f32s(keys[v], all), atom, none);
+        first = simd.min_f32s(first, atom);
+    }
+    Some(simd.reduce_min_f32s(first) as u32)
 }
 
-impl Finish {
-    pub const NONE: Finish = Finish {
-        over: Row::ZERO,
-        under: Row::ZERO,
-        panels: Row::ZERO,
-    };
+#[cfg(test)]
+mod tests {
+    use super::super::panels::Row;
+    use super::*;
+    use crate::par;
+    use crate::simd::{eights, widest};
+    use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b, WithSimd};
+    use rand::Rng;
 
-    /// Those of a panel's vector `v`.
-    #[inline(always)]
-    pub fn put<S: Simd>(&mut self, v: usize, ahead: Ahead<S>) {
-        S::as_mut_simd_f32s(&mut self.over.0).0[v] = ahead.over;
-        S::as_mut_simd_f32s(&mut self.under.0).0[v] = ahead.under;
-        S::as_mut_simd_f32s(&mut self.panels.0).0[v] = ahead.panels;
+    /// c² and e by panels.
+    struct Met<'a>(&'a [(Row, Row)]);
+
+    impl Met<'_> {
+        fn by<S: Simd, const V: usize>(self, simd: S) -> Option<u32> {
+            let mut ahead = [Ahead::none(simd); V];
+            for (panel, (over, under)) in self.0.iter().enumerate() {
+                let (over, under) = (S::as_simd_f32s(&over.0).0, S::as_simd_f32s(&under.0).0);
+                for v in 0..V {
+                    ahead[v].meet(simd, panel, over[v], under[v]);
+                }
+            }
+            best(simd, ahead)
+        }
     }
 
-    /// The best atom: the first of equals. `None` where none has a key above 0.
-    #[inline(always)]
-    pub fn atom<S: Simd>(mut self, simd: S) -> Option<u32> {
-        let keys = S::as_mut_simd_f32s(&mut self.over.0).0;
-        let mut most = simd.splat_f32s(0.0);
-        for (key, under) in keys.iter_mut().zip(S::as_simd_f32s(&self.under.0).0) {
-            *key = simd.div_f32s(*key, *under);
-            most = simd.max_f32s(most, *key);
+    impl WithSimd for Met<'_> {
+        type Output = Option<u32>;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> Option<u32> {
+            match S::F32_LANES {
+                16 => self.by::<S, 4>(simd),
+                8 => self.by::<S, 8>(simd),
+                4 => self.by::<S, 16>(simd),
+                _ => self.by::<S, WIDTH>(simd),
+            }
         }
-        let most = simd.reduce_max_f32s(most);
-        if most <= 0.0 {
-            return None;
+    }
+
+    fn told(panels: &[(Row, Row)]) -> Option<u32> {
+        let of = widest(Met(panels));
+        assert_eq!(eights(Met(panels)), of);
+        assert_eq!(Met(panels).with_simd(Scalar), of);
+        assert_eq!(Met(panels).with_simd(Scalar128b), of);
+        assert_eq!(Met(panels).with_simd(Scalar256b), of);
+        assert_eq!(Met(panels).with_simd(Scalar512b), of);
+        of
+    }
+
+    #[test]
+    fn the_largest_ratio_leads_on_vectors_of_any_width() {
+        let mut random = par::generator(5, 0);
+        for round in 0..50 {
+            let mut row = |from: f32| Row(std::array::from_fn(|_| from + random.random::<f32>()));
+            let mut panels: Vec<(Row, Row)> = (0..5).map(|_| (row(0.0), row(0.1))).collect();
+            // An atom that is taken is no number.
+            panels[round % 5].0.0[round % WIDTH] = f32::NAN;
+            let keys = panels.iter().flat_map(|(over, under)| {
+                let both = over.0.iter().zip(&under.0);
+                both.map(|(o, u)| f64::from(*o) / f64::from(*u))
+            });
+            let keys = (0..).zip(keys).filter(|(_, key)| !key.is_nan());
+            let want = keys.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i);
+            assert_eq!(told(&panels), want);
         }
-        let (all, none) = (simd.splat_f32s(most), simd.splat_f32s(f32::INFINITY));
-        let panels = S::as_simd_f32s(&self.panels.0).0;
-        let places = S::as_simd_f32s(&PLACES.0).0;
-        let mut first = none;
-        for v in 0..keys.len() {
-            // Exact: no dictionary that is met so has 2^24 atoms.
-            let atom = simd.mul_add_e_f32s(panels[v], simd.splat_f32s(WIDTH as f32), places[v]);
-            let atom = simd.select_f32s(simd.equal_f32s(keys[v], all), atom, none);
-            first = simd.min_f32s(first, atom);
+    }
+
+    #[test]
+    fn of_equals_the_first_leads_and_nothing_is_no_atom() {
+        let none = (Row::ZERO, Row([1.0; WIDTH]));
+        assert_eq!(told(&[none, none]), None);
+        let mut panels = [none; 4];
+        for (panel, lane) in [(3, 2), (1, 40), (2, 7), (1, 41)] {
+            panels[panel].0.0[lane] = 0.5;
         }
-        Some(simd.reduce_min_f32s(first) as u32)
+        assert_eq!(told(&panels), Some(WIDTH as u32 + 40));
+        panels[3].0.0 = [f32::NAN; WIDTH];
+        panels[1].0.0 = [f32::NAN; WIDTH];
+        assert_eq!(told(&panels), Some(2 * WIDTH as u32 + 7));
     }
 }
