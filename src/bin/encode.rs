@@ -7,11 +7,10 @@ use posing::cli::restoring::PursuitFlag;
 use posing::cli::streams::{RowStream, Sink, one_stdin_with, open_model};
 use posing::cli::{Outcome, run, say};
 use posing::io::table::Row;
-use posing::io::text::{push_number, push_single};
+use posing::io::text::{push_number, push_single, push_whole};
 use posing::prior::sparse::dictionary;
 use posing::sparse::{Coder, Codes, Pursuit, Search};
 use posing::{Error, Place, Result, par};
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -159,7 +158,8 @@ impl<'a> Batches<'a> {
 
 /// The lines of some poses.
 fn coded(coder: &Coder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>> {
-    let gaps = poses.iter().any(|v| !v.is_finite());
+    // To the end, so that several are compared at once.
+    let gaps = poses.fold(false, |any, v| any | !v.is_finite());
     let seen = gaps.then(|| poses.mapv(|v| f32::from(v.is_finite())));
     let codes = coder.code_batch(poses.view(), seen.as_ref().map(|s| s.view()))?;
     let count = |i: usize| match &seen {
@@ -181,7 +181,8 @@ fn coded(coder: &Coder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>>
 fn line(out: &mut Vec<u8>, sparsity: usize, codes: &Codes, (i, rms): (usize, f64)) {
     let mut used = 0;
     for (atom, coefficient) in codes.entries(i) {
-        let _ = write!(out, "{atom},");
+        push_whole(out, atom);
+        out.push(b',');
         push_single(out, coefficient);
         out.push(b',');
         used += 1;

@@ -199,6 +199,20 @@ pub fn push_single(out: &mut Vec<u8>, value: f32) {
     push_shortest(out, value);
 }
 
+/// Appends a whole number.
+pub fn push_whole(out: &mut Vec<u8>, mut value: u32) {
+    let mut digits = [0; 10];
+    let mut from = digits.len();
+    loop {
+        from -= 1;
+        digits[from] = b'0' + (value % 10) as u8;
+        value /= 10;
+        if value == 0 {
+            return out.extend_from_slice(&digits[from..]);
+        }
+    }
+}
+
 fn push_shortest(out: &mut Vec<u8>, value: impl zmij::Float + Into<f64> + Copy) {
     let wide: f64 = value.into();
     if wide.is_nan() {
@@ -219,6 +233,15 @@ fn push_shortest(out: &mut Vec<u8>, value: impl zmij::Float + Into<f64> + Copy) 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn whole_numbers_are_written_as_they_are() {
+        for value in [0, 9, 10, 999, 1_000_000, u32::MAX] {
+            let mut out = b"a".to_vec();
+            push_whole(&mut out, value);
+            assert_eq!(out, format!("a{value}").into_bytes());
+        }
+    }
 
     #[test]
     fn lines_of_any_ending() {

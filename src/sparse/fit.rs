@@ -12,7 +12,7 @@
 
 use super::column::{Column, dot};
 use super::{Stop, Tolerance};
-use crate::simd::{padded, widest};
+use crate::simd::{self, padded, widest};
 use ndarray::ArrayView1;
 
 /// A pose counts as reached when at most this share of its squared norm is left: 3e-7 of its length, which is
@@ -97,8 +97,13 @@ impl Fit {
             }
             None => {
                 self.root = None;
-                for (r, &y) in self.residual.iter_mut().zip(pose) {
-                    *r = y.into();
+                match pose.as_slice() {
+                    // Several numbers at a time, which an iterator of any array is not known to allow.
+                    Some(pose) => simd::wide(
+                        #[inline(always)]
+                        || (self.residual.iter_mut().zip(pose)).for_each(|(r, y)| *r = (*y).into()),
+                    ),
+                    None => (self.residual.iter_mut().zip(pose)).for_each(|(r, &y)| *r = y.into()),
                 }
             }
         }
@@ -121,7 +126,10 @@ impl Fit {
         self.stop = Some(Stop::Nothing);
         if self.energy > 0.0 {
             let scale = 1.0 / self.energy.sqrt();
-            self.residual.iter_mut().for_each(|r| *r *= scale);
+            simd::wide(
+                #[inline(always)]
+                || self.residual.iter_mut().for_each(|r| *r *= scale),
+            );
             self.left = 1.0;
             self.enough = tolerance.squared(total) / (self.energy * self.heaviest);
             self.stop = (self.left <= self.enough).then_some(Stop::Tolerance);
