@@ -173,7 +173,7 @@ def clustering(Y, work):
         for algorithm in ("lloyd", "elkan"):
             mine, other = [], []
             for seed in range(1 if QUICK else seeds):
-                cluster = lambda: posing("cluster", "-k", k, "--seed", seed, "--save", model, "--to", "npy", "-o", os.path.join(work, "k2.npy"), file)
+                cluster = lambda: posing("cluster", "-k", k, "--seed", seed, "--save", model, "-o", os.path.join(work, "k2.csv"), file)
                 mine.append((timed(cluster)[0], inertia(Y, np.load(model)["centroids"].astype(np.float64))))
                 seconds, fit = timed(lambda: KMeans(k, n_init=1, algorithm=algorithm, random_state=seed).fit(Y))
                 other.append((seconds, inertia(Y, fit.cluster_centers_.astype(np.float64))))
