@@ -158,7 +158,7 @@ fn work(args: &Args) -> Result<Outcome> {
         bones: &bones,
         rate,
         figures: figures.collect(),
-        runs: &runs(clock),
+        runs: &runs(clock, rate),
         note: args.note.as_deref(),
         table: table.transpose()?,
         credit: args.credit.as_deref(),

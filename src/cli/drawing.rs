@@ -7,6 +7,7 @@ use crate::io::table::{Builder, Row};
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
+use std::ops::Range;
 use std::path::Path;
 
 /// Times that differ by no more are the same, in seconds: other tools round them.
@@ -142,12 +143,19 @@ pub fn name_of(path: &Path) -> String {
     name.into_owned()
 }
 
-/// Where the takes and the cuts in them begin.
-pub fn runs(poses: &Poses) -> Vec<Run<'_>> {
-    let run = |range: std::ops::Range<usize>| Run {
-        name: poses.take.as_ref().map_or("", |t| &t[range.start]),
-        first: range.start,
-        time: poses.time.as_ref().map_or(0.0, |t| t[range.start]),
+/// Where the takes and the cuts in them begin; `rate` is that of takes whose times tell none.
+pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
+    let (takes, mut take) = (poses.takes(), 0);
+    let run = |range: Range<usize>| {
+        while takes[take].end <= range.start {
+            take += 1;
+        }
+        Run {
+            name: poses.take.as_ref().map_or("", |t| &t[range.start]),
+            first: range.start,
+            time: poses.time.as_ref().map_or(0.0, |t| t[range.start]),
+            rate: poses.rate_within(takes[take].clone()).unwrap_or(rate),
+        }
     };
     poses.runs().into_iter().map(run).collect()
 }
@@ -198,6 +206,36 @@ mod tests {
 
     fn points(list: &[&str]) -> Vec<String> {
         list.iter().map(|s| s.to_string()).collect()
+    }
+
+    #[test]
+    fn each_take_plays_at_its_own_rate() {
+        let takes = [("a", 0.1), ("a", 0.1), ("a", 0.5), ("b", 0.01), ("c", 1.0)];
+        let (mut time, mut frames) = (0.0, Vec::new());
+        for (take, step) in takes {
+            for _ in 0..3 {
+                time += step;
+                frames.push((Some(time), Some(take.into())));
+            }
+        }
+        frames.pop();
+        frames.pop();
+        let mut poses = Poses::clock(frames.into_iter());
+        poses.xyz = Array2::zeros((13, 0));
+        let told: Vec<_> = runs(&poses, 7.0)
+            .iter()
+            .map(|run| (run.name, run.first, run.rate))
+            .collect();
+        // A cut begins with each long step, and one frame alone tells no rate.
+        let want = [
+            ("a", 0, 10.0),
+            ("a", 6, 10.0),
+            ("a", 7, 10.0),
+            ("a", 8, 10.0),
+            ("b", 9, 100.0),
+            ("c", 12, 7.0),
+        ];
+        assert_eq!(told, want);
     }
 
     #[test]

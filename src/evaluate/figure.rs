@@ -255,11 +255,13 @@ mod tests {
                 name: "<a \u{1}",
                 first: 0,
                 time: 0.0,
+                rate: 30.0,
             },
             Run {
                 name: "b",
                 first: 3,
                 time: 0.0,
+                rate: 30.0,
             },
         ];
         let scene = Scene {

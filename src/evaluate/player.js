@@ -110,7 +110,7 @@ function ask() { if (!asked) { asked = true; requestAnimationFrame(tick); } }
 function tick(now) {
   asked = false;
   if (state.playing) {
-    state.clock += Math.min(now - lastTick, 250) / 1000 * SPEEDS[state.speed] * scene.rate;
+    state.clock += Math.min(now - lastTick, 250) / 1000 * SPEEDS[state.speed] * rateAt(state.frame);
     if (state.clock >= frames) {
       if (state.loop) state.clock %= frames;
       else { state.clock = frames - 1; play(false); }
@@ -281,7 +281,7 @@ const MOVES = {
   const tag = event.target.tagName;
   if (tag === "SELECT" || (tag === "BUTTON" && (event.key === " " || event.key === "Enter"))) return;
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-  const second = event.shiftKey ? Math.max(1, Math.round(scene.rate)) : 1;
+  const second = event.shiftKey ? Math.max(1, Math.round(rateAt(state.frame))) : 1;
   if (key === "ArrowLeft" || key === "ArrowRight") {
     play(false);
     show(state.frame + (key === "ArrowLeft" ? -second : second));

@@ -258,6 +258,7 @@ mod tests {
             name: hostile,
             first: 0,
             time: 0.0,
+            rate: 60.0,
         }];
         let table = Table {
             caption: hostile.into(),
@@ -379,16 +380,19 @@ mod tests {
                 name: "a",
                 first: 0,
                 time: 0.0,
+                rate: 60.0,
             },
             Run {
                 name: "short",
                 first: 499,
                 time: 7.0,
+                rate: 60.0,
             },
             Run {
                 name: "b",
                 first: 500,
                 time: 1.0,
+                rate: 60.0,
             },
         ];
         let scene = Scene {
@@ -418,7 +422,7 @@ mod tests {
         assert_eq!(data_of_small["rate"], 15.0);
         assert_eq!(
             data_of_small["runs"],
-            json!([["a", 0, 0.0], ["b", 125, 1.0]])
+            json!([["a", 0, 0.0, 15.0], ["b", 125, 1.0, 15.0]])
         );
         assert!(small.contains("One frame of every 4 is shown (there are 1000)"));
         let tenth = page(

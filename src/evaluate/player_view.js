@@ -48,8 +48,13 @@ function runOf(frame) {
 function moment(frame) {
   const run = runOf(frame);
   if (run < 0) return ["", frame / scene.rate];
-  const [name, first, time] = scene.runs[run];
-  return [name, time + (frame - first) / scene.rate];
+  const [name, first, time, rate] = scene.runs[run];
+  return [name, time + (frame - first) / rate];
+}
+/** Frames a second, where that frame is. */
+function rateAt(frame) {
+  const run = runOf(frame);
+  return run < 0 ? scene.rate : scene.runs[run][3];
 }
 
 // ---- where the figure goes, smoothed, for the camera to go with it ----
@@ -92,10 +97,9 @@ function journey() {
 function smooth(path) {
   let last = path.find(v => !Number.isNaN(v)) || 0;
   for (let t = 0; t < frames; t++) { if (Number.isNaN(path[t])) path[t] = last; last = path[t]; }
-  const half = Math.round(scene.rate / 4);
   const starts = scene.runs.length ? scene.runs.map(run => run[1]) : [0];
   starts.forEach((start, i) => {
-    const end = i + 1 < starts.length ? starts[i + 1] : frames;
+    const end = i + 1 < starts.length ? starts[i + 1] : frames, half = Math.round(rateAt(start) / 4);
     for (let pass = 0; pass < 2; pass++) {
       const sums = new Float64Array(end - start + 1);
       for (let t = start; t < end; t++) sums[t - start + 1] = sums[t - start] + path[t];
@@ -203,7 +207,7 @@ function drawShadow(ctx, project, figure, frame) {
 
 /** Where a point was in the last second and a half: fading, dashed where it was inferred. */
 function drawTrail(ctx, project, figure, frame, point, color) {
-  const { xyz, status } = figures[figure], long = Math.max(1, Math.round(1.5 * scene.rate)), run = runOf(frame);
+  const { xyz, status } = figures[figure], long = Math.max(1, Math.round(1.5 * rateAt(frame))), run = runOf(frame);
   const first = Math.max(0, run >= 0 ? scene.runs[run][1] : 0, frame - long);
   ctx.strokeStyle = color; ctx.lineWidth = 2.2; ctx.lineCap = "round";
   let before = null;

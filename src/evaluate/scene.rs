@@ -28,6 +28,8 @@ pub struct Run<'a> {
     pub first: usize,
     /// The time of that frame, in seconds.
     pub time: f64,
+    /// Frames a second: finite and above 0.
+    pub rate: f64,
 }
 
 /// A small table of text below the figures, scores for instance.
@@ -50,7 +52,7 @@ pub struct Scene<'a> {
     pub points: &'a [String],
     /// Pairs of points to join, the one nearer to the root first; without any, only points are drawn.
     pub bones: &'a [(usize, usize)],
-    /// Frames a second: finite and above 0.
+    /// Frames a second, of frames that are in no run: finite and above 0.
     pub rate: f64,
     /// The figures, in the order of their panels. The first is the reference for camera and ground
     /// unless another misses fewer points.
@@ -80,8 +82,10 @@ impl Scene<'_> {
     /// The take that a frame belongs to (empty without runs) and its time in seconds.
     pub fn moment(&self, frame: usize) -> (&str, f64) {
         let run = self.runs.iter().rev().find(|run| run.first <= frame);
-        let (name, first, time) = run.map_or(("", 0, 0.0), |run| (run.name, run.first, run.time));
-        (name, time + (frame - first) as f64 / self.rate)
+        match run {
+            Some(run) => (run.name, run.time + (frame - run.first) as f64 / run.rate),
+            None => ("", frame as f64 / self.rate),
+        }
     }
 
     /// Up to `count` frames spread evenly from the first to the last, both included.
@@ -100,11 +104,9 @@ impl Scene<'_> {
     pub fn check(&self) -> Result<()> {
         let usage = |what: String| Err(Error::usage(what));
         let points = self.points.len();
-        if !(self.rate.is_finite() && self.rate > 0.0) {
-            return usage(format!(
-                "rate {} must be above 0 frames a second",
-                self.rate
-            ));
+        let mut rates = self.runs.iter().map(|run| run.rate).chain([self.rate]);
+        if let Some(rate) = rates.find(|rate| !(rate.is_finite() && *rate > 0.0)) {
+            return usage(format!("rate {rate} must be above 0 frames a second"));
         }
         if let Some((a, b)) = self.bones.iter().find(|(a, b)| *a.max(b) >= points) {
             return usage(format!(
@@ -241,6 +243,7 @@ mod tests {
             name: "",
             first: 1,
             time: 0.0,
+            rate: 60.0,
         }];
         fails(
             Scene {
@@ -249,10 +252,23 @@ mod tests {
             },
             "begin at frame 0",
         );
+        let still = [Run {
+            first: 0,
+            rate: 0.0,
+            ..late[0]
+        }];
+        fails(
+            Scene {
+                runs: &still,
+                ..good.clone()
+            },
+            "rate",
+        );
         let timeless = [Run {
             name: "t",
             first: 0,
             time: f64::NAN,
+            rate: 60.0,
         }];
         fails(
             Scene {
@@ -302,11 +318,13 @@ mod tests {
                 name: "a",
                 first: 0,
                 time: 1.0,
+                rate: 2.0,
             },
             Run {
                 name: "b",
                 first: 4,
                 time: 0.0,
+                rate: 4.0,
             },
         ];
         let scene = Scene {
@@ -315,7 +333,7 @@ mod tests {
             ..Scene::default()
         };
         assert_eq!(scene.moment(3), ("a", 2.5));
-        assert_eq!(scene.moment(5), ("b", 0.5));
+        assert_eq!(scene.moment(5), ("b", 0.25));
     }
 
     #[test]

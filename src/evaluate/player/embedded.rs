@@ -54,7 +54,7 @@ pub fn embedded(scene: &Scene<'_>, stance: &Stance<'_, '_>, kept: &[usize], ever
     })
 }
 
-/// Name, first embedded frame and its time of every run that has an embedded frame.
+/// Name, first embedded frame, its time and the embedded frames a second of every run that has an embedded frame.
 fn runs(scene: &Scene<'_>, kept: usize, every: usize) -> Vec<Value> {
     let first = |i: usize| scene.runs[i].first.div_ceil(every);
     (0..scene.runs.len())
@@ -64,7 +64,8 @@ fn runs(scene: &Scene<'_>, kept: usize, every: usize) -> Vec<Value> {
             json!([
                 scene.runs[i].name,
                 first(i),
-                rounded(scene.moment(first(i) * every).1)
+                rounded(scene.moment(first(i) * every).1),
+                scene.runs[i].rate / every as f64
             ])
         })
         .collect()
