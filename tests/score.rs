@@ -238,16 +238,16 @@ fn noise_of_one_unit_on_a_real_take_is_an_mse_of_one() {
 #[test]
 fn takes_of_several_rates_are_each_judged_by_their_own() {
     let dir = Folder::new();
-    // Each falls 1, 2, 3 … a frame; the result of each lacks a point for three frames.
-    let take = |name: &str, rate: f64, of: f64| -> String {
+    // Each rises by 1, 3, 5 … a frame, and lacks the point for three frames.
+    let take = |name: &str, rate: f64| -> String {
         let row = |i: u32| {
-            let y = of * f64::from(i * i);
+            let y = i * i;
             format!("{name},{},0,{y},0\n", f64::from(i) / rate)
         };
         (0..20).map(row).collect()
     };
     let header = "take,time,root.x,root.y,root.z\n";
-    let (slow, fast) = (take("slow", 10.0, 1.0), take("fast", 100.0, 1.0));
+    let (slow, fast) = (take("slow", 10.0), take("fast", 100.0));
     let gap = |take: &str| -> String {
         let line = |(i, line): (usize, &str)| match i {
             3..6 => line.splitn(3, ',').take(2).collect::<Vec<_>>().join(",") + ",,,\n",
@@ -279,4 +279,33 @@ fn takes_of_several_rates_are_each_judged_by_their_own() {
         let told = ["10 and 100 frames/s", "100 and 10 frames/s"][i];
         assert!(said.contains(told), "{said}");
     }
+}
+
+#[test]
+fn takes_of_few_frames_have_the_rate_of_others_where_their_times_allow_it() {
+    let dir = Folder::new();
+    let mut table = String::from("take,time,root.x,root.y,root.z\n");
+    // 120 a second in milliseconds; the first lasts two frames, and one alone has no rate.
+    for (take, frames) in [2, 500, 1, 5, 700].into_iter().enumerate() {
+        for i in 0..frames {
+            let time = (f64::from(i) / 0.12).round() / 1e3;
+            table += &format!("{take},{time},0,{},0\n", i % 7);
+        }
+    }
+    let truth = dir.file("truth.csv", &table);
+    let both = [truth.as_path(), &truth];
+    for args in [&[][..], &["--fps", "120"]] {
+        let r = json(args, &both);
+        assert_eq!((&r["frames"], &r["rate"]), (&1208.into(), &120.0.into()));
+        assert_eq!(r["rates"], serde_json::json!([120.0]));
+        // Of one coordinate in three: all but two frames of each take.
+        assert_eq!(r["accelerations"]["count"], 3 * (498 + 3 + 698));
+    }
+    let said = score(&["--fps", "100"], &both, "").code(2);
+    said.stderr(contains("--fps 100 contradicts"));
+    // A later take contradicts too.
+    (0..90).for_each(|i| table += &format!("slow,{:.3},0,0,0\n", f64::from(i) / 30.0));
+    let other = dir.file("other.csv", table);
+    let said = score(&["--fps", "120"], &[other.as_path(), &other], "").code(2);
+    said.stderr(contains("which step 30 times a second"));
 }

@@ -145,7 +145,7 @@ pub fn name_of(path: &Path) -> String {
 
 /// Where the takes and the cuts in them begin; `rate` is that of takes whose times tell none.
 pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
-    let (takes, mut take) = (poses.takes(), 0);
+    let (takes, rates, mut take) = (poses.takes(), poses.rates(), 0);
     let run = |range: Range<usize>| {
         while takes[take].end <= range.start {
             take += 1;
@@ -154,7 +154,7 @@ pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
             name: poses.take.as_ref().map_or("", |t| &t[range.start]),
             first: range.start,
             time: poses.time.as_ref().map_or(0.0, |t| t[range.start]),
-            rate: poses.rate_within(takes[take].clone()).unwrap_or(rate),
+            rate: rates[take].unwrap_or(rate),
         }
     };
     poses.runs().into_iter().map(run).collect()

@@ -5,6 +5,7 @@ use crate::io::table::{ReadOptions, point_names};
 use crate::pose::{ASF_UNIT_CM, Poses};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// Flags of every command.
@@ -180,15 +181,18 @@ impl TableIn {
     /// The rate of a table: from its times, or from `--fps`; they must not contradict each other.
     pub fn rate(&self, poses: &Poses) -> Result<Option<f64>> {
         match (poses.rate(), self.fps) {
-            (Some(table), Some(flag)) if (table - flag).abs() > 1e-4 * table => {
-                Err(Error::usage(format!(
-                    "--fps {flag} contradicts the table's times, which step {table} times a second"
-                )))
-            }
-            (Some(table), _) => Ok(Some(table)),
-            (None, flag) => Ok(flag),
+            (Some(_), Some(flag)) if poses.allows(timed(poses), flag) => Ok(Some(flag)),
+            (Some(table), Some(flag)) => Err(Error::usage(format!(
+                "--fps {flag} contradicts the table's times, which step {table} times a second"
+            ))),
+            (table, flag) => Ok(table.or(flag)),
         }
     }
+}
+
+/// The frames that have a time.
+fn timed(poses: &Poses) -> Range<usize> {
+    0..poses.time.as_ref().map_or(0, Vec::len)
 }
 
 /// A rate: above zero.

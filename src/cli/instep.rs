@@ -31,6 +31,71 @@ struct Table<'a> {
     order: Vec<usize>,
 }
 
+/// Frames that come one at a time, each given on with the rate of its take.
+struct Rated<R, P> {
+    rate: R,
+    put: P,
+    /// The rates of takes.
+    met: Vec<f64>,
+    /// The first frames of a take, until its rate is known.
+    first: Vec<Step>,
+    known: Option<Option<f64>>,
+    last_take: Option<Option<Arc<str>>>,
+}
+
+impl<R: Fn(&Poses) -> Result<Option<f64>>, P: FnMut(&Step, Option<f64>)> Rated<R, P> {
+    /// Meets the rates of the takes that come first, of the longest before those of shorter ones.
+    fn learn(&mut self, first: &[Step]) -> Result<()> {
+        let mut takes: Vec<&[Step]> = first.chunk_by(|a, b| a.take == b.take).collect();
+        takes.sort_by_key(|take| std::cmp::Reverse(take.len()));
+        takes
+            .into_iter()
+            .try_for_each(|take| self.of(take).map(drop))
+    }
+
+    /// The rate of a take with these frames.
+    fn of(&mut self, take: &[Step]) -> Result<Option<f64>> {
+        let clock = Poses::clock(take.iter().map(|s| (s.time, s.take.clone())));
+        let Some(own) = (self.rate)(&clock)? else {
+            return Ok(None);
+        };
+        let met = self.met.iter().find(|r| clock.allows(0..take.len(), **r));
+        let rate = met.copied().unwrap_or(own);
+        if met.is_none() {
+            self.met.push(own);
+        }
+        Ok(Some(rate))
+    }
+
+    fn add(&mut self, step: &Step) -> Result<()> {
+        if self
+            .last_take
+            .as_ref()
+            .is_some_and(|take| *take != step.take)
+        {
+            self.tell()?;
+            self.known = None;
+        }
+        self.last_take = Some(step.take.clone());
+        match self.known {
+            Some(rate) => (self.put)(step, rate),
+            None => self.first.push(step.clone()),
+        }
+        if self.first.len() == RATE_FRAMES {
+            self.known = Some(self.tell()?);
+        }
+        Ok(())
+    }
+
+    /// Gives on the first frames of a take; their rate.
+    fn tell(&mut self) -> Result<Option<f64>> {
+        let first = std::mem::take(&mut self.first);
+        let rate = self.of(&first)?;
+        first.iter().for_each(|step| (self.put)(step, rate));
+        Ok(rate)
+    }
+}
+
 /// A frame of every table.
 #[derive(Debug, Clone, Default)]
 pub struct Step {
@@ -110,37 +175,38 @@ impl<'a> InStep<'a> {
     }
 
     /// Gives each frame of every table to `put`, with the rate of its take: `rate` tells that by the times of a take's first
-    /// frames, of which [`RATE_FRAMES`] at most are kept.
+    /// frames, of which [`RATE_FRAMES`] at most are kept. Of few frames rounded times tell a rate badly: where they allow one
+    /// that was met, that is theirs.
     ///
     /// # Errors
     /// As [`read`](InStep::read) gives, or `rate`.
     pub fn each_with_rate(
         &mut self,
         rate: impl Fn(&Poses) -> Result<Option<f64>>,
-        mut put: impl FnMut(&Step, Option<f64>),
+        put: impl FnMut(&Step, Option<f64>),
     ) -> Result<()> {
-        let told = |first: &mut Vec<Step>, put: &mut dyn FnMut(&Step, Option<f64>)| {
-            let times = first.iter().map(|s| (s.time, s.take.clone()));
-            let rate = rate(&Poses::clock(times))?;
-            first.drain(..).for_each(|step| put(&step, rate));
-            Ok(rate)
-        };
-        let (mut first, mut known) = (Vec::<Step>::new(), None);
-        let (mut step, mut take) = (Step::default(), None);
-        while self.read(&mut step)? {
-            if step.take != take {
-                told(&mut first, &mut put)?;
-                (take, known) = (step.take.clone(), None);
-            }
-            match known {
-                Some(rate) => put(&step, rate),
-                None => first.push(step.clone()),
-            }
-            if first.len() == RATE_FRAMES {
-                known = Some(told(&mut first, &mut put)?);
-            }
+        let mut step = Step::default();
+        let mut first = Vec::new();
+        while first.len() < RATE_FRAMES && self.read(&mut step)? {
+            first.push(step.clone());
         }
-        told(&mut first, &mut put).map(drop)
+        let has_more = first.len() == RATE_FRAMES;
+        let mut rated = Rated {
+            rate,
+            put,
+            met: Vec::new(),
+            first: Vec::new(),
+            known: None,
+            last_take: None,
+        };
+        rated.learn(&first)?;
+        for step in &first {
+            rated.add(step)?;
+        }
+        while has_more && self.read(&mut step)? {
+            rated.add(&step)?;
+        }
+        rated.tell().map(drop)
     }
 
     /// All must end together.

@@ -204,7 +204,8 @@ fn go(
     let mut out = table.poses.xyz.clone();
     let mut all = Vec::new();
     let runs = table.poses.runs();
-    for range in table.poses.takes() {
+    let rates = table.poses.rates();
+    for (range, own) in table.poses.takes().into_iter().zip(rates) {
         let xyz = hide(
             table.poses.xyz.slice(s![range.clone(), ..]).to_owned(),
             &hidden,
@@ -217,7 +218,7 @@ fn go(
             .map(|r| r.start - range.start..r.end - range.start)
             .collect();
         let gathered = job.gather(xyz.view());
-        let rate = table.poses.rate_within(range.clone()).unwrap_or(rate);
+        let rate = own.unwrap_or(rate);
         let restored = take(&job, gathered.view(), &runs, rate, &progress);
         tally.add(&job, &restored, gathered.view());
         let whole = scatter(

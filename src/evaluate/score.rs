@@ -34,7 +34,7 @@ pub struct Report {
     pub frames: u64,
     /// How many points there are.
     pub points: usize,
-    /// Frames a second, where known and the same of all takes.
+    /// Frames a second, where known and the same of all takes that have a rate.
     pub rate: Option<f64>,
     /// Each rate that takes have, in the order in which they were met.
     pub rates: Vec<f64>,

@@ -58,13 +58,23 @@ fn number(value: Option<f64>) -> String {
     }
 }
 
+/// So many rates of takes are named.
+const NAMED_RATES: usize = 5;
+
 /// The report as a text of many lines, each ended.
 pub fn text(report: &Report) -> String {
     let unit = &report.units;
     let rates: Vec<String> = report.rates.iter().map(f64::to_string).collect();
     let rate = match rates.is_empty() {
         true => "no rate: gap lengths in frames, no accelerations (--fps F)".into(),
-        false => format!("{} frames/s", rates.join(" and ")),
+        false => {
+            let (some, rest) = rates.split_at(rates.len().min(NAMED_RATES));
+            let more = match rest.len() {
+                0 => String::new(),
+                more => format!(" and {more} other rates"),
+            };
+            format!("{} frames/s{more}", some.join(" and "))
+        }
     };
     let mut out = format!(
         "{} frames, {} points, {rate}\n",

@@ -1,7 +1,7 @@
 //! Poses: frames of named points, with their takes and times.
 
 use ndarray::{Array2, ArrayView1};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
 /// Frames x points: positions of named points over time.
@@ -52,6 +52,34 @@ impl Poses {
         rate_of(time, |i| self.same_take(frames.start + i))
     }
 
+    /// Frames a second of each of the [takes](Poses::takes), `None` where times tell none. Of few frames rounded times tell a
+    /// rate badly: where a take's times allow the rate of a longer one, that is its own.
+    pub fn rates(&self) -> Vec<Option<f64>> {
+        let takes = self.takes();
+        let mut longest: Vec<usize> = (0..takes.len()).collect();
+        longest.sort_by_key(|&take| std::cmp::Reverse(takes[take].len()));
+        let (mut rates, mut known) = (vec![None; takes.len()], Vec::new());
+        for take in longest {
+            let own = self.rate_within(takes[take].clone());
+            rates[take] = own.map(|own| {
+                let allowed = |rate: &&f64| self.allows(takes[take].clone(), **rate);
+                let rate = known.iter().find(allowed).copied();
+                rate.unwrap_or_else(|| {
+                    known.push(own);
+                    own
+                })
+            });
+        }
+        rates
+    }
+
+    /// Whether the times of some frames, rounded as they are, are those of so many frames a second. So they are where there
+    /// are none.
+    pub fn allows(&self, frames: Range<usize>, rate: f64) -> bool {
+        let time = self.time.as_deref().and_then(|t| t.get(frames.clone()));
+        time.is_none_or(|time| allows(time, |i| self.same_take(frames.start + i), rate))
+    }
+
     /// Runs of frames that follow one another: a new take, a time that does not go forward and a step of more than
     /// 1.5 frames each start a new run. Nothing is ever interpolated across runs.
     pub fn runs(&self) -> Vec<Range<usize>> {
@@ -95,6 +123,44 @@ impl Poses {
     }
 }
 
+/// Steps between these shares of the usual one are steps of one frame: times may be rounded, to milliseconds say.
+const ONE_FRAME: RangeInclusive<f64> = 0.65..=1.35;
+
+/// Whether a series of times is of a rate; `joined(i)` tells whether step `i - 1 -> i` counts.
+fn allows(time: &[f64], joined: impl Fn(usize) -> bool, rate: f64) -> bool {
+    let (mut steps, mut span, mut stretches, mut goes_on) = (0, 0.0, 0, false);
+    for i in 1..time.len() {
+        let step = time[i] - time[i - 1];
+        let is_one = joined(i) && ONE_FRAME.contains(&(step * rate));
+        if is_one {
+            stretches += usize::from(!goes_on);
+            (steps, span) = (steps + 1, span + step);
+        } else if joined(i) && step > 0.0 && step * rate < *ONE_FRAME.start() {
+            // Frames of a higher rate.
+            return false;
+        }
+        goes_on = is_one;
+    }
+    let own = rate_of(time, joined);
+    let is_near = own.is_none_or(|own| ONE_FRAME.contains(&(own / rate)));
+    // The ends of each stretch are off by up to half a grain.
+    let slack = grain(time) * stretches as f64 + CLOSE * span;
+    is_near && (span - f64::from(steps) / rate).abs() <= slack
+}
+
+/// What all times are multiples of; 0 if of nothing round.
+fn grain(time: &[f64]) -> f64 {
+    let grains = [1e3, 1e4, 1e5, 1e6].into_iter();
+    let is_whole = |t: f64| (t - t.round()).abs() <= 1e-3;
+    let grain =
+        grains.map(|a_second| (1.0 / a_second, time.iter().all(|t| is_whole(t * a_second))));
+    grain
+        .filter(|(_, is)| *is)
+        .map(|(grain, _)| grain)
+        .next()
+        .unwrap_or(0.0)
+}
+
 /// The rate of a series of times; `joined(i)` tells whether step `i - 1 -> i` counts.
 fn rate_of(time: &[f64], joined: impl Fn(usize) -> bool) -> Option<f64> {
     let mut steps: Vec<f64> = (1..time.len())
@@ -108,7 +174,7 @@ fn rate_of(time: &[f64], joined: impl Fn(usize) -> bool) -> Option<f64> {
     let middle = steps.len() / 2;
     let (_, &mut step, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
     // Times may be rounded, to milliseconds say: then steps differ by one, and only many of them tell the rate.
-    steps.retain(|s| (0.65 * step..=1.35 * step).contains(s));
+    steps.retain(|s| ONE_FRAME.contains(&(s / step)));
     let (least, most) = steps
         .iter()
         .fold((step, step), |(l, m), s| (s.min(l), s.max(m)));
@@ -197,6 +263,36 @@ mod tests {
             [p.rate_within(0..9), p.rate_within(9..14)],
             [Some(120.0), Some(30.0)]
         );
+    }
+
+    #[test]
+    fn a_short_take_has_the_rate_of_a_longer_one_where_its_times_allow_it() {
+        let rounded = |rate: f64, frames: usize, digits: f64| -> Vec<f64> {
+            let times = (0..frames).map(|i| (i as f64 / rate * digits).round() / digits);
+            times.collect()
+        };
+        let rates = |takes: &[Vec<f64>]| {
+            let names: Vec<String> = (0..takes.len()).map(|i| i.to_string()).collect();
+            let name = |i: usize| vec![names[i].as_str(); takes[i].len()];
+            let names: Vec<&str> = (0..takes.len()).flat_map(name).collect();
+            poses(&takes.concat(), Some(&names)).rates()
+        };
+        let of = |frames: usize| rounded(120.0, frames, 1e3);
+        let short = [of(2), of(5), of(20), of(500), of(1)];
+        let all = [Some(120.0); 4].into_iter().chain([None]);
+        assert_eq!(rates(&short), all.collect::<Vec<_>>());
+        // Rates that are really others stay: near ones of many frames, half and double ones of few.
+        for other in [119.88, 60.0, 240.0, 100.0] {
+            let frames = if other == 119.88 { 3000 } else { 9 };
+            let told = rates(&[rounded(120.0, 4000, 1e6), rounded(other, frames, 1e6)]);
+            let told: Vec<f64> = told.into_iter().flatten().collect();
+            assert_eq!(told[0], 120.0);
+            assert!((told[1] - other).abs() <= 1e-3 * other, "{told:?}");
+        }
+        // The last digits of times are no other rate.
+        let even = |from: f64| (0..50).map(|i| from + i as f64 / 58.3).collect::<Vec<_>>();
+        let told = rates(&[even(0.0), even(1.7), even(33.3)]);
+        assert!(told.iter().all(|r| *r == told[0]));
     }
 
     #[test]

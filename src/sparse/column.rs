@@ -13,8 +13,8 @@ const DEPENDENT: f64 = 1e-10;
 /// So many columns are taken out of an atom at once: what it has along each does not wait for the others.
 const FEW: usize = 3;
 
-/// After no more one pass of Gram-Schmidt is enough for an atom of which more than this share is left: what rounding leaves of
-/// it along the others is at most tenfold what it left of those, 1e-13 in all. Later atoms get a second.
+/// Behind no more columns one pass of Gram-Schmidt is enough for an atom of which more than this share is left: what rounding
+/// leaves of it along the others is some 1e-13 at most, measured. Others get a second.
 const NEARLY_DEPENDENT: f64 = 1e-2;
 
 /// What a column is made of. Rows are padded. Gives what the signal has along it, and |residual|²; `None`, with the residual

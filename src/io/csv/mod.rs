@@ -50,7 +50,7 @@ impl CsvReader {
         let name_of = |i: usize| match std::str::from_utf8(&header[i]) {
             Ok(name) => Ok(name.trim().to_string()),
             Err(_) => {
-                let what = "its name is not UTF-8: convert the table first (iconv -t utf-8)";
+                let what = "its name is not UTF-8: convert the table (from Latin-1: iconv -f latin1 -t utf-8)";
                 Err(Error::data(
                     place.clone().part(format!("column {}", i + 1)),
                     what,
