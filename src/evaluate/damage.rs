@@ -59,7 +59,7 @@ pub(super) struct DamageSums {
     open: Vec<(u64, Tally)>,
     /// Each bin's gaps and errors.
     bins: [(u64, Tally); GAP_SECONDS.len() + 1],
-    /// Of the take that the last frame is of.
+    /// Of the last take that has one.
     rate: Option<f64>,
 }
 
@@ -82,7 +82,7 @@ impl DamageSums {
         if frame.starts_run {
             (0..self.open.len()).for_each(|i| self.close(i));
         }
-        self.rate = frame.rate;
+        self.rate = frame.rate.or(self.rate);
         for i in 0..self.open.len() {
             let [t, r, d] = [frame.truth, frame.result, damaged].map(|xyz| point(xyz, i));
             let missing = d.map(f64::is_nan);

@@ -259,7 +259,8 @@ mod tests {
         };
         let mut done: Vec<f64> = Vec::new();
         let mut residual = padded(atom(9));
-        for k in 0..4 {
+        // Behind more than are taken out at once too.
+        for k in 0..7 {
             let (mut v, mut column) = (vec![0.0; 16], vec![0.0; k + 1]);
             let before = dot(&residual, &residual);
             let made = Column {
@@ -304,10 +305,13 @@ mod tests {
             let all = [z, left].into_iter().chain(v).chain(column).chain(residual);
             all.map(f64::to_bits).collect()
         }
-        let want = on(pulp::Scalar, &done, &atom(6));
-        assert_eq!(on(pulp::Scalar128b, &done, &atom(6)), want);
-        assert_eq!(on(pulp::Scalar256b, &done, &atom(6)), want);
-        assert_eq!(on(pulp::Scalar512b, &done, &atom(6)), want);
+        for count in 0..=7 {
+            let (done, next) = (&done[..16 * count], atom(10));
+            let want = on(pulp::Scalar, done, &next);
+            assert_eq!(on(pulp::Scalar128b, done, &next), want);
+            assert_eq!(on(pulp::Scalar256b, done, &next), want);
+            assert_eq!(on(pulp::Scalar512b, done, &next), want);
+        }
         let both = atom(1).into_iter().zip(atom(3));
         let sum: Vec<f32> = both.map(|(a, b)| a - 2.0 * b).collect();
         let before = residual.clone();
@@ -316,7 +320,7 @@ mod tests {
             atom: &sum,
             root: None,
             v: &mut [0.0; 16],
-            column: &mut [0.0; 5],
+            column: &mut [0.0; 8],
             residual: &mut residual,
         };
         assert_eq!(widest(made), None);

@@ -14,6 +14,7 @@ use crate::{Error, Place, Result};
 use block::Blocks;
 use records::{Records, fault};
 use std::io::BufReader;
+use std::str::Utf8Error;
 use std::sync::Arc;
 
 /// Reads a table row by row.
@@ -50,11 +51,8 @@ impl CsvReader {
         let name_of = |i: usize| match std::str::from_utf8(&header[i]) {
             Ok(name) => Ok(name.trim().to_string()),
             Err(_) => {
-                let what = "its name is not UTF-8: convert the table (from Latin-1: iconv -f latin1 -t utf-8)";
-                Err(Error::data(
-                    place.clone().part(format!("column {}", i + 1)),
-                    what,
-                ))
+                let column = place.clone().part(format!("column {}", i + 1));
+                Err(Error::data(column, NO_TEXT))
             }
         };
         let header = (0..header.len()).map(name_of).collect::<Result<Vec<_>>>()?;
@@ -80,7 +78,7 @@ impl CsvReader {
     /// Reads the next frame; `false` at the end.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         loop {
-            if self.hand_out(row) {
+            if self.hand_out(row)? {
                 return Ok(true);
             }
             self.records.pass(std::mem::take(&mut self.ahead));
@@ -113,24 +111,28 @@ impl CsvReader {
     }
 
     /// Hands out the next row that was read ahead, if there is one.
-    fn hand_out(&mut self, row: &mut Row) -> bool {
+    fn hand_out(&mut self, row: &mut Row) -> Result<bool> {
         let Some(plain) = self.blocks.next_row() else {
-            return false;
+            return Ok(false);
         };
         let text = &self.records.there()[plain.text];
         row.xyz.clear();
         row.xyz.extend_from_slice(plain.xyz);
         row.time = plain.time;
-        row.take = self.columns.take.map(|column| {
-            let start = column.checked_sub(1).map_or(0, |c| plain.ends[c] + 1);
-            known(&mut self.take, &text[start..plain.ends[column]])
-        });
+        row.take = match self.columns.take {
+            None => None,
+            Some(column) => {
+                let start = column.checked_sub(1).map_or(0, |c| plain.ends[c] + 1);
+                let name = known(&mut self.take, &text[start..plain.ends[column]]);
+                Some(name.map_err(|what| no_text(&self.name, plain.line, what))?)
+            }
+        };
         if self.keep {
             row.cells.set_plain(text, plain.ends, plain.line);
         } else {
             row.cells.clear();
         }
-        true
+        Ok(true)
     }
 
     /// Reads the next row whatever it holds, or says what is wrong with it.
@@ -173,10 +175,13 @@ impl CsvReader {
                 Some(time)
             }
         };
-        row.take = self
-            .columns
-            .take
-            .map(|column| known(&mut self.take, &row.cells[column]));
+        row.take = match self.columns.take {
+            None => None,
+            Some(column) => {
+                let name = known(&mut self.take, &row.cells[column]);
+                Some(name.map_err(|what| no_text(&self.name, line, what))?)
+            }
+        };
         if !self.keep {
             row.cells.clear();
         }
@@ -184,12 +189,21 @@ impl CsvReader {
     }
 }
 
+/// What is wrong with a name.
+const NO_TEXT: &str =
+    "its name is not UTF-8: convert the table (iconv -f latin1 -t utf-8, if it is Latin-1)";
+
 /// The take of this name: `last` where it is the same, so that a take's name is kept once.
-fn known(last: &mut Arc<str>, name: &[u8]) -> Arc<str> {
+fn known(last: &mut Arc<str>, name: &[u8]) -> std::result::Result<Arc<str>, Utf8Error> {
     if last.as_bytes() != name {
-        *last = Arc::from(&*String::from_utf8_lossy(name));
+        *last = Arc::from(std::str::from_utf8(name)?);
     }
-    last.clone()
+    Ok(last.clone())
+}
+
+/// What a message says of a take whose name is no text: other letters in place of some would make one of two takes.
+fn no_text(file: &str, line: u64, _: Utf8Error) -> Error {
+    Error::data(Place::line(file, line).part("take"), NO_TEXT)
 }
 
 /// A cell's number: NaN for an empty cell or `NaN`.
@@ -276,6 +290,28 @@ mod tests {
                 .contains("t.csv:1: column 4: its name is not UTF-8"),
             "{told}"
         );
+    }
+
+    #[test]
+    fn takes_whose_names_are_no_text_are_told_not_mixed_up() {
+        for rows in [
+            "a,1,2,3\nh\u{1}\u{1},4,5,6\n",
+            "\"a\",1,2,3\n\"h\u{1}\u{1}\",4,5,6\n",
+        ] {
+            let table = format!("take,a.x,a.y,a.z\n{rows}").replace('\u{1}', "\u{f6}");
+            // Two bytes of UTF-8 each; without every first one they are none.
+            let latin = table.into_bytes().into_iter().filter(|b| *b != 0xc3);
+            let input =
+                Input::new("t.csv", std::io::Cursor::new(latin.collect::<Vec<_>>())).unwrap();
+            let mut reader = CsvReader::new(input, &ReadOptions::default()).unwrap();
+            let mut row = Row::default();
+            assert!(reader.read(&mut row).unwrap());
+            let told = reader.read(&mut row).unwrap_err().to_string();
+            assert!(
+                told.starts_with("t.csv:3: take: its name is not UTF-8"),
+                "{told}"
+            );
+        }
     }
 
     #[test]
