@@ -175,7 +175,7 @@ impl<'a> InStep<'a> {
     }
 
     /// Gives each frame of every table to `put`, with the rate of its take: `rate` tells that by the times of a take's first
-    /// frames, of which [`RATE_FRAMES`] at most are kept. Of few frames rounded times tell a rate badly: where they allow one
+    /// frames, of which 1,024 at most are kept. Of few frames rounded times tell a rate badly: where they allow one
     /// that was met, that is theirs.
     ///
     /// # Errors
