@@ -3,7 +3,7 @@
 use super::flags::TableIn;
 use super::streams::{RowStream, one_stdin};
 use crate::io::table::Row;
-use crate::pose::Poses;
+use crate::pose::{Poses, Rates};
 use crate::{Error, Place, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -35,8 +35,7 @@ struct Table<'a> {
 struct Rated<R, P> {
     rate: R,
     put: P,
-    /// The rates of takes.
-    met: Vec<f64>,
+    met: Rates,
     /// The first frames of a take, until its rate is known.
     first: Vec<Step>,
     known: Option<Option<f64>>,
@@ -59,12 +58,8 @@ impl<R: Fn(&Poses) -> Result<Option<f64>>, P: FnMut(&Step, Option<f64>)> Rated<R
         let Some(own) = (self.rate)(&clock)? else {
             return Ok(None);
         };
-        let met = self.met.iter().find(|r| clock.allows(0..take.len(), **r));
-        let rate = met.copied().unwrap_or(own);
-        if met.is_none() {
-            self.met.push(own);
-        }
-        Ok(Some(rate))
+        let allows = |rate| clock.allows(0..take.len(), rate);
+        Ok(Some(self.met.settle(own, allows)))
     }
 
     fn add(&mut self, step: &Step) -> Result<()> {
@@ -194,7 +189,7 @@ impl<'a> InStep<'a> {
         let mut rated = Rated {
             rate,
             put,
-            met: Vec::new(),
+            met: Rates::default(),
             first: Vec::new(),
             known: None,
             last_take: None,

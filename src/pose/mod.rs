@@ -15,7 +15,7 @@ pub use align::{Similarity, fit_similarity};
 pub use body::Body;
 pub use map::PoseMap;
 pub use placement::Anchor;
-pub use poses::Poses;
+pub use poses::{Poses, Rates};
 pub use skeleton::{Bone, Channel, Dof, Skeleton};
 pub use status::Status;
 

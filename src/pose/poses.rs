@@ -58,17 +58,11 @@ impl Poses {
         let takes = self.takes();
         let mut longest: Vec<usize> = (0..takes.len()).collect();
         longest.sort_by_key(|&take| std::cmp::Reverse(takes[take].len()));
-        let (mut rates, mut known) = (vec![None; takes.len()], Vec::new());
+        let (mut rates, mut met) = (vec![None; takes.len()], Rates::default());
         for take in longest {
             let own = self.rate_within(takes[take].clone());
-            rates[take] = own.map(|own| {
-                let allowed = |rate: &&f64| self.allows(takes[take].clone(), **rate);
-                let rate = known.iter().find(allowed).copied();
-                rate.unwrap_or_else(|| {
-                    known.push(own);
-                    own
-                })
-            });
+            let allows = |rate| self.allows(takes[take].clone(), rate);
+            rates[take] = own.map(|own| met.settle(own, allows));
         }
         rates
     }
@@ -123,11 +117,33 @@ impl Poses {
     }
 }
 
+/// The rates that takes were found to have.
+#[derive(Debug, Default)]
+pub struct Rates(Vec<f64>);
+
+impl Rates {
+    /// The rate of a take whose times tell `own`, and allow others: the first that was met of those, else its own.
+    pub fn settle(&mut self, own: f64, allows: impl Fn(f64) -> bool) -> f64 {
+        let met = self.0.iter().copied().find(|rate| allows(*rate));
+        met.unwrap_or_else(|| {
+            self.0.push(own);
+            own
+        })
+    }
+}
+
 /// Steps between these shares of the usual one are steps of one frame: times may be rounded, to milliseconds say.
 const ONE_FRAME: RangeInclusive<f64> = 0.65..=1.35;
 
-/// Whether a series of times is of a rate; `joined(i)` tells whether step `i - 1 -> i` counts.
+/// Whether a series of times is of a rate: that is what they tell, or they differ from it by no more than they are rounded;
+/// `joined(i)` tells whether step `i - 1 -> i` counts.
 fn allows(time: &[f64], joined: impl Fn(usize) -> bool, rate: f64) -> bool {
+    let Some(own) = rate_of(time, &joined) else {
+        return true;
+    };
+    if (own - rate).abs() <= CLOSE * rate {
+        return true;
+    }
     let (mut steps, mut span, mut stretches, mut goes_on) = (0, 0.0, 0, false);
     for i in 1..time.len() {
         let step = time[i] - time[i - 1];
@@ -135,30 +151,20 @@ fn allows(time: &[f64], joined: impl Fn(usize) -> bool, rate: f64) -> bool {
         if is_one {
             stretches += usize::from(!goes_on);
             (steps, span) = (steps + 1, span + step);
-        } else if joined(i) && step > 0.0 && step * rate < *ONE_FRAME.start() {
-            // Frames of a higher rate.
-            return false;
         }
         goes_on = is_one;
     }
-    let own = rate_of(time, joined);
-    let is_near = own.is_none_or(|own| ONE_FRAME.contains(&(own / rate)));
     // The ends of each stretch are off by up to half a grain.
     let slack = grain(time) * stretches as f64 + CLOSE * span;
-    is_near && (span - f64::from(steps) / rate).abs() <= slack
+    ONE_FRAME.contains(&(own / rate)) && (span - f64::from(steps) / rate).abs() <= slack
 }
 
 /// What all times are multiples of; 0 if of nothing round.
 fn grain(time: &[f64]) -> f64 {
-    let grains = [1e3, 1e4, 1e5, 1e6].into_iter();
     let is_whole = |t: f64| (t - t.round()).abs() <= 1e-3;
-    let grain =
-        grains.map(|a_second| (1.0 / a_second, time.iter().all(|t| is_whole(t * a_second))));
-    grain
-        .filter(|(_, is)| *is)
-        .map(|(grain, _)| grain)
-        .next()
-        .unwrap_or(0.0)
+    let mut grains = [1e-3, 1e-4, 1e-5, 1e-6].into_iter();
+    let is_of = |grain: &f64| time.iter().all(|t| is_whole(t / grain));
+    grains.find(is_of).unwrap_or(0.0)
 }
 
 /// The rate of a series of times; `joined(i)` tells whether step `i - 1 -> i` counts.
@@ -289,6 +295,13 @@ mod tests {
             assert_eq!(told[0], 120.0);
             assert!((told[1] - other).abs() <= 1e-3 * other, "{told:?}");
         }
+        // Times that tremble tell their own rate, one odd step or not.
+        let tremble = |i: i32| f64::from(i) / 120.0 + 4e-4 * f64::from(i * 7 % 5 - 2) / 2.0;
+        let mut times: Vec<f64> = (0..60).map(tremble).collect();
+        times.insert(30, (times[29] + 3.0 * times[30]) / 4.0);
+        let trembling = poses(&times, None);
+        let own = trembling.rate().unwrap();
+        assert!(trembling.allows(0..61, own) && !trembling.allows(0..61, 100.0));
         // The last digits of times are no other rate.
         let even = |from: f64| (0..50).map(|i| from + i as f64 / 58.3).collect::<Vec<_>>();
         let told = rates(&[even(0.0), even(1.7), even(33.3)]);

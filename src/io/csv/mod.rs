@@ -14,7 +14,6 @@ use crate::{Error, Place, Result};
 use block::Blocks;
 use records::{Records, fault};
 use std::io::BufReader;
-use std::str::Utf8Error;
 use std::sync::Arc;
 
 /// Reads a table row by row.
@@ -119,14 +118,12 @@ impl CsvReader {
         row.xyz.clear();
         row.xyz.extend_from_slice(plain.xyz);
         row.time = plain.time;
-        row.take = match self.columns.take {
-            None => None,
-            Some(column) => {
-                let start = column.checked_sub(1).map_or(0, |c| plain.ends[c] + 1);
-                let name = known(&mut self.take, &text[start..plain.ends[column]]);
-                Some(name.map_err(|what| no_text(&self.name, plain.line, what))?)
-            }
-        };
+        let take = self.columns.take.map(|column| {
+            let start = column.checked_sub(1).map_or(0, |c| plain.ends[c] + 1);
+            let name = &text[start..plain.ends[column]];
+            known(&mut self.take, name, (&self.name, plain.line))
+        });
+        row.take = take.transpose()?;
         if self.keep {
             row.cells.set_plain(text, plain.ends, plain.line);
         } else {
@@ -175,13 +172,9 @@ impl CsvReader {
                 Some(time)
             }
         };
-        row.take = match self.columns.take {
-            None => None,
-            Some(column) => {
-                let name = known(&mut self.take, &row.cells[column]);
-                Some(name.map_err(|what| no_text(&self.name, line, what))?)
-            }
-        };
+        let take = (self.columns.take)
+            .map(|column| known(&mut self.take, &row.cells[column], (&self.name, line)));
+        row.take = take.transpose()?;
         if !self.keep {
             row.cells.clear();
         }
@@ -193,17 +186,15 @@ impl CsvReader {
 const NO_TEXT: &str =
     "its name is not UTF-8: convert the table (iconv -f latin1 -t utf-8, if it is Latin-1)";
 
-/// The take of this name: `last` where it is the same, so that a take's name is kept once.
-fn known(last: &mut Arc<str>, name: &[u8]) -> std::result::Result<Arc<str>, Utf8Error> {
+/// The take of this name: `last` where it is the same, so that a take's name is kept once. With other letters in place of
+/// those that are no text, two takes would be one.
+fn known(last: &mut Arc<str>, name: &[u8], (file, line): (&str, u64)) -> Result<Arc<str>> {
     if last.as_bytes() != name {
-        *last = Arc::from(std::str::from_utf8(name)?);
+        let name = std::str::from_utf8(name)
+            .map_err(|_| Error::data(Place::line(file, line).part("take"), NO_TEXT))?;
+        *last = Arc::from(name);
     }
     Ok(last.clone())
-}
-
-/// What a message says of a take whose name is no text: other letters in place of some would make one of two takes.
-fn no_text(file: &str, line: u64, _: Utf8Error) -> Error {
-    Error::data(Place::line(file, line).part("take"), NO_TEXT)
 }
 
 /// A cell's number: NaN for an empty cell or `NaN`.
