@@ -1,205 +1,237 @@
-//! Atoms that may be the best, looked at closer: by longer heads, then as a scan meets them.
+//! Atoms that may be the best, looked at closer.
+//!
+//! All their numbers, in sums that need not wait for one another, tell their keys but for rounding. Where more than one may be the
+//! best by that, those are met as a scan meets them: the same sums in the same order, the same keys.
 
 use super::super::Rule;
 use super::block::{vectors, vectors_mut};
-use super::heads::LEVELS;
 use super::kernel::{FLOOR, add_product};
-use super::lead::LEADS;
 use super::leaves::{LEAF, Lanes};
 use super::meet;
+use super::panels::PLACES;
 use super::path::Noise;
-use super::pruned::Sought;
+use super::pruned::{DIRECTIONS, Sought};
 use super::sieve::Sieve;
 use super::sweep::BELOW;
 use crate::simd;
 use pulp::{Simd, WithSimd};
 
-/// Atoms that are looked at side by side: a sum is a chain, and several of them need not wait for one another.
-const AT_ONCE: usize = LEADS;
-/// And so many heads.
-const LOOKS: usize = 8;
+/// Atoms that are met side by side: a sum is a chain, and several of them need not wait for one another.
+const AT_ONCE: usize = 4;
+
+/// An atom that was looked at, and what its key is at least and at most, as a scan finds it.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    atom: u32,
+    least: f32,
+    most: f32,
+}
+
+/// Room for searches.
+#[derive(Default)]
+pub struct Room {
+    seen: Vec<Seen>,
+    /// A pose's vectors side by side.
+    vectors: Vec<Lanes>,
+}
 
 /// The search of one pose.
 pub struct Closer<'s> {
     sieve: &'s Sieve,
+    /// (n, D)
     atoms: &'s [f32],
     sought: &'s Sought<'s>,
-    heads: &'s [Lanes],
-    whole: &'s [Lanes],
     noise: Noise,
     pub is_optimised: bool,
-    key: f32,
-    atom: u32,
-    /// Places of atoms that were met first.
-    first: [u32; LEADS],
+    room: &'s mut Room,
 }
 
 impl<'s> Closer<'s> {
-    /// `vectors`: those of the pose side by side, their heads and as they are.
+    /// Of what is sought among atoms (n, D).
     pub fn new(
         sieve: &'s Sieve,
         atoms: &'s [f32],
         sought: &'s Sought<'s>,
-        vectors: (&'s [Lanes], &'s [Lanes]),
+        room: &'s mut Room,
     ) -> Self {
         Closer {
             sieve,
             atoms,
             sought,
-            heads: vectors.0,
-            whole: vectors.1,
-            noise: sought.path.sifting_noise(),
+            noise: sought.path.noise(),
             is_optimised: sought.rule == Rule::Optimised && sought.path.heads.len() > 1,
-            key: 0.0,
-            atom: 0,
-            first: [0; LEADS],
+            room,
         }
     }
 
-    /// The best key of the atoms at some places, likely the best; none where it is nothing.
-    pub fn start(&mut self, likely: [u32; LEADS]) -> Option<f32> {
-        let last = self.sieve.heads.len() as u32 - 1;
-        self.first = likely.map(|place| place.min(last));
-        let places = self.first;
-        simd::eights(Meeting {
+    /// What the key of the best of the atoms at some places is at least.
+    pub fn least(&mut self, places: &[u32]) -> f32 {
+        self.room.seen.clear();
+        simd::eights(Looking {
             closer: self,
-            places: &places,
-            by_heads: false,
+            places,
         });
-        (self.key > 0.0).then_some(self.key)
+        (self.room.seen.iter()).fold(0.0, |least, seen| least.max(seen.least))
     }
 
-    /// The best of the atoms at some places, and of those before: the first of equals.
-    pub fn best(&mut self, some: &[u32]) -> u32 {
-        simd::eights(Meeting {
-            closer: self,
-            places: some,
-            by_heads: true,
-        });
-        self.atom
-    }
-
-    /// The products of the pose's vectors with some atoms' numbers, each a chain as in a scan.
-    #[inline(always)]
-    fn chains<S: Simd, const V: usize, const L: usize>(
-        simd: S,
-        rows: &[Lanes],
-        atoms: [&[f32]; L],
-    ) -> [Lanes; L] {
-        let mut sums = [[simd.splat_f32s(0.0); V]; L];
-        let atoms = atoms.map(|a| &a[..rows.len()]);
-        for (k, row) in rows.iter().enumerate() {
-            let row = vectors::<S>(row);
-            for l in 0..L {
-                let by = simd.splat_f32s(atoms[l][k]);
-                for v in 0..V {
-                    sums[l][v] = add_product(simd, row[v], by, sums[l][v]);
-                }
-            }
+    /// The best of the atoms at some places, the first of equals; none where they have no keys.
+    pub fn best(&mut self, places: &[u32]) -> Option<u32> {
+        let least = self.least(places) * BELOW;
+        self.room.seen.retain(|seen| seen.most >= least);
+        match self.room.seen[..] {
+            [one] if one.least > 0.0 => Some(one.atom),
+            _ => simd::eights(Meeting(self)),
         }
-        let mut all = [Lanes::ZERO; L];
-        for l in 0..L {
-            for v in 0..V {
-                vectors_mut::<S>(&mut all[l])[v] = sums[l][v];
-            }
-        }
-        all
     }
 
-    /// Whether the atom at a place may reach the key, by the products of its longer head.
-    #[inline(always)]
-    fn may_reach(&self, place: u32, products: &Lanes) -> bool {
-        let tail = self.sieve.heads[place as usize].beyond[LEVELS.len() - 1];
-        let path = self.sought.path;
-        let beyond = |n: usize| path.heads[n].beyond[LEVELS.len() - 1];
-        let most = products.0[0].abs() + self.noise.product + tail * beyond(0);
-        let mut left = 1.0;
-        if self.is_optimised {
-            left -= self.noise.rest;
-            for n in 1..path.heads.len() {
-                let most = products.0[n].abs() + tail * beyond(n);
-                left -= most * most;
-            }
-        }
-        most * most >= self.key * BELOW * left.max(FLOOR)
+    fn atom(&self, atom: u32) -> &'s [f32] {
+        let d = self.sought.path.width();
+        &self.atoms[atom as usize * d..][..d]
     }
 
-    /// Takes an atom if it is better.
+    /// What the key of an atom is at least and at most by its products with the pose's vectors, whatever a scan rounds.
     #[inline(always)]
-    fn choose(&mut self, atom: u32, key: f32) {
-        if key > self.key || (key == self.key && key > 0.0 && atom < self.atom) {
-            (self.key, self.atom) = (key, atom);
+    fn seen<const N: usize>(&self, atom: u32, products: [f32; N]) -> Seen {
+        // The scan's c comes of the signal.
+        let (mut c, mut e) = (products[0], 1.0);
+        for (product, part) in products[1..].iter().zip(&self.sought.path.parts) {
+            c += part * product;
+            e -= product * product;
+        }
+        let (over, under) = (c.abs() + self.noise.product, c.abs() - self.noise.product);
+        let (more, less) = match self.is_optimised {
+            true => (e + self.noise.rest, e - self.noise.rest),
+            false => (1.0, 1.0),
+        };
+        let under = under.max(0.0);
+        Seen {
+            atom,
+            least: BELOW * under * under / more.max(FLOOR),
+            most: over * over / (BELOW * less.max(FLOOR)),
         }
     }
 }
 
-/// Atoms at some places are met.
-struct Meeting<'c, 's> {
+/// The atoms at some places are looked at.
+struct Looking<'c, 's> {
     closer: &'c mut Closer<'s>,
     places: &'c [u32],
-    /// Only those whose heads tell that they may be the best.
-    by_heads: bool,
 }
 
-impl WithSimd for Meeting<'_, '_> {
+impl WithSimd for Looking<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match S::F32_LANES {
-            8 => self.go::<S, 1>(simd),
-            4 => self.go::<S, 2>(simd),
-            _ => self.go::<S, LEAF>(simd),
+        match self.closer.sought.path.heads.len() {
+            1 => self.go::<S, 1>(simd),
+            2 => self.go::<S, 2>(simd),
+            3 => self.go::<S, 3>(simd),
+            _ => self.go::<S, DIRECTIONS>(simd),
         }
     }
 }
 
-impl Meeting<'_, '_> {
+impl Looking<'_, '_> {
     #[inline(always)]
-    fn go<S: Simd, const V: usize>(self, simd: S) {
-        match self.by_heads {
-            true => self.closer.look::<S, V>(simd, self.places),
-            false => self.closer.meet::<S, V>(simd, self.places),
+    fn go<S: Simd, const N: usize>(self, simd: S) {
+        let Looking { closer, places } = self;
+        let path = closer.sought.path;
+        let mut vectors = [&path.vectors[..path.width()]; N];
+        for n in 1..N {
+            vectors[n] = &path.vectors[n * path.width()..][..path.width()];
         }
-    }
-}
-
-impl<'s> Closer<'s> {
-    #[inline(always)]
-    fn look<S: Simd, const V: usize>(&mut self, simd: S, places: &[u32]) {
-        let mut some = [0; AT_ONCE];
-        let mut count = 0;
-        for few in places.chunks(LOOKS) {
-            let mut heads = [self.head(few[0]); LOOKS];
-            for l in 1..few.len() {
-                heads[l] = self.head(few[l]);
+        for place in places {
+            let atom = closer.sieve.atoms[*place as usize];
+            if !closer.sought.taken.contains(&atom) {
+                let products = products::<S, N>(simd, closer.atom(atom), vectors);
+                let seen = closer.seen(atom, products);
+                closer.room.seen.push(seen);
             }
-            let sums = Self::chains::<S, V, LOOKS>(simd, self.heads, heads);
-            for (place, sums) in few.iter().zip(&sums) {
-                if self.may_reach(*place, sums) && !self.first.contains(place) {
-                    some[count] = *place;
-                    count += 1;
-                    if count == AT_ONCE {
-                        self.meet::<S, V>(simd, &some);
-                        count = 0;
-                    }
+        }
+    }
+}
+
+/// The products of an atom with some vectors, lanes summed side by side.
+#[inline(always)]
+fn products<S: Simd, const N: usize>(simd: S, atom: &[f32], vectors: [&[f32]; N]) -> [f32; N] {
+    let (d, lanes) = (atom.len(), S::F32_LANES);
+    let mut sums = [simd.splat_f32s(0.0); N];
+    let whole = S::as_simd_f32s(atom).0;
+    let vectors_of = vectors.map(|v| &S::as_simd_f32s(v).0[..whole.len()]);
+    for (i, a) in whole.iter().enumerate() {
+        for n in 0..N {
+            sums[n] = simd.mul_add_e_f32s(*a, vectors_of[n][i], sums[n]);
+        }
+    }
+    // What does not fill a vector is the end of the last one that does.
+    let rest = d % lanes;
+    if rest > 0 && d > lanes {
+        let last = |v: &[f32]| S::as_simd_f32s(&v[d - lanes..]).0[0];
+        let is_new = simd.greater_than_or_equal_f32s(
+            S::as_simd_f32s(&PLACES.0[..lanes]).0[0],
+            simd.splat_f32s((lanes - rest) as f32),
+        );
+        let a = simd.select_f32s(is_new, last(atom), simd.splat_f32s(0.0));
+        for n in 0..N {
+            sums[n] = simd.mul_add_e_f32s(a, last(vectors[n]), sums[n]);
+        }
+    }
+    sums.map(|sum| simd.reduce_sum_f32s(sum))
+}
+
+/// Atoms that were seen are met.
+struct Meeting<'c, 's>(&'c mut Closer<'s>);
+
+impl WithSimd for Meeting<'_, '_> {
+    type Output = Option<u32>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Option<u32> {
+        self.0.lay();
+        match S::F32_LANES {
+            8 => self.0.meet::<S, 1>(simd),
+            4 => self.0.meet::<S, 2>(simd),
+            _ => self.0.meet::<S, LEAF>(simd),
+        }
+    }
+}
+
+impl Closer<'_> {
+    /// Lays the pose's vectors side by side.
+    fn lay(&mut self) {
+        let path = self.sought.path;
+        let rows = &mut self.room.vectors;
+        rows.clear();
+        rows.resize(path.width(), Lanes::ZERO);
+        for (n, vector) in path.vectors.chunks_exact(path.width()).enumerate() {
+            (rows.iter_mut().zip(vector)).for_each(|(row, v)| row.0[n] = *v);
+        }
+    }
+
+    /// The best of the atoms that were seen.
+    #[inline(always)]
+    fn meet<S: Simd, const V: usize>(&self, simd: S) -> Option<u32> {
+        let (mut best, mut atom) = (0.0, None);
+        for few in self.room.seen.chunks(AT_ONCE) {
+            let keys = self.keys::<S, V>(simd, few);
+            for (seen, key) in few.iter().zip(keys.0) {
+                if key > best || (key == best && atom.is_some_and(|atom| seen.atom < atom)) {
+                    (best, atom) = (key, Some(seen.atom));
                 }
             }
         }
-        if count > 0 {
-            self.meet::<S, V>(simd, &some[..count]);
-        }
+        atom
     }
 
-    /// Meets the atoms at up to [`AT_ONCE`] places.
+    /// The keys of up to [`AT_ONCE`] atoms, as a scan finds them.
     #[inline(always)]
-    fn meet<S: Simd, const V: usize>(&mut self, simd: S, places: &[u32]) {
-        let mut whole = [self.atom_at(places[0]); AT_ONCE];
-        for l in 1..places.len() {
-            whole[l] = self.atom_at(places[l]);
+    fn keys<S: Simd, const V: usize>(&self, simd: S, few: &[Seen]) -> Lanes {
+        let mut atoms = [self.atom(few[0].atom); AT_ONCE];
+        for l in 1..few.len() {
+            atoms[l] = self.atom(few[l].atom);
         }
-        let sums = Self::chains::<S, V, AT_ONCE>(simd, self.whole, whole);
-        let path = self.sought.path;
+        let sums = chains::<S, V>(simd, &self.room.vectors, atoms);
         let mut side_by_side = [[simd.splat_f32s(0.0); V]; LEAF];
         for (n, vectors_of) in side_by_side.iter_mut().enumerate() {
             let mut lanes = Lanes::ZERO;
@@ -208,22 +240,35 @@ impl<'s> Closer<'s> {
             }
             vectors_of.copy_from_slice(vectors::<S>(&lanes));
         }
+        let path = self.sought.path;
         let sums = &side_by_side[..path.heads.len()];
-        let keys = meet::keys(simd, sums, &path.parts, self.is_optimised);
-        for (place, key) in places.iter().zip(keys.0) {
-            let atom = self.sieve.atoms[*place as usize];
-            if !self.sought.taken.contains(&atom) {
-                self.choose(atom, key);
+        meet::keys(simd, sums, &path.parts, self.is_optimised)
+    }
+}
+
+/// The products of a pose's vectors, side by side, with some atoms, each a chain as in a scan.
+#[inline(always)]
+fn chains<S: Simd, const V: usize>(
+    simd: S,
+    rows: &[Lanes],
+    atoms: [&[f32]; AT_ONCE],
+) -> [Lanes; AT_ONCE] {
+    let mut sums = [[simd.splat_f32s(0.0); V]; AT_ONCE];
+    let atoms = atoms.map(|a| &a[..rows.len()]);
+    for (k, row) in rows.iter().enumerate() {
+        let row = vectors::<S>(row);
+        for l in 0..AT_ONCE {
+            let by = simd.splat_f32s(atoms[l][k]);
+            for v in 0..V {
+                sums[l][v] = add_product(simd, row[v], by, sums[l][v]);
             }
         }
     }
-
-    fn head(&self, place: u32) -> &'s [f32] {
-        self.sieve.heads[place as usize].along.as_flattened()
+    let mut all = [Lanes::ZERO; AT_ONCE];
+    for l in 0..AT_ONCE {
+        for v in 0..V {
+            vectors_mut::<S>(&mut all[l])[v] = sums[l][v];
+        }
     }
-
-    fn atom_at(&self, place: u32) -> &'s [f32] {
-        let d = self.sought.path.width();
-        &self.atoms[self.sieve.atoms[place as usize] as usize * d..][..d]
-    }
+    all
 }

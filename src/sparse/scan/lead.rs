@@ -11,7 +11,7 @@ pub const LEADS: usize = 4;
 /// Where the atoms are that are likely the best: in each lane of some vectors side by side one.
 #[derive(Clone, Copy)]
 pub struct Lead {
-    /// Their c² and e, multiplied by as much.
+    /// Their c² and e as it likely is, multiplied by as much.
     pub over: Wide,
     pub under: Wide,
     /// The first place of the vectors.
@@ -45,6 +45,12 @@ impl Lead {
     }
 }
 
+/// How much larger than what e is at least it likely is, over an atom's tail. Of an atom near the first taken, the product with
+/// its direction is nearly 1, and counts most.
+pub fn gap(path: &Path) -> f32 {
+    path.heads.get(1).map_or(0.0, |q| 2.0 * short(q).1)
+}
+
 /// What was kept of a pose: every `poses`-th row.
 #[derive(Clone, Copy)]
 pub struct Weighed<'a> {
@@ -58,8 +64,7 @@ pub struct Weighed<'a> {
 impl Weighed<'_> {
     /// The places of a few atoms that are likely the best.
     pub fn likely(&self, lead: &Lead, path: &Path, is_optimised: bool) -> [u32; LEADS] {
-        // Of an atom near the first taken, the product with its direction is nearly 1, and counts most.
-        let gap = path.heads.get(1).map_or(0.0, |q| 2.0 * short(q).1);
+        let gap = gap(path);
         let of = |place: usize| {
             let (panel, lane) = (place / WIDTH, place % WIDTH);
             let c = self.correlations[panel * self.poses].0[lane];

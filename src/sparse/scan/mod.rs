@@ -34,6 +34,7 @@ mod lead;
 mod leaders;
 mod leaves;
 mod meet;
+mod pairs;
 mod panels;
 mod path;
 mod pruned;

@@ -71,19 +71,10 @@ impl Path {
     /// Stability of Numerical Algorithms, 3.1); some more are for numbers that were rounded themselves. The scan's c is such
     /// a sum of D and one more a direction, times its part. Here sums are of a head's numbers, or of a quarter of D.
     pub fn noise(&self) -> Noise {
-        self.noise_of(self.d.div_ceil(CHAINS))
-    }
-
-    /// The same where the scan's c is summed up as by a scan, but of a head's numbers at most.
-    pub fn sifting_noise(&self) -> Noise {
-        self.noise_of(HEAD)
-    }
-
-    fn noise_of(&self, terms: usize) -> Noise {
         let unit = f32::EPSILON / 2.0;
         let scan = (self.d + SOME) as f32 * unit;
         let head = (HEAD + SOME) as f32 * unit;
-        let summed = (terms + SOME) as f32 * unit;
+        let summed = (self.d.div_ceil(CHAINS) + SOME) as f32 * unit;
         let parts: f32 = self.parts.iter().map(|p| p.abs()).sum();
         let here = head.max(summed * (1.0 + parts));
         let count = self.parts.len() as f32;

@@ -5,6 +5,7 @@
 
 use super::heads::{Basis, Head, LEVELS, PART};
 use super::leaves::{LEAF, in_order};
+use super::pairs::{self, PAIRS, PairRow};
 use super::panels::{Row, WIDTH};
 use super::tally::Tally;
 use crate::par;
@@ -29,8 +30,8 @@ pub struct Sieve {
     places: Vec<u32>,
     /// By places.
     pub heads: Vec<Head>,
-    /// Of each panel [`SHORT`] rows: its atoms' heads.
-    pub rows: Vec<Row>,
+    /// Of each panel [`PAIRS`] rows: the first [`SHORT`] numbers of its atoms' heads.
+    pub rows: Vec<PairRow>,
     /// Of each panel the lengths of what is beyond those.
     pub tails: Vec<Row>,
     pub tally: Tally,
@@ -45,10 +46,11 @@ impl Sieve {
         let order = in_order(&by_atoms);
         let heads: Vec<Head> = order.iter().map(|a| by_atoms[*a as usize]).collect();
         let panels = par::map_chunks(n, WIDTH, |places| {
-            let (mut rows, mut tails) = ([Row::ZERO; SHORT], Row::ZERO);
+            let (mut rows, mut tails) = ([PairRow::ZERO; PAIRS], Row::ZERO);
             for (lane, head) in heads[places].iter().enumerate() {
                 let (numbers, beyond) = short(head);
-                (rows.iter_mut().zip(numbers)).for_each(|(row, h)| row.0[lane] = *h);
+                let pairs = pairs::of_atom(numbers);
+                (rows.iter_mut().zip(pairs)).for_each(|(row, pair)| row.0[lane] = pair);
                 tails.0[lane] = beyond;
             }
             (rows, tails)

@@ -2,21 +2,20 @@
 //!
 //! 1. [`weigh`](super::weigh): of all atoms c and e, but for what is beyond the first numbers of their heads; c, and e at least, are kept
 //!    for the next step.
-//! 2. Of a few that are [likely](super::lead) the best the key, as a scan finds it, is what the best atom has at least: the bar.
+//! 2. Of a few that are [likely](super::lead) the best, what the [closer](super::closer) look tells of their keys is what the best atom
+//!    has at least: the bar.
 //! 3. [`bar`](super::bar): which atoms may reach it, whatever is beyond?
-//! 4. [`closer`](super::closer): longer heads leave few of those. They are met as a scan meets them: the same sums in the same order, the
-//!    same key.
+//! 4. Those are looked at [closer](super::closer): the best is left, or a few as good but for rounding, which are met as a scan
+//!    meets them.
 //!
 //! Every bound allows for the rounding of the scan, so the atom is the one that the scan finds, always.
 
 use super::super::Rule;
 use super::bar::{Bar, Sifting};
-use super::closer::Closer;
-use super::heads::HEAD;
+use super::closer::{Closer, Room};
 use super::lead::{Lead, Weighed};
-use super::leaves::{LEAF, Lanes};
+use super::leaves::LEAF;
 use super::panels::{Row, WIDTH, Wide};
-use super::path::Path;
 use super::pruned::{Found, Sought};
 use super::sieve::Sieve;
 use super::weigh::{Look, State, Step, Weighing};
@@ -43,21 +42,13 @@ pub struct Sift<'a> {
     remainders: Vec<Row>,
     /// The same, by lanes: the largest key that any atom of a panel may have.
     most: Vec<Wide>,
-    slots: Vec<Slot>,
+    /// Of the pose in each slot so many vectors were weighed.
+    weighed: Vec<usize>,
     /// Room.
     looks: Vec<Look>,
     leads: Vec<Lead>,
     left: Vec<u32>,
-}
-
-/// A pose on its way.
-#[derive(Default)]
-struct Slot {
-    /// So many of its vectors were weighed.
-    weighed: usize,
-    /// Its vectors side by side: their heads, and as they are.
-    heads: Vec<Lanes>,
-    whole: Vec<Lanes>,
+    room: Room,
 }
 
 impl<'a> Sift<'a> {
@@ -70,28 +61,29 @@ impl<'a> Sift<'a> {
             correlations: vec![Row::ZERO; rows],
             remainders: vec![Row::ZERO; rows],
             most: vec![Wide::ZERO; rows],
-            slots: std::iter::repeat_with(Slot::default).take(poses).collect(),
+            weighed: vec![0; poses],
             looks: Vec::new(),
             leads: Vec::new(),
             left: Vec::new(),
+            room: Room::default(),
         }
     }
 
     /// A pose begins in a slot.
     pub fn begin(&mut self, slot: usize) {
-        self.slots[slot].weighed = 0;
+        self.weighed[slot] = 0;
     }
 
     /// The best atoms of poses that have taken equally many.
     pub fn best(&mut self, sought: &[Sought<'_>], found: &mut Vec<Found>) {
         found.clear();
-        let is_new = |s: &Sought<'_>| self.slots[s.slot].weighed < s.path.heads.len();
+        let is_new = |s: &Sought<'_>| self.weighed[s.slot] < s.path.heads.len();
         if sought.iter().all(is_new) {
             self.together(sought, true, found);
         } else {
             for one in sought.chunks(1) {
                 // Where the atom taken last depends on those before nothing is new to be weighed, but the atom is out.
-                let is_new = self.slots[one[0].slot].weighed < one[0].path.heads.len();
+                let is_new = self.weighed[one[0].slot] < one[0].path.heads.len();
                 self.together(one, is_new, found);
             }
         }
@@ -100,7 +92,7 @@ impl<'a> Sift<'a> {
     fn together(&mut self, sought: &[Sought<'_>], is_new: bool, found: &mut Vec<Found>) {
         for sought in sought {
             self.leave_out(sought);
-            self.slots[sought.slot].take(sought.path);
+            self.weighed[sought.slot] = sought.path.heads.len();
         }
         self.weigh(sought, is_new);
         for (i, sought) in sought.iter().enumerate() {
@@ -113,7 +105,7 @@ impl<'a> Sift<'a> {
     fn leave_out(&mut self, sought: &Sought<'_>) {
         for taken in sought.taken {
             let place = self.sieve.place(*taken);
-            let row = place / WIDTH * self.slots.len() + sought.slot;
+            let row = place / WIDTH * self.weighed.len() + sought.slot;
             self.remainders[row].0[place % WIDTH] = TAKEN;
         }
     }
@@ -142,7 +134,7 @@ impl<'a> Sift<'a> {
                 correlations: &mut self.correlations,
                 remainders: &mut self.remainders,
                 most: &mut self.most,
-                poses: self.slots.len(),
+                poses: self.weighed.len(),
             },
             leads: &mut self.leads,
         });
@@ -150,24 +142,23 @@ impl<'a> Sift<'a> {
 
     /// The best atom of one pose that was weighed.
     fn one(&mut self, sought: &Sought<'_>, lead: &Lead) -> Found {
-        let slot = &self.slots[sought.slot];
-        let vectors = (&slot.heads[..], &slot.whole[..]);
-        let mut closer = Closer::new(self.sieve, self.atoms, sought, vectors);
-        let n = self.sieve.heads.len();
+        let sieve = self.sieve;
+        let mut closer = Closer::new(sieve, self.atoms, sought, &mut self.room);
+        let n = sieve.heads.len();
         let scan = n.div_ceil(LEAF) * sought.path.width();
-        let tally = &self.sieve.tally;
-        tally.search(self.sieve.spent(), scan);
+        sieve.tally.search(sieve.spent(), scan);
         let weighed = Weighed {
-            sieve: self.sieve,
+            sieve,
             correlations: &self.correlations[sought.slot..],
             remainders: &self.remainders[sought.slot..],
             most: &self.most[sought.slot..],
-            poses: self.slots.len(),
+            poses: self.weighed.len(),
         };
         let likely = weighed.likely(lead, sought.path, closer.is_optimised);
-        let Some(key) = closer.start(likely).filter(|key| *key > LEAST_KEY) else {
+        let key = closer.least(&likely.map(|place| place.min(n as u32 - 1)));
+        if key <= LEAST_KEY {
             return Found::Unpruned;
-        };
+        }
         self.left.clear();
         let is_known = simd::widest(Sifting {
             bar: Bar::of(sought, key),
@@ -176,26 +167,8 @@ impl<'a> Sift<'a> {
             left: &mut self.left,
         });
         match is_known {
-            true => Found::Atom(closer.best(&self.left)),
+            true => closer.best(&self.left).map_or(Found::Unpruned, Found::Atom),
             false => Found::Unpruned,
         }
-    }
-}
-
-impl Slot {
-    /// Lays the newest of a path's vectors beside the others; the residual's head is new.
-    fn take(&mut self, path: &Path) {
-        self.heads.resize(HEAD, Lanes::ZERO);
-        self.whole.resize(path.width(), Lanes::ZERO);
-        let count = path.heads.len();
-        for n in self.weighed..count {
-            let vector = &path.vectors[n * path.width()..][..path.width()];
-            (self.whole.iter_mut().zip(vector)).for_each(|(row, v)| row.0[n] = *v);
-            let head = path.heads[n].along.as_flattened();
-            (self.heads.iter_mut().zip(head)).for_each(|(row, h)| row.0[n] = *h);
-        }
-        let head = path.heads[0].along.as_flattened();
-        (self.heads.iter_mut().zip(head)).for_each(|(row, h)| row.0[0] = *h);
-        self.weighed = count;
     }
 }

@@ -1,23 +1,32 @@
 //! All atoms weighed by the first numbers of their heads, a few poses at a time.
 
-use super::heads::Head;
 use super::kernel::{FLOOR, add_product};
-use super::lead::Lead;
+use super::lead::{self, Lead};
+use super::pairs::{self, PAIRS, Rounded};
 use super::panels::{Row, WIDTH, Wide};
 use super::path::Path;
-use super::sieve::{SHORT, Sieve, short};
+use super::sieve::{Sieve, short};
 use pulp::{Simd, WithSimd};
 
-/// What is weighed for a pose.
+/// Beyond it products with directions tell nothing of e: the sum of the squares of what they are off.
+const MOST_OFF: f32 = 1e-4;
+
+/// What is weighed for a pose: what is left of it.
 pub struct Look {
     slot: usize,
-    /// Of the newest vector, the residual's or a direction's.
-    direction: [f32; SHORT],
-    /// −<q, r> of it.
-    part: f32,
+    residual: Rounded,
+    newest: Newest,
+    gap: f32,
+    reach: Reach,
+}
+
+/// Of a pose's newest direction q, whose product with an atom is that of what of the pose it took away, over its length.
+#[derive(Default)]
+struct Newest {
+    /// 1 / <q, r>.
+    by: f32,
     /// The length of what of it is beyond the head.
     beyond: f32,
-    reach: Reach,
 }
 
 /// What c may be more than its head tells, and e less.
@@ -33,34 +42,47 @@ pub struct Reach {
 impl Reach {
     /// For a pose on its way.
     pub fn of(path: &Path) -> Reach {
-        let noise = path.sifting_noise();
+        let noise = path.noise();
+        let rounding = pairs::rounding();
+        let mut squared = path.left.max(0.0);
+        let product = noise.product + rounding * squared.sqrt();
+        // Products with directions are off by what those with the residuals before and after are. Of e twice itself goes with
+        // what each is off, and the squares of the products add up to 1 at most, or e is nothing anyway.
+        let mut off = 0.0;
+        for part in path.parts.iter().rev() {
+            let after = squared.sqrt();
+            squared += part * part;
+            off += (rounding * (after + squared.sqrt()) / part).powi(2);
+        }
+        let rest = match off < MOST_OFF {
+            true => noise.rest + 2.1 * off.sqrt(),
+            false => f32::INFINITY,
+        };
         Reach {
             beyond: short(&path.heads[0]).1,
-            product: noise.product,
-            rest: noise.rest,
+            product,
+            rest,
         }
     }
 }
 
 impl Look {
-    /// At the newest of a path's vectors; at none if that is not new.
+    /// At what is left of a pose; its newest direction is new, or it is not.
     pub fn at(path: &Path, slot: usize, is_new: bool) -> Look {
-        let newest = path.heads.len() - 1;
-        let head: &Head = &path.heads[newest];
-        let mut look = Look {
-            slot,
-            direction: [0.0; SHORT],
-            part: 0.0,
-            beyond: 0.0,
-            reach: Reach::of(path),
+        let newest = match path.parts.last() {
+            Some(part) if is_new && *part != 0.0 => Newest {
+                by: -1.0 / part,
+                beyond: short(&path.heads[path.heads.len() - 1]).1,
+            },
+            _ => Newest::default(),
         };
-        if is_new {
-            let (numbers, beyond) = short(head);
-            look.direction.copy_from_slice(numbers);
-            look.beyond = beyond;
-            look.part = path.parts.last().copied().unwrap_or(0.0);
+        Look {
+            slot,
+            residual: pairs::of_vector(short(&path.heads[0]).0),
+            newest,
+            gap: lead::gap(path),
+            reach: Reach::of(path),
         }
-        look
     }
 }
 
@@ -145,16 +167,16 @@ impl Weighing<'_> {
         let looks: &[Look; POSES] = self.looks[from..].first_chunk().expect("so many looks");
         let leads: &mut [Lead; POSES] =
             (self.leads[from..].first_chunk_mut()).expect("a lead a look");
-        let rows = &self.sieve.rows[panel * SHORT..][..SHORT];
+        let rows = &self.sieve.rows[panel * PAIRS..][..PAIRS];
         let tails = vectors::<S>(&self.sieve.tails[panel]);
         for at in (0..WIDTH / lanes).step_by(VECTORS) {
-            let mut sums = [[simd.splat_f32s(0.0); VECTORS]; POSES];
+            let mut sums = [[simd.splat_i32s(0); VECTORS]; POSES];
             for (k, row) in rows.iter().enumerate() {
-                let row = &vectors::<S>(row)[at..at + VECTORS];
+                let row = &S::as_simd_i32s(&row.0).0[at..at + VECTORS];
                 for p in 0..POSES {
-                    let by = simd.splat_f32s(looks[p].direction[k]);
+                    let by = simd.splat_i32s(looks[p].residual.pairs[k]);
                     for v in 0..VECTORS {
-                        sums[p][v] = add_product(simd, row[v], by, sums[p][v]);
+                        sums[p][v] = pairs::add_products(simd, row[v], by, sums[p][v]);
                     }
                 }
             }
@@ -166,10 +188,17 @@ impl Weighing<'_> {
                 let e =
                     &mut S::as_mut_simd_f32s(&mut self.state.remainders[row].0).0[at..at + VECTORS];
                 let place = simd.splat_f32s((panel * WIDTH + at * lanes) as f32);
-                let mut met = U::meet(simd, sums[p][0], &look, tails[at], &mut c[0], &mut e[0]);
+                let mut met = U::meet(
+                    simd,
+                    look.product(simd, sums[p][0]),
+                    &look,
+                    tails[at],
+                    &mut c[0],
+                    &mut e[0],
+                );
                 for v in 1..VECTORS {
-                    let more =
-                        U::meet(simd, sums[p][v], &look, tails[at + v], &mut c[v], &mut e[v]);
+                    let product = look.product(simd, sums[p][v]);
+                    let more = U::meet(simd, product, &look, tails[at + v], &mut c[v], &mut e[v]);
                     met = met.with(simd, more);
                 }
                 let most = self.state.most[row].first_mut::<S>();
@@ -181,10 +210,10 @@ impl Weighing<'_> {
                 let lead = &mut leads[p];
                 let (over, under) = (lead.over.first_mut::<S>(), lead.under.first_mut::<S>());
                 let here = simd.mul_f32s(met.over, *under);
-                let before = simd.mul_f32s(*over, met.under);
+                let before = simd.mul_f32s(*over, met.likely);
                 let is_more = simd.greater_than_f32s(here, before);
                 *over = simd.select_f32s(is_more, met.over, *over);
-                *under = simd.select_f32s(is_more, met.under, *under);
+                *under = simd.select_f32s(is_more, met.likely, *under);
                 let places = lead.places.first_mut::<S>();
                 *places = simd.select_f32s(is_more, place, *places);
             }
@@ -199,8 +228,10 @@ pub fn vectors<S: Simd>(row: &Row) -> &[S::f32s] {
 
 /// A [`Look`]'s numbers in all lanes.
 struct Splat<S: Simd> {
-    part: S::f32s,
+    unit: S::f32s,
+    by: S::f32s,
     beyond: S::f32s,
+    gap: S::f32s,
     reach: Reaches<S>,
 }
 
@@ -215,10 +246,18 @@ impl<S: Simd> Splat<S> {
     #[inline(always)]
     fn of(simd: S, look: &Look) -> Self {
         Splat {
-            part: simd.splat_f32s(look.part),
-            beyond: simd.splat_f32s(look.beyond),
+            unit: simd.splat_f32s(look.residual.unit),
+            by: simd.splat_f32s(look.newest.by),
+            beyond: simd.splat_f32s(look.newest.beyond),
+            gap: simd.splat_f32s(look.gap),
             reach: Reaches::of(simd, look.reach),
         }
+    }
+
+    /// A vector of sums as products.
+    #[inline(always)]
+    fn product(&self, simd: S, sums: S::i32s) -> S::f32s {
+        simd.mul_f32s(pairs::in_single(simd, sums), self.unit)
     }
 }
 
@@ -247,10 +286,12 @@ impl<S: Simd> Reaches<S> {
     }
 }
 
-/// What is known of a vector of atoms, or of several, by lanes the largest: in terms of c², and e at least.
+/// What is known of a vector of atoms, or of several, by lanes the largest.
 struct Met<S: Simd> {
+    /// In terms of c², and of what e likely is.
     over: S::f32s,
-    /// c² at most.
+    likely: S::f32s,
+    /// In terms of what c² is at most, and e at least.
     most: S::f32s,
     under: S::f32s,
 }
@@ -259,11 +300,13 @@ impl<S: Simd> Met<S> {
     /// The larger ratios of two: without a division, as there are few of those at a time.
     #[inline(always)]
     fn with(self, simd: S, other: Met<S>) -> Met<S> {
-        let larger =
-            |a, b| simd.max_f32s(simd.mul_f32s(a, other.under), simd.mul_f32s(b, self.under));
+        let larger = |(a, below_a), (b, below_b)| {
+            simd.max_f32s(simd.mul_f32s(a, below_b), simd.mul_f32s(b, below_a))
+        };
         Met {
-            over: larger(self.over, other.over),
-            most: larger(self.most, other.most),
+            over: larger((self.over, self.likely), (other.over, other.likely)),
+            likely: simd.mul_f32s(self.likely, other.likely),
+            most: larger((self.most, self.under), (other.most, other.under)),
             under: simd.mul_f32s(self.under, other.under),
         }
     }
@@ -310,9 +353,8 @@ impl Use for Plain {
         c: &mut S::f32s,
         _: &mut S::f32s,
     ) -> Met<S> {
-        let here = add_product(simd, look.part, product, *c);
-        *c = here;
-        plain(simd, here, look, tail)
+        *c = product;
+        plain(simd, product, look, tail)
     }
 }
 
@@ -321,6 +363,7 @@ impl Use for Plain {
 fn plain<S: Simd>(simd: S, c: S::f32s, look: &Splat<S>, tail: S::f32s) -> Met<S> {
     Met {
         over: simd.mul_f32s(c, c),
+        likely: simd.splat_f32s(1.0),
         under: simd.splat_f32s(1.0),
         most: look.reach.over(simd, c, tail),
     }
@@ -338,13 +381,15 @@ impl Use for Optimised {
         c: &mut S::f32s,
         e: &mut S::f32s,
     ) -> Met<S> {
-        let here = add_product(simd, look.part, product, *c);
-        let most = add_product(simd, tail, look.beyond, simd.abs_f32s(product));
+        let along = simd.mul_f32s(simd.sub_f32s(*c, product), look.by);
+        let most = add_product(simd, tail, look.beyond, simd.abs_f32s(along));
         let left = add_product(simd, simd.neg_f32s(most), most, *e);
-        (*c, *e) = (here, left);
+        (*c, *e) = (product, left);
+        let likely = add_product(simd, tail, look.gap, left);
         Met {
-            over: simd.mul_f32s(here, here),
-            most: look.reach.over(simd, here, tail),
+            likely: simd.max_f32s(likely, simd.splat_f32s(FLOOR)),
+            over: simd.mul_f32s(product, product),
+            most: look.reach.over(simd, product, tail),
             under: look.reach.under(simd, left),
         }
     }

@@ -1,0 +1,125 @@
+//! Numbers in sixteen bits, two of them in a lane: their products are summed twice as fast as those of single precision, and
+//! exactly. What is lost when numbers are rounded to sixteen bits is bounded.
+//!
+//! Of a vector a of length 1 at most and any vector d, K numbers each, let A be a times U and R be d times T = U / |d|, both
+//! rounded to whole numbers, each by 1/2 at most. Then
+//!
+//! ```text
+//! |<A, R> / (U T) - <a, d>| <= sum |A / U - a| |R / T| + sum |a| |R / T - d|
+//!                           <= 2 sqrt(K) / (2 U) |d|, and a little
+//! ```
+//!
+//! and no sum of some of the products is beyond U², and a little, by Cauchy and Schwarz: it fits 32 bits.
+
+use super::panels::WIDTH;
+use super::sieve::SHORT;
+use pulp::Simd;
+use pulp::bytemuck::{cast, cast_slice, cast_slice_mut};
+use std::any::Any;
+use std::slice;
+
+/// Pairs that hold what all atoms are told by.
+pub const PAIRS: usize = SHORT / 2;
+/// U, less than 2^15.
+const UNIT: f32 = 32_000.0;
+/// Vectors that are no longer count as nothing.
+const NOTHING: f32 = 1e-20;
+
+/// A pair of numbers of each atom of a panel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(C, align(64))]
+pub struct PairRow(pub [i32; WIDTH]);
+
+impl PairRow {
+    pub const ZERO: PairRow = PairRow([0; WIDTH]);
+}
+
+/// Numbers of a vector, rounded.
+#[derive(Debug, Clone, Copy)]
+pub struct Rounded {
+    pub pairs: [i32; PAIRS],
+    /// What 1 counts in a sum of products with atoms.
+    pub unit: f32,
+}
+
+/// What a product of an atom with a vector of length 1 errs at most.
+pub fn rounding() -> f32 {
+    // Two hundredths for what is a little: numbers round when they are scaled, and |A| and |R| are not quite U.
+    1.02 * (SHORT as f32).sqrt() / UNIT
+}
+
+/// The numbers of an atom, of length 1 at most.
+pub fn of_atom(numbers: &[f32]) -> [i32; PAIRS] {
+    scaled(numbers, UNIT)
+}
+
+/// The numbers of a vector.
+pub fn of_vector(numbers: &[f32]) -> Rounded {
+    let length = numbers.iter().map(|v| v * v).sum::<f32>().sqrt();
+    let scale = match length > NOTHING {
+        true => UNIT / length,
+        false => 0.0,
+    };
+    Rounded {
+        pairs: scaled(numbers, scale),
+        unit: length / (UNIT * UNIT),
+    }
+}
+
+fn scaled(numbers: &[f32], scale: f32) -> [i32; PAIRS] {
+    let (pairs, _) = numbers.as_chunks::<2>();
+    std::array::from_fn(|k| {
+        // To the nearest, ties away from 0: `round` is a call where the machine is not known.
+        let [low, high] = pairs[k].map(|v| (v * scale + 0.5f32.copysign(v)) as i16);
+        i32::from(high) << 16 | i32::from(low) & 0xffff
+    })
+}
+
+/// Adds the products of pairs, lane by lane.
+#[inline(always)]
+pub fn add_products<S: Simd>(simd: S, row: S::i32s, by: S::i32s, sum: S::i32s) -> S::i32s {
+    // pulp has it for each machine, not for all.
+    #[cfg(target_arch = "x86_64")]
+    {
+        let machine: &dyn Any = &simd;
+        if let Some(v4) = machine.downcast_ref::<pulp::x86::V4>() {
+            let products = v4.multiply_wrapping_add_adjacent_i16x32(cast(row), cast(by));
+            return simd.add_i32s(cast(products), sum);
+        }
+        if let Some(v3) = machine.downcast_ref::<pulp::x86::V3>() {
+            let products = v3.multiply_wrapping_add_adjacent_i16x16(cast(row), cast(by));
+            return simd.add_i32s(cast(products), sum);
+        }
+    }
+    let mut sum = sum;
+    let sums: &mut [i32] = cast_slice_mut(slice::from_mut(&mut sum));
+    let (row, by): (&[i32], &[i32]) = (lanes(&row), lanes(&by));
+    for ((sum, a), b) in sums.iter_mut().zip(row).zip(by) {
+        *sum += i32::from(*a as i16) * i32::from(*b as i16) + (a >> 16) * (b >> 16);
+    }
+    sum
+}
+
+/// Sums as numbers in single precision.
+#[inline(always)]
+pub fn in_single<S: Simd>(simd: S, sums: S::i32s) -> S::f32s {
+    #[cfg(target_arch = "x86_64")]
+    {
+        let machine: &dyn Any = &simd;
+        if let Some(v4) = machine.downcast_ref::<pulp::x86::V4>() {
+            return cast(v4.convert_i32x16_to_f32x16(cast(sums)));
+        }
+        if let Some(v3) = machine.downcast_ref::<pulp::x86::V3>() {
+            return cast(v3.convert_i32x8_to_f32x8(cast(sums)));
+        }
+    }
+    let mut all = simd.splat_f32s(0.0);
+    let singles: &mut [f32] = cast_slice_mut(slice::from_mut(&mut all));
+    (singles.iter_mut().zip(lanes(&sums))).for_each(|(to, sum)| *to = *sum as f32);
+    all
+}
+
+#[inline(always)]
+fn lanes<V: pulp::bytemuck::Pod>(vector: &V) -> &[i32] {
+    cast_slice(slice::from_ref(vector))
+}
