@@ -1,21 +1,26 @@
 //! The atoms that are likely the best of a pose, by what was weighed.
 
 use super::kernel::FLOOR;
-use super::panels::{MOST, Row, WIDTH, Wide};
+use super::panels::{MOST, Row, WIDTH};
 use super::path::Path;
 use super::sieve::{Sieve, short};
+use super::weigh::Most;
 
 /// Atoms that are likely the best.
 pub const LEADS: usize = 4;
 
+/// A number in each lane of the widest vectors.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Whole(pub [i32; MOST]);
+
 /// Where the atoms are that are likely the best: in each lane of some vectors side by side one.
 #[derive(Clone, Copy)]
 pub struct Lead {
-    /// Their c² and e as it likely is, multiplied by as much.
-    pub over: Wide,
-    pub under: Wide,
+    /// Their keys, nearly, as logarithms.
+    pub keys: Whole,
     /// The first place of the vectors.
-    pub places: Wide,
+    pub places: Whole,
     /// How many lanes a vector has, and how many vectors are side by side.
     pub lanes: usize,
     pub vectors: usize,
@@ -23,9 +28,8 @@ pub struct Lead {
 
 impl Lead {
     pub const NONE: Lead = Lead {
-        over: Wide::ZERO,
-        under: Wide([1.0; MOST]),
-        places: Wide::ZERO,
+        keys: Whole([i32::MIN; MOST]),
+        places: Whole([0; MOST]),
         lanes: 1,
         vectors: 1,
     };
@@ -33,14 +37,13 @@ impl Lead {
     /// The most likely of each quarter of the lanes: the lane, and the first place of its vectors.
     fn best(&self) -> [(usize, usize); LEADS] {
         std::array::from_fn(|quarter| {
-            let mut best = 0;
+            let mut best = quarter;
             for lane in (quarter..MOST).step_by(LEADS) {
-                // Of numbers that are not negative bits are in order. What is no number was never a lead.
-                let key = u64::from((self.over.0[lane] / self.under.0[lane]).to_bits());
-                best = best.max(key << 32 | lane as u64);
+                if self.keys.0[lane] > self.keys.0[best] {
+                    best = lane;
+                }
             }
-            let lane = best as usize % MOST;
-            (lane, self.places.0[lane] as usize)
+            (best, self.places.0[best] as usize)
         })
     }
 }
@@ -57,7 +60,7 @@ pub struct Weighed<'a> {
     pub sieve: &'a Sieve,
     pub correlations: &'a [Row],
     pub remainders: &'a [Row],
-    pub most: &'a [Wide],
+    pub most: &'a [Most],
     pub poses: usize,
 }
 

@@ -15,10 +15,10 @@ use super::bar::{Bar, Sifting};
 use super::closer::{Closer, Room};
 use super::lead::{Lead, Weighed};
 use super::leaves::LEAF;
-use super::panels::{Row, WIDTH, Wide};
+use super::panels::{Row, WIDTH};
 use super::pruned::{Found, Sought};
 use super::sieve::Sieve;
-use super::weigh::{Look, State, Step, Weighing};
+use super::weigh::{Look, Most, State, Step, Weighing};
 use crate::simd;
 
 /// Poses that are weighed together: as many as the kernel has in registers, and what is kept of them stays in the cache.
@@ -41,7 +41,7 @@ pub struct Sift<'a> {
     /// The same: e at least.
     remainders: Vec<Row>,
     /// The same, by lanes: the largest key that any atom of a panel may have.
-    most: Vec<Wide>,
+    most: Vec<Most>,
     /// Of the pose in each slot so many vectors were weighed.
     weighed: Vec<usize>,
     /// Room.
@@ -60,7 +60,7 @@ impl<'a> Sift<'a> {
             atoms,
             correlations: vec![Row::ZERO; rows],
             remainders: vec![Row::ZERO; rows],
-            most: vec![Wide::ZERO; rows],
+            most: vec![Most::NOTHING; rows],
             weighed: vec![0; poses],
             looks: Vec::new(),
             leads: Vec::new(),

@@ -3,7 +3,7 @@
 use super::kernel::{FLOOR, add_product};
 use super::lead::{self, Lead};
 use super::pairs::{self, PAIRS, Rounded};
-use super::panels::{Row, WIDTH, Wide};
+use super::panels::{Row, WIDTH};
 use super::path::Path;
 use super::sieve::{Sieve, short};
 use pulp::{Simd, WithSimd};
@@ -101,9 +101,32 @@ pub enum Step {
 pub struct State<'a> {
     pub correlations: &'a mut [Row],
     pub remainders: &'a mut [Row],
-    /// The largest key that any atom of a panel may have, by lanes.
-    pub most: &'a mut [Wide],
+    pub most: &'a mut [Most],
     pub poses: usize,
+}
+
+/// Of the vectors of a panel that are weighed side by side the largest key that any atom may have, by lanes: in terms of c² and
+/// e.
+#[derive(Debug, Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Most {
+    pub over: [f32; WIDTH / 2],
+    pub under: [f32; WIDTH / 2],
+}
+
+/// Vectors of so many lanes that are weighed side by side: with those of a few poses as many as there are registers for.
+pub const fn side_by_side(lanes: usize) -> usize {
+    match lanes {
+        8 => 2,
+        _ => 4,
+    }
+}
+
+impl Most {
+    pub const NOTHING: Most = Most {
+        over: [0.0; WIDTH / 2],
+        under: [1.0; WIDTH / 2],
+    };
 }
 
 /// All atoms are weighed for a few poses.
@@ -122,9 +145,9 @@ impl WithSimd for Weighing<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         match S::F32_LANES {
-            16 => self.of_step::<S, 6, 4>(simd),
-            8 => self.of_step::<S, 6, 2>(simd),
-            _ => self.of_step::<S, 4, 4>(simd),
+            16 => self.of_step::<S, 6, { side_by_side(16) }>(simd),
+            8 => self.of_step::<S, 6, { side_by_side(8) }>(simd),
+            _ => self.of_step::<S, 4, { side_by_side(4) }>(simd),
         }
     }
 }
@@ -187,35 +210,23 @@ impl Weighing<'_> {
                     [at..at + VECTORS];
                 let e =
                     &mut S::as_mut_simd_f32s(&mut self.state.remainders[row].0).0[at..at + VECTORS];
-                let place = simd.splat_f32s((panel * WIDTH + at * lanes) as f32);
-                let mut met = U::meet(
-                    simd,
-                    look.product(simd, sums[p][0]),
-                    &look,
-                    tails[at],
-                    &mut c[0],
-                    &mut e[0],
-                );
+                let place = simd.splat_i32s((panel * WIDTH + at * lanes) as i32);
+                let product = look.product(simd, sums[p][0]);
+                let mut met = U::meet(simd, product, &look, tails[at], &mut c[0], &mut e[0]);
                 for v in 1..VECTORS {
                     let product = look.product(simd, sums[p][v]);
                     let more = U::meet(simd, product, &look, tails[at + v], &mut c[v], &mut e[v]);
                     met = met.with(simd, more);
                 }
-                let most = self.state.most[row].first_mut::<S>();
-                let largest = simd.div_f32s(met.most, met.under);
-                *most = match at {
-                    0 => largest,
-                    _ => simd.max_f32s(largest, *most),
-                };
-                let lead = &mut leads[p];
-                let (over, under) = (lead.over.first_mut::<S>(), lead.under.first_mut::<S>());
-                let here = simd.mul_f32s(met.over, *under);
-                let before = simd.mul_f32s(*over, met.likely);
-                let is_more = simd.greater_than_f32s(here, before);
-                *over = simd.select_f32s(is_more, met.over, *over);
-                *under = simd.select_f32s(is_more, met.likely, *under);
-                let places = lead.places.first_mut::<S>();
-                *places = simd.select_f32s(is_more, place, *places);
+                let most = &mut self.state.most[row];
+                S::as_mut_simd_f32s(&mut most.over).0[at / VECTORS] = met.most;
+                S::as_mut_simd_f32s(&mut most.under).0[at / VECTORS] = met.under;
+                let Lead { keys, places, .. } = &mut leads[p];
+                let keys = &mut S::as_mut_simd_i32s(&mut keys.0).0[0];
+                let places = &mut S::as_mut_simd_i32s(&mut places.0).0[0];
+                let is_more = simd.greater_than_i32s(met.likely, *keys);
+                *keys = simd.max_i32s(met.likely, *keys);
+                *places = simd.select_i32s(is_more, place, *places);
             }
         }
     }
@@ -286,27 +297,36 @@ impl<S: Simd> Reaches<S> {
     }
 }
 
+/// The logarithm of a ratio of two numbers that are not negative, nearly: the difference of their bits. That tells which atoms are
+/// likely the best about as well, and costs nothing beside the products.
+#[inline(always)]
+fn ratio<S: Simd>(simd: S, over: S::f32s, under: S::f32s) -> S::i32s {
+    simd.sub_i32s(
+        simd.transmute_i32s_f32s(over),
+        simd.transmute_i32s_f32s(under),
+    )
+}
+
 /// What is known of a vector of atoms, or of several, by lanes the largest.
+#[derive(Clone, Copy)]
 struct Met<S: Simd> {
-    /// In terms of c², and of what e likely is.
-    over: S::f32s,
-    likely: S::f32s,
+    /// The [`ratio`] of c² and what e likely is.
+    likely: S::i32s,
     /// In terms of what c² is at most, and e at least.
     most: S::f32s,
     under: S::f32s,
 }
 
 impl<S: Simd> Met<S> {
-    /// The larger ratios of two: without a division, as there are few of those at a time.
+    /// The larger of two, without a division.
     #[inline(always)]
     fn with(self, simd: S, other: Met<S>) -> Met<S> {
-        let larger = |(a, below_a), (b, below_b)| {
-            simd.max_f32s(simd.mul_f32s(a, below_b), simd.mul_f32s(b, below_a))
-        };
         Met {
-            over: larger((self.over, self.likely), (other.over, other.likely)),
-            likely: simd.mul_f32s(self.likely, other.likely),
-            most: larger((self.most, self.under), (other.most, other.under)),
+            likely: simd.max_i32s(self.likely, other.likely),
+            most: simd.max_f32s(
+                simd.mul_f32s(self.most, other.under),
+                simd.mul_f32s(other.most, self.under),
+            ),
             under: simd.mul_f32s(self.under, other.under),
         }
     }
@@ -361,11 +381,11 @@ impl Use for Plain {
 /// Where e does not count.
 #[inline(always)]
 fn plain<S: Simd>(simd: S, c: S::f32s, look: &Splat<S>, tail: S::f32s) -> Met<S> {
+    let one = simd.splat_f32s(1.0);
     Met {
-        over: simd.mul_f32s(c, c),
-        likely: simd.splat_f32s(1.0),
-        under: simd.splat_f32s(1.0),
+        likely: ratio(simd, simd.mul_f32s(c, c), one),
         most: look.reach.over(simd, c, tail),
+        under: one,
     }
 }
 
@@ -386,9 +406,9 @@ impl Use for Optimised {
         let left = add_product(simd, simd.neg_f32s(most), most, *e);
         (*c, *e) = (product, left);
         let likely = add_product(simd, tail, look.gap, left);
+        let likely = simd.max_f32s(likely, simd.splat_f32s(FLOOR));
         Met {
-            likely: simd.max_f32s(likely, simd.splat_f32s(FLOOR)),
-            over: simd.mul_f32s(product, product),
+            likely: ratio(simd, simd.mul_f32s(product, product), likely),
             most: look.reach.over(simd, product, tail),
             under: look.reach.under(simd, left),
         }
