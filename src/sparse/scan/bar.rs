@@ -6,7 +6,7 @@ use super::lead::Weighed;
 use super::panels::WIDTH;
 use super::pruned::Sought;
 use super::sweep::BELOW;
-use super::weigh::{Most, Reach, Reaches, side_by_side, vectors};
+use super::weigh::{Reach, Reaches, vectors};
 use pulp::{Simd, WithSimd};
 
 /// What an atom has to reach.
@@ -47,11 +47,11 @@ impl WithSimd for Sifting<'_> {
         let reach = Reaches::of(simd, self.bar.reach);
         let weighed = self.weighed;
         let n = weighed.sieve.heads.len() as u32;
-        for panel in 0..weighed.sieve.tails.len() {
-            let row = panel * weighed.poses;
-            if !may_reach(simd, &weighed.most[row], key) {
+        for (panel, most) in weighed.most.iter().enumerate() {
+            if !any::<S>(simd.greater_than_or_equal_f32s(most.first::<S>(), key)) {
                 continue;
             }
+            let row = panel * weighed.poses;
             let tails = vectors::<S>(&weighed.sieve.tails[panel]);
             let c = vectors::<S>(&weighed.correlations[row]);
             let e = vectors::<S>(&weighed.remainders[row]);
@@ -80,19 +80,6 @@ impl WithSimd for Sifting<'_> {
     }
 }
 
-/// Whether any atom of a panel may reach a key.
-#[inline(always)]
-fn may_reach<S: Simd>(simd: S, most: &Most, key: S::f32s) -> bool {
-    let groups = WIDTH / (S::F32_LANES * side_by_side(S::F32_LANES));
-    let (over, under) = (
-        &S::as_simd_f32s(&most.over).0[..groups],
-        &S::as_simd_f32s(&most.under).0[..groups],
-    );
-    over.iter().zip(under).any(|(over, under)| {
-        any::<S>(simd.greater_than_or_equal_f32s(*over, simd.mul_f32s(key, *under)))
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::super::code;
@@ -100,7 +87,7 @@ mod tests {
     use super::super::super::testdata::random;
     use super::super::super::{Dictionary, Tolerance};
     use super::super::lead::Lead;
-    use super::super::panels::Row;
+    use super::super::panels::{Row, Wide};
     use super::super::path::Path;
     use super::super::sieve::Sieve;
     use super::super::weigh::{Look, State, Step, Weighing};
@@ -121,7 +108,7 @@ mod tests {
             let On(sieve, dictionary) = self;
             let (rows, mut all) = (sieve.tails.len() * POSES, Vec::new());
             let mut kept = [(); 2].map(|()| vec![Row::ZERO; rows]);
-            let mut most = vec![Most::NOTHING; rows];
+            let mut most = vec![Wide::ZERO; rows];
             let poses = random(POSES, 8, 3).dot(&random(8, 50, 2));
             let mut poses: Vec<(Fit, Path)> = (poses.outer_iter())
                 .map(|pose| {
@@ -157,7 +144,7 @@ mod tests {
                         sieve,
                         correlations: &kept[0][slot..],
                         remainders: &kept[1][slot..],
-                        most: &most[slot..],
+                        most: &most[slot * sieve.tails.len()..][..sieve.tails.len()],
                         poses: POSES,
                     };
                     let keys = keys(sieve, dictionary, fit);

@@ -1,10 +1,9 @@
 //! The atoms that are likely the best of a pose, by what was weighed.
 
 use super::kernel::FLOOR;
-use super::panels::{MOST, Row, WIDTH};
+use super::panels::{MOST, Row, WIDTH, Wide};
 use super::path::Path;
 use super::sieve::{Sieve, short};
-use super::weigh::Most;
 
 /// Atoms that are likely the best.
 pub const LEADS: usize = 4;
@@ -54,13 +53,13 @@ pub fn gap(path: &Path) -> f32 {
     path.heads.get(1).map_or(0.0, |q| 2.0 * short(q).1)
 }
 
-/// What was kept of a pose: every `poses`-th row.
+/// What was kept of a pose: every `poses`-th row, and of each panel the largest key that any atom may have.
 #[derive(Clone, Copy)]
 pub struct Weighed<'a> {
     pub sieve: &'a Sieve,
     pub correlations: &'a [Row],
     pub remainders: &'a [Row],
-    pub most: &'a [Most],
+    pub most: &'a [Wide],
     pub poses: usize,
 }
 

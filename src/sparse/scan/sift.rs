@@ -15,10 +15,10 @@ use super::bar::{Bar, Sifting};
 use super::closer::{Closer, Room};
 use super::lead::{Lead, Weighed};
 use super::leaves::LEAF;
-use super::panels::{Row, WIDTH};
+use super::panels::{Row, WIDTH, Wide};
 use super::pruned::{Found, Sought};
 use super::sieve::Sieve;
-use super::weigh::{Look, Most, State, Step, Weighing};
+use super::weigh::{Look, State, Step, Weighing};
 use crate::simd;
 
 /// Poses that are weighed together: as many as the kernel has in registers, and what is kept of them stays in the cache.
@@ -40,8 +40,8 @@ pub struct Sift<'a> {
     correlations: Vec<Row>,
     /// The same: e at least.
     remainders: Vec<Row>,
-    /// The same, by lanes: the largest key that any atom of a panel may have.
-    most: Vec<Most>,
+    /// By poses, then panels, by lanes: the largest key that any atom of a panel may have.
+    most: Vec<Wide>,
     /// Of the pose in each slot so many vectors were weighed.
     weighed: Vec<usize>,
     /// Room.
@@ -60,7 +60,7 @@ impl<'a> Sift<'a> {
             atoms,
             correlations: vec![Row::ZERO; rows],
             remainders: vec![Row::ZERO; rows],
-            most: vec![Most::NOTHING; rows],
+            most: vec![Wide::ZERO; rows],
             weighed: vec![0; poses],
             looks: Vec::new(),
             leads: Vec::new(),
@@ -144,14 +144,14 @@ impl<'a> Sift<'a> {
     fn one(&mut self, sought: &Sought<'_>, lead: &Lead) -> Found {
         let sieve = self.sieve;
         let mut closer = Closer::new(sieve, self.atoms, sought, &mut self.room);
-        let n = sieve.heads.len();
+        let (n, panels) = (sieve.heads.len(), sieve.tails.len());
         let scan = n.div_ceil(LEAF) * sought.path.width();
         sieve.tally.search(sieve.spent(), scan);
         let weighed = Weighed {
             sieve,
             correlations: &self.correlations[sought.slot..],
             remainders: &self.remainders[sought.slot..],
-            most: &self.most[sought.slot..],
+            most: &self.most[sought.slot * panels..][..panels],
             poses: self.weighed.len(),
         };
         let likely = weighed.likely(lead, sought.path, closer.is_optimised);

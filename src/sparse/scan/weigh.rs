@@ -3,7 +3,7 @@
 use super::kernel::{FLOOR, add_product};
 use super::lead::{self, Lead};
 use super::pairs::{self, PAIRS, Rounded};
-use super::panels::{Row, WIDTH};
+use super::panels::{Row, WIDTH, Wide};
 use super::path::Path;
 use super::sieve::{Sieve, short};
 use pulp::{Simd, WithSimd};
@@ -97,36 +97,14 @@ pub enum Step {
     Optimised,
 }
 
-/// What is kept, by panels, then poses.
+/// What is kept.
 pub struct State<'a> {
+    /// By panels, then poses.
     pub correlations: &'a mut [Row],
     pub remainders: &'a mut [Row],
-    pub most: &'a mut [Most],
+    /// The largest key that any atom of a panel may have, by lanes; by poses, then panels.
+    pub most: &'a mut [Wide],
     pub poses: usize,
-}
-
-/// Of the vectors of a panel that are weighed side by side the largest key that any atom may have, by lanes: in terms of c² and
-/// e.
-#[derive(Debug, Clone, Copy)]
-#[repr(C, align(64))]
-pub struct Most {
-    pub over: [f32; WIDTH / 2],
-    pub under: [f32; WIDTH / 2],
-}
-
-/// Vectors of so many lanes that are weighed side by side: with those of a few poses as many as there are registers for.
-pub const fn side_by_side(lanes: usize) -> usize {
-    match lanes {
-        8 => 2,
-        _ => 4,
-    }
-}
-
-impl Most {
-    pub const NOTHING: Most = Most {
-        over: [0.0; WIDTH / 2],
-        under: [1.0; WIDTH / 2],
-    };
 }
 
 /// All atoms are weighed for a few poses.
@@ -145,9 +123,9 @@ impl WithSimd for Weighing<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         match S::F32_LANES {
-            16 => self.of_step::<S, 6, { side_by_side(16) }>(simd),
-            8 => self.of_step::<S, 6, { side_by_side(8) }>(simd),
-            _ => self.of_step::<S, 4, { side_by_side(4) }>(simd),
+            16 => self.of_step::<S, 6, 4>(simd),
+            8 => self.of_step::<S, 6, 2>(simd),
+            _ => self.of_step::<S, 4, 4>(simd),
         }
     }
 }
@@ -186,7 +164,7 @@ impl Weighing<'_> {
         panel: usize,
         from: usize,
     ) {
-        let lanes = S::F32_LANES;
+        let (lanes, panels) = (S::F32_LANES, self.sieve.tails.len());
         let looks: &[Look; POSES] = self.looks[from..].first_chunk().expect("so many looks");
         let leads: &mut [Lead; POSES] =
             (self.leads[from..].first_chunk_mut()).expect("a lead a look");
@@ -218,9 +196,12 @@ impl Weighing<'_> {
                     let more = U::meet(simd, product, &look, tails[at + v], &mut c[v], &mut e[v]);
                     met = met.with(simd, more);
                 }
-                let most = &mut self.state.most[row];
-                S::as_mut_simd_f32s(&mut most.over).0[at / VECTORS] = met.most;
-                S::as_mut_simd_f32s(&mut most.under).0[at / VECTORS] = met.under;
+                let most = &mut self.state.most[looks[p].slot * panels + panel];
+                let (most, largest) = (most.first_mut::<S>(), simd.div_f32s(met.most, met.under));
+                *most = match at {
+                    0 => largest,
+                    _ => simd.max_f32s(largest, *most),
+                };
                 let Lead { keys, places, .. } = &mut leads[p];
                 let keys = &mut S::as_mut_simd_i32s(&mut keys.0).0[0];
                 let places = &mut S::as_mut_simd_i32s(&mut places.0).0[0];
@@ -297,20 +278,18 @@ impl<S: Simd> Reaches<S> {
     }
 }
 
-/// The logarithm of a ratio of two numbers that are not negative, nearly: the difference of their bits. That tells which atoms are
-/// likely the best about as well, and costs nothing beside the products.
+/// The logarithm of c² / e, nearly: bits of positive numbers are that of their logarithms. It tells as well which atoms are likely
+/// the best, and costs little beside the products.
 #[inline(always)]
-fn ratio<S: Simd>(simd: S, over: S::f32s, under: S::f32s) -> S::i32s {
-    simd.sub_i32s(
-        simd.transmute_i32s_f32s(over),
-        simd.transmute_i32s_f32s(under),
-    )
+fn likely<S: Simd>(simd: S, c: S::f32s, e: S::f32s) -> S::i32s {
+    let c = simd.transmute_i32s_f32s(simd.abs_f32s(c));
+    simd.sub_i32s(simd.add_i32s(c, c), simd.transmute_i32s_f32s(e))
 }
 
 /// What is known of a vector of atoms, or of several, by lanes the largest.
 #[derive(Clone, Copy)]
 struct Met<S: Simd> {
-    /// The [`ratio`] of c² and what e likely is.
+    /// The logarithm of c² over what e likely is.
     likely: S::i32s,
     /// In terms of what c² is at most, and e at least.
     most: S::f32s,
@@ -383,7 +362,7 @@ impl Use for Plain {
 fn plain<S: Simd>(simd: S, c: S::f32s, look: &Splat<S>, tail: S::f32s) -> Met<S> {
     let one = simd.splat_f32s(1.0);
     Met {
-        likely: ratio(simd, simd.mul_f32s(c, c), one),
+        likely: likely(simd, c, one),
         most: look.reach.over(simd, c, tail),
         under: one,
     }
@@ -405,10 +384,10 @@ impl Use for Optimised {
         let most = add_product(simd, tail, look.beyond, simd.abs_f32s(along));
         let left = add_product(simd, simd.neg_f32s(most), most, *e);
         (*c, *e) = (product, left);
-        let likely = add_product(simd, tail, look.gap, left);
-        let likely = simd.max_f32s(likely, simd.splat_f32s(FLOOR));
+        let rest = add_product(simd, tail, look.gap, left);
+        let rest = simd.max_f32s(rest, simd.splat_f32s(FLOOR));
         Met {
-            likely: ratio(simd, simd.mul_f32s(product, product), likely),
+            likely: likely(simd, product, rest),
             most: look.reach.over(simd, product, tail),
             under: look.reach.under(simd, left),
         }
