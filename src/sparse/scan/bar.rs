@@ -6,7 +6,8 @@ use super::lead::Weighed;
 use super::panels::WIDTH;
 use super::pruned::Sought;
 use super::sweep::BELOW;
-use super::weigh::{Reach, Reaches, vectors};
+use super::tell::{Reaches, vectors};
+use super::weigh::Reach;
 use pulp::{Simd, WithSimd};
 
 /// What an atom has to reach.
@@ -119,7 +120,7 @@ mod tests {
                     (fit, path)
                 })
                 .collect();
-            for step in [Step::First, Step::Optimised] {
+            for step in [Step::Alone, Step::Second] {
                 let looks: Vec<Look> = (poses.iter().enumerate())
                     .map(|(slot, (_, path))| Look::at(path, slot, true))
                     .collect();
@@ -165,7 +166,7 @@ mod tests {
                     };
                     assert!(sifting.with_simd(simd) && left.contains(&(best as u32)));
                     assert!(left.len() < keys.len() / 2, "{}", left.len());
-                    let is_optimised = matches!(step, Step::Optimised);
+                    let is_optimised = matches!(step, Step::Second);
                     // A guess: only of the first step is it known to be good.
                     let likely = weighed.likely(&leads[slot], path, is_optimised);
                     let mut likely = likely.map(|place| keys[place as usize]).into_iter();

@@ -42,6 +42,7 @@ mod sieve;
 mod sift;
 mod sweep;
 mod tally;
+mod tell;
 mod weigh;
 mod whole;
 

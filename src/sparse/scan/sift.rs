@@ -121,10 +121,10 @@ impl<'a> Sift<'a> {
         self.looks.extend(looks);
         self.leads.clear();
         self.leads.resize(sought.len(), Lead::NONE);
-        let step = match (is_new && directions == 1, first.rule) {
-            (true, _) => Step::First,
-            (false, Rule::Plain) => Step::Plain,
-            (false, Rule::Optimised) => Step::Optimised,
+        let step = match (first.rule, directions) {
+            (Rule::Plain, _) | (_, 1) => Step::Alone,
+            (_, 2) if is_new => Step::Second,
+            _ => Step::Later,
         };
         simd::widest(Weighing {
             step,
