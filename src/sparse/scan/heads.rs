@@ -121,20 +121,40 @@ impl Turn<'_> {
     /// V vectors hold a head.
     #[inline(always)]
     fn go<S: Simd, const V: usize>(self, simd: S) {
-        let mut sums = [simd.splat_f64s(0.0); V];
-        let mut squared = 0.0;
-        for (row, value) in self.basis.iter().zip(self.vector) {
-            let row = S::as_simd_f64s(row).0;
-            let by = simd.splat_f64s(*value);
-            for v in 0..V {
-                sums[v] = simd.mul_add_e_f64s(row[v], by, sums[v]);
+        // Two sums of each: one would wait for itself.
+        let mut sums = [[simd.splat_f64s(0.0); V]; 2];
+        let (rows, last) = self.basis.as_chunks::<2>();
+        let (values, rest) = self.vector.as_chunks::<2>();
+        for (rows, values) in rows.iter().zip(values) {
+            for i in 0..2 {
+                add(simd, &rows[i], values[i], &mut sums[i]);
             }
-            squared += value * value;
         }
-        S::as_mut_simd_f64s(&mut self.turned.along)
-            .0
-            .copy_from_slice(&sums);
-        self.turned.squared = squared;
+        for (row, value) in last.iter().zip(rest) {
+            add(simd, row, *value, &mut sums[0]);
+        }
+        let along = S::as_mut_simd_f64s(&mut self.turned.along).0;
+        for v in 0..V {
+            along[v] = simd.add_f64s(sums[0][v], sums[1][v]);
+        }
+        let (eights, rest) = self.vector.as_chunks::<8>();
+        let mut squares = [0.0; 8];
+        for eight in eights {
+            for l in 0..8 {
+                squares[l] += eight[l] * eight[l];
+            }
+        }
+        let rest: f64 = rest.iter().map(|v| v * v).sum();
+        self.turned.squared = squares.iter().sum::<f64>() + rest;
+    }
+}
+
+/// Adds a row times a value.
+#[inline(always)]
+fn add<S: Simd, const V: usize>(simd: S, row: &[f64; HEAD], value: f64, sums: &mut [S::f64s; V]) {
+    let (row, by) = (S::as_simd_f64s(row).0, simd.splat_f64s(value));
+    for v in 0..V {
+        sums[v] = simd.mul_add_e_f64s(row[v], by, sums[v]);
     }
 }
 

@@ -123,3 +123,78 @@ pub fn in_single<S: Simd>(simd: S, sums: S::i32s) -> S::f32s {
 fn lanes<V: pulp::bytemuck::Pod>(vector: &V) -> &[i32] {
     cast_slice(slice::from_ref(vector))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::testdata::random;
+    use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b, WithSimd};
+
+    /// Some numbers of length `length`.
+    fn vector(seed: u64, length: f64) -> Vec<f32> {
+        let row = random(1, SHORT, seed);
+        let scale = length / row.dot(&row.t())[[0, 0]].sqrt();
+        row.iter().map(|v| (v * scale) as f32).collect()
+    }
+
+    /// The product of one vector with a panel's atoms.
+    struct Sum<'a>(&'a [PairRow], Rounded);
+
+    impl WithSimd for Sum<'_> {
+        type Output = Vec<f32>;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> Vec<f32> {
+            let Sum(rows, rounded) = self;
+            let mut all = Vec::new();
+            for at in 0..WIDTH / S::F32_LANES {
+                let mut sum = simd.splat_i32s(0);
+                for (row, pair) in rows.iter().zip(rounded.pairs) {
+                    let row = S::as_simd_i32s(&row.0).0[at];
+                    sum = add_products(simd, row, simd.splat_i32s(pair), sum);
+                }
+                let product = simd.mul_f32s(in_single(simd, sum), simd.splat_f32s(rounded.unit));
+                all.extend_from_slice(cast_slice(slice::from_ref(&product)));
+            }
+            all
+        }
+    }
+
+    #[test]
+    fn products_err_no_more_than_they_say_and_are_the_same_on_vectors_of_any_width() {
+        let mut rows = [PairRow::ZERO; PAIRS];
+        // Of length 1, and nearly 0, and along one axis: the largest numbers there are.
+        let mut atoms: Vec<Vec<f32>> = (0..WIDTH as u64).map(|i| vector(i, 1.0)).collect();
+        atoms[1] = vector(1, 1e-3);
+        atoms[2] = vec![0.0; SHORT];
+        atoms[2][5] = -1.0;
+        for (lane, atom) in atoms.iter().enumerate() {
+            let pairs = of_atom(atom);
+            (rows.iter_mut().zip(pairs)).for_each(|(row, pair)| row.0[lane] = pair);
+        }
+        for length in [0.0, 1e-30, 1e-12, 0.01, 1.0, 3.0] {
+            let mut along = vec![0.0; SHORT];
+            along[5] = length as f32;
+            for vector in [vector(100, length), atoms[9].clone(), along] {
+                let sum = || Sum(&rows, of_vector(&vector));
+                let products = crate::simd::widest(sum());
+                let wide = |v: &[f32]| v.iter().map(|v| f64::from(*v)).collect::<Vec<_>>();
+                let vector = wide(&vector);
+                let length = vector.iter().map(|v| v * v).sum::<f64>().sqrt();
+                let off = (f64::from(rounding()) * length).max(f64::from(NOTHING));
+                for (atom, product) in atoms.iter().zip(&products) {
+                    let exact: f64 = wide(atom).iter().zip(&vector).map(|(a, v)| a * v).sum();
+                    assert!(
+                        (f64::from(*product) - exact).abs() <= off,
+                        "{product} {exact}"
+                    );
+                }
+                assert_eq!(crate::simd::eights(sum()), products);
+                assert_eq!(sum().with_simd(Scalar), products);
+                assert_eq!(sum().with_simd(Scalar128b), products);
+                assert_eq!(sum().with_simd(Scalar256b), products);
+                assert_eq!(sum().with_simd(Scalar512b), products);
+            }
+        }
+    }
+}
