@@ -54,6 +54,7 @@ impl<'s> Closer<'s> {
         sought: &'s Sought<'s>,
         room: &'s mut Room,
     ) -> Self {
+        room.seen.clear();
         Closer {
             sieve,
             atoms,
@@ -64,9 +65,8 @@ impl<'s> Closer<'s> {
         }
     }
 
-    /// What the key of the best of the atoms at some places is at least.
+    /// What the key of the best of the atoms at some places, and of those looked at before, is at least.
     pub fn least(&mut self, places: &[u32]) -> f32 {
-        self.room.seen.clear();
         simd::eights(Looking {
             closer: self,
             places,
@@ -74,7 +74,7 @@ impl<'s> Closer<'s> {
         (self.room.seen.iter()).fold(0.0, |least, seen| least.max(seen.least))
     }
 
-    /// The best of the atoms at some places, the first of equals; none where they have no keys.
+    /// The best of the atoms at some places, and of those looked at before, the first of equals; none where they have no keys.
     pub fn best(&mut self, places: &[u32]) -> Option<u32> {
         let least = self.least(places) * BELOW;
         self.room.seen.retain(|seen| seen.most >= least);
@@ -141,9 +141,11 @@ impl Looking<'_, '_> {
         for n in 1..N {
             vectors[n] = &path.vectors[n * path.width()..][..path.width()];
         }
+        let before = closer.room.seen.len();
         for place in places {
             let atom = closer.sieve.atoms[*place as usize];
-            if !closer.sought.taken.contains(&atom) {
+            let is_seen = (closer.room.seen[..before].iter()).any(|seen| seen.atom == atom);
+            if !is_seen && !closer.sought.taken.contains(&atom) {
                 let products = products::<S, N>(simd, closer.atom(atom), vectors);
                 let seen = closer.seen(atom, products);
                 closer.room.seen.push(seen);

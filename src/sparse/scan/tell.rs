@@ -184,12 +184,11 @@ impl<const FROM_ONE: bool> Use for Falling<FROM_ONE> {
             let before = if FROM_ONE { one } else { e[v] };
             let left = add_product(simd, simd.neg_f32s(most), most, before);
             (c[v], e[v]) = (product, left);
-            let rest = add_product(simd, tail, look.gap, left);
-            let rest = simd.max_f32s(rest, simd.splat_f32s(FLOOR));
+            let under = look.reach.under(simd, left);
             let met = Met {
-                likely: likely(simd, product, rest),
+                likely: likely(simd, product, add_product(simd, tail, look.gap, under)),
                 most: look.reach.over(simd, product, tail),
-                under: look.reach.under(simd, left),
+                under,
             };
             all = match v {
                 0 => met,
