@@ -11,7 +11,7 @@ use ndarray::ArrayView2;
 
 /// A sieve serves up to so many atoms a lane of the machine's vectors, measured; of more most need not be looked at, as leaves
 /// tell.
-const SIEVED: usize = 512;
+const SIEVED: usize = 1280;
 
 /// Which bounds. What is found is the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
