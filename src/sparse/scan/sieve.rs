@@ -15,7 +15,7 @@ use ndarray::ArrayView2;
 pub const SHORT: usize = LEVELS[LEVEL] * PART;
 const LEVEL: usize = 1;
 /// What becomes of the products of an atom costs as much as so many more, measured.
-const BESIDE: usize = 20;
+const BESIDE: usize = 14;
 
 /// The first [`SHORT`] numbers of a head, and the length of what is beyond them, at most.
 pub fn short(head: &Head) -> (&[f32], f32) {
@@ -72,7 +72,7 @@ impl Sieve {
 
     /// Rows of lanes that a search multiplies a step, nearly.
     pub fn spent(&self) -> usize {
-        self.heads.len().div_ceil(LEAF) * (SHORT + BESIDE)
+        self.heads.len().div_ceil(LEAF) * (PAIRS + BESIDE)
     }
 
     /// Where an atom is.
