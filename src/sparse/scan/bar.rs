@@ -47,7 +47,7 @@ impl WithSimd for Sifting<'_> {
         let key = simd.splat_f32s(self.bar.key);
         let reach = Reaches::of(simd, self.bar.reach);
         let weighed = self.weighed;
-        let n = weighed.sieve.heads.len() as u32;
+        let n = weighed.sieve.atoms.len() as u32;
         for (panel, most) in weighed.most.iter().enumerate() {
             if !any::<S>(simd.greater_than_or_equal_f32s(most.first::<S>(), key)) {
                 continue;

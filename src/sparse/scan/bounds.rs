@@ -65,7 +65,7 @@ pub enum Bounds<'a> {
 /// Room for such searches.
 pub enum Searcher<'a> {
     Leaves(Pruned<'a>),
-    Sieve(Sift<'a>),
+    Sieve(Box<Sift<'a>>),
 }
 
 impl<'a> Bounds<'a> {
@@ -73,7 +73,7 @@ impl<'a> Bounds<'a> {
     pub fn searcher(self, atoms: &'a [f32], poses: usize) -> Searcher<'a> {
         match self {
             Bounds::Leaves(leaves) => Searcher::Leaves(Pruned::new(leaves)),
-            Bounds::Sieve(sieve) => Searcher::Sieve(Sift::new(sieve, atoms, poses)),
+            Bounds::Sieve(sieve) => Searcher::Sieve(Box::new(Sift::new(sieve, atoms, poses))),
         }
     }
 
@@ -105,7 +105,7 @@ impl<'a> Bounds<'a> {
     pub fn scan(self, d: usize) -> usize {
         match self {
             Bounds::Leaves(leaves) => leaves.scan(),
-            Bounds::Sieve(sieve) => sieve.heads.len().div_ceil(LEAF) * d,
+            Bounds::Sieve(sieve) => sieve.atoms.len().div_ceil(LEAF) * d,
         }
     }
 }

@@ -123,6 +123,17 @@ impl WithSimd for Looking<'_, '_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        // Sums of fewer lanes would round more than is allowed for.
+        match S::F32_LANES {
+            ..4 => self.of_directions(pulp::Scalar256b),
+            _ => self.of_directions(simd),
+        }
+    }
+}
+
+impl Looking<'_, '_> {
+    #[inline(always)]
+    fn of_directions<S: Simd>(self, simd: S) {
         match self.closer.sought.path.heads.len() {
             1 => self.go::<S, 1>(simd),
             2 => self.go::<S, 2>(simd),
@@ -130,9 +141,7 @@ impl WithSimd for Looking<'_, '_> {
             _ => self.go::<S, DIRECTIONS>(simd),
         }
     }
-}
 
-impl Looking<'_, '_> {
     #[inline(always)]
     fn go<S: Simd, const N: usize>(self, simd: S) {
         let Looking { closer, places } = self;

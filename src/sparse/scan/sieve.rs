@@ -1,4 +1,4 @@
-//! A sieve: all atoms, each told by the first few numbers of its head, laid out as scans read them.
+//! A sieve: all atoms, each told by the first few numbers of its head in sixteen bits, laid out as scans read them.
 //!
 //! Poses fill few dimensions, so a third of the products that a scan sums tell of nearly all atoms that they are not the
 //! best; see [`super::sift`].
@@ -28,8 +28,6 @@ pub struct Sieve {
     /// The atom at each place, and each atom's place.
     pub atoms: Vec<u32>,
     places: Vec<u32>,
-    /// By places.
-    pub heads: Vec<Head>,
     /// Of each panel [`PAIRS`] rows: the first [`SHORT`] numbers of its atoms' heads.
     pub rows: Vec<PairRow>,
     /// Of each panel the lengths of what is beyond those.
@@ -42,13 +40,12 @@ impl Sieve {
     pub fn new(atoms: ArrayView2<'_, f32>) -> Sieve {
         let basis = Basis::of(atoms);
         let n = atoms.nrows();
-        let by_atoms = basis.heads(atoms);
-        let order = in_order(&by_atoms);
-        let heads: Vec<Head> = order.iter().map(|a| by_atoms[*a as usize]).collect();
+        let heads = basis.heads(atoms);
+        let order = in_order(&heads);
         let panels = par::map_chunks(n, WIDTH, |places| {
             let (mut rows, mut tails) = ([PairRow::ZERO; PAIRS], Row::ZERO);
-            for (lane, head) in heads[places].iter().enumerate() {
-                let (numbers, beyond) = short(head);
+            for (lane, atom) in order[places].iter().enumerate() {
+                let (numbers, beyond) = short(&heads[*atom as usize]);
                 let pairs = pairs::of_atom(numbers);
                 (rows.iter_mut().zip(pairs)).for_each(|(row, pair)| row.0[lane] = pair);
                 tails.0[lane] = beyond;
@@ -65,14 +62,13 @@ impl Sieve {
             places,
             rows: panels.iter().flat_map(|(rows, _)| *rows).collect(),
             tails: panels.iter().map(|(_, tails)| *tails).collect(),
-            heads,
             tally: Tally::new(1.0),
         }
     }
 
     /// Rows of lanes that a search multiplies a step, nearly.
     pub fn spent(&self) -> usize {
-        self.heads.len().div_ceil(LEAF) * (PAIRS + BESIDE)
+        self.atoms.len().div_ceil(LEAF) * (PAIRS + BESIDE)
     }
 
     /// Where an atom is.

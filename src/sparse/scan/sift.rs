@@ -144,7 +144,7 @@ impl<'a> Sift<'a> {
     fn one(&mut self, sought: &Sought<'_>, lead: &Lead) -> Found {
         let sieve = self.sieve;
         let mut closer = Closer::new(sieve, self.atoms, sought, &mut self.room);
-        let (n, panels) = (sieve.heads.len(), sieve.tails.len());
+        let (n, panels) = (sieve.atoms.len(), sieve.tails.len());
         let scan = n.div_ceil(LEAF) * sought.path.width();
         sieve.tally.search(sieve.spent(), scan);
         let weighed = Weighed {
