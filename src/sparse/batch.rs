@@ -143,7 +143,7 @@ pub enum Search {
     Rows,
     /// By scans of all atoms.
     Scan,
-    /// By bounds of all atoms, which a third of their products tells: what a scan would find, to the bit. Poses of which bounds
+    /// By bounds of all atoms, told by a few of their numbers, rounded: what a scan would find, to the bit. Poses of which bounds
     /// tell too little are scanned.
     Sieve,
     /// By bounds of atoms in leaves, so that of poses like them most atoms need not be looked at: the same.

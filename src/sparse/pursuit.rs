@@ -17,8 +17,8 @@
 //!
 //! Cost of a pose: O(kappa n D) in f32 for the scans, O(kappa^2 D) in f64 for the fits. Up to 2,048 atoms, and where all
 //! weights are equal, the scans after the first are sums of rows of the Gram matrix: O(kappa^2 n). Of more atoms, once many
-//! such poses are or were coded, bounds tell of most that they are not the best: of some thousands a third of a scan's products
-//! tells, of more, poses near the atoms look at a few in a hundred.
+//! such poses are or were coded, bounds tell of most that they are not the best: of some thousands a few numbers in
+//! sixteen bits tell, of more, poses near the atoms look at a few in a hundred.
 //!
 //! The scans' rounding, at most some 1e-6 of the pose's length, can change which of two nearly equal atoms is taken. An atom
 //! within an angle of 1e-3 of those taken is judged as if it were at 1e-3: what it would add beyond them is less than what

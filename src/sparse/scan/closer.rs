@@ -150,10 +150,9 @@ impl Looking<'_, '_> {
         for n in 1..N {
             vectors[n] = &path.vectors[n * path.width()..][..path.width()];
         }
-        let before = closer.room.seen.len();
         for place in places {
             let atom = closer.sieve.atoms[*place as usize];
-            let is_seen = (closer.room.seen[..before].iter()).any(|seen| seen.atom == atom);
+            let is_seen = (closer.room.seen.iter()).any(|seen| seen.atom == atom);
             if !is_seen && !closer.sought.taken.contains(&atom) {
                 let products = products::<S, N>(simd, closer.atom(atom), vectors);
                 let seen = closer.seen(atom, products);
@@ -175,9 +174,12 @@ fn products<S: Simd, const N: usize>(simd: S, atom: &[f32], vectors: [&[f32]; N]
             sums[n] = simd.mul_add_e_f32s(*a, vectors_of[n][i], sums[n]);
         }
     }
+    if d < lanes {
+        return vectors.map(|v| v.iter().zip(atom).map(|(v, a)| v * a).sum());
+    }
     // What does not fill a vector is the end of the last one that does.
     let rest = d % lanes;
-    if rest > 0 && d > lanes {
+    if rest > 0 {
         let last = |v: &[f32]| S::as_simd_f32s(&v[d - lanes..]).0[0];
         let is_new = simd.greater_than_or_equal_f32s(
             S::as_simd_f32s(&PLACES.0[..lanes]).0[0],

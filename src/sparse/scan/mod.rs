@@ -15,7 +15,8 @@
 //! A pose's numbers do not depend on the poses beside it: one pose alone gives the same bits as one of many.
 //!
 //! Of many atoms most need not be looked at: [`leaves`] hold neighbours together, and [`pruned`] finds what a scan would,
-//! to the bit, by bounds. Of fewer all are looked at, but by a third of their numbers: a [`sieve`], by which [`sift`] does. Of few atoms [`gram`] keeps the products with one another, and [`follow`] uses them.
+//! to the bit, by bounds. Of fewer all are looked at, but by few numbers in sixteen
+//! bits: a [`sieve`], by which [`sift`] does. Of few atoms [`gram`] keeps the products with one another, and [`follow`] uses them.
 
 mod balls;
 mod bar;

@@ -69,7 +69,7 @@ impl Path {
     ///
     /// A sum of k products, each fused into it, of unit vectors errs by k u at most, u = 2^-24 (Higham, Accuracy and
     /// Stability of Numerical Algorithms, 3.1); some more are for numbers that were rounded themselves. The scan's c is such
-    /// a sum of D and one more a direction, times its part. Here sums are of a head's numbers, or of a quarter of D.
+    /// a sum of D and one more a direction, times its part. Here sums are of a head's numbers, or of a quarter of D at most.
     pub fn noise(&self) -> Noise {
         let unit = f32::EPSILON / 2.0;
         let scan = (self.d + SOME) as f32 * unit;

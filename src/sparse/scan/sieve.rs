@@ -1,6 +1,6 @@
-//! A sieve: all atoms, each told by the first few numbers of its head in sixteen bits, laid out as scans read them.
+//! A sieve: all atoms, each told by the first few numbers of its head in sixteen bits, laid out in panels.
 //!
-//! Poses fill few dimensions, so a third of the products that a scan sums tell of nearly all atoms that they are not the
+//! Poses fill few dimensions, so the first few of the products that a scan sums tell of nearly all atoms that they are not the
 //! best; see [`super::sift`].
 
 use super::heads::{Basis, Head, LEVELS, PART};

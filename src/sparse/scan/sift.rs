@@ -1,7 +1,7 @@
 //! The best atoms of a few poses, sought among all atoms by their heads.
 //!
-//! 1. [`weigh`](super::weigh): of all atoms c and e, but for what is beyond the first numbers of their heads; c, and e at least, are kept
-//!    for the next step.
+//! 1. [`weigh`](super::weigh): of all atoms c and e, but for what is beyond the first numbers of their heads, and for what rounding those to
+//!    sixteen bits changes; they are kept for the next step.
 //! 2. Of a few that are [likely](super::lead) the best, what the [closer](super::closer) look tells of their keys is what the best atom
 //!    has at least: the bar.
 //! 3. [`bar`](super::bar): which atoms may reach it, whatever is beyond?
@@ -26,7 +26,8 @@ pub const POSES: usize = 6;
 /// So many atoms may reach the bar, at most, and this share of all; then a scan costs less.
 const LEAST_LEFT: usize = 64;
 const SHARE_LEFT: usize = 4;
-/// Of smaller keys products of bounds may round to nothing.
+/// Of smaller keys products of bounds may round to nothing: of four vectors side by side they are products of a key and four
+/// times what e counts for at least.
 const LEAST_KEY: f32 = 1e-12;
 /// In place of what is left of an atom that is taken: it makes its key small.
 const TAKEN: f32 = 1e6;
@@ -38,7 +39,7 @@ pub struct Sift<'a> {
     atoms: &'a [f32],
     /// By panels, then poses: c.
     correlations: Vec<Row>,
-    /// The same: e at least.
+    /// The same: e, whatever is beyond heads; rounding may have made it larger.
     remainders: Vec<Row>,
     /// By poses, then panels, by lanes: the largest key that any atom of a panel may have.
     most: Vec<Wide>,
@@ -101,7 +102,7 @@ impl<'a> Sift<'a> {
         }
     }
 
-    /// Atoms that are taken are not likely any more. (That they are not taken again [`Closer`] sees to.)
+    /// Atoms that are taken are not likely any more, once e is kept. (That they are not taken again [`Closer`] sees to.)
     fn leave_out(&mut self, sought: &Sought<'_>) {
         for taken in sought.taken {
             let place = self.sieve.place(*taken);

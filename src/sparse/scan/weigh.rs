@@ -11,6 +11,9 @@ use pulp::{Simd, WithSimd};
 /// Beyond it products with directions tell nothing of e: the sum of the squares of what they are off.
 const MOST_OFF: f32 = 1e-4;
 
+/// By shorter parts nothing is divided: what they tell is beyond [`MOST_OFF`] by far.
+const LEAST_PART: f32 = 1e-12;
+
 /// What is weighed for a pose: what is left of it.
 pub struct Look {
     slot: usize,
@@ -71,7 +74,7 @@ impl Look {
     /// At what is left of a pose; its newest direction is new, or it is not.
     pub fn at(path: &Path, slot: usize, is_new: bool) -> Look {
         let newest = match path.parts.last() {
-            Some(part) if is_new && *part != 0.0 => Newest {
+            Some(part) if is_new && part.abs() > LEAST_PART => Newest {
                 by: -1.0 / part,
                 beyond: short(&path.heads[path.heads.len() - 1]).1,
             },
