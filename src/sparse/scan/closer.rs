@@ -6,6 +6,7 @@
 use super::super::Rule;
 use super::block::{vectors, vectors_mut};
 use super::kernel::{FLOOR, add_product};
+use super::lead::LEADS;
 use super::leaves::{LEAF, Lanes};
 use super::meet;
 use super::panels::PLACES;
@@ -152,7 +153,8 @@ impl Looking<'_, '_> {
         }
         for place in places {
             let atom = closer.sieve.atoms[*place as usize];
-            let is_seen = (closer.room.seen.iter()).any(|seen| seen.atom == atom);
+            // The first are those that lead, looked at before all others; no other atom is at two places.
+            let is_seen = (closer.room.seen.iter().take(LEADS)).any(|seen| seen.atom == atom);
             if !is_seen && !closer.sought.taken.contains(&atom) {
                 let products = products::<S, N>(simd, closer.atom(atom), vectors);
                 let seen = closer.seen(atom, products);
