@@ -1,6 +1,5 @@
 //! The atoms that may reach a bar, whatever is beyond their heads.
 
-use super::super::Rule;
 use super::kernel::{self, any};
 use super::lead::Weighed;
 use super::panels::WIDTH;
@@ -25,7 +24,7 @@ impl Bar {
         Bar {
             key: key * BELOW * BELOW,
             reach: Reach::of(sought.path),
-            is_optimised: sought.rule == Rule::Optimised && sought.path.heads.len() > 1,
+            is_optimised: sought.is_optimised(),
         }
     }
 }
@@ -86,7 +85,7 @@ mod tests {
     use super::super::super::code;
     use super::super::super::fit::Fit;
     use super::super::super::testdata::random;
-    use super::super::super::{Dictionary, Tolerance};
+    use super::super::super::{Dictionary, Rule, Tolerance};
     use super::super::lead::Lead;
     use super::super::panels::{Row, Wide};
     use super::super::path::Path;
@@ -168,7 +167,7 @@ mod tests {
                     assert!(left.len() < keys.len() / 2, "{}", left.len());
                     let is_optimised = matches!(step, Step::Second);
                     // A guess: only of the first step is it known to be good.
-                    let likely = weighed.likely(&leads[slot], path, is_optimised);
+                    let likely = weighed.likely(&leads[slot], &sought);
                     let mut likely = likely.map(|place| keys[place as usize]).into_iter();
                     assert!(is_optimised || likely.any(|key| key > 0.9 * keys[best]));
                     all.push(left);

@@ -3,7 +3,6 @@
 //! All their numbers, in sums that need not wait for one another, tell their keys but for rounding. Where more than one may be the
 //! best by that, those are met as a scan meets them: the same sums in the same order, the same keys.
 
-use super::super::Rule;
 use super::block::{vectors, vectors_mut};
 use super::kernel::{FLOOR, add_product};
 use super::lead::LEADS;
@@ -43,7 +42,6 @@ pub struct Closer<'s> {
     atoms: &'s [f32],
     sought: &'s Sought<'s>,
     noise: Noise,
-    pub is_optimised: bool,
     room: &'s mut Room,
 }
 
@@ -61,7 +59,6 @@ impl<'s> Closer<'s> {
             atoms,
             sought,
             noise: sought.path.noise(),
-            is_optimised: sought.rule == Rule::Optimised && sought.path.heads.len() > 1,
             room,
         }
     }
@@ -100,7 +97,7 @@ impl<'s> Closer<'s> {
             e -= product * product;
         }
         let (over, under) = (c.abs() + self.noise.product, c.abs() - self.noise.product);
-        let (more, less) = match self.is_optimised {
+        let (more, less) = match self.sought.is_optimised() {
             true => (e + self.noise.rest, e - self.noise.rest),
             false => (1.0, 1.0),
         };
@@ -257,7 +254,7 @@ impl Closer<'_> {
         }
         let path = self.sought.path;
         let sums = &side_by_side[..path.heads.len()];
-        meet::keys(simd, sums, &path.parts, self.is_optimised)
+        meet::keys(simd, sums, &path.parts, self.sought.is_optimised())
     }
 }
 

@@ -3,6 +3,7 @@
 use super::kernel::FLOOR;
 use super::panels::{MOST, Row, WIDTH, Wide};
 use super::path::Path;
+use super::pruned::Sought;
 use super::sieve::{Sieve, short};
 
 /// Atoms that are likely the best.
@@ -65,8 +66,8 @@ pub struct Weighed<'a> {
 
 impl Weighed<'_> {
     /// The places of a few atoms that are likely the best.
-    pub fn likely(&self, lead: &Lead, path: &Path, is_optimised: bool) -> [u32; LEADS] {
-        let gap = gap(path);
+    pub fn likely(&self, lead: &Lead, sought: &Sought<'_>) -> [u32; LEADS] {
+        let (gap, is_optimised) = (gap(sought.path), sought.is_optimised());
         let of = |place: usize| {
             let (panel, lane) = (place / WIDTH, place % WIDTH);
             let c = self.correlations[panel * self.poses].0[lane];

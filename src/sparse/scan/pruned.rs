@@ -48,6 +48,13 @@ pub struct Sought<'a> {
     pub taken: &'a [u32],
 }
 
+impl Sought<'_> {
+    /// Whether what is left of atoms counts: before any is taken it is 1 of all.
+    pub fn is_optimised(&self) -> bool {
+        self.rule == Rule::Optimised && self.path.heads.len() > 1
+    }
+}
+
 /// What is found: the best atom of all that are not taken, the first of equals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Found {

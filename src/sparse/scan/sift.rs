@@ -155,8 +155,7 @@ impl<'a> Sift<'a> {
             most: &self.most[sought.slot * panels..][..panels],
             poses: self.weighed.len(),
         };
-        let likely = weighed.likely(lead, sought.path, closer.is_optimised);
-        let key = closer.least(&likely.map(|place| place.min(n as u32 - 1)));
+        let key = closer.least(&weighed.likely(lead, sought));
         if key <= LEAST_KEY {
             return Found::Unpruned;
         }

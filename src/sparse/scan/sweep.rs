@@ -1,6 +1,5 @@
 //! The search of one pose, step by step; see [`super::pruned`].
 
-use super::super::Rule;
 use super::balls::{Bar, Measured};
 use super::block::{self, AT_ONCE, Products};
 use super::heads::{CENTRE_PARTS, Head, LEVELS, PART};
@@ -74,7 +73,7 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
             sought,
             heads,
             noise: sought.path.noise(),
-            optimised: N > 1 && sought.rule == Rule::Optimised,
+            optimised: sought.is_optimised(),
             key: 0.0,
             leader: None,
             bar: Bar::default(),
