@@ -89,7 +89,8 @@ fn work(args: &Args) -> Result<Outcome> {
         let search = pursuit.search(&dictionary, poses.nrows());
         say::detail(&format!("{} atoms, found {search}", dictionary.len()));
     }
-    if let Some(poses) = first.take_if(|p| !is_quick || p.nrows() < most) {
+    let with_rows = pursuit.search(&dictionary, most) == Search::Rows;
+    if let Some(poses) = first.take_if(|p| !with_rows || p.nrows() < most) {
         // By all threads: few poses; and bounds are made with the first, those coded beside would have to do without.
         sink.put(&coded(&coder, pursuit.sparsity, &poses)?)?;
     }

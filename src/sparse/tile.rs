@@ -165,7 +165,7 @@ impl<'a> Tile<'a> {
         fit.newest_weights(&mut self.weights);
         if self.weights.iter().any(|w| w.abs() > LARGEST_WEIGHT) {
             let direction: Vec<f32> = q.iter().map(|v| *v as f32).collect();
-            let row = &products(panels, &direction)[0];
+            let row = &products(panels, &direction);
             let terms: [Term<'_>; 1] = [(1.0, row)];
             return (self.follower).next(&mut self.scan, pose, (&terms, -z as f32), how);
         }

@@ -7,8 +7,8 @@
 use super::panels::Row;
 use super::{Panels, Scan};
 use crate::par;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// No Gram matrix is larger, bytes: 2,048 atoms. A row of a larger one comes from so far that a scan is as quick.
 const MEMORY: usize = 16 << 20;
@@ -22,9 +22,22 @@ pub type Term<'a> = (f32, &'a [Row]);
 
 /// Rows of <a_i, a_j> by atoms; as long as all panels.
 pub struct Gram {
-    rows: Vec<OnceLock<Box<[Row]>>>,
+    rows: Vec<OnceLock<Made>>,
     /// All before this one are made, or about to be, since all were asked for.
     begun: AtomicUsize,
+}
+
+/// A row, among those that were made with it: a thread that asks for memory row by row asks the system each time.
+struct Made {
+    rows: Arc<Vec<Row>>,
+    from: usize,
+    panels: usize,
+}
+
+impl Made {
+    fn row(&self) -> &[Row] {
+        &self.rows[self.from..][..self.panels]
+    }
 }
 
 impl Gram {
@@ -39,8 +52,12 @@ impl Gram {
 
     /// The products of an atom. `atoms` are (n, D), those of `panels`.
     pub fn row(&self, panels: &Panels, atoms: &[f32], atom: u32) -> &[Row] {
-        self.rows[atom as usize]
-            .get_or_init(|| products(panels, of(panels, atoms, atom)).swap_remove(0))
+        let made = self.rows[atom as usize].get_or_init(|| Made {
+            rows: Arc::new(products(panels, of(panels, atoms, atom))),
+            from: 0,
+            panels: panels.iter().len(),
+        });
+        made.row()
     }
 
     /// Makes all rows that are not there yet, on all threads; what other threads have begun to make is left to them.
@@ -49,27 +66,45 @@ impl Gram {
         if self.begun.load(Ordering::Relaxed) >= n {
             return;
         }
-        par::map_chunks(n, MANY, |_| {
+        let scan = || Scan::new(panels, MANY);
+        par::map_chunks_at(n, MANY, scan, |scan, _| {
             let from = self.begun.fetch_add(MANY, Ordering::Relaxed).min(n);
             let rows = from as u32..n.min(from + MANY) as u32;
-            self.make(panels, atoms, rows.collect(), MANY);
+            self.make(scan, atoms, rows.collect());
         });
     }
 
     /// Makes the rows of some atoms: sooner together than one by one.
     pub fn prepare(&self, panels: &Panels, atoms: &[f32], some: Vec<u32>) {
-        self.make(panels, atoms, some, TOGETHER);
+        if !some.iter().all(|a| self.is_made(*a)) {
+            self.make(&mut Scan::new(panels, TOGETHER), atoms, some);
+        }
     }
 
-    fn make(&self, panels: &Panels, atoms: &[f32], mut some: Vec<u32>, together: usize) {
-        some.retain(|a| self.rows[*a as usize].get().is_none());
+    fn is_made(&self, atom: u32) -> bool {
+        self.rows[atom as usize].get().is_some()
+    }
+
+    /// As many at a time as the scan has room for.
+    fn make(&self, scan: &mut Scan<'_>, atoms: &[f32], mut some: Vec<u32>) {
+        some.retain(|a| !self.is_made(*a));
         some.sort_unstable();
         some.dedup();
-        for few in some.chunks(together) {
-            let directions: Vec<&[f32]> = few.iter().map(|a| of(panels, atoms, *a)).collect();
-            for (atom, row) in few.iter().zip(products(panels, &directions.concat())) {
+        for few in some.chunks(scan.poses()) {
+            let directions: Vec<&[f32]> = few.iter().map(|a| of(scan.panels, atoms, *a)).collect();
+            meet(scan, &directions.concat());
+            let panels = scan.panels.iter().len();
+            let mut rows = Vec::with_capacity(few.len() * panels);
+            (0..few.len()).for_each(|i| rows.extend(scan.of_pose(i)));
+            let rows = Arc::new(rows);
+            for (i, atom) in few.iter().enumerate() {
+                let rows = Arc::clone(&rows);
                 // Another thread may have been sooner: its row has the same bits.
-                let _ = self.rows[*atom as usize].set(row);
+                let _ = self.rows[*atom as usize].set(Made {
+                    rows,
+                    from: i * panels,
+                    panels,
+                });
             }
         }
     }
@@ -80,14 +115,18 @@ fn of<'a>(panels: &Panels, atoms: &'a [f32], atom: u32) -> &'a [f32] {
     &atoms[atom as usize * d..][..d]
 }
 
-/// The products of each of some directions, D numbers each, with all atoms.
-pub fn products(panels: &Panels, directions: &[f32]) -> Vec<Box<[Row]>> {
-    let count = directions.len() / panels.width();
-    let mut scan = Scan::new(panels, count);
+/// The products of a direction, D numbers, with all atoms.
+pub fn products(panels: &Panels, direction: &[f32]) -> Vec<Row> {
+    let mut scan = Scan::new(panels, 1);
+    meet(&mut scan, direction);
+    scan.correlations
+}
+
+/// Scans for some directions, D numbers each: as many as there is room for, or fewer.
+fn meet(scan: &mut Scan<'_>, directions: &[f32]) {
+    let (some, none) = scan.directions.split_at_mut(directions.len());
+    some.copy_from_slice(directions);
+    none.fill(0.0);
     scan.begin();
-    scan.directions.copy_from_slice(directions);
     scan.first();
-    (0..count)
-        .map(|i| scan.of_pose(i).copied().collect())
-        .collect()
 }
