@@ -166,8 +166,9 @@ impl Search<'_> {
                 for sweep in &mut sweeps {
                     let best = meet::best(sweep);
                     found.push(sweep.found(best));
-                    leaves.tally.search(sweep.spent(), leaves.scan());
                 }
+                let (count, spent) = (sweeps.len(), sweeps.iter().map(|s| s.spent()).sum());
+                (leaves.tally).searches(count, spent, count * leaves.scan());
             }
         }
         for (sweep, kept) in sweeps.into_iter().zip(self.kept) {

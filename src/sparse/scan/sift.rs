@@ -100,6 +100,9 @@ impl<'a> Sift<'a> {
             let lead = self.leads[i];
             found.push(self.one(sought, &lead));
         }
+        let (sieve, count) = (self.sieve, sought.len());
+        let scan = sieve.atoms.len().div_ceil(LEAF) * sought.first().map_or(0, |s| s.path.width());
+        (sieve.tally).searches(count, count * sieve.spent(), count * scan);
     }
 
     /// Atoms that are taken are not likely any more, once e is kept. (That they are not taken again [`Closer`] sees to.)
@@ -146,8 +149,6 @@ impl<'a> Sift<'a> {
         let sieve = self.sieve;
         let mut closer = Closer::new(sieve, self.atoms, sought, &mut self.room);
         let (n, panels) = (sieve.atoms.len(), sieve.tails.len());
-        let scan = n.div_ceil(LEAF) * sought.path.width();
-        sieve.tally.search(sieve.spent(), scan);
         let weighed = Weighed {
             sieve,
             correlations: &self.correlations[sought.slot..],

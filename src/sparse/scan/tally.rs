@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const TRIED: u64 = 64;
 
 /// What searches of a dictionary have cost, and what scans in their place would have, in rows of lanes multiplied. What is
-/// found does not depend on it.
+/// found does not depend on it. In lines of the cache of its own: threads write to it while others read what is beside it.
+#[repr(align(128))]
 pub struct Tally {
     /// A row multiplied in a scan costs as much as so many in a search.
     worth: f64,
@@ -26,11 +27,11 @@ impl Tally {
         }
     }
 
-    /// A search that multiplied `spent` rows, where a scan multiplies `scan`.
-    pub fn search(&self, spent: usize, scan: usize) {
+    /// So many searches that multiplied `spent` rows, where as many scans multiply `scans`.
+    pub fn searches(&self, count: usize, spent: usize, scans: usize) {
         self.spent.fetch_add(spent as u64, Ordering::Relaxed);
-        self.scans.fetch_add(scan as u64, Ordering::Relaxed);
-        self.searches.fetch_add(1, Ordering::Relaxed);
+        self.scans.fetch_add(scans as u64, Ordering::Relaxed);
+        self.searches.fetch_add(count as u64, Ordering::Relaxed);
     }
 
     /// Scans that had to be made after all.
