@@ -5,7 +5,7 @@ use super::lead::Weighed;
 use super::panels::WIDTH;
 use super::pruned::Sought;
 use super::sweep::BELOW;
-use super::tell::{Reaches, vectors};
+use super::tell::{Reaches, under, vectors};
 use super::weigh::Reach;
 use pulp::{Simd, WithSimd};
 
@@ -18,12 +18,12 @@ pub struct Bar {
 }
 
 impl Bar {
-    /// A key, for what is sought.
-    pub fn of(sought: &Sought<'_>, key: f32) -> Bar {
+    /// A key, for what is sought; `unit` is what 1 counts in products that were kept.
+    pub fn of(sought: &Sought<'_>, key: f32, unit: f32) -> Bar {
         // Ratios are compared by products, which round too.
         Bar {
-            key: key * BELOW * BELOW,
-            reach: Reach::of(sought.path),
+            key: key * BELOW * BELOW / unit / unit,
+            reach: Reach::of(sought.path, unit),
             is_optimised: sought.is_optimised(),
         }
     }
@@ -59,7 +59,7 @@ impl WithSimd for Sifting<'_> {
             for v in 0..WIDTH / S::F32_LANES {
                 let over = reach.over(simd, c[v], tails[v]);
                 let bar = match self.bar.is_optimised {
-                    true => simd.mul_f32s(key, reach.under(simd, e[v])),
+                    true => simd.mul_f32s(key, under(simd, e[v])),
                     false => key,
                 };
                 let some = kernel::bits(simd, simd.greater_than_or_equal_f32s(over, bar));
@@ -90,7 +90,7 @@ mod tests {
     use super::super::panels::{Row, Wide};
     use super::super::path::Path;
     use super::super::sieve::Sieve;
-    use super::super::weigh::{Look, State, Step, Weighing};
+    use super::super::weigh::{Look, Scale, State, Step, Weighing};
     use super::*;
     use ndarray::{ArrayView1, aview1};
     use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b};
@@ -119,9 +119,10 @@ mod tests {
                     (fit, path)
                 })
                 .collect();
+            let mut scales = [Scale::NONE; POSES];
             for step in [Step::Alone, Step::Second] {
-                let looks: Vec<Look> = (poses.iter().enumerate())
-                    .map(|(slot, (_, path))| Look::at(path, slot, true))
+                let looks: Vec<Look> = (poses.iter().zip(&mut scales).enumerate())
+                    .map(|(slot, ((_, path), scale))| Look::at(path, slot, true, scale))
                     .collect();
                 let mut leads = vec![Lead::NONE; POSES];
                 let [correlations, remainders] = &mut kept;
@@ -158,7 +159,7 @@ mod tests {
                     };
                     let mut left = Vec::new();
                     let sifting = Sifting {
-                        bar: Bar::of(&sought, keys[best] as f32),
+                        bar: Bar::of(&sought, keys[best] as f32, scales[slot].unit),
                         weighed,
                         few: usize::MAX,
                         left: &mut left,

@@ -34,17 +34,15 @@ impl Lead {
         vectors: 1,
     };
 
-    /// The most likely of each quarter of the lanes: the lane, and the first place of its vectors.
-    fn best(&self) -> [(usize, usize); LEADS] {
-        std::array::from_fn(|quarter| {
-            let mut best = quarter;
-            for lane in (quarter..MOST).step_by(LEADS) {
-                if self.keys.0[lane] > self.keys.0[best] {
-                    best = lane;
-                }
+    /// The most likely of a quarter of the lanes: the lane, and the first place of its vectors.
+    fn best(&self, quarter: usize) -> (usize, usize) {
+        let mut best = quarter;
+        for lane in (quarter..MOST).step_by(LEADS) {
+            if self.keys.0[lane] > self.keys.0[best] {
+                best = lane;
             }
-            (best, self.places.0[best] as usize)
-        })
+        }
+        (best, self.places.0[best] as usize)
     }
 }
 
@@ -68,26 +66,27 @@ impl Weighed<'_> {
     /// The places of a few atoms that are likely the best.
     pub fn likely(&self, lead: &Lead, sought: &Sought<'_>) -> [u32; LEADS] {
         let (gap, is_optimised) = (gap(sought.path), sought.is_optimised());
-        let of = |place: usize| {
-            let (panel, lane) = (place / WIDTH, place % WIDTH);
-            let c = self.correlations[panel * self.poses].0[lane];
-            match is_optimised {
-                true => {
-                    let e = self.remainders[panel * self.poses].0[lane];
-                    c * c / (e + gap * self.sieve.tails[panel].0[lane]).max(FLOOR)
+        let mut places = [0; LEADS];
+        // A loop, not `map`: that is not inlined.
+        for (quarter, place) in places.iter_mut().enumerate() {
+            let (lane, first) = lead.best(quarter);
+            let (panel, first) = (first / WIDTH, first % WIDTH + lane);
+            let row = panel * self.poses;
+            let (c, e) = (&self.correlations[row].0, &self.remainders[row].0);
+            let tails = &self.sieve.tails[panel].0;
+            let mut best = 0.0;
+            for v in 0..lead.vectors {
+                let at = (first + v * lead.lanes) % WIDTH;
+                let left = match is_optimised {
+                    true => (e[at] + gap * tails[at]).max(FLOOR),
+                    false => 1.0,
+                };
+                let key = c[at] * c[at] / left;
+                if key > best {
+                    (best, *place) = (key, (panel * WIDTH + at) as u32);
                 }
-                false => c * c,
             }
-        };
-        lead.best().map(|(lane, first)| {
-            let mut best = (0.0, 0);
-            for place in (0..lead.vectors).map(|v| first + v * lead.lanes + lane) {
-                let key = of(place);
-                if key > best.0 {
-                    best = (key, place as u32);
-                }
-            }
-            best.1
-        })
+        }
+        places
     }
 }

@@ -38,7 +38,7 @@ impl PairRow {
 #[derive(Debug, Clone, Copy)]
 pub struct Rounded {
     pub pairs: [i32; PAIRS],
-    /// What 1 counts in a sum of products with atoms.
+    /// What 1 counts in a sum of products with atoms; not 0.
     pub unit: f32,
 }
 
@@ -56,12 +56,14 @@ pub fn of_atom(numbers: &[f32]) -> [i32; PAIRS] {
 /// The numbers of a vector.
 pub fn of_vector(numbers: &[f32]) -> Rounded {
     let length = numbers.iter().map(|v| v * v).sum::<f32>().sqrt();
-    let scale = match length > NOTHING {
-        true => UNIT / length,
-        false => 0.0,
-    };
+    if length <= NOTHING {
+        return Rounded {
+            pairs: [0; PAIRS],
+            unit: 1.0,
+        };
+    }
     Rounded {
-        pairs: scaled(numbers, scale),
+        pairs: scaled(numbers, UNIT / length),
         unit: length / (UNIT * UNIT),
     }
 }

@@ -18,7 +18,7 @@ use super::leaves::LEAF;
 use super::panels::{Row, WIDTH, Wide};
 use super::pruned::{Found, Sought};
 use super::sieve::Sieve;
-use super::weigh::{Look, State, Step, Weighing};
+use super::weigh::{Look, Scale, State, Step, Weighing};
 use crate::simd;
 
 /// Poses that are weighed together: as many as the kernel has in registers, and what is kept of them stays in the cache.
@@ -26,8 +26,7 @@ pub const POSES: usize = 6;
 /// So many atoms may reach the bar, at most, and this share of all; then a scan costs less.
 const LEAST_LEFT: usize = 64;
 const SHARE_LEFT: usize = 4;
-/// Of smaller keys products of bounds may round to nothing: of four vectors side by side they are products of a key and four
-/// times what e counts for at least.
+/// Smaller keys are less than what products round: bounds tell nothing of them.
 const LEAST_KEY: f32 = 1e-12;
 /// In place of what is left of an atom that is taken: it makes its key small.
 const TAKEN: f32 = 1e6;
@@ -43,8 +42,10 @@ pub struct Sift<'a> {
     remainders: Vec<Row>,
     /// By poses, then panels, by lanes: the largest key that any atom of a panel may have.
     most: Vec<Wide>,
-    /// Of the pose in each slot so many vectors were weighed.
+    /// Of the pose in each slot so many vectors were weighed,
     weighed: Vec<usize>,
+    /// in these.
+    scales: Vec<Scale>,
     /// Room.
     looks: Vec<Look>,
     leads: Vec<Lead>,
@@ -63,6 +64,7 @@ impl<'a> Sift<'a> {
             remainders: vec![Row::ZERO; rows],
             most: vec![Wide::ZERO; rows],
             weighed: vec![0; poses],
+            scales: vec![Scale::NONE; poses],
             looks: Vec::new(),
             leads: Vec::new(),
             left: Vec::new(),
@@ -73,6 +75,7 @@ impl<'a> Sift<'a> {
     /// A pose begins in a slot.
     pub fn begin(&mut self, slot: usize) {
         self.weighed[slot] = 0;
+        self.scales[slot] = Scale::NONE;
     }
 
     /// The best atoms of poses that have taken equally many.
@@ -121,8 +124,10 @@ impl<'a> Sift<'a> {
         };
         let directions = first.path.heads.len();
         self.looks.clear();
-        let looks = sought.iter().map(|s| Look::at(s.path, s.slot, is_new));
-        self.looks.extend(looks);
+        for Sought { path, slot, .. } in sought {
+            let look = Look::at(path, *slot, is_new, &mut self.scales[*slot]);
+            self.looks.push(look);
+        }
         self.leads.clear();
         self.leads.resize(sought.len(), Lead::NONE);
         let step = match (first.rule, directions) {
@@ -162,7 +167,7 @@ impl<'a> Sift<'a> {
         }
         self.left.clear();
         let is_known = simd::widest(Sifting {
-            bar: Bar::of(sought, key),
+            bar: Bar::of(sought, key, self.scales[sought.slot].unit),
             weighed,
             few: n / SHARE_LEFT + LEAST_LEFT,
             left: &mut self.left,

@@ -1,7 +1,6 @@
 //! What the products of a few vectors of atoms with a pose tell of them.
 
 use super::kernel::{FLOOR, add_product};
-use super::pairs;
 use super::panels::Row;
 use super::weigh::{Look, Reach};
 use pulp::Simd;
@@ -13,9 +12,10 @@ pub fn vectors<S: Simd>(row: &Row) -> &[S::f32s] {
 
 /// A [`Look`]'s numbers in all lanes.
 pub struct Splat<S: Simd> {
-    unit: S::f32s,
-    by: S::f32s,
+    before: S::f32s,
+    now: S::f32s,
     beyond: S::f32s,
+    rest: S::f32s,
     gap: S::f32s,
     reach: Reaches<S>,
 }
@@ -24,29 +24,19 @@ pub struct Splat<S: Simd> {
 pub struct Reaches<S: Simd> {
     beyond: S::f32s,
     product: S::f32s,
-    rest: S::f32s,
 }
 
 impl<S: Simd> Splat<S> {
     #[inline(always)]
     pub fn of(simd: S, look: &Look) -> Self {
         Splat {
-            unit: simd.splat_f32s(look.residual.unit),
-            by: simd.splat_f32s(look.newest.by),
+            before: simd.splat_f32s(look.newest.before),
+            now: simd.splat_f32s(look.newest.now),
             beyond: simd.splat_f32s(look.newest.beyond),
+            rest: simd.splat_f32s(look.newest.rest),
             gap: simd.splat_f32s(look.gap),
             reach: Reaches::of(simd, look.reach),
         }
-    }
-
-    /// Vectors of sums as products.
-    #[inline(always)]
-    pub fn products<const V: usize>(&self, simd: S, sums: &[S::i32s; V]) -> [S::f32s; V] {
-        let mut products = [self.unit; V];
-        for v in 0..V {
-            products[v] = simd.mul_f32s(pairs::in_single(simd, sums[v]), self.unit);
-        }
-        products
     }
 }
 
@@ -56,7 +46,6 @@ impl<S: Simd> Reaches<S> {
         Reaches {
             beyond: simd.splat_f32s(reach.beyond),
             product: simd.splat_f32s(reach.product),
-            rest: simd.splat_f32s(reach.rest),
         }
     }
 
@@ -67,12 +56,12 @@ impl<S: Simd> Reaches<S> {
         let most = add_product(simd, tail, self.beyond, most);
         simd.mul_f32s(most, most)
     }
+}
 
-    /// e at least, by what is kept of it.
-    #[inline(always)]
-    pub fn under(&self, simd: S, e: S::f32s) -> S::f32s {
-        simd.max_f32s(simd.sub_f32s(e, self.rest), simd.splat_f32s(FLOOR))
-    }
+/// What e counts for, by what is kept of it.
+#[inline(always)]
+pub fn under<S: Simd>(simd: S, e: S::f32s) -> S::f32s {
+    simd.max_f32s(e, simd.splat_f32s(FLOOR))
 }
 
 /// The logarithm of c² / e, nearly: bits of positive numbers are that of their logarithms. It tells as well which atoms are likely
@@ -179,12 +168,13 @@ impl<const FROM_ONE: bool> Use for Falling<FROM_ONE> {
         };
         for v in 0..V {
             let (product, tail) = (products[v], tails[v]);
-            let along = simd.mul_f32s(simd.sub_f32s(c[v], product), look.by);
+            let before = simd.mul_f32s(c[v], look.before);
+            let along = add_product(simd, simd.neg_f32s(product), look.now, before);
             let most = add_product(simd, tail, look.beyond, simd.abs_f32s(along));
-            let before = if FROM_ONE { one } else { e[v] };
+            let before = simd.sub_f32s(if FROM_ONE { one } else { e[v] }, look.rest);
             let left = add_product(simd, simd.neg_f32s(most), most, before);
             (c[v], e[v]) = (product, left);
-            let under = look.reach.under(simd, left);
+            let under = under(simd, left);
             let met = Met {
                 likely: likely(simd, product, add_product(simd, tail, look.gap, under)),
                 most: look.reach.over(simd, product, tail),

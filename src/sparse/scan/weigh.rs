@@ -27,65 +27,100 @@ pub struct Look {
 /// Of a pose's newest direction q, whose product with an atom is that of what of the pose it took away, over its length.
 #[derive(Default)]
 pub struct Newest {
-    /// 1 / <q, r>.
-    pub by: f32,
+    /// Over <q, r>: the units of the products before and now.
+    pub before: f32,
+    pub now: f32,
     /// The length of what of it is beyond the head.
     pub beyond: f32,
+    /// What e falls by for rounding.
+    pub rest: f32,
 }
 
-/// What c may be more than its head tells, and e less.
+/// What is kept beside the products of a pose: what 1 counts in them, and what e was lessened by for rounding.
+#[derive(Debug, Clone, Copy)]
+pub struct Scale {
+    pub unit: f32,
+    pub rest: f32,
+}
+
+impl Scale {
+    /// Before anything is weighed.
+    pub const NONE: Scale = Scale {
+        unit: 1.0,
+        rest: 0.0,
+    };
+}
+
+/// What c may be more than its head tells, in a unit.
 #[derive(Clone, Copy)]
 pub struct Reach {
     /// The length of what of the residual is beyond the head.
     pub beyond: f32,
     /// Rounding.
     pub product: f32,
-    pub rest: f32,
 }
 
 impl Reach {
     /// For a pose on its way.
-    pub fn of(path: &Path) -> Reach {
-        let noise = path.noise();
-        let rounding = pairs::rounding();
-        let mut squared = path.left.max(0.0);
-        let product = noise.product + rounding * squared.sqrt();
-        // Products with directions are off by what those with the residuals before and after are. Of e twice itself goes with
-        // what each is off, and the squares of the products add up to 1 at most, or e is nothing anyway.
-        let mut off = 0.0;
-        for part in path.parts.iter().rev() {
-            let after = squared.sqrt();
-            squared += part * part;
-            off += (rounding * (after + squared.sqrt()) / part).powi(2);
-        }
-        let rest = match off < MOST_OFF {
-            true => noise.rest + 2.1 * off.sqrt(),
-            false => f32::INFINITY,
-        };
+    pub fn of(path: &Path, unit: f32) -> Reach {
+        let product = path.noise().product + pairs::rounding() * path.left.max(0.0).sqrt();
         Reach {
-            beyond: short(&path.heads[0]).1,
-            product,
-            rest,
+            beyond: short(&path.heads[0]).1 / unit,
+            product: product / unit,
         }
     }
 }
 
+/// What e may be less than products tell.
+fn rest(path: &Path) -> f32 {
+    let rounding = pairs::rounding();
+    let mut squared = path.left.max(0.0);
+    // Products with directions are off by what those with the residuals before and after are. Of e twice itself goes with
+    // what each is off, and the squares of the products add up to 1 at most, or e is nothing anyway.
+    let mut off = 0.0;
+    for part in path.parts.iter().rev() {
+        let after = squared.sqrt();
+        squared += part * part;
+        off += (rounding * (after + squared.sqrt()) / part).powi(2);
+    }
+    match off < MOST_OFF {
+        true => path.noise().rest + 2.1 * off.sqrt(),
+        false => f32::INFINITY,
+    }
+}
+
 impl Look {
-    /// At what is left of a pose; its newest direction is new, or it is not.
-    pub fn at(path: &Path, slot: usize, is_new: bool) -> Look {
+    /// At what is left of a pose; its newest direction is new, or it is not. `scale` is that of what is kept, and will be.
+    pub fn at(path: &Path, slot: usize, is_new: bool, scale: &mut Scale) -> Look {
+        let residual = pairs::of_vector(short(&path.heads[0]).0);
+        let before = *scale;
+        *scale = Scale {
+            unit: residual.unit,
+            rest: rest(path),
+        };
+        let rest = match before.rest < f32::INFINITY {
+            true => scale.rest - before.rest,
+            // It is beyond all already.
+            false => 0.0,
+        };
         let newest = match path.parts.last() {
             Some(part) if is_new && part.abs() > LEAST_PART => Newest {
-                by: -1.0 / part,
+                before: -before.unit / part,
+                now: -scale.unit / part,
                 beyond: short(&path.heads[path.heads.len() - 1]).1,
+                rest,
             },
-            _ => Newest::default(),
+            _ => Newest {
+                rest,
+                ..Newest::default()
+            },
         };
         Look {
             slot,
-            residual: pairs::of_vector(short(&path.heads[0]).0),
             newest,
             gap: lead::gap(path),
-            reach: Reach::of(path),
+            reach: Reach::of(path, residual.unit),
+            residual,
         }
     }
 }
@@ -200,7 +235,11 @@ impl Weighing<'_> {
                     tails: &tails[at..at + VECTORS],
                     longest,
                 };
-                let met = U::meet(simd, &look, &look.products(simd, &sums[p]), kept);
+                let mut products = [simd.splat_f32s(0.0); VECTORS];
+                for v in 0..VECTORS {
+                    products[v] = pairs::in_single(simd, sums[p][v]);
+                }
+                let met = U::meet(simd, &look, &products, kept);
                 let most = &mut self.state.most[looks[p].slot * panels + panel];
                 let (most, here) = (most.first_mut::<S>(), met.most(simd));
                 *most = match at {
