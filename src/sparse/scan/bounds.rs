@@ -1,7 +1,7 @@
 //! A search by bounds: by leaves, or of fewer atoms by a sieve.
 
 use super::heads::Basis;
-use super::leaves::{LEAF, Leaves};
+use super::leaves::Leaves;
 use super::pruned::{self, Found, Pruned, Sought};
 use super::sieve::{SHORT, Sieve};
 use super::sift::{self, Sift};
@@ -105,7 +105,7 @@ impl<'a> Bounds<'a> {
     pub fn scan(self, d: usize) -> usize {
         match self {
             Bounds::Leaves(leaves) => leaves.scan(),
-            Bounds::Sieve(sieve) => sieve.atoms.len().div_ceil(LEAF) * d,
+            Bounds::Sieve(sieve) => sieve.scan(d),
         }
     }
 }

@@ -71,6 +71,11 @@ impl Sieve {
         self.atoms.len().div_ceil(LEAF) * (PAIRS + BESIDE)
     }
 
+    /// Rows of lanes that a scan of atoms of `d` numbers multiplies a step.
+    pub fn scan(&self, d: usize) -> usize {
+        self.atoms.len().div_ceil(LEAF) * d
+    }
+
     /// Where an atom is.
     pub fn place(&self, atom: u32) -> usize {
         self.places[atom as usize] as usize

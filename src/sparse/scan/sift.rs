@@ -14,7 +14,6 @@ use super::super::Rule;
 use super::bar::{Bar, Sifting};
 use super::closer::{Closer, Room};
 use super::lead::{Lead, Weighed};
-use super::leaves::LEAF;
 use super::panels::{Row, WIDTH, Wide};
 use super::pruned::{Found, Sought};
 use super::sieve::Sieve;
@@ -104,7 +103,7 @@ impl<'a> Sift<'a> {
             found.push(self.one(sought, &lead));
         }
         let (sieve, count) = (self.sieve, sought.len());
-        let scan = sieve.atoms.len().div_ceil(LEAF) * sought.first().map_or(0, |s| s.path.width());
+        let scan = sought.first().map_or(0, |s| sieve.scan(s.path.width()));
         (sieve.tally).searches(count, count * sieve.spent(), count * scan);
     }
 
