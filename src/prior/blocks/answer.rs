@@ -2,11 +2,12 @@
 
 use super::explained::Explained;
 use super::part::{Active, Part, Sight, View, add_outer};
-use super::scales::{Scales, Weighed};
+use super::scales::{Room, Scales, Weighed};
 use super::search::Residual;
 use crate::prior::small::add;
 use crate::simd;
 use ndarray::Array2;
+use std::ops::Range;
 
 /// Blocks that weigh less than this share do not tell how far the answers are apart.
 const LEAST_SHARE: f64 = 0.06;
@@ -117,6 +118,7 @@ struct Chorus<'a> {
     state: Residual,
     asked: Option<(usize, usize)>,
     step: Vec<f32>,
+    room: Room,
 }
 
 impl Part {
@@ -165,6 +167,7 @@ impl<'a> Chorus<'a> {
             state: Residual::default(),
             asked: None,
             step: Vec::new(),
+            room: Room::default(),
             part,
             view,
             explained,
@@ -176,12 +179,16 @@ impl<'a> Chorus<'a> {
         self.view.sight(self.part, seen.index, seen.cell)
     }
 
-    /// The blocks of one cell after another: (which of the cells seen, which blocks).
-    fn cells(&self) -> Vec<(usize, Vec<usize>)> {
+    /// The blocks of one cell after another: (which of the cells seen, where its blocks begin and end in the order).
+    fn cells(&self) -> Vec<(usize, Range<usize>)> {
         let best = &self.explained.best;
         let same = |a: &usize, b: &usize| best[*a].seen == best[*b].seen;
-        let cells = self.order.chunk_by(same);
-        cells.map(|of| (best[of[0]].seen, of.to_vec())).collect()
+        let (mut start, mut cells) = (0, Vec::with_capacity(self.explained.seen.len()));
+        for of in self.order.chunk_by(same) {
+            cells.push((best[of[0]].seen, start..start + of.len()));
+            start += of.len();
+        }
+        cells
     }
 
     /// Adds a block's answer times `weight` to a voice; `along` where what its step leaves open is to be told.
@@ -196,7 +203,7 @@ impl<'a> Chorus<'a> {
                 weight,
                 self.part.cells[cell.index].mean(cell.cell),
             );
-            return sight.scales.add_solved(h.at, z, weight, &mut to.w);
+            return (sight.scales).add_solved(h.at, z, weight, &mut self.room, &mut to.w);
         };
         let opened = self.part.opened(cell.cell);
         if self.asked != Some((h.seen, leaf)) {
@@ -208,12 +215,12 @@ impl<'a> Chorus<'a> {
         let Active {
             at, along: reach, ..
         } = self.part.of_leaves()[h.at];
-        scales.add_solved(at, &self.state.z, weight, &mut to.w);
+        scales.add_solved(at, &self.state.z, weight, &mut self.room, &mut to.w);
         if reach > 0.0 {
             let state = &self.state;
             self.step.clear();
             self.step.resize(state.step.len(), 0.0);
-            scales.add_solved(at, &state.step, 1.0, &mut self.step);
+            scales.add_solved(at, &state.step, 1.0, &mut self.room, &mut self.step);
             let of = |z: &[f32]| f64::from(simd::dot(&self.step, z)) / scales.scales[at];
             let variance = reach / (1.0 + reach * of(&state.step));
             let how_far = variance * of(&state.z);
@@ -234,7 +241,8 @@ impl<'a> Chorus<'a> {
             // The gain is linear and the cell's: once for all its blocks.
             let lens = &self.sight(seen).lens;
             let mut voice = Voice::silent(mean.len(), lens.stride());
-            for block in blocks {
+            for at in blocks {
+                let block = self.order[at];
                 self.add(block, self.shares[block], &mut voice, false);
             }
             add(mean, 1.0, &voice.base);
@@ -245,7 +253,10 @@ impl<'a> Chorus<'a> {
     /// What the heavy cells leave open.
     fn within(&self, out: &mut Answer, told: Told) {
         let cells = self.cells();
-        let weight = |of: &[usize]| of.iter().map(|b| self.shares[*b]).sum::<f64>();
+        let weight = |of: &Range<usize>| {
+            let of = &self.order[of.clone()];
+            of.iter().map(|b| self.shares[*b]).sum::<f64>()
+        };
         let most = cells.iter().map(|c| weight(&c.1)).fold(0.0, f64::max);
         let heard = || {
             cells
@@ -267,6 +278,7 @@ impl<'a> Chorus<'a> {
                 };
                 (scales, at, self.shares[*b] / total)
             };
+            let blocks = &self.order[blocks.clone()];
             let weighed: Vec<Weighed<'_>> = blocks.iter().map(of).collect();
             match (told, out.spread.as_slice_mut()) {
                 (Told::Variances, Some(spread)) => sight.lens.add_variances(&weighed, spread),

@@ -107,16 +107,14 @@ impl Poses {
     /// Appends half the step from the pose before to the one after in the same take, of some coordinates.
     pub fn step(&self, row: usize, coordinates: &[usize], out: &mut Vec<f32>) {
         let take = &self.takes[self.takes.partition_point(|t| t.end <= row)];
-        let mut before = Vec::with_capacity(coordinates.len());
-        self.extend_with(
-            row.saturating_sub(1).max(take.start),
-            coordinates,
-            &mut before,
-        );
-        let start = out.len();
+        let before = row.saturating_sub(1).max(take.start);
+        let (start, d) = (out.len(), coordinates.len());
+        self.extend_with(before, coordinates, out);
         self.extend_with((row + 1).min(take.end - 1), coordinates, out);
-        let both = out[start..].iter_mut().zip(before);
-        both.for_each(|(o, b)| *o = 0.5 * (*o - b));
+        for c in start..start + d {
+            out[c] = 0.5 * (out[c + d] - out[c]);
+        }
+        out.truncate(start + d);
     }
 }
 
@@ -277,7 +275,8 @@ impl Opened {
 
     fn steps(&self, group: usize) -> &[f32] {
         self.steps[group].get_or_init(|| {
-            let mut steps = Vec::with_capacity(GROUP * self.stride);
+            // One row more: a step is worked out beside the last.
+            let mut steps = Vec::with_capacity((GROUP + 1) * self.stride);
             for &row in &self.rows[self.group(group)] {
                 self.all.step(row as usize, &self.coordinates, &mut steps);
                 steps.resize(steps.len().next_multiple_of(self.stride), 0.0);
@@ -300,13 +299,16 @@ impl Opened {
     /// Padded rows, less the mean where one is given, in the cell's directions.
     fn turn_rows(&self, rows: &[f32], mean: Option<&[f32]>) -> Box<[f32]> {
         let mut out = vec![0.0; rows.len()];
+        let mut off = Vec::with_capacity(self.coordinates.len());
         let both = rows.chunks(self.stride).zip(out.chunks_mut(self.stride));
-        for (row, out) in both {
-            let mut row = row[..self.coordinates.len()].to_vec();
+        for (from, out) in both {
+            let row = &mut off;
+            row.clear();
+            row.extend_from_slice(&from[..self.coordinates.len()]);
             for (r, m) in row.iter_mut().zip(mean.unwrap_or_default()) {
                 *r -= m;
             }
-            combine(self.basis.vectors(), self.stride, &row, out);
+            combine(self.basis.vectors(), self.stride, row, out);
         }
         out.into()
     }

@@ -18,6 +18,7 @@ mod basis;
 mod cells;
 mod explained;
 mod file;
+mod fours;
 mod learn;
 mod leaves;
 mod lens;

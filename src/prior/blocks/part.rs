@@ -147,10 +147,10 @@ impl View {
             let basis = part.cells[index].basis(cell, &part.coordinates);
             let lens = Lens::new(&basis, &self.noise, &self.seen, &self.pattern);
             let scales = match &self.even {
-                None => lens.at(own_scales(part, index)),
+                None => lens.at(&own_scales(part, index)),
                 Some(even) => {
                     let even = &even.sight(part, index, cell);
-                    let of = even.even[0].get_or_init(|| even.lens.even(own_scales(part, index)));
+                    let of = even.even[0].get_or_init(|| even.lens.even(&own_scales(part, index)));
                     lens.changed(of, false)
                 }
             };
@@ -168,10 +168,10 @@ impl View {
         let index = part.cells.len() - 1;
         let sight = self.sight(part, index, cell);
         sight.leaves.get_or_init(|| match &self.even {
-            None => sight.lens.at(leaf_scales(part)),
+            None => sight.lens.at(&leaf_scales(part)),
             Some(even) => {
                 let even = &even.sight(part, index, cell);
-                let of = even.even[1].get_or_init(|| even.lens.even(leaf_scales(part)));
+                let of = even.even[1].get_or_init(|| even.lens.even(&leaf_scales(part)));
                 sight.lens.changed(of, true)
             }
         })

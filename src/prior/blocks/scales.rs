@@ -1,26 +1,40 @@
 //! A block seen through noise, at some scales of its covariance: evidence and what a residual is solved to.
 
 use super::basis::Basis;
+use super::fours::{Factors, Four};
 use super::part::Active;
-use crate::prior::small::{backward, dot, factorise, forward};
+use crate::prior::small::dot;
 use crate::simd::{self, combine, row_dots, weighted_rows};
 use std::borrow::Cow;
+use std::sync::Arc;
 
 /// A lens at some scales of the covariance.
 #[derive(Debug, Clone)]
 pub struct Scales {
     /// a of each.
-    pub scales: Vec<f64>,
+    pub scales: Arc<[f64]>,
     /// s of each, by rows: (scales, directions), padded.
-    shares: Vec<f32>,
+    shares: Arc<[f32]>,
     stride: usize,
     normalisers: Vec<f64>,
-    /// U_c diag(s) of each, or L⁻¹ of that: (scales × changed, directions), padded.
-    rows: Vec<f32>,
-    /// L of each, L Lᵀ = G, by rows: (scales, changed, changed). Empty where it is taken off the rows already.
-    factors: Vec<f64>,
-    /// How many coordinates are changed.
-    changed: usize,
+    /// Nothing where no coordinate is.
+    changed: Option<Changed>,
+}
+
+/// What coordinates that are changed make of a block.
+#[derive(Debug, Clone)]
+struct Changed {
+    /// How many coordinates.
+    n: usize,
+    rows: Rows,
+}
+
+#[derive(Debug, Clone)]
+enum Rows {
+    /// For few residuals: U_c (changed, directions), padded, and L of all scales, L Lᵀ = G, four at a time.
+    Plain(Vec<f32>, Vec<Factors>),
+    /// For many: L⁻¹ U_c diag(s) of each scale: (scales × changed, directions), padded.
+    Solved(Vec<f32>),
 }
 
 /// A block seen through noise that is everywhere the same, at some scales: what noise that is not starts from.
@@ -35,31 +49,35 @@ pub struct Even {
 /// One scale of a lens, with a weight.
 pub type Weighed<'a> = (&'a Scales, usize, f64);
 
+/// Room to work in, kept from one residual to the next.
+#[derive(Debug, Default)]
+pub struct Room {
+    short: Vec<f32>,
+    dots: Vec<f32>,
+    fours: Vec<Four>,
+    white: [Vec<f64>; 2],
+}
+
 /// Leaves are of so many scales at most.
 pub const MOST_LEAVES: usize = 16;
-/// So many products with changed coordinates are taken at a time.
-const AT_ONCE: usize = 32;
 
 impl Scales {
-    /// Nothing known of any scale yet.
-    pub fn of(scales: Vec<f64>, stride: usize) -> Scales {
-        Scales {
-            shares: Vec::with_capacity(scales.len() * stride),
-            normalisers: Vec::with_capacity(scales.len()),
-            rows: Vec::new(),
-            factors: Vec::new(),
-            changed: 0,
-            scales,
-            stride,
+    /// Of what `of` tells of each scale: s by directions, added to what it is given, and the log evidence of a residual of
+    /// nothing.
+    pub fn new(scales: &[f64], stride: usize, of: impl Fn(f64, &mut Vec<f32>) -> f64) -> Scales {
+        let mut shares = Vec::with_capacity(scales.len() * stride);
+        let mut normalisers = Vec::with_capacity(scales.len());
+        for (at, scale) in scales.iter().enumerate() {
+            normalisers.push(of(*scale, &mut shares));
+            shares.resize((at + 1) * stride, 0.0);
         }
-    }
-
-    /// Adds the next scale: s by directions, and the log evidence of a residual of nothing.
-    pub fn push(&mut self, shares: &[f64], normaliser: f64) {
-        let end = self.shares.len() + self.stride;
-        self.shares.extend(shares.iter().map(|s| *s as f32));
-        self.shares.resize(end, 0.0);
-        self.normalisers.push(normaliser);
+        Scales {
+            scales: scales.into(),
+            shares: shares.into(),
+            stride,
+            normalisers,
+            changed: None,
+        }
     }
 
     /// The same where coordinates have more noise than `unit`, of which all have it; `constant` is added to the log
@@ -72,44 +90,33 @@ impl Scales {
         constant: f64,
         many: bool,
     ) -> Scales {
-        let mut out = even.scales.clone();
-        let (n, stride) = (changed.len(), out.stride);
-        out.changed = n;
-        out.rows.reserve_exact(out.scales.len() * n * stride);
-        if !many {
-            out.factors.reserve_exact(out.scales.len() * n * n);
+        let (mut out, n) = (even.scales.clone(), changed.len());
+        if n == 0 {
+            return out;
         }
-        let mut factor = vec![0.0; n * n];
-        let of_scale = even.precisions.chunks_exact(basis.len() * stride);
-        for (at, precision) in of_scale.enumerate() {
-            let mut normaliser = constant;
-            for (a, (i, noise)) in changed.iter().enumerate() {
-                let row = &precision[i * stride..(i + 1) * stride];
-                let before = factor[a * n..].iter_mut().zip(&changed[..=a]);
-                before.for_each(|(f, (j, _))| *f = f64::from(row[*j]));
-                let above = noise - unit;
-                // 1 / ∞ is 0: a missing coordinate.
-                factor[a * n + a] += 1.0 / above;
-                if above.is_finite() {
-                    normaliser -= 0.5 * above.ln();
-                }
+        let finite = changed.iter().filter(|(_, noise)| noise.is_finite());
+        let constant = constant - 0.5 * log_product(finite.map(|(_, noise)| noise - unit));
+        let mut all = Vec::with_capacity(out.scales.len().div_ceil(4));
+        for (of, normalisers) in out.normalisers.chunks_mut(4).enumerate() {
+            let factors = factors(even, (4 * of, normalisers.len()), changed, unit);
+            for (s, normaliser) in normalisers.iter_mut().enumerate() {
+                *normaliser += constant - log_product(factors.pivots(s));
             }
-            factorise(&mut factor, n);
-            let pivots: Vec<f64> = (0..n).map(|a| factor[a * n + a]).collect();
-            out.normalisers[at] += normaliser - log_product(&pivots);
-            let shares = &even.scales.shares[at * stride..(at + 1) * stride];
-            let start = out.rows.len();
-            for (i, _) in changed {
-                let row = basis.row(*i).iter().zip(shares);
-                out.rows.extend(row.map(|(u, s)| u * s));
-            }
-            if many {
-                let solved = whitened_rows(&factor, &out.rows[start..], stride);
-                out.rows[start..].copy_from_slice(&solved);
-            } else {
-                out.factors.extend_from_slice(&factor);
-            }
+            all.push(factors);
         }
+        let mut rows = Vec::with_capacity(n * out.stride);
+        changed
+            .iter()
+            .for_each(|(i, _)| rows.extend_from_slice(basis.row(*i)));
+        let mut rows = Rows::Plain(rows, all);
+        if many {
+            let mut solved = Vec::with_capacity(out.scales.len() * n * out.stride);
+            for at in 0..out.scales.len() {
+                solved.extend_from_slice(&rows.solved(n, at, out.shares(at)));
+            }
+            rows = Rows::Solved(solved);
+        }
+        out.changed = Some(Changed { n, rows });
         out
     }
 
@@ -118,106 +125,134 @@ impl Scales {
         &self.shares[at * self.stride..(at + 1) * self.stride]
     }
 
-    /// U_c diag(s) of one scale by rows, or L⁻¹ of that, where coordinates are changed.
-    fn rows_at(&self, at: usize) -> Option<&[f32]> {
-        let size = self.changed * self.stride;
-        (size > 0).then(|| &self.rows[at * size..(at + 1) * size])
-    }
-
-    /// L of one scale, where it is not taken off the rows.
-    fn factor_at(&self, at: usize) -> Option<&[f64]> {
-        let size = self.changed * self.changed;
-        (!self.factors.is_empty()).then(|| &self.factors[at * size..(at + 1) * size])
-    }
-
     /// L⁻¹ U_c diag(s) of one scale by rows, where coordinates are changed.
     pub fn fix_at(&self, at: usize) -> Option<Cow<'_, [f32]>> {
-        let rows = self.rows_at(at)?;
-        let Some(factor) = self.factor_at(at) else {
-            return Some(rows.into());
-        };
-        Some(whitened_rows(factor, rows, self.stride).into())
-    }
-
-    /// Σ s a b of two residuals, given their z, at each scale; into `out`.
-    fn plain(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
-        let mut plain = [0.0; 16];
-        out.clear();
-        for (at, shares) in self.shares.chunks(16 * self.stride.max(1)).enumerate() {
-            weighted_rows(shares, a, b, &mut plain);
-            let left = self.scales.len() - 16 * at;
-            out.extend(plain[..left.min(16)].iter().map(|v| f64::from(*v)));
-        }
-    }
-
-    /// aᵀ (a C_oo + R)⁻¹ b of two residuals, given their z, at each scale; into `out`.
-    pub fn forms(&self, a: &[f32], b: &[f32], out: &mut Vec<f64>) {
-        self.plain(a, b, out);
-        if self.changed == 0 {
-            return;
-        }
-        let (mut p, mut q) = (Vec::new(), Vec::new());
-        for (at, out) in out.iter_mut().enumerate() {
-            self.whiten(at, a, &mut p);
-            *out -= match std::ptr::eq(a, b) {
-                true => dot(&p, &p),
-                false => {
-                    self.whiten(at, b, &mut q);
-                    dot(&p, &q)
-                }
-            };
-        }
-    }
-
-    /// L⁻¹ q of a residual; nothing where no coordinate is changed.
-    pub fn whitened(&self, at: usize, z: &[f32]) -> Vec<f64> {
-        let mut out = Vec::new();
-        self.whiten(at, z, &mut out);
-        out
-    }
-
-    /// The same into `out`.
-    fn whiten(&self, at: usize, z: &[f32], out: &mut Vec<f64>) {
-        out.clear();
-        let mut some = [0.0; AT_ONCE];
-        let rows = self.rows_at(at).unwrap_or_default();
-        for rows in rows.chunks(AT_ONCE * self.stride.max(1)) {
-            row_dots(rows, self.stride, z, &mut some);
-            let n = rows.len() / self.stride;
-            out.extend(some[..n].iter().map(|v| f64::from(*v)));
-        }
-        if let Some(factor) = self.factor_at(at) {
-            forward(factor, self.changed, out);
-        }
+        let changed = self.changed.as_ref()?;
+        Some(changed.rows.solved(changed.n, at, self.shares(at)))
     }
 
     /// The log evidence of a residual at each scale, given its z; into `out`.
-    pub fn logs(&self, z: &[f32], out: &mut Vec<f64>) {
-        self.forms(z, z, out);
+    pub fn logs(&self, z: &[f32], room: &mut Room, out: &mut Vec<f64>) {
+        let mut plain = [0.0; 16];
+        out.clear();
+        for (at, shares) in self.shares.chunks(16 * self.stride.max(1)).enumerate() {
+            weighted_rows(shares, z, z, &mut plain);
+            let left = self.scales.len() - 16 * at;
+            out.extend(plain[..left.min(16)].iter().map(|v| f64::from(*v)));
+        }
+        match &self.changed {
+            None => {}
+            Some(Changed {
+                n,
+                rows: Rows::Plain(rows, factors),
+            }) => {
+                for ((of, factors), forms) in factors.iter().enumerate().zip(out.chunks_mut(4)) {
+                    self.less_known(rows, *n, (4 * of, factors), z, room, forms);
+                }
+            }
+            Some(_) => {
+                let white = &mut room.white[0];
+                for (at, form) in out.iter_mut().enumerate() {
+                    self.whiten(at, z, (&mut room.short, &mut room.dots), white);
+                    *form -= dot(white, white);
+                }
+            }
+        }
         for (out, normaliser) in out.iter_mut().zip(&self.normalisers) {
             *out = normaliser - 0.5 * *out;
         }
     }
 
+    /// Takes qᵀ G⁻¹ q off the forms of up to four scales, the first of which is `first`.
+    fn less_known(
+        &self,
+        rows: &[f32],
+        n: usize,
+        (first, factors): (usize, &Factors),
+        z: &[f32],
+        room: &mut Room,
+        forms: &mut [f64],
+    ) {
+        room.fours.clear();
+        room.fours.resize(n, [0.0; 4]);
+        room.dots.resize(n, 0.0);
+        for s in 0..forms.len() {
+            products(self.shares(first + s), z, &mut room.short);
+            row_dots(rows, self.stride, &room.short, &mut room.dots);
+            let both = room.fours.iter_mut().zip(&room.dots);
+            both.for_each(|(q, dot)| q[s] = f64::from(*dot));
+        }
+        factors.forward(&mut room.fours);
+        let mut known = [0.0; 4];
+        for q in &room.fours {
+            (0..4).for_each(|s| known[s] += q[s] * q[s]);
+        }
+        forms.iter_mut().zip(known).for_each(|(f, k)| *f -= k);
+    }
+
+    /// L⁻¹ q of a residual; nothing where no coordinate is changed.
+    pub fn whitened(&self, at: usize, z: &[f32]) -> Vec<f64> {
+        let (mut room, mut out) = (Room::default(), Vec::new());
+        self.whiten(at, z, (&mut room.short, &mut room.dots), &mut out);
+        out
+    }
+
+    /// The same into `out`.
+    fn whiten(
+        &self,
+        at: usize,
+        z: &[f32],
+        (short, dots): (&mut Vec<f32>, &mut Vec<f32>),
+        out: &mut Vec<f64>,
+    ) {
+        out.clear();
+        let Some(Changed { n, rows }) = &self.changed else {
+            return;
+        };
+        dots.resize(*n, 0.0);
+        match rows {
+            Rows::Solved(rows) => {
+                row_dots(solved_at(rows, at, n * self.stride), self.stride, z, dots)
+            }
+            Rows::Plain(rows, _) => {
+                products(self.shares(at), z, short);
+                row_dots(rows, self.stride, short, dots);
+            }
+        }
+        out.extend(dots.iter().map(|v| f64::from(*v)));
+        if let Rows::Plain(_, factors) = rows {
+            factors[at / 4].forward_one(at % 4, out);
+        }
+    }
+
     /// The log evidence of a residual at each of the leaves' levels, whose scales these are, given its z and that of the
     /// leaf's step; into `out`.
-    pub fn logs_of_leaf(&self, z: &[f32], step: &[f32], levels: &[Active], out: &mut Vec<f64>) {
+    pub fn logs_of_leaf(
+        &self,
+        (z, step): (&[f32], &[f32]),
+        levels: &[Active],
+        room: &mut Room,
+        out: &mut Vec<f64>,
+    ) {
         let mut forms = [[0.0f32; 3]; MOST_LEAVES];
         let forms = &mut forms[..self.scales.len()];
         let reaches = |at: usize| levels.iter().any(|l| l.at == at && l.along > 0.0);
         simd::weighted_forms(&self.shares, z, step, reaches, forms);
-        let (mut p, mut q) = (Vec::new(), Vec::new());
+        let Room {
+            short, dots, white, ..
+        } = room;
+        let [p, q] = white;
         out.clear();
         out.resize(levels.len(), 0.0);
         for (at, form) in forms.iter().enumerate() {
             let mut form = form.map(f64::from);
-            if self.changed > 0 {
-                self.whiten(at, z, &mut p);
-                form[0] -= dot(&p, &p);
+            if self.changed.is_some() {
+                self.whiten(at, z, (short, dots), p);
+                form[0] -= dot(p, p);
                 if reaches(at) {
-                    self.whiten(at, step, &mut q);
-                    form[1] -= dot(&p, &q);
-                    form[2] -= dot(&q, &q);
+                    self.whiten(at, step, (short, dots), q);
+                    form[1] -= dot(p, q);
+                    form[2] -= dot(q, q);
                 }
             }
             let plain = self.normalisers[at] - 0.5 * form[0];
@@ -235,30 +270,107 @@ impl Scales {
 
     /// Adds `weight` a w of a residual at a scale to `out`, given its z: w is the residual with the inverse of a C_oo + R
     /// applied to it.
-    pub fn add_solved(&self, at: usize, z: &[f32], weight: f64, out: &mut [f32]) {
+    pub fn add_solved(&self, at: usize, z: &[f32], weight: f64, room: &mut Room, out: &mut [f32]) {
         let weight = (weight * self.scales[at]) as f32;
-        for ((o, s), z) in out.iter_mut().zip(self.shares(at)).zip(z) {
-            *o += weight * s * z;
-        }
-        if let Some(rows) = self.rows_at(at) {
-            let mut q = self.whitened(at, z);
-            if let Some(factor) = self.factor_at(at) {
-                backward(factor, self.changed, &mut q);
+        let Some(Changed { rows, .. }) = &self.changed else {
+            for ((o, s), z) in out.iter_mut().zip(self.shares(at)).zip(z) {
+                *o += weight * s * z;
             }
-            let q: Vec<f32> = q.iter().map(|v| *v as f32).collect();
-            let mut changed = vec![0.0; self.stride];
-            combine(rows, self.stride, &q, &mut changed);
-            let both = out.iter_mut().zip(&changed);
-            both.for_each(|(o, c)| *o -= weight * c);
+            return;
+        };
+        let Room {
+            short, dots, white, ..
+        } = room;
+        let q = &mut white[0];
+        self.whiten(at, z, (short, dots), q);
+        if let Rows::Plain(_, factors) = rows {
+            factors[at / 4].backward_one(at % 4, q);
+        }
+        dots.clear();
+        dots.extend(q.iter().map(|v| *v as f32));
+        short.clear();
+        short.resize(self.stride, 0.0);
+        let both = self.shares(at).iter().zip(z);
+        match rows {
+            Rows::Plain(rows, _) => {
+                combine(rows, self.stride, dots, short);
+                for ((o, c), (s, z)) in out.iter_mut().zip(short).zip(both) {
+                    *o += weight * s * (z - *c);
+                }
+            }
+            Rows::Solved(rows) => {
+                combine(
+                    solved_at(rows, at, q.len() * self.stride),
+                    self.stride,
+                    dots,
+                    short,
+                );
+                for ((o, c), (s, z)) in out.iter_mut().zip(short).zip(both) {
+                    *o += weight * (s * z - *c);
+                }
+            }
         }
     }
 }
 
-/// L⁻¹ of rows.
-fn whitened_rows(factor: &[f64], rows: &[f32], stride: usize) -> Vec<f32> {
-    let mut wide: Vec<f64> = rows.iter().map(|v| f64::from(*v)).collect();
-    simd::forward(factor, &mut wide, stride);
-    wide.iter().map(|v| *v as f32).collect()
+impl Rows {
+    /// L⁻¹ U_c diag(s) of one scale, whose s are given; `n` coordinates are changed.
+    fn solved(&self, n: usize, at: usize, shares: &[f32]) -> Cow<'_, [f32]> {
+        let (rows, factors) = match self {
+            Rows::Plain(rows, factors) => (rows, &factors[at / 4]),
+            Rows::Solved(rows) => {
+                return solved_at(rows, at, n * shares.len()).into();
+            }
+        };
+        let scaled = rows.chunks_exact(shares.len()).flat_map(|row| {
+            let both = row.iter().zip(shares);
+            both.map(|(u, s)| f64::from(u * s))
+        });
+        let mut wide: Vec<f64> = scaled.collect();
+        simd::forward(&factors.one(at % 4), &mut wide, shares.len());
+        wide.iter().map(|v| *v as f32).collect()
+    }
+}
+
+/// Those of one scale, of which there are `size` numbers.
+fn solved_at(rows: &[f32], at: usize, size: usize) -> &[f32] {
+    &rows[at * size..(at + 1) * size]
+}
+
+/// L Lᵀ = G of some scales (the first, how many).
+fn factors(
+    even: &Even,
+    (first, count): (usize, usize),
+    changed: &[(usize, f64)],
+    unit: f64,
+) -> Factors {
+    let (n, stride) = (changed.len(), even.scales.stride);
+    let size = even.precisions.len() / even.scales.scales.len();
+    let mut lower = vec![[0.0; 4]; n * n];
+    for s in 0..4 {
+        // Beyond the last there are those of nothing.
+        let precision = (s < count).then(|| &even.precisions[(first + s) * size..][..size]);
+        for (a, (i, noise)) in changed.iter().enumerate() {
+            if let Some(precision) = precision {
+                let row = &precision[i * stride..(i + 1) * stride];
+                let before = lower[a * n..].iter_mut().zip(&changed[..=a]);
+                before.for_each(|(l, (j, _))| l[s] = f64::from(row[*j]));
+            }
+            // 1 / ∞ is 0: a missing coordinate.
+            lower[a * n + a][s] += if precision.is_some() {
+                1.0 / (noise - unit)
+            } else {
+                1.0
+            };
+        }
+    }
+    Factors::of(lower, n)
+}
+
+/// s z.
+fn products(shares: &[f32], z: &[f32], out: &mut Vec<f32>) {
+    out.clear();
+    out.extend(shares.iter().zip(z).map(|(s, z)| s * z));
 }
 
 /// The weight of each that is named, once.
@@ -275,9 +387,14 @@ pub fn merged<'a>(weights: &[Weighed<'a>]) -> Vec<Weighed<'a>> {
 }
 
 /// Σ log, by products of eight: logarithms cost more than all else here.
-pub fn log_product(values: &[f64]) -> f64 {
-    values
-        .chunks(8)
-        .map(|c| c.iter().product::<f64>().ln())
-        .sum()
+pub fn log_product(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (mut sum, mut product) = (0.0, 1.0);
+    for (i, value) in values.into_iter().enumerate() {
+        product *= value;
+        if i % 8 == 7 {
+            sum += f64::ln(product);
+            product = 1.0;
+        }
+    }
+    sum + product.ln()
 }

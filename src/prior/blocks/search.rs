@@ -4,7 +4,7 @@ use super::explained::{Explained, Hypothesis, NEGLIGIBLE, Seen};
 use super::leaves::Opened;
 use super::near::Nearest;
 use super::part::{Active, Part, Sight, View};
-use super::scales::Scales;
+use super::scales::{Room, Scales};
 use crate::prior::small::LogSum;
 use crate::simd::padded;
 
@@ -68,6 +68,7 @@ pub struct Desk {
     z: Vec<f32>,
     each: Vec<f64>,
     state: Residual,
+    room: Room,
 }
 
 /// The best blocks so far.
@@ -143,7 +144,7 @@ impl<'a> Search<'a> {
             let rest = desk.off.iter_mut().zip(means);
             rest.for_each(|(o, (y, m))| *o = (y - m) as f32);
             sight.lens.project(&desk.off, &mut desk.z);
-            sight.scales.logs(&desk.z, &mut desk.each);
+            (sight.scales).logs(&desk.z, &mut desk.room, &mut desk.each);
             let share = cells.log_shares[cell] + fading;
             let seen = self.found.seen.len();
             let mut most = f64::NEG_INFINITY;
@@ -212,7 +213,7 @@ impl<'a> Search<'a> {
                 } = cells[of];
                 let (state, each) = (&mut desk.state, &mut desk.each);
                 state.of_leaf(sight, self.found.z(seen, sight), opened, &self.short, leaf);
-                scales.logs_of_leaf(&state.z, &state.step, levels, each);
+                scales.logs_of_leaf((&state.z, &state.step), levels, &mut desk.room, each);
                 for (at, (level, log)) in levels.iter().zip(each).enumerate() {
                     let block = Hypothesis {
                         log: share + fading + *log,

@@ -175,7 +175,7 @@ impl Lens {
     }
 
     /// At some scales; nothing may be changed.
-    pub fn at(&self, scales: Vec<f64>) -> Scales {
+    pub fn at(&self, scales: &[f64]) -> Scales {
         let shared = match (&self.cut, self.values()) {
             (Some(cut), [.., last]) => Some((cut.shared - 1.0, *last)),
             _ => None,
@@ -184,7 +184,7 @@ impl Lens {
     }
 
     /// The same with no direction shared, to be [changed](Lens::changed).
-    pub fn even(&self, scales: Vec<f64>) -> Even {
+    pub fn even(&self, scales: &[f64]) -> Even {
         let scales = self.of(scales, &self.basis.values, None);
         let (d, stride) = (self.basis.len(), self.basis.stride());
         let mut precisions = vec![0.0; scales.scales.len() * d * stride];
@@ -210,16 +210,13 @@ impl Lens {
         Scales::changed(even, &self.basis, &self.changed, self.unit, constant, many)
     }
 
-    fn of(&self, scales: Vec<f64>, values: &[f64], shared: Option<(f64, f64)>) -> Scales {
-        let mut out = Scales::of(scales, padded(values.len()));
-        for at in 0..out.scales.len() {
-            let share = |l: &f64| 1.0 / (out.scales[at] * l + self.unit);
-            let shares: Vec<f64> = values.iter().map(share).collect();
+    fn of(&self, scales: &[f64], values: &[f64], shared: Option<(f64, f64)>) -> Scales {
+        Scales::new(scales, padded(values.len()), |scale, shares| {
+            let share = |l: &f64| 1.0 / (scale * l + self.unit);
+            shares.extend(values.iter().map(|l| share(l) as f32));
             let more = shared.map_or(0.0, |(count, last)| count * share(&last).ln());
-            let normaliser = self.constant + 0.5 * (log_product(&shares) + more);
-            out.push(&shares, normaliser);
-        }
-        out
+            self.constant + 0.5 * (log_product(values.iter().map(share)) + more)
+        })
     }
 
     /// λ of the directions that are not shared.
@@ -254,6 +251,7 @@ impl Lens {
 #[cfg(test)]
 mod tests {
     use super::super::part::Active;
+    use super::super::scales::Room;
     use super::*;
     use crate::prior::conditional::Conditional;
 
@@ -274,13 +272,13 @@ mod tests {
         let want = Conditional::new(c.view(), &noise);
         let y: Vec<f64> = (0..d).map(|i| (i as f64 * 1.3).cos()).collect();
         let r: Vec<f32> = y.iter().map(|v| *v as f32).collect();
-        let scales = lens.at(vec![1.0]);
+        let scales = lens.at(&[1.0]);
         let (mut z, mut logs, mut mean) = (Vec::new(), Vec::new(), vec![0.0; d]);
         lens.project(&r, &mut z);
-        scales.logs(&z, &mut logs);
+        scales.logs(&z, &mut Room::default(), &mut logs);
         assert!((logs[0] - want.log_density(&y)).abs() <= 1e-3, "{logs:?}");
         let mut w = vec![0.0; z.len()];
-        scales.add_solved(0, &z, 1.0, &mut w);
+        scales.add_solved(0, &z, 1.0, &mut Room::default(), &mut w);
         lens.add_gain(&w, &mut mean);
         let told = want.mean(&y);
         assert!(mean.iter().zip(told).all(|(a, b)| (a - b).abs() <= 5e-3));
@@ -317,9 +315,9 @@ mod tests {
                     let noise = [*unit; 6];
                     let even = Pattern::of(&noise);
                     let plain = Lens::new(&basis, &noise, &(0..6).collect(), &even);
-                    lens.changed(&plain.even(scales.to_vec()), many)
+                    lens.changed(&plain.even(&scales), many)
                 }
-                _ => lens.at(scales.to_vec()),
+                _ => lens.at(&scales),
             };
             for (scale, many) in [(1.0, false), (2.5, true), (0.03, true), (0.03, false)] {
                 let prior = &c * scale;
@@ -330,12 +328,12 @@ mod tests {
                 lens.project(&r, &mut z);
                 let scales = at([scale, 0.5 * scale], many);
                 let mut w = vec![0.0; z.len()];
-                scales.add_solved(0, &z, 1.0, &mut w);
+                scales.add_solved(0, &z, 1.0, &mut Room::default(), &mut w);
                 lens.add_gain(&w, &mut mean);
                 let told = want.mean(&y);
                 assert!(mean.iter().zip(told).all(|(a, b)| (a - b).abs() <= 1e-4));
                 let mut logs = Vec::new();
-                scales.logs(&z, &mut logs);
+                scales.logs(&z, &mut Room::default(), &mut logs);
                 let log = logs[0];
                 assert!(
                     (log - want.log_density(&y)).abs() <= 1e-4,
@@ -362,7 +360,7 @@ mod tests {
                     along,
                 };
                 let levels = [level(0, 0.0), level(0, 1.5), level(1, 0.5)];
-                scales.logs_of_leaf(&z, &of_step, &levels, &mut logs);
+                scales.logs_of_leaf((&z, &of_step), &levels, &mut Room::default(), &mut logs);
                 for (level, log) in levels.iter().zip(&logs) {
                     let prior = Array2::from_shape_fn((6, 6), |(i, j)| {
                         level.scale * c[[i, j]] + level.along * f64::from(step[i] * step[j])
