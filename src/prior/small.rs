@@ -70,6 +70,21 @@ pub fn log_sum(logs: &[f64]) -> f64 {
     top + logs.iter().map(|l| (l - top).exp()).sum::<f64>().ln()
 }
 
+/// Σ log of numbers above 0, by products of as many as fit a number: logarithms cost more than products.
+pub fn log_product(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (mut sum, mut product) = (0.0, 1.0);
+    for value in values {
+        let next = product * value;
+        if (1e-280..1e280).contains(&next) {
+            product = next;
+        } else {
+            sum += f64::ln(product);
+            product = value;
+        }
+    }
+    sum + product.ln()
+}
+
 /// log Σ exp of what comes one by one.
 #[derive(Debug, Clone, Copy)]
 pub struct LogSum {
@@ -130,6 +145,16 @@ mod tests {
         assert_eq!(z, [4.0, 4.0]);
         backward(&a, 2, &mut z);
         assert_eq!(z, [1.0, 2.0]);
+    }
+
+    #[test]
+    fn the_log_of_a_product_is_the_sum_of_logs_however_small_or_large_it_is() {
+        let values = [3.0, 1e-300, 2e-308, 0.5, 1e300, 1e300, 1e-160, 1e-160, 7.0];
+        let plain: f64 = values.iter().map(|v: &f64| v.ln()).sum();
+        assert!((log_product(values) - plain).abs() <= 1e-12 * plain.abs());
+        assert_eq!(log_product([]), 0.0);
+        assert_eq!(log_product([2.0, 0.0, 3.0]), f64::NEG_INFINITY);
+        assert!(log_product([2.0, f64::NAN, 3.0]).is_nan());
     }
 
     #[test]

@@ -19,6 +19,7 @@ mod cells;
 mod explained;
 mod file;
 mod fours;
+mod kinds;
 mod learn;
 mod leaves;
 mod lens;
@@ -36,6 +37,7 @@ use super::small::log_sum;
 use super::{Belief, Enough, Fit, Posterior, Prior, Slope};
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use answer::Told;
+use kinds::{ANSWERED, PLACED};
 use learn::variance_of;
 use leaves::Poses;
 use lens::Pattern;
@@ -76,30 +78,6 @@ pub struct Blocks {
     limit: Limit,
 }
 
-/// Noise variances (cm²) of a frame, of three kinds or more, that differ by no more than this factor count as one: where all
-/// are alike, directions serve every scale.
-const ALIKE: f64 = 1.5;
-
-/// The noise that is reckoned with: never below the floor. Where it is of many kinds, as a smoother leaves it, they become
-/// one if they are alike, else each is rounded to a quarter of an octave: frames that differ by less share all that is
-/// made for their noise.
-fn told(noise: &[f64]) -> Vec<f64> {
-    let noise: Vec<f64> = noise.iter().map(|n| n.max(FLOOR)).collect();
-    let finite = || noise.iter().copied().filter(|n| n.is_finite());
-    let (least, most) = finite().fold((f64::INFINITY, FLOOR), |(a, b), n| (a.min(n), b.max(n)));
-    if finite().all(|n| n == least || n == most) {
-        return noise;
-    }
-    let rounded = |v: f64| ((v.log2() * 4.0).round() / 4.0).exp2().max(FLOOR);
-    let one = rounded((least * most).sqrt());
-    let kind = |n: &f64| match *n {
-        n if !n.is_finite() => n,
-        _ if most <= ALIKE * least => one,
-        n => rounded(n),
-    };
-    noise.iter().map(kind).collect()
-}
-
 /// No view of any part is made yet.
 fn unmet(parts: usize) -> Arc<Vec<Met<View>>> {
     Arc::new((0..parts).map(|_| Met::default()).collect())
@@ -108,7 +86,7 @@ fn unmet(parts: usize) -> Arc<Vec<Met<View>>> {
 impl Blocks {
     /// How each part is seen through the noise (3 J). A limb is often seen as it was before where the body is not.
     fn views(&self, noise: &[f64]) -> Vec<Arc<View>> {
-        let noise = told(noise);
+        let noise = kinds::few(noise, ANSWERED);
         (0..self.parts.len())
             .map(|p| self.view(p, &noise))
             .collect()
@@ -176,7 +154,7 @@ impl Prior for Blocks {
 
     /// By the cells of the whole body alone: what a placement of 2-D input is searched with, many times a frame.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
-        let (part, view) = (&self.parts[0], &self.view(0, &told(noise)));
+        let (part, view) = (&self.parts[0], &self.view(0, &kinds::few(noise, PLACED)));
         let found = part.explain_by_cells(view, y);
         let pose = part.answer(view, y, &found, Told::Mean).mean;
         Fit {
@@ -187,7 +165,7 @@ impl Prior for Blocks {
     }
 
     fn slope(&self, y: &[f64], noise: &[f64], moves: &[Vec<f64>]) -> Option<Slope> {
-        Some(self.parts[0].slope(&self.view(0, &told(noise)), y, moves))
+        Some(self.parts[0].slope(&self.view(0, &kinds::few(noise, PLACED)), y, moves))
     }
 
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
@@ -323,18 +301,6 @@ mod tests {
                 .chain(none.covariance.diag())
                 .all(|v| v.is_finite())
         );
-    }
-
-    #[test]
-    fn noise_that_is_alike_counts_as_one() {
-        let inf = f64::INFINITY;
-        let one = told(&[1.0, 1.2, inf, 1.4]);
-        assert!(one[0] == one[1] && one[1] == one[3] && one[2] == inf);
-        assert!((1.0..1.4).contains(&one[0]));
-        // Two kinds stay as they are, more are rounded, and none is below the floor.
-        assert_eq!(told(&[1.0, 5.0, inf]), [1.0, 5.0, inf]);
-        let many = told(&[0.0, 1.0, 2.0, 2.1, inf]);
-        assert!(many[0] >= FLOOR && many[1] == 1.0 && many[2] == many[3]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::basis::Basis;
 use super::fours::{Factors, Four};
 use super::part::Active;
-use crate::prior::small::dot;
+use crate::prior::small::{dot, log_product};
 use crate::simd::{self, combine, row_dots, weighted_rows};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -42,8 +42,8 @@ enum Rows {
 pub struct Even {
     /// At all directions.
     pub scales: Scales,
-    /// P = U diag(s) Uᵀ of each scale, (scales, d, d), rows padded.
-    pub precisions: Vec<f32>,
+    /// P = U diag(s) Uᵀ, (d, d), lower triangle by rows, of four scales at a time side by side.
+    pub precisions: Vec<Vec<[f32; 4]>>,
 }
 
 /// One scale of a lens, with a weight.
@@ -97,8 +97,9 @@ impl Scales {
         let finite = changed.iter().filter(|(_, noise)| noise.is_finite());
         let constant = constant - 0.5 * log_product(finite.map(|(_, noise)| noise - unit));
         let mut all = Vec::with_capacity(out.scales.len().div_ceil(4));
-        for (of, normalisers) in out.normalisers.chunks_mut(4).enumerate() {
-            let factors = factors(even, (4 * of, normalisers.len()), changed, unit);
+        let fours = out.normalisers.chunks_mut(4).zip(&even.precisions);
+        for (normalisers, precisions) in fours {
+            let factors = factors(precisions, basis.len(), changed, unit);
             for (s, normaliser) in normalisers.iter_mut().enumerate() {
                 *normaliser += constant - log_product(factors.pivots(s));
             }
@@ -337,32 +338,18 @@ fn solved_at(rows: &[f32], at: usize, size: usize) -> &[f32] {
     &rows[at * size..(at + 1) * size]
 }
 
-/// L Lᵀ = G of some scales (the first, how many).
-fn factors(
-    even: &Even,
-    (first, count): (usize, usize),
-    changed: &[(usize, f64)],
-    unit: f64,
-) -> Factors {
-    let (n, stride) = (changed.len(), even.scales.stride);
-    let size = even.precisions.len() / even.scales.scales.len();
+/// L Lᵀ = G of up to four scales, by their P (d, d).
+fn factors(precisions: &[[f32; 4]], d: usize, changed: &[(usize, f64)], unit: f64) -> Factors {
+    let n = changed.len();
     let mut lower = vec![[0.0; 4]; n * n];
-    for s in 0..4 {
-        // Beyond the last there are those of nothing.
-        let precision = (s < count).then(|| &even.precisions[(first + s) * size..][..size]);
-        for (a, (i, noise)) in changed.iter().enumerate() {
-            if let Some(precision) = precision {
-                let row = &precision[i * stride..(i + 1) * stride];
-                let before = lower[a * n..].iter_mut().zip(&changed[..=a]);
-                before.for_each(|(l, (j, _))| l[s] = f64::from(row[*j]));
-            }
-            // 1 / ∞ is 0: a missing coordinate.
-            lower[a * n + a][s] += if precision.is_some() {
-                1.0 / (noise - unit)
-            } else {
-                1.0
-            };
+    for (a, (i, noise)) in changed.iter().enumerate() {
+        let row = &precisions[i * d..(i + 1) * d];
+        let own = &mut lower[a * n..=a * n + a];
+        for (l, (j, _)) in own.iter_mut().zip(changed) {
+            *l = row[*j].map(f64::from);
         }
+        // 1 / ∞ is 0: a missing coordinate.
+        own[a].iter_mut().for_each(|l| *l += 1.0 / (noise - unit));
     }
     Factors::of(lower, n)
 }
@@ -384,17 +371,4 @@ pub fn merged<'a>(weights: &[Weighed<'a>]) -> Vec<Weighed<'a>> {
         }
     }
     out
-}
-
-/// Σ log, by products of eight: logarithms cost more than all else here.
-pub fn log_product(values: impl IntoIterator<Item = f64>) -> f64 {
-    let (mut sum, mut product) = (0.0, 1.0);
-    for (i, value) in values.into_iter().enumerate() {
-        product *= value;
-        if i % 8 == 7 {
-            sum += f64::ln(product);
-            product = 1.0;
-        }
-    }
-    sum + product.ln()
 }

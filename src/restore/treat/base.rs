@@ -10,6 +10,8 @@ use super::bodies::{Bodies, Lengths};
 use super::bones::{SHARE, SLAB, deviations};
 use crate::prior::EXACT;
 use crate::prior::pairs::RigidPairs;
+use crate::prior::small::log_product;
+use crate::simd;
 
 /// Standard deviations of base noise that are tried, cm.
 const BASES: [f64; 12] = [
@@ -82,23 +84,58 @@ impl Deviation {
         sum.max(f64::MIN_POSITIVE).ln()
     }
 
-    /// The same where both ends are known to be clean.
-    fn log_of_clean(&self, square: f64) -> f64 {
-        (self.heights[0] / (1.0 - SHARE).powi(2)).ln() - self.rates[0] * square
+    /// The log likelihood of no deviation at all where both ends are known to be clean.
+    fn log_of_clean(&self) -> f64 {
+        (self.heights[0] / (1.0 - SHARE).powi(2)).ln()
+    }
+}
+
+/// Those of all distances of a body under one base noise, part by part of their sums.
+#[derive(Debug, Clone)]
+struct Deviations {
+    /// The heights and the rates of each part.
+    parts: Vec<(Vec<f64>, Vec<f64>)>,
+    clean: Vec<f64>,
+}
+
+impl Deviations {
+    /// By the variances the distances have where both ends are clean, cm².
+    fn of(variances: impl Iterator<Item = f64>) -> Deviations {
+        let each: Vec<Deviation> = variances.map(Deviation::of).collect();
+        let part = |s: usize| {
+            let heights = each.iter().map(|d| d.heights[s]).collect();
+            (heights, each.iter().map(|d| d.rates[s]).collect())
+        };
+        Deviations {
+            parts: (0..=SLABS.len()).map(part).collect(),
+            clean: each.iter().map(Deviation::log_of_clean).collect(),
+        }
+    }
+
+    /// The log likelihoods of what is `seen`, by the `squares` of how far all are off: whatever points are corrupt, and where
+    /// none is. `sums` is room.
+    fn logs(&self, seen: &[usize], squares: &[f64], sums: &mut Vec<f64>) -> (f64, f64) {
+        sums.clear();
+        sums.resize(squares.len(), 0.0);
+        for (heights, rates) in &self.parts {
+            simd::add_decays(heights, rates, squares, sums);
+        }
+        let whatever = seen.iter().map(|&k| sums[k].max(f64::MIN_POSITIVE));
+        let rates = &self.parts[0].1;
+        let clean = seen.iter().map(|&k| self.clean[k] - rates[k] * squares[k]);
+        (log_product(whatever), clean.sum())
     }
 }
 
 /// The deviations of all distances of each body, under each base noise.
 #[derive(Debug, Clone, Default)]
-pub struct Bases(Vec<Vec<Vec<Deviation>>>);
+pub struct Bases(Vec<Vec<Deviations>>);
 
 impl Bases {
     /// Of the bodies' lengths.
     pub fn of(bodies: &Bodies) -> Bases {
-        let under = |l: &Lengths, sd: f64| -> Vec<Deviation> {
-            let variances = l.variance.iter().map(|v| v + 2.0 * sd * sd);
-            variances.map(Deviation::of).collect()
-        };
+        let under =
+            |l: &Lengths, sd: f64| Deviations::of(l.variance.iter().map(|v| v + 2.0 * sd * sd));
         let all = bodies.all.iter();
         Bases(
             all.map(|(_, l)| BASES.map(|sd| under(l, sd)).to_vec())
@@ -115,20 +152,19 @@ impl Bases {
             return None;
         }
         let (mut with, mut without) = ((f64::NEG_INFINITY, None), f64::NEG_INFINITY);
+        let which: Vec<usize> = seen.iter().map(|(k, _)| *k).collect();
+        // What is not seen is read nowhere.
+        let (mut squares, mut sums) = (vec![0.0; pairs.pairs.len()], Vec::new());
         for (at, ((share, lengths), bases)) in bodies.all.iter().zip(&self.0).enumerate() {
-            let squares: Vec<(usize, f64)> = (seen.iter())
-                .map(|&(k, d)| (k, (d - lengths.mean[k]).powi(2)))
-                .collect();
+            for &(k, d) in &seen {
+                squares[k] = (d - lengths.mean[k]).powi(2);
+            }
             for (sd, of) in BASES.into_iter().zip(bases) {
-                let logs = squares.iter().map(|(k, square)| of[*k].log(*square));
-                let log = share + logs.sum::<f64>();
-                if log > with.0 {
-                    with = (log, (!bodies.is_stranger(at)).then_some(sd));
+                let (whatever, clean) = of.logs(&which, &squares, &mut sums);
+                if share + whatever > with.0 {
+                    with = (share + whatever, (!bodies.is_stranger(at)).then_some(sd));
                 }
-                let clean = squares
-                    .iter()
-                    .map(|(k, square)| of[*k].log_of_clean(*square));
-                without = without.max(share + clean.sum::<f64>());
+                without = without.max(share + clean);
             }
         }
         Some(BaseNoise {

@@ -24,8 +24,9 @@ mod left;
 mod pattern;
 
 use super::basis::Basis;
-use super::scales::{Even, Scales, log_product};
+use super::scales::{Even, Scales};
 use crate::linalg::symmetric_eigen;
+use crate::prior::small::log_product;
 use crate::simd::{self, combine, padded, row_dots};
 use cut::Cut;
 use ndarray::Array2;
@@ -187,17 +188,17 @@ impl Lens {
     pub fn even(&self, scales: &[f64]) -> Even {
         let scales = self.of(scales, &self.basis.values, None);
         let (d, stride) = (self.basis.len(), self.basis.stride());
-        let mut precisions = vec![0.0; scales.scales.len() * d * stride];
+        let vectors = self.basis.vectors();
+        // Beyond the last scale there is that of nothing.
+        let mut nothing = vec![[0.0; 4]; d * d];
+        (0..d).for_each(|i| nothing[i * d + i] = [1.0; 4]);
+        let count = scales.scales.len();
+        let mut precisions = vec![nothing; count.div_ceil(4)];
         let mut whole = vec![0.0; d * d];
-        for (at, to) in precisions.chunks_exact_mut(d * stride).enumerate() {
-            let vectors = self.basis.vectors();
+        for at in 0..count {
             simd::weighted_products(vectors, stride, scales.shares(at), &mut whole);
-            for i in 0..d {
-                for j in 0..=i {
-                    to[i * stride + j] = whole[i * d + j];
-                    to[j * stride + i] = whole[i * d + j];
-                }
-            }
+            let both = precisions[at / 4].iter_mut().zip(&whole);
+            both.for_each(|(p, w)| p[at % 4] = *w);
         }
         Even { scales, precisions }
     }
