@@ -328,6 +328,7 @@ pub fn distance(y: &[f32], x: &[f32]) -> f32 {
 /// Σ w (y − row)² of each row.
 pub fn distances(rows: &[f32], y: &[f32], w: &[f32], out: &mut Vec<f32>) {
     out.clear();
+    out.reserve(rows.len() / y.len().max(1));
     wide(
         #[inline(always)]
         || {

@@ -134,9 +134,8 @@ impl View {
     /// An observation (d) in single precision, padded; 0 where missing.
     pub fn short(&self, y: &[f64]) -> Vec<f32> {
         let seen = y.iter().zip(&self.noise);
-        let mut short: Vec<f32> = seen
-            .map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 })
-            .collect();
+        let mut short = Vec::with_capacity(padded(y.len()));
+        short.extend(seen.map(|(y, n)| if n.is_finite() { *y as f32 } else { 0.0 }));
         short.resize(padded(short.len()), 0.0);
         short
     }

@@ -323,11 +323,11 @@ impl Rows {
                 return solved_at(rows, at, n * shares.len()).into();
             }
         };
-        let scaled = rows.chunks_exact(shares.len()).flat_map(|row| {
-            let both = row.iter().zip(shares);
-            both.map(|(u, s)| f64::from(u * s))
-        });
-        let mut wide: Vec<f64> = scaled.collect();
+        let mut wide = Vec::with_capacity(rows.len());
+        for row in rows.chunks_exact(shares.len()) {
+            let scaled = row.iter().zip(shares).map(|(u, s)| f64::from(u * s));
+            wide.extend(scaled);
+        }
         simd::forward(&factors.one(at % 4), &mut wide, shares.len());
         wide.iter().map(|v| *v as f32).collect()
     }

@@ -128,20 +128,25 @@ impl Lens {
 
     /// z of the residual `r` (d, padded with 0; read where seen), padded.
     pub fn project(&self, r: &[f32], z: &mut Vec<f32>) {
+        let (d, stride) = (self.basis.len(), self.basis.stride());
+        let all = self.seen.len() == d;
         z.clear();
+        z.reserve(self.stride() + if all { 0 } else { d });
         z.resize(self.stride(), 0.0);
         if let Some(m) = &self.mixed {
-            let weights: Vec<f32> = self.seen.iter().map(|&i| r[i]).collect();
-            return combine(&m.across, z.len(), &weights, z);
-        }
-        let (d, stride) = (self.basis.len(), self.basis.stride());
-        if self.seen.len() == d {
+            // What is seen of the residual stands behind z for a while.
+            z.extend(self.seen.iter().map(|&i| r[i]));
+            let (z, seen) = z.split_at_mut(self.stride());
+            combine(&m.across, z.len(), seen, z);
+        } else if all {
             combine(self.basis.vectors(), stride, &r[..d], z);
         } else {
-            let mut weights = vec![0.0; d];
-            self.seen.iter().for_each(|&i| weights[i] = r[i]);
-            combine(self.basis.vectors(), stride, &weights, z);
+            z.resize(self.stride() + d, 0.0);
+            let (z, seen) = z.split_at_mut(self.stride());
+            self.seen.iter().for_each(|&i| seen[i] = r[i]);
+            combine(self.basis.vectors(), stride, seen, z);
         }
+        z.truncate(self.stride());
         if self.cut.is_some() {
             self.share(simd::dot(r, r), z);
         }
