@@ -4,7 +4,7 @@ use super::basis::Basis;
 use super::fours::{Factors, Four};
 use super::part::Active;
 use crate::prior::small::{dot, log_product};
-use crate::simd::{self, combine, row_dots, weighted_rows};
+use crate::simd::{self, combine, combine_of, row_dots, row_dots_of, weighted_rows};
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -31,10 +31,19 @@ struct Changed {
 
 #[derive(Debug, Clone)]
 enum Rows {
-    /// For few residuals: U_c (changed, directions), padded, and L of all scales, L Lᵀ = G, four at a time.
-    Plain(Vec<f32>, Vec<Factors>),
+    /// For few residuals: they are U's own.
+    Plain(Plain),
     /// For many: L⁻¹ U_c diag(s) of each scale: (scales × changed, directions), padded.
     Solved(Vec<f32>),
+}
+
+/// U_c, and L of all scales, L Lᵀ = G, four at a time.
+#[derive(Debug, Clone)]
+struct Plain {
+    basis: Arc<Basis>,
+    /// c, and the noise there.
+    changed: Arc<[(usize, f64)]>,
+    factors: Vec<Factors>,
 }
 
 /// A block seen through noise that is everywhere the same, at some scales: what noise that is not starts from.
@@ -84,8 +93,8 @@ impl Scales {
     /// evidence. `many` where more residuals than there are changed coordinates are to come.
     pub fn changed(
         even: &Even,
-        basis: &Basis,
-        changed: &[(usize, f64)],
+        basis: &Arc<Basis>,
+        changed: &Arc<[(usize, f64)]>,
         unit: f64,
         constant: f64,
         many: bool,
@@ -105,11 +114,11 @@ impl Scales {
             }
             all.push(factors);
         }
-        let mut rows = Vec::with_capacity(n * out.stride);
-        changed
-            .iter()
-            .for_each(|(i, _)| rows.extend_from_slice(basis.row(*i)));
-        let mut rows = Rows::Plain(rows, all);
+        let mut rows = Rows::Plain(Plain {
+            basis: basis.clone(),
+            changed: changed.clone(),
+            factors: all,
+        });
         if many {
             let mut solved = Vec::with_capacity(out.scales.len() * n * out.stride);
             for at in 0..out.scales.len() {
@@ -144,11 +153,12 @@ impl Scales {
         match &self.changed {
             None => {}
             Some(Changed {
-                n,
-                rows: Rows::Plain(rows, factors),
+                rows: Rows::Plain(plain),
+                ..
             }) => {
-                for ((of, factors), forms) in factors.iter().enumerate().zip(out.chunks_mut(4)) {
-                    self.less_known(rows, *n, (4 * of, factors), z, room, forms);
+                let fours = plain.factors.iter().enumerate();
+                for ((of, factors), forms) in fours.zip(out.chunks_mut(4)) {
+                    self.less_known(plain, (4 * of, factors), z, room, forms);
                 }
             }
             Some(_) => {
@@ -167,19 +177,19 @@ impl Scales {
     /// Takes qᵀ G⁻¹ q off the forms of up to four scales, the first of which is `first`.
     fn less_known(
         &self,
-        rows: &[f32],
-        n: usize,
+        plain: &Plain,
         (first, factors): (usize, &Factors),
         z: &[f32],
         room: &mut Room,
         forms: &mut [f64],
     ) {
+        let n = plain.changed.len();
         room.fours.clear();
         room.fours.resize(n, [0.0; 4]);
         room.dots.resize(n, 0.0);
         for s in 0..forms.len() {
             products(self.shares(first + s), z, &mut room.short);
-            row_dots(rows, self.stride, &room.short, &mut room.dots);
+            plain.dots(&room.short, &mut room.dots);
             let both = room.fours.iter_mut().zip(&room.dots);
             both.for_each(|(q, dot)| q[s] = f64::from(*dot));
         }
@@ -215,14 +225,14 @@ impl Scales {
             Rows::Solved(rows) => {
                 row_dots(solved_at(rows, at, n * self.stride), self.stride, z, dots)
             }
-            Rows::Plain(rows, _) => {
+            Rows::Plain(plain) => {
                 products(self.shares(at), z, short);
-                row_dots(rows, self.stride, short, dots);
+                plain.dots(short, dots);
             }
         }
         out.extend(dots.iter().map(|v| f64::from(*v)));
-        if let Rows::Plain(_, factors) = rows {
-            factors[at / 4].forward_one(at % 4, out);
+        if let Rows::Plain(plain) = rows {
+            plain.factors[at / 4].forward_one(at % 4, out);
         }
     }
 
@@ -284,8 +294,8 @@ impl Scales {
         } = room;
         let q = &mut white[0];
         self.whiten(at, z, (short, dots), q);
-        if let Rows::Plain(_, factors) = rows {
-            factors[at / 4].backward_one(at % 4, q);
+        if let Rows::Plain(plain) = rows {
+            plain.factors[at / 4].backward_one(at % 4, q);
         }
         dots.clear();
         dots.extend(q.iter().map(|v| *v as f32));
@@ -293,8 +303,9 @@ impl Scales {
         short.resize(self.stride, 0.0);
         let both = self.shares(at).iter().zip(z);
         match rows {
-            Rows::Plain(rows, _) => {
-                combine(rows, self.stride, dots, short);
+            Rows::Plain(plain) => {
+                let (basis, which) = (&plain.basis, plain.which());
+                combine_of(basis.vectors(), self.stride, which, dots, short);
                 for ((o, c), (s, z)) in out.iter_mut().zip(short).zip(both) {
                     *o += weight * s * (z - *c);
                 }
@@ -317,19 +328,29 @@ impl Scales {
 impl Rows {
     /// L⁻¹ U_c diag(s) of one scale, whose s are given; `n` coordinates are changed.
     fn solved(&self, n: usize, at: usize, shares: &[f32]) -> Cow<'_, [f32]> {
-        let (rows, factors) = match self {
-            Rows::Plain(rows, factors) => (rows, &factors[at / 4]),
-            Rows::Solved(rows) => {
-                return solved_at(rows, at, n * shares.len()).into();
-            }
+        let plain = match self {
+            Rows::Plain(plain) => plain,
+            Rows::Solved(rows) => return solved_at(rows, at, n * shares.len()).into(),
         };
-        let mut wide = Vec::with_capacity(rows.len());
-        for row in rows.chunks_exact(shares.len()) {
-            let scaled = row.iter().zip(shares).map(|(u, s)| f64::from(u * s));
-            wide.extend(scaled);
+        let mut wide = Vec::with_capacity(n * shares.len());
+        for i in plain.which() {
+            let row = plain.basis.row(i).iter().zip(shares);
+            wide.extend(row.map(|(u, s)| f64::from(u * s)));
         }
-        simd::forward(&factors.one(at % 4), &mut wide, shares.len());
+        simd::forward(&plain.factors[at / 4].one(at % 4), &mut wide, shares.len());
         wide.iter().map(|v| *v as f32).collect()
+    }
+}
+
+impl Plain {
+    fn which(&self) -> impl Iterator<Item = usize> + Clone {
+        self.changed.iter().map(|(i, _)| *i)
+    }
+
+    /// U_c x.
+    fn dots(&self, x: &[f32], out: &mut [f32]) {
+        let basis = &self.basis;
+        row_dots_of(basis.vectors(), basis.stride(), self.which(), x, out);
     }
 }
 
