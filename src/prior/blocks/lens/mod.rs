@@ -295,6 +295,48 @@ mod tests {
         assert!(off.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3));
     }
 
+    #[test]
+    fn a_scale_is_the_same_beside_any_number_of_others() {
+        let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
+        let c = b.dot(&b.t()) + Array2::<f64>::eye(6) * 0.01;
+        let basis = Arc::new(Basis::of(c.view()));
+        let noise = [0.5, f64::INFINITY, 0.5, 0.5, 2.0, 0.5];
+        let seen: Arc<[usize]> = (0..6).filter(|&i| noise[i].is_finite()).collect();
+        let lens = Lens::new(&basis, &noise, &seen, &Pattern::of(&noise));
+        let plain = Lens::new(
+            &basis,
+            &[0.5; 6],
+            &(0..6).collect(),
+            &Pattern::of(&[0.5; 6]),
+        );
+        let r = [1.0, 3.0, -0.5, 0.2, -1.4, 0.7, 0.0, 0.0];
+        let (mut z, mut room) = (Vec::new(), Room::default());
+        lens.project(&r, &mut z);
+        let mut told = |scales: &[f64], many: bool| {
+            let scales = lens.changed(&plain.even(scales), many);
+            let (mut logs, mut solved) = (Vec::new(), Vec::new());
+            scales.logs(&z, &mut room, &mut logs);
+            for at in 0..logs.len() {
+                let mut w = vec![0.0; z.len()];
+                scales.add_solved(at, &z, 1.0, &mut room, &mut w);
+                solved.push(w);
+            }
+            (logs, solved)
+        };
+        let all = [0.03, 0.2, 1.0, 2.5, 6.0, 15.0];
+        let many = told(&all, true);
+        let (logs, solved) = told(&all, false);
+        assert_eq!(logs.len(), all.len());
+        for (at, scale) in all.iter().enumerate() {
+            let (alone, own) = told(&[*scale], false);
+            assert_eq!(alone[0], logs[at]);
+            assert_eq!(own[0], solved[at]);
+            assert!((many.0[at] - logs[at]).abs() <= 1e-4);
+            let both = many.1[at].iter().zip(&solved[at]);
+            assert!(both.into_iter().all(|(a, b)| (a - b).abs() <= 1e-4));
+        }
+    }
+
     /// Every pattern gives what conditioning the Gaussian gives.
     #[test]
     fn a_lens_is_the_conditional_gaussian() {
