@@ -39,12 +39,8 @@ pub fn eights<J: WithSimd>(job: J) -> J::Output {
 
 /// Runs a job on the widest vectors there are.
 pub fn widest<J: WithSimd>(job: J) -> J::Output {
-    of_widest().dispatch(job)
-}
-
-fn of_widest() -> pulp::Arch {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
-    *ARCH.get_or_init(pulp::Arch::new)
+    ARCH.get_or_init(pulp::Arch::new).dispatch(job)
 }
 
 /// How many numbers of single precision the widest vectors hold.
@@ -64,7 +60,7 @@ pub fn lanes() -> usize {
 /// e^x by 12 terms of its series beside the nearest power of two, so that loops of it run side by side: within 1e-14 of it
 /// from −700 to 700; beyond, that of these.
 #[inline(always)]
-pub fn exp(x: f64) -> f64 {
+fn exp(x: f64) -> f64 {
     // Added to a number it leaves the nearest whole one in the lowest bits.
     const WHOLE: f64 = 6_755_399_441_055_744.0;
     // log 2 in two parts: the first has so few bits that its multiples are exact.
@@ -84,7 +80,7 @@ pub fn exp(x: f64) -> f64 {
 /// Adds height e^(−rate x) of each to `out`.
 pub fn add_decays(heights: &[f64], rates: &[f64], x: &[f64], out: &mut [f64]) {
     // Each by itself: the same on the widest vectors.
-    of_widest().dispatch(
+    widest(
         #[inline(always)]
         || {
             let all = out.iter_mut().zip(heights).zip(rates.iter().zip(x));

@@ -181,6 +181,22 @@ mod tests {
     use ndarray::Array2;
 
     #[test]
+    fn distances_side_by_side_are_as_likely_as_one_by_one() {
+        let variances = [1e-4, 0.3, 5.0, 80.0];
+        let squares = [1e-3, 40.0, 2e4, 1.0];
+        let all = Deviations::of(variances.into_iter());
+        // The last is not seen.
+        let (whatever, clean) = all.logs(&[0, 1, 2], &squares, &mut Vec::new());
+        let each = variances.iter().zip(squares).take(3);
+        let one = each.clone().map(|(v, x)| Deviation::of(*v).log(x));
+        let want: f64 = one.sum();
+        assert!((whatever - want).abs() <= 1e-9 * want.abs(), "{whatever}");
+        let normal = each.map(|(v, x)| -0.5 * (v.ln() + x / v));
+        let want: f64 = normal.sum();
+        assert!((clean - want).abs() <= 1e-9 * want.abs(), "{clean}");
+    }
+
+    #[test]
     fn the_base_noise_is_told_from_outliers() {
         let pairs = RigidPairs {
             pairs: (0..20)
