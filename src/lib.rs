@@ -58,7 +58,7 @@
 //!
 //! Arrows run one way: `pose` <- {`cluster`, `sparse`} <- `prior` <- `restore` <- `evaluate`; `io` knows `pose` alone;
 //! `cli` and the binaries stand on top, and only they print, read flags or know standard input. A test holds this.
-//! Everything random is seeded, everything parallel works in fixed chunks answered in order ([`par`]): the same input and
+//! Everything random is seeded, everything parallel works in fixed chunks answered in order ([`numeric::parallel`]): the same input and
 //! seed give the same bytes for any number of threads.
 
 pub mod cli;
@@ -66,12 +66,10 @@ pub mod cluster;
 pub mod error;
 pub mod evaluate;
 pub mod io;
-pub mod linalg;
-pub mod par;
+pub mod numeric;
 pub mod pose;
 pub mod prior;
 pub mod restore;
-pub mod simd;
 pub mod sparse;
 
 pub use error::{Error, Place, Result};

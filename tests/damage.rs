@@ -5,7 +5,7 @@ mod common;
 
 use posing::io::table::{ReadOptions, Table};
 use posing::io::{Input, Model, amc, asf};
-use posing::par::generator;
+use posing::numeric::parallel::rng;
 use posing::prior::pairs::RigidPairs;
 use rand::Rng;
 use std::io::Cursor;
@@ -113,7 +113,7 @@ fn damage(bytes: &[u8], rng: &mut impl Rng) -> Vec<u8> {
 
 /// Damages `whole` many times and reads each; a panic fails the test, an error must be one line with the file's name.
 fn batter(stream: u64, whole: &[&[u8]], read: impl Fn(Input) -> posing::Result<bool>) {
-    let mut rng = generator(4, stream);
+    let mut rng = rng(4, stream);
     let (mut refused, mut slowest) = (0, Duration::ZERO);
     for i in 0..FILES {
         let bytes = damage(whole[i as usize % whole.len()], &mut rng);
@@ -283,7 +283,7 @@ fn damaged_files_through_the_commands() {
     write("t.amc", take().as_bytes());
     write("t.csv", table().as_bytes());
     write("m.npz", &model().to_bytes().unwrap());
-    let mut rng = generator(4, 9);
+    let mut rng = rng(4, 9);
     for i in 0..60 {
         write("x.asf", &damage(ASF.as_bytes(), &mut rng));
         write("x.amc", &damage(take().as_bytes(), &mut rng));

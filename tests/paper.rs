@@ -8,7 +8,7 @@ use common::{command, shared, text};
 use ndarray::{Array2, Axis};
 use posing::io::Input;
 use posing::io::table::{ReadOptions, Table};
-use posing::par::generator;
+use posing::numeric::parallel::rng;
 use posing::pose::ASF_UNIT_CM;
 use posing::pose::joints::{CMU, PAPER_SIX};
 use rand::seq::SliceRandom;
@@ -34,7 +34,7 @@ fn shuffled(subject: &str, folder: &Path) -> Option<Array2<f64>> {
         .success();
     let poses = read(&out);
     let mut order: Vec<usize> = (0..poses.nrows()).collect();
-    order.shuffle(&mut generator(1, 0));
+    order.shuffle(&mut rng(1, 0));
     Some(poses.select(Axis(0), &order))
 }
 
@@ -67,11 +67,11 @@ fn the_papers_split_on_subject_07() {
     let train = poses.slice(ndarray::s![..half, ..]).to_owned();
     let truth = poses.slice(ndarray::s![half..half + 600, ..]).to_owned();
     write(&at("train.npy"), &train);
-    let mut rng = generator(2, 0);
-    let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+    let mut draws = rng(2, 0);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut draws) };
     let dense = truth.mapv(|v| v + normal() * ASF_UNIT_CM);
     let mut sparse = truth.clone();
-    let mut hit = generator(3, 0);
+    let mut hit = rng(3, 0);
     for mut row in sparse.rows_mut() {
         for p in 0..CMU.len() {
             if rand::Rng::random_bool(&mut hit, 0.2) {

@@ -7,7 +7,7 @@ use posing::cli::{Outcome, run, say};
 use posing::io::amc::{Frames, Reader};
 use posing::io::asf::{self, Asf};
 use posing::io::table::{Columns, Row, point_names};
-use posing::par::map_chunks;
+use posing::numeric::parallel::map_chunks;
 use posing::pose::kinematics::{Posture, Space};
 use posing::{Error, Place, Result};
 use std::ops::Range;

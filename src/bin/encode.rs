@@ -8,9 +8,10 @@ use posing::cli::streams::{RowStream, Sink, one_stdin_with, open_model};
 use posing::cli::{Outcome, run, say};
 use posing::io::table::Row;
 use posing::io::text::{push_number, push_single, push_whole};
+use posing::numeric::parallel;
 use posing::prior::sparse::dictionary;
 use posing::sparse::{Coder, Codes, Pursuit, Search};
-use posing::{Error, Place, Result, par};
+use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -98,14 +99,14 @@ fn work(args: &Args) -> Result<Outcome> {
         true => 2 * rayon::current_num_threads() + 1,
         false => 2,
     };
-    par::in_turn(
+    parallel::ordered_pipeline(
         ahead,
         || match first.take() {
             Some(poses) => Ok(Some(poses)),
             None => batches.next(),
         },
         |poses| match is_quick {
-            true => par::alone(|| coded(&coder, pursuit.sparsity, &poses)),
+            true => parallel::single_threaded(|| coded(&coder, pursuit.sparsity, &poses)),
             false => coded(&coder, pursuit.sparsity, &poses),
         },
         |lines| sink.put(&lines),
@@ -176,7 +177,7 @@ fn coded(coder: &Coder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>>
         }
         out
     };
-    Ok(par::map_chunks(codes.len(), LINES, lines).concat())
+    Ok(parallel::map_chunks(codes.len(), LINES, lines).concat())
 }
 
 fn line(out: &mut Vec<u8>, sparsity: usize, codes: &Codes, (i, rms): (usize, f64)) {

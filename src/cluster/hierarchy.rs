@@ -12,7 +12,8 @@ use super::kmeans::{Clustering, Report, best_run};
 use super::parameters::Parameters;
 use super::poses::{Near, Poses, exact_nearest};
 use super::update::{Groups, distances};
-use crate::{Error, Result, par};
+use crate::numeric::parallel;
+use crate::{Error, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, VecDeque};
@@ -122,7 +123,7 @@ impl Tree {
         }
         let table = poses.as_standard_layout();
         let poses = Poses::check(&table)?;
-        let found = par::map_chunks(poses.n, 1024, |rows| {
+        let found = parallel::map_chunks(poses.n, 1024, |rows| {
             rows.map(|i| self.walk(poses.row(i))).collect::<Vec<_>>()
         });
         Ok(found

@@ -6,7 +6,8 @@ use super::nearest::Centroids;
 use super::parameters::Parameters;
 use super::poses::Poses;
 use super::seeding;
-use crate::{Error, Result, par};
+use crate::numeric::parallel;
+use crate::{Error, Result};
 use ndarray::{Array2, ArrayView2};
 
 /// Poses parted into clusters.
@@ -121,7 +122,7 @@ pub(super) fn best_run(
         let stream = stream
             .wrapping_mul(parameters.restarts as u64)
             .wrapping_add(restart as u64);
-        let mut generator = par::generator(parameters.seed, stream);
+        let mut generator = parallel::rng(parameters.seed, stream);
         let (seeds, labels) =
             seeding::plus_plus(poses, parameters.k, &mut generator, &mut |seeds| {
                 observer(&Report::Seeds { restart, seeds })

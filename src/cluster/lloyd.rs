@@ -116,12 +116,12 @@ mod tests {
     use super::super::seeding;
     use super::super::testdata::{blobs, grid, noise, quiet, repeated, with_k};
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use ndarray::Array2;
 
     /// Lloyd without any pruning, from the same seeds.
     fn plain(poses: Poses<'_>, parameters: &Parameters) -> (Array2<f64>, Vec<u32>, usize) {
-        let mut generator = par::generator(parameters.seed, 0);
+        let mut generator = parallel::rng(parameters.seed, 0);
         let (seeds, _) = seeding::plus_plus(poses, parameters.k, &mut generator, &mut |_| ());
         let mut centroids = Array2::from_shape_fn((parameters.k, poses.d), |(j, i)| {
             f64::from(poses.row(seeds[j] as usize)[i])

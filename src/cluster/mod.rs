@@ -61,13 +61,14 @@ mod testdata {
     //! Tables that several of the tests use.
 
     use super::{Clustering, Parameters, fit};
-    use crate::{Result, par};
+    use crate::Result;
+    use crate::numeric::parallel;
     use ndarray::{Array2, Axis, concatenate};
     use rand::Rng;
 
     /// Uniform in the unit cube.
     pub fn noise(n: usize, d: usize, seed: u64) -> Array2<f32> {
-        let mut generator = par::generator(seed, 0);
+        let mut generator = parallel::rng(seed, 0);
         Array2::from_shape_simple_fn((n, d), || generator.random::<f32>())
     }
 

@@ -12,7 +12,8 @@
 
 use super::Parameters;
 use super::poses::{LARGEST, Near, Poses, exact_nearest, squared_distance};
-use crate::{Error, Result, par};
+use crate::numeric::parallel;
+use crate::{Error, Result};
 use ndarray::linalg::general_mat_mul;
 use ndarray::{Array2, ArrayView2, s};
 
@@ -294,7 +295,7 @@ pub fn assign(
     let middle: Vec<f32> = poses.moments().0.into_iter().map(|m| m as f32).collect();
     let exact = centroids.as_standard_layout().into_owned();
     let centroids = Centroids::new(exact, &middle);
-    let found = par::map_chunks(poses.n, 8 * TILE, |rows| {
+    let found = parallel::map_chunks(poses.n, 8 * TILE, |rows| {
         let mut scratch = Scratch::new(d);
         let mut found = Vec::with_capacity(rows.len());
         let ids: Vec<u32> = rows.map(|i| i as u32).collect();

@@ -1,6 +1,7 @@
 //! Poses to cluster, checked, and the exact distance that every label rests on.
 
-use crate::{Error, Place, Result, par};
+use crate::numeric::parallel;
+use crate::{Error, Place, Result};
 use ndarray::{CowArray, Ix2};
 
 /// Lanes of the unrolled sums: fixed, so that a distance is the same everywhere.
@@ -39,7 +40,7 @@ impl<'a> Poses<'a> {
             .as_slice()
             .expect("the caller puts rows one after another");
         let poses = Poses { values, n, d };
-        let bad = par::map_chunks(n, 4096, |mut rows| {
+        let bad = parallel::map_chunks(n, 4096, |mut rows| {
             rows.find(|&i| poses.row(i).iter().any(|x| x.is_nan() || x.abs() > LARGEST))
         });
         match bad.into_iter().flatten().next() {
@@ -76,7 +77,7 @@ impl<'a> Poses<'a> {
 
     /// Mean of the poses (d), and the mean over coordinates of their variance.
     pub fn moments(&self) -> (Vec<f64>, f64) {
-        let sums = par::map_chunks(self.n, 4096, |rows| {
+        let sums = parallel::map_chunks(self.n, 4096, |rows| {
             let mut sum = vec![0.0; self.d];
             rows.for_each(|i| add(&mut sum, self.row(i)));
             sum
@@ -86,7 +87,7 @@ impl<'a> Poses<'a> {
             mean.iter_mut().zip(sum).for_each(|(m, s)| *m += s);
         }
         mean.iter_mut().for_each(|m| *m /= self.n.max(1) as f64);
-        let squares = par::map_chunks(self.n, 4096, |rows| {
+        let squares = parallel::map_chunks(self.n, 4096, |rows| {
             rows.map(|i| squared_distance(self.row(i), &mean))
                 .sum::<f64>()
         });

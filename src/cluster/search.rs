@@ -14,7 +14,7 @@
 use super::nearest::{Centroids, SLACK, Scratch, TILE};
 use super::poses::{Near, Poses, squared_distance};
 use super::update::Groups;
-use crate::par;
+use crate::numeric::parallel;
 
 /// Poses of one cluster whose labels are in doubt, as a unit of work.
 const PIECE: usize = 2 * TILE;
@@ -91,7 +91,7 @@ impl Search {
         let names: Vec<u32> = doubts.iter().map(|d| self.labels[d.0 as usize]).collect();
         let groups = Groups::new(&names, centroids.k());
         let pieces = groups.pieces(PIECE, |_| true);
-        let findings = par::map_chunks(pieces.len(), PIECES, |chunk| {
+        let findings = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
             let mut scratch = Scratch::new(poses.d);
             let owners: Vec<u32> = pieces[chunk.clone()].iter().map(|p| p.0).collect();
             let apart = centroids.apart(&owners, &mut scratch);
@@ -129,7 +129,7 @@ impl Search {
         if centroids.k() == 1 {
             return Vec::new();
         }
-        let doubts = par::map_chunks(poses.n, 4096, |rows| {
+        let doubts = parallel::map_chunks(poses.n, 4096, |rows| {
             let mut doubts = Vec::new();
             for i in rows {
                 let label = self.labels[i] as usize;

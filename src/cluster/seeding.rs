@@ -11,7 +11,7 @@
 
 use super::poses::Poses;
 use super::update::key;
-use crate::par;
+use crate::numeric::parallel;
 use ndarray::linalg::general_mat_mul;
 use ndarray::{ArrayView2, ArrayViewMut2};
 use rand::Rng;
@@ -40,7 +40,7 @@ impl Cell {
     fn new(poses: Poses<'_>, seed: u32, members: Vec<u32>) -> Self {
         let seed = poses.row(seed as usize);
         let zero = vec![0.0; poses.d];
-        let parts = par::map_chunks(members.len(), 4096, |chunk| {
+        let parts = parallel::map_chunks(members.len(), 4096, |chunk| {
             let mut rows = vec![0.0; chunk.len() * poses.d];
             for (&i, row) in members[chunk].iter().zip(rows.chunks_exact_mut(poses.d)) {
                 subtract(poses.row(i as usize), seed, row);
@@ -152,7 +152,7 @@ pub(super) fn plus_plus(
         let candidates: Vec<u32> = (0..trials)
             .map(|_| draw(&cells, generator.random::<f64>() * total))
             .collect();
-        let apart = par::map_chunks(seeds.len() * trials, 2048, |pairs| {
+        let apart = parallel::map_chunks(seeds.len() * trials, 2048, |pairs| {
             pairs
                 .map(|p| {
                     let (seed, candidate) = (seeds[p / trials], candidates[p % trials]);
@@ -218,7 +218,7 @@ fn gains(
     let pieces = pieces(cells, |j| {
         apart(j).iter().any(|&a| a < 4.0 * cells[j].widest)
     });
-    let parts = par::map_chunks(pieces.len(), PIECES, |chunk| {
+    let parts = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
         let mut gains = vec![0.0; trials];
         let mut tile = vec![0.0; PIECE * poses.d];
         let mut rivals = vec![0.0; trials * poses.d];
@@ -280,7 +280,7 @@ fn double_products(xs: &[f32], ys: &[f32], d: usize, products: &mut [f32], count
 fn claim(poses: Poses<'_>, cells: &mut [Cell], seeds: &[u32], new: u32, apart: &[f32]) -> Vec<u32> {
     let pieces = pieces(cells, |j| apart[j] < 4.0 * cells[j].widest);
     let before = &*cells;
-    let nearer = par::map_chunks(pieces.len(), PIECES, |chunk| {
+    let nearer = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
         let mut nearer = Vec::new();
         let mut shift = vec![0.0; poses.d];
         for &(j, start, end) in &pieces[chunk] {
@@ -340,7 +340,7 @@ mod tests {
 
     fn seeds(table: &Array2<f32>, k: usize, seed: u64) -> (Vec<u32>, Vec<u32>) {
         let poses = Poses::trusted(table.as_slice().expect("rows"), table.ncols());
-        plus_plus(poses, k, &mut par::generator(seed, 0), &mut |_| ())
+        plus_plus(poses, k, &mut parallel::rng(seed, 0), &mut |_| ())
     }
 
     #[test]

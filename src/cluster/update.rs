@@ -2,7 +2,7 @@
 
 use super::nearest::Centroids;
 use super::poses::{Poses, add, squared_distance};
-use crate::par;
+use crate::numeric::parallel;
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashSet;
 
@@ -65,7 +65,7 @@ pub(super) fn means(
     wanted: impl Fn(usize) -> bool,
 ) -> Array2<f64> {
     let pieces = groups.pieces(PIECE, wanted);
-    let sums = par::map_chunks(pieces.len(), 16, |chunk| {
+    let sums = parallel::map_chunks(pieces.len(), 16, |chunk| {
         let mut sums = vec![0.0; chunk.len() * poses.d];
         for (sum, (_, members)) in sums.chunks_mut(poses.d).zip(&pieces[chunk]) {
             members
@@ -98,7 +98,7 @@ pub(super) fn distances(
     labels: &[u32],
 ) -> Vec<f64> {
     let all = centroids.as_slice().expect("made row by row");
-    let squares = par::map_chunks(poses.n, 4096, |rows| {
+    let squares = parallel::map_chunks(poses.n, 4096, |rows| {
         let centroid = |i: usize| &all[labels[i] as usize * poses.d..][..poses.d];
         rows.map(|i| squared_distance(poses.row(i), centroid(i)))
             .collect::<Vec<f64>>()

@@ -3,7 +3,8 @@
 //! The paper's tests (section 4): Gaussian noise on every coordinate ("dense"), Gaussian noise on a fifth of the joints
 //! ("sparse"), all joints but six hidden (completion). Gaps in time are laid by [`super::gaps`].
 
-use crate::{Error, Result, par};
+use crate::numeric::parallel;
+use crate::{Error, Result};
 use rand::Rng;
 use rand_distr::StandardNormal;
 
@@ -22,7 +23,7 @@ pub(super) enum Stream {
 impl Stream {
     /// The generator of frame (or take) `index`.
     pub(super) fn generator(self, seed: u64, index: u64) -> impl Rng + use<> {
-        par::generator(seed, index.wrapping_mul(4).wrapping_add(self as u64))
+        parallel::rng(seed, index.wrapping_mul(4).wrapping_add(self as u64))
     }
 }
 

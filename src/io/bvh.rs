@@ -333,7 +333,7 @@ mod tests {
 
     #[test]
     fn mutated_files_neither_panic_nor_hang() {
-        let mut random = crate::par::generator(7, 0);
+        let mut random = crate::numeric::parallel::rng(7, 0);
         let good = odd(&FRAME.repeat(2)).into_bytes();
         let bits: [&[u8]; 14] = [
             b"{",

@@ -9,8 +9,9 @@
 //! fall while that raises the expected one (Dempster, Laird and Rubin 1977), but for rounding and floors under variances.
 //! Cost of a round: n K D² for E, and about n D² for M, as nearly every pose belongs to one component.
 
-use crate::linalg::symmetric_eigen;
-use crate::{Result, cluster, par};
+use crate::numeric::linalg::symmetric_eigen;
+use crate::numeric::parallel;
+use crate::{Result, cluster};
 use ndarray::{Array1, Array2, ArrayView2, Axis, s};
 use std::f64::consts::PI;
 
@@ -189,7 +190,7 @@ fn round(x: ArrayView2<'_, f32>, mixture: &[Gaussian]) -> (Vec<Moments>, f64) {
     let (n, d) = x.dim();
     let ready: Vec<Ready> = mixture.iter().map(Ready::new).collect();
     let chunk = n.div_ceil(CHUNKS).max(CHUNK);
-    let sums = par::map_chunks(n, chunk, |rows| {
+    let sums = parallel::map_chunks(n, chunk, |rows| {
         let x = x.slice(s![rows, ..]).mapv(f64::from);
         let (shares, log) = shares(&x, &ready);
         let own = |j: usize| share_of(&x, &shares, j, &ready[j].mean);

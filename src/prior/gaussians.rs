@@ -14,16 +14,17 @@
 
 mod parts;
 
-use super::conditional::Conditional;
 use super::met::Met;
 use super::train::Training;
 use super::training::TrainingPoses;
 use super::tuning::{Grid, Learnt, Tasked, Tuned, tune};
-use super::{Belief, Choice, EXACT, Fit, Posterior, Prior};
+use super::{Belief, Choice, EXACT_VARIANCE, Fit, Posterior, Prior};
 use crate::io::Model;
-use crate::linalg::symmetric_eigen;
+use crate::numeric::gaussian::ConditionalGaussian;
+use crate::numeric::linalg::symmetric_eigen;
+use crate::numeric::parallel;
 use crate::pose::PoseMap;
-use crate::{Error, Place, Result, par};
+use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::sync::Arc;
 
@@ -72,7 +73,7 @@ pub struct Gaussians {
     variance: Vec<f64>,
     typical: Array2<f64>,
     /// One a component.
-    conditionals: Met<Vec<Conditional>>,
+    conditionals: Met<Vec<ConditionalGaussian>>,
 }
 
 impl Gaussians {
@@ -110,11 +111,11 @@ impl Gaussians {
         }
     }
 
-    fn conditionals(&self, noise: &[f64]) -> Arc<Vec<Conditional>> {
+    fn conditionals(&self, noise: &[f64]) -> Arc<Vec<ConditionalGaussian>> {
         let condition = |c: &Component| {
             let terms = noise.iter().zip(&c.unexplained);
-            let noise: Vec<f64> = terms.map(|(n, u)| n.max(EXACT) + u).collect();
-            Conditional::new(c.covariance.view(), &noise)
+            let noise: Vec<f64> = terms.map(|(n, u)| n.max(EXACT_VARIANCE) + u).collect();
+            ConditionalGaussian::new(c.covariance.view(), &noise)
         };
         let all = || self.components.iter().map(condition).collect();
         let most = (MOST_MET / self.components.len().max(1)).max(1);
@@ -122,7 +123,11 @@ impl Gaussians {
     }
 
     /// The components that have a say, each with its weight and its mean; and the log evidence.
-    fn said(&self, y: &[f64], conditionals: &[Conditional]) -> (Vec<(usize, f64, Vec<f64>)>, f64) {
+    fn said(
+        &self,
+        y: &[f64],
+        conditionals: &[ConditionalGaussian],
+    ) -> (Vec<(usize, f64, Vec<f64>)>, f64) {
         let rest =
             |c: &Component| -> Vec<f64> { y.iter().zip(&c.mean).map(|(y, m)| y - m).collect() };
         let all = || self.components.iter().zip(conditionals);
@@ -153,7 +158,7 @@ impl Gaussians {
         noise: ArrayView2<'_, f64>,
         answer: impl Fn(&[f64], &[f64]) -> T + Sync,
     ) -> Vec<T> {
-        let chunks = par::map_chunks(y.nrows(), CHUNK, |rows| {
+        let chunks = parallel::map_chunks(y.nrows(), CHUNK, |rows| {
             let row = |t: usize| answer(&y.row(t).to_vec(), &noise.row(t).to_vec());
             rows.map(row).collect::<Vec<T>>()
         });
@@ -183,7 +188,7 @@ fn alone(components: &[Component]) -> Vec<f64> {
         };
         for (i, row) in vectors.rows().into_iter().enumerate() {
             let terms = row.iter().zip(&values);
-            let precision: f64 = terms.map(|(v, l)| v * v / l.max(EXACT)).sum();
+            let precision: f64 = terms.map(|(v, l)| v * v / l.max(EXACT_VARIANCE)).sum();
             out[i] += weight * (1.0 / precision + c.unexplained[i]);
         }
     }
@@ -335,7 +340,7 @@ fn typical(model: &Model, parts: &Parts, source: &str) -> Result<Array2<f64>> {
 mod tests {
     use super::parts::three;
     use super::*;
-    use crate::linalg::cholesky_solve;
+    use crate::numeric::linalg::cholesky_solve;
     use crate::pose::rotation::exponential;
     use crate::prior::testdata::normal;
     use glam::DVec3;

@@ -9,15 +9,16 @@
 //! The neighbours are exact, found by a tree; frames that follow one another start from the neighbours of the frame
 //! before. Cost: the search, and O(k D² + o³) for the Gaussian of o observed coordinates.
 
-use super::conditional::{Conditional, most_probable};
 use super::neighbours::{Near, Neighbours};
 use super::store;
 use super::train::Training;
 use super::tuning::{Grid, Learnt, Setting, Tasked};
-use super::{Belief, Choice, EXACT, Prior};
+use super::{Belief, Choice, EXACT_VARIANCE, Prior};
+use crate::Result;
 use crate::io::Model;
+use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
+use crate::numeric::parallel;
 use crate::pose::PoseMap;
-use crate::{Result, par};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::sync::Arc;
 
@@ -121,8 +122,8 @@ impl LpcaPrior {
 
     fn belief(&self, y: &[f64], noise: &[f64], near: &[Near]) -> Belief {
         let (mean, covariance) = self.gaussian(near);
-        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
-        let conditional = Conditional::new(covariance.view(), &noise);
+        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
+        let conditional = ConditionalGaussian::new(covariance.view(), &noise);
         let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
         let told = conditional.mean(&rest);
         Belief {
@@ -147,14 +148,14 @@ impl Prior for LpcaPrior {
     }
 
     fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        let runs = par::map_chunks(y.nrows(), RUN, |rows| {
+        let runs = parallel::map_chunks(y.nrows(), RUN, |rows| {
             self.run(rows, y, noise, |y, noise, near| self.belief(y, noise, near))
         });
         runs.into_iter().flatten().collect()
     }
 
     fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
-        let runs = par::map_chunks(y.nrows(), RUN, |rows| {
+        let runs = parallel::map_chunks(y.nrows(), RUN, |rows| {
             self.run(rows, y, noise, |y, noise, near| {
                 let (mean, covariance) = self.gaussian(near);
                 most_probable(mean.to_vec(), covariance.view(), y, noise)
@@ -239,7 +240,7 @@ mod tests {
         noise[2] = f64::INFINITY;
         let mut y = all.row(7).to_vec();
         y[2] = f64::NAN;
-        let conditional = Conditional::new(covariance.view(), &noise);
+        let conditional = ConditionalGaussian::new(covariance.view(), &noise);
         let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
         let belief = prior.believe(&y, &noise);
         let want = conditional.mean(&rest);

@@ -20,7 +20,7 @@ use super::training::TrainingPoses;
 use super::tuning::Tasked;
 use crate::Result;
 use crate::io::Model;
-use crate::linalg::symmetric_eigen;
+use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
 
 /// How many analysers.

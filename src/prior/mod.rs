@@ -7,7 +7,6 @@
 pub mod blocks;
 pub mod builtin;
 pub mod clustered;
-pub mod conditional;
 pub mod em;
 pub mod gaussian;
 pub mod gaussians;
@@ -22,7 +21,6 @@ pub mod pairs;
 pub mod pca;
 pub mod sgplvm;
 mod sgplvm_learn;
-pub(crate) mod small;
 pub mod sparse;
 mod store;
 #[cfg(test)]
@@ -40,8 +38,7 @@ use ndarray::{Array2, ArrayView2};
 pub use sparse::{Choice, SparsePrior};
 pub use tuning::Task;
 
-/// The variance that stands for "exact", cm²: a tenth of a millimetre. No capture is better, and solves stay sound.
-pub const EXACT: f64 = 1e-4;
+pub use crate::numeric::gaussian::EXACT_VARIANCE;
 
 /// What a prior makes of an observation, to the point that the placement needs (the paper's P1a).
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -200,7 +197,7 @@ pub trait Prior: Send + Sync {
 fn misfit<P: Prior + ?Sized>(prior: &P, y: &[f64], noise: &[f64], pose: &[f64]) -> f64 {
     let terms = y.iter().zip(pose).zip(noise.iter().zip(prior.variance()));
     let seen = terms.filter(|(_, (n, _))| n.is_finite());
-    seen.map(|((y, p), (n, v))| (y - p) * (y - p) / (n + v).max(EXACT))
+    seen.map(|((y, p), (n, v))| (y - p) * (y - p) / (n + v).max(EXACT_VARIANCE))
         .sum()
 }
 

@@ -8,9 +8,10 @@ use super::store;
 use super::train::Training;
 use super::tuning::{ASF2, Grid, Learnt, Setting, Task, Tasked, Tuning};
 use super::{Belief, Choice, Prior};
+use crate::Result;
 use crate::io::Model;
+use crate::numeric::parallel;
 use crate::pose::PoseMap;
-use crate::{Result, par};
 use ndarray::{Array2, ArrayView2};
 use std::sync::Arc;
 
@@ -93,7 +94,7 @@ impl Prior for NearestPrior {
     }
 
     fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        let runs = par::map_chunks(y.nrows(), RUN, |rows| {
+        let runs = parallel::map_chunks(y.nrows(), RUN, |rows| {
             let mut like = Vec::new();
             rows.map(|i| self.after(&y.row(i).to_vec(), &noise.row(i).to_vec(), &mut like))
                 .collect::<Vec<_>>()

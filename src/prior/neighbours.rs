@@ -11,7 +11,7 @@
 //! Cost: building O(n log n D) and one product of (n, D) with (D, D); a search O(D log n) where few nodes overlap, and
 //! at worst (queries far from all poses) that of a scan.
 
-use crate::linalg::symmetric_eigen;
+use crate::numeric::linalg::symmetric_eigen;
 use crate::pose::PoseMap;
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::BinaryHeap;
@@ -334,13 +334,13 @@ fn principal_axes(poses: ArrayView2<'_, f32>) -> Array2<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use proptest::prelude::*;
     use rand::Rng;
 
     /// Poses along a few curves, with copies among them.
     fn curves(n: usize, d: usize, seed: u64) -> Array2<f32> {
-        let mut g = par::generator(seed, 0);
+        let mut g = parallel::rng(seed, 0);
         let mut poses = Array2::from_shape_fn((n, d), |(t, c)| {
             let (curve, t) = (t % 3, (t / 3) as f64 * 0.1);
             (10.0 * (t + (c * (curve + 1)) as f64).sin() + g.random_range(-0.1..0.1)) as f32
@@ -376,7 +376,7 @@ mod tests {
         ) {
             let d = 9;
             let tree = Neighbours::new(curves(n, d, seed).view());
-            let mut g = par::generator(seed, 1);
+            let mut g = parallel::rng(seed, 1);
             let mut before = Vec::new();
             for _ in 0..3 {
                 let mut y: Vec<f64> = (0..d).map(|c| {

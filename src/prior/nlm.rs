@@ -15,14 +15,15 @@
 
 mod cloud;
 
-use super::conditional::{Conditional, most_probable};
 use super::store;
 use super::train::Training;
 use super::tuning::{ASF2, Grid, Learnt, Setting, Tasked};
 use super::{Belief, Choice, Prior};
+use crate::Result;
 use crate::io::Model;
+use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
+use crate::numeric::parallel;
 use crate::pose::PoseMap;
-use crate::{Result, par};
 use cloud::{Cloud, Explained};
 use ndarray::{Array2, ArrayView1, ArrayView2, s};
 use std::sync::Arc;
@@ -106,7 +107,7 @@ impl NlmPrior {
             })
             .collect()
         };
-        let tiles = par::map_chunks(y.nrows(), TILE, tile);
+        let tiles = parallel::map_chunks(y.nrows(), TILE, tile);
         tiles.into_iter().flatten().collect()
     }
 
@@ -117,7 +118,7 @@ impl NlmPrior {
         if self.linear {
             covariance.diag_mut().mapv_inplace(|v| v + FINEST);
             let noise: Vec<f64> = noise.iter().map(|n| n.max(FINEST)).collect();
-            let conditional = Conditional::new(covariance.view(), &noise);
+            let conditional = ConditionalGaussian::new(covariance.view(), &noise);
             let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
             let told = conditional.mean(&rest);
             mean.iter_mut().zip(told).for_each(|(m, t)| *m += t);
@@ -329,7 +330,7 @@ mod tests {
         let mut noise = [0.01; 9];
         noise[4] = f64::INFINITY;
         let y = poses.row(17).to_vec();
-        let conditional = Conditional::new(covariance.view(), &noise);
+        let conditional = ConditionalGaussian::new(covariance.view(), &noise);
         let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
         let told = conditional.mean(&rest);
         let belief = prior.believe(&y, &noise);

@@ -65,7 +65,7 @@ fn cut(energies: &[f64]) -> (usize, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linalg::symmetric_eigen;
+    use crate::numeric::linalg::symmetric_eigen;
     use crate::prior::testdata::factors;
 
     #[test]

@@ -12,7 +12,7 @@
 //! are kept. Cost: O(M³ + M² D) a step.
 
 use super::sgplvm::kernel;
-use crate::linalg::symmetric_eigen;
+use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::collections::VecDeque;
 

@@ -4,10 +4,10 @@
 //! Then the pose answered is A x + S_:o (S_oo + R)⁻¹ (y_o − (A x)_o): what three atoms cannot say, and what neighbouring
 //! coordinates tell about each other, is not lost. [`Choice::published`] answers A x alone, as the paper does.
 
-use super::conditional::Conditional;
 use super::met::Met;
-use super::{Belief, EXACT, Fit, Posterior, Prior, Task};
+use super::{Belief, EXACT_VARIANCE, Fit, Posterior, Prior, Task};
 use crate::io::Model;
+use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::PoseMap;
 use crate::sparse::{Code, Codes, Dictionary, Pursuit, Rule, Tolerance, Weighted, refit};
 use crate::{Error, Place, Result};
@@ -42,7 +42,7 @@ pub struct SparsePrior {
     /// Its diagonal.
     variance: Vec<f64>,
     typical: Array2<f64>,
-    conditionals: Met<Conditional>,
+    conditionals: Met<ConditionalGaussian>,
     /// The dictionary as observations with the noise patterns met so far see it.
     seen: Met<Weighted>,
 }
@@ -134,7 +134,7 @@ impl SparsePrior {
         // It was stored in single precision: its least directions may be below nothing by as much as that rounds.
         let most = residual.diag().fold(0.0, |most: f64, v| most.max(*v));
         let rounded = residual.nrows() as f64 * f64::from(f32::EPSILON) * most;
-        let least = EXACT.max(rounded);
+        let least = EXACT_VARIANCE.max(rounded);
         residual.diag_mut().mapv_inplace(|v| v.max(0.0) + least);
         let variance = residual.diag().to_vec();
         SparsePrior {
@@ -150,8 +150,8 @@ impl SparsePrior {
     }
 
     /// The residual's Gaussian conditioned on coordinates with this noise.
-    fn conditional(&self, noise: &[f64]) -> Arc<Conditional> {
-        let condition = || Conditional::new(self.residual.view(), noise);
+    fn conditional(&self, noise: &[f64]) -> Arc<ConditionalGaussian> {
+        let condition = || ConditionalGaussian::new(self.residual.view(), noise);
         self.conditionals.get(noise, MOST_MET, condition)
     }
 
@@ -215,7 +215,7 @@ impl SparsePrior {
     fn coefficients(
         &self,
         weights: &Array1<f64>,
-        conditional: Option<&Conditional>,
+        conditional: Option<&ConditionalGaussian>,
         support: &[u32],
     ) -> (Vec<Vec<f64>>, Array2<f64>) {
         let d = self.width();
@@ -252,7 +252,7 @@ impl SparsePrior {
     fn coefficient_variance(
         &self,
         weights: &Array1<f64>,
-        conditional: Option<&Conditional>,
+        conditional: Option<&ConditionalGaussian>,
         support: &[u32],
     ) -> Vec<f64> {
         let (spread, inverse) = self.coefficients(weights, conditional, support);
@@ -282,7 +282,7 @@ impl Prior for SparsePrior {
 
     fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
         let fit = self.fit(y, noise, None);
-        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
+        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
         let conditional = self.conditional(&noise);
         let rest: Vec<f64> = y.iter().zip(&fit.pose).map(|(y, p)| y - p).collect();
         let weights = self.weights(&noise);
@@ -342,7 +342,7 @@ impl Prior for SparsePrior {
                 variance,
             };
         }
-        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
+        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
         let conditional = self.conditional(&noise);
         let rest: Vec<f64> = y.iter().zip(&fit.pose).map(|(y, p)| y - p).collect();
         let mean = fit
@@ -374,7 +374,7 @@ impl Prior for SparsePrior {
         let dictionary =
             Dictionary::from_rows(atoms.view()).unwrap_or_else(|_| self.dictionary.clone());
         let mut residual = map.apply_covariance(self.residual.view());
-        residual.diag_mut().mapv_inplace(|v| v - EXACT);
+        residual.diag_mut().mapv_inplace(|v| v - EXACT_VARIANCE);
         let typical = map.apply_rows(self.typical.view());
         Box::new(SparsePrior::new(
             dictionary,

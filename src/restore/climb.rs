@@ -12,7 +12,7 @@
 use super::observed::{Observed, pointwise};
 use super::synthesis::{Solution, Synthesis};
 use super::turn::{angles_from, turn, turn_derivatives};
-use crate::linalg::cholesky_solve;
+use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Similarity;
 use crate::pose::rotation::{angle_between, exponential};
 use crate::prior::{Prior, Slope};

@@ -8,9 +8,9 @@ use super::frame::{Restoration, Restored};
 use super::job::Job;
 use super::observed::Observed;
 use super::rejects::{Rejects, leave_out};
-use crate::par;
+use crate::numeric::parallel;
 use crate::pose::Status;
-use crate::prior::EXACT;
+use crate::prior::EXACT_VARIANCE;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::BTreeMap;
@@ -32,7 +32,7 @@ pub struct Complete {
 
 /// Completes frames each by itself (in the model's order): no time, no body but the frame's own.
 pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>) -> Restoration {
-    let answers = par::map_chunks(xyz.nrows(), CHUNK, |range| {
+    let answers = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
         range
             .map(|t| {
                 let y = xyz.row(t).to_vec();
@@ -79,11 +79,17 @@ fn unlike(restorer: &super::Restorer<'_>, frame: &[f64], found: &Restored) -> f6
     restorer.unlike(&pose, &found.placement)
 }
 
-/// EXACT where a number is seen and its point is not suspected; infinite elsewhere.
+/// EXACT_VARIANCE where a number is seen and its point is not suspected; infinite elsewhere.
 fn noise_of(y: &[f64], suspects: &[usize]) -> Vec<f64> {
     let seen = |i: usize| y[i].is_finite() && !suspects.contains(&(i / 3));
     (0..y.len())
-        .map(|i| if seen(i) { EXACT } else { f64::INFINITY })
+        .map(|i| {
+            if seen(i) {
+                EXACT_VARIANCE
+            } else {
+                f64::INFINITY
+            }
+        })
         .collect()
 }
 
@@ -162,7 +168,7 @@ pub fn take(
     let parts = brief_parts(&counted, runs, rate);
     leave_out(&mut counted, &parts);
     let gaps: Vec<Gap> = runs.iter().flat_map(|run| gaps_of(&counted, run)).collect();
-    let answers: Vec<Answer> = par::map_chunks(xyz.nrows(), CHUNK, |range| {
+    let answers: Vec<Answer> = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
         let out: Vec<Answer> = range
             .clone()
             .map(|t| {
@@ -202,7 +208,7 @@ pub fn take(
             out.xyz[[t, i]] = xyz[[t, i]];
         }
     }
-    out.unlike = par::map_chunks(answers.len(), CHUNK, |range| {
+    out.unlike = parallel::map_chunks(answers.len(), CHUNK, |range| {
         let of = |t: usize| match &answers[t] {
             Answer::Found(found) => unlike(&restorer, &out.xyz.row(t).to_vec(), found),
             Answer::Whole | Answer::TooLittle => f64::NAN,
@@ -337,7 +343,7 @@ fn errors_at_ends(restorer: &super::Restorer<'_>, counted: &Array2<f64>, gaps: &
         .collect();
     keys.sort();
     keys.dedup();
-    let found = par::map_chunks(keys.len(), 1, |range| {
+    let found = parallel::map_chunks(keys.len(), 1, |range| {
         let (frame, hide) = &keys[range.start];
         let truth = counted.row(*frame).to_vec();
         let noise = noise_of(&truth, hide);

@@ -10,9 +10,9 @@ use super::noise;
 use super::observed::Observed;
 use super::rejects::{Rejects, leave_out};
 use super::smooth;
-use crate::par;
+use crate::numeric::parallel;
 use crate::pose::Status;
-use crate::prior::EXACT;
+use crate::prior::EXACT_VARIANCE;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
@@ -72,7 +72,7 @@ impl Answer {
 /// Rigid distances tell how noisy most points of a frame are, if the model knows any: where that is little, or the others are
 /// too far off for it, those are outliers. A noise that is given is that of every coordinate, or where it is little of clean ones.
 pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>, settings: Denoise) -> Restoration {
-    let answers = par::map_chunks(xyz.nrows(), 8, |range| {
+    let answers = parallel::map_chunks(xyz.nrows(), 8, |range| {
         range
             .map(|t| one(job, xyz.slice(s![t..t + 1, ..]), settings))
             .collect::<Vec<_>>()
@@ -143,7 +143,7 @@ pub fn take(
     if adapted.is_none() || noise_left <= MEASURES {
         restorer = restorer.treating(&treatment);
     }
-    let answers = par::map_chunks(xyz.nrows(), 8, |range| {
+    let answers = parallel::map_chunks(xyz.nrows(), 8, |range| {
         let out: Vec<Answer> = range
             .clone()
             .map(|t| {
@@ -221,9 +221,9 @@ fn smoothed(
     noise: &[f64],
     strays: &[Vec<usize>],
 ) -> (Array2<f64>, Array2<f64>) {
-    let columns = par::map_chunks(counted.ncols(), 1, |range| {
+    let columns = parallel::map_chunks(counted.ncols(), 1, |range| {
         let column = counted.column(range.start);
-        let r = (noise[range.start / 3].powi(2)).max(EXACT);
+        let r = (noise[range.start / 3].powi(2)).max(EXACT_VARIANCE);
         let (mut mean, mut variance) = (column.to_vec(), vec![f64::INFINITY; column.len()]);
         for run in runs {
             let series = column.slice(s![run.clone()]).to_vec();
@@ -233,10 +233,10 @@ fn smoothed(
                 // A missing value is the model's business: the smoother only guesses there.
                 if series[k].is_finite() {
                     mean[t] = out.mean[k];
-                    variance[t] = out.variance[k].clamp(EXACT, r);
+                    variance[t] = out.variance[k].clamp(EXACT_VARIANCE, r);
                 } else if is_seen && strays[t].contains(&(range.start / 3)) {
                     mean[t] = out.mean[k];
-                    variance[t] = out.variance[k].max(EXACT);
+                    variance[t] = out.variance[k].max(EXACT_VARIANCE);
                 }
             }
         }

@@ -5,7 +5,7 @@ use super::planar;
 use super::synthesis::{Solution, Synthesis};
 use super::treat::{Seek, Treatment};
 use crate::pose::{Anchor, Similarity, Status};
-use crate::prior::{EXACT, Posterior, Prior};
+use crate::prior::{EXACT_VARIANCE, Posterior, Prior};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
 
@@ -42,7 +42,7 @@ impl Restoration {
     /// Frames as they were captured.
     pub fn of(xyz: Array2<f64>) -> Restoration {
         let count = xyz.nrows() * xyz.ncols() / 3;
-        let sd = vec![EXACT.sqrt(); count];
+        let sd = vec![EXACT_VARIANCE.sqrt(); count];
         Restoration {
             unlike: vec![f64::NAN; xyz.nrows()],
             xyz,
@@ -192,7 +192,7 @@ impl<'a> Restorer<'a> {
         let mut restored = placed(posterior, placement);
         for (i, told) in told.iter().enumerate() {
             // There and back again is not quite where it was.
-            if *told <= EXACT && corrupt.get(i / 3).is_none_or(|q| *q <= 0.0) {
+            if *told <= EXACT_VARIANCE && corrupt.get(i / 3).is_none_or(|q| *q <= 0.0) {
                 restored.mean[i] = y[i];
             }
         }

@@ -9,7 +9,7 @@
 //!
 //! A step costs O(Σ depth² + n³ / 3) for n free values. P2 is not convex: the answer is a local minimum near the start.
 
-use crate::linalg::cholesky_solve;
+use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Skeleton;
 use crate::pose::kinematics::Posture;
 use ndarray::{Array1, Array2};

@@ -3,7 +3,7 @@
 use super::job::Job;
 use super::smooth;
 use super::treat::base::BaseNoise;
-use crate::prior::EXACT;
+use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
@@ -19,7 +19,7 @@ pub fn worth_a_search(base: &BaseNoise) -> bool {
 /// A noise that was found in one frame, cm, to an eighth of an octave: it is no surer than that, and frames that have the
 /// same noise share what a model makes for it.
 pub fn shared(noise: f64) -> f64 {
-    if noise * noise > EXACT {
+    if noise * noise > EXACT_VARIANCE {
         ((noise.log2() * 8.0).round() / 8.0).exp2()
     } else {
         noise
@@ -29,7 +29,7 @@ pub fn shared(noise: f64) -> f64 {
 /// The variance of a number's noise (cm²; infinite missing) by the standard deviation of all.
 pub fn variance(value: f64, noise: f64) -> f64 {
     if value.is_finite() {
-        (noise * noise).max(EXACT)
+        (noise * noise).max(EXACT_VARIANCE)
     } else {
         f64::INFINITY
     }

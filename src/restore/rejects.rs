@@ -7,7 +7,7 @@ use super::job::Job;
 use super::noise::{self, shared};
 use super::strays;
 use super::suspects::RigidBones;
-use crate::par;
+use crate::numeric::parallel;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
@@ -98,7 +98,7 @@ pub fn leave_out(xyz: &mut Array2<f64>, points: &[Vec<usize>]) {
 
 /// The points of each frame that are blamed for broken bones.
 fn broken(bones: &RigidBones, xyz: &Array2<f64>, noise: f64) -> Vec<Vec<usize>> {
-    let parts = par::map_chunks(xyz.nrows(), 64, |range| {
+    let parts = parallel::map_chunks(xyz.nrows(), 64, |range| {
         range
             .map(|t| bones.suspects(&xyz.row(t).to_vec(), noise, |_| 0.0))
             .collect::<Vec<_>>()
@@ -119,7 +119,7 @@ fn doubtful(
     let told = if bones_tell {
         vec![false; blamed.len()]
     } else {
-        let odds = par::map_chunks(xyz.nrows(), 64, |range| {
+        let odds = parallel::map_chunks(xyz.nrows(), 64, |range| {
             let of = |t: usize| job.unmeasured(&xyz.row(t).to_vec());
             let odds = range.map(|t| of(t).map_or(0.0, |(_, base)| base.odds.max(0.0)));
             odds.collect::<Vec<f64>>()
@@ -160,7 +160,7 @@ fn corrupt(job: &Job, xyz: &Array2<f64>, noise: f64, frames: &[usize], blamed: &
     let adapted = job.prior_for(sound.view(), noise);
     let treatment = job.treatment_for(&adapted, sound.view(), noise);
     let restorer = job.restorer(&adapted).treating(&treatment);
-    let found = par::map_chunks(frames.len(), CHUNK, |range| {
+    let found = parallel::map_chunks(frames.len(), CHUNK, |range| {
         let of = |t: usize| {
             let y = xyz.row(t).to_vec();
             let base = treatment.base_noise(&y)?;

@@ -150,7 +150,7 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
 
     fn noisy(sd: f64, frames: usize) -> (Vec<f64>, Vec<f64>) {
-        let mut rng = crate::par::generator(3, 0);
+        let mut rng = crate::numeric::parallel::rng(3, 0);
         let truth: Vec<f64> = (0..frames)
             .map(|i| 40.0 * (i as f64 / 120.0 * 4.0).sin())
             .collect();

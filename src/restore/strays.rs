@@ -7,7 +7,7 @@
 //!    fourth derivative of its path is no more than S. The one that is worst off of those near it is a stray, until none is.
 //! 3. Strays on whose other side the path does not go on as before are none: it jumped, and stays where it is.
 
-use crate::par;
+use crate::numeric::parallel;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::{Deref, Range};
@@ -43,7 +43,7 @@ pub fn strays(
     noise: &[f64],
 ) -> Vec<Vec<usize>> {
     let reach = ((REACH * rate) as usize).max(NEIGHBOURS);
-    let of_points = par::map_chunks(noise.len(), 1, |points| {
+    let of_points = parallel::map_chunks(noise.len(), 1, |points| {
         let p = points.start;
         let at = |t: usize| DVec3::new(xyz[[t, 3 * p]], xyz[[t, 3 * p + 1]], xyz[[t, 3 * p + 2]]);
         let mut found = Vec::new();
@@ -266,7 +266,7 @@ impl Path {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use ndarray::{Array2, s};
     use rand::Rng;
 
@@ -302,14 +302,14 @@ mod tests {
     fn what_moves_is_no_stray_and_neither_is_noise() {
         let mut xyz = motion(100);
         assert_eq!(found(&xyz, 0.0), []);
-        let mut generator = par::generator(1, 0);
+        let mut generator = parallel::rng(1, 0);
         xyz.mapv_inplace(|v| v + generator.random_range(-1.0..1.0));
         assert_eq!(found(&xyz, 0.6), []);
     }
 
     #[test]
     fn points_that_jump_away_and_back_are_found_however_far() {
-        let mut generator = par::generator(2, 0);
+        let mut generator = parallel::rng(2, 0);
         for far in [10.0, 30.0, 1e3, 1e9] {
             let mut xyz = motion(1000);
             let hit: Vec<usize> = (0..1000).filter(|_| generator.random_bool(0.2)).collect();
@@ -366,7 +366,7 @@ mod tests {
 
     #[test]
     fn noise_of_more_than_was_told_makes_no_strays_of_all() {
-        let mut generator = par::generator(3, 0);
+        let mut generator = parallel::rng(3, 0);
         let mut xyz = motion(400);
         xyz.mapv_inplace(|v| v + generator.random_range(-20.0..20.0));
         assert_eq!(found(&xyz, 0.1), []);

@@ -267,12 +267,12 @@ impl Coder<'_> {
 mod tests {
     use super::super::pursuit::{Rule, Tolerance};
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use ndarray::{ShapeBuilder, s};
     use rand::Rng;
 
     fn random(n: usize, d: usize, seed: u64) -> Array2<f32> {
-        let mut g = par::generator(seed, 0);
+        let mut g = parallel::rng(seed, 0);
         Array2::from_shape_fn((n, d), |(_, j)| g.random::<f32>() - 0.5 + (j as f32).sin())
     }
 

@@ -3,7 +3,7 @@
 //! Sums are taken in eight lanes, in an order that the machine has no say in, and nothing is fused: the bytes are the same
 //! whatever the vectors are. (Written with vectors: left to itself the compiler takes these loops apart by twos.)
 
-use crate::simd::{LANES, widest};
+use crate::numeric::simd::{LANES, dispatch_widest};
 use pulp::{Simd, WithSimd};
 
 /// An atom counts as dependent on those chosen when at most this share of its squared (weighted) norm is left
@@ -166,7 +166,7 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
             }
         }
     }
-    widest(Dot(a, b))
+    dispatch_widest(Dot(a, b))
 }
 
 #[inline(always)]
@@ -271,7 +271,7 @@ mod tests {
                 column: &mut column,
                 residual: &mut residual,
             };
-            let (z, left) = widest(made).unwrap();
+            let (z, left) = dispatch_widest(made).unwrap();
             assert!((dot(&v, &v) - 1.0).abs() <= 1e-14);
             assert!(done.chunks(16).all(|q| dot(q, &v).abs() <= 1e-14));
             assert!(dot(&v, &residual).abs() <= 1e-14);
@@ -323,7 +323,7 @@ mod tests {
             column: &mut [0.0; 8],
             residual: &mut residual,
         };
-        assert_eq!(widest(made), None);
+        assert_eq!(dispatch_widest(made), None);
         assert_eq!(residual, before);
     }
 }

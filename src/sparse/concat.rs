@@ -137,12 +137,12 @@ fn compare(parts: &[Dictionary]) -> Result<Vec<Closeness>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use ndarray::{Array2, array, s};
     use rand::Rng;
 
     fn random(n: usize, d: usize, seed: u64) -> Dictionary {
-        let mut g = par::generator(seed, 0);
+        let mut g = parallel::rng(seed, 0);
         let rows = Array2::from_shape_fn((n, d), |_| g.random::<f32>() - 0.5);
         Dictionary::from_rows(rows.view()).unwrap()
     }

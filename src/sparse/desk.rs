@@ -5,7 +5,7 @@ use super::group::{Group, Places};
 use super::scan::{Bounds, Leaves};
 use super::tile::{POSES, Tile};
 use super::{Codes, Dictionary, Pursuit};
-use crate::par::{self, Desks};
+use crate::numeric::parallel::{self, ScratchPool};
 use crate::{Error, Place, Result};
 use ndarray::{ArrayView2, Axis};
 
@@ -23,8 +23,8 @@ const TILES: usize = 32;
 pub struct Coder<'a> {
     pub(super) dictionary: &'a Dictionary,
     pub(super) pursuit: Pursuit,
-    tiles: Desks<(Tile<'a>, Vec<Fit>)>,
-    groups: Desks<(Group<'a>, Vec<Fit>)>,
+    tiles: ScratchPool<(Tile<'a>, Vec<Fit>)>,
+    groups: ScratchPool<(Group<'a>, Vec<Fit>)>,
 }
 
 impl<'a> Coder<'a> {
@@ -33,8 +33,8 @@ impl<'a> Coder<'a> {
         Coder {
             dictionary,
             pursuit,
-            tiles: Desks::default(),
-            groups: Desks::default(),
+            tiles: ScratchPool::default(),
+            groups: ScratchPool::default(),
         }
     }
 }
@@ -73,14 +73,14 @@ impl<'a> Batch<'_, 'a> {
             (group, Vec::new())
         };
         // Room for few poses is not kept for many.
-        let few = Desks::default();
+        let few = ScratchPool::default();
         let desks = if room == bounds.together() {
             groups
         } else {
             &few
         };
         let parts = share(order, LEAST, CHUNK, |rows| {
-            desks.at(desk, |(group, fits)| {
+            desks.with(desk, |(group, fits)| {
                 self.start(fits, rows)?;
                 let mut unpruned = Vec::new();
                 group.code(fits, pursuit.sparsity, &mut unpruned);
@@ -97,10 +97,10 @@ impl<'a> Batch<'_, 'a> {
 
     /// Puts rows in an order in which neighbouring poses look into the same leaves.
     fn in_order(&self, leaves: &Leaves, rows: &[u32]) -> Result<Vec<u32>> {
-        let desks = Desks::default();
+        let desks = ScratchPool::default();
         let desk = || (Places::new(leaves), Vec::new());
         let places = share(rows, LEAST, CHUNK, |rows| {
-            desks.at(desk, |(places, fits)| {
+            desks.with(desk, |(places, fits)| {
                 self.start(fits, rows)?;
                 Ok(places.of(fits))
             })
@@ -123,11 +123,11 @@ impl<'a> Batch<'_, 'a> {
         let room = POSES.min(rows.len());
         let desk = || (Tile::new(dictionary, pursuit.rule, room), Vec::new());
         // Room for few poses is not kept for many.
-        let few = Desks::default();
+        let few = ScratchPool::default();
         let desks = if room == POSES { tiles } else { &few };
         // Several tiles share what is made ready for them.
         let parts = share(rows, POSES, POSES * TILES, |rows| {
-            desks.at(desk, |(tile, fits)| {
+            desks.with(desk, |(tile, fits)| {
                 let tiles = rows.chunks(room).map(|few| {
                     self.start(fits, few)?;
                     tile.code(fits, pursuit.sparsity);
@@ -174,6 +174,6 @@ fn share<T: Send>(
 ) -> Result<Vec<T>> {
     let share = rows.len() / (CHUNKS * rayon::current_num_threads());
     let chunk = (share - share % least).clamp(least, most);
-    let parts = par::map_chunks(rows.len(), chunk, |part| work(&rows[part]));
+    let parts = parallel::map_chunks(rows.len(), chunk, |part| work(&rows[part]));
     parts.into_iter().collect()
 }

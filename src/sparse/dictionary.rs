@@ -184,7 +184,7 @@ fn wrong(atom: Option<usize>, what: String) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use ndarray::array;
     use rand::Rng;
 
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_dictionary_made_of_its_own_atoms_has_the_same_bits() {
-        let mut g = par::generator(1, 0);
+        let mut g = parallel::rng(1, 0);
         let rows = Array2::from_shape_fn((200, 69), |_| g.random::<f64>() - 0.5);
         let once = Dictionary::from_rows(rows.view()).unwrap();
         assert_eq!(Dictionary::from_rows(once.atoms()).unwrap(), once);

@@ -1,7 +1,8 @@
 //! Poses drawn at random: the atoms that learning starts from.
 
 use super::Dictionary;
-use crate::{Error, Place, Result, par};
+use crate::numeric::parallel;
+use crate::{Error, Place, Result};
 use ndarray::{ArrayView2, Axis};
 use rand::seq::SliceRandom;
 use std::collections::HashSet;
@@ -27,7 +28,7 @@ pub fn draw(poses: ArrayView2<f32>, n: usize, seed: u64) -> Result<Dictionary> {
 /// Up to `n` rows of (m, D) that differ and are not zero, in an order drawn at random.
 pub(super) fn distinct(poses: ArrayView2<f32>, n: usize, seed: u64) -> Vec<usize> {
     let mut order: Vec<usize> = (0..poses.nrows()).collect();
-    order.shuffle(&mut par::generator(seed, 0));
+    order.shuffle(&mut parallel::rng(seed, 0));
     let mut seen = HashSet::new(); // 128 bits a pose in place of the pose
     let new = |&i: &usize| {
         let mut hashers = [DefaultHasher::new(), DefaultHasher::new()];

@@ -12,7 +12,7 @@
 
 use super::column::{Column, dot};
 use super::{Stop, Tolerance};
-use crate::simd::{self, padded, widest};
+use crate::numeric::simd::{self, dispatch_widest, padded};
 use ndarray::ArrayView1;
 
 /// A pose counts as reached when at most this share of its squared norm is left: 3e-7 of its length, which is
@@ -99,7 +99,7 @@ impl Fit {
                 self.root = None;
                 match pose.as_slice() {
                     // Several numbers at a time, which an iterator of any array is not known to allow.
-                    Some(pose) => simd::wide(
+                    Some(pose) => simd::dispatch8(
                         #[inline(always)]
                         || (self.residual.iter_mut().zip(pose)).for_each(|(r, y)| *r = (*y).into()),
                     ),
@@ -126,7 +126,7 @@ impl Fit {
         self.stop = Some(Stop::Nothing);
         if self.energy > 0.0 {
             let scale = 1.0 / self.energy.sqrt();
-            simd::wide(
+            simd::dispatch8(
                 #[inline(always)]
                 || self.residual.iter_mut().for_each(|r| *r *= scale),
             );
@@ -147,7 +147,7 @@ impl Fit {
         let v = &mut rest[..stride];
         let column = &mut self.r[k * cap..(k + 1) * cap];
         column.fill(0.0);
-        let Some((z, left)) = widest(Column {
+        let Some((z, left)) = dispatch_widest(Column {
             done,
             atom,
             root: self.root.as_deref(),

@@ -191,7 +191,7 @@ mod tests {
     use super::super::testdata::random;
     use super::super::tile::Tile;
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use ndarray::{Array2, ArrayView1, Axis, concatenate, s};
     use proptest::prelude::*;
     use rand::Rng;
@@ -242,7 +242,7 @@ mod tests {
     /// Few hidden dimensions, as poses have, and a little of all others.
     fn flat(n: usize, d: usize, seed: u64) -> Array2<f64> {
         let hidden = random(3, d, seed + 1);
-        let mut g = par::generator(seed, 2);
+        let mut g = parallel::rng(seed, 2);
         let mixed = Array2::from_shape_fn((n, 3), |_| g.random::<f64>() - 0.3);
         mixed.dot(&hidden) + random(n, d, seed + 3) * 0.005
     }
@@ -303,7 +303,7 @@ mod tests {
                 0 => random(clusters, d, seed),
                 _ => flat(clusters, d, seed),
             };
-            let mut g = par::generator(seed, 4);
+            let mut g = parallel::rng(seed, 4);
             let near = |m: usize, apart: f64, g: &mut rand_chacha::ChaCha8Rng| {
                 let mut rows = random(m, d, g.random()) * apart;
                 for mut row in rows.outer_iter_mut() {

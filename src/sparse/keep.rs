@@ -4,7 +4,7 @@ use super::batch::{Codes, UNUSED};
 use super::code::row;
 use super::fit::Fit;
 use super::{State, Tolerance};
-use crate::par;
+use crate::numeric::parallel;
 use ndarray::{ArrayView1, ArrayView2};
 
 /// Poses that one task takes.
@@ -13,7 +13,7 @@ const CHUNK: usize = 512;
 /// Where the old atoms of a pose, refitted, are better than its new code, puts them back.
 pub fn keep_better(codes: &mut Codes, state: &State, poses: ArrayView2<f32>) {
     let k = codes.atoms.ncols();
-    let kept = par::map_chunks(poses.nrows(), CHUNK, |rows| {
+    let kept = parallel::map_chunks(poses.nrows(), CHUNK, |rows| {
         let mut fit = Fit::new(k, poses.ncols());
         let mut x = vec![0.0; k];
         let mut better = Vec::new();

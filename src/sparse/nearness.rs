@@ -1,7 +1,8 @@
 //! How close atoms are to one another: |<a, b>|, 1 for copies (up to sign), by blocks of products.
 
 use super::Dictionary;
-use crate::{Error, Result, par};
+use crate::numeric::parallel;
+use crate::{Error, Result};
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -69,7 +70,7 @@ fn greatest(
     others: ArrayView2<f32>,
     counts: impl Fn(usize, usize) -> bool + Sync,
 ) -> Vec<f32> {
-    par::map_chunks(atoms.nrows(), TILE, |rows| {
+    parallel::map_chunks(atoms.nrows(), TILE, |rows| {
         let tile = atoms.slice(s![rows.clone(), ..]);
         let mut greatest = vec![0f32; tile.nrows()];
         for from in (0..others.nrows()).step_by(BLOCK) {
@@ -113,7 +114,7 @@ pub(super) fn spread(atoms: ArrayView2<f32>, order: &[usize], limit: f64) -> Vec
 
 /// Which atoms of a tile have no closeness above `limit` to any of `others`.
 fn far_from(tile: ArrayView2<f32>, others: ArrayView2<f32>, limit: f32) -> Vec<bool> {
-    let parts = par::map_chunks(others.nrows(), BLOCK, |range| {
+    let parts = parallel::map_chunks(others.nrows(), BLOCK, |range| {
         let products = tile.dot(&others.slice(s![range, ..]).t());
         products
             .outer_iter()

@@ -156,7 +156,7 @@ mod tests {
     use super::super::testdata::{alike, random};
     use super::super::{Stop, refit};
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use ndarray::{Array1, Array2, Axis, array};
 
     fn with(sparsity: usize, rule: Rule) -> Pursuit {
@@ -178,7 +178,7 @@ mod tests {
     #[test]
     fn a_planted_code_is_found() {
         let d = Dictionary::from_rows(random(60, 200, 1).view()).unwrap();
-        let mut g = par::generator(2, 0);
+        let mut g = parallel::rng(2, 0);
         for rule in RULES {
             let mut planted = rand::seq::index::sample(&mut g, 60, 5).into_vec();
             let x: Vec<f64> = (0..5)

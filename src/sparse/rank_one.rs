@@ -90,7 +90,7 @@ pub(super) fn add(v: &mut [f32], c: f32, u: &[f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use rand::Rng;
 
     /// The largest singular value squared of E (u, d), by one-sided Jacobi rotations in f64.
@@ -141,7 +141,7 @@ mod tests {
     /// where the singular values lie closest and power steps do worst.
     #[test]
     fn the_error_is_that_of_the_singular_value_decomposition() {
-        let mut g = par::generator(1, 0);
+        let mut g = parallel::rng(1, 0);
         for (strength, allowed) in [(3.0, 1e-5), (1.0, 1e-4), (0.0, 3e-3)] {
             for u in [1, 2, 5, 40, 200] {
                 let d = 24;
@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn the_error_never_rises_and_the_sign_stays() {
-        let mut g = par::generator(2, 0);
+        let mut g = parallel::rng(2, 0);
         for _ in 0..50 {
             let start = unit(&mut g, 10);
             let e: Vec<f32> = (0..300).map(|_| g.random::<f32>() - 0.4).collect();

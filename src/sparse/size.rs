@@ -119,12 +119,12 @@ impl SizeSearch {
 mod tests {
     use super::super::ksvd::{Ksvd, draw};
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use ndarray::Array2;
     use rand::Rng;
 
     fn poses(m: usize) -> Array2<f32> {
-        let mut g = par::generator(3, 0);
+        let mut g = parallel::rng(3, 0);
         Array2::from_shape_fn((m, 9), |_| g.random::<f32>() - 0.5)
     }
 

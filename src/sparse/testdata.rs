@@ -1,13 +1,13 @@
 //! Made atoms and poses that several of the tests use.
 
 use super::Dictionary;
-use crate::par;
+use crate::numeric::parallel;
 use ndarray::Array2;
 use rand::Rng;
 
 /// Uniform about 0.
 pub fn random(n: usize, d: usize, seed: u64) -> Array2<f64> {
-    let mut g = par::generator(seed, 0);
+    let mut g = parallel::rng(seed, 0);
     Array2::from_shape_fn((n, d), |_| g.random::<f64>() - 0.5)
 }
 
@@ -19,9 +19,9 @@ pub fn alike(n: usize, d: usize, seed: u64) -> Dictionary {
 
 /// Poses made of 3 of 40 hidden directions, with a little noise.
 pub fn poses(m: usize, d: usize, seed: u64) -> Array2<f32> {
-    let mut g = par::generator(7, 0);
+    let mut g = parallel::rng(7, 0);
     let hidden = Array2::from_shape_fn((40, d), |_| g.random::<f32>() - 0.3);
-    let mut g = par::generator(seed, 1);
+    let mut g = parallel::rng(seed, 1);
     let mut y = Array2::from_shape_fn((m, d), |_| 0.02 * (g.random::<f32>() - 0.5));
     for mut row in y.outer_iter_mut() {
         for _ in 0..3 {

@@ -6,7 +6,7 @@
 mod shared;
 
 use ndarray::{Array2, ArrayView2, Axis, s};
-use posing::par;
+use posing::numeric::parallel;
 use posing::sparse::{Dictionary, Pursuit, Search};
 use shared::{atoms, median};
 use std::time::Instant;
@@ -31,7 +31,7 @@ fn main() {
     }
     let takes: Vec<_> = takes.iter().map(|t| t.xyz.view()).collect();
     let takes = ndarray::concatenate(Axis(0), &takes).expect("takes of the same points");
-    let mut chosen = par::generator(0, 0);
+    let mut chosen = parallel::rng(0, 0);
     let mut order: Vec<usize> = (0..takes.nrows()).collect();
     rand::seq::SliceRandom::shuffle(&mut order[..], &mut chosen);
     assert!(order.len() > 2 * SOUGHT, "too few frames: {}", order.len());
@@ -108,7 +108,7 @@ fn peak() -> f64 {
     let threads = rayon::current_num_threads();
     let one = Array2::<f32>::from_elem((SIDE, SIDE), 1e-3);
     let all = || {
-        par::map_chunks(threads, 1, |_| {
+        parallel::map_chunks(threads, 1, |_| {
             let mut sum = Array2::<f32>::zeros((SIDE, SIDE));
             for _ in 0..PRODUCTS {
                 ndarray::linalg::general_mat_mul(1.0, &one, &one, 0.5, &mut sum);
@@ -124,7 +124,7 @@ fn peak() -> f64 {
 fn bandwidth() -> f64 {
     let numbers = vec![1u64; 1 << 25];
     let all = || {
-        let sums = par::map_chunks(numbers.len(), 1 << 18, |r| numbers[r].iter().sum::<u64>());
+        let sums = parallel::map_chunks(numbers.len(), 1 << 18, |r| numbers[r].iter().sum::<u64>());
         assert_eq!(sums.iter().sum::<u64>(), numbers.len() as u64);
     };
     (8 * numbers.len()) as f64 / median(RUNS, all)

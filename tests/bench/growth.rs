@@ -6,7 +6,7 @@
 mod shared;
 
 use ndarray::{Array2, ArrayView2, Axis, s};
-use posing::par;
+use posing::numeric::parallel;
 use posing::sparse::{Dictionary, Ksvd, Pursuit};
 use shared::{atoms, median};
 use std::fmt::Write;
@@ -30,7 +30,7 @@ fn main() {
         );
     }
     let mut order: Vec<usize> = (0..takes.nrows()).collect();
-    rand::seq::SliceRandom::shuffle(&mut order[..], &mut par::generator(0, 0));
+    rand::seq::SliceRandom::shuffle(&mut order[..], &mut parallel::rng(0, 0));
     let poses = takes.select(Axis(0), &order[..4 * POSES]);
     let mut rest = order.split_off(4 * POSES);
     rest.sort_unstable();

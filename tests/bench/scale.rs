@@ -9,7 +9,7 @@ mod shared;
 
 use ndarray::ArrayView1;
 use posing::io::npy;
-use posing::par;
+use posing::numeric::parallel;
 use posing::pose::joints::mirrored;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -225,7 +225,7 @@ impl Maker<'_> {
         Maker {
             takes,
             mirror: mirror.collect(),
-            chance: par::generator(0, stream),
+            chance: parallel::rng(0, stream),
         }
     }
 

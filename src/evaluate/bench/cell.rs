@@ -4,7 +4,7 @@ use super::data::Data;
 use super::splits::Split;
 use super::tasks::{Damaged, Task};
 use crate::pose::ASF_UNIT_CM;
-use crate::prior::{EXACT, Posterior};
+use crate::prior::{EXACT_VARIANCE, Posterior};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -168,7 +168,7 @@ pub fn measure(
             // What a completion sees exactly says nothing; under sparse noise nothing is known to be exact.
             if (task == Task::Sparse || damaged.told[[i, c]] > 0.0) && varies[c] {
                 out.coordinates += 1;
-                let off = error.abs() / variance.max(EXACT).sqrt();
+                let off = error.abs() / variance.max(EXACT_VARIANCE).sqrt();
                 let counts = out.within.iter_mut().zip(WITHIN);
                 counts.for_each(|(n, (sd, _))| *n += u64::from(off <= sd));
             }

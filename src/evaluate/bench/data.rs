@@ -199,7 +199,7 @@ impl Data {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use crate::pose::joints;
     use rand::Rng;
 
@@ -213,7 +213,7 @@ pub(super) mod tests {
         let mut xyz = Array2::zeros((frames, 69));
         let (mut take, mut t) = (Vec::new(), 0);
         for (k, (name, count)) in list.iter().enumerate() {
-            let mut random = par::generator(77, k as u64);
+            let mut random = parallel::rng(77, k as u64);
             let mut phase: Vec<f64> = (0..4).map(|_| random.random::<f64>() * 6.0).collect();
             for _ in 0..*count {
                 for (p, step) in phase.iter_mut().zip([0.11, 0.07, 0.05, 0.13]) {

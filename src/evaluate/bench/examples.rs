@@ -10,7 +10,7 @@ use super::settings::Settings;
 use super::splits::{Partition, Split};
 use super::tasks::{Damage, Damaged, Task};
 use crate::Result;
-use crate::par;
+use crate::numeric::parallel;
 use crate::prior::Posterior;
 use ndarray::Array2;
 use rand::seq::SliceRandom;
@@ -141,7 +141,7 @@ impl Scenes {
             rate = told / every as f64;
         }
         let mut rows = partition.test().to_vec();
-        rows.shuffle(&mut par::generator(partition.seed(), 5));
+        rows.shuffle(&mut parallel::rng(partition.seed(), 5));
         let mut stills: Vec<usize> = Vec::new();
         let mut seen: Vec<usize> = walks.into_iter().collect();
         // From takes not seen yet as long as there are any.

@@ -6,7 +6,7 @@
 //! distance is within that distance along it, so that few need to be compared.
 
 use super::data::Data;
-use crate::par;
+use crate::numeric::parallel;
 use crate::pose::joints;
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use rand::Rng;
@@ -66,7 +66,7 @@ impl Twin {
 pub fn twins(data: &Data) -> Vec<Twin> {
     let index = Index::new(data.xyz.view());
     let mirror = Mirror::of(data);
-    let found = par::map_chunks(data.takes.len(), 1, |range| {
+    let found = parallel::map_chunks(data.takes.len(), 1, |range| {
         of_take(data, &index, &mirror, range.start)
     });
     let mut twins: Vec<Twin> = found.into_iter().flatten().collect();
@@ -168,7 +168,7 @@ struct Index<'a> {
 
 impl<'a> Index<'a> {
     fn new(xyz: ArrayView2<'a, f32>) -> Index<'a> {
-        let mut random = par::generator(0, 5);
+        let mut random = parallel::rng(0, 5);
         let mut direction: Vec<f32> = (0..xyz.ncols())
             .map(|_| random.sample(StandardNormal))
             .collect();

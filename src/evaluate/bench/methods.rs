@@ -4,7 +4,7 @@ use super::data::Data;
 use super::leaks::Past;
 use super::splits::Split;
 use super::tasks::{Damaged, Task};
-use crate::par;
+use crate::numeric::parallel;
 use crate::prior::train::{KINDS, Training, train};
 use crate::prior::training::{TrainingPoses, sparse_model};
 use crate::prior::tuning::HoldBack;
@@ -274,13 +274,13 @@ pub fn restore(
     treatment: Option<&Treatment>,
     damaged: &Damaged,
 ) -> (Vec<Posterior>, f64) {
-    let parts = par::map_chunks(damaged.y.nrows(), BATCH, |range| {
+    let parts = parallel::map_chunks(damaged.y.nrows(), BATCH, |range| {
         let part = |a: &Array2<f64>| a.slice(s![range.clone(), ..]).to_owned();
         // A number that is missing is read nowhere, but nothing should hang on that.
         let y = part(&damaged.y).mapv(|v| if v.is_nan() { 0.0 } else { v });
         let told = part(&damaged.told);
         let began = Instant::now();
-        let answers = par::alone(|| match treatment {
+        let answers = parallel::single_threaded(|| match treatment {
             Some(treatment) => treatment.answer(prior, y.view(), told.view()),
             None => prior.posteriors(y.view(), told.view()),
         });

@@ -2,7 +2,8 @@
 
 use super::data::Data;
 use super::leaks::Twin;
-use crate::{Error, Result, par};
+use crate::numeric::parallel;
+use crate::{Error, Result};
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
@@ -85,7 +86,7 @@ impl Partition {
         match split {
             Split::Frames => {
                 let mut order: Vec<usize> = (0..frames).collect();
-                order.shuffle(&mut par::generator(seed, 1));
+                order.shuffle(&mut parallel::rng(seed, 1));
                 order[..frames / 2].iter().for_each(|&r| tested[r] = true);
             }
             Split::Takes => {
@@ -194,7 +195,7 @@ impl Partition {
 }
 
 fn some(rows: &[usize], count: usize, seed: u64, stream: u64) -> Vec<usize> {
-    let mut random = par::generator(seed, stream);
+    let mut random = parallel::rng(seed, stream);
     let amount = count.min(rows.len());
     let mut chosen = rand::seq::index::sample(&mut random, rows.len(), amount).into_vec();
     chosen.sort_unstable();
@@ -255,7 +256,7 @@ fn held_takes(data: &Data, groups: &[usize], seed: u64) -> Vec<usize> {
             .filter(|&g| data.takes[g].subject == subject)
             .collect();
         let count = (own.len() / 3).max(2).min(own.len().saturating_sub(1));
-        own.shuffle(&mut par::generator(seed, 1000 + k as u64));
+        own.shuffle(&mut parallel::rng(seed, 1000 + k as u64));
         held.extend(&own[..count]);
     }
     held
@@ -265,7 +266,7 @@ fn held_takes(data: &Data, groups: &[usize], seed: u64) -> Vec<usize> {
 /// ended: as many seeds as it takes hold out everybody once.
 fn held_subjects(groups: &[usize], seed: u64) -> Vec<usize> {
     let mut all = distinct(groups);
-    all.shuffle(&mut par::generator(0, 2));
+    all.shuffle(&mut parallel::rng(0, 2));
     let count = (all.len() / 5).max(1);
     let from = (seed % all.len() as u64) as usize * count;
     (0..count).map(|i| all[(from + i) % all.len()]).collect()

@@ -8,7 +8,7 @@
 use super::cell::{Cell, Id, Measured, ONE_TWO, Unit};
 use super::splits::Split;
 use super::tasks::Task;
-use crate::par;
+use crate::numeric::parallel;
 use crate::pose::ASF_UNIT_CM;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
@@ -177,9 +177,9 @@ fn replicate(tests: &[&Measured], all: &[usize]) -> Vec<f64> {
             t.units.iter().filter_map(place).collect()
         })
         .collect();
-    par::map_chunks(DRAWS, 1, |range| {
+    parallel::map_chunks(DRAWS, 1, |range| {
         // The same draws for whatever is drawn from the same units.
-        let mut random = par::generator(0, 1 + range.start as u64);
+        let mut random = parallel::rng(0, 1 + range.start as u64);
         let mut times = vec![0_u32; all.len()];
         (0..all.len()).for_each(|_| times[random.random_range(0..all.len())] += 1);
         let of_seed = |units: &Vec<(usize, Unit)>| {
@@ -216,7 +216,7 @@ pub(super) mod tests {
 
     /// A cell of so many units of one frame, with errors near `mse`.
     pub fn cell(model: &str, seed: u64, task: Task, mse: f64, units: usize) -> Cell {
-        let mut random = par::generator(seed, 3);
+        let mut random = parallel::rng(seed, 3);
         let units: Vec<Unit> = (0..units)
             .map(|i| Unit {
                 unit: 10 * i + seed as usize,

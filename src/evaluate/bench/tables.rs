@@ -116,7 +116,7 @@ impl Results<'_> {
     /// None that the types do not already exclude.
     pub fn json(&self) -> Result<String> {
         let (data, settings) = (self.data, self.settings);
-        let cells = crate::par::map_chunks(self.cells.len(), 1, |r| {
+        let cells = crate::numeric::parallel::map_chunks(self.cells.len(), 1, |r| {
             self.json_cell(&self.cells[r.start])
         });
         let json = Json {

@@ -2,8 +2,9 @@
 
 use super::splits::Split;
 use crate::evaluate::corruption::Corruption;
+use crate::numeric::parallel;
 use crate::pose::ASF_UNIT_CM;
-use crate::{Error, Result, par};
+use crate::{Error, Result};
 use ndarray::Array2;
 use rand::RngCore;
 use serde::{Deserialize, Serialize};
@@ -85,7 +86,7 @@ impl Damage<'_> {
     /// [`Error::Usage`] where the data lack a joint that completion is to see, or all would be seen.
     pub fn apply(&self, truth: &Array2<f64>, rows: &[usize]) -> Result<Damaged> {
         let stream = 16 + 8 * self.split as u64 + self.task as u64;
-        let mut seeds = par::generator(self.seed, stream);
+        let mut seeds = parallel::rng(self.seed, stream);
         let (hit_seed, base_seed) = (seeds.next_u64(), seeds.next_u64());
         let hits = Corruption {
             dense: self.when(Task::Dense),

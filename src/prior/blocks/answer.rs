@@ -4,8 +4,8 @@ use super::explained::Explained;
 use super::part::{Active, Part, Sight, View, add_outer};
 use super::scales::{Room, Scales, Weighed};
 use super::search::Residual;
-use crate::prior::small::add;
-use crate::simd;
+use crate::numeric::simd;
+use crate::numeric::small_linalg::add;
 use ndarray::Array2;
 use std::ops::Range;
 

@@ -3,8 +3,8 @@
 //! C = U diag(λ) Uᵀ; the columns of U diag(√λ) are the atoms, whose coefficients are unit Gaussians. The largest come
 //! first.
 
-use crate::linalg::symmetric_eigen;
-use crate::simd::{self, padded, weighted_products};
+use crate::numeric::linalg::symmetric_eigen;
+use crate::numeric::simd::{self, padded, weighted_products};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2};
 
@@ -168,7 +168,7 @@ pub fn add_diagonal(share: f64, directions: &[f32], deviations: &[f32], out: &mu
     let scales = scales(directions, d);
     let each = deviations.iter().zip(&scales);
     let weights: Vec<f64> = each.map(|(v, s)| share * variance(*v) * s * s).collect();
-    simd::wide(
+    simd::dispatch8(
         #[inline(always)]
         || {
             for (out, row) in out.iter_mut().zip(directions.chunks_exact(d.max(1))) {

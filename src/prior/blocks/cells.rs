@@ -2,8 +2,8 @@
 
 use super::basis::{Basis, add_diagonal};
 use crate::io::model::Matrix;
+use crate::numeric::simd::{self, distances};
 use crate::pose::PoseMap;
-use crate::simd::{self, distances};
 use ndarray::{Array2, Axis};
 use std::sync::{Arc, OnceLock};
 

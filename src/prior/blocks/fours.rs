@@ -1,9 +1,9 @@
 //! Cholesky factors at four scales side by side: as many as the levels of an index have.
 //!
-//! Matrices are (n, n), lower triangle by rows, as those of [`small`](crate::prior::small); each number stands there once for
+//! Matrices are (n, n), lower triangle by rows, as those of [`small`](crate::numeric::small_linalg); each number stands there once for
 //! each scale.
 
-use crate::simd;
+use crate::numeric::simd;
 use std::array::from_fn;
 
 /// A number at four scales.
@@ -20,10 +20,10 @@ pub struct Factors {
 
 impl Factors {
     /// Of positive definite matrices. A pivot that rounding has eaten becomes a small one, as in
-    /// [`small::factorise`](crate::prior::small::factorise).
+    /// [`small_linalg::factorise`](crate::numeric::small_linalg::factorise).
     pub fn of(mut lower: Vec<Four>, n: usize) -> Factors {
         let mut inverses = vec![[0.0; 4]; n];
-        simd::wide(
+        simd::dispatch8(
             #[inline(always)]
             || {
                 for i in 0..n {
@@ -60,7 +60,7 @@ impl Factors {
 
     /// z ← L⁻¹ z of all.
     pub fn forward(&self, z: &mut [Four]) {
-        simd::wide(
+        simd::dispatch8(
             #[inline(always)]
             || {
                 for j in 0..self.n {
@@ -100,7 +100,7 @@ impl Factors {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::small;
+    use crate::numeric::small_linalg;
 
     #[test]
     fn four_factors_are_those_made_one_by_one() {
@@ -122,7 +122,7 @@ mod tests {
         let mut fours: Vec<Four> = z.iter().map(|z| [*z; 4]).collect();
         factors.forward(&mut fours);
         for (s, mut want) in each.into_iter().enumerate() {
-            small::factorise(&mut want, n);
+            small_linalg::factorise(&mut want, n);
             let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs());
             // Where a pivot is but rounding's, only that it is small can be said.
             let firm = if s == 3 { 5 } else { n };
@@ -132,14 +132,14 @@ mod tests {
             }
             assert!(factors.pivots(s).all(|p| p > 0.0 && p.is_finite()));
             let (mut forth, mut back) = (z.clone(), z.clone());
-            small::forward(&want, n, &mut forth);
+            small_linalg::forward(&want, n, &mut forth);
             let mut own = z.clone();
             factors.forward_one(s, &mut own);
             for i in 0..firm {
                 assert!(near(own[i], forth[i]) && near(fours[i][s], forth[i]));
             }
             if firm == n {
-                small::backward(&want, n, &mut back);
+                small_linalg::backward(&want, n, &mut back);
                 let mut own = z.clone();
                 factors.backward_one(s, &mut own);
                 assert!(own.iter().zip(back).all(|(a, b)| near(*a, b)));

@@ -10,11 +10,12 @@ use super::scales::MOST_LEAVES;
 use super::{Blocks, FLOOR};
 use crate::cluster::{self, Parameters};
 use crate::io::Model;
+use crate::numeric::parallel;
+use crate::numeric::small_linalg::log_sum;
 use crate::pose::ASF_UNIT_CM;
-use crate::prior::small::log_sum;
 use crate::prior::train::Training;
 use crate::prior::training::{TrainingPoses, typical};
-use crate::{Error, Result, par};
+use crate::{Error, Result};
 use ndarray::{Array2, ArrayView2, Axis};
 use rand::Rng;
 use rand::seq::SliceRandom;
@@ -183,7 +184,7 @@ fn evidence_of_fold(
         .cloned()
         .collect();
     let tested = settings.tested.div_ceil(folds);
-    let mut generator = par::generator(training.seed, 2 + fold as u64);
+    let mut generator = parallel::rng(training.seed, 2 + fold as u64);
     let mut chosen: Vec<usize> = held.iter().flat_map(|t| t.clone()).collect();
     let measured = poses.xyz.select(Axis(0), &HeldBack::spread(&chosen));
     chosen.shuffle(&mut generator);
@@ -222,7 +223,7 @@ fn folds(takes: &[Range<usize>], count: usize, seed: u64) -> Vec<Vec<Range<usize
         return Vec::new();
     }
     let mut order: Vec<usize> = (0..takes.len()).collect();
-    order.shuffle(&mut par::generator(seed, 1));
+    order.shuffle(&mut parallel::rng(seed, 1));
     let count = count.min(takes.len());
     (0..count)
         .map(|fold| {
@@ -348,7 +349,7 @@ fn cells_of(
         .iter()
         .enumerate()
         .for_each(|(i, &l)| members[l].push(i));
-    let own: Vec<(Vec<f64>, Array2<f64>)> = par::map_chunks(k, 1, |c| {
+    let own: Vec<(Vec<f64>, Array2<f64>)> = parallel::map_chunks(k, 1, |c| {
         let rows = xyz.select(Axis(0), &members[c.start]).mapv(f64::from);
         let whole = rows.sum_axis(Axis(0)) / rows.nrows().max(1) as f64;
         let mean = whole.select(Axis(0), coordinates);
@@ -371,7 +372,7 @@ fn cells_of(
         c.diag_mut().mapv_inplace(|v| v + settings.least);
         covariances.push(c);
     }
-    let bases = par::map_chunks(k, 1, |c| Basis::of(covariances[c.start].view()));
+    let bases = parallel::map_chunks(k, 1, |c| Basis::of(covariances[c.start].view()));
     let share = |n: usize| (n.max(1) as f64 / m as f64).ln();
     let shares = members.iter().map(|r| share(r.len())).collect();
     Cells::new(wholes, shares, bases, coordinates)
@@ -396,7 +397,7 @@ fn evidences(
         seen.into_iter().map(|e| e.levels).collect::<Evidences>()
     };
     let both = (0..2u64).flat_map(|task| {
-        par::map_chunks(chosen.len(), 4, |range| {
+        parallel::map_chunks(chosen.len(), 4, |range| {
             range.map(|i| one(i, task)).collect::<Vec<_>>()
         })
     });
@@ -412,7 +413,7 @@ fn observe(
 ) -> (Vec<f64>, Vec<f64>) {
     let pose: Vec<f64> = poses.xyz.row(row).iter().map(|v| f64::from(*v)).collect();
     if task == 0 {
-        let mut generator = par::generator(seed, 1000 + i as u64);
+        let mut generator = parallel::rng(seed, 1000 + i as u64);
         let y = pose
             .iter()
             .map(|v| v + ASF_UNIT_CM * generator.sample::<f64, _>(StandardNormal))

@@ -2,8 +2,8 @@
 
 use super::basis::Basis;
 use crate::io::model::Matrix;
+use crate::numeric::simd::{combine, distances, padded};
 use crate::pose::PoseMap;
-use crate::simd::{combine, distances, padded};
 use ndarray::{Array2, ArrayView1};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};

@@ -12,7 +12,7 @@
 
 use super::leaves::{Leaves, Poses};
 use super::part::{Part, View};
-use crate::par;
+use crate::numeric::parallel;
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
@@ -67,7 +67,7 @@ impl HeldBack {
             let pose: Vec<f64> = pose.iter().map(|v| f64::from(*v)).collect();
             limit.evidence(&whole, &pose)
         };
-        par::map_chunks(self.poses.nrows(), 64, |range| {
+        parallel::map_chunks(self.poses.nrows(), 64, |range| {
             range.map(of).collect::<Vec<_>>()
         })
         .concat()

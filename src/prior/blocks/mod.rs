@@ -33,8 +33,8 @@ mod slope;
 mod ways;
 
 use super::met::Met;
-use super::small::log_sum;
 use super::{Belief, Enough, Fit, Posterior, Prior, Slope};
+use crate::numeric::small_linalg::log_sum;
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use answer::Told;
 use kinds::{ANSWERED, PLACED};
@@ -216,14 +216,14 @@ impl Prior for Blocks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use crate::pose::joints;
     use crate::prior::train::Training;
     use crate::prior::training::TrainingPoses;
     use rand::Rng;
 
     pub(super) fn poses() -> TrainingPoses {
-        let mut generator = par::generator(3, 0);
+        let mut generator = parallel::rng(3, 0);
         let ways: Vec<f32> = (0..4 * 69)
             .map(|_| generator.random::<f32>() - 0.5)
             .collect();
@@ -270,7 +270,7 @@ mod tests {
         let poses = poses();
         let (blocks, _) = learnt(&poses);
         let pose: Vec<f64> = poses.xyz.row(77).iter().map(|v| f64::from(*v)).collect();
-        let mut generator = par::generator(5, 0);
+        let mut generator = parallel::rng(5, 0);
         let y: Vec<f64> = pose
             .iter()
             .map(|v| v + generator.random_range(-5.0..5.0))

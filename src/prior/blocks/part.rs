@@ -4,9 +4,9 @@ use super::cells::Cells;
 use super::leaves::{Leaves, Opened, Poses};
 use super::lens::{Lens, Pattern};
 use super::scales::{Even, Scales};
+use crate::numeric::simd::{self, padded};
+use crate::numeric::small_linalg::add;
 use crate::pose::PoseMap;
-use crate::prior::small::add;
-use crate::simd::{self, padded};
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
 
@@ -286,7 +286,7 @@ pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
     // All that is added up here was made by rows.
     debug_assert!(to.is_standard_layout());
     let Some(to) = to.as_slice_mut() else { return };
-    simd::wide(
+    simd::dispatch8(
         #[inline(always)]
         || {
             for (row, a) in to.chunks_exact_mut(x.len().max(1)).zip(x) {

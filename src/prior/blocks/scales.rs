@@ -3,8 +3,8 @@
 use super::basis::Basis;
 use super::fours::{Factors, Four};
 use super::part::Active;
-use crate::prior::small::{dot, log_product};
-use crate::simd::{self, combine, combine_of, row_dots, row_dots_of, weighted_rows};
+use crate::numeric::simd::{self, combine, combine_of, row_dots, row_dots_of, weighted_rows};
+use crate::numeric::small_linalg::{dot, log_product};
 use std::borrow::Cow;
 use std::sync::Arc;
 

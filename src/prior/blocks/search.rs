@@ -5,8 +5,8 @@ use super::leaves::Opened;
 use super::near::Nearest;
 use super::part::{Active, Part, Sight, View};
 use super::scales::{Room, Scales};
-use crate::prior::small::LogSum;
-use crate::simd::padded;
+use crate::numeric::simd::padded;
+use crate::numeric::small_linalg::LogSum;
 
 /// So many blocks answer.
 const KEPT: usize = 96;

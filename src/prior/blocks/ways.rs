@@ -5,8 +5,8 @@ use super::answer::{Answer, Told};
 use super::explained::Explained;
 use super::part::View;
 use super::search::{Desk, Search};
-use crate::par;
-use crate::prior::small::{add, log_sum};
+use crate::numeric::parallel;
+use crate::numeric::small_linalg::{add, log_sum};
 use crate::prior::{Belief, Posterior};
 use std::sync::Arc;
 
@@ -68,7 +68,7 @@ impl Blocks {
         // The parts side by side: a frame that comes alone is answered sooner, and among others it costs next to nothing.
         let parts = self.parts.iter().zip(&views).zip(&observed);
         let parts = parts.zip(self.wanted(&self.log_ways, LEAST_WAY));
-        let searches: Vec<Option<Search<'_>>> = par::map_each(
+        let searches: Vec<Option<Search<'_>>> = parallel::map_each(
             parts.collect(),
             Desk::default,
             |desk, (((part, view), y), wanted)| wanted.then(|| part.search(view, y, desk)),
@@ -79,7 +79,7 @@ impl Blocks {
         }));
         let wanted = self.wanted(&self.tempered(&by_cells), least);
         let searches = searches.into_iter().zip(wanted);
-        let explained: Vec<Explained> = par::map_each(
+        let explained: Vec<Explained> = parallel::map_each(
             searches.collect(),
             Desk::default,
             |desk, (search, wanted)| match search {

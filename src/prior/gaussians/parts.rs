@@ -1,7 +1,7 @@
 //! Gaussians as they are stored, whatever the kind.
 
 use crate::io::Model;
-use crate::linalg::symmetric_eigen;
+use crate::numeric::linalg::symmetric_eigen;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
 

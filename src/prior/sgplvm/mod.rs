@@ -23,10 +23,11 @@ use super::store;
 use super::train::Training;
 use super::training::TrainingPoses;
 use super::tuning::{Grid, Learnt, Setting, Tasked, Tuned, tune};
-use super::{Belief, Choice, EXACT, Prior};
+use super::{Belief, Choice, EXACT_VARIANCE, Prior};
 use crate::io::Model;
+use crate::numeric::parallel;
 use crate::pose::PoseMap;
-use crate::{Error, Place, Result, par};
+use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView2};
 use process::Process;
 use std::sync::Arc;
@@ -87,7 +88,7 @@ impl SikPrior {
         let mut by_f = Array1::<f64>::zeros(y.len());
         for c in (0..y.len()).filter(|&c| noise[c].is_finite()) {
             let scale = self.inflation * self.process.scales[c];
-            let sum = scale * p.variance + noise[c].max(EXACT);
+            let sum = scale * p.variance + noise[c].max(EXACT_VARIANCE);
             let rest = y[c] - p.f[c];
             value += 0.5 * rest * rest / sum;
             by_f[c] = -rest / sum;
@@ -108,7 +109,7 @@ impl SikPrior {
             let x = process.latent.row(i);
             // At an active point σ² is about the noise.
             let squares = (0..y.len()).filter(|&c| noise[c].is_finite()).map(|c| {
-                let sum = self.variance[c] + noise[c].max(EXACT);
+                let sum = self.variance[c] + noise[c].max(EXACT_VARIANCE);
                 (y[c] - process.fitted[[i, c]]).powi(2) / sum
             });
             squares.sum::<f64>() + x.dot(&x)
@@ -154,10 +155,10 @@ impl Prior for SikPrior {
             let own = self.inflation * process.scales[c] * p.variance;
             let (mut told, mut left) = (0.0, own);
             if noise[c].is_finite() {
-                let sum = own + noise[c].max(EXACT);
+                let sum = own + noise[c].max(EXACT_VARIANCE);
                 let rest = y[c] - p.f[c];
                 told = own / sum * rest;
-                left = own * (noise[c].max(EXACT) / sum);
+                left = own * (noise[c].max(EXACT_VARIANCE) / sum);
                 belief.evidence -=
                     0.5 * (rest * rest / sum + (2.0 * std::f64::consts::PI * sum).ln());
             }
@@ -168,7 +169,7 @@ impl Prior for SikPrior {
     }
 
     fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        let runs = par::map_chunks(y.nrows(), RUN, |rows| {
+        let runs = parallel::map_chunks(y.nrows(), RUN, |rows| {
             rows.map(|i| self.believe(&y.row(i).to_vec(), &noise.row(i).to_vec()))
                 .collect::<Vec<_>>()
         });

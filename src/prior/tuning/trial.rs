@@ -1,9 +1,9 @@
 //! What priors are tuned on: training poses held back, damaged for each task.
 
 use super::{ASF2, Task};
-use crate::par;
+use crate::numeric::parallel;
 use crate::pose::{ASF_UNIT_CM, joints};
-use crate::prior::EXACT;
+use crate::prior::EXACT_VARIANCE;
 use crate::prior::training::TrainingPoses;
 use ndarray::{Array2, Axis};
 use rand::Rng;
@@ -37,7 +37,7 @@ pub enum HoldBack {
 pub fn hold_back(poses: &TrainingPoses, how: HoldBack, seed: u64) -> (TrainingPoses, Array2<f64>) {
     let n = poses.xyz.nrows();
     let mut held = vec![false; n];
-    let mut generator = par::generator(seed, 1);
+    let mut generator = parallel::rng(seed, 1);
     match how {
         HoldBack::Takes => {
             let mut parts = poses.takes.clone();
@@ -100,7 +100,7 @@ pub fn damaged(
     task: Task,
     seed: u64,
 ) -> (Array2<f64>, Array2<f64>, Array2<f64>) {
-    let mut generator = par::generator(seed, 2 + task as u64);
+    let mut generator = parallel::rng(seed, 2 + task as u64);
     // Noise that differs from frame to frame costs a factorisation each.
     let step = if task == Task::Treated { 2 } else { 1 };
     let truth = held.slice(ndarray::s![..;step, ..]).to_owned();
@@ -124,7 +124,7 @@ pub fn damaged(
                     Task::Complete if hidden[p] => f64::INFINITY,
                     Task::Complete => 0.0,
                     Task::Treated if hit => ASF2,
-                    Task::Treated => EXACT,
+                    Task::Treated => EXACT_VARIANCE,
                 };
             }
         }
@@ -139,7 +139,7 @@ fn hidden(points: &[String], seed: u64) -> Vec<bool> {
         return points.iter().map(|p| !six(p)).collect();
     }
     let mut order: Vec<usize> = (0..points.len()).collect();
-    order.shuffle(&mut par::generator(seed, 6));
+    order.shuffle(&mut parallel::rng(seed, 6));
     let mut hidden = vec![true; points.len()];
     let seen = points.len().div_ceil(4);
     order.iter().take(seen).for_each(|&p| hidden[p] = false);

@@ -57,7 +57,7 @@ impl<'a> Fitter<'a> {
             greedy: Greedy::new(skeleton, joints),
             solver: Solver::new(skeleton, joints, settings.solve),
             settings: *settings,
-            random: crate::par::generator(settings.seed, 0),
+            random: crate::numeric::parallel::rng(settings.seed, 0),
             q: rest.clone(),
             targets: vec![f64::NAN; 3 * joints.len()],
             fixed: vec![false; rest.len()],

@@ -8,10 +8,10 @@
 
 use super::bodies::{Bodies, Lengths};
 use super::bones::{SHARE, SLAB, deviations};
-use crate::prior::EXACT;
+use crate::numeric::simd;
+use crate::numeric::small_linalg::log_product;
+use crate::prior::EXACT_VARIANCE;
 use crate::prior::pairs::RigidPairs;
-use crate::prior::small::log_product;
-use crate::simd;
 
 /// Standard deviations of base noise that are tried, cm.
 const BASES: [f64; 12] = [
@@ -146,7 +146,7 @@ impl Bases {
     /// The base noise of a frame by itself: the one under which its distances are most likely. `None` where too few are seen,
     /// or the body is a stranger's: its lengths would explain anything.
     pub fn base(&self, pairs: &RigidPairs, bodies: &Bodies, y: &[f64]) -> Option<BaseNoise> {
-        let all = vec![EXACT; y.len()];
+        let all = vec![EXACT_VARIANCE; y.len()];
         let seen: Vec<(usize, f64)> = deviations(pairs, y, &all).map(|(k, d, _)| (k, d)).collect();
         if seen.len() < FEWEST {
             return None;

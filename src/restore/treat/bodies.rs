@@ -1,6 +1,6 @@
 //! The bodies that rigid distances are those of.
 
-use crate::prior::EXACT;
+use crate::prior::EXACT_VARIANCE;
 use crate::prior::pairs::RigidPairs;
 
 /// The share of bodies nobody has seen, and how much their lengths differ from the mean of those seen.
@@ -11,7 +11,7 @@ const STRANGER: (f64, f64) = (0.02, 0.06);
 pub struct Lengths {
     /// n of them, cm.
     pub mean: Vec<f64>,
-    /// cm²; never below [`EXACT`].
+    /// cm²; never below [`EXACT_VARIANCE`].
     pub variance: Vec<f64>,
 }
 
@@ -26,7 +26,7 @@ pub struct Bodies {
 impl Bodies {
     /// Those of what was learnt alone.
     pub fn known(pairs: &RigidPairs) -> Bodies {
-        let own = |k: usize| (pairs.pairs[k].sd * pairs.pairs[k].sd).max(EXACT);
+        let own = |k: usize| (pairs.pairs[k].sd * pairs.pairs[k].sd).max(EXACT_VARIANCE);
         let n = pairs.pairs.len();
         let all = (pairs.bodies.rows().into_iter().zip(&pairs.shares))
             .map(|(row, share)| {

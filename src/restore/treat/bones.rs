@@ -11,10 +11,10 @@
 
 use super::base;
 use super::bodies::{Bodies, Lengths};
+use crate::numeric::small_linalg::log_sum;
 use crate::pose::ASF_UNIT_CM;
-use crate::prior::EXACT;
+use crate::prior::EXACT_VARIANCE;
 use crate::prior::pairs::RigidPairs;
-use crate::prior::small::log_sum;
 
 /// The share of points that are corrupt.
 pub const SHARE: f64 = 0.2;
@@ -77,7 +77,7 @@ pub fn is_seen(y: &[f64], told: &[f64], p: usize) -> bool {
 
 /// The base variance of a point, cm².
 pub fn base_of(told: &[f64], p: usize) -> f64 {
-    (told[3 * p..3 * p + 3].iter().sum::<f64>() / 3.0).max(EXACT)
+    (told[3 * p..3 * p + 3].iter().sum::<f64>() / 3.0).max(EXACT_VARIANCE)
 }
 
 /// The distances seen: which pair's, how far its ends are apart, and the base variance of that.

@@ -1,7 +1,7 @@
 //! How rigid distances change as points move.
 
 use super::sure::Sure;
-use crate::simd;
+use crate::numeric::simd;
 
 /// A distance's gradient: along `u` at the first point, against it at the second.
 pub struct Gradient {
@@ -51,7 +51,7 @@ pub fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> 
             own.map(|(v, e)| (1.0 - together) * v + e).collect()
         }
     };
-    simd::wide(
+    simd::dispatch8(
         #[inline(always)]
         || {
             for (row, out) in rows.iter().zip(&mut out) {

@@ -16,10 +16,10 @@ pub mod sure;
 
 use crate::Result;
 use crate::io::Model;
-use crate::par;
+use crate::numeric::parallel;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::tuning::Task;
-use crate::prior::{Belief, EXACT, Enough, Posterior, Prior};
+use crate::prior::{Belief, EXACT_VARIANCE, Enough, Posterior, Prior};
 use base::{BaseNoise, Bases};
 use bodies::Bodies;
 use ndarray::ArrayView2;
@@ -238,7 +238,7 @@ impl Treatment {
         rows: Vec<T>,
         keep: impl Fn(&RigidPairs, &Bodies, &T) -> Treated + Sync,
     ) -> Vec<Treated> {
-        let parts = par::map_chunks(rows.len(), CHUNK, |range| {
+        let parts = parallel::map_chunks(rows.len(), CHUNK, |range| {
             let all = rows[range].iter();
             all.map(|row| keep(&self.pairs, &self.bodies, row))
                 .collect::<Vec<_>>()
@@ -265,11 +265,11 @@ fn known(variance: f64, told: &[f64]) -> f64 {
 /// Numbers that are exact are believed as they are.
 fn fix(belief: &mut Belief, y: &[f64], noise: &[f64]) {
     for (i, r) in noise.iter().enumerate() {
-        if *r <= EXACT && y[i].is_finite() {
+        if *r <= EXACT_VARIANCE && y[i].is_finite() {
             belief.mean[i] = y[i];
             belief.covariance.row_mut(i).fill(0.0);
             belief.covariance.column_mut(i).fill(0.0);
-            belief.covariance[[i, i]] = EXACT;
+            belief.covariance[[i, i]] = EXACT_VARIANCE;
         }
     }
 }
@@ -378,7 +378,7 @@ mod tests {
         let (poses, sd) = (swinging(200), 0.4);
         let (treatment, prior) = learnt(&poses);
         let (mut y, which) = hit(&poses);
-        let mut generator = crate::par::generator(9, 0);
+        let mut generator = crate::numeric::parallel::rng(9, 0);
         y.mapv_inplace(|v| v + sd * rand::Rng::sample::<f64, _>(&mut generator, StandardNormal));
         let told = Array2::from_elem(poses.dim(), sd * sd);
         let answers = treatment.answer(&prior, y.view(), told.view(), Seek::Outliers);

@@ -14,12 +14,12 @@
 use super::bodies::{Bodies, Lengths};
 use super::gradients::{Gradient, cross, gradients, products, shared_ends};
 use super::sure::Sure;
+use crate::numeric::simd;
+use crate::numeric::small_linalg::add;
+use crate::numeric::small_linalg::{backward, factorise, forward};
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::pairs::RigidPairs;
-use crate::prior::small::add;
-use crate::prior::small::{backward, factorise, forward};
-use crate::prior::{EXACT, Posterior};
-use crate::simd;
+use crate::prior::{EXACT_VARIANCE, Posterior};
 
 /// Values of i that are tried, asf².
 const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
@@ -182,7 +182,7 @@ impl Step {
             spread[k * n + k] += lengths.variance[k];
         }
         // Kᵀ
-        simd::wide(
+        simd::dispatch8(
             #[inline(always)]
             || {
                 forward_rows(&self.factor, n, &mut self.cross);
@@ -194,7 +194,7 @@ impl Step {
             .map(|(v, e)| v + e)
             .collect();
         let spread = |k: usize, l: usize| spread[k.max(l) * n + k.min(l)];
-        simd::wide(
+        simd::dispatch8(
             #[inline(always)]
             || {
                 let mut sum = vec![0.0; out.len()];
@@ -225,7 +225,7 @@ fn misfit(ends: &[[usize; 2]], x: &[f64], lengths: &Lengths) -> f64 {
 /// 1 / (1/i + 1/R).
 fn shared(i: f64, r: f64) -> f64 {
     if r.is_finite() {
-        i * r.max(EXACT) / (i + r.max(EXACT))
+        i * r.max(EXACT_VARIANCE) / (i + r.max(EXACT_VARIANCE))
     } else {
         i
     }
@@ -289,7 +289,7 @@ fn lengths_off(a: &[f64], rows: &[Gradient], bodies: &[(f64, Lengths)]) -> Vec<f
     };
     let mut z: Vec<Vec<f64>> = rows.iter().enumerate().map(off).collect();
     let mut far = vec![0.0; bodies.len()];
-    simd::wide(
+    simd::dispatch8(
         #[inline(always)]
         || {
             forward_rows(a, rows.len(), &mut z);
@@ -373,9 +373,9 @@ mod tests {
         assert!((length(&b.mean) - 10.0).abs() <= 1e-2, "{:?}", b.mean);
         assert!(b.variance[3] < 4.0 + 0.6 * 31.9 && b.variance.iter().all(|v| *v > 0.0));
         let mut sure = alike.clone();
-        (0..3).for_each(|c| sure[[c, c]] = EXACT);
+        (0..3).for_each(|c| sure[[c, c]] = EXACT_VARIANCE);
         let noise: Vec<f64> = (0..6)
-            .map(|c| if c < 3 { EXACT } else { f64::INFINITY })
+            .map(|c| if c < 3 { EXACT_VARIANCE } else { f64::INFINITY })
             .collect();
         let b = kept(&pairs, &mean, &sure, &noise);
         assert!(b.mean[..3].iter().all(|v| v.abs() <= 1e-3));

@@ -203,8 +203,8 @@ mod tests {
         let dictionary = Dictionary::from_rows(atoms.view()).unwrap();
         let sieve = Sieve::new(dictionary.atoms());
         let on = || On(&sieve, &dictionary);
-        let want = crate::simd::widest(on());
-        assert_eq!(crate::simd::eights(on()), want);
+        let want = crate::numeric::simd::dispatch_widest(on());
+        assert_eq!(crate::numeric::simd::dispatch8_job(on()), want);
         assert_eq!(on().with_simd(Scalar), want);
         assert_eq!(on().with_simd(Scalar128b), want);
         assert_eq!(on().with_simd(Scalar256b), want);

@@ -100,7 +100,7 @@ impl Best {
 mod tests {
     use super::super::panels::WIDTH;
     use super::*;
-    use crate::par;
+    use crate::numeric::parallel;
     use pulp::{Scalar, Scalar256b, Scalar512b, WithSimd};
     use rand::Rng;
 
@@ -137,7 +137,7 @@ mod tests {
 
     #[test]
     fn the_first_of_the_best_is_found_on_vectors_of_any_width() {
-        let mut generator = par::generator(1, 0);
+        let mut generator = parallel::rng(1, 0);
         for round in 0..500 {
             let mut over = [[0.0f32; WIDTH]; 2];
             let mut under = [[1.0f32; WIDTH]; 2];
@@ -164,7 +164,7 @@ mod tests {
                 }
             }
             let met = || Met([(&over[0], &under[0]), (&over[1], &under[1])]);
-            assert_eq!(crate::simd::widest(met()), want.1);
+            assert_eq!(crate::numeric::simd::dispatch_widest(met()), want.1);
             assert_eq!(met().with_simd(Scalar), want.1);
             assert_eq!(met().with_simd(Scalar256b), want.1);
             assert_eq!(met().with_simd(Scalar512b), want.1);

@@ -6,7 +6,7 @@ use super::pruned::{self, Found, Pruned, Sought};
 use super::sieve::{SHORT, Sieve};
 use super::sift::{self, Sift};
 use super::tally::Tally;
-use crate::simd;
+use crate::numeric::simd;
 use ndarray::ArrayView2;
 
 /// A sieve serves up to so many atoms a lane of the machine's vectors, measured; of more most need not be looked at, as leaves
@@ -24,7 +24,7 @@ impl Kind {
     /// For n atoms of d numbers.
     pub fn of(n: usize, d: usize) -> Kind {
         // Of fewer numbers the first of a head are no small part.
-        match n <= SIEVED * simd::lanes() && d >= 2 * SHORT {
+        match n <= SIEVED * simd::widest_lanes() && d >= 2 * SHORT {
             true => Kind::Sieve,
             false => Kind::Leaves,
         }

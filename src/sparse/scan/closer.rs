@@ -13,7 +13,7 @@ use super::path::Noise;
 use super::pruned::{DIRECTIONS, Sought};
 use super::sieve::Sieve;
 use super::sweep::BELOW;
-use crate::simd;
+use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
 /// Atoms that are met side by side: a sum is a chain, and several of them need not wait for one another.
@@ -65,7 +65,7 @@ impl<'s> Closer<'s> {
 
     /// What the key of the best of the atoms at some places, and of those looked at before, is at least.
     pub fn least(&mut self, places: &[u32]) -> f32 {
-        simd::eights(Looking {
+        simd::dispatch8_job(Looking {
             closer: self,
             places,
         });
@@ -78,7 +78,7 @@ impl<'s> Closer<'s> {
         self.room.seen.retain(|seen| seen.most >= least);
         match self.room.seen[..] {
             [one] if one.least > 0.0 => Some(one.atom),
-            _ => simd::eights(Meeting(self)),
+            _ => simd::dispatch8_job(Meeting(self)),
         }
     }
 

@@ -4,7 +4,7 @@ use super::kernel::{self, Next, Optimised, Plain, Use, Vectors};
 use super::lanes::{Ahead, best};
 use super::panels::{Row, WIDTH};
 use super::{Panels, Rule, Scan, Term};
-use crate::simd;
+use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
 /// What is kept of the pose that is followed.
@@ -39,7 +39,7 @@ impl Follower {
         let fresh = self.fresh;
         self.fresh &= last;
         let mut best = None;
-        simd::widest(Follow {
+        simd::dispatch_widest(Follow {
             step: Next { rule, fresh, last },
             terms,
             part,

@@ -6,7 +6,7 @@
 
 use super::panels::Row;
 use super::{Panels, Scan};
-use crate::par;
+use crate::numeric::parallel;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -67,7 +67,7 @@ impl Gram {
             return;
         }
         let scan = || Scan::new(panels, MANY);
-        par::map_chunks_at(n, MANY, scan, |scan, _| {
+        parallel::map_chunks_with(n, MANY, scan, |scan, _| {
             let from = self.begun.fetch_add(MANY, Ordering::Relaxed).min(n);
             let rows = from as u32..n.min(from + MANY) as u32;
             self.make(scan, atoms, rows.collect());

@@ -7,8 +7,8 @@
 //! |<a, q>| <= |<head(a), head(q)>| + t(a) t(q)
 //! ```
 
-use crate::par;
-use crate::simd;
+use crate::numeric::parallel;
+use crate::numeric::simd;
 use ndarray::{Array2, ArrayView2, Axis, s};
 use pulp::{Simd, WithSimd};
 use rand::Rng;
@@ -169,7 +169,7 @@ impl Basis {
             Axis(0),
             ndarray::Slice::from(..).step_by(n.div_ceil(SAMPLE) as isize),
         );
-        let moments = par::map_chunks(some.nrows(), 1024, |rows| {
+        let moments = parallel::map_chunks(some.nrows(), 1024, |rows| {
             let part = some.slice(s![rows, ..]).mapv(f64::from);
             part.t().dot(&part)
         });
@@ -181,7 +181,7 @@ impl Basis {
 
     /// The heads of atoms (n, D).
     pub fn heads(&self, atoms: ArrayView2<'_, f32>) -> Vec<Head> {
-        par::map_chunks(atoms.nrows(), 1024, |rows| {
+        parallel::map_chunks(atoms.nrows(), 1024, |rows| {
             let mut atom = vec![0.0; atoms.ncols()];
             let mut of = |i| {
                 (atom.iter_mut().zip(atoms.row(i))).for_each(|(to, a)| *to = f64::from(*a));
@@ -195,7 +195,7 @@ impl Basis {
     /// A vector (D) along them.
     pub fn turned(&self, vector: &[f64]) -> Turned {
         let mut turned = Turned::NONE;
-        simd::widest(Turn {
+        simd::dispatch_widest(Turn {
             basis: &self.0,
             vector,
             turned: &mut turned,
@@ -209,7 +209,7 @@ impl Basis {
 fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; HEAD]> {
     let d = matrix.nrows();
     // Along no axes: coordinates may be 0 in all atoms, or the same as others, and what starts along them is lost.
-    let mut random = par::generator(0, 0);
+    let mut random = parallel::rng(0, 0);
     let start = |_| random.random::<f64>() - 0.5;
     let mut vectors = Array2::from_shape_fn((HEAD.min(d), d), start);
     for _ in 0..ITERATIONS {

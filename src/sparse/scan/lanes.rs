@@ -126,8 +126,8 @@ pub fn best<S: Simd, const V: usize>(simd: S, ahead: [Ahead<S>; V]) -> Option<u3
 mod tests {
     use super::super::panels::Row;
     use super::*;
-    use crate::par;
-    use crate::simd::{eights, widest};
+    use crate::numeric::parallel;
+    use crate::numeric::simd::{dispatch_widest, dispatch8_job};
     use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b, WithSimd};
     use rand::Rng;
 
@@ -162,8 +162,8 @@ mod tests {
     }
 
     fn told(panels: &[(Row, Row)]) -> Option<u32> {
-        let of = widest(Met(panels));
-        assert_eq!(eights(Met(panels)), of);
+        let of = dispatch_widest(Met(panels));
+        assert_eq!(dispatch8_job(Met(panels)), of);
         assert_eq!(Met(panels).with_simd(Scalar), of);
         assert_eq!(Met(panels).with_simd(Scalar128b), of);
         assert_eq!(Met(panels).with_simd(Scalar256b), of);
@@ -173,7 +173,7 @@ mod tests {
 
     #[test]
     fn the_largest_ratio_leads_on_vectors_of_any_width() {
-        let mut random = par::generator(5, 0);
+        let mut random = parallel::rng(5, 0);
         for round in 0..50 {
             let mut row = |from: f32| Row(std::array::from_fn(|_| from + random.random::<f32>()));
             let mut panels: Vec<(Row, Row)> = (0..5).map(|_| (row(0.0), row(0.1))).collect();

@@ -4,7 +4,7 @@
 
 use super::heads::{Basis, CENTRE, CENTRE_PARTS, Head, LEVELS, PART, PARTS, ROUNDING};
 use super::tally::Tally;
-use crate::par;
+use crate::numeric::parallel;
 use ndarray::ArrayView2;
 
 /// Atoms in a leaf, and leaves beside one another.
@@ -85,9 +85,10 @@ impl Leaves {
         let n = atoms.nrows();
         let heads = basis.heads(atoms);
         let order = in_order(&heads);
-        let leaves: Vec<Leaf> = par::map_chunks(n, LEAF, |places| leaf(&order[places], &heads));
+        let leaves: Vec<Leaf> =
+            parallel::map_chunks(n, LEAF, |places| leaf(&order[places], &heads));
         let layer = |atoms: usize| -> Vec<Balls> {
-            let balls = par::map_chunks(n, atoms, |places| ball(&order[places], &heads));
+            let balls = parallel::map_chunks(n, atoms, |places| ball(&order[places], &heads));
             balls.chunks(LEAF).map(beside).collect()
         };
         let (mut layers, mut atoms_each) = (vec![layer(LEAF)], LEAF);
@@ -95,7 +96,7 @@ impl Leaves {
             atoms_each *= LEAF;
             layers.push(layer(atoms_each));
         }
-        let whole = par::map_chunks(n, LEAF, |places| whole(&order[places], atoms)).concat();
+        let whole = parallel::map_chunks(n, LEAF, |places| whole(&order[places], atoms)).concat();
         let mut places = vec![0; n];
         for (place, atom) in order.iter().enumerate() {
             places[*atom as usize] = (place / LEAF) as u32;

@@ -48,7 +48,7 @@ mod weigh;
 mod whole;
 
 use super::Rule;
-use crate::simd;
+use crate::numeric::simd;
 use best::Best;
 use kernel::{Job, Next, State, Step};
 use lanes::Leading;
@@ -133,7 +133,7 @@ impl<'a> Scan<'a> {
         self.leading.fill(Leading::NONE);
         self.each(Step::First, None);
         if self.floors.is_empty() {
-            simd::widest(Lead(self));
+            simd::dispatch_widest(Lead(self));
         }
     }
 
@@ -159,7 +159,7 @@ impl<'a> Scan<'a> {
             let rows = panel * self.poses..(panel + 1) * self.poses;
             let remainders = part(&rows, &self.remainders);
             let floors = part(&rows, &self.floors);
-            simd::widest(Job {
+            simd::dispatch_widest(Job {
                 step,
                 panel,
                 atoms,

@@ -179,7 +179,7 @@ mod tests {
             along[5] = length as f32;
             for vector in [vector(100, length), atoms[9].clone(), along] {
                 let sum = || Sum(&rows, of_vector(&vector));
-                let products = crate::simd::widest(sum());
+                let products = crate::numeric::simd::dispatch_widest(sum());
                 let wide = |v: &[f32]| v.iter().map(|v| f64::from(*v)).collect::<Vec<_>>();
                 let vector = wide(&vector);
                 let length = vector.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -191,7 +191,7 @@ mod tests {
                         "{product} {exact}"
                     );
                 }
-                assert_eq!(crate::simd::eights(sum()), products);
+                assert_eq!(crate::numeric::simd::dispatch8_job(sum()), products);
                 assert_eq!(sum().with_simd(Scalar), products);
                 assert_eq!(sum().with_simd(Scalar128b), products);
                 assert_eq!(sum().with_simd(Scalar256b), products);

@@ -22,7 +22,7 @@ use super::leaves::{Balls, LEAF, Leaves};
 use super::meet;
 use super::path::Path;
 use super::sweep::{Kept, Sweep};
-use crate::simd;
+use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
 /// Directions of a pose, its residual's too, that a search can do with; beyond, a scan costs less.
@@ -79,7 +79,7 @@ impl<'a> Pruned<'a> {
         debug_assert!(sought.len() <= TOGETHER);
         self.kept.resize_with(sought.len(), Vec::new);
         found.clear();
-        simd::eights(Search {
+        simd::dispatch8_job(Search {
             leaves: self.leaves,
             kept: &mut self.kept,
             sought,
@@ -92,7 +92,7 @@ impl<'a> Pruned<'a> {
         debug_assert!(sought.len() <= TOGETHER);
         self.kept.resize_with(sought.len(), Vec::new);
         nearest.clear();
-        simd::eights(Search {
+        simd::dispatch8_job(Search {
             leaves: self.leaves,
             kept: &mut self.kept,
             sought,

@@ -8,7 +8,7 @@ use super::leaves::{LEAF, in_order};
 use super::pairs::{self, PAIRS, PairRow};
 use super::panels::{Row, WIDTH};
 use super::tally::Tally;
-use crate::par;
+use crate::numeric::parallel;
 use ndarray::ArrayView2;
 
 /// Numbers of a head that all atoms are told by.
@@ -42,7 +42,7 @@ impl Sieve {
         let n = atoms.nrows();
         let heads = basis.heads(atoms);
         let order = in_order(&heads);
-        let panels = par::map_chunks(n, WIDTH, |places| {
+        let panels = parallel::map_chunks(n, WIDTH, |places| {
             let (mut rows, mut tails) = ([PairRow::ZERO; PAIRS], Row::ZERO);
             for (lane, atom) in order[places].iter().enumerate() {
                 let (numbers, beyond) = short(&heads[*atom as usize]);

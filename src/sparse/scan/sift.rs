@@ -18,7 +18,7 @@ use super::panels::{Row, WIDTH, Wide};
 use super::pruned::{Found, Sought};
 use super::sieve::Sieve;
 use super::weigh::{Look, Scale, State, Step, Weighing};
-use crate::simd;
+use crate::numeric::simd;
 
 /// Poses that are weighed together: as many as the kernel has in registers, and what is kept of them stays in the cache.
 pub const POSES: usize = 6;
@@ -134,7 +134,7 @@ impl<'a> Sift<'a> {
             (_, 2) if is_new => Step::Second,
             _ => Step::Later,
         };
-        simd::widest(Weighing {
+        simd::dispatch_widest(Weighing {
             step,
             sieve: self.sieve,
             looks: &self.looks,
@@ -165,7 +165,7 @@ impl<'a> Sift<'a> {
             return Found::Unpruned;
         }
         self.left.clear();
-        let is_known = simd::widest(Sifting {
+        let is_known = simd::dispatch_widest(Sifting {
             bar: Bar::of(sought, key, self.scales[sought.slot].unit),
             weighed,
             few: n / SHARE_LEFT + LEAST_LEFT,

@@ -4,7 +4,7 @@
 use ndarray::Array2;
 use posing::io::table::ReadOptions;
 use posing::io::{Input, Table};
-use posing::par;
+use posing::numeric::parallel;
 use posing::sparse::Dictionary;
 use rand::Rng;
 use std::path::{Path, PathBuf};
@@ -75,7 +75,7 @@ pub fn median(runs: usize, mut work: impl FnMut()) -> f64 {
 
 /// So many atoms of frames that are not coded, and beyond that of frames between two of them that are near in time.
 pub fn atoms(takes: &Array2<f32>, frames: &[usize], n: usize) -> Dictionary {
-    let mut chance = par::generator(0, n as u64);
+    let mut chance = parallel::rng(0, n as u64);
     let mut rows = Array2::zeros((n, takes.ncols()));
     for mut row in rows.outer_iter_mut() {
         let i = chance.random_range(0..frames.len());

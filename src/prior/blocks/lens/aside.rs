@@ -2,8 +2,8 @@
 
 use super::super::scales::Scales;
 use super::Lens;
-use crate::prior::small::dot;
-use crate::simd;
+use crate::numeric::simd;
+use crate::numeric::small_linalg::dot;
 
 /// A lens at some scales that have weights, Σ weight (a C_oo + R)⁻¹.
 pub struct Blend<'a> {

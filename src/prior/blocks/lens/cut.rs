@@ -1,6 +1,6 @@
 //! Directions that drown in the noise share one.
 
-use crate::simd;
+use crate::numeric::simd;
 
 /// Directions share one where their variance is below this share of the noise's.
 const DROWNED: f64 = 0.01;

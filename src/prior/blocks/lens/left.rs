@@ -2,7 +2,7 @@
 
 use super::super::scales::{Weighed, merged};
 use super::{Lens, Mixed};
-use crate::simd::{padded, row_dots};
+use crate::numeric::simd::{padded, row_dots};
 use ndarray::Array2;
 
 impl Lens {

@@ -25,9 +25,9 @@ mod pattern;
 
 use super::basis::Basis;
 use super::scales::{Even, Scales};
-use crate::linalg::symmetric_eigen;
-use crate::prior::small::log_product;
-use crate::simd::{self, combine, padded, row_dots};
+use crate::numeric::linalg::symmetric_eigen;
+use crate::numeric::simd::{self, combine, padded, row_dots};
+use crate::numeric::small_linalg::log_product;
 use cut::Cut;
 use ndarray::Array2;
 use std::sync::Arc;
@@ -259,7 +259,7 @@ mod tests {
     use super::super::part::Active;
     use super::super::scales::Room;
     use super::*;
-    use crate::prior::conditional::Conditional;
+    use crate::numeric::gaussian::ConditionalGaussian;
 
     /// Directions that drown share one: next to the same evidence, mean and variances.
     #[test]
@@ -275,7 +275,7 @@ mod tests {
             &Pattern::of(&noise),
         );
         assert!(lens.cut.is_some() && lens.stride() < d);
-        let want = Conditional::new(c.view(), &noise);
+        let want = ConditionalGaussian::new(c.view(), &noise);
         let y: Vec<f64> = (0..d).map(|i| (i as f64 * 1.3).cos()).collect();
         let r: Vec<f32> = y.iter().map(|v| *v as f32).collect();
         let scales = lens.at(&[1.0]);
@@ -369,7 +369,7 @@ mod tests {
             };
             for (scale, many) in [(1.0, false), (2.5, true), (0.03, true), (0.03, false)] {
                 let prior = &c * scale;
-                let want = Conditional::new(prior.view(), &noise);
+                let want = ConditionalGaussian::new(prior.view(), &noise);
                 let (mut z, mut mean) = (Vec::new(), vec![0.0; 6]);
                 let mut r: Vec<f32> = y.iter().map(|y| *y as f32).collect();
                 r.resize(padded(6), 0.0);
@@ -413,7 +413,7 @@ mod tests {
                     let prior = Array2::from_shape_fn((6, 6), |(i, j)| {
                         level.scale * c[[i, j]] + level.along * f64::from(step[i] * step[j])
                     });
-                    let want = Conditional::new(prior.view(), &noise).log_density(&y);
+                    let want = ConditionalGaussian::new(prior.view(), &noise).log_density(&y);
                     assert!((log - want).abs() <= 1e-4, "{log} {want}");
                 }
             }

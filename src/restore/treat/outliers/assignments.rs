@@ -3,9 +3,9 @@
 use super::super::bones::{base_of, log_odds};
 use super::frame::Frame;
 use super::judge::SCALES;
+use crate::numeric::simd;
+use crate::numeric::small_linalg::log_sum;
 use crate::prior::Belief;
-use crate::prior::small::log_sum;
-use crate::simd;
 
 /// Assignments that the beam carries along, and that make an answer.
 const WIDTH: (usize, usize) = (16, 8);
@@ -222,7 +222,7 @@ fn widened(
 ) -> Vec<Hypothesis> {
     rows.resize_with(beam.len().max(rows.len()), Default::default);
     let mut next: Vec<(usize, Next)> = Vec::with_capacity(2 * beam.len());
-    simd::wide(
+    simd::dispatch8(
         #[inline(always)]
         || {
             for (i, (h, rows)) in beam.iter().zip(rows.iter_mut()).enumerate() {

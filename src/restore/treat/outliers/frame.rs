@@ -2,7 +2,7 @@
 
 use super::super::bodies::Bodies;
 use super::super::bones::{self, Look};
-use crate::prior::EXACT;
+use crate::prior::EXACT_VARIANCE;
 use crate::prior::pairs::RigidPairs;
 
 /// Points less sure than this to be clean, or corrupt, are in doubt.
@@ -74,7 +74,7 @@ impl Frame {
     /// The noise under an assignment. Where there is none, points in doubt are missing, and those decided to be corrupt may
     /// be as far off as their worst distance tells.
     pub fn noise(&self, assigned: Option<&[bool]>) -> Vec<f64> {
-        let mut out: Vec<f64> = self.told.iter().map(|v| v.max(EXACT)).collect();
+        let mut out: Vec<f64> = self.told.iter().map(|v| v.max(EXACT_VARIANCE)).collect();
         let of = |p: usize| match (self.doubt.iter().position(|d| *d == p), assigned) {
             (Some(_), None) => f64::INFINITY,
             (Some(at), Some(z)) if z[at] => self.look.slab[p],

@@ -2,8 +2,8 @@
 //! from what the prior told of all of them, N(m, P), without asking it again.
 
 use super::frame::Frame;
+use crate::numeric::small_linalg::{backward, factorise, forward};
 use crate::prior::Belief;
-use crate::prior::small::{backward, factorise, forward};
 use glam::DMat3;
 
 /// What is expected of a point by all but its own observation.

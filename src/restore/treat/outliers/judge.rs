@@ -4,7 +4,7 @@ use super::super::bones::{SHARE, SLAB, base_of, is_seen, log_odds};
 use super::assignments::Assignment;
 use super::frame::{Frame, MOST};
 use super::hidden::{Cavity, Shown};
-use crate::prior::small::{factorise, forward, log_sum};
+use crate::numeric::small_linalg::{factorise, forward, log_sum};
 use crate::prior::{Belief, Prior};
 use glam::DMat3;
 

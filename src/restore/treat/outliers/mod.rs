@@ -24,10 +24,10 @@ mod hidden;
 mod judge;
 
 use super::bodies::{Bodies, Lengths};
-use crate::par;
+use crate::numeric::parallel;
+use crate::numeric::small_linalg::log_sum;
 use crate::prior::pairs::RigidPairs;
-use crate::prior::small::log_sum;
-use crate::prior::{Belief, EXACT, Prior};
+use crate::prior::{Belief, EXACT_VARIANCE, Prior};
 use assignments::{Assignment, likely};
 use frame::{Frame, SURE};
 use hidden::Shown;
@@ -73,7 +73,7 @@ pub fn restore(
     told: ArrayView2<'_, f64>,
 ) -> Vec<Found> {
     let prior = prior.as_told().unwrap_or(prior);
-    let mut frames: Vec<Frame> = flat(par::map_chunks(y.nrows(), CHUNK, |rows| {
+    let mut frames: Vec<Frame> = flat(parallel::map_chunks(y.nrows(), CHUNK, |rows| {
         rows.map(|t| Frame::new(pairs, bodies, y.row(t).to_vec(), told.row(t).to_vec()))
             .collect()
     }));
@@ -156,7 +156,7 @@ fn assign(prior: &dyn Prior, frames: &mut [&mut Frame]) -> Vec<Assigned> {
         judge::farther(frames[*t], expected);
     }
     let frames = &*frames;
-    let likely: Vec<Vec<Assignment>> = flat(par::map_chunks(open.len(), CHUNK, |rows| {
+    let likely: Vec<Vec<Assignment>> = flat(parallel::map_chunks(open.len(), CHUNK, |rows| {
         rows.map(|i| likely(frames[open[i]], &expected[i]))
             .collect()
     }));
@@ -271,7 +271,7 @@ fn gather(frame: Frame, mut answers: Vec<Answer>) -> Found {
             row.iter_mut().zip(&off).for_each(|(c, b)| *c += w * a * b);
         }
     }
-    let mut noise: Vec<f64> = frame.told.iter().map(|v| v.max(EXACT)).collect();
+    let mut noise: Vec<f64> = frame.told.iter().map(|v| v.max(EXACT_VARIANCE)).collect();
     for (p, q) in corrupt.iter().enumerate() {
         // Points in doubt may move as far as their own covariance lets them.
         if *q > SURE {

@@ -25,7 +25,7 @@ where
     let chunk = chunk.max(1);
     let chunks = 0..len.div_ceil(chunk);
     let one = |i: usize| work(i * chunk..((i + 1) * chunk).min(len));
-    if ALONE.get() {
+    if SINGLE_THREADED.get() {
         return chunks.map(one).collect();
     }
     chunks.into_par_iter().map(one).collect()
@@ -42,7 +42,7 @@ where
     T: Send,
     R: Send,
 {
-    if ALONE.get() {
+    if SINGLE_THREADED.get() {
         let mut desk = desk();
         return items.into_iter().map(|i| work(&mut desk, i)).collect();
     }
@@ -51,7 +51,7 @@ where
 
 /// [`map_chunks`] where `desk` makes what one thread works with. A desk serves one chunk after another: it must not change an
 /// answer, but room that is large is made once a thread.
-pub fn map_chunks_at<T, D>(
+pub fn map_chunks_with<T, D>(
     len: usize,
     chunk: usize,
     desk: impl Fn() -> D + Sync,
@@ -61,24 +61,24 @@ where
     T: Send,
     D: Send,
 {
-    let desks = Desks::default();
+    let desks = ScratchPool::default();
     map_chunks(len, chunk, |range| {
-        desks.at(&desk, |desk| work(desk, range))
+        desks.with(&desk, |desk| work(desk, range))
     })
 }
 
 /// What threads work with, one each at a time, kept for those that come after.
-pub struct Desks<D>(Mutex<Vec<D>>);
+pub struct ScratchPool<D>(Mutex<Vec<D>>);
 
-impl<D> Default for Desks<D> {
+impl<D> Default for ScratchPool<D> {
     fn default() -> Self {
-        Desks(Mutex::new(Vec::new()))
+        ScratchPool(Mutex::new(Vec::new()))
     }
 }
 
-impl<D> Desks<D> {
+impl<D> ScratchPool<D> {
     /// Works at a desk that is free, or at a new one.
-    pub fn at<R>(&self, new: impl FnOnce() -> D, work: impl FnOnce(&mut D) -> R) -> R {
+    pub fn with<R>(&self, new: impl FnOnce() -> D, work: impl FnOnce(&mut D) -> R) -> R {
         let free = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let before = free().pop();
         let mut desk = before.unwrap_or_else(new);
@@ -90,19 +90,19 @@ impl<D> Desks<D> {
 
 thread_local! {
     /// Whether this thread is to do all that it is given by itself.
-    static ALONE: Cell<bool> = const { Cell::new(false) };
+    static SINGLE_THREADED: Cell<bool> = const { Cell::new(false) };
 }
 
 /// Does `work` on this thread alone: chunks and items that are met in it are not shared with others. So its time is its own;
 /// a thread that waits for others takes up what has nothing to do with it.
-pub fn alone<R>(work: impl FnOnce() -> R) -> R {
+pub fn single_threaded<R>(work: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
         fn drop(&mut self) {
-            ALONE.set(self.0);
+            SINGLE_THREADED.set(self.0);
         }
     }
-    let _before = Before(ALONE.replace(true));
+    let _before = Before(SINGLE_THREADED.replace(true));
     work()
 }
 
@@ -114,7 +114,7 @@ pub fn alone<R>(work: impl FnOnce() -> R) -> R {
 ///
 /// # Errors
 /// The first, in the order of the items; all before it are put.
-pub fn in_turn<T: Send, R: Send>(
+pub fn ordered_pipeline<T: Send, R: Send>(
     ahead: usize,
     mut next: impl FnMut() -> Result<Option<T>>,
     work: impl Fn(T) -> Result<R> + Sync,
@@ -164,7 +164,7 @@ pub fn in_turn<T: Send, R: Send>(
 }
 
 /// A random generator for one stream of one seed: the same on every machine and for any number of threads.
-pub fn generator(seed: u64, stream: u64) -> ChaCha8Rng {
+pub fn rng(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut generator = ChaCha8Rng::seed_from_u64(seed);
     generator.set_stream(stream);
     generator
@@ -179,7 +179,7 @@ mod tests {
     fn desks_serve_many_chunks_and_the_answers_are_in_order() {
         let made = std::sync::atomic::AtomicUsize::new(0);
         let desk = || made.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        let answers = map_chunks_at(1000, 3, desk, |_, range| range.start);
+        let answers = map_chunks_with(1000, 3, desk, |_, range| range.start);
         assert_eq!(answers, (0..1000).step_by(3).collect::<Vec<_>>());
         // Threads that work at a time have one each.
         assert!(made.into_inner() <= rayon::current_num_threads() + 1);
@@ -198,7 +198,7 @@ mod tests {
                 std::thread::sleep(std::time::Duration::from_micros(37 * (i as u64 % 5)));
                 Ok(2 * i)
             };
-            in_turn(5, next, work, |i| {
+            ordered_pipeline(5, next, work, |i| {
                 all.push(i);
                 Ok(())
             })
@@ -228,12 +228,12 @@ mod tests {
                 Ok(())
             };
             let first = reading.min(working).min(putting);
-            let told = in_turn(5, next, work, put).unwrap_err();
+            let told = ordered_pipeline(5, next, work, put).unwrap_err();
             assert!(told.to_string().contains(&first.to_string()), "{told}");
             assert_eq!(all, (1..first).collect::<Vec<_>>());
         }
         let panic = std::panic::catch_unwind(|| {
-            let _ = in_turn(
+            let _ = ordered_pipeline(
                 5,
                 || Ok(Some(())),
                 |()| -> Result<()> { panic!("at work") },
@@ -260,13 +260,17 @@ mod tests {
             let each = map_each(items, || (), |(), ()| std::thread::current().id() == here);
             [chunks, each].concat()
         };
-        assert!(alone(|| alone(apart)).into_iter().all(|on| on));
+        assert!(
+            single_threaded(|| single_threaded(apart))
+                .into_iter()
+                .all(|on| on)
+        );
         // This thread is none of rayon's.
         assert!(apart().into_iter().all(|on| !on));
         let items: Vec<usize> = (0..100).collect();
         let squares = |items: Vec<usize>| map_each(items, || 2, |by, i| i * *by);
         let want: Vec<usize> = (0..100).map(|i| 2 * i).collect();
         assert_eq!(squares(items.clone()), want);
-        assert_eq!(alone(|| squares(items)), want);
+        assert_eq!(single_threaded(|| squares(items)), want);
     }
 }

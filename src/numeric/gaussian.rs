@@ -4,13 +4,15 @@
 //! S − S_:o (S_oo + R)⁻¹ S_o:. The systems are of the size of a pose, so a plain Cholesky factorisation here costs less
 //! than starting LAPACK.
 
-use super::EXACT;
-use super::small::{add, backward, factorise, forward};
+use super::small_linalg::{add, backward, factorise, forward};
 use ndarray::{Array2, ArrayView2};
+
+/// The smallest noise variance that a solve uses, cm²: 0.1 mm. No capture is better, and solves stay well conditioned.
+pub const EXACT_VARIANCE: f64 = 1e-4;
 
 /// What a Gaussian's coordinates are, given noisy ones: the gain S_:o (S_oo + R)⁻¹ and the variances that are left.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Conditional {
+pub struct ConditionalGaussian {
     observed: Vec<usize>,
     /// The gain's transpose by rows: one row of D numbers for each observed coordinate.
     gain: Vec<f64>,
@@ -22,9 +24,9 @@ pub struct Conditional {
     pub variance: Vec<f64>,
 }
 
-impl Conditional {
+impl ConditionalGaussian {
     /// Conditions `covariance` (D, D) on the coordinates whose `noise` variance is finite.
-    pub fn new(covariance: ArrayView2<'_, f64>, noise: &[f64]) -> Conditional {
+    pub fn new(covariance: ArrayView2<'_, f64>, noise: &[f64]) -> ConditionalGaussian {
         let d = noise.len();
         let observed = seen(noise);
         let n = observed.len();
@@ -58,7 +60,7 @@ impl Conditional {
                 add(other, -a[i * n + j], row);
             }
         }
-        Conditional {
+        ConditionalGaussian {
             observed,
             gain: rows,
             whitened,
@@ -127,7 +129,7 @@ fn factor(covariance: ArrayView2<'_, f64>, noise: &[f64], observed: &[usize]) ->
     a
 }
 
-/// The mean of N(`mean`, `covariance`) given `y` with `noise`, none of it below [`EXACT`]: what [`Conditional`] says, for
+/// The mean of N(`mean`, `covariance`) given `y` with `noise`, none of it below [`EXACT_VARIANCE`]: what [`ConditionalGaussian`] says, for
 /// one solve in place of many.
 pub fn most_probable(
     mut mean: Vec<f64>,
@@ -135,7 +137,7 @@ pub fn most_probable(
     y: &[f64],
     noise: &[f64],
 ) -> Vec<f64> {
-    let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT)).collect();
+    let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
     let observed = seen(&noise);
     let n = observed.len();
     let a = factor(covariance, &noise, &observed);
@@ -157,7 +159,7 @@ mod tests {
     #[test]
     fn two_coordinates_by_hand() {
         let s = array![[4.0, 2.0], [2.0, 3.0]];
-        let c = Conditional::new(s.view(), &[1.0, f64::INFINITY]);
+        let c = ConditionalGaussian::new(s.view(), &[1.0, f64::INFINITY]);
         let mean = c.mean(&[5.0, f64::NAN]);
         assert!((mean[0] - 4.0).abs() <= 1e-12 && (mean[1] - 2.0).abs() <= 1e-12);
         let v = &c.variance;
@@ -180,11 +182,11 @@ mod tests {
         let s = b.dot(&b.t());
         let r = [1.0, -2.0, 0.5, 0.0, 0.0, 0.0];
         let inf = f64::INFINITY;
-        let c = Conditional::new(s.view(), &[0.0, 0.0, 0.0, inf, inf, inf]);
+        let c = ConditionalGaussian::new(s.view(), &[0.0, 0.0, 0.0, inf, inf, inf]);
         let mean = c.mean(&r);
         assert!((0..3).all(|i| (mean[i] - r[i]).abs() <= 1e-6));
         assert!(c.variance[..3].iter().all(|v| *v <= 1e-6));
-        let none = Conditional::new(s.view(), &[inf; 6]);
+        let none = ConditionalGaussian::new(s.view(), &[inf; 6]);
         assert!(none.mean(&r).iter().all(|m| *m == 0.0));
         assert_eq!(none.variance[2], s[[2, 2]]);
     }

@@ -28,23 +28,23 @@ pub fn rows(all: &Array2<f64>) -> Vec<f32> {
 
 /// Runs `f`, into which all is inlined, with the widest vectors that serve [`LANES`] numbers side by side.
 #[inline]
-pub fn wide<R>(f: impl FnOnce() -> R) -> R {
+pub fn dispatch8<R>(f: impl FnOnce() -> R) -> R {
     of_eight().dispatch(f)
 }
 
 /// Runs a job on the widest vectors that serve [`LANES`] numbers side by side.
-pub fn eights<J: WithSimd>(job: J) -> J::Output {
+pub fn dispatch8_job<J: WithSimd>(job: J) -> J::Output {
     of_eight().dispatch(job)
 }
 
 /// Runs a job on the widest vectors there are.
-pub fn widest<J: WithSimd>(job: J) -> J::Output {
+pub fn dispatch_widest<J: WithSimd>(job: J) -> J::Output {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();
     ARCH.get_or_init(pulp::Arch::new).dispatch(job)
 }
 
 /// How many numbers of single precision the widest vectors hold.
-pub fn lanes() -> usize {
+pub fn widest_lanes() -> usize {
     struct Lanes;
     impl WithSimd for Lanes {
         type Output = usize;
@@ -54,7 +54,7 @@ pub fn lanes() -> usize {
             S::F32_LANES
         }
     }
-    widest(Lanes)
+    dispatch_widest(Lanes)
 }
 
 /// e^x by 12 terms of its series beside the nearest power of two, so that loops of it run side by side: within 1e-14 of it
@@ -80,7 +80,7 @@ fn exp(x: f64) -> f64 {
 /// Adds height e^(−rate x) of each to `out`.
 pub fn add_decays(heights: &[f64], rates: &[f64], x: &[f64], out: &mut [f64]) {
     // Each by itself: the same on the widest vectors.
-    widest(
+    dispatch_widest(
         #[inline(always)]
         || {
             let all = out.iter_mut().zip(heights).zip(rates.iter().zip(x));
@@ -120,7 +120,7 @@ fn dot_here(a: &[f32], b: &[f32]) -> f32 {
 
 /// Σ aᵢ bᵢ.
 pub fn dot(a: &[f32], b: &[f32]) -> f32 {
-    wide(
+    dispatch8(
         #[inline(always)]
         || dot_here(a, b),
     )
@@ -142,7 +142,7 @@ fn weighted_here(s: &[f32], a: &[f32], b: &[f32]) -> f32 {
 
 /// Σ sᵢ aᵢ bᵢ for each row s of `scales`, into `out`.
 pub fn weighted_rows(scales: &[f32], a: &[f32], b: &[f32], out: &mut [f32]) {
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             for (s, out) in scales.chunks_exact(a.len()).zip(out) {
@@ -160,7 +160,7 @@ pub fn weighted_forms(
     both: impl Fn(usize) -> bool,
     out: &mut [[f32; 3]],
 ) {
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             let of_rows = scales.chunks_exact(z.len().max(1)).zip(out);
@@ -193,7 +193,7 @@ pub fn weighted_forms(
 
 /// The product of each row of a matrix with `x`, into `out`; rows are `stride` apart and read as far as `x` goes.
 pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             for (row, out) in rows.chunks_exact(stride.max(1)).zip(out) {
@@ -211,7 +211,7 @@ pub fn row_dots_of(
     x: &[f32],
     out: &mut [f32],
 ) {
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             for (i, out) in which.zip(out) {
@@ -228,7 +228,7 @@ pub fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut
     const AT_ONCE: usize = 4;
     let (n, w) = (rows.len() / stride.max(1), weights.len());
     let mut scaled = vec![0.0; AT_ONCE * w];
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             for first in (0..n).step_by(AT_ONCE) {
@@ -262,7 +262,7 @@ pub fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut
 /// L⁻¹ of `rows`, in place; L is a lower triangle, (n, n) by rows.
 pub fn forward(factor: &[f64], rows: &mut [f64], stride: usize) {
     let n = rows.len() / stride.max(1);
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             for i in 0..n {
@@ -318,7 +318,7 @@ fn combine_each<'a>(rows: impl Iterator<Item = (&'a [f32], &'a f32)> + Clone, ou
         out[at..at + T * LANES].copy_from_slice(sums.as_flattened());
     }
     let n = out.len();
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             let mut at = 0;
@@ -336,7 +336,7 @@ fn combine_each<'a>(rows: impl Iterator<Item = (&'a [f32], &'a f32)> + Clone, ou
 
 /// Σ (yᵢ − xᵢ)².
 pub fn distance(y: &[f32], x: &[f32]) -> f32 {
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             let (y, _) = y.as_chunks::<LANES>();
@@ -357,7 +357,7 @@ pub fn distance(y: &[f32], x: &[f32]) -> f32 {
 pub fn distances(rows: &[f32], y: &[f32], w: &[f32], out: &mut Vec<f32>) {
     out.clear();
     out.reserve(rows.len() / y.len().max(1));
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             let (y, _) = y.as_chunks::<LANES>();

@@ -1,6 +1,6 @@
 //! Products, a factorisation and its solves for vectors and matrices of a pose's size, where calling a library costs more than the work.
 
-use crate::simd::wide;
+use crate::numeric::simd::dispatch8;
 
 /// Σ aᵢ bᵢ, in four strands that go side by side.
 #[inline(always)]
@@ -26,7 +26,7 @@ pub fn add(to: &mut [f64], scale: f64, from: &[f64]) {
 /// Cholesky in place, (n, n), lower triangle by rows. A pivot that rounding has eaten becomes a small one: the direction
 /// is then known exactly, as a duplicate of others.
 pub fn factorise(a: &mut [f64], n: usize) {
-    wide(
+    dispatch8(
         #[inline(always)]
         || {
             for i in 0..n {

@@ -1,0 +1,7 @@
+//! Numerics that every room above uses: LAPACK, small dense algebra, Gaussians, SIMD, deterministic parallelism.
+
+pub mod gaussian;
+pub mod linalg;
+pub mod parallel;
+pub mod simd;
+pub mod small_linalg;
