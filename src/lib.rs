@@ -1,15 +1,14 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
-//! Clean, complete, compare and pose human motion with sparse codes learnt from real captures.
+//! Cleans, completes, compares and poses human motion capture with pose models trained on real captures.
 //!
-//! This is the library under the commands of the same project; what a user types is told by `posing help` and the
-//! README. Here is the way of a captured take through it, and where to change what.
+//! This library is what the commands of the project call. The README lists the commands.
 //!
-//! # The way of a take
+//! # Tour
 //!
-//! A take comes as angles of a skeleton. [`io::asf`] reads the skeleton, [`io::amc`] the angles frame by frame,
-//! [`pose::kinematics`] turns them into places of joints: [`pose::Poses`], frames x points, in centimetres with y up,
-//! where NaN is a missing value. [`io::table`] reads and writes them, one row at a time where that is enough.
+//! **Read.** A take is a table of poses: [`pose::Poses`], frames x points, in centimetres, y up, NaN for a missing
+//! value. [`io`] reads it from CSV or NPY, or computes it from the joint angles of ASF/AMC and BVH files by forward
+//! kinematics ([`pose::kinematics`]).
 //!
 //! ```
 //! use posing::pose::{Body, Poses, joints};
@@ -17,49 +16,75 @@
 //!
 //! let mut poses = Poses { points: joints::cmu_names(), ..Poses::default() };
 //! poses.xyz = Array2::zeros((2, 69));
-//! assert_eq!(poses.runs(), [0..2]); // frames that follow one another
+//! assert_eq!(poses.runs(), [0..2]); // one run: no jump in time
 //! let body = Body::measure(&joints::parents_by_name(&poses.points), poses.xyz.view());
-//! assert_eq!(body.lengths[1], 0.0); // the hip joint's bone, here at the root
+//! assert_eq!(body.lengths[1], 0.0); // the length of the left hip bone
 //! ```
 //!
-//! To learn what poses look like, each is carried to the model's space by its placement ([`pose::Anchor`],
-//! [`prior::training`]): root at the origin, no global rotation, one body. [`cluster`] groups poses,
-//! [`sparse::Ksvd`] learns a dictionary such that each pose is a sum of a few atoms, [`sparse::Concat`] joins
-//! dictionaries; [`io::Model`] is the file.
+//! **Train.** Each training pose is moved to the model's space: root at the origin, no global rotation, one body size.
+//! [`cluster`] groups poses. [`sparse`] learns a dictionary by K-SVD, so that each pose is approximately a sum of a few
+//! atoms. [`prior`] trains this and other pose models. A trained model is one NPZ file ([`io::Model`]).
 //!
-//! To restore, [`restore::Job`] puts a model and a table together. A frame is an observation: numbers, each with the
-//! variance of its noise, 0 exact, infinite missing. [`restore::synthesis`] finds the placement and the code in turn,
-//! [`prior::Prior::posterior`] answers, and [`restore::complete`] and [`restore::denoise`] carry the answers through
-//! time. [`restore::bones`] and [`restore::ik`] turn points back into the angles of a skeleton, [`io::bvh`] and
-//! [`io::amc`] write them.
+//! **Restore.** A frame is an observation: values, each with the variance of its noise (0: exact; infinity: missing).
+//! [`restore`] finds the placement of the pose in the world, asks the [`prior`] for the posterior of the pose, rejects
+//! outliers, keeps rigid distances, and smooths over time. `complete` and `denoise` are two settings of this method.
+//! Inverse kinematics turns points back into joint angles, which [`io`] writes as BVH or AMC.
 //!
-//! To know how good that is, [`evaluate`] damages poses on purpose, scores results and draws them.
+//! **Evaluate.** [`evaluate`] damages poses with known noise and gaps, scores restorations against the truth, compares
+//! models on unseen takes, and draws figures.
 //!
-//! # Letters, shapes, units
+//! # Symbols
 //!
-//! | letter | what | shape | unit |
+//! | symbol | meaning | shape | unit |
 //! |---|---|---|---|
-//! | J, D | points; numbers a pose, D = 3 J | | |
-//! | m, n | poses; atoms | | |
-//! | kappa, k | atoms a pose at most | | |
-//! | Y | poses; rows are frames (the paper's Y is the transpose) | (m, D) | cm |
-//! | A | atoms; rows of unit norm (the paper's A is the transpose) | (n, D) | |
-//! | X, x | codes; the code of one pose | (m, k) | cm |
-//! | R, t, s | a placement's rotation, shift, scale: world = s R model + t | 3 x 3, 3, 1 | cm |
-//! | tau | rotation about x, then y, then z: R = Rz Ry Rx | 3 | radians |
-//! | q | values of a skeleton's degrees of freedom | | radians, cm |
-//! | C, M, L, G | a bone's own axes; its motion there; in global axes, L = C M C^-1; its global rotation | 3 x 3 | |
-//! | S | covariance of what codes leave | (D, D) | cm^2 |
-//! | W, w | precisions: 1 / variance of a coordinate's noise | D | 1/cm^2 |
+//! | J | points of a pose | | |
+//! | D | coordinates of a pose, D = 3 J | | |
+//! | m | poses | | |
+//! | n | atoms of a dictionary | | |
+//! | kappa, k | largest number of atoms in a code (sparsity) | | |
+//! | Y | poses, one a row (the transpose of the paper's Y) | (m, D) | cm |
+//! | A | atoms, one a row, unit norm (the transpose of the paper's A) | (n, D) | none |
+//! | X, x | sparse codes; the code of one pose: Y is about X A | (m, n) stored as (m, k); (k) | cm |
+//! | R, t, s | rotation, shift and scale of a placement: world = s R model + t | (3, 3); (3); 1 | none; cm; none |
+//! | tau | Euler angles, about x, then y, then z: R = Rz Ry Rx | (3) | radians |
+//! | q | degrees of freedom of a skeleton | (dofs) | radians or cm |
+//! | C | axes of a bone in the rest pose | (3, 3) | none |
+//! | M | rotation of a bone in its own axes | (3, 3) | none |
+//! | L | rotation of a bone relative to its parent, L = C M C^-1 | (3, 3) | none |
+//! | G | rotation of a bone in the world: G = G_parent L | (3, 3) | none |
+//! | S | covariance of the residual of sparse coding | (D, D) | cm^2 |
+//! | W, w | precisions: 1 / variance of each coordinate's noise | (D) | 1/cm^2 |
 //!
-//! The paper's errors are mean squares in raw ASF units of 5.644 cm ([`pose::ASF_UNIT_CM`]).
+//! Rows are frames, atoms and centroids everywhere. Angles are in radians, except in files. The paper gives errors as
+//! mean squares in raw ASF units of 5.644 cm ([`pose::ASF_UNIT_CM`]).
 //!
-//! # The rooms
+//! # Modules
 //!
-//! Arrows run one way: `pose` <- {`cluster`, `sparse`} <- `prior` <- `restore` <- `evaluate`; `io` knows `pose` alone;
-//! `cli` and the binaries stand on top, and only they print, read flags or know standard input. A test holds this.
-//! Everything random is seeded, everything parallel works in fixed chunks answered in order ([`numeric::parallel`]): the same input and
-//! seed give the same bytes for any number of threads.
+//! | module | contents | imports |
+//! |---|---|---|
+//! | [`numeric`] | LAPACK, small dense algebra, Gaussians, SIMD, deterministic parallelism | |
+//! | [`pose`] | poses, skeletons, kinematics, rotations, similarity transforms, placements | `numeric` |
+//! | [`io`] | readers and writers: ASF, AMC, BVH, CSV, NPY, models | `pose` |
+//! | [`cluster`] | k-means, hierarchical k-means | `pose` |
+//! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, exact search over atoms | `pose` |
+//! | [`prior`] | pose models behind one trait; a file or folder for each; a registry by name | `cluster`, `sparse` |
+//! | [`restore`] | completion, denoising, outliers, gaps, rigid distances, inverse kinematics | `prior` |
+//! | [`evaluate`] | corruption, scores, benchmark, report, figures, player | `restore` |
+//! | [`cli`] | arguments, streams, messages, manual pages of the commands | all |
+//!
+//! A module may also import what its imports import; tests/architecture.rs checks this. Only [`cli`] and the binaries
+//! read arguments, read standard input, or print.
+//!
+//! Random numbers are seeded, and parallel work is split into fixed chunks that are combined in order
+//! ([`numeric::parallel`]). The same input and seed therefore give the same bytes with any number of threads.
+//!
+//! # Contributing
+//!
+//! A name runs through the tree: `src/bin/denoise.rs` parses the flags, `src/restore/denoise.rs` is the method,
+//! `tests/denoise.rs` tests the command, `man/denoise.1` is its manual page. A new pose model is a file in
+//! [`prior`] and a line in its registry. A new format is a file in [`io`].
+//!
+//! `make test` runs all tests, `make bless` writes manual pages and expected outputs again, `make bench` measures speed.
 
 pub mod cli;
 pub mod cluster;
