@@ -6,7 +6,7 @@ use posing::cli::{Outcome, run, say, streams};
 use posing::io::Model;
 use posing::prior::sparse::dictionary;
 use posing::prior::training::{digest, entry};
-use posing::sparse::{Concat, Dictionary};
+use posing::sparse::{Dictionary, DictionaryMerge};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -55,7 +55,7 @@ fn work(args: &Args) -> Result<Outcome> {
         agrees(model, &models[0], path)?;
         parts.push(dictionary(model, &path.display().to_string())?);
     }
-    let joined = Concat {
+    let joined = DictionaryMerge {
         compare: !args.no_report && parts.len() > 1,
         prune: args.prune,
     }
@@ -104,7 +104,7 @@ fn agrees(model: &Model, first: &Model, path: &std::path::Path) -> Result<()> {
     Err(Error::data(Place::file(path.display().to_string()), what))
 }
 
-fn report(args: &Args, parts: &[Dictionary], joined: &posing::sparse::Joined) {
+fn report(args: &Args, parts: &[Dictionary], joined: &posing::sparse::MergedDictionary) {
     let name = |i: usize| args.dictionaries[i].display();
     for c in &joined.closeness {
         say::note(&format!(

@@ -10,7 +10,7 @@ use posing::io::table::Row;
 use posing::io::text::{push_number, push_single, push_whole};
 use posing::numeric::parallel;
 use posing::prior::sparse::dictionary;
-use posing::sparse::{Coder, Codes, Pursuit, Search};
+use posing::sparse::{Encoder, Omp, SearchStrategy, SparseCodes};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -68,10 +68,10 @@ fn work(args: &Args) -> Result<Outcome> {
         );
         return Err(Error::data(Place::file(stream.name()), what));
     }
-    let pursuit = Pursuit {
+    let pursuit = Omp {
         sparsity: args.sparsity as usize,
         rule: args.pursuit.rule(),
-        ..Pursuit::default()
+        ..Omp::default()
     };
     let mut sink = Sink::open(args.output.as_deref(), false)?;
     let header: Vec<String> = (1..=args.sparsity)
@@ -80,7 +80,7 @@ fn work(args: &Args) -> Result<Outcome> {
     sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
     let is_quick = matches!(
         pursuit.search(&dictionary, BATCH),
-        Search::Rows | Search::Sieve
+        SearchStrategy::Gram | SearchStrategy::Filter
     );
     let most = if is_quick { FEW } else { BATCH };
     let mut batches = Batches::new(stream, most);
@@ -90,7 +90,7 @@ fn work(args: &Args) -> Result<Outcome> {
         let search = pursuit.search(&dictionary, poses.nrows());
         say::detail(&format!("{} atoms, found {search}", dictionary.len()));
     }
-    let with_rows = pursuit.search(&dictionary, most) == Search::Rows;
+    let with_rows = pursuit.search(&dictionary, most) == SearchStrategy::Gram;
     if let Some(poses) = first.take_if(|p| !with_rows || p.nrows() < most) {
         // By all threads: few poses; and bounds are made with the first, those coded beside would have to do without.
         sink.put(&coded(&coder, pursuit.sparsity, &poses)?)?;
@@ -159,7 +159,7 @@ impl<'a> Batches<'a> {
 }
 
 /// The lines of some poses.
-fn coded(coder: &Coder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>> {
+fn coded(coder: &Encoder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>> {
     // To the end, so that several are compared at once.
     let gaps = poses.fold(false, |any, v| any | !v.is_finite());
     let seen = gaps.then(|| poses.mapv(|v| f32::from(v.is_finite())));
@@ -180,7 +180,7 @@ fn coded(coder: &Coder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>>
     Ok(parallel::map_chunks(codes.len(), LINES, lines).concat())
 }
 
-fn line(out: &mut Vec<u8>, sparsity: usize, codes: &Codes, (i, rms): (usize, f64)) {
+fn line(out: &mut Vec<u8>, sparsity: usize, codes: &SparseCodes, (i, rms): (usize, f64)) {
     let mut used = 0;
     for (atom, coefficient) in codes.entries(i) {
         push_whole(out, atom);

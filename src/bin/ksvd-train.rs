@@ -7,7 +7,7 @@ use posing::cli::{Outcome, run, say, streams};
 use posing::io::input::Kind;
 use posing::io::{Model, Table};
 use posing::prior::training::{TrainingPoses, digest, entry, sparse_model};
-use posing::sparse::{Dictionary, Ksvd, Pursuit, Rule, SizeSearch, ksvd::draw};
+use posing::sparse::{Dictionary, GrowthSearch, Ksvd, Omp, SelectionRule, random_atoms};
 use posing::{Result, prior};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -141,15 +141,15 @@ fn work(args: &Args) -> Result<Outcome> {
 
 fn parameters(args: &Args) -> Ksvd {
     let rule = match args.pursuit {
-        RuleFlag::Oomp => Rule::Optimised,
-        RuleFlag::Omp => Rule::Plain,
+        RuleFlag::Oomp => SelectionRule::Oomp,
+        RuleFlag::Omp => SelectionRule::Omp,
     };
     Ksvd {
         iterations: args.iterations as usize,
-        pursuit: Pursuit {
+        pursuit: Omp {
             sparsity: args.sparsity as usize,
             rule,
-            ..Pursuit::default()
+            ..Omp::default()
         },
         coherence: args.coherence,
         target: args.error,
@@ -169,17 +169,16 @@ fn start(
     }
     let xyz = poses.xyz.view();
     let Some(error) = args.error else {
-        return draw(xyz, args.atoms.unwrap_or(1) as usize, args.seed.seed);
+        return random_atoms(xyz, args.atoms.unwrap_or(1) as usize, args.seed.seed);
     };
-    let search = SizeSearch {
+    let search = GrowthSearch {
         error,
         seed: args.seed.seed,
         pursuit: ksvd.pursuit,
-        ..SizeSearch::default()
+        ..GrowthSearch::default()
     };
-    let tell = |t: &posing::sparse::size::Tried| {
-        say::detail(&format!("{} atoms: rms {:.4} cm", t.atoms, t.rms))
-    };
+    let tell =
+        |t: &posing::sparse::Trial| say::detail(&format!("{} atoms: rms {:.4} cm", t.atoms, t.rms));
     let found = search.start(xyz, &mut { tell })?;
     say::note(&format!("starts from {} atoms", found.dictionary.len()));
     Ok(found.dictionary)

@@ -14,7 +14,7 @@ use crate::prior::{Choice, builtin};
 use crate::restore::complete::{self, Complete};
 use crate::restore::denoise::{self, Denoise};
 use crate::restore::{Job, Restoration};
-use crate::sparse::Rule;
+use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
 use ndarray::{Array2, ArrayView2, s};
@@ -66,10 +66,10 @@ pub enum PursuitFlag {
 
 impl PursuitFlag {
     /// The library's word for it.
-    pub fn rule(self) -> Rule {
+    pub fn rule(self) -> SelectionRule {
         match self {
-            PursuitFlag::Oomp => Rule::Optimised,
-            PursuitFlag::Omp => Rule::Plain,
+            PursuitFlag::Oomp => SelectionRule::Oomp,
+            PursuitFlag::Omp => SelectionRule::Omp,
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::progress::Progress;
 use super::{say, streams};
 use crate::io::{Input, Model};
-use crate::sparse::{Dictionary, Ksvd, Report, State};
+use crate::sparse::{Dictionary, IterationStats, Ksvd, TrainingState};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 use std::io::Write;
@@ -30,12 +30,12 @@ pub struct Run<'a> {
 
 impl Run<'_> {
     /// Trains, from the checkpoint if there is one, else from what `start` gives.
-    pub fn train(&self, start: impl FnOnce() -> Result<Dictionary>) -> Result<State> {
+    pub fn train(&self, start: impl FnOnce() -> Result<Dictionary>) -> Result<TrainingState> {
         let resumed = self.resume()?;
         let mut log = self.open_log(resumed.is_some())?;
         let bar = Progress::new("ksvd-train", self.ksvd.iterations as u64);
         let began = Instant::now();
-        let mut observe = |state: &State| -> Result<()> {
+        let mut observe = |state: &TrainingState| -> Result<()> {
             let Some(report) = state.history.last() else {
                 return Ok(());
             };
@@ -91,7 +91,7 @@ impl Run<'_> {
     }
 
     /// The state after an iteration is its dictionary and history: its codes are those of coding anew.
-    fn save(&self, state: &State) -> Result<()> {
+    fn save(&self, state: &TrainingState) -> Result<()> {
         let Some(path) = self.checkpoint else {
             return Ok(());
         };
@@ -109,7 +109,7 @@ impl Run<'_> {
         crate::io::output::write_file(path, &model.to_bytes()?)
     }
 
-    fn resume(&self) -> Result<Option<State>> {
+    fn resume(&self) -> Result<Option<TrainingState>> {
         let Some(path) = self.checkpoint.filter(|p| p.exists()) else {
             return Ok(None);
         };
@@ -125,7 +125,7 @@ impl Run<'_> {
                 "is the checkpoint of another run (other poses or flags); remove it to start afresh",
             ));
         }
-        let history: Vec<Report> = details
+        let history: Vec<IterationStats> = details
             .get("history")
             .and_then(|h| serde_json::from_value(h.clone()).ok())
             .ok_or_else(|| fail("has no history; remove it to start afresh"))?;
@@ -141,7 +141,7 @@ impl Run<'_> {
             .ksvd
             .pursuit
             .code_batch(&dictionary, self.poses, None)?;
-        Ok(Some(State {
+        Ok(Some(TrainingState {
             dictionary,
             support: codes.atoms,
             coefficients: codes.coefficients,
@@ -150,11 +150,16 @@ impl Run<'_> {
     }
 }
 
-fn write_log(file: &mut std::fs::File, path: &Path, report: &Report, seconds: f64) -> Result<()> {
+fn write_log(
+    file: &mut std::fs::File,
+    path: &Path,
+    report: &IterationStats,
+    seconds: f64,
+) -> Result<()> {
     #[derive(serde::Serialize)]
     struct Line<'a> {
         #[serde(flatten)]
-        report: &'a Report,
+        report: &'a IterationStats,
         seconds: f64,
     }
     let mut line = serde_json::to_string(&Line { report, seconds }).unwrap_or_default();

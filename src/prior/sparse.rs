@@ -9,7 +9,9 @@ use super::{Belief, EXACT_VARIANCE, Fit, Posterior, Prior, Task};
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::PoseMap;
-use crate::sparse::{Code, Codes, Dictionary, Pursuit, Rule, Tolerance, Weighted, refit};
+use crate::sparse::{
+    Dictionary, Omp, SelectionRule, SparseCode, SparseCodes, Tolerance, WeightedDictionary, refit,
+};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
@@ -20,7 +22,7 @@ pub struct Choice {
     /// At most so many atoms a pose; `None`: as many as it was trained with.
     pub sparsity: Option<usize>,
     /// How atoms are chosen.
-    pub rule: Rule,
+    pub rule: SelectionRule,
     /// Answer with A x alone, as published.
     pub published: bool,
     /// Use a tuned model at the setting of this task, whatever an observation looks like; [`Task::Treated`] takes the
@@ -35,7 +37,7 @@ const UNKNOWN_RESIDUAL: f64 = 1.0;
 #[derive(Debug, Clone)]
 pub struct SparsePrior {
     dictionary: Dictionary,
-    pursuit: Pursuit,
+    pursuit: Omp,
     published: bool,
     /// S (D, D), cm².
     residual: Array2<f64>,
@@ -44,7 +46,7 @@ pub struct SparsePrior {
     typical: Array2<f64>,
     conditionals: Met<ConditionalGaussian>,
     /// The dictionary as observations with the noise patterns met so far see it.
-    seen: Met<Weighted>,
+    seen: Met<WeightedDictionary>,
 }
 
 /// The dictionary of a model: its `atoms` (n, D), D numbers for the model's points.
@@ -110,7 +112,7 @@ impl SparsePrior {
             None => typical_of(&dictionary),
         };
         let sparsity = choice.sparsity.or(model.meta.sparsity).unwrap_or(3).max(1);
-        let pursuit = Pursuit {
+        let pursuit = Omp {
             sparsity,
             rule: choice.rule,
             tolerance: Tolerance::Never,
@@ -126,7 +128,7 @@ impl SparsePrior {
 
     fn new(
         dictionary: Dictionary,
-        pursuit: Pursuit,
+        pursuit: Omp,
         published: bool,
         mut residual: Array2<f64>,
         typical: Array2<f64>,
@@ -165,7 +167,7 @@ impl SparsePrior {
     }
 
     /// The dictionary as observations with this noise see it; none where it is too large.
-    fn seen(&self, noise: &[f64], weights: &Array1<f64>) -> Option<Arc<Weighted>> {
+    fn seen(&self, noise: &[f64], weights: &Array1<f64>) -> Option<Arc<WeightedDictionary>> {
         let n = self.dictionary.len();
         let seen = weights.iter().filter(|w| **w > 0.0).count();
         // As they are and as they are scanned; beyond that leaves, or rows of a small Gram matrix.
@@ -175,7 +177,7 @@ impl SparsePrior {
         }
         let most = (MOST_TOGETHER / numbers).clamp(LEAST_MET, MOST_MET);
         Some(self.seen.get(noise, most, || {
-            Weighted::new(&self.dictionary, weights.view())
+            WeightedDictionary::new(&self.dictionary, weights.view())
                 .expect("weights are finite, not negative, and as many as an atom's numbers")
         }))
     }
@@ -184,7 +186,7 @@ impl SparsePrior {
     /// but so the objective falls.
     fn better(
         &self,
-        fresh: Result<Code>,
+        fresh: Result<SparseCode>,
         before: Option<&Fit>,
         y: ArrayView1<f64>,
         weights: &Array1<f64>,
@@ -202,7 +204,7 @@ impl SparsePrior {
         }
     }
 
-    fn fit_of(&self, code: Code) -> Fit {
+    fn fit_of(&self, code: SparseCode) -> Fit {
         Fit {
             pose: code.decode(&self.dictionary).to_vec(),
             support: code.atoms,
@@ -447,7 +449,7 @@ fn typical_of(dictionary: &Dictionary) -> Array2<f64> {
 pub fn residual_covariance(
     dictionary: &Dictionary,
     poses: ArrayView2<'_, f32>,
-    codes: &Codes,
+    codes: &SparseCodes,
 ) -> Result<Array2<f64>> {
     let rest = &poses - &codes.decode(dictionary)?;
     let mut sum = Array2::<f64>::zeros((poses.ncols(), poses.ncols()));

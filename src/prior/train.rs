@@ -6,7 +6,7 @@ use super::tuning::HoldBack;
 use super::{blocks, clustered, gaussian, lpca, mfa, mixture, nearest, nlm, pca, sgplvm};
 use crate::io::Model;
 use crate::io::model::BodyMeta;
-use crate::sparse::{Ksvd, ksvd::draw};
+use crate::sparse::{Ksvd, random_atoms};
 use crate::{Error, Result};
 
 /// The kinds of model that can be trained, with what each is.
@@ -117,7 +117,7 @@ fn unknown(kind: &str) -> Error {
 fn sparse(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
     let xyz = training.poses.xyz.view();
     let ksvd = Ksvd::default();
-    let start = draw(xyz, ATOMS.min(xyz.nrows()), training.seed)?;
+    let start = random_atoms(xyz, ATOMS.min(xyz.nrows()), training.seed)?;
     let state = ksvd.train(start, xyz, None, &mut |state| {
         if let Some(last) = state.history.last() {
             report(&format!(

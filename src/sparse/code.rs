@@ -1,6 +1,6 @@
 //! The code of a pose: a few atoms and their best coefficients.
 
-use super::fit::Fit;
+use super::active_set::ActiveSet;
 use super::{Dictionary, Tolerance};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, ArrayView1};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 /// Why a code has no more atoms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum Stop {
+pub enum StopReason {
     /// It has as many as the sparsity allows.
     Sparsity,
     /// The residual is within the tolerance, or zero to single precision.
@@ -22,7 +22,7 @@ pub enum Stop {
 
 /// The code of one pose.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Code {
+pub struct SparseCode {
     /// The atoms taken, in the order in which they were.
     pub atoms: Vec<u32>,
     /// Their coefficients, in the pose's unit: the weighted least-squares fit on these atoms.
@@ -30,10 +30,10 @@ pub struct Code {
     /// sum_i w_i (y_i - (A x)_i)^2.
     pub squared_residual: f64,
     /// Why there are no more atoms.
-    pub stop: Stop,
+    pub stop: StopReason,
 }
 
-impl Code {
+impl SparseCode {
     /// A x: the pose (D) that the code stands for, missing coordinates included.
     ///
     /// # Panics
@@ -52,7 +52,7 @@ impl Code {
 /// The best coefficients of given atoms for one pose: weighted least squares, in f64.
 ///
 /// Atoms are taken in the order given; one that depends on those before it (a repeated one, say) is left out and the
-/// code's `stop` is [`Stop::Dependent`], else [`Stop::Sparsity`]. Pose and weights are as in [`Pursuit::code`](super::Pursuit::code).
+/// code's `stop` is [`StopReason::Dependent`], else [`StopReason::Sparsity`]. Pose and weights are as in [`Omp::code`](super::Omp::code).
 ///
 /// # Errors
 /// A length, an observed number or a weight that cannot be used; an atom that the dictionary does not have.
@@ -61,7 +61,7 @@ pub fn refit(
     support: &[u32],
     pose: ArrayView1<f64>,
     weights: Option<ArrayView1<f64>>,
-) -> Result<Code> {
+) -> Result<SparseCode> {
     let capacity = support.len().min(dictionary.len()).min(dictionary.width());
     let mut fit = started(dictionary, capacity, pose, weights, Tolerance::Never)?;
     let n = dictionary.len();
@@ -71,11 +71,15 @@ pub fn refit(
             format!("atom {atom} of a dictionary of {n}"),
         ));
     }
-    let empty = fit.stop == Some(Stop::Nothing);
-    let mut stop = if empty { Stop::Nothing } else { Stop::Sparsity };
+    let empty = fit.stop == Some(StopReason::Nothing);
+    let mut stop = if empty {
+        StopReason::Nothing
+    } else {
+        StopReason::Sparsity
+    };
     for &atom in support.iter().filter(|_| !empty) {
         if !fit.push(atom, row(dictionary, atom)) {
-            stop = Stop::Dependent;
+            stop = StopReason::Dependent;
         }
     }
     fit.stop = Some(stop);
@@ -94,7 +98,7 @@ pub(super) fn started(
     pose: ArrayView1<f64>,
     weights: Option<ArrayView1<f64>>,
     tolerance: Tolerance,
-) -> Result<Fit> {
+) -> Result<ActiveSet> {
     let d = dictionary.width();
     for (what, len) in [
         ("pose", Some(pose.len())),
@@ -105,42 +109,45 @@ pub(super) fn started(
             return Err(Error::data(Place::file(what), said));
         }
     }
-    let mut fit = Fit::new(capacity, d);
+    let mut fit = ActiveSet::new(capacity, d);
     fit.start(pose, weights, tolerance)
         .map_err(|what| Error::data(Place::file("pose"), what))?;
     Ok(fit)
 }
 
-pub(super) fn finished(fit: &Fit) -> Code {
+pub(super) fn finished(fit: &ActiveSet) -> SparseCode {
     let mut coefficients = vec![0.0; fit.support.len()];
     fit.coefficients(&mut coefficients);
-    Code {
+    SparseCode {
         atoms: fit.support.clone(),
         coefficients,
         squared_residual: fit.squared_residual(),
-        stop: fit.stop.unwrap_or(Stop::Sparsity),
+        stop: fit.stop.unwrap_or(StopReason::Sparsity),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::testdata::{alike, random};
-    use super::super::{Pursuit, Rule};
+    use super::super::{Omp, SelectionRule};
     use super::*;
 
     #[test]
     fn refitting_the_atoms_of_a_code_gives_the_code() {
         let d = alike(40, 12, 27);
         let y = random(1, 12, 28).row(0).to_owned();
-        let with_five = Pursuit {
+        let with_five = Omp {
             sparsity: 5,
-            rule: Rule::Optimised,
+            rule: SelectionRule::Oomp,
             tolerance: Tolerance::Never,
         };
         let code = with_five.code(&d, y.view(), None).unwrap();
         assert_eq!(refit(&d, &code.atoms, y.view(), None).unwrap(), code);
         let twice = refit(&d, &[3, 3, 5], y.view(), None).unwrap();
-        assert_eq!((twice.atoms, twice.stop), (vec![3, 5], Stop::Dependent));
+        assert_eq!(
+            (twice.atoms, twice.stop),
+            (vec![3, 5], StopReason::Dependent)
+        );
         assert!(refit(&d, &[40], y.view(), None).is_err());
         let none = refit(&d, &[], y.view(), None).unwrap();
         assert!((none.squared_residual - y.dot(&y)).abs() <= 1e-12);

@@ -1,6 +1,6 @@
 //! Dictionaries: the atoms that poses are built from.
 
-use super::scan::Ground;
+use super::index::IndexCache;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::fmt;
@@ -20,7 +20,7 @@ const UNIT: f64 = f32::EPSILON as f64;
 pub struct Dictionary {
     atoms: Array2<f32>, // (n, D)
     /// Made when the dictionary is first coded with, and forgotten when an atom changes.
-    ground: OnceLock<Arc<Ground>>,
+    ground: OnceLock<Arc<IndexCache>>,
 }
 
 impl PartialEq for Dictionary {
@@ -73,9 +73,9 @@ impl Dictionary {
     }
 
     /// What searches of the atoms need.
-    pub(super) fn ground(&self) -> &Ground {
+    pub(super) fn ground(&self) -> &IndexCache {
         self.ground
-            .get_or_init(|| Arc::new(Ground::new(self.len())))
+            .get_or_init(|| Arc::new(IndexCache::new(self.len())))
     }
 
     /// The atoms (n, D), of unit norm.

@@ -13,7 +13,7 @@
 //! 3. codes all poses anew. With [`Ksvd::keep`], where the greedy code is worse than the old atoms refitted, the old ones stay.
 //!
 //! The poses are coded before the first iteration, so that `i` iterations are `i` updates, and the error of every
-//! [`Report`] is that of the dictionary in the same [`State`]. The update cannot raise the training error, and replacing an
+//! [`IterationStats`] is that of the dictionary in the same [`TrainingState`]. The update cannot raise the training error, and replacing an
 //! unused atom is free; the greedy coding can. With `keep` it cannot either, so that the error falls (but for rounding, and
 //! unless close atoms are replaced).
 //!
@@ -22,13 +22,12 @@
 //! but the start. It fails where poses are missing numbers: learning needs whole poses.
 
 use super::Dictionary;
-use super::batch::{Codes, UNUSED};
-pub use super::draw::draw;
-use super::keep::keep_better;
-use super::pursuit::Pursuit;
-use super::replace::replace;
-use super::state::{Report, State};
-use super::update::{Uses, residuals, update};
+use super::atom_replacement::replace;
+use super::atom_update::{AtomUsage, residuals, update};
+use super::checkpoint::{IterationStats, TrainingState};
+use super::codes::{SparseCodes, UNUSED};
+use super::omp::Omp;
+use super::support_reuse::keep_better;
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
@@ -43,7 +42,7 @@ pub struct Ksvd {
     /// How many iterations in all; 0 changes nothing. Default 30.
     pub iterations: usize,
     /// How poses are coded.
-    pub pursuit: Pursuit,
+    pub pursuit: Omp,
     /// Closer atoms than this (|<a, b>|, above 0 and at most 1) are not both kept. Default: any may be.
     pub coherence: Option<f64>,
     /// How many times an iteration updates all atoms before the poses are coded again; at least 1, default 4. An update costs
@@ -52,7 +51,7 @@ pub struct Ksvd {
     /// Keep a pose's old atoms, refitted, where the greedy code is worse. The training error then never rises, but the dictionary
     /// grows towards codes that a fresh coding does not find, so that this is off by default.
     pub keep: bool,
-    /// Stop when the RMS a coordinate of a fresh coding of the training poses is at most this. Default: never.
+    /// StopReason when the RMS a coordinate of a fresh coding of the training poses is at most this. Default: never.
     pub target: Option<f64>,
 }
 
@@ -60,7 +59,7 @@ impl Default for Ksvd {
     fn default() -> Self {
         Ksvd {
             iterations: 30,
-            pursuit: Pursuit::default(),
+            pursuit: Omp::default(),
             coherence: None,
             sweeps: 4,
             keep: false,
@@ -89,7 +88,7 @@ impl Ksvd {
         Ok(())
     }
 
-    /// Codes the poses (m, D) with the dictionary to start from: the state after 0 iterations.
+    /// SparseCodes the poses (m, D) with the dictionary to start from: the state after 0 iterations.
     ///
     /// # Errors
     /// A parameter out of range, no poses, another width, or a pose that is not finite (the row is named, from 1).
@@ -98,13 +97,13 @@ impl Ksvd {
         dictionary: Dictionary,
         poses: ArrayView2<f32>,
         validation: Option<ArrayView2<f32>>,
-    ) -> Result<State> {
+    ) -> Result<TrainingState> {
         self.check()?;
         if poses.nrows() == 0 {
             return Err(Error::data(Place::file("training poses"), "there are none"));
         }
         let codes = self.pursuit.code_batch(&dictionary, poses, None)?;
-        let mut state = State {
+        let mut state = TrainingState {
             dictionary,
             support: codes.atoms.clone(),
             coefficients: codes.coefficients.clone(),
@@ -125,10 +124,10 @@ impl Ksvd {
     /// As [`Ksvd::start`]; a state that does not belong to these poses; what `observer` answers.
     pub fn run(
         &self,
-        state: &mut State,
+        state: &mut TrainingState,
         poses: ArrayView2<f32>,
         validation: Option<ArrayView2<f32>>,
-        observer: &mut dyn FnMut(&State) -> Result<()>,
+        observer: &mut dyn FnMut(&TrainingState) -> Result<()>,
     ) -> Result<()> {
         self.check()?;
         self.belongs(state, poses)?;
@@ -148,8 +147,8 @@ impl Ksvd {
         dictionary: Dictionary,
         poses: ArrayView2<f32>,
         validation: Option<ArrayView2<f32>>,
-        observer: &mut dyn FnMut(&State) -> Result<()>,
-    ) -> Result<State> {
+        observer: &mut dyn FnMut(&TrainingState) -> Result<()>,
+    ) -> Result<TrainingState> {
         let mut state = self.start(dictionary, poses, validation)?;
         observer(&state)?;
         self.run(&mut state, poses, validation, observer)?;
@@ -157,7 +156,7 @@ impl Ksvd {
     }
 
     /// Whether the target is given and the state's dictionary reaches it.
-    pub fn reached(&self, state: &State) -> bool {
+    pub fn reached(&self, state: &TrainingState) -> bool {
         match (self.target, state.history.last()) {
             (Some(target), Some(report)) => report.fresh_rms <= target,
             _ => false,
@@ -165,11 +164,11 @@ impl Ksvd {
     }
 
     /// Whether there is nothing more to do.
-    pub fn finished(&self, state: &State) -> bool {
+    pub fn finished(&self, state: &TrainingState) -> bool {
         state.iteration() >= self.iterations || self.reached(state)
     }
 
-    fn belongs(&self, state: &State, poses: ArrayView2<f32>) -> Result<()> {
+    fn belongs(&self, state: &TrainingState, poses: ArrayView2<f32>) -> Result<()> {
         let (m, d) = poses.dim();
         let n = state.dictionary.len();
         let k = self.pursuit.capacity(&state.dictionary);
@@ -192,18 +191,18 @@ impl Ksvd {
     /// One iteration.
     fn step(
         &self,
-        state: &mut State,
+        state: &mut TrainingState,
         poses: ArrayView2<f32>,
         validation: Option<ArrayView2<f32>>,
     ) -> Result<()> {
-        let State {
+        let TrainingState {
             dictionary,
             support,
             coefficients,
             ..
         } = &mut *state;
         let mut residual = residuals(dictionary, support, coefficients, poses);
-        let uses = Uses::of(support, dictionary.len());
+        let uses = AtomUsage::of(support, dictionary.len());
         for _ in 0..self.sweeps {
             update(dictionary, &uses, coefficients, &mut residual);
         }
@@ -223,12 +222,12 @@ impl Ksvd {
 
     fn report(
         &self,
-        state: &State,
-        codes: &Codes,
+        state: &TrainingState,
+        codes: &SparseCodes,
         fresh_mse: f64,
         validation: Option<ArrayView2<f32>>,
         (unused, coherent): (usize, usize),
-    ) -> Result<Report> {
+    ) -> Result<IterationStats> {
         let d = state.dictionary.width();
         let mse = codes.mean_squared_error(d);
         let validation_rms = match validation {
@@ -238,7 +237,7 @@ impl Ksvd {
             }
             None => None,
         };
-        Ok(Report {
+        Ok(IterationStats {
             iteration: state.history.last().map_or(0, |r| r.iteration + 1),
             mse,
             rms: mse.sqrt(),
@@ -253,23 +252,29 @@ impl Ksvd {
 
 #[cfg(test)]
 mod tests {
+    use super::super::random_atoms;
     use super::super::testdata::poses;
     use super::*;
     use ndarray::{Array2, s};
 
-    fn quiet() -> impl FnMut(&State) -> Result<()> {
+    fn quiet() -> impl FnMut(&TrainingState) -> Result<()> {
         |_| Ok(())
     }
 
-    fn trained(k: &Ksvd, y: &Array2<f32>, n: usize) -> State {
-        k.train(draw(y.view(), n, 1).unwrap(), y.view(), None, &mut quiet())
-            .unwrap()
+    fn trained(k: &Ksvd, y: &Array2<f32>, n: usize) -> TrainingState {
+        k.train(
+            random_atoms(y.view(), n, 1).unwrap(),
+            y.view(),
+            None,
+            &mut quiet(),
+        )
+        .unwrap()
     }
 
     #[test]
     fn no_iterations_change_nothing() {
         let y = poses(300, 12, 1);
-        let start = draw(y.view(), 30, 1).unwrap();
+        let start = random_atoms(y.view(), 30, 1).unwrap();
         let k = Ksvd {
             iterations: 0,
             ..Ksvd::default()
@@ -289,7 +294,7 @@ mod tests {
             iterations: 15,
             ..Ksvd::default()
         };
-        let start = draw(y.view(), 60, 1).unwrap();
+        let start = random_atoms(y.view(), 60, 1).unwrap();
         let state = k
             .train(start, y.view(), Some(unseen.view()), &mut quiet())
             .unwrap();
@@ -309,9 +314,9 @@ mod tests {
     }
 
     /// What a checkpoint keeps, through text.
-    fn saved(state: &State) -> State {
+    fn saved(state: &TrainingState) -> TrainingState {
         let history = serde_json::to_string(&state.history).unwrap();
-        State {
+        TrainingState {
             dictionary: Dictionary::from_rows(state.dictionary.atoms()).unwrap(),
             history: serde_json::from_str(&history).unwrap(),
             ..state.clone()
@@ -352,7 +357,7 @@ mod tests {
     fn unused_atoms_give_way_to_poses_and_the_count_stays() {
         let y = poses(600, 12, 6);
         // Directions that no pose has: all atoms but two are useless.
-        let mut rows = draw(y.view(), 30, 1).unwrap().into_atoms();
+        let mut rows = random_atoms(y.view(), 30, 1).unwrap().into_atoms();
         let first = rows.row(0).to_owned();
         rows.slice_mut(s![2.., ..])
             .outer_iter_mut()
@@ -420,7 +425,7 @@ mod tests {
             assert!(state.history[3].rms <= 1e-5);
         }
         let same = Array2::from_elem((50, 6), 2f32);
-        assert!(draw(same.view(), 2, 0).is_err());
+        assert!(random_atoms(same.view(), 2, 0).is_err());
         let state = trained(&k, &same, 1);
         assert!(state.history[3].rms <= 1e-5);
         // More atoms than poses, half of the poses zero.
@@ -435,7 +440,7 @@ mod tests {
     #[test]
     fn what_cannot_be_used_is_refused() {
         let y = poses(100, 6, 12);
-        let start = draw(y.view(), 10, 0).unwrap();
+        let start = random_atoms(y.view(), 10, 0).unwrap();
         let k = Ksvd {
             iterations: 2,
             ..Ksvd::default()
@@ -458,7 +463,7 @@ mod tests {
         );
         state.support[[0, 0]] = 10;
         assert!(k.run(&mut state, y.view(), None, &mut quiet()).is_err());
-        let stop = &mut |_: &State| Err(Error::usage("enough"));
+        let stop = &mut |_: &TrainingState| Err(Error::usage("enough"));
         assert!(k.train(start, y.view(), None, stop).is_err());
         for c in [0.0, 1.5, f64::NAN] {
             assert!(

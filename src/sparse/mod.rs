@@ -1,52 +1,52 @@
 //! Sparse coding: a pose as a sum of a few atoms of a dictionary, and dictionaries learnt from poses.
 //!
-//! | file | what it is |
+//! | file | content |
 //! |---|---|
-//! | [`dictionary`] | atoms in rows, of unit norm |
-//! | [`pursuit`] | the parameters of coding; one pose at a time |
-//! | [`batch`] | many poses at a time, by matrix products |
-//! | [`weighted`] | a dictionary as poses with the same weights see it |
-//! | [`code`] | what coding a pose gives; the best coefficients of given atoms |
-//! | [`ksvd`], [`state`] | learning a dictionary from poses; how far it has come |
-//! | [`size`] | how many atoms a given error asks for |
-//! | [`mod@concat`] | joining dictionaries, finding and dropping near duplicates |
-//! | `desk` | poses of a batch shared among threads; room that is kept from batch to batch |
-//! | `tile`, `group` | atoms found by scans for a tile of poses; by bounds for a group of them |
-//! | `fit` | the growing fit of one pose |
-//! | `draw`, `update`, `rank_one`, `replace`, `keep` | the atoms that learning starts from, their update, new ones for useless ones, old codes that are better |
-//! | `nearness` | how close atoms are to each other |
+//! | [`dictionary`] | unit-norm atoms in rows |
+//! | [`omp`] | parameters of matching pursuit |
+//! | [`code`], [`codes`] | the sparse code of one pose, of many poses |
+//! | `encoder` | codes many poses on all threads |
+//! | `omp_dense`, `omp_indexed` | matching pursuit with a scan of all atoms, and with an index over the atoms |
+//! | `index` | finds the best atom of a pose |
+//! | `active_set`, `incremental_qr` | least squares on the chosen atoms, one atom at a time |
+//! | [`weighted_dictionary`] | a dictionary reweighted for poses that share their weights |
+//! | [`ksvd`], [`checkpoint`] | dictionary learning, and the state it can resume from |
+//! | `initialize`, `atom_update`, `rank_one_svd`, `atom_replacement`, `support_reuse` | the steps of K-SVD |
+//! | [`dictionary_size`] | the number of atoms that a target error needs |
+//! | [`merge`], `coherence` | joins dictionaries and drops near duplicates |
 
-pub mod batch;
+mod active_set;
+mod atom_replacement;
+mod atom_update;
+pub mod checkpoint;
 pub mod code;
-mod column;
-pub mod concat;
-mod desk;
+pub mod codes;
+mod coherence;
 pub mod dictionary;
-mod draw;
-mod fit;
-mod group;
-mod keep;
+pub mod dictionary_size;
+mod encoder;
+mod incremental_qr;
+mod index;
+mod initialize;
 pub mod ksvd;
-mod nearness;
-pub mod pursuit;
-mod rank_one;
-mod replace;
-mod scan;
-pub mod size;
-pub mod state;
+pub mod merge;
+pub mod omp;
+mod omp_dense;
+mod omp_indexed;
+mod rank_one_svd;
+mod support_reuse;
 #[cfg(test)]
 mod testdata;
-mod tile;
-mod update;
-pub mod weighted;
+pub mod weighted_dictionary;
 
-pub use batch::{Codes, Search, UNUSED};
-pub use code::{Code, Stop, refit};
-pub use concat::{Closeness, Concat, Joined};
-pub use desk::Coder;
+pub use checkpoint::{IterationStats, TrainingState};
+pub use code::{SparseCode, StopReason, refit};
+pub use codes::{SearchStrategy, SparseCodes, UNUSED};
 pub use dictionary::Dictionary;
-pub use ksvd::{Ksvd, draw};
-pub use pursuit::{Pursuit, Rule, Tolerance};
-pub use size::{SizeSearch, Start, Tried};
-pub use state::{Report, State};
-pub use weighted::Weighted;
+pub use dictionary_size::{GrowthResult, GrowthSearch, Trial};
+pub use encoder::Encoder;
+pub use initialize::random_atoms;
+pub use ksvd::Ksvd;
+pub use merge::{CoherenceStats, DictionaryMerge, MergedDictionary};
+pub use omp::{Omp, SelectionRule, Tolerance};
+pub use weighted_dictionary::WeightedDictionary;

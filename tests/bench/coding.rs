@@ -7,7 +7,7 @@ mod shared;
 
 use ndarray::{Array2, ArrayView2, Axis, s};
 use posing::numeric::parallel;
-use posing::sparse::{Dictionary, Pursuit, Search};
+use posing::sparse::{Dictionary, Omp, SearchStrategy};
 use shared::{atoms, median};
 use std::time::Instant;
 
@@ -73,9 +73,9 @@ fn main() {
 
 /// The median of coding with a dictionary of which what searches need is made.
 fn seconds(atoms: &Dictionary, poses: ArrayView2<'_, f32>, by_bounds: bool) -> f64 {
-    let pursuit = Pursuit {
+    let pursuit = Omp {
         sparsity: SPARSITY,
-        ..Pursuit::default()
+        ..Omp::default()
     };
     let mut times: Vec<f64> = (0..RUNS)
         .map(|_| {
@@ -86,11 +86,11 @@ fn seconds(atoms: &Dictionary, poses: ArrayView2<'_, f32>, by_bounds: bool) -> f
                     .code_batch(&dictionary, poses, None)
                     .expect("finite poses")
             };
-            let rows = pursuit.search(&dictionary, poses.nrows()) == Search::Rows;
+            let rows = pursuit.search(&dictionary, poses.nrows()) == SearchStrategy::Gram;
             let warm = if by_bounds || rows { poses.nrows() } else { 1 };
             code(poses.slice(s![..warm, ..]));
             let asked = pursuit.search(&dictionary, poses.nrows());
-            let is_bounded = matches!(asked, Search::Sieve | Search::Leaves);
+            let is_bounded = matches!(asked, SearchStrategy::Filter | SearchStrategy::BallTree);
             assert!(is_bounded == by_bounds || rows, "{asked:?}");
             let began = Instant::now();
             assert_eq!(code(poses).len(), poses.nrows());

@@ -7,7 +7,7 @@ mod shared;
 
 use ndarray::{Array2, ArrayView2, Axis, s};
 use posing::numeric::parallel;
-use posing::sparse::{Dictionary, Ksvd, Pursuit};
+use posing::sparse::{Dictionary, Ksvd, Omp};
 use shared::{atoms, median};
 use std::fmt::Write;
 
@@ -168,9 +168,9 @@ fn plot(
 }
 
 fn code(dictionary: &Dictionary, poses: ArrayView2<'_, f32>, sparsity: usize) -> f64 {
-    let pursuit = Pursuit {
+    let pursuit = Omp {
         sparsity,
-        ..Pursuit::default()
+        ..Omp::default()
     };
     median(RUNS, || {
         // Its own, so that what is made for searches counts.
@@ -189,9 +189,9 @@ fn code(dictionary: &Dictionary, poses: ArrayView2<'_, f32>, sparsity: usize) ->
 fn learn(dictionary: &Dictionary, poses: ArrayView2<'_, f32>, sparsity: usize) -> f64 {
     let ksvd = Ksvd {
         iterations: 1,
-        pursuit: Pursuit {
+        pursuit: Omp {
             sparsity,
-            ..Pursuit::default()
+            ..Omp::default()
         },
         ..Ksvd::default()
     };

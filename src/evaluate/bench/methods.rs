@@ -10,7 +10,7 @@ use crate::prior::training::{TrainingPoses, sparse_model};
 use crate::prior::tuning::HoldBack;
 use crate::prior::{self, Choice, Posterior, Prior};
 use crate::restore::treat::{self, Seek};
-use crate::sparse::{Ksvd, Rule, ksvd::draw};
+use crate::sparse::{Ksvd, SelectionRule, random_atoms};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, s};
 use serde_json::{Value, json};
@@ -90,7 +90,7 @@ impl Method {
         let mut choice = Choice::default();
         match kind {
             "ksvd" => choice.published = true,
-            "ksvd-omp" => (choice.published, choice.rule) = (true, Rule::Plain),
+            "ksvd-omp" => (choice.published, choice.rule) = (true, SelectionRule::Omp),
             _ => {}
         }
         let is_sparse = ["sparse", "ksvd", "ksvd-omp"].contains(&kind);
@@ -215,7 +215,7 @@ pub fn make(methods: &[&Method], poses: &TrainingPoses, split: Split, seed: u64)
     let model = if kind == "sparse" {
         let atoms = atoms.unwrap_or(ATOMS.min(poses.xyz.nrows().div_ceil(4)));
         let ksvd = Ksvd::default();
-        let start = draw(poses.xyz.view(), atoms, seed)?;
+        let start = random_atoms(poses.xyz.view(), atoms, seed)?;
         let state = ksvd.train(start, poses.xyz.view(), None, &mut |_| Ok(()))?;
         sparse_model(poses, &state.dictionary, &ksvd.pursuit, false)?
     } else {
@@ -299,9 +299,9 @@ mod tests {
     fn names_are_read() {
         let name = |n: &str| Method::parse(n).unwrap();
         assert!(!name("sparse").choice.published);
-        assert!(name("ksvd").choice.published && name("ksvd").choice.rule == Rule::Optimised);
+        assert!(name("ksvd").choice.published && name("ksvd").choice.rule == SelectionRule::Oomp);
         assert!(name("ksvd-omp+treated").treated);
-        assert_eq!(name("ksvd-omp").choice.rule, Rule::Plain);
+        assert_eq!(name("ksvd-omp").choice.rule, SelectionRule::Omp);
         let m = name("ksvd:n=500:k=7");
         assert_eq!(
             (m.choice.sparsity, m.recipe()),

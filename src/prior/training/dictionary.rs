@@ -7,7 +7,7 @@ use crate::io::Model;
 use crate::io::model::{BodyMeta, Entry};
 use crate::prior::pairs::RigidPairs;
 use crate::prior::sparse::residual_covariance;
-use crate::sparse::{Dictionary, Pursuit};
+use crate::sparse::{Dictionary, Omp};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
 /// How much of the poses' own covariance is added to that of their residuals.
@@ -22,7 +22,7 @@ const UNSEEN: f64 = 0.2;
 pub fn sparse_model(
     poses: &TrainingPoses,
     dictionary: &Dictionary,
-    pursuit: &Pursuit,
+    pursuit: &Omp,
     world: bool,
 ) -> Result<Model> {
     let mut model = Model::new(

@@ -1,0 +1,160 @@
+//! What a search knows of balls: whether an atom in one of them may be the best.
+
+use super::ball_tree::{Balls, FAR, LEAF, Lanes, NEAR};
+use super::micro_gemm::{Products, vectors, vectors_mut};
+use super::panel_kernel::add_product;
+use super::single_search::{BELOW, Sweep};
+use pulp::Simd;
+
+/// What a ball has to reach.
+#[derive(Clone, Copy, Default)]
+pub struct Bar {
+    key: f32,
+    /// √(|r|² − key).
+    beside: f32,
+    /// By how much rounding widens a ball of which much is left beside the directions, and any that is not near.
+    far: f32,
+    near: f32,
+}
+
+/// Of eight balls |<m, r>| and |m|² beside the directions.
+#[derive(Clone, Copy)]
+pub struct Measured<S: Simd, const V: usize> {
+    along: [S::f32s; V],
+    left: [S::f32s; V],
+}
+
+impl<S: Simd, const V: usize> Measured<S, V> {
+    #[inline(always)]
+    pub fn none(simd: S) -> Self {
+        Measured {
+            along: [simd.splat_f32s(0.0); V],
+            left: [simd.splat_f32s(0.0); V],
+        }
+    }
+}
+
+impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
+    /// Of each ball |<m, r>| and |m|² beside the directions, by the products of the centres.
+    #[inline(always)]
+    pub fn measured(&mut self, balls: &Balls, sums: &Products<S, N, V>) -> Measured<S, V> {
+        self.spent.balls += 1;
+        let simd = self.simd;
+        let mut measured = Measured::none(simd);
+        for v in 0..V {
+            let mut left = vectors::<S>(&balls.norms)[v];
+            if self.optimised {
+                for n in 1..N {
+                    left = add_product(simd, simd.neg_f32s(sums[n][v]), sums[n][v], left);
+                }
+            }
+            measured.along[v] = simd.abs_f32s(sums[0][v]);
+            measured.left[v] = left;
+        }
+        measured
+    }
+
+    /// How good centres are. Only for a start: it need not be told well.
+    #[inline(always)]
+    pub fn score(&self, measured: &Measured<S, V>) -> Lanes {
+        let simd = self.simd;
+        let mut score = Lanes::ZERO;
+        for v in 0..V {
+            let (along, left) = (measured.along[v], measured.left[v]);
+            let under = simd.max_f32s(left, simd.splat_f32s(NEAR * NEAR));
+            vectors_mut::<S>(&mut score)[v] = simd.div_f32s(simd.mul_f32s(along, along), under);
+        }
+        score
+    }
+
+    /// Adds `mark` to those of eight balls that may hold the best atom.
+    #[inline(always)]
+    pub fn open(
+        &self,
+        balls: &Balls,
+        measured: &Measured<S, V>,
+        mark: u16,
+        open: &mut [u16; LEAF],
+    ) {
+        if self.is_given_up {
+            return;
+        }
+        let excess = self.excess(balls, measured);
+        // Without a branch of the program: whether a ball is open cannot be foretold.
+        for (open, excess) in open.iter_mut().zip(excess.0) {
+            *open |= mark * u16::from(excess >= 0.0);
+        }
+    }
+
+    /// By how much each ball may hold more than the key; negative if it cannot.
+    #[inline(always)]
+    fn excess(&self, balls: &Balls, measured: &Measured<S, V>) -> Lanes {
+        let simd = self.simd;
+        let (key, beside) = (
+            simd.splat_f32s(self.bar.key),
+            simd.splat_f32s(self.bar.beside),
+        );
+        let (far, near) = (
+            simd.splat_f32s(self.bar.far),
+            simd.splat_f32s(self.bar.near),
+        );
+        let (product, rest) = (
+            simd.splat_f32s(self.noise.product),
+            simd.splat_f32s(self.noise.rest),
+        );
+        let mut excess = Lanes::ZERO;
+        for v in 0..V {
+            let (along, left) = (measured.along[v], measured.left[v]);
+            let is_far = simd.greater_than_f32s(left, vectors::<S>(&balls.far)[v]);
+            let wider = simd.select_f32s(is_far, far, near);
+            let radius = simd.add_f32s(vectors::<S>(&balls.radii)[v], wider);
+            let reach = add_product(simd, beside, radius, simd.add_f32s(along, product));
+            let wide = simd.sub_f32s(left, rest);
+            let wide = add_product(simd, simd.neg_f32s(radius), radius, wide);
+            let more = simd.sub_f32s(simd.mul_f32s(reach, reach), simd.mul_f32s(key, wide));
+            let near = simd.sub_f32s(vectors::<S>(&balls.near)[v], left);
+            vectors_mut::<S>(&mut excess)[v] = match self.optimised {
+                true => simd.max_f32s(more, near),
+                false => more,
+            };
+        }
+        excess
+    }
+
+    /// The best atom's key is `key` at least.
+    ///
+    /// An atom a with an angle to the residual that is too wide is not the best, were it not for rounding: it may be if
+    /// |<a, r>| + δ >= √key |a| beside the directions, where δ is what the scan may add to <a, r> and what it may take off |a|,
+    /// ε / |a| where it takes ε off |a|². Such an atom is near the cone of those that are good enough. With the cone's angle α,
+    /// cos α = √key / |r|, and φ more of the atom,
+    ///
+    /// ```text
+    /// δ >= |a| |r| (cos α - cos(α + φ)) = |a| |r| 2 sin(α + φ/2) sin(φ/2),    distance = |a| sin φ <= 2 |a| sin(φ/2)
+    /// ```
+    ///
+    /// and α + φ is 90° at most, as a cone opens to both sides; so the distance is at most δ / (|r| sin α), and √(2 |a| δ / |r|),
+    /// where |a| is 1 at most. A ball that is wider by as much tells of the rest.
+    #[inline(always)]
+    pub fn raise(&mut self, key: f32) {
+        self.key = key;
+        let (noise, left) = (self.noise, self.sought.path.left);
+        // By rounding a key may be more than there is: then the cone is a ray.
+        let key = key.min(left) * BELOW;
+        // What divides is taken for less than it is, what is measured against for more.
+        let beside = |left: f32| (left - key).max(0.0).sqrt();
+        let (least, most) = (beside(left * BELOW), beside(left * (2.0 - BELOW)));
+        let wider = |gap: f32| -> f32 {
+            let slack = match self.optimised {
+                true => noise.product + key.sqrt() * noise.rest / (gap * 0.99),
+                false => noise.product,
+            };
+            (slack / least).min((2.0 * slack / left.sqrt()).sqrt()) * 1.001
+        };
+        self.bar = Bar {
+            key,
+            beside: most * (2.0 - BELOW),
+            far: wider(FAR),
+            near: wider(NEAR),
+        };
+    }
+}

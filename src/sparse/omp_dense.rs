@@ -1,0 +1,235 @@
+//! A tile of poses coded together: all of them scan the atoms at once for their first, and for the others too unless rows
+//! of the Gram matrix are at hand, which serve each pose alone. (There are none for poses with weights of their own.)
+
+use super::active_set::ActiveSet;
+use super::index::{DenseScan, GramOmp, LazyGram, PackedAtoms, Term, products};
+use super::omp::SelectionRule;
+use super::{Dictionary, StopReason};
+
+/// How often a pose may find that the atom it took depends on the others before it gives up: only rounding lets such an
+/// atom win, and only where nothing of use is left.
+pub(super) const RETRIES: usize = 4;
+
+/// A direction is taken for a sum of atoms with weights up to this: beyond, the rounding of the atoms' products, 1e-7,
+/// tells in their sum.
+const LARGEST_WEIGHT: f64 = 32.0;
+
+/// Poses that are coded together. The numbers kept for each pair of pose and atom should stay in the cache, but the more poses
+/// there are the seldomer the atoms are read, of which more do not fit into it either: as many are best of any number of atoms,
+/// measured.
+pub(super) const POSES: usize = 60;
+
+/// The state of a tile. Made once for many tiles.
+pub(super) struct DenseOmp<'a> {
+    dictionary: &'a Dictionary,
+    panels: &'a PackedAtoms,
+    gram: Option<&'a LazyGram>,
+    rule: SelectionRule,
+    scan: DenseScan<'a>,
+    follower: GramOmp,
+    /// Room for what the newest direction of a pose is made of.
+    weights: Vec<f64>,
+    terms: Vec<Term<'a>>,
+}
+
+impl<'a> DenseOmp<'a> {
+    /// Room for `poses` poses.
+    pub fn new(dictionary: &'a Dictionary, rule: SelectionRule, poses: usize) -> Self {
+        let ground = dictionary.ground();
+        let panels = ground.panels(dictionary.atoms());
+        DenseOmp {
+            dictionary,
+            panels,
+            gram: ground.gram.as_ref(),
+            rule,
+            scan: DenseScan::new(panels, poses),
+            follower: GramOmp::new(panels),
+            weights: Vec::new(),
+            terms: Vec::new(),
+        }
+    }
+
+    /// One that does without rows of the Gram matrix.
+    #[cfg(test)]
+    pub fn of_scans(dictionary: &'a Dictionary, rule: SelectionRule, poses: usize) -> Self {
+        DenseOmp {
+            gram: None,
+            ..DenseOmp::new(dictionary, rule, poses)
+        }
+    }
+
+    /// SparseCodes the poses that `fits` were started on, with at most `sparsity` atoms each.
+    pub fn code(&mut self, fits: &mut [ActiveSet], sparsity: usize) {
+        let full = AtomBudget::of(self.dictionary, sparsity);
+        debug_assert!(fits.len() <= self.scan.poses());
+        self.load(fits);
+        self.scan.first();
+        match self.gram {
+            Some(gram) if fits.iter().all(|f| f.root.is_none()) => self.each(fits, gram, full),
+            _ => self.together(fits, full),
+        }
+        fits.iter_mut()
+            .for_each(|f| f.stop = f.stop.or(Some(StopReason::Dependent)));
+    }
+
+    /// Puts the residuals in place of the directions, and |a|^2 in place of what is left of the atoms.
+    fn load(&mut self, fits: &[ActiveSet]) {
+        let d = self.dictionary.width();
+        self.scan.directions.fill(0.0);
+        for (fit, row) in fits.iter().zip(self.scan.directions.chunks_exact_mut(d)) {
+            if fit.stop.is_none() {
+                weigh(fit.residual(), fit.root.as_deref(), row);
+            }
+        }
+        if fits.iter().all(|f| f.root.is_none()) {
+            return self.scan.begin();
+        }
+        let mut weights = vec![1.0; self.scan.directions.len()];
+        for (fit, row) in fits.iter().zip(weights.chunks_exact_mut(d)) {
+            if let Some(root) = &fit.root {
+                row.iter_mut()
+                    .zip(root)
+                    .for_each(|(w, r)| *w = (r * r) as f32);
+            }
+        }
+        self.scan.begin_weighted(&weights);
+    }
+
+    /// Takes the atoms after the first scan, a scan of all poses a step.
+    fn together(&mut self, fits: &mut [ActiveSet], full: AtomBudget) {
+        let mut last = false;
+        for _ in 0..full.most + RETRIES {
+            self.take(fits, full, last);
+            let mut open = fits.iter().filter(|f| f.stop.is_none()).peekable();
+            if open.peek().is_none() {
+                break;
+            }
+            last = open.all(|f| full.is_last(f));
+            self.scan.next(self.rule, last);
+        }
+    }
+
+    /// Gives each pose its best atom, and makes the direction that this adds ready for the next scan. `last`: the scan
+    /// before was to be the last and kept nothing; where its atom is refused its direction is to be met again.
+    fn take(&mut self, fits: &mut [ActiveSet], full: AtomBudget, last: bool) {
+        let d = self.dictionary.width();
+        for (i, fit) in fits.iter_mut().enumerate() {
+            let (row, open) = (i * d..(i + 1) * d, fit.stop.is_none());
+            if open && self.push(i, fit, self.scan.best(i), full) {
+                let (q, z) = fit.newest();
+                weigh(q, fit.root.as_deref(), &mut self.scan.directions[row]);
+                self.scan.parts[i] = -z as f32;
+            } else if !(open && last) {
+                self.scan.directions[row].fill(0.0);
+                self.scan.parts[i] = 0.0;
+            }
+        }
+    }
+
+    /// Takes the atoms after the first scan pose by pose, by rows of the Gram matrix.
+    fn each(&mut self, fits: &mut [ActiveSet], gram: &'a LazyGram, full: AtomBudget) {
+        let open = (0..fits.len()).filter(|&i| fits[i].stop.is_none() && full.most > 1);
+        let firsts = open.filter_map(|i| self.scan.best(i)).collect();
+        gram.prepare(self.panels, self.dictionary.flat(), firsts);
+        for (i, fit) in fits.iter_mut().enumerate() {
+            self.follower.begin();
+            let (mut best, mut met) = (self.scan.best(i), true);
+            for _ in 0..full.most + RETRIES {
+                if fit.stop.is_none() && self.push(i, fit, best, full) {
+                    met = false;
+                }
+                if fit.stop.is_some() {
+                    break;
+                }
+                let last = full.is_last(fit);
+                best = self.follow(i, fit, gram, (met, last));
+                met = !last;
+            }
+        }
+    }
+
+    /// A step of one pose; its newest direction has been `met` where the atom after it was refused.
+    fn follow(
+        &mut self,
+        pose: usize,
+        fit: &ActiveSet,
+        gram: &'a LazyGram,
+        (met, last): (bool, bool),
+    ) -> Option<u32> {
+        let how = (self.rule, last);
+        if met {
+            return self.follower.next(&mut self.scan, pose, (&[], 0.0), how);
+        }
+        let (panels, atoms) = (self.panels, self.dictionary.flat());
+        let (q, z) = fit.newest();
+        fit.newest_weights(&mut self.weights);
+        if self.weights.iter().any(|w| w.abs() > LARGEST_WEIGHT) {
+            let direction: Vec<f32> = q.iter().map(|v| *v as f32).collect();
+            let row = &products(panels, &direction);
+            let terms: [Term<'_>; 1] = [(1.0, row)];
+            return (self.follower).next(&mut self.scan, pose, (&terms, -z as f32), how);
+        }
+        let terms = (self.weights.iter().zip(&fit.support))
+            .map(|(w, atom)| (*w as f32, gram.row(panels, atoms, *atom)));
+        self.terms.clear();
+        self.terms.extend(terms);
+        (self.follower).next(&mut self.scan, pose, (&self.terms, -z as f32), how)
+    }
+
+    /// Gives a pose an atom, or finds in f64 that it depends on those taken: it is not to be looked at again either way.
+    fn push(
+        &mut self,
+        pose: usize,
+        fit: &mut ActiveSet,
+        atom: Option<u32>,
+        full: AtomBudget,
+    ) -> bool {
+        let Some(atom) = atom else {
+            fit.stop = Some(StopReason::Dependent);
+            return false;
+        };
+        self.scan.leave_out(pose, atom);
+        let pushed = fit.push(atom, super::code::row(self.dictionary, atom));
+        if fit.stop.is_none() && fit.support.len() == full.most {
+            fit.stop = Some(full.stop);
+        }
+        pushed
+    }
+}
+
+/// How many atoms a pose takes at most, and why it stops there.
+#[derive(Clone, Copy)]
+pub(super) struct AtomBudget {
+    pub most: usize,
+    pub stop: StopReason,
+}
+
+impl AtomBudget {
+    /// For codes of at most `sparsity` atoms; more than there are, or than a pose has numbers, are never independent.
+    pub fn of(dictionary: &Dictionary, sparsity: usize) -> AtomBudget {
+        let most = sparsity.min(dictionary.len()).min(dictionary.width());
+        let stop = match most == sparsity {
+            true => StopReason::Sparsity,
+            false => StopReason::Dependent,
+        };
+        AtomBudget { most, stop }
+    }
+
+    /// Whether the next atom of a pose is its last.
+    fn is_last(self, fit: &ActiveSet) -> bool {
+        fit.support.len() + 1 == self.most
+    }
+}
+
+/// √w∘v in f32: an unweighted atom's product with it is the weighted atom's with v.
+fn weigh(v: &[f64], root: Option<&[f64]>, out: &mut [f32]) {
+    match root {
+        Some(root) => {
+            out.iter_mut()
+                .zip(v)
+                .zip(root)
+                .for_each(|((o, v), w)| *o = (v * w) as f32);
+        }
+        None => out.iter_mut().zip(v).for_each(|(o, v)| *o = *v as f32),
+    }
+}
