@@ -13,7 +13,7 @@ use crate::pose::Poses;
 use crate::prior::{Choice, builtin};
 use crate::restore::complete::{self, Complete};
 use crate::restore::denoise::{self, Denoise};
-use crate::restore::{Job, Restoration};
+use crate::restore::{BoundModel, RestoredFrames};
 use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
@@ -100,9 +100,15 @@ pub struct Task<'a> {
 }
 
 /// Frames each by itself.
-type Frames<'a> = dyn Fn(&Job, ArrayView2<'_, f64>) -> Restoration + 'a;
+type Frames<'a> = dyn Fn(&BoundModel, ArrayView2<'_, f64>) -> RestoredFrames + 'a;
 /// A take with its runs and rate.
-type Take<'a> = dyn Fn(&Job, ArrayView2<'_, f64>, &[Range<usize>], f64, &(dyn Fn(usize) + Sync)) -> Restoration
+type Take<'a> = dyn Fn(
+        &BoundModel,
+        ArrayView2<'_, f64>,
+        &[Range<usize>],
+        f64,
+        &(dyn Fn(usize) + Sync),
+    ) -> RestoredFrames
     + 'a;
 
 /// Completes a table.
@@ -116,8 +122,8 @@ pub fn complete(
             "--max-gap wants time: it does not go with --per-frame",
         ));
     }
-    let frames = |job: &Job, xyz: ArrayView2<'_, f64>| complete::frames(job, xyz);
-    let take = |job: &Job,
+    let frames = |job: &BoundModel, xyz: ArrayView2<'_, f64>| complete::frames(job, xyz);
+    let take = |job: &BoundModel,
                 xyz: ArrayView2<'_, f64>,
                 runs: &[Range<usize>],
                 rate: f64,
@@ -132,8 +138,8 @@ pub fn complete(
 
 /// Denoises a table.
 pub fn denoise(task: &Task<'_>, settings: Denoise) -> Result<Outcome> {
-    let frames = |job: &Job, xyz: ArrayView2<'_, f64>| denoise::frames(job, xyz, settings);
-    let take = |job: &Job,
+    let frames = |job: &BoundModel, xyz: ArrayView2<'_, f64>| denoise::frames(job, xyz, settings);
+    let take = |job: &BoundModel,
                 xyz: ArrayView2<'_, f64>,
                 runs: &[Range<usize>],
                 rate: f64,
@@ -288,7 +294,7 @@ fn by_frames(
     sink.finish()
 }
 
-fn job(task: &Task<'_>, columns: &Columns) -> Result<Job> {
+fn job(task: &Task<'_>, columns: &Columns) -> Result<BoundModel> {
     let choice = Choice {
         sparsity: task.model.sparsity.0,
         rule: task.model.pursuit.rule(),
@@ -307,7 +313,7 @@ fn job(task: &Task<'_>, columns: &Columns) -> Result<Job> {
              dict-concat make models that have)"
         ));
     }
-    let job = Job::new(&model, &choice, &name, &columns.points, task.world)?;
+    let job = BoundModel::new(&model, &choice, &name, &columns.points, task.world)?;
     tell_strangers(&columns.points, &model.meta.points);
     Ok(job)
 }
@@ -353,7 +359,7 @@ fn hide(mut xyz: Array2<f64>, hidden: &[usize]) -> Array2<f64> {
 }
 
 /// The table's numbers with the restored ones in place.
-fn scatter(job: &Job, before: &Array2<f64>, restored: &Restoration) -> Array2<f64> {
+fn scatter(job: &BoundModel, before: &Array2<f64>, restored: &RestoredFrames) -> Array2<f64> {
     let mut out = before.clone();
     for p in 0..restored.points() {
         let Some(at) = job.in_table(p) else { continue };

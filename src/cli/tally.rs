@@ -5,7 +5,7 @@ use crate::io::csv::After;
 use crate::io::table::Columns;
 use crate::io::text::push_number;
 use crate::pose::Status;
-use crate::restore::{Job, Restoration};
+use crate::restore::{BoundModel, RestoredFrames};
 use ndarray::ArrayView2;
 
 /// The columns that `--status` adds.
@@ -28,9 +28,9 @@ pub fn added(status: bool, columns: &Columns) -> Vec<(String, After)> {
 /// Their cells for one frame: points that the model does not know are as they were.
 pub fn cells(
     status: bool,
-    job: &Job,
+    job: &BoundModel,
     columns: &Columns,
-    restored: &Restoration,
+    restored: &RestoredFrames,
     t: usize,
     before: &[f64],
 ) -> Vec<String> {
@@ -94,7 +94,12 @@ impl Tally {
     }
 
     /// Counts restored frames, which were `before`.
-    pub fn add(&mut self, job: &Job, restored: &Restoration, before: ArrayView2<'_, f64>) {
+    pub fn add(
+        &mut self,
+        job: &BoundModel,
+        restored: &RestoredFrames,
+        before: ArrayView2<'_, f64>,
+    ) {
         self.noise += restored.noise * before.nrows() as f64;
         self.frames += before.nrows();
         self.too_little += restored.too_little;

@@ -4,10 +4,10 @@
 //! to its neighbours: at both ends of a gap the points were seen, so the answer's error there is known; it is predicted
 //! into the gap as a Gaussian process whose correlation falls off over a quarter of a second and over four.
 
-use super::frame::{Restoration, Restored};
-use super::job::Job;
+use super::bound_model::BoundModel;
+use super::frame_restorer::{RestoredFrame, RestoredFrames};
 use super::observed::Observed;
-use super::rejects::{Rejects, leave_out};
+use super::outliers::{Outliers, leave_out};
 use crate::numeric::parallel;
 use crate::pose::Status;
 use crate::prior::EXACT_VARIANCE;
@@ -31,19 +31,19 @@ pub struct Complete {
 }
 
 /// Completes frames each by itself (in the model's order): no time, no body but the frame's own.
-pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>) -> Restoration {
+pub fn frames(bound: &BoundModel, xyz: ArrayView2<'_, f64>) -> RestoredFrames {
     let answers = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
         range
             .map(|t| {
                 let y = xyz.row(t).to_vec();
-                if job.is_whole(&y) {
+                if bound.is_whole(&y) {
                     return (Answer::Whole, f64::NAN);
                 }
                 let frame = xyz.slice(s![t..t + 1, ..]);
-                let adapted = job.prior_for(frame, 0.0);
-                let treatment = job.treatment_for(&adapted, frame, 0.0);
+                let adapted = bound.prior_for(frame, 0.0);
+                let rigid = bound.treatment_for(&adapted, frame, 0.0);
                 let noise = noise_of(&y, &[]);
-                let restorer = job.restorer(&adapted).treating(&treatment);
+                let restorer = bound.restorer(&adapted).with_rigid_model(&rigid);
                 match restorer.restore(&y, &noise) {
                     Some(found) => {
                         let unlike = unlike(&restorer, &y, &found);
@@ -54,9 +54,9 @@ pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>) -> Restoration {
             })
             .collect::<Vec<_>>()
     });
-    let mut out = Restoration::of(xyz.to_owned());
+    let mut out = RestoredFrames::of(xyz.to_owned());
     for (t, (answer, unlike)) in answers.into_iter().flatten().enumerate() {
-        fill(job, &mut out, t, &answer, &[], None, false);
+        fill(bound, &mut out, t, &answer, &[], None, false);
         out.unlike[t] = unlike;
     }
     out
@@ -67,11 +67,11 @@ enum Answer {
     /// Nothing was missing.
     Whole,
     TooLittle,
-    Found(Restored),
+    Found(RestoredFrame),
 }
 
 /// How unlike all that was seen a completed frame is, nats; what it lacks still is taken from the answer.
-fn unlike(restorer: &super::Restorer<'_>, frame: &[f64], found: &Restored) -> f64 {
+fn unlike(restorer: &super::FrameRestorer<'_>, frame: &[f64], found: &RestoredFrame) -> f64 {
     let all = frame.iter().zip(&found.mean);
     let pose: Vec<f64> = all
         .map(|(y, m)| if y.is_finite() { *y } else { *m })
@@ -80,8 +80,8 @@ fn unlike(restorer: &super::Restorer<'_>, frame: &[f64], found: &Restored) -> f6
 }
 
 /// EXACT_VARIANCE where a number is seen and its point is not suspected; infinite elsewhere.
-fn noise_of(y: &[f64], suspects: &[usize]) -> Vec<f64> {
-    let seen = |i: usize| y[i].is_finite() && !suspects.contains(&(i / 3));
+fn noise_of(y: &[f64], outliers: &[usize]) -> Vec<f64> {
+    let seen = |i: usize| y[i].is_finite() && !outliers.contains(&(i / 3));
     (0..y.len())
         .map(|i| {
             if seen(i) {
@@ -95,26 +95,26 @@ fn noise_of(y: &[f64], suspects: &[usize]) -> Vec<f64> {
 
 /// Writes an answer's missing numbers (with `correction` added to each point) and the frame's statuses.
 fn fill(
-    job: &Job,
-    out: &mut Restoration,
+    bound: &BoundModel,
+    out: &mut RestoredFrames,
     t: usize,
     answer: &Answer,
-    suspects: &[usize],
+    outliers: &[usize],
     correction: Option<&[(DVec3, f64)]>,
     overwrite: bool,
 ) {
     let mut lacked = false;
-    for p in (0..out.points()).filter(|&p| job.in_table(p).is_some()) {
+    for p in (0..out.points()).filter(|&p| bound.in_table(p).is_some()) {
         let missing: Vec<usize> = (3 * p..3 * p + 3)
             .filter(|&i| out.xyz[[t, i]].is_nan())
             .collect();
-        let suspect = suspects.contains(&p);
+        let suspect = outliers.contains(&p);
         if missing.is_empty() && !suspect {
             continue;
         }
         // A model of another unit may answer with what is no number: that is no answer.
         let is_told =
-            |found: &&Restored| found.mean[3 * p..3 * p + 3].iter().all(|v| v.is_finite());
+            |found: &&RestoredFrame| found.mean[3 * p..3 * p + 3].iter().all(|v| v.is_finite());
         let found = match answer {
             Answer::Found(found) => Some(found).filter(is_told),
             _ => None,
@@ -151,20 +151,20 @@ fn fill(
 
 /// Completes one take: `runs` are the stretches of frames that follow one another, `rate` frames a second.
 pub fn take(
-    job: &Job,
+    bound: &BoundModel,
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     rate: f64,
     settings: Complete,
     done: &(dyn Fn(usize) + Sync),
-) -> Restoration {
-    let suspects = Rejects::find(job, xyz, runs, rate, None).points;
-    let adapted = job.prior_for(xyz, 0.0);
-    let treatment = job.treatment_for(&adapted, xyz, 0.0);
-    let restorer = job.restorer(&adapted).treating(&treatment);
+) -> RestoredFrames {
+    let outliers = Outliers::find(bound, xyz, runs, rate, None).points;
+    let adapted = bound.prior_for(xyz, 0.0);
+    let rigid = bound.treatment_for(&adapted, xyz, 0.0);
+    let restorer = bound.restorer(&adapted).with_rigid_model(&rigid);
     // What counts: the numbers seen, without the suspects.
     let mut counted = xyz.to_owned();
-    leave_out(&mut counted, &suspects);
+    leave_out(&mut counted, &outliers);
     let parts = brief_parts(&counted, runs, rate);
     leave_out(&mut counted, &parts);
     let gaps: Vec<Gap> = runs.iter().flat_map(|run| gaps_of(&counted, run)).collect();
@@ -173,7 +173,7 @@ pub fn take(
             .clone()
             .map(|t| {
                 let y = counted.row(t).to_vec();
-                if job.is_whole(&y) {
+                if bound.is_whole(&y) {
                     return Answer::Whole;
                 }
                 restorer
@@ -188,20 +188,20 @@ pub fn take(
     .flatten()
     .collect();
     let errors = errors_at_ends(&restorer, &counted, &gaps);
-    let mut out = Restoration::of(xyz.to_owned());
-    let corrections = corrections(&counted, &answers, &gaps, &errors, rate, job.points());
+    let mut out = RestoredFrames::of(xyz.to_owned());
+    let corrections = corrections(&counted, &answers, &gaps, &errors, rate, bound.points());
     for (t, answer) in answers.iter().enumerate() {
         fill(
-            job,
+            bound,
             &mut out,
             t,
             answer,
-            &suspects[t],
+            &outliers[t],
             corrections.get(&t).map(Vec::as_slice),
             true,
         );
     }
-    settle(&mut out, &counted, &gaps, runs, rate);
+    converge(&mut out, &counted, &gaps, runs, rate);
     for (t, points) in parts.iter().enumerate() {
         let seen = points.iter().flat_map(|p| 3 * p..3 * p + 3);
         for i in seen.filter(|&i| xyz[[t, i]].is_finite()) {
@@ -218,7 +218,7 @@ pub fn take(
     .concat();
     if !settings.overwrite {
         // The answers stood in for the rejected values while their neighbours were settled.
-        for (t, points) in suspects.iter().enumerate() {
+        for (t, points) in outliers.iter().enumerate() {
             for i in points.iter().flat_map(|p| 3 * p..3 * p + 3) {
                 out.xyz[[t, i]] = xyz[[t, i]];
             }
@@ -334,7 +334,11 @@ fn ends(gap: &Gap) -> [Option<(usize, usize)>; 2] {
 }
 
 /// How wrong the answer is where the truth is known: at the ends of gaps, with the points of the gap hidden.
-fn errors_at_ends(restorer: &super::Restorer<'_>, counted: &Array2<f64>, gaps: &[Gap]) -> Errors {
+fn errors_at_ends(
+    restorer: &super::FrameRestorer<'_>,
+    counted: &Array2<f64>,
+    gaps: &[Gap],
+) -> Errors {
     let mut keys: Vec<(usize, Vec<usize>)> = gaps
         .iter()
         .flat_map(ends)
@@ -412,8 +416,8 @@ fn corrections(
 }
 
 /// Takes the frame-to-frame jitter out of what was filled in: a Gaussian of 25 ms over the filled and seen around.
-fn settle(
-    out: &mut Restoration,
+fn converge(
+    out: &mut RestoredFrames,
     counted: &Array2<f64>,
     gaps: &[Gap],
     runs: &[Range<usize>],

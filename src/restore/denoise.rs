@@ -3,13 +3,13 @@
 //! Frame by frame, the model answers from all points, each trusted by its noise. In a take, a smoother first takes the
 //! noise that neighbouring frames can tell from motion; what it leaves is what the model is told of.
 
+use super::bound_model::BoundModel;
 use super::complete::{self, Complete};
-use super::frame::Restoration;
-use super::job::Job;
-use super::noise;
+use super::frame_restorer::RestoredFrames;
+use super::kalman_smoother;
+use super::noise_estimation;
 use super::observed::Observed;
-use super::rejects::{Rejects, leave_out};
-use super::smooth;
+use super::outliers::{Outliers, leave_out};
 use crate::numeric::parallel;
 use crate::pose::Status;
 use crate::prior::EXACT_VARIANCE;
@@ -42,26 +42,26 @@ impl Default for Denoise {
 
 /// One frame's answer.
 struct Answer {
-    found: Option<super::Restored>,
-    suspects: Vec<usize>,
+    found: Option<super::RestoredFrame>,
+    outliers: Vec<usize>,
     noise: f64,
-    /// Nats; see [`Restoration::unlike`].
+    /// Nats; see [`RestoredFrames::unlike`].
     unlike: f64,
 }
 
 impl Answer {
     /// What `restorer` found.
     fn new(
-        restorer: &super::Restorer<'_>,
-        found: Option<super::Restored>,
-        suspects: Vec<usize>,
+        restorer: &super::FrameRestorer<'_>,
+        found: Option<super::RestoredFrame>,
+        outliers: Vec<usize>,
         noise: f64,
     ) -> Answer {
-        let judge = |f: &super::Restored| restorer.unlike(&f.mean, &f.placement);
+        let judge = |f: &super::RestoredFrame| restorer.unlike(&f.mean, &f.placement);
         Answer {
             unlike: found.as_ref().map_or(f64::NAN, judge),
             found,
-            suspects,
+            outliers,
             noise,
         }
     }
@@ -71,77 +71,83 @@ impl Answer {
 ///
 /// Rigid distances tell how noisy most points of a frame are, if the model knows any: where that is little, or the others are
 /// too far off for it, those are outliers. A noise that is given is that of every coordinate, or where it is little of clean ones.
-pub fn frames(job: &Job, xyz: ArrayView2<'_, f64>, settings: Denoise) -> Restoration {
+pub fn frames(bound: &BoundModel, xyz: ArrayView2<'_, f64>, settings: Denoise) -> RestoredFrames {
     let answers = parallel::map_chunks(xyz.nrows(), 8, |range| {
         range
-            .map(|t| one(job, xyz.slice(s![t..t + 1, ..]), settings))
+            .map(|t| one(bound, xyz.slice(s![t..t + 1, ..]), settings))
             .collect::<Vec<_>>()
     });
     gather(xyz, answers.into_iter().flatten(), settings)
 }
 
-fn one(job: &Job, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
+fn one(bound: &BoundModel, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
     let y = frame.row(0).to_vec();
-    if let Some(answer) = with_outliers(job, &y, settings) {
+    if let Some(answer) = with_outliers(bound, &y, settings) {
         return answer;
     }
-    let adapted = job.prior_for(frame, settings.noise.unwrap_or(2.0));
-    let restorer = job.restorer(&adapted);
+    let adapted = bound.prior_for(frame, settings.noise.unwrap_or(2.0));
+    let restorer = bound.restorer(&adapted);
     // Distances tell it, where enough are seen; else the model has to.
     let noise = settings.noise.unwrap_or_else(|| {
-        let told = job.unmeasured(&y).map(|(_, base)| base.sd);
-        noise::shared(told.unwrap_or_else(|| noise::of_frame(&restorer, &y)))
+        let noise_variance = bound.noise_floor_of(&y).map(|(_, base)| base.sd);
+        noise_estimation::shared(
+            noise_variance.unwrap_or_else(|| noise_estimation::of_frame(&restorer, &y)),
+        )
     });
-    let treatment = job.treatment_for(&adapted, frame, noise);
-    let restorer = restorer.treating(&treatment);
-    let variances: Vec<f64> = y.iter().map(|v| noise::variance(*v, noise)).collect();
+    let rigid = bound.treatment_for(&adapted, frame, noise);
+    let restorer = restorer.with_rigid_model(&rigid);
+    let variances: Vec<f64> = y
+        .iter()
+        .map(|v| noise_estimation::variance(*v, noise))
+        .collect();
     let found = restorer.restore(&y, &variances);
     Answer::new(&restorer, found, Vec::new(), noise)
 }
 
 /// The answer for a frame most points of which are nearly clean, by the distances between them.
-fn with_outliers(job: &Job, y: &[f64], settings: Denoise) -> Option<Answer> {
+fn with_outliers(bound: &BoundModel, y: &[f64], settings: Denoise) -> Option<Answer> {
     if !settings.outliers {
         return None;
     }
-    let (treatment, found) = job.unmeasured(y)?;
+    let (rigid, found) = bound.noise_floor_of(y)?;
     let base = match settings.noise {
-        Some(noise) => (noise <= noise::NEARLY_CLEAN).then_some(noise)?,
-        None => noise::worth_a_search(&found).then_some(noise::shared(found.sd))?,
+        Some(noise) => (noise <= noise_estimation::NEARLY_CLEAN).then_some(noise)?,
+        None => noise_estimation::worth_a_search(&found)
+            .then_some(noise_estimation::shared(found.sd))?,
     };
-    let own = job.restorer(&None).treating(treatment);
+    let own = bound.restorer(&None).with_rigid_model(rigid);
     // The distances have told whose lengths they may be: nothing is to be adapted but the placement's own.
     let (found, corrupt) = own.restore_outliers(y, base * base)?;
-    let suspects = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
-    Some(Answer::new(&own, Some(found), suspects, base))
+    let outliers = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
+    Some(Answer::new(&own, Some(found), outliers, base))
 }
 
 /// Denoises one take: `runs` are the stretches of frames that follow one another, `rate` frames a second.
 pub fn take(
-    job: &Job,
+    bound: &BoundModel,
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     rate: f64,
     settings: Denoise,
     done: &(dyn Fn(usize) + Sync),
-) -> Restoration {
+) -> RestoredFrames {
     let rejects = match settings.outliers {
-        true => Rejects::find(job, xyz, runs, rate, settings.noise),
-        false => Rejects::none(xyz.nrows()),
+        true => Outliers::find(bound, xyz, runs, rate, settings.noise),
+        false => Outliers::none(xyz.nrows()),
     };
     let mut counted = xyz.to_owned();
     leave_out(&mut counted, &rejects.points);
-    let noise = noise::by_point(job, counted.view(), runs, settings.noise);
+    let noise = noise_estimation::by_point(bound, counted.view(), runs, settings.noise);
     let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
-    let (mean, variances) = smoothed(&counted, runs, rate, &noise, &rejects.strays);
+    let (mean, variances) = smoothed(&counted, runs, rate, &noise, &rejects.spikes);
     let seen = mean_where_seen(&counted, &mean);
-    let adapted = job.prior_for(seen.view(), 0.0);
+    let adapted = bound.prior_for(seen.view(), 0.0);
     let noise_left = left(&counted, &variances);
-    let treatment = job.treatment_for(&adapted, seen.view(), noise_left);
-    let mut restorer = job.restorer(&adapted);
+    let rigid = bound.treatment_for(&adapted, seen.view(), noise_left);
+    let mut restorer = bound.restorer(&adapted);
     // Lengths measured through noise are all too long: kept, they would do more harm than good.
     if adapted.is_none() || noise_left <= MEASURES {
-        restorer = restorer.treating(&treatment);
+        restorer = restorer.with_rigid_model(&rigid);
     }
     let answers = parallel::map_chunks(xyz.nrows(), 8, |range| {
         let out: Vec<Answer> = range
@@ -164,7 +170,7 @@ pub fn take(
         },
     );
     if settings.fill {
-        fill(job, &mut out, runs, rate);
+        fill(bound, &mut out, runs, rate);
     }
     out
 }
@@ -172,10 +178,10 @@ pub fn take(
 /// The answer for a smoothed frame. Points seen in part among whole ones count as missing, which costs no descent; what was
 /// seen of them is as the smoother left it.
 fn smoothed_frame(
-    restorer: &super::Restorer<'_>,
+    restorer: &super::FrameRestorer<'_>,
     y: &[f64],
     variances: &[f64],
-) -> Option<super::Restored> {
+) -> Option<super::RestoredFrame> {
     let seen = Observed {
         y,
         noise: variances,
@@ -190,9 +196,9 @@ fn smoothed_frame(
 }
 
 /// Fills what is missing from the denoised points, as completing does: carried over from both ends of a gap.
-fn fill(job: &Job, out: &mut Restoration, runs: &[Range<usize>], rate: f64) {
+fn fill(bound: &BoundModel, out: &mut RestoredFrames, runs: &[Range<usize>], rate: f64) {
     let filled = complete::take(
-        job,
+        bound,
         out.xyz.view(),
         runs,
         rate,
@@ -219,7 +225,7 @@ fn smoothed(
     runs: &[Range<usize>],
     rate: f64,
     noise: &[f64],
-    strays: &[Vec<usize>],
+    spikes: &[Vec<usize>],
 ) -> (Array2<f64>, Array2<f64>) {
     let columns = parallel::map_chunks(counted.ncols(), 1, |range| {
         let column = counted.column(range.start);
@@ -228,13 +234,13 @@ fn smoothed(
         for run in runs {
             let series = column.slice(s![run.clone()]).to_vec();
             let is_seen = series.iter().any(|v| v.is_finite());
-            let out = smooth::smooth(&series, r, 1.0 / rate);
+            let out = kalman_smoother::smooth(&series, r, 1.0 / rate);
             for (k, t) in run.clone().enumerate() {
                 // A missing value is the model's business: the smoother only guesses there.
                 if series[k].is_finite() {
                     mean[t] = out.mean[k];
                     variance[t] = out.variance[k].clamp(EXACT_VARIANCE, r);
-                } else if is_seen && strays[t].contains(&(range.start / 3)) {
+                } else if is_seen && spikes[t].contains(&(range.start / 3)) {
                     mean[t] = out.mean[k];
                     variance[t] = out.variance[k].max(EXACT_VARIANCE);
                 }
@@ -275,8 +281,8 @@ fn gather(
     xyz: ArrayView2<'_, f64>,
     answers: impl Iterator<Item = Answer>,
     settings: Denoise,
-) -> Restoration {
-    let mut out = Restoration::of(xyz.to_owned());
+) -> RestoredFrames {
+    let mut out = RestoredFrames::of(xyz.to_owned());
     for (t, answer) in answers.enumerate() {
         out.too_little += usize::from(answer.found.is_none());
         out.noise += answer.noise / xyz.nrows() as f64;
@@ -294,9 +300,9 @@ fn gather(
                     }
                     let status = if missing {
                         Status::Inferred
-                    } else if answer.suspects.contains(&p) {
+                    } else if answer.outliers.contains(&p) {
                         Status::Rejected
-                    } else if super::frame::moved(&before, &found.mean, p) <= 1e-9 {
+                    } else if super::frame_restorer::moved(&before, &found.mean, p) <= 1e-9 {
                         Status::Observed
                     } else {
                         Status::Changed

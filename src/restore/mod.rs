@@ -1,31 +1,28 @@
 //! Restoring poses: one function of a pose and the variances of its coordinates; `denoise` and `complete` are two
 //! settings of it.
 
-pub mod adapt;
+pub mod body_adaptation;
 pub mod bones;
-mod climb;
+pub mod bound_model;
 pub mod complete;
 pub mod denoise;
 pub mod fit;
-pub mod frame;
+pub mod frame_restorer;
 pub mod greedy;
 pub mod ik;
-pub mod job;
+mod kalman_smoother;
 pub mod measured;
-mod noise;
+mod noise_estimation;
 pub mod observed;
-pub mod planar;
-mod rejects;
+pub mod outliers;
+
+pub mod placement;
 pub mod report;
-pub mod smooth;
-mod strays;
-pub mod suspects;
-pub mod synthesis;
+pub mod rigid;
 pub mod take;
-pub mod treat;
 mod turn;
 
-pub use frame::{Restoration, Restored, Restorer};
-pub use job::Job;
+pub use bound_model::BoundModel;
+pub use frame_restorer::{FrameRestorer, RestoredFrame, RestoredFrames};
 pub use observed::Observed;
-pub use treat::{Seek, Treated, Treatment};
+pub use rigid::{Corrected, OutlierMode, RigidModel};

@@ -11,7 +11,7 @@ use posing::io::Model;
 use posing::pose::{Anchor, Similarity};
 use posing::prior::{Choice, Prior, SparsePrior};
 use posing::restore::Observed;
-use posing::restore::synthesis::{Solution, Synthesis};
+use posing::restore::placement::{PlacementSolution, PlacementSolver};
 use shared::Take;
 use std::time::Instant;
 
@@ -101,7 +101,7 @@ impl Dragging<'_> {
         let noise: Vec<f64> = (0..take.xyz.ncols())
             .map(|c| if is_shown(c) { 0.0 } else { f64::INFINITY })
             .collect();
-        let mut before: Option<Solution> = None;
+        let mut before: Option<PlacementSolution> = None;
         for (i, frame) in take.xyz.outer_iter().step_by(STEP).take(POSES).enumerate() {
             let frame: Vec<f64> = frame.iter().map(|v| f64::from(*v)).collect();
             let mut y = vec![0.0; frame.len()];
@@ -136,10 +136,11 @@ impl Dragging<'_> {
     fn pose(
         &self,
         seen: Observed<'_>,
-        solve: impl FnOnce(&Synthesis) -> Option<Solution>,
-    ) -> (Solution, f64) {
+        solve: impl FnOnce(&PlacementSolver) -> Option<PlacementSolution>,
+    ) -> (PlacementSolution, f64) {
         let began = Instant::now();
-        let solution = solve(&Synthesis::default()).expect("six joints determine a placement");
+        let solution =
+            solve(&PlacementSolver::default()).expect("six joints determine a placement");
         let mut back = vec![0.0; seen.y.len()];
         solution.placement.undo_pose(seen.y, &mut back);
         let fit = solution.fit.as_ref().expect("a code");

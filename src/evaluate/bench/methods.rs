@@ -9,7 +9,7 @@ use crate::prior::train::{KINDS, Training, train};
 use crate::prior::training::{TrainingPoses, sparse_model};
 use crate::prior::tuning::HoldBack;
 use crate::prior::{self, Choice, Posterior, Prior};
-use crate::restore::treat::{self, Seek};
+use crate::restore::{OutlierMode, RigidModel};
 use crate::sparse::{Ksvd, SelectionRule, random_atoms};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, s};
@@ -243,12 +243,12 @@ pub fn make(methods: &[&Method], poses: &TrainingPoses, split: Split, seed: u64)
 }
 
 /// What a method has besides its prior to find outliers and keep rigid distances.
-pub struct Treatment(treat::Treatment);
+pub struct Treatment(RigidModel);
 
 impl Treatment {
     /// Learns what the treatment needs from the training poses.
     pub fn learn(poses: &TrainingPoses) -> Treatment {
-        Treatment(treat::Treatment::learn(poses.xyz.view(), &poses.takes))
+        Treatment(RigidModel::learn(poses.xyz.view(), &poses.takes))
     }
 
     /// Restores poses: told is what a plain method would be told, and the same of all of them.
@@ -262,8 +262,10 @@ impl Treatment {
             .rows()
             .into_iter()
             .next()
-            .map(|r| Seek::by(&r.to_vec()));
-        let answers = self.0.answer(prior, y, told, seek.unwrap_or(Seek::Nothing));
+            .map(|r| OutlierMode::for_noise(&r.to_vec()));
+        let answers = self
+            .0
+            .restore(prior, y, told, seek.unwrap_or(OutlierMode::Ignore));
         answers.into_iter().map(|a| a.posterior).collect()
     }
 }

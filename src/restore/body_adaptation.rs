@@ -33,8 +33,8 @@ pub fn map_to(
             .max(0.25 * reference * reference)
             .sqrt();
         let log = (true_length / reference).ln().clamp(-1.5, 1.5);
-        let unsure = 2.0 * noise * noise / (reference * reference) / frames.sqrt();
-        let keep = PEOPLE_DIFFER.powi(2) / (PEOPLE_DIFFER.powi(2) + unsure);
+        let length_sd = 2.0 * noise * noise / (reference * reference) / frames.sqrt();
+        let keep = PEOPLE_DIFFER.powi(2) / (PEOPLE_DIFFER.powi(2) + length_sd);
         target.lengths[k] = reference * (keep * log).exp();
     }
     for k in 0..target.lengths.len() {
@@ -50,7 +50,7 @@ pub fn map_to(
 
 /// How unsure a length is (standard deviation, cm) that was measured in so many frames with noise of a standard deviation
 /// a coordinate; of one that was never seen only what people differ by, less what the others tell, is known.
-pub fn unsure(length: f64, noise: f64, frames: usize) -> f64 {
+pub fn length_sd(length: f64, noise: f64, frames: usize) -> f64 {
     if frames == 0 {
         return 0.3 * PEOPLE_DIFFER * length;
     }

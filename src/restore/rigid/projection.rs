@@ -1,7 +1,7 @@
 //! Rigid distances kept: a belief made to agree with the lengths that are known.
 //!
 //! With m, P the belief's mean and covariance (the latter with less said of two coordinates together than it says: see
-//! [`Sure`]), g the distances, H their Jacobian and L the lengths (variances V):
+//! [`Uncertainty`]), g the distances, H their Jacobian and L the lengths (variances V):
 //!
 //! ```text
 //! P' = P + I,   x ← m + P'Hᵀ (H P' Hᵀ + V)⁻¹ (L − g(x) − H (m − x))     until nothing moves, ten times at most
@@ -11,9 +11,9 @@
 //! of variance R was. i, and whose body it is (L), are the most likely ones given how far off the believed distances
 //! are. Cost: n² (n/3 + 36) for each step and 3 n² D for the variances, n pairs and D numbers a pose.
 
-use super::bodies::{Bodies, Lengths};
-use super::gradients::{Gradient, cross, gradients, products, shared_ends};
-use super::sure::Sure;
+use super::body_lengths::{BodyMixture, Lengths};
+use super::jacobian::{JacobianRow, jacobian, products, shared_ends, times_covariance};
+use super::uncertainty::Uncertainty;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::add;
 use crate::numeric::small_linalg::{backward, factorise, forward};
@@ -34,7 +34,7 @@ const SETTLED: f64 = 2e-3;
 
 /// Whose lengths are kept.
 #[derive(Debug, Clone, Copy)]
-pub enum Whose<'a> {
+pub enum BodyChoice<'a> {
     /// Those of the body that fits.
     Any,
     /// These.
@@ -42,22 +42,22 @@ pub enum Whose<'a> {
 }
 
 /// Makes a mean (D), as sure as it says, agree with the lengths: `noise` is what it was given (cm²; infinite missing).
-pub fn keep(
+pub fn project(
     pairs: &RigidPairs,
-    bodies: &Bodies,
-    whose: Whose<'_>,
+    bodies: &BodyMixture,
+    whose: BodyChoice<'_>,
     mean: &[f64],
-    sure: Sure<'_>,
+    uncertainty: Uncertainty<'_>,
     noise: &[f64],
 ) -> Posterior {
     let as_it_was = || Posterior {
         mean: mean.to_vec(),
-        variance: sure.variances(),
+        variance: uncertainty.variances(),
     };
     let used: Vec<usize> = (0..pairs.pairs.len())
         .filter(|&k| !pairs.pairs[k].still)
         .collect();
-    let sound = mean.iter().all(|v| v.is_finite()) && sure.is_sound();
+    let sound = mean.iter().all(|v| v.is_finite()) && uncertainty.is_sound();
     if used.is_empty() || bodies.all.is_empty() || !sound {
         return as_it_was();
     }
@@ -67,13 +67,13 @@ pub fn keep(
         variance: used.iter().map(|&k| l.variance[k]).collect(),
     };
     let bodies = match whose {
-        Whose::Known(l) => Bodies::one(only(l)),
-        Whose::Any => bodies.of_others(only),
+        BodyChoice::Known(l) => BodyMixture::one(only(l)),
+        BodyChoice::Any => bodies.of_others(only),
     };
-    let rows = gradients(&ends, mean);
-    let (add, lengths) = choose(&bodies, &rows, sure, noise);
+    let rows = jacobian(&ends, mean);
+    let (add, lengths) = choose(&bodies, &rows, uncertainty, noise);
     let extra: Vec<f64> = noise.iter().map(|r| shared(add, *r)).collect();
-    let Some((x, step)) = settle(&ends, &lengths, mean, sure, &extra) else {
+    let Some((x, step)) = converge(&ends, &lengths, mean, uncertainty, &extra) else {
         return as_it_was();
     };
     // Lengths that cannot all be met (a point taken for clean that is not) are better left alone.
@@ -81,29 +81,29 @@ pub fn keep(
         return as_it_was();
     }
     Posterior {
-        variance: step.variances(sure, &extra, &lengths),
+        variance: step.variances(uncertainty, &extra, &lengths),
         mean: x,
     }
 }
 
 /// The mean that agrees with the lengths, and the last step to it.
-fn settle(
+fn converge(
     ends: &[[usize; 2]],
     lengths: &Lengths,
     mean: &[f64],
-    sure: Sure<'_>,
+    uncertainty: Uncertainty<'_>,
     extra: &[f64],
 ) -> Option<(Vec<f64>, Step)> {
     let mut x = mean.to_vec();
     let mut before = f64::INFINITY;
-    let mut step = Step::at(gradients(ends, mean), lengths, sure, extra);
+    let mut step = Step::at(jacobian(ends, mean), lengths, uncertainty, extra);
     for count in 0..STEPS {
-        let rows = gradients(ends, &x);
+        let rows = jacobian(ends, &x);
         let off: Vec<f64> = (rows.iter().zip(&lengths.mean))
             .map(|(row, l)| l - row.length)
             .collect();
         if (1..TURNS).contains(&count) {
-            step = Step::at(rows, lengths, sure, extra);
+            step = Step::at(rows, lengths, uncertainty, extra);
         }
         let to = step.target(off, mean, &x);
         let moved: Vec<f64> = to.iter().zip(&x).map(|(t, x)| t - x).collect();
@@ -130,25 +130,30 @@ fn settle(
 
 /// The lengths as they look from one pose.
 struct Step {
-    rows: Vec<Gradient>,
+    rows: Vec<JacobianRow>,
     /// H P', by rows of D.
-    cross: Vec<Vec<f64>>,
+    times_covariance: Vec<Vec<f64>>,
     /// The Cholesky factor of H P' Hᵀ + V, by rows of n.
     factor: Vec<f64>,
 }
 
 impl Step {
-    fn at(rows: Vec<Gradient>, lengths: &Lengths, sure: Sure<'_>, extra: &[f64]) -> Step {
+    fn at(
+        rows: Vec<JacobianRow>,
+        lengths: &Lengths,
+        uncertainty: Uncertainty<'_>,
+        extra: &[f64],
+    ) -> Step {
         let n = rows.len();
-        let cross = cross(&rows, sure, extra);
-        let mut factor = products(&rows, &cross);
+        let times_covariance = times_covariance(&rows, uncertainty, extra);
+        let mut factor = products(&rows, &times_covariance);
         for k in 0..n {
             factor[k * n + k] += lengths.variance[k];
         }
         factorise(&mut factor, n);
         Step {
             rows,
-            cross,
+            times_covariance,
             factor,
         }
     }
@@ -163,7 +168,7 @@ impl Step {
         forward(&self.factor, n, &mut z);
         backward(&self.factor, n, &mut z);
         let mut to = mean.to_vec();
-        for (row, z) in self.cross.iter().zip(&z) {
+        for (row, z) in self.times_covariance.iter().zip(&z) {
             to.iter_mut().zip(row).for_each(|(t, c)| *t += z * c);
         }
         to
@@ -171,12 +176,17 @@ impl Step {
 
     /// The variances once the mean has moved: those of (1 − K H) (P + I) (1 − K H)ᵀ + K V Kᵀ, whatever of P the gain K was
     /// made from.
-    fn variances(mut self, sure: Sure<'_>, extra: &[f64], lengths: &Lengths) -> Vec<f64> {
-        let Sure::Covariance(covariance, _) = sure else {
-            return sure.variances();
+    fn variances(
+        mut self,
+        uncertainty: Uncertainty<'_>,
+        extra: &[f64],
+        lengths: &Lengths,
+    ) -> Vec<f64> {
+        let Uncertainty::Covariance(covariance, _) = uncertainty else {
+            return uncertainty.variances();
         };
         let n = self.rows.len();
-        let whole = cross(&self.rows, Sure::Covariance(covariance, 1.0), extra);
+        let whole = times_covariance(&self.rows, Uncertainty::Covariance(covariance, 1.0), extra);
         let mut spread = products(&self.rows, &whole);
         for k in 0..n {
             spread[k * n + k] += lengths.variance[k];
@@ -185,11 +195,11 @@ impl Step {
         simd::dispatch8(
             #[inline(always)]
             || {
-                forward_rows(&self.factor, n, &mut self.cross);
-                backward_rows(&self.factor, n, &mut self.cross);
+                forward_rows(&self.factor, n, &mut self.times_covariance);
+                backward_rows(&self.factor, n, &mut self.times_covariance);
             },
         );
-        let gain = &self.cross;
+        let gain = &self.times_covariance;
         let mut out: Vec<f64> = (covariance.diag().iter().zip(extra))
             .map(|(v, e)| v + e)
             .collect();
@@ -217,7 +227,7 @@ impl Step {
 
 /// Σ (g − L)² / V.
 fn misfit(ends: &[[usize; 2]], x: &[f64], lengths: &Lengths) -> f64 {
-    let off = gradients(ends, x).into_iter().map(|row| row.length);
+    let off = jacobian(ends, x).into_iter().map(|row| row.length);
     let terms = off.zip(&lengths.mean).zip(&lengths.variance);
     terms.map(|((g, l), v)| (g - l).powi(2) / v).sum()
 }
@@ -232,15 +242,20 @@ fn shared(i: f64, r: f64) -> f64 {
 }
 
 /// The most likely i, and the lengths of the bodies that are likely with it.
-fn choose(bodies: &Bodies, rows: &[Gradient], sure: Sure<'_>, noise: &[f64]) -> (f64, Lengths) {
+fn choose(
+    bodies: &BodyMixture,
+    rows: &[JacobianRow],
+    uncertainty: Uncertainty<'_>,
+    noise: &[f64],
+) -> (f64, Lengths) {
     let n = rows.len();
     let none = vec![0.0; noise.len()];
-    let within = products(rows, &cross(rows, sure, &none));
+    let within = products(rows, &times_covariance(rows, uncertainty, &none));
     let mut best: Option<(f64, f64, Vec<f64>)> = None;
     let shared_ends = shared_ends(rows);
     let mut a = within.clone();
-    for unsure in UNSURE {
-        let i = unsure * ASF_UNIT_CM * ASF_UNIT_CM;
+    for length_sd in UNSURE {
+        let i = length_sd * ASF_UNIT_CM * ASF_UNIT_CM;
         let extra: Vec<f64> = noise.iter().map(|r| shared(i, *r)).collect();
         let mut all = within.clone();
         for (at, p, u) in &shared_ends {
@@ -275,14 +290,14 @@ fn choose(bodies: &Bodies, rows: &[Gradient], sure: Sure<'_>, noise: &[f64]) -> 
 }
 
 /// How far off the lengths of some bodies are, |L⁻¹ (l − g)|² each: `a` holds L.
-fn lengths_off(a: &[f64], rows: &[Gradient], bodies: &[(f64, Lengths)]) -> Vec<f64> {
+fn lengths_off(a: &[f64], rows: &[JacobianRow], bodies: &[(f64, Lengths)]) -> Vec<f64> {
     if let [(_, one)] = bodies {
         let off = one.mean.iter().zip(rows).map(|(l, r)| l - r.length);
         let mut z: Vec<f64> = off.collect();
         forward(a, rows.len(), &mut z);
         return vec![z.iter().map(|z| z * z).sum()];
     }
-    let off = |(k, row): (usize, &Gradient)| -> Vec<f64> {
+    let off = |(k, row): (usize, &JacobianRow)| -> Vec<f64> {
         (bodies.iter())
             .map(|(_, l)| l.mean[k] - row.length)
             .collect()
@@ -351,9 +366,9 @@ mod tests {
         covariance: &Array2<f64>,
         noise: &[f64],
     ) -> Posterior {
-        let bodies = Bodies::of(pairs);
-        let sure = Sure::Covariance(covariance, 1.0);
-        keep(pairs, &bodies, Whose::Any, mean, sure, noise)
+        let bodies = BodyMixture::of(pairs);
+        let uncertainty = Uncertainty::Covariance(covariance, 1.0);
+        project(pairs, &bodies, BodyChoice::Any, mean, uncertainty, noise)
     }
 
     fn length(x: &[f64]) -> f64 {
@@ -372,30 +387,30 @@ mod tests {
         let b = kept(&pairs, &mean, &alike, &none);
         assert!((length(&b.mean) - 10.0).abs() <= 1e-2, "{:?}", b.mean);
         assert!(b.variance[3] < 4.0 + 0.6 * 31.9 && b.variance.iter().all(|v| *v > 0.0));
-        let mut sure = alike.clone();
-        (0..3).for_each(|c| sure[[c, c]] = EXACT_VARIANCE);
+        let mut uncertainty = alike.clone();
+        (0..3).for_each(|c| uncertainty[[c, c]] = EXACT_VARIANCE);
         let noise: Vec<f64> = (0..6)
             .map(|c| if c < 3 { EXACT_VARIANCE } else { f64::INFINITY })
             .collect();
-        let b = kept(&pairs, &mean, &sure, &noise);
+        let b = kept(&pairs, &mean, &uncertainty, &noise);
         assert!(b.mean[..3].iter().all(|v| v.abs() <= 1e-3));
         assert!((length(&b.mean) - 10.0).abs() <= 1e-2);
         // Variances alone serve where nothing is told of coordinates together.
-        let bodies = Bodies::of(&pairs);
-        let only = keep(
+        let bodies = BodyMixture::of(&pairs);
+        let only = project(
             &pairs,
             &bodies,
-            Whose::Any,
+            BodyChoice::Any,
             &mean,
-            Sure::Variances(&[4.0; 6]),
+            Uncertainty::Variances(&[4.0; 6]),
             &none,
         );
-        let same = keep(
+        let same = project(
             &pairs,
             &bodies,
-            Whose::Any,
+            BodyChoice::Any,
             &mean,
-            Sure::Covariance(&alike, 0.0),
+            Uncertainty::Covariance(&alike, 0.0),
             &none,
         );
         assert_eq!(only.mean, same.mean);
@@ -408,12 +423,12 @@ mod tests {
         let pairs = bar(array![[10.0]], &[1.0]);
         let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 5 + j * 3 * (i + 1)) as f64).cos());
         let p = b.dot(&b.t()) + Array2::<f64>::eye(6);
-        let lengths = &Bodies::of(&pairs).all[0].1;
+        let lengths = &BodyMixture::of(&pairs).all[0].1;
         let (mean, extra) = ([0.0, 0.0, 0.0, 10.0, 0.0, 0.0], [0.1; 6]);
         for together in [1.0, 0.3] {
-            let sure = Sure::Covariance(&p, together);
-            let step = Step::at(gradients(&[[0, 1]], &mean), lengths, sure, &extra);
-            let told = step.variances(sure, &extra, lengths);
+            let uncertainty = Uncertainty::Covariance(&p, together);
+            let step = Step::at(jacobian(&[[0, 1]], &mean), lengths, uncertainty, &extra);
+            let noise_variance = step.variances(uncertainty, &extra, lengths);
             let whole = &p + &(Array2::<f64>::eye(6) * 0.1);
             let h = ndarray::Array1::from(vec![-1.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
             let mut used = &p * together;
@@ -425,7 +440,11 @@ mod tests {
                 let mut row = -k[c] * &h;
                 row[c] += 1.0;
                 let want = row.dot(&whole.dot(&row)) + k[c] * k[c] * lengths.variance[0];
-                assert!((told[c] - want).abs() <= 1e-9, "{c} {} {want}", told[c]);
+                assert!(
+                    (noise_variance[c] - want).abs() <= 1e-9,
+                    "{c} {} {want}",
+                    noise_variance[c]
+                );
             }
         }
     }

@@ -17,15 +17,15 @@ pub struct Lengths {
 
 /// The bodies a pose may be of: those seen, and a stranger's.
 #[derive(Debug, Clone, Default)]
-pub struct Bodies {
+pub struct BodyMixture {
     /// Log share and lengths; the stranger, if there is one, comes last.
     pub all: Vec<(f64, Lengths)>,
     has_stranger: bool,
 }
 
-impl Bodies {
+impl BodyMixture {
     /// Those of what was learnt alone.
-    pub fn known(pairs: &RigidPairs) -> Bodies {
+    pub fn known(pairs: &RigidPairs) -> BodyMixture {
         let own = |k: usize| (pairs.pairs[k].sd * pairs.pairs[k].sd).max(EXACT_VARIANCE);
         let n = pairs.pairs.len();
         let all = (pairs.bodies.rows().into_iter().zip(&pairs.shares))
@@ -37,15 +37,15 @@ impl Bodies {
                 (share.ln(), lengths)
             })
             .collect();
-        Bodies {
+        BodyMixture {
             all,
             has_stranger: false,
         }
     }
 
     /// The same and a stranger's.
-    pub fn of(pairs: &RigidPairs) -> Bodies {
-        let mut all = Bodies::known(pairs).all;
+    pub fn of(pairs: &RigidPairs) -> BodyMixture {
+        let mut all = BodyMixture::known(pairs).all;
         let weights: Vec<f64> = pairs.shares.iter().map(|s| s.max(0.0)).collect();
         let mut stranger = mixed(&all, &weights);
         for (v, l) in stranger.variance.iter_mut().zip(&stranger.mean) {
@@ -54,23 +54,23 @@ impl Bodies {
         all.iter_mut()
             .for_each(|(share, _)| *share += (1.0 - STRANGER.0).ln());
         all.push((STRANGER.0.ln(), stranger));
-        Bodies {
+        BodyMixture {
             all,
             has_stranger: true,
         }
     }
 
     /// A body that is known.
-    pub fn one(lengths: Lengths) -> Bodies {
-        Bodies {
+    pub fn one(lengths: Lengths) -> BodyMixture {
+        BodyMixture {
             all: vec![(0.0, lengths)],
             has_stranger: false,
         }
     }
 
     /// The same bodies by other lengths.
-    pub fn of_others(&self, other: impl Fn(&Lengths) -> Lengths) -> Bodies {
-        Bodies {
+    pub fn of_others(&self, other: impl Fn(&Lengths) -> Lengths) -> BodyMixture {
+        BodyMixture {
             all: self.all.iter().map(|(w, l)| (*w, other(l))).collect(),
             has_stranger: self.has_stranger,
         }

@@ -6,8 +6,8 @@
 //! p(d) ∝ Π_k [ .64 N(d_k − L_k; V_k + b_i² + b_j²) + .36 Σ_s w_s N(d_k − L_k; V_k + b_i² + b_j² + S_s) ]
 //! ```
 
-use super::bodies::{Bodies, Lengths};
-use super::bones::{SHARE, SLAB, deviations};
+use super::body_lengths::{BodyMixture, Lengths};
+use super::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations};
 use crate::numeric::simd;
 use crate::numeric::small_linalg::log_product;
 use crate::prior::EXACT_VARIANCE;
@@ -20,24 +20,24 @@ const BASES: [f64; 12] = [
 /// What corrupt ends add to the variance of a distance, cm², with its weight. A marker that was taken for another's is off by
 /// much more than one that a few trembling pixels moved.
 const SLABS: [(f64, f64); 4] = [
-    (0.5, SLAB),
-    (0.25, 4.0 * SLAB),
-    (0.15, 16.0 * SLAB),
-    (0.1, 64.0 * SLAB),
+    (0.5, MIN_OUTLIER_VARIANCE),
+    (0.25, 4.0 * MIN_OUTLIER_VARIANCE),
+    (0.15, 16.0 * MIN_OUTLIER_VARIANCE),
+    (0.1, 64.0 * MIN_OUTLIER_VARIANCE),
 ];
 /// Fewer distances tell no noise.
 const FEWEST: usize = 6;
 
 /// The noise of most points of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BaseNoise {
+pub struct NoiseFloor {
     /// The standard deviation of a coordinate, cm, outliers aside.
     pub sd: f64,
     /// By how many nats the distances are likelier with some points corrupt than with more noise on all.
     pub odds: f64,
 }
 
-impl BaseNoise {
+impl NoiseFloor {
     /// Whether the distances are likelier with some points corrupt.
     pub fn has_outliers(&self) -> bool {
         self.odds > 0.0
@@ -45,11 +45,11 @@ impl BaseNoise {
 }
 
 /// The lengths of the bodies that explain most of the distances `seen` ([`deviations`]), whatever points are corrupt.
-pub fn lengths(bodies: &Bodies, seen: &[(usize, f64, f64)]) -> Lengths {
+pub fn lengths(bodies: &BodyMixture, seen: &[(usize, f64, f64)]) -> Lengths {
     let of = |(share, l): &(f64, Lengths)| {
         let logs = seen.iter().map(|&(k, d, base)| {
             let off = d - l.mean[k];
-            Deviation::of(l.variance[k] + base).log(off * off)
+            DistanceDensity::of(l.variance[k] + base).log(off * off)
         });
         share + logs.sum::<f64>()
     };
@@ -58,20 +58,20 @@ pub fn lengths(bodies: &Bodies, seen: &[(usize, f64, f64)]) -> Lengths {
 
 /// How likely a distance is off by so much: Σ heights exp(−rates off²); its clean ends are the first.
 #[derive(Debug, Clone, Copy)]
-struct Deviation {
+struct DistanceDensity {
     heights: [f64; 1 + SLABS.len()],
     rates: [f64; 1 + SLABS.len()],
 }
 
-impl Deviation {
+impl DistanceDensity {
     /// By the variance it has where both ends are clean, cm².
-    fn of(variance: f64) -> Deviation {
-        let clean = (1.0 - SHARE).powi(2);
+    fn of(variance: f64) -> DistanceDensity {
+        let clean = (1.0 - OUTLIER_SHARE).powi(2);
         let part = |s: usize| match s {
             0 => (clean, variance),
             s => ((1.0 - clean) * SLABS[s - 1].0, variance + SLABS[s - 1].1),
         };
-        Deviation {
+        DistanceDensity {
             heights: std::array::from_fn(|s| part(s).0 / part(s).1.sqrt()),
             rates: std::array::from_fn(|s| 0.5 / part(s).1),
         }
@@ -86,29 +86,29 @@ impl Deviation {
 
     /// The log likelihood of no deviation at all where both ends are known to be clean.
     fn log_of_clean(&self) -> f64 {
-        (self.heights[0] / (1.0 - SHARE).powi(2)).ln()
+        (self.heights[0] / (1.0 - OUTLIER_SHARE).powi(2)).ln()
     }
 }
 
 /// Those of all distances of a body under one base noise, part by part of their sums.
 #[derive(Debug, Clone)]
-struct Deviations {
+struct DistanceDensities {
     /// The heights and the rates of each part.
     parts: Vec<(Vec<f64>, Vec<f64>)>,
     clean: Vec<f64>,
 }
 
-impl Deviations {
+impl DistanceDensities {
     /// By the variances the distances have where both ends are clean, cm².
-    fn of(variances: impl Iterator<Item = f64>) -> Deviations {
-        let each: Vec<Deviation> = variances.map(Deviation::of).collect();
+    fn of(variances: impl Iterator<Item = f64>) -> DistanceDensities {
+        let each: Vec<DistanceDensity> = variances.map(DistanceDensity::of).collect();
         let part = |s: usize| {
             let heights = each.iter().map(|d| d.heights[s]).collect();
             (heights, each.iter().map(|d| d.rates[s]).collect())
         };
-        Deviations {
+        DistanceDensities {
             parts: (0..=SLABS.len()).map(part).collect(),
-            clean: each.iter().map(Deviation::log_of_clean).collect(),
+            clean: each.iter().map(DistanceDensity::log_of_clean).collect(),
         }
     }
 
@@ -129,15 +129,16 @@ impl Deviations {
 
 /// The deviations of all distances of each body, under each base noise.
 #[derive(Debug, Clone, Default)]
-pub struct Bases(Vec<Vec<Deviations>>);
+pub struct NoiseFloorSearch(Vec<Vec<DistanceDensities>>);
 
-impl Bases {
+impl NoiseFloorSearch {
     /// Of the bodies' lengths.
-    pub fn of(bodies: &Bodies) -> Bases {
-        let under =
-            |l: &Lengths, sd: f64| Deviations::of(l.variance.iter().map(|v| v + 2.0 * sd * sd));
+    pub fn of(bodies: &BodyMixture) -> NoiseFloorSearch {
+        let under = |l: &Lengths, sd: f64| {
+            DistanceDensities::of(l.variance.iter().map(|v| v + 2.0 * sd * sd))
+        };
         let all = bodies.all.iter();
-        Bases(
+        NoiseFloorSearch(
             all.map(|(_, l)| BASES.map(|sd| under(l, sd)).to_vec())
                 .collect(),
         )
@@ -145,7 +146,7 @@ impl Bases {
 
     /// The base noise of a frame by itself: the one under which its distances are most likely. `None` where too few are seen,
     /// or the body is a stranger's: its lengths would explain anything.
-    pub fn base(&self, pairs: &RigidPairs, bodies: &Bodies, y: &[f64]) -> Option<BaseNoise> {
+    pub fn base(&self, pairs: &RigidPairs, bodies: &BodyMixture, y: &[f64]) -> Option<NoiseFloor> {
         let all = vec![EXACT_VARIANCE; y.len()];
         let seen: Vec<(usize, f64)> = deviations(pairs, y, &all).map(|(k, d, _)| (k, d)).collect();
         if seen.len() < FEWEST {
@@ -155,11 +156,11 @@ impl Bases {
         let which: Vec<usize> = seen.iter().map(|(k, _)| *k).collect();
         // What is not seen is read nowhere.
         let (mut squares, mut sums) = (vec![0.0; pairs.pairs.len()], Vec::new());
-        for (at, ((share, lengths), bases)) in bodies.all.iter().zip(&self.0).enumerate() {
+        for (at, ((share, lengths), noise_floors)) in bodies.all.iter().zip(&self.0).enumerate() {
             for &(k, d) in &seen {
                 squares[k] = (d - lengths.mean[k]).powi(2);
             }
-            for (sd, of) in BASES.into_iter().zip(bases) {
+            for (sd, of) in BASES.into_iter().zip(noise_floors) {
                 let (whatever, clean) = of.logs(&which, &squares, &mut sums);
                 if share + whatever > with.0 {
                     with = (share + whatever, (!bodies.is_stranger(at)).then_some(sd));
@@ -167,7 +168,7 @@ impl Bases {
                 without = without.max(share + clean);
             }
         }
-        Some(BaseNoise {
+        Some(NoiseFloor {
             sd: with.1?,
             odds: with.0 - without,
         })
@@ -184,11 +185,11 @@ mod tests {
     fn distances_side_by_side_are_as_likely_as_one_by_one() {
         let variances = [1e-4, 0.3, 5.0, 80.0];
         let squares = [1e-3, 40.0, 2e4, 1.0];
-        let all = Deviations::of(variances.into_iter());
+        let all = DistanceDensities::of(variances.into_iter());
         // The last is not seen.
         let (whatever, clean) = all.logs(&[0, 1, 2], &squares, &mut Vec::new());
         let each = variances.iter().zip(squares).take(3);
-        let one = each.clone().map(|(v, x)| Deviation::of(*v).log(x));
+        let one = each.clone().map(|(v, x)| DistanceDensity::of(*v).log(x));
         let want: f64 = one.sum();
         assert!((whatever - want).abs() <= 1e-9 * want.abs(), "{whatever}");
         let normal = each.map(|(v, x)| -0.5 * (v.ln() + x / v));
@@ -209,14 +210,14 @@ mod tests {
             bodies: Array2::from_elem((1, 20), 10.0),
             shares: vec![1.0],
         };
-        let bodies = Bodies::of(&pairs);
-        let bases = Bases::of(&bodies);
+        let bodies = BodyMixture::of(&pairs);
+        let noise_floors = NoiseFloorSearch::of(&bodies);
         let mut y: Vec<f64> = (0..21).flat_map(|p| [10.0 * p as f64, 0.0, 0.0]).collect();
         for p in [3, 9, 10, 16] {
             y[3 * p] += 6.0;
             y[3 * p + 1] -= 4.0;
         }
-        assert!(bases.base(&pairs, &bodies, &y).unwrap().sd <= 0.02);
+        assert!(noise_floors.base(&pairs, &bodies, &y).unwrap().sd <= 0.02);
         let noisy = |sd: f64| -> Vec<f64> {
             let wave = |i: usize| ((i * i * 7 + 3 * i) as f64).sin() * std::f64::consts::SQRT_2;
             y.iter()
@@ -224,7 +225,7 @@ mod tests {
                 .map(|(i, v)| v + sd * wave(i))
                 .collect()
         };
-        let found = |sd: f64| bases.base(&pairs, &bodies, &noisy(sd)).unwrap();
+        let found = |sd: f64| noise_floors.base(&pairs, &bodies, &noisy(sd)).unwrap();
         assert!((0.1..=0.8).contains(&found(0.3).sd), "{:?}", found(0.3));
         assert!(found(0.3).has_outliers());
         assert!(found(6.0).sd >= 2.0);
@@ -233,7 +234,7 @@ mod tests {
         let mut far = y.clone();
         for off in [9.0, 30.0, 90.0, 300.0] {
             far[3 * 11 + 1] = off;
-            let base = bases.base(&pairs, &bodies, &far).unwrap();
+            let base = noise_floors.base(&pairs, &bodies, &far).unwrap();
             assert!(base.sd <= 0.02 && base.has_outliers(), "{off} {base:?}");
         }
         for sd in [0.5, 2.0, 6.0] {
@@ -241,9 +242,13 @@ mod tests {
             let all: Vec<f64> = (y.iter().enumerate())
                 .map(|(i, v)| v + sd * wave(i))
                 .collect();
-            let base = bases.base(&pairs, &bodies, &all).unwrap();
+            let base = noise_floors.base(&pairs, &bodies, &all).unwrap();
             assert!(!base.has_outliers(), "{sd} {base:?}");
         }
-        assert!(bases.base(&pairs, &bodies, &vec![f64::NAN; 63]).is_none());
+        assert!(
+            noise_floors
+                .base(&pairs, &bodies, &vec![f64::NAN; 63])
+                .is_none()
+        );
     }
 }

@@ -1,13 +1,21 @@
 //! The points of a take that cannot be where they were captured: they count for nothing.
 //!
-//! First [`strays`] are told by time alone. Of the other points some break rigid bones; in those frames distances and the
+//! First [`spikes`] are told by time alone. Of the other points some break rigid bones; in those frames distances and the
 //! model tell together which points are corrupt ([`super::treat`]), where they can.
 
-use super::job::Job;
-use super::noise::{self, shared};
-use super::strays;
-use super::suspects::RigidBones;
+mod assignment;
+mod bone_lengths;
+pub mod frame_posterior;
+mod frame_state;
+mod leave_one_out;
+mod rescoring;
+pub mod rigid_likelihood;
+mod trajectory;
+
 use crate::numeric::parallel;
+use crate::restore::bound_model::BoundModel;
+use crate::restore::noise_estimation::{self, shared};
+use bone_lengths::RigidBones;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
@@ -26,64 +34,64 @@ const EITHER_SIDE: f64 = 5.0;
 const CHUNK: usize = 8;
 
 /// What is rejected.
-pub struct Rejects {
+pub struct Outliers {
     /// The points of each frame.
     pub points: Vec<Vec<usize>>,
     /// Those of them that time tells, which knows where they should have been too.
-    pub strays: Vec<Vec<usize>>,
+    pub spikes: Vec<Vec<usize>>,
 }
 
-impl Rejects {
+impl Outliers {
     /// Nothing of so many frames.
-    pub fn none(frames: usize) -> Rejects {
-        Rejects {
+    pub fn none(frames: usize) -> Outliers {
+        Outliers {
             points: vec![Vec::new(); frames],
-            strays: vec![Vec::new(); frames],
+            spikes: vec![Vec::new(); frames],
         }
     }
 
     /// Of a take (frames, 3 J; cm): `runs` are the stretches of frames that follow one another, `rate` frames a second,
     /// `given` the standard deviation of a coordinate, cm, if it is known.
     pub fn find(
-        job: &Job,
+        bound: &BoundModel,
         xyz: ArrayView2<'_, f64>,
         runs: &[Range<usize>],
         rate: f64,
         given: Option<f64>,
-    ) -> Rejects {
-        let mut strays: Vec<Vec<usize>> = vec![Vec::new(); xyz.nrows()];
+    ) -> Outliers {
+        let mut spikes: Vec<Vec<usize>> = vec![Vec::new(); xyz.nrows()];
         let mut counted = xyz.to_owned();
-        let mut noise = noise::by_point(job, xyz, runs, given);
+        let mut noise = noise_estimation::by_point(bound, xyz, runs, given);
         // Strays spoil the noise too, which hides others.
         for _ in 0..TIMES {
-            let before = strays.clone();
-            for (strays, found) in strays
+            let before = spikes.clone();
+            for (spikes, found) in spikes
                 .iter_mut()
-                .zip(strays::strays(xyz, runs, rate, &noise))
+                .zip(trajectory::spikes(xyz, runs, rate, &noise))
             {
                 // By less noise no path may be left to be off of: what was found stays.
-                strays.extend(found);
-                strays.sort_unstable();
-                strays.dedup();
+                spikes.extend(found);
+                spikes.sort_unstable();
+                spikes.dedup();
             }
-            if strays == before {
+            if spikes == before {
                 break;
             }
             counted.assign(&xyz);
-            leave_out(&mut counted, &strays);
-            noise = noise::by_point(job, counted.view(), runs, given);
+            leave_out(&mut counted, &spikes);
+            noise = noise_estimation::by_point(bound, counted.view(), runs, given);
         }
         // One point's may be garbage.
         noise.sort_by(f64::total_cmp);
         let usual = noise.get(noise.len() / 2).copied().unwrap_or(0.0);
-        let bones = RigidBones::measure(&job.parents(), counted.view());
-        let mut points = broken(&bones, &counted, usual);
-        let looked_at = doubtful(job, &bones, &counted, runs, &points);
-        corrupt(job, &counted, usual, &looked_at, &mut points);
-        for (points, strays) in points.iter_mut().zip(&strays) {
-            points.extend(strays);
+        let bones = RigidBones::measure(&bound.parents(), counted.view());
+        let mut points = broken_bones(&bones, &counted, usual);
+        let looked_at = frames_to_search(bound, &bones, &counted, runs, &points);
+        corrupt(bound, &counted, usual, &looked_at, &mut points);
+        for (points, spikes) in points.iter_mut().zip(&spikes) {
+            points.extend(spikes);
         }
-        Rejects { points, strays }
+        Outliers { points, spikes }
     }
 }
 
@@ -97,10 +105,10 @@ pub fn leave_out(xyz: &mut Array2<f64>, points: &[Vec<usize>]) {
 }
 
 /// The points of each frame that are blamed for broken bones.
-fn broken(bones: &RigidBones, xyz: &Array2<f64>, noise: f64) -> Vec<Vec<usize>> {
+fn broken_bones(bones: &RigidBones, xyz: &Array2<f64>, noise: f64) -> Vec<Vec<usize>> {
     let parts = parallel::map_chunks(xyz.nrows(), 64, |range| {
         range
-            .map(|t| bones.suspects(&xyz.row(t).to_vec(), noise, |_| 0.0))
+            .map(|t| bones.outliers(&xyz.row(t).to_vec(), noise, |_| 0.0))
             .collect::<Vec<_>>()
     });
     parts.concat()
@@ -108,25 +116,25 @@ fn broken(bones: &RigidBones, xyz: &Array2<f64>, noise: f64) -> Vec<Vec<usize>> 
 
 /// The frames that may hold corrupt points: those with broken bones, and where not all bones are known to be rigid, those whose
 /// distances tell so, with those of their neighbours.
-fn doubtful(
-    job: &Job,
+fn frames_to_search(
+    bound: &BoundModel,
     bones: &RigidBones,
     xyz: &Array2<f64>,
     runs: &[Range<usize>],
     blamed: &[Vec<usize>],
 ) -> Vec<usize> {
-    let bones_tell = bones.count() > 0 && bones.count() == job.parents().iter().flatten().count();
-    let told = if bones_tell {
+    let bones_tell = bones.count() > 0 && bones.count() == bound.parents().iter().flatten().count();
+    let noise_variance = if bones_tell {
         vec![false; blamed.len()]
     } else {
         let odds = parallel::map_chunks(xyz.nrows(), 64, |range| {
-            let of = |t: usize| job.unmeasured(&xyz.row(t).to_vec());
+            let of = |t: usize| bound.noise_floor_of(&xyz.row(t).to_vec());
             let odds = range.map(|t| of(t).map_or(0.0, |(_, base)| base.odds.max(0.0)));
             odds.collect::<Vec<f64>>()
         });
-        told_together(&odds.concat(), runs)
+        pooled_over_time(&odds.concat(), runs)
     };
-    let is_doubtful = |t: &usize| told[*t] || !blamed[*t].is_empty();
+    let is_doubtful = |t: &usize| noise_variance[*t] || !blamed[*t].is_empty();
     (0..blamed.len()).filter(is_doubtful).collect()
 }
 
@@ -134,36 +142,42 @@ fn doubtful(
 ///
 /// By much noise distances tell so of one frame in eight where no point is off, and then of one by itself; a point that is off,
 /// but for a moment that time tells, is so in frames that follow one another, some of which do not tell.
-fn told_together(odds: &[f64], runs: &[Range<usize>]) -> Vec<bool> {
-    let mut told = vec![false; odds.len()];
+fn pooled_over_time(odds: &[f64], runs: &[Range<usize>]) -> Vec<bool> {
+    let mut noise_variance = vec![false; odds.len()];
     for run in runs {
         for t in run.clone() {
             let sum = |frames: Range<usize>| odds[frames].iter().sum::<f64>();
             let before = sum(t.saturating_sub(NEAR).max(run.start)..t);
             let after = sum(t + 1..run.end.min(t + NEAR + 1));
-            told[t] = match odds[t] > 0.0 {
+            noise_variance[t] = match odds[t] > 0.0 {
                 true => odds[t] >= ALONE || before + odds[t] + after >= TOGETHER,
                 false => before.min(after) >= EITHER_SIDE,
             };
         }
     }
-    told
+    noise_variance
 }
 
 /// Of some frames the points that are corrupt, in place of those blamed, where the model can tell.
-fn corrupt(job: &Job, xyz: &Array2<f64>, noise: f64, frames: &[usize], blamed: &mut [Vec<usize>]) {
+fn corrupt(
+    bound: &BoundModel,
+    xyz: &Array2<f64>,
+    noise: f64,
+    frames: &[usize],
+    blamed: &mut [Vec<usize>],
+) {
     if frames.is_empty() {
         return;
     }
     let mut sound = xyz.clone();
     leave_out(&mut sound, blamed);
-    let adapted = job.prior_for(sound.view(), noise);
-    let treatment = job.treatment_for(&adapted, sound.view(), noise);
-    let restorer = job.restorer(&adapted).treating(&treatment);
+    let adapted = bound.prior_for(sound.view(), noise);
+    let rigid = bound.treatment_for(&adapted, sound.view(), noise);
+    let restorer = bound.restorer(&adapted).with_rigid_model(&rigid);
     let found = parallel::map_chunks(frames.len(), CHUNK, |range| {
         let of = |t: usize| {
             let y = xyz.row(t).to_vec();
-            let base = treatment.base_noise(&y)?;
+            let base = rigid.noise_floor(&y)?;
             let base = shared(base.sd.min(noise.max(LEAST_NOISE)));
             let corrupt = restorer.restore_outliers(&y, base * base)?.1;
             Some((0..corrupt.len()).filter(|p| corrupt[*p] > 0.5).collect())
@@ -193,11 +207,11 @@ mod tests {
         // For a while, though not in all of it; up to the end of a run.
         (90..110).for_each(|t| odds[t] = 2.0 * f64::from(u8::from(t % 3 != 0)));
         (145..150).for_each(|t| odds[t] = 2.5);
-        let told = told_together(&odds, &[0..150, 150..200]);
-        let told: Vec<usize> = (0..200).filter(|t| told[*t]).collect();
+        let noise_variance = pooled_over_time(&odds, &[0..150, 150..200]);
+        let noise_variance: Vec<usize> = (0..200).filter(|t| noise_variance[*t]).collect();
         // At its ends a frame that does not tell has too little on one side.
         let a_while = [91, 92].into_iter().chain(94..108).chain([109]);
         let want: Vec<usize> = [40].into_iter().chain(a_while).chain(145..150).collect();
-        assert_eq!(told, want);
+        assert_eq!(noise_variance, want);
     }
 }

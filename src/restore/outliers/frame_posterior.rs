@@ -18,19 +18,16 @@
 //! once more.
 //! Cost: an answer of the prior for each assignment that is asked and one more, up to three more where many are in doubt.
 
-mod assignments;
-mod frame;
-mod hidden;
-mod judge;
-
-use super::bodies::{Bodies, Lengths};
+use super::assignment::{Assignment, likely};
+use super::frame_state::{FrameState, SURE, expected_by_prior};
+use super::leave_one_out::Reinserted;
+use super::rescoring;
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::{Belief, EXACT_VARIANCE, Prior};
-use assignments::{Assignment, likely};
-use frame::{Frame, SURE};
-use hidden::Shown;
+use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
+use crate::restore::rigid::uncertainty;
 use ndarray::{Array2, ArrayView2};
 
 /// Assignments that weigh less than this share of the heaviest are not asked of the prior.
@@ -63,26 +60,33 @@ struct Answer {
     belief: Belief,
 }
 
-/// Restores frames (rows of `y`, cm) some points of which may be corrupt; `told` are the variances of what is clean
+/// Restores frames (rows of `y`, cm) some points of which may be corrupt; `noise_variance` are the variances of what is clean
 /// (infinite missing).
 pub fn restore(
     prior: &dyn Prior,
     pairs: &RigidPairs,
-    bodies: &Bodies,
+    bodies: &BodyMixture,
     y: ArrayView2<'_, f64>,
-    told: ArrayView2<'_, f64>,
+    noise_variance: ArrayView2<'_, f64>,
 ) -> Vec<Found> {
     let prior = prior.as_told().unwrap_or(prior);
-    let mut frames: Vec<Frame> = flat(parallel::map_chunks(y.nrows(), CHUNK, |rows| {
-        rows.map(|t| Frame::new(pairs, bodies, y.row(t).to_vec(), told.row(t).to_vec()))
-            .collect()
+    let mut frames: Vec<FrameState> = flat(parallel::map_chunks(y.nrows(), CHUNK, |rows| {
+        rows.map(|t| {
+            FrameState::new(
+                pairs,
+                bodies,
+                y.row(t).to_vec(),
+                noise_variance.row(t).to_vec(),
+            )
+        })
+        .collect()
     }));
-    judge::narrow(prior, &mut frames);
-    let many = frames.iter_mut().filter(|f| f.doubt.len() > FEW);
-    let mut many: Vec<&mut Frame> = many.collect();
-    let first = assign(prior, &mut many);
-    for (frame, own) in many.into_iter().zip(first) {
-        judge::again(frame, &own.expected, &own.assignments);
+    rescoring::narrow(prior, &mut frames);
+    let crowded = frames.iter_mut().filter(|f| f.undecided.len() > FEW);
+    let mut crowded: Vec<&mut FrameState> = crowded.collect();
+    let first = assign(prior, &mut crowded);
+    for (frame, own) in crowded.into_iter().zip(first) {
+        rescoring::again(frame, &own.expected, &own.assignments);
     }
     let answers = answer(prior, &mut frames.iter_mut().collect::<Vec<_>>());
     let each = frames.into_iter().zip(answers);
@@ -114,46 +118,46 @@ impl Assigned {
         let one = Assignment {
             weight: 1.0,
             corrupt: Vec::new(),
-            told: 0.0,
+            noise_variance: 0.0,
         };
         Assigned::new(vec![one], Belief::default())
     }
 }
 
 /// The answers of the likely assignments of each frame.
-fn answer(prior: &dyn Prior, frames: &mut [&mut Frame]) -> Vec<Vec<Answer>> {
+fn answer(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Vec<Answer>> {
     let all = assign(prior, frames);
     // (frame, which assignment) of all that are heavy.
     let asked: Vec<(usize, usize)> = (all.iter().enumerate())
         .flat_map(|(t, own)| (0..own.heavy).map(move |i| (t, i)))
         .collect();
     let rows: Vec<usize> = (0..asked.len()).collect();
-    let told = ask(prior, &rows, |a| {
+    let noise_variance = expected_by_prior(prior, &rows, |a| {
         let (t, i) = asked[a];
         let noise = frames[t].noise(Some(&all[t].assignments[i].corrupt));
         (frames[t].y.clone(), noise)
     });
-    let mut told = told.into_iter();
+    let mut noise_variance = noise_variance.into_iter();
     let frames = frames.iter().zip(all);
     frames
         .map(|(frame, own)| {
-            let told: Vec<Belief> = told.by_ref().take(own.heavy).collect();
-            answers(frame, own, told)
+            let noise_variance: Vec<Belief> = noise_variance.by_ref().take(own.heavy).collect();
+            answers(frame, own, noise_variance)
         })
         .collect()
 }
 
 /// The likely assignments of each frame, by what the prior expects of the points in doubt where it does not see them; that tells
 /// as well how far off they, and those decided to be corrupt, are.
-fn assign(prior: &dyn Prior, frames: &mut [&mut Frame]) -> Vec<Assigned> {
+fn assign(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Assigned> {
     let open: Vec<usize> = (0..frames.len())
-        .filter(|&t| !frames[t].doubt.is_empty() || frames[t].corrupt.contains(&true))
+        .filter(|&t| !frames[t].undecided.is_empty() || frames[t].corrupt.contains(&true))
         .collect();
-    let expected = ask(prior, &open, |t| {
+    let expected = expected_by_prior(prior, &open, |t| {
         (frames[t].y.clone(), frames[t].noise(None))
     });
     for (t, expected) in open.iter().zip(&expected) {
-        judge::farther(frames[*t], expected);
+        rescoring::farther(frames[*t], expected);
     }
     let frames = &*frames;
     let likely: Vec<Vec<Assignment>> = flat(parallel::map_chunks(open.len(), CHUNK, |rows| {
@@ -169,27 +173,27 @@ fn assign(prior: &dyn Prior, frames: &mut [&mut Frame]) -> Vec<Assigned> {
     all
 }
 
-/// The answers of a frame's assignments; those of the heavy are `told` by the prior.
-fn answers(frame: &Frame, mut own: Assigned, told: Vec<Belief>) -> Vec<Answer> {
-    weigh_anew(&mut own.assignments[..own.heavy], &told);
-    let mut told = told.into_iter();
+/// The answers of a frame's assignments; those of the heavy are `noise_variance` by the prior.
+fn answers(frame: &FrameState, mut own: Assigned, noise_variance: Vec<Belief>) -> Vec<Answer> {
+    weigh_anew(&mut own.assignments[..own.heavy], &noise_variance);
+    let mut noise_variance = noise_variance.into_iter();
     own.assignments
         .into_iter()
         .map(|a| Answer {
             weight: a.weight,
-            belief: (told.next())
-                .unwrap_or_else(|| Shown::of(frame, &own.expected, &a.corrupt).belief()),
+            belief: (noise_variance.next())
+                .unwrap_or_else(|| Reinserted::of(frame, &own.expected, &a.corrupt).belief()),
             corrupt: a.corrupt,
         })
         .collect()
 }
 
-/// Weighs the heavy assignments by the tempered evidence of what the prior `told` under each; together they weigh what they
+/// Weighs the heavy assignments by the tempered evidence of what the prior `noise_variance` under each; together they weigh what they
 /// did.
-fn weigh_anew(heavy: &mut [Assignment], told: &[Belief]) {
+fn weigh_anew(heavy: &mut [Assignment], noise_variance: &[Belief]) {
     let mass: f64 = heavy.iter().map(|a| a.weight).sum();
-    let logs: Vec<f64> = (heavy.iter().zip(told))
-        .map(|(a, b)| a.told + TEMPERATURE * b.evidence)
+    let logs: Vec<f64> = (heavy.iter().zip(noise_variance))
+        .map(|(a, b)| a.noise_variance + TEMPERATURE * b.evidence)
         .map(|log| if log.is_nan() { f64::NEG_INFINITY } else { log })
         .collect();
     let total = log_sum(&logs);
@@ -204,33 +208,8 @@ fn flat<T>(parts: Vec<Vec<T>>) -> Vec<T> {
     parts.into_iter().flatten().collect()
 }
 
-/// Asks the prior for some rows at once.
-fn ask(
-    prior: &dyn Prior,
-    rows: &[usize],
-    of: impl Fn(usize) -> (Vec<f64>, Vec<f64>),
-) -> Vec<Belief> {
-    if rows.is_empty() {
-        return Vec::new();
-    }
-    let d = prior.width();
-    let (mut y, mut noise) = (
-        Array2::zeros((rows.len(), d)),
-        Array2::zeros((rows.len(), d)),
-    );
-    for (i, row) in rows.iter().enumerate() {
-        let (a, b) = of(*row);
-        for c in 0..d {
-            // What is missing is read nowhere, but nothing should hang on that.
-            y[[i, c]] = if a[c].is_finite() { a[c] } else { 0.0 };
-            noise[[i, c]] = b[c];
-        }
-    }
-    prior.believe_all(y.view(), noise.view())
-}
-
 /// The average of the assignments' answers; clean points that are exact stay where they are.
-fn gather(frame: Frame, mut answers: Vec<Answer>) -> Found {
+fn gather(frame: FrameState, mut answers: Vec<Answer>) -> Found {
     // What weighs nothing may hold no number.
     answers.retain(|a| a.weight > 0.0);
     let d = frame.y.len();
@@ -244,13 +223,13 @@ fn gather(frame: Frame, mut answers: Vec<Answer>) -> Found {
         covariance: Array2::zeros((d, d)),
         evidence: answers.first().map_or(0.0, |a| a.belief.evidence),
     };
-    for (at, p) in frame.doubt.iter().enumerate() {
+    for (at, p) in frame.undecided.iter().enumerate() {
         let of_corrupt = answers.iter().filter(|a| a.corrupt[at]);
         corrupt[*p] = of_corrupt.map(|a| a.weight).sum();
     }
     for answer in &mut answers {
         let (w, part) = (answer.weight, &mut answer.belief);
-        super::fix(part, &frame.y, &frame.noise(Some(&answer.corrupt)));
+        uncertainty::pin_exact(part, &frame.y, &frame.noise(Some(&answer.corrupt)));
         belief
             .mean
             .iter_mut()
@@ -271,19 +250,23 @@ fn gather(frame: Frame, mut answers: Vec<Answer>) -> Found {
             row.iter_mut().zip(&off).for_each(|(c, b)| *c += w * a * b);
         }
     }
-    let mut noise: Vec<f64> = frame.told.iter().map(|v| v.max(EXACT_VARIANCE)).collect();
+    let mut noise: Vec<f64> = frame
+        .noise_variance
+        .iter()
+        .map(|v| v.max(EXACT_VARIANCE))
+        .collect();
     for (p, q) in corrupt.iter().enumerate() {
         // Points in doubt may move as far as their own covariance lets them.
         if *q > SURE {
             noise[3 * p..3 * p + 3]
                 .iter_mut()
-                .for_each(|v| *v = v.max(frame.look.slab[p]));
+                .for_each(|v| *v = v.max(frame.likelihood.outlier_variance[p]));
         }
     }
     Found {
         belief,
         corrupt,
         noise,
-        lengths: frame.look.lengths,
+        lengths: frame.likelihood.lengths,
     }
 }

@@ -1,13 +1,22 @@
 //! What is expected of points in doubt, which the prior did not see, once they are shown with the noise of an assignment: it follows
 //! from what the prior told of all of them, N(m, P), without asking it again.
 
-use super::frame::Frame;
+use super::frame_state::FrameState;
 use crate::numeric::small_linalg::{backward, factorise, forward};
 use crate::prior::Belief;
+use crate::restore::rigid::distances::MIN_OUTLIER_VARIANCE;
 use glam::DMat3;
 
+/// How wrong a prior may be: weight, factor of its variance, what is added to it (cm²).
+pub const SCALES: [(f64, f64, f64); 4] = [
+    (0.4, 1.0, 0.01 * MIN_OUTLIER_VARIANCE),
+    (0.3, 4.0, 0.05 * MIN_OUTLIER_VARIANCE),
+    (0.2, 16.0, 0.2 * MIN_OUTLIER_VARIANCE),
+    (0.1, 64.0, 0.5 * MIN_OUTLIER_VARIANCE),
+];
+
 /// What is expected of a point by all but its own observation.
-pub struct Cavity {
+pub struct LeaveOneOut {
     /// How far off that it was seen, cm.
     pub off: [f64; 3],
     /// The covariance (3, 3) by rows, cm².
@@ -15,8 +24,8 @@ pub struct Cavity {
 }
 
 /// The points in doubt of a frame, shown.
-pub struct Shown<'a> {
-    frame: &'a Frame,
+pub struct Reinserted<'a> {
+    frame: &'a FrameState,
     expected: &'a Belief,
     /// The coordinates of the points in doubt.
     at: Vec<usize>,
@@ -28,11 +37,15 @@ pub struct Shown<'a> {
     pull: Vec<f64>,
 }
 
-impl<'a> Shown<'a> {
+impl<'a> Reinserted<'a> {
     /// Under an assignment, which has one a point in doubt; `expected` is what is expected of the frame without them.
-    pub fn of(frame: &'a Frame, expected: &'a Belief, assigned: &[bool]) -> Shown<'a> {
+    pub fn of(frame: &'a FrameState, expected: &'a Belief, assigned: &[bool]) -> Reinserted<'a> {
         let noise = frame.noise(Some(assigned));
-        let at: Vec<usize> = frame.doubt.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+        let at: Vec<usize> = frame
+            .undecided
+            .iter()
+            .flat_map(|p| 3 * p..3 * p + 3)
+            .collect();
         let n = at.len();
         let mut factor = vec![0.0; n * n];
         for (k, i) in at.iter().enumerate() {
@@ -45,7 +58,7 @@ impl<'a> Shown<'a> {
         let mut pull: Vec<f64> = at.iter().map(|i| frame.y[*i] - expected.mean[*i]).collect();
         forward(&factor, n, &mut pull);
         backward(&factor, n, &mut pull);
-        Shown {
+        Reinserted {
             frame,
             expected,
             at,
@@ -88,15 +101,15 @@ impl<'a> Shown<'a> {
     }
 
     /// Of each point in doubt: what all the others expect of it, also those in doubt.
-    pub fn cavities(&self) -> Vec<Cavity> {
-        (0..self.frame.doubt.len())
+    pub fn cavities(&self) -> Vec<LeaveOneOut> {
+        (0..self.frame.undecided.len())
             .map(|p| self.cavity(p))
             .collect()
     }
 
     /// With K = (P + R)⁻¹, its own block of K⁻¹ is C + R and y − m without it is K_pp⁻¹ (K (y − m))_p: no difference of what is
     /// nearly the same, as there is where an exact observation is taken out of the answer that has used it.
-    fn cavity(&self, p: usize) -> Cavity {
+    fn cavity(&self, p: usize) -> LeaveOneOut {
         let (n, at) = (self.at.len(), 3 * p..3 * p + 3);
         let columns: [Vec<f64>; 3] = std::array::from_fn(|c| {
             let mut unit = vec![0.0; n];
@@ -112,24 +125,24 @@ impl<'a> Shown<'a> {
         for (c, i) in self.at[at].iter().enumerate() {
             covariance[4 * c] -= self.noise[*i];
         }
-        Cavity { off, covariance }
+        LeaveOneOut { off, covariance }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::bodies::Bodies;
     use super::*;
     use crate::prior::pairs::RigidPairs;
+    use crate::restore::rigid::body_lengths::BodyMixture;
     use ndarray::Array2;
 
     /// Four points that are expected to move together, seen elsewhere, with some of them in doubt.
-    fn frame(doubt: &[usize]) -> (Frame, Belief) {
+    fn frame(undecided: &[usize]) -> (FrameState, Belief) {
         let pairs = RigidPairs::default();
         let y: Vec<f64> = (0..12).map(|i| f64::from((7 * i) % 5)).collect();
-        let told: Vec<f64> = (0..12).map(|i| f64::from(i % 4) * 0.1).collect();
-        let mut frame = Frame::new(&pairs, &Bodies::of(&pairs), y, told);
-        frame.doubt = doubt.to_vec();
+        let noise_variance: Vec<f64> = (0..12).map(|i| f64::from(i % 4) * 0.1).collect();
+        let mut frame = FrameState::new(&pairs, &BodyMixture::of(&pairs), y, noise_variance);
+        frame.undecided = undecided.to_vec();
         frame.corrupt.fill(false);
         let of = |i: usize, j: usize| match i.abs_diff(j) {
             0 => 3.0,
@@ -147,13 +160,13 @@ mod tests {
     fn a_cavity_is_what_is_expected_where_all_but_that_point_are_shown() {
         let (all, expected) = frame(&[0, 1, 3]);
         let assigned = [false, true, false];
-        let shown = Shown::of(&all, &expected, &assigned);
+        let shown = Reinserted::of(&all, &expected, &assigned);
         for (k, p) in [0, 1, 3].into_iter().enumerate() {
             let others = |k: usize| (0..3).filter(move |o| *o != k);
-            let doubt: Vec<usize> = others(k).map(|o| [0, 1, 3][o]).collect();
-            let (rest, expected) = frame(&doubt);
+            let undecided: Vec<usize> = others(k).map(|o| [0, 1, 3][o]).collect();
+            let (rest, expected) = frame(&undecided);
             let assigned: Vec<bool> = others(k).map(|o| assigned[o]).collect();
-            let belief = Shown::of(&rest, &expected, &assigned).belief();
+            let belief = Reinserted::of(&rest, &expected, &assigned).belief();
             let cavity = &shown.cavities()[k];
             for c in 0..3 {
                 let off = rest.y[3 * p + c] - belief.mean[3 * p + c];
@@ -169,9 +182,9 @@ mod tests {
     #[test]
     fn what_is_shown_with_less_noise_is_nearer_to_where_it_was_seen_and_tells_more_of_the_others() {
         let (mut frame, expected) = frame(&[1]);
-        frame.told[3..6].fill(0.0);
-        let exact = Shown::of(&frame, &expected, &[false]).belief();
-        let noisy = Shown::of(&frame, &expected, &[true]).belief();
+        frame.noise_variance[3..6].fill(0.0);
+        let exact = Reinserted::of(&frame, &expected, &[false]).belief();
+        let noisy = Reinserted::of(&frame, &expected, &[true]).belief();
         for i in 3..6 {
             assert!((exact.mean[i] - frame.y[i]).abs() <= 1e-4);
             assert!(exact.covariance[[i, i]] <= 1e-4);

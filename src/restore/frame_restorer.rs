@@ -1,9 +1,9 @@
 //! One frame restored: placed, fitted, answered. The one function behind `denoise` and `complete`.
 
 use super::observed::{Observed, pointwise};
-use super::planar;
-use super::synthesis::{Solution, Synthesis};
-use super::treat::{Seek, Treatment};
+use super::placement::alternating::{PlacementSolution, PlacementSolver};
+use super::placement::orthographic;
+use super::rigid::{OutlierMode, RigidModel};
 use crate::pose::{Anchor, Similarity, Status};
 use crate::prior::{EXACT_VARIANCE, Posterior, Prior};
 use glam::DVec3;
@@ -11,7 +11,7 @@ use ndarray::{Array2, ArrayView2};
 
 /// A restored frame, where the capture stands.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Restored {
+pub struct RestoredFrame {
     /// 3 J numbers, cm.
     pub mean: Vec<f64>,
     /// The standard deviation of a coordinate of each point, cm (J).
@@ -22,7 +22,7 @@ pub struct Restored {
 
 /// Restored frames, in the model's order of points.
 #[derive(Debug, Clone, Default)]
-pub struct Restoration {
+pub struct RestoredFrames {
     /// (frames, 3 J), cm.
     pub xyz: Array2<f64>,
     /// One a frame and point (frames x J).
@@ -38,12 +38,12 @@ pub struct Restoration {
     pub unlike: Vec<f64>,
 }
 
-impl Restoration {
+impl RestoredFrames {
     /// Frames as they were captured.
-    pub fn of(xyz: Array2<f64>) -> Restoration {
+    pub fn of(xyz: Array2<f64>) -> RestoredFrames {
         let count = xyz.nrows() * xyz.ncols() / 3;
         let sd = vec![EXACT_VARIANCE.sqrt(); count];
-        Restoration {
+        RestoredFrames {
             unlike: vec![f64::NAN; xyz.nrows()],
             xyz,
             status: vec![Status::Observed; count],
@@ -70,15 +70,15 @@ impl Restoration {
 }
 
 /// Restores frames with one prior.
-pub struct Restorer<'a> {
+pub struct FrameRestorer<'a> {
     /// What poses look like, for the captured body.
     pub prior: &'a dyn Prior,
     /// What poses are placed by; `None` uses rows as they are.
     pub anchor: Option<&'a Anchor>,
     /// How P1 is solved.
-    pub synthesis: Synthesis,
+    pub solver: PlacementSolver,
     /// What is known of rigid distances; `None` keeps none.
-    pub treatment: Option<&'a Treatment>,
+    pub rigid: Option<&'a RigidModel>,
 }
 
 /// A pelvis this noisy (variance of a coordinate, cm²) gives no heading worth starting from alone.
@@ -86,17 +86,17 @@ const NOISY: f64 = 0.25;
 /// A point this likely to be corrupt does not place a pose.
 const IN_DOUBT: f64 = 0.05;
 
-impl<'a> Restorer<'a> {
+impl<'a> FrameRestorer<'a> {
     /// The same with a treatment, unless it knows nothing.
-    pub fn treating(mut self, treatment: &'a Treatment) -> Restorer<'a> {
-        self.treatment = (!treatment.is_empty()).then_some(treatment);
+    pub fn with_rigid_model(mut self, rigid: &'a RigidModel) -> FrameRestorer<'a> {
+        self.rigid = (!rigid.is_empty()).then_some(rigid);
         self
     }
 
     /// Restores one frame: 3 J numbers and the variance of each one's noise (infinite where missing).
     ///
     /// `None` when too little is seen: no point at all; or in world space fewer than three, or all on a line.
-    pub fn restore(&self, y: &[f64], noise: &[f64]) -> Option<Restored> {
+    pub fn restore(&self, y: &[f64], noise: &[f64]) -> Option<RestoredFrame> {
         let seen = Observed { y, noise };
         let Some(anchor) = self.anchor else {
             noise.iter().any(|n| n.is_finite()).then_some(())?;
@@ -104,7 +104,7 @@ impl<'a> Restorer<'a> {
         };
         if seen.is_partial() {
             let known = self.stand_by_whole(anchor, seen);
-            return planar::restore(self.prior, seen, &self.synthesis, known);
+            return orthographic::restore(self.prior, seen, &self.solver, known);
         }
         let Some(solution) = self.stand(anchor, seen)? else {
             return Some(self.in_place(seen));
@@ -113,8 +113,8 @@ impl<'a> Restorer<'a> {
         let mut back = vec![0.0; y.len()];
         placement.undo_pose(y, &mut back);
         let noise = pointwise(noise);
-        let posterior = match self.treated(&back, &noise, Seek::Nothing) {
-            Some(treated) => treated.0,
+        let posterior = match self.corrected(&back, &noise, OutlierMode::Ignore) {
+            Some(corrected) => corrected.0,
             None => {
                 let fit = (solution.fit).unwrap_or_else(|| self.prior.fit(&back, &noise, None));
                 self.prior.posterior(&back, &noise, &fit)
@@ -124,7 +124,7 @@ impl<'a> Restorer<'a> {
     }
 
     /// Where a frame stands: `None` when too little is seen to tell, `Some(None)` when it is in place already.
-    fn stand(&self, anchor: &Anchor, seen: Observed<'_>) -> Option<Option<Solution>> {
+    fn stand(&self, anchor: &Anchor, seen: Observed<'_>) -> Option<Option<PlacementSolution>> {
         let visible = seen.y.iter().zip(seen.noise);
         let visible: Vec<f64> = visible
             .map(|(y, n)| if *n <= NOISY { *y } else { f64::NAN })
@@ -134,7 +134,7 @@ impl<'a> Restorer<'a> {
             return Some(None);
         }
         let known = known.as_slice();
-        let solution = self.synthesis.solve(self.prior, seen, anchor, known)?;
+        let solution = self.solver.solve(self.prior, seen, anchor, known)?;
         Some(Some(solution))
     }
 
@@ -173,12 +173,12 @@ impl<'a> Restorer<'a> {
     /// The answer comes with the probability of each point to be corrupt.
     ///
     /// Bones need no placement: points in doubt by them are left out where the pose is placed.
-    pub fn restore_outliers(&self, y: &[f64], base: f64) -> Option<(Restored, Vec<f64>)> {
-        let told = |v: &f64| if v.is_finite() { base } else { f64::INFINITY };
-        let told: Vec<f64> = y.iter().map(told).collect();
-        let doubts = self.treatment?.doubts(y, &told);
-        let noise = (told.iter().enumerate()).map(|(i, n)| {
-            if doubts[i / 3] > IN_DOUBT {
+    pub fn restore_outliers(&self, y: &[f64], base: f64) -> Option<(RestoredFrame, Vec<f64>)> {
+        let noise_variance = |v: &f64| if v.is_finite() { base } else { f64::INFINITY };
+        let noise_variance: Vec<f64> = y.iter().map(noise_variance).collect();
+        let outlier_probabilities = self.rigid?.outlier_probabilities(y, &noise_variance);
+        let noise = (noise_variance.iter().enumerate()).map(|(i, n)| {
+            if outlier_probabilities[i / 3] > IN_DOUBT {
                 f64::INFINITY
             } else {
                 *n
@@ -188,11 +188,11 @@ impl<'a> Restorer<'a> {
         let placement = self.placement(y, &noise)?;
         let mut back = vec![0.0; y.len()];
         placement.undo_pose(y, &mut back);
-        let (posterior, corrupt) = self.treated(&back, &told, Seek::Outliers)?;
+        let (posterior, corrupt) = self.corrected(&back, &noise_variance, OutlierMode::Search)?;
         let mut restored = placed(posterior, placement);
-        for (i, told) in told.iter().enumerate() {
+        for (i, noise_variance) in noise_variance.iter().enumerate() {
             // There and back again is not quite where it was.
-            if *told <= EXACT_VARIANCE && corrupt.get(i / 3).is_none_or(|q| *q <= 0.0) {
+            if *noise_variance <= EXACT_VARIANCE && corrupt.get(i / 3).is_none_or(|q| *q <= 0.0) {
                 restored.mean[i] = y[i];
             }
         }
@@ -211,26 +211,31 @@ impl<'a> Restorer<'a> {
     }
 
     /// The answer in the model's space with rigid distances kept, and who is corrupt; `None` where nothing is known.
-    fn treated(&self, y: &[f64], noise: &[f64], seek: Seek) -> Option<(Posterior, Vec<f64>)> {
-        let treatment = self.treatment.filter(|t| !t.is_empty())?;
+    fn corrected(
+        &self,
+        y: &[f64],
+        noise: &[f64],
+        mode: OutlierMode,
+    ) -> Option<(Posterior, Vec<f64>)> {
+        let rigid = self.rigid.filter(|t| !t.is_empty())?;
         let shape = (1, y.len());
         let (y, noise) = (
             ArrayView2::from_shape(shape, y).ok()?,
             ArrayView2::from_shape(shape, noise).ok()?,
         );
-        let treated = treatment.answer(self.prior, y, noise, seek).pop()?;
-        Some((treated.posterior, treated.corrupt))
+        let corrected = rigid.restore(self.prior, y, noise, mode).pop()?;
+        Some((corrected.posterior, corrected.corrupt))
     }
 
-    fn in_place(&self, seen: Observed<'_>) -> Restored {
-        let posterior = match self.treated(seen.y, seen.noise, Seek::Nothing) {
-            Some(treated) => treated.0,
+    fn in_place(&self, seen: Observed<'_>) -> RestoredFrame {
+        let posterior = match self.corrected(seen.y, seen.noise, OutlierMode::Ignore) {
+            Some(corrected) => corrected.0,
             None => {
                 let fit = self.prior.fit(seen.y, seen.noise, None);
                 self.prior.posterior(seen.y, seen.noise, &fit)
             }
         };
-        Restored {
+        RestoredFrame {
             sd: point_sd(&posterior.variance),
             mean: posterior.mean,
             placement: Similarity::IDENTITY,
@@ -239,10 +244,10 @@ impl<'a> Restorer<'a> {
 }
 
 /// An answer carried to where the capture stands.
-fn placed(posterior: Posterior, placement: Similarity) -> Restored {
+fn placed(posterior: Posterior, placement: Similarity) -> RestoredFrame {
     let mut mean = vec![0.0; posterior.mean.len()];
     placement.apply_pose(&posterior.mean, &mut mean);
-    Restored {
+    RestoredFrame {
         mean,
         sd: point_sd(&posterior.variance),
         placement,

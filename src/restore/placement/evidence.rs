@@ -9,13 +9,13 @@
 //!
 //! by damped Newton steps δ, ε of y ↦ Rᵀ (exp(−δ) (y − c − ε) + c − t) about the centre c of what is seen.
 
-use super::observed::{Observed, pointwise};
-use super::synthesis::{Solution, Synthesis};
-use super::turn::{angles_from, turn, turn_derivatives};
+use super::alternating::{PlacementSolution, PlacementSolver};
 use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Similarity;
 use crate::pose::rotation::{angle_between, exponential};
 use crate::prior::{Prior, Slope};
+use crate::restore::observed::{Observed, pointwise};
+use crate::restore::turn::{angles_from, turn, turn_derivatives};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
@@ -34,9 +34,9 @@ const UNDAMPED: f64 = 1e-3;
 const MOST_DAMPED: f64 = 1e6;
 
 /// Where a climb ended.
-pub enum Climbed {
+pub enum Ascent {
     /// Where nothing near is better.
-    Top(Solution),
+    Top(PlacementSolution),
     /// On the way to where another climb ended.
     SameTop,
     /// Where it began: the model tells no slope.
@@ -44,31 +44,31 @@ pub enum Climbed {
 }
 
 /// Climbs from one start; `tops` is where others ended that climbed as this one does.
-pub fn climb(
-    synthesis: &Synthesis,
+pub fn maximize(
+    solver: &PlacementSolver,
     prior: &dyn Prior,
     seen: Observed<'_>,
     start: Similarity,
     tops: &[Similarity],
-) -> Climbed {
+) -> Ascent {
     let noise = pointwise(seen.noise);
-    let climber = Climber {
+    let climber = EvidenceProblem {
         prior,
         seen,
         centre: centre(seen),
         noise,
     };
-    let cost = |at: &Similarity| 0.5 * synthesis.prior_cost(at, &start);
-    let weights = synthesis.rotation_prior;
+    let cost = |at: &Similarity| 0.5 * solver.prior_cost(at, &start);
+    let weights = solver.rotation_prior;
     let mut now = start;
     let Some(mut slope) = climber.slope(&now) else {
-        return Climbed::Flat;
+        return Ascent::Flat;
     };
     let mut damping = UNDAMPED;
     let mut steps = 0;
-    'steps: while steps < synthesis.iterations {
+    'steps: while steps < solver.iterations {
         if tops.iter().any(|top| climber.is_near(&now, top)) {
-            return Climbed::SameTop;
+            return Ascent::SameTop;
         }
         steps += 1;
         if weights != DVec3::ZERO {
@@ -87,7 +87,7 @@ pub fn climb(
                 break 'steps;
             }
             let Some(there) = climber.slope(&next) else {
-                return Climbed::Flat;
+                return Ascent::Flat;
             };
             if there.evidence - cost(&next) >= value - if gain <= ROUGH { ROUGH } else { 0.0 } {
                 (now, slope) = (next, there);
@@ -100,7 +100,7 @@ pub fn climb(
             }
         }
     }
-    Climbed::Top(Solution {
+    Ascent::Top(PlacementSolution {
         placement: now,
         fit: None,
         objective: 2.0 * (cost(&now) - slope.evidence),
@@ -128,14 +128,14 @@ fn add_wish(slope: &mut Slope, weights: DVec3, start: &Similarity, now: &Similar
 }
 
 /// An observation that is to be placed.
-struct Climber<'a> {
+struct EvidenceProblem<'a> {
     prior: &'a dyn Prior,
     seen: Observed<'a>,
     noise: Vec<f64>,
     centre: DVec3,
 }
 
-impl Climber<'_> {
+impl EvidenceProblem<'_> {
     /// The slope of the evidence at a placement: along three turns about the centre, then three shifts.
     fn slope(&self, at: &Similarity) -> Option<Slope> {
         let d = self.seen.y.len();
@@ -265,13 +265,13 @@ mod tests {
             rotation: exponential(DVec3::new(0.0, 0.4, 0.0)),
             ..Similarity::IDENTITY
         };
-        let top = |synthesis: &Synthesis, start, tops: &[Similarity]| match climb(
-            synthesis, &prior, seen, start, tops,
+        let top = |solver: &PlacementSolver, start, tops: &[Similarity]| match maximize(
+            solver, &prior, seen, start, tops,
         ) {
-            Climbed::Top(solution) => Some(solution),
+            Ascent::Top(solution) => Some(solution),
             _ => None,
         };
-        let free = top(&Synthesis::default(), start, &[]).unwrap();
+        let free = top(&PlacementSolver::default(), start, &[]).unwrap();
         assert!((free.placement.shift - stands.shift).length() <= 1e-5);
         assert!(free.objective <= 1e-9 && free.iterations < 20);
         // From elsewhere it is the same top, which need not be climbed to its end; one far away is another.
@@ -279,16 +279,16 @@ mod tests {
             rotation: exponential(DVec3::new(0.1, -0.9, 0.0)),
             ..start
         };
-        assert!(top(&Synthesis::default(), elsewhere, &[free.placement]).is_none());
-        assert!(top(&Synthesis::default(), elsewhere, &[start]).is_some());
+        assert!(top(&PlacementSolver::default(), elsewhere, &[free.placement]).is_none());
+        assert!(top(&PlacementSolver::default(), elsewhere, &[start]).is_some());
         for weight in [1e2, 1e3, 1e5] {
-            let wish = Synthesis {
+            let wish = PlacementSolver {
                 rotation_prior: DVec3::new(1.0, 0.5, 2.0) * weight,
                 iterations: 60,
-                ..Synthesis::default()
+                ..PlacementSolver::default()
             };
             let held = top(&wish, start, &[]).unwrap();
-            let cost = |s: &Solution| wish.prior_cost(&s.placement, &start);
+            let cost = |s: &PlacementSolution| wish.prior_cost(&s.placement, &start);
             assert!(cost(&held) < cost(&free) && held.iterations < 60);
             // At the top no small turn or shift is better.
             let value = |at: &Similarity| {

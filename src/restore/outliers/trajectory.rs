@@ -36,7 +36,7 @@ const ROUNDS: usize = 50;
 
 /// The strays of each frame of a take (frames, 3 J; cm, NaN missing): `runs` are the stretches of frames that follow one
 /// another, `rate` frames a second, `noise` the standard deviation of a coordinate of each point (J), cm.
-pub fn strays(
+pub fn spikes(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     rate: f64,
@@ -54,10 +54,10 @@ pub fn strays(
                 reach,
                 noise: noise[p],
             };
-            let strays = path.strays();
+            let spikes = path.spikes();
             found.extend(
                 run.clone()
-                    .zip(strays)
+                    .zip(spikes)
                     .filter_map(|(t, is)| is.then_some(t)),
             );
         }
@@ -114,46 +114,46 @@ struct Path {
 }
 
 impl Path {
-    fn strays(&self) -> Vec<bool> {
-        let mut strays = vec![false; self.places.len()];
+    fn spikes(&self) -> Vec<bool> {
+        let mut spikes = vec![false; self.places.len()];
         for _ in 0..TIMES {
-            strays = (0..strays.len())
-                .map(|t| self.is_stray(t, &strays))
+            spikes = (0..spikes.len())
+                .map(|t| self.is_spike(t, &spikes))
                 .collect();
         }
         for _ in 0..ROUNDS {
-            if !self.add_worst(&mut strays) {
+            if !self.add_worst(&mut spikes) {
                 break;
             }
         }
-        self.release(&mut strays);
+        self.release(&mut spikes);
         let count = |some: &[bool]| some.iter().filter(|s| **s).count();
         let seen: Vec<bool> = self.places.iter().map(|p| p.is_finite()).collect();
-        if 2 * count(&strays) > count(&seen) {
+        if 2 * count(&spikes) > count(&seen) {
             // There is no path: all is noise, of more than was told.
-            strays.fill(false);
+            spikes.fill(false);
         }
-        strays
+        spikes
     }
 
     /// Where a path jumps and stays away, the frames on either side of the jump agree with too few of their neighbours: they are
     /// no strays.
-    fn release(&self, strays: &mut [bool]) {
+    fn release(&self, spikes: &mut [bool]) {
         let mut from = 0;
-        while let Some(first) = (from..strays.len()).find(|t| strays[*t]) {
-            let end = (first..strays.len()).find(|t| !strays[*t]);
-            let end = end.unwrap_or(strays.len());
-            if self.jumps(first, end, strays) {
-                strays[first..end].fill(false);
+        while let Some(first) = (from..spikes.len()).find(|t| spikes[*t]) {
+            let end = (first..spikes.len()).find(|t| !spikes[*t]);
+            let end = end.unwrap_or(spikes.len());
+            if self.jumps(first, end, spikes) {
+                spikes[first..end].fill(false);
             }
             from = end;
         }
     }
 
     /// Whether what is before some strays does not lead to what is after them, nor the other way; of either side one may be off.
-    fn jumps(&self, first: usize, end: usize, strays: &[bool]) -> bool {
-        let before = &self.neighbours(first, strays)[0];
-        let after = &self.neighbours(end - 1, strays)[1];
+    fn jumps(&self, first: usize, end: usize, spikes: &[bool]) -> bool {
+        let before = &self.neighbours(first, spikes)[0];
+        let after = &self.neighbours(end - 1, spikes)[1];
         let leads = |from: &[usize], to: &[usize]| {
             pairs(from).any(|(a, b)| to.iter().any(|t| self.is_on_line(*t, (a, b), MOST_LONG)))
         };
@@ -161,9 +161,9 @@ impl Path {
     }
 
     /// Adds the places that are worst off of those near them, by the cubics through their neighbours; whether there are any.
-    fn add_worst(&self, strays: &mut [bool]) -> bool {
-        let off: Vec<f64> = (0..strays.len())
-            .map(|t| self.off_cubic(t, strays))
+    fn add_worst(&self, spikes: &mut [bool]) -> bool {
+        let off: Vec<f64> = (0..spikes.len())
+            .map(|t| self.off_cubic(t, spikes))
             .collect();
         let mut some = false;
         for (t, own) in off.iter().enumerate().filter(|(_, off)| **off > 1.0) {
@@ -171,18 +171,18 @@ impl Path {
             let is_worst = near
                 .into_iter()
                 .all(|i| off[i] < *own || (off[i] == *own && i >= t));
-            strays[t] |= is_worst;
+            spikes[t] |= is_worst;
             some |= is_worst;
         }
         some
     }
 
     /// How far a place is off the cubic through its neighbours, of what may be; 0 where it has too few, or is a stray.
-    fn off_cubic(&self, t: usize, strays: &[bool]) -> f64 {
-        if !self.places[t].is_finite() || strays[t] {
+    fn off_cubic(&self, t: usize, spikes: &[bool]) -> f64 {
+        if !self.places[t].is_finite() || spikes[t] {
             return 0.0;
         }
-        let [before, after] = self.neighbours(t, strays);
+        let [before, after] = self.neighbours(t, spikes);
         let ([a, b, ..], [c, d, ..]) = (&before[..], &after[..]) else {
             return 0.0;
         };
@@ -201,17 +201,17 @@ impl Path {
     }
 
     /// Whether a place agrees with too few of its neighbours.
-    fn is_stray(&self, t: usize, strays: &[bool]) -> bool {
+    fn is_spike(&self, t: usize, spikes: &[bool]) -> bool {
         if !self.places[t].is_finite() {
             return false;
         }
-        let [before, after] = self.neighbours(t, strays);
+        let [before, after] = self.neighbours(t, spikes);
         let seen = self.neighbours(t, &[]);
         match [seen[0].len(), seen[1].len()] {
             [0, _] => return self.is_loose(t, &after),
             [_, 0] => return self.is_loose(t, &before),
-            [1, _] => return self.is_loose_beside(t, seen[0][0], &after, strays),
-            [_, 1] => return self.is_loose_beside(t, seen[1][0], &before, strays),
+            [1, _] => return self.is_loose_beside(t, seen[0][0], &after, spikes),
+            [_, 1] => return self.is_loose_beside(t, seen[1][0], &before, spikes),
             _ => {}
         }
         let both = before
@@ -230,15 +230,15 @@ impl Path {
 
     /// The same of the frame beside the end of a stretch, which may be the one that is off: it has to be known, or to agree with
     /// the others.
-    fn is_loose_beside(&self, t: usize, end: usize, near: &[usize], strays: &[bool]) -> bool {
-        let is_known = || strays[end] || pairs(near).any(|(i, j)| self.agrees(end, i, j));
+    fn is_loose_beside(&self, t: usize, end: usize, near: &[usize], spikes: &[bool]) -> bool {
+        let is_known = || spikes[end] || pairs(near).any(|(i, j)| self.agrees(end, i, j));
         self.is_loose(t, near) && is_known()
     }
 
-    /// The nearest frames before and after one that are seen and no `strays` (none where the list is empty), the nearest first.
-    fn neighbours(&self, t: usize, strays: &[bool]) -> [Near; 2] {
-        let is_stray = |i: usize| strays.get(i).is_some_and(|is| *is);
-        let counts = |i: &usize| self.places[*i].is_finite() && !is_stray(*i);
+    /// The nearest frames before and after one that are seen and no `spikes` (none where the list is empty), the nearest first.
+    fn neighbours(&self, t: usize, spikes: &[bool]) -> [Near; 2] {
+        let is_spike = |i: usize| spikes.get(i).is_some_and(|is| *is);
+        let counts = |i: &usize| self.places[*i].is_finite() && !is_spike(*i);
         let from = t.saturating_sub(self.reach);
         let to = (t + self.reach + 1).min(self.places.len());
         [
@@ -288,8 +288,8 @@ mod tests {
     }
 
     fn found_in(runs: &[Range<usize>], xyz: &Array2<f64>, noise: f64) -> Vec<(usize, usize)> {
-        let strays = strays(xyz.view(), runs, RATE, &[noise; 2]);
-        let each = strays.into_iter().enumerate();
+        let spikes = spikes(xyz.view(), runs, RATE, &[noise; 2]);
+        let each = spikes.into_iter().enumerate();
         each.flat_map(|(t, points)| points.into_iter().map(move |p| (t, p)))
             .collect()
     }
@@ -316,8 +316,8 @@ mod tests {
             for &t in &hit {
                 (0..3).for_each(|c| xyz[[t, c]] += far * generator.random_range(-1.0..1.0));
             }
-            let told = found(&xyz, 0.0);
-            let right = told
+            let noise_variance = found(&xyz, 0.0);
+            let right = noise_variance
                 .iter()
                 .filter(|(t, p)| *p == 0 && hit.contains(t))
                 .count();
@@ -328,9 +328,9 @@ mod tests {
                 hit.len()
             );
             assert!(
-                (told.len() - right) * 5 <= right,
+                (noise_variance.len() - right) * 5 <= right,
                 "{far}: {right} of {}",
-                told.len()
+                noise_variance.len()
             );
         }
     }
@@ -359,8 +359,11 @@ mod tests {
         for (count, far) in [(2, 20.0), (3, 30.0), (3, 50.0), (4, 30.0)] {
             let mut xyz = motion(100);
             (0..count).for_each(|t| xyz[[t, 1]] += far);
-            let told = found(&xyz, 0.0);
-            assert!(told.iter().all(|(t, _)| *t < count), "{count}: {told:?}");
+            let noise_variance = found(&xyz, 0.0);
+            assert!(
+                noise_variance.iter().all(|(t, _)| *t < count),
+                "{count}: {noise_variance:?}"
+            );
         }
     }
 
@@ -378,12 +381,14 @@ mod tests {
         for t in 30..70 {
             xyz[[t, 1]] += 50.0;
         }
-        let told = found(&xyz, 0.0);
+        let noise_variance = found(&xyz, 0.0);
         assert!(
-            told.iter().all(|(t, p)| *p == 0 && (26..75).contains(t)),
-            "{told:?}"
+            noise_variance
+                .iter()
+                .all(|(t, p)| *p == 0 && (26..75).contains(t)),
+            "{noise_variance:?}"
         );
-        assert!(told.len() < 8, "{told:?}");
+        assert!(noise_variance.len() < 8, "{noise_variance:?}");
         // What two takes have beside one another need not be near.
         let mut two = motion(100);
         for t in 50..100 {

@@ -6,26 +6,27 @@
 //! answer <───────────────────── rigid distances kept <─────────────────────────────────────────────────────────┘
 //! ```
 
-pub mod base;
-pub mod bodies;
-pub mod bones;
-mod gradients;
-pub mod outliers;
-pub mod rigid;
-pub mod sure;
+pub mod body_lengths;
+pub mod distances;
+mod jacobian;
+pub mod noise_floor;
+pub mod projection;
+pub mod uncertainty;
 
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::parallel;
 use crate::prior::pairs::RigidPairs;
 use crate::prior::tuning::Task;
-use crate::prior::{Belief, EXACT_VARIANCE, Enough, Posterior, Prior};
-use base::{BaseNoise, Bases};
-use bodies::Bodies;
+use crate::prior::{Enough, Posterior, Prior};
+use crate::restore::outliers::frame_posterior;
+use crate::restore::outliers::rigid_likelihood::RigidLikelihood;
+use body_lengths::BodyMixture;
 use ndarray::ArrayView2;
-use rigid::Whose;
+use noise_floor::{NoiseFloor, NoiseFloorSearch};
+use projection::BodyChoice;
 use std::ops::Range;
-use sure::Sure;
+use uncertainty::Uncertainty;
 
 /// Frames treated by one piece of parallel work.
 const CHUNK: usize = 16;
@@ -34,35 +35,35 @@ const MOST_MASKED: usize = 128;
 
 /// Whether corrupt points are looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Seek {
+pub enum OutlierMode {
     /// The noise that is told is the noise there is.
-    Nothing,
+    Ignore,
     /// The noise that is told is that of clean points; any may be corrupt.
-    Outliers,
+    Search,
 }
 
-impl Seek {
+impl OutlierMode {
     /// What to look for where this noise is told: corrupt points where everything is seen, and nearly clean.
-    pub fn by(told: &[f64]) -> Seek {
-        match Task::of(told) {
-            Task::Sparse => Seek::Outliers,
-            _ => Seek::Nothing,
+    pub fn for_noise(noise_variance: &[f64]) -> OutlierMode {
+        match Task::of(noise_variance) {
+            Task::Sparse => OutlierMode::Search,
+            _ => OutlierMode::Ignore,
         }
     }
 }
 
 /// A treated answer.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Treated {
+pub struct Corrected {
     /// The pose.
     pub posterior: Posterior,
     /// The probability that each point is corrupt (J); none where they were not looked for.
     pub corrupt: Vec<f64>,
 }
 
-impl From<Posterior> for Treated {
-    fn from(posterior: Posterior) -> Treated {
-        Treated {
+impl From<Posterior> for Corrected {
+    fn from(posterior: Posterior) -> Corrected {
+        Corrected {
             posterior,
             corrupt: Vec::new(),
         }
@@ -71,10 +72,10 @@ impl From<Posterior> for Treated {
 
 /// What is known of the rigid distances of some points.
 #[derive(Debug, Clone, Default)]
-pub struct Treatment {
+pub struct RigidModel {
     pairs: RigidPairs,
-    bodies: Bodies,
-    bases: Bases,
+    bodies: BodyMixture,
+    noise_floors: NoiseFloorSearch,
 }
 
 /// How much of a distance a person may differ by from the model's body. Chosen among 0, .02, .04 and .06 on single frames of
@@ -82,24 +83,24 @@ pub struct Treatment {
 /// to .005 asf² (.007 to .09 at 0), and sparse noise leaves .016 to .033 (.023 to .11).
 const ANYONES_SHARE: f64 = 0.05;
 
-impl Treatment {
+impl RigidModel {
     /// Learns the rigid pairs of poses (m, 3 J), cm.
-    pub fn learn(xyz: ArrayView2<'_, f32>, takes: &[Range<usize>]) -> Treatment {
-        Treatment::of(RigidPairs::learn(xyz, takes))
+    pub fn learn(xyz: ArrayView2<'_, f32>, takes: &[Range<usize>]) -> RigidModel {
+        RigidModel::of(RigidPairs::learn(xyz, takes))
     }
 
     /// With pairs that are known.
-    pub fn of(pairs: RigidPairs) -> Treatment {
+    pub fn of(pairs: RigidPairs) -> RigidModel {
         if pairs.is_empty() {
-            return Treatment::default();
+            return RigidModel::default();
         }
-        let bodies = Bodies::of(&pairs);
-        Treatment::with(pairs, bodies)
+        let bodies = BodyMixture::of(&pairs);
+        RigidModel::with(pairs, bodies)
     }
 
-    fn with(pairs: RigidPairs, bodies: Bodies) -> Treatment {
-        Treatment {
-            bases: Bases::of(&bodies),
+    fn with(pairs: RigidPairs, bodies: BodyMixture) -> RigidModel {
+        RigidModel {
+            noise_floors: NoiseFloorSearch::of(&bodies),
             bodies,
             pairs,
         }
@@ -109,29 +110,29 @@ impl Treatment {
     ///
     /// # Errors
     /// As [`RigidPairs::read`].
-    pub fn read(model: &Model, source: &str) -> Result<Treatment> {
-        RigidPairs::read(model, source).map(Treatment::of)
+    pub fn read(model: &Model, source: &str) -> Result<RigidModel> {
+        RigidPairs::read(model, source).map(RigidModel::of)
     }
 
-    /// The same for another body: `from` and `to` (t, 3 J) are poses before and after they were carried to it. `unsure`
+    /// The same for another body: `from` and `to` (t, 3 J) are poses before and after they were carried to it. `length_sd`
     /// tells of two points and their distance how far that may be off: a standard deviation, cm.
     pub fn mapped(
         &self,
         from: ArrayView2<'_, f64>,
         to: ArrayView2<'_, f64>,
-        unsure: impl Fn([usize; 2], f64) -> f64,
-    ) -> Treatment {
+        length_sd: impl Fn([usize; 2], f64) -> f64,
+    ) -> RigidModel {
         let mut pairs = self.pairs.mapped(from, to);
         for (k, pair) in pairs.pairs.iter_mut().enumerate() {
             let length = pairs.bodies[[0, k]];
-            pair.sd = pair.sd.hypot(unsure(pair.ends, length));
+            pair.sd = pair.sd.hypot(length_sd(pair.ends, length));
         }
-        Treatment::of(pairs)
+        RigidModel::of(pairs)
     }
 
     /// The same for anyone: a person's distances differ from those of the bodies known, whose bones were all made as long
     /// as the model's are.
-    pub fn of_anyone(&self) -> Treatment {
+    pub fn for_unknown_body(&self) -> RigidModel {
         let mut pairs = self.pairs.clone();
         for (pair, lengths) in pairs.pairs.iter_mut().zip(self.pairs.bodies.columns()) {
             let mean = lengths
@@ -142,8 +143,8 @@ impl Treatment {
             pair.sd = pair.sd.hypot(ANYONES_SHARE * mean);
         }
         // Nobody is a stranger to lengths that may be anyone's.
-        let bodies = Bodies::known(&pairs);
-        Treatment::with(pairs, bodies)
+        let bodies = BodyMixture::known(&pairs);
+        RigidModel::with(pairs, bodies)
     }
 
     /// Whether there is nothing it knows.
@@ -153,21 +154,21 @@ impl Treatment {
 
     /// The base noise of a frame (3 J numbers, cm; NaN missing) by its rigid distances. `None` where too few are seen, or
     /// they are of no body that is known.
-    pub fn base_noise(&self, y: &[f64]) -> Option<BaseNoise> {
-        self.bases.base(&self.pairs, &self.bodies, y)
+    pub fn noise_floor(&self, y: &[f64]) -> Option<NoiseFloor> {
+        self.noise_floors.base(&self.pairs, &self.bodies, y)
     }
 
     /// The probability that each point (J) is corrupt by the distances alone; `noise` is the variance of clean
     /// coordinates, infinite where missing. Needs no placement.
-    pub fn doubts(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
-        if !self.can_seek(y.len() / 3) {
+    pub fn outlier_probabilities(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
+        if !self.can_search(y.len() / 3) {
             return vec![0.0; y.len() / 3];
         }
-        bones::look(&self.pairs, &self.bodies, y, noise).corrupt
+        RigidLikelihood::new(&self.pairs, &self.bodies, y, noise).corrupt
     }
 
     /// Distances must hang most points together before corrupt ones can be told.
-    fn can_seek(&self, points: usize) -> bool {
+    fn can_search(&self, points: usize) -> bool {
         let mut tied = vec![false; points];
         let ends = self.pairs.pairs.iter().flat_map(|p| p.ends);
         ends.for_each(|p| tied[p] = true);
@@ -177,67 +178,82 @@ impl Treatment {
     /// Restores poses in the prior's space: rows of `y` (cm) with the variance of each number's noise (cm²; infinite
     /// missing), as [`Prior::believe_all`] takes them. Numbers told to be exact stay as they are, unless their point is
     /// found to be corrupt.
-    pub fn answer(
+    pub fn restore(
         &self,
         prior: &dyn Prior,
         y: ArrayView2<'_, f64>,
         noise: ArrayView2<'_, f64>,
-        seek: Seek,
-    ) -> Vec<Treated> {
-        if seek == Seek::Outliers && self.can_seek(y.ncols() / 3) {
-            let found = outliers::restore(prior, &self.pairs, &self.bodies, y, noise);
-            return self.settle(found, |pairs, bodies, found| {
-                let whose = Whose::Known(&found.lengths);
-                let sure = Sure::Covariance(&found.belief.covariance, 1.0);
-                Treated {
-                    posterior: rigid::keep(
+        mode: OutlierMode,
+    ) -> Vec<Corrected> {
+        if mode == OutlierMode::Search && self.can_search(y.ncols() / 3) {
+            let found = frame_posterior::restore(prior, &self.pairs, &self.bodies, y, noise);
+            return self.converge(found, |pairs, bodies, found| {
+                let whose = BodyChoice::Known(&found.lengths);
+                let uncertainty = Uncertainty::Covariance(&found.belief.covariance, 1.0);
+                Corrected {
+                    posterior: projection::project(
                         pairs,
                         bodies,
                         whose,
                         &found.belief.mean,
-                        sure,
+                        uncertainty,
                         &found.noise,
                     ),
                     corrupt: found.corrupt.clone(),
                 }
             });
         }
-        let told = |t: usize| noise.row(t).to_vec();
+        let noise_variance = |t: usize| noise.row(t).to_vec();
         // Of a dense answer that leaves much open nothing is made use of beyond how sure each coordinate is.
-        let enough = noise.rows().into_iter().map(|told| match told.as_slice() {
-            Some(told) if Task::of(told) == Task::Dense => UNKNOWN * told.iter().sum::<f64>(),
-            _ => f64::INFINITY,
-        });
+        let enough =
+            noise
+                .rows()
+                .into_iter()
+                .map(|noise_variance| match noise_variance.as_slice() {
+                    Some(noise_variance) if Task::of(noise_variance) == Task::Dense => {
+                        UNKNOWN * noise_variance.iter().sum::<f64>()
+                    }
+                    _ => f64::INFINITY,
+                });
         let rows = prior.believe_enough(y, noise, &enough.collect::<Vec<_>>());
         let rows = rows.into_iter().enumerate().collect();
-        self.settle(rows, |pairs, bodies, (t, believed): &(usize, Enough)| {
-            let told = told(*t);
-            let keep =
-                |mean: &[f64], sure| rigid::keep(pairs, bodies, Whose::Any, mean, sure, &told);
+        self.converge(rows, |pairs, bodies, (t, believed): &(usize, Enough)| {
+            let noise_variance = noise_variance(*t);
+            let keep = |mean: &[f64], uncertainty| {
+                projection::project(
+                    pairs,
+                    bodies,
+                    BodyChoice::Any,
+                    mean,
+                    uncertainty,
+                    &noise_variance,
+                )
+            };
             let answer = match believed {
-                Enough::Apart(p) => keep(&p.mean, Sure::Variances(&p.variance)),
+                Enough::Apart(p) => keep(&p.mean, Uncertainty::Variances(&p.variance)),
                 Enough::Whole(belief) => {
                     let mut belief = belief.clone();
-                    fix(&mut belief, &y.row(*t).to_vec(), &told);
+                    uncertainty::pin_exact(&mut belief, &y.row(*t).to_vec(), &noise_variance);
                     let covariance = &belief.covariance;
-                    let sure = match Task::of(&told) {
-                        Task::Dense => {
-                            Sure::Settled(covariance, known(covariance.diag().sum(), &told))
-                        }
-                        _ => Sure::Covariance(covariance, 0.5),
+                    let uncertainty = match Task::of(&noise_variance) {
+                        Task::Dense => Uncertainty::Settled(
+                            covariance,
+                            known(covariance.diag().sum(), &noise_variance),
+                        ),
+                        _ => Uncertainty::Covariance(covariance, 0.5),
                     };
-                    keep(&belief.mean, sure)
+                    keep(&belief.mean, uncertainty)
                 }
             };
             answer.into()
         })
     }
 
-    fn settle<T: Sync>(
+    fn converge<T: Sync>(
         &self,
         rows: Vec<T>,
-        keep: impl Fn(&RigidPairs, &Bodies, &T) -> Treated + Sync,
-    ) -> Vec<Treated> {
+        keep: impl Fn(&RigidPairs, &BodyMixture, &T) -> Corrected + Sync,
+    ) -> Vec<Corrected> {
         let parts = parallel::map_chunks(rows.len(), CHUNK, |range| {
             let all = rows[range].iter();
             all.map(|row| keep(&self.pairs, &self.bodies, row))
@@ -257,21 +273,9 @@ const UNKNOWN: f64 = 0.15;
 /// An answer that leaves little open ([`KNOWN`] of the noise's variance) is of a pose that is known, and its correlations
 /// hold; one that leaves much ([`UNKNOWN`]) is of a pose unlike any, of which they are wrong more often than right. Measured:
 /// taken whole, they cost 7% on takes never seen; left out, 10% on frames of takes that were.
-fn known(variance: f64, told: &[f64]) -> f64 {
-    let left = variance / told.iter().sum::<f64>();
+fn known(variance: f64, noise_variance: &[f64]) -> f64 {
+    let left = variance / noise_variance.iter().sum::<f64>();
     ((UNKNOWN - left) / (UNKNOWN - KNOWN)).clamp(0.0, 1.0)
-}
-
-/// Numbers that are exact are believed as they are.
-fn fix(belief: &mut Belief, y: &[f64], noise: &[f64]) {
-    for (i, r) in noise.iter().enumerate() {
-        if *r <= EXACT_VARIANCE && y[i].is_finite() {
-            belief.mean[i] = y[i];
-            belief.covariance.row_mut(i).fill(0.0);
-            belief.covariance.column_mut(i).fill(0.0);
-            belief.covariance[[i, i]] = EXACT_VARIANCE;
-        }
-    }
 }
 
 #[cfg(test)]
@@ -298,10 +302,10 @@ mod tests {
         out
     }
 
-    fn learnt(poses: &Array2<f64>) -> (Treatment, Gaussians) {
+    fn learnt(poses: &Array2<f64>) -> (RigidModel, Gaussians) {
         let half = poses.nrows() / 2;
         let xyz = poses.mapv(|v| v as f32);
-        let treatment = Treatment::learn(xyz.view(), &[0..half, half..poses.nrows()]);
+        let rigid = RigidModel::learn(xyz.view(), &[0..half, half..poses.nrows()]);
         let mean = poses.mean_axis(Axis(0)).unwrap();
         let off = poses - &mean;
         let covariance = off.t().dot(&off) / poses.nrows() as f64 + Array2::<f64>::eye(24) * 0.05;
@@ -312,10 +316,7 @@ mod tests {
             estimates_rest: true,
         };
         let typical = mean.insert_axis(Axis(0));
-        (
-            treatment,
-            Gaussians::new(&parts, style, 1.0, typical.view()),
-        )
+        (rigid, Gaussians::new(&parts, style, 1.0, typical.view()))
     }
 
     /// Some points of each frame moved by about 6 cm; which.
@@ -332,11 +333,16 @@ mod tests {
     #[test]
     fn nothing_corrupt_nothing_changed() {
         let poses = swinging(200);
-        let (treatment, prior) = learnt(&poses);
-        assert_eq!(treatment.pairs.pairs.len(), 7);
-        let told = Array2::zeros(poses.dim());
-        for (t, answer) in treatment
-            .answer(&prior, poses.view(), told.view(), Seek::Outliers)
+        let (rigid, prior) = learnt(&poses);
+        assert_eq!(rigid.pairs.pairs.len(), 7);
+        let noise_variance = Array2::zeros(poses.dim());
+        for (t, answer) in rigid
+            .restore(
+                &prior,
+                poses.view(),
+                noise_variance.view(),
+                OutlierMode::Search,
+            )
             .iter()
             .enumerate()
         {
@@ -352,12 +358,13 @@ mod tests {
     #[test]
     fn a_corrupt_point_is_found_and_put_back() {
         let poses = swinging(200);
-        let (treatment, prior) = learnt(&poses);
+        let (rigid, prior) = learnt(&poses);
         let (y, which) = hit(&poses);
         for base in [0.0, 0.08] {
-            let told = Array2::from_elem(poses.dim(), base);
+            let noise_variance = Array2::from_elem(poses.dim(), base);
             let (mut before, mut after, mut found) = (0.0, 0.0, 0);
-            let answers = treatment.answer(&prior, y.view(), told.view(), Seek::Outliers);
+            let answers =
+                rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
             for (t, answer) in answers.iter().enumerate() {
                 found += usize::from(answer.corrupt[which[t]] > 0.5);
                 for c in 0..24 {
@@ -376,12 +383,12 @@ mod tests {
     fn corrupt_points_are_found_among_noisy_ones() {
         // So much noise on every point leaves most of them in doubt by their distances.
         let (poses, sd) = (swinging(200), 0.4);
-        let (treatment, prior) = learnt(&poses);
+        let (rigid, prior) = learnt(&poses);
         let (mut y, which) = hit(&poses);
         let mut generator = crate::numeric::parallel::rng(9, 0);
         y.mapv_inplace(|v| v + sd * rand::Rng::sample::<f64, _>(&mut generator, StandardNormal));
-        let told = Array2::from_elem(poses.dim(), sd * sd);
-        let answers = treatment.answer(&prior, y.view(), told.view(), Seek::Outliers);
+        let noise_variance = Array2::from_elem(poses.dim(), sd * sd);
+        let answers = rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
         let (mut found, mut wrong, mut before, mut after) = (0, 0, 0.0, 0.0);
         for (t, answer) in answers.iter().enumerate() {
             let corrupt: Vec<usize> = (0..8).filter(|p| answer.corrupt[*p] > 0.5).collect();
@@ -401,14 +408,16 @@ mod tests {
     #[test]
     fn rigid_distances_are_kept() {
         let poses = swinging(200);
-        let (treatment, prior) = learnt(&poses);
-        let mut told = Array2::zeros((10, 24));
+        let (rigid, prior) = learnt(&poses);
+        let mut noise_variance = Array2::zeros((10, 24));
         // Only the ends of the chain and its middle are seen.
         for p in [1, 2, 3, 5, 6] {
-            told.slice_mut(s![.., 3 * p..3 * p + 3]).fill(f64::INFINITY);
+            noise_variance
+                .slice_mut(s![.., 3 * p..3 * p + 3])
+                .fill(f64::INFINITY);
         }
         let y = poses.slice(s![..10, ..]);
-        for answer in treatment.answer(&prior, y, told.view(), Seek::Nothing) {
+        for answer in rigid.restore(&prior, y, noise_variance.view(), OutlierMode::Ignore) {
             let x = &answer.posterior.mean;
             for p in 1..8 {
                 let length = (0..3)
@@ -424,26 +433,28 @@ mod tests {
     #[test]
     fn the_threads_change_nothing() {
         let poses = swinging(90);
-        let (treatment, prior) = learnt(&poses);
+        let (rigid, prior) = learnt(&poses);
         let (y, _) = hit(&poses);
         // The same for exact points as for noisy ones, which are looked at twice.
         for base in [0.0, 0.3] {
-            let told = Array2::from_elem(poses.dim(), base);
+            let noise_variance = Array2::from_elem(poses.dim(), base);
             let run = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new()
                     .num_threads(threads)
                     .build()
                     .unwrap();
-                pool.install(|| treatment.answer(&prior, y.view(), told.view(), Seek::Outliers))
+                pool.install(|| {
+                    rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search)
+                })
             };
             let one = run(1);
             assert!(run(2) == one && run(7) == one);
             // And a frame alone is answered as among others.
-            let alone = treatment.answer(
+            let alone = rigid.restore(
                 &prior,
                 y.slice(s![41..42, ..]),
-                told.slice(s![41..42, ..]),
-                Seek::Outliers,
+                noise_variance.slice(s![41..42, ..]),
+                OutlierMode::Search,
             );
             assert_eq!(alone[0], one[41]);
         }
@@ -452,13 +463,13 @@ mod tests {
     #[test]
     fn missing_points_and_frames_of_nothing_are_answered() {
         let poses = swinging(60);
-        let (treatment, prior) = learnt(&poses);
+        let (rigid, prior) = learnt(&poses);
         let mut y = poses.slice(s![..3, ..]).to_owned();
         y.slice_mut(s![0, 6..9]).fill(f64::NAN);
         y.row_mut(1).fill(f64::NAN);
         y.row_mut(2).fill(1e6);
-        let told = Array2::zeros((3, 24));
-        let answers = treatment.answer(&prior, y.view(), told.view(), Seek::Outliers);
+        let noise_variance = Array2::zeros((3, 24));
+        let answers = rigid.restore(&prior, y.view(), noise_variance.view(), OutlierMode::Search);
         assert_eq!(answers.len(), 3);
         for answer in &answers {
             assert!(answer.posterior.mean.iter().all(|v| v.is_finite()));
@@ -467,8 +478,8 @@ mod tests {
         assert!((0..24).all(|c| off(c) <= 1.0) && answers[0].corrupt[2] == 0.0);
         let none = Array2::zeros((0, 24));
         assert!(
-            treatment
-                .answer(&prior, none.view(), none.view(), Seek::Outliers)
+            rigid
+                .restore(&prior, none.view(), none.view(), OutlierMode::Search)
                 .is_empty()
         );
     }
@@ -477,10 +488,11 @@ mod tests {
     fn without_pairs_the_prior_answers_alone() {
         let poses = swinging(40);
         let (_, prior) = learnt(&poses);
-        let told = Array2::from_elem(poses.dim(), 1.0);
-        let plain = prior.believe_all(poses.view(), told.view());
-        for seek in [Seek::Nothing, Seek::Outliers] {
-            let answers = Treatment::default().answer(&prior, poses.view(), told.view(), seek);
+        let noise_variance = Array2::from_elem(poses.dim(), 1.0);
+        let plain = prior.believe_all(poses.view(), noise_variance.view());
+        for mode in [OutlierMode::Ignore, OutlierMode::Search] {
+            let answers =
+                RigidModel::default().restore(&prior, poses.view(), noise_variance.view(), mode);
             assert!(
                 answers
                     .iter()
@@ -488,8 +500,11 @@ mod tests {
                     .all(|(a, b)| a.posterior == b.clone().posterior() && a.corrupt.is_empty())
             );
         }
-        assert_eq!(Seek::by(&[0.0, 0.08]), Seek::Outliers);
-        assert_eq!(Seek::by(&[31.9, 31.9]), Seek::Nothing);
-        assert_eq!(Seek::by(&[0.0, f64::INFINITY]), Seek::Nothing);
+        assert_eq!(OutlierMode::for_noise(&[0.0, 0.08]), OutlierMode::Search);
+        assert_eq!(OutlierMode::for_noise(&[31.9, 31.9]), OutlierMode::Ignore);
+        assert_eq!(
+            OutlierMode::for_noise(&[0.0, f64::INFINITY]),
+            OutlierMode::Ignore
+        );
     }
 }

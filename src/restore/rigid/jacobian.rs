@@ -1,10 +1,10 @@
 //! How rigid distances change as points move.
 
-use super::sure::Sure;
+use super::uncertainty::Uncertainty;
 use crate::numeric::simd;
 
 /// A distance's gradient: along `u` at the first point, against it at the second.
-pub struct Gradient {
+pub struct JacobianRow {
     /// The two points.
     pub ends: [usize; 2],
     /// Of length 1, from the second to the first.
@@ -13,7 +13,7 @@ pub struct Gradient {
     pub length: f64,
 }
 
-impl Gradient {
+impl JacobianRow {
     /// H x of this row.
     pub fn along(&self, x: &[f64]) -> f64 {
         let [i, j] = self.ends;
@@ -24,11 +24,11 @@ impl Gradient {
 }
 
 /// Of the distances between some points, at a pose (D).
-pub fn gradients(ends: &[[usize; 2]], x: &[f64]) -> Vec<Gradient> {
+pub fn jacobian(ends: &[[usize; 2]], x: &[f64]) -> Vec<JacobianRow> {
     let of = |&[i, j]: &[usize; 2]| {
         let v: [f64; 3] = std::array::from_fn(|c| x[3 * i + c] - x[3 * j + c]);
         let length = v.iter().map(|v| v * v).sum::<f64>().sqrt().max(1e-6);
-        Gradient {
+        JacobianRow {
             ends: [i, j],
             u: v.map(|v| v / length),
             length,
@@ -38,15 +38,21 @@ pub fn gradients(ends: &[[usize; 2]], x: &[f64]) -> Vec<Gradient> {
 }
 
 /// H P', by rows of D.
-pub fn cross(rows: &[Gradient], sure: Sure<'_>, extra: &[f64]) -> Vec<Vec<f64>> {
+pub fn times_covariance(
+    rows: &[JacobianRow],
+    uncertainty: Uncertainty<'_>,
+    extra: &[f64],
+) -> Vec<Vec<f64>> {
     let d = extra.len();
     let mut out = vec![vec![0.0; d]; rows.len()];
     // Of a model that went through a map it may lie by columns.
-    let by_rows = sure.together().map(|(c, t)| (c.as_standard_layout(), t));
+    let by_rows = uncertainty
+        .together()
+        .map(|(c, t)| (c.as_standard_layout(), t));
     let known = (by_rows.as_ref()).and_then(|(c, together)| Some((c.as_slice()?, *together)));
-    let alone: Vec<f64> = match sure {
-        Sure::Variances(v) => v.iter().zip(extra).map(|(v, e)| v + e).collect(),
-        Sure::Covariance(v, together) | Sure::Settled(v, together) => {
+    let alone: Vec<f64> = match uncertainty {
+        Uncertainty::Variances(v) => v.iter().zip(extra).map(|(v, e)| v + e).collect(),
+        Uncertainty::Covariance(v, together) | Uncertainty::Settled(v, together) => {
             let own = v.diag().into_iter().zip(extra);
             own.map(|(v, e)| (1.0 - together) * v + e).collect()
         }
@@ -86,12 +92,12 @@ fn add_difference(to: &mut [f64], u: [f64; 3], a: &[f64], b: &[f64]) {
 }
 
 /// H P' Hᵀ, lower triangle by rows of n.
-pub fn products(rows: &[Gradient], cross: &[Vec<f64>]) -> Vec<f64> {
+pub fn products(rows: &[JacobianRow], times_covariance: &[Vec<f64>]) -> Vec<f64> {
     let n = rows.len();
     let mut a = vec![0.0; n * n];
     for k in 0..n {
         for l in 0..=k {
-            a[k * n + l] = rows[l].along(&cross[k]);
+            a[k * n + l] = rows[l].along(&times_covariance[k]);
         }
     }
     a
@@ -99,7 +105,7 @@ pub fn products(rows: &[Gradient], cross: &[Vec<f64>]) -> Vec<f64> {
 
 /// What H I Hᵀ is summed from: (which of the lower triangle by rows of n, a point that two distances share, what is to be
 /// multiplied with I of its coordinates).
-pub fn shared_ends(rows: &[Gradient]) -> Vec<(usize, usize, [f64; 3])> {
+pub fn shared_ends(rows: &[JacobianRow]) -> Vec<(usize, usize, [f64; 3])> {
     let n = rows.len();
     let mut out = Vec::new();
     for (k, one) in rows.iter().enumerate() {
@@ -125,7 +131,7 @@ mod tests {
     #[test]
     fn products_are_those_of_the_matrices_that_are_not_made() {
         let x = [0.0, 0.0, 0.0, 3.0, 1.0, 0.0, -1.0, 2.0, 2.0];
-        let rows = gradients(&[[0, 1], [2, 0], [1, 2]], &x);
+        let rows = jacobian(&[[0, 1], [2, 0], [1, 2]], &x);
         let h = Array2::from_shape_fn((3, 9), |(k, c)| {
             let [i, j] = rows[k].ends;
             let of = |p: usize| if c / 3 == p { rows[k].u[c % 3] } else { 0.0 };
@@ -145,10 +151,11 @@ mod tests {
             let want = h.dot(&p);
             let by_columns = c.clone().reversed_axes();
             for covariance in [&c, &by_columns] {
-                let told = cross(&rows, Sure::Covariance(covariance, together), &extra);
-                let off = told.iter().flatten().zip(&want);
+                let noise_variance =
+                    times_covariance(&rows, Uncertainty::Covariance(covariance, together), &extra);
+                let off = noise_variance.iter().flatten().zip(&want);
                 assert!(off.into_iter().all(|(a, b)| (a - b).abs() <= 1e-12));
-                let all = products(&rows, &told);
+                let all = products(&rows, &noise_variance);
                 let want = want.dot(&h.t());
                 assert!(
                     (0..9)

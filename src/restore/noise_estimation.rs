@@ -1,8 +1,8 @@
 //! How noisy a capture is: by a point's motion, or by what the model leaves of a frame.
 
-use super::job::Job;
-use super::smooth;
-use super::treat::base::BaseNoise;
+use super::bound_model::BoundModel;
+use super::kalman_smoother;
+use super::rigid::noise_floor::NoiseFloor;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;
@@ -12,7 +12,7 @@ use std::ops::Range;
 pub const NEARLY_CLEAN: f64 = 1.0;
 
 /// Whether outliers are looked for in a frame of such a base noise.
-pub fn worth_a_search(base: &BaseNoise) -> bool {
+pub fn worth_a_search(base: &NoiseFloor) -> bool {
     base.sd <= NEARLY_CLEAN || base.has_outliers()
 }
 
@@ -38,7 +38,7 @@ pub fn variance(value: f64, noise: f64) -> f64 {
 /// The noise of one frame by itself: what the model leaves of most of its points beyond what it leaves of clean ones.
 ///
 /// The quarter of the points that fits worst does not count, as it may be outliers.
-pub fn of_frame(restorer: &super::Restorer<'_>, y: &[f64]) -> f64 {
+pub fn of_frame(restorer: &super::FrameRestorer<'_>, y: &[f64]) -> f64 {
     // First guess: a centimetre, so that the answer does not follow the noise.
     let first: Vec<f64> = y.iter().map(|v| variance(*v, 1.0)).collect();
     let Some(found) = restorer.restore(y, &first) else {
@@ -51,7 +51,7 @@ pub fn of_frame(restorer: &super::Restorer<'_>, y: &[f64]) -> f64 {
             let v: f64 = model[3 * p..3 * p + 3].iter().sum();
             // The answer lies between model and observation: y - mean = (noise + v) share of the residual.
             let share = 3.0 / (3.0 + v);
-            let d = super::frame::moved(y, &found.mean, p) / share;
+            let d = super::frame_restorer::moved(y, &found.mean, p) / share;
             (d * d - v) / 3.0
         })
         .collect();
@@ -65,7 +65,7 @@ pub fn of_frame(restorer: &super::Restorer<'_>, y: &[f64]) -> f64 {
 /// The noise of each point, cm: given, or from the third differences of its coordinates. A point that is not seen long
 /// enough on end takes the median of the others; where none is, the model tells the noise of some frames.
 pub fn by_point(
-    job: &Job,
+    bound: &BoundModel,
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     given: Option<f64>,
@@ -81,7 +81,7 @@ pub fn by_point(
             .iter()
             .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain(ends))
             .collect();
-        smooth::noise_of(&series)
+        kalman_smoother::noise_of(&series)
     };
     let measured: Vec<Option<f64>> = (0..points)
         .map(|p| {
@@ -91,7 +91,7 @@ pub fn by_point(
         .collect();
     let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
     if known.is_empty() {
-        let restorer = job.restorer(&None);
+        let restorer = bound.restorer(&None);
         let step = xyz.nrows().div_ceil(20).max(1);
         known = (0..xyz.nrows())
             .step_by(step)

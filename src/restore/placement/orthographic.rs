@@ -5,12 +5,12 @@
 //! the code fixed, R and t follow by damped Gauss-Newton on the observed coordinates. The scale is the code's: atoms
 //! pass through the origin.
 
-use super::frame::{Restored, point_sd};
-use super::observed::Observed;
-use super::synthesis::Synthesis;
+use super::alternating::PlacementSolver;
 use crate::pose::rotation::exponential;
 use crate::pose::{PoseMap, Similarity};
 use crate::prior::{Fit, Prior};
+use crate::restore::frame_restorer::{RestoredFrame, point_sd};
+use crate::restore::observed::Observed;
 use glam::{DMat3, DVec3};
 
 /// Restores one frame with points observed in part, from where it is `known` to stand or else from the headings that typical
@@ -18,9 +18,9 @@ use glam::{DMat3, DVec3};
 pub fn restore(
     prior: &dyn Prior,
     seen: Observed<'_>,
-    synthesis: &Synthesis,
+    solver: &PlacementSolver,
     known: Option<Similarity>,
-) -> Option<Restored> {
+) -> Option<RestoredFrame> {
     let count = seen
         .noise
         .chunks_exact(3)
@@ -32,10 +32,10 @@ pub fn restore(
     let mut best: Option<(Fit, DMat3, DVec3)> = None;
     let starts = match known {
         Some(known) => vec![(known.rotation, known.shift)],
-        None => starts(prior, seen, synthesis.headings),
+        None => starts(prior, seen, solver.headings),
     };
     for start in starts {
-        let solved = descend(prior, seen, start, synthesis.iterations.min(12));
+        let solved = descend(prior, seen, start, solver.iterations.min(12));
         if best
             .as_ref()
             .is_none_or(|(b, ..)| solved.0.objective < b.objective)
@@ -59,7 +59,7 @@ pub fn restore(
     let turned = prior.mapped(&PoseMap::Turn(rotation));
     let moved = shifted(seen.y, -shift);
     let posterior = turned.posterior(&moved, seen.noise, &fit);
-    Some(Restored {
+    Some(RestoredFrame {
         mean: shifted(&posterior.mean, shift),
         sd: point_sd(&posterior.variance),
         placement: Similarity {

@@ -60,8 +60,8 @@ impl RigidBones {
     /// The points of a frame that break rigid bones; `noise` is the standard deviation of a coordinate.
     ///
     /// While a bone is broken, the end with the most broken bones is blamed, then the one with the larger share of its
-    /// bones broken, then the one that `doubt` (a distance from what the model expects) points at.
-    pub fn suspects(&self, y: &[f64], noise: f64, doubt: impl Fn(usize) -> f64) -> Vec<usize> {
+    /// bones broken, then the one that `undecided` (a distance from what the model expects) points at.
+    pub fn outliers(&self, y: &[f64], noise: f64, undecided: impl Fn(usize) -> f64) -> Vec<usize> {
         let at = |j: usize| DVec3::from_slice(&y[3 * j..3 * j + 3]);
         let seen: Vec<_> = self
             .0
@@ -69,7 +69,7 @@ impl RigidBones {
             .map(|&(k, p, length, slack)| (k, p, (at(k) - at(p)).length() - length, slack))
             .filter(|(_, _, off, _)| off.is_finite())
             .collect();
-        let broken = |off: f64, slack: f64| off.abs() > slack + 6.0 * noise;
+        let broken_bones = |off: f64, slack: f64| off.abs() > slack + 6.0 * noise;
         let mut blamed: Vec<usize> = Vec::new();
         loop {
             // point -> (broken, all)
@@ -81,7 +81,7 @@ impl RigidBones {
                 for end in [k, p] {
                     let entry = tally.entry(end).or_default();
                     entry.1 += 1;
-                    entry.0 += usize::from(broken(off, slack));
+                    entry.0 += usize::from(broken_bones(off, slack));
                 }
             }
             let worst =
@@ -92,7 +92,7 @@ impl RigidBones {
                         let share = |t: &(usize, usize)| t.0 as f64 / t.1 as f64;
                         x.0.cmp(&y.0)
                             .then(share(x).total_cmp(&share(y)))
-                            .then(doubt(*a).total_cmp(&doubt(*b)))
+                            .then(undecided(*a).total_cmp(&undecided(*b)))
                     });
             match worst {
                 Some((point, _)) => blamed.push(point),
@@ -120,22 +120,22 @@ mod tests {
         let (parents, pose) = chain();
         let xyz = Array2::from_shape_fn((20, 12), |(_, i)| pose[i]);
         let bones = RigidBones::measure(&parents, xyz.view());
-        assert!(bones.suspects(&pose, 0.0, |_| 0.0).is_empty());
+        assert!(bones.outliers(&pose, 0.0, |_| 0.0).is_empty());
         for moved in 0..4 {
             let mut y = pose.clone();
             y[3 * moved] += 15.0;
             // At a chain's end both ends of the one broken bone are blamed alike but for their other bones.
             assert_eq!(
-                bones.suspects(&y, 0.0, |j| f64::from(j == moved)),
+                bones.outliers(&y, 0.0, |j| f64::from(j == moved)),
                 [moved],
                 "{moved}"
             );
             // Noise of that size explains it.
-            assert!(bones.suspects(&y, 5.0, |_| 0.0).is_empty());
+            assert!(bones.outliers(&y, 5.0, |_| 0.0).is_empty());
         }
         let mut y = pose.clone();
         y[3..6].fill(f64::NAN);
-        assert!(bones.suspects(&y, 0.0, |_| 0.0).is_empty());
+        assert!(bones.outliers(&y, 0.0, |_| 0.0).is_empty());
     }
 
     #[test]

@@ -11,13 +11,13 @@
 //! a turned observation gives the turned answer. From each heading the evidence of a model that tells its slope
 //! ([`Prior::slope`]) is climbed instead.
 
-use super::climb::{self, Climbed};
-use super::observed::{Observed, pointwise};
-use super::turn::{angles_from, turn, turn_derivatives};
+use super::evidence::{self, Ascent};
 use crate::pose::align::{Free, fit_similarity};
 use crate::pose::rotation::angle_between;
 use crate::pose::{Anchor, Similarity};
 use crate::prior::{Fit, Prior};
+use crate::restore::observed::{Observed, pointwise};
+use crate::restore::turn::{angles_from, turn, turn_derivatives};
 use glam::{DMat3, DVec3};
 
 /// Headings nearer to each other than this are one (radians).
@@ -25,7 +25,7 @@ const SAME_HEADING: f64 = 0.35;
 
 /// How P1 is solved.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Synthesis {
+pub struct PlacementSolver {
     /// How many headings are tried, the most promising first.
     pub headings: usize,
     /// At most so many alternations a heading.
@@ -36,9 +36,9 @@ pub struct Synthesis {
     pub rotation_prior: DVec3,
 }
 
-impl Default for Synthesis {
+impl Default for PlacementSolver {
     fn default() -> Self {
-        Synthesis {
+        PlacementSolver {
             headings: 4,
             iterations: 30,
             tolerance: 1e-5,
@@ -49,7 +49,7 @@ impl Default for Synthesis {
 
 /// A solved P1.
 #[derive(Debug, Clone)]
-pub struct Solution {
+pub struct PlacementSolution {
     /// From the model's space to the observation's.
     pub placement: Similarity,
     /// The code in the model's space; its objective is (7), the rotation prior's part left out. None where the evidence was
@@ -61,7 +61,7 @@ pub struct Solution {
     pub iterations: usize,
 }
 
-impl Synthesis {
+impl PlacementSolver {
     /// Solves P1 from the headings that the points suggest and from `known` ones (a pelvis, the frame before).
     ///
     /// `None` when the points do not determine a rotation: fewer than three, or all on a line.
@@ -71,13 +71,13 @@ impl Synthesis {
         seen: Observed<'_>,
         anchor: &Anchor,
         known: &[Similarity],
-    ) -> Option<Solution> {
+    ) -> Option<PlacementSolution> {
         let starts = self.headings(prior, seen, known)?;
-        let mut best: Option<Solution> = None;
+        let mut best: Option<PlacementSolution> = None;
         let mut tops = Vec::new();
         for start in starts {
-            let solved = match climb::climb(self, prior, seen, start, &tops) {
-                Climbed::Top(solved) => {
+            let solved = match evidence::maximize(self, prior, seen, start, &tops) {
+                Ascent::Top(solved) => {
                     // Who wishes to stay near another start climbs elsewhere, and one that ran out of steps is at no top.
                     let is_top = solved.iterations < self.iterations;
                     if is_top && self.rotation_prior == DVec3::ZERO {
@@ -85,8 +85,8 @@ impl Synthesis {
                     }
                     solved
                 }
-                Climbed::SameTop => continue,
-                Climbed::Flat => self.descend(prior, seen, anchor, start, None),
+                Ascent::SameTop => continue,
+                Ascent::Flat => self.descend(prior, seen, anchor, start, None),
             };
             if best.as_ref().is_none_or(|b| solved.objective < b.objective) {
                 best = Some(solved);
@@ -98,17 +98,17 @@ impl Synthesis {
     /// Solves P1 from the solution of a moment before, as while a joint is dragged: from where it stood, its atoms kept where
     /// coding anew is worse.
     ///
-    /// `None` as for [`Synthesis::solve`].
+    /// `None` as for [`PlacementSolver::solve`].
     pub fn follow(
         &self,
         prior: &dyn Prior,
         seen: Observed<'_>,
         anchor: &Anchor,
-        before: &Solution,
-    ) -> Option<Solution> {
+        before: &PlacementSolution,
+    ) -> Option<PlacementSolution> {
         let start = *self.headings(prior, seen, &[before.placement])?.first()?;
-        match climb::climb(self, prior, seen, start, &[]) {
-            Climbed::Top(solved) => Some(solved),
+        match evidence::maximize(self, prior, seen, start, &[]) {
+            Ascent::Top(solved) => Some(solved),
             _ => Some(self.descend(prior, seen, anchor, start, before.fit.as_ref())),
         }
     }
@@ -167,7 +167,7 @@ impl Synthesis {
         anchor: &Anchor,
         start: Similarity,
         before: Option<&Fit>,
-    ) -> Solution {
+    ) -> PlacementSolution {
         let mut back = vec![0.0; seen.y.len()];
         let noise = pointwise(seen.noise);
         let mut code = |placement: &Similarity, before: Option<&Fit>| {
@@ -186,7 +186,7 @@ impl Synthesis {
             let next_objective = next_fit.objective + self.prior_cost(&next, &start);
             // Rounding aside the objective cannot rise; where it does not fall there is nothing left to do.
             if !(next_objective < objective) {
-                return Solution {
+                return PlacementSolution {
                     placement,
                     fit: Some(fit),
                     objective,
@@ -196,7 +196,7 @@ impl Synthesis {
             let settled = objective - next_objective <= self.tolerance * objective;
             (placement, fit, objective) = (next, next_fit, next_objective);
             if settled {
-                return Solution {
+                return PlacementSolution {
                     placement,
                     fit: Some(fit),
                     objective,
@@ -204,7 +204,7 @@ impl Synthesis {
                 };
             }
         }
-        Solution {
+        PlacementSolution {
             placement,
             fit: Some(fit),
             objective,
@@ -385,16 +385,16 @@ mod tests {
     #[test]
     fn following_a_solution_never_makes_it_worse() {
         let (prior, anchor, mut y, noise) = scene();
-        let synthesis = Synthesis {
+        let solver = PlacementSolver {
             iterations: 3,
-            ..Synthesis::default()
+            ..PlacementSolver::default()
         };
         let seen = Observed {
             y: &y,
             noise: &noise,
         };
-        let first = synthesis.solve(&prior, seen, &anchor, &[]).unwrap();
-        let again = synthesis.follow(&prior, seen, &anchor, &first).unwrap();
+        let first = solver.solve(&prior, seen, &anchor, &[]).unwrap();
+        let again = solver.follow(&prior, seen, &anchor, &first).unwrap();
         assert!(
             again.objective <= first.objective,
             "{} {}",
@@ -407,10 +407,10 @@ mod tests {
             y: &y,
             noise: &noise,
         };
-        let alone = synthesis
+        let alone = solver
             .solve(&prior, seen, &anchor, &[first.placement])
             .unwrap();
-        let moved = synthesis.follow(&prior, seen, &anchor, &again).unwrap();
+        let moved = solver.follow(&prior, seen, &anchor, &again).unwrap();
         assert!(moved.objective <= 2.0 * alone.objective + 1e-9);
         assert!((moved.placement.shift - again.placement.shift).length() < 5.0);
         // Two points determine nothing.
@@ -421,6 +421,6 @@ mod tests {
             y: &y,
             noise: &hidden,
         };
-        assert!(synthesis.follow(&prior, seen, &anchor, &again).is_none());
+        assert!(solver.follow(&prior, seen, &anchor, &again).is_none());
     }
 }

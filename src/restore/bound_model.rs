@@ -1,10 +1,10 @@
 //! A table and a model put together: which point of the one is which of the other, whose body, which space.
 
-use super::adapt;
-use super::frame::Restorer;
-use super::synthesis::Synthesis;
-use super::treat::Treatment;
-use super::treat::base::BaseNoise;
+use super::body_adaptation;
+use super::frame_restorer::FrameRestorer;
+use super::placement::alternating::PlacementSolver;
+use super::rigid::RigidModel;
+use super::rigid::noise_floor::NoiseFloor;
 use crate::io::Model;
 use crate::pose::{Anchor, Body, PoseMap, joints};
 use crate::prior::{self, Choice, Prior};
@@ -16,7 +16,7 @@ use std::borrow::Cow;
 const SAME_BODY: f64 = 0.002;
 
 /// A model made ready for the points of a table. Everything inside is in the model's order of points.
-pub struct Job {
+pub struct BoundModel {
     prior: Box<dyn Prior>,
     anchor: Option<Anchor>,
     /// The model's bones, for world space; the captured body's replace them.
@@ -24,14 +24,14 @@ pub struct Job {
     mirror: Vec<Option<usize>>,
     /// Where each point of the model stands in the table.
     index: Vec<Option<usize>>,
-    synthesis: Synthesis,
+    solver: PlacementSolver,
     /// Empty where the model knows of none, or answers as published.
-    treatment: Treatment,
+    rigid: RigidModel,
     /// The same before anybody's lengths are measured.
-    anyones: Treatment,
+    unknown_body: RigidModel,
 }
 
-impl Job {
+impl BoundModel {
     /// Opens `model` for a table of `points`. In world space poses are placed; else rows are used as they are.
     pub fn new(
         model: &Model,
@@ -39,11 +39,11 @@ impl Job {
         source: &str,
         points: &[String],
         world: bool,
-    ) -> Result<Job> {
+    ) -> Result<BoundModel> {
         let prior = prior::open(model, choice, source)?;
-        let treatment = match choice.published {
-            true => Treatment::default(),
-            false => Treatment::read(model, source)?,
+        let rigid = match choice.published {
+            true => RigidModel::default(),
+            false => RigidModel::read(model, source)?,
         };
         let names = &model.meta.points;
         let index: Vec<_> = names
@@ -72,15 +72,15 @@ impl Job {
         let mirror = (0..names.len())
             .map(|i| joints::mirrored(names, i))
             .collect();
-        Ok(Job {
+        Ok(BoundModel {
             prior,
             anchor,
             mirror,
             index,
-            synthesis: Synthesis::default(),
-            anyones: treatment.of_anyone(),
+            solver: PlacementSolver::default(),
+            unknown_body: rigid.for_unknown_body(),
             body,
-            treatment,
+            rigid,
         })
     }
 
@@ -122,7 +122,7 @@ impl Job {
 
     /// The prior for the body that these frames (of one take, in the model's order) show; `None`: the model's own fits.
     pub fn prior_for(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Box<dyn Prior>> {
-        let map = adapt::map_to(self.body.as_ref()?, frames, noise, &self.mirror);
+        let map = body_adaptation::map_to(self.body.as_ref()?, frames, noise, &self.mirror);
         let same = match &map {
             PoseMap::Reshape { ratios, .. } => ratios.iter().all(|r| (r - 1.0).abs() <= SAME_BODY),
             PoseMap::Turn(_) => false,
@@ -132,10 +132,10 @@ impl Job {
 
     /// What is known of a frame's rigid distances before its body is measured, and its base noise by that. In world space
     /// the body may be anyone's; rows that are used as they are may be of the bodies that the model knows.
-    pub fn unmeasured(&self, y: &[f64]) -> Option<(&Treatment, BaseNoise)> {
-        let own = self.body.is_none().then_some(&self.treatment);
-        let mut all = own.into_iter().chain([&self.anyones]);
-        all.find_map(|t| Some((t, t.base_noise(y)?)))
+    pub fn noise_floor_of(&self, y: &[f64]) -> Option<(&RigidModel, NoiseFloor)> {
+        let own = self.body.is_none().then_some(&self.rigid);
+        let mut all = own.into_iter().chain([&self.unknown_body]);
+        all.find_map(|t| Some((t, t.noise_floor(y)?)))
     }
 
     /// What is known of rigid distances of that body; `noise` is what the lengths were measured with, the standard
@@ -145,29 +145,29 @@ impl Job {
         adapted: &Option<Box<dyn Prior>>,
         frames: ArrayView2<'_, f64>,
         noise: f64,
-    ) -> Cow<'_, Treatment> {
-        let Some(adapted) = adapted.as_ref().filter(|_| !self.treatment.is_empty()) else {
-            return Cow::Borrowed(&self.treatment);
+    ) -> Cow<'_, RigidModel> {
+        let Some(adapted) = adapted.as_ref().filter(|_| !self.rigid.is_empty()) else {
+            return Cow::Borrowed(&self.rigid);
         };
-        let unsure = |ends: [usize; 2], length: f64| {
+        let length_sd = |ends: [usize; 2], length: f64| {
             let seen = |row: ArrayView1<'_, f64>| {
                 let all = ends.iter().flat_map(|p| 3 * p..3 * p + 3);
                 all.into_iter().all(|i| row[i].is_finite())
             };
             let count = frames.rows().into_iter().filter(|r| seen(*r)).count();
-            adapt::unsure(length, noise, count)
+            body_adaptation::length_sd(length, noise, count)
         };
         let (from, to) = (self.prior.typical(), adapted.typical());
-        Cow::Owned(self.treatment.mapped(from, to, unsure))
+        Cow::Owned(self.rigid.mapped(from, to, length_sd))
     }
 
-    /// What restores frames, with the prior that [`Job::prior_for`] gave, and without a treatment.
-    pub fn restorer<'a>(&'a self, adapted: &'a Option<Box<dyn Prior>>) -> Restorer<'a> {
-        Restorer {
+    /// What restores frames, with the prior that [`BoundModel::prior_for`] gave, and without a treatment.
+    pub fn restorer<'a>(&'a self, adapted: &'a Option<Box<dyn Prior>>) -> FrameRestorer<'a> {
+        FrameRestorer {
             prior: adapted.as_deref().unwrap_or(&*self.prior),
             anchor: self.anchor.as_ref(),
-            synthesis: self.synthesis.clone(),
-            treatment: None,
+            solver: self.solver.clone(),
+            rigid: None,
         }
     }
 }

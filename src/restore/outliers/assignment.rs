@@ -1,11 +1,12 @@
 //! Which points in doubt are corrupt: the likely assignments, by what is expected of all of them at once.
 
-use super::super::bones::{base_of, log_odds};
-use super::frame::Frame;
-use super::judge::SCALES;
+use super::frame_state::FrameState;
+use super::leave_one_out::SCALES;
+use super::rigid_likelihood::log_odds;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::Belief;
+use crate::restore::rigid::distances::base_of;
 
 /// Assignments that the beam carries along, and that make an answer.
 const WIDTH: (usize, usize) = (16, 8);
@@ -20,7 +21,7 @@ pub struct Assignment {
     /// One a point in doubt.
     pub corrupt: Vec<bool>,
     /// What odds and distances say of it: a part of the log weight.
-    pub told: f64,
+    pub noise_variance: f64,
 }
 
 /// A number at each scale, side by side.
@@ -66,13 +67,21 @@ impl Hypothesis {
 
     /// What the next point adds, clean and corrupt. Its rows before its own three numbers go to `rows`.
     #[inline(always)]
-    fn next(&self, frame: &Frame, expected: &Belief, rows: &mut [Vec<Scaled>; 3]) -> [Next; 2] {
-        let (n, p) = (3 * self.assigned.len(), frame.doubt[self.assigned.len()]);
+    fn next(
+        &self,
+        frame: &FrameState,
+        expected: &Belief,
+        rows: &mut [Vec<Scaled>; 3],
+    ) -> [Next; 2] {
+        let (n, p) = (
+            3 * self.assigned.len(),
+            frame.undecided[self.assigned.len()],
+        );
         for (axis, out) in rows.iter_mut().enumerate() {
             out.clear();
             let row = expected.covariance.row(3 * p + axis);
             for h in 0..n {
-                let other = 3 * frame.doubt[h / 3] + h % 3;
+                let other = 3 * frame.undecided[h / 3] + h % 3;
                 let from = h * (h + 1) / 2;
                 let factor = &self.factor[from..=from + h];
                 let known = products(&factor[..h], out);
@@ -86,8 +95,8 @@ impl Hypothesis {
         let off: [Scaled; 3] = std::array::from_fn(|a| products(&rows[a], &self.white));
         [false, true].map(|corrupt| {
             let noise = match corrupt {
-                true => frame.look.slab[p],
-                false => base_of(&frame.told, p),
+                true => frame.likelihood.outlier_variance[p],
+                false => base_of(&frame.noise_variance, p),
             };
             let mut next = Next {
                 score: 0.0,
@@ -95,7 +104,7 @@ impl Hypothesis {
                 block: Default::default(),
                 white: Default::default(),
                 log: self.log,
-                more: self.more + self.told(frame, p, corrupt),
+                more: self.more + self.noise_variance(frame, p, corrupt),
             };
             for axis in 0..3 {
                 next.add(
@@ -112,7 +121,7 @@ impl Hypothesis {
     }
 
     /// What odds and distances say of the next point.
-    fn told(&self, frame: &Frame, p: usize, corrupt: bool) -> f64 {
+    fn noise_variance(&self, frame: &FrameState, p: usize, corrupt: bool) -> f64 {
         if corrupt {
             return log_odds();
         }
@@ -137,7 +146,7 @@ impl Next {
     #[inline(always)]
     fn add(
         &mut self,
-        frame: &Frame,
+        frame: &FrameState,
         expected: &Belief,
         (p, axis): (usize, usize),
         (known, off): (&[Scaled; 3], &Scaled),
@@ -184,17 +193,17 @@ fn products(a: &[Scaled], b: &[Scaled]) -> Scaled {
 }
 
 /// The likely assignments of the points in doubt, the heaviest first; the weights add up to one.
-pub fn likely(frame: &Frame, expected: &Belief) -> Vec<Assignment> {
+pub fn likely(frame: &FrameState, expected: &Belief) -> Vec<Assignment> {
     let mut beam = vec![Hypothesis::of_nothing()];
     let mut rows: Vec<[Vec<Scaled>; 3]> = Vec::new();
-    for _ in &frame.doubt {
+    for _ in &frame.undecided {
         beam = widened(frame, expected, beam, &mut rows);
     }
     let best = beam[0].score();
     let mut out: Vec<Assignment> = (beam.into_iter())
         .map(|h| Assignment {
             weight: (h.score() - best).exp(),
-            told: h.more,
+            noise_variance: h.more,
             corrupt: h.assigned,
         })
         .filter(|a| a.weight >= LEAST)
@@ -204,8 +213,8 @@ pub fn likely(frame: &Frame, expected: &Belief) -> Vec<Assignment> {
         // A prior that expects no number tells nothing.
         out.push(Assignment {
             weight: 1.0,
-            corrupt: frame.doubt.iter().map(|p| frame.corrupt[*p]).collect(),
-            told: 0.0,
+            corrupt: frame.undecided.iter().map(|p| frame.corrupt[*p]).collect(),
+            noise_variance: 0.0,
         });
     }
     let total: f64 = out.iter().map(|a| a.weight).sum();
@@ -215,7 +224,7 @@ pub fn likely(frame: &Frame, expected: &Belief) -> Vec<Assignment> {
 
 /// The likeliest hypotheses with the next point, the likeliest first. `rows` is room.
 fn widened(
-    frame: &Frame,
+    frame: &FrameState,
     expected: &Belief,
     beam: Vec<Hypothesis>,
     rows: &mut Vec<[Vec<Scaled>; 3]>,

@@ -9,17 +9,12 @@
 //!
 //! The sum over z is taken over the best few assignments of a beam that goes from point to point.
 
-use super::base;
-use super::bodies::{Bodies, Lengths};
 use crate::numeric::small_linalg::log_sum;
-use crate::pose::ASF_UNIT_CM;
-use crate::prior::EXACT_VARIANCE;
 use crate::prior::pairs::RigidPairs;
+use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
+use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations, is_seen};
+use crate::restore::rigid::noise_floor;
 
-/// The share of points that are corrupt.
-pub const SHARE: f64 = 0.2;
-/// The least variance of a corrupt point's coordinate, cm²: (1 asf)².
-pub const SLAB: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 /// The share of a corrupt end's distances that are further off than its slab tells.
 const FAR: f64 = 0.3;
 /// What a prior leaves of a distance's deviation when it knows of no bones, cm²: the lengths tell what they tell beyond it.
@@ -29,7 +24,7 @@ const WIDTH: usize = 64;
 
 /// The log odds of a corrupt point before anything is known.
 pub fn log_odds() -> f64 {
-    (SHARE / (1.0 - SHARE)).ln()
+    (OUTLIER_SHARE / (1.0 - OUTLIER_SHARE)).ln()
 }
 
 /// log N(x; 0, v) without the constant.
@@ -39,7 +34,7 @@ fn log_normal(x: f64, v: f64) -> f64 {
 
 /// A distance seen.
 #[derive(Debug, Clone)]
-pub struct Term {
+pub struct DistanceTerm {
     /// Its ends.
     pub ends: [usize; 2],
     /// The log density of its deviation by which ends are corrupt: none, the first, the second, both.
@@ -50,89 +45,22 @@ pub struct Term {
 
 /// What the distances of a frame tell.
 #[derive(Debug, Clone)]
-pub struct Look {
+pub struct RigidLikelihood {
     /// The distances between points that are seen.
-    pub terms: Vec<Term>,
+    pub terms: Vec<DistanceTerm>,
     /// The probability that each point is corrupt; 0 for those not seen.
     pub corrupt: Vec<f64>,
     /// The variance of a coordinate of each point if it is corrupt, cm².
-    pub slab: Vec<f64>,
+    pub outlier_variance: Vec<f64>,
     /// The square of how far off the distance of each point is that is off most, cm².
     pub farthest: Vec<f64>,
     /// Whose lengths were taken.
     pub lengths: Lengths,
 }
 
-fn distance(y: &[f64], [i, j]: [usize; 2]) -> f64 {
-    (0..3)
-        .map(|c| (y[3 * i + c] - y[3 * j + c]).powi(2))
-        .sum::<f64>()
-        .sqrt()
-}
-
-/// Whether a point is seen: all of it.
-pub fn is_seen(y: &[f64], told: &[f64], p: usize) -> bool {
-    (3 * p..3 * p + 3).all(|i| y[i].is_finite() && told[i].is_finite())
-}
-
-/// The base variance of a point, cm².
-pub fn base_of(told: &[f64], p: usize) -> f64 {
-    (told[3 * p..3 * p + 3].iter().sum::<f64>() / 3.0).max(EXACT_VARIANCE)
-}
-
-/// The distances seen: which pair's, how far its ends are apart, and the base variance of that.
-pub fn deviations<'a>(
-    pairs: &'a RigidPairs,
-    y: &'a [f64],
-    told: &'a [f64],
-) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
-    let both = move |&(_, ends): &(usize, [usize; 2])| ends.iter().all(|p| is_seen(y, told, *p));
-    let of = pairs.pairs.iter().map(|p| p.ends).enumerate().filter(both);
-    of.map(move |(k, ends)| {
-        (
-            k,
-            distance(y, ends),
-            base_of(told, ends[0]) + base_of(told, ends[1]),
-        )
-    })
-}
-
-/// Looks at a frame: `told` holds the base variance of each coordinate, infinite where it is missing.
-pub fn look(pairs: &RigidPairs, bodies: &Bodies, y: &[f64], told: &[f64]) -> Look {
-    let points = y.len() / 3;
-    let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, told).collect();
-    let lengths = base::lengths(bodies, &seen);
-    let unary: Vec<f64> = (0..points)
-        .map(|p| {
-            if is_seen(y, told, p) {
-                log_odds()
-            } else {
-                f64::NEG_INFINITY
-            }
-        })
-        .collect();
-    let slab = slabs(pairs, &seen, &lengths, &vec![0.0; points]);
-    let mut look = Look {
-        terms: terms(pairs, &seen, &lengths, &slab),
-        corrupt: Vec::new(),
-        slab,
-        farthest: farthest(pairs, &seen, &lengths, points),
-        lengths,
-    };
-    look.corrupt = look.marginals(&unary);
-    // Distances to other corrupt points tell nothing of how far one is off.
-    let again = slabs(pairs, &seen, &look.lengths, &look.corrupt);
-    if again != look.slab {
-        look.terms = terms(pairs, &seen, &look.lengths, &again);
-        look.slab = again;
-        look.corrupt = look.marginals(&unary);
-    }
-    look
-}
-
 /// The variance of a coordinate of each point if it is corrupt: all distances of a point that is far off are off, its
 /// neighbours' others are not. Distances to points that are likely `corrupt` count where there is no other.
-fn slabs(
+fn outlier_variances(
     pairs: &RigidPairs,
     seen: &[(usize, f64, f64)],
     lengths: &Lengths,
@@ -150,8 +78,8 @@ fn slabs(
     least
         .into_iter()
         .map(|l| match of(l) {
-            l if l.is_finite() => l.max(SLAB),
-            _ => SLAB,
+            l if l.is_finite() => l.max(MIN_OUTLIER_VARIANCE),
+            _ => MIN_OUTLIER_VARIANCE,
         })
         .collect()
 }
@@ -177,15 +105,22 @@ fn terms(
     pairs: &RigidPairs,
     seen: &[(usize, f64, f64)],
     lengths: &Lengths,
-    slab: &[f64],
-) -> Vec<Term> {
+    outlier_variance: &[f64],
+) -> Vec<DistanceTerm> {
     seen.iter()
         .map(|&(k, d, base)| {
             let ends = pairs.pairs[k].ends;
             let (off, v) = (d - lengths.mean[k], lengths.variance[k] + base);
             let log = |z: usize| {
-                let more = if z & 1 > 0 { slab[ends[0]] } else { 0.0 }
-                    + if z & 2 > 0 { slab[ends[1]] } else { 0.0 };
+                let more = if z & 1 > 0 {
+                    outlier_variance[ends[0]]
+                } else {
+                    0.0
+                } + if z & 2 > 0 {
+                    outlier_variance[ends[1]]
+                } else {
+                    0.0
+                };
                 // Noise across a bone makes it longer.
                 let shift = (more / lengths.mean[k].max(1.0)).min(more.sqrt());
                 let near = log_normal(off - shift, v + more);
@@ -195,7 +130,7 @@ fn terms(
                 let far = log_normal(off, v + more.max(off * off));
                 log_sum(&[(1.0 - FAR).ln() + near, FAR.ln() + far])
             };
-            Term {
+            DistanceTerm {
                 ends,
                 logs: std::array::from_fn(log),
                 clean: log_normal(off, v) - log_normal(off, v + PRIOR_KNOWS),
@@ -204,11 +139,49 @@ fn terms(
         .collect()
 }
 
-impl Look {
+impl RigidLikelihood {
+    /// Looks at a frame: `noise_variance` holds the base variance of each coordinate, infinite where it is missing.
+    pub fn new(
+        pairs: &RigidPairs,
+        bodies: &BodyMixture,
+        y: &[f64],
+        noise_variance: &[f64],
+    ) -> Self {
+        let points = y.len() / 3;
+        let seen: Vec<(usize, f64, f64)> = deviations(pairs, y, noise_variance).collect();
+        let lengths = noise_floor::lengths(bodies, &seen);
+        let unary: Vec<f64> = (0..points)
+            .map(|p| {
+                if is_seen(y, noise_variance, p) {
+                    log_odds()
+                } else {
+                    f64::NEG_INFINITY
+                }
+            })
+            .collect();
+        let outlier_variance = outlier_variances(pairs, &seen, &lengths, &vec![0.0; points]);
+        let mut likelihood = RigidLikelihood {
+            terms: terms(pairs, &seen, &lengths, &outlier_variance),
+            corrupt: Vec::new(),
+            outlier_variance,
+            farthest: farthest(pairs, &seen, &lengths, points),
+            lengths,
+        };
+        likelihood.corrupt = likelihood.marginals(&unary);
+        // Distances to other corrupt points tell nothing of how far one is off.
+        let again = outlier_variances(pairs, &seen, &likelihood.lengths, &likelihood.corrupt);
+        if again != likelihood.outlier_variance {
+            likelihood.terms = terms(pairs, &seen, &likelihood.lengths, &again);
+            likelihood.outlier_variance = again;
+            likelihood.corrupt = likelihood.marginals(&unary);
+        }
+        likelihood
+    }
+
     /// The probability that each point is corrupt, given the log odds of each by itself (−∞: it is not).
     pub fn marginals(&self, unary: &[f64]) -> Vec<f64> {
         let points = unary.len();
-        let mut ending: Vec<Vec<&Term>> = vec![Vec::new(); points];
+        let mut ending: Vec<Vec<&DistanceTerm>> = vec![Vec::new(); points];
         for term in &self.terms {
             ending[term.ends[0].max(term.ends[1])].push(term);
         }
@@ -222,7 +195,7 @@ impl Look {
                     }
                     let z = z | c << p;
                     let bit = |q: usize| (z >> q & 1) as usize;
-                    let of = |t: &&Term| t.logs[bit(t.ends[0]) + 2 * bit(t.ends[1])];
+                    let of = |t: &&DistanceTerm| t.logs[bit(t.ends[0]) + 2 * bit(t.ends[1])];
                     let more: f64 = ending[p].iter().map(of).sum();
                     next.push((z, score + more + if c == 1 { unary[p] } else { 0.0 }));
                 }
@@ -274,23 +247,23 @@ mod tests {
     #[test]
     fn a_point_within_the_chain_is_found_and_a_tip_is_in_doubt() {
         let (pairs, pose) = chain();
-        let bodies = Bodies::of(&pairs);
-        let none = look(&pairs, &bodies, &pose, &[0.0; 15]);
+        let bodies = BodyMixture::of(&pairs);
+        let none = RigidLikelihood::new(&pairs, &bodies, &pose, &[0.0; 15]);
         assert!(none.corrupt.iter().all(|q| *q < 0.05), "{:?}", none.corrupt);
         let mut y = pose.clone();
         y[7] += 9.0;
         y[6] += 3.0;
-        let one = look(&pairs, &bodies, &y, &[0.0; 15]);
+        let one = RigidLikelihood::new(&pairs, &bodies, &y, &[0.0; 15]);
         assert!(one.corrupt[2] > 0.97, "{:?}", one.corrupt);
         assert!([0, 1, 3, 4].iter().all(|p| one.corrupt[*p] < 0.05));
         let mut y = pose.clone();
         y[12] += 4.0;
-        let tip = look(&pairs, &bodies, &y, &[0.0; 15]);
+        let tip = RigidLikelihood::new(&pairs, &bodies, &y, &[0.0; 15]);
         assert!((0.3..1.0).contains(&tip.corrupt[4]), "{:?}", tip.corrupt);
         // A point not seen is not corrupt, and tells nothing of its neighbours.
         let mut y = pose;
         y[6] = f64::NAN;
-        let gap = look(&pairs, &bodies, &y, &[0.0; 15]);
+        let gap = RigidLikelihood::new(&pairs, &bodies, &y, &[0.0; 15]);
         assert!(gap.corrupt[2] == 0.0 && gap.terms.len() == 2);
     }
 
@@ -298,17 +271,21 @@ mod tests {
     fn how_far_off_a_point_is_is_not_told_by_corrupt_neighbours() {
         // Point 2 is off, and point 3 as well: from one another they are nearly as far as they should be.
         let (pairs, pose) = chain();
-        let lengths = &Bodies::of(&pairs).all[0].1;
+        let lengths = &BodyMixture::of(&pairs).all[0].1;
         let mut y = pose.clone();
         y[7] += 90.0;
         y[10] += 94.0;
         let seen: Vec<_> = deviations(&pairs, &y, &[0.0; 15]).collect();
-        let slab = |corrupt: &[f64]| slabs(&pairs, &seen, lengths, corrupt)[3];
-        assert_eq!(slab(&[0.0; 5]), SLAB);
-        assert!(slab(&[0.0, 0.0, 1.0, 0.0, 0.0]) > 80.0 * 80.0);
-        assert_eq!(slab(&[0.0, 0.0, 1.0, 1.0, 1.0]), SLAB);
+        let outlier_variance =
+            |corrupt: &[f64]| outlier_variances(&pairs, &seen, lengths, corrupt)[3];
+        assert_eq!(outlier_variance(&[0.0; 5]), MIN_OUTLIER_VARIANCE);
+        assert!(outlier_variance(&[0.0, 0.0, 1.0, 0.0, 0.0]) > 80.0 * 80.0);
+        assert_eq!(
+            outlier_variance(&[0.0, 0.0, 1.0, 1.0, 1.0]),
+            MIN_OUTLIER_VARIANCE
+        );
         // However far off, the first of them is found.
-        let look = look(&pairs, &Bodies::of(&pairs), &y, &[0.0; 15]);
+        let look = RigidLikelihood::new(&pairs, &BodyMixture::of(&pairs), &y, &[0.0; 15]);
         assert!(look.corrupt[2] > 0.9 && look.corrupt[..2].iter().all(|q| *q < 0.1));
     }
 }

@@ -1,40 +1,41 @@
 //! Points judged one by one: by what a belief expects of each without its own observation.
 
-use super::super::bones::{SHARE, SLAB, base_of, is_seen, log_odds};
-use super::assignments::Assignment;
-use super::frame::{Frame, MOST};
-use super::hidden::{Cavity, Shown};
+use super::assignment::Assignment;
+use super::frame_state::{FrameState, MOST, expected_by_prior};
+use super::leave_one_out::{LeaveOneOut, Reinserted, SCALES};
+use super::rigid_likelihood::log_odds;
 use crate::numeric::small_linalg::{factorise, forward, log_sum};
 use crate::prior::{Belief, Prior};
+use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, base_of, is_seen};
 use glam::DMat3;
 
-/// How wrong a prior may be: weight, factor of its variance, what is added to it (cm²).
-pub const SCALES: [(f64, f64, f64); 4] = [
-    (0.4, 1.0, 0.01 * SLAB),
-    (0.3, 4.0, 0.05 * SLAB),
-    (0.2, 16.0, 0.2 * SLAB),
-    (0.1, 64.0, 0.5 * SLAB),
-];
-/// What a point's log likelihood ratio is multiplied by at a second look: the assignments' weights have used the point.
+/// What a point's log likelihood ratio is multiplied by at a second likelihood: the assignments' weights have used the point.
 const SECOND: f64 = 0.5;
 
 /// Where more than this share of an observation's variance is left, nearly all that is believed is its own.
 const MOST_OWN: f64 = 0.98;
 
 /// Where too much is in doubt to hide it all, each point is first judged by what the prior expects of it.
-pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
-    let many: Vec<usize> = (0..frames.len())
-        .filter(|&t| frames[t].doubt.len() > MOST)
+pub fn narrow(prior: &dyn Prior, frames: &mut [FrameState]) {
+    let crowded: Vec<usize> = (0..frames.len())
+        .filter(|&t| frames[t].undecided.len() > MOST)
         .collect();
-    let noise = |f: &Frame| -> Vec<f64> { f.told.iter().map(|v| v.max(SLAB * SHARE)).collect() };
-    let beliefs = super::ask(prior, &many, |t| (frames[t].y.clone(), noise(&frames[t])));
-    for (&t, belief) in many.iter().zip(&beliefs) {
+    let noise = |f: &FrameState| -> Vec<f64> {
+        f.noise_variance
+            .iter()
+            .map(|v| v.max(MIN_OUTLIER_VARIANCE * OUTLIER_SHARE))
+            .collect()
+    };
+    let beliefs = expected_by_prior(prior, &crowded, |t| {
+        (frames[t].y.clone(), noise(&frames[t]))
+    });
+    for (&t, belief) in crowded.iter().zip(&beliefs) {
         let frame = &mut frames[t];
         let guess = noise(frame);
         let odds = |p: usize| {
             let cavity = left_out(&frame.y, belief, p, guess[3 * p]);
-            let told = cavity.and_then(|c| logs(frame, &c, p));
-            log_odds() + told.map_or(0.0, |[clean, corrupt]| corrupt - clean)
+            let noise_variance = cavity.and_then(|c| logs(frame, &c, p));
+            log_odds() + noise_variance.map_or(0.0, |[clean, corrupt]| corrupt - clean)
         };
         let unary = of_seen(frame, odds);
         frame.judge(&unary);
@@ -45,12 +46,12 @@ pub fn narrow(prior: &dyn Prior, frames: &mut [Frame]) {
 /// alone, and a point may be far off and a distance of it right. But the variance of a coordinate is never raised above the
 /// square of the worst distance: a point whose distances are all right is no outlier where only the belief does not expect it.
 ///
-/// `expected` is what was asked with [`Frame::noise`] of no assignment; that stays what it was, as it is no less than the worst
+/// `expected` is what was asked with [`FrameState::noise`] of no assignment; that stays what it was, as it is no less than the worst
 /// distance's. Slabs only rise, also at a second look; what the distances tell of who is corrupt stays what their own slabs
 /// made of it.
-pub fn farther(frame: &mut Frame, expected: &Belief) {
+pub fn farther(frame: &mut FrameState, expected: &Belief) {
     let shown = frame.noise(None);
-    let may = |p: &usize| frame.corrupt[*p] || frame.doubt.contains(p);
+    let may = |p: &usize| frame.corrupt[*p] || frame.undecided.contains(p);
     let may: Vec<usize> = (0..frame.points()).filter(may).collect();
     for p in may {
         let Some(own) = left_out(&frame.y, expected, p, shown[3 * p]) else {
@@ -59,57 +60,65 @@ pub fn farther(frame: &mut Frame, expected: &Belief) {
         let square = |c: usize| own.off[c].powi(2) - own.covariance[4 * c];
         let off = (0..3).map(square).sum::<f64>() / 3.0;
         if off.is_finite() {
-            let slab = &mut frame.look.slab[p];
-            *slab = slab.max(off.min(frame.look.farthest[p]));
+            let outlier_variance = &mut frame.likelihood.outlier_variance[p];
+            *outlier_variance = outlier_variance.max(off.min(frame.likelihood.farthest[p]));
         }
     }
 }
 
 /// Judges all points anew, by what the others expect of each under the likely assignments. `expected` is what is expected of
 /// the points in doubt without them.
-pub fn again(frame: &mut Frame, expected: &Belief, assignments: &[Assignment]) {
+pub fn again(frame: &mut FrameState, expected: &Belief, assignments: &[Assignment]) {
     // What each assignment expects of a point: of those in doubt it is known without them, of the others by leaving them out,
     // which tells of those that were not exact.
     let noise = frame.noise(None);
-    let under = |a: &Assignment| -> Vec<Option<Cavity>> {
-        let shown = Shown::of(frame, expected, &a.corrupt);
+    let under = |a: &Assignment| -> Vec<Option<LeaveOneOut>> {
+        let shown = Reinserted::of(frame, expected, &a.corrupt);
         let belief = shown.belief();
         let mut own = shown.cavities().into_iter();
         (0..frame.points())
-            .map(|p| match frame.doubt.contains(&p) {
+            .map(|p| match frame.undecided.contains(&p) {
                 true => own.next(),
                 false => left_out(&frame.y, &belief, p, noise[3 * p]),
             })
             .collect()
     };
-    let told: Vec<(f64, Vec<Option<Cavity>>)> = (assignments.iter())
+    let noise_variance: Vec<(f64, Vec<Option<LeaveOneOut>>)> = (assignments.iter())
         .map(|a| (a.weight.ln(), under(a)))
         .collect();
     let odds = |p: usize| {
         let (mut clean, mut corrupt) = (Vec::new(), Vec::new());
-        for (weight, each) in &told {
+        for (weight, each) in &noise_variance {
             if let Some(logs) = each[p].as_ref().and_then(|c| logs(frame, c, p)) {
                 clean.push(weight + logs[0]);
                 corrupt.push(weight + logs[1]);
             }
         }
-        let told = log_sum(&corrupt) - log_sum(&clean);
-        log_odds() + if told.is_finite() { SECOND * told } else { 0.0 }
+        let noise_variance = log_sum(&corrupt) - log_sum(&clean);
+        log_odds()
+            + if noise_variance.is_finite() {
+                SECOND * noise_variance
+            } else {
+                0.0
+            }
     };
     let unary = of_seen(frame, odds);
     frame.judge(&unary);
 }
 
 /// Of each point that is seen; −∞ of the others.
-fn of_seen(frame: &Frame, odds: impl Fn(usize) -> f64) -> Vec<f64> {
-    let seen = |p: usize| is_seen(&frame.y, &frame.told, p);
+fn of_seen(frame: &FrameState, odds: impl Fn(usize) -> f64) -> Vec<f64> {
+    let seen = |p: usize| is_seen(&frame.y, &frame.noise_variance, p);
     let of = |p: usize| if seen(p) { odds(p) } else { f64::NEG_INFINITY };
     (0..frame.points()).map(of).collect()
 }
 
 /// The log density of a point where it was seen, if it is clean and if it is corrupt; `None` where no number is expected.
-fn logs(frame: &Frame, expected: &Cavity, p: usize) -> Option<[f64; 2]> {
-    let noises = [base_of(&frame.told, p), frame.look.slab[p]];
+fn logs(frame: &FrameState, expected: &LeaveOneOut, p: usize) -> Option<[f64; 2]> {
+    let noises = [
+        base_of(&frame.noise_variance, p),
+        frame.likelihood.outlier_variance[p],
+    ];
     let logs = noises.map(|n| log_density(expected, n));
     logs.iter().all(|l| l.is_finite()).then_some(logs)
 }
@@ -117,7 +126,7 @@ fn logs(frame: &Frame, expected: &Cavity, p: usize) -> Option<[f64; 2]> {
 /// What a belief would be of a point without its own observation of variance `r` (infinite: it had none). `None` where it leaves
 /// more open than the observation's own noise, as blocks that compete may: it is no Gaussian then; or nearly as much: what is
 /// believed is what was seen, and tells nothing of what the others say.
-fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<Cavity> {
+fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<LeaveOneOut> {
     // P_cav = P (I − P/r)⁻¹ and y − m_cav = (I − P/r)⁻¹ (y − m).
     let left = |by: f64| -> [f64; 9] {
         std::array::from_fn(|k| {
@@ -136,7 +145,7 @@ fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<Cavity> {
         let of = |c: usize| inverse[3 * a + c] * belief.covariance[[3 * p + c, 3 * p + b]];
         (0..3).map(of).sum()
     });
-    Some(Cavity {
+    Some(LeaveOneOut {
         off: without,
         covariance,
     })
@@ -149,7 +158,7 @@ fn is_positive(a: &[f64; 9]) -> bool {
 }
 
 /// log Σ_s w_s N(off; 0, c_s P + (i_s + noise) I), without the constant.
-fn log_density(expected: &Cavity, noise: f64) -> f64 {
+fn log_density(expected: &LeaveOneOut, noise: f64) -> f64 {
     let logs = SCALES.map(|(w, c, i)| {
         let mut a: Vec<f64> = expected.covariance.iter().map(|v| c * v).collect();
         (0..3).for_each(|k| a[4 * k] += i + noise);
@@ -164,9 +173,9 @@ fn log_density(expected: &Cavity, noise: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::bodies::Bodies;
     use super::*;
     use crate::prior::pairs::{Pair, RigidPairs};
+    use crate::restore::rigid::body_lengths::BodyMixture;
     use ndarray::Array2;
 
     #[test]
@@ -184,13 +193,15 @@ mod tests {
         let gain = product(&s, &inverse);
         let mean =
             (0..3).map(|i| m[i] + (0..3).map(|c| gain[3 * i + c] * (y[c] - m[c])).sum::<f64>());
-        let told = product(&gain, &s);
+        let noise_variance = product(&gain, &s);
         let belief = Belief {
             mean: mean.collect(),
-            covariance: Array2::from_shape_fn((3, 3), |(i, j)| s[3 * i + j] - told[3 * i + j]),
+            covariance: Array2::from_shape_fn((3, 3), |(i, j)| {
+                s[3 * i + j] - noise_variance[3 * i + j]
+            }),
             evidence: 0.0,
         };
-        let Cavity { off, covariance } = left_out(&y, &belief, 0, r).unwrap();
+        let LeaveOneOut { off, covariance } = left_out(&y, &belief, 0, r).unwrap();
         for k in 0..3 {
             assert!((off[k] - (y[k] - m[k])).abs() <= 1e-9, "{off:?}");
             assert!(
@@ -199,10 +210,10 @@ mod tests {
             );
         }
         let farther = off.map(|o| 5.0 * o);
-        let near = log_density(&Cavity { off, covariance }, r);
+        let near = log_density(&LeaveOneOut { off, covariance }, r);
         assert!(
             near > log_density(
-                &Cavity {
+                &LeaveOneOut {
                     off: farther,
                     covariance
                 },
@@ -226,7 +237,7 @@ mod tests {
     }
 
     /// A frame of a chain of six points, 10 cm apart, along x; some of them seen elsewhere.
-    fn chain(seen: &[(usize, f64)]) -> (Frame, Vec<f64>) {
+    fn chain(seen: &[(usize, f64)]) -> (FrameState, Vec<f64>) {
         let rigid = |k| Pair {
             ends: [k, k + 1],
             sd: 0.0,
@@ -240,7 +251,7 @@ mod tests {
         let pose: Vec<f64> = (0..6).flat_map(|p| [10.0 * p as f64, 0.0, 0.0]).collect();
         let mut y = pose.clone();
         seen.iter().for_each(|(i, v)| y[*i] = *v);
-        let frame = Frame::new(&pairs, &Bodies::of(&pairs), y, vec![0.0; 18]);
+        let frame = FrameState::new(&pairs, &BodyMixture::of(&pairs), y, vec![0.0; 18]);
         (frame, pose)
     }
 
@@ -253,7 +264,7 @@ mod tests {
     }
 
     /// How far a point is off what is expected, by the variance of a coordinate; what is expected is 1 cm off itself.
-    fn off(frame: &Frame, pose: &[f64], p: usize) -> f64 {
+    fn off(frame: &FrameState, pose: &[f64], p: usize) -> f64 {
         let square = |i: usize| (frame.y[i] - pose[i]).powi(2) - 1.0;
         (3 * p..3 * p + 3).map(square).sum::<f64>() / 3.0
     }
@@ -262,56 +273,64 @@ mod tests {
     fn a_point_is_as_far_off_as_from_where_it_is_expected_but_no_farther_than_its_worst_distance() {
         // Turned about its neighbour: one of its distances is right, the other tells how far off it is.
         let (mut frame, pose) = chain(&[(9, 21.0), (10, 9.9)]);
-        frame.look.corrupt[3] = 0.5;
-        frame.doubt = vec![3];
+        frame.likelihood.corrupt[3] = 0.5;
+        frame.undecided = vec![3];
         frame.corrupt.fill(false);
-        let before = frame.look.slab[3];
+        let before = frame.likelihood.outlier_variance[3];
         farther(&mut frame, &belief(pose.clone(), &[1.0; 18]));
-        let told = off(&frame, &pose, 3);
-        assert!(before < told && told < frame.look.farthest[3]);
-        assert!((frame.look.slab[3] - told).abs() <= 1e-9 * told);
+        let noise_variance = off(&frame, &pose, 3);
+        assert!(before < noise_variance && noise_variance < frame.likelihood.farthest[3]);
+        assert!(
+            (frame.likelihood.outlier_variance[3] - noise_variance).abs() <= 1e-9 * noise_variance
+        );
         // No number tells nothing.
-        let (raised, shown) = (frame.look.slab.clone(), frame.noise(None));
+        let (raised, shown) = (frame.likelihood.outlier_variance.clone(), frame.noise(None));
         farther(&mut frame, &belief(vec![f64::NAN; 18], &[1.0; 18]));
-        assert_eq!(frame.look.slab, raised);
+        assert_eq!(frame.likelihood.outlier_variance, raised);
         // Expected farther off still.
         let far = pose.iter().map(|v| v + 400.0).collect();
         farther(&mut frame, &belief(far, &[1.0; 18]));
-        assert_eq!(frame.look.slab[3], frame.look.farthest[3]);
+        assert_eq!(
+            frame.likelihood.outlier_variance[3],
+            frame.likelihood.farthest[3]
+        );
         assert_eq!(frame.noise(None), shown);
     }
 
     #[test]
     fn a_point_decided_to_be_corrupt_was_shown_and_is_judged_without_that() {
         let (mut frame, pose) = chain(&[(9, 21.0), (10, 9.9)]);
-        frame.look.corrupt[3] = 1.0;
-        frame.doubt = vec![];
+        frame.likelihood.corrupt[3] = 1.0;
+        frame.undecided = vec![];
         frame.corrupt = (0..6).map(|p| p == 3).collect();
         // What would be expected of each coordinate, 1 cm off, after it was shown.
         let shown = frame.noise(None);
-        assert_eq!(shown[9], frame.look.farthest[3].max(frame.look.slab[3]));
+        assert_eq!(
+            shown[9],
+            frame.likelihood.farthest[3].max(frame.likelihood.outlier_variance[3])
+        );
         let gain = |i: usize| 1.0 / (1.0 + shown[i]);
         let at = |i: usize| pose[i] + gain(i) * (frame.y[i] - pose[i]);
         let variance: Vec<f64> = (0..18).map(|i| 1.0 - gain(i)).collect();
-        let told = belief((0..18).map(at).collect(), &variance);
-        farther(&mut frame, &told);
+        let noise_variance = belief((0..18).map(at).collect(), &variance);
+        farther(&mut frame, &noise_variance);
         let whole = off(&frame, &pose, 3);
         assert!(
-            (frame.look.slab[3] - whole).abs() <= 1e-6 * whole,
+            (frame.likelihood.outlier_variance[3] - whole).abs() <= 1e-6 * whole,
             "{} {whole}",
-            frame.look.slab[3]
+            frame.likelihood.outlier_variance[3]
         );
     }
 
     #[test]
     fn points_whose_distances_are_right_are_not_off_where_the_belief_does_not_expect_them() {
         let (mut frame, pose) = chain(&[]);
-        frame.look.corrupt.fill(0.5);
-        frame.doubt = (0..6).collect();
-        let before = frame.look.slab.clone();
+        frame.likelihood.corrupt.fill(0.5);
+        frame.undecided = (0..6).collect();
+        let before = frame.likelihood.outlier_variance.clone();
         let far = pose.iter().map(|v| v + 400.0).collect();
         farther(&mut frame, &belief(far, &[1.0; 18]));
-        assert_eq!(frame.look.slab, before);
+        assert_eq!(frame.likelihood.outlier_variance, before);
     }
 
     #[test]
@@ -319,19 +338,19 @@ mod tests {
         let clean = |n: usize| Assignment {
             weight: 1.0,
             corrupt: vec![false; n],
-            told: 0.0,
+            noise_variance: 0.0,
         };
         let (mut frame, pose) = chain(&[(9, 21.0), (10, 9.9)]);
-        frame.doubt = vec![3];
+        frame.undecided = vec![3];
         frame.corrupt.fill(false);
         let seen = frame.y.clone();
-        let look = |frame: &mut Frame, mean: Vec<f64>| {
-            frame.doubt = vec![3];
+        let rescored = |frame: &mut FrameState, mean: Vec<f64>| {
+            frame.undecided = vec![3];
             again(frame, &belief(mean, &[0.1; 18]), &[clean(1)]);
-            frame.look.corrupt[3]
+            frame.likelihood.corrupt[3]
         };
-        let expected_there = look(&mut frame, seen);
-        let expected_elsewhere = look(&mut frame, pose);
+        let expected_there = rescored(&mut frame, seen);
+        let expected_elsewhere = rescored(&mut frame, pose);
         assert!(
             expected_there < 0.8 && expected_elsewhere > 0.98,
             "{expected_there} {expected_elsewhere}"

@@ -1,0 +1,44 @@
+//! Observed distances between rigid pairs of points.
+
+use crate::pose::ASF_UNIT_CM;
+use crate::prior::EXACT_VARIANCE;
+use crate::prior::pairs::RigidPairs;
+
+/// The share of points that are corrupt.
+pub const OUTLIER_SHARE: f64 = 0.2;
+/// The least variance of a corrupt point's coordinate, cm²: (1 asf)².
+pub const MIN_OUTLIER_VARIANCE: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
+fn distance(y: &[f64], [i, j]: [usize; 2]) -> f64 {
+    (0..3)
+        .map(|c| (y[3 * i + c] - y[3 * j + c]).powi(2))
+        .sum::<f64>()
+        .sqrt()
+}
+
+/// Whether a point is seen: all of it.
+pub fn is_seen(y: &[f64], noise_variance: &[f64], p: usize) -> bool {
+    (3 * p..3 * p + 3).all(|i| y[i].is_finite() && noise_variance[i].is_finite())
+}
+
+/// The base variance of a point, cm².
+pub fn base_of(noise_variance: &[f64], p: usize) -> f64 {
+    (noise_variance[3 * p..3 * p + 3].iter().sum::<f64>() / 3.0).max(EXACT_VARIANCE)
+}
+
+/// The distances seen: which pair's, how far its ends are apart, and the base variance of that.
+pub fn deviations<'a>(
+    pairs: &'a RigidPairs,
+    y: &'a [f64],
+    noise_variance: &'a [f64],
+) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
+    let both =
+        move |&(_, ends): &(usize, [usize; 2])| ends.iter().all(|p| is_seen(y, noise_variance, *p));
+    let of = pairs.pairs.iter().map(|p| p.ends).enumerate().filter(both);
+    of.map(move |(k, ends)| {
+        (
+            k,
+            distance(y, ends),
+            base_of(noise_variance, ends[0]) + base_of(noise_variance, ends[1]),
+        )
+    })
+}
