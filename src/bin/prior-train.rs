@@ -5,7 +5,7 @@ use posing::cli::flags::{Common, Seed, Space, TableIn};
 use posing::cli::progress::Progress;
 use posing::cli::training::ready;
 use posing::cli::{Outcome, run, say, streams};
-use posing::prior::blocks;
+use posing::prior::multiscale;
 use posing::prior::train::{DEFAULT, KINDS, Training, train};
 use posing::prior::training::entry;
 use posing::prior::tuning::{HoldBack, Tuning};
@@ -29,13 +29,13 @@ struct Args {
     /// What kind of prior
     #[arg(long, value_name = "KIND", default_value = DEFAULT, value_parser = kinds())]
     kind: String,
-    /// What is held back to tune on: whole takes (for motion not seen before), or frames at random; blocks hold back both
+    /// What is held back to tune on: whole takes (for motion not seen before), or frames at random; multiscale holds back both
     #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
     hold_back: HoldBackFlag,
     /// Where poses are learnt: in the model's space, to which each is carried, or as the rows are
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
-    /// For blocks: how many cells each level has, rising, with commas (default: 1,5,20,80,300)
+    /// For multiscale: how many clusters each level has, rising, with commas (default: 1,5,20,80,300)
     #[arg(
         long,
         value_name = "LIST",
@@ -43,7 +43,7 @@ struct Args {
         help_heading = "Size"
     )]
     cells: Option<Vec<usize>>,
-    /// For blocks: keep at most so many of the poses as blocks of their own (default: 80000)
+    /// For multiscale: keep at most this many training poses as components of their own (default: 80000)
     #[arg(long, value_name = "N", help_heading = "Size")]
     leaves: Option<usize>,
     /// Words that must go with the data (kept in the model)
@@ -66,29 +66,40 @@ enum HoldBackFlag {
     Frames,
 }
 
+/// What [`DEFAULT`] was called before.
+const FORMER_DEFAULT: &str = "blocks";
+
 /// The kinds, with what each is.
 fn kinds() -> clap::builder::PossibleValuesParser {
     let value = |(name, what): &(&'static str, &'static str)| {
-        clap::builder::PossibleValue::new(*name).help(*what)
+        let value = clap::builder::PossibleValue::new(*name).help(*what);
+        match *name {
+            DEFAULT => value.alias(FORMER_DEFAULT),
+            _ => value,
+        }
     };
     KINDS.iter().map(value).collect::<Vec<_>>().into()
 }
 
-/// Blocks of another size than the usual, where that is asked for.
-fn size(args: &Args) -> Result<Option<blocks::Settings>> {
+fn is_multiscale(kind: &str) -> bool {
+    [DEFAULT, FORMER_DEFAULT].contains(&kind)
+}
+
+/// The settings of a multi-scale mixture of another size than the default, if asked for.
+fn size(args: &Args) -> Result<Option<multiscale::TrainSettings>> {
     if args.cells.is_none() && args.leaves.is_none() {
         return Ok(None);
     }
-    if args.kind != "blocks" {
-        let what = "--cells and --leaves are for --kind blocks";
+    if !is_multiscale(&args.kind) {
+        let what = "--cells and --leaves are for --kind multiscale";
         return Err(Error::usage(what));
     }
-    let mut settings = blocks::Settings::default();
+    let mut settings = multiscale::TrainSettings::default();
     if let Some(cells) = &args.cells {
-        settings.cells.clone_from(cells);
+        settings.clusters.clone_from(cells);
     }
     if let Some(leaves) = args.leaves {
-        settings.leaves_kept = leaves;
+        settings.max_exemplars = leaves;
     }
     Ok(Some(settings))
 }
@@ -117,16 +128,16 @@ fn work(args: &Args) -> Result<Outcome> {
         say::detail(what);
     };
     let mut model = match size(args)? {
-        Some(settings) => blocks::model(&training, &settings, report)?,
+        Some(settings) => multiscale::model(&training, &settings, report)?,
         None => train(&args.kind, &training, report)?,
     };
     drop(bar);
     if Tuning::read(&model).is_some_and(|t| t.tested == 0) {
         say::note("too few poses to hold any back: nothing is tuned");
     }
-    if args.kind == "blocks" && poses.takes.len() < 2 {
+    if is_multiscale(&args.kind) && poses.takes.len() < 2 {
         say::note(
-            "a single take: none can be held back, so the levels of blocks weigh alike and no pose is told to be unlike those seen",
+            "a single take: none can be held back, so all levels of the mixture weigh alike and no pose is reported as unlike the training poses",
         );
     }
     model.meta.credit.clone_from(&args.credit);

@@ -4,7 +4,6 @@
 //! (0 exact, infinite missing), which pose is it, and how sure is that? Dense noise, outliers and gaps are all
 //! variances, so denoising and completing are the same question.
 
-pub mod blocks;
 pub mod builtin;
 pub mod clustered;
 pub mod em;
@@ -14,6 +13,7 @@ pub mod lpca;
 mod met;
 pub mod mfa;
 pub mod mixture;
+pub mod multiscale;
 pub mod nearest;
 pub mod neighbours;
 pub mod nlm;
@@ -204,7 +204,9 @@ fn misfit<P: Prior + ?Sized>(prior: &P, y: &[f64], noise: &[f64], pose: &[f64]) 
 /// Opens the prior that a model file holds; `source` is for messages.
 pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prior>> {
     match model.meta.kind.as_str() {
-        "blocks" => Ok(Box::new(blocks::Blocks::from_model(model, source)?)),
+        "multiscale" | "blocks" => Ok(Box::new(multiscale::MultiscaleMixture::from_model(
+            model, source,
+        )?)),
         "sparse" => Ok(Box::new(SparsePrior::from_model(model, choice, source)?)),
         "pca" => Ok(Box::new(pca::open(model, choice, source)?)),
         "gaussian" => Ok(Box::new(gaussian::open(model, choice, source)?)),

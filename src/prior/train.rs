@@ -3,7 +3,7 @@
 use super::pairs::RigidPairs;
 use super::training::{self, TrainingPoses};
 use super::tuning::HoldBack;
-use super::{blocks, clustered, gaussian, lpca, mfa, mixture, nearest, nlm, pca, sgplvm};
+use super::{clustered, gaussian, lpca, mfa, mixture, multiscale, nearest, nlm, pca, sgplvm};
 use crate::io::Model;
 use crate::io::model::BodyMeta;
 use crate::sparse::{Ksvd, random_atoms};
@@ -12,8 +12,8 @@ use crate::{Error, Result};
 /// The kinds of model that can be trained, with what each is.
 pub const KINDS: &[(&str, &str)] = &[
     (
-        "blocks",
-        "a sparse code in blocks at many scales, averaged over its supports",
+        "multiscale",
+        "a multi-scale mixture of Gaussians over the body and its parts",
     ),
     (
         "sparse",
@@ -53,7 +53,7 @@ pub const KINDS: &[(&str, &str)] = &[
 ];
 
 /// The kind that is trained where none is named.
-pub const DEFAULT: &str = "blocks";
+pub const DEFAULT: &str = "multiscale";
 
 /// Atoms of a dictionary, where there are as many poses.
 const ATOMS: usize = 1000;
@@ -89,7 +89,9 @@ impl Training<'_> {
 /// Trains a model of a kind; `report` hears what is being done.
 pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
     match kind {
-        "blocks" => blocks::model(training, &blocks::Settings::default(), report),
+        "multiscale" | "blocks" => {
+            multiscale::model(training, &multiscale::TrainSettings::default(), report)
+        }
         "sparse" => sparse(training, report),
         "pca" => pca::train(training, report),
         "gaussian" => gaussian::train(training, report),

@@ -13,7 +13,7 @@ if [ ! -d "$cmu" ]; then
 fi
 
 # The paper's models, its own with either pursuit, and the default one, as it answers and by poses alone; SIK for single subjects, as in the paper.
-models=${MODELS:-blocks+treated,blocks,ksvd,ksvd-omp,mfa,gaussian,lpca,clustered,pca}
+models=${MODELS:-multiscale+treated,multiscale,ksvd,ksvd-omp,mfa,gaussian,lpca,clustered,pca}
 # Every n-th frame: of single subjects, and of all together.
 if [ "$quick" ]; then
   subjects='07 02' every=6 every_all=60 seeds=${SEEDS:-1} frames=${FRAMES:-100} sweep=

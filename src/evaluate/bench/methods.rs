@@ -74,7 +74,7 @@ impl Method {
         let mut names: Vec<String> = KINDS.iter().map(|(name, _)| name.to_string()).collect();
         names.retain(|n| n != "sparse");
         // The default model answers treated; the others stand without what this project adds.
-        names.extend(["blocks+treated", "sparse", "ksvd", "ksvd-omp"].map(String::from));
+        names.extend(["multiscale+treated", "sparse", "ksvd", "ksvd-omp"].map(String::from));
         names
     }
 
@@ -84,6 +84,12 @@ impl Method {
     /// # Errors
     /// [`Error::Usage`] for a name that is none.
     pub fn parse(name: &str) -> Result<Method> {
+        // The default model's kind was called `blocks` before.
+        let former = name.strip_prefix("blocks");
+        let name = &match former.filter(|rest| rest.is_empty() || *rest == TREATED) {
+            Some(rest) => format!("multiscale{rest}"),
+            None => name.to_string(),
+        };
         let treated = name.ends_with(TREATED);
         let mut parts = name.strip_suffix(TREATED).unwrap_or(name).split(':');
         let kind = parts.next().unwrap_or_default();

@@ -28,8 +28,8 @@ pub const OURS: &str = "ksvd-omp";
 /// it finds and the rigid distances it keeps.
 pub const MORE: [Model; 3] = [
     of("Our model, optimised OMP", "ksvd"),
-    of("The default model's poses alone", "blocks"),
-    of("The default model here", "blocks+treated"),
+    of("The default model's poses alone", "multiscale"),
+    of("The default model here", "multiscale+treated"),
 ];
 
 const fn of(name: &'static str, here: &'static str) -> Model {

@@ -1,8 +1,8 @@
 //! A block seen through noise, at some scales of its covariance: evidence and what a residual is solved to.
 
-use super::basis::Basis;
-use super::fours::{Factors, Four};
-use super::part::Active;
+use super::batched_cholesky::{BatchedCholesky, Four};
+use super::eigen_covariance::EigenCovariance;
+use super::part_mixture::ActiveSubMixture;
 use crate::numeric::simd::{self, combine, combine_of, row_dots, row_dots_of, weighted_rows};
 use crate::numeric::small_linalg::{dot, log_product};
 use std::borrow::Cow;
@@ -10,15 +10,15 @@ use std::sync::Arc;
 
 /// A lens at some scales of the covariance.
 #[derive(Debug, Clone)]
-pub struct Scales {
+pub struct ScaledPrecisions {
     /// a of each.
     pub scales: Arc<[f64]>,
     /// s of each, by rows: (scales, directions), padded.
-    shares: Arc<[f32]>,
+    precisions: Arc<[f32]>,
     stride: usize,
-    normalisers: Vec<f64>,
+    log_normalizers: Vec<f64>,
     /// Nothing where no coordinate is.
-    changed: Option<Changed>,
+    exceptions: Option<Changed>,
 }
 
 /// What coordinates that are changed make of a block.
@@ -40,117 +40,125 @@ enum Rows {
 /// U_c, and L of all scales, L Lᵀ = G, four at a time.
 #[derive(Debug, Clone)]
 struct Plain {
-    basis: Arc<Basis>,
+    basis: Arc<EigenCovariance>,
     /// c, and the noise there.
-    changed: Arc<[(usize, f64)]>,
-    factors: Vec<Factors>,
+    exceptions: Arc<[(usize, f64)]>,
+    factors: Vec<BatchedCholesky>,
 }
 
 /// A block seen through noise that is everywhere the same, at some scales: what noise that is not starts from.
 #[derive(Debug, Clone)]
-pub struct Even {
+pub struct IsotropicPrecisions {
     /// At all directions.
-    pub scales: Scales,
+    pub scales: ScaledPrecisions,
     /// P = U diag(s) Uᵀ, (d, d), lower triangle by rows, of four scales at a time side by side.
     pub precisions: Vec<Vec<[f32; 4]>>,
 }
 
 /// One scale of a lens, with a weight.
-pub type Weighed<'a> = (&'a Scales, usize, f64);
+pub type WeightedScale<'a> = (&'a ScaledPrecisions, usize, f64);
 
 /// Room to work in, kept from one residual to the next.
 #[derive(Debug, Default)]
-pub struct Room {
-    short: Vec<f32>,
+pub struct Scratch {
+    single: Vec<f32>,
     dots: Vec<f32>,
     fours: Vec<Four>,
     white: [Vec<f64>; 2],
 }
 
 /// Leaves are of so many scales at most.
-pub const MOST_LEAVES: usize = 16;
+pub const MAX_EXEMPLAR_SCALES: usize = 16;
 
-impl Scales {
+impl ScaledPrecisions {
     /// Of what `of` tells of each scale: s by directions, added to what it is given, and the log evidence of a residual of
     /// nothing.
-    pub fn new(scales: &[f64], stride: usize, of: impl Fn(f64, &mut Vec<f32>) -> f64) -> Scales {
-        let mut shares = Vec::with_capacity(scales.len() * stride);
-        let mut normalisers = Vec::with_capacity(scales.len());
+    pub fn new(
+        scales: &[f64],
+        stride: usize,
+        of: impl Fn(f64, &mut Vec<f32>) -> f64,
+    ) -> ScaledPrecisions {
+        let mut precisions = Vec::with_capacity(scales.len() * stride);
+        let mut log_normalizers = Vec::with_capacity(scales.len());
         for (at, scale) in scales.iter().enumerate() {
-            normalisers.push(of(*scale, &mut shares));
-            shares.resize((at + 1) * stride, 0.0);
+            log_normalizers.push(of(*scale, &mut precisions));
+            precisions.resize((at + 1) * stride, 0.0);
         }
-        Scales {
+        ScaledPrecisions {
             scales: scales.into(),
-            shares: shares.into(),
+            precisions: precisions.into(),
             stride,
-            normalisers,
-            changed: None,
+            log_normalizers,
+            exceptions: None,
         }
     }
 
     /// The same where coordinates have more noise than `unit`, of which all have it; `constant` is added to the log
     /// evidence. `many` where more residuals than there are changed coordinates are to come.
-    pub fn changed(
-        even: &Even,
-        basis: &Arc<Basis>,
-        changed: &Arc<[(usize, f64)]>,
-        unit: f64,
+    pub fn exceptions(
+        even: &IsotropicPrecisions,
+        basis: &Arc<EigenCovariance>,
+        exceptions: &Arc<[(usize, f64)]>,
+        base_variance: f64,
         constant: f64,
         many: bool,
-    ) -> Scales {
-        let (mut out, n) = (even.scales.clone(), changed.len());
+    ) -> ScaledPrecisions {
+        let (mut out, n) = (even.scales.clone(), exceptions.len());
         if n == 0 {
             return out;
         }
-        let finite = changed.iter().filter(|(_, noise)| noise.is_finite());
-        let constant = constant - 0.5 * log_product(finite.map(|(_, noise)| noise - unit));
+        let finite = exceptions.iter().filter(|(_, noise)| noise.is_finite());
+        let constant = constant - 0.5 * log_product(finite.map(|(_, noise)| noise - base_variance));
         let mut all = Vec::with_capacity(out.scales.len().div_ceil(4));
-        let fours = out.normalisers.chunks_mut(4).zip(&even.precisions);
-        for (normalisers, precisions) in fours {
-            let factors = factors(precisions, basis.len(), changed, unit);
-            for (s, normaliser) in normalisers.iter_mut().enumerate() {
+        let fours = out.log_normalizers.chunks_mut(4).zip(&even.precisions);
+        for (log_normalizers, precisions) in fours {
+            let factors = factors(precisions, basis.len(), exceptions, base_variance);
+            for (s, normaliser) in log_normalizers.iter_mut().enumerate() {
                 *normaliser += constant - log_product(factors.pivots(s));
             }
             all.push(factors);
         }
         let mut rows = Rows::Plain(Plain {
             basis: basis.clone(),
-            changed: changed.clone(),
+            exceptions: exceptions.clone(),
             factors: all,
         });
         if many {
             let mut solved = Vec::with_capacity(out.scales.len() * n * out.stride);
             for at in 0..out.scales.len() {
-                solved.extend_from_slice(&rows.solved(n, at, out.shares(at)));
+                solved.extend_from_slice(&rows.solved(n, at, out.precisions(at)));
             }
             rows = Rows::Solved(solved);
         }
-        out.changed = Some(Changed { n, rows });
+        out.exceptions = Some(Changed { n, rows });
         out
     }
 
     /// s of one scale.
-    pub fn shares(&self, at: usize) -> &[f32] {
-        &self.shares[at * self.stride..(at + 1) * self.stride]
+    pub fn precisions(&self, at: usize) -> &[f32] {
+        &self.precisions[at * self.stride..(at + 1) * self.stride]
     }
 
     /// L⁻¹ U_c diag(s) of one scale by rows, where coordinates are changed.
-    pub fn fix_at(&self, at: usize) -> Option<Cow<'_, [f32]>> {
-        let changed = self.changed.as_ref()?;
-        Some(changed.rows.solved(changed.n, at, self.shares(at)))
+    pub fn correction_at(&self, at: usize) -> Option<Cow<'_, [f32]>> {
+        let exceptions = self.exceptions.as_ref()?;
+        Some(
+            exceptions
+                .rows
+                .solved(exceptions.n, at, self.precisions(at)),
+        )
     }
 
     /// The log evidence of a residual at each scale, given its z; into `out`.
-    pub fn logs(&self, z: &[f32], room: &mut Room, out: &mut Vec<f64>) {
+    pub fn log_evidences(&self, z: &[f32], scratch: &mut Scratch, out: &mut Vec<f64>) {
         let mut plain = [0.0; 16];
         out.clear();
-        for (at, shares) in self.shares.chunks(16 * self.stride.max(1)).enumerate() {
-            weighted_rows(shares, z, z, &mut plain);
+        for (at, precisions) in self.precisions.chunks(16 * self.stride.max(1)).enumerate() {
+            weighted_rows(precisions, z, z, &mut plain);
             let left = self.scales.len() - 16 * at;
             out.extend(plain[..left.min(16)].iter().map(|v| f64::from(*v)));
         }
-        match &self.changed {
+        match &self.exceptions {
             None => {}
             Some(Changed {
                 rows: Rows::Plain(plain),
@@ -158,18 +166,18 @@ impl Scales {
             }) => {
                 let fours = plain.factors.iter().enumerate();
                 for ((of, factors), forms) in fours.zip(out.chunks_mut(4)) {
-                    self.less_known(plain, (4 * of, factors), z, room, forms);
+                    self.less_known(plain, (4 * of, factors), z, scratch, forms);
                 }
             }
             Some(_) => {
-                let white = &mut room.white[0];
+                let white = &mut scratch.white[0];
                 for (at, form) in out.iter_mut().enumerate() {
-                    self.whiten(at, z, (&mut room.short, &mut room.dots), white);
+                    self.whiten(at, z, (&mut scratch.single, &mut scratch.dots), white);
                     *form -= dot(white, white);
                 }
             }
         }
-        for (out, normaliser) in out.iter_mut().zip(&self.normalisers) {
+        for (out, normaliser) in out.iter_mut().zip(&self.log_normalizers) {
             *out = normaliser - 0.5 * *out;
         }
     }
@@ -178,24 +186,24 @@ impl Scales {
     fn less_known(
         &self,
         plain: &Plain,
-        (first, factors): (usize, &Factors),
+        (first, factors): (usize, &BatchedCholesky),
         z: &[f32],
-        room: &mut Room,
+        scratch: &mut Scratch,
         forms: &mut [f64],
     ) {
-        let n = plain.changed.len();
-        room.fours.clear();
-        room.fours.resize(n, [0.0; 4]);
-        room.dots.resize(n, 0.0);
+        let n = plain.exceptions.len();
+        scratch.fours.clear();
+        scratch.fours.resize(n, [0.0; 4]);
+        scratch.dots.resize(n, 0.0);
         for s in 0..forms.len() {
-            products(self.shares(first + s), z, &mut room.short);
-            plain.dots(&room.short, &mut room.dots);
-            let both = room.fours.iter_mut().zip(&room.dots);
+            products(self.precisions(first + s), z, &mut scratch.single);
+            plain.dots(&scratch.single, &mut scratch.dots);
+            let both = scratch.fours.iter_mut().zip(&scratch.dots);
             both.for_each(|(q, dot)| q[s] = f64::from(*dot));
         }
-        factors.forward(&mut room.fours);
+        factors.forward(&mut scratch.fours);
         let mut known = [0.0; 4];
-        for q in &room.fours {
+        for q in &scratch.fours {
             (0..4).for_each(|s| known[s] += q[s] * q[s]);
         }
         forms.iter_mut().zip(known).for_each(|(f, k)| *f -= k);
@@ -203,8 +211,8 @@ impl Scales {
 
     /// L⁻¹ q of a residual; nothing where no coordinate is changed.
     pub fn whitened(&self, at: usize, z: &[f32]) -> Vec<f64> {
-        let (mut room, mut out) = (Room::default(), Vec::new());
-        self.whiten(at, z, (&mut room.short, &mut room.dots), &mut out);
+        let (mut scratch, mut out) = (Scratch::default(), Vec::new());
+        self.whiten(at, z, (&mut scratch.single, &mut scratch.dots), &mut out);
         out
     }
 
@@ -213,11 +221,11 @@ impl Scales {
         &self,
         at: usize,
         z: &[f32],
-        (short, dots): (&mut Vec<f32>, &mut Vec<f32>),
+        (single, dots): (&mut Vec<f32>, &mut Vec<f32>),
         out: &mut Vec<f64>,
     ) {
         out.clear();
-        let Some(Changed { n, rows }) = &self.changed else {
+        let Some(Changed { n, rows }) = &self.exceptions else {
             return;
         };
         dots.resize(*n, 0.0);
@@ -226,8 +234,8 @@ impl Scales {
                 row_dots(solved_at(rows, at, n * self.stride), self.stride, z, dots)
             }
             Rows::Plain(plain) => {
-                products(self.shares(at), z, short);
-                plain.dots(short, dots);
+                products(self.precisions(at), z, single);
+                plain.dots(single, dots);
             }
         }
         out.extend(dots.iter().map(|v| f64::from(*v)));
@@ -238,39 +246,42 @@ impl Scales {
 
     /// The log evidence of a residual at each of the leaves' levels, whose scales these are, given its z and that of the
     /// leaf's step; into `out`.
-    pub fn logs_of_leaf(
+    pub fn exemplar_log_evidences(
         &self,
         (z, step): (&[f32], &[f32]),
-        levels: &[Active],
-        room: &mut Room,
+        levels: &[ActiveSubMixture],
+        scratch: &mut Scratch,
         out: &mut Vec<f64>,
     ) {
-        let mut forms = [[0.0f32; 3]; MOST_LEAVES];
+        let mut forms = [[0.0f32; 3]; MAX_EXEMPLAR_SCALES];
         let forms = &mut forms[..self.scales.len()];
-        let reaches = |at: usize| levels.iter().any(|l| l.at == at && l.along > 0.0);
-        simd::weighted_forms(&self.shares, z, step, reaches, forms);
-        let Room {
-            short, dots, white, ..
-        } = room;
+        let reaches = |at: usize| levels.iter().any(|l| l.at == at && l.step_scale > 0.0);
+        simd::weighted_forms(&self.precisions, z, step, reaches, forms);
+        let Scratch {
+            single,
+            dots,
+            white,
+            ..
+        } = scratch;
         let [p, q] = white;
         out.clear();
         out.resize(levels.len(), 0.0);
         for (at, form) in forms.iter().enumerate() {
             let mut form = form.map(f64::from);
-            if self.changed.is_some() {
-                self.whiten(at, z, (short, dots), p);
+            if self.exceptions.is_some() {
+                self.whiten(at, z, (single, dots), p);
                 form[0] -= dot(p, p);
                 if reaches(at) {
-                    self.whiten(at, step, (short, dots), q);
+                    self.whiten(at, step, (single, dots), q);
                     form[1] -= dot(p, q);
                     form[2] -= dot(q, q);
                 }
             }
-            let plain = self.normalisers[at] - 0.5 * form[0];
+            let plain = self.log_normalizers[at] - 0.5 * form[0];
             for (out, level) in out.iter_mut().zip(levels).filter(|(_, l)| l.at == at) {
-                let vv = level.along * form[2];
-                let gain = 0.5 * level.along * form[1] * form[1] / (1.0 + vv);
-                *out = if level.along > 0.0 {
+                let vv = level.step_scale * form[2];
+                let gain = 0.5 * level.step_scale * form[1] * form[1] / (1.0 + vv);
+                *out = if level.step_scale > 0.0 {
                     plain + gain - 0.5 * vv.ln_1p()
                 } else {
                     plain
@@ -281,32 +292,42 @@ impl Scales {
 
     /// Adds `weight` a w of a residual at a scale to `out`, given its z: w is the residual with the inverse of a C_oo + R
     /// applied to it.
-    pub fn add_solved(&self, at: usize, z: &[f32], weight: f64, room: &mut Room, out: &mut [f32]) {
+    pub fn add_precision_product(
+        &self,
+        at: usize,
+        z: &[f32],
+        weight: f64,
+        scratch: &mut Scratch,
+        out: &mut [f32],
+    ) {
         let weight = (weight * self.scales[at]) as f32;
-        let Some(Changed { rows, .. }) = &self.changed else {
-            for ((o, s), z) in out.iter_mut().zip(self.shares(at)).zip(z) {
+        let Some(Changed { rows, .. }) = &self.exceptions else {
+            for ((o, s), z) in out.iter_mut().zip(self.precisions(at)).zip(z) {
                 *o += weight * s * z;
             }
             return;
         };
-        let Room {
-            short, dots, white, ..
-        } = room;
+        let Scratch {
+            single,
+            dots,
+            white,
+            ..
+        } = scratch;
         let q = &mut white[0];
-        self.whiten(at, z, (short, dots), q);
+        self.whiten(at, z, (single, dots), q);
         if let Rows::Plain(plain) = rows {
             plain.factors[at / 4].backward_one(at % 4, q);
         }
         dots.clear();
         dots.extend(q.iter().map(|v| *v as f32));
-        short.clear();
-        short.resize(self.stride, 0.0);
-        let both = self.shares(at).iter().zip(z);
+        single.clear();
+        single.resize(self.stride, 0.0);
+        let both = self.precisions(at).iter().zip(z);
         match rows {
             Rows::Plain(plain) => {
                 let (basis, which) = (&plain.basis, plain.which());
-                combine_of(basis.vectors(), self.stride, which, dots, short);
-                for ((o, c), (s, z)) in out.iter_mut().zip(short).zip(both) {
+                combine_of(basis.vectors(), self.stride, which, dots, single);
+                for ((o, c), (s, z)) in out.iter_mut().zip(single).zip(both) {
                     *o += weight * s * (z - *c);
                 }
             }
@@ -315,9 +336,9 @@ impl Scales {
                     solved_at(rows, at, q.len() * self.stride),
                     self.stride,
                     dots,
-                    short,
+                    single,
                 );
-                for ((o, c), (s, z)) in out.iter_mut().zip(short).zip(both) {
+                for ((o, c), (s, z)) in out.iter_mut().zip(single).zip(both) {
                     *o += weight * (s * z - *c);
                 }
             }
@@ -327,24 +348,28 @@ impl Scales {
 
 impl Rows {
     /// L⁻¹ U_c diag(s) of one scale, whose s are given; `n` coordinates are changed.
-    fn solved(&self, n: usize, at: usize, shares: &[f32]) -> Cow<'_, [f32]> {
+    fn solved(&self, n: usize, at: usize, precisions: &[f32]) -> Cow<'_, [f32]> {
         let plain = match self {
             Rows::Plain(plain) => plain,
-            Rows::Solved(rows) => return solved_at(rows, at, n * shares.len()).into(),
+            Rows::Solved(rows) => return solved_at(rows, at, n * precisions.len()).into(),
         };
-        let mut wide = Vec::with_capacity(n * shares.len());
+        let mut wide = Vec::with_capacity(n * precisions.len());
         for i in plain.which() {
-            let row = plain.basis.row(i).iter().zip(shares);
+            let row = plain.basis.row(i).iter().zip(precisions);
             wide.extend(row.map(|(u, s)| f64::from(u * s)));
         }
-        simd::forward(&plain.factors[at / 4].one(at % 4), &mut wide, shares.len());
+        simd::forward(
+            &plain.factors[at / 4].one(at % 4),
+            &mut wide,
+            precisions.len(),
+        );
         wide.iter().map(|v| *v as f32).collect()
     }
 }
 
 impl Plain {
     fn which(&self) -> impl Iterator<Item = usize> + Clone {
-        self.changed.iter().map(|(i, _)| *i)
+        self.exceptions.iter().map(|(i, _)| *i)
     }
 
     /// U_c x.
@@ -360,32 +385,39 @@ fn solved_at(rows: &[f32], at: usize, size: usize) -> &[f32] {
 }
 
 /// L Lᵀ = G of up to four scales, by their P (d, d).
-fn factors(precisions: &[[f32; 4]], d: usize, changed: &[(usize, f64)], unit: f64) -> Factors {
-    let n = changed.len();
+fn factors(
+    precisions: &[[f32; 4]],
+    d: usize,
+    exceptions: &[(usize, f64)],
+    base_variance: f64,
+) -> BatchedCholesky {
+    let n = exceptions.len();
     let mut lower = vec![[0.0; 4]; n * n];
-    for (a, (i, noise)) in changed.iter().enumerate() {
+    for (a, (i, noise)) in exceptions.iter().enumerate() {
         let row = &precisions[i * d..(i + 1) * d];
         let own = &mut lower[a * n..=a * n + a];
-        for (l, (j, _)) in own.iter_mut().zip(changed) {
+        for (l, (j, _)) in own.iter_mut().zip(exceptions) {
             *l = row[*j].map(f64::from);
         }
         // 1 / ∞ is 0: a missing coordinate.
-        own[a].iter_mut().for_each(|l| *l += 1.0 / (noise - unit));
+        own[a]
+            .iter_mut()
+            .for_each(|l| *l += 1.0 / (noise - base_variance));
     }
-    Factors::of(lower, n)
+    BatchedCholesky::of(lower, n)
 }
 
 /// s z.
-fn products(shares: &[f32], z: &[f32], out: &mut Vec<f32>) {
+fn products(precisions: &[f32], z: &[f32], out: &mut Vec<f32>) {
     out.clear();
-    out.extend(shares.iter().zip(z).map(|(s, z)| s * z));
+    out.extend(precisions.iter().zip(z).map(|(s, z)| s * z));
 }
 
 /// The weight of each that is named, once.
-pub fn merged<'a>(weights: &[Weighed<'a>]) -> Vec<Weighed<'a>> {
-    let mut out: Vec<Weighed<'a>> = Vec::new();
+pub fn merged<'a>(weights: &[WeightedScale<'a>]) -> Vec<WeightedScale<'a>> {
+    let mut out: Vec<WeightedScale<'a>> = Vec::new();
     for &(scales, at, weight) in weights {
-        let same = |o: &&mut Weighed<'a>| std::ptr::eq(o.0, scales) && o.1 == at;
+        let same = |o: &&mut WeightedScale<'a>| std::ptr::eq(o.0, scales) && o.1 == at;
         match out.iter_mut().find(same) {
             Some(o) => o.2 += weight,
             None => out.push((scales, at, weight)),

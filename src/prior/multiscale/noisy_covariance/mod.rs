@@ -18,40 +18,40 @@
 //! (Coordinates that are missing count neither in n nor in Σ log δ.) Where the noise is of many kinds or few coordinates
 //! are seen, a decomposition of R^-1/2 C_oo R^-1/2 takes the place of U, and nothing is changed.
 
-mod aside;
-mod cut;
-mod left;
-mod pattern;
+mod noise_pattern;
+mod quadratic_form;
+mod remaining;
+mod truncation;
 
-use super::basis::Basis;
-use super::scales::{Even, Scales};
+use super::eigen_covariance::EigenCovariance;
+use super::scaled_precision::{IsotropicPrecisions, ScaledPrecisions};
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::simd::{self, combine, padded, row_dots};
 use crate::numeric::small_linalg::log_product;
-use cut::Cut;
 use ndarray::Array2;
 use std::sync::Arc;
+use truncation::Truncation;
 
-pub use aside::Blend;
-pub use pattern::Pattern;
+pub use noise_pattern::NoisePattern;
+pub use quadratic_form::WeightedPrecision;
 
 /// A block's covariance through one noise, for every scale of it.
 #[derive(Debug, Clone)]
-pub struct Lens {
-    basis: Arc<Basis>,
+pub struct NoisyCovariance {
+    basis: Arc<EigenCovariance>,
     /// The coordinates that are seen.
-    seen: Arc<[usize]>,
-    changed: Arc<[(usize, f64)]>,
-    unit: f64,
+    observed: Arc<[usize]>,
+    exceptions: Arc<[(usize, f64)]>,
+    base_variance: f64,
     constant: f64,
     /// What stands in for the basis where the noise is mixed.
-    mixed: Option<Mixed>,
+    mixed: Option<Whitened>,
     /// Where few directions matter.
-    cut: Option<Cut>,
+    cut: Option<Truncation>,
 }
 
 #[derive(Debug, Clone)]
-struct Mixed {
+struct Whitened {
     /// W V by rows of the seen coordinates: (n, n), padded.
     across: Vec<f32>,
     values: Vec<f64>,
@@ -61,46 +61,58 @@ struct Mixed {
 
 const LOG_2_PI: f64 = 1.837_877_066_409_345_5;
 
-impl Lens {
+impl NoisyCovariance {
     /// Looks at a block through noise variances (d), of that pattern; `seen` are those that are finite.
-    pub fn new(basis: &Arc<Basis>, noise: &[f64], seen: &Arc<[usize]>, pattern: &Pattern) -> Lens {
-        let constant = -0.5 * seen.len() as f64 * LOG_2_PI;
-        let lens = Lens {
+    pub fn new(
+        basis: &Arc<EigenCovariance>,
+        noise: &[f64],
+        observed: &Arc<[usize]>,
+        pattern: &NoisePattern,
+    ) -> NoisyCovariance {
+        let constant = -0.5 * observed.len() as f64 * LOG_2_PI;
+        let noisy = NoisyCovariance {
             basis: basis.clone(),
-            seen: seen.clone(),
-            changed: Arc::default(),
-            unit: 1.0,
+            observed: observed.clone(),
+            exceptions: Arc::default(),
+            base_variance: 1.0,
             constant,
             mixed: None,
             cut: None,
         };
         match pattern {
-            Pattern::Changed { unit, changed } => Lens {
-                unit: *unit,
-                cut: changed
+            NoisePattern::NearIsotropic {
+                base_variance,
+                exceptions,
+            } => NoisyCovariance {
+                base_variance: *base_variance,
+                cut: exceptions
                     .is_empty()
-                    .then(|| Cut::of(&basis.values, *unit))
+                    .then(|| Truncation::of(&basis.values, *base_variance))
                     .flatten(),
-                changed: changed.clone(),
-                ..lens
+                exceptions: exceptions.clone(),
+                ..noisy
             },
-            _ => lens.mixed(noise),
+            _ => noisy.mixed(noise),
         }
     }
 
-    fn mixed(mut self, noise: &[f64]) -> Lens {
-        let (n, d) = (self.seen.len(), self.basis.len());
-        let w: Vec<f64> = self.seen.iter().map(|&i| 1.0 / noise[i].sqrt()).collect();
+    fn mixed(mut self, noise: &[f64]) -> NoisyCovariance {
+        let (n, d) = (self.observed.len(), self.basis.len());
+        let w: Vec<f64> = self
+            .observed
+            .iter()
+            .map(|&i| 1.0 / noise[i].sqrt())
+            .collect();
         let atoms = self.basis.atoms();
-        let seen = Array2::from_shape_fn((n, d), |(i, k)| w[i] * atoms[[self.seen[i], k]]);
-        let whitened = seen.dot(&seen.t());
+        let observed = Array2::from_shape_fn((n, d), |(i, k)| w[i] * atoms[[self.observed[i], k]]);
+        let whitened = observed.dot(&observed.t());
         let (values, vectors) = symmetric_eigen(&whitened)
             .unwrap_or_else(|| (ndarray::Array1::zeros(n), Array2::eye(n)));
         let across = Array2::from_shape_fn((n, n), |(i, k)| w[i] * vectors[[i, k]]);
         // (C_:o W V)ᵀ = Vᵀ (W A_o) Aᵀ with the atoms A.
-        let gain = vectors.t().dot(&seen).dot(&atoms.t());
+        let gain = vectors.t().dot(&observed).dot(&atoms.t());
         self.constant += w.iter().map(|w| w.ln()).sum::<f64>();
-        self.mixed = Some(Mixed {
+        self.mixed = Some(Whitened {
             across: simd::rows(&across),
             values: values.iter().map(|v| v.max(0.0)).collect(),
             gain: simd::rows(&gain),
@@ -109,7 +121,7 @@ impl Lens {
     }
 
     /// Whether z is in the block's own directions, of all coordinates.
-    pub fn is_own(&self) -> bool {
+    pub fn uses_eigenvectors(&self) -> bool {
         self.mixed.is_none()
     }
 
@@ -129,26 +141,26 @@ impl Lens {
     /// z of the residual `r` (d, padded with 0; read where seen), padded.
     pub fn project(&self, r: &[f32], z: &mut Vec<f32>) {
         let (d, stride) = (self.basis.len(), self.basis.stride());
-        let all = self.seen.len() == d;
+        let all = self.observed.len() == d;
         z.clear();
         z.reserve(self.stride() + if all { 0 } else { d });
         z.resize(self.stride(), 0.0);
         if let Some(m) = &self.mixed {
             // What is seen of the residual stands behind z for a while.
-            z.extend(self.seen.iter().map(|&i| r[i]));
-            let (z, seen) = z.split_at_mut(self.stride());
-            combine(&m.across, z.len(), seen, z);
+            z.extend(self.observed.iter().map(|&i| r[i]));
+            let (z, observed) = z.split_at_mut(self.stride());
+            combine(&m.across, z.len(), observed, z);
         } else if all {
             combine(self.basis.vectors(), stride, &r[..d], z);
         } else {
             z.resize(self.stride() + d, 0.0);
-            let (z, seen) = z.split_at_mut(self.stride());
-            self.seen.iter().for_each(|&i| seen[i] = r[i]);
-            combine(self.basis.vectors(), stride, seen, z);
+            let (z, observed) = z.split_at_mut(self.stride());
+            self.observed.iter().for_each(|&i| observed[i] = r[i]);
+            combine(self.basis.vectors(), stride, observed, z);
         }
         z.truncate(self.stride());
         if self.cut.is_some() {
-            self.share(simd::dot(r, r), z);
+            self.precision(simd::dot(r, r), z);
         }
     }
 
@@ -158,21 +170,21 @@ impl Lens {
         z.clear();
         z.extend(of_cell.iter().zip(code).map(|(z, c)| z - c));
         if self.cut.is_some() {
-            self.share(simd::distance(y, pose), z);
+            self.precision(simd::distance(y, pose), z);
         }
     }
 
     /// z of a leaf's step, given it in the cell's directions: of those that are shared it has next to nothing.
-    pub fn turn(&self, turn: &[f32], z: &mut Vec<f32>) {
+    pub fn step_coordinates(&self, step_coordinates: &[f32], z: &mut Vec<f32>) {
         z.clear();
-        z.extend_from_slice(&turn[..self.stride()]);
+        z.extend_from_slice(&step_coordinates[..self.stride()]);
         if let Some(cut) = &self.cut {
             z[cut.values.len() - 1..].fill(0.0);
         }
     }
 
     /// Where directions share one, what is left for it of a residual of that squared length.
-    fn share(&self, length: f32, z: &mut [f32]) {
+    fn precision(&self, length: f32, z: &mut [f32]) {
         if let Some(cut) = &self.cut {
             let last = cut.values.len() - 1;
             z[last..].fill(0.0);
@@ -181,7 +193,7 @@ impl Lens {
     }
 
     /// At some scales; nothing may be changed.
-    pub fn at(&self, scales: &[f64]) -> Scales {
+    pub fn at(&self, scales: &[f64]) -> ScaledPrecisions {
         let shared = match (&self.cut, self.values()) {
             (Some(cut), [.., last]) => Some((cut.shared - 1.0, *last)),
             _ => None,
@@ -189,8 +201,8 @@ impl Lens {
         self.of(scales, self.values(), shared)
     }
 
-    /// The same with no direction shared, to be [changed](Lens::changed).
-    pub fn even(&self, scales: &[f64]) -> Even {
+    /// The same with no direction shared, to be [changed](NoisyCovariance::changed).
+    pub fn isotropic(&self, scales: &[f64]) -> IsotropicPrecisions {
         let scales = self.of(scales, &self.basis.values, None);
         let (d, stride) = (self.basis.len(), self.basis.stride());
         let vectors = self.basis.vectors();
@@ -201,27 +213,34 @@ impl Lens {
         let mut precisions = vec![nothing; count.div_ceil(4)];
         let mut whole = vec![0.0; d * d];
         for at in 0..count {
-            simd::weighted_products(vectors, stride, scales.shares(at), &mut whole);
+            simd::weighted_products(vectors, stride, scales.precisions(at), &mut whole);
             let both = precisions[at / 4].iter_mut().zip(&whole);
             both.for_each(|(p, w)| p[at % 4] = *w);
         }
-        Even { scales, precisions }
+        IsotropicPrecisions { scales, precisions }
     }
 
     /// Where coordinates are changed: at the scales at which the same block was seen without. `many` where more residuals
     /// than there are changed coordinates are to come.
-    pub fn changed(&self, even: &Even, many: bool) -> Scales {
-        let unseen = self.basis.len() - self.seen.len();
+    pub fn exceptions(&self, isotropic: &IsotropicPrecisions, many: bool) -> ScaledPrecisions {
+        let unseen = self.basis.len() - self.observed.len();
         let constant = 0.5 * unseen as f64 * LOG_2_PI;
-        Scales::changed(even, &self.basis, &self.changed, self.unit, constant, many)
+        ScaledPrecisions::exceptions(
+            isotropic,
+            &self.basis,
+            &self.exceptions,
+            self.base_variance,
+            constant,
+            many,
+        )
     }
 
-    fn of(&self, scales: &[f64], values: &[f64], shared: Option<(f64, f64)>) -> Scales {
-        Scales::new(scales, padded(values.len()), |scale, shares| {
-            let share = |l: &f64| 1.0 / (scale * l + self.unit);
-            shares.extend(values.iter().map(|l| share(l) as f32));
-            let more = shared.map_or(0.0, |(count, last)| count * share(&last).ln());
-            self.constant + 0.5 * (log_product(values.iter().map(share)) + more)
+    fn of(&self, scales: &[f64], values: &[f64], shared: Option<(f64, f64)>) -> ScaledPrecisions {
+        ScaledPrecisions::new(scales, padded(values.len()), |scale, precisions| {
+            let precision = |l: &f64| 1.0 / (scale * l + self.base_variance);
+            precisions.extend(values.iter().map(|l| precision(l) as f32));
+            let more = shared.map_or(0.0, |(count, last)| count * precision(&last).ln());
+            self.constant + 0.5 * (log_product(values.iter().map(precision)) + more)
         })
     }
 
@@ -256,8 +275,8 @@ impl Lens {
 
 #[cfg(test)]
 mod tests {
-    use super::super::part::Active;
-    use super::super::scales::Room;
+    use super::super::part_mixture::ActiveSubMixture;
+    use super::super::scaled_precision::Scratch;
     use super::*;
     use crate::numeric::gaussian::ConditionalGaussian;
 
@@ -268,30 +287,33 @@ mod tests {
         let b = Array2::from_shape_fn((d, 4), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
         let c = b.dot(&b.t()) * 5.0 + Array2::<f64>::eye(d) * 1e-3;
         let noise = vec![1.0; d];
-        let lens = Lens::new(
-            &Arc::new(Basis::of(c.view())),
+        let noisy = NoisyCovariance::new(
+            &Arc::new(EigenCovariance::of(c.view())),
             &noise,
             &(0..d).collect(),
-            &Pattern::of(&noise),
+            &NoisePattern::of(&noise),
         );
-        assert!(lens.cut.is_some() && lens.stride() < d);
+        assert!(noisy.cut.is_some() && noisy.stride() < d);
         let want = ConditionalGaussian::new(c.view(), &noise);
         let y: Vec<f64> = (0..d).map(|i| (i as f64 * 1.3).cos()).collect();
         let r: Vec<f32> = y.iter().map(|v| *v as f32).collect();
-        let scales = lens.at(&[1.0]);
-        let (mut z, mut logs, mut mean) = (Vec::new(), Vec::new(), vec![0.0; d]);
-        lens.project(&r, &mut z);
-        scales.logs(&z, &mut Room::default(), &mut logs);
-        assert!((logs[0] - want.log_density(&y)).abs() <= 1e-3, "{logs:?}");
+        let scales = noisy.at(&[1.0]);
+        let (mut z, mut log_evidences, mut mean) = (Vec::new(), Vec::new(), vec![0.0; d]);
+        noisy.project(&r, &mut z);
+        scales.log_evidences(&z, &mut Scratch::default(), &mut log_evidences);
+        assert!(
+            (log_evidences[0] - want.log_density(&y)).abs() <= 1e-3,
+            "{log_evidences:?}"
+        );
         let mut w = vec![0.0; z.len()];
-        scales.add_solved(0, &z, 1.0, &mut Room::default(), &mut w);
-        lens.add_gain(&w, &mut mean);
-        let told = want.mean(&y);
-        assert!(mean.iter().zip(told).all(|(a, b)| (a - b).abs() <= 5e-3));
+        scales.add_precision_product(0, &z, 1.0, &mut Scratch::default(), &mut w);
+        noisy.add_gain(&w, &mut mean);
+        let detail = want.mean(&y);
+        assert!(mean.iter().zip(detail).all(|(a, b)| (a - b).abs() <= 5e-3));
         let mut variances = vec![0.0; d];
-        lens.add_variances(&[(&scales, 0, 1.0)], &mut variances);
-        let told = want.covariance(c.view());
-        let off = variances.iter().zip(told.diag());
+        noisy.add_variances(&[(&scales, 0, 1.0)], &mut variances);
+        let detail = want.covariance(c.view());
+        let off = variances.iter().zip(detail.diag());
         assert!(off.into_iter().all(|(a, b)| (a - b).abs() <= 1e-3));
     }
 
@@ -299,39 +321,39 @@ mod tests {
     fn a_scale_is_the_same_beside_any_number_of_others() {
         let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
         let c = b.dot(&b.t()) + Array2::<f64>::eye(6) * 0.01;
-        let basis = Arc::new(Basis::of(c.view()));
+        let basis = Arc::new(EigenCovariance::of(c.view()));
         let noise = [0.5, f64::INFINITY, 0.5, 0.5, 2.0, 0.5];
-        let seen: Arc<[usize]> = (0..6).filter(|&i| noise[i].is_finite()).collect();
-        let lens = Lens::new(&basis, &noise, &seen, &Pattern::of(&noise));
-        let plain = Lens::new(
+        let observed: Arc<[usize]> = (0..6).filter(|&i| noise[i].is_finite()).collect();
+        let noisy = NoisyCovariance::new(&basis, &noise, &observed, &NoisePattern::of(&noise));
+        let plain = NoisyCovariance::new(
             &basis,
             &[0.5; 6],
             &(0..6).collect(),
-            &Pattern::of(&[0.5; 6]),
+            &NoisePattern::of(&[0.5; 6]),
         );
         let r = [1.0, 3.0, -0.5, 0.2, -1.4, 0.7, 0.0, 0.0];
-        let (mut z, mut room) = (Vec::new(), Room::default());
-        lens.project(&r, &mut z);
-        let mut told = |scales: &[f64], many: bool| {
-            let scales = lens.changed(&plain.even(scales), many);
-            let (mut logs, mut solved) = (Vec::new(), Vec::new());
-            scales.logs(&z, &mut room, &mut logs);
-            for at in 0..logs.len() {
+        let (mut z, mut scratch) = (Vec::new(), Scratch::default());
+        noisy.project(&r, &mut z);
+        let mut detail = |scales: &[f64], many: bool| {
+            let scales = noisy.exceptions(&plain.isotropic(scales), many);
+            let (mut log_evidences, mut solved) = (Vec::new(), Vec::new());
+            scales.log_evidences(&z, &mut scratch, &mut log_evidences);
+            for at in 0..log_evidences.len() {
                 let mut w = vec![0.0; z.len()];
-                scales.add_solved(at, &z, 1.0, &mut room, &mut w);
+                scales.add_precision_product(at, &z, 1.0, &mut scratch, &mut w);
                 solved.push(w);
             }
-            (logs, solved)
+            (log_evidences, solved)
         };
         let all = [0.03, 0.2, 1.0, 2.5, 6.0, 15.0];
-        let many = told(&all, true);
-        let (logs, solved) = told(&all, false);
-        assert_eq!(logs.len(), all.len());
+        let many = detail(&all, true);
+        let (log_evidences, solved) = detail(&all, false);
+        assert_eq!(log_evidences.len(), all.len());
         for (at, scale) in all.iter().enumerate() {
-            let (alone, own) = told(&[*scale], false);
-            assert_eq!(alone[0], logs[at]);
+            let (alone, own) = detail(&[*scale], false);
+            assert_eq!(alone[0], log_evidences[at]);
             assert_eq!(own[0], solved[at]);
-            assert!((many.0[at] - logs[at]).abs() <= 1e-4);
+            assert!((many.0[at] - log_evidences[at]).abs() <= 1e-4);
             let both = many.1[at].iter().zip(&solved[at]);
             assert!(both.into_iter().all(|(a, b)| (a - b).abs() <= 1e-4));
         }
@@ -342,7 +364,7 @@ mod tests {
     fn a_lens_is_the_conditional_gaussian() {
         let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
         let c = b.dot(&b.t()) + Array2::<f64>::eye(6) * 0.01;
-        let basis = Arc::new(Basis::of(c.view()));
+        let basis = Arc::new(EigenCovariance::of(c.view()));
         let inf = f64::INFINITY;
         let noises = [
             [0.5; 6],
@@ -354,18 +376,21 @@ mod tests {
         let y = [1.0, 3.0, -0.5, 0.2, -1.4, 0.7];
         let mut kinds = Vec::new();
         for noise in noises {
-            let pattern = Pattern::of(&noise);
+            let pattern = NoisePattern::of(&noise);
             let finite = (0..6).filter(|&i| noise[i].is_finite());
-            let lens = Lens::new(&basis, &noise, &finite.collect(), &pattern);
-            kinds.push(lens.is_own());
+            let noisy = NoisyCovariance::new(&basis, &noise, &finite.collect(), &pattern);
+            kinds.push(noisy.uses_eigenvectors());
             let at = |scales: [f64; 2], many: bool| match &pattern {
-                Pattern::Changed { unit, changed } if !changed.is_empty() => {
-                    let noise = [*unit; 6];
-                    let even = Pattern::of(&noise);
-                    let plain = Lens::new(&basis, &noise, &(0..6).collect(), &even);
-                    lens.changed(&plain.even(&scales), many)
+                NoisePattern::NearIsotropic {
+                    base_variance,
+                    exceptions,
+                } if !exceptions.is_empty() => {
+                    let noise = [*base_variance; 6];
+                    let isotropic = NoisePattern::of(&noise);
+                    let plain = NoisyCovariance::new(&basis, &noise, &(0..6).collect(), &isotropic);
+                    noisy.exceptions(&plain.isotropic(&scales), many)
                 }
-                _ => lens.at(&scales),
+                _ => noisy.at(&scales),
             };
             for (scale, many) in [(1.0, false), (2.5, true), (0.03, true), (0.03, false)] {
                 let prior = &c * scale;
@@ -373,45 +398,50 @@ mod tests {
                 let (mut z, mut mean) = (Vec::new(), vec![0.0; 6]);
                 let mut r: Vec<f32> = y.iter().map(|y| *y as f32).collect();
                 r.resize(padded(6), 0.0);
-                lens.project(&r, &mut z);
+                noisy.project(&r, &mut z);
                 let scales = at([scale, 0.5 * scale], many);
                 let mut w = vec![0.0; z.len()];
-                scales.add_solved(0, &z, 1.0, &mut Room::default(), &mut w);
-                lens.add_gain(&w, &mut mean);
-                let told = want.mean(&y);
-                assert!(mean.iter().zip(told).all(|(a, b)| (a - b).abs() <= 1e-4));
-                let mut logs = Vec::new();
-                scales.logs(&z, &mut Room::default(), &mut logs);
-                let log = logs[0];
+                scales.add_precision_product(0, &z, 1.0, &mut Scratch::default(), &mut w);
+                noisy.add_gain(&w, &mut mean);
+                let detail = want.mean(&y);
+                assert!(mean.iter().zip(detail).all(|(a, b)| (a - b).abs() <= 1e-4));
+                let mut log_evidences = Vec::new();
+                scales.log_evidences(&z, &mut Scratch::default(), &mut log_evidences);
+                let log = log_evidences[0];
                 assert!(
                     (log - want.log_density(&y)).abs() <= 1e-4,
                     "{noise:?} {log}"
                 );
-                let mut left = Array2::zeros((6, 6));
-                lens.add_covariance(&[(&scales, 0, 0.5), (&scales, 0, 0.5)], &mut left);
+                let mut remaining = Array2::zeros((6, 6));
+                noisy.add_covariance(&[(&scales, 0, 0.5), (&scales, 0, 0.5)], &mut remaining);
                 let mut variances = vec![0.0; 6];
-                lens.add_variances(&[(&scales, 0, 0.5), (&scales, 0, 0.5)], &mut variances);
-                let off = left.diag().to_vec().into_iter().zip(variances);
+                noisy.add_variances(&[(&scales, 0, 0.5), (&scales, 0, 0.5)], &mut variances);
+                let off = remaining.diag().to_vec().into_iter().zip(variances);
                 assert!(off.into_iter().all(|(a, b)| (a - b).abs() <= 1e-4));
-                left -= &want.covariance(prior.view());
-                assert!(left.iter().all(|v| v.abs() <= 1e-4), "{left:?}");
+                remaining -= &want.covariance(prior.view());
+                assert!(remaining.iter().all(|v| v.abs() <= 1e-4), "{remaining:?}");
                 // Leaves, which are wide along a step as well.
                 let step: [f32; 6] = [0.5, -1.0, 0.25, 2.0, 0.0, -0.75];
                 let mut long = step.to_vec();
                 long.resize(padded(6), 0.0);
                 let mut of_step = Vec::new();
-                lens.project(&long, &mut of_step);
-                let level = |at, along| Active {
+                noisy.project(&long, &mut of_step);
+                let level = |at, step_scale| ActiveSubMixture {
                     level: 0,
                     scale: scales.scales[at],
                     at,
-                    along,
+                    step_scale,
                 };
                 let levels = [level(0, 0.0), level(0, 1.5), level(1, 0.5)];
-                scales.logs_of_leaf((&z, &of_step), &levels, &mut Room::default(), &mut logs);
-                for (level, log) in levels.iter().zip(&logs) {
+                scales.exemplar_log_evidences(
+                    (&z, &of_step),
+                    &levels,
+                    &mut Scratch::default(),
+                    &mut log_evidences,
+                );
+                for (level, log) in levels.iter().zip(&log_evidences) {
                     let prior = Array2::from_shape_fn((6, 6), |(i, j)| {
-                        level.scale * c[[i, j]] + level.along * f64::from(step[i] * step[j])
+                        level.scale * c[[i, j]] + level.step_scale * f64::from(step[i] * step[j])
                     });
                     let want = ConditionalGaussian::new(prior.view(), &noise).log_density(&y);
                     assert!((log - want).abs() <= 1e-4, "{log} {want}");
@@ -419,6 +449,6 @@ mod tests {
             }
         }
         assert_eq!(kinds, [true, true, true, false, false]);
-        assert_eq!(Pattern::of(&[inf; 3]), Pattern::Nothing);
+        assert_eq!(NoisePattern::of(&[inf; 3]), NoisePattern::Unobserved);
     }
 }

@@ -11,17 +11,17 @@ pub type Four = [f64; 4];
 
 /// L of four matrices.
 #[derive(Debug, Clone)]
-pub struct Factors {
+pub struct BatchedCholesky {
     n: usize,
     lower: Vec<Four>,
     /// 1 over the diagonal.
     inverses: Vec<Four>,
 }
 
-impl Factors {
+impl BatchedCholesky {
     /// Of positive definite matrices. A pivot that rounding has eaten becomes a small one, as in
     /// [`small_linalg::factorise`](crate::numeric::small_linalg::factorise).
-    pub fn of(mut lower: Vec<Four>, n: usize) -> Factors {
+    pub fn of(mut lower: Vec<Four>, n: usize) -> BatchedCholesky {
         let mut inverses = vec![[0.0; 4]; n];
         simd::dispatch8(
             #[inline(always)]
@@ -45,7 +45,7 @@ impl Factors {
                 }
             },
         );
-        Factors { n, lower, inverses }
+        BatchedCholesky { n, lower, inverses }
     }
 
     /// The diagonal of one of them.
@@ -117,7 +117,7 @@ mod tests {
         };
         let each: [Vec<f64>; 4] = from_fn(of);
         let lower = (0..n * n).map(|at| from_fn(|s| each[s][at])).collect();
-        let factors = Factors::of(lower, n);
+        let factors = BatchedCholesky::of(lower, n);
         let z: Vec<f64> = (0..n).map(|i| 1.0 + (i as f64).cos()).collect();
         let mut fours: Vec<Four> = z.iter().map(|z| [*z; 4]).collect();
         factors.forward(&mut fours);
@@ -126,9 +126,9 @@ mod tests {
             let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * (1.0 + b.abs());
             // Where a pivot is but rounding's, only that it is small can be said.
             let firm = if s == 3 { 5 } else { n };
-            let told = factors.one(s);
+            let detail = factors.one(s);
             for i in 0..firm {
-                assert!((0..=i).all(|j| near(told[i * n + j], want[i * n + j])));
+                assert!((0..=i).all(|j| near(detail[i * n + j], want[i * n + j])));
             }
             assert!(factors.pivots(s).all(|p| p > 0.0 && p.is_finite()));
             let (mut forth, mut back) = (z.clone(), z.clone());

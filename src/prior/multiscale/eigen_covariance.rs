@@ -10,7 +10,7 @@ use ndarray::{Array2, ArrayView2};
 
 /// The directions of a covariance (d, d).
 #[derive(Debug, Clone, PartialEq)]
-pub struct Basis {
+pub struct EigenCovariance {
     d: usize,
     stride: usize,
     /// U by rows, (d, stride): what each coordinate has of each direction. Single precision: 1e-5 cm of a pose.
@@ -22,26 +22,26 @@ pub struct Basis {
 /// No direction has a smaller variance, cm².
 pub const LEAST: f64 = 1e-9;
 
-impl Basis {
+impl EigenCovariance {
     /// Of a symmetric positive semidefinite matrix.
-    pub fn of(covariance: ArrayView2<'_, f64>) -> Basis {
+    pub fn of(covariance: ArrayView2<'_, f64>) -> EigenCovariance {
         let d = covariance.nrows();
         // Covariances are finite and symmetric, so LAPACK does not give up; nothing is learnt if it does.
         let (values, vectors) = symmetric_eigen(&covariance.to_owned())
             .unwrap_or_else(|| (ndarray::Array1::zeros(d), Array2::eye(d)));
         let values = values.iter().map(|v| v.max(LEAST)).collect();
-        Basis::with(values, |i, k| vectors[[i, k]])
+        EigenCovariance::with(values, |i, k| vectors[[i, k]])
     }
 
     /// From directions (d, d) by rows, one a column, of any length above 0, and the deviation √λ along each.
-    pub fn from_parts(directions: &[f32], deviations: &[f32]) -> Basis {
+    pub fn from_parts(directions: &[f32], deviations: &[f32]) -> EigenCovariance {
         let d = deviations.len();
         let scales = scales(directions, d);
         let values = deviations.iter().map(|v| variance(*v)).collect();
-        Basis::with(values, |i, k| f64::from(directions[i * d + k]) * scales[k])
+        EigenCovariance::with(values, |i, k| f64::from(directions[i * d + k]) * scales[k])
     }
 
-    fn with(values: Vec<f64>, vectors: impl Fn(usize, usize) -> f64) -> Basis {
+    fn with(values: Vec<f64>, vectors: impl Fn(usize, usize) -> f64) -> EigenCovariance {
         let (d, stride) = (values.len(), padded(values.len()));
         let mut order: Vec<usize> = (0..d).collect();
         order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
@@ -50,7 +50,7 @@ impl Basis {
             let sorted = row.iter_mut().zip(&order);
             sorted.for_each(|(r, k)| *r = vectors(i, *k) as f32);
         }
-        Basis {
+        EigenCovariance {
             d,
             stride,
             vectors: rows,
@@ -59,7 +59,7 @@ impl Basis {
     }
 
     /// Of poses that are turned; the coordinates are those of points, three a point.
-    pub fn turned(&self, turn: &DMat3) -> Basis {
+    pub fn turned(&self, step_coordinates: &DMat3) -> EigenCovariance {
         let mut vectors = vec![0.0; self.vectors.len()];
         for (from, to) in self
             .vectors
@@ -68,13 +68,13 @@ impl Basis {
         {
             for k in 0..self.d {
                 let of = |axis: usize| f64::from(from[axis * self.stride + k]);
-                let turned = *turn * DVec3::new(of(0), of(1), of(2));
+                let turned = *step_coordinates * DVec3::new(of(0), of(1), of(2));
                 for axis in 0..3 {
                     to[axis * self.stride + k] = turned[axis] as f32;
                 }
             }
         }
-        Basis {
+        EigenCovariance {
             vectors,
             ..self.clone()
         }
@@ -92,7 +92,7 @@ impl Basis {
         self.d
     }
 
-    /// The length of a row of [`vectors`](Basis::vectors).
+    /// The length of a row of [`vectors`](EigenCovariance::vectors).
     pub fn stride(&self) -> usize {
         self.stride
     }
@@ -162,7 +162,7 @@ fn scales(directions: &[f32], d: usize) -> Vec<f64> {
 }
 
 /// Adds `share` times the diagonal of the covariance with these directions (d, d) and deviations (d): as
-/// [`Basis::from_parts`] tells it, without making one.
+/// [`EigenCovariance::from_parts`] tells it, without making one.
 pub fn add_diagonal(share: f64, directions: &[f32], deviations: &[f32], out: &mut [f64]) {
     let d = deviations.len();
     let scales = scales(directions, d);
@@ -192,7 +192,7 @@ mod tests {
     fn directions_give_the_covariance_back() {
         let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
         let c = b.dot(&b.t());
-        let basis = Basis::of(c.view());
+        let basis = EigenCovariance::of(c.view());
         let near = |a: &Array2<f64>| a.iter().zip(&c).all(|(a, b)| (a - b).abs() <= 1e-5);
         assert!(near(&basis.covariance()));
         let mut spread = Array2::zeros((6, 6));
@@ -200,13 +200,13 @@ mod tests {
         assert!(near(&spread));
         let directions: Vec<f32> = (0..36).map(|at| 0.5 * basis.row(at / 6)[at % 6]).collect();
         let deviations: Vec<f32> = basis.values.iter().map(|v| v.sqrt() as f32).collect();
-        let again = Basis::from_parts(&directions, &deviations);
+        let again = EigenCovariance::from_parts(&directions, &deviations);
         assert!(basis.values.is_sorted_by(|a, b| a >= b));
         assert!(near(&again.covariance()));
-        let mut told = vec![1.0; 6];
-        add_diagonal(0.5, &directions, &deviations, &mut told);
+        let mut detail = vec![1.0; 6];
+        add_diagonal(0.5, &directions, &deviations, &mut detail);
         let diagonal = again.diagonal();
-        let both = told.iter().zip(&diagonal);
+        let both = detail.iter().zip(&diagonal);
         assert!(
             both.clone()
                 .all(|(t, v)| (t - 1.0 - 0.5 * v).abs() <= 1e-6 * v)

@@ -10,8 +10,8 @@
 //! of poses as like the training as those, one in a thousand is flagged. Poses that were learnt from would set it far
 //! too high.
 
-use super::leaves::{Leaves, Poses};
-use super::part::{Part, View};
+use super::exemplars::{ExemplarPoses, Exemplars};
+use super::part_mixture::{ConditionedPart, PartMixture};
 use crate::numeric::parallel;
 use crate::pose::{ASF_UNIT_CM, PoseMap};
 use ndarray::Array2;
@@ -26,29 +26,29 @@ const MEASURED: usize = 5000;
 
 /// The least evidence of a pose that is like those seen.
 #[derive(Debug, Clone, Default)]
-pub struct Limit {
+pub struct NoveltyDetector {
     /// q, nats; `None` where no take could be held back.
-    pub least: Option<f64>,
+    pub threshold: Option<f64>,
     /// The whole body through the reference noise.
-    view: Arc<OnceLock<View>>,
+    conditioned: Arc<OnceLock<ConditionedPart>>,
     /// For poses that went through maps: the whole body as it was learnt, and the way back to it.
-    origin: Option<(Arc<Part>, Vec<PoseMap>)>,
+    origin: Option<(Arc<PartMixture>, Vec<PoseMap>)>,
 }
 
 /// The whole body learnt without some takes, and poses of these.
-pub struct HeldBack {
-    whole: Part,
+pub struct HeldOutPoses {
+    whole: PartMixture,
     /// (n, 3 J), cm.
     poses: Array2<f32>,
 }
 
-impl HeldBack {
+impl HeldOutPoses {
     /// `whole` is what was learnt without the takes of `poses` (n, 3 J).
-    pub fn new(mut whole: Part, poses: Array2<f32>) -> HeldBack {
+    pub fn new(mut whole: PartMixture, poses: Array2<f32>) -> HeldOutPoses {
         // Only cells are asked, and this waits for the weights: the leaves would only fill the memory.
-        let none = Poses::new(Array2::zeros((0, poses.ncols())).into(), Vec::new());
-        whole.leaves = Leaves::new(Arc::new(none), &[], 0);
-        HeldBack { whole, poses }
+        let none = ExemplarPoses::new(Array2::zeros((0, poses.ncols())).into(), Vec::new());
+        whole.exemplars = Exemplars::new(Arc::new(none), &[], 0);
+        HeldOutPoses { whole, poses }
     }
 
     /// Every pose of so many that at most [`MEASURED`] are left.
@@ -60,8 +60,8 @@ impl HeldBack {
     /// The log evidence of each pose with these weights of the levels.
     fn evidences(&self, log_weights: &[f64]) -> Vec<f64> {
         let mut whole = self.whole.clone();
-        whole.weigh(log_weights.to_vec());
-        let limit = Limit::default();
+        whole.set_log_weights(log_weights.to_vec());
+        let limit = NoveltyDetector::default();
         let of = |row: usize| {
             let pose = self.poses.row(row);
             let pose: Vec<f64> = pose.iter().map(|v| f64::from(*v)).collect();
@@ -74,17 +74,17 @@ impl HeldBack {
     }
 }
 
-impl Limit {
+impl NoveltyDetector {
     /// A limit that is known, nats, or none.
-    pub fn new(least: Option<f64>) -> Limit {
-        Limit {
-            least,
-            ..Limit::default()
+    pub fn new(threshold: Option<f64>) -> NoveltyDetector {
+        NoveltyDetector {
+            threshold,
+            ..NoveltyDetector::default()
         }
     }
 
     /// From held-back poses of all groups; `log_weights` are those of the whole body's levels.
-    pub fn learn(held: &[HeldBack], log_weights: &[f64]) -> Limit {
+    pub fn learn(held: &[HeldOutPoses], log_weights: &[f64]) -> NoveltyDetector {
         let mut all: Vec<f64> = held
             .iter()
             .flat_map(|h| h.evidences(log_weights))
@@ -92,26 +92,26 @@ impl Limit {
             .collect();
         all.sort_unstable_by(f64::total_cmp);
         let at = (QUANTILE * all.len() as f64) as usize;
-        Limit::new(all.get(at).copied())
+        NoveltyDetector::new(all.get(at).copied())
     }
 
     /// The same for a model whose poses went through a map, `whole` before it: they are judged where they come from, since
     /// a density changes where a body does.
-    pub fn mapped(&self, whole: &Part, map: &PoseMap) -> Limit {
+    pub fn mapped(&self, whole: &PartMixture, map: &PoseMap) -> NoveltyDetector {
         let (origin, mut back) = match &self.origin {
             Some((origin, back)) => (origin.clone(), back.clone()),
             None => (Arc::new(whole.clone()), Vec::new()),
         };
         back.insert(0, map.inverse());
-        Limit {
+        NoveltyDetector {
             origin: Some((origin, back)),
             ..self.clone()
         }
     }
 
     /// By how many nats a pose (3 J, cm) has less evidence than the limit, at least 0; `None` without a limit.
-    pub fn unlike(&self, whole: &Part, pose: &[f64]) -> Option<f64> {
-        let least = self.least?;
+    pub fn unlike(&self, whole: &PartMixture, pose: &[f64]) -> Option<f64> {
+        let threshold = self.threshold?;
         let mut pose = pose.to_vec();
         let (whole, back) = match &self.origin {
             Some((origin, back)) => (&**origin, &back[..]),
@@ -121,21 +121,23 @@ impl Limit {
             let from = pose.clone();
             map.apply(&from, &mut pose);
         }
-        let by = least - self.evidence(whole, &pose);
+        let by = threshold - self.evidence(whole, &pose);
         // What is no number is like nothing.
         Some(if by <= 0.0 { 0.0 } else { by })
     }
 
-    fn evidence(&self, whole: &Part, pose: &[f64]) -> f64 {
-        let view = self.view.get_or_init(|| View::even(whole, REFERENCE));
-        whole.explain_by_cells(view, pose).evidence
+    fn evidence(&self, whole: &PartMixture, pose: &[f64]) -> f64 {
+        let conditioned = self
+            .conditioned
+            .get_or_init(|| ConditionedPart::isotropic(whole, REFERENCE));
+        whole.candidates_among_clusters(conditioned, pose).evidence
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::Blocks;
-    use super::super::tests::{learnt, poses};
+    use super::super::MultiscaleMixture;
+    use super::super::tests::{poses, trained};
     use crate::io::Model;
     use crate::pose::{Body, PoseMap};
     use crate::prior::Prior;
@@ -150,17 +152,20 @@ mod tests {
 
     #[test]
     fn the_further_from_all_that_was_seen_the_more_unlike() {
-        let (blocks, _) = learnt(&poses());
+        let (mixture, _) = trained(&poses());
         let [near, known] = two(20.0);
         let [far, _] = two(60.0);
-        assert_eq!(blocks.unlike(&known), Some(0.0));
-        let (near, far) = (blocks.unlike(&near).unwrap(), blocks.unlike(&far).unwrap());
+        assert_eq!(mixture.unlike(&known), Some(0.0));
+        let (near, far) = (
+            mixture.unlike(&near).unwrap(),
+            mixture.unlike(&far).unwrap(),
+        );
         assert!(near > 50.0 && far > near, "{near} {far}");
     }
 
     #[test]
     fn poses_of_another_body_turned_too_are_judged_where_they_come_from() {
-        let (blocks, _) = learnt(&poses());
+        let (mixture, _) = trained(&poses());
         let body = Body {
             parents: (0..23).map(|p: usize| p.checked_sub(1)).collect(),
             lengths: vec![10.0; 23],
@@ -170,42 +175,44 @@ mod tests {
             ..body.clone()
         };
         let reshape = PoseMap::reshape(&body, &taller);
-        let turn = PoseMap::Turn(crate::pose::rotation::exponential(glam::DVec3::Y));
-        let mapped = blocks.mapped(&reshape).mapped(&turn);
+        let step_coordinates = PoseMap::Turn(crate::pose::rotation::exponential(glam::DVec3::Y));
+        let mapped = mixture.mapped(&reshape).mapped(&step_coordinates);
         for pose in two(20.0) {
-            let (mut tall, mut carried) = (pose.clone(), pose.clone());
+            let (mut tall, mut map_covariance) = (pose.clone(), pose.clone());
             reshape.apply(&pose, &mut tall);
-            turn.apply(&tall, &mut carried);
-            let want = blocks.unlike(&pose).unwrap();
-            let got = mapped.unlike(&carried).unwrap();
+            step_coordinates.apply(&tall, &mut map_covariance);
+            let want = mixture.unlike(&pose).unwrap();
+            let got = mapped.unlike(&map_covariance).unwrap();
             assert!((got - want).abs() <= 1e-3 * want, "{got} {want}");
         }
     }
 
     #[test]
     fn the_file_keeps_the_limit_and_old_files_have_none() {
-        let (blocks, model) = learnt(&poses());
+        let (mixture, model) = trained(&poses());
         let again = Model::from_bytes(model.to_bytes().unwrap(), "m").unwrap();
-        let again = Blocks::from_model(&again, "m").unwrap();
+        let again = MultiscaleMixture::from_model(&again, "m").unwrap();
         let [moved, _] = two(20.0);
-        assert!(blocks.unlike(&moved).is_some_and(|u| u > 0.0));
-        assert_eq!(blocks.unlike(&moved), again.unlike(&moved));
+        assert!(mixture.unlike(&moved).is_some_and(|u| u > 0.0));
+        assert_eq!(mixture.unlike(&moved), again.unlike(&moved));
         let mut old = model.clone();
         old.remove("limit");
-        let old = Blocks::from_model(&old, "m").unwrap();
+        let old = MultiscaleMixture::from_model(&old, "m").unwrap();
         assert_eq!(old.unlike(&moved), None);
         let mut broken = model.clone();
         broken.insert("limit", ndarray::Array2::from_elem((1, 1), f32::NAN));
-        let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
-        assert!(told.contains("limit"), "{told}");
+        let detail = MultiscaleMixture::from_model(&broken, "m")
+            .unwrap_err()
+            .to_string();
+        assert!(detail.contains("limit"), "{detail}");
     }
 
     #[test]
     fn a_single_take_gives_no_limit() {
         let mut poses = poses();
         poses.takes = std::iter::once(0..400).collect();
-        let (blocks, model) = learnt(&poses);
+        let (mixture, model) = trained(&poses);
         assert!(model.get("limit").is_none());
-        assert_eq!(blocks.unlike(&two(60.0)[0]), None);
+        assert_eq!(mixture.unlike(&two(60.0)[0]), None);
     }
 }

@@ -1,13 +1,13 @@
 //! Learning the blocks, and the weights of their levels.
 
-use super::basis::Basis;
-use super::cells::Cells;
-use super::leaves::Poses;
-use super::limit::{HeldBack, Limit};
-use super::part::{Level, Part};
-use super::parts::parts;
-use super::scales::MOST_LEAVES;
-use super::{Blocks, FLOOR};
+use super::body_parts::parts;
+use super::cluster_level::ClusterLevel;
+use super::eigen_covariance::EigenCovariance;
+use super::exemplars::ExemplarPoses;
+use super::novelty::{HeldOutPoses, NoveltyDetector};
+use super::part_mixture::{PartMixture, SubMixture};
+use super::scaled_precision::MAX_EXEMPLAR_SCALES;
+use super::{MIN_NOISE, MultiscaleMixture};
 use crate::cluster::{self, Parameters};
 use crate::io::Model;
 use crate::numeric::parallel;
@@ -26,104 +26,111 @@ use std::sync::Arc;
 
 /// How blocks are learnt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Settings {
+pub struct TrainSettings {
     /// How many cells each level has, rising.
-    pub cells: Vec<usize>,
+    #[serde(alias = "cells")]
+    pub clusters: Vec<usize>,
     /// The scales of the cells' covariances.
     pub scales: Vec<f64>,
     /// The scales of the leaves' covariances, and how far they reach along their steps.
-    pub leaves: Vec<(f64, f64)>,
+    #[serde(alias = "leaves")]
+    pub exemplars: Vec<(f64, f64)>,
     /// The share of a cell's own covariance; the rest is the level's.
-    pub own: f64,
+    #[serde(alias = "own")]
+    pub own_share: f64,
     /// Added to every variance, cm².
-    pub least: f64,
+    #[serde(alias = "least")]
+    pub min_variance: f64,
     /// What the log evidences of the ways to make a body are multiplied by where they are averaged.
     pub temperature: f64,
     /// Steps of EM.
-    pub steps: usize,
+    #[serde(alias = "steps")]
+    pub em_steps: usize,
     /// Held-back poses that the weights are learnt from, for each observation.
-    pub tested: usize,
+    #[serde(alias = "tested")]
+    pub held_out_poses: usize,
     /// At most so many training poses are leaves: of more, every second (third, ...) of each take.
-    pub leaves_kept: usize,
+    #[serde(alias = "leaves_kept")]
+    pub max_exemplars: usize,
     /// Takes are held back in turn, in so many groups.
     pub folds: usize,
 }
 
-impl Default for Settings {
+impl Default for TrainSettings {
     fn default() -> Self {
-        Settings {
-            cells: vec![1, 5, 20, 80, 300],
+        TrainSettings {
+            clusters: vec![1, 5, 20, 80, 300],
             scales: vec![1.0, 2.5, 6.0, 15.0],
-            leaves: vec![(0.3, 0.0), (0.03, 0.0), (0.03, 1.0), (0.001, 1.0)],
-            own: 0.8,
-            least: 1e-4 * ASF_UNIT_CM * ASF_UNIT_CM,
+            exemplars: vec![(0.3, 0.0), (0.03, 0.0), (0.03, 1.0), (0.001, 1.0)],
+            own_share: 0.8,
+            min_variance: 1e-4 * ASF_UNIT_CM * ASF_UNIT_CM,
             temperature: 0.3,
-            steps: 60,
-            leaves_kept: 80_000,
-            tested: 400,
+            em_steps: 60,
+            max_exemplars: 80_000,
+            held_out_poses: 400,
             folds: 4,
         }
     }
 }
 
-impl Settings {
+impl TrainSettings {
     /// Refuses what nothing can be learnt with.
     pub fn check(&self) -> Result<()> {
         let positive = |list: &[f64]| list.iter().all(|s| s.is_finite() && *s > 0.0);
-        let along = self.leaves.iter().all(|l| l.1.is_finite() && l.1 >= 0.0);
-        let scales: Vec<f64> = self.leaves.iter().map(|l| l.0).collect();
-        let rising = self.cells.windows(2).all(|w| w[0] < w[1]);
-        if self.cells.is_empty()
-            || self.leaves_kept == 0
-            || self.cells[0] == 0
+        let step_scale = self.exemplars.iter().all(|l| l.1.is_finite() && l.1 >= 0.0);
+        let scales: Vec<f64> = self.exemplars.iter().map(|l| l.0).collect();
+        let rising = self.clusters.windows(2).all(|w| w[0] < w[1]);
+        if self.clusters.is_empty()
+            || self.max_exemplars == 0
+            || self.clusters[0] == 0
             || !rising
             || self.scales.is_empty()
         {
             return Err(Error::usage(
-                "blocks: cells must be given, at least 1 and rising, scales, and at least 1 leaf",
+                "multiscale: clusters must be given, at least 1 and rising, scales, and at least 1 exemplar",
             ));
         }
         if !positive(&self.scales)
             || !positive(&scales)
-            || !along
-            || !positive(&[self.least, self.temperature])
+            || !step_scale
+            || !positive(&[self.min_variance, self.temperature])
         {
             return Err(Error::usage(
-                "blocks: scales, least and temperature must be above 0",
+                "multiscale: scales, min_variance and temperature must be above 0",
             ));
         }
-        if self.leaves.len() > MOST_LEAVES {
+        if self.exemplars.len() > MAX_EXEMPLAR_SCALES {
             return Err(Error::usage(format!(
-                "blocks: leaves of {} kinds, at most {MOST_LEAVES} can be looked at",
-                self.leaves.len()
+                "multiscale: exemplars at {} scales, at most {MAX_EXEMPLAR_SCALES} are possible",
+                self.exemplars.len()
             )));
         }
-        if !(0.0..=1.0).contains(&self.own) || self.folds == 0 {
+        if !(0.0..=1.0).contains(&self.own_share) || self.folds == 0 {
             return Err(Error::usage(
-                "blocks: own must be from 0 to 1, folds at least 1",
+                "multiscale: own_share must be from 0 to 1, folds at least 1",
             ));
         }
         Ok(())
     }
 
     /// The levels of a part that has so many levels of cells.
-    pub(super) fn levels(&self, cells: usize) -> Vec<Level> {
-        let of_cells = (0..cells).flat_map(|index| {
+    pub(super) fn levels(&self, clusters: usize) -> Vec<SubMixture> {
+        let of_cells = (0..clusters).flat_map(|index| {
             self.scales
                 .iter()
-                .map(move |&scale| Level::Cells { index, scale })
+                .map(move |&scale| SubMixture::Clusters { index, scale })
         });
-        let of_leaves = self
-            .leaves
+        let exemplar_sub_mixtures = self
+            .exemplars
             .iter()
-            .map(|&(scale, along)| Level::Leaves { scale, along });
-        of_cells.chain(of_leaves).collect()
+            .map(|&(scale, step_scale)| SubMixture::Exemplars { scale, step_scale });
+        of_cells.chain(exemplar_sub_mixtures).collect()
     }
 }
 
 /// Poses to learn from, and their takes.
 #[derive(Debug, Clone, Copy)]
-pub struct Material<'a> {
+pub struct TrainingRows<'a> {
     /// (N, 3 J), cm.
     pub xyz: ArrayView2<'a, f32>,
     /// The rows of each take.
@@ -131,89 +138,93 @@ pub struct Material<'a> {
 }
 
 /// Cells hold at least so many poses on average.
-const POSES_A_CELL: usize = 20;
+const POSES_PER_CLUSTER: usize = 20;
 
 /// Learns from training poses: weights first, from takes held back in turn, then the blocks from all of them.
 pub fn train(
     training: &Training<'_>,
-    settings: &Settings,
+    settings: &TrainSettings,
     report: &mut dyn FnMut(&str),
-) -> Result<Blocks> {
+) -> Result<MultiscaleMixture> {
     let poses = training.poses;
     let folds = folds(&poses.takes, settings.folds, training.seed);
-    let (mut seen, mut apart) = (Vec::new(), Vec::new());
+    let (mut evidences_of_poses, mut add_spread_of_means) = (Vec::new(), Vec::new());
     for (fold, held) in folds.iter().enumerate() {
         report(&format!(
-            "blocks without takes held back, {} of {}",
+            "mixture without held-out takes, {} of {}",
             fold + 1,
             folds.len()
         ));
         let (evidences, whole) = evidence_of_fold(training, settings, held, fold, folds.len())?;
-        seen.extend(evidences);
-        apart.push(whole);
+        evidences_of_poses.extend(evidences);
+        add_spread_of_means.push(whole);
     }
-    report("blocks of all poses");
-    let all = Material {
+    report("mixture of all poses");
+    let all = TrainingRows {
         xyz: poses.xyz.view(),
         takes: &poses.takes,
     };
-    let mut blocks = build(poses, &all, settings, training.seed)?;
-    if !seen.is_empty() {
-        let (levels, ways) = expectation_maximisation(&blocks, &seen, settings.steps);
-        for (part, levels) in blocks.parts.iter_mut().zip(levels) {
-            part.weigh(levels);
+    let mut mixture = build(poses, &all, settings, training.seed)?;
+    if !evidences_of_poses.is_empty() {
+        let (levels, factorizations) =
+            expectation_maximisation(&mixture, &evidences_of_poses, settings.em_steps);
+        for (part, levels) in mixture.parts.iter_mut().zip(levels) {
+            part.set_log_weights(levels);
         }
-        blocks.log_ways = ways;
-        blocks.limit = Limit::learn(&apart, &blocks.parts[0].log_weights);
+        mixture.log_factorization_weights = factorizations;
+        mixture.limit = NoveltyDetector::learn(&add_spread_of_means, &mixture.parts[0].log_weights);
     }
-    Ok(blocks)
+    Ok(mixture)
 }
 
 /// The evidences of poses whose takes were held back, and of single frames that were, in equal numbers: the weights must
 /// do for movements never seen and for those seen nearly. And the whole body learnt without those takes, with their poses.
 fn evidence_of_fold(
     training: &Training<'_>,
-    settings: &Settings,
+    settings: &TrainSettings,
     held: &[Range<usize>],
     fold: usize,
     folds: usize,
-) -> Result<(Vec<Evidences>, HeldBack)> {
+) -> Result<(Vec<SubMixtureEvidences>, HeldOutPoses)> {
     let poses = training.poses;
     let rest: Vec<Range<usize>> = (poses.takes.iter())
         .filter(|t| !held.contains(t))
         .cloned()
         .collect();
-    let tested = settings.tested.div_ceil(folds);
+    let held_out_poses = settings.held_out_poses.div_ceil(folds);
     let mut generator = parallel::rng(training.seed, 2 + fold as u64);
     let mut chosen: Vec<usize> = held.iter().flat_map(|t| t.clone()).collect();
-    let measured = poses.xyz.select(Axis(0), &HeldBack::spread(&chosen));
+    let measured = poses.xyz.select(Axis(0), &HeldOutPoses::spread(&chosen));
     chosen.shuffle(&mut generator);
-    chosen.truncate(tested);
+    chosen.truncate(held_out_poses);
     let mut frames: Vec<usize> = rest.iter().flat_map(|t| t.clone()).collect();
     frames.shuffle(&mut generator);
-    frames.truncate(tested.min(frames.len() / 10));
+    frames.truncate(held_out_poses.min(frames.len() / 10));
     frames.sort_unstable();
     let (xyz, takes) = rows_of(poses, &rest, &frames);
-    let material = Material {
+    let material = TrainingRows {
         xyz: xyz.view(),
         takes: &takes,
     };
-    let mut blocks = build(poses, &material, settings, training.seed)?;
+    let mut mixture = build(poses, &material, settings, training.seed)?;
     chosen.extend(frames);
-    let seen = evidences(&blocks, poses, &chosen, training.seed);
-    Ok((seen, HeldBack::new(blocks.parts.swap_remove(0), measured)))
+    let evidences_of_poses = evidences(&mixture, poses, &chosen, training.seed);
+    Ok((
+        evidences_of_poses,
+        HeldOutPoses::new(mixture.parts.swap_remove(0), measured),
+    ))
 }
 
 /// Trains and gives the model's file.
 pub fn model(
     training: &Training<'_>,
-    settings: &Settings,
+    settings: &TrainSettings,
     report: &mut dyn FnMut(&str),
 ) -> Result<Model> {
     settings.check()?;
-    let blocks = train(training, settings, report)?;
-    let mut model = training.model("blocks")?;
-    super::file::write(&blocks, settings, &mut model)?;
+    let mixture = train(training, settings, report)?;
+    let mut model = training.model("multiscale")?;
+    super::file::write(&mixture, settings, &mut model)?;
     Ok(model)
 }
 
@@ -252,44 +263,44 @@ fn rows_of(
 
 fn build(
     poses: &TrainingPoses,
-    material: &Material<'_>,
-    settings: &Settings,
+    material: &TrainingRows<'_>,
+    settings: &TrainSettings,
     seed: u64,
-) -> Result<Blocks> {
-    let (parts, ways) = parts(&poses.points);
-    let kept = Kept::of(material, settings.leaves_kept);
-    let parts: Vec<Part> = parts
+) -> Result<MultiscaleMixture> {
+    let (parts, factorizations) = parts(&poses.points);
+    let kept = KeptExemplars::of(material, settings.max_exemplars);
+    let parts: Vec<PartMixture> = parts
         .into_iter()
         .map(|coordinates| part(coordinates, material, &kept, settings, seed))
         .collect::<Result<_>>()?;
-    Ok(Blocks {
+    Ok(MultiscaleMixture {
         width: material.xyz.ncols(),
-        log_ways: vec![-(ways.len() as f64).ln(); ways.len()],
-        ways,
+        log_factorization_weights: vec![-(factorizations.len() as f64).ln(); factorizations.len()],
+        factorizations,
         variance: variance_of(&parts[0]),
-        met: super::unmet(parts.len()),
-        even: super::unmet(parts.len()),
+        conditioned_cache: super::empty_caches(parts.len()),
+        isotropic: super::empty_caches(parts.len()),
         parts,
         poses: kept.poses,
         temperature: settings.temperature,
         typical: typical(material.xyz)?.mapv(f64::from),
-        limit: Limit::default(),
+        limit: NoveltyDetector::default(),
     })
 }
 
 /// The mean variance of each coordinate within the finest cells of the whole.
-pub fn variance_of(whole: &Part) -> Vec<f64> {
+pub fn variance_of(whole: &PartMixture) -> Vec<f64> {
     whole.finest().within.clone()
 }
 
 /// The training poses that are leaves.
-struct Kept {
+struct KeptExemplars {
     rows: Vec<usize>,
-    poses: Arc<Poses>,
+    poses: Arc<ExemplarPoses>,
 }
 
-impl Kept {
-    fn of(material: &Material<'_>, most: usize) -> Kept {
+impl KeptExemplars {
+    fn of(material: &TrainingRows<'_>, most: usize) -> KeptExemplars {
         let stride = material.xyz.nrows().div_ceil(most.max(1)).max(1);
         let (mut rows, mut takes) = (Vec::new(), Vec::new());
         for take in material.takes {
@@ -298,25 +309,25 @@ impl Kept {
             takes.push(start..rows.len());
         }
         let xyz = material.xyz.select(Axis(0), &rows);
-        Kept {
+        KeptExemplars {
             rows,
-            poses: Arc::new(Poses::new(xyz.into(), takes)),
+            poses: Arc::new(ExemplarPoses::new(xyz.into(), takes)),
         }
     }
 }
 
 fn part(
     coordinates: Vec<usize>,
-    material: &Material<'_>,
-    kept: &Kept,
-    settings: &Settings,
+    material: &TrainingRows<'_>,
+    kept: &KeptExemplars,
+    settings: &TrainSettings,
     seed: u64,
-) -> Result<Part> {
+) -> Result<PartMixture> {
     let xyz = material.xyz.select(Axis(1), &coordinates);
-    let mut cells = Vec::new();
+    let mut clusters = Vec::new();
     let mut labels = Vec::new();
-    for &k in &settings.cells {
-        let k = k.min(xyz.nrows() / POSES_A_CELL).max(1);
+    for &k in &settings.clusters {
+        let k = k.min(xyz.nrows() / POSES_PER_CLUSTER).max(1);
         let parameters = Parameters {
             k,
             seed,
@@ -324,16 +335,22 @@ fn part(
             max_iterations: 20,
             ..Parameters::default()
         };
-        let found = cluster::fit_at_most(xyz.view(), &parameters, &mut |_| ())?;
-        let k = found.sizes.len();
-        labels = found.labels.iter().map(|l| *l as usize).collect();
-        cells.push(cells_of(material.xyz, &coordinates, &labels, k, settings));
+        let candidates = cluster::fit_at_most(xyz.view(), &parameters, &mut |_| ())?;
+        let k = candidates.sizes.len();
+        labels = candidates.labels.iter().map(|l| *l as usize).collect();
+        clusters.push(cells_of(material.xyz, &coordinates, &labels, k, settings));
     }
-    let levels = settings.levels(cells.len());
+    let levels = settings.levels(clusters.len());
     let labels = kept.rows.iter().map(|&row| labels[row] as u32);
     let labels: Vec<u32> = labels.collect();
     let poses = kept.poses.clone();
-    Ok(Part::new(coordinates, cells, poses, &labels, levels))
+    Ok(PartMixture::new(
+        coordinates,
+        clusters,
+        poses,
+        &labels,
+        levels,
+    ))
 }
 
 fn cells_of(
@@ -341,8 +358,8 @@ fn cells_of(
     coordinates: &[usize],
     labels: &[usize],
     k: usize,
-    settings: &Settings,
-) -> Cells {
+    settings: &TrainSettings,
+) -> ClusterLevel {
     let (m, d) = (xyz.nrows(), coordinates.len());
     let mut members = vec![Vec::new(); k];
     labels
@@ -359,42 +376,45 @@ fn cells_of(
     let mut pooled = Array2::<f64>::zeros((d, d));
     own.iter().for_each(|(_, c)| pooled += c);
     pooled /= m as f64;
-    let mut wholes = Array2::zeros((k, xyz.ncols()));
+    let mut full_means = Array2::zeros((k, xyz.ncols()));
     let mut covariances = Vec::with_capacity(k);
     for (i, (mean, scatter)) in own.into_iter().enumerate() {
-        wholes
+        full_means
             .row_mut(i)
             .iter_mut()
             .zip(mean)
             .for_each(|(a, b)| *a = b);
         let n = members[i].len().max(1) as f64;
-        let mut c = scatter * (settings.own / n) + &pooled * (1.0 - settings.own);
-        c.diag_mut().mapv_inplace(|v| v + settings.least);
+        let mut c = scatter * (settings.own_share / n) + &pooled * (1.0 - settings.own_share);
+        c.diag_mut().mapv_inplace(|v| v + settings.min_variance);
         covariances.push(c);
     }
-    let bases = parallel::map_chunks(k, 1, |c| Basis::of(covariances[c.start].view()));
+    let bases = parallel::map_chunks(k, 1, |c| EigenCovariance::of(covariances[c.start].view()));
     let share = |n: usize| (n.max(1) as f64 / m as f64).ln();
     let shares = members.iter().map(|r| share(r.len())).collect();
-    Cells::new(wholes, shares, bases, coordinates)
+    ClusterLevel::new(full_means, shares, bases, coordinates)
 }
 
 /// The weights of levels (by part) and of ways, as logs.
-type Weights = (Vec<Vec<f64>>, Vec<f64>);
+type LogWeights = (Vec<Vec<f64>>, Vec<f64>);
 
 /// One observation's log evidence of each level, by part.
-type Evidences = Vec<Vec<f64>>;
+type SubMixtureEvidences = Vec<Vec<f64>>;
 
 /// What blocks make of held-back poses, seen as each task shows them.
 fn evidences(
-    blocks: &Blocks,
+    mixture: &MultiscaleMixture,
     poses: &TrainingPoses,
     chosen: &[usize],
     seed: u64,
-) -> Vec<Evidences> {
+) -> Vec<SubMixtureEvidences> {
     let one = |i: usize, task: u64| {
         let (y, noise) = observe(poses, chosen[i], task, seed, i);
-        let seen = blocks.consider_ways(&y, &noise, 0.0).explained;
-        seen.into_iter().map(|e| e.levels).collect::<Evidences>()
+        let evidences_of_poses = mixture.evaluate_parts_above(&y, &noise, 0.0).candidates;
+        evidences_of_poses
+            .into_iter()
+            .map(|e| e.levels)
+            .collect::<SubMixtureEvidences>()
     };
     let both = (0..2u64).flat_map(|task| {
         parallel::map_chunks(chosen.len(), 4, |range| {
@@ -423,49 +443,65 @@ fn observe(
     let six = crate::pose::joints::PAPER_SIX;
     let known = |p: usize| six.contains(&poses.points[p].as_str());
     let noise = (0..pose.len())
-        .map(|c| if known(c / 3) { FLOOR } else { f64::INFINITY })
+        .map(|c| {
+            if known(c / 3) {
+                MIN_NOISE
+            } else {
+                f64::INFINITY
+            }
+        })
         .collect();
     (pose, noise)
 }
 
 /// So many poses are counted for every level and way before any is seen: none is ever ruled out.
-const PSEUDO: f64 = 1.0;
+const PSEUDO_COUNT: f64 = 1.0;
 
-fn expectation_maximisation(blocks: &Blocks, seen: &[Evidences], steps: usize) -> Weights {
-    let mut levels: Vec<Vec<f64>> = blocks.parts.iter().map(|p| p.log_weights.clone()).collect();
-    let mut ways = blocks.log_ways.clone();
+fn expectation_maximisation(
+    mixture: &MultiscaleMixture,
+    evidences_of_poses: &[SubMixtureEvidences],
+    steps: usize,
+) -> LogWeights {
+    let mut levels: Vec<Vec<f64>> = mixture
+        .parts
+        .iter()
+        .map(|p| p.log_weights.clone())
+        .collect();
+    let mut factorizations = mixture.log_factorization_weights.clone();
     for _ in 0..steps {
         let mut level_counts: Vec<Vec<f64>> =
-            levels.iter().map(|l| vec![PSEUDO; l.len()]).collect();
-        let mut way_counts = vec![PSEUDO; ways.len()];
-        for pose in seen {
+            levels.iter().map(|l| vec![PSEUDO_COUNT; l.len()]).collect();
+        let mut way_counts = vec![PSEUDO_COUNT; factorizations.len()];
+        for pose in evidences_of_poses {
             let each: Vec<Vec<f64>> = pose
                 .iter()
                 .zip(&levels)
                 .map(|(e, w)| e.iter().zip(w).map(|(e, w)| e + w).collect())
                 .collect();
             let parts: Vec<f64> = each.iter().map(|e| log_sum(e)).collect();
-            let logs: Vec<f64> = blocks
-                .ways
+            let log_evidences: Vec<f64> = mixture
+                .factorizations
                 .iter()
-                .zip(&ways)
-                .map(|(way, log)| log + way.iter().map(|&p| parts[p]).sum::<f64>())
+                .zip(&factorizations)
+                .map(|(factorization, log)| {
+                    log + factorization.iter().map(|&p| parts[p]).sum::<f64>()
+                })
                 .collect();
-            let all = log_sum(&logs);
-            for (f, way) in blocks.ways.iter().enumerate() {
-                let r = (logs[f] - all).exp();
+            let all = log_sum(&log_evidences);
+            for (f, factorization) in mixture.factorizations.iter().enumerate() {
+                let r = (log_evidences[f] - all).exp();
                 way_counts[f] += r;
-                for &p in way {
+                for &p in factorization {
                     for (count, e) in level_counts[p].iter_mut().zip(&each[p]) {
                         *count += r * (e - parts[p]).exp();
                     }
                 }
             }
         }
-        ways = logs_of(&way_counts);
+        factorizations = logs_of(&way_counts);
         levels = level_counts.iter().map(|c| logs_of(c)).collect();
     }
-    (levels, ways)
+    (levels, factorizations)
 }
 
 fn logs_of(counts: &[f64]) -> Vec<f64> {

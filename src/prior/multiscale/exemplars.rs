@@ -1,6 +1,6 @@
 //! Every training pose as a block of its own, as wide as a share of its cell.
 
-use super::basis::Basis;
+use super::eigen_covariance::EigenCovariance;
 use crate::io::model::Matrix;
 use crate::numeric::simd::{combine, distances, padded};
 use crate::pose::PoseMap;
@@ -14,8 +14,8 @@ const CHUNK: usize = 32;
 /// The training poses and how they move: shared by all parts. One frame asks for few of them, so they are unpacked when they
 /// are asked for, and carried through a map a few at a time.
 #[derive(Debug)]
-pub struct Poses {
-    source: Source,
+pub struct ExemplarPoses {
+    source: PoseSource,
     /// (N, 3 J).
     shape: (usize, usize),
     /// The rows of each take.
@@ -23,31 +23,31 @@ pub struct Poses {
 }
 
 #[derive(Debug)]
-enum Source {
+enum PoseSource {
     Own(Matrix),
     Mapped {
-        origin: Arc<Poses>,
+        origin: Arc<ExemplarPoses>,
         map: Arc<PoseMap>,
         /// [`CHUNK`] rows each.
         chunks: Vec<OnceLock<Box<[f32]>>>,
     },
 }
 
-impl Poses {
+impl ExemplarPoses {
     /// Poses (N, 3 J), cm, take after take.
-    pub fn new(xyz: Matrix, takes: Vec<Range<usize>>) -> Poses {
-        Poses {
+    pub fn new(xyz: Matrix, takes: Vec<Range<usize>>) -> ExemplarPoses {
+        ExemplarPoses {
             shape: xyz.dim(),
-            source: Source::Own(xyz),
+            source: PoseSource::Own(xyz),
             takes,
         }
     }
 
     /// The same carried through a map.
-    pub fn mapped(self: &Arc<Poses>, map: &Arc<PoseMap>) -> Poses {
+    pub fn mapped(self: &Arc<ExemplarPoses>, map: &Arc<PoseMap>) -> ExemplarPoses {
         let chunks = (0..self.len().div_ceil(CHUNK)).map(|_| OnceLock::new());
-        Poses {
-            source: Source::Mapped {
+        ExemplarPoses {
+            source: PoseSource::Mapped {
                 origin: self.clone(),
                 map: map.clone(),
                 chunks: chunks.collect(),
@@ -65,11 +65,11 @@ impl Poses {
     /// Appends some coordinates of a pose, cm.
     pub fn extend_with(&self, row: usize, coordinates: &[usize], out: &mut Vec<f32>) {
         match &self.source {
-            Source::Own(xyz) => xyz.gather(row, coordinates, out),
-            Source::Mapped { chunks, .. } => {
+            PoseSource::Own(xyz) => xyz.gather(row, coordinates, out),
+            PoseSource::Mapped { chunks, .. } => {
                 let chunk = chunks[row / CHUNK].get_or_init(|| {
                     let first = row / CHUNK * CHUNK;
-                    self.carried(first..(first + CHUNK).min(self.len()))
+                    self.map_covariance(first..(first + CHUNK).min(self.len()))
                 });
                 let pose = &chunk[row % CHUNK * self.shape.1..];
                 out.extend(coordinates.iter().map(|&c| pose[c]));
@@ -78,17 +78,17 @@ impl Poses {
     }
 
     /// Some poses as they are once they went through the map.
-    fn carried(&self, rows: Range<usize>) -> Box<[f32]> {
-        let Source::Mapped { origin, map, .. } = &self.source else {
+    fn map_covariance(&self, rows: Range<usize>) -> Box<[f32]> {
+        let PoseSource::Mapped { origin, map, .. } = &self.source else {
             return Box::default();
         };
         let all: Vec<usize> = (0..self.shape.1).collect();
         let mut out = Vec::with_capacity(rows.len() * all.len());
-        let (mut short, mut mapped) = (Vec::new(), vec![0.0; all.len()]);
+        let (mut single, mut mapped) = (Vec::new(), vec![0.0; all.len()]);
         for row in rows {
-            short.clear();
-            origin.extend_with(row, &all, &mut short);
-            let pose: Vec<f64> = short.iter().map(|v| f64::from(*v)).collect();
+            single.clear();
+            origin.extend_with(row, &all, &mut single);
+            let pose: Vec<f64> = single.iter().map(|v| f64::from(*v)).collect();
             map.apply(&pose, &mut mapped);
             out.extend(mapped.iter().map(|v| *v as f32));
         }
@@ -120,14 +120,14 @@ impl Poses {
 
 /// The leaves of one part, by their cells.
 #[derive(Debug, Clone)]
-pub struct Leaves {
-    poses: Arc<Poses>,
+pub struct Exemplars {
+    poses: Arc<ExemplarPoses>,
     /// Which training pose each leaf is, sorted by cell.
     rows: Arc<[u32]>,
     /// Where the leaves of each cell begin; one more at the end.
     starts: Arc<[u32]>,
     /// What is made of a cell's leaves when it is first opened.
-    opened: Arc<Vec<OnceLock<Opened>>>,
+    opened: Arc<Vec<OnceLock<ClusterExemplars>>>,
 }
 
 /// So many leaves of a cell are turned at a time.
@@ -135,48 +135,48 @@ const GROUP: usize = 16;
 
 /// The leaves of one cell. What only the nearest are asked for is made a few at a time: one frame asks for few of them.
 #[derive(Debug)]
-pub struct Opened {
+pub struct ClusterExemplars {
     /// Rows are padded.
     stride: usize,
     /// (n, d), cm.
     poses: Vec<f32>,
     /// Which training pose each leaf is.
     rows: Box<[u32]>,
-    all: Arc<Poses>,
+    all: Arc<ExemplarPoses>,
     coordinates: Box<[usize]>,
     /// (d), cm.
     mean: Vec<f32>,
-    basis: Arc<Basis>,
+    basis: Arc<EigenCovariance>,
     /// (n, d), cm, [`GROUP`] rows each: half the step from the pose before to the one after.
     steps: Vec<OnceLock<Box<[f32]>>>,
     /// [`GROUP`] rows each.
-    turned: Vec<OnceLock<Turned>>,
+    turned: Vec<OnceLock<EigenCoordinates>>,
 }
 
 /// Some leaves in their cell's directions.
 #[derive(Debug)]
-struct Turned {
+struct EigenCoordinates {
     /// The poses less the cell's mean, (n, d).
-    codes: Box<[f32]>,
+    pose_coordinates: Box<[f32]>,
     /// The steps, (n, d).
-    turns: Box<[f32]>,
+    step_coordinates: Box<[f32]>,
 }
 
-impl Leaves {
+impl Exemplars {
     /// Leaves by the cell that each training pose belongs to.
-    pub fn new(poses: Arc<Poses>, labels: &[u32], cells: usize) -> Leaves {
-        let mut starts = vec![0u32; cells + 1];
+    pub fn new(poses: Arc<ExemplarPoses>, labels: &[u32], clusters: usize) -> Exemplars {
+        let mut starts = vec![0u32; clusters + 1];
         labels.iter().for_each(|l| starts[*l as usize + 1] += 1);
-        (0..cells).for_each(|c| starts[c + 1] += starts[c]);
+        (0..clusters).for_each(|c| starts[c + 1] += starts[c]);
         let (mut next, mut rows) = (starts.clone(), vec![0; labels.len()]);
         for (row, label) in (0..).zip(labels) {
             let next = &mut next[*label as usize];
             rows[*next as usize] = row;
             *next += 1;
         }
-        Leaves {
+        Exemplars {
             starts: starts.into(),
-            opened: Arc::new((0..cells).map(|_| OnceLock::new()).collect()),
+            opened: Arc::new((0..clusters).map(|_| OnceLock::new()).collect()),
             poses,
             rows: rows.into(),
         }
@@ -187,13 +187,13 @@ impl Leaves {
         self.rows.len()
     }
 
-    fn cell(&self, cell: usize) -> &[u32] {
-        &self.rows[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+    fn cluster(&self, cluster: usize) -> &[u32] {
+        &self.rows[self.starts[cluster] as usize..self.starts[cluster + 1] as usize]
     }
 
     /// The same of poses that went through a map.
-    pub fn mapped(&self, poses: Arc<Poses>) -> Leaves {
-        Leaves {
+    pub fn mapped(&self, poses: Arc<ExemplarPoses>) -> Exemplars {
+        Exemplars {
             poses,
             opened: Arc::new(self.opened.iter().map(|_| OnceLock::new()).collect()),
             ..self.clone()
@@ -203,9 +203,9 @@ impl Leaves {
     /// The cell of each training pose, in their own order.
     pub fn labels(&self) -> Vec<usize> {
         let mut labels = vec![0; self.rows.len()];
-        for cell in 0..self.opened.len() {
-            for &row in self.cell(cell) {
-                labels[row as usize] = cell;
+        for cluster in 0..self.opened.len() {
+            for &row in self.cluster(cluster) {
+                labels[row as usize] = cluster;
             }
         }
         labels
@@ -214,14 +214,14 @@ impl Leaves {
     /// The leaves of a cell, whose mean and directions are given.
     pub fn open(
         &self,
-        cell: usize,
+        cluster: usize,
         coordinates: &[usize],
         mean: ArrayView1<'_, f64>,
-        basis: impl FnOnce() -> Arc<Basis>,
-    ) -> &Opened {
-        self.opened[cell].get_or_init(|| {
+        basis: impl FnOnce() -> Arc<EigenCovariance>,
+    ) -> &ClusterExemplars {
+        self.opened[cluster].get_or_init(|| {
             let stride = padded(coordinates.len());
-            let rows = self.cell(cell);
+            let rows = self.cluster(cluster);
             let mut poses = Vec::with_capacity(rows.len() * stride);
             for &row in rows {
                 self.poses
@@ -229,7 +229,7 @@ impl Leaves {
                 poses.resize(poses.len().next_multiple_of(stride), 0.0);
             }
             let groups = rows.len().div_ceil(GROUP);
-            Opened {
+            ClusterExemplars {
                 stride,
                 poses,
                 rows: rows.into(),
@@ -244,29 +244,35 @@ impl Leaves {
     }
 }
 
-impl Opened {
-    fn row<'a>(&self, of: &'a [f32], leaf: usize) -> &'a [f32] {
-        &of[leaf * self.stride..(leaf + 1) * self.stride]
+impl ClusterExemplars {
+    fn row<'a>(&self, of: &'a [f32], exemplar: usize) -> &'a [f32] {
+        &of[exemplar * self.stride..(exemplar + 1) * self.stride]
     }
 
     /// A leaf's pose, cm.
-    pub fn pose(&self, leaf: usize) -> &[f32] {
-        self.row(&self.poses, leaf)
+    pub fn pose(&self, exemplar: usize) -> &[f32] {
+        self.row(&self.poses, exemplar)
     }
 
     /// A leaf's step, cm.
-    pub fn step(&self, leaf: usize) -> &[f32] {
-        self.row(self.steps(leaf / GROUP), leaf % GROUP)
+    pub fn step(&self, exemplar: usize) -> &[f32] {
+        self.row(self.steps(exemplar / GROUP), exemplar % GROUP)
     }
 
     /// A leaf's pose less the cell's mean, in the cell's directions.
-    pub fn code(&self, leaf: usize) -> &[f32] {
-        self.row(&self.turned(leaf / GROUP).codes, leaf % GROUP)
+    pub fn code(&self, exemplar: usize) -> &[f32] {
+        self.row(
+            &self.turned(exemplar / GROUP).pose_coordinates,
+            exemplar % GROUP,
+        )
     }
 
     /// A leaf's step in the cell's directions.
-    pub fn turn(&self, leaf: usize) -> &[f32] {
-        self.row(&self.turned(leaf / GROUP).turns, leaf % GROUP)
+    pub fn step_coordinates(&self, exemplar: usize) -> &[f32] {
+        self.row(
+            &self.turned(exemplar / GROUP).step_coordinates,
+            exemplar % GROUP,
+        )
     }
 
     fn group(&self, group: usize) -> Range<usize> {
@@ -285,19 +291,19 @@ impl Opened {
         })
     }
 
-    fn turned(&self, group: usize) -> &Turned {
+    fn turned(&self, group: usize) -> &EigenCoordinates {
         self.turned[group].get_or_init(|| {
-            let leaves = self.group(group);
-            let poses = &self.poses[leaves.start * self.stride..leaves.end * self.stride];
-            Turned {
-                codes: self.turn_rows(poses, Some(&self.mean)),
-                turns: self.turn_rows(self.steps(group), None),
+            let exemplars = self.group(group);
+            let poses = &self.poses[exemplars.start * self.stride..exemplars.end * self.stride];
+            EigenCoordinates {
+                pose_coordinates: self.project_rows(poses, Some(&self.mean)),
+                step_coordinates: self.project_rows(self.steps(group), None),
             }
         })
     }
 
     /// Padded rows, less the mean where one is given, in the cell's directions.
-    fn turn_rows(&self, rows: &[f32], mean: Option<&[f32]>) -> Box<[f32]> {
+    fn project_rows(&self, rows: &[f32], mean: Option<&[f32]>) -> Box<[f32]> {
         let mut out = vec![0.0; rows.len()];
         let mut off = Vec::with_capacity(self.coordinates.len());
         let both = rows.chunks(self.stride).zip(out.chunks_mut(self.stride));

@@ -1,25 +1,25 @@
 //! Vectors beside a lens, and their forms with each other: what slopes are made of.
 
-use super::super::scales::Scales;
-use super::Lens;
+use super::super::scaled_precision::ScaledPrecisions;
+use super::NoisyCovariance;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::dot;
 
 /// A lens at some scales that have weights, Σ weight (a C_oo + R)⁻¹.
-pub struct Blend<'a> {
-    lens: &'a Lens,
-    scales: &'a Scales,
+pub struct WeightedPrecision<'a> {
+    noisy: &'a NoisyCovariance,
+    scales: &'a ScaledPrecisions,
     /// Those with any weight, and its root.
     roots: Vec<(usize, f64)>,
     /// Σ weight s by directions; 0 for those that are shared.
-    shares: Vec<f32>,
+    precisions: Vec<f32>,
     /// The same for what is shared.
     shared: f32,
 }
 
 /// A vector beside it.
-pub struct Aside<'a> {
-    through: &'a Blend<'a>,
+pub struct ProjectedVector<'a> {
+    through: &'a WeightedPrecision<'a>,
     of: &'a [f32],
     /// In the directions; 0 for those that are shared.
     z: Vec<f32>,
@@ -29,31 +29,35 @@ pub struct Aside<'a> {
     fixed: Vec<f64>,
 }
 
-impl<'a> Blend<'a> {
+impl<'a> WeightedPrecision<'a> {
     /// `weights` are of the scales.
-    pub fn of(lens: &'a Lens, scales: &'a Scales, weights: &[f64]) -> Blend<'a> {
+    pub fn of(
+        noisy: &'a NoisyCovariance,
+        scales: &'a ScaledPrecisions,
+        weights: &[f64],
+    ) -> WeightedPrecision<'a> {
         let some = weights.iter().enumerate().filter(|(_, w)| **w > 0.0);
-        let mut sums = vec![0.0; lens.stride()];
+        let mut sums = vec![0.0; noisy.stride()];
         for (at, weight) in some.clone() {
-            let shares = sums.iter_mut().zip(scales.shares(at));
-            shares.for_each(|(sum, s)| *sum += weight * f64::from(*s));
+            let precisions = sums.iter_mut().zip(scales.precisions(at));
+            precisions.for_each(|(sum, s)| *sum += weight * f64::from(*s));
         }
-        let shared = lens.cut.as_ref().map(|cut| cut.values.len() - 1);
+        let shared = noisy.cut.as_ref().map(|cut| cut.values.len() - 1);
         let shared = shared.map_or(0.0, |last| std::mem::take(&mut sums[last]));
-        Blend {
+        WeightedPrecision {
             roots: some.map(|(at, weight)| (at, weight.sqrt())).collect(),
-            shares: sums.iter().map(|s| *s as f32).collect(),
+            precisions: sums.iter().map(|s| *s as f32).collect(),
             shared: shared as f32,
-            lens,
+            noisy,
             scales,
         }
     }
 
     /// A vector (d, padded with 0; read where seen).
-    pub fn aside(&'a self, of: &'a [f32]) -> Aside<'a> {
+    pub fn project(&'a self, of: &'a [f32]) -> ProjectedVector<'a> {
         let mut z = Vec::new();
-        self.lens.project(of, &mut z);
-        if let Some(cut) = &self.lens.cut {
+        self.noisy.project(of, &mut z);
+        if let Some(cut) = &self.noisy.cut {
             z[cut.values.len() - 1] = 0.0;
         }
         let mut fixed = Vec::new();
@@ -61,8 +65,8 @@ impl<'a> Blend<'a> {
             let white = self.scales.whitened(at, &z);
             fixed.extend(white.iter().map(|v| root * v));
         }
-        Aside {
-            weighted: z.iter().zip(&self.shares).map(|(z, s)| z * s).collect(),
+        ProjectedVector {
+            weighted: z.iter().zip(&self.precisions).map(|(z, s)| z * s).collect(),
             through: self,
             of,
             z,
@@ -71,12 +75,12 @@ impl<'a> Blend<'a> {
     }
 }
 
-impl Aside<'_> {
+impl ProjectedVector<'_> {
     /// aᵀ Σ weight (a C_oo + R)⁻¹ b with another.
-    pub fn form(&self, other: &Aside<'_>) -> f64 {
+    pub fn form(&self, other: &ProjectedVector<'_>) -> f64 {
         let form = simd::dot(&self.weighted, &other.z);
         let form = f64::from(form) - dot(&self.fixed, &other.fixed);
-        if self.through.lens.cut.is_none() {
+        if self.through.noisy.cut.is_none() {
             return form;
         }
         let left = simd::dot(self.of, other.of) - simd::dot(&self.z, &other.z);

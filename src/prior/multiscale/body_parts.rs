@@ -23,9 +23,9 @@ pub fn parts(points: &[String]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
         }
     };
     let limbs: Option<Vec<usize>> = points.iter().map(limb).collect();
-    let all = |wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
+    let all = |needed: &dyn Fn(usize) -> bool| -> Vec<usize> {
         (0..points.len())
-            .filter(|&p| wanted(p))
+            .filter(|&p| needed(p))
             .flat_map(|p| 3 * p..3 * p + 3)
             .collect()
     };
@@ -56,8 +56,8 @@ pub fn parts(points: &[String]) -> (Vec<Vec<usize>>, Vec<Vec<usize>>) {
     if parts.iter().any(Vec::is_empty) {
         return (vec![parts[0].clone()], vec![vec![0]]);
     }
-    let ways = vec![vec![0], vec![1, 2], vec![3, 4, 2], vec![1, 5, 6, 7]];
-    (parts, ways)
+    let factorizations = vec![vec![0], vec![1, 2], vec![3, 4, 2], vec![1, 5, 6, 7]];
+    (parts, factorizations)
 }
 
 #[cfg(test)]
@@ -67,14 +67,20 @@ mod tests {
     #[test]
     fn each_way_covers_every_coordinate_once() {
         let names = joints::cmu_names();
-        let (parts, ways) = parts(&names);
-        assert_eq!(ways.len(), 4);
-        for way in &ways {
-            let mut all: Vec<usize> = way.iter().flat_map(|&p| parts[p].clone()).collect();
+        let (parts, factorizations) = parts(&names);
+        assert_eq!(factorizations.len(), 4);
+        for factorization in &factorizations {
+            let mut all: Vec<usize> = factorization
+                .iter()
+                .flat_map(|&p| parts[p].clone())
+                .collect();
             all.sort_unstable();
             assert_eq!(all, (0..69).collect::<Vec<_>>());
         }
-        let (parts, ways) = super::parts(&["a".into(), "b".into()]);
-        assert_eq!((parts, ways), (vec![(0..6).collect()], vec![vec![0]]));
+        let (parts, factorizations) = super::parts(&["a".into(), "b".into()]);
+        assert_eq!(
+            (parts, factorizations),
+            (vec![(0..6).collect()], vec![vec![0]])
+        );
     }
 }

@@ -13,108 +13,113 @@
 //! The answer is the posterior mean over all blocks and ways, not the single best: in that it parts from the paper.
 //! Level and way weights are learnt by EM on takes held back from the training.
 
-mod answer;
-mod basis;
-mod cells;
-mod explained;
+mod batched_cholesky;
+mod body_parts;
+mod candidates;
+mod cluster_level;
+mod eigen_covariance;
+mod evidence_gradient;
+mod exemplars;
+mod factorization;
 mod file;
-mod fours;
-mod kinds;
-mod learn;
-mod leaves;
-mod lens;
-mod limit;
-mod near;
-mod part;
-mod parts;
-mod scales;
+mod noise_quantization;
+mod noisy_covariance;
+mod novelty;
+mod part_mixture;
+mod posterior;
+mod scaled_precision;
 mod search;
-mod slope;
-mod ways;
+mod top_k;
+mod train;
 
 use super::met::Met;
 use super::{Belief, Enough, Fit, Posterior, Prior, Slope};
 use crate::numeric::small_linalg::log_sum;
 use crate::pose::{ASF_UNIT_CM, PoseMap};
-use answer::Told;
-use kinds::{ANSWERED, PLACED};
-use learn::variance_of;
-use leaves::Poses;
-use lens::Pattern;
-use limit::Limit;
+use exemplars::ExemplarPoses;
 use ndarray::{Array2, ArrayView2};
-use part::{Part, View};
+use noise_quantization::{PLACEMENT_TOLERANCE, POSTERIOR_TOLERANCE};
+use noisy_covariance::NoisePattern;
+use novelty::NoveltyDetector;
+use part_mixture::{ConditionedPart, PartMixture};
+use posterior::Detail;
 use std::sync::Arc;
+use train::variance_of;
 
-pub use learn::{Settings, model, train};
+pub use train::{TrainSettings, model, train};
 
 /// No coordinate is taken for more exact than this variance, cm² (1e-3 asf²): blocks are no truer than that.
-const FLOOR: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
+const MIN_NOISE: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
 /// So many noise patterns of the whole body are remembered; of parts more, as they are smaller.
-const MOST_MET: usize = 16;
+const CACHED_PATTERNS: usize = 16;
 /// So many kinds of noise that is everywhere the same are.
-const MOST_EVEN: usize = 16;
+const CACHED_VARIANCES: usize = 16;
 
 /// The blocks of all parts of a body.
 #[derive(Debug, Clone)]
-pub struct Blocks {
+pub struct MultiscaleMixture {
     width: usize,
-    parts: Vec<Part>,
+    parts: Vec<PartMixture>,
     /// Which parts make a whole body: each lists parts that cover every coordinate once.
-    ways: Vec<Vec<usize>>,
+    factorizations: Vec<Vec<usize>>,
     /// The log weight of each way.
-    log_ways: Vec<f64>,
+    log_factorization_weights: Vec<f64>,
     /// What the log evidences of ways are multiplied by where they are averaged.
     temperature: f64,
     variance: Vec<f64>,
     typical: Array2<f64>,
     /// The training poses: what leaves are made of.
-    poses: Arc<Poses>,
+    poses: Arc<ExemplarPoses>,
     /// Each part's views met before.
-    met: Arc<Vec<Met<View>>>,
+    conditioned_cache: Arc<Vec<Met<ConditionedPart>>>,
     /// Those through noise that is everywhere the same: what the others are made from.
-    even: Arc<Vec<Met<View>>>,
+    isotropic: Arc<Vec<Met<ConditionedPart>>>,
     /// What is unlike all that was seen.
-    limit: Limit,
+    limit: NoveltyDetector,
 }
 
 /// No view of any part is made yet.
-fn unmet(parts: usize) -> Arc<Vec<Met<View>>> {
+fn empty_caches(parts: usize) -> Arc<Vec<Met<ConditionedPart>>> {
     Arc::new((0..parts).map(|_| Met::default()).collect())
 }
 
-impl Blocks {
+impl MultiscaleMixture {
     /// How each part is seen through the noise (3 J). A limb is often seen as it was before where the body is not.
-    fn views(&self, noise: &[f64]) -> Vec<Arc<View>> {
-        let noise = kinds::few(noise, ANSWERED);
+    fn conditioned_parts(&self, noise: &[f64]) -> Vec<Arc<ConditionedPart>> {
+        let noise = noise_quantization::quantize(noise, POSTERIOR_TOLERANCE);
         (0..self.parts.len())
-            .map(|p| self.view(p, &noise))
+            .map(|p| self.conditioned(p, &noise))
             .collect()
     }
 
-    fn view(&self, p: usize, noise: &[f64]) -> Arc<View> {
+    fn conditioned(&self, p: usize, noise: &[f64]) -> Arc<ConditionedPart> {
         let part = &self.parts[p];
         let noise: Vec<f64> = part.coordinates.iter().map(|&i| noise[i]).collect();
-        if let Pattern::Changed { unit, changed } = Pattern::of(&noise)
-            && changed.is_empty()
+        if let NoisePattern::NearIsotropic {
+            base_variance,
+            exceptions,
+        } = NoisePattern::of(&noise)
+            && exceptions.is_empty()
         {
-            return self.even(p, unit);
+            return self.isotropic(p, base_variance);
         }
         let smaller = self.width / noise.len().max(1);
-        let most = MOST_MET * smaller * smaller;
-        self.met[p].get(&noise, most, || {
-            View::new(part, noise.clone(), |unit| self.even(p, unit))
+        let most = CACHED_PATTERNS * smaller * smaller;
+        self.conditioned_cache[p].get(&noise, most, || {
+            ConditionedPart::new(part, noise.clone(), |base_variance| {
+                self.isotropic(p, base_variance)
+            })
         })
     }
 
     /// How a part is seen through noise that is everywhere the same.
-    fn even(&self, p: usize, unit: f64) -> Arc<View> {
-        let make = || View::even(&self.parts[p], unit);
-        self.even[p].get(&[unit], MOST_EVEN, make)
+    fn isotropic(&self, p: usize, base_variance: f64) -> Arc<ConditionedPart> {
+        let make = || ConditionedPart::isotropic(&self.parts[p], base_variance);
+        self.isotropic[p].get(&[base_variance], CACHED_VARIANCES, make)
     }
 }
 
-impl Prior for Blocks {
+impl Prior for MultiscaleMixture {
     fn width(&self) -> usize {
         self.width
     }
@@ -124,8 +129,9 @@ impl Prior for Blocks {
     }
 
     fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
-        let seen = self.consider(y, noise);
-        self.join(&seen, Told::Covariance).belief(&seen)
+        let evaluated = self.evaluate_parts(y, noise);
+        self.average_factorizations(&evaluated, Detail::Covariance)
+            .belief(&evaluated)
     }
 
     fn believe_enough(
@@ -136,27 +142,36 @@ impl Prior for Blocks {
     ) -> Vec<Enough> {
         let rows = y.rows().into_iter().zip(noise.rows()).zip(enough);
         rows.map(|((y, noise), enough)| {
-            let seen = self.consider(&y.to_vec(), &noise.to_vec());
+            let evaluated = self.evaluate_parts(&y.to_vec(), &noise.to_vec());
             if enough.is_finite() {
-                let posterior = self.join(&seen, Told::Variances).posterior();
+                let posterior = self
+                    .average_factorizations(&evaluated, Detail::Variances)
+                    .posterior();
                 if posterior.variance.iter().sum::<f64>() >= *enough {
                     return Enough::Apart(posterior);
                 }
             }
-            Enough::Whole(self.join(&seen, Told::Covariance).belief(&seen))
+            Enough::Whole(
+                self.average_factorizations(&evaluated, Detail::Covariance)
+                    .belief(&evaluated),
+            )
         })
         .collect()
     }
 
     fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
-        self.join(&self.consider(y, noise), Told::Mean).mean
+        self.average_factorizations(&self.evaluate_parts(y, noise), Detail::Mean)
+            .mean
     }
 
     /// By the cells of the whole body alone: what a placement of 2-D input is searched with, many times a frame.
     fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
-        let (part, view) = (&self.parts[0], &self.view(0, &kinds::few(noise, PLACED)));
-        let found = part.explain_by_cells(view, y);
-        let pose = part.answer(view, y, &found, Told::Mean).mean;
+        let (part, conditioned) = (
+            &self.parts[0],
+            &self.conditioned(0, &noise_quantization::quantize(noise, PLACEMENT_TOLERANCE)),
+        );
+        let candidates = part.candidates_among_clusters(conditioned, y);
+        let pose = part.answer(conditioned, y, &candidates, Detail::Mean).mean;
         Fit {
             objective: super::misfit(self, y, noise, &pose),
             support: Vec::new(),
@@ -165,12 +180,17 @@ impl Prior for Blocks {
     }
 
     fn slope(&self, y: &[f64], noise: &[f64], moves: &[Vec<f64>]) -> Option<Slope> {
-        Some(self.parts[0].slope(&self.view(0, &kinds::few(noise, PLACED)), y, moves))
+        Some(self.parts[0].evidence_gradient(
+            &self.conditioned(0, &noise_quantization::quantize(noise, PLACEMENT_TOLERANCE)),
+            y,
+            moves,
+        ))
     }
 
     fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
-        let seen = self.consider(y, noise);
-        self.join(&seen, Told::Variances).posterior()
+        let evaluated = self.evaluate_parts(y, noise);
+        self.average_factorizations(&evaluated, Detail::Variances)
+            .posterior()
     }
 
     fn posteriors(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Posterior> {
@@ -180,7 +200,7 @@ impl Prior for Blocks {
     }
 
     fn evidence(&self, y: &[f64], noise: &[f64]) -> f64 {
-        log_sum(&self.consider(y, noise).ways)
+        log_sum(&self.evaluate_parts(y, noise).factorizations)
     }
 
     /// By the cells of the whole body alone, and measured on takes that were held back from the training.
@@ -199,14 +219,14 @@ impl Prior for Blocks {
         let map = &Arc::new(map.clone());
         let poses = Arc::new(self.poses.mapped(map));
         let parts = self.parts.iter().map(|p| p.mapped(map, &poses));
-        let parts: Vec<Part> = parts.collect();
-        Box::new(Blocks {
+        let parts: Vec<PartMixture> = parts.collect();
+        Box::new(MultiscaleMixture {
             variance: variance_of(&parts[0]),
             parts,
             typical: map.apply_rows(self.typical.view()),
             poses,
-            met: unmet(self.parts.len()),
-            even: unmet(self.parts.len()),
+            conditioned_cache: empty_caches(self.parts.len()),
+            isotropic: empty_caches(self.parts.len()),
             limit: self.limit.mapped(&self.parts[0], map),
             ..self.clone()
         })
@@ -224,7 +244,7 @@ mod tests {
 
     pub(super) fn poses() -> TrainingPoses {
         let mut generator = parallel::rng(3, 0);
-        let ways: Vec<f32> = (0..4 * 69)
+        let factorizations: Vec<f32> = (0..4 * 69)
             .map(|_| generator.random::<f32>() - 0.5)
             .collect();
         let xyz = Array2::from_shape_fn((400, 69), |(t, c)| {
@@ -235,7 +255,7 @@ mod tests {
                 (2.3 * phase).sin(),
                 (0.7 * phase).cos(),
             ];
-            let sum: f32 = (0..4).map(|k| ways[69 * k + c] * waves[k]).sum();
+            let sum: f32 = (0..4).map(|k| factorizations[69 * k + c] * waves[k]).sum();
             20.0 * sum + c as f32
         });
         TrainingPoses {
@@ -249,11 +269,11 @@ mod tests {
         }
     }
 
-    pub(super) fn learnt(poses: &TrainingPoses) -> (Blocks, crate::io::Model) {
-        let settings = Settings {
-            cells: vec![1, 4, 10],
-            tested: 30,
-            ..Settings::default()
+    pub(super) fn trained(poses: &TrainingPoses) -> (MultiscaleMixture, crate::io::Model) {
+        let settings = TrainSettings {
+            clusters: vec![1, 4, 10],
+            held_out_poses: 30,
+            ..TrainSettings::default()
         };
         let training = Training {
             poses,
@@ -262,13 +282,16 @@ mod tests {
             hold_back: Default::default(),
         };
         let model = model(&training, &settings, &mut |_| ()).unwrap();
-        (Blocks::from_model(&model, "test").unwrap(), model)
+        (
+            MultiscaleMixture::from_model(&model, "test").unwrap(),
+            model,
+        )
     }
 
     #[test]
     fn a_known_pose_is_found_under_noise_and_from_a_few_points() {
         let poses = poses();
-        let (blocks, _) = learnt(&poses);
+        let (mixture, _) = trained(&poses);
         let pose: Vec<f64> = poses.xyz.row(77).iter().map(|v| f64::from(*v)).collect();
         let mut generator = parallel::rng(5, 0);
         let y: Vec<f64> = pose
@@ -284,17 +307,17 @@ mod tests {
                 .sum();
             (sum / 69.0).sqrt()
         };
-        let dense = blocks.believe(&y, &[25.0 / 3.0; 69]);
+        let dense = mixture.believe(&y, &[25.0 / 3.0; 69]);
         assert!(off(&dense) <= 1.5, "{}", off(&dense));
         let noise: Vec<f64> = (0..69)
             .map(|c| if c < 18 { 0.0 } else { f64::INFINITY })
             .collect();
-        let filled = blocks.believe(&pose, &noise);
+        let filled = mixture.believe(&pose, &noise);
         assert!(off(&filled) <= 0.5, "{}", off(&filled));
         // The further from all that was learnt, the less evidence; nothing seen says nothing.
         let far: Vec<f64> = y.iter().map(|v| v + 60.0).collect();
-        assert!(blocks.believe(&far, &[25.0 / 3.0; 69]).evidence < dense.evidence - 50.0);
-        let none = blocks.believe(&y, &[f64::INFINITY; 69]);
+        assert!(mixture.believe(&far, &[25.0 / 3.0; 69]).evidence < dense.evidence - 50.0);
+        let none = mixture.believe(&y, &[f64::INFINITY; 69]);
         assert!(
             none.mean
                 .iter()
@@ -306,7 +329,7 @@ mod tests {
     #[test]
     fn the_slope_is_that_of_the_evidence() {
         let poses = poses();
-        let (blocks, _) = learnt(&poses);
+        let (mixture, _) = trained(&poses);
         let y: Vec<f64> = poses
             .xyz
             .row(40)
@@ -322,7 +345,7 @@ mod tests {
             c => 0.5 + c as f64,
         });
         // And few gaps, and a point worse than the others.
-        let changed = (0..69).map(|c| match c {
+        let exceptions = (0..69).map(|c| match c {
             0..12 => f64::INFINITY,
             30..33 => 30.0,
             _ => 4.0,
@@ -331,20 +354,20 @@ mod tests {
             vec![400.0; 69],
             vec![4.0; 69],
             mixed.collect(),
-            changed.collect(),
+            exceptions.collect(),
         ];
         for noise in noises {
             let at = |k: usize, by: f64| -> f64 {
                 let moved: Vec<f64> = y.iter().zip(&moves[k]).map(|(y, m)| y + by * m).collect();
-                blocks.slope(&moved, &noise, &[]).unwrap().evidence
+                mixture.slope(&moved, &noise, &[]).unwrap().evidence
             };
-            let slope = blocks.slope(&y, &noise, &moves).unwrap();
+            let slope = mixture.slope(&y, &noise, &moves).unwrap();
             for k in 0..3 {
-                let told = 0.5 * (at(k, 1.0) - at(k, -1.0));
-                let scale = 0.05 * told.abs().max(0.2);
+                let detail = 0.5 * (at(k, 1.0) - at(k, -1.0));
+                let scale = 0.05 * detail.abs().max(0.2);
                 assert!(
-                    (slope.gradient[k] - told).abs() <= scale,
-                    "{} {told}",
+                    (slope.gradient[k] - detail).abs() <= scale,
+                    "{} {detail}",
                     slope.gradient[k]
                 );
                 assert!(slope.curvature[4 * k] > 0.0);
@@ -355,10 +378,10 @@ mod tests {
     #[test]
     fn a_file_gives_the_same_answers_and_damage_is_told() {
         let poses = poses();
-        let (blocks, model) = learnt(&poses);
+        let (mixture, model) = trained(&poses);
         let bytes = model.to_bytes().unwrap();
         let again = crate::io::Model::from_bytes(bytes, "m").unwrap();
-        let again = Blocks::from_model(&again, "m").unwrap();
+        let again = MultiscaleMixture::from_model(&again, "m").unwrap();
         let y: Vec<f64> = poses
             .xyz
             .row(9)
@@ -366,18 +389,21 @@ mod tests {
             .map(|v| f64::from(*v) + 0.3)
             .collect();
         assert_eq!(
-            blocks.believe(&y, &[1.0; 69]),
+            mixture.believe(&y, &[1.0; 69]),
             again.believe(&y, &[1.0; 69])
         );
         // What is left out because it follows is found again.
-        let mut short = model.clone();
+        let mut single = model.clone();
         for (p, l) in (0..again.parts.len()).flat_map(|p| (0..3).map(move |l| (p, l))) {
-            assert!(short.get(&format!("within.{p}.{l}")).is_some());
-            short.remove(&format!("within.{p}.{l}"));
+            assert!(single.get(&format!("within.{p}.{l}")).is_some());
+            single.remove(&format!("within.{p}.{l}"));
         }
-        let short = Blocks::from_model(&short, "m").unwrap();
-        let (all, short) = (again.believe(&y, &[1.0; 69]), short.believe(&y, &[1.0; 69]));
-        let both = all.mean.iter().zip(&short.mean);
+        let single = MultiscaleMixture::from_model(&single, "m").unwrap();
+        let (all, single) = (
+            again.believe(&y, &[1.0; 69]),
+            single.believe(&y, &[1.0; 69]),
+        );
+        let both = all.mean.iter().zip(&single.mean);
         assert!(both.clone().all(|(a, b)| (a - b).abs() <= 1e-3));
         for name in [
             "poses",
@@ -389,36 +415,38 @@ mod tests {
         ] {
             let mut broken = model.clone();
             broken.remove(name);
-            let told = Blocks::from_model(&broken, "m").unwrap_err().to_string();
-            assert!(told.contains(name), "{told}");
+            let detail = MultiscaleMixture::from_model(&broken, "m")
+                .unwrap_err()
+                .to_string();
+            assert!(detail.contains(name), "{detail}");
         }
     }
 
     #[test]
     fn a_covariance_is_told_unless_the_variances_are_enough() {
         let poses = poses();
-        let (blocks, _) = learnt(&poses);
+        let (mixture, _) = trained(&poses);
         let y = poses
             .xyz
             .slice(ndarray::s![40..42, ..])
             .mapv(|v| f64::from(v) + 0.5);
         let noise = Array2::from_elem((2, 69), 4.0);
-        let told = blocks.posteriors(y.view(), noise.view());
-        let whole = blocks.believe_all(y.view(), noise.view());
-        let sum: f64 = told[1].variance.iter().sum();
-        let some = blocks.believe_enough(y.view(), noise.view(), &[f64::INFINITY, sum]);
+        let detail = mixture.posteriors(y.view(), noise.view());
+        let whole = mixture.believe_all(y.view(), noise.view());
+        let sum: f64 = detail[1].variance.iter().sum();
+        let some = mixture.believe_enough(y.view(), noise.view(), &[f64::INFINITY, sum]);
         assert_eq!(
             some,
             [
                 Enough::Whole(whole[0].clone()),
-                Enough::Apart(told[1].clone())
+                Enough::Apart(detail[1].clone())
             ]
         );
-        let none = blocks.believe_enough(y.view(), noise.view(), &[0.0, sum * 1.01]);
+        let none = mixture.believe_enough(y.view(), noise.view(), &[0.0, sum * 1.01]);
         assert_eq!(
             none,
             [
-                Enough::Apart(told[0].clone()),
+                Enough::Apart(detail[0].clone()),
                 Enough::Whole(whole[1].clone())
             ]
         );
@@ -426,8 +454,8 @@ mod tests {
 
     #[test]
     fn what_is_no_number_has_no_answer() {
-        let (blocks, _) = learnt(&poses());
-        let broken = blocks.posterior(&[f64::NAN; 69], &[1.0; 69], &Fit::default());
+        let (mixture, _) = trained(&poses());
+        let broken = mixture.posterior(&[f64::NAN; 69], &[1.0; 69], &Fit::default());
         assert!(
             broken
                 .mean
@@ -440,8 +468,8 @@ mod tests {
     #[test]
     fn a_turned_model_gives_turned_answers() {
         let poses = poses();
-        let (blocks, _) = learnt(&poses);
-        let turn = PoseMap::Turn(crate::pose::rotation::exponential(glam::DVec3::new(
+        let (mixture, _) = trained(&poses);
+        let step_coordinates = PoseMap::Turn(crate::pose::rotation::exponential(glam::DVec3::new(
             0.3, 1.0, -0.2,
         )));
         let y: Vec<f64> = poses
@@ -451,10 +479,13 @@ mod tests {
             .map(|v| f64::from(*v) + 1.0)
             .collect();
         let mut turned = y.clone();
-        turn.apply(&y, &mut turned);
+        step_coordinates.apply(&y, &mut turned);
         let mut want = y.clone();
-        turn.apply(&blocks.believe(&y, &[9.0; 69]).mean, &mut want);
-        let got = blocks.mapped(&turn).believe(&turned, &[9.0; 69]).mean;
+        step_coordinates.apply(&mixture.believe(&y, &[9.0; 69]).mean, &mut want);
+        let got = mixture
+            .mapped(&step_coordinates)
+            .believe(&turned, &[9.0; 69])
+            .mean;
         assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-2));
     }
 }
