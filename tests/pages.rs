@@ -3,7 +3,7 @@
 //! `POSING_BLESS=1 cargo test --release --test pages` writes the pages anew: look at the difference before you commit it.
 
 use posing::cli::commands::COMMANDS;
-use posing::cli::pages::{COMPLETIONS, MAN};
+use posing::cli::manual::{COMPLETIONS, MAN};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -1,9 +1,10 @@
 //! Turns ASF/AMC takes into a table of joint positions.
 
 use clap::{Parser, ValueEnum};
-use posing::cli::flags::{Common, TableOut, Units, parse_rate};
-use posing::cli::streams::{TableSink, one_stdin, open};
-use posing::cli::{Outcome, run, say};
+use posing::cli::args::{CommonArgs, OutputArgs, Units, parse_rate};
+use posing::cli::input::{check_single_stdin, open};
+use posing::cli::streams::TableSink;
+use posing::cli::{Outcome, messages, run};
 use posing::io::amc::{Frames, Reader};
 use posing::io::asf::{self, Asf};
 use posing::io::table::{Columns, Row, point_names};
@@ -49,9 +50,9 @@ struct Args {
     #[arg(long)]
     keep_whole: bool,
     #[command(flatten)]
-    out: TableOut,
+    out: OutputArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -78,7 +79,7 @@ fn work(args: &Args) -> Result<Outcome> {
     } else {
         args.takes.clone()
     };
-    one_stdin(takes.iter().chain([&args.asf]))?;
+    check_single_stdin(takes.iter().chain([&args.asf]))?;
     let asf = asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
     let joints = joints(&asf, args)?;
     let names = joints
@@ -140,7 +141,7 @@ fn convert(
         }
     }
     if let Some(number) = reader.dropped {
-        say::note(&format!(
+        messages::info(&format!(
             "{}: dropped frame {number}, which is cut off",
             take.display()
         ));

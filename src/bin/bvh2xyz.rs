@@ -2,9 +2,10 @@
 
 use clap::Parser;
 use glam::DMat3;
-use posing::cli::flags::{Common, TableOut, Units, Up, parse_rate};
-use posing::cli::streams::{TableSink, open};
-use posing::cli::{Outcome, run, say};
+use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate};
+use posing::cli::input::open;
+use posing::cli::streams::TableSink;
+use posing::cli::{Outcome, messages, run};
 use posing::io::bvh::{self, Bvh, Points, Rig};
 use posing::io::table::{Columns, Row};
 use posing::pose::kinematics::Posture;
@@ -46,9 +47,9 @@ struct Args {
     #[arg(long)]
     keep_whole: bool,
     #[command(flatten)]
-    out: TableOut,
+    out: OutputArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {
@@ -63,14 +64,14 @@ fn work(args: &Args) -> Result<Outcome> {
     let unit = args.units.unwrap_or(Units::Cm);
     let up = args.up.unwrap_or(Up::Y);
     let loaded = bvh::read(input, unit.centimetres(), args.keep_whole)?;
-    loaded.notes.iter().for_each(|n| say::note(n));
+    loaded.notes.iter().for_each(|n| messages::info(n));
     if args.units.is_none() || args.up.is_none() {
         let axis = match up {
             Up::X => "x",
             Up::Y => "y",
             Up::Z => "z",
         };
-        say::note(&format!(
+        messages::info(&format!(
             "{name}: taken as {}, {axis} up, as is the custom; --units and --up say otherwise",
             unit.name()
         ));

@@ -1,10 +1,10 @@
 //! Groups poses by hierarchical k-means.
 
 use clap::Parser;
-use posing::cli::flags::{Common, Format, Seed, TableIn, TableOut};
+use posing::cli::args::{CommonArgs, Format, InputArgs, OutputArgs, SeedArgs};
 use posing::cli::progress::Progress;
 use posing::cli::streams::{self, TableSink};
-use posing::cli::{Outcome, run, say};
+use posing::cli::{Outcome, input, messages, run};
 use posing::cluster::{self, Clustering, Parameters, Report};
 use posing::io::Model;
 use posing::io::csv::After;
@@ -27,7 +27,7 @@ use std::process::ExitCode;
 )]
 struct Args {
     #[command(flatten)]
-    input: TableIn,
+    input: InputArgs,
     /// How many clusters
     #[arg(short, long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     k: u32,
@@ -44,11 +44,11 @@ struct Args {
     #[arg(long, value_name = "DIR", conflicts_with = "output")]
     split: Option<PathBuf>,
     #[command(flatten)]
-    seed: Seed,
+    seed: SeedArgs,
     #[command(flatten)]
-    out: TableOut,
+    out: OutputArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {
@@ -62,7 +62,7 @@ fn work(args: &Args) -> Result<Outcome> {
         Some(_) => {}
         None => streams::fits(&args.out, &added())?,
     }
-    let table = streams::read_table(&args.input, false, true)?;
+    let table = input::read_table(&args.input, false, true)?;
     if args.save.is_some() {
         few_enough(table.columns.points.len(), &table.name)?;
     }
@@ -93,12 +93,12 @@ fn work(args: &Args) -> Result<Outcome> {
     })?;
     drop(bar);
     let rms = (clustering.inertia / poses.len().max(1) as f64).sqrt();
-    say::detail(&format!(
+    messages::debug(&format!(
         "{} iterations, rms {rms:.4} cm a coordinate",
         clustering.iterations
     ));
     if !clustering.converged {
-        say::note("stopped before the clusters settled");
+        messages::info("stopped before the clusters settled");
     }
     if let Some(path) = &args.save {
         save(args, &table, &clustering, poses.view(), path)?;
@@ -179,7 +179,7 @@ fn split(args: &Args, table: &Table, clustering: &Clustering, folder: &Path) -> 
         members[label as usize].push(t);
     }
     for (cluster, members) in members.into_iter().enumerate() {
-        let out = TableOut {
+        let out = OutputArgs {
             output: Some(folder.join(part(args, cluster))),
             to: args.out.to,
         };

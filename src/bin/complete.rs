@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::flags::{Common, Space, TableIn, TableOut, parse_positive};
+use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, Space, parse_positive};
 use posing::cli::restoring::{self, ModelFlags, StatusFlag};
 use posing::cli::{Outcome, run};
 use posing::io::table::point_names;
@@ -26,7 +26,7 @@ use std::process::ExitCode;
 )]
 struct Args {
     #[command(flatten)]
-    input: TableIn,
+    input: InputArgs,
     #[command(flatten)]
     model: ModelFlags,
     /// Points that count as seen; all others count as missing
@@ -47,9 +47,9 @@ struct Args {
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
     #[command(flatten)]
-    out: TableOut,
+    out: OutputArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {

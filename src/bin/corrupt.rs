@@ -2,9 +2,12 @@
 
 use clap::Parser;
 use ndarray::Array2;
-use posing::cli::flags::{Common, Seed, TableIn, TableOut, parse_length, parse_positive};
-use posing::cli::streams::{RowStream, TableSink};
-use posing::cli::{Outcome, run, say};
+use posing::cli::args::{
+    CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_length, parse_positive,
+};
+use posing::cli::input::RowStream;
+use posing::cli::streams::TableSink;
+use posing::cli::{Outcome, messages, run};
 use posing::evaluate::corruption::Corruption;
 use posing::evaluate::gaps::{Gaps, frames_in};
 use posing::io::table::{Row, point_names};
@@ -50,13 +53,13 @@ struct Args {
     #[arg(long, value_name = "M", default_value_t = 1, requires = "gaps")]
     points: usize,
     #[command(flatten)]
-    table: TableIn,
+    table: InputArgs,
     #[command(flatten)]
-    out: TableOut,
+    out: OutputArgs,
     #[command(flatten)]
-    seed: Seed,
+    seed: SeedArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {
@@ -154,7 +157,8 @@ impl Takes {
             take: None,
         };
         let take = take.map_or("the table".into(), |take| format!("take \"{take}\""));
-        let short = |why: String| say::note(&format!("{}: {take} has no gap: {why}", table.name()));
+        let short =
+            |why: String| messages::info(&format!("{}: {take} has no gap: {why}", table.name()));
         let index = self.done;
         self.done += 1;
         if let Some(rate) = args.table.rate(&poses)? {

@@ -1,8 +1,9 @@
 //! Turns sparse codes back into poses.
 
 use clap::Parser;
-use posing::cli::flags::{Common, TableOut};
-use posing::cli::streams::{TableSink, one_stdin, open, open_model};
+use posing::cli::args::{CommonArgs, OutputArgs};
+use posing::cli::input::{check_single_stdin, open, open_model};
+use posing::cli::streams::TableSink;
 use posing::cli::{Outcome, run};
 use posing::io::table::{Columns, Row};
 use posing::io::text::number;
@@ -26,9 +27,9 @@ struct Args {
     #[arg(short, long, value_name = "DICT.npz")]
     model: PathBuf,
     #[command(flatten)]
-    out: TableOut,
+    out: OutputArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {
@@ -37,7 +38,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    one_stdin([&args.file, &args.model])?;
+    check_single_stdin([&args.file, &args.model])?;
     let model = open_model(&args.model)?;
     let dictionary = dictionary(&model, &args.model.display().to_string())?;
     let input = open(&args.file)?;

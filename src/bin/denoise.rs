@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::flags::{Common, Space, TableIn, TableOut, parse_length};
+use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, Space, parse_length};
 use posing::cli::restoring::{self, ModelFlags, StatusFlag};
 use posing::cli::{Outcome, run};
 use posing::restore::denoise::Denoise;
@@ -26,7 +26,7 @@ use std::process::ExitCode;
 )]
 struct Args {
     #[command(flatten)]
-    input: TableIn,
+    input: InputArgs,
     #[command(flatten)]
     model: ModelFlags,
     /// The noise, outliers aside: standard deviation of a coordinate, cm or with a unit (1asf), or auto; where more than
@@ -48,9 +48,9 @@ struct Args {
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
     #[command(flatten)]
-    out: TableOut,
+    out: OutputArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 #[derive(Clone, Copy)]

@@ -1,8 +1,8 @@
 //! Joins dictionaries into one.
 
 use clap::Parser;
-use posing::cli::flags::{Common, parse_positive};
-use posing::cli::{Outcome, run, say, streams};
+use posing::cli::args::{CommonArgs, parse_positive};
+use posing::cli::{Outcome, input, messages, run, streams};
 use posing::io::Model;
 use posing::prior::sparse::dictionary;
 use posing::prior::training::{digest, entry};
@@ -35,7 +35,7 @@ struct Args {
     #[arg(short, long, value_name = "DICT.npz")]
     output: PathBuf,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {
@@ -44,11 +44,11 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    streams::one_stdin(&args.dictionaries)?;
+    input::check_single_stdin(&args.dictionaries)?;
     let models = args
         .dictionaries
         .iter()
-        .map(|p| streams::open_model(p))
+        .map(|p| input::open_model(p))
         .collect::<Result<Vec<_>>>()?;
     let mut parts = Vec::new();
     for (model, path) in models.iter().zip(&args.dictionaries) {
@@ -107,7 +107,7 @@ fn agrees(model: &Model, first: &Model, path: &std::path::Path) -> Result<()> {
 fn report(args: &Args, parts: &[Dictionary], joined: &posing::sparse::MergedDictionary) {
     let name = |i: usize| args.dictionaries[i].display();
     for c in &joined.closeness {
-        say::note(&format!(
+        messages::info(&format!(
             "{} ~ {}: coherence median {:.4}, 90% {:.4}, 99% {:.4}, largest {:.6}",
             name(c.first),
             name(c.second),
@@ -118,7 +118,7 @@ fn report(args: &Args, parts: &[Dictionary], joined: &posing::sparse::MergedDict
         ));
     }
     let all: usize = parts.iter().map(Dictionary::len).sum();
-    say::note(&format!(
+    messages::info(&format!(
         "{all} atoms, {} of them copies, {} dropped, {} written",
         joined.copies,
         joined.dropped.len(),

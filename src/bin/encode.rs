@@ -2,10 +2,11 @@
 
 use clap::Parser;
 use ndarray::Array2;
-use posing::cli::flags::{Common, TableIn};
+use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::input::{RowStream, check_single_stdin_with, open_model};
 use posing::cli::restoring::PursuitFlag;
-use posing::cli::streams::{RowStream, Sink, one_stdin_with, open_model};
-use posing::cli::{Outcome, run, say};
+use posing::cli::streams::Sink;
+use posing::cli::{Outcome, messages, run};
 use posing::io::table::Row;
 use posing::io::text::{push_number, push_single, push_whole};
 use posing::numeric::parallel;
@@ -27,7 +28,7 @@ use std::process::ExitCode;
 )]
 struct Args {
     #[command(flatten)]
-    input: TableIn,
+    input: InputArgs,
     /// The dictionary
     #[arg(short, long, value_name = "DICT.npz")]
     model: PathBuf,
@@ -41,7 +42,7 @@ struct Args {
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 /// Poses that are coded together where an order among them counts: of more, neighbours are more alike.
@@ -57,7 +58,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    one_stdin_with(&args.input, [&args.model])?;
+    check_single_stdin_with(&args.input, [&args.model])?;
     let model = open_model(&args.model)?;
     let dictionary = dictionary(&model, &args.model.display().to_string())?;
     let stream = RowStream::open(&args.input, false, false)?;
@@ -88,7 +89,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let mut first = batches.next()?;
     if let Some(poses) = &first {
         let search = pursuit.search(&dictionary, poses.nrows());
-        say::detail(&format!("{} atoms, found {search}", dictionary.len()));
+        messages::debug(&format!("{} atoms, found {search}", dictionary.len()));
     }
     let with_rows = pursuit.search(&dictionary, most) == SearchStrategy::Gram;
     if let Some(poses) = first.take_if(|p| !with_rows || p.nrows() < most) {

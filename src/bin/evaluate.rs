@@ -2,9 +2,9 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::evaluating::{self, Asked, Work, lengths, list, plan, sources};
-use posing::cli::flags::{Common, TableIn};
-use posing::cli::{Outcome, run, say, streams};
+use posing::cli::{Outcome, messages, run, streams};
 use posing::evaluate::bench::tables::Results;
 use posing::evaluate::bench::{Bench, Data, report, reproduction, summary};
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ use std::process::ExitCode;
 )]
 struct Args {
     #[command(flatten)]
-    table: TableIn,
+    table: InputArgs,
     /// Read what is not given by flags from a TOML file
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
@@ -81,7 +81,7 @@ struct Args {
     #[arg(long, help_heading = "Output")]
     fresh: bool,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 const LONG: &str = "\
@@ -146,17 +146,17 @@ fn work(args: Args) -> Result<Outcome> {
     plan.settings.check()?;
     let data = Data::new(&sources(&args.table, &plan.tables)?, &plan.subjects)?;
     if data.incomplete > 0 {
-        say::note(&format!(
+        messages::info(&format!(
             "{} frames lack a point and are left out",
             data.incomplete
         ));
     }
     let bench = Bench::new(&data, plan.settings)?;
     for twin in bench.twins() {
-        say::note(&format!("{} stays on one side with it", twin.tell(&data)));
+        messages::info(&format!("{} stays on one side with it", twin.tell(&data)));
     }
     for what in bench.left_out() {
-        say::note(&format!("left out: {what}"));
+        messages::info(&format!("left out: {what}"));
     }
     let work = match &plan.output {
         Some(folder) => Some(Work::open(folder, args.fresh)?),

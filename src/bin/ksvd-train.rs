@@ -1,9 +1,9 @@
 //! Learns a dictionary of poses by K-SVD.
 
 use clap::{ArgGroup, Parser};
-use posing::cli::flags::{Common, Seed, Space, TableIn, parse_positive};
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space, parse_positive};
 use posing::cli::training::{Run, ready};
-use posing::cli::{Outcome, run, say, streams};
+use posing::cli::{Outcome, input, messages, run, streams};
 use posing::io::input::Kind;
 use posing::io::{Model, Table};
 use posing::prior::training::{TrainingPoses, digest, entry, sparse_model};
@@ -25,7 +25,7 @@ use std::process::ExitCode;
 )]
 struct Args {
     #[command(flatten)]
-    input: TableIn,
+    input: InputArgs,
     /// How many atoms
     #[arg(short = 'n', long = "atoms", value_name = "ATOMS", value_parser = clap::value_parser!(u32).range(1..))]
     atoms: Option<u32>,
@@ -66,9 +66,9 @@ struct Args {
     #[arg(short, long, value_name = "DICT.npz")]
     output: PathBuf,
     #[command(flatten)]
-    seed: Seed,
+    seed: SeedArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -85,7 +85,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    streams::one_stdin_with(&args.input, args.init.iter().chain(&args.valid))?;
+    input::check_single_stdin_with(&args.input, args.init.iter().chain(&args.valid))?;
     let world = args.space == Space::World;
     let poses = ready(&args.input, args.input.files.clone(), world, None)?;
     let valid = args
@@ -117,13 +117,13 @@ fn work(args: &Args) -> Result<Outcome> {
     let state = training.train(|| {
         let dictionary = start(args, &ksvd, &poses, init)?;
         let search = ksvd.pursuit.search(&dictionary, poses.xyz.nrows());
-        say::detail(&format!("{} atoms, found {search}", dictionary.len()));
+        messages::debug(&format!("{} atoms, found {search}", dictionary.len()));
         Ok(dictionary)
     })?;
     if let (Some(error), Some(last)) = (args.error, state.history.last())
         && !ksvd.reached(&state)
     {
-        say::note(&format!(
+        messages::info(&format!(
             "ended at an RMS of {:.4} cm, above the {error} asked for",
             last.fresh_rms
         ));
@@ -177,16 +177,17 @@ fn start(
         pursuit: ksvd.pursuit,
         ..GrowthSearch::default()
     };
-    let tell =
-        |t: &posing::sparse::Trial| say::detail(&format!("{} atoms: rms {:.4} cm", t.atoms, t.rms));
+    let tell = |t: &posing::sparse::Trial| {
+        messages::debug(&format!("{} atoms: rms {:.4} cm", t.atoms, t.rms))
+    };
     let found = search.start(xyz, &mut { tell })?;
-    say::note(&format!("starts from {} atoms", found.dictionary.len()));
+    messages::info(&format!("starts from {} atoms", found.dictionary.len()));
     Ok(found.dictionary)
 }
 
 /// `--init`: a model's atoms, or a table's poses.
 fn initial(args: &Args, path: &Path, poses: &TrainingPoses) -> Result<Dictionary> {
-    let input = streams::open(path)?;
+    let input = input::open(path)?;
     let name = input.name.clone();
     let dictionary = if input.kind() == Kind::Npz {
         let model = Model::read(input)?;

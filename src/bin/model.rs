@@ -1,8 +1,8 @@
 //! Tells what a model is and where it came from.
 
 use clap::{Parser, Subcommand};
-use posing::cli::flags::Common;
-use posing::cli::{Outcome, run, streams};
+use posing::cli::args::CommonArgs;
+use posing::cli::{Outcome, input, run, streams};
 use posing::io::Model;
 use posing::prior::builtin;
 use posing::{Error, Result};
@@ -21,7 +21,7 @@ struct Args {
     #[command(subcommand)]
     what: What,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 #[derive(Subcommand)]
@@ -52,7 +52,7 @@ fn work(args: &Args) -> Result<Outcome> {
     match &args.what {
         What::Info { model, json } => {
             let model = match model {
-                Some(path) => streams::open_model(path)?,
+                Some(path) => input::open_model(path)?,
                 None => builtin::model()?,
             };
             let text = if *json {

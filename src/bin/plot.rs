@@ -1,10 +1,11 @@
 //! Draws a table as SVG, or as a page that plays it.
 
 use clap::Parser;
+use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::drawing::{Drawn, bones, name_of, runs, text_table};
-use posing::cli::flags::{Common, TableIn};
-use posing::cli::streams::{one_stdin, write_bytes};
-use posing::cli::{Outcome, run, say};
+use posing::cli::input::check_single_stdin;
+use posing::cli::streams::write_bytes;
+use posing::cli::{Outcome, messages, run};
 use posing::evaluate::figure::{self, Layout};
 use posing::evaluate::player;
 use posing::evaluate::scene::{Figure, Scene};
@@ -30,7 +31,7 @@ const MOST_DRAWN: usize = 500;
 )]
 struct Args {
     #[command(flatten)]
-    input: TableIn,
+    input: InputArgs,
     /// The figures' names (default: the files')
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     names: Vec<String>,
@@ -93,7 +94,7 @@ struct Args {
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<To>,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 #[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
@@ -115,7 +116,7 @@ fn work(args: &Args) -> Result<Outcome> {
         [] => &[PathBuf::from("-")][..],
         files => files,
     };
-    one_stdin(files)?;
+    check_single_stdin(files)?;
     let names: Vec<String> = match args.names.len() {
         0 => files.iter().map(|f| name_of(f)).collect(),
         n if n == files.len() => args.names.clone(),
@@ -126,7 +127,7 @@ fn work(args: &Args) -> Result<Outcome> {
     };
     let mut drawn: Vec<Drawn> = Vec::new();
     for file in files {
-        let mut table = Drawn::read(&TableIn {
+        let mut table = Drawn::read(&InputArgs {
             files: vec![file.clone()],
             ..args.input.clone()
         })?;
@@ -143,7 +144,7 @@ fn work(args: &Args) -> Result<Outcome> {
     };
     let bones = bones(args.bones.as_deref(), &clock.points)?;
     if bones.is_empty() {
-        say::note("none of the points is joined to another: name the bones with --bones");
+        messages::info("none of the points is joined to another: name the bones with --bones");
     }
     let figures = drawn.iter().zip(&names).map(|(table, name)| Figure {
         name,

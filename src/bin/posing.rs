@@ -3,7 +3,7 @@
 use clap::Parser;
 use clap_complete::Shell;
 use posing::cli::commands::COMMANDS;
-use posing::cli::{Outcome, pages, run, streams};
+use posing::cli::{Outcome, manual, run, streams};
 use posing::{Error, Result};
 use std::fmt::Write as _;
 use std::os::unix::process::CommandExt;
@@ -38,8 +38,8 @@ fn main() -> ExitCode {
         && let Ok(path) = find(listed.name)
     {
         let error = Command::new(&path).args(words).exec();
-        posing::cli::say::set_name("posing");
-        posing::cli::say::error(&format!("{}: {error}", path.display()));
+        posing::cli::messages::set_name("posing");
+        posing::cli::messages::error(&format!("{}: {error}", path.display()));
         return ExitCode::from(1);
     }
     run(|args: Args| work(&args))
@@ -55,7 +55,7 @@ fn work(args: &Args) -> Result<Outcome> {
         (None, _) | (Some("help"), None) => list()?,
         (Some("help"), Some(name)) => help(&name)?,
         (Some("man"), Some(name)) => {
-            streams::write_bytes(None, &page(&name, &[pages::MAN])?, false)?
+            streams::write_bytes(None, &page(&name, &[manual::MAN])?, false)?
         }
         (Some("completions"), Some(shell)) => completions(&shell)?,
         (Some("man"), None) => return Err(Error::usage("man wants a command's name")),
@@ -124,7 +124,7 @@ fn page(name: &str, request: &[&str]) -> Result<Vec<u8>> {
 
 /// Opens the page in man where man is there, else prints the long help.
 fn help(name: &str) -> Result<()> {
-    let roff = page(name, &[pages::MAN])?;
+    let roff = page(name, &[manual::MAN])?;
     let file = tempfile::Builder::new()
         .prefix(name)
         .suffix(".1")
@@ -144,9 +144,9 @@ fn completions(shell: &str) -> Result<()> {
         ))
     })?;
     let shell = known.to_string();
-    let mut out = page("posing", &[pages::COMPLETIONS, &shell])?;
+    let mut out = page("posing", &[manual::COMPLETIONS, &shell])?;
     for command in COMMANDS {
-        out.extend(page(command.name, &[pages::COMPLETIONS, &shell])?);
+        out.extend(page(command.name, &[manual::COMPLETIONS, &shell])?);
     }
     streams::write_bytes(None, &out, false)
 }

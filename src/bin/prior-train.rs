@@ -1,10 +1,10 @@
 //! Learns a prior of poses of any kind.
 
 use clap::{Parser, ValueEnum};
-use posing::cli::flags::{Common, Seed, Space, TableIn};
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
 use posing::cli::progress::Progress;
 use posing::cli::training::ready;
-use posing::cli::{Outcome, run, say, streams};
+use posing::cli::{Outcome, messages, run, streams};
 use posing::prior::multiscale;
 use posing::prior::train::{DEFAULT, KINDS, Training, train};
 use posing::prior::training::entry;
@@ -25,7 +25,7 @@ use std::process::ExitCode;
 )]
 struct Args {
     #[command(flatten)]
-    input: TableIn,
+    input: InputArgs,
     /// What kind of prior
     #[arg(long, value_name = "KIND", default_value = DEFAULT, value_parser = kinds())]
     kind: String,
@@ -53,9 +53,9 @@ struct Args {
     #[arg(short, long, value_name = "MODEL.npz")]
     output: PathBuf,
     #[command(flatten)]
-    seed: Seed,
+    seed: SeedArgs,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -124,8 +124,8 @@ fn work(args: &Args) -> Result<Outcome> {
     };
     let bar = Progress::new("prior-train", 0);
     let report = &mut |what: &str| {
-        bar.tell(what.to_string());
-        say::detail(what);
+        bar.set_message(what.to_string());
+        messages::debug(what);
     };
     let mut model = match size(args)? {
         Some(settings) => multiscale::model(&training, &settings, report)?,
@@ -133,10 +133,10 @@ fn work(args: &Args) -> Result<Outcome> {
     };
     drop(bar);
     if Tuning::read(&model).is_some_and(|t| t.tested == 0) {
-        say::note("too few poses to hold any back: nothing is tuned");
+        messages::info("too few poses to hold any back: nothing is tuned");
     }
     if is_multiscale(&args.kind) && poses.takes.len() < 2 {
-        say::note(
+        messages::info(
             "a single take: none can be held back, so all levels of the mixture weigh alike and no pose is reported as unlike the training poses",
         );
     }

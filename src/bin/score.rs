@@ -1,10 +1,10 @@
 //! Compares poses with the truth.
 
 use clap::Parser;
-use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
-use posing::cli::instep::InStep;
+use posing::cli::aligned_tables::AlignedTables;
+use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
 use posing::cli::streams::write_bytes;
-use posing::cli::{Outcome, run, say};
+use posing::cli::{Outcome, messages, run};
 use posing::evaluate::score::{Frame, Runs, Scores};
 use posing::evaluate::score_text::text;
 use posing::pose::Poses;
@@ -51,7 +51,7 @@ struct Args {
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {
@@ -61,22 +61,22 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let files = [Some(&args.truth), Some(&args.result), args.damaged.as_ref()];
-    let inputs: Vec<TableIn> = files
+    let inputs: Vec<InputArgs> = files
         .into_iter()
         .flatten()
         .map(|f| table(args, f))
         .collect();
-    let mut tables = InStep::open(&inputs)?;
+    let mut tables = AlignedTables::open(&inputs)?;
     for (name, count) in tables.left_out().filter(|(_, count)| *count > 0) {
         let truth = args.truth.display();
-        say::note(&format!(
+        messages::info(&format!(
             "{name}: left out {count} of its points, which {truth} has not"
         ));
     }
     let mut runs = Runs::default();
     let mut scores = Scores::new(tables.points(), args.damaged.is_some());
     let rate = |take: &Poses| inputs[0].rate(take);
-    tables.each_with_rate(rate, |step, rate| {
+    tables.for_each_with_rate(rate, |step, rate| {
         scores.add(&Frame {
             truth: &step.xyz[0],
             result: &step.xyz[1],
@@ -99,8 +99,8 @@ fn work(args: &Args) -> Result<Outcome> {
 }
 
 /// How one file is read.
-fn table(args: &Args, file: &Path) -> TableIn {
-    TableIn {
+fn table(args: &Args, file: &Path) -> InputArgs {
+    InputArgs {
         files: vec![file.to_path_buf()],
         fps: args.fps,
         joints: args.joints.clone(),

@@ -1,9 +1,10 @@
 //! Turns a pose table into an AMC take.
 
 use clap::Parser;
-use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
-use posing::cli::solving::{solve, tell_jumps};
-use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
+use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
+use posing::cli::ik::{report_time_jumps, solve};
+use posing::cli::input::{check_single_stdin, open, read_table};
+use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, run};
 use posing::io::amc::{Frame, write_frame, write_head};
 use posing::io::asf;
@@ -52,7 +53,7 @@ struct Args {
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {
@@ -67,9 +68,9 @@ fn work(args: &Args) -> Result<Outcome> {
     } else {
         &args.files
     };
-    one_stdin(files.iter().chain([&args.asf]))?;
+    check_single_stdin(files.iter().chain([&args.asf]))?;
     let asf = asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
-    let input = TableIn {
+    let input = InputArgs {
         files: args.files.clone(),
         fps: args.fps,
         joints: args.joints.clone(),
@@ -79,7 +80,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let table = read_table(&input, false, false)?;
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let rate = input.rate(&poses)?;
-    tell_jumps(&poses, &table.name, "an AMC file");
+    report_time_jumps(&poses, &table.name, "an AMC file");
     let joints: Vec<_> = poses.points.iter().map(|n| asf.skeleton.find(n)).collect();
     let matched = match_points(&poses, &joints);
     if matched.joints.is_empty() {

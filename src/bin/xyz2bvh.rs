@@ -2,10 +2,11 @@
 
 use clap::Parser;
 use glam::DMat3;
-use posing::cli::flags::{Common, TableIn, Units, Up, parse_rate};
-use posing::cli::solving::{solve, tell_jumps};
-use posing::cli::streams::{one_stdin, open, read_table, write_bytes};
-use posing::cli::{Outcome, run, say};
+use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
+use posing::cli::ik::{report_time_jumps, solve};
+use posing::cli::input::{check_single_stdin, open, read_table};
+use posing::cli::streams::write_bytes;
+use posing::cli::{Outcome, messages, run};
 use posing::io::bvh::{self, Target};
 use posing::pose::rotation::{Axis, parse_order};
 
@@ -60,7 +61,7 @@ struct Args {
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
     up: Up,
     #[command(flatten)]
-    common: Common,
+    common: CommonArgs,
 }
 
 fn main() -> ExitCode {
@@ -79,14 +80,14 @@ fn work(args: &Args) -> Result<Outcome> {
     } else {
         &args.files
     };
-    one_stdin(files.iter().chain(&args.skeleton))?;
+    check_single_stdin(files.iter().chain(&args.skeleton))?;
     // The skeleton's faults are told before a long table is read.
     let given = args
         .skeleton
         .as_ref()
         .map(|p| target(args, p))
         .transpose()?;
-    let input = TableIn {
+    let input = InputArgs {
         files: args.files.clone(),
         fps: args.fps,
         joints: args.joints.clone(),
@@ -99,7 +100,7 @@ fn work(args: &Args) -> Result<Outcome> {
         let what = format!("{}: has no rate; give it with --fps", table.name);
         return Err(Error::usage(what));
     };
-    tell_jumps(&poses, &table.name, "a BVH");
+    report_time_jumps(&poses, &table.name, "a BVH");
     let target = match given {
         Some(target) => target,
         None => Target::Bones(measure(&poses)?),
@@ -125,7 +126,7 @@ fn turn(up: Up) -> DMat3 {
 fn target(args: &Args, path: &Path) -> Result<Target> {
     let unit = args.units.centimetres();
     let (target, notes) = Target::read(open(path)?, unit, turn(args.up))?;
-    notes.iter().for_each(|n| say::note(n));
+    notes.iter().for_each(|n| messages::info(n));
     if matches!(target, Target::Template(..)) && args.order.is_some() {
         let what = "--order: a BVH given as skeleton keeps the order of its channels";
         return Err(Error::usage(what));

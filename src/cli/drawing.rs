@@ -1,7 +1,7 @@
 //! What `plot` does around the library: tables become figures, names become bones, a CSV file becomes a table of text.
 
-use super::flags::TableIn;
-use super::streams::{RowStream, open};
+use super::args::InputArgs;
+use super::input::{RowStream, open};
 use crate::evaluate::scene::{Run, Status, Table};
 use crate::io::table::{Builder, Row};
 use crate::pose::{Poses, joints};
@@ -27,7 +27,7 @@ pub struct Drawn {
 
 impl Drawn {
     /// Reads the table of one file, or of standard input.
-    pub fn read(input: &TableIn) -> Result<Drawn> {
+    pub fn read(input: &InputArgs) -> Result<Drawn> {
         let mut stream = RowStream::open(input, true, true)?;
         let columns = stream.columns().clone();
         let file = stream.name().to_string();

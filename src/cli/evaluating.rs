@@ -1,8 +1,8 @@
 //! What `evaluate` does around the library: flags and TOML file in one, tables and models, the work file, the bar.
 
-use super::flags::{TableIn, parse_length};
+use super::args::{InputArgs, parse_length};
 use super::progress::Progress;
-use super::{say, streams};
+use super::{input, messages};
 use crate::evaluate::bench::data::Source;
 use crate::evaluate::bench::examples::Examples;
 use crate::evaluate::bench::leaks::Past;
@@ -130,7 +130,7 @@ pub fn plan(asked: Asked, tables: Vec<PathBuf>, config: Option<&Path>) -> Result
 }
 
 fn read_config(path: &Path) -> Result<Config> {
-    let input = streams::open(path)?;
+    let input = input::open(path)?;
     let name = input.name.clone();
     let bytes = input.read_all(LARGEST_CONFIG)?;
     let text = String::from_utf8(bytes)
@@ -154,7 +154,7 @@ fn stem(path: &Path) -> String {
 
 /// A model file as a method.
 fn given(path: &Path) -> Result<Method> {
-    let model = streams::open_model(path)?;
+    let model = input::open_model(path)?;
     let source = path.display().to_string();
     if model.meta.space != "body" {
         let what = "is a model of poses in world space; models are compared in body space \
@@ -173,7 +173,7 @@ fn given(path: &Path) -> Result<Method> {
             .collect(),
     };
     if past.digests.is_empty() {
-        say::note(&format!(
+        messages::info(&format!(
             "{source}: does not tell what it was trained from; a leak shows only in poses that it keeps"
         ));
     }
@@ -193,8 +193,8 @@ fn given(path: &Path) -> Result<Method> {
 }
 
 /// Reads the tables, each by itself.
-pub fn sources(flags: &TableIn, tables: &[PathBuf]) -> Result<Vec<Source>> {
-    streams::one_stdin(tables)?;
+pub fn sources(flags: &InputArgs, tables: &[PathBuf]) -> Result<Vec<Source>> {
+    input::check_single_stdin(tables)?;
     let standard_input = [PathBuf::from("-")];
     let tables = if tables.is_empty() {
         &standard_input
@@ -202,11 +202,11 @@ pub fn sources(flags: &TableIn, tables: &[PathBuf]) -> Result<Vec<Source>> {
         tables
     };
     let read = |path: &PathBuf| {
-        let one = TableIn {
+        let one = InputArgs {
             files: vec![path.clone()],
             ..flags.clone()
         };
-        let table = streams::read_table(&one, false, false)?;
+        let table = input::read_table(&one, false, false)?;
         Ok(Source {
             name: table.name,
             label: stem(path),
@@ -315,7 +315,7 @@ pub fn run(bench: &Bench<'_>, mut work: Option<Work>) -> Result<(Vec<Cell>, Exam
     let total = bench.cells().len();
     let had = total - bench.missing(&finished);
     if had > 0 {
-        say::note(&format!("{had} of {total} cells were done before"));
+        messages::info(&format!("{had} of {total} cells were done before"));
     }
     let bar = Progress::new("evaluate", total as u64);
     bar.set(had as u64);
@@ -324,8 +324,8 @@ pub fn run(bench: &Bench<'_>, mut work: Option<Work>) -> Result<(Vec<Cell>, Exam
         match event {
             Event::Training { model, split, seed } => {
                 let words = format!("{model}, {} {seed}", split.name());
-                say::detail(&format!("trains {words}"));
-                bar.tell(words);
+                messages::debug(&format!("trains {words}"));
+                bar.set_message(words);
             }
             Event::Done { key, cell } => {
                 done += 1;
@@ -357,7 +357,7 @@ pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
 pub fn finished(folders: &[PathBuf]) -> Result<Vec<Run>> {
     let read = |folder: &PathBuf| {
         let path = folder.join("results.json");
-        let input = streams::open(&path)?;
+        let input = input::open(&path)?;
         let source = input.name.clone();
         let bytes = input.read_all(LARGEST_RESULTS)?;
         let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());

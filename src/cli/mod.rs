@@ -1,21 +1,22 @@
 //! What every command shares: the wrapper around `main`, flags, streams, progress, pages of the manual.
 
+pub mod aligned_tables;
+pub mod args;
 pub mod arrays;
 mod behind;
 pub mod commands;
 pub mod drawing;
 pub mod evaluating;
-pub mod flags;
-pub mod instep;
-pub mod pages;
+pub mod ik;
+pub mod input;
+pub mod manual;
+pub mod messages;
 pub mod printing;
 pub mod progress;
 pub mod restoring;
-pub mod say;
 mod signals;
-pub mod solving;
 pub mod streams;
-mod tally;
+mod summary;
 pub mod training;
 
 use crate::Result;
@@ -39,8 +40,8 @@ pub fn run<A: CommandFactory + FromArgMatches>(
 ) -> ExitCode {
     let command = A::command();
     let name = command.get_name().to_string();
-    say::set_name(&name);
-    if let Some(code) = pages::on_request(&command) {
+    messages::set_name(&name);
+    if let Some(code) = manual::on_request(&command) {
         return code;
     }
     let args = match command
@@ -55,7 +56,7 @@ pub fn run<A: CommandFactory + FromArgMatches>(
         Ok(Outcome::Findings) => ExitCode::from(3),
         Err(e) if e.is_closed_pipe() => ExitCode::SUCCESS,
         Err(e) => {
-            say::error(&e.to_string());
+            messages::error(&e.to_string());
             ExitCode::from(e.exit_code())
         }
     }
@@ -85,6 +86,6 @@ fn parse_failure(name: &str, error: &clap::Error) -> ExitCode {
         .collect();
     let told = told.join(" ").replace(" tip: ", "; ");
     let told = told.strip_prefix("error: ").unwrap_or(&told);
-    say::error(&format!("{told}; see {name} --help"));
+    messages::error(&format!("{told}; see {name} --help"));
     ExitCode::from(2)
 }

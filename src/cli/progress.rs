@@ -9,7 +9,7 @@ pub struct Progress(ProgressBar);
 impl Progress {
     /// A bar over `steps` steps; `what` says of what.
     pub fn new(what: &str, steps: u64) -> Progress {
-        if super::say::is_quiet() || !std::io::stderr().is_terminal() {
+        if super::messages::is_quiet() || !std::io::stderr().is_terminal() {
             return Progress(ProgressBar::hidden());
         }
         let style = ProgressStyle::with_template("{msg} [{bar:32}] {pos}/{len}  {elapsed} + {eta}")
@@ -23,7 +23,7 @@ impl Progress {
         self.0.set_position(done);
     }
     /// Shows other words.
-    pub fn tell(&self, what: String) {
+    pub fn set_message(&self, what: String) {
         self.0.set_message(what);
     }
 }

@@ -1,12 +1,11 @@
 //! What `denoise` and `complete` share: the model, tables in and out, frames in batches or takes whole, statuses.
 
-use super::flags::{TableIn, TableOut};
+use super::args::{InputArgs, OutputArgs};
+use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
 use super::progress::Progress;
-use super::streams::{
-    RowStream, TableSink, fits, one_stdin_with, open_model, read_table, write_table,
-};
-use super::tally::{Tally, added, cells};
-use super::{Outcome, say};
+use super::streams::{TableSink, fits, write_table};
+use super::summary::{RunSummary, status_cells, status_columns};
+use super::{Outcome, messages};
 use crate::io::table::{Columns, Row};
 use crate::io::text::short;
 use crate::pose::Poses;
@@ -86,9 +85,9 @@ pub struct StatusFlag {
 /// One run of either command.
 pub struct Task<'a> {
     /// Where poses come from.
-    pub input: &'a TableIn,
+    pub input: &'a InputArgs,
     /// Where they go.
-    pub out: &'a TableOut,
+    pub out: &'a OutputArgs,
     /// The model.
     pub model: &'a ModelFlags,
     /// Whether poses are placed.
@@ -130,9 +129,9 @@ pub fn complete(
                 done: &(dyn Fn(usize) + Sync)| {
         complete::take(job, xyz, runs, rate, settings, done)
     };
-    let mut tally = Tally::new(settings.max_gap.is_some());
-    go(task, observe, true, &frames, &take, &mut tally)?;
-    tally.tell("too little is seen to fill in what is missing", task.status);
+    let mut summary = RunSummary::new(settings.max_gap.is_some());
+    go(task, observe, true, &frames, &take, &mut summary)?;
+    summary.report("too little is seen to fill in what is missing", task.status);
     Ok(Outcome::Done)
 }
 
@@ -146,9 +145,9 @@ pub fn denoise(task: &Task<'_>, settings: Denoise) -> Result<Outcome> {
                 done: &(dyn Fn(usize) + Sync)| {
         denoise::take(job, xyz, runs, rate, settings, done)
     };
-    let mut tally = Tally::default();
-    go(task, None, false, &frames, &take, &mut tally)?;
-    tally.tell("too little is seen to place the model", task.status);
+    let mut summary = RunSummary::default();
+    go(task, None, false, &frames, &take, &mut summary)?;
+    summary.report("too little is seen to place the model", task.status);
     Ok(Outcome::Done)
 }
 
@@ -158,39 +157,39 @@ fn go(
     planar: bool,
     frames: &Frames<'_>,
     take: &Take<'_>,
-    tally: &mut Tally,
+    summary: &mut RunSummary,
 ) -> Result<()> {
-    one_stdin_with(task.input, &task.model.model)?;
+    check_single_stdin_with(task.input, &task.model.model)?;
     if task.per_frame {
-        return by_frames(task, observe, planar, frames, tally);
+        return by_frames(task, observe, planar, frames, summary);
     }
     let table = read_table(task.input, planar, true)?;
     let hidden = hidden(&table.columns, observe)?;
-    fits(task.out, &added(task.status, &table.columns))?;
+    fits(task.out, &status_columns(task.status, &table.columns))?;
     let job = job(task, &table.columns)?;
     let Some(rate) = task.input.rate(&table.poses)? else {
         let lack = match table.poses.time {
             Some(_) => "the table's times tell no rate",
             None => "the table has no time",
         };
-        if tally.max_gap {
+        if summary.max_gap {
             let what = format!("--max-gap wants a rate, but {lack}: --fps gives it");
             return Err(Error::usage(what));
         }
-        say::note(&format!(
+        messages::info(&format!(
             "{lack}: each frame is answered by itself (--fps gives the rate)"
         ));
         let xyz = hide(table.poses.xyz.clone(), &hidden);
         let restored = frames(&job, job.gather(xyz.view()).view());
         let out = scatter(&job, &table.poses.xyz, &restored);
-        tally.add(&job, &restored, job.gather(table.poses.xyz.view()).view());
+        summary.add(&job, &restored, job.gather(table.poses.xyz.view()).view());
         return write_table(
             task.out,
             &table,
             out.view(),
-            &added(task.status, &table.columns),
+            &status_columns(task.status, &table.columns),
             |t| {
-                cells(
+                status_cells(
                     task.status,
                     &job,
                     &table.columns,
@@ -226,7 +225,7 @@ fn go(
         let gathered = job.gather(xyz.view());
         let rate = own.unwrap_or(rate);
         let restored = take(&job, gathered.view(), &runs, rate, &progress);
-        tally.add(&job, &restored, gathered.view());
+        summary.add(&job, &restored, gathered.view());
         let whole = scatter(
             &job,
             &table.poses.xyz.slice(s![range.clone(), ..]).to_owned(),
@@ -240,14 +239,14 @@ fn go(
         task.out,
         &table,
         out.view(),
-        &added(task.status, &table.columns),
+        &status_columns(task.status, &table.columns),
         |t| {
             let at = all
                 .partition_point(|(start, _)| *start <= t)
                 .saturating_sub(1);
             let before = table.poses.xyz.row(t).to_vec();
             all.get(at).map_or_else(Vec::new, |(start, r)| {
-                cells(task.status, &job, &table.columns, r, t - start, &before)
+                status_cells(task.status, &job, &table.columns, r, t - start, &before)
             })
         },
     )
@@ -259,13 +258,13 @@ fn by_frames(
     observe: Option<&[String]>,
     planar: bool,
     frames: &Frames<'_>,
-    tally: &mut Tally,
+    summary: &mut RunSummary,
 ) -> Result<()> {
     let mut stream = RowStream::open(task.input, planar, true)?;
     let columns = stream.columns().clone();
     let hidden = hidden(&columns, observe)?;
     let job = job(task, &columns)?;
-    let mut sink = TableSink::create(task.out, &columns, &added(task.status, &columns))?;
+    let mut sink = TableSink::create(task.out, &columns, &status_columns(task.status, &columns))?;
     for batch in 0.. {
         let mut rows = Vec::with_capacity(BATCH);
         let mut row = Row::default();
@@ -284,10 +283,10 @@ fn by_frames(
         let xyz = Array2::from_shape_vec((rows.len(), columns.width()), flat).unwrap_or_default();
         let gathered = job.gather(hide(xyz.clone(), &hidden).view());
         let restored = frames(&job, gathered.view());
-        tally.add(&job, &restored, gathered.view());
+        summary.add(&job, &restored, gathered.view());
         let out = scatter(&job, &xyz, &restored);
         for (t, row) in rows.iter().enumerate() {
-            let cells = cells(task.status, &job, &columns, &restored, t, &row.xyz);
+            let cells = status_cells(task.status, &job, &columns, &restored, t, &row.xyz);
             sink.write(row, &out.row(t).to_vec(), &cells)?;
         }
     }
@@ -308,7 +307,7 @@ fn job(task: &Task<'_>, columns: &Columns) -> Result<BoundModel> {
     let kind = &model.meta.kind;
     let asks = choice.sparsity.is_some() || choice.rule != Choice::default().rule;
     if asks && kind != "sparse" {
-        say::note(&format!(
+        messages::info(&format!(
             "{name} is of kind {kind}, which has no atoms to choose: --sparsity and --pursuit change nothing (ksvd-train and \
              dict-concat make models that have)"
         ));
@@ -328,10 +327,10 @@ fn tell_strangers(points: &[String], known: &[String]) {
     let names = format!("({}{more})", shown.join(", "));
     match count {
         0 => {}
-        1 => say::note(&format!(
+        1 => messages::info(&format!(
             "1 point is none of the model's and stays as it is {names}"
         )),
-        _ => say::note(&format!(
+        _ => messages::info(&format!(
             "{count} points are none of the model's and stay as they are {names}"
         )),
     }

@@ -1,178 +1,18 @@
-//! Inputs and outputs of the commands: files, standard input and output, tables on either.
+//! What the commands write: files that appear when complete, standard output, tables on either.
 
+use super::args::{Format, OutputArgs};
 use super::arrays::ArraySink;
-use super::flags::{Format, TableIn, TableOut};
 use super::printing::Printer;
 use crate::io::csv::{After, CsvWriter};
 use crate::io::output::{OutputFile, descriptor};
-use crate::io::table::{Builder, Columns, Row, RowReader, Table};
-use crate::io::{Input, Model};
-use crate::{Error, Place, Result};
+use crate::io::table::{Columns, Row, Table};
+use crate::{Error, Result};
 use std::fs::File;
 use std::io::{self, BufWriter, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// The name of standard output in messages.
 const STDOUT: &str = "standard output";
-
-/// Opens a file, or standard input for `-`.
-pub fn open(path: &Path) -> Result<Input> {
-    if path == Path::new("-") {
-        Input::new("standard input", io::stdin())
-    } else {
-        Input::open(path)
-    }
-}
-
-/// Reads a model from a file or, for `-`, from standard input.
-pub fn open_model(path: &Path) -> Result<Model> {
-    Model::read(open(path)?)
-}
-
-/// Fails where two things would be read from standard input.
-pub fn one_stdin<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
-    match paths.into_iter().filter(|p| *p == Path::new("-")).count() {
-        0 | 1 => Ok(()),
-        _ => Err(Error::usage("standard input (-) is named more than once")),
-    }
-}
-
-/// Fails where a table and another file would both be read from standard input, which is where a table without a name
-/// comes from.
-pub fn one_stdin_with<'a>(
-    table: &'a TableIn,
-    others: impl IntoIterator<Item = &'a PathBuf>,
-) -> Result<()> {
-    let unnamed = usize::from(table.files.is_empty());
-    let named = table.files.iter().chain(others);
-    match named.filter(|p| *p == Path::new("-")).count() + unnamed {
-        0 | 1 => Ok(()),
-        _ => Err(Error::usage(
-            "standard input (-) would be read for two things; name a file",
-        )),
-    }
-}
-
-/// Rows of several tables with the same columns, one after another.
-pub struct RowStream<'a> {
-    flags: &'a TableIn,
-    planar: bool,
-    cells: bool,
-    rest: std::vec::IntoIter<PathBuf>,
-    /// What the file being read is called as a take.
-    take: Arc<str>,
-    /// What those before it were called.
-    takes: Vec<Arc<str>>,
-    reader: RowReader,
-    columns: Columns,
-}
-
-impl<'a> RowStream<'a> {
-    /// Opens the first of the files (standard input when there is none).
-    pub fn open(flags: &'a TableIn, planar: bool, cells: bool) -> Result<RowStream<'a>> {
-        one_stdin(&flags.files)?;
-        let files = if flags.files.is_empty() {
-            vec![PathBuf::from("-")]
-        } else {
-            flags.files.clone()
-        };
-        let mut rest = files.into_iter();
-        let first = rest.next().unwrap_or_default();
-        let take = stem(&first).into();
-        let reader = RowReader::new(open(&first)?, &flags.options(planar, cells)?)?;
-        let columns = reader.columns().clone();
-        Ok(RowStream {
-            flags,
-            planar,
-            cells,
-            rest,
-            take,
-            takes: Vec::new(),
-            reader,
-            columns,
-        })
-    }
-
-    /// What the columns mean.
-    pub fn columns(&self) -> &Columns {
-        &self.columns
-    }
-
-    /// The name of the file being read.
-    pub fn name(&self) -> &str {
-        self.reader.name()
-    }
-
-    /// Names the take of the next file: the same name twice is two takes.
-    fn name_take(&mut self, file: &Path) {
-        let mut name = stem(file);
-        self.takes.push(self.take.clone());
-        while self.takes.iter().any(|t| **t == *name) {
-            name.push('\'');
-        }
-        self.take = name.into();
-    }
-
-    /// What the file being read is called as a take, where nothing in it tells.
-    fn take_of_file(&self) -> Arc<str> {
-        self.take.clone()
-    }
-
-    /// The next frame, in centimetres, y up; `false` at the end of the last file.
-    pub fn read(&mut self, row: &mut Row) -> Result<bool> {
-        while !self.reader.read(row)? {
-            let Some(next) = self.rest.next() else {
-                return Ok(false);
-            };
-            self.name_take(&next);
-            self.reader =
-                RowReader::new(open(&next)?, &self.flags.options(self.planar, self.cells)?)?;
-            if self.reader.columns() != &self.columns {
-                let what = format!("has other columns than {}", self.flags.files[0].display());
-                return Err(Error::data(Place::file(self.reader.name()), what));
-            }
-        }
-        row.converted = self.flags.convert(&mut row.xyz);
-        Ok(true)
-    }
-}
-
-fn stem(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or_default();
-    stem.to_string_lossy().into_owned()
-}
-
-/// Reads whole tables, one after another, into one.
-pub fn read_table(flags: &TableIn, planar: bool, cells: bool) -> Result<Table> {
-    let mut stream = RowStream::open(flags, planar, cells)?;
-    let columns = stream.columns().clone();
-    let name = stream.name().to_string();
-    let (mut builder, mut kept, mut row) = (Builder::new(&columns), Vec::new(), Row::default());
-    // Where neither takes nor times tell how frames hang together, each file is a take.
-    let is_telling = columns.take.is_some() || columns.time.is_some() || flags.files.len() < 2;
-    let mut files: Vec<Arc<str>> = Vec::new();
-    while stream.read(&mut row)? {
-        if !is_telling {
-            files.push(stream.take_of_file());
-        }
-        builder.push(&row);
-        if cells {
-            kept.push(std::mem::take(&mut row.cells));
-        }
-    }
-    let mut poses = builder.finish();
-    if !is_telling {
-        poses.take = Some(files);
-    }
-    Ok(Table {
-        name,
-        columns,
-        poses,
-        cells: kept,
-        converted: row.converted,
-    })
-}
 
 /// A stream that is written to: a file that appears when it is complete, or standard output.
 pub enum Sink {
@@ -260,7 +100,7 @@ pub enum TableSink {
 impl TableSink {
     /// Starts a table such as `columns` with `added` columns (which an array cannot carry).
     pub fn create(
-        flags: &TableOut,
+        flags: &OutputArgs,
         columns: &Columns,
         added: &[(String, After)],
     ) -> Result<TableSink> {
@@ -294,7 +134,7 @@ impl TableSink {
 }
 
 /// Refuses an output that has no room for added columns.
-pub fn fits(flags: &TableOut, added: &[(String, After)]) -> Result<()> {
+pub fn fits(flags: &OutputArgs, added: &[(String, After)]) -> Result<()> {
     match (flags.format(), added.first()) {
         (Format::Npy, Some((lost, _))) => Err(Error::usage(format!(
             "an array (NPY) holds coordinates alone: the column {lost} would be lost; write CSV"
@@ -305,7 +145,7 @@ pub fn fits(flags: &TableOut, added: &[(String, After)]) -> Result<()> {
 
 /// Writes a whole table whose numbers became `xyz`; `added` gives each frame's added cells.
 pub fn write_table(
-    flags: &TableOut,
+    flags: &OutputArgs,
     table: &Table,
     xyz: ndarray::ArrayView2<'_, f64>,
     added: &[(String, After)],

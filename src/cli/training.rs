@@ -1,7 +1,7 @@
 //! What `ksvd-train` does around the library: the log, the checkpoint, the bar.
 
 use super::progress::Progress;
-use super::{say, streams};
+use super::{input, messages};
 use crate::io::{Input, Model};
 use crate::sparse::{Dictionary, IterationStats, Ksvd, TrainingState};
 use crate::{Error, Place, Result};
@@ -40,8 +40,8 @@ impl Run<'_> {
                 return Ok(());
             };
             bar.set(report.iteration as u64);
-            bar.tell(format!("rms {:.3} cm", report.fresh_rms));
-            say::detail(&format!(
+            bar.set_message(format!("rms {:.3} cm", report.fresh_rms));
+            messages::debug(&format!(
                 "iteration {}: rms {:.4} cm",
                 report.iteration, report.fresh_rms
             ));
@@ -52,7 +52,7 @@ impl Run<'_> {
         };
         match resumed {
             Some(mut state) => {
-                say::note(&format!(
+                messages::info(&format!(
                     "goes on from iteration {} of its checkpoint",
                     state.iteration()
                 ));
@@ -170,23 +170,23 @@ fn write_log(
 
 /// Reads the poses of a file in the flags of a table, ready for learning.
 pub fn ready(
-    flags: &super::flags::TableIn,
+    flags: &super::args::InputArgs,
     files: Vec<PathBuf>,
     world: bool,
     like: Option<&crate::prior::training::TrainingPoses>,
 ) -> Result<crate::prior::training::TrainingPoses> {
-    let flags = super::flags::TableIn {
+    let flags = super::args::InputArgs {
         files,
         ..flags.clone()
     };
-    let table = streams::read_table(&flags, false, false)?;
+    let table = input::read_table(&flags, false, false)?;
     let ready = crate::prior::training::ready(&table.poses, world, like, &table.name)?;
     for (count, why) in [
         (ready.incomplete, "lack a point and are not learnt from"),
         (ready.unplaced, "cannot be placed and are not learnt from"),
     ] {
         if count > 0 {
-            say::note(&format!("{count} of {} frames {why}", table.poses.frames()));
+            messages::info(&format!("{count} of {} frames {why}", table.poses.frames()));
         }
     }
     Ok(ready)

@@ -1,6 +1,6 @@
 //! What `denoise` and `complete` tell of what they did: columns of the table, and lines at the end.
 
-use super::say;
+use super::messages;
 use crate::io::csv::After;
 use crate::io::table::Columns;
 use crate::io::text::push_number;
@@ -9,7 +9,7 @@ use crate::restore::{BoundModel, RestoredFrames};
 use ndarray::ArrayView2;
 
 /// The columns that `--status` adds.
-pub fn added(status: bool, columns: &Columns) -> Vec<(String, After)> {
+pub fn status_columns(status: bool, columns: &Columns) -> Vec<(String, After)> {
     if !status {
         return Vec::new();
     }
@@ -26,7 +26,7 @@ pub fn added(status: bool, columns: &Columns) -> Vec<(String, After)> {
 }
 
 /// Their cells for one frame: points that the model does not know are as they were.
-pub fn cells(
+pub fn status_cells(
     status: bool,
     job: &BoundModel,
     columns: &Columns,
@@ -72,7 +72,7 @@ fn number(value: f64) -> String {
 
 /// What is said at the end.
 #[derive(Default)]
-pub struct Tally {
+pub struct RunSummary {
     frames: usize,
     too_little: usize,
     filled: usize,
@@ -84,12 +84,12 @@ pub struct Tally {
     unlike: usize,
 }
 
-impl Tally {
+impl RunSummary {
     /// Nothing counted yet.
-    pub fn new(max_gap: bool) -> Tally {
-        Tally {
+    pub fn new(max_gap: bool) -> RunSummary {
+        RunSummary {
             max_gap,
-            ..Tally::default()
+            ..RunSummary::default()
         }
     }
 
@@ -116,15 +116,15 @@ impl Tally {
     }
 
     /// Says what was counted; `too_little` is what too little was seen for, `status` whether it stands in the table too.
-    pub fn tell(&self, too_little: &str, status: bool) {
+    pub fn report(&self, too_little: &str, status: bool) {
         if self.too_little > 0 {
-            say::note(&format!(
+            messages::info(&format!(
                 "in {} of {} frames {too_little}",
                 self.too_little, self.frames
             ));
         }
         if self.rejected > 0 {
-            say::note(&format!(
+            messages::info(&format!(
                 "{} points cannot be where they were captured and counted for nothing",
                 self.rejected
             ));
@@ -135,20 +135,20 @@ impl Tally {
             } else {
                 "--status"
             };
-            say::note(&format!(
+            messages::info(&format!(
                 "in {} of {} frames the restored pose is unlike any that the model has seen ({which} tells by how much)",
                 self.unlike, self.frames
             ));
         }
         if self.max_gap && self.left > 0 {
-            say::note(&format!("{} points stay missing", self.left));
+            messages::info(&format!("{} points stay missing", self.left));
         }
-        say::detail(&format!(
+        messages::debug(&format!(
             "{} frames, {} points filled in",
             self.frames, self.filled
         ));
         if self.noise > 0.0 {
-            say::detail(&format!(
+            messages::debug(&format!(
                 "noise {:.3} cm a coordinate",
                 self.noise / self.frames.max(1) as f64
             ));

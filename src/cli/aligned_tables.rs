@@ -1,7 +1,7 @@
 //! Tables of the same frames, read in step.
 
-use super::flags::TableIn;
-use super::streams::{RowStream, one_stdin};
+use super::args::InputArgs;
+use super::input::{RowStream, check_single_stdin};
 use crate::io::table::Row;
 use crate::pose::{Poses, Rates};
 use crate::{Error, Place, Result};
@@ -18,7 +18,7 @@ const SAME_TIME: f64 = 1e-4;
 ///
 /// Points are matched by name: all come in the first table's order. Where two tables tell a frame's take or time, they
 /// must agree. A table of 2-D points has no z.
-pub struct InStep<'a> {
+pub struct AlignedTables<'a> {
     tables: Vec<Table<'a>>,
     points: Vec<String>,
     frames: u64,
@@ -32,20 +32,20 @@ struct Table<'a> {
 }
 
 /// Frames that come one at a time, each given on with the rate of its take.
-struct Rated<R, P> {
+struct TakeRates<R, P> {
     rate: R,
     put: P,
     met: Rates,
     /// The first frames of a take, until its rate is known.
-    first: Vec<Step>,
+    first: Vec<AlignedFrame>,
     known: Option<Option<f64>>,
     last_take: Option<Option<Arc<str>>>,
 }
 
-impl<R: Fn(&Poses) -> Result<Option<f64>>, P: FnMut(&Step, Option<f64>)> Rated<R, P> {
+impl<R: Fn(&Poses) -> Result<Option<f64>>, P: FnMut(&AlignedFrame, Option<f64>)> TakeRates<R, P> {
     /// Meets the rates of the takes that come first, of the longest before those of shorter ones.
-    fn learn(&mut self, first: &[Step]) -> Result<()> {
-        let mut takes: Vec<&[Step]> = first.chunk_by(|a, b| a.take == b.take).collect();
+    fn learn(&mut self, first: &[AlignedFrame]) -> Result<()> {
+        let mut takes: Vec<&[AlignedFrame]> = first.chunk_by(|a, b| a.take == b.take).collect();
         takes.sort_by_key(|take| std::cmp::Reverse(take.len()));
         takes
             .into_iter()
@@ -53,7 +53,7 @@ impl<R: Fn(&Poses) -> Result<Option<f64>>, P: FnMut(&Step, Option<f64>)> Rated<R
     }
 
     /// The rate of a take with these frames.
-    fn of(&mut self, take: &[Step]) -> Result<Option<f64>> {
+    fn of(&mut self, take: &[AlignedFrame]) -> Result<Option<f64>> {
         let clock = Poses::clock(take.iter().map(|s| (s.time, s.take.clone())));
         let Some(own) = (self.rate)(&clock)? else {
             return Ok(None);
@@ -62,7 +62,7 @@ impl<R: Fn(&Poses) -> Result<Option<f64>>, P: FnMut(&Step, Option<f64>)> Rated<R
         Ok(Some(self.met.settle(own, allows)))
     }
 
-    fn add(&mut self, step: &Step) -> Result<()> {
+    fn add(&mut self, step: &AlignedFrame) -> Result<()> {
         if self
             .last_take
             .as_ref()
@@ -93,7 +93,7 @@ impl<R: Fn(&Poses) -> Result<Option<f64>>, P: FnMut(&Step, Option<f64>)> Rated<R
 
 /// A frame of every table.
 #[derive(Debug, Clone, Default)]
-pub struct Step {
+pub struct AlignedFrame {
     /// A table each: three numbers a point, NaN is missing.
     pub xyz: Vec<Vec<f64>>,
     /// Seconds, from the first table that tells.
@@ -102,13 +102,13 @@ pub struct Step {
     pub take: Option<Arc<str>>,
 }
 
-impl<'a> InStep<'a> {
+impl<'a> AlignedTables<'a> {
     /// Opens the tables (each of one file, or standard input).
     ///
     /// # Errors
     /// When one cannot be read, or lacks a point of the first.
-    pub fn open(inputs: &'a [TableIn]) -> Result<InStep<'a>> {
-        one_stdin(inputs.iter().flat_map(|t| &t.files))?;
+    pub fn open(inputs: &'a [InputArgs]) -> Result<AlignedTables<'a>> {
+        check_single_stdin(inputs.iter().flat_map(|t| &t.files))?;
         let mut points = Vec::new();
         let mut tables: Vec<Table> = Vec::new();
         for input in inputs {
@@ -126,7 +126,7 @@ impl<'a> InStep<'a> {
                 order,
             });
         }
-        Ok(InStep {
+        Ok(AlignedTables {
             tables,
             points,
             frames: 0,
@@ -148,7 +148,7 @@ impl<'a> InStep<'a> {
     ///
     /// # Errors
     /// When a table cannot be read, ends before another, or tells another take or time.
-    pub fn read(&mut self, step: &mut Step) -> Result<bool> {
+    pub fn read(&mut self, step: &mut AlignedFrame) -> Result<bool> {
         let mut ended = Vec::new();
         for table in &mut self.tables {
             ended.push(!table.stream.read(&mut table.row)?);
@@ -174,19 +174,19 @@ impl<'a> InStep<'a> {
     /// that was met, that is theirs.
     ///
     /// # Errors
-    /// As [`read`](InStep::read) gives, or `rate`.
-    pub fn each_with_rate(
+    /// As [`read`](AlignedTables::read) gives, or `rate`.
+    pub fn for_each_with_rate(
         &mut self,
         rate: impl Fn(&Poses) -> Result<Option<f64>>,
-        put: impl FnMut(&Step, Option<f64>),
+        put: impl FnMut(&AlignedFrame, Option<f64>),
     ) -> Result<()> {
-        let mut step = Step::default();
+        let mut step = AlignedFrame::default();
         let mut first = Vec::new();
         while first.len() < RATE_FRAMES && self.read(&mut step)? {
             first.push(step.clone());
         }
         let has_more = first.len() == RATE_FRAMES;
-        let mut rated = Rated {
+        let mut rated = TakeRates {
             rate,
             put,
             met: Rates::default(),

@@ -14,7 +14,7 @@ pub fn set_name(name: &str) {
 }
 
 /// `-q` and `-v`.
-pub fn set_level(quiet: bool, verbose: bool) {
+pub fn set_verbosity(quiet: bool, verbose: bool) {
     LEVEL.store(
         if quiet {
             0
@@ -49,14 +49,14 @@ pub fn error(text: &str) {
 }
 
 /// What the user should know of a run that goes on; silenced by `-q`.
-pub fn note(text: &str) {
+pub fn info(text: &str) {
     if LEVEL.load(Ordering::Relaxed) >= 1 {
         line(text);
     }
 }
 
 /// What only `-v` shows.
-pub fn detail(text: &str) {
+pub fn debug(text: &str) {
     if LEVEL.load(Ordering::Relaxed) >= 2 {
         line(text);
     }

@@ -1,6 +1,6 @@
 //! Flags that several commands share.
 
-use super::say;
+use super::messages;
 use crate::io::table::{ReadOptions, point_names};
 use crate::pose::{ASF_UNIT_CM, Poses};
 use crate::{Error, Result};
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 /// Flags of every command.
 #[derive(Debug, Clone, Args)]
-pub struct Common {
+pub struct CommonArgs {
     /// Threads to use (default: all processors); the result is the same for any number
     #[arg(long, value_name = "N", help_heading = "Shared")]
     pub threads: Option<usize>,
@@ -22,10 +22,10 @@ pub struct Common {
     pub verbose: bool,
 }
 
-impl Common {
+impl CommonArgs {
     /// Sets the threads and the loudness; called once, first.
     pub fn apply(&self) -> Result<()> {
-        say::set_level(self.quiet, self.verbose);
+        messages::set_verbosity(self.quiet, self.verbose);
         if let Some(threads) = self.threads {
             if threads == 0 || threads > 4096 {
                 return Err(Error::usage(format!(
@@ -125,7 +125,7 @@ impl Up {
 
 /// Where poses come from.
 #[derive(Debug, Clone, Args)]
-pub struct TableIn {
+pub struct InputArgs {
     /// Pose tables, CSV or NPY; - or none: standard input
     #[arg(value_name = "FILE")]
     pub files: Vec<PathBuf>,
@@ -155,7 +155,7 @@ pub struct TableIn {
     pub up: Up,
 }
 
-impl TableIn {
+impl InputArgs {
     /// How the library is to read it.
     pub fn options(&self, planar: bool, cells: bool) -> Result<ReadOptions> {
         let joints = self.joints.as_deref().map(point_names).transpose()?;
@@ -213,7 +213,7 @@ pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
 
 /// Where a table goes.
 #[derive(Debug, Clone, Args)]
-pub struct TableOut {
+pub struct OutputArgs {
     /// Write to FILE (complete or not at all) in place of standard output
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
@@ -231,7 +231,7 @@ pub enum Format {
     Npy,
 }
 
-impl TableOut {
+impl OutputArgs {
     /// What `--to` says, else what the file's name tells, else CSV.
     pub fn format(&self) -> Format {
         let npy = |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
@@ -264,7 +264,7 @@ impl Space {
 
 /// Where randomness starts.
 #[derive(Debug, Clone, Args)]
-pub struct Seed {
+pub struct SeedArgs {
     /// Where randomness starts: the same seed gives the same result
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Shared")]
     pub seed: u64,

@@ -1,14 +1,14 @@
 //! What `xyz2bvh` and `xyz2amc` share: a skeleton solved for a table's points, with a bar, and what the fit has to say.
 
+use super::messages;
 use super::progress::Progress;
-use super::say;
 use crate::Result;
 use crate::pose::{Poses, Skeleton};
 use crate::restore::fit::{Fit, FitSettings, fit};
 use crate::restore::report::Matched;
 
 /// Says where a take's times jump, which `format` has no word for.
-pub fn tell_jumps(poses: &Poses, name: &str, format: &str) {
+pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
     let jumps = poses.runs().len().saturating_sub(1);
     if jumps > 0 {
         let times = if jumps == 1 {
@@ -16,7 +16,7 @@ pub fn tell_jumps(poses: &Poses, name: &str, format: &str) {
         } else {
             &format!("{jumps} times")
         };
-        say::note(&format!(
+        messages::info(&format!(
             "{name}: the time jumps {times}; in {format} those frames follow at once"
         ));
     }
@@ -24,7 +24,7 @@ pub fn tell_jumps(poses: &Poses, name: &str, format: &str) {
 
 /// Solves `skeleton` for the matched points of a table named `name`; with `limits` within its joints' limits.
 pub fn solve(skeleton: &Skeleton, matched: &Matched, limits: bool, name: &str) -> Result<Fit> {
-    matched.notes(name).iter().for_each(|n| say::note(n));
+    matched.notes(name).iter().for_each(|n| messages::info(n));
     let mut settings = FitSettings::default();
     settings.solve.limits = limits;
     let bar = Progress::new("solving", matched.xyz.nrows() as u64);
@@ -36,6 +36,6 @@ pub fn solve(skeleton: &Skeleton, matched: &Matched, limits: bool, name: &str) -
     fitted
         .notes(&matched.names)
         .iter()
-        .for_each(|n| say::note(n));
+        .for_each(|n| messages::info(n));
     Ok(fitted)
 }
