@@ -6,7 +6,7 @@ mod common;
 use posing::io::table::{ReadOptions, Table};
 use posing::io::{Input, Model, amc, asf};
 use posing::numeric::parallel::rng;
-use posing::prior::pairs::RigidPairs;
+use posing::prior::rigid_pairs::RigidPairs;
 use rand::Rng;
 use std::io::Cursor;
 use std::time::{Duration, Instant};

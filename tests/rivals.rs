@@ -3,16 +3,16 @@
 mod common;
 
 use ndarray::Array2;
-use posing::prior::em::{self, Stop};
-use posing::prior::gaussians::Parts;
-use posing::prior::train::{Training, train};
-use posing::prior::training::TrainingPoses;
+use posing::prior::gaussian::MixtureParams;
+use posing::prior::gaussian::em::{self, Stop};
+use posing::prior::gaussian::{mfa, mixture};
+use posing::prior::registry::{Training, train};
+use posing::prior::training_set::TrainingSet;
 use posing::prior::tuning::HoldBack;
-use posing::prior::{mfa, mixture};
 use std::path::Path;
 
 /// The take as make.py damages it.
-fn poses() -> TrainingPoses {
+fn poses() -> TrainingSet {
     let table = common::take("07", "07_01", &["--space", "body"]).expect("a take of testdata");
     let numbers = common::Numbers::read(&table);
     let (n, d) = (numbers.rows.len(), numbers.rows[0].len());
@@ -20,7 +20,7 @@ fn poses() -> TrainingPoses {
         let (a, b) = (t as f64, c as f64);
         (numbers.rows[t][c] + (a * 12.9898 + b * 78.233 + a * b * 0.37).sin()) as f32
     });
-    TrainingPoses {
+    TrainingSet {
         points: numbers.points,
         takes: std::iter::once(0..n).collect(),
         xyz,
@@ -48,7 +48,7 @@ fn pca_spans_the_same_subspace() {
         hold_back: HoldBack::Takes,
     };
     let model = train("pca", &training, &mut |_| {}).unwrap();
-    let parts = Parts::read(&model, "pca").unwrap();
+    let parts = MixtureParams::read(&model, "pca").unwrap();
     let theirs = expected("pca.csv");
     assert_eq!(parts.factors.nrows(), theirs.len());
     for (ours, theirs) in parts.factors.rows().into_iter().zip(&theirs) {

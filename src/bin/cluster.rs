@@ -10,7 +10,7 @@ use posing::io::Model;
 use posing::io::csv::After;
 use posing::io::model::few_enough;
 use posing::io::table::{Row, Table};
-use posing::prior::training::{digest, entry};
+use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -7,7 +7,7 @@ use posing::cli::streams::TableSink;
 use posing::cli::{Outcome, run};
 use posing::io::table::{Columns, Row};
 use posing::io::text::number;
-use posing::prior::sparse::dictionary;
+use posing::prior::sparse_coding::dictionary;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;

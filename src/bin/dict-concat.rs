@@ -4,8 +4,8 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, parse_positive};
 use posing::cli::{Outcome, input, messages, run, streams};
 use posing::io::Model;
-use posing::prior::sparse::dictionary;
-use posing::prior::training::{digest, entry};
+use posing::prior::provenance::{digest, entry};
+use posing::prior::sparse_coding::dictionary;
 use posing::sparse::{Dictionary, DictionaryMerge};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -70,7 +70,7 @@ fn work(args: &Args) -> Result<Outcome> {
         .iter()
         .map(|p| digest(&models[0].meta.points, p.atoms()))
         .collect();
-    let model = posing::prior::training::joined_model(
+    let model = posing::prior::sparse_coding::joined_model(
         &models,
         &args
             .dictionaries

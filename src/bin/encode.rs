@@ -10,7 +10,7 @@ use posing::cli::{Outcome, messages, run};
 use posing::io::table::Row;
 use posing::io::text::{push_number, push_single, push_whole};
 use posing::numeric::parallel;
-use posing::prior::sparse::dictionary;
+use posing::prior::sparse_coding::dictionary;
 use posing::sparse::{Encoder, Omp, SearchStrategy, SparseCodes};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;

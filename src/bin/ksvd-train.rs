@@ -6,7 +6,11 @@ use posing::cli::training::{Run, ready};
 use posing::cli::{Outcome, input, messages, run, streams};
 use posing::io::input::Kind;
 use posing::io::{Model, Table};
-use posing::prior::training::{TrainingPoses, digest, entry, sparse_model};
+use posing::prior::{
+    provenance::{digest, entry},
+    sparse_coding::sparse_model,
+    training_set::TrainingSet,
+};
 use posing::sparse::{Dictionary, GrowthSearch, Ksvd, Omp, SelectionRule, random_atoms};
 use posing::{Result, prior};
 use std::path::{Path, PathBuf};
@@ -161,7 +165,7 @@ fn parameters(args: &Args) -> Ksvd {
 fn start(
     args: &Args,
     ksvd: &Ksvd,
-    poses: &TrainingPoses,
+    poses: &TrainingSet,
     init: Option<Dictionary>,
 ) -> Result<Dictionary> {
     if let Some(init) = init {
@@ -186,7 +190,7 @@ fn start(
 }
 
 /// `--init`: a model's atoms, or a table's poses.
-fn initial(args: &Args, path: &Path, poses: &TrainingPoses) -> Result<Dictionary> {
+fn initial(args: &Args, path: &Path, poses: &TrainingSet) -> Result<Dictionary> {
     let input = input::open(path)?;
     let name = input.name.clone();
     let dictionary = if input.kind() == Kind::Npz {
@@ -196,13 +200,18 @@ fn initial(args: &Args, path: &Path, poses: &TrainingPoses) -> Result<Dictionary
                 "is a dictionary of other points or of another space than the training poses";
             return Err(posing::Error::data(posing::Place::file(&name), what));
         }
-        prior::sparse::dictionary(&model, &name)?
+        prior::sparse_coding::dictionary(&model, &name)?
     } else {
         let table = Table::read(input, &args.input.options(false, false)?)?;
         Dictionary::from_rows(
-            prior::training::ready(&table.poses, args.space == Space::World, Some(poses), &name)?
-                .xyz
-                .view(),
+            prior::training_set::ready(
+                &table.poses,
+                args.space == Space::World,
+                Some(poses),
+                &name,
+            )?
+            .xyz
+            .view(),
         )?
     };
     match args.atoms {
@@ -218,7 +227,7 @@ fn initial(args: &Args, path: &Path, poses: &TrainingPoses) -> Result<Dictionary
 fn flags(
     args: &Args,
     init: Option<&Dictionary>,
-    poses: &TrainingPoses,
+    poses: &TrainingSet,
 ) -> Vec<(&'static str, String)> {
     let pursuit = if matches!(args.pursuit, RuleFlag::Oomp) {
         "oomp"

@@ -11,8 +11,8 @@ use crate::evaluate::bench::reproduction::Run;
 use crate::evaluate::bench::run::{Event, Finished};
 use crate::evaluate::bench::settings::Length;
 use crate::evaluate::bench::{Bench, Cell, Config, Method, Settings, Split, Task};
-use crate::prior::training::hex;
-use crate::prior::{self, Choice};
+use crate::prior;
+use crate::prior::provenance::hex;
 use crate::{Error, Place, Result};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -161,7 +161,7 @@ fn given(path: &Path) -> Result<Method> {
                     (train it with --space body)";
         return Err(Error::data(Place::file(&source), what));
     }
-    let choice = Choice::default();
+    let choice = prior::OpenOptions::default();
     let prior = Arc::from(prior::open(&model, &choice, &source)?);
     let width = 3 * model.meta.points.len();
     let history = model.meta.history.iter();

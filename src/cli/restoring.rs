@@ -9,7 +9,7 @@ use super::{Outcome, messages};
 use crate::io::table::{Columns, Row};
 use crate::io::text::short;
 use crate::pose::Poses;
-use crate::prior::{Choice, builtin};
+use crate::prior::{OpenOptions, builtin};
 use crate::restore::complete::{self, Complete};
 use crate::restore::denoise::{self, Denoise};
 use crate::restore::{BoundModel, RestoredFrames};
@@ -294,18 +294,18 @@ fn by_frames(
 }
 
 fn job(task: &Task<'_>, columns: &Columns) -> Result<BoundModel> {
-    let choice = Choice {
+    let choice = OpenOptions {
         sparsity: task.model.sparsity.0,
         rule: task.model.pursuit.rule(),
         published: task.model.published,
-        ..Choice::default()
+        ..OpenOptions::default()
     };
     let (model, name) = match &task.model.model {
         Some(path) => (open_model(path)?, path.display().to_string()),
         None => (builtin::model()?, "the built-in model".to_string()),
     };
     let kind = &model.meta.kind;
-    let asks = choice.sparsity.is_some() || choice.rule != Choice::default().rule;
+    let asks = choice.sparsity.is_some() || choice.rule != OpenOptions::default().rule;
     if asks && kind != "sparse" {
         messages::info(&format!(
             "{name} is of kind {kind}, which has no atoms to choose: --sparsity and --pursuit change nothing (ksvd-train and \

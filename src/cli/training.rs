@@ -173,14 +173,14 @@ pub fn ready(
     flags: &super::args::InputArgs,
     files: Vec<PathBuf>,
     world: bool,
-    like: Option<&crate::prior::training::TrainingPoses>,
-) -> Result<crate::prior::training::TrainingPoses> {
+    like: Option<&crate::prior::training_set::TrainingSet>,
+) -> Result<crate::prior::training_set::TrainingSet> {
     let flags = super::args::InputArgs {
         files,
         ..flags.clone()
     };
     let table = input::read_table(&flags, false, false)?;
-    let ready = crate::prior::training::ready(&table.poses, world, like, &table.name)?;
+    let ready = crate::prior::training_set::ready(&table.poses, world, like, &table.name)?;
     for (count, why) in [
         (ready.incomplete, "lack a point and are not learnt from"),
         (ready.unplaced, "cannot be placed and are not learnt from"),

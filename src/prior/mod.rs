@@ -5,37 +5,27 @@
 //! variances, so denoising and completing are the same question.
 
 pub mod builtin;
-pub mod clustered;
-pub mod em;
+pub mod exemplar;
 pub mod gaussian;
-pub mod gaussians;
-pub mod lpca;
-mod met;
-pub mod mfa;
-pub mod mixture;
+pub mod gplvm;
+mod model_arrays;
 pub mod multiscale;
-pub mod nearest;
-pub mod neighbours;
-pub mod nlm;
-pub mod pairs;
-pub mod pca;
-pub mod sgplvm;
-mod sgplvm_learn;
-pub mod sparse;
-mod store;
+mod noise_cache;
+pub mod provenance;
+pub mod registry;
+mod representative_poses;
+pub mod rigid_pairs;
+pub mod sparse_coding;
 #[cfg(test)]
 mod testdata;
-pub mod train;
-pub mod training;
+pub mod training_set;
 pub mod tuning;
 
-use crate::Result;
-use crate::io::Model;
 use crate::pose::PoseMap;
-use crate::{Error, Place};
 use ndarray::{Array2, ArrayView2};
 
-pub use sparse::{Choice, SparsePrior};
+pub use registry::open;
+pub use sparse_coding::{OpenOptions, SparseCodingPrior};
 pub use tuning::Task;
 
 pub use crate::numeric::gaussian::EXACT_VARIANCE;
@@ -177,7 +167,7 @@ pub trait Prior: Send + Sync {
         self.believe(y, noise).posterior()
     }
     /// The same model at the setting in which the noise told is the noise there is, point by point; `None` where it
-    /// always is. Tuned models take uneven noise for a guess otherwise.
+    /// always is. TaskSettings models take uneven noise for a guess otherwise.
     fn as_told(&self) -> Option<&dyn Prior> {
         None
     }
@@ -199,34 +189,4 @@ fn misfit<P: Prior + ?Sized>(prior: &P, y: &[f64], noise: &[f64], pose: &[f64]) 
     let seen = terms.filter(|(_, (n, _))| n.is_finite());
     seen.map(|((y, p), (n, v))| (y - p) * (y - p) / (n + v).max(EXACT_VARIANCE))
         .sum()
-}
-
-/// Opens the prior that a model file holds; `source` is for messages.
-pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Box<dyn Prior>> {
-    match model.meta.kind.as_str() {
-        "multiscale" | "blocks" => Ok(Box::new(multiscale::MultiscaleMixture::from_model(
-            model, source,
-        )?)),
-        "sparse" => Ok(Box::new(SparsePrior::from_model(model, choice, source)?)),
-        "pca" => Ok(Box::new(pca::open(model, choice, source)?)),
-        "gaussian" => Ok(Box::new(gaussian::open(model, choice, source)?)),
-        "clustered" => Ok(Box::new(clustered::open(model, choice, source)?)),
-        "mfa" => Ok(Box::new(mfa::open(model, choice, source)?)),
-        "mixture" => Ok(Box::new(mixture::open(model, choice, source)?)),
-        "nearest" => Ok(Box::new(nearest::NearestPrior::open(
-            model, choice, source,
-        )?)),
-        "nlm" | "nlm-linear" => Ok(Box::new(nlm::NlmPrior::open(model, choice, source)?)),
-        "lpca" => Ok(Box::new(lpca::LpcaPrior::open(model, choice, source)?)),
-        "sik" => Ok(Box::new(sgplvm::SikPrior::open(model, choice, source)?)),
-        // One line a kind, in the order of `train::KINDS`.
-        other => {
-            let kinds: Vec<&str> = train::KINDS.iter().map(|(kind, _)| *kind).collect();
-            let what = format!(
-                "is a model of kind \"{other}\", expected one of poses (kind {})",
-                kinds.join(", ")
-            );
-            Err(Error::data(Place::file(source), what))
-        }
-    }
 }

@@ -7,7 +7,7 @@ use super::rigid::RigidModel;
 use super::rigid::noise_floor::NoiseFloor;
 use crate::io::Model;
 use crate::pose::{Anchor, Body, PoseMap, joints};
-use crate::prior::{self, Choice, Prior};
+use crate::prior::{self, OpenOptions, Prior};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
@@ -35,7 +35,7 @@ impl BoundModel {
     /// Opens `model` for a table of `points`. In world space poses are placed; else rows are used as they are.
     pub fn new(
         model: &Model,
-        choice: &Choice,
+        choice: &OpenOptions,
         source: &str,
         points: &[String],
         world: bool,

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use ndarray::Axis;
 use posing::io::Model;
 use posing::pose::{Anchor, Similarity};
-use posing::prior::{Choice, Prior, SparsePrior};
+use posing::prior::{OpenOptions, Prior, SparseCodingPrior};
 use posing::restore::Observed;
 use posing::restore::placement::{PlacementSolution, PlacementSolver};
 use shared::Take;
@@ -39,7 +39,8 @@ fn main() {
     let mut model = Model::new("sparse", &takes[0].points, "body");
     model.insert("atoms", shared::atoms(&frames, &all, ATOMS).into_atoms());
     model.meta.training_rms = Some(1.0);
-    let prior = SparsePrior::from_model(&model, &Choice::default(), "the bench").expect("a model");
+    let prior = SparseCodingPrior::from_model(&model, &OpenOptions::default(), "the bench")
+        .expect("a model");
     drop(model);
     let anchor = Anchor::pelvis(&takes[0].points).expect("a pelvis");
     let dragging = Dragging {
@@ -86,7 +87,7 @@ struct Times {
 }
 
 struct Dragging<'a> {
-    prior: &'a SparsePrior,
+    prior: &'a SparseCodingPrior,
     anchor: &'a Anchor,
 }
 

@@ -1,7 +1,10 @@
 //! The poses that models are compared on: complete frames, take by take, each take of a subject.
 
 use crate::pose::Poses;
-use crate::prior::training::{TrainingPoses, digest, hex, ready};
+use crate::prior::{
+    provenance::{digest, hex},
+    training_set::{TrainingSet, ready},
+};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis, s};
 use sha2::{Digest, Sha256};
@@ -176,7 +179,7 @@ impl Data {
     }
 
     /// Rows, in ascending order, as poses to learn from; their takes stay takes.
-    pub fn training(&self, rows: &[usize]) -> Result<TrainingPoses> {
+    pub fn training(&self, rows: &[usize]) -> Result<TrainingSet> {
         let names: Vec<Arc<str>> = self
             .takes
             .iter()

@@ -5,10 +5,10 @@ use super::leaks::Past;
 use super::splits::Split;
 use super::tasks::{Damaged, Task};
 use crate::numeric::parallel;
-use crate::prior::train::{KINDS, Training, train};
-use crate::prior::training::{TrainingPoses, sparse_model};
+use crate::prior::registry::{KINDS, Training, train};
 use crate::prior::tuning::HoldBack;
-use crate::prior::{self, Choice, Posterior, Prior};
+use crate::prior::{self, OpenOptions, Posterior, Prior};
+use crate::prior::{sparse_coding::sparse_model, training_set::TrainingSet};
 use crate::restore::{OutlierMode, RigidModel};
 use crate::sparse::{Ksvd, SelectionRule, random_atoms};
 use crate::{Error, Place, Result};
@@ -63,7 +63,7 @@ pub struct Method {
     /// Where its model comes from.
     pub source: Source,
     /// How a sparse model is used.
-    pub choice: Choice,
+    pub choice: OpenOptions,
     /// Whether outliers are found and rigid distances kept.
     pub treated: bool,
 }
@@ -93,7 +93,7 @@ impl Method {
         let treated = name.ends_with(TREATED);
         let mut parts = name.strip_suffix(TREATED).unwrap_or(name).split(':');
         let kind = parts.next().unwrap_or_default();
-        let mut choice = Choice::default();
+        let mut choice = OpenOptions::default();
         match kind {
             "ksvd" => choice.published = true,
             "ksvd-omp" => (choice.published, choice.rule) = (true, SelectionRule::Omp),
@@ -199,7 +199,7 @@ impl Ready {
 ///
 /// # Errors
 /// As training and opening.
-pub fn make(methods: &[&Method], poses: &TrainingPoses, split: Split, seed: u64) -> Result<Ready> {
+pub fn make(methods: &[&Method], poses: &TrainingSet, split: Split, seed: u64) -> Result<Ready> {
     let began = Instant::now();
     let (kind, atoms) = match methods.first().map(|m| &m.source) {
         Some(Source::Kind { kind, atoms }) => (kind, *atoms),
@@ -253,7 +253,7 @@ pub struct Treatment(RigidModel);
 
 impl Treatment {
     /// Learns what the treatment needs from the training poses.
-    pub fn learn(poses: &TrainingPoses) -> Treatment {
+    pub fn learn(poses: &TrainingSet) -> Treatment {
         Treatment(RigidModel::learn(poses.xyz.view(), &poses.takes))
     }
 

@@ -32,7 +32,7 @@ mod search;
 mod top_k;
 mod train;
 
-use super::met::Met;
+use super::noise_cache::NoiseCache;
 use super::{Belief, Enough, Fit, Posterior, Prior, Slope};
 use crate::numeric::small_linalg::log_sum;
 use crate::pose::{ASF_UNIT_CM, PoseMap};
@@ -71,16 +71,16 @@ pub struct MultiscaleMixture {
     /// The training poses: what leaves are made of.
     poses: Arc<ExemplarPoses>,
     /// Each part's views met before.
-    conditioned_cache: Arc<Vec<Met<ConditionedPart>>>,
+    conditioned_cache: Arc<Vec<NoiseCache<ConditionedPart>>>,
     /// Those through noise that is everywhere the same: what the others are made from.
-    isotropic: Arc<Vec<Met<ConditionedPart>>>,
+    isotropic: Arc<Vec<NoiseCache<ConditionedPart>>>,
     /// What is unlike all that was seen.
     limit: NoveltyDetector,
 }
 
 /// No view of any part is made yet.
-fn empty_caches(parts: usize) -> Arc<Vec<Met<ConditionedPart>>> {
-    Arc::new((0..parts).map(|_| Met::default()).collect())
+fn empty_caches(parts: usize) -> Arc<Vec<NoiseCache<ConditionedPart>>> {
+    Arc::new((0..parts).map(|_| NoiseCache::default()).collect())
 }
 
 impl MultiscaleMixture {
@@ -238,11 +238,11 @@ mod tests {
     use super::*;
     use crate::numeric::parallel;
     use crate::pose::joints;
-    use crate::prior::train::Training;
-    use crate::prior::training::TrainingPoses;
+    use crate::prior::registry::Training;
+    use crate::prior::training_set::TrainingSet;
     use rand::Rng;
 
-    pub(super) fn poses() -> TrainingPoses {
+    pub(super) fn poses() -> TrainingSet {
         let mut generator = parallel::rng(3, 0);
         let factorizations: Vec<f32> = (0..4 * 69)
             .map(|_| generator.random::<f32>() - 0.5)
@@ -258,7 +258,7 @@ mod tests {
             let sum: f32 = (0..4).map(|k| factorizations[69 * k + c] * waves[k]).sum();
             20.0 * sum + c as f32
         });
-        TrainingPoses {
+        TrainingSet {
             points: joints::cmu_names(),
             xyz,
             takes: vec![0..150, 150..280, 280..400],
@@ -269,7 +269,7 @@ mod tests {
         }
     }
 
-    pub(super) fn trained(poses: &TrainingPoses) -> (MultiscaleMixture, crate::io::Model) {
+    pub(super) fn trained(poses: &TrainingSet) -> (MultiscaleMixture, crate::io::Model) {
         let settings = TrainSettings {
             clusters: vec![1, 4, 10],
             held_out_poses: 30,

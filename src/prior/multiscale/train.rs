@@ -13,8 +13,8 @@ use crate::io::Model;
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::log_sum;
 use crate::pose::ASF_UNIT_CM;
-use crate::prior::train::Training;
-use crate::prior::training::{TrainingPoses, typical};
+use crate::prior::registry::Training;
+use crate::prior::{representative_poses::representative_poses, training_set::TrainingSet};
 use crate::{Error, Result};
 use ndarray::{Array2, ArrayView2, Axis};
 use rand::Rng;
@@ -247,7 +247,7 @@ fn folds(takes: &[Range<usize>], count: usize, seed: u64) -> Vec<Vec<Range<usize
 
 /// The rows of some takes without those `left_out` (rising), and where each take is among them.
 fn rows_of(
-    poses: &TrainingPoses,
+    poses: &TrainingSet,
     takes: &[Range<usize>],
     left_out: &[usize],
 ) -> (Array2<f32>, Vec<Range<usize>>) {
@@ -262,7 +262,7 @@ fn rows_of(
 }
 
 fn build(
-    poses: &TrainingPoses,
+    poses: &TrainingSet,
     material: &TrainingRows<'_>,
     settings: &TrainSettings,
     seed: u64,
@@ -283,7 +283,7 @@ fn build(
         parts,
         poses: kept.poses,
         temperature: settings.temperature,
-        typical: typical(material.xyz)?.mapv(f64::from),
+        typical: representative_poses(material.xyz)?.mapv(f64::from),
         limit: NoveltyDetector::default(),
     })
 }
@@ -404,7 +404,7 @@ type SubMixtureEvidences = Vec<Vec<f64>>;
 /// What blocks make of held-back poses, seen as each task shows them.
 fn evidences(
     mixture: &MultiscaleMixture,
-    poses: &TrainingPoses,
+    poses: &TrainingSet,
     chosen: &[usize],
     seed: u64,
 ) -> Vec<SubMixtureEvidences> {
@@ -425,7 +425,7 @@ fn evidences(
 }
 
 fn observe(
-    poses: &TrainingPoses,
+    poses: &TrainingSet,
     row: usize,
     task: u64,
     seed: u64,

@@ -5,12 +5,12 @@
 //! its edges where that is better, on a part of the *training* poses that the prior under test did not learn from; test
 //! poses are never seen. The whole curve is kept ([`Tuning::curve`]) and goes into the model ([`Tuning::write`]).
 //!
-//! A prior opened from a file ([`Tasked`]) chooses between its settings by what an observation looks like
-//! ([`Task::of`]); [`Choice::task`](super::Choice::task) fixes the choice.
+//! A prior opened from a file ([`TunedPrior`]) chooses between its settings by what an observation looks like
+//! ([`Task::of`]); [`OpenOptions::task`](super::OpenOptions::task) fixes the choice.
 
+mod holdout;
 mod search;
-mod tasked;
-mod trial;
+mod tuned_prior;
 
 use super::Prior;
 use crate::io::Model;
@@ -18,9 +18,9 @@ use crate::pose::ASF_UNIT_CM;
 use crate::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 
+pub use holdout::HoldBack;
 pub use search::{Grid, tune};
-pub use tasked::Tasked;
-pub use trial::HoldBack;
+pub use tuned_prior::TunedPrior;
 
 /// The paper's unit of variance, cm²: its "standard" noise.
 pub const ASF2: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
@@ -86,7 +86,7 @@ impl Setting {
 
 /// The setting of each task.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Tuned {
+pub struct TaskSettings {
     /// Of [`Task::Dense`].
     pub dense: Setting,
     /// Of [`Task::Sparse`].
@@ -97,14 +97,14 @@ pub struct Tuned {
     pub treated: Setting,
 }
 
-impl Default for Tuned {
+impl Default for TaskSettings {
     /// What is used where nothing could be held back.
     fn default() -> Self {
         let at = |noise: f64| Setting {
             inflation: 1.0,
             noise: noise * ASF2,
         };
-        Tuned {
+        TaskSettings {
             dense: at(0.0),
             sparse: at(0.1),
             complete: at(1e-3),
@@ -113,7 +113,7 @@ impl Default for Tuned {
     }
 }
 
-impl Tuned {
+impl TaskSettings {
     /// The setting of a task.
     pub fn get(&self, task: Task) -> Setting {
         match task {
@@ -137,17 +137,17 @@ impl Tuned {
     ///
     /// # Errors
     /// Data: settings that cannot be read, or are out of range.
-    pub fn read(model: &Model, source: &str) -> Result<Tuned> {
+    pub fn read(model: &Model, source: &str) -> Result<TaskSettings> {
         let Some(found) = model
             .meta
             .details
             .get("tuning")
             .and_then(|t| t.get("chosen"))
         else {
-            return Ok(Tuned::default());
+            return Ok(TaskSettings::default());
         };
         let place = || Place::file(source).part("meta");
-        let tuned: Tuned = serde_json::from_value(found.clone())
+        let tuned: TaskSettings = serde_json::from_value(found.clone())
             .map_err(|e| Error::data(place(), format!("its tuning cannot be read: {e}")))?;
         let sound = |s: Setting| {
             s.inflation > 0.0 && s.inflation.is_finite() && s.noise >= 0.0 && s.noise.is_finite()
@@ -162,7 +162,7 @@ impl Tuned {
 
 /// A setting that was tried.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Tried {
+pub struct Trial {
     /// On which task.
     pub task: Task,
     /// See [`Setting`].
@@ -177,7 +177,7 @@ pub struct Tried {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tuning {
     /// The best setting of each task.
-    pub chosen: Tuned,
+    pub chosen: TaskSettings,
     /// How the poses were held back.
     pub held_back: HoldBack,
     /// Poses the priors under test learnt from.
@@ -185,7 +185,7 @@ pub struct Tuning {
     /// Poses they were tested on; 0: too few poses to hold any back, and the settings are the default ones.
     pub tested: usize,
     /// Everything that was tried, task by task.
-    pub curve: Vec<Tried>,
+    pub curve: Vec<Trial>,
 }
 
 impl Tuning {
@@ -202,7 +202,7 @@ impl Tuning {
 }
 
 /// A prior that was learnt once and is used at any setting's *inflation* (its noise is [`Tuning`]'s own affair).
-pub type Learnt<'a> = Box<dyn Fn(Setting) -> Box<dyn Prior> + 'a>;
+pub type PriorFamily<'a> = Box<dyn Fn(Setting) -> Box<dyn Prior> + 'a>;
 
 #[cfg(test)]
 mod tests {

@@ -1,11 +1,11 @@
 //! The search for the best setting: a grid, and on from its edges.
 
-use super::trial::{damaged, hold_back};
-use super::{ASF2, Learnt, Setting, Task, Tried, Tuned, Tuning};
+use super::holdout::{damaged, hold_back};
+use super::{ASF2, PriorFamily, Setting, Task, TaskSettings, Trial, Tuning};
 use crate::Result;
 use crate::prior::Prior;
-use crate::prior::train::Training;
-use crate::prior::training::TrainingPoses;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
 
 /// Beyond an edge of the grid the next value is so many times as far.
 const STRIDE: f64 = 2.0;
@@ -58,12 +58,12 @@ impl Grid {
 pub fn tune<'a>(
     training: &Training<'_>,
     grid: &Grid,
-    learn: &dyn Fn(&TrainingPoses) -> Result<Learnt<'a>>,
+    learn: &dyn Fn(&TrainingSet) -> Result<PriorFamily<'a>>,
     report: &mut dyn FnMut(&str),
 ) -> Result<Tuning> {
     let (kept, held) = hold_back(training.poses, training.hold_back, training.seed);
     let mut tuning = Tuning {
-        chosen: Tuned::default(),
+        chosen: TaskSettings::default(),
         held_back: training.hold_back,
         learnt_from: kept.xyz.nrows(),
         tested: held.nrows(),
@@ -87,7 +87,7 @@ pub fn tune<'a>(
             rest.iter().map(|r| r * r).sum::<f64>() / rest.len() as f64
         });
         tuning.chosen.set(task, chosen);
-        let tried = tried.into_iter().map(|(setting, mse)| Tried {
+        let tried = tried.into_iter().map(|(setting, mse)| Trial {
             task,
             inflation: setting.inflation,
             noise: setting.noise,

@@ -24,7 +24,7 @@ use super::leave_one_out::Reinserted;
 use super::rescoring;
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::log_sum;
-use crate::prior::pairs::RigidPairs;
+use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::{Belief, EXACT_VARIANCE, Prior};
 use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
 use crate::restore::rigid::uncertainty;

@@ -1,7 +1,7 @@
 //! A frame some points of which may be corrupt: which are in doubt, and what the others are.
 
 use super::rigid_likelihood::{DistanceTerm, RigidLikelihood};
-use crate::prior::pairs::RigidPairs;
+use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::{Belief, EXACT_VARIANCE, Prior};
 use crate::restore::rigid::body_lengths::BodyMixture;
 use ndarray::Array2;

@@ -132,7 +132,7 @@ impl<'a> Reinserted<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::pairs::RigidPairs;
+    use crate::prior::rigid_pairs::RigidPairs;
     use crate::restore::rigid::body_lengths::BodyMixture;
     use ndarray::Array2;
 

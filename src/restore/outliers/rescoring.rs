@@ -174,7 +174,7 @@ fn log_density(expected: &LeaveOneOut, noise: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::pairs::{Pair, RigidPairs};
+    use crate::prior::rigid_pairs::{Pair, RigidPairs};
     use crate::restore::rigid::body_lengths::BodyMixture;
     use ndarray::Array2;
 

@@ -10,7 +10,7 @@
 //! The sum over z is taken over the best few assignments of a beam that goes from point to point.
 
 use crate::numeric::small_linalg::log_sum;
-use crate::prior::pairs::RigidPairs;
+use crate::prior::rigid_pairs::RigidPairs;
 use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
 use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations, is_seen};
 use crate::restore::rigid::noise_floor;
@@ -225,7 +225,7 @@ impl RigidLikelihood {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::pairs::Pair;
+    use crate::prior::rigid_pairs::Pair;
     use ndarray::Array2;
 
     /// A chain of five points, 10 cm apart.

@@ -350,7 +350,7 @@ mod tests {
     use super::*;
 
     /// Atoms over six points of a body that turns a little, and a pose of them that stands elsewhere, without its last point.
-    fn scene() -> (crate::prior::SparsePrior, Anchor, Vec<f64>, Vec<f64>) {
+    fn scene() -> (crate::prior::SparseCodingPrior, Anchor, Vec<f64>, Vec<f64>) {
         let names = ["root", "lhipjoint", "rhipjoint", "thorax", "head", "lhand"];
         let names = names.map(String::from);
         let at = |i: usize, c: usize| {
@@ -364,7 +364,8 @@ mod tests {
         let mut model = crate::io::Model::new("sparse", &names, "body");
         model.insert("atoms", atoms);
         model.meta.training_rms = Some(0.5);
-        let prior = crate::prior::SparsePrior::from_model(&model, &Default::default(), "made");
+        let prior =
+            crate::prior::SparseCodingPrior::from_model(&model, &Default::default(), "made");
         let away = Similarity {
             scale: 1.0,
             rotation: DMat3::from_rotation_y(0.9),

@@ -1,7 +1,7 @@
 //! The bodies that rigid distances are those of.
 
 use crate::prior::EXACT_VARIANCE;
-use crate::prior::pairs::RigidPairs;
+use crate::prior::rigid_pairs::RigidPairs;
 
 /// The share of bodies nobody has seen, and how much their lengths differ from the mean of those seen.
 const STRANGER: (f64, f64) = (0.02, 0.06);

@@ -2,7 +2,7 @@
 
 use crate::pose::ASF_UNIT_CM;
 use crate::prior::EXACT_VARIANCE;
-use crate::prior::pairs::RigidPairs;
+use crate::prior::rigid_pairs::RigidPairs;
 
 /// The share of points that are corrupt.
 pub const OUTLIER_SHARE: f64 = 0.2;

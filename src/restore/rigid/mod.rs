@@ -16,7 +16,7 @@ pub mod uncertainty;
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::parallel;
-use crate::prior::pairs::RigidPairs;
+use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::tuning::Task;
 use crate::prior::{Enough, Posterior, Prior};
 use crate::restore::outliers::frame_posterior;
@@ -281,7 +281,7 @@ fn known(variance: f64, noise_variance: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::gaussians::{Answer, Gaussians, Parts, Style};
+    use crate::prior::gaussian::{GaussianMixturePrior, MixtureParams, Readout, Style};
     use ndarray::{Array2, Axis, s};
     use rand_distr::StandardNormal;
 
@@ -302,21 +302,27 @@ mod tests {
         out
     }
 
-    fn learnt(poses: &Array2<f64>) -> (RigidModel, Gaussians) {
+    fn learnt(poses: &Array2<f64>) -> (RigidModel, GaussianMixturePrior) {
         let half = poses.nrows() / 2;
         let xyz = poses.mapv(|v| v as f32);
         let rigid = RigidModel::learn(xyz.view(), &[0..half, half..poses.nrows()]);
         let mean = poses.mean_axis(Axis(0)).unwrap();
         let off = poses - &mean;
         let covariance = off.t().dot(&off) / poses.nrows() as f64 + Array2::<f64>::eye(24) * 0.05;
-        let parts =
-            Parts::of_covariances(vec![1.0], mean.clone().insert_axis(Axis(0)), &[covariance]);
+        let parts = MixtureParams::of_covariances(
+            vec![1.0],
+            mean.clone().insert_axis(Axis(0)),
+            &[covariance],
+        );
         let style = Style {
-            answer: Answer::Average,
+            answer: Readout::Average,
             estimates_rest: true,
         };
         let typical = mean.insert_axis(Axis(0));
-        (rigid, Gaussians::new(&parts, style, 1.0, typical.view()))
+        (
+            rigid,
+            GaussianMixturePrior::new(&parts, style, 1.0, typical.view()),
+        )
     }
 
     /// Some points of each frame moved by about 6 cm; which.

@@ -11,7 +11,7 @@ use super::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations};
 use crate::numeric::simd;
 use crate::numeric::small_linalg::log_product;
 use crate::prior::EXACT_VARIANCE;
-use crate::prior::pairs::RigidPairs;
+use crate::prior::rigid_pairs::RigidPairs;
 
 /// Standard deviations of base noise that are tried, cm.
 const BASES: [f64; 12] = [
@@ -178,7 +178,7 @@ impl NoiseFloorSearch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::pairs::Pair;
+    use crate::prior::rigid_pairs::Pair;
     use ndarray::Array2;
 
     #[test]

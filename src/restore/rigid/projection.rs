@@ -18,7 +18,7 @@ use crate::numeric::simd;
 use crate::numeric::small_linalg::add;
 use crate::numeric::small_linalg::{backward, factorise, forward};
 use crate::pose::ASF_UNIT_CM;
-use crate::prior::pairs::RigidPairs;
+use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::{EXACT_VARIANCE, Posterior};
 
 /// Values of i that are tried, asf².
@@ -345,7 +345,7 @@ fn backward_rows(a: &[f64], n: usize, z: &mut [Vec<f64>]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::pairs::Pair;
+    use crate::prior::rigid_pairs::Pair;
     use ndarray::{Array2, array};
 
     fn bar(lengths: Array2<f64>, shares: &[f64]) -> RigidPairs {

@@ -7,7 +7,7 @@ use super::super::splits::{Partition, Split};
 use super::super::tasks::{Damage, Damaged, SPARSE_MEAN, Task};
 use super::{Bench, Event};
 use crate::prior::Prior;
-use crate::prior::training::TrainingPoses;
+use crate::prior::training_set::TrainingSet;
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 
@@ -21,7 +21,7 @@ struct Frames<'a> {
 /// The cells of one model under one partition.
 pub struct Job<'a> {
     pub partition: &'a Partition,
-    pub poses: &'a TrainingPoses,
+    pub poses: &'a TrainingSet,
     pub varies: &'a [bool],
     /// The poses to look at, where this is their split and seed.
     pub scenes: Option<&'a Scenes>,

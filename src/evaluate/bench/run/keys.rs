@@ -7,7 +7,7 @@ use super::super::splits::Split;
 use super::super::tasks::Task;
 use super::Bench;
 use crate::pose::ASF_UNIT_CM;
-use crate::prior::training::hex;
+use crate::prior::provenance::hex;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 

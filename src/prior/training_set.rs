@@ -1,22 +1,16 @@
 //! Poses made ready for learning, and the model that comes of it.
 
-mod dictionary;
-mod history;
-mod typical;
-
 use crate::io::model::few_enough;
 use crate::pose::{Anchor, Body, PoseMap, Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
 use std::ops::Range;
 
-pub use dictionary::{joined_model, sparse_model};
-pub use history::{digest, entry, hex};
-pub(super) use typical::typical;
+use super::provenance::digest;
 
 /// Poses ready for learning.
 #[derive(Debug, Clone)]
-pub struct TrainingPoses {
+pub struct TrainingSet {
     /// The points' names.
     pub points: Vec<String>,
     /// (m, 3 J), cm, in the model's space.
@@ -33,7 +27,7 @@ pub struct TrainingPoses {
     pub unplaced: usize,
 }
 
-impl TrainingPoses {
+impl TrainingSet {
     /// What a model's history keeps of its inputs: the digest of all poses and, where there are several, of each take, so
     /// that a model is never tested on a take it was trained from.
     pub fn digests(&self) -> Vec<String> {
@@ -53,9 +47,9 @@ impl TrainingPoses {
 pub fn ready(
     poses: &Poses,
     world: bool,
-    like: Option<&TrainingPoses>,
+    like: Option<&TrainingSet>,
     name: &str,
-) -> Result<TrainingPoses> {
+) -> Result<TrainingSet> {
     few_enough(poses.points.len(), name)?;
     let ordered;
     let poses = match like {
@@ -79,7 +73,7 @@ pub fn ready(
             world.then(|| anchor(poses)),
         ),
     };
-    let mut out = TrainingPoses {
+    let mut out = TrainingSet {
         points: poses.points.clone(),
         xyz: Array2::zeros((0, 0)),
         takes: Vec::new(),

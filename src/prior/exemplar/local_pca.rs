@@ -9,16 +9,16 @@
 //! The neighbours are exact, found by a tree; frames that follow one another start from the neighbours of the frame
 //! before. Cost: the search, and O(k D² + o³) for the Gaussian of o observed coordinates.
 
-use super::neighbours::{Near, Neighbours};
-use super::store;
-use super::train::Training;
-use super::tuning::{Grid, Learnt, Setting, Tasked};
-use super::{Belief, Choice, EXACT_VARIANCE, Prior};
+use super::box_tree::{BoxTree, Neighbor};
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
 use crate::pose::PoseMap;
+use crate::prior::model_arrays;
+use crate::prior::registry::Training;
+use crate::prior::tuning::{Grid, PriorFamily, Setting, TunedPrior};
+use crate::prior::{Belief, EXACT_VARIANCE, OpenOptions, Prior};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::sync::Arc;
 
@@ -33,25 +33,25 @@ const RUN: usize = 32;
 
 /// Training poses, the nearest of which make the Gaussian.
 #[derive(Debug, Clone)]
-pub struct LpcaPrior {
-    tree: Arc<Neighbours>,
+pub struct LocalPcaPrior {
+    tree: Arc<BoxTree>,
     /// a.
     inflation: f64,
     variance: Vec<f64>,
     typical: Arc<Array2<f64>>,
 }
 
-impl LpcaPrior {
+impl LocalPcaPrior {
     /// From a model of kind `lpca`: `poses` (n, D), and its tuning.
     ///
     /// # Errors
     /// Data: no such array, a wrong shape, numbers that are not finite.
-    pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-        store::of_poses(model, choice, source, learnt)
+    pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
+        model_arrays::of_poses(model, options, source, learnt)
     }
 
-    fn new(tree: Arc<Neighbours>, typical: Arc<Array2<f64>>, inflation: f64) -> LpcaPrior {
-        let mut prior = LpcaPrior {
+    fn new(tree: Arc<BoxTree>, typical: Arc<Array2<f64>>, inflation: f64) -> LocalPcaPrior {
+        let mut prior = LocalPcaPrior {
             variance: Vec::new(),
             tree,
             inflation,
@@ -77,14 +77,14 @@ impl LpcaPrior {
         (sum / f64::from(count.max(1))).to_vec()
     }
 
-    fn neighbours(&self, y: &[f64], noise: &[f64], like: &[u32]) -> Vec<Near> {
+    fn neighbours(&self, y: &[f64], noise: &[f64], like: &[u32]) -> Vec<Neighbor> {
         let weight = |n: &f64| 1.0 / (n.max(0.0) + OFF);
         let weights: Vec<f64> = noise.iter().map(weight).collect();
         self.tree.nearest(y, &weights, NEIGHBOURS, like)
     }
 
     /// m and a (C + e I).
-    fn gaussian(&self, near: &[Near]) -> (Array1<f64>, Array2<f64>) {
+    fn gaussian(&self, near: &[Neighbor]) -> (Array1<f64>, Array2<f64>) {
         let poses = self.tree.poses();
         let d = poses.ncols();
         let mut rows = Array2::<f64>::zeros((near.len(), d));
@@ -108,7 +108,7 @@ impl LpcaPrior {
         rows: std::ops::Range<usize>,
         y: ArrayView2<'_, f64>,
         noise: ArrayView2<'_, f64>,
-        answer: impl Fn(&[f64], &[f64], &[Near]) -> T,
+        answer: impl Fn(&[f64], &[f64], &[Neighbor]) -> T,
     ) -> Vec<T> {
         let mut like: Vec<u32> = Vec::new();
         rows.map(|i| {
@@ -120,7 +120,7 @@ impl LpcaPrior {
         .collect()
     }
 
-    fn belief(&self, y: &[f64], noise: &[f64], near: &[Near]) -> Belief {
+    fn belief(&self, y: &[f64], noise: &[f64], near: &[Neighbor]) -> Belief {
         let (mean, covariance) = self.gaussian(near);
         let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
         let conditional = ConditionalGaussian::new(covariance.view(), &noise);
@@ -134,7 +134,7 @@ impl LpcaPrior {
     }
 }
 
-impl Prior for LpcaPrior {
+impl Prior for LocalPcaPrior {
     fn width(&self) -> usize {
         self.variance.len()
     }
@@ -175,7 +175,7 @@ impl Prior for LpcaPrior {
     fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
         let tree = self.tree.mapped(map);
         let typical = map.apply_rows(self.typical.view());
-        Box::new(LpcaPrior::new(
+        Box::new(LocalPcaPrior::new(
             Arc::new(tree),
             Arc::new(typical),
             self.inflation,
@@ -184,12 +184,12 @@ impl Prior for LpcaPrior {
 }
 
 /// The poses, at any inflation.
-fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> Learnt<'static> {
-    let tree = Arc::new(Neighbours::new(poses));
+fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> PriorFamily<'static> {
+    let tree = Arc::new(BoxTree::new(poses));
     let typical = Arc::new(typical);
     Box::new(move |setting: Setting| {
         let (tree, typical) = (tree.clone(), typical.clone());
-        Box::new(LpcaPrior::new(tree, typical, setting.inflation))
+        Box::new(LocalPcaPrior::new(tree, typical, setting.inflation))
     })
 }
 
@@ -198,12 +198,12 @@ fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> Learnt<'static> {
 /// # Errors
 /// Data: no poses to learn from.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    // Neighbours in time are far closer to each other than to what was observed: the best inflation may be large.
+    // BoxTree in time are far closer to each other than to what was observed: the best inflation may be large.
     let grid = Grid {
         inflation: vec![0.5, 1.0, 2.5, 6.0, 12.0, 40.0, 150.0],
         ..Grid::default()
     };
-    let (mut model, tuning) = store::learn_poses("lpca", training, &grid, learnt, report)?;
+    let (mut model, tuning) = model_arrays::learn_poses("lpca", training, &grid, learnt, report)?;
     tuning.write(&mut model);
     Ok(model)
 }
@@ -220,10 +220,10 @@ mod tests {
         })
     }
 
-    fn prior(n: usize) -> LpcaPrior {
+    fn prior(n: usize) -> LocalPcaPrior {
         let typical = poses(2).mapv(f64::from);
-        LpcaPrior::new(
-            Arc::new(Neighbours::new(poses(n).view())),
+        LocalPcaPrior::new(
+            Arc::new(BoxTree::new(poses(n).view())),
             Arc::new(typical),
             2.0,
         )
@@ -283,8 +283,8 @@ mod tests {
     fn one_pose_and_copies_of_it_are_enough() {
         for n in [1, 150] {
             let same = Array2::from_elem((n, 9), 4.0f32);
-            let tree = Arc::new(Neighbours::new(same.view()));
-            let prior = LpcaPrior::new(tree, Arc::new(same.mapv(f64::from)), 1.0);
+            let tree = Arc::new(BoxTree::new(same.view()));
+            let prior = LocalPcaPrior::new(tree, Arc::new(same.mapv(f64::from)), 1.0);
             let belief = prior.believe(&[5.0; 9], &[1.0; 9]);
             assert!(belief.mean.iter().all(|v| *v > 4.0 && *v < 4.1));
             assert!(belief.covariance.iter().all(|v| v.is_finite()));

@@ -13,7 +13,7 @@ const SAMPLE: usize = 2048;
 
 /// Poses made ready to be compared with.
 #[derive(Debug)]
-pub struct Cloud {
+pub struct ExemplarWeights {
     /// What is subtracted before squares cancel: the mean pose.
     pub middle: Vec<f64>,
     /// x − middle, (n, D).
@@ -32,13 +32,13 @@ pub struct Explained {
     pub log: f64,
 }
 
-impl Cloud {
-    pub fn new(poses: ArrayView2<'_, f64>) -> Cloud {
+impl ExemplarWeights {
+    pub fn new(poses: ArrayView2<'_, f64>) -> ExemplarWeights {
         let mean = poses.mean_axis(Axis(0));
         let middle = mean.unwrap_or_else(|| Array1::zeros(poses.ncols()));
         let rows = (&poses - &middle).mapv(|v| v as f32);
         let greatest = |c: ArrayView1<'_, f32>| c.fold(0.0, |m: f64, v| m.max(f64::from(v.abs())));
-        Cloud {
+        ExemplarWeights {
             reach: rows.columns().into_iter().map(greatest).collect(),
             squares: rows.mapv(|v| v * v),
             middle: middle.to_vec(),
@@ -57,7 +57,7 @@ impl Cloud {
         pose
     }
 
-    /// Σ_o w_o (x_o² − 2 y_o x_o), f32: (observations, n). Smaller is nearer, off by at most [`Cloud::margin`].
+    /// Σ_o w_o (x_o² − 2 y_o x_o), f32: (observations, n). Smaller is nearer, off by at most [`ExemplarWeights::margin`].
     pub fn scores(&self, y: &[Vec<f64>], weights: &[Vec<f64>]) -> Array2<f32> {
         let (m, d) = (y.len(), self.middle.len());
         let w = Array2::from_shape_fn((m, d), |(i, c)| weights[i][c] as f32);
@@ -183,7 +183,7 @@ mod tests {
         let poses = Array2::from_shape_fn((n, 6), |(t, c)| {
             20.0 * (t as f64 * 0.01 * (1.0 + c as f64)).sin() + ((t * 7 + c * 3) % 11) as f64
         });
-        let cloud = Cloud::new(poses.view());
+        let cloud = ExemplarWeights::new(poses.view());
         let mut weights: Vec<f64> = (0..n).map(|t| 1.0 + (t as f64 * 0.003).cos()).collect();
         weights[77] = 500.0;
         let sum: f64 = weights.iter().sum();

@@ -1,20 +1,20 @@
-//! A mixture of Gaussians with full covariances, fitted by EM from k-means, each shrunk towards what they share.
+//! A mixture of GaussianMixturePrior with full covariances, fitted by EM from k-means, each shrunk towards what they share.
 //!
 //! C_j = 0.7 S_j + 0.3 S, with S_j as EM left it and S the covariance of all poses: twenty covariances of 69 coordinates
 //! say too much about motion like the training takes, and too little about any other.
 
-use super::Choice;
 use super::em::{self, Gaussian, Moments, Stop, clusters, weights};
-use super::gaussian::{self, RIDGE};
-use super::gaussians::{self, Answer, Parts, Style};
-use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::Tasked;
+use super::single::{self, RIDGE};
+use super::{MixtureParams, Readout, Style};
 use crate::Result;
 use crate::io::Model;
+use crate::prior::OpenOptions;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
+use crate::prior::tuning::TunedPrior;
 use ndarray::{Array2, ArrayView2};
 
-/// How many Gaussians.
+/// How many GaussianMixturePrior.
 const COMPONENTS: usize = 20;
 /// Poses a component has at least on average: with fewer training poses there are fewer components.
 const LEAST: usize = 50;
@@ -22,29 +22,29 @@ const LEAST: usize = 50;
 const OWN: f64 = 0.7;
 
 const STYLE: Style = Style {
-    answer: Answer::Average,
+    answer: Readout::Average,
     estimates_rest: true,
 };
 
 /// Trains the kind `mixture`.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingPoses| learn(poses.xyz.view(), training.seed);
-    gaussians::train("mixture", STYLE, training, &learn, report)
+    let learn = |poses: &TrainingSet| learn(poses.xyz.view(), training.seed);
+    super::train("mixture", STYLE, training, &learn, report)
 }
 
 /// Opens a model of the kind.
-pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-    gaussians::open(model, choice, source, STYLE)
+pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
+    super::open(model, options, source, STYLE)
 }
 
-fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
+fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     let start = full(&clusters(xyz, COMPONENTS, LEAST, seed)?);
     let fitted = em::fit(xyz, start, Stop::default(), &mut full);
-    Ok(shrunk(&fitted.mixture, &gaussian::of(xyz).1, OWN))
+    Ok(shrunk(&fitted.mixture, &single::of(xyz).1, OWN))
 }
 
 /// The components, `own` of each one's covariance kept, the rest of it `whole`.
-fn shrunk(mixture: &[Gaussian], whole: &Array2<f64>, own: f64) -> Parts {
+fn shrunk(mixture: &[Gaussian], whole: &Array2<f64>, own: f64) -> MixtureParams {
     let mut means = Array2::zeros((mixture.len(), whole.ncols()));
     let (mut weights, mut covariances) = (Vec::new(), Vec::new());
     for (g, mut row) in mixture.iter().zip(means.rows_mut()) {
@@ -52,7 +52,7 @@ fn shrunk(mixture: &[Gaussian], whole: &Array2<f64>, own: f64) -> Parts {
         weights.push(g.weight);
         covariances.push(&g.covariance * own + whole * (1.0 - own));
     }
-    Parts::of_covariances(weights, means, &covariances)
+    MixtureParams::of_covariances(weights, means, &covariances)
 }
 
 /// The M step for full covariances, with a ridge.
@@ -84,7 +84,7 @@ mod tests {
         let x = blobs();
         let start = full(&clusters(x.view(), 3, LEAST, 0).unwrap());
         let mixture = em::fit(x.view(), start, Stop::default(), &mut full).mixture;
-        let whole = gaussian::of(x.view()).1;
+        let whole = single::of(x.view()).1;
         let of = |own: f64| shrunk(&mixture, &whole, own);
         for (j, g) in mixture.iter().enumerate() {
             assert!(near(&of(1.0).covariance(j), &g.covariance));

@@ -1,13 +1,13 @@
-//! Gaussians as they are stored, whatever the kind.
+//! GaussianMixturePrior as they are stored, whatever the kind.
 
 use crate::io::Model;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
 
-/// Gaussians as they are stored: C_j = F_jᵀ F_j + diag(rest_j), whatever the kind.
+/// GaussianMixturePrior as they are stored: C_j = F_jᵀ F_j + diag(rest_j), whatever the kind.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parts {
+pub struct MixtureParams {
     /// (K), above 0, adding up to 1.
     pub weights: Vec<f64>,
     /// (K, D), cm.
@@ -18,20 +18,20 @@ pub struct Parts {
     pub rest: Array2<f64>,
 }
 
-impl Parts {
+impl MixtureParams {
     /// From full covariances (D, D) of which the factors are the scaled eigenvectors: exact, and sound in f32.
     pub fn of_covariances(
         weights: Vec<f64>,
         means: Array2<f64>,
         covariances: &[Array2<f64>],
-    ) -> Parts {
+    ) -> MixtureParams {
         let (k, d) = means.dim();
         let mut factors = Array2::zeros((k * d, d));
         for (j, covariance) in covariances.iter().enumerate() {
             let rows = s![j * d..(j + 1) * d, ..];
             factors.slice_mut(rows).assign(&roots(covariance));
         }
-        Parts {
+        MixtureParams {
             weights,
             rest: Array2::zeros(means.dim()),
             means,
@@ -39,7 +39,7 @@ impl Parts {
         }
     }
 
-    /// How many Gaussians there are.
+    /// How many GaussianMixturePrior there are.
     pub fn len(&self) -> usize {
         self.weights.len()
     }
@@ -76,11 +76,11 @@ impl Parts {
         }
     }
 
-    /// Reads what [`Parts::write`] left.
+    /// Reads what [`MixtureParams::write`] left.
     ///
     /// # Errors
     /// Data: arrays that are not there, do not fit together, or hold what is not finite or out of range.
-    pub fn read(model: &Model, source: &str) -> Result<Parts> {
+    pub fn read(model: &Model, source: &str) -> Result<MixtureParams> {
         let d = 3 * model.meta.points.len();
         let wrong = |name: &str, what: String| Error::data(Place::file(source).part(name), what);
         let array = |name: &str| -> Result<Array2<f64>> {
@@ -110,7 +110,8 @@ impl Parts {
         ] {
             if a.ncols() != d || !fits {
                 let (n, m) = a.dim();
-                let what = format!("({n}, {m}) does not fit {k} Gaussians of {d} coordinates");
+                let what =
+                    format!("({n}, {m}) does not fit {k} GaussianMixturePrior of {d} coordinates");
                 return Err(wrong(name, what));
             }
         }
@@ -118,7 +119,7 @@ impl Parts {
             return Err(wrong("rest", "holds a variance below 0".into()));
         }
         let sum = weights.sum();
-        Ok(Parts {
+        Ok(MixtureParams {
             weights: weights.iter().map(|w| w / sum).collect(),
             means,
             factors,
@@ -141,10 +142,10 @@ pub fn roots(covariance: &Array2<f64>) -> Array2<f64> {
     out
 }
 
-/// For tests: three Gaussians of two points, each of two factors and a rest.
+/// For tests: three GaussianMixturePrior of two points, each of two factors and a rest.
 #[cfg(test)]
-pub fn three() -> Parts {
-    Parts {
+pub fn three() -> MixtureParams {
+    MixtureParams {
         weights: vec![0.5, 0.3, 0.2],
         means: crate::prior::testdata::normal(3, 6, 11) * 3.0,
         factors: crate::prior::testdata::normal(6, 6, 12) * 2.0,
@@ -161,7 +162,7 @@ mod tests {
         let points = ["a", "b"].map(String::from);
         let mut model = Model::new("mixture", &points, "body");
         three().write(&mut model);
-        let back = Parts::read(&model, "m").unwrap();
+        let back = MixtureParams::read(&model, "m").unwrap();
         for j in 0..3 {
             let off = back.covariance(j) - three().covariance(j);
             assert!(off.iter().all(|d| d.abs() <= 1e-4));
@@ -175,12 +176,12 @@ mod tests {
             let mut array = broken.get(name).unwrap().into_owned();
             array[[0, 0]] = value;
             broken.insert(name, array);
-            let told = Parts::read(&broken, "m").unwrap_err().to_string();
+            let told = MixtureParams::read(&broken, "m").unwrap_err().to_string();
             assert!(told.contains(name) && told.contains(what), "{told}");
         }
         let mut broken = model.clone();
         broken.insert("factors", Array2::zeros((4, 6)));
-        let told = Parts::read(&broken, "m").unwrap_err().to_string();
+        let told = MixtureParams::read(&broken, "m").unwrap_err().to_string();
         assert!(told.contains("factors"), "{told}");
     }
 }

@@ -1,14 +1,14 @@
-//! Clustered Gaussians (the paper's CG): k-means into 20 clusters, a Gaussian each; the most likely one answers alone.
+//! Clustered GaussianMixturePrior (the paper's CG): k-means into 20 clusters, a Gaussian each; the most likely one answers alone.
 
-use super::Choice;
 use super::em::{clusters, weights};
-use super::gaussian::RIDGE;
-use super::gaussians::{self, Answer, Parts, Style};
-use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::Tasked;
+use super::single::RIDGE;
+use super::{MixtureParams, Readout, Style};
 use crate::Result;
 use crate::io::Model;
+use crate::prior::OpenOptions;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
+use crate::prior::tuning::TunedPrior;
 use ndarray::{Array2, ArrayView2};
 
 /// The paper's number.
@@ -17,22 +17,22 @@ const CLUSTERS: usize = 20;
 const LEAST: usize = 20;
 
 const STYLE: Style = Style {
-    answer: Answer::Best,
+    answer: Readout::Best,
     estimates_rest: true,
 };
 
 /// Trains the kind `clustered`.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingPoses| learn(poses.xyz.view(), training.seed);
-    gaussians::train("clustered", STYLE, training, &learn, report)
+    let learn = |poses: &TrainingSet| learn(poses.xyz.view(), training.seed);
+    super::train("clustered", STYLE, training, &learn, report)
 }
 
 /// Opens a model of the kind.
-pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-    gaussians::open(model, choice, source, STYLE)
+pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
+    super::open(model, options, source, STYLE)
 }
 
-fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
+fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     let moments = clusters(xyz, CLUSTERS, LEAST, seed)?;
     let mut means = Array2::zeros((moments.len(), xyz.ncols()));
     let weights = weights(&moments);
@@ -43,15 +43,15 @@ fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
         covariance.diag_mut().mapv_inplace(|v| v + RIDGE);
         covariances.push(covariance);
     }
-    Ok(Parts::of_covariances(weights, means, &covariances))
+    Ok(MixtureParams::of_covariances(weights, means, &covariances))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::prior::Prior;
-    use crate::prior::em::moments_of;
-    use crate::prior::gaussians::Gaussians;
+    use crate::prior::gaussian::GaussianMixturePrior;
+    use crate::prior::gaussian::em::moments_of;
     use crate::prior::testdata::normal;
     use ndarray::{Array1, s};
 
@@ -101,9 +101,9 @@ mod tests {
     fn the_likeliest_alone_answers() {
         let parts = learn(apart().slice(s![..40, ..]), 0).unwrap();
         let typical = parts.means.clone();
-        let all = Gaussians::new(&parts, STYLE, 1.0, typical.view());
+        let all = GaussianMixturePrior::new(&parts, STYLE, 1.0, typical.view());
         let far = usize::from(parts.means[[1, 0]] > 50.0);
-        let one = Parts {
+        let one = MixtureParams {
             weights: vec![1.0],
             means: parts.means.slice(s![far..=far, ..]).to_owned(),
             factors: parts
@@ -112,7 +112,7 @@ mod tests {
                 .to_owned(),
             rest: parts.rest.slice(s![far..=far, ..]).to_owned(),
         };
-        let one = Gaussians::new(&one, STYLE, 1.0, typical.view());
+        let one = GaussianMixturePrior::new(&one, STYLE, 1.0, typical.view());
         // Nearer to the far one, though both have a say in it.
         let (y, noise) = ([55.0; 6], [900.0; 6]);
         assert_eq!(all.believe(&y, &noise).mean, one.believe(&y, &noise).mean);

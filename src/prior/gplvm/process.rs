@@ -1,6 +1,6 @@
 //! The Gaussian process from latent points to poses: what it predicts at a point, and how that changes with it.
 
-use super::super::sgplvm_learn::Learned;
+use super::learn::Learned;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::pose::PoseMap;
 use ndarray::{Array1, Array2, ArrayView2};

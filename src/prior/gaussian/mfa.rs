@@ -9,18 +9,18 @@
 //! L_j (D, q) is the analyser's, the diagonal Ψ is common to all, S_j the moments of the E step (`em`). Each round takes
 //! several such steps with the same shares: they cost little beside the E step, and none lowers the likelihood. Started
 //! from k-means with each cluster's principal components. Neither the posing paper nor Ghahramani and Hinton (1996) name sizes that fit every
-//! set; these are near what full Gaussians of as many components can hold.
+//! set; these are near what full GaussianMixturePrior of as many components can hold.
 
-use super::Choice;
 use super::em::{self, Fitted, Gaussian, Moments, Stop, clusters, weights};
-use super::gaussian::RIDGE;
-use super::gaussians::{self, Answer, Parts, Style, roots};
-use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::Tasked;
+use super::single::RIDGE;
+use super::{MixtureParams, Readout, Style, roots};
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::linalg::symmetric_eigen;
+use crate::prior::OpenOptions;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
+use crate::prior::tuning::TunedPrior;
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
 
 /// How many analysers.
@@ -33,22 +33,22 @@ const LEAST: usize = 30;
 const STEPS: usize = 10;
 
 const STYLE: Style = Style {
-    answer: Answer::Average,
+    answer: Readout::Average,
     estimates_rest: true,
 };
 
 /// Trains the kind `mfa`.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingPoses| learn(poses.xyz.view(), training.seed);
-    gaussians::train("mfa", STYLE, training, &learn, report)
+    let learn = |poses: &TrainingSet| learn(poses.xyz.view(), training.seed);
+    super::train("mfa", STYLE, training, &learn, report)
 }
 
 /// Opens a model of the kind.
-pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-    gaussians::open(model, choice, source, STYLE)
+pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
+    super::open(model, options, source, STYLE)
 }
 
-fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<Parts> {
+fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     Ok(fit(xyz, (ANALYSERS, FACTORS), seed, Stop::default())?.0)
 }
 
@@ -58,7 +58,7 @@ pub fn fit(
     (analysers, factors): (usize, usize),
     seed: u64,
     stop: Stop,
-) -> Result<(Parts, Fitted)> {
+) -> Result<(MixtureParams, Fitted)> {
     let start = clusters(xyz, analysers, LEAST, seed)?;
     let mut analysers = Analysers::start(&start, factors.min(xyz.ncols()));
     let start = analysers.update(&start);
@@ -112,11 +112,11 @@ impl Analysers {
         components.collect()
     }
 
-    fn parts(&self, mixture: &[Gaussian]) -> Parts {
+    fn parts(&self, mixture: &[Gaussian]) -> MixtureParams {
         let means: Vec<_> = mixture.iter().map(|g| g.mean.view()).collect();
         let factors: Vec<_> = self.loadings.iter().map(|l| l.view()).collect();
         let d = self.noise.len();
-        Parts {
+        MixtureParams {
             weights: mixture.iter().map(|g| g.weight).collect(),
             // Of one width all.
             means: ndarray::stack(Axis(0), &means).unwrap_or_default(),

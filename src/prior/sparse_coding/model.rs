@@ -1,12 +1,12 @@
 //! The model of a learnt dictionary, and of several joined.
 
-use super::TrainingPoses;
-use super::typical::{TYPICAL, typical};
+use super::residual_covariance;
 use crate::Result;
 use crate::io::Model;
 use crate::io::model::{BodyMeta, Entry};
-use crate::prior::pairs::RigidPairs;
-use crate::prior::sparse::residual_covariance;
+use crate::prior::representative_poses::{TYPICAL, representative_poses};
+use crate::prior::rigid_pairs::RigidPairs;
+use crate::prior::training_set::TrainingSet;
 use crate::sparse::{Dictionary, Omp};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
@@ -20,7 +20,7 @@ const UNSEEN: f64 = 0.2;
 
 /// Makes the model of a learnt dictionary: its atoms, what its codes leave, and a few typical poses.
 pub fn sparse_model(
-    poses: &TrainingPoses,
+    poses: &TrainingSet,
     dictionary: &Dictionary,
     pursuit: &Omp,
     world: bool,
@@ -46,7 +46,7 @@ pub fn sparse_model(
     );
     model.insert("atoms", dictionary.atoms().to_owned());
     model.insert("residual", residual.mapv(|v| v as f32));
-    model.insert("typical", typical(poses.xyz.view())?);
+    model.insert("typical", representative_poses(poses.xyz.view())?);
     RigidPairs::learn(poses.xyz.view(), &poses.takes).write(&mut model);
     Ok(model)
 }

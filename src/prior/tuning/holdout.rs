@@ -4,7 +4,7 @@ use super::{ASF2, Task};
 use crate::numeric::parallel;
 use crate::pose::{ASF_UNIT_CM, joints};
 use crate::prior::EXACT_VARIANCE;
-use crate::prior::training::TrainingPoses;
+use crate::prior::training_set::TrainingSet;
 use ndarray::{Array2, Axis};
 use rand::Rng;
 use rand::seq::SliceRandom;
@@ -34,7 +34,7 @@ pub enum HoldBack {
 }
 
 /// The poses kept, and some of those held back, evenly spaced.
-pub fn hold_back(poses: &TrainingPoses, how: HoldBack, seed: u64) -> (TrainingPoses, Array2<f64>) {
+pub fn hold_back(poses: &TrainingSet, how: HoldBack, seed: u64) -> (TrainingSet, Array2<f64>) {
     let n = poses.xyz.nrows();
     let mut held = vec![false; n];
     let mut generator = parallel::rng(seed, 1);
@@ -69,7 +69,7 @@ pub fn hold_back(poses: &TrainingPoses, how: HoldBack, seed: u64) -> (TrainingPo
         before[i + 1] = before[i] + usize::from(!held[i]);
     }
     let takes = poses.takes.iter().map(|t| before[t.start]..before[t.end]);
-    let part = TrainingPoses {
+    let part = TrainingSet {
         xyz: poses.xyz.select(Axis(0), &kept),
         takes: takes.filter(|t| !t.is_empty()).collect(),
         points: poses.points.clone(),
@@ -150,9 +150,9 @@ fn hidden(points: &[String], seed: u64) -> Vec<bool> {
 mod tests {
     use super::*;
 
-    fn poses(takes: usize, frames: usize) -> TrainingPoses {
+    fn poses(takes: usize, frames: usize) -> TrainingSet {
         let n = takes * frames;
-        TrainingPoses {
+        TrainingSet {
             points: ["a", "b", "c"].map(String::from).to_vec(),
             xyz: Array2::from_shape_fn((n, 9), |(t, c)| 20.0 * ((t * (c + 1)) as f32 * 0.1).sin()),
             takes: (0..takes).map(|t| t * frames..(t + 1) * frames).collect(),

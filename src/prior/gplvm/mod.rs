@@ -7,7 +7,7 @@
 //!
 //! f(x) = Yᵀ K⁻¹ k(x),  σ²(x) = 1 + ν − k(x)ᵀ K⁻¹ k(x),  y_c ~ N(f_c(x), σ²(x) / w_c²)
 //!
-//! Learning (`sgplvm_learn`) finds latent points, γ, ν and w. An observation is answered by the latent point that
+//! Learning ([`learn`]) finds latent points, γ, ν and w. An observation is answered by the latent point that
 //! minimises, with s_c = a σ²(x) / w_c² and noise R_o,
 //!
 //! ½ Σ_o [(y_o − f_o(x))² / (s_o + R_o)] + ½ D ln σ²(x) + ½ |x|²
@@ -16,23 +16,21 @@
 //! observation. The problem has many minima: it is solved from the best active points.
 
 mod file;
+mod learn;
 mod process;
 
-use super::sgplvm_learn;
-use super::store;
-use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::{Grid, Learnt, Setting, Tasked, Tuned, tune};
-use super::{Belief, Choice, EXACT_VARIANCE, Prior};
 use crate::io::Model;
 use crate::numeric::parallel;
 use crate::pose::PoseMap;
+use crate::prior::model_arrays;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
+use crate::prior::tuning::{Grid, PriorFamily, Setting, TaskSettings, TunedPrior, tune};
+use crate::prior::{Belief, EXACT_VARIANCE, OpenOptions, Prior};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView2};
 use process::Process;
 use std::sync::Arc;
-
-pub(super) use process::kernel;
 
 /// Active points that the search starts from.
 const STARTS: usize = 2;
@@ -43,7 +41,7 @@ const RUN: usize = 16;
 
 /// A scaled GPLVM of poses.
 #[derive(Debug, Clone)]
-pub struct SikPrior {
+pub struct GplvmPrior {
     process: Arc<Process>,
     /// a, the inverse of the paper's weight of the prior.
     inflation: f64,
@@ -51,28 +49,32 @@ pub struct SikPrior {
     typical: Arc<Array2<f64>>,
 }
 
-impl SikPrior {
+impl GplvmPrior {
     /// From a model of kind `sik`: `active` (M, D) poses, their `latent` (M, L) points, `scales` (1, D) and `mean` (1, D),
     /// and in its details `gamma` and `noise`.
     ///
     /// # Errors
     /// Data: no such array or number, a wrong shape, numbers that are not finite or out of range.
-    pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
+    pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
         let learned = file::read(model, source)?;
-        let active = store::rows(model, "active", 3 * model.meta.points.len(), source)?;
-        let typical = store::typical_or(model, active.view(), source)?;
-        let tuned = Tuned::read(model, source)?;
+        let active = model_arrays::rows(model, "active", 3 * model.meta.points.len(), source)?;
+        let typical = model_arrays::typical_or(model, active.view(), source)?;
+        let tuned = TaskSettings::read(model, source)?;
         let unsound = || {
             let what = "its latent points make no sound kernel; train the model again";
             Error::data(Place::file(source).part("latent"), what)
         };
         let process = Process::new(&learned).ok_or_else(unsound)?;
-        Ok(Tasked::new(tuned, choice.task, &learnt(process, typical)))
+        Ok(TunedPrior::new(
+            tuned,
+            options.task,
+            &learnt(process, typical),
+        ))
     }
 
-    fn new(process: Arc<Process>, typical: Arc<Array2<f64>>, inflation: f64) -> SikPrior {
+    fn new(process: Arc<Process>, typical: Arc<Array2<f64>>, inflation: f64) -> GplvmPrior {
         let own = process.noise.max(1e-6) * inflation;
-        SikPrior {
+        GplvmPrior {
             variance: process.scales.iter().map(|s| s * own).collect(),
             process,
             inflation,
@@ -121,7 +123,7 @@ impl SikPrior {
     }
 }
 
-impl Prior for SikPrior {
+impl Prior for GplvmPrior {
     fn width(&self) -> usize {
         self.variance.len()
     }
@@ -136,7 +138,7 @@ impl Prior for SikPrior {
         let mut best: Option<(f64, Vec<f64>)> = None;
         for start in self.starts(&y, noise) {
             let x = process.latent.row(start).to_vec();
-            let found = sgplvm_learn::minimise(x, STEPS, &mut |x| self.objective(x, &y, noise));
+            let found = learn::minimise(x, STEPS, &mut |x| self.objective(x, &y, noise));
             if best.as_ref().is_none_or(|b| found.0 < b.0) {
                 best = Some(found);
             }
@@ -184,7 +186,7 @@ impl Prior for SikPrior {
     fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
         let process = self.process.mapped(map);
         let typical = map.apply_rows(self.typical.view());
-        Box::new(SikPrior::new(
+        Box::new(GplvmPrior::new(
             Arc::new(process),
             Arc::new(typical),
             self.inflation,
@@ -192,11 +194,11 @@ impl Prior for SikPrior {
     }
 }
 
-fn learnt(process: Process, typical: Array2<f64>) -> Learnt<'static> {
+fn learnt(process: Process, typical: Array2<f64>) -> PriorFamily<'static> {
     let (process, typical) = (Arc::new(process), Arc::new(typical));
     Box::new(move |setting: Setting| {
         let (process, typical) = (process.clone(), typical.clone());
-        Box::new(SikPrior::new(process, typical, setting.inflation))
+        Box::new(GplvmPrior::new(process, typical, setting.inflation))
     })
 }
 
@@ -212,16 +214,16 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
     let mut model = training.model("sik")?;
     let grid = Grid {
         inflation: vec![0.3, 1.0, 3.0],
-        sparse: [0.2].map(|v| v * super::tuning::ASF2).to_vec(),
-        complete: [1e-2, 0.1].map(|v| v * super::tuning::ASF2).to_vec(),
+        sparse: [0.2].map(|v| v * crate::prior::tuning::ASF2).to_vec(),
+        complete: [1e-2, 0.1].map(|v| v * crate::prior::tuning::ASF2).to_vec(),
     };
-    let learn = |kept: &TrainingPoses| {
-        let learned = sgplvm_learn::learn(kept.xyz.view(), &mut |_| {});
+    let learn = |kept: &TrainingSet| {
+        let learned = learn::learn(kept.xyz.view(), &mut |_| {});
         let process = Process::new(&learned).ok_or_else(unsound)?;
         Ok(learnt(process, Array2::zeros((0, 0))))
     };
     tune(training, &grid, &learn, report)?.write(&mut model);
-    let learned = sgplvm_learn::learn(training.poses.xyz.view(), report);
+    let learned = learn::learn(training.poses.xyz.view(), report);
     file::write(&learned, &mut model);
     Ok(model)
 }
@@ -230,7 +232,7 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
 mod tests {
     use super::*;
     use crate::pose::rotation::exponential;
-    use crate::prior::sgplvm_learn::Learned;
+    use crate::prior::gplvm::learn::Learned;
     use glam::DVec3;
 
     /// Poses along a closed curve.
@@ -241,10 +243,10 @@ mod tests {
         })
     }
 
-    fn prior(n: usize) -> SikPrior {
-        let learned = sgplvm_learn::learn(poses(n).view(), &mut |_| {});
+    fn prior(n: usize) -> GplvmPrior {
+        let learned = learn::learn(poses(n).view(), &mut |_| {});
         let typical = poses(3).mapv(f64::from);
-        SikPrior::new(
+        GplvmPrior::new(
             Arc::new(Process::new(&learned).unwrap()),
             Arc::new(typical),
             1.0,
@@ -314,10 +316,10 @@ mod tests {
     fn turned_poses_are_answered_turned() {
         let learned = Learned {
             scales: vec![2.0; 9],
-            ..sgplvm_learn::learn(poses(30).view(), &mut |_| {})
+            ..learn::learn(poses(30).view(), &mut |_| {})
         };
         let typical = Arc::new(poses(3).mapv(f64::from));
-        let prior = SikPrior::new(Arc::new(Process::new(&learned).unwrap()), typical, 1.0);
+        let prior = GplvmPrior::new(Arc::new(Process::new(&learned).unwrap()), typical, 1.0);
         let map = PoseMap::Turn(exponential(DVec3::new(0.2, -0.8, 0.3)));
         let y = (poses(90).mapv(f64::from) + 0.3).row(20).to_vec();
         let (mut turned, mut want) = (vec![0.0; 9], vec![0.0; 9]);

@@ -1,4 +1,4 @@
-//! Expectation and maximisation for mixtures of Gaussians of any make.
+//! Expectation and maximisation for mixtures of GaussianMixturePrior of any make.
 //!
 //! ```text
 //! E:  r_ij = w_j N(x_i; m_j, C_j) / Σ_l w_l N(x_i; m_l, C_l), in logarithms
@@ -277,7 +277,7 @@ fn share_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::mixture::full;
+    use crate::prior::gaussian::mixture::full;
     use crate::prior::testdata::blobs;
 
     /// Without a ridge: the M step of the book.

@@ -13,18 +13,16 @@
 //! their noise, twice that otherwise. Squared distances from such a product cancel; poses that may matter are computed
 //! again in f64, so that answers do not depend on how observations are batched.
 
-mod cloud;
-
-use super::store;
-use super::train::Training;
-use super::tuning::{ASF2, Grid, Learnt, Setting, Tasked};
-use super::{Belief, Choice, Prior};
+use super::exemplar_weights::{ExemplarWeights, Explained};
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
 use crate::pose::PoseMap;
-use cloud::{Cloud, Explained};
+use crate::prior::model_arrays;
+use crate::prior::registry::Training;
+use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, TunedPrior};
+use crate::prior::{Belief, OpenOptions, Prior};
 use ndarray::{Array2, ArrayView1, ArrayView2, s};
 use std::sync::Arc;
 
@@ -43,7 +41,7 @@ const FINEST: f64 = 1e-4;
 /// All training poses, softly the nearest of them.
 #[derive(Debug, Clone)]
 pub struct NlmPrior {
-    poses: Arc<Cloud>,
+    poses: Arc<ExemplarWeights>,
     /// Whether the step to the observation is taken.
     linear: bool,
     /// h², cm².
@@ -57,14 +55,19 @@ impl NlmPrior {
     ///
     /// # Errors
     /// Data: no such array, a wrong shape, numbers that are not finite.
-    pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
+    pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
         let linear = model.meta.kind == LINEAR;
-        store::of_poses(model, choice, source, |poses, typical| {
+        model_arrays::of_poses(model, options, source, |poses, typical| {
             learnt(poses, typical, linear)
         })
     }
 
-    fn new(poses: Arc<Cloud>, typical: Arc<Array2<f64>>, width: f64, linear: bool) -> NlmPrior {
+    fn new(
+        poses: Arc<ExemplarWeights>,
+        typical: Arc<Array2<f64>>,
+        width: f64,
+        linear: bool,
+    ) -> NlmPrior {
         NlmPrior {
             variance: vec![width; poses.middle.len()],
             poses,
@@ -191,7 +194,7 @@ impl Prior for NlmPrior {
 
     fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
         let poses = self.poses.rows.mapv(f64::from) + ArrayView1::from(&self.poses.middle);
-        let cloud = Cloud::new(map.apply_rows(poses.view()).view());
+        let cloud = ExemplarWeights::new(map.apply_rows(poses.view()).view());
         let typical = map.apply_rows(self.typical.view());
         Box::new(NlmPrior::new(
             Arc::new(cloud),
@@ -203,8 +206,8 @@ impl Prior for NlmPrior {
 }
 
 /// The poses, at any width.
-fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>, linear: bool) -> Learnt<'static> {
-    let cloud = Arc::new(Cloud::new(poses.mapv(f64::from).view()));
+fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>, linear: bool) -> PriorFamily<'static> {
+    let cloud = Arc::new(ExemplarWeights::new(poses.mapv(f64::from).view()));
     let typical = Arc::new(typical);
     Box::new(move |setting: Setting| {
         let width = setting.inflation * ASF2;
@@ -235,7 +238,7 @@ pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) 
         }
     };
     let learn = |poses: ArrayView2<'_, f32>, typical| learnt(poses, typical, linear);
-    let (mut model, tuning) = store::learn_poses(kind, training, &grid, learn, report)?;
+    let (mut model, tuning) = model_arrays::learn_poses(kind, training, &grid, learn, report)?;
     tuning.write(&mut model);
     Ok(model)
 }
@@ -256,7 +259,7 @@ mod tests {
     fn prior(n: usize, width: f64) -> NlmPrior {
         let poses = cloud(n);
         let typical = poses.slice(s![..n.min(3), ..]).to_owned();
-        let cloud = Arc::new(Cloud::new(poses.view()));
+        let cloud = Arc::new(ExemplarWeights::new(poses.view()));
         NlmPrior::new(cloud, Arc::new(typical), width, false)
     }
 

@@ -8,41 +8,41 @@
 //! (Tipping and Bishop 1999). As published, the answer lies in the subspace: m + U c, with c given what is observed; e is
 //! noise of the observed, and stays its mean. The stated variance has σ² in it.
 
-use super::Choice;
 use super::em::moments_of;
-use super::gaussians::{self, Answer, Parts, Style, roots};
-use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::Tasked;
+use super::{MixtureParams, Readout, Style, roots};
 use crate::Result;
 use crate::io::Model;
+use crate::prior::OpenOptions;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
+use crate::prior::tuning::TunedPrior;
 use ndarray::{Array2, ArrayView2, Axis, s};
 
 /// The share of the eigenvalues' sum that is kept.
 const ENERGY: f64 = 0.9;
 
 const STYLE: Style = Style {
-    answer: Answer::Average,
+    answer: Readout::Average,
     estimates_rest: false,
 };
 
 /// Trains the kind `pca`.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingPoses| Ok(learn(poses.xyz.view()));
-    gaussians::train("pca", STYLE, training, &learn, report)
+    let learn = |poses: &TrainingSet| Ok(learn(poses.xyz.view()));
+    super::train("pca", STYLE, training, &learn, report)
 }
 
 /// Opens a model of the kind.
-pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-    gaussians::open(model, choice, source, STYLE)
+pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
+    super::open(model, options, source, STYLE)
 }
 
-fn learn(xyz: ArrayView2<'_, f32>) -> Parts {
+fn learn(xyz: ArrayView2<'_, f32>) -> MixtureParams {
     let moments = moments_of(xyz, &vec![0; xyz.nrows()], 1).remove(0);
     let roots = roots(&moments.covariance);
     let energies: Vec<f64> = roots.rows().into_iter().map(|r| r.dot(&r)).collect();
     let (kept, left) = cut(&energies);
-    Parts {
+    MixtureParams {
         weights: vec![1.0],
         means: moments.mean.insert_axis(Axis(0)),
         factors: roots.slice(s![..kept, ..]).to_owned(),

@@ -1,10 +1,10 @@
 //! Reading the arrays of models, checked; and models that are their training poses.
 
-use super::Choice;
-use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::{Grid, Learnt, Tasked, Tuned, Tuning, tune};
 use crate::io::Model;
+use crate::prior::OpenOptions;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
+use crate::prior::tuning::{Grid, PriorFamily, TaskSettings, TunedPrior, Tuning, tune};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, Axis, CowArray, Ix2};
 
@@ -49,16 +49,16 @@ pub(super) fn typical_or(
 /// Data: no such array, a wrong shape, numbers that are not finite.
 pub(super) fn of_poses(
     model: &Model,
-    choice: &Choice,
+    options: &OpenOptions,
     source: &str,
-    learn: impl FnOnce(ArrayView2<'_, f32>, Array2<f64>) -> Learnt<'static>,
-) -> Result<Tasked> {
+    learn: impl FnOnce(ArrayView2<'_, f32>, Array2<f64>) -> PriorFamily<'static>,
+) -> Result<TunedPrior> {
     let poses = rows(model, "poses", 3 * model.meta.points.len(), source)?;
     let typical = typical_or(model, poses.view(), source)?;
-    let tuned = Tuned::read(model, source)?;
-    Ok(Tasked::new(
+    let tuned = TaskSettings::read(model, source)?;
+    Ok(TunedPrior::new(
         tuned,
-        choice.task,
+        options.task,
         &learn(poses.view(), typical),
     ))
 }
@@ -71,12 +71,12 @@ pub(super) fn learn_poses(
     kind: &str,
     training: &Training<'_>,
     grid: &Grid,
-    learn: impl Fn(ArrayView2<'_, f32>, Array2<f64>) -> Learnt<'static>,
+    learn: impl Fn(ArrayView2<'_, f32>, Array2<f64>) -> PriorFamily<'static>,
     report: &mut dyn FnMut(&str),
 ) -> Result<(Model, Tuning)> {
     let mut model = training.model(kind)?;
     // No headings are looked for in tuning.
-    let learn = |kept: &TrainingPoses| Ok(learn(kept.xyz.view(), Array2::zeros((0, 0))));
+    let learn = |kept: &TrainingSet| Ok(learn(kept.xyz.view(), Array2::zeros((0, 0))));
     let tuning = tune(training, grid, &learn, report)?;
     let poses = training.poses.xyz.clone();
     model.insert("poses", poses);

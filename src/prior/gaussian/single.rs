@@ -1,37 +1,37 @@
 //! One Gaussian: the mean and the covariance of the training poses. The answer is its posterior mean (the MAP pose).
 
-use super::Choice;
 use super::em::moments_of;
-use super::gaussians::{self, Answer, Parts, Style};
-use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::{ASF2, Tasked};
+use super::{MixtureParams, Readout, Style};
 use crate::Result;
 use crate::io::Model;
+use crate::prior::OpenOptions;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
+use crate::prior::tuning::{ASF2, TunedPrior};
 use ndarray::{Array2, ArrayView2, Axis};
 
 /// Added to every variance, cm²: what never varies in training (the root of poses in body space) may vary a little.
 pub const RIDGE: f64 = 1e-3 * ASF2;
 
 const STYLE: Style = Style {
-    answer: Answer::Average,
+    answer: Readout::Average,
     estimates_rest: true,
 };
 
 /// Trains the kind `gaussian`.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingPoses| Ok(learn(poses.xyz.view()));
-    gaussians::train("gaussian", STYLE, training, &learn, report)
+    let learn = |poses: &TrainingSet| Ok(learn(poses.xyz.view()));
+    super::train("gaussian", STYLE, training, &learn, report)
 }
 
 /// Opens a model of the kind.
-pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-    gaussians::open(model, choice, source, STYLE)
+pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
+    super::open(model, options, source, STYLE)
 }
 
-fn learn(xyz: ArrayView2<'_, f32>) -> Parts {
+fn learn(xyz: ArrayView2<'_, f32>) -> MixtureParams {
     let (mean, covariance) = of(xyz);
-    Parts::of_covariances(vec![1.0], mean, &[covariance])
+    MixtureParams::of_covariances(vec![1.0], mean, &[covariance])
 }
 
 /// The mean (1, D) and the covariance (D, D) of poses, with the ridge.

@@ -1,6 +1,6 @@
 //! A tuned prior in use.
 
-use super::{Learnt, Task, Tuned};
+use super::{PriorFamily, Task, TaskSettings};
 use crate::pose::PoseMap;
 use crate::prior::{Belief, Fit, Posterior, Prior};
 use ndarray::{Array2, ArrayView2};
@@ -8,17 +8,17 @@ use std::sync::Arc;
 
 /// A prior at each task's setting: the one that an observation is answered with is chosen by how it looks.
 #[derive(Clone)]
-pub struct Tasked {
-    tuned: Tuned,
+pub struct TunedPrior {
+    tuned: TaskSettings,
     fixed: Option<Task>,
     /// In the order of [`Task::ALL`]; those of one inflation are one.
     priors: [Arc<dyn Prior>; 4],
 }
 
-impl Tasked {
+impl TunedPrior {
     /// From what was learnt, and the settings; `fixed` is the task whatever an observation looks like.
-    pub fn new(tuned: Tuned, fixed: Option<Task>, learnt: &Learnt<'_>) -> Tasked {
-        Tasked {
+    pub fn new(tuned: TaskSettings, fixed: Option<Task>, learnt: &PriorFamily<'_>) -> TunedPrior {
+        TunedPrior {
             tuned,
             fixed,
             priors: shared(tuned, &|i| learnt(tuned.get(Task::ALL[i]))),
@@ -66,7 +66,7 @@ impl Tasked {
 }
 
 /// One prior for each different inflation.
-fn shared(tuned: Tuned, make: &dyn Fn(usize) -> Box<dyn Prior>) -> [Arc<dyn Prior>; 4] {
+fn shared(tuned: TaskSettings, make: &dyn Fn(usize) -> Box<dyn Prior>) -> [Arc<dyn Prior>; 4] {
     let mut made: Vec<Arc<dyn Prior>> = Vec::with_capacity(4);
     let inflation = |i: usize| tuned.get(Task::ALL[i]).inflation;
     for i in 0..4 {
@@ -77,7 +77,7 @@ fn shared(tuned: Tuned, make: &dyn Fn(usize) -> Box<dyn Prior>) -> [Arc<dyn Prio
     std::array::from_fn(|i| made[i].clone())
 }
 
-impl Prior for Tasked {
+impl Prior for TunedPrior {
     fn width(&self) -> usize {
         self.priors[0].width()
     }
@@ -146,7 +146,7 @@ impl Prior for Tasked {
     }
 
     fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
-        Box::new(Tasked {
+        Box::new(TunedPrior {
             tuned: self.tuned,
             fixed: self.fixed,
             priors: shared(self.tuned, &|i| self.priors[i].mapped(map)),

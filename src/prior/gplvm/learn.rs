@@ -1,6 +1,6 @@
 //! Learning a scaled GPLVM: latent points, kernel and scales by gradient (Grochow et al. 2004, section 5).
 //!
-//! For the active poses Y (M, D) about the mean pose and their kernel matrix K (see [`super::sgplvm`]), minimised over
+//! For the active poses Y (M, D) about the mean pose and their kernel matrix K (see [`super`]), minimised over
 //! latent points x (M, L), γ and ν:
 //!
 //! ½ D ln |K| + ½ M Σ_c ln(y_cᵀ K⁻¹ y_c / M + ε) + ½ Σ |x|²
@@ -11,7 +11,7 @@
 //! The active poses are the centres of a greedy cover: each is the pose farthest from those before, so that rare poses
 //! are kept. Cost: O(M³ + M² D) a step.
 
-use super::sgplvm::kernel;
+use super::process::kernel;
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::collections::VecDeque;

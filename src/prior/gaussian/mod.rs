@@ -1,4 +1,4 @@
-//! Weighted Gaussians over poses: what the parametric rivals have in common.
+//! Weighted GaussianMixturePrior over poses: what the parametric rivals have in common.
 //!
 //! ```text
 //! p(x) = Σ_j w_j N(x; m_j, C_j),   y = x + noise of variances R
@@ -6,29 +6,35 @@
 //! m_j|y = m_j + C_j,:o (C_j,oo + R_o)⁻¹ (y_o − m_jo)                   C_j|y = C_j − C_j,:o (C_j,oo + R_o)⁻¹ C_j,o:
 //! ```
 //!
-//! The answer is the average over j, with the covariance within and between; or, as clustered Gaussians are published,
+//! The answer is the average over j, with the covariance within and between; or, as clustered GaussianMixturePrior are published,
 //! the most likely j's alone. A model that explains a pose but in part (PCA) has a second variance, U_j, that counts
 //! as noise of what is observed and is never estimated.
 //!
 //! Cost of an answer: K D² and, for each new pattern of noise, K D³ once; a few patterns are remembered.
 
-mod parts;
+pub mod clustered;
+pub mod em;
+pub mod mfa;
+pub mod mixture;
+mod mixture_params;
+pub mod pca;
+pub mod single;
 
-use super::met::Met;
-use super::train::Training;
-use super::training::TrainingPoses;
-use super::tuning::{Grid, Learnt, Tasked, Tuned, tune};
-use super::{Belief, Choice, EXACT_VARIANCE, Fit, Posterior, Prior};
+use super::noise_cache::NoiseCache;
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::parallel;
 use crate::pose::PoseMap;
+use crate::prior::registry::Training;
+use crate::prior::training_set::TrainingSet;
+use crate::prior::tuning::{Grid, PriorFamily, TaskSettings, TunedPrior, tune};
+use crate::prior::{Belief, EXACT_VARIANCE, Fit, OpenOptions, Posterior, Prior};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::sync::Arc;
 
-pub use parts::{Parts, roots};
+pub use mixture_params::{MixtureParams, roots};
 
 /// Frames that one task answers.
 const CHUNK: usize = 32;
@@ -39,18 +45,18 @@ const NO_SAY: f64 = 1e-9;
 
 /// How the components make an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Answer {
+pub enum Readout {
     /// The average by evidence.
     Average,
     /// The most likely component's alone.
     Best,
 }
 
-/// How a kind uses its Gaussians.
+/// How a kind uses its GaussianMixturePrior.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Style {
     /// How the components make an answer.
-    pub answer: Answer,
+    pub answer: Readout,
     /// Whether what the factors leave is estimated, too, or stays the mean.
     pub estimates_rest: bool,
 }
@@ -65,25 +71,25 @@ struct Component {
     unexplained: Vec<f64>,
 }
 
-/// The prior: Gaussians at one inflation.
+/// The prior: GaussianMixturePrior at one inflation.
 #[derive(Debug, Clone)]
-pub struct Gaussians {
+pub struct GaussianMixturePrior {
     components: Vec<Component>,
-    answer: Answer,
+    answer: Readout,
     variance: Vec<f64>,
     typical: Array2<f64>,
     /// One a component.
-    conditionals: Met<Vec<ConditionalGaussian>>,
+    conditionals: NoiseCache<Vec<ConditionalGaussian>>,
 }
 
-impl Gaussians {
-    /// The Gaussians with their covariances `inflation` times as large; `typical` (t, D).
+impl GaussianMixturePrior {
+    /// The GaussianMixturePrior with their covariances `inflation` times as large; `typical` (t, D).
     pub fn new(
-        parts: &Parts,
+        parts: &MixtureParams,
         style: Style,
         inflation: f64,
         typical: ArrayView2<'_, f64>,
-    ) -> Gaussians {
+    ) -> GaussianMixturePrior {
         let component = |j: usize| {
             let (covariance, unexplained) = if style.estimates_rest {
                 (parts.covariance(j), vec![0.0; parts.means.ncols()])
@@ -98,16 +104,20 @@ impl Gaussians {
             }
         };
         let components = (0..parts.len()).map(component).collect();
-        Gaussians::of(components, style.answer, typical.to_owned())
+        GaussianMixturePrior::of(components, style.answer, typical.to_owned())
     }
 
-    fn of(components: Vec<Component>, answer: Answer, typical: Array2<f64>) -> Gaussians {
-        Gaussians {
+    fn of(
+        components: Vec<Component>,
+        answer: Readout,
+        typical: Array2<f64>,
+    ) -> GaussianMixturePrior {
+        GaussianMixturePrior {
             variance: alone(&components),
             components,
             answer,
             typical,
-            conditionals: Met::default(),
+            conditionals: NoiseCache::default(),
         }
     }
 
@@ -138,8 +148,8 @@ impl Gaussians {
         let sum: f64 = logs.iter().map(|l| (l - best).exp()).sum();
         let winner = logs.iter().position(|l| *l == best).unwrap_or(0);
         let weight = |j: usize| match self.answer {
-            Answer::Average => (logs[j] - best).exp() / sum,
-            Answer::Best => f64::from(u8::from(j == winner)),
+            Readout::Average => (logs[j] - best).exp() / sum,
+            Readout::Best => f64::from(u8::from(j == winner)),
         };
         let said = all()
             .enumerate()
@@ -195,7 +205,7 @@ fn alone(components: &[Component]) -> Vec<f64> {
     out
 }
 
-impl Prior for Gaussians {
+impl Prior for GaussianMixturePrior {
     fn width(&self) -> usize {
         self.variance.len()
     }
@@ -282,24 +292,29 @@ impl Prior for Gaussians {
         };
         let components = self.components.iter().map(carried).collect();
         let typical = map.apply_rows(self.typical.view());
-        Box::new(Gaussians::of(components, self.answer, typical))
+        Box::new(GaussianMixturePrior::of(components, self.answer, typical))
     }
 }
 
-/// Trains a kind whose model is [`Parts`]: tuned on a part of the poses, then learnt from all of them.
+/// Trains a kind whose model is [`MixtureParams`]: tuned on a part of the poses, then learnt from all of them.
 pub(super) fn train(
     kind: &str,
     style: Style,
     training: &Training<'_>,
-    learn: &dyn Fn(&TrainingPoses) -> Result<Parts>,
+    learn: &dyn Fn(&TrainingSet) -> Result<MixtureParams>,
     report: &mut dyn FnMut(&str),
 ) -> Result<Model> {
     let mut model = training.model(kind)?;
     let typical = model.array("typical", kind)?.mapv(f64::from);
-    let tried = |part: &TrainingPoses| -> Result<Learnt<'_>> {
+    let tried = |part: &TrainingSet| -> Result<PriorFamily<'_>> {
         let (parts, typical) = (learn(part)?, typical.view());
         Ok(Box::new(move |setting| {
-            Box::new(Gaussians::new(&parts, style, setting.inflation, typical))
+            Box::new(GaussianMixturePrior::new(
+                &parts,
+                style,
+                setting.inflation,
+                typical,
+            ))
         }))
     };
     tune(training, &Grid::default(), &tried, report)?.write(&mut model);
@@ -309,23 +324,28 @@ pub(super) fn train(
 }
 
 /// Opens a model of such a kind, at its settings.
-pub(super) fn open(model: &Model, choice: &Choice, source: &str, style: Style) -> Result<Tasked> {
-    let parts = Parts::read(model, source)?;
+pub(super) fn open(
+    model: &Model,
+    options: &OpenOptions,
+    source: &str,
+    style: Style,
+) -> Result<TunedPrior> {
+    let parts = MixtureParams::read(model, source)?;
     let typical = typical(model, &parts, source)?;
-    let tuned = Tuned::read(model, source)?;
-    let learnt: Learnt<'_> = Box::new(|setting| {
-        Box::new(Gaussians::new(
+    let tuned = TaskSettings::read(model, source)?;
+    let learnt: PriorFamily<'_> = Box::new(|setting| {
+        Box::new(GaussianMixturePrior::new(
             &parts,
             style,
             setting.inflation,
             typical.view(),
         ))
     });
-    Ok(Tasked::new(tuned, choice.task, &learnt))
+    Ok(TunedPrior::new(tuned, options.task, &learnt))
 }
 
 /// A model's typical poses; the means where it has none.
-fn typical(model: &Model, parts: &Parts, source: &str) -> Result<Array2<f64>> {
+fn typical(model: &Model, parts: &MixtureParams, source: &str) -> Result<Array2<f64>> {
     let Some(found) = model.get("typical").filter(|t| t.len_of(Axis(0)) > 0) else {
         return Ok(parts.means.clone());
     };
@@ -338,7 +358,7 @@ fn typical(model: &Model, parts: &Parts, source: &str) -> Result<Array2<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::parts::three;
+    use super::mixture_params::three;
     use super::*;
     use crate::numeric::linalg::cholesky_solve;
     use crate::pose::rotation::exponential;
@@ -348,12 +368,12 @@ mod tests {
     use std::f64::consts::PI;
 
     const AVERAGE: Style = Style {
-        answer: Answer::Average,
+        answer: Readout::Average,
         estimates_rest: true,
     };
 
-    fn prior(style: Style, inflation: f64) -> Gaussians {
-        Gaussians::new(&three(), style, inflation, three().means.view())
+    fn prior(style: Style, inflation: f64) -> GaussianMixturePrior {
+        GaussianMixturePrior::new(&three(), style, inflation, three().means.view())
     }
 
     /// log N(r; 0, A) and A⁻¹ b.
@@ -437,20 +457,20 @@ mod tests {
         );
         let parts = three();
         // One Gaussian's factors seen through the noise and its rest.
-        let alone = Parts {
+        let alone = MixtureParams {
             weights: vec![1.0],
             means: parts.means.slice(s![..1, ..]).to_owned(),
             factors: parts.factors.slice(s![..2, ..]).to_owned(),
             rest: Array2::zeros((1, 6)),
         };
-        let alone = Gaussians::new(&alone, AVERAGE, 1.0, parts.means.view());
+        let alone = GaussianMixturePrior::new(&alone, AVERAGE, 1.0, parts.means.view());
         let noise: Vec<f64> = parts.rest.row(0).iter().map(|r| r + 0.3).collect();
         let y = parts.means.row(0).to_vec();
         let y: Vec<f64> = y.iter().map(|v| v + 0.5).collect();
         let want = alone.believe(&y, &noise);
-        let one = Gaussians {
+        let one = GaussianMixturePrior {
             components: prior.components[..1].to_vec(),
-            conditionals: Met::default(),
+            conditionals: NoiseCache::default(),
             ..prior
         };
         let got = one.believe(&y, &[0.3; 6]);

@@ -2,13 +2,15 @@
 //!
 //! On top of the published estimate A x, the model may carry the covariance S of the training poses' residuals y − A x.
 //! Then the pose answered is A x + S_:o (S_oo + R)⁻¹ (y_o − (A x)_o): what three atoms cannot say, and what neighbouring
-//! coordinates tell about each other, is not lost. [`Choice::published`] answers A x alone, as the paper does.
+//! coordinates tell about each other, is not lost. [`OpenOptions::published`] answers A x alone, as the paper does.
 
-use super::met::Met;
-use super::{Belief, EXACT_VARIANCE, Fit, Posterior, Prior, Task};
+mod model;
+
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::PoseMap;
+use crate::prior::noise_cache::NoiseCache;
+use crate::prior::{Belief, EXACT_VARIANCE, Fit, Posterior, Prior, Task};
 use crate::sparse::{
     Dictionary, Omp, SelectionRule, SparseCode, SparseCodes, Tolerance, WeightedDictionary, refit,
 };
@@ -16,9 +18,11 @@ use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
 
+pub use model::{joined_model, sparse_model};
+
 /// How a model is to be used; what a kind does not know it leaves alone.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Choice {
+pub struct OpenOptions {
     /// At most so many atoms a pose; `None`: as many as it was trained with.
     pub sparsity: Option<usize>,
     /// How atoms are chosen.
@@ -35,7 +39,7 @@ const UNKNOWN_RESIDUAL: f64 = 1.0;
 
 /// A dictionary, and what its codes leave.
 #[derive(Debug, Clone)]
-pub struct SparsePrior {
+pub struct SparseCodingPrior {
     dictionary: Dictionary,
     pursuit: Omp,
     published: bool,
@@ -44,9 +48,9 @@ pub struct SparsePrior {
     /// Its diagonal.
     variance: Vec<f64>,
     typical: Array2<f64>,
-    conditionals: Met<ConditionalGaussian>,
+    conditionals: NoiseCache<ConditionalGaussian>,
     /// The dictionary as observations with the noise patterns met so far see it.
-    seen: Met<WeightedDictionary>,
+    seen: NoiseCache<WeightedDictionary>,
 }
 
 /// The dictionary of a model: its `atoms` (n, D), D numbers for the model's points.
@@ -74,10 +78,14 @@ const MOST_NUMBERS: usize = 1 << 25;
 const MOST_TOGETHER: usize = 1 << 27;
 const LEAST_MET: usize = 4;
 
-impl SparsePrior {
+impl SparseCodingPrior {
     /// From the arrays of a model of kind `sparse`: `atoms` (n, D), and where they are there `residual` (D, D) and
     /// `typical` (k, D).
-    pub fn from_model(model: &Model, choice: &Choice, source: &str) -> Result<SparsePrior> {
+    pub fn from_model(
+        model: &Model,
+        options: &OpenOptions,
+        source: &str,
+    ) -> Result<SparseCodingPrior> {
         let width = 3 * model.meta.points.len();
         let dictionary = dictionary(model, source)?;
         let shaped = |name: &str, array: ArrayView2<'_, f32>, rows: Option<usize>| {
@@ -111,16 +119,16 @@ impl SparsePrior {
             }
             None => typical_of(&dictionary),
         };
-        let sparsity = choice.sparsity.or(model.meta.sparsity).unwrap_or(3).max(1);
+        let sparsity = options.sparsity.or(model.meta.sparsity).unwrap_or(3).max(1);
         let pursuit = Omp {
             sparsity,
-            rule: choice.rule,
+            rule: options.rule,
             tolerance: Tolerance::Never,
         };
-        Ok(SparsePrior::new(
+        Ok(SparseCodingPrior::new(
             dictionary,
             pursuit,
-            choice.published,
+            options.published,
             residual,
             typical,
         ))
@@ -132,22 +140,22 @@ impl SparsePrior {
         published: bool,
         mut residual: Array2<f64>,
         typical: Array2<f64>,
-    ) -> SparsePrior {
+    ) -> SparseCodingPrior {
         // It was stored in single precision: its least directions may be below nothing by as much as that rounds.
         let most = residual.diag().fold(0.0, |most: f64, v| most.max(*v));
         let rounded = residual.nrows() as f64 * f64::from(f32::EPSILON) * most;
         let least = EXACT_VARIANCE.max(rounded);
         residual.diag_mut().mapv_inplace(|v| v.max(0.0) + least);
         let variance = residual.diag().to_vec();
-        SparsePrior {
+        SparseCodingPrior {
             dictionary,
             pursuit,
             published,
             residual,
             variance,
             typical,
-            conditionals: Met::default(),
-            seen: Met::default(),
+            conditionals: NoiseCache::default(),
+            seen: NoiseCache::default(),
         }
     }
 
@@ -273,7 +281,7 @@ impl SparsePrior {
     }
 }
 
-impl Prior for SparsePrior {
+impl Prior for SparseCodingPrior {
     fn width(&self) -> usize {
         self.dictionary.width()
     }
@@ -378,7 +386,7 @@ impl Prior for SparsePrior {
         let mut residual = map.apply_covariance(self.residual.view());
         residual.diag_mut().mapv_inplace(|v| v - EXACT_VARIANCE);
         let typical = map.apply_rows(self.typical.view());
-        Box::new(SparsePrior::new(
+        Box::new(SparseCodingPrior::new(
             dictionary,
             self.pursuit,
             self.published,

@@ -10,7 +10,7 @@ pub const TYPICAL: usize = 32;
 const TYPICAL_FROM: usize = 20_000;
 
 /// Poses nearest to the centres of a few clusters.
-pub fn typical(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
+pub fn representative_poses(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
     let step = xyz.nrows().div_ceil(TYPICAL_FROM).max(1);
     let some: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
     let poses = xyz.select(Axis(0), &some);

@@ -5,9 +5,9 @@ use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What was made, by the bits of the noise. Clones share it.
-pub struct Met<T>(Arc<Mutex<HashMap<Vec<u64>, Arc<T>>>>);
+pub struct NoiseCache<T>(Arc<Mutex<HashMap<Vec<u64>, Arc<T>>>>);
 
-impl<T> Met<T> {
+impl<T> NoiseCache<T> {
     /// What was made for this noise; made now where it was not. With `most` patterns remembered, the next starts anew.
     /// All who ask share one: what it works out later is worked out once.
     pub fn get(&self, noise: &[f64], most: usize, make: impl FnOnce() -> T) -> Arc<T> {
@@ -26,21 +26,21 @@ impl<T> Met<T> {
     }
 }
 
-impl<T> Clone for Met<T> {
+impl<T> Clone for NoiseCache<T> {
     fn clone(&self) -> Self {
-        Met(self.0.clone())
+        NoiseCache(self.0.clone())
     }
 }
 
-impl<T> Default for Met<T> {
+impl<T> Default for NoiseCache<T> {
     fn default() -> Self {
-        Met(Arc::default())
+        NoiseCache(Arc::default())
     }
 }
 
-impl<T> fmt::Debug for Met<T> {
+impl<T> fmt::Debug for NoiseCache<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Met").finish_non_exhaustive()
+        f.debug_struct("NoiseCache").finish_non_exhaustive()
     }
 }
 
@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn a_pattern_is_made_once_until_there_are_too_many() {
-        let met = Met::default();
+        let met = NoiseCache::default();
         let mut count = 0;
         let mut ask = |noise: &[f64]| {
             *met.get(noise, 2, || {
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn clones_and_threads_share_one() {
-        let met = Met::default();
+        let met = NoiseCache::default();
         let clone = met.clone();
         let first = met.get(&[1.0], 4, || 1);
         assert!(Arc::ptr_eq(&first, &clone.get(&[1.0], 4, || 2)));

@@ -1,13 +1,16 @@
 //! Training any prior by its kind's name.
 
-use super::pairs::RigidPairs;
-use super::training::{self, TrainingPoses};
+use super::exemplar::{local_pca, nearest_neighbor, nlm};
+use super::gaussian::{clustered, mfa, mixture, pca, single};
+use super::representative_poses::representative_poses;
+use super::rigid_pairs::RigidPairs;
+use super::training_set::TrainingSet;
 use super::tuning::HoldBack;
-use super::{clustered, gaussian, lpca, mfa, mixture, multiscale, nearest, nlm, pca, sgplvm};
+use super::{OpenOptions, Prior, SparseCodingPrior, gplvm, multiscale, sparse_coding};
 use crate::io::Model;
 use crate::io::model::BodyMeta;
 use crate::sparse::{Ksvd, random_atoms};
-use crate::{Error, Result};
+use crate::{Error, Place, Result};
 
 /// The kinds of model that can be trained, with what each is.
 pub const KINDS: &[(&str, &str)] = &[
@@ -48,7 +51,7 @@ pub const KINDS: &[(&str, &str)] = &[
     ("mfa", "a mixture of 20 factor analysers"),
     (
         "mixture",
-        "a mixture of 20 Gaussians, shrunk towards all poses'",
+        "a mixture of 20 GaussianMixturePrior, shrunk towards all poses'",
     ),
 ];
 
@@ -62,7 +65,7 @@ const ATOMS: usize = 1000;
 #[derive(Debug, Clone, Copy)]
 pub struct Training<'a> {
     /// The poses, in the model's space.
-    pub poses: &'a TrainingPoses,
+    pub poses: &'a TrainingSet,
     /// Whether each pose was placed (world space), or rows were used as they are.
     pub world: bool,
     /// The seed of all draws.
@@ -79,7 +82,7 @@ impl Training<'_> {
         model.meta.body = self.poses.body.as_ref().map(BodyMeta::from);
         let frames = self.poses.xyz.nrows();
         model.meta.details.insert("frames".into(), frames.into());
-        let typical = training::typical(self.poses.xyz.view())?;
+        let typical = representative_poses(self.poses.xyz.view())?;
         model.insert("typical", typical);
         RigidPairs::learn(self.poses.xyz.view(), &self.poses.takes).write(&mut model);
         Ok(model)
@@ -94,14 +97,14 @@ pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) 
         }
         "sparse" => sparse(training, report),
         "pca" => pca::train(training, report),
-        "gaussian" => gaussian::train(training, report),
+        "gaussian" => single::train(training, report),
         "clustered" => clustered::train(training, report),
         "mfa" => mfa::train(training, report),
         "mixture" => mixture::train(training, report),
-        "nearest" => nearest::train(training, report),
+        "nearest" => nearest_neighbor::train(training, report),
         "nlm" | "nlm-linear" => nlm::train(kind, training, report),
-        "lpca" => lpca::train(training, report),
-        "sik" => sgplvm::train(training, report),
+        "lpca" => local_pca::train(training, report),
+        "sik" => gplvm::train(training, report),
         // One line a kind, in the order of `KINDS`.
         _ => Err(unknown(kind)),
     }
@@ -129,10 +132,44 @@ fn sparse(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model
         }
         Ok(())
     })?;
-    training::sparse_model(
+    sparse_coding::sparse_model(
         training.poses,
         &state.dictionary,
         &ksvd.pursuit,
         training.world,
     )
+}
+
+/// Opens the prior that a model file holds; `source` is for messages.
+pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<Box<dyn Prior>> {
+    match model.meta.kind.as_str() {
+        "multiscale" | "blocks" => Ok(Box::new(multiscale::MultiscaleMixture::from_model(
+            model, source,
+        )?)),
+        "sparse" => Ok(Box::new(SparseCodingPrior::from_model(
+            model, options, source,
+        )?)),
+        "pca" => Ok(Box::new(pca::open(model, options, source)?)),
+        "gaussian" => Ok(Box::new(single::open(model, options, source)?)),
+        "clustered" => Ok(Box::new(clustered::open(model, options, source)?)),
+        "mfa" => Ok(Box::new(mfa::open(model, options, source)?)),
+        "mixture" => Ok(Box::new(mixture::open(model, options, source)?)),
+        "nearest" => Ok(Box::new(nearest_neighbor::NearestNeighborPrior::open(
+            model, options, source,
+        )?)),
+        "nlm" | "nlm-linear" => Ok(Box::new(nlm::NlmPrior::open(model, options, source)?)),
+        "lpca" => Ok(Box::new(local_pca::LocalPcaPrior::open(
+            model, options, source,
+        )?)),
+        "sik" => Ok(Box::new(gplvm::GplvmPrior::open(model, options, source)?)),
+        // One line a kind, in the order of `KINDS`.
+        other => {
+            let kinds: Vec<&str> = KINDS.iter().map(|(kind, _)| *kind).collect();
+            let what = format!(
+                "is a model of kind \"{other}\", expected one of poses (kind {})",
+                kinds.join(", ")
+            );
+            Err(Error::data(Place::file(source), what))
+        }
+    }
 }

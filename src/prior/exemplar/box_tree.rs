@@ -27,16 +27,16 @@ const MEASURED: usize = 20_000;
 
 /// A pose found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Near {
-    /// Its row in [`Neighbours::poses`].
+pub struct Neighbor {
+    /// Its row in [`BoxTree::poses`].
     pub index: u32,
     /// Σ_o w_o (y_o − x_o)².
     pub squared: f64,
 }
 
-impl Eq for Near {}
+impl Eq for Neighbor {}
 
-impl Ord for Near {
+impl Ord for Neighbor {
     /// By distance, then by row: no two poses rank the same, so that any search finds the same ones.
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.squared
@@ -45,7 +45,7 @@ impl Ord for Near {
     }
 }
 
-impl PartialOrd for Near {
+impl PartialOrd for Neighbor {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
@@ -53,7 +53,7 @@ impl PartialOrd for Near {
 
 /// Poses, and the tree they are found by.
 #[derive(Debug, Clone)]
-pub struct Neighbours {
+pub struct BoxTree {
     /// (n, D), so that near ones stand together: the leaves' poses are rows that follow one another.
     poses: Array2<f32>,
     /// Unit principal axes in columns, the longest first: (D, D).
@@ -78,7 +78,7 @@ struct Node {
 
 /// One search.
 struct Query<'a> {
-    tree: &'a Neighbours,
+    tree: &'a BoxTree,
     /// The observed: coordinate, weight, value.
     terms: Vec<(usize, f64, f64)>,
     /// What nodes are bounded by: the same terms, or those along the axes.
@@ -89,12 +89,12 @@ struct Query<'a> {
     slack: f64,
     /// No pose farther than this is among the answers.
     limit: f64,
-    found: BinaryHeap<Near>,
+    found: BinaryHeap<Neighbor>,
 }
 
-impl Neighbours {
+impl BoxTree {
     /// Builds the tree of `poses` (n, D), which are re-ordered.
-    pub fn new(poses: ArrayView2<'_, f32>) -> Neighbours {
+    pub fn new(poses: ArrayView2<'_, f32>) -> BoxTree {
         let (n, d) = poses.dim();
         let axes = principal_axes(poses);
         let along = poses.mapv(f64::from).dot(&axes);
@@ -106,7 +106,7 @@ impl Neighbours {
         let rows: Vec<usize> = order.iter().map(|i| *i as usize).collect();
         let poses = poses.select(ndarray::Axis(0), &rows);
         let along = along.select(ndarray::Axis(0), &rows);
-        let mut tree = Neighbours {
+        let mut tree = BoxTree {
             boxes: Array2::zeros((2 * nodes.len(), d)),
             turned: Array2::zeros((2 * nodes.len(), d)),
             reach: along.iter().fold(0.0, |m: f64, v| m.max(v.abs())),
@@ -134,9 +134,9 @@ impl Neighbours {
     }
 
     /// The tree of the same poses carried through `map`.
-    pub fn mapped(&self, map: &PoseMap) -> Neighbours {
+    pub fn mapped(&self, map: &PoseMap) -> BoxTree {
         let poses = map.apply_rows(self.poses.mapv(f64::from).view());
-        Neighbours::new(poses.mapv(|v| v as f32).view())
+        BoxTree::new(poses.mapv(|v| v as f32).view())
     }
 
     /// The `k` nearest (all when there are fewer), nearest first; `weights` of 0 or less leave coordinates out, whose
@@ -144,7 +144,7 @@ impl Neighbours {
     ///
     /// `like` are rows that may be near, such as the answer for the frame before: with k or more of them the search
     /// starts from their distances. The answer does not depend on them.
-    pub fn nearest(&self, y: &[f64], weights: &[f64], k: usize, like: &[u32]) -> Vec<Near> {
+    pub fn nearest(&self, y: &[f64], weights: &[f64], k: usize, like: &[u32]) -> Vec<Neighbor> {
         let k = k.min(self.poses.nrows());
         if k == 0 {
             return Vec::new();
@@ -231,7 +231,7 @@ impl Query<'_> {
         if second == 0 {
             for row in first..end {
                 let squared = self.distance(row as usize);
-                self.offer(Near {
+                self.offer(Neighbor {
                     index: row,
                     squared,
                 });
@@ -249,7 +249,7 @@ impl Query<'_> {
         }
     }
 
-    fn offer(&mut self, near: Near) {
+    fn offer(&mut self, near: Neighbor) {
         if near.squared > self.limit {
             return;
         }
@@ -352,9 +352,9 @@ mod tests {
         poses
     }
 
-    fn brute(tree: &Neighbours, y: &[f64], w: &[f64], k: usize) -> Vec<Near> {
-        let mut all: Vec<Near> = (0..tree.poses.nrows())
-            .map(|i| Near {
+    fn brute(tree: &BoxTree, y: &[f64], w: &[f64], k: usize) -> Vec<Neighbor> {
+        let mut all: Vec<Neighbor> = (0..tree.poses.nrows())
+            .map(|i| Neighbor {
                 index: i as u32,
                 squared: (0..y.len())
                     .filter(|c| w[*c] > 0.0)
@@ -375,7 +375,7 @@ mod tests {
             n in 0usize..400, k in 0usize..40, seed: u64, mode in 0usize..4, noise in 0.0f64..6.0,
         ) {
             let d = 9;
-            let tree = Neighbours::new(curves(n, d, seed).view());
+            let tree = BoxTree::new(curves(n, d, seed).view());
             let mut g = parallel::rng(seed, 1);
             let mut before = Vec::new();
             for _ in 0..3 {
@@ -400,7 +400,7 @@ mod tests {
     #[test]
     fn every_pose_stands_in_one_leaf_inside_its_boxes() {
         let poses = curves(777, 12, 5);
-        let tree = Neighbours::new(poses.view());
+        let tree = BoxTree::new(poses.view());
         let mut rows: Vec<Vec<u32>> = tree
             .poses
             .rows()
@@ -426,7 +426,7 @@ mod tests {
 
     #[test]
     fn hints_that_are_wrong_do_no_harm() {
-        let tree = Neighbours::new(curves(200, 6, 2).view());
+        let tree = BoxTree::new(curves(200, 6, 2).view());
         let y = vec![1.0; 6];
         let plain = tree.nearest(&y, &[1.0; 6], 5, &[]);
         assert_eq!(
@@ -437,7 +437,7 @@ mod tests {
             plain,
             tree.nearest(&y, &[1.0; 6], 5, &[10, 20, 30, 40, 50, 60])
         );
-        let same = Neighbours::new(Array2::zeros((50, 6)).view());
+        let same = BoxTree::new(Array2::zeros((50, 6)).view());
         let found = same.nearest(&y, &[1.0; 6], 60, &[]);
         assert_eq!(found.len(), 50);
         assert!(found.windows(2).all(|w| w[0].index < w[1].index));

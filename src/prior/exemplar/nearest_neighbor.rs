@@ -3,15 +3,15 @@
 //! x = argmin_n Σ_o (y_o − x_no)² / (R_o + h²) over the observed coordinates o with noise variances R_o. It is believed to
 //! be off by h², the mean squared error a coordinate of poses held back from the training: one number for each task.
 
-use super::neighbours::Neighbours;
-use super::store;
-use super::train::Training;
-use super::tuning::{ASF2, Grid, Learnt, Setting, Task, Tasked, Tuning};
-use super::{Belief, Choice, Prior};
+use super::box_tree::BoxTree;
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::parallel;
 use crate::pose::PoseMap;
+use crate::prior::model_arrays;
+use crate::prior::registry::Training;
+use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, Task, TunedPrior, Tuning};
+use crate::prior::{Belief, OpenOptions, Prior};
 use ndarray::{Array2, ArrayView2};
 use std::sync::Arc;
 
@@ -22,25 +22,25 @@ const RUN: usize = 64;
 
 /// Training poses, one of which is the answer.
 #[derive(Debug, Clone)]
-pub struct NearestPrior {
-    tree: Arc<Neighbours>,
+pub struct NearestNeighborPrior {
+    tree: Arc<BoxTree>,
     /// h², cm².
     width: f64,
     variance: Vec<f64>,
     typical: Arc<Array2<f64>>,
 }
 
-impl NearestPrior {
+impl NearestNeighborPrior {
     /// From a model of kind `nearest`: `poses` (n, D), and its tuning; an inflation of 1 is an error h² of 1 asf².
     ///
     /// # Errors
     /// Data: no such array, a wrong shape, numbers that are not finite.
-    pub fn open(model: &Model, choice: &Choice, source: &str) -> Result<Tasked> {
-        store::of_poses(model, choice, source, learnt)
+    pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
+        model_arrays::of_poses(model, options, source, learnt)
     }
 
-    fn new(tree: Arc<Neighbours>, typical: Arc<Array2<f64>>, width: f64) -> NearestPrior {
-        NearestPrior {
+    fn new(tree: Arc<BoxTree>, typical: Arc<Array2<f64>>, width: f64) -> NearestNeighborPrior {
+        NearestNeighborPrior {
             variance: vec![width; tree.poses().ncols()],
             tree,
             width,
@@ -80,7 +80,7 @@ impl NearestPrior {
     }
 }
 
-impl Prior for NearestPrior {
+impl Prior for NearestNeighborPrior {
     fn width(&self) -> usize {
         self.variance.len()
     }
@@ -109,7 +109,7 @@ impl Prior for NearestPrior {
     fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
         let tree = self.tree.mapped(map);
         let typical = map.apply_rows(self.typical.view());
-        Box::new(NearestPrior::new(
+        Box::new(NearestNeighborPrior::new(
             Arc::new(tree),
             Arc::new(typical),
             self.width,
@@ -118,12 +118,16 @@ impl Prior for NearestPrior {
 }
 
 /// The poses, believed to be off by any h².
-fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> Learnt<'static> {
-    let tree = Arc::new(Neighbours::new(poses));
+fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> PriorFamily<'static> {
+    let tree = Arc::new(BoxTree::new(poses));
     let typical = Arc::new(typical);
     Box::new(move |setting: Setting| {
         let width = setting.inflation * ASF2;
-        Box::new(NearestPrior::new(tree.clone(), typical.clone(), width))
+        Box::new(NearestNeighborPrior::new(
+            tree.clone(),
+            typical.clone(),
+            width,
+        ))
     })
 }
 
@@ -137,7 +141,8 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
         sparse: vec![0.0],
         complete: vec![0.0],
     };
-    let (mut model, mut tuning) = store::learn_poses("nearest", training, &grid, learnt, report)?;
+    let (mut model, mut tuning) =
+        model_arrays::learn_poses("nearest", training, &grid, learnt, report)?;
     measured(&mut tuning);
     tuning.write(&mut model);
     Ok(model)
@@ -170,10 +175,10 @@ mod tests {
         })
     }
 
-    fn prior(n: usize) -> NearestPrior {
+    fn prior(n: usize) -> NearestNeighborPrior {
         let typical = poses(2).mapv(f64::from);
-        let tree = Neighbours::new(poses(n).view());
-        NearestPrior::new(Arc::new(tree), Arc::new(typical), 0.25)
+        let tree = BoxTree::new(poses(n).view());
+        NearestNeighborPrior::new(Arc::new(tree), Arc::new(typical), 0.25)
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! A scaled GPLVM in a model file.
 
-use super::super::sgplvm_learn::Learned;
-use super::super::store;
+use super::learn::Learned;
 use crate::io::Model;
+use crate::prior::model_arrays;
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2};
 
@@ -27,9 +27,9 @@ pub fn write(learned: &Learned, model: &mut Model) {
 pub fn read(model: &Model, source: &str) -> Result<Learned> {
     let width = 3 * model.meta.points.len();
     let place = |part: &str| Place::file(source).part(part);
-    let active = store::rows(model, "active", width, source)?.mapv(f64::from);
+    let active = model_arrays::rows(model, "active", width, source)?.mapv(f64::from);
     let latent = model.array("latent", source)?;
-    let latent = store::rows(model, "latent", latent.ncols(), source)?.mapv(f64::from);
+    let latent = model_arrays::rows(model, "latent", latent.ncols(), source)?.mapv(f64::from);
     if latent.nrows() != active.nrows() || latent.ncols() == 0 || active.nrows() > MOST_ACTIVE {
         let what = format!(
             "has {} rows, expected one for each of {} poses, at most {MOST_ACTIVE}",
@@ -38,11 +38,11 @@ pub fn read(model: &Model, source: &str) -> Result<Learned> {
         );
         return Err(Error::data(place("latent"), what));
     }
-    let scales: Vec<f64> = store::rows(model, "scales", width, source)?
+    let scales: Vec<f64> = model_arrays::rows(model, "scales", width, source)?
         .row(0)
         .mapv(f64::from)
         .to_vec();
-    let mean = store::rows(model, "mean", width, source)?
+    let mean = model_arrays::rows(model, "mean", width, source)?
         .row(0)
         .mapv(f64::from);
     let number = |name: &str| -> Result<f64> {
