@@ -9,13 +9,13 @@ use posing::cli::input::RowStream;
 use posing::cli::streams::TableSink;
 use posing::cli::{Outcome, messages, run};
 use posing::evaluate::corruption::Corruption;
-use posing::evaluate::gaps::{Gaps, frames_in};
+use posing::evaluate::gap_injection::{GapInjection, frames_in};
 use posing::io::table::{Row, point_names};
 use posing::pose::Poses;
 use posing::{Error, Place, Result};
 use std::process::ExitCode;
 
-/// Damage poses on purpose, for tests
+/// ErrorBreakdown poses on purpose, for tests
 ///
 /// Adds Gaussian noise, hides points, lays gaps; several at once in the order dense, sparse, keep and drop, gaps. What is
 /// missing stays missing, unchanged cells keep their text, and the same seed does the same damage. Noise and hidden
@@ -162,13 +162,13 @@ impl Takes {
         let index = self.done;
         self.done += 1;
         if let Some(rate) = args.table.rate(&poses)? {
-            let gaps = Gaps {
+            let gaps = GapInjection {
                 count,
                 frames: frames_in(seconds, rate)?,
                 points: args.points,
                 seed: args.seed.seed,
             };
-            let laid = gaps.lay(&mut poses, index)?;
+            let laid = gaps.inject(&mut poses, index)?;
             let (fit, frames) = (laid.gaps.len(), gaps.frames);
             if laid.longest < frames {
                 self.whole += 1;

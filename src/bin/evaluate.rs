@@ -2,11 +2,12 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, lengths, list, plan, sources};
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::evaluating::{self, Asked, Work, lengths, list, plan, sources};
 use posing::cli::{Outcome, messages, run, streams};
-use posing::evaluate::bench::tables::Results;
-use posing::evaluate::bench::{Bench, Data, report, reproduction, summary};
+use posing::evaluate::benchmark::{Benchmark, Dataset, summary};
+use posing::evaluate::report::tables::Results;
+use posing::evaluate::report::{self, reproduction};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -33,7 +34,7 @@ use std::process::ExitCode;
 #[command(
     name = "evaluate",
     version,
-    after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --config bench.toml",
+    after_help = "ExampleSet:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --config bench.toml",
     after_long_help = LONG
 )]
 struct Args {
@@ -54,7 +55,7 @@ struct Args {
     /// frames, takes, subjects (default: all that the takes allow)
     #[arg(long, value_name = "LIST", value_parser = list)]
     splits: Option<::std::vec::Vec<String>>,
-    /// How many seeds, each with a split, a training and a damage of its own (default: 5)
+    /// DuplicateEvidence many seeds, each with a split, a training and a damage of its own (default: 5)
     #[arg(long, value_name = "N")]
     seeds: Option<u64>,
     /// The first seed (default: 0)
@@ -104,7 +105,7 @@ of the dictionary (where several ksvd:n=..:k=.. were run), error by joint, calib
   DIR/cells.jsonl, DIR/examples.jsonl: finished cells, and the poses that the page shows. A run that was killed goes on from them, to the same results; one with more models or \
 seeds does only what is new.
 
-Examples:
+ExampleSet:
   posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv
   posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv
   posing evaluate --splits takes -m mine.npz my-takes.csv
@@ -116,12 +117,12 @@ fn main() -> ExitCode {
 
 /// Only writes what finished runs say of the paper's tables.
 fn tables(runs: &[PathBuf], folder: &Path) -> Result<Outcome> {
-    let runs = evaluating::finished(runs)?;
+    let runs = benchmark::finished(runs)?;
     let files = [
         ("tables.csv", reproduction::csv(&runs)),
         ("tables.html", reproduction::html(&runs)?),
     ];
-    evaluating::write(folder, &files)?;
+    benchmark::write(folder, &files)?;
     Ok(Outcome::Done)
 }
 
@@ -130,7 +131,7 @@ fn work(args: Args) -> Result<Outcome> {
     if let (false, Some(folder)) = (args.paper.is_empty(), &args.output) {
         return tables(&args.paper, folder);
     }
-    let asked = Asked {
+    let asked = BenchmarkArgs {
         models: args.models,
         files: args.given,
         tasks: args.tasks,
@@ -144,30 +145,33 @@ fn work(args: Args) -> Result<Outcome> {
     };
     let plan = plan(asked, args.table.files.clone(), args.config.as_deref())?;
     plan.settings.check()?;
-    let data = Data::new(&sources(&args.table, &plan.tables)?, &plan.subjects)?;
+    let data = Dataset::new(&sources(&args.table, &plan.tables)?, &plan.subjects)?;
     if data.incomplete > 0 {
         messages::info(&format!(
             "{} frames lack a point and are left out",
             data.incomplete
         ));
     }
-    let bench = Bench::new(&data, plan.settings)?;
-    for twin in bench.twins() {
-        messages::info(&format!("{} stays on one side with it", twin.tell(&data)));
+    let bench = Benchmark::new(&data, plan.settings)?;
+    for twin in bench.duplicates() {
+        messages::info(&format!(
+            "{} stays on one side with it",
+            twin.describe(&data)
+        ));
     }
     for what in bench.left_out() {
         messages::info(&format!("left out: {what}"));
     }
     let work = match &plan.output {
-        Some(folder) => Some(Work::open(folder, args.fresh)?),
+        Some(folder) => Some(ResultCache::open(folder, args.fresh)?),
         None => None,
     };
-    let (cells, examples) = evaluating::run(&bench, work)?;
+    let (cells, examples) = benchmark::run(&bench, work)?;
     let rows = summary::rows(&cells);
     let results = Results {
         data: &data,
         settings: bench.settings(),
-        twins: bench.twins(),
+        twins: bench.duplicates(),
         cells: &cells,
         rows: &rows,
         examples: &examples,
@@ -179,7 +183,7 @@ fn work(args: Args) -> Result<Outcome> {
             ("times.csv", results.times()),
             ("report.html", report::html(&results)?),
         ];
-        evaluating::write(folder, &files)?;
+        benchmark::write(folder, &files)?;
     }
     streams::write_bytes(None, results.text().as_bytes(), false)?;
     Ok(Outcome::Done)

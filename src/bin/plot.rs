@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::drawing::{Drawn, bones, name_of, runs, text_table};
+use posing::cli::plot::{PlotTable, bones, name_of, runs, text_table};
 use posing::cli::input::check_single_stdin;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
@@ -125,9 +125,9 @@ fn work(args: &Args) -> Result<Outcome> {
             return Err(Error::usage(what));
         }
     };
-    let mut drawn: Vec<Drawn> = Vec::new();
+    let mut drawn: Vec<PlotTable> = Vec::new();
     for file in files {
-        let mut table = Drawn::read(&InputArgs {
+        let mut table = PlotTable::read(&InputArgs {
             files: vec![file.clone()],
             ..args.input.clone()
         })?;

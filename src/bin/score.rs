@@ -5,8 +5,8 @@ use posing::cli::aligned_tables::AlignedTables;
 use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
-use posing::evaluate::score::{Frame, Runs, Scores};
-use posing::evaluate::score_text::text;
+use posing::evaluate::score::{RunDetector, ScoreSums, ScoredFrame};
+use posing::evaluate::score_report::text;
 use posing::pose::Poses;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -73,11 +73,11 @@ fn work(args: &Args) -> Result<Outcome> {
             "{name}: left out {count} of its points, which {truth} has not"
         ));
     }
-    let mut runs = Runs::default();
-    let mut scores = Scores::new(tables.points(), args.damaged.is_some());
+    let mut runs = RunDetector::default();
+    let mut scores = ScoreSums::new(tables.points(), args.damaged.is_some());
     let rate = |take: &Poses| inputs[0].rate(take);
     tables.for_each_with_rate(rate, |step, rate| {
-        scores.add(&Frame {
+        scores.add(&ScoredFrame {
             truth: &step.xyz[0],
             result: &step.xyz[1],
             damaged: step.xyz.get(2).map(Vec::as_slice),

@@ -1,16 +1,16 @@
-//! Corruptions, scores, figures, and the bench that compares models.
+//! Damage to clean poses, scores of restored ones, figures, and the benchmark that compares models.
 
-pub mod bench;
+pub mod benchmark;
 pub mod corruption;
-pub mod damage;
+pub mod error_breakdown;
+pub mod error_stats;
 pub mod figure;
-pub mod gaps;
-mod markup;
-pub mod motion;
+pub mod gap_injection;
+mod html;
+pub mod motion_quality;
 pub mod player;
+pub mod report;
 pub mod scene;
+mod scene_geometry;
 pub mod score;
-pub mod score_text;
-mod shapes;
-mod stance;
-pub mod tally;
+pub mod score_report;

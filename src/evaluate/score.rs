@@ -4,22 +4,22 @@
 //! set of coordinates, MSE = mean of (r - t)^2, as in the paper's tables (there in raw ASF units, squared). A coordinate
 //! that t lacks does not count; one that r lacks is counted as still missing, and is in no mean.
 
-use super::damage::{Damage, DamageSums};
-use super::motion::{AccelerationSums, Accelerations, BoneSums, Bones};
-use super::tally::{Errors, Tally, point};
+use super::error_breakdown::{BreakdownSums, ErrorBreakdown};
+use super::error_stats::{ErrorStats, ErrorSums, point};
+use super::motion_quality::{AccelerationSums, Accelerations, BoneLengthSums, BoneLengths};
 use serde::Serialize;
 use std::sync::Arc;
 
 /// One frame to be scored: 3 J numbers each in centimetres, NaN is missing, points in the same order.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame<'a> {
+pub struct ScoredFrame<'a> {
     /// The truth.
     pub truth: &'a [f64],
     /// What is scored.
     pub result: &'a [f64],
     /// What the result was made from.
     pub damaged: Option<&'a [f64]>,
-    /// Whether this frame does not follow the one before it: see [`Runs`].
+    /// Whether this frame does not follow the one before it: see [`RunDetector`].
     pub starts_run: bool,
     /// Frames a second of its take, where known.
     pub rate: Option<f64>,
@@ -27,7 +27,7 @@ pub struct Frame<'a> {
 
 /// Everything a score tells. Lengths are in `units`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
+pub struct ScoreReport {
     /// The name of the unit of length.
     pub units: String,
     /// How many frames were read.
@@ -39,13 +39,13 @@ pub struct Report {
     /// Each rate that takes have, in the order in which they were met.
     pub rates: Vec<f64>,
     /// Over all coordinates.
-    pub all: Errors,
+    pub all: ErrorStats,
     /// Point by point.
     pub by_point: Vec<PointErrors>,
     /// Where a damaged table was given: what was missing, observed and changed.
-    pub damaged: Option<Damage>,
+    pub damaged: Option<ErrorBreakdown>,
     /// Where the points' names tell of bones.
-    pub bones: Option<Bones>,
+    pub bones: Option<BoneLengths>,
     /// Where there is a rate: each take's own.
     pub accelerations: Option<Accelerations>,
 }
@@ -57,17 +57,17 @@ pub struct PointErrors {
     pub point: String,
     /// Its errors.
     #[serde(flatten)]
-    pub errors: Errors,
+    pub errors: ErrorStats,
 }
 
 /// Finds the frames that do not follow the one before them: a new take, a time that does not go forward, a step of more
 /// than 1.5 frames. The rule is that of [`crate::pose::Poses::runs`], for frames that come one at a time.
 #[derive(Debug, Clone, Default)]
-pub struct Runs {
+pub struct RunDetector {
     last: Option<(Option<f64>, Option<Arc<str>>)>,
 }
 
-impl Runs {
+impl RunDetector {
     /// Whether the next frame, of a take of so many frames a second, where known, starts a run. The first does.
     pub fn starts(
         &mut self,
@@ -89,40 +89,40 @@ impl Runs {
 
 /// Adds up a score.
 #[derive(Debug, Clone)]
-pub struct Scores {
+pub struct ScoreSums {
     points: Vec<String>,
     rates: Vec<f64>,
     frames: u64,
-    all: Tally,
-    by_point: Vec<Tally>,
-    damage: Option<DamageSums>,
-    bones: BoneSums,
+    all: ErrorSums,
+    by_point: Vec<ErrorSums>,
+    damage: Option<BreakdownSums>,
+    bones: BoneLengthSums,
     accelerations: AccelerationSums,
 }
 
-impl Scores {
+impl ScoreSums {
     /// A score of frames of these points; `damaged` tells whether every frame will come with what it was made from.
-    pub fn new(points: &[String], damaged: bool) -> Scores {
-        Scores {
+    pub fn new(points: &[String], damaged: bool) -> ScoreSums {
+        ScoreSums {
             points: points.to_vec(),
             rates: Vec::new(),
             frames: 0,
-            all: Tally::default(),
-            by_point: vec![Tally::default(); points.len()],
-            damage: damaged.then(|| DamageSums::new(points.len())),
-            bones: BoneSums::new(points),
+            all: ErrorSums::default(),
+            by_point: vec![ErrorSums::default(); points.len()],
+            damage: damaged.then(|| BreakdownSums::new(points.len())),
+            bones: BoneLengthSums::new(points),
             accelerations: AccelerationSums::default(),
         }
     }
 
     /// Adds a frame.
-    pub fn add(&mut self, frame: &Frame<'_>) {
+    pub fn add(&mut self, frame: &ScoredFrame<'_>) {
         self.frames += 1;
-        for (i, tally) in self.by_point.iter_mut().enumerate() {
+        for (i, sums) in self.by_point.iter_mut().enumerate() {
             let [truth, result] = [frame.truth, frame.result].map(|xyz| point(xyz, i));
-            let mut one = Tally::default();
+            let mut one = ErrorSums::default();
             one.add(truth, result, [true; 3]);
-            tally.merge(&one);
+            sums.merge(&one);
             self.all.merge(&one);
         }
         self.bones.add(frame.truth, frame.result);
@@ -143,11 +143,11 @@ impl Scores {
     }
 
     /// The report, its lengths in a unit of this name and of so many centimetres.
-    pub fn finish(self, units: &str, centimetres: f64) -> Report {
+    pub fn finish(self, units: &str, centimetres: f64) -> ScoreReport {
         let unit = centimetres;
         let is_timed = !self.rates.is_empty();
         let named = self.points.iter().zip(&self.by_point);
-        Report {
+        ScoreReport {
             units: units.to_string(),
             frames: self.frames,
             points: self.points.len(),
@@ -157,9 +157,9 @@ impl Scores {
             },
             all: self.all.errors(unit),
             by_point: named
-                .map(|(point, tally)| PointErrors {
+                .map(|(point, sums)| PointErrors {
                     point: point.clone(),
-                    errors: tally.errors(unit),
+                    errors: sums.errors(unit),
                 })
                 .collect(),
             bones: self.bones.finish(&self.points, unit),
@@ -178,8 +178,8 @@ mod tests {
         (0..count).map(|i| format!("p{i}")).collect()
     }
 
-    fn frame<'a>(truth: &'a [f64], result: &'a [f64]) -> Frame<'a> {
-        Frame {
+    fn frame<'a>(truth: &'a [f64], result: &'a [f64]) -> ScoredFrame<'a> {
+        ScoredFrame {
             truth,
             result,
             damaged: None,
@@ -190,7 +190,7 @@ mod tests {
 
     #[test]
     fn all_and_by_point() {
-        let mut s = Scores::new(&names(2), false);
+        let mut s = ScoreSums::new(&names(2), false);
         s.add(&frame(&[0.0; 6], &[1.0, 1.0, 1.0, 2.0, 2.0, f64::NAN]));
         s.add(&frame(
             &[0.0, 0.0, 0.0, f64::NAN, f64::NAN, f64::NAN],
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn nothing_compared_is_no_number() {
-        let r = Scores::new(&names(1), true).finish("asf", 5.0);
+        let r = ScoreSums::new(&names(1), true).finish("asf", 5.0);
         assert_eq!((r.all.mse, r.all.max), (None, None));
         let json = serde_json::to_string(&r).unwrap();
         assert!(json.contains("\"mse\":null") && json.contains("\"units\":\"asf\""));
@@ -216,10 +216,10 @@ mod tests {
     #[test]
     fn units_scale_every_length() {
         let score = |unit| {
-            let mut s = Scores::new(&names(1), false);
+            let mut s = ScoreSums::new(&names(1), false);
             for i in 0..5 {
                 let x = f64::from(i * i);
-                s.add(&Frame {
+                s.add(&ScoredFrame {
                     rate: Some(10.0),
                     ..frame(&[x; 3], &[2.0 * x; 3])
                 });
@@ -251,13 +251,13 @@ mod tests {
             take: Some(take.clone()),
             ..Poses::default()
         };
-        let mut runs = Runs::default();
+        let mut runs = RunDetector::default();
         let starts: Vec<usize> = (0..8)
             .filter(|&i| runs.starts(Some(time[i]), &Some(take[i].clone()), poses.rate()))
             .collect();
         let want: Vec<usize> = poses.runs().iter().map(|r| r.start).collect();
         assert_eq!(starts, want);
-        let mut bare = Runs::default();
+        let mut bare = RunDetector::default();
         let rate = Some(1.0);
         assert!(bare.starts(None, &None, rate) && !bare.starts(None, &None, rate));
     }

@@ -1,10 +1,10 @@
 //! What stands in a panel: the ground, and bodies of bones and joints.
 
+use super::shapes::{FIGURES, INK, LEFT, RIGHT, dot, n, stick};
 use super::view::{HEAD, Panel, Window};
 use super::{Layout, Picture};
-use crate::evaluate::markup::escape;
-use crate::evaluate::shapes::{FIGURES, INK, LEFT, RIGHT, dot, n, stick};
-use crate::evaluate::stance::Side;
+use crate::evaluate::html::escape;
+use crate::evaluate::scene_geometry::Side;
 
 /// The grid's step, and how far it reaches around a figure (cm).
 const STEP: f64 = 50.0;
@@ -58,14 +58,14 @@ impl Picture<'_, '_> {
     /// The ground: lines every half metre of the world, around all the panel's frames.
     fn grid(&self, panel: &Panel, place: &dyn Fn([f64; 3]) -> [f64; 2]) -> String {
         let mut area = [[panel.middle[0]; 2], [panel.middle[1]; 2]];
-        for middle in panel.frames.iter().filter_map(|t| self.stance.middle(*t)) {
+        for middle in panel.frames.iter().filter_map(|t| self.geometry.middle(*t)) {
             for axis in 0..2 {
                 area[axis][0] = area[axis][0].min(middle[axis]);
                 area[axis][1] = area[axis][1].max(middle[axis]);
             }
         }
         let [x, z] = area.map(|[low, high]| grid_lines(low - REACH, high + REACH));
-        let at = |x, z| place(self.project([x, self.stance.ground, z], panel.middle));
+        let at = |x, z| place(self.project([x, self.geometry.ground, z], panel.middle));
         let mut path = String::new();
         let mut line = |a: [f64; 2], b: [f64; 2]| {
             path.push_str(&format!("M{} {}L{} {}", n(a[0]), n(a[1]), n(b[0]), n(b[1])));
@@ -91,7 +91,7 @@ impl Picture<'_, '_> {
         let count = self.scene.points.len();
         let seen: Vec<Option<[f64; 3]>> = (0..count)
             .map(|p| {
-                self.stance
+                self.geometry
                     .at(figure, frame, p)
                     .map(|at| self.project(at, panel.middle))
             })
@@ -110,8 +110,8 @@ impl Picture<'_, '_> {
             let (Some(a), Some(b)) = (seen[bone.0], seen[bone.1]) else {
                 continue;
             };
-            let ends = [bone.0, bone.1].map(|p| self.stance.status(figure, frame, p));
-            let color = self.color(figure, self.stance.bone_side(*bone));
+            let ends = [bone.0, bone.1].map(|p| self.geometry.status(figure, frame, p));
+            let color = self.color(figure, self.geometry.bone_side(*bone));
             parts.push((
                 (a[2] + b[2]) / 2.0,
                 stick(place(a), place(b), color, thick, ends, !overlaid),
@@ -119,9 +119,9 @@ impl Picture<'_, '_> {
         }
         for (p, view) in seen.iter().enumerate() {
             let Some(view) = view else { continue };
-            let head = self.stance.head == Some(p);
+            let head = self.geometry.head == Some(p);
             let radius = if head {
-                HEAD * self.stance.size * scale
+                HEAD * self.geometry.size * scale
             } else {
                 thick * 0.72
             };
@@ -130,11 +130,11 @@ impl Picture<'_, '_> {
             } else {
                 radius
             };
-            let color = self.color(figure, self.stance.sides[p]);
-            let status = self.stance.status(figure, frame, p);
+            let color = self.color(figure, self.geometry.sides[p]);
+            let status = self.geometry.status(figure, frame, p);
             // Joints lie on their bones, so they come just after them.
             parts.push((
-                view[2] + 0.03 * self.stance.size,
+                view[2] + 0.03 * self.geometry.size,
                 dot(place(*view), radius, color, status),
             ));
         }

@@ -1,11 +1,11 @@
 //! What is written around the panels: the title, what colours and signs mean, and which moments are shown.
 
+use super::shapes::{FIGURES, INK, LEFT, PALE, RIGHT, UNKNOWN, dot, n, shortened};
 use super::view::Panel;
 use super::{EDGE, Layout, Picture};
-use crate::evaluate::markup::escape;
+use crate::evaluate::html::escape;
 use crate::evaluate::scene::Status;
-use crate::evaluate::shapes::{FIGURES, INK, LEFT, PALE, RIGHT, UNKNOWN, dot, n, shortened};
-use crate::evaluate::stance::Side;
+use crate::evaluate::scene_geometry::Side;
 
 impl Picture<'_, '_> {
     /// Below a column: the frame's number and time, and its take if there are several;
@@ -44,7 +44,7 @@ impl Picture<'_, '_> {
             ));
             y = 48.0;
         }
-        let sided = self.stance.sides.iter().any(|side| *side != Side::Middle);
+        let sided = self.geometry.sides.iter().any(|side| *side != Side::Middle);
         let mut entries: Vec<(String, String)> = Vec::new();
         let mut entry = |color: &str, status: Status, text: &str| {
             entries.push((
@@ -71,7 +71,7 @@ impl Picture<'_, '_> {
         for status in Status::ALL.into_iter().skip(1) {
             let mut all = panels.iter().flat_map(|panel| self.every_point(panel));
             if all.any(|(f, t, p)| {
-                self.stance.at(f, t, p).is_some() && self.stance.status(f, t, p) == status
+                self.geometry.at(f, t, p).is_some() && self.geometry.status(f, t, p) == status
             }) {
                 entry(INK, status, status.name());
             }

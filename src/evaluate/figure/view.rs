@@ -59,7 +59,7 @@ impl Picture<'_, '_> {
     fn middle(&self, frames: &[usize]) -> [f64; 2] {
         let seen: Vec<[f64; 2]> = frames
             .iter()
-            .filter_map(|t| self.stance.middle(*t))
+            .filter_map(|t| self.geometry.middle(*t))
             .collect();
         let count = seen.len().max(1) as f64;
         [0, 1].map(|axis| seen.iter().map(|m| m[axis]).sum::<f64>() / count)
@@ -67,7 +67,7 @@ impl Picture<'_, '_> {
 
     /// Right, up and towards the viewer (cm), from where the panel's middle meets the ground.
     pub fn project(&self, [x, y, z]: [f64; 3], middle: [f64; 2]) -> [f64; 3] {
-        let (x, y, z) = (x - middle[0], y - self.stance.ground, z - middle[1]);
+        let (x, y, z) = (x - middle[0], y - self.geometry.ground, z - middle[1]);
         let (sin, cos) = self.azimuth.sin_cos();
         let (tilt_sin, tilt_cos) = self.options.elevation.to_radians().sin_cos();
         let (right, near) = (x * cos - z * sin, x * sin + z * cos);
@@ -87,7 +87,7 @@ impl Picture<'_, '_> {
         let (mut across, mut up) = (Vec::new(), Vec::new());
         for panel in panels {
             for (f, t, p) in self.every_point(panel) {
-                if let Some(place) = self.stance.at(f, t, p) {
+                if let Some(place) = self.geometry.at(f, t, p) {
                     let [right, high, _] = self.project(place, panel.middle);
                     across.push(right);
                     up.push(high);
@@ -102,8 +102,8 @@ impl Picture<'_, '_> {
             (low, sorted.iter().rev().nth(stray).copied().unwrap_or(low))
         };
         let ((left, right), (low, high)) = (ends(&across), ends(&up));
-        let room = ROOM + HEAD * self.stance.size;
-        let half = 0.5 * (right - left).max(0.35 * self.stance.size) + room;
+        let room = ROOM + HEAD * self.geometry.size;
+        let half = 0.5 * (right - left).max(0.35 * self.geometry.size) + room;
         let middle = 0.5 * (left + right);
         let (left, right) = (middle - half, middle + half);
         Window {

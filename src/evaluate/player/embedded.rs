@@ -4,9 +4,9 @@
 //! value (`-32768`: missing), or 32-bit floats (NaN: missing) where such a step would show. Statuses are run lengths,
 //! point by point.
 
-use crate::evaluate::markup::base64;
+use crate::evaluate::html::base64;
 use crate::evaluate::scene::{Scene, Status};
-use crate::evaluate::stance::{Side, Stance};
+use crate::evaluate::scene_geometry::{SceneGeometry, Side};
 use serde_json::{Value, json};
 
 /// A step between neighbouring 16-bit values above this (cm) would be seen.
@@ -26,29 +26,34 @@ pub fn sparing(scene: &Scene<'_>, limit: usize) -> usize {
 }
 
 /// Everything the script reads.
-pub fn embedded(scene: &Scene<'_>, stance: &Stance<'_, '_>, kept: &[usize], every: usize) -> Value {
+pub fn embedded(
+    scene: &Scene<'_>,
+    geometry: &SceneGeometry<'_, '_>,
+    kept: &[usize],
+    every: usize,
+) -> Value {
     let side = |side: &Side| match side {
         Side::Left => 'l',
         Side::Right => 'r',
         Side::Middle => 'm',
     };
     let figures: Vec<Value> = (0..scene.figures.len())
-        .map(|figure| embedded_figure(scene, stance, kept, figure))
+        .map(|figure| embedded_figure(scene, geometry, kept, figure))
         .collect();
     json!({
         "points": scene.points,
         "bones": scene.bones,
-        "sides": stance.sides.iter().map(side).collect::<String>(),
-        "head": stance.head,
+        "sides": geometry.sides.iter().map(side).collect::<String>(),
+        "head": geometry.head,
         "rate": scene.rate / every as f64,
         "every": every,
         "frames": kept.len(),
-        "reference": stance.reference,
+        "reference": geometry.reference,
         "behind": scene.behind,
         "start": scene.start / every,
-        "ground": rounded(stance.ground),
-        "size": rounded(stance.size),
-        "azimuth": rounded(stance.azimuth()),
+        "ground": rounded(geometry.ground),
+        "size": rounded(geometry.size),
+        "azimuth": rounded(geometry.azimuth()),
         "runs": runs(scene, kept.len(), every),
         "figures": figures,
     })
@@ -73,7 +78,7 @@ fn runs(scene: &Scene<'_>, kept: usize, every: usize) -> Vec<Value> {
 
 fn embedded_figure(
     scene: &Scene<'_>,
-    stance: &Stance<'_, '_>,
+    geometry: &SceneGeometry<'_, '_>,
     kept: &[usize],
     figure: usize,
 ) -> Value {
@@ -81,7 +86,7 @@ fn embedded_figure(
     let mut values = Vec::with_capacity(kept.len() * columns);
     for frame in kept {
         for point in 0..scene.points.len() {
-            values.extend(stance.at(figure, *frame, point).unwrap_or([f64::NAN; 3]));
+            values.extend(geometry.at(figure, *frame, point).unwrap_or([f64::NAN; 3]));
         }
     }
     let mut coded = coordinates(&values, columns);
@@ -89,7 +94,7 @@ fn embedded_figure(
     coded["note"] = json!(scene.notes.get(figure));
     coded["status"] = match scene.figures[figure].status {
         Some(_) => (0..scene.points.len())
-            .map(|point| run_lengths(kept.iter().map(|t| stance.status(figure, *t, point))))
+            .map(|point| run_lengths(kept.iter().map(|t| geometry.status(figure, *t, point))))
             .collect(),
         None => Value::Null,
     };

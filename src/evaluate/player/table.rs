@@ -1,6 +1,6 @@
 //! A small table of text as HTML.
 
-use crate::evaluate::markup::escape;
+use crate::evaluate::html::escape;
 use crate::evaluate::scene::Table;
 
 /// The table, a column of numbers set flush right.

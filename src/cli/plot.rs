@@ -1,0 +1,264 @@
+//! What `plot` does around the library: tables become figures, names become bones, a CSV file becomes a table of text.
+
+use super::args::InputArgs;
+use super::input::{RowStream, open};
+use crate::evaluate::scene::{Run, Status, Table};
+use crate::io::table::{Builder, Row};
+use crate::pose::{Poses, joints};
+use crate::{Error, Place, Result};
+use ndarray::Array2;
+use std::ops::Range;
+use std::path::Path;
+
+/// Times that differ by no more are the same, in seconds: other tools round them.
+const SAME_TIME: f64 = 1e-4;
+/// A table of text is small.
+const TABLE_LIMIT: u64 = 1 << 20;
+
+/// A pose table as it is drawn.
+pub struct PlotTable {
+    /// What messages call it.
+    pub file: String,
+    /// Its poses.
+    pub poses: Poses,
+    /// Frames x points, where the table has columns `NAME.status`.
+    pub status: Option<Array2<Status>>,
+}
+
+impl PlotTable {
+    /// Reads the table of one file, or of standard input.
+    pub fn read(input: &InputArgs) -> Result<PlotTable> {
+        let mut stream = RowStream::open(input, true, true)?;
+        let columns = stream.columns().clone();
+        let file = stream.name().to_string();
+        let status_of = |point: &String| {
+            let wanted = format!("{point}.status");
+            columns.names.iter().position(|name| *name == wanted)
+        };
+        let status_columns: Vec<Option<usize>> = columns.points.iter().map(status_of).collect();
+        let told = status_columns.iter().any(Option::is_some);
+        let (mut builder, mut row) = (Builder::new(&columns), Row::default());
+        let mut statuses = Vec::new();
+        while stream.read(&mut row)? {
+            builder.push(&row);
+            if told {
+                for column in &status_columns {
+                    statuses.push(status(&file, &row, *column)?);
+                }
+            }
+        }
+        let poses = builder.finish();
+        if poses.frames() == 0 {
+            return Err(Error::data(
+                Place::file(file),
+                "has no frames, nothing can be drawn",
+            ));
+        }
+        let shape = (poses.frames(), poses.points.len());
+        let status = if told {
+            Array2::from_shape_vec(shape, statuses).ok()
+        } else {
+            None
+        };
+        Ok(PlotTable {
+            file,
+            poses,
+            status,
+        })
+    }
+
+    /// Puts the points in the order of `first`, after asking that both have the same points, frames, takes and times.
+    pub fn match_to(&mut self, first: &PlotTable) -> Result<()> {
+        let fail = |what: String| {
+            let what =
+                format!("{what}; tables drawn together must have the same points and frames");
+            Err(Error::data(Place::file(self.file.clone()), what))
+        };
+        let (mine, theirs) = (&self.poses, &first.poses);
+        if mine.frames() != theirs.frames() {
+            let (count, wanted) = (mine.frames(), theirs.frames());
+            return fail(format!("{count} frames, {} has {wanted}", first.file));
+        }
+        let mut order = Vec::new();
+        for point in &theirs.points {
+            match mine.points.iter().position(|p| p == point) {
+                Some(at) => order.push(at),
+                None => return fail(format!("has no point {point}, {} has", first.file)),
+            }
+        }
+        if let Some(more) = mine.points.iter().find(|p| !theirs.points.contains(p)) {
+            return fail(format!("has a point {more}, {} has none", first.file));
+        }
+        if let (Some(a), Some(b)) = (&mine.take, &theirs.take)
+            && let Some(i) = (0..a.len()).find(|&i| a[i] != b[i])
+        {
+            let (a, b) = (&a[i], &b[i]);
+            return fail(format!(
+                "frame {i} is of take {a}, in {} of {b}",
+                first.file
+            ));
+        }
+        if let (Some(a), Some(b)) = (&mine.time, &theirs.time)
+            && let Some(i) = (0..a.len()).find(|&i| (a[i] - b[i]).abs() > SAME_TIME)
+        {
+            let (a, b) = (a[i], b[i]);
+            return fail(format!("frame {i} is at {a} s, in {} at {b} s", first.file));
+        }
+        let columns: Vec<usize> = order.iter().flat_map(|&p| 3 * p..3 * p + 3).collect();
+        self.poses.xyz = self.poses.xyz.select(ndarray::Axis(1), &columns);
+        self.status = self
+            .status
+            .as_ref()
+            .map(|s| s.select(ndarray::Axis(1), &order));
+        self.poses.points.clone_from(&first.poses.points);
+        Ok(())
+    }
+}
+
+/// The status a row tells of a point; a point without such a column was observed.
+fn status(file: &str, row: &Row, column: Option<usize>) -> Result<Status> {
+    let Some(cell) = column.and_then(|c| row.cells.get(c)) else {
+        return Ok(Status::Observed);
+    };
+    let word = String::from_utf8_lossy(cell);
+    Status::from_name(&word).ok_or_else(|| {
+        let line = row.cells.line().unwrap_or(0);
+        let names = Status::ALL.map(Status::name).join(", ");
+        let what = format!("\"{word}\" is no status; expected one of {names}");
+        Error::data(Place::line(file, line), what)
+    })
+}
+
+/// What a figure is called: the file's name without folder and endings.
+pub fn name_of(path: &Path) -> String {
+    if path == Path::new("-") {
+        return "standard input".into();
+    }
+    let mut name = path.file_name().unwrap_or_default().to_string_lossy();
+    for ending in [".gz", ".zst", ".csv", ".npy"] {
+        if let Some(stem) = name.strip_suffix(ending).filter(|stem| !stem.is_empty()) {
+            name = stem.to_string().into();
+        }
+    }
+    name.into_owned()
+}
+
+/// Where the takes and the cuts in them begin; `rate` is that of takes whose times tell none.
+pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
+    let (takes, rates, mut take) = (poses.takes(), poses.rates(), 0);
+    let run = |range: Range<usize>| {
+        while takes[take].end <= range.start {
+            take += 1;
+        }
+        Run {
+            name: poses.take.as_ref().map_or("", |t| &t[range.start]),
+            first: range.start,
+            time: poses.time.as_ref().map_or(0.0, |t| t[range.start]),
+            rate: rates[take].unwrap_or(rate),
+        }
+    };
+    poses.runs().into_iter().map(run).collect()
+}
+
+/// The pairs of points to join: `a-b,c-d`, or by CMU's hierarchy where nothing is said.
+pub fn bones(said: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)>> {
+    let Some(said) = said else {
+        let parents = joints::parents_by_name(points);
+        let known = parents.iter().enumerate();
+        return Ok(known.filter_map(|(i, p)| p.map(|p| (p, i))).collect());
+    };
+    let find = |name: &str| points.iter().position(|p| p == name);
+    let bone = |pair: &str| {
+        // A point's own name may hold a hyphen: every place to part the pair is tried.
+        pair.match_indices('-')
+            .find_map(|(at, _)| Some((find(&pair[..at])?, find(&pair[at + 1..])?)))
+            .ok_or_else(|| {
+                let what = "are not two of the table's points with a hyphen between";
+                Error::usage(format!("--bones: \"{pair}\" {what}"))
+            })
+    };
+    said.split(',').map(|pair| bone(pair.trim())).collect()
+}
+
+/// Reads a small CSV file that is shown as it is.
+pub fn text_table(path: &Path, caption: &str) -> Result<Table> {
+    let input = open(path)?;
+    let name = input.name.clone();
+    let bytes = input.read_all(TABLE_LIMIT)?;
+    let mut reader = csv::Reader::from_reader(bytes.as_slice());
+    let fail = |e: csv::Error| Error::data(Place::file(name.clone()), e.to_string());
+    let cells = |record: &csv::StringRecord| record.iter().map(String::from).collect();
+    let header = cells(reader.headers().map_err(fail)?);
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        rows.push(cells(&record.map_err(fail)?));
+    }
+    Ok(Table {
+        caption: caption.into(),
+        header,
+        rows,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points(list: &[&str]) -> Vec<String> {
+        list.iter().map(|s| s.to_string()).collect()
+    }
+
+    #[test]
+    fn each_take_plays_at_its_own_rate() {
+        let takes = [("a", 0.1), ("a", 0.1), ("a", 0.5), ("b", 0.01), ("c", 1.0)];
+        let (mut time, mut frames) = (0.0, Vec::new());
+        for (take, step) in takes {
+            for _ in 0..3 {
+                time += step;
+                frames.push((Some(time), Some(take.into())));
+            }
+        }
+        frames.pop();
+        frames.pop();
+        let mut poses = Poses::clock(frames.into_iter());
+        poses.xyz = Array2::zeros((13, 0));
+        let told: Vec<_> = runs(&poses, 7.0)
+            .iter()
+            .map(|run| (run.name, run.first, run.rate))
+            .collect();
+        // A cut begins with each long step, and one frame alone tells no rate.
+        let want = [
+            ("a", 0, 10.0),
+            ("a", 6, 10.0),
+            ("a", 7, 10.0),
+            ("a", 8, 10.0),
+            ("b", 9, 100.0),
+            ("c", 12, 7.0),
+        ];
+        assert_eq!(told, want);
+    }
+
+    #[test]
+    fn bones_by_name_or_as_said() {
+        let names = points(&["root", "lfemur", "a-b"]);
+        assert_eq!(bones(None, &names).unwrap(), [(0, 1)]);
+        let said = bones(Some("root-a-b, a-b-lfemur"), &names).unwrap();
+        assert_eq!(said, [(0, 2), (2, 1)]);
+        for bad in ["", "root", "root-x", "root-lfemur,"] {
+            assert_eq!(bones(Some(bad), &names).unwrap_err().exit_code(), 2);
+        }
+    }
+
+    #[test]
+    fn figures_are_named_after_files() {
+        for (path, name) in [
+            ("a/walk.csv", "walk"),
+            ("walk.csv.gz", "walk"),
+            ("x.npy", "x"),
+            (".csv", ".csv"),
+            ("-", "standard input"),
+        ] {
+            assert_eq!(name_of(Path::new(path)), name);
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! What is to be compared: a small TOML file, the checked settings.
+
+use super::method::Method;
+use super::splits::Split;
+use super::task::Task;
+use crate::pose::{ASF_UNIT_CM, joints};
+use crate::{Error, Place, Result};
+use serde::Deserialize;
+use std::collections::BTreeMap;
+
+/// The most seeds of a run.
+const MOST_SEEDS: u64 = 10_000;
+/// The most base noise, asf: more would be a task of its own.
+const MOST_BASE: f64 = 10.0;
+
+/// A length in a TOML file: `"0.05asf"`, or a number of centimetres.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(untagged)]
+pub enum Length {
+    /// With or without a unit.
+    Text(String),
+    /// Centimetres.
+    Number(f64),
+}
+
+/// The TOML file: every key may be absent.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Tables of poses, by path from the file's folder.
+    pub tables: Option<Vec<String>>,
+    /// Methods by name.
+    pub models: Option<Vec<String>>,
+    /// Models that somebody has trained, by path from the file's folder.
+    pub model_files: Option<Vec<String>>,
+    /// dense, sparse, complete.
+    pub tasks: Option<Vec<String>>,
+    /// frames, takes, subjects.
+    pub splits: Option<Vec<String>>,
+    /// How many seeds.
+    pub seeds: Option<u64>,
+    /// The first of them.
+    pub seed: Option<u64>,
+    /// Test frames a split, at most.
+    pub frames: Option<usize>,
+    /// Noise on clean and exact coordinates.
+    pub base: Option<Vec<Length>>,
+    /// The points that completion sees.
+    pub observe: Option<Vec<String>>,
+    /// Where results go, by path from the file's folder.
+    pub output: Option<String>,
+    /// Whose each take is, where its name does not say.
+    pub subjects: BTreeMap<String, String>,
+}
+
+impl Config {
+    /// Reads it; `name` is for messages.
+    ///
+    /// # Errors
+    /// [`Error::Data`] with file and line, for an unknown key too.
+    pub fn parse(text: &str, name: &str) -> Result<Config> {
+        toml::from_str(text).map_err(|e| {
+            let at = e.span().map_or(0, |s| s.start.min(text.len()));
+            let line = 1 + text.as_bytes()[..at]
+                .iter()
+                .filter(|b| **b == b'\n')
+                .count();
+            let what: Vec<&str> = e.message().lines().collect();
+            Error::data(Place::line(name, line as u64), what.join(" "))
+        })
+    }
+}
+
+/// What is to be run; see [`Settings::check`] for the limits.
+#[derive(Clone)]
+pub struct Settings {
+    /// The rows.
+    pub methods: Vec<Method>,
+    /// The columns.
+    pub tasks: Vec<Task>,
+    /// The splits; none: all that the data allow.
+    pub splits: Vec<Split>,
+    /// How many seeds, 1 to 10,000.
+    pub seeds: u64,
+    /// The first of them.
+    pub first_seed: u64,
+    /// Test frames a split at most, and as many training frames, at least 1.
+    pub frames: usize,
+    /// Standard deviations of the noise on clean and exact coordinates, cm, 0 to 10 asf.
+    pub base: Vec<f64>,
+    /// The points that completion sees.
+    pub observe: Vec<String>,
+    /// Whether poses to look at are restored, too (see [`super::examples`]).
+    pub examples: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Settings {
+            methods: Vec::new(),
+            tasks: Task::ALL.to_vec(),
+            splits: Vec::new(),
+            seeds: 5,
+            first_seed: 0,
+            frames: 800,
+            base: vec![0.0],
+            observe: joints::PAPER_SIX.map(String::from).to_vec(),
+            examples: false,
+        }
+    }
+}
+
+impl Settings {
+    /// Checks the limits, and that nothing is asked for twice.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] with the limit.
+    pub fn check(&self) -> Result<()> {
+        let usage = |what: String| Err(Error::usage(what));
+        if !(1..=MOST_SEEDS).contains(&self.seeds) {
+            return usage(format!(
+                "--seeds {}: expected 1 to {MOST_SEEDS}",
+                self.seeds
+            ));
+        }
+        if self.first_seed.checked_add(self.seeds).is_none() {
+            return usage(format!("--seed {}: too large", self.first_seed));
+        }
+        if self.frames == 0 {
+            return usage("--frames 0: expected at least 1".into());
+        }
+        let most = MOST_BASE * ASF_UNIT_CM;
+        if let Some(bad) = self.base.iter().find(|b| !(0.0..=most).contains(*b)) {
+            return usage(format!("--base {bad}: expected 0 to {most} cm"));
+        }
+        if self.methods.is_empty() {
+            return usage("no model is named: use --models or -m".into());
+        }
+        if self.tasks.is_empty() || self.base.is_empty() {
+            return usage("at least one task and base noise must be asked for".into());
+        }
+        let names = |what: &str, names: Vec<String>| {
+            let twice = (1..names.len()).find(|&i| names[..i].contains(&names[i]));
+            match twice {
+                Some(i) => usage(format!("--{what}: {} is named twice", names[i])),
+                None => Ok(()),
+            }
+        };
+        names(
+            "models",
+            self.methods.iter().map(|m| m.name.clone()).collect(),
+        )?;
+        names(
+            "tasks",
+            self.tasks.iter().map(|t| t.name().into()).collect(),
+        )?;
+        names(
+            "splits",
+            self.splits.iter().map(|s| s.name().into()).collect(),
+        )?;
+        names("base", self.base.iter().map(f64::to_string).collect())
+    }
+
+    /// The seeds.
+    pub fn seeds(&self) -> impl Iterator<Item = u64> + use<> {
+        self.first_seed..self.first_seed + self.seeds
+    }
+
+    /// The tasks of a base noise. Dense noise leaves no coordinate clean: base noise changes nothing there, and it is run
+    /// once.
+    pub fn tasks_at(&self, base: f64) -> Vec<Task> {
+        let first = self.base.first() == Some(&base);
+        let tasks = self.tasks.iter().copied();
+        tasks.filter(|t| first || *t != Task::Dense).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read() {
+        let text = "tables = [\"01.csv\"]\nmodels = [\"sparse\", \"ksvd:n=500\"]\nseeds = 3\nbase = [0, \"0.05asf\"]\n[subjects]\nwalk = \"anna\"\n";
+        let config = Config::parse(text, "x.toml").unwrap();
+        assert_eq!(config.seeds, Some(3));
+        let base = [Length::Number(0.0), Length::Text("0.05asf".into())];
+        assert_eq!(config.base, Some(base.to_vec()));
+        assert_eq!(config.subjects["walk"], "anna");
+        assert_eq!(Config::parse("", "x").unwrap(), Config::default());
+    }
+
+    #[test]
+    fn unknown_keys_and_wrong_values_are_refused_with_file_and_line() {
+        for (text, line, part) in [
+            ("seeds = 3\nsplit = [\"takes\"]\n", 2, "split"),
+            ("\n\nseeds = \"x\"\n", 3, "u64"),
+            ("seeds = 1\nseeds = 2\n", 2, "duplicate"),
+            ("seeds = \n", 1, ""),
+            ("[more]\nx = 1", 1, "more"),
+        ] {
+            let e = Config::parse(text, "x.toml").unwrap_err();
+            let said = e.to_string();
+            assert!(said.starts_with(&format!("x.toml:{line}: ")), "{said}");
+            assert!(said.contains(part) && said.lines().count() == 1, "{said}");
+            assert_eq!(e.exit_code(), 1);
+        }
+    }
+
+    #[test]
+    fn limits_are_named() {
+        let good = || Settings {
+            methods: vec![Method::parse("sparse").unwrap()],
+            ..Settings::default()
+        };
+        good().check().unwrap();
+        let says = |change: &dyn Fn(&mut Settings), part: &str| {
+            let mut settings = good();
+            change(&mut settings);
+            let e = settings.check().unwrap_err();
+            assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
+        };
+        says(&|s| s.seeds = 0, "--seeds 0");
+        says(&|s| s.first_seed = u64::MAX, "--seed");
+        says(&|s| s.frames = 0, "--frames 0");
+        says(&|s| s.base = vec![f64::NAN], "--base NaN");
+        says(&|s| s.base = vec![0.0, 0.0], "twice");
+        says(&|s| s.methods.clear(), "no model");
+        says(&|s| s.tasks.clear(), "at least one");
+        says(&|s| s.splits = vec![Split::Takes; 2], "twice");
+        let mut two = good();
+        two.base = vec![0.0, 1.0];
+        assert_eq!((two.tasks_at(0.0).len(), two.tasks_at(1.0).len()), (3, 2));
+    }
+}

@@ -1,0 +1,297 @@
+//! The poses that models are compared on: complete frames, take by take, each take of a subject.
+
+use crate::pose::Poses;
+use crate::prior::{
+    provenance::{digest, hex},
+    training_set::{TrainingSet, ready},
+};
+use crate::{Error, Place, Result};
+use ndarray::{Array2, Axis, s};
+use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// How far from the origin a root may be, cm: the rounding of any table.
+const ROOT: f64 = 0.01;
+
+/// A table as it was read.
+#[derive(Debug)]
+pub struct SourceTable {
+    /// The file's name, for messages.
+    pub name: String,
+    /// The name of its take, where the table names none.
+    pub label: String,
+    /// Its poses, cm.
+    pub poses: Poses,
+}
+
+/// A take.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Take {
+    /// Its name, unlike all others.
+    pub name: String,
+    /// Whose it is.
+    pub subject: String,
+    /// Its rows in [`Dataset::xyz`], in time order.
+    pub rows: Range<usize>,
+    /// Frames a second, where its table tells.
+    pub rate: Option<f64>,
+    /// The digest of its poses, as models keep it in their history.
+    pub digest: String,
+}
+
+/// Complete poses in body space, and the takes they are of.
+#[derive(Debug, Clone)]
+pub struct Dataset {
+    /// The points' names, J of them.
+    pub points: Vec<String>,
+    /// (frames, 3 J), cm.
+    pub xyz: Array2<f32>,
+    /// The takes, in the order of their rows, which they cover.
+    pub takes: Vec<Take>,
+    /// Frames left out: some point was missing.
+    pub incomplete: usize,
+}
+
+impl Dataset {
+    /// Joins tables. The subject of a take is what `subjects` says, else the part of its name before the first `_`.
+    ///
+    /// # Errors
+    /// Tables of different points, a take in two places, poses that are not in body space, no complete frame.
+    pub fn new(sources: &[SourceTable], subjects: &BTreeMap<String, String>) -> Result<Dataset> {
+        let points = match sources.first() {
+            Some(first) => first.poses.points.clone(),
+            None => return Err(Error::usage("no table of poses is given")),
+        };
+        let mut data = Dataset {
+            points,
+            xyz: Array2::zeros((0, 0)),
+            takes: Vec::new(),
+            incomplete: 0,
+        };
+        let (mut rows, mut seen) = (Vec::new(), BTreeMap::new());
+        for source in sources {
+            if source.poses.points != data.points {
+                let what = format!("has other points than {}", sources[0].name);
+                return Err(Error::data(Place::file(&source.name), what));
+            }
+            for range in source.poses.takes() {
+                let name = match &source.poses.take {
+                    Some(takes) => takes[range.start].to_string(),
+                    None => source.label.clone(),
+                };
+                if let Some(before) = seen.insert(name.clone(), source.name.clone()) {
+                    let what = format!(
+                        "take {name} is here again, after {before}: rename one of them, or leave it out"
+                    );
+                    return Err(Error::data(Place::file(&source.name), what));
+                }
+                data.add(source, range, name, subjects, &mut rows)?;
+            }
+        }
+        let width = 3 * data.points.len();
+        let frames = rows.len() / width.max(1);
+        if frames == 0 {
+            return Err(Error::data(
+                Place::file(&sources[0].name),
+                "holds no complete pose to compare models on",
+            ));
+        }
+        data.xyz = Array2::from_shape_vec((frames, width), rows)
+            .map_err(|e| Error::usage(e.to_string()))?;
+        for take in &mut data.takes {
+            take.digest = digest(&data.points, data.xyz.slice(s![take.rows.clone(), ..]));
+        }
+        Ok(data)
+    }
+
+    /// Adds the complete frames of one take to `rows`.
+    fn add(
+        &mut self,
+        source: &SourceTable,
+        range: Range<usize>,
+        name: String,
+        subjects: &BTreeMap<String, String>,
+        rows: &mut Vec<f32>,
+    ) -> Result<()> {
+        let width = 3 * self.points.len();
+        let root = self.points.iter().position(|p| p == "root");
+        let start = rows.len() / width.max(1);
+        for t in range.clone() {
+            let frame = source.poses.frame(t);
+            if frame.iter().any(|v| !(*v as f32).is_finite()) {
+                self.incomplete += 1;
+                continue;
+            }
+            if let Some(root) = root
+                && (0..3).any(|a| frame[3 * root + a].abs() > ROOT)
+            {
+                let what = "has a root that is not at the origin: models are compared in body space \
+                            (posing amc2xyz --space body)";
+                let place = Place::file(&source.name).part(format!("take {name}"));
+                return Err(Error::data(place, what));
+            }
+            rows.extend(frame.iter().map(|v| *v as f32));
+        }
+        let end = rows.len() / width.max(1);
+        if end > start {
+            let before = name.split('_').next().unwrap_or(&name).to_string();
+            self.takes.push(Take {
+                subject: subjects.get(&name).cloned().unwrap_or(before),
+                name,
+                rows: start..end,
+                rate: source.poses.rate_within(range),
+                digest: String::new(),
+            });
+        }
+        Ok(())
+    }
+
+    /// The take that a row is of.
+    pub fn take_of(&self, row: usize) -> usize {
+        self.takes.partition_point(|t| t.rows.end <= row)
+    }
+
+    /// The subjects, in the order of their names.
+    pub fn subjects(&self) -> Vec<&str> {
+        let mut all: Vec<&str> = self.takes.iter().map(|t| t.subject.as_str()).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// Tells this data from any other: points, takes, subjects and poses.
+    pub fn digest(&self) -> String {
+        let mut hash = Sha256::new();
+        for take in &self.takes {
+            hash.update(format!(
+                "{}\n{}\n{}\n",
+                take.name, take.subject, take.digest
+            ));
+        }
+        hex(&hash.finalize())
+    }
+
+    /// Rows as an array: (rows, 3 J), cm.
+    pub fn rows(&self, rows: &[usize]) -> Array2<f64> {
+        self.xyz.select(Axis(0), rows).mapv(f64::from)
+    }
+
+    /// Rows, in ascending order, as poses to learn from; their takes stay takes.
+    pub fn training(&self, rows: &[usize]) -> Result<TrainingSet> {
+        let names: Vec<Arc<str>> = self
+            .takes
+            .iter()
+            .map(|t| Arc::from(t.name.as_str()))
+            .collect();
+        let poses = Poses {
+            points: self.points.clone(),
+            xyz: self.rows(rows),
+            time: None,
+            take: Some(
+                rows.iter()
+                    .map(|&r| names[self.take_of(r)].clone())
+                    .collect(),
+            ),
+        };
+        ready(&poses, false, None, "the training part")
+    }
+}
+
+#[cfg(test)]
+pub(in crate::evaluate) mod tests {
+    use super::*;
+    use crate::numeric::parallel;
+    use crate::pose::joints;
+    use rand::Rng;
+
+    /// Takes of random walks near a body: (name, frames) each.
+    pub fn takes(list: &[(&str, usize)]) -> Dataset {
+        Dataset::new(&[source(list)], &BTreeMap::new()).unwrap()
+    }
+
+    pub fn source(list: &[(&str, usize)]) -> SourceTable {
+        let frames = list.iter().map(|l| l.1).sum();
+        let mut xyz = Array2::zeros((frames, 69));
+        let (mut take, mut t) = (Vec::new(), 0);
+        for (k, (name, count)) in list.iter().enumerate() {
+            let mut random = parallel::rng(77, k as u64);
+            let mut phase: Vec<f64> = (0..4).map(|_| random.random::<f64>() * 6.0).collect();
+            for _ in 0..*count {
+                for (p, step) in phase.iter_mut().zip([0.11, 0.07, 0.05, 0.13]) {
+                    *p += step * (0.5 + random.random::<f64>());
+                }
+                for i in 3..69 {
+                    // Left joints (2 to 5, 16 to 19) stand at positive x, right ones opposite.
+                    let side = match (i / 3, i % 3) {
+                        (1..=4 | 15..=18, 0) => 15.0,
+                        (5..=8 | 19..=22, 0) => -15.0,
+                        _ => 0.0,
+                    };
+                    let j = (i * 7 % 23) as f64;
+                    let wave =
+                        (phase[i % 4] + j).sin() + 0.3 * (phase[(i + 1) % 4] * 1.7 + j).cos();
+                    xyz[[t, i]] = side + 6.0 * wave + 0.5 * (i as f64);
+                }
+                take.push(Arc::from(*name));
+                t += 1;
+            }
+        }
+        SourceTable {
+            name: "walks.csv".into(),
+            label: "walks".into(),
+            poses: Poses {
+                points: joints::cmu_names(),
+                xyz,
+                time: None,
+                take: Some(take),
+            },
+        }
+    }
+
+    #[test]
+    fn takes_keep_their_names_subjects_and_rows() {
+        let data = takes(&[("01_01", 5), ("01_02", 4), ("02_01", 3)]);
+        assert_eq!(data.subjects(), ["01", "02"]);
+        assert_eq!(data.takes[1].rows, 5..9);
+        assert_eq!(
+            (0..12).map(|r| data.take_of(r)).collect::<Vec<_>>(),
+            [0, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2]
+        );
+        let training = data.training(&[0, 2, 5, 6, 11]).unwrap();
+        assert_eq!(training.takes, [0..2, 2..4, 4..5]);
+    }
+
+    #[test]
+    fn a_mapping_says_whose_a_take_is_and_incomplete_frames_go() {
+        let mut source = source(&[("walk", 5), ("run", 5)]);
+        source.poses.xyz[[1, 30]] = f64::NAN;
+        let map = BTreeMap::from([("run".to_string(), "anna".to_string())]);
+        let data = Dataset::new(&[source], &map).unwrap();
+        assert_eq!(data.subjects(), ["anna", "walk"]);
+        assert_eq!((data.incomplete, data.takes[0].rows.clone()), (1, 0..4));
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_refused_in_a_line() {
+        let says = |sources: Vec<SourceTable>, part: &str| {
+            let e = Dataset::new(&sources, &BTreeMap::new())
+                .unwrap_err()
+                .to_string();
+            assert!(e.contains(part) && e.lines().count() == 1, "{e}");
+        };
+        says(vec![], "no table");
+        says(vec![source(&[("a", 2)]), source(&[("a", 2)])], "again");
+        let mut other = source(&[("b", 2)]);
+        other.poses.points[3] = "tail".into();
+        says(vec![source(&[("a", 2)]), other], "other points");
+        let mut world = source(&[("a", 2)]);
+        world.poses.xyz[[1, 1]] = 90.0;
+        says(vec![world], "body space");
+        let mut empty = source(&[("a", 2)]);
+        empty.poses.xyz.fill(f64::NAN);
+        says(vec![empty], "no complete pose");
+        says(vec![source(&[])], "no complete pose");
+    }
+}

@@ -1,0 +1,351 @@
+//! What must not be on both sides of a split: takes that are one take under two names, also mirrored, and takes that a
+//! given model was trained from.
+//!
+//! Twins are found by digest and by pose distance: a share of one take's poses, as they are or with left and right
+//! exchanged, stands in the other. Poses are sorted by their place along one fixed random direction; a pose within a
+//! distance is within that distance along it, so that few need to be compared.
+
+use super::dataset::Dataset;
+use crate::numeric::parallel;
+use crate::pose::joints;
+use ndarray::{Array2, ArrayView1, ArrayView2};
+use rand::Rng;
+use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
+
+/// Two poses are one at this RMS a coordinate, cm: rounding, not standing still (two takes of a person at rest differ by
+/// millimetres).
+const SAME: f64 = 0.02;
+/// A pose that a model keeps is one of the data's at this RMS, cm: both come from the same numbers in f32.
+const KEPT: f64 = 0.002;
+/// So many poses of a take are looked for in the others.
+const PROBES: usize = 50;
+/// From this share of them on, two takes are twins.
+const SHARE: f64 = 0.2;
+/// A mirror must carry left joints this far to the other side on average, cm, to be one.
+const LATERAL: f64 = 1.0;
+
+/// How two takes were found to be one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum DuplicateEvidence {
+    /// Their digests are equal.
+    Digest,
+    /// Poses of one stand in the other.
+    Poses,
+    /// Mirrored poses of one stand in the other.
+    Mirrored,
+}
+
+/// Two takes that are one, wholly or in part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DuplicateTake {
+    /// The earlier of the takes, by place in [`Dataset::takes`].
+    pub a: usize,
+    /// The later one.
+    pub b: usize,
+    /// How that was found.
+    pub how: DuplicateEvidence,
+    /// The share of one's poses that stand in the other, 0 to 1.
+    pub share: f64,
+}
+
+impl DuplicateTake {
+    /// In words: `take 07_02, a mirror image of take 07_01,`.
+    pub fn describe(&self, data: &Dataset) -> String {
+        let (a, b) = (&data.takes[self.a].name, &data.takes[self.b].name);
+        match self.how {
+            DuplicateEvidence::Digest => format!("take {b}, the same as take {a},"),
+            DuplicateEvidence::Poses => format!("take {b}, which shares poses with take {a},"),
+            DuplicateEvidence::Mirrored => format!("take {b}, a mirror image of take {a},"),
+        }
+    }
+}
+
+/// Finds all twins, by place.
+pub fn duplicate_takes(data: &Dataset) -> Vec<DuplicateTake> {
+    let index = Index::new(data.xyz.view());
+    let mirror = Mirror::of(data);
+    let found = parallel::map_chunks(data.takes.len(), 1, |range| {
+        of_take(data, &index, &mirror, range.start)
+    });
+    let mut twins: Vec<DuplicateTake> = found.into_iter().flatten().collect();
+    // Both takes of a pair may have found each other: the surer way stays.
+    let surer = |t: &DuplicateTake| (t.a, t.b, t.how as u8, (-t.share * 1e9) as i64);
+    twins.sort_by_key(surer);
+    twins.dedup_by_key(|t| (t.a, t.b));
+    twins
+}
+
+/// The twins that one take finds.
+fn of_take(
+    data: &Dataset,
+    index: &Index<'_>,
+    mirror: &Option<Mirror>,
+    k: usize,
+) -> Vec<DuplicateTake> {
+    let take = &data.takes[k];
+    let mut twins = Vec::new();
+    let mut add = |other: usize, how, share| {
+        let (a, b) = (k.min(other), k.max(other));
+        twins.push(DuplicateTake { a, b, how, share });
+    };
+    for (other, that) in data.takes.iter().enumerate().skip(k + 1) {
+        if that.digest == take.digest {
+            add(other, DuplicateEvidence::Digest, 1.0);
+        }
+    }
+    let probes: Vec<usize> = take
+        .rows
+        .clone()
+        .step_by(take.rows.len().div_ceil(PROBES).max(1))
+        .collect();
+    for how in [DuplicateEvidence::Poses, DuplicateEvidence::Mirrored] {
+        let mut hits = vec![0_usize; data.takes.len()];
+        for &row in &probes {
+            let pose = data.xyz.row(row);
+            let pose: Vec<f32> = match (how, mirror) {
+                (DuplicateEvidence::Mirrored, Some(mirror)) => mirror.apply(pose),
+                (DuplicateEvidence::Mirrored, None) => continue,
+                _ => pose.to_vec(),
+            };
+            let mut takes: Vec<usize> = index
+                .near(&pose, SAME)
+                .map(|row| data.take_of(row))
+                .collect();
+            takes.sort_unstable();
+            takes.dedup();
+            takes.into_iter().for_each(|t| hits[t] += 1);
+        }
+        for (other, hits) in hits.into_iter().enumerate().filter(|(o, _)| *o != k) {
+            let share = hits as f64 / probes.len() as f64;
+            if share >= SHARE {
+                add(other, how, share);
+            }
+        }
+    }
+    twins
+}
+
+/// What is known of a given model's training.
+#[derive(Debug, Clone, Default)]
+pub struct Provenance {
+    /// Digests in its history: of all its training poses, and of each take.
+    pub digests: Vec<String>,
+    /// Arrays of it that may hold training poses as they were: (k, 3 J), cm.
+    pub poses: Vec<Array2<f32>>,
+}
+
+impl Provenance {
+    /// The takes that a model was trained from: by digest, or because it keeps a pose of theirs.
+    pub fn takes(&self, data: &Dataset) -> Vec<usize> {
+        let mut known: Vec<usize> = (0..data.takes.len())
+            .filter(|&k| self.digests.contains(&data.takes[k].digest))
+            .collect();
+        let index = Index::new(data.xyz.view());
+        for poses in self.poses.iter().filter(|p| p.ncols() == data.xyz.ncols()) {
+            for pose in poses.rows() {
+                // Every model of people has a pose of zeros, or of ones, somewhere: a pose is more than that.
+                if pose.iter().filter(|v| v.abs() > 1.0).count() * 2 < pose.len() {
+                    continue;
+                }
+                known.extend(index.near(&pose.to_vec(), KEPT).map(|r| data.take_of(r)));
+            }
+        }
+        known.sort_unstable();
+        known.dedup();
+        known
+    }
+
+    /// Whether nothing is known, so that a leak cannot be told.
+    pub fn is_silent(&self) -> bool {
+        self.digests.is_empty() && self.poses.is_empty()
+    }
+}
+
+/// Poses sorted by their place along a direction.
+struct Index<'a> {
+    xyz: ArrayView2<'a, f32>,
+    direction: Vec<f32>,
+    /// (place, row), ascending.
+    places: Vec<(f32, usize)>,
+}
+
+impl<'a> Index<'a> {
+    fn new(xyz: ArrayView2<'a, f32>) -> Index<'a> {
+        let mut random = parallel::rng(0, 5);
+        let mut direction: Vec<f32> = (0..xyz.ncols())
+            .map(|_| random.sample(StandardNormal))
+            .collect();
+        let length = direction.iter().map(|v| v * v).sum::<f32>().sqrt();
+        direction.iter_mut().for_each(|v| *v /= length);
+        let place = |row: ArrayView1<f32>| row.iter().zip(&direction).map(|(a, b)| a * b).sum();
+        let rows = xyz.rows().into_iter().enumerate();
+        let mut places: Vec<(f32, usize)> = rows.map(|(i, row)| (place(row), i)).collect();
+        places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        Index {
+            xyz,
+            direction,
+            places,
+        }
+    }
+
+    /// The rows within an RMS of a pose.
+    fn near(&self, pose: &[f32], rms: f64) -> impl Iterator<Item = usize> {
+        let place: f32 = pose.iter().zip(&self.direction).map(|(a, b)| a * b).sum();
+        let limit = rms * rms * pose.len() as f64;
+        // The sums' own rounding in f32 is far below a hundredth of a centimetre.
+        let reach = limit.sqrt() as f32 + 0.01;
+        let from = self.places.partition_point(|p| p.0 < place - reach);
+        let inside = self.places[from..]
+            .iter()
+            .take_while(move |p| p.0 <= place + reach);
+        inside.map(|p| p.1).filter(move |&row| {
+            let mut sum = 0.0;
+            self.xyz.row(row).iter().zip(pose).all(|(a, b)| {
+                sum += f64::from(a - b).powi(2);
+                sum <= limit
+            })
+        })
+    }
+}
+
+/// Exchanges left and right.
+struct Mirror {
+    /// Where each point's place comes from.
+    from: Vec<usize>,
+    /// The axis that is negated.
+    axis: usize,
+}
+
+impl Mirror {
+    /// The lateral axis is that along which left joints are farthest from their counterparts on average; `None` where no
+    /// point has a counterpart, or no axis tells them apart.
+    fn of(data: &Dataset) -> Option<Mirror> {
+        let names = &data.points;
+        let from: Vec<usize> = (0..names.len())
+            .map(|i| joints::mirrored(names, i).unwrap_or(i))
+            .collect();
+        let mut apart = [0.0_f64; 3];
+        for row in data.xyz.rows() {
+            for (i, &j) in from.iter().enumerate().filter(|(i, j)| i < j) {
+                for (a, sum) in apart.iter_mut().enumerate() {
+                    *sum += f64::from(row[3 * i + a] - row[3 * j + a]);
+                }
+            }
+        }
+        let pairs = from.iter().enumerate().filter(|(i, j)| i < j).count();
+        let axis = (0..3).max_by(|&a, &b| apart[a].abs().total_cmp(&apart[b].abs()))?;
+        let mean = apart[axis].abs() / (pairs * data.xyz.nrows()).max(1) as f64;
+        (mean > LATERAL).then_some(Mirror { from, axis })
+    }
+
+    fn apply(&self, pose: ArrayView1<'_, f32>) -> Vec<f32> {
+        let mut out = Vec::with_capacity(pose.len());
+        for &from in &self.from {
+            for a in 0..3 {
+                let v = pose[3 * from + a];
+                out.push(if a == self.axis { -v } else { v });
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::dataset::SourceTable;
+    use super::super::dataset::tests::{source, takes};
+    use super::*;
+    use ndarray::{Axis, s};
+    use std::collections::BTreeMap;
+    use std::sync::Arc;
+
+    /// Two takes, and a third made from the first.
+    fn with(change: impl Fn(&Dataset, Array2<f64>) -> Array2<f64>) -> Dataset {
+        let mut source = source(&[("01_01", 60), ("02_01", 50)]);
+        let data = Dataset::new(&[clone(&source)], &BTreeMap::new()).unwrap();
+        let third = change(&data, source.poses.xyz.slice(s![..60, ..]).to_owned());
+        let names = source.poses.take.as_mut().unwrap();
+        names.extend((0..third.nrows()).map(|_| Arc::from("03_01")));
+        source.poses.xyz.append(Axis(0), third.view()).unwrap();
+        Dataset::new(&[source], &BTreeMap::new()).unwrap()
+    }
+
+    fn clone(s: &SourceTable) -> SourceTable {
+        SourceTable {
+            name: s.name.clone(),
+            label: s.label.clone(),
+            poses: s.poses.clone(),
+        }
+    }
+
+    fn found(data: &Dataset) -> Vec<(usize, usize, DuplicateEvidence)> {
+        duplicate_takes(data)
+            .iter()
+            .map(|t| (t.a, t.b, t.how))
+            .collect()
+    }
+
+    #[test]
+    fn different_takes_are_no_twins() {
+        assert_eq!(found(&takes(&[("01_01", 60), ("01_02", 60)])), []);
+        assert_eq!(found(&takes(&[("01_01", 1)])), []);
+    }
+
+    #[test]
+    fn a_copy_is_found_by_its_digest() {
+        assert_eq!(found(&with(|_, x| x)), [(0, 2, DuplicateEvidence::Digest)]);
+    }
+
+    #[test]
+    fn a_part_a_rounded_copy_and_every_other_frame_are_found_by_distance() {
+        let part = with(|_, x| x.slice(s![20..40, ..]).to_owned());
+        assert_eq!(found(&part), [(0, 2, DuplicateEvidence::Poses)]);
+        let rounded = with(|_, x| x.mapv(|v| (v * 100.0).round() / 100.0));
+        assert_eq!(found(&rounded), [(0, 2, DuplicateEvidence::Poses)]);
+        let slower = with(|_, x| x.slice(s![..;2, ..]).to_owned());
+        assert_eq!(found(&slower), [(0, 2, DuplicateEvidence::Poses)]);
+        // Another pose altogether.
+        assert_eq!(found(&with(|_, x| x.mapv(|v| v * 1.1))), []);
+    }
+
+    #[test]
+    fn a_mirrored_take_is_found() {
+        let mirrored = with(|data, x| {
+            let mirror = Mirror::of(data).unwrap();
+            assert_eq!(mirror.axis, 0);
+            let rows: Vec<f64> = x
+                .rows()
+                .into_iter()
+                .flat_map(|r| mirror.apply(r.mapv(|v| v as f32).view()))
+                .map(f64::from)
+                .collect();
+            Array2::from_shape_vec(x.dim(), rows).unwrap()
+        });
+        let twins = duplicate_takes(&mirrored);
+        assert_eq!(found(&mirrored), [(0, 2, DuplicateEvidence::Mirrored)]);
+        assert!(
+            twins[0]
+                .describe(&mirrored)
+                .contains("mirror image of take 01_01")
+        );
+    }
+
+    #[test]
+    fn what_a_model_was_trained_from_is_known_by_digest_or_by_a_pose_it_keeps() {
+        let data = takes(&[("01_01", 30), ("01_02", 30), ("02_01", 30)]);
+        let by_digest = Provenance {
+            digests: vec!["ff".into(), data.takes[1].digest.clone()],
+            poses: vec![],
+        };
+        assert_eq!(by_digest.takes(&data), [1]);
+        let kept = data.xyz.slice(s![65..67, ..]).to_owned();
+        let by_pose = Provenance {
+            digests: vec!["ff".into()],
+            poses: vec![Array2::zeros((2, 69)), Array2::zeros((1, 3)), kept],
+        };
+        assert_eq!(by_pose.takes(&data), [2]);
+        assert!(Provenance::default().is_silent() && Provenance::default().takes(&data).is_empty());
+    }
+}

@@ -1,0 +1,310 @@
+//! What came out over all seeds, and how sure that is.
+//!
+//! Intervals are a bootstrap's (2.5% to 97.5%): takes, or under the split `frames` frames, are drawn with replacement
+//! from all that any seed has tested, once for all seeds, tasks and models. A take that several seeds have tested is so
+//! one thing and not several, and two models are compared on the same draws. Frames that follow one another are alike:
+//! under `frames` the intervals are narrower than they ought to be.
+
+use super::result::{BenchmarkResult, Case, Measurement, ONE_AND_TWO_SD, ResampledUnit};
+use super::splits::Split;
+use super::task::Task;
+use crate::numeric::parallel;
+use crate::pose::ASF_UNIT_CM;
+use rand::Rng;
+use serde::{Deserialize, Serialize};
+
+/// How often units are drawn.
+const DRAWS: usize = 1000;
+
+/// An interval that holds the true value with 95% probability.
+pub type Interval = [f64; 2];
+
+/// A row: a method on a task under a split, over all seeds.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SummaryRow {
+    /// The method's name.
+    pub model: String,
+    /// The split.
+    pub split: Split,
+    /// The task.
+    pub task: Task,
+    /// Noise on clean and exact coordinates, asf.
+    pub base_asf: f64,
+    /// The seeds.
+    pub seeds: Vec<u64>,
+    /// Test frames, all seeds together.
+    pub frames: usize,
+    /// Different takes (or under `frames`, frames) that were tested.
+    pub units: usize,
+    /// Mean over the seeds of the mean squared error a coordinate, asf².
+    pub mse: f64,
+    /// Its interval.
+    pub interval: Interval,
+    /// RMS a coordinate, cm.
+    pub rms_cm: f64,
+    /// The same error on frames that were learnt from; `None` for a given model.
+    pub training_mse: Option<f64>,
+    /// Mean squared error by joint, asf².
+    pub by_joint: Vec<f64>,
+    /// The share of coordinates within each of [`super::result::SD_LEVELS`]'s deviations.
+    pub within: Vec<f64>,
+    /// Whether no method's error is lower.
+    pub best: bool,
+    /// Its error over that of the best of the others, and the interval of that.
+    pub to_best_other: Option<(f64, Interval)>,
+}
+
+impl SummaryRow {
+    /// The shares within one and two deviations.
+    pub fn within_one_two(&self) -> [Option<f64>; 2] {
+        ONE_AND_TWO_SD.map(|i| self.within.get(i).copied())
+    }
+}
+
+/// Rows in the order of the cells, which stand together by split, base noise, task and method.
+pub fn rows(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
+    let table = |c: &BenchmarkResult| (c.case.split, c.case.base_asf.to_bits(), c.case.task);
+    cells
+        .chunk_by(|a, b| table(a) == table(b))
+        .flat_map(one_table)
+        .collect()
+}
+
+/// The interval of one cell.
+pub fn interval(cell: &BenchmarkResult) -> Interval {
+    interval_of(replicate(&[&cell.test], &units(&[&cell.test])))
+}
+
+/// The rows of one task under one split.
+fn one_table(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
+    let models: Vec<&[BenchmarkResult]> = cells
+        .chunk_by(|a, b| a.case.model == b.case.model)
+        .collect();
+    let tests: Vec<&Measurement> = cells.iter().map(|c| &c.test).collect();
+    let all = units(&tests);
+    let drawn: Vec<Vec<f64>> = models
+        .iter()
+        .map(|cells| replicate(&cells.iter().map(|c| &c.test).collect::<Vec<_>>(), &all))
+        .collect();
+    let mean = |cells: &[BenchmarkResult]| mean(cells.iter().map(|c| c.test.mse));
+    let errors: Vec<f64> = models.iter().map(|c| mean(c)).collect();
+    let lowest = errors.iter().copied().fold(f64::INFINITY, f64::min);
+    let mut rows = Vec::new();
+    for (k, cells) in models.iter().enumerate() {
+        let other = (0..models.len())
+            .filter(|&o| o != k)
+            .min_by(|&a, &b| errors[a].total_cmp(&errors[b]));
+        let to_best_other = other.map(|o| {
+            let ratios = drawn[k].iter().zip(&drawn[o]).map(|(a, b)| a / b);
+            (errors[k] / errors[o], interval_of(ratios.collect()))
+        });
+        rows.push(SummaryRow {
+            interval: interval_of(drawn[k].clone()),
+            best: errors[k] <= lowest,
+            to_best_other: to_best_other.filter(|(r, _)| r.is_finite()),
+            ..over_seeds(cells, errors[k])
+        });
+    }
+    rows
+}
+
+/// All that needs no draws.
+fn over_seeds(cells: &[BenchmarkResult], mse: f64) -> SummaryRow {
+    let id: &Case = &cells[0].case;
+    let tests: Vec<&Measurement> = cells.iter().map(|c| &c.test).collect();
+    let training: Option<Vec<f64>> = cells
+        .iter()
+        .map(|c| c.training.as_ref().map(|t| t.mse))
+        .collect();
+    let joints = tests[0].by_joint.len();
+    let counted: u64 = tests.iter().map(|t| t.coordinates).sum();
+    let within = |i: usize| {
+        let sum: u64 = tests.iter().map(|t| t.within[i]).sum();
+        sum as f64 / counted as f64
+    };
+    SummaryRow {
+        model: id.model.clone(),
+        split: id.split,
+        task: id.task,
+        base_asf: id.base_asf,
+        seeds: cells.iter().map(|c| c.case.seed).collect(),
+        frames: tests.iter().map(|t| t.frames).sum(),
+        units: units(&tests).len(),
+        mse,
+        interval: [mse, mse],
+        rms_cm: mse.sqrt() * ASF_UNIT_CM,
+        training_mse: training.map(|t| mean(t.into_iter())),
+        by_joint: (0..joints)
+            .map(|j| {
+                mean(
+                    tests
+                        .iter()
+                        .map(|t| t.by_joint.get(j).copied().unwrap_or(f64::NAN)),
+                )
+            })
+            .collect(),
+        within: match counted {
+            0 => Vec::new(),
+            _ => (0..super::result::SD_LEVELS.len()).map(within).collect(),
+        },
+        best: false,
+        to_best_other: None,
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    values.for_each(|v| (sum, count) = (sum + v, count + 1));
+    sum / f64::from(count)
+}
+
+/// All different units, ascending.
+fn units(tests: &[&Measurement]) -> Vec<usize> {
+    let mut all: Vec<usize> = tests
+        .iter()
+        .flat_map(|t| t.units.iter().map(|u| u.unit))
+        .collect();
+    all.sort_unstable();
+    all.dedup();
+    all
+}
+
+/// The mean error over seeds (one test each) in each draw of the units.
+fn replicate(tests: &[&Measurement], all: &[usize]) -> Vec<f64> {
+    // Where each unit stands among all: found once, not in every draw.
+    let placed: Vec<Vec<(usize, ResampledUnit)>> = tests
+        .iter()
+        .map(|t| {
+            let place = |u: &ResampledUnit| all.binary_search(&u.unit).ok().map(|at| (at, *u));
+            t.units.iter().filter_map(place).collect()
+        })
+        .collect();
+    parallel::map_chunks(DRAWS, 1, |range| {
+        // The same draws for whatever is drawn from the same units.
+        let mut random = parallel::rng(0, 1 + range.start as u64);
+        let mut times = vec![0_u32; all.len()];
+        (0..all.len()).for_each(|_| times[random.random_range(0..all.len())] += 1);
+        let of_seed = |units: &Vec<(usize, ResampledUnit)>| {
+            let (mut sum, mut weight) = (0.0, 0.0);
+            for (at, unit) in units {
+                let w = f64::from(times[*at]) * unit.frames as f64;
+                (sum, weight) = (sum + w * unit.mse, weight + w);
+            }
+            // A seed none of whose units was drawn says nothing.
+            (weight > 0.0).then_some(sum / weight)
+        };
+        mean(placed.iter().filter_map(of_seed))
+    })
+}
+
+/// From 2.5% to 97.5% of the values that are finite.
+fn interval_of(mut values: Vec<f64>) -> Interval {
+    values.retain(|v| v.is_finite());
+    values.sort_unstable_by(f64::total_cmp);
+    let at = |share: f64| {
+        let last = values.len().saturating_sub(1) as f64;
+        values
+            .get((share * last).round() as usize)
+            .copied()
+            .unwrap_or(f64::NAN)
+    };
+    [at(0.025), at(0.975)]
+}
+
+#[cfg(test)]
+pub(in crate::evaluate) mod tests {
+    use super::*;
+    use rand_distr::StandardNormal;
+
+    /// A cell of so many units of one frame, with errors near `mse`.
+    pub fn cell(model: &str, seed: u64, task: Task, mse: f64, units: usize) -> BenchmarkResult {
+        let mut random = parallel::rng(seed, 3);
+        let units: Vec<ResampledUnit> = (0..units)
+            .map(|i| ResampledUnit {
+                unit: 10 * i + seed as usize,
+                frames: 1,
+                mse: mse * (1.0 + 0.5 * random.sample::<f64, _>(StandardNormal)).abs(),
+            })
+            .collect();
+        let mse = mean(units.iter().map(|u| u.mse));
+        let test = Measurement {
+            frames: units.len(),
+            mse,
+            by_joint: vec![mse; 2],
+            coordinates: 100,
+            within: (0..12).map(|i| 8 * i).collect(),
+            units,
+        };
+        BenchmarkResult {
+            case: Case::of(model, Split::Frames, seed, task, 0.0),
+            training_frames: Some(10),
+            training: Some(Measurement {
+                mse: mse / 2.0,
+                units: Vec::new(),
+                ..test.clone()
+            }),
+            test,
+            tuning: None,
+            seconds_per_pose: 1e-3,
+            seconds_training: Some(1.0),
+        }
+    }
+
+    #[test]
+    fn intervals_hold_the_mean_and_narrow_with_the_units() {
+        let widths = [50, 800].map(|n| {
+            let row = &rows(&[cell("a", 0, Task::Dense, 1.0, n)])[0];
+            assert!(row.interval[0] < row.mse && row.mse < row.interval[1]);
+            assert_eq!(interval(&cell("a", 0, Task::Dense, 1.0, n)), row.interval);
+            row.interval[1] - row.interval[0]
+        });
+        // Sixteen times the units, a quarter of the width: 2 x 1.96 x 0.5 / sqrt n.
+        assert!((widths[0] / widths[1] - 4.0).abs() <= 1.0, "{widths:?}");
+        assert!(
+            (widths[1] / (3.92 * 0.5 / 800_f64.sqrt()) - 1.0).abs() <= 0.2,
+            "{widths:?}"
+        );
+    }
+
+    #[test]
+    fn the_best_is_marked_and_compared_on_the_same_draws() {
+        let mut cells = Vec::new();
+        for task in [Task::Dense, Task::Complete] {
+            for (model, mse) in [("a", 1.0), ("b", 0.8), ("c", 2.0)] {
+                cells.extend((0..3).map(|seed| cell(model, seed, task, mse, 60)));
+            }
+        }
+        let rows = rows(&cells);
+        assert_eq!(rows.len(), 6);
+        let best: Vec<&str> = rows
+            .iter()
+            .filter(|r| r.best)
+            .map(|r| r.model.as_str())
+            .collect();
+        assert_eq!(best, ["b", "b"]);
+        assert_eq!(
+            (rows[0].seeds.len(), rows[0].frames, rows[0].units),
+            (3, 180, 180)
+        );
+        // All models' units have the same errors but for a factor: on the same draws the ratio does not vary.
+        let (ratio, interval) = rows[1].to_best_other.unwrap();
+        assert!((ratio - 0.8).abs() <= 1e-9 && (interval[1] - interval[0]).abs() <= 1e-9);
+        assert!((rows[0].training_mse.unwrap() - rows[0].mse / 2.0).abs() <= 1e-12);
+        assert_eq!(rows[0].within_one_two(), [Some(0.24), Some(0.56)]);
+        assert!(super::rows(&[]).is_empty());
+    }
+
+    #[test]
+    fn any_number_of_threads_draws_the_same() {
+        let cells: Vec<BenchmarkResult> =
+            (0..3).map(|s| cell("a", s, Task::Dense, 1.0, 40)).collect();
+        let with = |n| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(n)
+                .build()
+                .unwrap();
+            pool.install(|| rows(&cells))
+        };
+        assert_eq!(with(1), with(7));
+    }
+}

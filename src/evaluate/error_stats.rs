@@ -1,0 +1,144 @@
+//! ErrorStats added up, coordinate by coordinate.
+
+use serde::Serialize;
+
+/// How far one set of coordinates is from the truth. Lengths are in the unit of the report; `None` where nothing was
+/// compared.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ErrorStats {
+    /// How many coordinates were compared: those with a value in the truth and in the result.
+    pub coordinates: u64,
+    /// How many coordinates have a value in the truth and none in the result. They are in none of the errors.
+    pub still_missing: u64,
+    /// Mean squared error of a coordinate (unit squared).
+    pub mse: Option<f64>,
+    /// Its square root.
+    pub rms: Option<f64>,
+    /// Mean distance of the points whose three coordinates are all in the set.
+    pub mean_distance: Option<f64>,
+    /// The largest error of a coordinate.
+    pub max: Option<f64>,
+}
+
+/// Sums from which [`ErrorStats`] are made, in centimetres. Memory does not grow.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ErrorSums {
+    coordinates: u64,
+    missing: u64,
+    squares: f64,
+    max: f64,
+    points: u64,
+    distances: f64,
+}
+
+impl ErrorSums {
+    /// Adds those coordinates of a point that `member` names and the truth has.
+    pub fn add(&mut self, truth: [f64; 3], result: [f64; 3], member: [bool; 3]) {
+        let (mut squared, mut compared) = (0.0, 0);
+        for a in 0..3 {
+            if !member[a] || truth[a].is_nan() {
+                continue;
+            }
+            if result[a].is_nan() {
+                self.missing += 1;
+                continue;
+            }
+            let error = (result[a] - truth[a]).abs();
+            squared += error * error;
+            compared += 1;
+            self.max = self.max.max(error);
+        }
+        self.coordinates += compared;
+        self.squares += squared;
+        if compared == 3 {
+            self.points += 1;
+            self.distances += squared.sqrt();
+        }
+    }
+
+    /// Adds another sums's sums.
+    pub fn merge(&mut self, other: &ErrorSums) {
+        self.coordinates += other.coordinates;
+        self.missing += other.missing;
+        self.squares += other.squares;
+        self.max = self.max.max(other.max);
+        self.points += other.points;
+        self.distances += other.distances;
+    }
+
+    /// Whether the truth had a value anywhere in the set.
+    pub fn is_empty(&self) -> bool {
+        self.coordinates + self.missing == 0
+    }
+
+    /// The errors in a unit of so many centimetres.
+    pub fn errors(&self, unit: f64) -> ErrorStats {
+        let mse = mean(self.squares, self.coordinates).map(|v| v / (unit * unit));
+        ErrorStats {
+            coordinates: self.coordinates,
+            still_missing: self.missing,
+            mse,
+            rms: mse.map(f64::sqrt),
+            mean_distance: mean(self.distances, self.points).map(|v| v / unit),
+            max: (self.coordinates > 0).then(|| self.max / unit),
+        }
+    }
+}
+
+/// A mean, unless it is one of nothing.
+pub(super) fn mean(sum: f64, count: u64) -> Option<f64> {
+    (count > 0).then(|| sum / count as f64)
+}
+
+/// Point `i` of a frame.
+pub(super) fn point(xyz: &[f64], i: usize) -> [f64; 3] {
+    [xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [bool; 3] = [true; 3];
+
+    #[test]
+    fn errors_of_one_point() {
+        let mut t = ErrorSums::default();
+        t.add([0.0; 3], [2.0, 3.0, 6.0], ALL);
+        let e = t.errors(1.0);
+        assert_eq!((e.coordinates, e.still_missing), (3, 0));
+        assert_eq!((e.mean_distance, e.max), (Some(7.0), Some(6.0)));
+        assert!((e.mse.unwrap() - 49.0 / 3.0).abs() <= 1e-12);
+        let half = t.errors(2.0);
+        assert!((half.mse.unwrap() - 49.0 / 12.0).abs() <= 1e-12);
+        assert_eq!((half.mean_distance, half.max), (Some(3.5), Some(3.0)));
+    }
+
+    #[test]
+    fn missing_values_are_counted_or_left_out() {
+        let nan = f64::NAN;
+        let mut t = ErrorSums::default();
+        t.add([nan, 1.0, 2.0], [1.0, nan, 4.0], ALL);
+        let e = t.errors(1.0);
+        assert_eq!((e.coordinates, e.still_missing), (1, 1));
+        assert_eq!((e.mse, e.mean_distance), (Some(4.0), None));
+        let empty = ErrorSums::default().errors(1.0);
+        assert_eq!((empty.mse, empty.rms, empty.max), (None, None, None));
+    }
+
+    #[test]
+    fn merging_is_adding_both() {
+        let (a, b) = ([1.0, 2.0, 3.0], [2.0, 2.5, 3.0]);
+        let (mut whole, mut left, mut right) = (
+            ErrorSums::default(),
+            ErrorSums::default(),
+            ErrorSums::default(),
+        );
+        whole.add([0.0; 3], a, ALL);
+        whole.add([0.0; 3], b, [true, false, true]);
+        left.add([0.0; 3], a, ALL);
+        right.add([0.0; 3], b, [true, false, true]);
+        left.merge(&right);
+        assert_eq!(left, whole);
+    }
+}

@@ -1,0 +1,385 @@
+//! GapInjection laid into takes on purpose: some points unseen for a while.
+
+use super::corruption::Stream;
+use crate::pose::Poses;
+use crate::{Error, Result};
+use ndarray::{ArrayView2, s};
+use rand::Rng;
+use std::ops::Range;
+
+/// What gaps a take is to have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GapInjection {
+    /// How many, at least 1.
+    pub count: usize,
+    /// How many consecutive frames each, at least 1.
+    pub frames: usize,
+    /// In how many points each, at least 1.
+    pub points: usize,
+    /// Where randomness starts.
+    pub seed: u64,
+}
+
+/// A gap: these points are unseen in these frames.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Gap {
+    /// Consecutive frames of one run.
+    pub frames: Range<usize>,
+    /// The points' indices, ascending.
+    pub points: Vec<usize>,
+}
+
+/// What came of laying gaps into a take.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct InjectedGaps {
+    /// The gaps; fewer than asked for where no more fit.
+    pub gaps: Vec<Gap>,
+    /// The length of the take's longest run; below a gap's length, none can be laid.
+    pub longest: usize,
+}
+
+/// How many frames last `seconds` at `rate` frames a second: the nearest whole number.
+///
+/// # ErrorStats
+/// [`Error::Usage`] when that is none.
+pub fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
+    let frames = (seconds * rate).round();
+    if frames.is_nan() || frames < 1.0 {
+        return Err(Error::usage(format!(
+            "--length {seconds} is less than half a frame at {rate} frames a second"
+        )));
+    }
+    // Saturates; a gap longer than any take is told later.
+    Ok(frames as usize)
+}
+
+impl GapInjection {
+    /// Lays the gaps of the take number `index`, whose frames are `take`: what they hide becomes NaN.
+    ///
+    /// A gap lies within one run and hides points that are observed throughout, in all its frames and in the frame before
+    /// and after it; so two gaps of a point never touch, each is as long as asked for, and the first and last frame of
+    /// a run stay as they are. Only where no run of the take is longer than a gap by two frames may one reach the run's
+    /// ends. Among the places left, each is equally likely. Cost and memory are those of reading the take once.
+    ///
+    /// # ErrorStats
+    /// [`Error::Usage`] when a number is 0, or there are fewer points than a gap is to have.
+    pub fn inject(&self, take: &mut Poses, index: u64) -> Result<InjectedGaps> {
+        let (asked, points) = (self.points, take.points.len());
+        if self.count == 0 || self.frames == 0 {
+            return Err(Error::usage("--gaps and --length: expected at least one"));
+        }
+        if asked == 0 || asked > points {
+            return Err(Error::usage(format!(
+                "--points {asked}: expected 1 to {points} (the table's points)"
+            )));
+        }
+        let runs = take.runs();
+        let mut random = Stream::Gaps.generator(self.seed, index);
+        let gaps = self.choose(take.xyz.view(), &runs, &mut random);
+        for gap in &gaps {
+            for &point in &gap.points {
+                let hidden = s![gap.frames.clone(), 3 * point..3 * point + 3];
+                take.xyz.slice_mut(hidden).fill(f64::NAN);
+            }
+        }
+        let longest = runs.iter().map(Range::len).max().unwrap_or(0);
+        Ok(InjectedGaps { gaps, longest })
+    }
+
+    fn choose(
+        &self,
+        xyz: ArrayView2<'_, f64>,
+        runs: &[Range<usize>],
+        random: &mut impl Rng,
+    ) -> Vec<Gap> {
+        let mut starts = FreeStarts::new(self, xyz, runs);
+        let mut gaps = Vec::new();
+        while gaps.len() < self.count && !starts.open.is_empty() {
+            let start = starts.open[random.random_range(0..starts.open.len())];
+            let free = starts.free_points(start);
+            let mut points = rand::seq::index::sample(random, free.len(), self.points)
+                .into_iter()
+                .map(|i| free[i])
+                .collect::<Vec<_>>();
+            points.sort_unstable();
+            starts.occupy(start, &points);
+            gaps.push(Gap {
+                frames: start..start + self.frames,
+                points,
+            });
+        }
+        gaps
+    }
+}
+
+/// Where in a take a gap may still start.
+struct FreeStarts {
+    /// Length of a gap in frames, and how many points it needs.
+    frames: usize,
+    needed: usize,
+    points: usize,
+    /// (frames, points): whether a gap of this point may start here.
+    free: Vec<bool>,
+    /// How many points are free at a start.
+    left: Vec<usize>,
+    /// The starts at which enough points are free.
+    open: Vec<usize>,
+    /// Where in `open` a start stands.
+    slot: Vec<Option<usize>>,
+}
+
+impl FreeStarts {
+    fn new(gaps: &GapInjection, xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> FreeStarts {
+        let (frames, points) = (xyz.nrows(), xyz.ncols() / 3);
+        let mut starts = FreeStarts {
+            frames: gaps.frames,
+            needed: gaps.points,
+            points,
+            free: Vec::new(),
+            left: Vec::new(),
+            open: Vec::new(),
+            slot: Vec::new(),
+        };
+        if runs.iter().all(|r| r.len() < gaps.frames) {
+            return starts;
+        }
+        starts.free = vec![false; frames * points];
+        starts.left = vec![0; frames];
+        starts.slot = vec![None; frames];
+        let margin = usize::from(runs.iter().any(|r| r.len() - 1 > gaps.frames));
+        for run in runs.iter().filter(|r| r.len() >= gaps.frames + 2 * margin) {
+            for point in 0..points {
+                starts.free_in_run(xyz, run, margin, point);
+            }
+        }
+        for start in 0..frames {
+            if starts.left[start] >= starts.needed {
+                starts.slot[start] = Some(starts.open.len());
+                starts.open.push(start);
+            }
+        }
+        starts
+    }
+
+    /// Frees the starts of a run from which a point is seen throughout, with `margin` frames on both sides.
+    fn free_in_run(
+        &mut self,
+        xyz: ArrayView2<'_, f64>,
+        run: &Range<usize>,
+        margin: usize,
+        point: usize,
+    ) {
+        let window = self.frames + 2 * margin;
+        let mut seen = 0;
+        for frame in run.clone() {
+            let observed = (0..3).all(|a| !xyz[[frame, 3 * point + a]].is_nan());
+            seen = if observed { seen + 1 } else { 0 };
+            if seen >= window {
+                let start = frame + 1 - window + margin;
+                self.free[start * self.points + point] = true;
+                self.left[start] += 1;
+            }
+        }
+    }
+
+    fn free_points(&self, start: usize) -> Vec<usize> {
+        let row = &self.free[start * self.points..][..self.points];
+        (0..self.points).filter(|&p| row[p]).collect()
+    }
+
+    /// Closes every start from which a gap of these points would overlap or touch the one at `start`.
+    fn occupy(&mut self, start: usize, points: &[usize]) {
+        let last = (start + self.frames).min(self.left.len() - 1);
+        for near in start.saturating_sub(self.frames)..=last {
+            for &point in points {
+                let free = &mut self.free[near * self.points + point];
+                if std::mem::take(free) {
+                    self.left[near] -= 1;
+                }
+            }
+            if self.left[near] < self.needed {
+                self.close(near);
+            }
+        }
+    }
+
+    fn close(&mut self, start: usize) {
+        let Some(slot) = self.slot[start].take() else {
+            return;
+        };
+        self.open.swap_remove(slot);
+        if let Some(&moved) = self.open.get(slot) {
+            self.slot[moved] = Some(slot);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+    use proptest::prelude::*;
+
+    fn poses(frames: usize, points: usize) -> Poses {
+        Poses {
+            points: (0..points).map(|i| format!("p{i}")).collect(),
+            xyz: Array2::zeros((frames, 3 * points)),
+            time: None,
+            take: None,
+        }
+    }
+
+    fn gaps(count: usize, frames: usize, points: usize) -> GapInjection {
+        GapInjection {
+            count,
+            frames,
+            points,
+            seed: 1,
+        }
+    }
+
+    /// Lays into a copy.
+    fn inject(what: &GapInjection, take: &Poses) -> (InjectedGaps, Poses) {
+        let mut take = take.clone();
+        (what.inject(&mut take, 0).unwrap(), take)
+    }
+
+    /// Lengths of the stretches in which a coordinate is missing.
+    fn stretches(take: &Poses) -> Vec<usize> {
+        let mut found = Vec::new();
+        for column in take.xyz.columns() {
+            let column = column.to_vec();
+            let runs = column.split(|v| !v.is_nan()).map(<[f64]>::len);
+            found.extend(runs.filter(|l| *l > 0));
+        }
+        found
+    }
+
+    proptest! {
+        #[test]
+        fn gaps_have_their_number_length_and_points(
+            count in 1usize..6, frames in 1usize..12, points in 1usize..5, seed in 0u64..1000
+        ) {
+            let whole = poses(150, 9);
+            let what = GapInjection { count, frames, points, seed };
+            let (laid, take) = inject(&what, &whole);
+            prop_assert_eq!(&inject(&what, &whole).0, &laid);
+            prop_assert_eq!(laid.gaps.len(), count);
+            for gap in &laid.gaps {
+                prop_assert!(gap.frames.start >= 1 && gap.frames.end <= 149);
+                prop_assert_eq!(gap.frames.len(), frames);
+                prop_assert_eq!(gap.points.len(), points);
+                prop_assert!(gap.points.windows(2).all(|w| w[0] < w[1]));
+            }
+            // Two gaps of a point never touch, so every stretch is one gap.
+            prop_assert_eq!(stretches(&take), vec![frames; 3 * count * points]);
+        }
+    }
+
+    #[test]
+    fn takes_have_gaps_of_their_own() {
+        let what = gaps(2, 6, 1);
+        let laid = |index| what.inject(&mut poses(60, 9), index).unwrap().gaps;
+        assert_eq!(laid(3), laid(3));
+        assert_ne!(laid(3), laid(4));
+    }
+
+    #[test]
+    fn no_gap_crosses_a_run() {
+        let mut take = poses(40, 2);
+        // Broken after 15 frames.
+        let time = |i: usize| i as f64 / 10.0 + if i < 15 { 0.0 } else { 9.0 };
+        take.time = Some((0..40).map(time).collect());
+        for seed in 0..50 {
+            let (laid, _) = inject(
+                &GapInjection {
+                    seed,
+                    ..gaps(2, 6, 1)
+                },
+                &take,
+            );
+            assert_eq!((laid.gaps.len(), laid.longest), (2, 25));
+            for gap in &laid.gaps {
+                let inside = |r: Range<usize>| gap.frames.start > r.start && gap.frames.end < r.end;
+                assert!(inside(0..15) || inside(15..40), "{gap:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_place_is_as_likely() {
+        let take = poses(12, 2);
+        let mut starts = [0; 12];
+        for seed in 0..8000 {
+            let (laid, _) = inject(
+                &GapInjection {
+                    seed,
+                    ..gaps(1, 3, 1)
+                },
+                &take,
+            );
+            starts[laid.gaps[0].frames.start] += 1;
+        }
+        assert!(starts[0] == 0 && starts[9..] == [0; 3]);
+        for s in &starts[1..9] {
+            assert!((f64::from(*s) - 1000.0).abs() <= 6.0 * 30.0, "{starts:?}");
+        }
+    }
+
+    #[test]
+    fn short_takes_have_gaps_at_their_ends_or_none() {
+        let fits = |n: usize| inject(&gaps(1, 5, 1), &poses(n, 1)).0;
+        assert!(fits(0).gaps.is_empty() && fits(0).longest == 0);
+        assert!(fits(4).gaps.is_empty() && fits(4).longest == 4);
+        assert_eq!(fits(5).gaps[0].frames, 0..5);
+        assert_eq!(fits(6).gaps.len(), 1);
+        assert_eq!(fits(7).gaps[0].frames, 1..6);
+        let endless = gaps(1, usize::MAX, 1);
+        assert!(inject(&endless, &poses(9, 1)).0.gaps.is_empty());
+    }
+
+    #[test]
+    fn what_is_missing_already_is_no_place_for_a_gap() {
+        let mut take = poses(30, 2);
+        take.xyz.column_mut(4).fill(f64::NAN);
+        take.xyz[[10, 0]] = f64::NAN;
+        for seed in 0..100 {
+            let (laid, _) = inject(
+                &GapInjection {
+                    seed,
+                    ..gaps(1, 5, 1)
+                },
+                &take,
+            );
+            let gap = &laid.gaps[0];
+            assert_eq!(gap.points, [0]);
+            assert!(gap.frames.end < 10 || gap.frames.start > 11, "{gap:?}");
+        }
+        // No two points are observed at once: no gap of two.
+        assert!(inject(&gaps(1, 5, 2), &take).0.gaps.is_empty());
+    }
+
+    #[test]
+    fn a_full_take_has_as_many_gaps_as_fit() {
+        // GapInjection of one frame and their neighbours fill at most every other frame.
+        let (laid, take) = inject(&gaps(1000, 1, 1), &poses(21, 1));
+        assert!((5..=10).contains(&laid.gaps.len()));
+        assert!(stretches(&take).iter().all(|l| *l == 1));
+    }
+
+    #[test]
+    fn limits_are_named() {
+        let says = |g: GapInjection, part: &str| {
+            let e = g.inject(&mut poses(9, 3), 0).unwrap_err();
+            assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
+        };
+        says(gaps(0, 1, 1), "--gaps");
+        says(gaps(1, 1, 0), "--points 0: expected 1 to 3");
+        says(gaps(1, 1, 4), "--points 4: expected 1 to 3");
+        assert_eq!(frames_in(0.4, 120.0).unwrap(), 48);
+        for bad in [0.0, 0.001, f64::NAN] {
+            let e = frames_in(bad, 120.0).unwrap_err().to_string();
+            assert!(e.contains("--length"));
+        }
+    }
+}

@@ -1,0 +1,477 @@
+//! One self-contained HTML page that plays a scene: nothing is fetched, the motion is inside.
+//!
+//! The page carries the scene as JSON.
+//! A content security policy lets the browser run the page's own script and nothing else.
+
+mod embedded;
+mod table;
+
+use crate::evaluate::html::{base64, escape, fill, script_json};
+use crate::evaluate::scene::Scene;
+use crate::evaluate::scene_geometry::SceneGeometry;
+use crate::{Error, Result};
+use embedded::{embedded, sparing};
+use sha2::{Digest, Sha256};
+
+const PAGE: &str = include_str!("page.html");
+const PART: &str = include_str!("part.html");
+const KEYS: &str = include_str!("keys.html");
+const LINKS: &str = include_str!("links.html");
+const PAGE_STYLE: &str = concat!(include_str!("player.css"), include_str!("page.css"));
+/// What brings every player of a page to life.
+pub(super) const SCRIPT: &str = concat!(
+    include_str!("paper.js"),
+    "\nfunction player(root, scene) {",
+    include_str!("view.js"),
+    include_str!("controls.js"),
+    "}\n",
+    include_str!("start.js"),
+);
+
+/// What may be left out to keep the page small.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Options {
+    /// Embed every how manieth frame; `None`: as few are left out as the limit allows.
+    pub every: Option<usize>,
+    /// The most bytes that the coordinates may take in the page, without `every`.
+    pub limit: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            every: None,
+            limit: 12_000_000,
+        }
+    }
+}
+
+impl Options {
+    /// Fails on zero.
+    pub fn check(&self) -> Result<()> {
+        if self.every == Some(0) {
+            return Err(Error::usage("every 0th frame: must be at least 1"));
+        }
+        if self.limit == 0 {
+            return Err(Error::usage("a limit of 0 bytes: must be at least 1"));
+        }
+        Ok(())
+    }
+}
+
+/// The page that plays a scene: HTML, complete in itself, the same bytes for the same scene.
+///
+/// # Errors
+/// Usage, if [`Scene::check`] or [`Options::check`] fails.
+pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
+    let (player, remarks) = placed(scene, options, " data-alone")?;
+    let title = escape(if scene.title.is_empty() {
+        "Motion"
+    } else {
+        scene.title
+    });
+    let note = scene
+        .note
+        .map(|note| format!("<p>{}</p>", escape(note)))
+        .unwrap_or_default();
+    let table = scene.table.as_ref().map(table::html).unwrap_or_default();
+    Ok(fill(
+        PAGE,
+        &[
+            ("title", &title),
+            ("note", &note),
+            ("remarks", &remarks),
+            ("table", &table),
+            ("credit", &escape(scene.credit.unwrap_or_default())),
+            ("player", &player),
+            ("keys", &fill(KEYS, &[("links", LINKS)])),
+            ("style", PAGE_STYLE),
+            ("style-hash", &policy_hash(PAGE_STYLE)),
+            ("script", SCRIPT),
+            ("script-hash", &policy_hash(SCRIPT)),
+        ],
+    ))
+}
+
+/// A player to stand among others on a page that has `player.css`, [`keys`] and, at its end, [`SCRIPT`]. A scene of one frame
+/// is drawn as SVG, without the controls.
+///
+/// # Errors
+/// As [`page`].
+pub(super) fn part(scene: &Scene<'_>, options: &Options) -> Result<String> {
+    Ok(placed(scene, options, "")?.0)
+}
+
+/// The list of keys that all players of a page share.
+pub(super) fn keys() -> String {
+    fill(KEYS, &[("links", "")])
+}
+
+/// The player with its scene, and what must be admitted below it.
+fn placed(scene: &Scene<'_>, options: &Options, attributes: &str) -> Result<(String, String)> {
+    scene.check()?;
+    options.check()?;
+    let geometry = SceneGeometry::of(scene);
+    let every = options
+        .every
+        .unwrap_or_else(|| sparing(scene, options.limit));
+    let kept: Vec<usize> = (0..scene.frames()).step_by(every).collect();
+    let data = script_json(&embedded(scene, &geometry, &kept, every));
+    let values = [("attributes", attributes), ("scene", &data)];
+    Ok((fill(PART, &values), remarks(scene, &geometry, every)))
+}
+
+/// What the page must admit: frames left out, figures that are flat.
+fn remarks(scene: &Scene<'_>, geometry: &SceneGeometry<'_, '_>, every: usize) -> String {
+    let mut said = Vec::new();
+    if every > 1 {
+        let count = scene.frames();
+        said.push(format!(
+            "One frame of every {every} is shown (there are {count}), to keep this page small."
+        ));
+    }
+    for (figure, of) in scene.figures.iter().enumerate() {
+        let flat = geometry.flat_axes(figure);
+        if !flat.is_empty() {
+            said.push(format!("{} has no {flat}: it is drawn flat.", of.name));
+        }
+    }
+    said.iter()
+        .map(|text| format!("<p class=\"remarks\">{}</p>\n", escape(text)))
+        .collect()
+}
+
+/// A source's hash as a content security policy wants it.
+pub(super) fn policy_hash(source: &str) -> String {
+    format!("sha256-{}", base64(&Sha256::digest(source.as_bytes())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::embedded::MISSING;
+    use super::*;
+    use crate::evaluate::scene::{Figure, Run, Status, Table};
+    use ndarray::Array2;
+    use serde_json::{Value, json};
+
+    fn names(count: usize) -> Vec<String> {
+        (0..count).map(|i| format!("p{i}")).collect()
+    }
+
+    fn wave(frames: usize, points: usize, size: f64) -> Array2<f64> {
+        Array2::from_shape_fn((frames, 3 * points), |(t, c)| {
+            size * (t as f64 * 0.1 + c as f64).sin()
+        })
+    }
+
+    /// The JSON between the page's own script tags, found as a browser would: up to the first `</script`.
+    fn data(page: &str) -> Value {
+        let (_, after) = page
+            .split_once("<script type=\"application/json\">")
+            .unwrap();
+        serde_json::from_str(after.split("</script").next().unwrap()).unwrap()
+    }
+
+    fn unbase64(text: &str) -> Vec<u8> {
+        let value = |c: u8| match c {
+            b'A'..=b'Z' => c - b'A',
+            b'a'..=b'z' => c - b'a' + 26,
+            b'0'..=b'9' => c - b'0' + 52,
+            b'+' => 62,
+            _ => 63,
+        };
+        let padding = text.bytes().rev().take_while(|c| *c == b'=').count();
+        let mut bytes: Vec<u8> = text
+            .as_bytes()
+            .chunks(4)
+            .flat_map(|four| {
+                let word = four
+                    .iter()
+                    .fold(0u32, |w, c| w << 6 | u32::from(value(*c) & 63));
+                [(word >> 16) as u8, (word >> 8) as u8, word as u8]
+            })
+            .collect();
+        bytes.truncate(bytes.len() - padding);
+        bytes
+    }
+
+    /// What the script decodes.
+    fn decoded(figure: &Value, columns: usize) -> Vec<f64> {
+        let bytes = unbase64(figure["data"].as_str().unwrap());
+        if figure["format"] == "f32" {
+            let read = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().unwrap()));
+            return bytes.chunks(4).map(read).collect();
+        }
+        let read = |(i, b): (usize, &[u8])| match i16::from_le_bytes(b.try_into().unwrap()) {
+            MISSING => f64::NAN,
+            q => {
+                let of = |name: &str| figure[name][i % columns].as_f64().unwrap();
+                of("low") + (f64::from(q) + 32767.0) * of("step")
+            }
+        };
+        bytes.chunks(2).enumerate().map(read).collect()
+    }
+
+    #[test]
+    fn missing_stays_missing_and_the_rest_stays_put() {
+        let points = names(4);
+        for (size, format, tolerance) in
+            [(200.0, "i16", 0.01), (5e4, "f32", 0.01), (0.0, "i16", 1e-3)]
+        {
+            let mut xyz = wave(50, 4, size);
+            xyz[[3, 4]] = f64::NAN;
+            xyz[[4, 0]] = f64::INFINITY;
+            let figure = Figure {
+                name: "f",
+                xyz: xyz.view(),
+                status: None,
+            };
+            let scene = Scene {
+                points: &points,
+                rate: 60.0,
+                figures: vec![figure],
+                ..Scene::default()
+            };
+            let page = page(&scene, &Options::default()).unwrap();
+            let figure = &data(&page)["figures"][0];
+            assert_eq!(figure["format"], format);
+            let back = decoded(figure, 12);
+            assert_eq!(back.len(), 600);
+            for (i, (back, value)) in back.iter().zip(xyz.iter()).enumerate() {
+                let (frame, point) = (i / 12, i % 12 / 3);
+                if (frame, point) == (3, 1) || (frame, point) == (4, 0) {
+                    assert!(back.is_nan(), "the whole point is missing");
+                } else {
+                    assert!((back - value).abs() <= tolerance, "{back} {value}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn hostile_text_stays_text() {
+        let hostile = "</script><script>alert(1)</script><!-- \" {{script}} \u{0}";
+        let points = vec![hostile.to_string()];
+        let xyz = wave(2, 1, 1.0);
+        let status = Array2::from_elem((2, 1), Status::Inferred);
+        let runs = [Run {
+            name: hostile,
+            first: 0,
+            time: 0.0,
+            rate: 60.0,
+        }];
+        let table = Table {
+            caption: hostile.into(),
+            header: vec![hostile.into(), "n".into()],
+            rows: vec![vec![hostile.into()], vec![hostile.into(), "1.5".into()]],
+        };
+        let scene = Scene {
+            title: hostile,
+            points: &points,
+            bones: &[],
+            rate: 60.0,
+            figures: vec![Figure {
+                name: hostile,
+                xyz: xyz.view(),
+                status: Some(status.view()),
+            }],
+            runs: &runs,
+            note: Some(hostile),
+            table: Some(table),
+            credit: Some(hostile),
+            ..Scene::default()
+        };
+        let page = page(&scene, &Options::default()).unwrap();
+        assert_eq!(
+            page.matches("<script").count(),
+            2,
+            "the scene and the program, nothing else"
+        );
+        assert_eq!(page.matches("</script").count(), 2);
+        assert!(!page.contains("<script>alert") && !page.contains('\u{0}'));
+        assert_eq!(data(&page)["figures"][0]["name"], hostile);
+        assert_eq!(data(&page)["points"][0], hostile);
+        assert!(page.contains("<td class=\"number\">1.5</td>"));
+        assert!(
+            page.contains("{{script}}"),
+            "what looks like a placeholder is left as it is"
+        );
+    }
+
+    #[test]
+    fn nothing_is_fetched() {
+        let page = page(
+            &Scene {
+                rate: 1.0,
+                ..Scene::default()
+            },
+            &Options::default(),
+        )
+        .unwrap();
+        for loading in [
+            "http://", "https://", "//cdn", "src=", "url(", "@import", "fetch(", "XMLHttp",
+            "import(",
+        ] {
+            assert!(!page.contains(loading), "{loading}");
+        }
+        assert_eq!(page.matches("href=").count(), 1, "the empty icon");
+        for source in [SCRIPT, PAGE_STYLE] {
+            assert!(
+                page.contains(&policy_hash(source)),
+                "the policy knows the page's own sources"
+            );
+            assert!(
+                !source.to_lowercase().contains("</s"),
+                "nothing in them ends them"
+            );
+        }
+        assert!(!page.contains("{{"), "every placeholder is filled");
+    }
+
+    #[test]
+    fn nothing_one_point_and_everything_missing_make_a_page() {
+        let points = names(1);
+        let nothing = Scene {
+            rate: 1.0,
+            ..Scene::default()
+        };
+        assert_eq!(
+            data(&page(&nothing, &Options::default()).unwrap())["frames"],
+            0
+        );
+        for xyz in [
+            Array2::zeros((0, 3)),
+            Array2::zeros((1, 3)),
+            Array2::from_elem((3, 3), f64::NAN),
+        ] {
+            let figure = Figure {
+                name: "f",
+                xyz: xyz.view(),
+                status: None,
+            };
+            let scene = Scene {
+                points: &points,
+                rate: 1.0,
+                figures: vec![figure],
+                ..Scene::default()
+            };
+            let page = page(&scene, &Options::default()).unwrap();
+            let data = data(&page);
+            assert_eq!(data["frames"], xyz.nrows());
+            assert_eq!(decoded(&data["figures"][0], 3).len(), xyz.len());
+            assert!(
+                !page.contains("null,null"),
+                "no number of the page is missing"
+            );
+        }
+    }
+
+    #[test]
+    fn frames_are_left_out_to_keep_the_limit_and_the_page_says_so() {
+        let points = names(10);
+        let xyz = wave(1000, 10, 100.0);
+        let figure = Figure {
+            name: "f",
+            xyz: xyz.view(),
+            status: None,
+        };
+        let runs = [
+            Run {
+                name: "a",
+                first: 0,
+                time: 0.0,
+                rate: 60.0,
+            },
+            Run {
+                name: "short",
+                first: 499,
+                time: 7.0,
+                rate: 60.0,
+            },
+            Run {
+                name: "b",
+                first: 500,
+                time: 1.0,
+                rate: 60.0,
+            },
+        ];
+        let scene = Scene {
+            points: &points,
+            rate: 60.0,
+            figures: vec![figure],
+            runs: &runs,
+            ..Scene::default()
+        };
+        let whole = page(&scene, &Options::default()).unwrap();
+        assert_eq!(
+            (&data(&whole)["every"], &data(&whole)["frames"]),
+            (&json!(1), &json!(1000))
+        );
+        assert!(!whole.contains("to keep this page small"));
+        let small = page(
+            &scene,
+            &Options {
+                limit: 20_000,
+                ..Options::default()
+            },
+        )
+        .unwrap();
+        let data_of_small = data(&small);
+        assert!(data_of_small["figures"][0]["data"].as_str().unwrap().len() <= 20_000);
+        assert_eq!(data_of_small["every"], 4);
+        assert_eq!(data_of_small["rate"], 15.0);
+        assert_eq!(
+            data_of_small["runs"],
+            json!([["a", 0, 0.0, 15.0], ["b", 125, 1.0, 15.0]])
+        );
+        assert!(small.contains("One frame of every 4 is shown (there are 1000)"));
+        let tenth = page(
+            &scene,
+            &Options {
+                every: Some(10),
+                ..Options::default()
+            },
+        )
+        .unwrap();
+        assert_eq!(data(&tenth)["frames"], 100);
+        assert!(
+            page(
+                &scene,
+                &Options {
+                    every: Some(0),
+                    ..Options::default()
+                }
+            )
+            .is_err()
+        );
+        assert!(
+            page(
+                &scene,
+                &Options {
+                    limit: 0,
+                    ..Options::default()
+                }
+            )
+            .is_err()
+        );
+    }
+
+    #[test]
+    fn the_same_scene_gives_the_same_bytes() {
+        let points = names(5);
+        let xyz = wave(300, 5, 80.0);
+        let figure = Figure {
+            name: "f",
+            xyz: xyz.view(),
+            status: None,
+        };
+        let scene = Scene {
+            points: &points,
+            rate: 60.0,
+            figures: vec![figure],
+            ..Scene::default()
+        };
+        let first = page(&scene, &Options::default()).unwrap();
+        assert_eq!(first, page(&scene, &Options::default()).unwrap());
+    }
+}

@@ -1,0 +1,221 @@
+//! A score as text that lines up.
+
+use super::error_stats::ErrorStats;
+use super::score::ScoreReport;
+use std::fmt::Write;
+
+/// Columns of text, the first to the left, the others to the right.
+#[derive(Default)]
+struct Grid {
+    rows: Vec<Vec<String>>,
+}
+
+impl Grid {
+    fn errors(&mut self, name: impl Into<String>, errors: &ErrorStats) {
+        let mut row = vec![name.into(), errors.coordinates.to_string()];
+        let numbers = [errors.mse, errors.rms, errors.mean_distance, errors.max];
+        row.extend(numbers.map(number));
+        row.push(match errors.still_missing {
+            0 => String::new(),
+            n => n.to_string(),
+        });
+        self.rows.push(row);
+    }
+
+    /// A line of words between the rows.
+    fn line(&mut self, text: &str) {
+        self.rows.push(vec![text.to_string()]);
+    }
+
+    fn text(&self) -> String {
+        let full = || self.rows.iter().filter(|r| r.len() > 1);
+        let columns = full().map(Vec::len).max().unwrap_or(0);
+        let width = |c: usize| full().map(|r| r[c].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..columns).map(width).collect();
+        let mut out = String::new();
+        for row in &self.rows {
+            let mut line = String::new();
+            for (c, cell) in row.iter().enumerate() {
+                // Writing to memory cannot fail.
+                let _ = match (c, row.len()) {
+                    (0, 1) => write!(line, "{cell}"),
+                    (0, _) => write!(line, "{cell:<0$}", widths[0]),
+                    _ => write!(line, "  {cell:>0$}", widths[c]),
+                };
+            }
+            let _ = writeln!(out, "{}", line.trim_end());
+        }
+        out
+    }
+}
+
+/// Four decimals, or four digits where those would show nothing or too much; `-` for nothing.
+fn number(value: Option<f64>) -> String {
+    match value {
+        None => "-".into(),
+        Some(v) if v == 0.0 || (1e-3..1e6).contains(&v.abs()) => format!("{v:.4}"),
+        Some(v) => format!("{v:.3e}"),
+    }
+}
+
+/// So many rates of takes are named.
+const NAMED_RATES: usize = 5;
+
+/// The report as a text of many lines, each ended.
+pub fn text(report: &ScoreReport) -> String {
+    let unit = &report.units;
+    let rates: Vec<String> = report.rates.iter().map(f64::to_string).collect();
+    let rate = match rates.is_empty() {
+        true => "no rate: gap lengths in frames, no accelerations (--fps F)".into(),
+        false => {
+            let (some, rest) = rates.split_at(rates.len().min(NAMED_RATES));
+            let more = match rest.len() {
+                0 => String::new(),
+                more => format!(" and {more} other rates"),
+            };
+            format!("{} frames/s{more}", some.join(" and "))
+        }
+    };
+    let mut out = format!(
+        "{} frames, {} points, {rate}\n",
+        report.frames, report.points
+    );
+    if report.all.still_missing > 0 {
+        let (missing, of) = (report.all.still_missing, report.all.coordinates);
+        let _ = writeln!(
+            out,
+            "still missing: {missing} of {} coordinates, in none of the errors below",
+            missing + of
+        );
+    }
+    out.push('\n');
+    let mut grid = Grid::default();
+    let heads = [
+        "",
+        "coordinates",
+        "MSE",
+        "RMS",
+        "distance",
+        "max",
+        "still missing",
+    ];
+    let mut heads = heads.map(String::from);
+    heads[2] = format!("MSE {unit}^2");
+    for head in &mut heads[3..6] {
+        *head = format!("{head} {unit}");
+    }
+    grid.rows.push(heads.to_vec());
+    grid.errors("all", &report.all);
+    damage(&mut grid, report);
+    grid.line("");
+    for point in &report.by_point {
+        grid.errors(&point.point, &point.errors);
+    }
+    out.push_str(&grid.text());
+    bones(&mut out, report);
+    accelerations(&mut out, report);
+    out
+}
+
+fn damage(grid: &mut Grid, report: &ScoreReport) {
+    let Some(damage) = &report.damaged else {
+        return;
+    };
+    let unit = if report.rates.is_empty() {
+        "frames"
+    } else {
+        "s"
+    };
+    grid.errors("the damaged table", &damage.before);
+    grid.errors("was missing", &damage.missing);
+    for bin in damage.by_gap.iter().filter(|b| b.gaps > 0) {
+        let limit = match bin.up_to {
+            Some(up_to) => format!("<= {up_to} {unit}"),
+            None => format!("> {} {unit}", bin.longer_than),
+        };
+        let word = if bin.gaps == 1 { "gap" } else { "gaps" };
+        grid.errors(format!("  {} {word} {limit}", bin.gaps), &bin.errors);
+    }
+    grid.errors("was observed", &damage.observed);
+    grid.errors("  was off the truth", &damage.corrupted);
+    grid.errors("  was right", &damage.intact);
+    grid.errors("  is changed", &damage.changed);
+}
+
+fn bones(out: &mut String, report: &ScoreReport) {
+    let Some(bones) = &report.bones else {
+        return;
+    };
+    let worst = bones.by_bone.iter().filter(|b| b.rms_difference.is_some());
+    let worst = worst.max_by(|a, b| {
+        let [a, b] = [a, b].map(|bone| bone.rms_difference.unwrap_or(0.0));
+        a.total_cmp(&b)
+    });
+    let _ = writeln!(
+        out,
+        "\nbone lengths, {}: RMS difference {}, standard deviation {} (truth {})",
+        report.units,
+        number(bones.rms_difference),
+        number(bones.result_sd),
+        number(bones.truth_sd)
+    );
+    if let Some(worst) = worst {
+        let _ = writeln!(
+            out,
+            "  worst: {} - {}, RMS difference {}",
+            worst.parent,
+            worst.point,
+            number(worst.rms_difference)
+        );
+    }
+}
+
+fn accelerations(out: &mut String, report: &ScoreReport) {
+    if let Some(a) = &report.accelerations {
+        let _ = writeln!(
+            out,
+            "\naccelerations, {}/s^2: RMS {} (truth {}), RMS difference {}",
+            report.units,
+            number(a.result),
+            number(a.truth),
+            number(a.difference)
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::score::{ScoreSums, ScoredFrame};
+    use super::*;
+
+    #[test]
+    fn columns_line_up_and_what_is_missing_is_told() {
+        let points = ["root", "lhipjoint"].map(String::from);
+        let mut s = ScoreSums::new(&points, true);
+        s.add(&ScoredFrame {
+            truth: &[0.0; 6],
+            result: &[1.0, 1.0, 1.0, 0.0, 0.0, f64::NAN],
+            damaged: Some(&[0.0, 0.0, 0.0, f64::NAN, f64::NAN, f64::NAN]),
+            starts_run: true,
+            rate: Some(120.0),
+        });
+        let text = text(&s.finish("cm", 1.0));
+        assert!(text.starts_with("1 frames, 2 points, 120 frames/s\nstill missing: 1 of 6"));
+        let ends: Vec<usize> = text
+            .lines()
+            .filter(|l| l.starts_with("all") || l.starts_with("was missing"))
+            .map(|l| l.find('.').unwrap())
+            .collect();
+        assert_eq!(ends.len(), 2);
+        assert!(ends[0] == ends[1], "{text}");
+        assert!(text.contains("1 gap <= 0.1 s"), "{text}");
+    }
+
+    #[test]
+    fn numbers_are_never_lost_in_zeros() {
+        assert_eq!(number(Some(0.0)), "0.0000");
+        assert_eq!(number(Some(1e-9)), "1.000e-9");
+        assert_eq!(number(Some(12.5)), "12.5000");
+        assert_eq!(number(None), "-");
+    }
+}
