@@ -2,8 +2,8 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, lengths, list, plan, sources};
 use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, lengths, list, plan, sources};
 use posing::cli::{Outcome, messages, run, streams};
 use posing::evaluate::benchmark::{Benchmark, Dataset, summary};
 use posing::evaluate::report::tables::Results;

@@ -2,8 +2,8 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::plot::{PlotTable, bones, name_of, runs, text_table};
 use posing::cli::input::check_single_stdin;
+use posing::cli::plot::{PlotTable, bones, name_of, runs, text_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
 use posing::evaluate::figure::{self, Layout};

@@ -13,8 +13,8 @@ use crate::evaluate::benchmark::{
     Benchmark, BenchmarkResult, Config, Method, Settings, Split, Task,
 };
 use crate::evaluate::report::reproduction::Run;
-use crate::prior::provenance::hex;
 use crate::prior;
+use crate::prior::provenance::hex;
 use crate::{Error, Place, Result};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
