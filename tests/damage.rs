@@ -155,8 +155,8 @@ fn takes() {
     let skeleton = asf::parse("t.asf", ASF.as_bytes()).unwrap();
     for keep in [false, true] {
         batter(2 + u64::from(keep), &[take().as_bytes()], |input| {
-            let mut reader = amc::Reader::new(&skeleton, input, keep)?;
-            let mut frame = amc::Frame::default();
+            let mut reader = amc::AmcReader::new(&skeleton, input, keep)?;
+            let mut frame = amc::AmcFrame::default();
             let mut finite = true;
             while reader.read(&mut frame)? {
                 let ends = skeleton.skeleton.posture(&frame.values).ends;

@@ -5,9 +5,9 @@ use posing::cli::args::{CommonArgs, OutputArgs, Units, parse_rate};
 use posing::cli::input::{check_single_stdin, open};
 use posing::cli::streams::TableSink;
 use posing::cli::{Outcome, messages, run};
-use posing::io::amc::{Frames, Reader};
+use posing::io::amc::{AmcFrames, AmcReader};
 use posing::io::asf::{self, Asf};
-use posing::io::table::{Columns, Row, point_names};
+use posing::io::table::{Columns, Row, parse_point_names};
 use posing::numeric::parallel::map_chunks;
 use posing::pose::kinematics::{Posture, Space};
 use posing::{Error, Place, Result};
@@ -34,7 +34,7 @@ struct Args {
     /// The takes' skeleton
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: PathBuf,
-    /// Frames a second: an AMC file does not say, and published labels err
+    /// AmcFrames a second: an AMC file does not say, and published labels err
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: f64,
     /// Where the poses stand
@@ -86,7 +86,7 @@ fn work(args: &Args) -> Result<Outcome> {
         .iter()
         .map(|&j| asf.skeleton.bones()[j].name.clone())
         .collect();
-    let mut sink = TableSink::create(&args.out, &Columns::fresh(names, true, true), &[])?;
+    let mut sink = TableSink::create(&args.out, &Columns::for_points(names, true, true), &[])?;
     for take in &takes {
         convert(args, &asf, &joints, take, &mut sink)?;
     }
@@ -105,7 +105,7 @@ fn joints(asf: &Asf, args: &Args) -> Result<Vec<usize>> {
             Error::data(Place::file(args.asf.display().to_string()), what)
         })
     };
-    point_names(&args.joints)?.iter().map(find).collect()
+    parse_point_names(&args.joints)?.iter().map(find).collect()
 }
 
 fn convert(
@@ -120,7 +120,7 @@ fn convert(
         SpaceFlag::Root => Space::Root,
         SpaceFlag::Body => Space::Body,
     };
-    let mut reader = Reader::new(asf, open(take)?, args.keep_whole)?;
+    let mut reader = AmcReader::new(asf, open(take)?, args.keep_whole)?;
     let name = take
         .file_stem()
         .unwrap_or(take.as_os_str())
@@ -129,7 +129,7 @@ fn convert(
         take: Some(Arc::from(&*name)),
         ..Row::default()
     };
-    let mut frames = Frames::default();
+    let mut frames = AmcFrames::default();
     while reader.read_block(&mut frames)? {
         let places = map_chunks(frames.numbers.len(), CHUNK, |range| {
             places(asf, joints, space, &frames, range)
@@ -154,18 +154,19 @@ fn places(
     asf: &Asf,
     joints: &[usize],
     space: Space,
-    frames: &Frames,
+    frames: &AmcFrames,
     range: Range<usize>,
 ) -> Vec<f64> {
     let dofs = asf.skeleton.dof_count();
-    let wanted = asf.skeleton.above(joints);
+    let wanted = asf.skeleton.ancestors(joints);
     let mut posture = Posture::default();
     let mut values = vec![0.0; dofs];
     let mut out = Vec::with_capacity(range.len() * 3 * joints.len());
     for frame in range {
         values.copy_from_slice(&frames.values[frame * dofs..][..dofs]);
-        asf.skeleton.settle(&mut values, space);
-        asf.skeleton.posture_of(&wanted, &values, &mut posture);
+        asf.skeleton.move_root_to(&mut values, space);
+        asf.skeleton
+            .posture_of_bones(&wanted, &values, &mut posture);
         out.extend(joints.iter().flat_map(|&j| posture.ends[j].to_array()));
     }
     out

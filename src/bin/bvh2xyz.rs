@@ -6,7 +6,7 @@ use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate};
 use posing::cli::input::open;
 use posing::cli::streams::TableSink;
 use posing::cli::{Outcome, messages, run};
-use posing::io::bvh::{self, Bvh, Points, Rig};
+use posing::io::bvh::{self, Bvh, BvhPoints, BvhSkeleton};
 use posing::io::table::{Columns, Row};
 use posing::pose::kinematics::Posture;
 use posing::pose::poses::round_rate;
@@ -79,7 +79,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let rate = rate(args, &loaded.bvh, &name)?;
     let turn =
         DMat3::from_cols_array_2d(&[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| up.to_y(e)));
-    let rig = Rig::new(&loaded.bvh.joints, turn, true)?;
+    let rig = BvhSkeleton::new(&loaded.bvh.joints, turn, true)?;
     write(args, &path, &loaded.bvh, &rig, rate)?;
     Ok(Outcome::Done)
 }
@@ -107,14 +107,14 @@ fn rate(args: &Args, bvh: &Bvh, name: &str) -> Result<f64> {
     }
 }
 
-fn write(args: &Args, path: &Path, bvh: &Bvh, rig: &Rig, rate: f64) -> Result<()> {
+fn write(args: &Args, path: &Path, bvh: &Bvh, rig: &BvhSkeleton, rate: f64) -> Result<()> {
     let points = rig.points(if args.ends {
-        Points::Ends
+        BvhPoints::Ends
     } else {
-        Points::Origins
+        BvhPoints::Origins
     });
     let names = points.iter().map(|(name, _)| name.clone()).collect();
-    let mut sink = TableSink::create(&args.out, &Columns::fresh(names, true, true), &[])?;
+    let mut sink = TableSink::create(&args.out, &Columns::for_points(names, true, true), &[])?;
     let take = path
         .file_stem()
         .unwrap_or(path.as_os_str())

@@ -8,7 +8,7 @@ use posing::cli::{Outcome, input, messages, run};
 use posing::cluster::{self, Clustering, Parameters, Report};
 use posing::io::Model;
 use posing::io::csv::After;
-use posing::io::model::few_enough;
+use posing::io::model::check_point_count;
 use posing::io::table::{Row, Table};
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
@@ -64,7 +64,7 @@ fn work(args: &Args) -> Result<Outcome> {
     }
     let table = input::read_table(&args.input, false, true)?;
     if args.save.is_some() {
-        few_enough(table.columns.points.len(), &table.name)?;
+        check_point_count(table.columns.points.len(), &table.name)?;
     }
     let poses = table.poses.xyz.mapv(|v| v as f32);
     if let Some(bad) = poses

@@ -5,7 +5,7 @@ use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, Space, parse_positive};
 use posing::cli::restoring::{self, ModelFlags, StatusFlag};
 use posing::cli::{Outcome, run};
-use posing::io::table::point_names;
+use posing::io::table::parse_point_names;
 use posing::restore::complete::Complete;
 use std::process::ExitCode;
 
@@ -16,7 +16,7 @@ use std::process::ExitCode;
 /// times each frame is answered by itself. A frame that shows too little stays as it is, and is counted. Distances that
 /// the model knows to be rigid, bones among them, are kept.
 ///
-/// Points of a take that jump away from their path and back, or break rigid distances, count for nothing; --status marks them
+/// BvhPoints of a take that jump away from their path and back, or break rigid distances, count for nothing; --status marks them
 /// as rejected.
 #[derive(Parser)]
 #[command(
@@ -29,7 +29,7 @@ struct Args {
     input: InputArgs,
     #[command(flatten)]
     model: ModelFlags,
-    /// Points that count as seen; all others count as missing
+    /// BvhPoints that count as seen; all others count as missing
     #[arg(long, value_name = "LIST")]
     observe: Option<String>,
     /// Leave gaps longer than this empty
@@ -58,7 +58,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    let observe = args.observe.as_deref().map(point_names).transpose()?;
+    let observe = args.observe.as_deref().map(parse_point_names).transpose()?;
     let settings = Complete {
         max_gap: args.max_gap,
         overwrite: args.overwrite_observed,

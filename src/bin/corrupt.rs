@@ -10,7 +10,7 @@ use posing::cli::streams::TableSink;
 use posing::cli::{Outcome, messages, run};
 use posing::evaluate::corruption::Corruption;
 use posing::evaluate::gap_injection::{GapInjection, frames_in};
-use posing::io::table::{Row, point_names};
+use posing::io::table::{Row, parse_point_names};
 use posing::pose::Poses;
 use posing::{Error, Place, Result};
 use std::process::ExitCode;
@@ -78,9 +78,9 @@ fn work(args: &Args) -> Result<Outcome> {
         dense: args.dense.unwrap_or(0.0),
         sparse: args.sparse.unwrap_or(0.0),
         share: args.share,
-        keep: args.keep.as_deref().map(point_names).transpose()?,
+        keep: args.keep.as_deref().map(parse_point_names).transpose()?,
         drop: match &args.drop {
-            Some(list) => point_names(list)?,
+            Some(list) => parse_point_names(list)?,
             None => Vec::new(),
         },
         seed: args.seed.seed,

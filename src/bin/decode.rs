@@ -6,7 +6,7 @@ use posing::cli::input::{check_single_stdin, open, open_model};
 use posing::cli::streams::TableSink;
 use posing::cli::{Outcome, run};
 use posing::io::table::{Columns, Row};
-use posing::io::text::number;
+use posing::io::text::parse_number;
 use posing::prior::sparse_coding::dictionary;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -61,7 +61,7 @@ fn work(args: &Args) -> Result<Outcome> {
             "no atom1 and coef1: expected codes as encode writes them",
         ));
     }
-    let columns = Columns::fresh(model.meta.points.clone(), false, false);
+    let columns = Columns::for_points(model.meta.points.clone(), false, false);
     let mut sink = TableSink::create(&args.out, &columns, &[])?;
     for record in reader.records() {
         let record = record.map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
@@ -100,7 +100,7 @@ fn work(args: &Args) -> Result<Outcome> {
                     );
                     Error::data(place(format!("atom{}", k + 1)), what)
                 })?;
-            let c = number(coefficient)
+            let c = parse_number(coefficient)
                 .map_err(|what| Error::data(place(format!("coef{}", k + 1)), what))?;
             pose.iter_mut()
                 .zip(dictionary.atom(index))

@@ -8,7 +8,7 @@ use posing::cli::restoring::PursuitFlag;
 use posing::cli::streams::Sink;
 use posing::cli::{Outcome, messages, run};
 use posing::io::table::Row;
-use posing::io::text::{push_number, push_single, push_whole};
+use posing::io::text::{push_f32, push_f64, push_integer};
 use posing::numeric::parallel;
 use posing::prior::sparse_coding::dictionary;
 use posing::sparse::{Encoder, Omp, SearchStrategy, SparseCodes};
@@ -184,13 +184,13 @@ fn coded(coder: &Encoder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8
 fn line(out: &mut Vec<u8>, sparsity: usize, codes: &SparseCodes, (i, rms): (usize, f64)) {
     let mut used = 0;
     for (atom, coefficient) in codes.entries(i) {
-        push_whole(out, atom);
+        push_integer(out, atom);
         out.push(b',');
-        push_single(out, coefficient);
+        push_f32(out, coefficient);
         out.push(b',');
         used += 1;
     }
     out.extend(std::iter::repeat_n(b',', 2 * (sparsity - used)));
-    push_number(out, rms);
+    push_f64(out, rms);
     out.push(b'\n');
 }

@@ -4,7 +4,7 @@ use clap::{ArgGroup, Parser};
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space, parse_positive};
 use posing::cli::training::{Run, ready};
 use posing::cli::{Outcome, input, messages, run, streams};
-use posing::io::input::Kind;
+use posing::io::input::ContentKind;
 use posing::io::{Model, Table};
 use posing::prior::{
     provenance::{digest, entry},
@@ -63,7 +63,7 @@ struct Args {
     /// Where poses are learnt: in the model's space, to which each is carried, or as the rows are
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
-    /// Words that must go with the data (kept in the model)
+    /// Tokens that must go with the data (kept in the model)
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
     /// The dictionary
@@ -193,7 +193,7 @@ fn start(
 fn initial(args: &Args, path: &Path, poses: &TrainingSet) -> Result<Dictionary> {
     let input = input::open(path)?;
     let name = input.name.clone();
-    let dictionary = if input.kind() == Kind::Npz {
+    let dictionary = if input.kind() == ContentKind::Npz {
         let model = Model::read(input)?;
         if model.meta.points != poses.points || model.meta.space != args.space.name() {
             let what =

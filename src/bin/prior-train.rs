@@ -46,7 +46,7 @@ struct Args {
     /// For multiscale: keep at most this many training poses as components of their own (default: 80000)
     #[arg(long, value_name = "N", help_heading = "Size")]
     leaves: Option<usize>,
-    /// Words that must go with the data (kept in the model)
+    /// Tokens that must go with the data (kept in the model)
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
     /// The prior

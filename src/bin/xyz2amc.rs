@@ -6,11 +6,11 @@ use posing::cli::ik::{report_time_jumps, solve};
 use posing::cli::input::{check_single_stdin, open, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, run};
-use posing::io::amc::{Frame, write_frame, write_head};
+use posing::io::amc::{AmcFrame, write_frame, write_header};
 use posing::io::asf;
 use posing::pose::Poses;
-use posing::restore::fit::Fit;
-use posing::restore::report::match_points;
+use posing::restore::ik::correspondence::match_points;
+use posing::restore::ik::sequence::SequenceFit;
 use posing::restore::take::one_take;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -46,7 +46,7 @@ struct Args {
     /// The unit of the skeleton's lengths, where its own :units are wrong or missing
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<Units>,
-    /// Frames a second, where the table has no time; it only numbers the frames
+    /// AmcFrames a second, where the table has no time; it only numbers the frames
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
     /// The points' names of an array without any: 23 (CMU's) or a list with commas
@@ -110,11 +110,11 @@ fn first_number(poses: &Poses, rate: Option<f64>) -> u64 {
     }
 }
 
-fn render(asf: &asf::Asf, fitted: &Fit, first: u64) -> Vec<u8> {
+fn render(asf: &asf::Asf, fitted: &SequenceFit, first: u64) -> Vec<u8> {
     let mut out = Vec::new();
-    write_head(&mut out);
+    write_header(&mut out);
     for (i, row) in fitted.values.rows().into_iter().enumerate() {
-        let frame = Frame {
+        let frame = AmcFrame {
             number: first + i as u64,
             values: row.to_vec(),
         };

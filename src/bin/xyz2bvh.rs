@@ -10,8 +10,8 @@ use posing::cli::{Outcome, messages, run};
 use posing::io::bvh::{self, Target};
 use posing::pose::rotation::{Axis, parse_order};
 
-use posing::restore::measured::measure;
-use posing::restore::report::match_points;
+use posing::restore::ik::correspondence::match_points;
+use posing::restore::ik::skeleton_estimation::estimate_skeleton;
 use posing::restore::take::one_take;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -103,7 +103,7 @@ fn work(args: &Args) -> Result<Outcome> {
     report_time_jumps(&poses, &table.name, "a BVH");
     let target = match given {
         Some(target) => target,
-        None => Target::Bones(measure(&poses)?),
+        None => Target::Bones(estimate_skeleton(&poses)?),
     };
     let matched = match_points(&poses, &target.joints(&poses.points));
     if matched.joints.is_empty() {

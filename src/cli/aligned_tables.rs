@@ -3,7 +3,7 @@
 use super::args::InputArgs;
 use super::input::{RowStream, check_single_stdin};
 use crate::io::table::Row;
-use crate::pose::{Poses, Rates};
+use crate::pose::{KnownRates, Poses};
 use crate::{Error, Place, Result};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ struct Table<'a> {
 struct TakeRates<R, P> {
     rate: R,
     put: P,
-    met: Rates,
+    met: KnownRates,
     /// The first frames of a take, until its rate is known.
     first: Vec<AlignedFrame>,
     known: Option<Option<f64>>,
@@ -54,12 +54,12 @@ impl<R: Fn(&Poses) -> Result<Option<f64>>, P: FnMut(&AlignedFrame, Option<f64>)>
 
     /// The rate of a take with these frames.
     fn of(&mut self, take: &[AlignedFrame]) -> Result<Option<f64>> {
-        let clock = Poses::clock(take.iter().map(|s| (s.time, s.take.clone())));
+        let clock = Poses::without_points(take.iter().map(|s| (s.time, s.take.clone())));
         let Some(own) = (self.rate)(&clock)? else {
             return Ok(None);
         };
-        let allows = |rate| clock.allows(0..take.len(), rate);
-        Ok(Some(self.met.settle(own, allows)))
+        let allows = |rate| clock.is_consistent_with_rate(0..take.len(), rate);
+        Ok(Some(self.met.reconcile(own, allows)))
     }
 
     fn add(&mut self, step: &AlignedFrame) -> Result<()> {
@@ -189,7 +189,7 @@ impl<'a> AlignedTables<'a> {
         let mut rated = TakeRates {
             rate,
             put,
-            met: Rates::default(),
+            met: KnownRates::default(),
             first: Vec::new(),
             known: None,
             last_take: None,

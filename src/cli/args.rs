@@ -1,7 +1,7 @@
 //! Flags that several commands share.
 
 use super::messages;
-use crate::io::table::{ReadOptions, point_names};
+use crate::io::table::{ReadOptions, parse_point_names};
 use crate::pose::{ASF_UNIT_CM, Poses};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
@@ -158,7 +158,7 @@ pub struct InputArgs {
 impl InputArgs {
     /// How the library is to read it.
     pub fn options(&self, planar: bool, cells: bool) -> Result<ReadOptions> {
-        let joints = self.joints.as_deref().map(point_names).transpose()?;
+        let joints = self.joints.as_deref().map(parse_point_names).transpose()?;
         Ok(ReadOptions {
             joints,
             planar,
@@ -181,7 +181,9 @@ impl InputArgs {
     /// The rate of a table: from its times, or from `--fps`; they must not contradict each other.
     pub fn rate(&self, poses: &Poses) -> Result<Option<f64>> {
         match (poses.rate(), self.fps) {
-            (Some(_), Some(flag)) if poses.allows(timed(poses), flag) => Ok(Some(flag)),
+            (Some(_), Some(flag)) if poses.is_consistent_with_rate(timed(poses), flag) => {
+                Ok(Some(flag))
+            }
             (Some(table), Some(flag)) => Err(Error::usage(format!(
                 "--fps {flag} contradicts the table's times, which step {table} times a second"
             ))),

@@ -4,8 +4,8 @@ use super::messages;
 use super::progress::Progress;
 use crate::Result;
 use crate::pose::{Poses, Skeleton};
-use crate::restore::fit::{Fit, FitSettings, fit};
-use crate::restore::report::Matched;
+use crate::restore::ik::correspondence::Correspondence;
+use crate::restore::ik::sequence::{SequenceFit, SequenceSettings, fit_sequence};
 
 /// Says where a take's times jump, which `format` has no word for.
 pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
@@ -23,13 +23,13 @@ pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
 }
 
 /// Solves `skeleton` for the matched points of a table named `name`; with `limits` within its joints' limits.
-pub fn solve(skeleton: &Skeleton, matched: &Matched, limits: bool, name: &str) -> Result<Fit> {
+pub fn solve(skeleton: &Skeleton, matched: &Correspondence, limits: bool, name: &str) -> Result<SequenceFit> {
     matched.notes(name).iter().for_each(|n| messages::info(n));
-    let mut settings = FitSettings::default();
+    let mut settings = SequenceSettings::default();
     settings.solve.limits = limits;
     let bar = Progress::new("solving", matched.xyz.nrows() as u64);
     let joints = &matched.joints;
-    let fitted = fit(skeleton, joints, matched.xyz.view(), &settings, &mut |n| {
+    let fitted = fit_sequence(skeleton, joints, matched.xyz.view(), &settings, &mut |n| {
         bar.set(n as u64)
     })?;
     drop(bar);

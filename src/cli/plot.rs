@@ -3,7 +3,7 @@
 use super::args::InputArgs;
 use super::input::{RowStream, open};
 use crate::evaluate::scene::{Run, Status, Table};
-use crate::io::table::{Builder, Row};
+use crate::io::table::{PosesBuilder, Row};
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
@@ -37,7 +37,7 @@ impl PlotTable {
         };
         let status_columns: Vec<Option<usize>> = columns.points.iter().map(status_of).collect();
         let told = status_columns.iter().any(Option::is_some);
-        let (mut builder, mut row) = (Builder::new(&columns), Row::default());
+        let (mut builder, mut row) = (PosesBuilder::new(&columns), Row::default());
         let mut statuses = Vec::new();
         while stream.read(&mut row)? {
             builder.push(&row);
@@ -220,7 +220,7 @@ mod tests {
         }
         frames.pop();
         frames.pop();
-        let mut poses = Poses::clock(frames.into_iter());
+        let mut poses = Poses::without_points(frames.into_iter());
         poses.xyz = Array2::zeros((13, 0));
         let told: Vec<_> = runs(&poses, 7.0)
             .iter()

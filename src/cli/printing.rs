@@ -46,7 +46,7 @@ impl Printer {
     /// Writes the header line.
     pub fn new(mut sink: Sink, csv: CsvWriter) -> Result<Printer> {
         let mut head = Vec::new();
-        csv.push_head(&mut head);
+        csv.push_header(&mut head);
         sink.put(&head)?;
         let mut texts = Vec::new();
         Ok(Printer {
@@ -167,14 +167,14 @@ mod tests {
 
     /// What is printed of so many rows, and what they are row by row.
     fn printed(rows: usize) -> (Vec<u8>, Vec<u8>) {
-        let columns = Columns::fresh(vec!["a".into(), "b".into()], true, true);
+        let columns = Columns::for_points(vec!["a".into(), "b".into()], true, true);
         let csv = || CsvWriter::new(&columns, &[("more".into(), After::All)]);
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("t.csv");
         let file = OutputFile::create(&path).unwrap();
         let mut printer = Printer::new(Sink::File(file, path.clone()), csv()).unwrap();
         let mut want = Vec::new();
-        csv().push_head(&mut want);
+        csv().push_header(&mut want);
         let mut row = Row::default();
         for i in 0..rows {
             row.take = Some(Arc::from(format!("take {}", i / 1000)));
@@ -200,7 +200,7 @@ mod tests {
     #[test]
     fn a_full_device_is_told_of_sooner_or_later() {
         let path = std::path::PathBuf::from("/dev/full");
-        let columns = Columns::fresh(vec!["a".into()], false, false);
+        let columns = Columns::for_points(vec!["a".into()], false, false);
         for rows in [1, 100_000] {
             let sink = Sink::File(OutputFile::create(&path).unwrap(), path.clone());
             let mut printer = Printer::new(sink, CsvWriter::new(&columns, &[])).unwrap();

@@ -7,7 +7,7 @@ use super::streams::{TableSink, fits, write_table};
 use super::summary::{RunSummary, status_cells, status_columns};
 use super::{Outcome, messages};
 use crate::io::table::{Columns, Row};
-use crate::io::text::short;
+use crate::io::text::excerpt;
 use crate::pose::Poses;
 use crate::prior::{OpenOptions, builtin};
 use crate::restore::complete::{self, Complete};
@@ -276,8 +276,9 @@ fn by_frames(
         }
         if batch == 0 {
             // Of few frames, as the last are, rounded times tell no rate that could contradict.
-            task.input
-                .rate(&Poses::clock(rows.iter().map(|r| (r.time, r.take.clone()))))?;
+            task.input.rate(&Poses::without_points(
+                rows.iter().map(|r| (r.time, r.take.clone())),
+            ))?;
         }
         let flat: Vec<f64> = rows.iter().flat_map(|r| r.xyz.iter().copied()).collect();
         let xyz = Array2::from_shape_vec((rows.len(), columns.width()), flat).unwrap_or_default();
@@ -320,7 +321,7 @@ fn job(task: &Task<'_>, columns: &Columns) -> Result<BoundModel> {
 /// Says which points the model does not know.
 fn tell_strangers(points: &[String], known: &[String]) {
     let strangers: Vec<String> = (points.iter().filter(|p| !known.contains(p)))
-        .map(|p| short(p))
+        .map(|p| excerpt(p))
         .collect();
     let (count, shown) = (strangers.len(), &strangers[..strangers.len().min(3)]);
     let more = if count > 3 { ", …" } else { "" };

@@ -1,6 +1,6 @@
 //! Signals that end the process: what is half written goes with it.
 
-use crate::io::output::remove_half_written;
+use crate::io::output::remove_unfinished_files;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
@@ -16,7 +16,7 @@ pub fn watch() {
         };
         std::thread::spawn(move || {
             if let Some(signal) = signals.forever().next() {
-                remove_half_written();
+                remove_unfinished_files();
                 let _ = emulate_default_handler(signal);
             }
         });

@@ -4,7 +4,7 @@ use super::args::{Format, OutputArgs};
 use super::arrays::ArraySink;
 use super::printing::Printer;
 use crate::io::csv::{After, CsvWriter};
-use crate::io::output::{OutputFile, descriptor};
+use crate::io::output::{OutputFile, file_descriptor};
 use crate::io::table::{Columns, Row, Table};
 use crate::{Error, Result};
 use std::fs::File;
@@ -26,7 +26,7 @@ impl Sink {
     /// Opens the output; binary is never written to a terminal.
     pub fn open(path: Option<&Path>, binary: bool) -> Result<Sink> {
         match path {
-            Some(path) if path != Path::new("-") && descriptor(path) != Some(1) => {
+            Some(path) if path != Path::new("-") && file_descriptor(path) != Some(1) => {
                 super::signals::watch();
                 Ok(Sink::File(OutputFile::create(path)?, path.to_path_buf()))
             }

@@ -3,7 +3,7 @@
 use super::messages;
 use crate::io::csv::After;
 use crate::io::table::Columns;
-use crate::io::text::push_number;
+use crate::io::text::push_f64;
 use crate::pose::Status;
 use crate::restore::{BoundModel, RestoredFrames};
 use ndarray::ArrayView2;
@@ -66,7 +66,7 @@ pub fn status_cells(
 /// A cell; empty for NaN.
 fn number(value: f64) -> String {
     let mut text = Vec::new();
-    push_number(&mut text, value);
+    push_f64(&mut text, value);
     String::from_utf8(text).unwrap_or_default()
 }
 

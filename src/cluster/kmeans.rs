@@ -1,16 +1,16 @@
 //! Clustering as it is asked for: flat or as a tree, the best of the restarts.
 
-use super::hierarchy::{self, Tree};
+use super::dataset::Dataset;
+use super::distances::Centroids;
+use super::hierarchical::{self, Tree};
 use super::lloyd::lloyd;
-use super::nearest::Centroids;
 use super::parameters::Parameters;
-use super::poses::Poses;
 use super::seeding;
 use crate::numeric::parallel;
 use crate::{Error, Result};
 use ndarray::{Array2, ArrayView2};
 
-/// Poses parted into clusters.
+/// Dataset parted into clusters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clustering {
     /// The centroids (of the leaves, if there is a tree), (k, d), in the unit of the poses. Within the
@@ -19,7 +19,7 @@ pub struct Clustering {
     /// The cluster of each pose, (n), below k. In a flat clustering its nearest centroid, the lowest on a
     /// tie; in a tree the leaf that [`Tree::descend`] finds.
     pub labels: Vec<u32>,
-    /// Poses in each cluster, (k), none of them 0.
+    /// Dataset in each cluster, (k), none of them 0.
     pub sizes: Vec<usize>,
     /// Sum of the squared distances to the centroids, in the poses' unit squared.
     pub inertia: f64,
@@ -101,17 +101,17 @@ pub fn fit_at_most(
         )));
     }
     let table = poses.as_standard_layout();
-    let poses = Poses::check(&table)?;
+    let poses = Dataset::check(&table)?;
     Ok(match parameters.branch {
         None => best_run(poses, parameters, 0, observer),
-        Some(branch) => hierarchy::grow(poses, parameters, branch, observer),
+        Some(branch) => hierarchical::grow(poses, parameters, branch, observer),
     })
 }
 
 /// The best of the restarts (the first on a tie), whole. Fewer clusters than `k`, one a pose, when
 /// there are fewer different poses. `stream` keeps the random choices of several calls apart.
 pub(super) fn best_run(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     parameters: &Parameters,
     stream: u64,
     observer: &mut dyn FnMut(&Report),
@@ -159,7 +159,7 @@ pub(super) fn best_run(
 #[cfg(test)]
 mod tests {
     use super::super::testdata::{blobs, noise, on_threads, quiet, repeated, with_k};
-    use super::super::update::Groups;
+    use super::super::update::ClusterMembers;
     use super::*;
     use ndarray::{Array2, ShapeBuilder, array};
 
@@ -335,7 +335,7 @@ mod tests {
             .unwrap();
             assert_eq!(runs.len(), restarts);
             assert!(runs.contains(&found.iterations));
-            assert_eq!(found.sizes, Groups::new(&found.labels, 30).sizes());
+            assert_eq!(found.sizes, ClusterMembers::new(&found.labels, 30).sizes());
             let (labels, _) = super::super::assign(table.view(), found.centroids.view()).unwrap();
             assert_eq!(labels, found.labels);
             ends.push(found.inertia);

@@ -3,16 +3,16 @@
 //! S. Lloyd, Least squares quantization in PCM, 1982. Assignment (`search`) and means (`update`) in
 //! turn, until no label changes or the centroids hardly move.
 
+use super::assignment::BoundedAssignment;
+use super::dataset::Dataset;
+use super::distances::Centroids;
 use super::kmeans::Clustering;
-use super::nearest::Centroids;
 use super::parameters::Parameters;
-use super::poses::Poses;
-use super::search::Search;
-use super::update::{Groups, distances, farthest, means};
+use super::update::{ClusterMembers, distances, farthest, means};
 
 /// One run from centroids and labels (hints) until the squared shifts add up to at most `enough`.
 pub fn lloyd(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     (mut centroids, labels): (Centroids, Vec<u32>),
     middle: &[f32],
     parameters: &Parameters,
@@ -20,7 +20,7 @@ pub fn lloyd(
     observer: &mut dyn FnMut(usize, usize),
 ) -> Clustering {
     let k = centroids.k();
-    let mut search = Search::new(labels, k);
+    let mut search = BoundedAssignment::new(labels, k);
     search.step(poses, &centroids);
     let (mut iterations, mut converged) = (0, false);
     while !converged && iterations < parameters.max_iterations {
@@ -45,7 +45,7 @@ pub fn lloyd(
         .chunks(4096)
         .map(|chunk| chunk.iter().sum::<f64>())
         .sum();
-    let sizes = Groups::new(&labels, k).sizes();
+    let sizes = ClusterMembers::new(&labels, k).sizes();
     let centroids = centroids.into_exact();
     Clustering {
         centroids,
@@ -59,8 +59,12 @@ pub fn lloyd(
 }
 
 /// The clusters of `search`; an empty one is first given the pose farthest from its centroid.
-fn repaired(poses: Poses<'_>, centroids: &Centroids, search: &mut Search) -> Groups {
-    let groups = Groups::new(&search.labels, centroids.k());
+fn repaired(
+    poses: Dataset<'_>,
+    centroids: &Centroids,
+    search: &mut BoundedAssignment,
+) -> ClusterMembers {
+    let groups = ClusterMembers::new(&search.labels, centroids.k());
     let sizes = groups.sizes();
     let empty: Vec<u32> = (0..centroids.k() as u32)
         .filter(|&j| sizes[j as usize] == 0)
@@ -72,7 +76,7 @@ fn repaired(poses: Poses<'_>, centroids: &Centroids, search: &mut Search) -> Gro
     far.into_iter()
         .zip(empty)
         .for_each(|(i, j)| search.put(i, j));
-    Groups::new(&search.labels, centroids.k())
+    ClusterMembers::new(&search.labels, centroids.k())
 }
 
 /// Moves the centroids that the last assignment left empty onto the farthest poses.
@@ -80,14 +84,14 @@ fn repaired(poses: Poses<'_>, centroids: &Centroids, search: &mut Search) -> Gro
 /// A centroid put there keeps that pose for good, so this ends after at most k rounds; with k
 /// different poses none is empty then.
 fn filled(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     mut centroids: Centroids,
     middle: &[f32],
     mut labels: Vec<u32>,
 ) -> (Centroids, Vec<u32>) {
     let k = centroids.k();
     loop {
-        let sizes = Groups::new(&labels, k).sizes();
+        let sizes = ClusterMembers::new(&labels, k).sizes();
         let empty: Vec<usize> = (0..k).filter(|&j| sizes[j] == 0).collect();
         if empty.is_empty() {
             return (centroids, labels);
@@ -104,7 +108,7 @@ fn filled(
                 .for_each(|(c, &x)| *c = x.into());
         }
         centroids = Centroids::new(next, middle);
-        let mut search = Search::new(labels, k);
+        let mut search = BoundedAssignment::new(labels, k);
         search.step(poses, &centroids);
         labels = search.labels;
     }
@@ -112,7 +116,7 @@ fn filled(
 
 #[cfg(test)]
 mod tests {
-    use super::super::poses::exact_nearest;
+    use super::super::dataset::exact_nearest;
     use super::super::seeding;
     use super::super::testdata::{blobs, grid, noise, quiet, repeated, with_k};
     use super::*;
@@ -120,7 +124,7 @@ mod tests {
     use ndarray::Array2;
 
     /// Lloyd without any pruning, from the same seeds.
-    fn plain(poses: Poses<'_>, parameters: &Parameters) -> (Array2<f64>, Vec<u32>, usize) {
+    fn plain(poses: Dataset<'_>, parameters: &Parameters) -> (Array2<f64>, Vec<u32>, usize) {
         let mut generator = parallel::rng(parameters.seed, 0);
         let (seeds, _) = seeding::plus_plus(poses, parameters.k, &mut generator, &mut |_| ());
         let mut centroids = Array2::from_shape_fn((parameters.k, poses.d), |(j, i)| {
@@ -135,7 +139,7 @@ mod tests {
         };
         let mut labels = assign(&centroids);
         for iteration in 1..=parameters.max_iterations {
-            let groups = Groups::new(&labels, parameters.k);
+            let groups = ClusterMembers::new(&labels, parameters.k);
             assert!(
                 groups.sizes().iter().all(|&s| s > 0),
                 "the reference knows no repair"
@@ -174,7 +178,7 @@ mod tests {
                     let found = quiet(table, &asked).unwrap();
                     let standard = table.as_standard_layout();
                     let (centroids, labels, iterations) =
-                        plain(Poses::check(&standard).unwrap(), &asked);
+                        plain(Dataset::check(&standard).unwrap(), &asked);
                     assert_eq!(found.labels, labels, "table {t}, k {k}");
                     assert_eq!(found.centroids, centroids, "table {t}, k {k}");
                     assert_eq!(found.iterations, iterations, "table {t}, k {k}");
@@ -186,7 +190,7 @@ mod tests {
     #[test]
     fn empty_clusters_are_repaired() {
         let table = repeated(&noise(50, 4, 9), 3);
-        let poses = Poses::trusted(table.as_slice().unwrap(), 4);
+        let poses = Dataset::trusted(table.as_slice().unwrap(), 4);
         let mut start = Array2::from_elem((20, 4), 1e6);
         start.row_mut(0).fill(0.0);
         for max_iterations in [1, 2, 100] {
@@ -206,9 +210,14 @@ mod tests {
     #[test]
     fn centroids_left_empty_at_the_end_are_put_on_poses() {
         let table = noise(40, 4, 2);
-        let poses = Poses::trusted(table.as_slice().unwrap(), 4);
+        let poses = Dataset::trusted(table.as_slice().unwrap(), 4);
         let start = Centroids::new(Array2::from_elem((10, 4), 1e3), &[0.0; 4]);
         let (_, labels) = filled(poses, start, &[0.0; 4], vec![0; 40]);
-        assert!(Groups::new(&labels, 10).sizes().iter().all(|&s| s > 0));
+        assert!(
+            ClusterMembers::new(&labels, 10)
+                .sizes()
+                .iter()
+                .all(|&s| s > 0)
+        );
     }
 }

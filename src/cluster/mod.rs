@@ -41,19 +41,19 @@
 //! # Ok::<(), posing::Error>(())
 //! ```
 
-mod hierarchy;
+mod assignment;
+mod dataset;
+mod distances;
+mod hierarchical;
 mod kmeans;
 mod lloyd;
-mod nearest;
 mod parameters;
-mod poses;
-mod search;
 mod seeding;
 mod update;
 
-pub use hierarchy::{Node, Tree};
+pub use distances::assign;
+pub use hierarchical::{Node, Tree};
 pub use kmeans::{Clustering, Report, fit, fit_at_most};
-pub use nearest::assign;
 pub use parameters::Parameters;
 
 #[cfg(test)]

@@ -9,7 +9,7 @@
 //! the way is passed over whole, and of the others only such poses are measured. The cost falls from
 //! n k ln k distances to a small part of it as the cells shrink.
 
-use super::poses::Poses;
+use super::dataset::Dataset;
 use super::update::key;
 use crate::numeric::parallel;
 use ndarray::linalg::general_mat_mul;
@@ -17,7 +17,7 @@ use ndarray::{ArrayView2, ArrayViewMut2};
 use rand::Rng;
 use std::collections::HashSet;
 
-/// Poses of a cell measured as one piece of work, and pieces a thread takes at once.
+/// Dataset of a cell measured as one piece of work, and pieces a thread takes at once.
 const PIECE: usize = 512;
 const PIECES: usize = 4;
 const LANES: usize = 8;
@@ -37,7 +37,7 @@ struct Cell {
 }
 
 impl Cell {
-    fn new(poses: Poses<'_>, seed: u32, members: Vec<u32>) -> Self {
+    fn new(poses: Dataset<'_>, seed: u32, members: Vec<u32>) -> Self {
         let seed = poses.row(seed as usize);
         let zero = vec![0.0; poses.d];
         let parts = parallel::map_chunks(members.len(), 4096, |chunk| {
@@ -133,7 +133,7 @@ fn subtract(x: &[f32], y: &[f32], to: &mut [f32]) {
 /// Fewer than `k`, namely all different poses once, when there are not so many. `observer` hears how
 /// many there are so far.
 pub(super) fn plus_plus(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     k: usize,
     generator: &mut impl Rng,
     observer: &mut dyn FnMut(usize),
@@ -207,7 +207,7 @@ fn draw(cells: &[Cell], mut depth: f64) -> u32 {
 
 /// How much each candidate would lower the sum. `apart`: (seeds, candidates).
 fn gains(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     cells: &[Cell],
     seeds: &[u32],
     candidates: &[u32],
@@ -277,7 +277,13 @@ fn double_products(xs: &[f32], ys: &[f32], d: usize, products: &mut [f32], count
 }
 
 /// Takes from the cells the poses nearer to the new seed. `apart`: (seeds), its squared distances.
-fn claim(poses: Poses<'_>, cells: &mut [Cell], seeds: &[u32], new: u32, apart: &[f32]) -> Vec<u32> {
+fn claim(
+    poses: Dataset<'_>,
+    cells: &mut [Cell],
+    seeds: &[u32],
+    new: u32,
+    apart: &[f32],
+) -> Vec<u32> {
     let pieces = pieces(cells, |j| apart[j] < 4.0 * cells[j].widest);
     let before = &*cells;
     let nearer = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
@@ -320,7 +326,7 @@ fn pieces(cells: &[Cell], wanted: impl Fn(usize) -> bool) -> Vec<(usize, usize, 
 }
 
 /// Fills up the seeds with poses different from all of them, in the order of the table.
-fn add_unseen(poses: Poses<'_>, k: usize, seeds: &mut Vec<u32>) {
+fn add_unseen(poses: Dataset<'_>, k: usize, seeds: &mut Vec<u32>) {
     let mut seen: HashSet<Vec<u32>> = seeds.iter().map(|&i| key(poses.row(i as usize))).collect();
     for i in 0..poses.n {
         if seeds.len() == k {
@@ -339,7 +345,7 @@ mod tests {
     use ndarray::Array2;
 
     fn seeds(table: &Array2<f32>, k: usize, seed: u64) -> (Vec<u32>, Vec<u32>) {
-        let poses = Poses::trusted(table.as_slice().expect("rows"), table.ncols());
+        let poses = Dataset::trusted(table.as_slice().expect("rows"), table.ncols());
         plus_plus(poses, k, &mut parallel::rng(seed, 0), &mut |_| ())
     }
 

@@ -1,7 +1,7 @@
 //! The update step: means of clusters, and poses for those that are empty.
 
-use super::nearest::Centroids;
-use super::poses::{Poses, add, squared_distance};
+use super::dataset::{Dataset, add, squared_distance};
+use super::distances::Centroids;
 use crate::numeric::parallel;
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashSet;
@@ -10,12 +10,12 @@ use std::collections::HashSet;
 const PIECE: usize = 4096;
 
 /// Items gathered by label, ascending within each.
-pub(super) struct Groups {
+pub(super) struct ClusterMembers {
     order: Vec<u32>,
     starts: Vec<usize>,
 }
 
-impl Groups {
+impl ClusterMembers {
     /// Gathers items `0..labels.len()` by label, each label below `k`: a counting sort.
     pub fn new(labels: &[u32], k: usize) -> Self {
         let mut starts = vec![0usize; k + 1];
@@ -27,7 +27,7 @@ impl Groups {
             order[next[label as usize]] = i as u32;
             next[label as usize] += 1;
         }
-        Groups { order, starts }
+        ClusterMembers { order, starts }
     }
 
     /// The items of label `j`.
@@ -59,8 +59,8 @@ impl Groups {
 /// A mean depends on its members only, not on the path to them: a cluster that did not change need
 /// not be summed again, and a pruned run meets the same centroids as a plain one.
 pub(super) fn means(
-    poses: Poses<'_>,
-    groups: &Groups,
+    poses: Dataset<'_>,
+    groups: &ClusterMembers,
     centroids: ArrayView2<'_, f64>,
     wanted: impl Fn(usize) -> bool,
 ) -> Array2<f64> {
@@ -93,7 +93,7 @@ pub(super) fn means(
 
 /// Squared distance of each pose to the centroid of its label, (n).
 pub(super) fn distances(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     centroids: ArrayView2<'_, f64>,
     labels: &[u32],
 ) -> Vec<f64> {
@@ -111,7 +111,7 @@ pub(super) fn distances(
 ///
 /// With `keep`, none is the last one of its cluster, `keep` giving the sizes.
 pub(super) fn farthest(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     centroids: &Centroids,
     labels: &[u32],
     count: usize,

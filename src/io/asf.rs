@@ -4,7 +4,7 @@
 //! frame is `C = Rz Ry Rx` of its `axis` line, in the order it names; its direction is in global coordinates.
 
 use super::Input;
-use super::text::{Lines, number, short, within};
+use super::text::{Lines, check_length, excerpt, parse_number};
 use crate::pose::rotation::{Axis, compose, parse_order};
 use crate::pose::{Bone, Channel, Dof, Skeleton};
 use crate::{Error, Place, Result};
@@ -102,13 +102,13 @@ fn triple(words: &[&str]) -> std::result::Result<[f64; 3], String> {
     let [a, b, c] = words else {
         return Err(format!("expected three numbers, found {}", words.len()));
     };
-    Ok([number(a)?, number(b)?, number(c)?])
+    Ok([parse_number(a)?, parse_number(b)?, parse_number(c)?])
 }
 
 impl Parser {
     fn units(&mut self, words: &[&str]) -> std::result::Result<(), String> {
         match (words[0].to_ascii_lowercase().as_str(), &words[1..]) {
-            ("length", [value]) => match number(value)? {
+            ("length", [value]) => match parse_number(value)? {
                 v if v > 0.0 => self.unit = Some(2.54 / v),
                 _ => return Err("the length unit must be above zero".into()),
             },
@@ -118,7 +118,7 @@ impl Parser {
                 other => {
                     return Err(format!(
                         "expected angle deg or rad, found \"{}\"",
-                        short(other)
+                        excerpt(other)
                     ));
                 }
             },
@@ -163,7 +163,10 @@ impl Parser {
             return Ok(());
         }
         let Some(bone) = self.open.as_mut() else {
-            return Err(format!("expected \"begin\", found \"{}\"", short(words[0])));
+            return Err(format!(
+                "expected \"begin\", found \"{}\"",
+                excerpt(words[0])
+            ));
         };
         let more_limits = self.limits_open && words.len() == 2 && bound(words[0], 0.0).is_ok();
         self.limits_open = key == "limits" || more_limits;
@@ -175,7 +178,7 @@ impl Parser {
                     .to_string()
             }
             "direction" => bone.direction = Some(DVec3::from_array(triple(&words[1..])?)),
-            "length" => match number(words.get(1).unwrap_or(&""))? {
+            "length" => match parse_number(words.get(1).unwrap_or(&""))? {
                 v if v >= 0.0 => bone.length = Some(v),
                 _ => return Err("a bone's length cannot be negative".into()),
             },
@@ -201,7 +204,7 @@ impl Parser {
         let lacks = |what: &str| {
             format!(
                 "bone \"{}\" (line {}) has no {what}",
-                short(&bone.name),
+                excerpt(&bone.name),
                 bone.line
             )
         };
@@ -209,7 +212,10 @@ impl Parser {
             return Err(lacks("name"));
         }
         if bone.name == "root" || self.bones.iter().any(|b| b.name == bone.name) {
-            return Err(format!("a second bone is named \"{}\"", short(&bone.name)));
+            return Err(format!(
+                "a second bone is named \"{}\"",
+                excerpt(&bone.name)
+            ));
         }
         if bone.direction.is_none() {
             return Err(lacks("direction"));
@@ -220,7 +226,7 @@ impl Parser {
         if !bone.limits.is_empty() && bone.limits.len() != bone.dofs.len() {
             return Err(format!(
                 "bone \"{}\" has {} degrees of freedom but {} limits",
-                short(&bone.name),
+                excerpt(&bone.name),
                 bone.dofs.len(),
                 bone.limits.len()
             ));
@@ -237,7 +243,7 @@ impl Parser {
         let parent = words[0].to_string();
         for child in &words[1..] {
             if self.parents.insert(child.to_string(), line).is_some() {
-                return Err(format!("bone \"{}\" hangs on two parents", short(child)));
+                return Err(format!("bone \"{}\" hangs on two parents", excerpt(child)));
             }
         }
         self.children
@@ -255,7 +261,7 @@ impl Parser {
         if let Some(bone) = &self.open {
             return fail(format!(
                 "bone \"{}\" (line {}) has no \"end\"; the file is cut off",
-                short(&bone.name),
+                excerpt(&bone.name),
                 bone.line
             ));
         }
@@ -273,7 +279,7 @@ impl Parser {
             .iter()
             .map(|b| (b.direction.unwrap_or(DVec3::ZERO) * b.length.unwrap_or(0.0)).length())
             .fold(1.0 + self.position.length(), f64::max);
-        if let Err(what) = within(reach * unit) {
+        if let Err(what) = check_length(reach * unit) {
             return fail(format!("its longest bone or :units are damaged: {what}"));
         }
         let degrees = self.degrees.unwrap_or(true);
@@ -311,7 +317,7 @@ impl Parser {
             let Some(raw) = known.get(child) else {
                 let what = format!(
                     "the hierarchy names \"{}\", which :bonedata does not",
-                    short(child)
+                    excerpt(child)
                 );
                 return Err(Error::data(Place::line(name, *line), what));
             };
@@ -334,11 +340,11 @@ impl Parser {
             let what = match self.parents.get(&raw.name) {
                 None => format!(
                     "bone \"{}\" is an orphan: the hierarchy does not name it",
-                    short(&raw.name)
+                    excerpt(&raw.name)
                 ),
                 Some(_) => format!(
                     "bone \"{}\" is on a cycle or hangs on one: root does not reach it",
-                    short(&raw.name)
+                    excerpt(&raw.name)
                 ),
             };
             return Err(Error::data(Place::line(name, raw.line), what));
@@ -351,7 +357,7 @@ impl Parser {
         {
             let what = format!(
                 "the hierarchy hangs up \"{}\", which is no bone",
-                short(child)
+                excerpt(child)
             );
             return Err(Error::data(Place::line(name, *line), what));
         }
@@ -415,10 +421,14 @@ fn bone(raw: &RawBone, parent: usize, unit: f64, angle: f64) -> Bone {
 fn channels(words: &[&str]) -> std::result::Result<Vec<Channel>, String> {
     let mut out = Vec::new();
     for word in words {
-        let channel = Channel::parse(word)
-            .ok_or_else(|| format!("expected tx ty tz rx ry rz or l, found \"{}\"", short(word)))?;
+        let channel = Channel::parse(word).ok_or_else(|| {
+            format!(
+                "expected tx ty tz rx ry rz or l, found \"{}\"",
+                excerpt(word)
+            )
+        })?;
         if out.contains(&channel) {
-            return Err(format!("\"{}\" stands twice", short(word)));
+            return Err(format!("\"{}\" stands twice", excerpt(word)));
         }
         out.push(channel);
     }
@@ -444,7 +454,7 @@ fn limit(words: &[&str]) -> std::result::Result<(f64, f64), String> {
 fn bound(word: &str, open: f64) -> std::result::Result<f64, String> {
     match word.to_ascii_lowercase().trim_start_matches(['-', '+']) {
         "inf" | "infinity" => Ok(open),
-        _ => number(word),
+        _ => parse_number(word),
     }
 }
 

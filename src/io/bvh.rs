@@ -20,10 +20,10 @@ mod rig;
 mod target;
 mod words;
 
-pub use convert::Converter;
+pub use convert::BvhExporter;
 pub use parse::{Loaded, read};
 pub use render::render;
-pub use rig::{Points, Rig};
+pub use rig::{BvhPoints, BvhSkeleton};
 pub use target::Target;
 
 use crate::pose::Channel;
@@ -100,7 +100,7 @@ mod tests {
         assert_eq!(bvh.motion.dim(), (2, 10));
         assert!((bvh.frame_time - 0.0083333).abs() <= 1e-15);
         assert_eq!(bvh.joints[2].ends, [DVec3::ZERO]);
-        let rig = Rig::new(&bvh.joints, DMat3::IDENTITY, true).unwrap();
+        let rig = BvhSkeleton::new(&bvh.joints, DMat3::IDENTITY, true).unwrap();
         let mut q = vec![0.0; rig.skeleton.dof_count()];
         rig.values(&bvh.motion.row(0).to_vec(), &mut q);
         let ends = rig.skeleton.posture(&q).ends;
@@ -110,31 +110,31 @@ mod tests {
         };
         let close = |a: DVec3, b: [f64; 3]| (a - DVec3::from_array(b)).length() <= 1e-12;
         // The root's position takes the place of its OFFSET, and a quarter turn about z carries y to -x.
-        assert!(close(at("Left Hip:x", Points::Origins), [5., 6., 7.]));
-        assert!(close(at("a", Points::Origins), [-5., 6., 7.5]));
-        assert!(close(at("a_end", Points::Origins), [-6., 6., 7.5]));
-        assert!(close(at("a", Points::Ends), [-6., 6., 7.5]));
-        assert!(close(at("a_2", Points::Ends), [5., 3., 7.]));
+        assert!(close(at("Left Hip:x", BvhPoints::Origins), [5., 6., 7.]));
+        assert!(close(at("a", BvhPoints::Origins), [-5., 6., 7.5]));
+        assert!(close(at("a_end", BvhPoints::Origins), [-6., 6., 7.5]));
+        assert!(close(at("a", BvhPoints::Ends), [-6., 6., 7.5]));
+        assert!(close(at("a_2", BvhPoints::Ends), [5., 3., 7.]));
         assert_eq!(
             rig.frame(&q).collect::<Vec<_>>(),
             bvh.motion.row(0).to_vec()
         );
-        assert_eq!(rig.points_among(&["a".into()]), Points::Ends);
-        assert_eq!(rig.points_among(&["b_end".into()]), Points::Origins);
+        assert_eq!(rig.points_among(&["a".into()]), BvhPoints::Ends);
+        assert_eq!(rig.points_among(&["b_end".into()]), BvhPoints::Origins);
     }
 
     #[test]
     fn a_line_of_other_values_is_named_and_shifts_nothing() {
         let frame = |line: &str| format!("{}\n", line.trim());
-        let (short, long) = ("90 0 0 5 6 7 0 0 0", "90 0 0 5 6 7 0 0 0 0 0");
+        let (excerpt, long) = ("90 0 0 5 6 7 0 0 0", "90 0 0 5 6 7 0 0 0 0 0");
         for (lines, wrong) in [
-            ([short, FRAME, FRAME], 1),
-            ([FRAME, short, FRAME], 2),
-            ([long, short, ""], 1),
+            ([excerpt, FRAME, FRAME], 1),
+            ([FRAME, excerpt, FRAME], 2),
+            ([long, excerpt, ""], 1),
             ([FRAME, FRAME, long], 3),
             // As many lines as the file says are its frames.
             ([long, long, ""], 1),
-            ([short, FRAME, ""], 1),
+            ([excerpt, FRAME, ""], 1),
         ] {
             let text: String = lines.into_iter().map(frame).collect();
             for keep_whole in [false, true] {
@@ -375,7 +375,7 @@ mod tests {
                 continue;
             };
             for sliding in [true, false] {
-                let rig = Rig::new(&loaded.bvh.joints, DMat3::IDENTITY, sliding).unwrap();
+                let rig = BvhSkeleton::new(&loaded.bvh.joints, DMat3::IDENTITY, sliding).unwrap();
                 let mut q = vec![0.0; rig.skeleton.dof_count()];
                 for row in loaded.bvh.motion.rows() {
                     rig.values(&row.to_vec(), &mut q);

@@ -14,13 +14,13 @@ const MAGIC: usize = 6;
 pub struct Input {
     /// As the user wrote it, or `standard input`.
     pub name: String,
-    kind: Kind,
+    kind: ContentKind,
     reader: Box<dyn BufRead>,
 }
 
 /// What an input holds, by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum ContentKind {
     /// NumPy's array file.
     Npy,
     /// A ZIP archive, as `.npz` is.
@@ -70,7 +70,7 @@ impl Input {
     }
 
     /// What the input holds.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> ContentKind {
         self.kind
     }
 
@@ -103,12 +103,12 @@ fn start<R: Read>(mut stream: R) -> io::Result<(Vec<u8>, impl Read + use<R>)> {
     Ok((bytes.clone(), io::Cursor::new(bytes).chain(stream)))
 }
 
-fn kind_of(start: &[u8]) -> Kind {
+fn kind_of(start: &[u8]) -> ContentKind {
     match start {
-        [] => Kind::Empty,
-        s if s.starts_with(b"\x93NUMPY") => Kind::Npy,
-        s if s.starts_with(b"PK\x03\x04") || s.starts_with(b"PK\x05\x06") => Kind::Npz,
-        _ => Kind::Text,
+        [] => ContentKind::Empty,
+        s if s.starts_with(b"\x93NUMPY") => ContentKind::Npy,
+        s if s.starts_with(b"PK\x03\x04") || s.starts_with(b"PK\x05\x06") => ContentKind::Npz,
+        _ => ContentKind::Text,
     }
 }
 
@@ -138,7 +138,7 @@ mod tests {
         let zst = zstd::encode_all(&b"take,time\n"[..], 1).unwrap();
         for bytes in [b"take,time\n".to_vec(), gz, zst] {
             let input = Input::new("x", OneByOne(bytes.into())).unwrap();
-            assert_eq!(input.kind(), Kind::Text);
+            assert_eq!(input.kind(), ContentKind::Text);
             assert_eq!(input.read_all(1000).unwrap(), b"take,time\n");
         }
     }
@@ -153,9 +153,9 @@ mod tests {
             );
             Input::new("x", b).unwrap().kind()
         };
-        assert_eq!(kind(b""), Kind::Empty);
-        assert_eq!(kind(b"\x93NUMPY\x01"), Kind::Npy);
-        assert_eq!(kind(b"PK\x03\x04"), Kind::Npz);
+        assert_eq!(kind(b""), ContentKind::Empty);
+        assert_eq!(kind(b"\x93NUMPY\x01"), ContentKind::Npy);
+        assert_eq!(kind(b"PK\x03\x04"), ContentKind::Npz);
         assert!(Input::new("x", &b"12345"[..]).unwrap().read_all(4).is_err());
         assert!(Input::new("x", &b"1234"[..]).unwrap().read_all(4).is_ok());
         assert!(Input::open(Path::new(".")).is_err());

@@ -11,13 +11,13 @@ pub enum Matrix {
     /// As they are.
     Floats(Array2<f32>),
     /// 16-bit whole multiples of a step.
-    Packed(Packed),
+    Quantized(QuantizedMatrix),
 }
 
 /// 16-bit whole multiples of a step. A clone shares the numbers, which stay where they were read: what is not asked for is
 /// not unpacked.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Packed {
+pub struct QuantizedMatrix {
     /// `<i2`, row after row.
     numbers: Bytes,
     shape: (usize, usize),
@@ -25,11 +25,11 @@ pub struct Packed {
     pub(super) step: f32,
 }
 
-impl Packed {
+impl QuantizedMatrix {
     /// Of `<i2` numbers, row after row; `None` where there are none, or not as many as the shape says.
-    pub fn new(numbers: Bytes, shape: (usize, usize), step: f32) -> Option<Packed> {
+    pub fn new(numbers: Bytes, shape: (usize, usize), step: f32) -> Option<QuantizedMatrix> {
         let size = shape.0.checked_mul(shape.1)?.checked_mul(2)?;
-        (size > 0 && numbers.len() == size).then_some(Packed {
+        (size > 0 && numbers.len() == size).then_some(QuantizedMatrix {
             numbers,
             shape,
             step,
@@ -37,11 +37,11 @@ impl Packed {
     }
 
     /// Rounded to the smallest step that holds the largest value. Every value must be finite.
-    pub fn of(array: &Array2<f32>) -> Packed {
+    pub fn of(array: &Array2<f32>) -> QuantizedMatrix {
         let largest = array.iter().fold(0.0f32, |m, v| m.max(v.abs()));
         let step = (largest / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
         let numbers = array.iter().map(|v| (v / step).round() as i16);
-        Packed {
+        QuantizedMatrix {
             numbers: numbers.flat_map(i16::to_le_bytes).collect(),
             shape: array.dim(),
             step,
@@ -58,7 +58,7 @@ impl Packed {
         &self.numbers.as_chunks::<2>().0[row * width..(row + 1) * width]
     }
 
-    fn number(&self, pair: [u8; 2]) -> f32 {
+    fn parse_number(&self, pair: [u8; 2]) -> f32 {
         f32::from(i16::from_le_bytes(pair)) * self.step
     }
 }
@@ -101,8 +101,8 @@ impl Matrix {
         let (rows, columns) = (rows as usize, columns as usize);
         // Of nothing there may be any number of rows: arrays of floats refuse too many.
         if short && !header.fortran && size > 0 {
-            let packed = Packed::new(file.slice_ref(rest), (rows, columns), 1.0);
-            return (packed.map(Matrix::Packed)).ok_or_else(|| fail("is too large".into()));
+            let packed = QuantizedMatrix::new(file.slice_ref(rest), (rows, columns), 1.0);
+            return (packed.map(Matrix::Quantized)).ok_or_else(|| fail("is too large".into()));
         }
         let values: Vec<f32> = if short {
             let pairs = rest.as_chunks::<2>().0.iter();
@@ -127,7 +127,7 @@ impl Matrix {
     pub fn dim(&self) -> (usize, usize) {
         match self {
             Matrix::Floats(array) => array.dim(),
-            Matrix::Packed(packed) => packed.shape,
+            Matrix::Quantized(packed) => packed.shape,
         }
     }
 
@@ -146,8 +146,8 @@ impl Matrix {
         for row in rows {
             match self {
                 Matrix::Floats(array) => out.extend(array.row(row)),
-                Matrix::Packed(packed) => {
-                    out.extend(packed.pairs(row).iter().map(|b| packed.number(*b)));
+                Matrix::Quantized(packed) => {
+                    out.extend(packed.pairs(row).iter().map(|b| packed.parse_number(*b)));
                 }
             }
         }
@@ -160,9 +160,9 @@ impl Matrix {
                 let row = array.row(row);
                 out.extend(columns.iter().map(|&c| row[c]));
             }
-            Matrix::Packed(packed) => {
+            Matrix::Quantized(packed) => {
                 let row = packed.pairs(row);
-                out.extend(columns.iter().map(|&c| packed.number(row[c])));
+                out.extend(columns.iter().map(|&c| packed.parse_number(row[c])));
             }
         }
     }
@@ -171,7 +171,7 @@ impl Matrix {
     pub fn at(&self, row: usize, column: usize) -> f32 {
         match self {
             Matrix::Floats(array) => array[[row, column]],
-            Matrix::Packed(packed) => packed.number(packed.pairs(row)[column]),
+            Matrix::Quantized(packed) => packed.parse_number(packed.pairs(row)[column]),
         }
     }
 
@@ -179,7 +179,7 @@ impl Matrix {
     pub fn is_finite(&self) -> bool {
         match self {
             Matrix::Floats(array) => array.iter().all(|v| v.is_finite()),
-            Matrix::Packed(packed) => {
+            Matrix::Quantized(packed) => {
                 let largest = f32::from(i16::MAX) + 1.0;
                 (largest * packed.step).is_finite()
             }
@@ -190,7 +190,7 @@ impl Matrix {
     pub fn floats(&self) -> CowArray<'_, f32, Ix2> {
         match self {
             Matrix::Floats(array) => array.view().into(),
-            Matrix::Packed(packed) => {
+            Matrix::Quantized(packed) => {
                 let (rows, columns) = packed.shape;
                 let mut all = Vec::with_capacity(rows * columns);
                 self.extend_with(0..rows, &mut all);
@@ -216,7 +216,7 @@ mod tests {
     #[test]
     fn packed_numbers_read_as_floats_do() {
         let array = array![[1.0f32, -2.5, 0.0], [32767.0, 3.3, -32767.0]];
-        let packed = Matrix::Packed(Packed::of(&array));
+        let packed = Matrix::Quantized(QuantizedMatrix::of(&array));
         let rounded = packed.floats().into_owned();
         assert_eq!(rounded, array![[1.0, -3.0, 0.0], [32767.0, 3.0, -32767.0]]);
         let floats = Matrix::from(rounded.clone());
@@ -234,10 +234,10 @@ mod tests {
 
     #[test]
     fn numbers_that_are_too_few_or_a_step_too_large_are_told() {
-        assert!(Packed::new(Bytes::from_static(&[0; 11]), (2, 3), 1.0).is_none());
-        assert!(Packed::new(Bytes::new(), (usize::MAX, 3), 1.0).is_none());
-        assert!(Packed::new(Bytes::new(), (usize::MAX, 0), 1.0).is_none());
-        let far = Packed::new(Bytes::from_static(&[0; 12]), (2, 3), 1e35);
-        assert!(!Matrix::Packed(far.unwrap()).is_finite());
+        assert!(QuantizedMatrix::new(Bytes::from_static(&[0; 11]), (2, 3), 1.0).is_none());
+        assert!(QuantizedMatrix::new(Bytes::new(), (usize::MAX, 3), 1.0).is_none());
+        assert!(QuantizedMatrix::new(Bytes::new(), (usize::MAX, 0), 1.0).is_none());
+        let far = QuantizedMatrix::new(Bytes::from_static(&[0; 12]), (2, 3), 1e35);
+        assert!(!Matrix::Quantized(far.unwrap()).is_finite());
     }
 }

@@ -4,7 +4,7 @@
 
 use super::Input;
 use super::npy;
-use super::text::short;
+use super::text::excerpt;
 use crate::pose::Body;
 use crate::{Error, Place, Result};
 use bytes::Bytes;
@@ -15,24 +15,24 @@ use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
 use zip::write::SimpleFileOptions;
 
-pub use super::matrix::{Matrix, Packed};
+pub use super::matrix::{Matrix, QuantizedMatrix};
 
 /// The format this version writes; it reads all up to it.
 pub const FORMAT: u32 = 1;
 
 /// A model has at most so many points: what priors keep and what they cost grows with the square, and more.
-pub const MOST_POINTS: usize = 2048;
+pub const MAX_POINTS: usize = 2048;
 
 /// Refuses more points than a model has.
 ///
 /// # Errors
 /// Data: the source is named.
-pub fn few_enough(points: usize, source: &str) -> Result<()> {
-    if points <= MOST_POINTS {
+pub fn check_point_count(points: usize, source: &str) -> Result<()> {
+    if points <= MAX_POINTS {
         return Ok(());
     }
     let what =
-        format!("has {points} points, a model has at most {MOST_POINTS}; pick those of a body");
+        format!("has {points} points, a model has at most {MAX_POINTS}; pick those of a body");
     Err(Error::data(Place::file(source), what))
 }
 
@@ -77,12 +77,12 @@ pub struct Meta {
     pub details: Map<String, Value>,
     /// How it was made: never threads, paths or dates.
     #[serde(default)]
-    pub history: Vec<Entry>,
+    pub history: Vec<HistoryEntry>,
 }
 
 /// One step of a model's history.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct HistoryEntry {
     /// The command.
     pub command: String,
     /// Its version.
@@ -191,9 +191,9 @@ impl Model {
     /// Adds an array that is kept as 16-bit whole multiples of a step, and rounds it to them.
     ///
     /// The step is the smallest that holds the largest value. Every value must be finite.
-    pub fn insert_packed(&mut self, name: &str, array: &Array2<f32>) {
-        let packed = Packed::of(array);
-        self.arrays.insert(name.into(), Matrix::Packed(packed));
+    pub fn insert_quantized(&mut self, name: &str, array: &Array2<f32>) {
+        let packed = QuantizedMatrix::of(array);
+        self.arrays.insert(name.into(), Matrix::Quantized(packed));
     }
 
     /// Takes an array out.
@@ -204,7 +204,7 @@ impl Model {
     /// The file's bytes.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let fail = |e: String| Error::data(Place::file("the model"), e);
-        few_enough(self.meta.points.len(), "the model")?;
+        check_point_count(self.meta.points.len(), "the model")?;
         let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
         // The default time of an entry is 1980-01-01, the earliest ZIP knows.
         let options = SimpleFileOptions::default()
@@ -212,7 +212,7 @@ impl Model {
             .last_modified_time(zip::DateTime::default())
             .large_file(false);
         let step = |(name, array): (&String, &Matrix)| match array {
-            Matrix::Packed(packed) => Some((name.clone(), packed.step)),
+            Matrix::Quantized(packed) => Some((name.clone(), packed.step)),
             Matrix::Floats(_) => None,
         };
         let mut meta = self.meta.clone();
@@ -229,7 +229,7 @@ impl Model {
         for (name, array) in &self.arrays {
             let shape = [array.nrows(), array.ncols()];
             let bytes = match array {
-                Matrix::Packed(packed) => {
+                Matrix::Quantized(packed) => {
                     [&npy::header_of("<i2", &shape)[..], packed.bytes()].concat()
                 }
                 Matrix::Floats(array) => {
@@ -255,7 +255,7 @@ impl Model {
         let fail = |what: String| Error::data(Place::file(name), what);
         let broken = |e: zip::result::ZipError| {
             let e = e.to_string();
-            fail(format!("is no sound NPZ archive: {}", short(&e)))
+            fail(format!("is no sound NPZ archive: {}", excerpt(&e)))
         };
         let mut zip = zip::ZipArchive::new(Cursor::new(&bytes[..])).map_err(broken)?;
         let (mut meta, mut arrays) = (None, BTreeMap::new());
@@ -267,9 +267,9 @@ impl Model {
                 .map_err(broken)?
                 .trim_end_matches(".npy")
                 .to_string();
-            let at = Place::file(name).part(short(&key));
+            let at = Place::file(name).part(excerpt(&key));
             let content = content(&mut entry, &bytes, budget)
-                .map_err(|e| Error::data(at.clone(), short(&e.to_string())))?;
+                .map_err(|e| Error::data(at.clone(), excerpt(&e.to_string())))?;
             budget = match budget.checked_sub(content.len() as u64) {
                 Some(left) => left,
                 None => return Err(Error::data(at, "unpacks to far more than the file's size")),
@@ -277,7 +277,7 @@ impl Model {
             if key == "meta" {
                 let json = npy::bytes_of(&content, &at)?;
                 let read: Meta = serde_json::from_slice(json)
-                    .map_err(|e| Error::data(at, short(&e.to_string())))?;
+                    .map_err(|e| Error::data(at, excerpt(&e.to_string())))?;
                 meta = Some(read);
             } else {
                 arrays.insert(key, Matrix::from_npy(&content, &at)?);
@@ -296,13 +296,13 @@ impl Model {
         }
         for (key, step) in std::mem::take(&mut meta.steps) {
             match arrays.get_mut(&key) {
-                Some(Matrix::Packed(packed)) => packed.step = step,
+                Some(Matrix::Quantized(packed)) => packed.step = step,
                 Some(Matrix::Floats(array)) => array.mapv_inplace(|v: f32| v * step),
                 None => {}
             }
         }
         let points = meta.points.len();
-        few_enough(points, name)?;
+        check_point_count(points, name)?;
         let sound = meta.body.as_ref().is_none_or(|b| {
             b.parents.len() == points
                 && b.lengths.len() == points
@@ -321,7 +321,7 @@ impl Model {
     /// Reads a model.
     pub fn read(input: Input) -> Result<Model> {
         let name = input.name.clone();
-        if input.kind() != super::input::Kind::Npz {
+        if input.kind() != super::input::ContentKind::Npz {
             return Err(Error::data(
                 Place::file(name),
                 "is no model: expected an .npz file",
@@ -393,8 +393,8 @@ mod tests {
     fn packed_arrays_keep_their_values_to_a_step() {
         let mut packed = model();
         let values = Array2::from_shape_fn((7, 3), |(i, j)| (i as f32 - 3.0) * 11.7 + j as f32);
-        packed.insert_packed("poses", &values);
-        packed.insert_packed("none", &Array2::zeros((2, 1)));
+        packed.insert_quantized("poses", &values);
+        packed.insert_quantized("none", &Array2::zeros((2, 1)));
         let bytes = packed.to_bytes().unwrap();
         let back = Model::from_bytes(bytes.clone(), "m.npz").unwrap();
         assert_eq!(back.arrays["poses"], packed.arrays["poses"]);
@@ -408,7 +408,7 @@ mod tests {
     fn an_archive_may_be_compressed_and_damage_in_it_is_told() {
         let mut packed = model();
         let values = Array2::from_shape_fn((50, 3), |(i, j)| (i * j) as f32);
-        packed.insert_packed("poses", &values);
+        packed.insert_quantized("poses", &values);
         packed.remove("atoms");
         let bytes = packed.to_bytes().unwrap();
         let mut stored = zip::ZipArchive::new(Cursor::new(&bytes)).unwrap();
@@ -440,7 +440,7 @@ mod tests {
             assert!(Model::from_bytes(bytes[..cut].to_vec(), "m").is_err());
         }
         let mut wide = model();
-        wide.meta.points = (0..=MOST_POINTS).map(|k| k.to_string()).collect();
+        wide.meta.points = (0..=MAX_POINTS).map(|k| k.to_string()).collect();
         let said = wide.to_bytes().unwrap_err();
         assert!(said.to_string().contains("at most"), "{said}");
         let mut newer = model();

@@ -3,7 +3,7 @@
 
 use super::Input;
 use super::table::{Columns, ReadOptions, Row};
-use super::text::{FURTHEST, short, within};
+use super::text::{MAX_COORDINATE, check_length, excerpt};
 use crate::{Error, Place, Result};
 use std::io::{BufRead, BufReader, Read};
 
@@ -40,7 +40,7 @@ impl Header {
             "<f4" => Ok(false),
             other => Err(format!(
                 "holds values of type {}, expected <f4 or <f8",
-                short(other)
+                excerpt(other)
             )),
         }
     }
@@ -70,7 +70,7 @@ impl NpyReader {
         if width == 0 || width % 3 != 0 || width > 3_000_000 {
             return fail(format!("has {width} columns, expected three a point"));
         }
-        let columns = Columns::of_array(width as usize, options.joints.as_deref(), &place)?;
+        let columns = Columns::for_array(width as usize, options.joints.as_deref(), &place)?;
         let mut out = NpyReader {
             name,
             columns,
@@ -126,7 +126,7 @@ impl NpyReader {
         }
         self.next += 1;
         // Without an early end, for the compiler to compare several at once; NaN is not beyond anything.
-        let beyond = |any: bool, v: &f64| any | (v.abs() > FURTHEST);
+        let beyond = |any: bool, v: &f64| any | (v.abs() > MAX_COORDINATE);
         if row.xyz.iter().fold(false, beyond) {
             return Err(self.beyond(&row.xyz));
         }
@@ -135,10 +135,13 @@ impl NpyReader {
 
     /// What is wrong with the frame read last.
     fn beyond(&self, xyz: &[f64]) -> Error {
-        let bad = xyz.iter().position(|v| v.abs() > FURTHEST).unwrap_or(0);
+        let bad = xyz
+            .iter()
+            .position(|v| v.abs() > MAX_COORDINATE)
+            .unwrap_or(0);
         let what = match xyz[bad] {
             v if v.is_infinite() => "the value is infinite".to_string(),
-            v => within(v).err().unwrap_or_default(),
+            v => check_length(v).err().unwrap_or_default(),
         };
         self.fail(&format!("frame {}, column {bad}: {what}", self.next - 1))
     }
@@ -264,7 +267,7 @@ fn parse_header(text: &str) -> std::result::Result<Header, String> {
         .filter(|s| !s.is_empty())
         .map(|s| s.trim_end_matches('L').parse::<u64>())
         .collect::<std::result::Result<Vec<_>, _>>()
-        .map_err(|_| format!("has the shape ({}) in its header", short(shape)))?;
+        .map_err(|_| format!("has the shape ({}) in its header", excerpt(shape)))?;
     Ok(Header {
         descr,
         fortran,

@@ -15,36 +15,42 @@ use tempfile::NamedTempFile;
 pub struct OutputFile {
     path: PathBuf,
     sink: Sink,
-    _half: Option<Half>,
+    _unfinished: Option<UnfinishedFile>,
 }
 
 /// Links are followed so far.
 const MOST_LINKS: usize = 40;
 
 /// The temporary files that are being written.
-static HALF_WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+static UNFINISHED_FILES: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// One of them.
-struct Half(PathBuf);
+struct UnfinishedFile(PathBuf);
 
-impl Half {
-    fn written(path: &Path) -> Half {
-        let mut all = HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+impl UnfinishedFile {
+    fn written(path: &Path) -> UnfinishedFile {
+        let mut all = UNFINISHED_FILES
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         all.push(path.to_path_buf());
-        Half(path.to_path_buf())
+        UnfinishedFile(path.to_path_buf())
     }
 }
 
-impl Drop for Half {
+impl Drop for UnfinishedFile {
     fn drop(&mut self) {
-        let mut all = HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all = UNFINISHED_FILES
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         all.retain(|path| *path != self.0);
     }
 }
 
 /// Removes what is half written, before the process is ended by a signal.
-pub fn remove_half_written() {
-    let all = HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner);
+pub fn remove_unfinished_files() {
+    let all = UNFINISHED_FILES
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner);
     for path in &*all {
         // It is gone already where it was just finished.
         let _ = fs::remove_file(path);
@@ -60,9 +66,9 @@ impl OutputFile {
     /// Starts writing the file that will stand at `path`.
     pub fn create(path: &Path) -> Result<OutputFile> {
         let fail = |e| Error::io(path, e);
-        let (named, descriptor) = resolved(path).map_err(fail)?;
+        let (named, file_descriptor) = resolved(path).map_err(fail)?;
         let is_file = fs::metadata(&named).map_or(true, |m| m.is_file());
-        let sink = if descriptor.is_some() || !is_file {
+        let sink = if file_descriptor.is_some() || !is_file {
             // What is there already, of a file that others write to as well, stays.
             let file = fs::OpenOptions::new()
                 .append(true)
@@ -83,14 +89,14 @@ impl OutputFile {
                 .map_err(fail)?;
             Sink::Temporary(BufWriter::with_capacity(1 << 16, file))
         };
-        let half = match &sink {
-            Sink::Temporary(file) => Some(Half::written(file.get_ref().path())),
+        let unfinished = match &sink {
+            Sink::Temporary(file) => Some(UnfinishedFile::written(file.get_ref().path())),
             Sink::Direct(_) => None,
         };
         Ok(OutputFile {
             path: named,
             sink,
-            _half: half,
+            _unfinished: unfinished,
         })
     }
 
@@ -130,7 +136,7 @@ impl OutputFile {
 fn resolved(path: &Path) -> io::Result<(PathBuf, Option<u32>)> {
     let mut path = path.to_path_buf();
     for _ in 0..MOST_LINKS {
-        let open = descriptor_here(&path);
+        let open = own_descriptor(&path);
         let Some(target) = fs::read_link(&path).ok().filter(|_| open.is_none()) else {
             return Ok((path, open));
         };
@@ -143,12 +149,12 @@ fn resolved(path: &Path) -> io::Result<(PathBuf, Option<u32>)> {
 }
 
 /// The number of what the process has open, if a path leads there: 1 is standard output.
-pub fn descriptor(path: &Path) -> Option<u32> {
+pub fn file_descriptor(path: &Path) -> Option<u32> {
     resolved(path).ok()?.1
 }
 
 /// The same, where the path itself says so.
-fn descriptor_here(path: &Path) -> Option<u32> {
+fn own_descriptor(path: &Path) -> Option<u32> {
     let text = path.to_str()?;
     match text {
         "/dev/stdout" => return Some(1),

@@ -6,9 +6,9 @@
 use super::Input;
 pub use super::cells::Cells;
 use super::csv::CsvReader;
-use super::input::Kind;
+use super::input::ContentKind;
 use super::npy::NpyReader;
-use super::text::short;
+use super::text::excerpt;
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
@@ -23,7 +23,7 @@ pub struct Columns {
     /// The points' names.
     pub points: Vec<String>,
     /// For each point the columns of x, y and z; `None` for a z that a table of 2-D points lacks.
-    pub place: Vec<[Option<usize>; 3]>,
+    pub coordinates: Vec<[Option<usize>; 3]>,
     /// The column of the take's name.
     pub take: Option<usize>,
     /// The column of the time in seconds.
@@ -38,7 +38,7 @@ impl Columns {
             if index.insert(name.as_str(), i).is_some() {
                 return Err(Error::data(
                     place.clone(),
-                    format!("two columns are named \"{}\"", short(name)),
+                    format!("two columns are named \"{}\"", excerpt(name)),
                 ));
             }
         }
@@ -52,8 +52,8 @@ impl Columns {
             };
             let at = |axis: &str| index.get(format!("{point}.{axis}").as_str()).copied();
             match (at("y"), at("z")) {
-                (Some(y), Some(z)) => columns.place.push([at("x"), Some(y), Some(z)]),
-                (Some(y), None) if planar => columns.place.push([at("x"), Some(y), None]),
+                (Some(y), Some(z)) => columns.coordinates.push([at("x"), Some(y), Some(z)]),
+                (Some(y), None) if planar => columns.coordinates.push([at("x"), Some(y), None]),
                 _ => continue,
             }
             columns.points.push(point.to_string());
@@ -68,7 +68,7 @@ impl Columns {
     }
 
     /// Columns for points that come without a table, as amc2xyz writes them: take, time, then the points.
-    pub fn fresh(points: Vec<String>, take: bool, time: bool) -> Columns {
+    pub fn for_points(points: Vec<String>, take: bool, time: bool) -> Columns {
         let mut names = Vec::new();
         let mut columns = Columns::default();
         for (wanted, name, slot) in [
@@ -81,7 +81,9 @@ impl Columns {
             }
         }
         for point in &points {
-            columns.place.push([0, 1, 2].map(|a| Some(names.len() + a)));
+            columns
+                .coordinates
+                .push([0, 1, 2].map(|a| Some(names.len() + a)));
             names.extend(["x", "y", "z"].map(|a| format!("{point}.{a}")));
         }
         columns.names = names;
@@ -90,7 +92,7 @@ impl Columns {
     }
 
     /// The columns of an NPY array with `width` numbers a frame.
-    pub fn of_array(width: usize, names: Option<&[String]>, place: &Place) -> Result<Columns> {
+    pub fn for_array(width: usize, names: Option<&[String]>, place: &Place) -> Result<Columns> {
         let points = match names {
             Some(names) if 3 * names.len() == width => names.to_vec(),
             Some(names) => {
@@ -107,7 +109,7 @@ impl Columns {
                 return Err(Error::data(place.clone(), what));
             }
         };
-        Ok(Columns::fresh(points, false, false))
+        Ok(Columns::for_points(points, false, false))
     }
 
     /// How many numbers a frame has: three a point.
@@ -117,7 +119,7 @@ impl Columns {
 }
 
 /// Reads the points' names of `--joints`: `23`, or a list with commas.
-pub fn point_names(list: &str) -> Result<Vec<String>> {
+pub fn parse_point_names(list: &str) -> Result<Vec<String>> {
     if list == "23" {
         return Ok(joints::cmu_names());
     }
@@ -172,13 +174,15 @@ impl RowReader {
     /// Recognises the format by content and reads the header.
     pub fn new(input: Input, options: &ReadOptions) -> Result<RowReader> {
         match input.kind() {
-            Kind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
-            Kind::Text => CsvReader::new(input, options).map(|r| RowReader::Csv(Box::new(r))),
-            Kind::Empty => Err(Error::data(
+            ContentKind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
+            ContentKind::Text => {
+                CsvReader::new(input, options).map(|r| RowReader::Csv(Box::new(r)))
+            }
+            ContentKind::Empty => Err(Error::data(
                 Place::file(input.name),
                 "is empty, expected a pose table",
             )),
-            Kind::Npz => {
+            ContentKind::Npz => {
                 let what = "is an NPZ archive (a model?), expected a pose table as CSV or NPY";
                 Err(Error::data(Place::file(input.name), what))
             }
@@ -227,7 +231,7 @@ impl Table {
     pub fn read(input: Input, options: &ReadOptions) -> Result<Table> {
         let mut reader = RowReader::new(input, options)?;
         let columns = reader.columns().clone();
-        let mut builder = Builder::new(&columns);
+        let mut builder = PosesBuilder::new(&columns);
         let mut cells = Vec::new();
         let mut row = Row::default();
         while reader.read(&mut row)? {
@@ -247,17 +251,17 @@ impl Table {
 }
 
 /// Gathers rows into poses.
-pub struct Builder {
+pub struct PosesBuilder {
     points: Vec<String>,
     xyz: Vec<f64>,
     time: Option<Vec<f64>>,
     take: Option<Vec<Arc<str>>>,
 }
 
-impl Builder {
+impl PosesBuilder {
     /// An empty gathering for such columns.
-    pub fn new(columns: &Columns) -> Builder {
-        Builder {
+    pub fn new(columns: &Columns) -> PosesBuilder {
+        PosesBuilder {
             points: columns.points.clone(),
             xyz: Vec::new(),
             time: columns.time.map(|_| Vec::new()),

@@ -4,7 +4,7 @@ use crate::{Error, Place, Result};
 use std::io::{BufRead, Read};
 
 /// The longest line a text format may have. (A BVH with all its frames on one line is read elsewhere.)
-pub const LONGEST_LINE: usize = 1 << 20;
+pub const MAX_LINE_BYTES: usize = 1 << 20;
 
 /// How many bytes of takes and tables are read at a time, where so many are there.
 pub(super) const BLOCK: usize = 1 << 20;
@@ -83,7 +83,7 @@ impl<R: BufRead> Lines<R> {
     /// The next line, or `None` at the end.
     pub fn next_line(&mut self) -> Result<Option<&str>> {
         self.buffer.clear();
-        let limit = LONGEST_LINE as u64 + 1;
+        let limit = MAX_LINE_BYTES as u64 + 1;
         let read = self
             .reader
             .by_ref()
@@ -93,10 +93,10 @@ impl<R: BufRead> Lines<R> {
             return Ok(None);
         }
         self.number += 1;
-        if self.buffer.len() > LONGEST_LINE {
+        if self.buffer.len() > MAX_LINE_BYTES {
             return Err(Error::data(
                 self.here(),
-                format!("the line is longer than {LONGEST_LINE} bytes"),
+                format!("the line is longer than {MAX_LINE_BYTES} bytes"),
             ));
         }
         while matches!(self.buffer.last(), Some(b'\n' | b'\r')) {
@@ -116,7 +116,7 @@ impl<R: BufRead> Lines<R> {
 
     /// What of the text is there; waits only where nothing is left.
     pub fn waiting(&mut self) -> Result<&[u8]> {
-        filled(&mut self.reader).map_err(|e| Error::io(&self.name, e))?;
+        wait_for_data(&mut self.reader).map_err(|e| Error::io(&self.name, e))?;
         self.reader.fill_buf().map_err(|e| Error::io(&self.name, e))
     }
 
@@ -133,7 +133,7 @@ impl<R: BufRead> Lines<R> {
 }
 
 /// Waits for the reader's buffer to hold something, unless it ended. (A call that was only interrupted is repeated.)
-pub fn filled(reader: &mut impl BufRead) -> std::io::Result<()> {
+pub fn wait_for_data(reader: &mut impl BufRead) -> std::io::Result<()> {
     loop {
         match reader.fill_buf() {
             Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
@@ -149,34 +149,34 @@ pub fn finite_prefix(text: &[u8]) -> Option<(f64, usize)> {
 }
 
 /// A finite number, or what stands there instead.
-pub fn number(text: &str) -> std::result::Result<f64, String> {
+pub fn parse_number(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() => Ok(v),
         Ok(_) => Err(format!(
             "expected a finite number, found \"{}\"",
-            short(text)
+            excerpt(text)
         )),
-        Err(_) => Err(format!("expected a number, found \"{}\"", short(text))),
+        Err(_) => Err(format!("expected a number, found \"{}\"", excerpt(text))),
     }
 }
 
 /// No coordinate or length is further from zero, centimetres: a larger one is damage, and its square would not be
 /// finite much longer.
-pub const FURTHEST: f64 = 1e12;
+pub const MAX_COORDINATE: f64 = 1e12;
 
 /// A length in centimetres that is no damage, or what is wrong with it.
-pub fn within(centimetres: f64) -> std::result::Result<f64, String> {
-    if centimetres.abs() <= FURTHEST {
+pub fn check_length(centimetres: f64) -> std::result::Result<f64, String> {
+    if centimetres.abs() <= MAX_COORDINATE {
         Ok(centimetres)
     } else {
         Err(format!(
-            "{centimetres:e} cm is no length: expected at most {FURTHEST:e} cm"
+            "{centimetres:e} cm is no length: expected at most {MAX_COORDINATE:e} cm"
         ))
     }
 }
 
 /// Text from a file, fit for one line of a message.
-pub fn short(text: &str) -> String {
+pub fn excerpt(text: &str) -> String {
     let clean: String = text
         .chars()
         .take(41)
@@ -190,17 +190,17 @@ pub fn short(text: &str) -> String {
 }
 
 /// Appends the shortest text that reads back to `value`; nothing for NaN (an empty cell is a missing value).
-pub fn push_number(out: &mut Vec<u8>, value: f64) {
+pub fn push_f64(out: &mut Vec<u8>, value: f64) {
     push_shortest(out, value);
 }
 
-/// Like [`push_number`], the shortest text that is read as the same single precision number.
-pub fn push_single(out: &mut Vec<u8>, value: f32) {
+/// Like [`push_f64`], the shortest text that is read as the same single precision number.
+pub fn push_f32(out: &mut Vec<u8>, value: f32) {
     push_shortest(out, value);
 }
 
 /// Appends a whole number.
-pub fn push_whole(out: &mut Vec<u8>, mut value: u32) {
+pub fn push_integer(out: &mut Vec<u8>, mut value: u32) {
     let mut digits = [0; 10];
     let mut from = digits.len();
     loop {
@@ -238,7 +238,7 @@ mod tests {
     fn whole_numbers_are_written_as_they_are() {
         for value in [0, 9, 10, 999, 1_000_000, u32::MAX] {
             let mut out = b"a".to_vec();
-            push_whole(&mut out, value);
+            push_integer(&mut out, value);
             assert_eq!(out, format!("a{value}").into_bytes());
         }
     }
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn an_endless_line_is_refused() {
-        let long = vec![b'x'; LONGEST_LINE + 10];
+        let long = vec![b'x'; MAX_LINE_BYTES + 10];
         assert!(Lines::new("x", &long[..]).next_line().is_err());
     }
 
@@ -273,13 +273,13 @@ mod tests {
             f64::MIN_POSITIVE,
         ] {
             let mut out = Vec::new();
-            push_number(&mut out, v);
+            push_f64(&mut out, v);
             let back: f64 = std::str::from_utf8(&out).unwrap().parse().unwrap();
             assert_eq!(back.to_bits(), v.to_bits());
         }
         let mut out = Vec::new();
-        push_number(&mut out, 3.0);
-        push_number(&mut out, f64::NAN);
+        push_f64(&mut out, 3.0);
+        push_f64(&mut out, f64::NAN);
         assert_eq!(out, b"3");
         for (value, text) in [
             (1e15, "1000000000000000"),
@@ -288,31 +288,31 @@ mod tests {
             (1e-7, "1e-7"),
         ] {
             out.truncate(1);
-            push_number(&mut out, value);
+            push_f64(&mut out, value);
             assert_eq!(&out[1..], text.as_bytes());
         }
         out.clear();
-        push_single(&mut out, 1e30);
-        push_single(&mut out, 45.1978);
+        push_f32(&mut out, 1e30);
+        push_f32(&mut out, 45.1978);
         assert_eq!(out, b"1e3045.1978");
     }
 
     #[test]
     fn messages_stay_on_one_line() {
         assert_eq!(
-            number("a\nb").unwrap_err(),
+            parse_number("a\nb").unwrap_err(),
             "expected a number, found \"a\u{fffd}b\""
         );
-        assert!(number("inf").unwrap_err().contains("finite"));
-        assert!(number("1e999").is_err() && number("").is_err());
-        assert!(short(&"x".repeat(100)).chars().count() == 41);
+        assert!(parse_number("inf").unwrap_err().contains("finite"));
+        assert!(parse_number("1e999").is_err() && parse_number("").is_err());
+        assert!(excerpt(&"x".repeat(100)).chars().count() == 41);
     }
 
     proptest::proptest! {
         #[test]
         fn a_prefix_is_the_number_that_stands_there(value in proptest::num::f64::ANY, digits in "[0-9]{1,30}", exponent in -340..310i32, behind in "[,; \n#x_]?") {
             for text in [value.to_string(), format!("{value:e}"), digits.clone(), format!("-{digits}.{digits}e{exponent}")] {
-                let whole = number(&text).ok().map(|v| (v.to_bits(), text.len()));
+                let whole = parse_number(&text).ok().map(|v| (v.to_bits(), text.len()));
                 let prefix = finite_prefix(format!("{text}{behind}").as_bytes());
                 proptest::prop_assert_eq!(prefix.map(|(v, n)| (v.to_bits(), n)), whole);
             }

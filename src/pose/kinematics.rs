@@ -31,7 +31,7 @@ pub enum Space {
 
 impl Skeleton {
     /// Sets the root's values so that the posture stands in `space`.
-    pub fn settle(&self, q: &mut [f64], space: Space) {
+    pub fn move_root_to(&self, q: &mut [f64], space: Space) {
         for (dof, value) in self.bones()[0].dofs.iter().zip(q) {
             if space == Space::Body || (space == Space::Root && !dof.channel.is_angle()) {
                 *value = -dof.offset;
@@ -52,8 +52,8 @@ impl Skeleton {
     }
 
     /// As [`Skeleton::posture_into`] for the bones that are `wanted`, which must want their parents, too (see
-    /// [`Skeleton::above`]); the others stand at the origin.
-    pub fn posture_of(&self, wanted: &[bool], q: &[f64], out: &mut Posture) {
+    /// [`Skeleton::ancestors`]); the others stand at the origin.
+    pub fn posture_of_bones(&self, wanted: &[bool], q: &[f64], out: &mut Posture) {
         self.posture_where(|i| wanted[i], q, out);
     }
 
@@ -78,22 +78,22 @@ impl Skeleton {
                 }
             }
             let local = if bone.dofs.is_empty() {
-                rest.still
+                rest.fixed_rotation
             } else {
-                bone.axis * turn * rest.back
+                bone.axis * turn * rest.inverse_axis
             };
             let (before, mut start) = match bone.parent {
                 Some(p) => (out.rotations[p], out.ends[p]),
                 None => (DMat3::IDENTITY, DVec3::ZERO),
             };
-            if rest.slides {
+            if rest.translates {
                 start += before * (bone.axis * shift);
             }
             let rotation = before * local;
             out.rotations.push(rotation);
             out.starts.push(start);
             out.ends
-                .push(start + rotation * (bone.offset + rest.along * longer));
+                .push(start + rotation * (bone.offset + rest.direction * longer));
         }
     }
 
@@ -109,7 +109,7 @@ impl Skeleton {
                 .map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
             let range = self.dofs_of(i);
             for (n, dof) in bone.dofs.iter().enumerate() {
-                // The rotations named after this one still turn its axis.
+                // The rotations named after this one fixed_rotation turn its axis.
                 let mut later = DMat3::IDENTITY;
                 for (d, &value) in bone.dofs[n + 1..]
                     .iter()
@@ -120,14 +120,14 @@ impl Skeleton {
                     }
                 }
                 for (row, &joint) in joints.iter().enumerate() {
-                    if !self.is_below(joint, i) {
+                    if !self.descends_from(joint, i) {
                         continue;
                     }
                     let motion = match dof.channel {
                         Channel::Rotate(axis) => (before * (bone.axis * (later * axis.unit())))
                             .cross(posture.ends[joint] - posture.starts[i]),
                         Channel::Translate(axis) => before * (bone.axis * axis.unit()),
-                        Channel::Length => posture.rotations[i] * self.rest()[i].along,
+                        Channel::Length => posture.rotations[i] * self.rest()[i].direction,
                     };
                     for c in 0..3 {
                         out[(3 * row + c) * columns + range.start + n] = motion[c];
@@ -230,10 +230,10 @@ mod tests {
         let q: Vec<f64> = (0..s.dof_count()).map(|i| 0.2 * i as f64 - 0.7).collect();
         let whole = s.posture(&q);
         for joint in 0..4 {
-            let wanted = s.above(&[joint]);
+            let wanted = s.ancestors(&[joint]);
             assert_eq!(wanted.iter().filter(|w| **w).count(), [1, 2, 3, 2][joint]);
             let mut part = Posture::default();
-            s.posture_of(&wanted, &q, &mut part);
+            s.posture_of_bones(&wanted, &q, &mut part);
             assert_eq!(part.ends[joint], whole.ends[joint]);
         }
     }

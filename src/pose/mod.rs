@@ -1,23 +1,21 @@
 //! The spine: points, skeletons, poses, rotations, kinematics. No I/O, no flags.
 
-pub mod align;
 pub mod body;
 pub mod joints;
 pub mod kinematics;
-pub mod map;
 pub mod placement;
 pub mod poses;
 pub mod rotation;
+pub mod similarity;
 pub mod skeleton;
-pub mod status;
+pub mod transform;
 
-pub use align::{Similarity, fit_similarity};
 pub use body::Body;
-pub use map::PoseMap;
 pub use placement::Anchor;
-pub use poses::{Poses, Rates};
+pub use poses::{KnownRates, Poses, Status};
+pub use similarity::{Similarity, fit_similarity};
 pub use skeleton::{Bone, Channel, Dof, Skeleton};
-pub use status::Status;
+pub use transform::PoseTransform;
 
 /// Centimetres in one unit of CMU's raw ASF files (`length 0.45`): 2.54 / 0.45 = 5.644.
 ///

@@ -3,8 +3,8 @@
 //! For CMU's joints the model's space is the root's frame, found from the root, the hip joints (which are rigid with it)
 //! and, where one of those is missing, the lower back; for other points it is a rigid fit to the mean pose.
 
-use super::align::{Fit, Free, Similarity, fit_similarity};
 use super::rotation::angle_between;
+use super::similarity::{Similarity, SimilarityFit, TransformKind, fit_similarity};
 use glam::{DMat3, DVec3};
 
 /// Where CMU's hip joints and lower back stand in the root's frame: means over the database's skeletons, cm.
@@ -62,15 +62,15 @@ impl Anchor {
         let at = |i: usize| DVec3::from_slice(&pose[3 * i..3 * i + 3]);
         let seen = || self.points.iter().filter(|(i, ..)| at(*i).is_finite());
         let pairs = seen().map(|&(i, place, weight)| (place, at(i), weight));
-        let Fit {
+        let SimilarityFit {
             mut similarity,
             determined,
             ..
-        } = fit_similarity(pairs, Free::Rigid)?;
+        } = fit_similarity(pairs, TransformKind::Rigid)?;
         if let Some(root) = self.root.map(at).filter(|r| r.is_finite()) {
             // The root's own place is exact; the turn is about it.
             let pairs = seen().map(|&(i, place, weight)| (place, at(i) - root, weight));
-            let turn = fit_similarity(pairs, Free::Rotation)?;
+            let turn = fit_similarity(pairs, TransformKind::Rotation)?;
             if root.length() <= 1e-6
                 && angle_between(&turn.similarity.rotation, &DMat3::IDENTITY) <= IN_PLACE
             {
@@ -89,7 +89,7 @@ impl Anchor {
 #[cfg(test)]
 mod tests {
     use super::super::joints::cmu_names;
-    use super::super::rotation::exponential;
+    use super::super::rotation::from_rotation_vector;
     use super::*;
 
     fn pose() -> Vec<f64> {
@@ -106,7 +106,7 @@ mod tests {
     fn a_turned_pose_is_placed_by_its_pelvis() {
         let anchor = Anchor::pelvis(&cmu_names()).unwrap();
         let moved = Similarity {
-            rotation: exponential(DVec3::new(0.4, 2.0, -0.3)),
+            rotation: from_rotation_vector(DVec3::new(0.4, 2.0, -0.3)),
             shift: DVec3::new(9.0, 90.0, 3.0),
             scale: 1.0,
         };
@@ -135,7 +135,7 @@ mod tests {
     fn other_points_are_fitted_to_their_mean() {
         let mean: Vec<f64> = (0..12).map(|i| (i as f64 * 1.3).cos() * 10.0).collect();
         let moved = Similarity {
-            rotation: exponential(DVec3::X),
+            rotation: from_rotation_vector(DVec3::X),
             shift: DVec3::Y * 5.0,
             scale: 1.0,
         };

@@ -19,7 +19,7 @@ pub struct Poses {
 
 impl Poses {
     /// When frames were captured, and of which takes, with no points.
-    pub fn clock(frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>) -> Poses {
+    pub fn without_points(frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>) -> Poses {
         let (time, take): (Vec<_>, Vec<_>) = frames.unzip();
         Poses {
             time: time.into_iter().collect(),
@@ -58,18 +58,18 @@ impl Poses {
         let takes = self.takes();
         let mut longest: Vec<usize> = (0..takes.len()).collect();
         longest.sort_by_key(|&take| std::cmp::Reverse(takes[take].len()));
-        let (mut rates, mut met) = (vec![None; takes.len()], Rates::default());
+        let (mut rates, mut met) = (vec![None; takes.len()], KnownRates::default());
         for take in longest {
             let own = self.rate_within(takes[take].clone());
-            let allows = |rate| self.allows(takes[take].clone(), rate);
-            rates[take] = own.map(|own| met.settle(own, allows));
+            let allows = |rate| self.is_consistent_with_rate(takes[take].clone(), rate);
+            rates[take] = own.map(|own| met.reconcile(own, allows));
         }
         rates
     }
 
     /// Whether the times of some frames, rounded as they are, are those of so many frames a second. So they are where there
     /// are none.
-    pub fn allows(&self, frames: Range<usize>, rate: f64) -> bool {
+    pub fn is_consistent_with_rate(&self, frames: Range<usize>, rate: f64) -> bool {
         let time = self.time.as_deref().and_then(|t| t.get(frames.clone()));
         time.is_none_or(|time| allows(time, |i| self.same_take(frames.start + i), rate))
     }
@@ -119,11 +119,11 @@ impl Poses {
 
 /// The rates that takes were found to have.
 #[derive(Debug, Default)]
-pub struct Rates(Vec<f64>);
+pub struct KnownRates(Vec<f64>);
 
-impl Rates {
+impl KnownRates {
     /// The rate of a take whose times tell `own`, and allow others: the first that was met of those, else its own.
-    pub fn settle(&mut self, own: f64, allows: impl Fn(f64) -> bool) -> f64 {
+    pub fn reconcile(&mut self, own: f64, allows: impl Fn(f64) -> bool) -> f64 {
         let met = self.0.iter().copied().find(|rate| allows(*rate));
         met.unwrap_or_else(|| {
             self.0.push(own);
@@ -215,6 +215,49 @@ fn near_rate(rate: f64, share: f64) -> f64 {
     }
 }
 
+/// What became of a point in a frame, as the column `NAME.status` of a table tells it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum Status {
+    /// Measured, and left as it was.
+    #[default]
+    Observed,
+    /// Measured, and moved.
+    Changed,
+    /// Not measured: the model's estimate.
+    Inferred,
+    /// Measured, left as it was, and distrusted.
+    Rejected,
+    /// Nothing could be said.
+    Unknown,
+}
+
+impl Status {
+    /// Every status, in the order of their numbers in a page.
+    pub const ALL: [Status; 5] = [
+        Status::Observed,
+        Status::Changed,
+        Status::Inferred,
+        Status::Rejected,
+        Status::Unknown,
+    ];
+
+    /// The word that tables use.
+    pub fn name(self) -> &'static str {
+        match self {
+            Status::Observed => "observed",
+            Status::Changed => "changed",
+            Status::Inferred => "inferred",
+            Status::Rejected => "rejected",
+            Status::Unknown => "unknown",
+        }
+    }
+
+    /// The status that a table's word means; `None` for any other word.
+    pub fn from_name(name: &str) -> Option<Status> {
+        Status::ALL.into_iter().find(|status| status.name() == name)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -287,7 +330,7 @@ mod tests {
         let short = [of(2), of(5), of(20), of(500), of(1)];
         let all = [Some(120.0); 4].into_iter().chain([None]);
         assert_eq!(rates(&short), all.collect::<Vec<_>>());
-        // Rates that are really others stay: near ones of many frames, half and double ones of few.
+        // KnownRates that are really others stay: near ones of many frames, half and double ones of few.
         for other in [119.88, 60.0, 240.0, 100.0] {
             let frames = if other == 119.88 { 3000 } else { 9 };
             let told = rates(&[rounded(120.0, 4000, 1e6), rounded(other, frames, 1e6)]);
@@ -301,7 +344,10 @@ mod tests {
         times.insert(30, (times[29] + 3.0 * times[30]) / 4.0);
         let trembling = poses(&times, None);
         let own = trembling.rate().unwrap();
-        assert!(trembling.allows(0..61, own) && !trembling.allows(0..61, 100.0));
+        assert!(
+            trembling.is_consistent_with_rate(0..61, own)
+                && !trembling.is_consistent_with_rate(0..61, 100.0)
+        );
         // The last digits of times are no other rate.
         let even = |from: f64| (0..50).map(|i| from + i as f64 / 58.3).collect::<Vec<_>>();
         let told = rates(&[even(0.0), even(1.7), even(33.3)]);

@@ -80,14 +80,18 @@ pub fn decompose(r: &DMat3, order: [Axis; 3], near: [f64; 3]) -> [f64; 3] {
         let c = near[2];
         let rest = *r * order[2].rotation(-c) * order[1].rotation(-b);
         let a = (e * rest.col(j)[k]).atan2(rest.col(j)[j]);
-        return [closest_turn(a, near[0]), closest_turn(b, near[1]), c];
+        return [
+            nearest_equivalent_angle(a, near[0]),
+            nearest_equivalent_angle(b, near[1]),
+            c,
+        ];
     }
     let a = (-e * m(j, k)).atan2(m(k, k));
     let c = (-e * m(i, j)).atan2(m(i, i));
     let half = std::f64::consts::PI;
     let first = [a, b, c];
     let second = [a + half, half - b, c + half];
-    let to_near = |t: [f64; 3]| [0, 1, 2].map(|n| closest_turn(t[n], near[n]));
+    let to_near = |t: [f64; 3]| [0, 1, 2].map(|n| nearest_equivalent_angle(t[n], near[n]));
     let step = |t: &[f64; 3]| (0..3).map(|n| (t[n] - near[n]).abs()).fold(0.0, f64::max);
     let (first, second) = (to_near(first), to_near(second));
     if step(&second) < step(&first) - 1e-9 {
@@ -98,7 +102,7 @@ pub fn decompose(r: &DMat3, order: [Axis; 3], near: [f64; 3]) -> [f64; 3] {
 }
 
 /// `angle` plus whole turns, as close to `near` as it gets.
-pub fn closest_turn(angle: f64, near: f64) -> f64 {
+pub fn nearest_equivalent_angle(angle: f64, near: f64) -> f64 {
     let turn = std::f64::consts::TAU;
     angle + ((near - angle) / turn).round() * turn
 }
@@ -113,7 +117,7 @@ pub fn cross_matrix(v: DVec3) -> DMat3 {
 }
 
 /// The rotation by the vector `v`: about its direction, by its length.
-pub fn exponential(v: DVec3) -> DMat3 {
+pub fn from_rotation_vector(v: DVec3) -> DMat3 {
     let angle = v.length();
     if angle < 1e-12 {
         return DMat3::IDENTITY + cross_matrix(v);
@@ -138,7 +142,7 @@ pub fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
 /// The shortest rotation that carries the direction of `from` to that of `to`.
 ///
 /// `None` when a vector has no direction. Opposite directions turn about an axis chosen from `from` alone.
-pub fn swing(from: DVec3, to: DVec3) -> Option<DMat3> {
+pub fn shortest_arc(from: DVec3, to: DVec3) -> Option<DMat3> {
     let (f, t) = (from.try_normalize()?, to.try_normalize()?);
     let axis = f.cross(t);
     let (sin, cos) = (axis.length(), f.dot(t));
@@ -152,6 +156,33 @@ pub fn swing(from: DVec3, to: DVec3) -> Option<DMat3> {
         ));
     }
     Some(DMat3::from_axis_angle(axis / sin, sin.atan2(cos)))
+}
+
+/// R = Rz Ry Rx.
+pub fn rotation_zyx(tau: DVec3) -> DMat3 {
+    DMat3::from_rotation_z(tau.z) * DMat3::from_rotation_y(tau.y) * DMat3::from_rotation_x(tau.x)
+}
+
+/// dR/dτx = Rz Ry Rx [ex]×, dR/dτy = Rz Ry [ey]× Rx, dR/dτz = [ez]× R.
+pub fn rotation_zyx_derivatives(tau: DVec3) -> [DMat3; 3] {
+    let (x, y, z) = (
+        DMat3::from_rotation_x(tau.x),
+        DMat3::from_rotation_y(tau.y),
+        DMat3::from_rotation_z(tau.z),
+    );
+    [
+        z * y * x * cross_matrix(DVec3::X),
+        z * y * cross_matrix(DVec3::Y) * x,
+        cross_matrix(DVec3::Z) * z * y * x,
+    ]
+}
+
+/// The angles τ with R(τ) R_start = R.
+pub fn angles_zyx_between(start: &DMat3, now: &DMat3) -> DVec3 {
+    let relative = *now * start.transpose();
+    let order = parse_order("zyx").unwrap_or([Axis::Z; 3]);
+    let [z, y, x] = decompose(&relative, order, [0.0; 3]);
+    DVec3::new(x, y, z)
 }
 
 #[cfg(test)]
@@ -219,18 +250,38 @@ mod tests {
     #[test]
     fn a_swing_carries_one_direction_to_the_other() {
         for to in [DVec3::new(0.0, 2.0, 0.1), -DVec3::X, DVec3::X] {
-            let r = swing(DVec3::X * 3.0, to).unwrap();
+            let r = shortest_arc(DVec3::X * 3.0, to).unwrap();
             assert!((r * DVec3::X - to.normalize()).length() <= 1e-12);
         }
-        assert!(swing(DVec3::ZERO, DVec3::X).is_none());
+        assert!(shortest_arc(DVec3::ZERO, DVec3::X).is_none());
     }
 
     #[test]
     fn the_exponential_is_a_rotation_about_its_vector() {
         let v = DVec3::new(0.3, -0.2, 0.9);
-        assert!((exponential(v) * v - v).length() <= 1e-14);
-        assert!((angle_between(&DMat3::IDENTITY, &exponential(v)) - v.length()).abs() <= 1e-14);
+        assert!((from_rotation_vector(v) * v - v).length() <= 1e-14);
+        assert!(
+            (angle_between(&DMat3::IDENTITY, &from_rotation_vector(v)) - v.length()).abs() <= 1e-14
+        );
         let tiny = DVec3::new(1e-14, 0.0, 0.0);
-        assert!((exponential(tiny) * DVec3::Y - DVec3::new(0.0, 1.0, 1e-14)).length() <= 1e-20);
+        assert!(
+            (from_rotation_vector(tiny) * DVec3::Y - DVec3::new(0.0, 1.0, 1e-14)).length() <= 1e-20
+        );
+    }
+
+    #[test]
+    fn the_derivatives_of_the_turn_are_right() {
+        let tau = DVec3::new(0.3, -0.8, 1.9);
+        let h = 1e-6;
+        for (k, d) in rotation_zyx_derivatives(tau).into_iter().enumerate() {
+            let e = DVec3::AXES[k] * h;
+            let want = (rotation_zyx(tau + e) - rotation_zyx(tau - e)) * (0.5 / h);
+            assert!(
+                (0..3).all(|c| (d.col(c) - want.col(c)).length() <= 1e-8),
+                "{k}"
+            );
+        }
+        let r = rotation_zyx(tau);
+        assert!((angles_zyx_between(&DMat3::IDENTITY, &r) - tau).length() <= 1e-9);
     }
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 /// What one value of a frame does to its bone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Channel {
-    /// Moves the bone along an axis of its own frame, in centimetres.
+    /// Moves the bone direction an axis of its own frame, in centimetres.
     Translate(Axis),
     /// Turns the bone about an axis of its own frame, in radians.
     Rotate(Axis),
@@ -76,31 +76,31 @@ pub struct Skeleton {
     bones: Vec<Bone>,
     first_dof: Vec<usize>,
     dof_count: usize,
-    rest: Vec<Rest>,
+    rest: Vec<RestFrame>,
 }
 
 /// What of a bone is the same in every posture.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Rest {
+pub(super) struct RestFrame {
     /// `C⁻¹`.
-    pub back: DMat3,
+    pub inverse_axis: DMat3,
     /// `L` of a bone without degrees of freedom.
-    pub still: DMat3,
+    pub fixed_rotation: DMat3,
     /// Where it points, of unit length; zero for the root.
-    pub along: DVec3,
+    pub direction: DVec3,
     /// Whether a degree of freedom moves its start.
-    pub slides: bool,
+    pub translates: bool,
 }
 
-impl Rest {
-    fn of(bone: &Bone) -> Rest {
-        let back = bone.axis.transpose();
+impl RestFrame {
+    fn of(bone: &Bone) -> RestFrame {
+        let inverse_axis = bone.axis.transpose();
         let slide = |d: &Dof| matches!(d.channel, Channel::Translate(_));
-        Rest {
-            back,
-            still: bone.axis * DMat3::IDENTITY * back,
-            along: bone.offset.try_normalize().unwrap_or(DVec3::ZERO),
-            slides: bone.dofs.iter().any(slide),
+        RestFrame {
+            inverse_axis,
+            fixed_rotation: bone.axis * DMat3::IDENTITY * inverse_axis,
+            direction: bone.offset.try_normalize().unwrap_or(DVec3::ZERO),
+            translates: bone.dofs.iter().any(slide),
         }
     }
 }
@@ -130,7 +130,7 @@ impl Skeleton {
             dof_count += bone.dofs.len();
         }
         Ok(Skeleton {
-            rest: bones.iter().map(Rest::of).collect(),
+            rest: bones.iter().map(RestFrame::of).collect(),
             bones,
             first_dof,
             dof_count,
@@ -142,11 +142,11 @@ impl Skeleton {
         &self.bones
     }
     /// What is the same in every posture, a bone each.
-    pub(super) fn rest(&self) -> &[Rest] {
+    pub(super) fn rest(&self) -> &[RestFrame] {
         &self.rest
     }
     /// For each bone whether a joint of `joints` depends on it.
-    pub fn above(&self, joints: &[usize]) -> Vec<bool> {
+    pub fn ancestors(&self, joints: &[usize]) -> Vec<bool> {
         let mut above = vec![false; self.bones.len()];
         for &joint in joints {
             above[joint] = true;
@@ -175,7 +175,7 @@ impl Skeleton {
         (0..self.bones.len()).filter(move |&i| self.bones[i].parent == Some(bone))
     }
     /// Whether `bone` is `ancestor` or hangs below it.
-    pub fn is_below(&self, mut bone: usize, ancestor: usize) -> bool {
+    pub fn descends_from(&self, mut bone: usize, ancestor: usize) -> bool {
         while bone > ancestor {
             match self.bones[bone].parent {
                 Some(p) => bone = p,

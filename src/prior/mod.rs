@@ -21,7 +21,7 @@ mod testdata;
 pub mod training_set;
 pub mod tuning;
 
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use ndarray::{Array2, ArrayView2};
 
 pub use registry::open;
@@ -180,7 +180,7 @@ pub trait Prior: Send + Sync {
     /// A few poses, far apart, that headings are found with: (k, 3 J).
     fn typical(&self) -> ArrayView2<'_, f64>;
     /// The same model of poses that went through `map`.
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior>;
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior>;
 }
 
 /// The objective of [`Fit`].

@@ -1,6 +1,6 @@
 //! What a model's history keeps of how it came to be: the command, its flags, and its inputs by their digests.
 
-use crate::io::model::Entry;
+use crate::io::model::HistoryEntry;
 use ndarray::ArrayView2;
 use sha2::{Digest, Sha256};
 
@@ -20,8 +20,8 @@ pub fn hex(bytes: &[u8]) -> String {
 }
 
 /// A step for a model's history.
-pub fn entry(command: &str, flags: &[(&str, String)], inputs: Vec<String>) -> Entry {
-    Entry {
+pub fn entry(command: &str, flags: &[(&str, String)], inputs: Vec<String>) -> HistoryEntry {
+    HistoryEntry {
         command: command.into(),
         version: env!("CARGO_PKG_VERSION").into(),
         flags: flags

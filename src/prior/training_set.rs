@@ -1,7 +1,7 @@
 //! Poses made ready for learning, and the model that comes of it.
 
-use crate::io::model::few_enough;
-use crate::pose::{Anchor, Body, PoseMap, Poses, joints};
+use crate::io::model::check_point_count;
+use crate::pose::{Anchor, Body, PoseTransform, Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
 use std::ops::Range;
@@ -50,7 +50,7 @@ pub fn ready(
     like: Option<&TrainingSet>,
     name: &str,
 ) -> Result<TrainingSet> {
-    few_enough(poses.points.len(), name)?;
+    check_point_count(poses.points.len(), name)?;
     let ordered;
     let poses = match like {
         Some(like) if like.points != poses.points => {
@@ -87,7 +87,7 @@ pub fn ready(
     let (mut pose, mut placed) = (vec![0.0; width], vec![0.0; width]);
     for (take, measured) in takes.iter().zip(&bodies) {
         let map = match (&anchor, &out.body) {
-            (Some(_), Some(common)) => Some(PoseMap::reshape(measured, common)),
+            (Some(_), Some(common)) => Some(PoseTransform::reshape(measured, common)),
             _ => None,
         };
         let first = rows.len() / width.max(1);
@@ -218,7 +218,7 @@ fn mean_body(parents: &[Option<usize>], bodies: &[Body]) -> Body {
 mod tests {
     use super::*;
     use crate::pose::Similarity;
-    use crate::pose::rotation::exponential;
+    use crate::pose::rotation::from_rotation_vector;
     use glam::DVec3;
 
     fn table(world: bool) -> Poses {
@@ -241,7 +241,7 @@ mod tests {
             if world {
                 let v = DVec3::new(0.3, t as f64 * 0.4, -0.2);
                 let s = Similarity {
-                    rotation: exponential(v),
+                    rotation: from_rotation_vector(v),
                     shift: DVec3::new(9.0, 80.0, t as f64),
                     scale: 1.0,
                 };

@@ -1,9 +1,9 @@
 //! Another body than the model's: its bones are measured, and the model is carried to it.
 //!
-//! Carrying the model (linear, see [`PoseMap`]) in place of the poses works whatever joints a frame lacks, and leaves
+//! Carrying the model (linear, see [`PoseTransform`]) in place of the poses works whatever joints a frame lacks, and leaves
 //! nothing to undo.
 
-use crate::pose::{Body, PoseMap};
+use crate::pose::{Body, PoseTransform};
 use ndarray::ArrayView2;
 
 /// How much people's bone lengths differ: the standard deviation of a ratio's logarithm.
@@ -19,7 +19,7 @@ pub fn map_to(
     xyz: ArrayView2<'_, f64>,
     noise: f64,
     mirror: &[Option<usize>],
-) -> PoseMap {
+) -> PoseTransform {
     let seen = Body::measure(&model.parents, xyz);
     let frames = xyz.nrows().max(1) as f64;
     let mut target = seen.clone();
@@ -45,7 +45,7 @@ pub fn map_to(
             target.lengths[k] = model.lengths[k] * target.lengths[m] / model.lengths[m];
         }
     }
-    PoseMap::reshape(model, &target)
+    PoseTransform::reshape(model, &target)
 }
 
 /// How unsure a length is (standard deviation, cm) that was measured in so many frames with noise of a standard deviation
@@ -70,9 +70,9 @@ mod tests {
             parents: vec![None, Some(0), Some(1)],
             lengths: vec![f64::NAN, 20.0, 30.0],
         };
-        let ratios = |map: &PoseMap| match map {
-            PoseMap::Reshape { ratios, .. } => ratios.clone(),
-            PoseMap::Turn(_) => vec![],
+        let ratios = |map: &PoseTransform| match map {
+            PoseTransform::Reshape { ratios, .. } => ratios.clone(),
+            PoseTransform::Rotate(_) => vec![],
         };
         let mut xyz = Array2::zeros((50, 9));
         xyz.column_mut(3).fill(22.0);

@@ -6,7 +6,7 @@ use super::placement::alternating::PlacementSolver;
 use super::rigid::RigidModel;
 use super::rigid::noise_floor::NoiseFloor;
 use crate::io::Model;
-use crate::pose::{Anchor, Body, PoseMap, joints};
+use crate::pose::{Anchor, Body, PoseTransform, joints};
 use crate::prior::{self, OpenOptions, Prior};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2};
@@ -124,8 +124,10 @@ impl BoundModel {
     pub fn prior_for(&self, frames: ArrayView2<'_, f64>, noise: f64) -> Option<Box<dyn Prior>> {
         let map = body_adaptation::map_to(self.body.as_ref()?, frames, noise, &self.mirror);
         let same = match &map {
-            PoseMap::Reshape { ratios, .. } => ratios.iter().all(|r| (r - 1.0).abs() <= SAME_BODY),
-            PoseMap::Turn(_) => false,
+            PoseTransform::Reshape { ratios, .. } => {
+                ratios.iter().all(|r| (r - 1.0).abs() <= SAME_BODY)
+            }
+            PoseTransform::Rotate(_) => false,
         };
         (!same).then(|| self.prior.mapped(&map))
     }

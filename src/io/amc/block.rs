@@ -2,10 +2,10 @@
 //!
 //! Only what is as plain as takes mostly are is taken: lines of a bone and its values, every bone once, frames numbered
 //! without a gap. At anything else (a comment, a broken line, the end of what is there) it ends before that frame, and
-//! [`super::Reader::read`] goes on from there: it alone says what is wrong.
+//! [`super::AmcReader::read`] goes on from there: it alone says what is wrong.
 
-use super::{Asf, Frames};
-use crate::io::text::{PIECE, finite_prefix, within};
+use super::{AmcFrames, Asf};
+use crate::io::text::{PIECE, check_length, finite_prefix};
 use memchr::{memchr, memrchr};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -103,7 +103,7 @@ impl<'a> Blocks<'a> {
         text: &[u8],
         first: u64,
         degrees: bool,
-        frames: &mut Frames,
+        frames: &mut AmcFrames,
     ) -> Taken {
         let text = &text[..memrchr(b'\n', text).map_or(0, |at| at + 1)];
         let mut pieces = std::mem::take(&mut self.pieces);
@@ -238,7 +238,7 @@ impl<'a> Blocks<'a> {
             *out = match (angle, degrees) {
                 (true, true) => value.to_radians(),
                 (true, false) => value,
-                (false, _) => within(value * self.unit).ok()?,
+                (false, _) => check_length(value * self.unit).ok()?,
             };
         }
         at += blanks(&rest[at..]);
@@ -299,20 +299,21 @@ fn number_line(text: &[u8]) -> Option<(u64, usize)> {
 #[cfg(test)]
 mod tests {
     use super::super::tests::asf;
-    use super::super::{Frame, Frames, Reader};
+    use super::super::{AmcFrame, AmcFrames, AmcReader};
     use crate::io::Input;
     use crate::io::text::BLOCK;
 
     /// What a take holds, and how it ends, read one frame at a time or in blocks.
-    fn all(text: &str, keep: bool, block: Option<(usize, usize)>) -> (Vec<Frame>, String) {
+    fn all(text: &str, keep: bool, block: Option<(usize, usize)>) -> (Vec<AmcFrame>, String) {
         let asf = asf();
         let input = Input::new("t.amc", std::io::Cursor::new(text.as_bytes().to_vec())).unwrap();
         let size = block.map_or(BLOCK, |(size, _)| size);
-        let mut reader = match Reader::with_block(&asf, input, keep, size) {
+        let mut reader = match AmcReader::with_block(&asf, input, keep, size) {
             Ok(reader) => reader,
             Err(e) => return (Vec::new(), e.to_string()),
         };
-        let (mut out, mut frame, mut frames) = (Vec::new(), Frame::default(), Frames::default());
+        let (mut out, mut frame, mut frames) =
+            (Vec::new(), AmcFrame::default(), AmcFrames::default());
         if let Some((_, piece)) = block {
             reader.blocks.piece = piece;
         }
@@ -334,7 +335,7 @@ mod tests {
                     assert!(!frames.numbers.is_empty() && values.len() == frames.numbers.len());
                     out.extend(frames.numbers.iter().zip(values).map(|(&number, values)| {
                         let values = values.to_vec();
-                        Frame { number, values }
+                        AmcFrame { number, values }
                     }));
                 }
             }

@@ -6,11 +6,11 @@
 mod block;
 mod write;
 
-pub use write::{write_frame, write_head};
+pub use write::{write_frame, write_header};
 
 use super::Input;
 use super::asf::Asf;
-use super::text::{BLOCK, Lines, Pace, number, short, within};
+use super::text::{BLOCK, Lines, Pace, check_length, excerpt, parse_number};
 use crate::{Error, Place, Result};
 use block::Blocks;
 use std::collections::HashMap;
@@ -18,7 +18,7 @@ use std::io::{BufRead, BufReader};
 
 /// One frame of a take.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Frame {
+pub struct AmcFrame {
     /// The number that the file gives it; the first of a take need not be 1.
     pub number: u64,
     /// One value for each degree of freedom of the skeleton, radians and centimetres.
@@ -27,21 +27,21 @@ pub struct Frame {
 
 /// Several frames.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Frames {
+pub struct AmcFrames {
     /// Their numbers.
     pub numbers: Vec<u64>,
-    /// Their values, one frame's behind the other's, as in [`Frame::values`].
+    /// Their values, one frame's behind the other's, as in [`AmcFrame::values`].
     pub values: Vec<f64>,
 }
 
 /// Reads the frames of a take, one at a time or as many as are there.
-pub struct Reader<'a> {
+pub struct AmcReader<'a> {
     asf: &'a Asf,
     by_name: HashMap<&'a str, usize>,
     lines: Lines<BufReader<Box<dyn BufRead>>>,
     blocks: Blocks<'a>,
     pace: Pace,
-    frame: Frame,
+    frame: AmcFrame,
     degrees: bool,
     /// The number of the frame whose number line was read already.
     next: Option<u64>,
@@ -66,10 +66,10 @@ enum Fault {
     Wrong(Error),
 }
 
-impl<'a> Reader<'a> {
+impl<'a> AmcReader<'a> {
     /// Reads the take's head. With `keep_whole`, a take cut off in its last frame ends before that frame.
-    pub fn new(asf: &'a Asf, input: Input, keep_whole: bool) -> Result<Reader<'a>> {
-        Reader::with_block(asf, input, keep_whole, BLOCK)
+    pub fn new(asf: &'a Asf, input: Input, keep_whole: bool) -> Result<AmcReader<'a>> {
+        AmcReader::with_block(asf, input, keep_whole, BLOCK)
     }
 
     fn with_block(
@@ -77,7 +77,7 @@ impl<'a> Reader<'a> {
         input: Input,
         keep_whole: bool,
         block: usize,
-    ) -> Result<Reader<'a>> {
+    ) -> Result<AmcReader<'a>> {
         let by_name = asf
             .skeleton
             .bones()
@@ -86,13 +86,13 @@ impl<'a> Reader<'a> {
             .map(|(i, b)| (b.name.as_str(), i))
             .collect();
         let name = input.name.clone();
-        let mut reader = Reader {
+        let mut reader = AmcReader {
             asf,
             by_name,
             lines: Lines::new(name, BufReader::with_capacity(block, input.into_reader())),
             blocks: Blocks::new(asf),
             pace: Pace::FULL,
-            frame: Frame::default(),
+            frame: AmcFrame::default(),
             degrees: asf.degrees,
             next: None,
             last: None,
@@ -115,7 +115,7 @@ impl<'a> Reader<'a> {
                 other if other.starts_with(':') => continue,
                 _ => {
                     let first = text.split_whitespace().next().unwrap_or("");
-                    let found = short(first);
+                    let found = excerpt(first);
                     self.next = Some(first.parse::<u64>().map_err(|_| {
                         Error::data(
                             self.lines.here(),
@@ -130,7 +130,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The next frames into `frames`: those that are there, at least one; `false` at the end of the take.
-    pub fn read_block(&mut self, frames: &mut Frames) -> Result<bool> {
+    pub fn read_block(&mut self, frames: &mut AmcFrames) -> Result<bool> {
         frames.numbers.clear();
         frames.values.clear();
         match self.pace.careful {
@@ -151,7 +151,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Appends what plain frames come next and are there.
-    fn read_plain(&mut self, frames: &mut Frames) -> Result<()> {
+    fn read_plain(&mut self, frames: &mut AmcFrames) -> Result<()> {
         let Some(first) = self.next else {
             return Ok(());
         };
@@ -172,7 +172,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The next frame into `frame`; `false` at the end of the take.
-    pub fn read(&mut self, frame: &mut Frame) -> Result<bool> {
+    pub fn read(&mut self, frame: &mut AmcFrame) -> Result<bool> {
         let Some(number) = self.next.take() else {
             return Ok(false);
         };
@@ -200,14 +200,15 @@ impl<'a> Reader<'a> {
                     self.next = Some(next);
                     let line = self.lines.number;
                     if let Some(bone) = self.missing() {
-                        let what = format!("frame {number} ends without bone \"{}\"", short(bone));
+                        let what =
+                            format!("frame {number} ends without bone \"{}\"", excerpt(bone));
                         return Err(Error::data(Place::line(&self.lines.name, line), what));
                     }
                     break;
                 }
                 Ok(Some(Line::Bone(bone))) => {
                     if std::mem::replace(&mut self.seen[bone], true) {
-                        let name = short(&self.asf.skeleton.bones()[bone].name);
+                        let name = excerpt(&self.asf.skeleton.bones()[bone].name);
                         let what = format!("bone \"{name}\" stands twice in frame {number}");
                         return Err(Error::data(self.lines.here(), what));
                     }
@@ -215,7 +216,7 @@ impl<'a> Reader<'a> {
                 Ok(Some(Line::Nothing)) => {}
                 Ok(None) => match self.missing() {
                     Some(bone) => {
-                        let why = format!("bone \"{}\" is not there", short(bone));
+                        let why = format!("bone \"{}\" is not there", excerpt(bone));
                         return self.cut_off(number, &why);
                     }
                     None => break,
@@ -262,7 +263,7 @@ impl<'a> Reader<'a> {
         Err(Error::data(self.lines.here(), what))
     }
 
-    fn bone_line(&mut self, frame: &mut Frame) -> std::result::Result<Option<Line>, Fault> {
+    fn bone_line(&mut self, frame: &mut AmcFrame) -> std::result::Result<Option<Line>, Fault> {
         let degrees = self.degrees;
         let Some(line) = self.lines.next_line().map_err(Fault::Wrong)? else {
             return Ok(None);
@@ -279,7 +280,7 @@ impl<'a> Reader<'a> {
             return Ok(Some(Line::Number(number)));
         }
         let Some(&bone) = self.by_name.get(name) else {
-            let what = format!("the skeleton has no bone \"{}\"", short(name));
+            let what = format!("the skeleton has no bone \"{}\"", excerpt(name));
             return Err(Fault::Cut(Error::data(self.lines.here(), what)));
         };
         let skeleton = &self.asf.skeleton;
@@ -289,10 +290,10 @@ impl<'a> Reader<'a> {
         for word in words {
             if count < range.len() {
                 let angle = skeleton.bones()[bone].dofs[count].channel.is_angle();
-                let value = number(word).and_then(|value| match (angle, degrees) {
+                let value = parse_number(word).and_then(|value| match (angle, degrees) {
                     (true, true) => Ok(value.to_radians()),
                     (true, false) => Ok(value),
-                    (false, _) => within(value * self.asf.unit),
+                    (false, _) => check_length(value * self.asf.unit),
                 });
                 match value {
                     Ok(value) => frame.values[range.start + count] = value,
@@ -304,7 +305,11 @@ impl<'a> Reader<'a> {
             }
             count += 1;
         }
-        let here = || self.lines.here().part(short(&skeleton.bones()[bone].name));
+        let here = || {
+            self.lines
+                .here()
+                .part(excerpt(&skeleton.bones()[bone].name))
+        };
         if let Some(what) = fault {
             return Err(Fault::Cut(Error::data(here(), what)));
         }
@@ -326,14 +331,14 @@ mod tests {
         super::super::asf::parse("t.asf", ASF.as_bytes()).unwrap()
     }
 
-    fn take(text: &str, keep: bool) -> Result<Vec<Frame>> {
+    fn take(text: &str, keep: bool) -> Result<Vec<AmcFrame>> {
         let asf = asf();
-        let mut reader = Reader::new(
+        let mut reader = AmcReader::new(
             &asf,
             Input::new("t.amc", std::io::Cursor::new(text.as_bytes().to_vec()))?,
             keep,
         )?;
-        let (mut frames, mut frame) = (Vec::new(), Frame::default());
+        let (mut frames, mut frame) = (Vec::new(), AmcFrame::default());
         while reader.read(&mut frame)? {
             frames.push(frame.clone());
         }
@@ -359,7 +364,7 @@ mod tests {
         let asf = asf();
         let frames = take(TWO, false).unwrap();
         let mut out = Vec::new();
-        write_head(&mut out);
+        write_header(&mut out);
         frames.iter().for_each(|f| write_frame(&mut out, &asf, f));
         let back = take(std::str::from_utf8(&out).unwrap(), false).unwrap();
         for (a, b) in frames.iter().zip(&back) {

@@ -1,15 +1,15 @@
 //! Takes written.
 
-use super::{Asf, Frame};
-use crate::io::text::push_number;
+use super::{AmcFrame, Asf};
+use crate::io::text::push_f64;
 
 /// The head of an AMC file, in degrees as CMU's are.
-pub fn write_head(out: &mut Vec<u8>) {
+pub fn write_header(out: &mut Vec<u8>) {
     out.extend_from_slice(b":FULLY-SPECIFIED\n:DEGREES\n");
 }
 
 /// Appends one frame in degrees and raw units. Ten decimals: a millionth of a millimetre at arm's length.
-pub fn write_frame(out: &mut Vec<u8>, asf: &Asf, frame: &Frame) {
+pub fn write_frame(out: &mut Vec<u8>, asf: &Asf, frame: &AmcFrame) {
     use std::io::Write;
     // Writing to memory cannot fail.
     let _ = writeln!(out, "{}", frame.number);
@@ -26,7 +26,7 @@ pub fn write_frame(out: &mut Vec<u8>, asf: &Asf, frame: &Frame) {
             };
             out.push(b' ');
             let rounded = (value * 1e10).round() / 1e10;
-            push_number(
+            push_f64(
                 out,
                 if rounded.is_finite() {
                     rounded + 0.0

@@ -12,7 +12,7 @@ use crate::pose::{Channel, Skeleton};
 use glam::{DMat3, DVec3};
 
 /// Turns postures of a skeleton into frames of a BVH file.
-pub struct Converter<'a> {
+pub struct BvhExporter<'a> {
     skeleton: &'a Skeleton,
     order: [Axis; 3],
     /// Carries our axes (y up) to the file's.
@@ -24,9 +24,9 @@ pub struct Converter<'a> {
     near: Vec<[f64; 3]>,
 }
 
-impl<'a> Converter<'a> {
+impl<'a> BvhExporter<'a> {
     /// `order` is that of the rotation channels, the last turning first; `turn` carries our axes to the file's.
-    pub fn new(skeleton: &'a Skeleton, order: [Axis; 3], turn: DMat3) -> Converter<'a> {
+    pub fn new(skeleton: &'a Skeleton, order: [Axis; 3], turn: DMat3) -> BvhExporter<'a> {
         let all = skeleton.bones();
         let mut children = vec![Vec::new(); all.len()];
         for (i, bone) in all.iter().enumerate() {
@@ -65,7 +65,7 @@ impl<'a> Converter<'a> {
                 },
             }
         });
-        Converter {
+        BvhExporter {
             skeleton,
             order,
             turn,
@@ -101,7 +101,7 @@ impl<'a> Converter<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Points, Rig};
+    use super::super::{BvhPoints, BvhSkeleton};
     use super::*;
     use crate::pose::rotation::parse_order;
     use crate::pose::{Bone, Dof};
@@ -139,8 +139,8 @@ mod tests {
                 DMat3::IDENTITY,
                 DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
             ] {
-                let mut converter = Converter::new(&s, parse_order(order).unwrap(), turn);
-                let rig = Rig::new(converter.joints(), turn.transpose(), true).unwrap();
+                let mut converter = BvhExporter::new(&s, parse_order(order).unwrap(), turn);
+                let rig = BvhSkeleton::new(converter.joints(), turn.transpose(), true).unwrap();
                 let mut q = vec![0.0; rig.skeleton.dof_count()];
                 for round in 0..5 {
                     let values: Vec<f64> = (0..s.dof_count())
@@ -151,7 +151,7 @@ mod tests {
                     converter.frame(&want, &mut frame);
                     rig.values(&frame, &mut q);
                     let got = rig.skeleton.posture(&q);
-                    for (name, bone) in rig.points(Points::Ends) {
+                    for (name, bone) in rig.points(BvhPoints::Ends) {
                         let end = want.ends[s.find(name).unwrap()];
                         let fits = (got.ends[*bone] - end).length() <= 1e-9;
                         // Its children start apart: the mean is not the bone's end.

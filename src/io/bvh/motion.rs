@@ -1,11 +1,11 @@
 //! The second half of a BVH file: how many frames, how long each, and their values.
 
 use super::Joint;
-use super::words::{Fault, Words, bounded};
-use crate::io::text::{number, short};
+use super::words::{BvhFault, Tokens, bounded};
+use crate::io::text::{excerpt, parse_number};
 
 /// The count of frames, the Frame Time, and where the count stands.
-pub fn motion_head(words: &mut Words) -> std::result::Result<(f64, f64, usize), Fault> {
+pub fn motion_head(words: &mut Tokens) -> std::result::Result<(f64, f64, usize), BvhFault> {
     let (frames, start) = labelled(words, &["frames"], "Frames:")?;
     let (time, _) = labelled(words, &["frame", "time"], "Frame Time:")?;
     Ok((frames, time, start))
@@ -13,17 +13,18 @@ pub fn motion_head(words: &mut Words) -> std::result::Result<(f64, f64, usize), 
 
 /// A number after a label, however the colon is spaced.
 fn labelled(
-    words: &mut Words,
+    words: &mut Tokens,
     label: &[&str],
     shown: &str,
-) -> std::result::Result<(f64, usize), Fault> {
-    let expected =
-        |at: usize, word: &str| Fault(at, format!("expected {shown}, found \"{}\"", short(word)));
+) -> std::result::Result<(f64, usize), BvhFault> {
+    let expected = |at: usize, word: &str| {
+        BvhFault(at, format!("expected {shown}, found \"{}\"", excerpt(word)))
+    };
     let (mut start, mut letters) = (None, String::new());
     let wanted = label.concat();
     while letters != wanted {
         let Some((at, word)) = words.next() else {
-            return Err(Fault(
+            return Err(BvhFault(
                 words.text.len(),
                 format!("expected {shown}; the file is cut off"),
             ));
@@ -41,7 +42,7 @@ fn labelled(
             if letters != wanted {
                 return Err(expected(at, word));
             }
-            return Ok((number(value).map_err(|what| Fault(at, what))?, at));
+            return Ok((parse_number(value).map_err(|what| BvhFault(at, what))?, at));
         }
     }
     let (mut at, mut word) = words.next().unwrap_or((words.text.len(), ""));
@@ -49,17 +50,17 @@ fn labelled(
         (at, word) = words.next().unwrap_or((words.text.len(), ""));
     }
     let word = word.strip_prefix(':').unwrap_or(word);
-    let value = number(word).map_err(|what| Fault(at, format!("{shown} {what}")))?;
+    let value = parse_number(word).map_err(|what| BvhFault(at, format!("{shown} {what}")))?;
     Ok((value, start.unwrap_or(at)))
 }
 
 /// Everything after the head, which says that there are so many `frames`, in radians and centimetres.
 pub fn values(
-    words: &mut Words,
+    words: &mut Tokens,
     joints: &[Joint],
     unit: f64,
     frames: f64,
-) -> std::result::Result<Vec<f64>, Fault> {
+) -> std::result::Result<Vec<f64>, BvhFault> {
     let scales: Vec<f64> = joints
         .iter()
         .flat_map(|j| &j.channels)
@@ -77,10 +78,10 @@ pub fn values(
     while let Some((at, word)) = words.next() {
         let value = bounded(word).map_err(|what| {
             let frame = out.len() / scales.len().max(1) + 1;
-            Fault(at, format!("frame {frame}, value {}: {what}", channel + 1))
+            BvhFault(at, format!("frame {frame}, value {}: {what}", channel + 1))
         })?;
         let Some(scale) = scales.get(channel) else {
-            return Err(Fault(at, "values, but no joint has channels".into()));
+            return Err(BvhFault(at, "values, but no joint has channels".into()));
         };
         out.push(value * scale);
         channel = (channel + 1) % scales.len();
@@ -95,7 +96,7 @@ fn check_lines(
     start: usize,
     width: usize,
     frames: f64,
-) -> std::result::Result<(), Fault> {
+) -> std::result::Result<(), BvhFault> {
     let mut at = start;
     let mut lines = Vec::new();
     for line in text.split_inclusive(['\n', '\r']) {
@@ -113,7 +114,7 @@ fn check_lines(
         let is_cut_off = i + 1 == lines.len() && *count < width;
         if count % width != 0 && !is_cut_off {
             let what = format!("frame {}: expected {width} values, found {count}", i + 1);
-            return Err(Fault(*at, what));
+            return Err(BvhFault(*at, what));
         }
     }
     Ok(())

@@ -5,10 +5,10 @@
 //! error with its line.
 
 use super::motion::{motion_head, values};
-use super::words::{Fault, Words};
+use super::words::{BvhFault, Tokens};
 use super::{Bvh, Joint, MOST_JOINTS};
 use crate::io::Input;
-use crate::io::text::short;
+use crate::io::text::excerpt;
 use crate::pose::Channel;
 use crate::pose::rotation::Axis;
 use crate::{Error, Place, Result};
@@ -36,7 +36,7 @@ pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Loaded> {
     // Old files have Latin-1 names.
     let text = String::from_utf8_lossy(&bytes);
     let mut parser = Parser {
-        words: Words {
+        words: Tokens {
             text: text.strip_prefix('\u{feff}').unwrap_or(&text),
             at: 0,
         },
@@ -46,7 +46,7 @@ pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Loaded> {
         stray: None,
     };
     let mut notes = Vec::new();
-    let fail = |fault: Fault, words: &Words| {
+    let fail = |fault: BvhFault, words: &Tokens| {
         Error::data(Place::line(&name, words.line_of(fault.0)), fault.1)
     };
     if let Err(fault) = parser.hierarchy() {
@@ -62,7 +62,7 @@ pub fn read(input: Input, unit: f64, keep_whole: bool) -> Result<Loaded> {
         notes.push(format!(
             "{name}:{}: \"{}\"{more} does not belong there and is passed over",
             parser.words.line_of(at),
-            short(&word)
+            excerpt(&word)
         ));
     }
     let (frames, frame_time, start) = match motion_head(&mut parser.words) {
@@ -125,7 +125,7 @@ enum Open {
 }
 
 struct Parser<'a> {
-    words: Words<'a>,
+    words: Tokens<'a>,
     joints: Vec<Joint>,
     stack: Vec<Open>,
     /// Joints and End Sites so far.
@@ -135,16 +135,16 @@ struct Parser<'a> {
 }
 
 impl Parser<'_> {
-    fn hierarchy(&mut self) -> std::result::Result<(), Fault> {
+    fn hierarchy(&mut self) -> std::result::Result<(), BvhFault> {
         match self.words.next() {
-            None => return Err(Fault(0, "is empty, expected a BVH file".into())),
+            None => return Err(BvhFault(0, "is empty, expected a BVH file".into())),
             Some((_, word)) if word.eq_ignore_ascii_case("HIERARCHY") => {}
             Some((at, word)) => {
                 let what = format!(
                     "expected HIERARCHY, found \"{}\"; this is no BVH file",
-                    short(word)
+                    excerpt(word)
                 );
-                return Err(Fault(at, what));
+                return Err(BvhFault(at, what));
             }
         }
         loop {
@@ -153,9 +153,9 @@ impl Parser<'_> {
                     true => "has no MOTION; the file is cut off",
                     false => "the hierarchy is cut off: a } is missing",
                 };
-                return Err(Fault(self.words.text.len(), what.into()));
+                return Err(BvhFault(self.words.text.len(), what.into()));
             };
-            let fault = |what: &str| Err(Fault(at, what.to_string()));
+            let fault = |what: &str| Err(BvhFault(at, what.to_string()));
             match word.to_ascii_uppercase().as_str() {
                 "MOTION" if !self.stack.is_empty() => {
                     return fault("MOTION stands inside the hierarchy: a } is missing");
@@ -190,21 +190,24 @@ impl Parser<'_> {
         }
     }
 
-    fn brace(&mut self) -> std::result::Result<(), Fault> {
+    fn brace(&mut self) -> std::result::Result<(), BvhFault> {
         match self.words.next() {
             Some((_, "{")) => Ok(()),
-            Some((at, word)) => Err(Fault(at, format!("expected {{, found \"{}\"", short(word)))),
-            None => Err(Fault(
+            Some((at, word)) => Err(BvhFault(
+                at,
+                format!("expected {{, found \"{}\"", excerpt(word)),
+            )),
+            None => Err(BvhFault(
                 self.words.text.len(),
                 "expected {; the file is cut off".into(),
             )),
         }
     }
 
-    fn count(&mut self, at: usize) -> std::result::Result<(), Fault> {
+    fn count(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
         self.nodes += 1;
         if self.nodes > MOST_JOINTS {
-            return Err(Fault(
+            return Err(BvhFault(
                 at,
                 format!("more than {MOST_JOINTS} joints and End Sites"),
             ));
@@ -212,7 +215,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn open_joint(&mut self, at: usize) -> std::result::Result<(), Fault> {
+    fn open_joint(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
         self.count(at)?;
         let name: String = self
             .words
@@ -241,9 +244,9 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn open_end(&mut self, at: usize) -> std::result::Result<(), Fault> {
+    fn open_end(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
         let Some(Open::Joint(joint, ..)) = self.stack.last() else {
-            return Err(Fault(at, "an End Site stands inside another".into()));
+            return Err(BvhFault(at, "an End Site stands inside another".into()));
         };
         let joint = *joint;
         self.count(at)?;
@@ -253,11 +256,11 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn close(&mut self, at: usize) -> std::result::Result<(), Fault> {
+    fn close(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
         match self.stack.pop() {
             Some(Open::Joint(joint, false, _)) => {
-                let name = short(&self.joints[joint].name);
-                Err(Fault(at, format!("joint \"{name}\" has no OFFSET")))
+                let name = excerpt(&self.joints[joint].name);
+                Err(BvhFault(at, format!("joint \"{name}\" has no OFFSET")))
             }
             // An End Site without OFFSET ends where its joint stands.
             Some(Open::End(joint, false)) => {
@@ -265,7 +268,7 @@ impl Parser<'_> {
                 Ok(())
             }
             Some(_) => Ok(()),
-            None if self.joints.is_empty() => Err(Fault(at, "} before any {".into())),
+            None if self.joints.is_empty() => Err(BvhFault(at, "} before any {".into())),
             None => {
                 self.stray(at, "}");
                 Ok(())
@@ -273,7 +276,7 @@ impl Parser<'_> {
         }
     }
 
-    fn offset(&mut self, at: usize) -> std::result::Result<(), Fault> {
+    fn offset(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
         let value = DVec3::from_array(self.words.numbers::<3>()?);
         match self.stack.last_mut() {
             Some(Open::Joint(_, seen @ false, _)) => *seen = true,
@@ -282,8 +285,8 @@ impl Parser<'_> {
                 self.joints[*joint].ends.push(value);
                 return Ok(());
             }
-            Some(_) => return Err(Fault(at, "a second OFFSET in one joint".into())),
-            None => return Err(Fault(at, "OFFSET stands outside of any joint".into())),
+            Some(_) => return Err(BvhFault(at, "a second OFFSET in one joint".into())),
+            None => return Err(BvhFault(at, "OFFSET stands outside of any joint".into())),
         }
         if let Some(Open::Joint(joint, ..)) = self.stack.last() {
             self.joints[*joint].offset = value;
@@ -291,17 +294,17 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn channels(&mut self, at: usize) -> std::result::Result<(), Fault> {
+    fn channels(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
         let Some(Open::Joint(joint, _, seen)) = self.stack.last_mut() else {
-            return Err(Fault(at, "CHANNELS stands outside of any joint".into()));
+            return Err(BvhFault(at, "CHANNELS stands outside of any joint".into()));
         };
         if std::mem::replace(seen, true) {
-            return Err(Fault(at, "a second CHANNELS in one joint".into()));
+            return Err(BvhFault(at, "a second CHANNELS in one joint".into()));
         }
         let joint = *joint;
         let [count] = self.words.numbers::<1>()?;
         if !(count.fract() == 0.0 && (0.0..=6.0).contains(&count)) {
-            return Err(Fault(
+            return Err(BvhFault(
                 at,
                 format!("expected 0 to 6 channels, found {count}"),
             ));
@@ -309,25 +312,25 @@ impl Parser<'_> {
         for _ in 0..count as usize {
             let (at, word) = self.words.next().unwrap_or((at, ""));
             let channel = channel(word).ok_or_else(|| {
-                Fault(
+                BvhFault(
                     at,
                     format!(
                         "expected a channel such as Xrotation, found \"{}\"",
-                        short(word)
+                        excerpt(word)
                     ),
                 )
             })?;
             let channels = &mut self.joints[joint].channels;
             if channels.contains(&channel) {
-                return Err(Fault(
+                return Err(BvhFault(
                     at,
-                    format!("channel \"{}\" stands twice", short(word)),
+                    format!("channel \"{}\" stands twice", excerpt(word)),
                 ));
             }
             channels.push(channel);
         }
         match self.words.peek() {
-            Some((at, word)) if channel(word).is_some() => Err(Fault(
+            Some((at, word)) if channel(word).is_some() => Err(BvhFault(
                 at,
                 format!("more channels are named than the {count} counted"),
             )),

@@ -12,16 +12,16 @@ use std::collections::HashMap;
 
 /// What the points of a table of this hierarchy are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Points {
+pub enum BvhPoints {
     /// Joints, and End Sites as NAME_end.
     Origins,
-    /// The end of each bone, under the bone's name: see [`Rig::points`].
+    /// The end of each bone, under the bone's name: see [`BvhSkeleton::points`].
     Ends,
 }
 
 /// A hierarchy's skeleton, y up.
 #[derive(Debug, Clone)]
-pub struct Rig {
+pub struct BvhSkeleton {
     /// Its kinematics.
     pub skeleton: Skeleton,
     /// For each channel of a frame the value of the skeleton it is; `None` for one that does not move here.
@@ -32,13 +32,13 @@ pub struct Rig {
     ends: Vec<(String, usize)>,
 }
 
-impl Rig {
+impl BvhSkeleton {
     /// The skeleton of `joints`; `turn` carries the file's axes to ours (y up).
     ///
     /// With `sliding` every position channel is a value of the skeleton. Without, bones keep their lengths, as when a
     /// posture is solved for, and only those move the body as a whole: the root's, and its only child's, and so on
     /// until the first fork (some rigs have a root that stays where it is and hips that walk).
-    pub fn new(joints: &[Joint], turn: DMat3, sliding: bool) -> Result<Rig> {
+    pub fn new(joints: &[Joint], turn: DMat3, sliding: bool) -> Result<BvhSkeleton> {
         let mut builder = Builder::default();
         // By joint: the bone that turns with it; by place: the bone that ends there.
         let mut turning: Vec<usize> = Vec::with_capacity(joints.len());
@@ -146,7 +146,7 @@ impl Rig {
         }
         origins.extend(end_sites);
         unique(&mut origins);
-        Ok(Rig {
+        Ok(BvhSkeleton {
             skeleton: Skeleton::new(builder.bones)?,
             channels,
             still,
@@ -160,21 +160,21 @@ impl Rig {
     /// The end of a bone is where the joints on it start and its End Sites are; where those are apart, their mean, as
     /// Blender draws it. A joint that carries nothing ends where it is, and so does the root, so that a table of ends
     /// tells where the body stands.
-    pub fn points(&self, which: Points) -> &[(String, usize)] {
+    pub fn points(&self, which: BvhPoints) -> &[(String, usize)] {
         match which {
-            Points::Origins => &self.origins,
-            Points::Ends => &self.ends,
+            BvhPoints::Origins => &self.origins,
+            BvhPoints::Ends => &self.ends,
         }
     }
 
     /// Which points a table with these names holds: joints if an End Site is among them (or there are none to be
     /// among them), else ends of bones.
-    pub fn points_among(&self, names: &[String]) -> Points {
+    pub fn points_among(&self, names: &[String]) -> BvhPoints {
         let sites = &self.origins[self.ends.len()..];
         if sites.is_empty() || sites.iter().any(|(site, _)| names.contains(site)) {
-            Points::Origins
+            BvhPoints::Origins
         } else {
-            Points::Ends
+            BvhPoints::Ends
         }
     }
 

@@ -1,6 +1,6 @@
 //! The skeleton a BVH file is written for: that of an ASF, of another BVH, or one measured.
 
-use super::{Bvh, Converter, Joint, Rig, read};
+use super::{Bvh, BvhExporter, BvhSkeleton, Joint, read};
 use crate::io::{Input, asf};
 use crate::pose::Skeleton;
 use crate::pose::kinematics::Posture;
@@ -18,7 +18,7 @@ pub enum Target {
     /// A skeleton whose joints are the ends of its bones.
     Bones(Skeleton),
     /// A BVH, whose hierarchy, offsets and channels are kept.
-    Template(Vec<Joint>, Box<Rig>),
+    Template(Vec<Joint>, Box<BvhSkeleton>),
 }
 
 impl Target {
@@ -35,7 +35,7 @@ impl Target {
             return Ok((Target::Bones(asf::read(input, None)?.skeleton), Vec::new()));
         }
         let loaded = read(input, unit, true)?;
-        let rig = Rig::new(&loaded.bvh.joints, turn, false)?;
+        let rig = BvhSkeleton::new(&loaded.bvh.joints, turn, false)?;
         Ok((
             Target::Template(loaded.bvh.joints, Box::new(rig)),
             loaded.notes,
@@ -79,7 +79,7 @@ impl Target {
                 joints.clone()
             }
             Target::Bones(skeleton) => {
-                let mut converter = Converter::new(skeleton, order, turn.transpose());
+                let mut converter = BvhExporter::new(skeleton, order, turn.transpose());
                 let mut posture = Posture::default();
                 for q in rows {
                     skeleton.posture_into(&q, &mut posture);

@@ -1,22 +1,22 @@
 //! A BVH file's words, and numbers among them.
 
-use crate::io::text::{number, short};
+use crate::io::text::{excerpt, parse_number};
 
 /// Numbers beyond this are no lengths and no angles.
 const LARGEST_NUMBER: f64 = 1e9;
 
 /// Where in the text, and what is wrong there.
-pub struct Fault(pub usize, pub String);
+pub struct BvhFault(pub usize, pub String);
 
 /// The text's words, separated by white space.
-pub struct Words<'a> {
+pub struct Tokens<'a> {
     /// The whole text.
     pub text: &'a str,
     /// How far it is read, in bytes.
     pub at: usize,
 }
 
-impl<'a> Words<'a> {
+impl<'a> Tokens<'a> {
     /// The next word and where it starts.
     pub fn next(&mut self) -> Option<(usize, &'a str)> {
         let rest = &self.text[self.at..];
@@ -54,16 +54,16 @@ impl<'a> Words<'a> {
     }
 
     /// Three numbers, or the one asked for.
-    pub fn numbers<const N: usize>(&mut self) -> std::result::Result<[f64; N], Fault> {
+    pub fn numbers<const N: usize>(&mut self) -> std::result::Result<[f64; N], BvhFault> {
         let mut out = [0.0; N];
         for v in &mut out {
             let (at, word) = self.next().ok_or_else(|| {
-                Fault(
+                BvhFault(
                     self.text.len(),
                     "expected a number; the file is cut off".into(),
                 )
             })?;
-            *v = bounded(word).map_err(|what| Fault(at, what))?;
+            *v = bounded(word).map_err(|what| BvhFault(at, what))?;
         }
         Ok(out)
     }
@@ -71,11 +71,11 @@ impl<'a> Words<'a> {
 
 /// A finite number of a size that a body can have.
 pub fn bounded(word: &str) -> std::result::Result<f64, String> {
-    match number(word)? {
+    match parse_number(word)? {
         v if v.abs() <= LARGEST_NUMBER => Ok(v),
         _ => Err(format!(
             "\"{}\" is no length or angle of a body",
-            short(word)
+            excerpt(word)
         )),
     }
 }

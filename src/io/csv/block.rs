@@ -5,7 +5,7 @@
 //! goes on from there: it alone says what is wrong.
 
 use super::super::table::Columns;
-use super::super::text::{PIECE, finite_prefix, within};
+use super::super::text::{PIECE, check_length, finite_prefix};
 use memchr::{memchr, memrchr};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -79,7 +79,7 @@ pub(super) struct PlainRow<'a> {
 impl Blocks {
     pub(super) fn new(columns: &Columns) -> Blocks {
         let mut kinds = vec![Column::Other; columns.names.len()];
-        for (point, place) in columns.place.iter().enumerate() {
+        for (point, place) in columns.coordinates.iter().enumerate() {
             for (axis, column) in place.iter().enumerate() {
                 if let Some(column) = column {
                     kinds[*column] = Column::Number(3 * point + axis);
@@ -239,7 +239,7 @@ fn coordinate(text: &[u8]) -> Option<(f64, usize)> {
         [b'n' | b'N', b'a' | b'A', b'n' | b'N', ..] => Some((f64::NAN, 3)),
         _ => {
             let (value, length) = finite_prefix(text)?;
-            Some((within(value).ok()?, length))
+            Some((check_length(value).ok()?, length))
         }
     }
 }

@@ -9,7 +9,7 @@ pub use writer::{After, CsvWriter};
 use super::Input;
 use super::cells::Cells;
 use super::table::{Columns, ReadOptions, Row};
-use super::text::{BLOCK, Pace, short, within};
+use super::text::{BLOCK, Pace, check_length, excerpt};
 use crate::{Error, Place, Result};
 use block::Blocks;
 use records::{Records, fault};
@@ -145,14 +145,14 @@ impl CsvReader {
             return Err(Error::data(Place::line(&self.name, line), what));
         }
         row.xyz.clear();
-        for (point, place) in self.columns.place.iter().enumerate() {
+        for (point, place) in self.columns.coordinates.iter().enumerate() {
             for (axis, column) in place.iter().enumerate() {
                 let value = match column {
                     None => f64::NAN,
                     Some(column) => coordinate(&row.cells[*column]).map_err(|what| {
                         let part = format!(
                             "{}.{}",
-                            short(&self.columns.points[point]),
+                            excerpt(&self.columns.points[point]),
                             ["x", "y", "z"][axis]
                         );
                         Error::data(Place::line(&self.name, line).part(part), what)
@@ -203,14 +203,14 @@ fn parse(cell: &[u8]) -> std::result::Result<f64, String> {
     if text.is_empty() || text.eq_ignore_ascii_case("nan") {
         return Ok(f64::NAN);
     }
-    super::text::number(text)
+    super::text::parse_number(text)
 }
 
 /// A cell's coordinate: NaN is a missing one.
 fn coordinate(cell: &[u8]) -> std::result::Result<f64, String> {
     match parse(cell)? {
         v if v.is_nan() => Ok(v),
-        v => within(v),
+        v => check_length(v),
     }
 }
 
@@ -238,7 +238,7 @@ mod tests {
         let mut reader = CsvReader::new(input(text), &options).unwrap();
         let writer = CsvWriter::new(&reader.columns, added);
         let (mut out, mut row) = (Vec::new(), Row::default());
-        writer.push_head(&mut out);
+        writer.push_header(&mut out);
         while reader.read(&mut row).unwrap() {
             let mut xyz = row.xyz.clone();
             change(&mut xyz);

@@ -1,7 +1,7 @@
 //! Records of any CSV (RFC 4180), one at a time: quoted cells, line ends inside them, lines that end in CR alone.
 
 use super::super::cells::Cells;
-use super::super::text::filled;
+use super::super::text::wait_for_data;
 use crate::{Error, Place};
 use csv_core::ReadRecordResult;
 use std::io::{self, BufRead, BufReader};
@@ -54,7 +54,7 @@ impl Records {
         let (mut text, mut ends, mut has_begun) = (0, 0, false);
         self.core.set_line(line);
         loop {
-            let there = filled(&mut self.reader).and_then(|()| self.reader.fill_buf());
+            let there = wait_for_data(&mut self.reader).and_then(|()| self.reader.fill_buf());
             let there = there.inspect_err(|_| self.ended = true)?;
             // A last line may do without its end. Within quotes an end of line is part of the cell.
             let is_last = has_begun && there.is_empty();
@@ -93,7 +93,7 @@ impl Records {
     /// Ends of lines before the next record: of the one that the record before ended with, its LF may be left.
     fn pass_blank_lines(&mut self) -> io::Result<()> {
         loop {
-            filled(&mut self.reader)?;
+            wait_for_data(&mut self.reader)?;
             let there = self.reader.fill_buf()?;
             let blank = there.iter().take_while(|b| matches!(b, b'\r' | b'\n'));
             let (bytes, line_feeds) = blank.fold((0, 0), |(all, feeds), b| {
@@ -112,7 +112,7 @@ impl Records {
         if self.ended {
             return Ok(None);
         }
-        filled(&mut self.reader)?;
+        wait_for_data(&mut self.reader)?;
         Ok(Some((self.reader.buffer(), self.line)))
     }
 

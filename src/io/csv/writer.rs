@@ -1,7 +1,7 @@
 //! Rows of a table written as CSV, unchanged cells as they stood.
 
 use super::super::table::{Columns, Row};
-use super::super::text::push_number;
+use super::super::text::push_f64;
 
 /// What a written column holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,7 +48,7 @@ impl CsvWriter {
             .map(|(name, _)| columns.names.iter().position(|n| n == name))
             .collect();
         let mut source = vec![None; columns.names.len()];
-        for (point, place) in columns.place.iter().enumerate() {
+        for (point, place) in columns.coordinates.iter().enumerate() {
             for (axis, column) in place.iter().enumerate() {
                 if let Some(column) = column {
                     source[*column] = Some(Source::Number(3 * point + axis, Some(*column)));
@@ -69,7 +69,7 @@ impl CsvWriter {
             // What belongs behind a point goes behind the last of its columns.
             if let Source::Number(value, _) = what {
                 let point = value / 3;
-                if columns.place[point].iter().flatten().max() == Some(&i) {
+                if columns.coordinates[point].iter().flatten().max() == Some(&i) {
                     writer.after_point(columns, point, added, &replaced);
                 }
             }
@@ -90,7 +90,7 @@ impl CsvWriter {
         replaced: &[Option<usize>],
     ) {
         for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
-            if columns.place[point][axis].is_none() {
+            if columns.coordinates[point][axis].is_none() {
                 self.push(
                     &format!("{}.{letter}", columns.points[point]),
                     Source::Number(3 * point + axis, None),
@@ -117,7 +117,7 @@ impl CsvWriter {
     }
 
     /// Appends the header line.
-    pub fn push_head(&self, out: &mut Vec<u8>) {
+    pub fn push_header(&self, out: &mut Vec<u8>) {
         for (i, name) in self.header.iter().enumerate() {
             if i > 0 {
                 out.push(b',');
@@ -147,12 +147,12 @@ impl CsvWriter {
             match *source {
                 Source::Number(value, column) => match column {
                     Some(c) if kept && unchanged(value) => push_cell(out, &row.cells[c]),
-                    _ => push_number(out, xyz[value]),
+                    _ => push_f64(out, xyz[value]),
                 },
                 Source::Carried(c) | Source::Time(c) | Source::Take(c) if kept => {
                     push_cell(out, &row.cells[c]);
                 }
-                Source::Time(_) => push_number(out, row.time.unwrap_or(f64::NAN)),
+                Source::Time(_) => push_f64(out, row.time.unwrap_or(f64::NAN)),
                 Source::Take(_) => push_cell(out, row.take.as_deref().unwrap_or("").as_bytes()),
                 Source::Carried(_) => {}
                 Source::Added(a) => push_cell(out, added[a].as_bytes()),

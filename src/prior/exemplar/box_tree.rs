@@ -12,7 +12,7 @@
 //! at worst (queries far from all poses) that of a scan.
 
 use crate::numeric::linalg::symmetric_eigen;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::BinaryHeap;
 
@@ -134,7 +134,7 @@ impl BoxTree {
     }
 
     /// The tree of the same poses carried through `map`.
-    pub fn mapped(&self, map: &PoseMap) -> BoxTree {
+    pub fn mapped(&self, map: &PoseTransform) -> BoxTree {
         let poses = map.apply_rows(self.poses.mapv(f64::from).view());
         BoxTree::new(poses.mapv(|v| v as f32).view())
     }

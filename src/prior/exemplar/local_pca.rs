@@ -14,7 +14,7 @@ use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use crate::prior::model_arrays;
 use crate::prior::registry::Training;
 use crate::prior::tuning::{Grid, PriorFamily, Setting, TunedPrior};
@@ -172,7 +172,7 @@ impl Prior for LocalPcaPrior {
         self.typical.view()
     }
 
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         let tree = self.tree.mapped(map);
         let typical = map.apply_rows(self.typical.view());
         Box::new(LocalPcaPrior::new(
@@ -211,7 +211,7 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::rotation::exponential;
+    use crate::pose::rotation::from_rotation_vector;
     use glam::DVec3;
 
     fn poses(n: usize) -> Array2<f32> {
@@ -294,7 +294,7 @@ mod tests {
     #[test]
     fn turned_poses_are_answered_turned() {
         let prior = prior(400);
-        let map = PoseMap::Turn(exponential(DVec3::new(0.4, -1.0, 0.2)));
+        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
         let y = (poses(30).mapv(f64::from) + 0.3).row(20).to_vec();
         let (mut turned, mut want) = (vec![0.0; 9], vec![0.0; 9]);
         map.apply(&y, &mut turned);

@@ -7,7 +7,7 @@ use super::box_tree::BoxTree;
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::parallel;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use crate::prior::model_arrays;
 use crate::prior::registry::Training;
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, Task, TunedPrior, Tuning};
@@ -106,7 +106,7 @@ impl Prior for NearestNeighborPrior {
         self.typical.view()
     }
 
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         let tree = self.tree.mapped(map);
         let typical = map.apply_rows(self.typical.view());
         Box::new(NearestNeighborPrior::new(
@@ -166,7 +166,7 @@ fn measured(tuning: &mut Tuning) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::rotation::exponential;
+    use crate::pose::rotation::from_rotation_vector;
     use glam::DVec3;
 
     fn poses(n: usize) -> Array2<f32> {
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn turned_poses_are_answered_turned() {
         let prior = prior(100);
-        let map = PoseMap::Turn(exponential(DVec3::new(0.1, 2.0, -0.3)));
+        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.1, 2.0, -0.3)));
         let y = vec![3.0, -4.0, 9.0, 11.0, 2.0, 0.5];
         let (mut turned, mut want) = (vec![0.0; 6], vec![0.0; 6]);
         map.apply(&y, &mut turned);

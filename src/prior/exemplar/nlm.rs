@@ -18,7 +18,7 @@ use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use crate::prior::model_arrays;
 use crate::prior::registry::Training;
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, TunedPrior};
@@ -192,7 +192,7 @@ impl Prior for NlmPrior {
         self.typical.view()
     }
 
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         let poses = self.poses.rows.mapv(f64::from) + ArrayView1::from(&self.poses.middle);
         let cloud = ExemplarWeights::new(map.apply_rows(poses.view()).view());
         let typical = map.apply_rows(self.typical.view());
@@ -246,7 +246,7 @@ pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::rotation::exponential;
+    use crate::pose::rotation::from_rotation_vector;
     use glam::DVec3;
     use ndarray::Axis;
 
@@ -377,7 +377,7 @@ mod tests {
     #[test]
     fn turned_poses_are_answered_turned() {
         let prior = prior(200, 0.5);
-        let map = PoseMap::Turn(exponential(DVec3::new(0.4, -1.0, 0.2)));
+        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
         let y = cloud(30).slice(s![20..21, ..]).to_owned() + 0.3;
         let noise = [1.0; 9];
         let here = prior.believe(&y.row(0).to_vec(), &noise);

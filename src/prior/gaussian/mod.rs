@@ -25,7 +25,7 @@ use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::parallel;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use crate::prior::registry::Training;
 use crate::prior::training_set::TrainingSet;
 use crate::prior::tuning::{Grid, PriorFamily, TaskSettings, TunedPrior, tune};
@@ -275,7 +275,7 @@ impl Prior for GaussianMixturePrior {
         self.typical.view()
     }
 
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         if map.is_identity() {
             return Box::new(self.clone());
         }
@@ -361,7 +361,7 @@ mod tests {
     use super::mixture_params::three;
     use super::*;
     use crate::numeric::linalg::cholesky_solve;
-    use crate::pose::rotation::exponential;
+    use crate::pose::rotation::from_rotation_vector;
     use crate::prior::testdata::normal;
     use glam::DVec3;
     use ndarray::{Array1, s};
@@ -484,7 +484,7 @@ mod tests {
     #[test]
     fn turned_poses_are_answered_turned() {
         let prior = prior(AVERAGE, 1.5);
-        let map = PoseMap::Turn(exponential(DVec3::new(0.4, -1.0, 0.2)));
+        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
         let y = [1.0, -2.0, 0.5, 3.0, 0.0, -1.0];
         let (mut turned, mut want) = (vec![0.0; 6], vec![0.0; 6]);
         map.apply(&y, &mut turned);

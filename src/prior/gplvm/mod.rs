@@ -21,7 +21,7 @@ mod process;
 
 use crate::io::Model;
 use crate::numeric::parallel;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use crate::prior::model_arrays;
 use crate::prior::registry::Training;
 use crate::prior::training_set::TrainingSet;
@@ -183,7 +183,7 @@ impl Prior for GplvmPrior {
     }
 
     /// Poses are carried as they are; the variance of a coordinate becomes the diagonal of the carried covariance.
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         let process = self.process.mapped(map);
         let typical = map.apply_rows(self.typical.view());
         Box::new(GplvmPrior::new(
@@ -231,7 +231,7 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::rotation::exponential;
+    use crate::pose::rotation::from_rotation_vector;
     use crate::prior::gplvm::learn::Learned;
     use glam::DVec3;
 
@@ -320,7 +320,7 @@ mod tests {
         };
         let typical = Arc::new(poses(3).mapv(f64::from));
         let prior = GplvmPrior::new(Arc::new(Process::new(&learned).unwrap()), typical, 1.0);
-        let map = PoseMap::Turn(exponential(DVec3::new(0.2, -0.8, 0.3)));
+        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.2, -0.8, 0.3)));
         let y = (poses(90).mapv(f64::from) + 0.3).row(20).to_vec();
         let (mut turned, mut want) = (vec![0.0; 9], vec![0.0; 9]);
         map.apply(&y, &mut turned);

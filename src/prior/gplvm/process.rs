@@ -2,7 +2,7 @@
 
 use super::learn::Learned;
 use crate::numeric::linalg::symmetric_eigen;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use ndarray::{Array1, Array2, ArrayView2};
 
 /// What predictions need.
@@ -84,7 +84,7 @@ impl Process {
     }
 
     /// Of poses that went through `map`.
-    pub fn mapped(&self, map: &PoseMap) -> Process {
+    pub fn mapped(&self, map: &PoseTransform) -> Process {
         let scales = Array2::from_diag(&Array1::from(self.scales.clone()));
         let mut mean = vec![0.0; self.mean.len()];
         map.apply(&self.mean, &mut mean);

@@ -3,7 +3,7 @@
 use super::eigen_covariance::{EigenCovariance, add_diagonal};
 use crate::io::model::Matrix;
 use crate::numeric::simd::{self, distances};
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use ndarray::{Array2, Axis};
 use std::sync::{Arc, OnceLock};
 
@@ -32,7 +32,7 @@ enum CovarianceSource {
     /// As a file keeps them.
     StoredCovariances(Arc<StoredCovariances>),
     /// The cells as another body has them.
-    Mapped(Arc<ClusterLevel>, Arc<PoseMap>),
+    Mapped(Arc<ClusterLevel>, Arc<PoseTransform>),
 }
 
 /// The sub-dictionaries as a file keeps them: see [`ClusterLevel::parts`].
@@ -158,7 +158,7 @@ impl ClusterLevel {
                 let own = origin.basis(cluster, coordinates);
                 match &**map {
                     // Directions turn with their poses.
-                    PoseMap::Turn(step_coordinates) => own.turned(step_coordinates),
+                    PoseTransform::Rotate(step_coordinates) => own.turned(step_coordinates),
                     map => {
                         let width = self.full_means.ncols();
                         let own = own.covariance();
@@ -190,7 +190,7 @@ impl ClusterLevel {
     }
 
     /// The same cells of poses that went through `map`; of the covariance with the rest of the body nothing is known.
-    pub fn mapped(&self, map: &Arc<PoseMap>, coordinates: &[usize]) -> ClusterLevel {
+    pub fn mapped(&self, map: &Arc<PoseTransform>, coordinates: &[usize]) -> ClusterLevel {
         ClusterLevel::with(
             map.apply_rows(self.full_means.view()),
             self.log_proportions.clone(),
@@ -211,7 +211,7 @@ impl ClusterLevel {
 /// The covariance (d, d) of a part of poses that went through `map`.
 fn map_covariance(
     own: &Array2<f64>,
-    map: &PoseMap,
+    map: &PoseTransform,
     coordinates: &[usize],
     width: usize,
 ) -> Array2<f64> {

@@ -3,7 +3,7 @@
 use super::eigen_covariance::EigenCovariance;
 use crate::io::model::Matrix;
 use crate::numeric::simd::{combine, distances, padded};
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use ndarray::{Array2, ArrayView1};
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -27,7 +27,7 @@ enum PoseSource {
     Own(Matrix),
     Mapped {
         origin: Arc<ExemplarPoses>,
-        map: Arc<PoseMap>,
+        map: Arc<PoseTransform>,
         /// [`CHUNK`] rows each.
         chunks: Vec<OnceLock<Box<[f32]>>>,
     },
@@ -44,7 +44,7 @@ impl ExemplarPoses {
     }
 
     /// The same carried through a map.
-    pub fn mapped(self: &Arc<ExemplarPoses>, map: &Arc<PoseMap>) -> ExemplarPoses {
+    pub fn mapped(self: &Arc<ExemplarPoses>, map: &Arc<PoseTransform>) -> ExemplarPoses {
         let chunks = (0..self.len().div_ceil(CHUNK)).map(|_| OnceLock::new());
         ExemplarPoses {
             source: PoseSource::Mapped {

@@ -45,7 +45,7 @@ pub fn write(
     model: &mut Model,
 ) -> Result<()> {
     let column = |v: Vec<f32>| Array2::from_shape_vec((v.len(), 1), v).unwrap_or_default();
-    model.insert_packed("poses", &mixture.poses.xyz());
+    model.insert_quantized("poses", &mixture.poses.xyz());
     let mut labels = Array2::zeros((mixture.poses.len(), mixture.parts.len()));
     for (p, part) in mixture.parts.iter().enumerate() {
         for (row, label) in part.exemplars.labels().into_iter().enumerate() {
@@ -53,11 +53,11 @@ pub fn write(
         }
         for (l, clusters) in part.cluster_levels.iter().enumerate() {
             let (directions, deviations) = clusters.parts(&part.coordinates);
-            model.insert_packed(
+            model.insert_quantized(
                 &format!("means.{p}.{l}"),
                 &clusters.full_means.mapv(|v| v as f32),
             );
-            model.insert_packed(&format!("directions.{p}.{l}"), &directions);
+            model.insert_quantized(&format!("directions.{p}.{l}"), &directions);
             model.insert(&format!("deviations.{p}.{l}"), deviations);
             let within = Array2::from_shape_fn((1, clusters.within.len()), |(_, i)| {
                 clusters.within[i] as f32
@@ -67,7 +67,7 @@ pub fn write(
             model.insert(&format!("shares.{p}.{l}"), column(shares));
         }
     }
-    model.insert_packed("labels", &labels);
+    model.insert_quantized("labels", &labels);
     let ends = mixture.poses.takes.iter().map(|t| t.end as f32);
     model.insert("takes", column(ends.collect()));
     let levels = mixture.parts[0].levels.len();

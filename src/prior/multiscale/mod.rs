@@ -35,7 +35,7 @@ mod train;
 use super::noise_cache::NoiseCache;
 use super::{Belief, Enough, Fit, Posterior, Prior, Slope};
 use crate::numeric::small_linalg::log_sum;
-use crate::pose::{ASF_UNIT_CM, PoseMap};
+use crate::pose::{ASF_UNIT_CM, PoseTransform};
 use exemplars::ExemplarPoses;
 use ndarray::{Array2, ArrayView2};
 use noise_quantization::{PLACEMENT_TOLERANCE, POSTERIOR_TOLERANCE};
@@ -212,7 +212,7 @@ impl Prior for MultiscaleMixture {
         self.typical.view()
     }
 
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         if map.is_identity() {
             return Box::new(self.clone());
         }
@@ -469,7 +469,7 @@ mod tests {
     fn a_turned_model_gives_turned_answers() {
         let poses = poses();
         let (mixture, _) = trained(&poses);
-        let step_coordinates = PoseMap::Turn(crate::pose::rotation::exponential(glam::DVec3::new(
+        let step_coordinates = PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(glam::DVec3::new(
             0.3, 1.0, -0.2,
         )));
         let y: Vec<f64> = poses

@@ -13,7 +13,7 @@
 use super::exemplars::{ExemplarPoses, Exemplars};
 use super::part_mixture::{ConditionedPart, PartMixture};
 use crate::numeric::parallel;
-use crate::pose::{ASF_UNIT_CM, PoseMap};
+use crate::pose::{ASF_UNIT_CM, PoseTransform};
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
 
@@ -32,7 +32,7 @@ pub struct NoveltyDetector {
     /// The whole body through the reference noise.
     conditioned: Arc<OnceLock<ConditionedPart>>,
     /// For poses that went through maps: the whole body as it was learnt, and the way back to it.
-    origin: Option<(Arc<PartMixture>, Vec<PoseMap>)>,
+    origin: Option<(Arc<PartMixture>, Vec<PoseTransform>)>,
 }
 
 /// The whole body learnt without some takes, and poses of these.
@@ -97,7 +97,7 @@ impl NoveltyDetector {
 
     /// The same for a model whose poses went through a map, `whole` before it: they are judged where they come from, since
     /// a density changes where a body does.
-    pub fn mapped(&self, whole: &PartMixture, map: &PoseMap) -> NoveltyDetector {
+    pub fn mapped(&self, whole: &PartMixture, map: &PoseTransform) -> NoveltyDetector {
         let (origin, mut back) = match &self.origin {
             Some((origin, back)) => (origin.clone(), back.clone()),
             None => (Arc::new(whole.clone()), Vec::new()),
@@ -139,7 +139,7 @@ mod tests {
     use super::super::MultiscaleMixture;
     use super::super::tests::{poses, trained};
     use crate::io::Model;
-    use crate::pose::{Body, PoseMap};
+    use crate::pose::{Body, PoseTransform};
     use crate::prior::Prior;
 
     /// A pose that was learnt from, and one whose points were moved `far`, in turn one way and the other.
@@ -174,8 +174,8 @@ mod tests {
             lengths: vec![12.0; 23],
             ..body.clone()
         };
-        let reshape = PoseMap::reshape(&body, &taller);
-        let step_coordinates = PoseMap::Turn(crate::pose::rotation::exponential(glam::DVec3::Y));
+        let reshape = PoseTransform::reshape(&body, &taller);
+        let step_coordinates = PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(glam::DVec3::Y));
         let mapped = mixture.mapped(&reshape).mapped(&step_coordinates);
         for pose in two(20.0) {
             let (mut tall, mut map_covariance) = (pose.clone(), pose.clone());

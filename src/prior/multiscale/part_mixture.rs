@@ -6,7 +6,7 @@ use super::noisy_covariance::{NoisePattern, NoisyCovariance};
 use super::scaled_precision::{IsotropicPrecisions, ScaledPrecisions};
 use crate::numeric::simd::{self, padded};
 use crate::numeric::small_linalg::add;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
 
@@ -270,7 +270,7 @@ impl PartMixture {
     }
 
     /// The same part of poses that went through `map` and are now `poses`.
-    pub fn mapped(&self, map: &Arc<PoseMap>, poses: &Arc<ExemplarPoses>) -> PartMixture {
+    pub fn mapped(&self, map: &Arc<PoseTransform>, poses: &Arc<ExemplarPoses>) -> PartMixture {
         let clusters = self
             .cluster_levels
             .iter()

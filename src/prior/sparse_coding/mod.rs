@@ -8,7 +8,7 @@ mod model;
 
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use crate::prior::noise_cache::NoiseCache;
 use crate::prior::{Belief, EXACT_VARIANCE, Fit, Posterior, Prior, Task};
 use crate::sparse::{
@@ -375,7 +375,7 @@ impl Prior for SparseCodingPrior {
         self.typical.view()
     }
 
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         if map.is_identity() {
             return Box::new(self.clone());
         }

@@ -3,7 +3,7 @@
 use super::residual_covariance;
 use crate::Result;
 use crate::io::Model;
-use crate::io::model::{BodyMeta, Entry};
+use crate::io::model::{BodyMeta, HistoryEntry};
 use crate::prior::representative_poses::{TYPICAL, representative_poses};
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::training_set::TrainingSet;
@@ -72,7 +72,7 @@ pub fn joined_model(
     parts: &[Model],
     names: &[String],
     dictionary: &Dictionary,
-    step: Entry,
+    step: HistoryEntry,
 ) -> Result<Model> {
     let first = &parts[0];
     let mut model = Model::new("sparse", &first.meta.points, &first.meta.space);

@@ -1,7 +1,7 @@
 //! A tuned prior in use.
 
 use super::{PriorFamily, Task, TaskSettings};
-use crate::pose::PoseMap;
+use crate::pose::PoseTransform;
 use crate::prior::{Belief, Fit, Posterior, Prior};
 use ndarray::{Array2, ArrayView2};
 use std::sync::Arc;
@@ -145,7 +145,7 @@ impl Prior for TunedPrior {
         self.priors[0].typical()
     }
 
-    fn mapped(&self, map: &PoseMap) -> Box<dyn Prior> {
+    fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         Box::new(TunedPrior {
             tuned: self.tuned,
             fixed: self.fixed,

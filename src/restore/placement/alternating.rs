@@ -12,12 +12,12 @@
 //! ([`Prior::slope`]) is climbed instead.
 
 use super::evidence::{self, Ascent};
-use crate::pose::align::{Free, fit_similarity};
 use crate::pose::rotation::angle_between;
+use crate::pose::rotation::{angles_zyx_between, rotation_zyx, rotation_zyx_derivatives};
+use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::{Anchor, Similarity};
 use crate::prior::{Fit, Prior};
 use crate::restore::observed::{Observed, pointwise};
-use crate::restore::turn::{angles_from, turn, turn_derivatives};
 use glam::{DMat3, DVec3};
 
 /// Headings nearer to each other than this are one (radians).
@@ -126,7 +126,7 @@ impl PlacementSolver {
             let at = |j: usize| DVec3::new(pose[3 * j], pose[3 * j + 1], pose[3 * j + 2]);
             fit_similarity(
                 points.clone().map(|(j, y, w)| (at(j), y, w)),
-                Free::Similarity,
+                TransformKind::Similarity,
             )
         });
         let mut determined = fits.flatten().filter(|f| f.determined);
@@ -225,7 +225,7 @@ impl PlacementSolver {
         let at = |j: usize| DVec3::from_slice(&fit.pose[3 * j..3 * j + 3]);
         let pairs = || seen.points(prior.variance()).map(|(j, y, w)| (at(j), y, w));
         if self.rotation_prior == DVec3::ZERO {
-            return match fit_similarity(pairs(), Free::Rigid) {
+            return match fit_similarity(pairs(), TransformKind::Rigid) {
                 Some(f) => f.similarity,
                 None => *now,
             };
@@ -275,7 +275,7 @@ impl PlacementSolver {
         if self.rotation_prior == DVec3::ZERO {
             return 0.0;
         }
-        let angles = angles_from(&start.rotation, &placement.rotation);
+        let angles = angles_zyx_between(&start.rotation, &placement.rotation);
         (self.rotation_prior * angles * angles).element_sum()
     }
 
@@ -296,24 +296,24 @@ impl PlacementSolver {
         }
         let (from, to) = (from / weight, to / weight);
         let cost = |tau: DVec3| {
-            let r = turn(tau) * *start;
+            let r = rotation_zyx(tau) * *start;
             let data: f64 = pairs
                 .clone()
                 .map(|(a, b, w)| w * (r * (a - from) - (b - to)).length_squared())
                 .sum();
             data + (self.rotation_prior * tau * tau).element_sum()
         };
-        let mut tau = angles_from(start, now);
+        let mut tau = angles_zyx_between(start, now);
         let mut value = cost(tau);
         for _ in 0..10 {
-            let derivatives = turn_derivatives(tau);
+            let derivatives = rotation_zyx_derivatives(tau);
             let (mut normal, mut gradient) = (
                 DMat3::from_diagonal(self.rotation_prior),
                 self.rotation_prior * tau,
             );
             for (a, b, w) in pairs.clone() {
                 let x = *start * (a - from);
-                let rest = turn(tau) * x - (b - to);
+                let rest = rotation_zyx(tau) * x - (b - to);
                 let j =
                     DMat3::from_cols(derivatives[0] * x, derivatives[1] * x, derivatives[2] * x);
                 normal += (j.transpose() * j) * w;
@@ -341,7 +341,7 @@ impl PlacementSolver {
                 break;
             }
         }
-        turn(tau) * *start
+        rotation_zyx(tau) * *start
     }
 }
 

@@ -12,10 +12,10 @@
 use super::alternating::{PlacementSolution, PlacementSolver};
 use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Similarity;
-use crate::pose::rotation::{angle_between, exponential};
+use crate::pose::rotation::{angle_between, from_rotation_vector};
+use crate::pose::rotation::{angles_zyx_between, rotation_zyx, rotation_zyx_derivatives};
 use crate::prior::{Prior, Slope};
 use crate::restore::observed::{Observed, pointwise};
-use crate::restore::turn::{angles_from, turn, turn_derivatives};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
@@ -110,10 +110,10 @@ pub fn maximize(
 
 /// Adds the wish to stay near the start: with the angles' change by a turn J = ∂τ/∂δ, Jᵀ W τ and Jᵀ W J.
 fn add_wish(slope: &mut Slope, weights: DVec3, start: &Similarity, now: &Similarity) {
-    let angles = angles_from(&start.rotation, &now.rotation);
+    let angles = angles_zyx_between(&start.rotation, &now.rotation);
     // ∂R/∂τ Rᵀ is the cross product with the axis that the angle turns about.
-    let axes = turn_derivatives(angles).map(|d| {
-        let cross = d * turn(angles).transpose();
+    let axes = rotation_zyx_derivatives(angles).map(|d| {
+        let cross = d * rotation_zyx(angles).transpose();
         DVec3::new(cross.y_axis.z, cross.z_axis.x, cross.x_axis.y)
     });
     let by = DMat3::from_cols(axes[0], axes[1], axes[2]).inverse();
@@ -165,7 +165,7 @@ impl EvidenceProblem<'_> {
     }
 
     fn moved(&self, from: &Similarity, step: &[f64; 6]) -> Similarity {
-        let turn: DMat3 = exponential(DVec3::from_slice(&step[..3]));
+        let turn: DMat3 = from_rotation_vector(DVec3::from_slice(&step[..3]));
         let shift = DVec3::from_slice(&step[3..]);
         Similarity {
             rotation: turn * from.rotation,
@@ -238,7 +238,7 @@ mod tests {
         fn typical(&self) -> ArrayView2<'_, f64> {
             self.1.view()
         }
-        fn mapped(&self, _: &crate::pose::PoseMap) -> Box<dyn Prior> {
+        fn mapped(&self, _: &crate::pose::PoseTransform) -> Box<dyn Prior> {
             Box::new(Corner(self.0.clone(), self.1.clone()))
         }
     }
@@ -250,7 +250,7 @@ mod tests {
         ];
         let prior = Corner(pose.clone(), Array2::zeros((1, 12)));
         let stands = Similarity {
-            rotation: exponential(DVec3::new(0.5, -1.4, 0.3)),
+            rotation: from_rotation_vector(DVec3::new(0.5, -1.4, 0.3)),
             shift: DVec3::new(10.0, 90.0, -300.0),
             scale: 1.0,
         };
@@ -262,7 +262,7 @@ mod tests {
             noise: &noise,
         };
         let start = Similarity {
-            rotation: exponential(DVec3::new(0.0, 0.4, 0.0)),
+            rotation: from_rotation_vector(DVec3::new(0.0, 0.4, 0.0)),
             ..Similarity::IDENTITY
         };
         let top = |solver: &PlacementSolver, start, tops: &[Similarity]| match maximize(
@@ -276,7 +276,7 @@ mod tests {
         assert!(free.objective <= 1e-9 && free.iterations < 20);
         // From elsewhere it is the same top, which need not be climbed to its end; one far away is another.
         let elsewhere = Similarity {
-            rotation: exponential(DVec3::new(0.1, -0.9, 0.0)),
+            rotation: from_rotation_vector(DVec3::new(0.1, -0.9, 0.0)),
             ..start
         };
         assert!(top(&PlacementSolver::default(), elsewhere, &[free.placement]).is_none());
@@ -301,7 +301,7 @@ mod tests {
             assert!((best - held.objective).abs() <= SETTLED);
             for (k, by) in (0..3).flat_map(|k| [(k, 1e-3), (k, -1e-3)]) {
                 let mut turned = held.placement;
-                turned.rotation = exponential(DVec3::AXES[k] * by) * turned.rotation;
+                turned.rotation = from_rotation_vector(DVec3::AXES[k] * by) * turned.rotation;
                 let mut shifted = held.placement;
                 shifted.shift += DVec3::AXES[k] * by;
                 assert!(

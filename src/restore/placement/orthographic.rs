@@ -6,8 +6,8 @@
 //! pass through the origin.
 
 use super::alternating::PlacementSolver;
-use crate::pose::rotation::exponential;
-use crate::pose::{PoseMap, Similarity};
+use crate::pose::rotation::from_rotation_vector;
+use crate::pose::{PoseTransform, Similarity};
 use crate::prior::{Fit, Prior};
 use crate::restore::frame_restorer::{RestoredFrame, point_sd};
 use crate::restore::observed::Observed;
@@ -56,7 +56,7 @@ pub fn restore(
             shift[axis] = 0.0;
         }
     }
-    let turned = prior.mapped(&PoseMap::Turn(rotation));
+    let turned = prior.mapped(&PoseTransform::Rotate(rotation));
     let moved = shifted(seen.y, -shift);
     let posterior = turned.posterior(&moved, seen.noise, &fit);
     Some(RestoredFrame {
@@ -94,7 +94,7 @@ fn descend(
     iterations: usize,
 ) -> (Fit, DMat3, DVec3) {
     let code = |r: DMat3, t: DVec3, before: Option<&Fit>| {
-        let turned = prior.mapped(&PoseMap::Turn(r));
+        let turned = prior.mapped(&PoseTransform::Rotate(r));
         turned.fit(&shifted(seen.y, -t), seen.noise, before)
     };
     let coordinates = observed(prior, seen);
@@ -156,7 +156,7 @@ fn place(
             row[a] += damping * row[a] + 1e-9;
         }
         let step = solve6(normal, gradient);
-        let next_turn = exponential(-DVec3::new(step[0], step[1], step[2])) * turn;
+        let next_turn = from_rotation_vector(-DVec3::new(step[0], step[1], step[2])) * turn;
         let next_t = t - DVec3::new(step[3], step[4], step[5]);
         let next = cost(next_turn, next_t);
         if next < value {

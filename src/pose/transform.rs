@@ -6,7 +6,7 @@ use ndarray::{Array2, ArrayView2};
 
 /// A linear map of poses of 3 J numbers.
 #[derive(Debug, Clone, PartialEq)]
-pub enum PoseMap {
+pub enum PoseTransform {
     /// Each bone becomes so many times as long (see [`Body::reshape`]).
     Reshape {
         /// What hangs on what.
@@ -17,13 +17,13 @@ pub enum PoseMap {
         ratios: Vec<f64>,
     },
     /// Each point is turned about the origin.
-    Turn(DMat3),
+    Rotate(DMat3),
 }
 
-impl PoseMap {
+impl PoseTransform {
     /// From one body to another.
-    pub fn reshape(from: &Body, to: &Body) -> PoseMap {
-        PoseMap::Reshape {
+    pub fn reshape(from: &Body, to: &Body) -> PoseTransform {
+        PoseTransform::Reshape {
             order: from.order(),
             ratios: from.ratios_to(to),
             body: from.clone(),
@@ -33,36 +33,36 @@ impl PoseMap {
     /// Whether the map changes nothing.
     pub fn is_identity(&self) -> bool {
         match self {
-            PoseMap::Reshape { ratios, .. } => ratios.iter().all(|r| *r == 1.0),
-            PoseMap::Turn(r) => *r == DMat3::IDENTITY,
+            PoseTransform::Reshape { ratios, .. } => ratios.iter().all(|r| *r == 1.0),
+            PoseTransform::Rotate(r) => *r == DMat3::IDENTITY,
         }
     }
 
     /// The map back.
-    pub fn inverse(&self) -> PoseMap {
+    pub fn inverse(&self) -> PoseTransform {
         match self {
-            PoseMap::Reshape {
+            PoseTransform::Reshape {
                 body,
                 order,
                 ratios,
-            } => PoseMap::Reshape {
+            } => PoseTransform::Reshape {
                 body: body.clone(),
                 order: order.clone(),
                 ratios: ratios.iter().map(|r| 1.0 / r).collect(),
             },
-            PoseMap::Turn(r) => PoseMap::Turn(r.transpose()),
+            PoseTransform::Rotate(r) => PoseTransform::Rotate(r.transpose()),
         }
     }
 
     /// Carries one pose.
     pub fn apply(&self, pose: &[f64], out: &mut [f64]) {
         match self {
-            PoseMap::Reshape {
+            PoseTransform::Reshape {
                 body,
                 order,
                 ratios,
             } => body.reshape(order, ratios, pose, out),
-            PoseMap::Turn(r) => {
+            PoseTransform::Rotate(r) => {
                 for (x, y) in pose.chunks_exact(3).zip(out.chunks_exact_mut(3)) {
                     y.copy_from_slice(&(*r * DVec3::from_slice(x)).to_array());
                 }
@@ -93,7 +93,7 @@ impl PoseMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::rotation::exponential;
+    use crate::pose::rotation::from_rotation_vector;
 
     #[test]
     fn covariances_follow_their_poses() {
@@ -106,8 +106,8 @@ mod tests {
             ..body.clone()
         };
         for map in [
-            PoseMap::reshape(&body, &to),
-            PoseMap::Turn(exponential(DVec3::new(0.3, 1.0, -0.2))),
+            PoseTransform::reshape(&body, &to),
+            PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.3, 1.0, -0.2))),
         ] {
             assert!(!map.is_identity());
             // The covariance of outer products is the outer product of what they become.
@@ -119,6 +119,6 @@ mod tests {
             let back = map.inverse().apply_rows(y.view());
             assert!(back.iter().zip(&x).all(|(a, b)| (a - b).abs() <= 1e-12));
         }
-        assert!(PoseMap::reshape(&body, &body).is_identity());
+        assert!(PoseTransform::reshape(&body, &body).is_identity());
     }
 }

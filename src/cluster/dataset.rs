@@ -1,4 +1,4 @@
-//! Poses to cluster, checked, and the exact distance that every label rests on.
+//! Dataset to cluster, checked, and the exact distance that every label rests on.
 
 use crate::numeric::parallel;
 use crate::{Error, Place, Result};
@@ -10,7 +10,7 @@ const LANES: usize = 8;
 pub(super) const LARGEST: f32 = 1e15;
 /// A checked table: finite numbers, row after row.
 #[derive(Clone, Copy)]
-pub(super) struct Poses<'a> {
+pub(super) struct Dataset<'a> {
     /// Coordinates, (n, d) in row order.
     values: &'a [f32],
     /// Number of poses.
@@ -19,7 +19,7 @@ pub(super) struct Poses<'a> {
     pub d: usize,
 }
 
-impl<'a> Poses<'a> {
+impl<'a> Dataset<'a> {
     /// Checks a table whose rows lie one after another in memory.
     ///
     /// # Errors
@@ -39,7 +39,7 @@ impl<'a> Poses<'a> {
         let values = table
             .as_slice()
             .expect("the caller puts rows one after another");
-        let poses = Poses { values, n, d };
+        let poses = Dataset { values, n, d };
         let bad = parallel::map_chunks(n, 4096, |mut rows| {
             rows.find(|&i| poses.row(i).iter().any(|x| x.is_nan() || x.abs() > LARGEST))
         });
@@ -63,7 +63,7 @@ impl<'a> Poses<'a> {
 
     /// The poses of `table`, which are rows of a checked table.
     pub fn trusted(values: &'a [f32], d: usize) -> Self {
-        Poses {
+        Dataset {
             values,
             n: values.len() / d,
             d,
@@ -123,8 +123,8 @@ pub(super) fn squared_distance(pose: &[f32], centroid: &[f64]) -> f64 {
 pub(super) fn exact_nearest<'c>(
     pose: &[f32],
     centroids: impl Iterator<Item = (u32, &'c [f64])>,
-) -> Near {
-    let mut near = Near {
+) -> NearestCentroid {
+    let mut near = NearestCentroid {
         label: 0,
         squared: f64::INFINITY,
         second: f64::INFINITY,
@@ -132,7 +132,7 @@ pub(super) fn exact_nearest<'c>(
     for (label, centroid) in centroids {
         let squared = squared_distance(pose, centroid);
         if squared < near.squared {
-            near = Near {
+            near = NearestCentroid {
                 label,
                 squared,
                 second: near.squared,
@@ -146,7 +146,7 @@ pub(super) fn exact_nearest<'c>(
 
 /// The answer for one pose.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Near {
+pub(super) struct NearestCentroid {
     /// The nearest centroid.
     pub label: u32,
     /// Its squared distance, exact.

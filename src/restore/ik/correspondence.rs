@@ -1,6 +1,6 @@
 //! Which points of a table a skeleton knows, and a fit told in lines.
 
-use super::fit::Fit;
+use super::sequence::SequenceFit;
 use crate::pose::Poses;
 use ndarray::Array2;
 
@@ -9,7 +9,7 @@ const LISTED: usize = 8;
 
 /// The points of a table that are joints of a skeleton.
 #[derive(Debug, Clone, Default)]
-pub struct Matched {
+pub struct Correspondence {
     /// The bone of each.
     pub joints: Vec<usize>,
     /// The points' names.
@@ -17,12 +17,12 @@ pub struct Matched {
     /// Their columns: (frames, 3 of each), centimetres.
     pub xyz: Array2<f64>,
     /// The names of points that are no joints.
-    pub strange: Vec<String>,
+    pub unmatched: Vec<String>,
 }
 
 /// Keeps the points for which `joints` gives a bone.
-pub fn match_points(poses: &Poses, joints: &[Option<usize>]) -> Matched {
-    let mut out = Matched::default();
+pub fn match_points(poses: &Poses, joints: &[Option<usize>]) -> Correspondence {
+    let mut out = Correspondence::default();
     let mut columns = Vec::new();
     for (k, (name, joint)) in poses.points.iter().zip(joints).enumerate() {
         match *joint {
@@ -31,21 +31,21 @@ pub fn match_points(poses: &Poses, joints: &[Option<usize>]) -> Matched {
                 out.names.push(name.clone());
                 columns.extend([3 * k, 3 * k + 1, 3 * k + 2]);
             }
-            None => out.strange.push(name.clone()),
+            None => out.unmatched.push(name.clone()),
         }
     }
     out.xyz = poses.xyz.select(ndarray::Axis(1), &columns);
     out
 }
 
-impl Matched {
+impl Correspondence {
     /// What the user should know of the match.
     pub fn notes(&self, table: &str) -> Vec<String> {
-        if self.strange.is_empty() {
+        if self.unmatched.is_empty() {
             return Vec::new();
         }
-        let count = self.strange.len();
-        let mut names = self.strange[..count.min(LISTED)].join(", ");
+        let count = self.unmatched.len();
+        let mut names = self.unmatched[..count.min(LISTED)].join(", ");
         if count > LISTED {
             names.push_str(", ...");
         }
@@ -60,7 +60,7 @@ impl Matched {
     }
 }
 
-impl Fit {
+impl SequenceFit {
     /// What the user should know of the fit; `names` are the points'.
     pub fn notes(&self, names: &[String]) -> Vec<String> {
         let frames = |n: usize| {
@@ -132,12 +132,12 @@ mod tests {
 
     #[test]
     fn a_fit_is_told() {
-        let fit = Fit {
+        let fit = SequenceFit {
             mean: 0.5,
             max: 2.0,
             worst: Some((6, 0)),
             incomplete: 1,
-            ..Fit::default()
+            ..SequenceFit::default()
         };
         let lines = fit.notes(&["lfoot".into()]);
         assert_eq!(
@@ -145,6 +145,6 @@ mod tests {
             "fit: mean 0.5000 cm, max 2.0000 cm (lfoot in row 7)"
         );
         assert_eq!(lines.len(), 2);
-        assert!(Fit::default().notes(&[])[0].contains("no point"));
+        assert!(SequenceFit::default().notes(&[])[0].contains("no point"));
     }
 }

@@ -11,18 +11,18 @@
 //!
 //! Cost of a step: n at the least, k products of k for the balls, n k D at the most.
 
-use super::nearest::{Centroids, SLACK, Scratch, TILE};
-use super::poses::{Near, Poses, squared_distance};
-use super::update::Groups;
+use super::dataset::{Dataset, NearestCentroid, squared_distance};
+use super::distances::{Centroids, SLACK, Scratch, TILE};
+use super::update::ClusterMembers;
 use crate::numeric::parallel;
 
-/// Poses of one cluster whose labels are in doubt, as a unit of work.
+/// Dataset of one cluster whose labels are in doubt, as a unit of work.
 const PIECE: usize = 2 * TILE;
 /// Pieces a thread takes at once: their centroids' distances are one product.
 const PIECES: usize = 8;
 
 /// Labels, and bounds that say which of them may change.
-pub(super) struct Search {
+pub(super) struct BoundedAssignment {
     /// The cluster of each pose.
     pub labels: Vec<u32>,
     /// u less `travelled` of its cluster at the time of writing: moving a centroid touches no pose.
@@ -33,20 +33,20 @@ pub(super) struct Search {
     travelled: Vec<f64>,
     /// The sum over steps of the largest shift.
     farthest: f64,
-    /// By cluster, whether a pose came or went since [`Search::moved`].
+    /// By cluster, whether a pose came or went since [`BoundedAssignment::moved`].
     pub touched: Vec<bool>,
 }
 
 /// A pose in doubt and its u, no more than a rounding above the distance itself.
-type Doubt = (u32, f64);
+type UncertainPose = (u32, f64);
 /// A pose, its new label, u and l.
-type Finding = (u32, u32, f64, f64);
+type Reassignment = (u32, u32, f64, f64);
 
-impl Search {
+impl BoundedAssignment {
     /// Starts from `labels` (n), all below `k` and only hints: nothing is known of them.
     pub fn new(labels: Vec<u32>, k: usize) -> Self {
         let n = labels.len();
-        Search {
+        BoundedAssignment {
             labels,
             upper: vec![f64::INFINITY; n],
             lower: vec![0.0; n],
@@ -86,10 +86,10 @@ impl Search {
     }
 
     /// Gives each pose to its nearest centroid; says how many changed.
-    pub fn step(&mut self, poses: Poses<'_>, centroids: &Centroids) -> usize {
+    pub fn step(&mut self, poses: Dataset<'_>, centroids: &Centroids) -> usize {
         let doubts = self.doubts(poses, centroids);
         let names: Vec<u32> = doubts.iter().map(|d| self.labels[d.0 as usize]).collect();
-        let groups = Groups::new(&names, centroids.k());
+        let groups = ClusterMembers::new(&names, centroids.k());
         let pieces = groups.pieces(PIECE, |_| true);
         let findings = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
             let mut scratch = Scratch::new(poses.d);
@@ -97,11 +97,12 @@ impl Search {
             let apart = centroids.apart(&owners, &mut scratch);
             let mut findings = Vec::new();
             for ((owner, members), apart) in pieces[chunk].iter().zip(apart.rows()) {
-                let mut doubts: Vec<Doubt> = members.iter().map(|&i| doubts[i as usize]).collect();
+                let mut doubts: Vec<UncertainPose> =
+                    members.iter().map(|&i| doubts[i as usize]).collect();
                 doubts.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
                 let apart = apart.to_slice().expect("a row of a table made there");
                 for doubts in doubts.chunks(TILE) {
-                    settle(
+                    assign_tile(
                         poses,
                         centroids,
                         *owner,
@@ -125,7 +126,7 @@ impl Search {
     }
 
     /// The poses whose bounds leave their label open, with u made tight.
-    fn doubts(&self, poses: Poses<'_>, centroids: &Centroids) -> Vec<Doubt> {
+    fn doubts(&self, poses: Dataset<'_>, centroids: &Centroids) -> Vec<UncertainPose> {
         if centroids.k() == 1 {
             return Vec::new();
         }
@@ -152,14 +153,14 @@ impl Search {
 }
 
 /// Finds the nearest centroid of a tile of poses of cluster `owner`, `doubts` ascending in u.
-fn settle(
-    poses: Poses<'_>,
+fn assign_tile(
+    poses: Dataset<'_>,
     centroids: &Centroids,
     owner: u32,
-    doubts: &[Doubt],
+    doubts: &[UncertainPose],
     apart: &[f32],
     scratch: &mut Scratch,
-    findings: &mut Vec<Finding>,
+    findings: &mut Vec<Reassignment>,
 ) {
     let widest = doubts.last().map_or(0.0, |d| d.1);
     let others = apart
@@ -179,7 +180,7 @@ fn settle(
         .collect();
     let all = inside.len() == apart.len();
     let ids: Vec<u32> = doubts.iter().map(|d| d.0).collect();
-    let mut found: Vec<Near> = Vec::with_capacity(ids.len());
+    let mut found: Vec<NearestCentroid> = Vec::with_capacity(ids.len());
     let candidates = (!all).then_some(&inside[..]);
     centroids.nearest(poses, &ids, candidates, scratch, &mut found);
     for ((i, upper), near) in doubts.iter().zip(found) {

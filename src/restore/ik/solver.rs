@@ -15,11 +15,11 @@ use crate::pose::kinematics::Posture;
 use ndarray::{Array1, Array2};
 
 /// The most values a skeleton may have: the normal equations are dense.
-pub const MOST_VALUES: usize = 1200;
+pub const MAX_DOFS: usize = 1200;
 
 /// When a solution counts as found.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct IkSettings {
     /// Steps at most. The paper: "usually converge within 20 iterates".
     pub iterations: usize,
     /// Ends when a step lowers E by less than this, cm².
@@ -28,9 +28,9 @@ pub struct Settings {
     pub limits: bool,
 }
 
-impl Default for Settings {
+impl Default for IkSettings {
     fn default() -> Self {
-        Settings {
+        IkSettings {
             iterations: 40,
             tolerance: 1e-9,
             limits: false,
@@ -40,20 +40,20 @@ impl Default for Settings {
 
 /// What holds the values that the joints leave open.
 #[derive(Debug, Clone, Copy)]
-pub struct Hold<'a> {
+pub struct Regularization<'a> {
     /// r: the frame before.
-    pub before: &'a [f64],
+    pub previous: &'a [f64],
     /// a, cm² a squared radian (a hundredth of it a squared centimetre).
-    pub to_before: f64,
+    pub previous_weight: f64,
     /// s: the rest posture.
     pub rest: &'a [f64],
     /// b, the same unit.
-    pub to_rest: f64,
+    pub rest_weight: f64,
 }
 
 /// How a solution ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Solved {
+pub struct IkSolution {
     /// E at the end, cm².
     pub energy: f64,
     /// Σ |f − y|² at the end, cm².
@@ -65,15 +65,15 @@ pub struct Solved {
 }
 
 /// Solves frame after frame for one skeleton and one set of joints, without allocating but for the small systems.
-pub struct Solver<'a> {
+pub struct IkSolver<'a> {
     skeleton: &'a Skeleton,
     joints: &'a [usize],
-    settings: Settings,
+    settings: IkSettings,
     limits: Vec<(f64, f64)>,
     /// Whether each value is an angle.
     angle: Vec<bool>,
     /// The values that can move each joint.
-    above: Vec<Vec<usize>>,
+    affecting_dofs: Vec<Vec<usize>>,
     posture: Posture,
     jacobian: Vec<f64>,
     trial: Vec<f64>,
@@ -82,11 +82,11 @@ pub struct Solver<'a> {
     free: Vec<usize>,
 }
 
-impl<'a> Solver<'a> {
+impl<'a> IkSolver<'a> {
     /// `joints[t]` is the bone whose end is target t.
-    pub fn new(skeleton: &'a Skeleton, joints: &'a [usize], settings: Settings) -> Solver<'a> {
+    pub fn new(skeleton: &'a Skeleton, joints: &'a [usize], settings: IkSettings) -> IkSolver<'a> {
         let bones = skeleton.bones();
-        let above = joints.iter().map(|&joint| {
+        let affecting_dofs = joints.iter().map(|&joint| {
             let (mut dofs, mut at) = (Vec::new(), Some(joint));
             while let Some(bone) = at {
                 dofs.extend(skeleton.dofs_of(bone));
@@ -95,7 +95,7 @@ impl<'a> Solver<'a> {
             dofs
         });
         let all = || bones.iter().flat_map(|b| &b.dofs);
-        Solver {
+        IkSolver {
             skeleton,
             joints,
             settings,
@@ -105,7 +105,7 @@ impl<'a> Solver<'a> {
                 Vec::new()
             },
             angle: all().map(|d| d.channel.is_angle()).collect(),
-            above: above.collect(),
+            affecting_dofs: affecting_dofs.collect(),
             posture: Posture::default(),
             jacobian: Vec::new(),
             trial: Vec::new(),
@@ -121,7 +121,7 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// The weight of a value in the terms that hold it.
+    /// The weight of a value in the terms that regularization it.
     fn weight(&self, i: usize, w: f64) -> f64 {
         if self.angle[i] { w } else { 0.01 * w }
     }
@@ -139,14 +139,21 @@ impl<'a> Solver<'a> {
         sum
     }
 
-    fn energy(&mut self, q: &[f64], targets: &[f64], hold: &Hold) -> (f64, f64) {
+    fn energy(
+        &mut self,
+        q: &[f64],
+        targets: &[f64],
+        regularization: &Regularization,
+    ) -> (f64, f64) {
         let misfit = self.misfit(q, targets);
         let held: f64 = self
             .free
             .iter()
             .map(|&i| {
-                self.weight(i, hold.to_before) * (q[i] - hold.before[i]).powi(2)
-                    + self.weight(i, hold.to_rest) * (q[i] - hold.rest[i]).powi(2)
+                self.weight(i, regularization.previous_weight)
+                    * (q[i] - regularization.previous[i]).powi(2)
+                    + self.weight(i, regularization.rest_weight)
+                        * (q[i] - regularization.rest[i]).powi(2)
             })
             .sum();
         (misfit + held, misfit)
@@ -154,11 +161,17 @@ impl<'a> Solver<'a> {
 
     /// Improves `q` for `targets` (3 numbers a joint, NaN is missing). Values that no target moves stay as they are,
     /// and so do those for which `fixed` is true.
-    pub fn solve(&mut self, targets: &[f64], fixed: &[bool], hold: &Hold, q: &mut [f64]) -> Solved {
+    pub fn solve(
+        &mut self,
+        targets: &[f64],
+        fixed: &[bool],
+        regularization: &Regularization,
+        q: &mut [f64],
+    ) -> IkSolution {
         self.clamp(q);
-        self.choose_free(targets, fixed);
-        let (mut energy, mut misfit) = self.energy(q, targets, hold);
-        let mut out = Solved {
+        self.select_free_values(targets, fixed);
+        let (mut energy, mut misfit) = self.energy(q, targets, regularization);
+        let mut out = IkSolution {
             energy,
             misfit,
             iterations: 0,
@@ -166,20 +179,20 @@ impl<'a> Solver<'a> {
         };
         let mut damping = 1e-6;
         while !out.converged && out.iterations < self.settings.iterations {
-            let Some((normal, slope)) = self.normal_equations(targets, hold, q) else {
+            let Some((normal, gradient)) = self.normal_equations(targets, regularization, q) else {
                 break;
             };
             // Steps that do not lower E are tried again, shorter.
             loop {
                 out.iterations += 1;
-                let moved = self.step(&normal, &slope, damping, q);
+                let moved = self.step(&normal, &gradient, damping, q);
                 if moved == Some(false) {
                     out.converged = true;
                     break;
                 }
                 let trial = std::mem::take(&mut self.trial);
                 let (e, m) = match moved {
-                    Some(_) => self.energy(&trial, targets, hold),
+                    Some(_) => self.energy(&trial, targets, regularization),
                     None => (f64::INFINITY, f64::INFINITY),
                 };
                 let better = e < energy;
@@ -211,13 +224,13 @@ impl<'a> Solver<'a> {
     }
 
     /// The values that a target is there for.
-    fn choose_free(&mut self, targets: &[f64], fixed: &[bool]) {
+    fn select_free_values(&mut self, targets: &[f64], fixed: &[bool]) {
         self.place.clear();
         self.place.resize(self.angle.len(), None);
         self.free.clear();
-        for (above, y) in self.above.iter().zip(targets.chunks_exact(3)) {
+        for (affecting_dofs, y) in self.affecting_dofs.iter().zip(targets.chunks_exact(3)) {
             if y.iter().all(|v| v.is_finite()) {
-                for &i in above {
+                for &i in affecting_dofs {
                     if self.place[i].is_none() && !fixed[i] {
                         self.place[i] = Some(0);
                         self.free.push(i);
@@ -236,7 +249,7 @@ impl<'a> Solver<'a> {
     fn normal_equations(
         &mut self,
         targets: &[f64],
-        hold: &Hold,
+        regularization: &Regularization,
         q: &[f64],
     ) -> Option<(Array2<f64>, Array1<f64>)> {
         self.skeleton.posture_into(q, &mut self.posture);
@@ -244,7 +257,7 @@ impl<'a> Solver<'a> {
             .jacobian(q, &self.posture, self.joints, &mut self.jacobian);
         let n = self.free.len();
         let columns = self.angle.len();
-        let (mut normal, mut slope) = (vec![0.0; n * n], Array1::zeros(n));
+        let (mut normal, mut gradient) = (vec![0.0; n * n], Array1::zeros(n));
         for (t, y) in targets.chunks_exact(3).enumerate() {
             if !y.iter().all(|v| v.is_finite()) {
                 continue;
@@ -252,15 +265,15 @@ impl<'a> Solver<'a> {
             for c in 0..3 {
                 let residual = self.posture.ends[self.joints[t]][c] - y[c];
                 let row = &self.jacobian[(3 * t + c) * columns..][..columns];
-                for &i in &self.above[t] {
+                for &i in &self.affecting_dofs[t] {
                     let (Some(a), v) = (self.place[i], row[i]) else {
                         continue;
                     };
                     if v == 0.0 {
                         continue;
                     }
-                    slope[a] += v * residual;
-                    for &k in &self.above[t] {
+                    gradient[a] += v * residual;
+                    for &k in &self.affecting_dofs[t] {
                         if let Some(b) = self.place[k].filter(|&b| b <= a) {
                             normal[a * n + b] += v * row[k];
                         }
@@ -269,32 +282,36 @@ impl<'a> Solver<'a> {
             }
         }
         for (a, &i) in self.free.iter().enumerate() {
-            let (before, rest) = (self.weight(i, hold.to_before), self.weight(i, hold.to_rest));
+            let (before, rest) = (
+                self.weight(i, regularization.previous_weight),
+                self.weight(i, regularization.rest_weight),
+            );
             normal[a * n + a] += before + rest;
-            slope[a] += before * (q[i] - hold.before[i]) + rest * (q[i] - hold.rest[i]);
+            gradient[a] += before * (q[i] - regularization.previous[i])
+                + rest * (q[i] - regularization.rest[i]);
         }
-        if !slope.iter().all(|v: &f64| v.is_finite()) {
+        if !gradient.iter().all(|v: &f64| v.is_finite()) {
             return None;
         }
-        Some((Array2::from_shape_vec((n, n), normal).ok()?, slope))
+        Some((Array2::from_shape_vec((n, n), normal).ok()?, gradient))
     }
 
     /// Sets the next trial values: whether anything moves, or `None` when the system cannot be solved.
     fn step(
         &mut self,
         normal: &Array2<f64>,
-        slope: &Array1<f64>,
+        gradient: &Array1<f64>,
         damping: f64,
         q: &[f64],
     ) -> Option<bool> {
         let mut normal = normal.clone();
-        let mut slope = slope.clone();
+        let mut gradient = gradient.clone();
         for (a, &i) in self.free.iter().enumerate() {
             // The floor damps what no target moves: cm² a squared radian.
             normal[[a, a]] += damping * (normal[[a, a]] + 1e-3);
             // At a limit that the step would cross: stay there.
             let held = self.limits.get(i).is_some_and(|&(low, high)| {
-                (q[i] <= low && slope[a] > 0.0) || (q[i] >= high && slope[a] < 0.0)
+                (q[i] <= low && gradient[a] > 0.0) || (q[i] >= high && gradient[a] < 0.0)
             });
             if held {
                 for b in 0..self.free.len() {
@@ -302,10 +319,10 @@ impl<'a> Solver<'a> {
                     normal[[b, a]] = 0.0;
                 }
                 normal[[a, a]] = 1.0;
-                slope[a] = 0.0;
+                gradient[a] = 0.0;
             }
         }
-        let step = cholesky_solve(normal, slope)?;
+        let step = cholesky_solve(normal, gradient)?;
         // No joint turns by more than a radian a step: beyond that the linear model says nothing.
         let longest = self
             .free
@@ -392,21 +409,21 @@ mod tests {
         targets: &[f64],
         q: &mut [f64],
         limits: bool,
-    ) -> Solved {
-        let settings = Settings {
+    ) -> IkSolution {
+        let settings = IkSettings {
             limits,
-            ..Settings::default()
+            ..IkSettings::default()
         };
         let zero = vec![0.0; q.len()];
         let before = q.to_vec();
-        let hold = Hold {
-            before: &before,
-            to_before: 1e-6,
+        let regularization = Regularization {
+            previous: &before,
+            previous_weight: 1e-6,
             rest: &zero,
-            to_rest: 0.0,
+            rest_weight: 0.0,
         };
         let fixed = vec![false; q.len()];
-        Solver::new(s, joints, settings).solve(targets, &fixed, &hold, q)
+        IkSolver::new(s, joints, settings).solve(targets, &fixed, &regularization, q)
     }
 
     #[test]

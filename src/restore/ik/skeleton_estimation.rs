@@ -23,7 +23,7 @@ const REST: [[f64; 3]; 23] = [
 ///
 /// Points that CMU does not know, or that hang on nothing the table shows, are no bones of it. Bones that no frame
 /// shows from end to end are as long as CMU's mean.
-pub fn measure(poses: &Poses) -> Result<Skeleton> {
+pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
     let names = &poses.points;
     let parents = parents_by_name(names);
     let body = Body::measure(&parents, poses.xyz.view());
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn lengths_are_the_tables_and_the_rest_pose_is_cmus() {
-        let s = measure(&poses(cmu_names(), 1.25)).unwrap();
+        let s = estimate_skeleton(&poses(cmu_names(), 1.25)).unwrap();
         assert_eq!(s.bones().len(), 23);
         let rest = s.posture(&vec![0.0; s.dof_count()]);
         for (bone, end) in s.bones().iter().zip(&rest.ends) {
@@ -113,7 +113,7 @@ mod tests {
     #[test]
     fn what_hangs_on_nothing_is_left_out() {
         let names = |n: &[&str]| n.iter().map(|s| s.to_string()).collect::<Vec<_>>();
-        let s = measure(&poses(
+        let s = estimate_skeleton(&poses(
             names(&["tail", "lradius", "lhumerus", "lwrist"]),
             1.0,
         ))
@@ -121,7 +121,7 @@ mod tests {
         let got: Vec<&str> = s.bones().iter().map(|b| b.name.as_str()).collect();
         assert_eq!(got, ["lhumerus", "lradius", "lwrist"]);
         for few in [&["root"][..], &["a", "b"], &[]] {
-            assert!(measure(&poses(names(few), 1.0)).is_err());
+            assert!(estimate_skeleton(&poses(names(few), 1.0)).is_err());
         }
     }
 }

@@ -9,9 +9,9 @@ use glam::DVec3;
 /// Shorter than this (centimetres) a segment has no direction.
 const NO_LENGTH: f64 = 1e-9;
 
-/// Bones of fixed length between some points.
+/// BoneNormalizer of fixed length between some points.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bones {
+pub struct BoneNormalizer {
     /// The point each point hangs on; `None` for those that stay where they are.
     parents: Vec<Option<usize>>,
     /// Centimetres; NaN where the length is not fixed and the segment stays as it is.
@@ -20,12 +20,12 @@ pub struct Bones {
     order: Vec<usize>,
 }
 
-impl Bones {
+impl BoneNormalizer {
     /// The bones between the joints of some bones of a skeleton: `joints[k]` is the bone whose end is point k.
     ///
     /// A point hangs on the nearest point above it. Where a joint between the two turns or slides, or the bone itself
     /// can grow, their distance is no bone's length and is left as it is.
-    pub fn of(skeleton: &Skeleton, joints: &[usize]) -> Bones {
+    pub fn for_skeleton(skeleton: &Skeleton, joints: &[usize]) -> BoneNormalizer {
         let bones = skeleton.bones();
         let mut point_of = vec![None; bones.len()];
         for (k, &joint) in joints.iter().enumerate() {
@@ -56,13 +56,13 @@ impl Bones {
                 f64::NAN
             });
         }
-        Bones::new(parents, lengths)
+        BoneNormalizer::new(parents, lengths)
     }
 
-    /// Bones of given lengths (NaN: not fixed). Parents that go round in a circle count as none.
-    pub fn new(parents: Vec<Option<usize>>, lengths: Vec<f64>) -> Bones {
+    /// BoneNormalizer of given lengths (NaN: not fixed). Parents that go round in a circle count as none.
+    pub fn new(parents: Vec<Option<usize>>, lengths: Vec<f64>) -> BoneNormalizer {
         let n = parents.len();
-        let mut bones = Bones {
+        let mut bones = BoneNormalizer {
             parents,
             lengths,
             order: Vec::with_capacity(n),
@@ -106,7 +106,7 @@ impl Bones {
     ///
     /// A missing point stays missing, and so becomes one that lies on its parent although its bone has a length: no
     /// direction is known for it. A point below a missing one moves as the nearest seen point above it does.
-    pub fn normalise(&self, y: &[f64], out: &mut [f64]) {
+    pub fn normalize(&self, y: &[f64], out: &mut [f64]) {
         let at = |v: &[f64], k: usize| DVec3::from_slice(&v[3 * k..3 * k + 3]);
         for &k in &self.order {
             let here = at(y, k);
@@ -119,7 +119,7 @@ impl Bones {
                     if !here.is_finite() {
                         DVec3::NAN
                     } else if !is.is_finite() {
-                        here + self.shift_above(p, y, out)
+                        here + self.ancestor_shift(p, y, out)
                     } else if self.lengths[k].is_nan() {
                         is + step
                     } else if long > NO_LENGTH {
@@ -136,7 +136,7 @@ impl Bones {
     }
 
     /// How the nearest seen point above a missing one was moved.
-    fn shift_above(&self, mut k: usize, y: &[f64], out: &[f64]) -> DVec3 {
+    fn ancestor_shift(&self, mut k: usize, y: &[f64], out: &[f64]) -> DVec3 {
         loop {
             let at = |v: &[f64]| DVec3::from_slice(&v[3 * k..3 * k + 3]);
             let shift = at(out) - at(y);
@@ -157,18 +157,18 @@ mod tests {
 
     const N: f64 = f64::NAN;
 
-    fn chain(lengths: [f64; 4]) -> Bones {
-        Bones::new(vec![None, Some(0), Some(1), Some(2)], lengths.to_vec())
+    fn chain(lengths: [f64; 4]) -> BoneNormalizer {
+        BoneNormalizer::new(vec![None, Some(0), Some(1), Some(2)], lengths.to_vec())
     }
 
     #[test]
     fn bones_get_their_lengths_and_keep_their_directions() {
         let y = [1., 2., 3., 1., 4., 3., 4., 4., 3., 4., 4., 9.];
         let mut out = [0.; 12];
-        chain([N, 5., 1., 0.5]).normalise(&y, &mut out);
+        chain([N, 5., 1., 0.5]).normalize(&y, &mut out);
         assert_eq!(out, [1., 2., 3., 1., 7., 3., 2., 7., 3., 2., 7., 3.5]);
         let mut again = [0.; 12];
-        chain([N, 5., 1., 0.5]).normalise(&out, &mut again);
+        chain([N, 5., 1., 0.5]).normalize(&out, &mut again);
         assert_eq!(out, again);
     }
 
@@ -176,7 +176,7 @@ mod tests {
     fn missing_points_stay_missing_and_those_below_follow_what_is_seen() {
         let y = [0., 0., 0., 0., 2., 0., N, N, N, 0., 6., 1.];
         let mut out = [0.; 12];
-        chain([N, 3., 1., 1.]).normalise(&y, &mut out);
+        chain([N, 3., 1., 1.]).normalize(&y, &mut out);
         assert_eq!(out[3..6], [0., 3., 0.]);
         assert!(out[6..9].iter().all(|v| v.is_nan()));
         assert_eq!(out[9..], [0., 7., 1.]);
@@ -187,19 +187,19 @@ mod tests {
         let y = [0., 0., 0., 0., 0., 0., 0., 1., 0., 0., 1., 0.];
         let mut out = [0.; 12];
         // The first has a length but no direction; the last has neither.
-        chain([N, 3., 2., 0.]).normalise(&y, &mut out);
+        chain([N, 3., 2., 0.]).normalize(&y, &mut out);
         assert!(out[3..6].iter().all(|v| v.is_nan()));
         assert_eq!(out[6..9], [0., 1., 0.]);
         assert_eq!(out[9..], [0., 1., 0.]);
-        Bones::new(vec![], vec![]).normalise(&[], &mut []);
+        BoneNormalizer::new(vec![], vec![]).normalize(&[], &mut []);
     }
 
     #[test]
     fn circles_are_cut() {
-        let bones = Bones::new(vec![Some(1), Some(0), Some(9), Some(3)], vec![1.; 4]);
+        let bones = BoneNormalizer::new(vec![Some(1), Some(0), Some(9), Some(3)], vec![1.; 4]);
         let mut out = [0.; 12];
         let y: Vec<f64> = (0..12).map(f64::from).collect();
-        bones.normalise(&y, &mut out);
+        bones.normalize(&y, &mut out);
         assert!(out.iter().all(|v| v.is_finite()));
     }
 }

@@ -4,9 +4,9 @@
 //! bones above it. A ball joint with one such joint is free to twist: it takes the twist that brings the next joints
 //! nearest. For skeletons of ball joints alone, whose bones have their lengths (Algorithm 1), this is the solution.
 
-use crate::pose::align::{Free, fit_similarity};
 use crate::pose::kinematics::Posture;
-use crate::pose::rotation::{Axis, closest_turn, decompose, swing};
+use crate::pose::rotation::{Axis, decompose, nearest_equivalent_angle, shortest_arc};
+use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::{Channel, Skeleton};
 use glam::{DMat3, DVec3};
 
@@ -17,17 +17,17 @@ const NO_LENGTH: f64 = 1e-9;
 type Carried = (usize, DVec3);
 
 /// What each bone carries, found once for a skeleton and its targets.
-pub struct Greedy<'a> {
+pub struct InitialPose<'a> {
     skeleton: &'a Skeleton,
     /// By bone: targets that turn with it.
-    hard: Vec<Vec<Carried>>,
+    direct: Vec<Vec<Carried>>,
     /// By bone: targets that turn with the next bones that turn at all.
-    soft: Vec<Vec<Carried>>,
+    indirect: Vec<Vec<Carried>>,
 }
 
-impl<'a> Greedy<'a> {
+impl<'a> InitialPose<'a> {
     /// `joints[t]` is the bone whose end is target t.
-    pub fn new(skeleton: &'a Skeleton, joints: &[usize]) -> Greedy<'a> {
+    pub fn new(skeleton: &'a Skeleton, joints: &[usize]) -> InitialPose<'a> {
         let bones = skeleton.bones();
         let rest: Vec<f64> = bones
             .iter()
@@ -35,15 +35,16 @@ impl<'a> Greedy<'a> {
             .map(|d| -d.offset)
             .collect();
         let rest = skeleton.posture(&rest);
-        let (mut hard, mut soft) = (vec![Vec::new(); bones.len()], vec![Vec::new(); bones.len()]);
+        let (mut direct, mut indirect) =
+            (vec![Vec::new(); bones.len()], vec![Vec::new(); bones.len()]);
         for (t, &joint) in joints.iter().enumerate() {
             let carried = |bone: usize| (t, rest.ends[joint] - rest.starts[bone]);
             let (mut at, mut seen) = (Some(joint), 0);
             while let Some(bone) = at {
                 if !bones[bone].dofs.is_empty() {
                     match seen {
-                        0 => hard[bone].push(carried(bone)),
-                        _ => soft[bone].push(carried(bone)),
+                        0 => direct[bone].push(carried(bone)),
+                        _ => indirect[bone].push(carried(bone)),
                     }
                     // A bone that does not move its own joint is no step on the way to the next.
                     seen += usize::from(carried(bone).1.length() > NO_LENGTH);
@@ -54,10 +55,10 @@ impl<'a> Greedy<'a> {
                 at = bones[bone].parent;
             }
         }
-        Greedy {
+        InitialPose {
             skeleton,
-            hard,
-            soft,
+            direct,
+            indirect,
         }
     }
 
@@ -71,7 +72,7 @@ impl<'a> Greedy<'a> {
     }
 
     /// Sets `q`, which holds the frame before: bones that no target tells of keep their values.
-    pub fn pose(&self, targets: &[f64], q: &mut [f64]) {
+    pub fn apply(&self, targets: &[f64], q: &mut [f64]) {
         let mut posture = Posture::default();
         for (i, bone) in self.skeleton.bones().iter().enumerate() {
             let (before, above) = match bone.parent {
@@ -85,10 +86,10 @@ impl<'a> Greedy<'a> {
                     .filter(|(_, y)| y.is_finite())
                     .collect()
             };
-            let (hard, soft) = (seen(&self.hard[i]), seen(&self.soft[i]));
+            let (direct, indirect) = (seen(&self.direct[i]), seen(&self.indirect[i]));
             let q = &mut q[self.skeleton.dofs_of(i)];
             if i == 0 {
-                self.place_root(&hard, &soft, q);
+                self.place_root(&direct, &indirect, q);
             }
             let (start, _) = self.local(i, q, before, above);
             let arms = |pairs: &[(DVec3, DVec3)]| -> Vec<(DVec3, DVec3)> {
@@ -98,30 +99,34 @@ impl<'a> Greedy<'a> {
                     .filter(|(v, y)| v.length() > NO_LENGTH && y.length() > NO_LENGTH)
                     .collect()
             };
-            let (hard_arms, soft_arms) = (arms(&hard), arms(&soft));
-            match turns(bone.dofs.iter().map(|d| d.channel)) {
+            let (direct_arms, indirect_arms) = (arms(&direct), arms(&indirect));
+            match ball_axes(bone.dofs.iter().map(|d| d.channel)) {
                 // Hidden joints: the bone holds its values unless it carries none by its nature.
-                Some(_) if hard_arms.is_empty() && !self.carries_nothing(i) => {}
+                Some(_) if direct_arms.is_empty() && !self.has_no_lever(i) => {}
                 Some(order) => {
-                    if let Some(global) = ball(&hard_arms, &soft_arms, &before) {
-                        self.set_ball(i, order, &before, &global, q);
+                    if let Some(global) = ball_rotation(&direct_arms, &indirect_arms, &before) {
+                        self.set_ball_joint(i, order, &before, &global, q);
                     }
                 }
-                None => self.set_hinges(i, &hard_arms, &before, q),
+                None => self.set_hinges(i, &direct_arms, &before, q),
             }
             let (start, rotation) = self.local(i, q, before, above);
             posture.starts.push(start);
-            posture.ends.push(start + rotation * self.grown(i, q));
+            posture
+                .ends
+                .push(start + rotation * self.current_offset(i, q));
             posture.rotations.push(rotation);
         }
     }
 
-    fn carries_nothing(&self, bone: usize) -> bool {
-        self.hard[bone].iter().all(|(_, v)| v.length() <= NO_LENGTH)
+    fn has_no_lever(&self, bone: usize) -> bool {
+        self.direct[bone]
+            .iter()
+            .all(|(_, v)| v.length() <= NO_LENGTH)
     }
 
     /// The bone's vector with its `l`, in rest axes.
-    fn grown(&self, i: usize, q: &[f64]) -> DVec3 {
+    fn current_offset(&self, i: usize, q: &[f64]) -> DVec3 {
         let bone = &self.skeleton.bones()[i];
         let along = bone.offset.try_normalize().unwrap_or(DVec3::ZERO);
         let longer: f64 = (bone.dofs.iter().zip(q))
@@ -147,19 +152,19 @@ impl<'a> Greedy<'a> {
     }
 
     /// The root's place: its own joint where it is seen, else by what it carries.
-    fn place_root(&self, hard: &[(DVec3, DVec3)], soft: &[(DVec3, DVec3)], q: &mut [f64]) {
+    fn place_root(&self, direct: &[(DVec3, DVec3)], indirect: &[(DVec3, DVec3)], q: &mut [f64]) {
         let bone = &self.skeleton.bones()[0];
-        let own = hard.iter().find(|(v, _)| v.length() <= NO_LENGTH);
+        let own = direct.iter().find(|(v, _)| v.length() <= NO_LENGTH);
         let fit = |pairs: &mut dyn Iterator<Item = (DVec3, DVec3)>| {
             let pairs: Vec<_> = pairs.map(|(v, y)| (v, y, 1.0)).collect();
-            fit_similarity(pairs.iter().copied(), Free::Rigid)
+            fit_similarity(pairs.iter().copied(), TransformKind::Rigid)
                 .filter(|f| f.determined)
                 .map(|f| f.similarity.shift)
         };
         let place = own
             .map(|&(_, y)| y)
-            .or_else(|| fit(&mut hard.iter().copied()))
-            .or_else(|| fit(&mut hard.iter().chain(soft).copied()));
+            .or_else(|| fit(&mut direct.iter().copied()))
+            .or_else(|| fit(&mut direct.iter().chain(indirect).copied()));
         let Some(place) = place else { return };
         let place = bone.axis.transpose() * place;
         for (dof, q) in bone.dofs.iter().zip(q) {
@@ -170,7 +175,14 @@ impl<'a> Greedy<'a> {
     }
 
     /// The angles of a ball joint for its global rotation, the nearest to the ones before.
-    fn set_ball(&self, i: usize, order: [Axis; 3], before: &DMat3, global: &DMat3, q: &mut [f64]) {
+    fn set_ball_joint(
+        &self,
+        i: usize,
+        order: [Axis; 3],
+        before: &DMat3,
+        global: &DMat3,
+        q: &mut [f64],
+    ) {
         let bone = &self.skeleton.bones()[i];
         let own = bone.axis.transpose() * before.transpose() * *global * bone.axis;
         let at: Vec<usize> = (0..bone.dofs.len())
@@ -214,7 +226,7 @@ impl<'a> Greedy<'a> {
                     .iter()
                     .map(|&(v, y)| (inner * v, outer.transpose() * y));
                 if let Some(angle) = best_angle(axis.unit(), pairs, 0.0) {
-                    q[n] = closest_turn(angle - bone.dofs[n].offset, q[n]);
+                    q[n] = nearest_equivalent_angle(angle - bone.dofs[n].offset, q[n]);
                 }
             }
         }
@@ -222,7 +234,7 @@ impl<'a> Greedy<'a> {
 }
 
 /// The axes of a bone's rotations if it is a ball joint.
-fn turns(channels: impl Iterator<Item = Channel>) -> Option<[Axis; 3]> {
+fn ball_axes(channels: impl Iterator<Item = Channel>) -> Option<[Axis; 3]> {
     let axes: Vec<Axis> = channels
         .filter_map(|c| match c {
             Channel::Rotate(axis) => Some(axis),
@@ -232,14 +244,21 @@ fn turns(channels: impl Iterator<Item = Channel>) -> Option<[Axis; 3]> {
     axes.try_into().ok()
 }
 
-/// The global rotation of a ball joint that carries `hard` arms to where they are seen, and `soft` ones near it.
-fn ball(hard: &[(DVec3, DVec3)], soft: &[(DVec3, DVec3)], before: &DMat3) -> Option<DMat3> {
+/// The global rotation of a ball joint that carries `direct` arms to where they are seen, and `indirect` ones near it.
+fn ball_rotation(
+    direct: &[(DVec3, DVec3)],
+    indirect: &[(DVec3, DVec3)],
+    before: &DMat3,
+) -> Option<DMat3> {
     let fit = |pairs: &[(DVec3, DVec3)]| {
-        fit_similarity(pairs.iter().map(|&(v, y)| (v, y, 1.0)), Free::Rotation)
-            .filter(|f| f.determined)
-            .map(|f| f.similarity.rotation)
+        fit_similarity(
+            pairs.iter().map(|&(v, y)| (v, y, 1.0)),
+            TransformKind::Rotation,
+        )
+        .filter(|f| f.determined)
+        .map(|f| f.similarity.rotation)
     };
-    let main = if hard.is_empty() { soft } else { hard };
+    let main = if direct.is_empty() { indirect } else { direct };
     if let Some(rotation) = fit(main) {
         return Some(rotation);
     }
@@ -247,12 +266,12 @@ fn ball(hard: &[(DVec3, DVec3)], soft: &[(DVec3, DVec3)], before: &DMat3) -> Opt
         .iter()
         .max_by(|a, b| a.0.length_squared().total_cmp(&b.0.length_squared()))?;
     // The shortest way from how the bone would stand if it did not move, then a twist about itself.
-    let rotation = swing(*before * v, y)? * *before;
-    if hard.is_empty() {
+    let rotation = shortest_arc(*before * v, y)? * *before;
+    if direct.is_empty() {
         return Some(rotation);
     }
     let axis = y.normalize();
-    let pairs = soft.iter().map(|&(s, seen)| {
+    let pairs = indirect.iter().map(|&(s, seen)| {
         // What lies beyond the bone's end, seen from there.
         (rotation * (s - v), seen - y)
     });
@@ -304,8 +323,8 @@ mod tests {
     fn ball_joints_are_solved_exactly() {
         let s = body();
         let joints = [0, 1, 2, 3, 4, 5];
-        let greedy = Greedy::new(&s, &joints);
-        assert!(greedy.is_exact());
+        let initial_pose = InitialPose::new(&s, &joints);
+        assert!(initial_pose.is_exact());
         for round in 0..50 {
             let q: Vec<f64> = (0..s.dof_count())
                 .map(|i| 3.0 * ((1 + i + 31 * round) as f64 * 1.7).sin())
@@ -313,7 +332,7 @@ mod tests {
             let want = s.posture(&q).ends;
             let targets: Vec<f64> = want.iter().flat_map(|e| e.to_array()).collect();
             let mut found = vec![0.0; q.len()];
-            greedy.pose(&targets, &mut found);
+            initial_pose.apply(&targets, &mut found);
             for (a, b) in s.posture(&found).ends.iter().zip(&want) {
                 assert!((*a - *b).length() <= 1e-9, "{round}: {a} {b}");
             }

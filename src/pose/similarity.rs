@@ -51,7 +51,7 @@ impl Similarity {
 
 /// What is free in a fit besides the rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Free {
+pub enum TransformKind {
     /// Nothing: both sets share their origin and scale.
     Rotation,
     /// The shift.
@@ -62,7 +62,7 @@ pub enum Free {
 
 /// The fit of [`fit_similarity`].
 #[derive(Debug, Clone, Copy)]
-pub struct Fit {
+pub struct SimilarityFit {
     /// What carries `from` onto `to`.
     pub similarity: Similarity,
     /// Sum of weighted squared distances left, cm².
@@ -77,8 +77,8 @@ pub struct Fit {
 /// is never returned. `None` when no weight is positive.
 pub fn fit_similarity(
     pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone,
-    free: Free,
-) -> Option<Fit> {
+    free: TransformKind,
+) -> Option<SimilarityFit> {
     let (mut weight, mut from, mut to) = (0.0, DVec3::ZERO, DVec3::ZERO);
     for (a, b, w) in pairs.clone() {
         weight += w;
@@ -88,7 +88,7 @@ pub fn fit_similarity(
     if !(weight > 0.0) {
         return None;
     }
-    let (from, to) = if free == Free::Rotation {
+    let (from, to) = if free == TransformKind::Rotation {
         (DVec3::ZERO, DVec3::ZERO)
     } else {
         (from / weight, to / weight)
@@ -103,7 +103,7 @@ pub fn fit_similarity(
     }
     let (rotation, gain, determined) = nearest_rotation(&m);
     let scale = match free {
-        Free::Similarity if spread_from > 0.0 && gain > 0.0 => gain / spread_from,
+        TransformKind::Similarity if spread_from > 0.0 && gain > 0.0 => gain / spread_from,
         _ => 1.0,
     };
     let error = spread_to - 2.0 * scale * gain + scale * scale * spread_from;
@@ -113,7 +113,7 @@ pub fn fit_similarity(
         shift,
         scale,
     };
-    Some(Fit {
+    Some(SimilarityFit {
         similarity,
         error: error.max(0.0),
         determined,
@@ -211,7 +211,7 @@ pub fn eigen_symmetric<const N: usize>(mut a: [[f64; N]; N]) -> ([f64; N], [[f64
 
 #[cfg(test)]
 mod tests {
-    use super::super::rotation::{angle_between, exponential};
+    use super::super::rotation::{angle_between, from_rotation_vector};
     use super::*;
 
     fn cloud() -> Vec<DVec3> {
@@ -228,12 +228,12 @@ mod tests {
             DVec3::new(0.0, std::f64::consts::PI, 0.0),
         ] {
             let want = Similarity {
-                rotation: exponential(v),
+                rotation: from_rotation_vector(v),
                 shift: DVec3::new(3.0, -2.0, 9.0),
                 scale: 1.7,
             };
             let pairs = cloud().into_iter().map(|a| (a, want.apply(a), 2.0));
-            let fit = fit_similarity(pairs, Free::Similarity).unwrap();
+            let fit = fit_similarity(pairs, TransformKind::Similarity).unwrap();
             assert!(fit.determined);
             assert!(fit.error <= 1e-12);
             assert!(angle_between(&fit.similarity.rotation, &want.rotation) <= 1e-7);
@@ -249,7 +249,7 @@ mod tests {
         let pairs = cloud()
             .into_iter()
             .map(|a| (a, DVec3::new(-a.x, a.y, a.z), 1.0));
-        let fit = fit_similarity(pairs, Free::Rigid).unwrap();
+        let fit = fit_similarity(pairs, TransformKind::Rigid).unwrap();
         assert!((fit.similarity.rotation.determinant() - 1.0).abs() <= 1e-12);
         assert!(fit.error > 0.1);
     }
@@ -257,10 +257,10 @@ mod tests {
     #[test]
     fn points_on_a_line_do_not_determine_a_rotation() {
         let line = (0..5).map(|i| (DVec3::X * i as f64, DVec3::Y * i as f64, 1.0));
-        let fit = fit_similarity(line, Free::Rigid).unwrap();
+        let fit = fit_similarity(line, TransformKind::Rigid).unwrap();
         assert!(!fit.determined);
         assert!(fit.error <= 1e-9);
-        assert!(fit_similarity(std::iter::empty(), Free::Rigid).is_none());
+        assert!(fit_similarity(std::iter::empty(), TransformKind::Rigid).is_none());
     }
 
     #[test]

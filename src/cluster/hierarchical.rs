@@ -8,10 +8,10 @@
 //! together cost n B log K distances an iteration; at worst (every split cuts off an outlier) n K,
 //! which is what flat k-means costs.
 
+use super::dataset::{Dataset, NearestCentroid, exact_nearest};
 use super::kmeans::{Clustering, Report, best_run};
 use super::parameters::Parameters;
-use super::poses::{Near, Poses, exact_nearest};
-use super::update::{Groups, distances};
+use super::update::{ClusterMembers, distances};
 use crate::numeric::parallel;
 use crate::{Error, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2};
@@ -122,7 +122,7 @@ impl Tree {
             )));
         }
         let table = poses.as_standard_layout();
-        let poses = Poses::check(&table)?;
+        let poses = Dataset::check(&table)?;
         let found = parallel::map_chunks(poses.n, 1024, |rows| {
             rows.map(|i| self.walk(poses.row(i))).collect::<Vec<_>>()
         });
@@ -134,14 +134,14 @@ impl Tree {
     }
 
     /// The leaf of one pose, by number.
-    fn walk(&self, pose: &[f32]) -> Near {
+    fn walk(&self, pose: &[f32]) -> NearestCentroid {
         let rows = self.centroids.as_slice().unwrap_or_default();
         let row = |i: usize| (i as u32, &rows[i * pose.len()..(i + 1) * pose.len()]);
         let mut near = exact_nearest(pose, std::iter::once(row(0)));
         loop {
             let node = &self.nodes[near.label as usize];
             if node.children.is_empty() {
-                return Near {
+                return NearestCentroid {
                     label: node.leaves.start as u32,
                     ..near
                 };
@@ -152,7 +152,7 @@ impl Tree {
 }
 
 /// A node while the tree grows.
-struct Bud {
+struct GrowingNode {
     centroid: Vec<f64>,
     /// Its poses, ascending; empty once it is split.
     members: Vec<u32>,
@@ -165,7 +165,7 @@ struct Bud {
 ///
 /// The last split makes as many children as are still wanted, so that k is met whatever B is.
 pub(super) fn grow(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     parameters: &Parameters,
     branch: usize,
     observer: &mut dyn FnMut(&Report),
@@ -173,7 +173,7 @@ pub(super) fn grow(
     let (mean, variance) = poses.moments();
     let inertia = variance * (poses.n * poses.d) as f64;
     let members = (0..poses.n as u32).collect();
-    let mut buds = vec![Bud {
+    let mut buds = vec![GrowingNode {
         centroid: mean,
         members,
         inertia,
@@ -204,12 +204,12 @@ pub(super) fn grow(
             continue;
         }
         let first = buds.len();
-        let groups = Groups::new(&found.labels, found.sizes.len());
+        let groups = ClusterMembers::new(&found.labels, found.sizes.len());
         for (j, centroid) in found.centroids.rows().into_iter().enumerate() {
             let own = groups.members(j);
             let inertia = own.iter().map(|&at| squares[at as usize]).sum();
             heap.push(entry(buds.len(), inertia));
-            buds.push(Bud {
+            buds.push(GrowingNode {
                 centroid: centroid.to_vec(),
                 members: own.iter().map(|&at| members[at as usize]).collect(),
                 inertia,
@@ -259,7 +259,7 @@ pub(super) fn grow(
 
 /// k-means of some of the poses, and their squared distances to their centroids.
 fn split(
-    poses: Poses<'_>,
+    poses: Dataset<'_>,
     members: &[u32],
     parameters: &Parameters,
     stream: usize,
@@ -274,7 +274,7 @@ fn split(
             .flat_map(|&i| poses.row(i as usize))
             .copied()
             .collect();
-        Poses::trusted(&copied, poses.d)
+        Dataset::trusted(&copied, poses.d)
     };
     let found = best_run(own, parameters, stream as u64, observer);
     let squares = distances(own, found.centroids.view(), &found.labels);
@@ -282,7 +282,7 @@ fn split(
 }
 
 /// The tree of the buds, and for each of its nodes which bud it was.
-fn level_by_level(buds: &[Bud]) -> (Tree, Vec<usize>) {
+fn level_by_level(buds: &[GrowingNode]) -> (Tree, Vec<usize>) {
     let (mut order, mut children) = (Vec::with_capacity(buds.len()), Vec::new());
     let mut queue = VecDeque::from([0]);
     let mut next = 1;
@@ -335,7 +335,7 @@ mod tests {
                 assert_eq!(labels, found.labels);
                 let total: f64 = squares.iter().sum();
                 assert!((total - found.inertia).abs() <= 1e-9 * total + 1e-12);
-                assert_eq!(found.sizes, Groups::new(&labels, k).sizes());
+                assert_eq!(found.sizes, ClusterMembers::new(&labels, k).sizes());
                 assert!(found.sizes.iter().all(|&s| s > 0));
                 assert!(tree.nodes().iter().all(|n| n.children.len() <= branch));
                 for (i, node) in tree.nodes().iter().enumerate() {

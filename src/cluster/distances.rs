@@ -11,13 +11,13 @@
 //! margins, every distance of that pose is computed again in f64.
 
 use super::Parameters;
-use super::poses::{LARGEST, Near, Poses, exact_nearest, squared_distance};
+use super::dataset::{Dataset, LARGEST, NearestCentroid, exact_nearest, squared_distance};
 use crate::numeric::parallel;
 use crate::{Error, Result};
 use ndarray::linalg::general_mat_mul;
 use ndarray::{Array2, ArrayView2, s};
 
-/// Poses scanned together; centroids scanned together. Scores of a tile: 256 KiB.
+/// Dataset scanned together; centroids scanned together. Scores of a tile: 256 KiB.
 pub(super) const TILE: usize = 128;
 const BLOCK: usize = 512;
 /// Lanes of sums and searches.
@@ -113,11 +113,11 @@ impl Centroids {
     /// The nearest of `candidates` (ascending; all when `None`) for each of at most [`TILE`] poses.
     pub fn nearest(
         &self,
-        poses: Poses<'_>,
+        poses: Dataset<'_>,
         ids: &[u32],
         candidates: Option<&[u32]>,
         scratch: &mut Scratch,
-        found: &mut Vec<Near>,
+        found: &mut Vec<NearestCentroid>,
     ) {
         let count = candidates.map_or(self.k(), <[u32]>::len);
         let name = |j: usize| candidates.map_or(j as u32, |c| c[j]);
@@ -182,7 +182,7 @@ impl Centroids {
                 let label = name(at);
                 let squared = squared_distance(poses.row(i as usize), self.row(label as usize));
                 let second = f64::from(second) + norm * norm * (1.0 - 1e-6) - margin;
-                Near {
+                NearestCentroid {
                     label,
                     squared,
                     second: second.max(0.0),
@@ -291,7 +291,7 @@ pub fn assign(
         )));
     }
     let table = poses.as_standard_layout();
-    let poses = Poses::check(&table)?;
+    let poses = Dataset::check(&table)?;
     let middle: Vec<f32> = poses.moments().0.into_iter().map(|m| m as f32).collect();
     let exact = centroids.as_standard_layout().into_owned();
     let centroids = Centroids::new(exact, &middle);
@@ -346,7 +346,7 @@ mod tests {
     #[test]
     fn bounds_are_bounds() {
         for (table, seed) in [(noise(400, 69, 1), 2), (blobs(400, 6, 5, 3) + 300f32, 4)] {
-            let poses = Poses::trusted(table.as_slice().unwrap(), table.ncols());
+            let poses = Dataset::trusted(table.as_slice().unwrap(), table.ncols());
             let exact = table.select(ndarray::Axis(0), &(0..200).collect::<Vec<_>>());
             let exact = exact.mapv(f64::from) + seed as f64 * 0.01;
             let middle: Vec<f32> = poses.moments().0.iter().map(|&m| m as f32).collect();
