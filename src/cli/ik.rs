@@ -23,7 +23,12 @@ pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
 }
 
 /// Solves `skeleton` for the matched points of a table named `name`; with `limits` within its joints' limits.
-pub fn solve(skeleton: &Skeleton, matched: &Correspondence, limits: bool, name: &str) -> Result<SequenceFit> {
+pub fn solve(
+    skeleton: &Skeleton,
+    matched: &Correspondence,
+    limits: bool,
+    name: &str,
+) -> Result<SequenceFit> {
     matched.notes(name).iter().for_each(|n| messages::info(n));
     let mut settings = SequenceSettings::default();
     settings.solve.limits = limits;

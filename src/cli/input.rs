@@ -1,7 +1,7 @@
 //! What the commands read: files or standard input, tables row by row or whole, models.
 
 use super::args::InputArgs;
-use crate::io::table::{PosesBuilder, Columns, Row, RowReader, Table};
+use crate::io::table::{Columns, PosesBuilder, Row, RowReader, Table};
 use crate::io::{Input, Model};
 use crate::{Error, Place, Result};
 use std::io;
@@ -140,7 +140,8 @@ pub fn read_table(flags: &InputArgs, planar: bool, cells: bool) -> Result<Table>
     let mut stream = RowStream::open(flags, planar, cells)?;
     let columns = stream.columns().clone();
     let name = stream.name().to_string();
-    let (mut builder, mut kept, mut row) = (PosesBuilder::new(&columns), Vec::new(), Row::default());
+    let (mut builder, mut kept, mut row) =
+        (PosesBuilder::new(&columns), Vec::new(), Row::default());
     // Where neither takes nor times tell how frames hang together, each file is a take.
     let is_telling = columns.take.is_some() || columns.time.is_some() || flags.files.len() < 2;
     let mut files: Vec<Arc<str>> = Vec::new();

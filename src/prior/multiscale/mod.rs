@@ -469,9 +469,9 @@ mod tests {
     fn a_turned_model_gives_turned_answers() {
         let poses = poses();
         let (mixture, _) = trained(&poses);
-        let step_coordinates = PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(glam::DVec3::new(
-            0.3, 1.0, -0.2,
-        )));
+        let step_coordinates = PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(
+            glam::DVec3::new(0.3, 1.0, -0.2),
+        ));
         let y: Vec<f64> = poses
             .xyz
             .row(200)

@@ -175,7 +175,8 @@ mod tests {
             ..body.clone()
         };
         let reshape = PoseTransform::reshape(&body, &taller);
-        let step_coordinates = PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(glam::DVec3::Y));
+        let step_coordinates =
+            PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(glam::DVec3::Y));
         let mapped = mixture.mapped(&reshape).mapped(&step_coordinates);
         for pose in two(20.0) {
             let (mut tall, mut map_covariance) = (pose.clone(), pose.clone());

@@ -317,12 +317,7 @@ impl<'a> SequenceFitter<'a> {
     }
 
     /// From one start, held to the frame before and the rest posture.
-    fn solve(
-        &mut self,
-        mut q: Vec<f64>,
-        previous_weight: f64,
-        rest_weight: f64,
-    ) -> FrameSolution {
+    fn solve(&mut self, mut q: Vec<f64>, previous_weight: f64, rest_weight: f64) -> FrameSolution {
         let regularization = Regularization {
             previous: &self.q,
             previous_weight,
