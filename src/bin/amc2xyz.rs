@@ -16,11 +16,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
-/// Turn ASF/AMC takes into a table of joint positions
+/// Convert ASF/AMC takes to a table of joint positions
 ///
-/// Writes a pose table in centimetres, y up: a row a frame, three columns a joint. A joint is the end of the bone of
-/// the same name. Several takes make one table; the column `take` tells them apart, and `time` is the frame's number
-/// less one, over the rate.
+/// Writes a pose table in centimetres, y up: one row per frame, three columns per joint. A joint is the end of the bone
+/// of the same name. Several takes make one table. The column take is the file's name, and time is
+/// (frame number - 1) / F, in seconds.
 #[derive(Parser)]
 #[command(
     name = "amc2xyz",
@@ -28,25 +28,25 @@ use std::sync::Arc;
     after_help = "Examples:\n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc > walk.csv\n  posing amc2xyz --asf 07.asf --fps 120 --space body -o poses.npy 07_*.amc"
 )]
 struct Args {
-    /// Takes (AMC); - or none: standard input
+    /// Takes (AMC); - or nothing: standard input
     #[arg(value_name = "TAKE.amc")]
     takes: Vec<PathBuf>,
-    /// The takes' skeleton
+    /// Skeleton of the takes (ASF)
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: PathBuf,
     /// AmcFrames a second: an AMC file does not say, and published labels err
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: f64,
-    /// Where the poses stand
+    /// Space of the written poses
     #[arg(long, value_enum, default_value = "world")]
     space: SpaceFlag,
-    /// The joints to write: 23 (the paper's), all, or a list with commas
+    /// Joints to write: 23 (those of the built-in model), all, or a comma-separated list
     #[arg(long, value_name = "23|all|LIST", default_value = "23")]
     joints: String,
-    /// The unit of the skeleton's lengths, where its own :units are wrong or missing
+    /// Unit of the skeleton's lengths, if its :units section is wrong or missing
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<Units>,
-    /// Keep the whole frames of a take that is cut off in its last one
+    /// Accept a take whose last frame is cut off; that frame is dropped
     #[arg(long)]
     keep_whole: bool,
     #[command(flatten)]
@@ -61,7 +61,7 @@ enum SpaceFlag {
     World,
     /// Root at the origin, global rotation kept
     Root,
-    /// Root at the origin, no global rotation: the paper's training poses
+    /// Root at the origin, no global rotation, as in the paper
     Body,
 }
 

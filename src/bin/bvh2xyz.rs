@@ -15,35 +15,35 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
-/// Turn a BVH file into a pose table
+/// Convert a BVH file to a pose table
 ///
-/// Writes a pose table in centimetres, y up: a row a frame, three columns a joint, End Sites as NAME_end. A position
-/// channel takes the place of its OFFSET. A BVH file states neither its unit nor its axes: by custom they are
-/// centimetres, y up.
+/// Writes a pose table in centimetres, y up: one row per frame, three columns per joint, End Sites as NAME_end. A joint
+/// is the start of its bone; the built-in model and xyz2bvh expect the end: use --ends for them. Position channels
+/// replace the OFFSET. BVH files state no unit and no up axis; the default is centimetres, y up.
 #[derive(Parser)]
 #[command(
     name = "bvh2xyz",
     version,
-    after_help = "Examples:\n  posing bvh2xyz walk.bvh > walk.csv\n  posing bvh2xyz --ends walk.bvh        what xyz2bvh was given\n  posing bvh2xyz --units m --up z from-blender.bvh | posing plot -o walk.html"
+    after_help = "Examples:\n  posing bvh2xyz walk.bvh > walk.csv\n  posing bvh2xyz --ends walk.bvh | posing denoise | posing xyz2bvh --skeleton walk.bvh -o clean.bvh\n  posing bvh2xyz --units m --up z from-blender.bvh | posing plot -o walk.html"
 )]
 struct Args {
-    /// The file (BVH); - or none: standard input
+    /// BVH file; - or nothing: standard input
     #[arg(value_name = "FILE.bvh")]
     file: Option<PathBuf>,
-    /// Write the end of each bone under the bone's own name: where the joints on it start and its End Sites are; their
-    /// mean where those are apart; for the root its own joint
+    /// Write the end of each bone under the bone's name, the inverse of xyz2bvh: the mean start of its child joints and End
+    /// Sites; for the root, its own joint
     #[arg(long)]
     ends: bool,
-    /// The file's unit of length [default: cm]
+    /// Unit of length of the file [default: cm]
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<Units>,
-    /// The file's axis that points up [default: y]
+    /// Axis of the file that points up [default: y]
     #[arg(long, value_enum, value_name = "AXIS")]
     up: Option<Up>,
-    /// Frames a second, where the file's Frame Time is zero
+    /// Frames per second, if the file's Frame Time is zero
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    /// Keep the whole frames of a file that is cut off in its last one
+    /// Accept a file whose last frame is cut off; that frame is dropped
     #[arg(long)]
     keep_whole: bool,
     #[command(flatten)]

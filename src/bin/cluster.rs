@@ -17,8 +17,9 @@ use std::process::ExitCode;
 
 /// Group poses by hierarchical k-means
 ///
-/// Adds the column `cluster` (from 0), or with --split writes a table a cluster. Rows are used as they are: project or
-/// place them first where that matters.
+/// Adds the column cluster, counted from 0; with --split, writes one table per cluster. The distance is Euclidean over
+/// all coordinates. Rows are used as they are: to ignore position and heading, convert with amc2xyz --space body.
+/// Missing values are an error.
 #[derive(Parser)]
 #[command(
     name = "cluster",
@@ -28,19 +29,19 @@ use std::process::ExitCode;
 struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// How many clusters
+    /// Number of clusters, at most the number of poses
     #[arg(short, long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
     k: u32,
-    /// Build a tree, each node of which has so many children: much faster for large K
+    /// Split clusters into B at a time, as a tree, 2 or more; much faster for large K
     #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(2..))]
     branch: Option<u32>,
-    /// Runs from different starts, the best of which is kept
+    /// Number of runs from different starts; the best is kept
     #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     restarts: u32,
-    /// Write the centroids to a model
+    /// Write the centroids to a model file
     #[arg(long, value_name = "CENTROIDS.npz")]
     save: Option<PathBuf>,
-    /// Write one table a cluster into DIR (0.csv, 1.csv, …) in place of one table with a column more
+    /// Write one table per cluster into DIR: 0.csv, 1.csv, …
     #[arg(long, value_name = "DIR", conflicts_with = "output")]
     split: Option<PathBuf>,
     #[command(flatten)]

@@ -22,7 +22,7 @@ use std::process::ExitCode;
 #[command(
     name = "complete",
     version,
-    after_help = "Examples:\n  posing complete walk.csv > whole.csv\n  posing complete --status --max-gap 0.5 -o whole.csv walk.csv\n  posing complete --observe lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv"
+    after_help = "Examples:\n  posing complete walk.csv > whole.csv\n  posing complete --status --max-gap 0.5 -o whole.csv walk.csv\n  posing complete --observe lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > from-six.csv"
 )]
 struct Args {
     #[command(flatten)]
@@ -32,18 +32,18 @@ struct Args {
     /// BvhPoints that count as seen; all others count as missing
     #[arg(long, value_name = "LIST")]
     observe: Option<String>,
-    /// Leave gaps longer than this empty
+    /// Longest gap to fill, in seconds (default: no limit)
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive)]
     max_gap: Option<f64>,
-    /// Change points that cannot be where they were captured, too
+    /// Also replace outliers by their estimate
     #[arg(long)]
     overwrite_observed: bool,
-    /// Answer each frame by itself, in constant memory
+    /// Restore each frame by itself, without its neighbours, in constant memory
     #[arg(long)]
     per_frame: bool,
     #[command(flatten)]
     status: StatusFlag,
-    /// Where the poses stand: anywhere, or with the root at the origin and no global rotation
+    /// Space of the table's poses
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
     #[command(flatten)]

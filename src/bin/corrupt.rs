@@ -28,28 +28,28 @@ use std::process::ExitCode;
     after_help = "Examples:\n  posing corrupt --dense 1asf --seed 1 walk.csv > noisy.csv\n  posing corrupt --sparse 1asf --share 0.2 walk.csv > outliers.csv\n  posing corrupt --keep lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > six.csv\n  posing corrupt --gaps 8 --length 0.4 --points 3 walk.csv > gaps.csv"
 )]
 struct Args {
-    /// Add Gaussian noise of this standard deviation to every coordinate: cm, or with a unit (1asf = 5.644 cm)
+    /// Add Gaussian noise to every coordinate; standard deviation in cm or with a unit (1asf = 5.644 cm)
     #[arg(long, value_name = "SD", value_parser = parse_length)]
     dense: Option<f64>,
-    /// Add Gaussian noise of this standard deviation to a random share of the points of each frame
+    /// Add Gaussian noise to random points; standard deviation of each coordinate in cm or with a unit
     #[arg(long, value_name = "SD", value_parser = parse_length)]
     sparse: Option<f64>,
-    /// The probability that --sparse chooses a point of a frame, each independently (Bernoulli), 0 to 1
+    /// Probability, 0 to 1, that --sparse hits a point in a frame, independently for each
     #[arg(long, value_name = "P", default_value_t = 0.2, requires = "sparse")]
     share: f64,
-    /// Keep these points alone; all others become empty
+    /// Comma-separated points to keep; all others become empty
     #[arg(long, value_name = "LIST")]
     keep: Option<String>,
-    /// These points become empty
+    /// Comma-separated points that become empty
     #[arg(long, value_name = "LIST")]
     drop: Option<String>,
-    /// Lay N gaps into each take, inside its runs and away from their first and last frame where they are long enough
+    /// Number of gaps in each take; they spare the first and last frame of a run if it is long enough
     #[arg(long, value_name = "N", requires = "length")]
     gaps: Option<usize>,
-    /// The length of a gap; needs a rate: times in the table, or --fps
+    /// Length of a gap, in seconds; needs times in the table, or --fps
     #[arg(long, value_name = "SECONDS", requires = "gaps", value_parser = parse_positive)]
     length: Option<f64>,
-    /// How many points a gap hides, chosen at random
+    /// Number of points in a gap, chosen at random
     #[arg(long, value_name = "M", default_value_t = 1, requires = "gaps")]
     points: usize,
     #[command(flatten)]

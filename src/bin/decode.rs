@@ -12,7 +12,10 @@ use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Turn sparse codes back into poses
+/// Convert sparse codes back to poses
+///
+/// A pose is the sum of its atoms times their coefficients. Reads the columns atom1, coef1, atom2, coef2, …, and writes
+/// a pose table without takes and times.
 #[derive(Parser)]
 #[command(
     name = "decode",
@@ -20,10 +23,10 @@ use std::process::ExitCode;
     after_help = "Examples:\n  posing encode -m dict.npz poses.npy | posing decode -m dict.npz > again.csv"
 )]
 struct Args {
-    /// Codes as encode writes them; - or none: standard input
+    /// Codes, as encode writes them; - or nothing: standard input
     #[arg(value_name = "FILE", default_value = "-")]
     file: PathBuf,
-    /// The dictionary
+    /// Dictionary, as ksvd-train writes it
     #[arg(short, long, value_name = "DICT.npz")]
     model: PathBuf,
     #[command(flatten)]

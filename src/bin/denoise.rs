@@ -8,43 +8,41 @@ use posing::cli::{Outcome, run};
 use posing::restore::denoise::Denoise;
 use std::process::ExitCode;
 
-/// Take the noise out of captured poses
+/// Remove noise and outliers from poses
 ///
-/// Changes values to what they more likely were, by a model of what poses look like and, in a take (a table with times,
-/// or --fps), by what neighbouring frames tell. Empty cells stay empty without --fill.
+/// Estimates the true positions with a pose model and, in a take (a table with times, or with --fps), from neighbouring
+/// frames. Rigid distances, such as bone lengths, are kept. Empty cells stay empty without --fill.
 ///
-/// A model learnt by prior-train or ksvd-train knows which distances are rigid, and answers keep them.
-///
-/// Outliers are found and put back. In a take they are points that jump away from their path and back, and those that break
-/// rigid distances. In a single frame (--per-frame) distances tell how noisy most points are: where that is little (up to
-/// 1 cm), or a few are too far off for it, those few are outliers; points that are found clean, and exact, stay where they are.
+/// Outliers are replaced by their estimate. In a take, they are points that jump off their path and back, or that break
+/// rigid distances. In a single frame (--per-frame), rigid distances give the noise level: if it is at most 1 cm, or a
+/// few points are too far off for it, those points are outliers. Points without noise are not changed.
 #[derive(Parser)]
 #[command(
     name = "denoise",
     version,
-    after_help = "Examples:\n  posing denoise noisy.csv > clean.csv\n  posing denoise --noise 0.5cm --fill --status -o clean.csv noisy.csv\n  posing denoise --per-frame -m dict.npz --sparsity 3 --published poses.npy"
+    after_help = "Examples:\n  posing denoise noisy.csv > clean.csv\n  posing denoise --noise 0.5cm --fill --status -o clean.csv noisy.csv\n  posing denoise --per-frame -m dict.npz --sparsity 3 --published -o clean.npy poses.npy"
 )]
 struct Args {
     #[command(flatten)]
     input: InputArgs,
     #[command(flatten)]
     model: ModelFlags,
-    /// The noise, outliers aside: standard deviation of a coordinate, cm or with a unit (1asf), or auto; where more than
-    /// 1 cm is given, no point of a single frame is an outlier
+    /// Standard deviation of the noise of a coordinate, outliers aside, in cm or with a unit (0.5cm, 1asf); auto: estimated
+    /// from the data. Over 1 cm, single frames are not searched for outliers
     #[arg(long, value_name = "CM|auto", default_value = "auto", value_parser = parse_noise)]
     noise: Noise,
-    /// Whether points that cannot be where they were captured count for nothing
+    /// Whether to detect outliers
     #[arg(long, value_enum, default_value = "auto")]
     outliers: Outliers,
-    /// Fill in missing points as well
+    /// Also fill missing points
     #[arg(long)]
     fill: bool,
-    /// Answer each frame by itself, in constant memory
+    /// Restore each frame by itself, without its neighbours, in constant memory
     #[arg(long)]
     per_frame: bool,
     #[command(flatten)]
     status: StatusFlag,
-    /// Where the poses stand: anywhere, or with the root at the origin and no global rotation
+    /// Space of the table's poses
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
     #[command(flatten)]
@@ -66,9 +64,9 @@ fn parse_noise(text: &str) -> std::result::Result<Noise, String> {
 
 #[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
 enum Outliers {
-    /// They are looked for
+    /// Detect and replace outliers
     Auto,
-    /// Every point counts
+    /// Use every point as measured
     None,
 }
 

@@ -13,8 +13,8 @@ use std::process::ExitCode;
 
 /// Join dictionaries into one
 ///
-/// The atoms of all dictionaries, one after another. Reports how many are copies and how much the parts repeat each
-/// other (cross-coherence: for each atom of the later part the closest of the earlier one).
+/// Writes the atoms of all dictionaries, in order. Reports the number of copies, and the cross-coherence of each pair of
+/// dictionaries: for each atom of the later one, its largest absolute cosine with an atom of the earlier one.
 #[derive(Parser)]
 #[command(
     name = "dict-concat",
@@ -22,16 +22,16 @@ use std::process::ExitCode;
     after_help = "Examples:\n  posing dict-concat part-*.npz -o dict.npz\n  posing dict-concat --prune 0.99 walk.npz run.npz -o dict.npz"
 )]
 struct Args {
-    /// Dictionaries
+    /// Dictionaries with the same points and space
     #[arg(value_name = "DICT.npz", required = true)]
     dictionaries: Vec<PathBuf>,
-    /// Drop atoms closer than this to an earlier one (1: exact copies alone)
+    /// Drop an atom whose coherence with an earlier one is at least this, above 0 to 1 (1: exact copies only)
     #[arg(long, value_name = "COHERENCE", value_parser = parse_positive)]
     prune: Option<f64>,
-    /// Skip the report, whose time grows with the square of the atoms
+    /// Skip the report, whose time grows with the square of the number of atoms
     #[arg(long)]
     no_report: bool,
-    /// The joined dictionary
+    /// Output file
     #[arg(short, long, value_name = "DICT.npz")]
     output: PathBuf,
     #[command(flatten)]

@@ -16,10 +16,11 @@ use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Turn poses into sparse codes
+/// Convert poses to sparse codes
 ///
-/// Rows are coded as they are, as codes.csv: atom1,coef1,…,atomK,coefK,rms. Atoms count from 0; unused cells are empty;
-/// rms is the error a coordinate, over what is not missing, in the table's unit; a pose of which all is missing has none.
+/// Writes one row per pose: atom1,coef1,…,atomK,coefK,rms. Atoms count from 0, and unused cells are empty. The column
+/// rms is the root mean square error of a coordinate, in centimetres, over the values that are not missing; it is empty
+/// if all are missing. Rows are used as they are: convert with amc2xyz --space body first.
 #[derive(Parser)]
 #[command(
     name = "encode",
@@ -29,16 +30,16 @@ use std::process::ExitCode;
 struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// The dictionary
+    /// Dictionary, as ksvd-train writes it
     #[arg(short, long, value_name = "DICT.npz")]
     model: PathBuf,
-    /// At most so many atoms a pose
+    /// Largest number of atoms per pose, 1 to 1000
     #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     sparsity: u32,
-    /// How atoms are chosen
+    /// Rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp")]
     pursuit: PursuitFlag,
-    /// Write to FILE (complete or not at all) in place of standard output
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]

@@ -11,25 +11,23 @@ use posing::evaluate::report::{self, reproduction};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Compare models on poses they have not learnt from
+/// Compare models on poses they were not trained on
 ///
-/// Runs models x tasks x splits x seeds. Each model is trained on the training part of a split and restores damaged poses
-/// of the test part; what counts is the mean squared error of a coordinate (MSE), in asf² (1 asf = 5.644 cm), over all
-/// coordinates. Tables are to be in body space (posing amc2xyz --space body); a frame that lacks a point is left out.
+/// Runs every model on every task, split and seed. A model is trained on the training part of a split and restores
+/// damaged poses of the test part. The score is the mean squared error (MSE) over all coordinates, in asf² (1 asf =
+/// 5.644 cm). Tables must be in body space (posing amc2xyz --space body); frames with missing points are left out.
 ///
-/// Tasks: dense (noise of 1 asf on every coordinate, its variance told), sparse (noise of 1 asf on each joint with
-/// probability 0.2; which joints is not told: a model reckons with the noise it was tuned to, one that was not tuned with
-/// the mean variance), complete (only the joints of
-/// --observe are seen).
+/// Tasks: dense (noise of 1 asf on every coordinate, of known variance); sparse (noise of 1 asf on each joint with
+/// probability 0.2; the model does not know which, and assumes the noise it was tuned to, or else the mean variance);
+/// complete (only the joints of --observe are visible).
 ///
-/// Splits: frames (a random half; a test frame then has its neighbours in time in the training half), takes (whole takes
-/// held out: of each subject a third, at least two), subjects (whole subjects held out). A take's subject is the part of
-/// its name before the first _. Under takes and subjects nothing of a tested take is ever learnt from: takes that are the
-/// same, share poses or mirror each other are found and kept on one side, and a model file that was trained from one of
-/// the takes is refused.
+/// Splits: frames (a random half; test frames then have neighbours in the training half); takes (whole takes are held
+/// out, a third of each subject's, at least two); subjects (whole subjects are held out). A take's subject is its name up
+/// to the first _. With takes and subjects, copies, overlaps and mirrored takes are detected and stay on one side of the
+/// split, and a model file trained on one of the takes is an error.
 ///
-/// A table a split is printed: the MSE of each task (the best marked *), its 95% interval (bootstrap over takes, under
-/// frames over frames), and the MSE on poses that were learnt from.
+/// Prints one table per split: the MSE of each task (* marks the best), its 95% interval (bootstrap over takes; with
+/// frames, over frames), and the training MSE.
 #[derive(Parser)]
 #[command(
     name = "evaluate",
@@ -40,45 +38,45 @@ use std::process::ExitCode;
 struct Args {
     #[command(flatten)]
     table: InputArgs,
-    /// Read what is not given by flags from a TOML file
+    /// Read settings from a TOML file; flags override them
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
-    /// Models to train, with commas: kinds of model, sparse, ksvd and ksvd-omp as published (:n=ATOMS, :k=SPARSITY); default: all
+    /// Comma-separated models to train: kinds of prior-train, and ksvd and ksvd-omp, K-SVD as published; a dictionary takes
+    /// :n=ATOMS and :k=SPARSITY (default: all)
     #[arg(long, value_name = "LIST", value_parser = list)]
     models: Option<::std::vec::Vec<String>>,
-    /// A trained model, tested as it is; may be repeated
+    /// Trained model to test as it is; may be repeated
     #[arg(short = 'm', long = "model", value_name = "MODEL.npz")]
     given: Vec<PathBuf>,
-    /// dense, sparse, complete (default: all)
+    /// Comma-separated tasks: dense, sparse, complete (default: all)
     #[arg(long, value_name = "LIST", value_parser = list)]
     tasks: Option<::std::vec::Vec<String>>,
-    /// frames, takes, subjects (default: all that the takes allow)
+    /// Comma-separated splits: frames, takes, subjects (default: all that the takes allow)
     #[arg(long, value_name = "LIST", value_parser = list)]
     splits: Option<::std::vec::Vec<String>>,
     /// DuplicateEvidence many seeds, each with a split, a training and a damage of its own (default: 5)
     #[arg(long, value_name = "N")]
     seeds: Option<u64>,
-    /// The first seed (default: 0)
+    /// First seed (default: 0)
     #[arg(long, value_name = "N")]
     seed: Option<u64>,
-    /// Test frames of a split at most, and as many of those learnt from (default: 800)
+    /// Largest number of test frames per split, and of training frames that are scored (default: 800)
     #[arg(long, value_name = "N")]
     frames: Option<usize>,
-    /// Noise on every coordinate that is clean or exact, standard deviations with commas: cm, or with a unit (default: 0)
+    /// Comma-separated standard deviations of extra noise on every clean coordinate, in cm or with a unit (default: 0)
     #[arg(long, value_name = "LIST", value_parser = lengths)]
     base: Option<::std::vec::Vec<f64>>,
-    /// The joints that completion sees (default: the paper's six)
+    /// Comma-separated joints that are visible in the task complete (default: the paper's six)
     #[arg(long, value_name = "LIST", value_parser = list)]
     observe: Option<::std::vec::Vec<String>>,
-    /// Write results.csv, results.json, report.html and times.csv into DIR, and keep finished cells there
+    /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished results there
     #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     output: Option<PathBuf>,
-    /// Run nothing: write the paper's Tables 1 to 4 beside what the finished run in RUN (a DIR of -o) has measured; may be
-    /// repeated: runs of one subject go into Tables 2 to 4, the one of most subjects into Table 1. Writes tables.html and
-    /// tables.csv into DIR
+    /// Run nothing; compare the finished run in RUN (a DIR of -o) with the paper's Tables 1 to 4, and write tables.html and
+    /// tables.csv into DIR. May be repeated: the run with most subjects gives Table 1, runs of one subject Tables 2 to 4
     #[arg(long, value_name = "RUN", help_heading = "Output", requires = "output", conflicts_with_all = ["config", "fresh"])]
     paper: Vec<PathBuf>,
-    /// Run all cells anew, also those that DIR keeps
+    /// Ignore the results cached in DIR
     #[arg(long, help_heading = "Output")]
     fresh: bool,
     #[command(flatten)]
@@ -87,23 +85,22 @@ struct Args {
 
 const LONG: &str = "\
 Files:
-  bench.toml keys, all optional; flags go before them, paths are from the file's folder, an unknown key is an error:
+bench.toml: all keys are optional; flags override them; paths are relative to the file; an unknown key is an error:
     tables = [\"01.csv\", \"07.csv\"]     models = [\"sparse\", \"ksvd:n=500\"]     model_files = [\"mine.npz\"]
     tasks = [\"dense\"]     splits = [\"takes\"]     seeds = 5     seed = 0     frames = 800
     base = [0, \"0.05asf\"]     observe = [\"lwrist\", \"rwrist\"]     output = \"bench\"
     [subjects]     take = \"subject\", where a take's name does not say
-  DIR/results.csv: a line a model, task, split, base noise and seed, and one with the seed \"all\": frames, units (takes, \
-or frames under that split), mse, low and high (95%), rms_cm, training_mse, within_1sd and within_2sd (the shares of \
-coordinates that lie within one and two of the deviations the model states; exact and constant ones do not count), best.
-  DIR/results.json: settings; data (takes, subjects, digests, twins: takes found to be one); summary (a row for all \
-seeds: besides the CSV's numbers by_joint, within at the deviations of gaussian_within, and to_best_other, the error over \
-that of the best other model with its interval on the same draws); cells (each seed by itself, with by_take and, where a model was tuned, its tuning curve).
-  DIR/report.html: one page that needs nothing else: who is lowest; test poses under all models, that can be turned, and a \
-take completed by all, that plays; by split the tables, training error against test error, error against sparsity and size \
-of the dictionary (where several ksvd:n=..:k=.. were run), error by joint, calibration, how each model was tuned.
-  DIR/times.csv: seconds a pose (one thread, while others work) and seconds of training. Times alone differ between runs.
-  DIR/cells.jsonl, DIR/examples.jsonl: finished cells, and the poses that the page shows. A run that was killed goes on from them, to the same results; one with more models or \
-seeds does only what is new.
+  DIR/results.csv: one row per model, task, split, base noise and seed, and one with the seed \"all\". Columns: frames, \
+  units (number of takes; with the split frames, of frames), mse, low and high (95% interval), rms_cm, training_mse, \
+  within_1sd and within_2sd (share of coordinates within one and two of the model's standard deviations), best.
+  DIR/results.json: settings; data (takes, subjects, digests, twins: takes with equal poses); summary (one row over all \
+  seeds, with by_joint, within: the shares within the deviations of gaussian_within, and to_best_other: the error divided by \
+  that of the best other model, with its interval); cells (one row per seed, with by_take and the tuning curve).
+  DIR/report.html: one self-contained page: ranking, test poses under all models, a completed take that plays; for each \
+  split the tables, training against test error, error against sparsity and dictionary size, error by joint, calibration, tuning.
+  DIR/times.csv: seconds per pose (one thread) and seconds of training; the only results that differ between runs.
+  DIR/cells.jsonl, DIR/examples.jsonl: cache of finished results. A run that was killed resumes from them, with the same \
+  results; a run with more models or seeds computes only the new ones.
 
 ExampleSet:
   posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv

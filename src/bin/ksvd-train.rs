@@ -16,10 +16,11 @@ use posing::{Result, prior};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Learn a dictionary of poses
+/// Train a sparse dictionary of poses by K-SVD
 ///
-/// K-SVD (Aharon, Elad and Bruckstein 2006): each pose is to be a sum of at most --sparsity atoms. Poses that lack a
-/// point are not learnt from.
+/// Finds unit-norm atoms such that every pose is approximately a weighted sum of at most K of them (Aharon, Elad and
+/// Bruckstein 2006). Frames with missing points are skipped and counted. denoise, complete and encode use the
+/// dictionary as a model; prior-train makes more accurate ones.
 #[derive(Parser)]
 #[command(
     name = "ksvd-train",
@@ -30,43 +31,44 @@ use std::process::ExitCode;
 struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// How many atoms
+    /// Number of atoms, at most the number of poses
     #[arg(short = 'n', long = "atoms", value_name = "ATOMS", value_parser = clap::value_parser!(u32).range(1..))]
     atoms: Option<u32>,
-    /// As many atoms as a training RMS a coordinate of this many centimetres asks for (the paper's search: delta 2, x 1.5)
+    /// Choose the number of atoms: grow the dictionary until the training RMS of a coordinate, in cm, is at most this (the
+    /// paper's search: delta 2, growth 1.5)
     #[arg(long, value_name = "RMS", value_parser = parse_positive)]
     error: Option<f64>,
-    /// At most so many atoms a pose
+    /// Largest number of atoms per pose, 1 to 1000
     #[arg(long, value_name = "K", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     sparsity: u32,
-    /// How many iterations
+    /// Number of iterations
     #[arg(long, value_name = "N", default_value_t = 30)]
     iterations: u32,
-    /// How atoms are chosen: oomp (the better one) or omp (the paper's)
+    /// For a dictionary: rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp")]
     pursuit: RuleFlag,
-    /// Start from these atoms: a dictionary or a table, its rows scaled to unit norm, order and sign kept
+    /// Initial atoms: a dictionary, or a table whose rows are scaled to unit norm (default: random poses)
     #[arg(long, value_name = "DICT.npz|TABLE")]
     init: Option<PathBuf>,
-    /// Replace an atom closer than this to a better used one by the worst-coded pose
+    /// Replace an atom whose coherence with a more used one exceeds C by the pose with the largest error (default: off)
     #[arg(long, value_name = "C", value_parser = parse_positive)]
     coherence: Option<f64>,
-    /// Poses whose error is reported after each iteration
+    /// Validation table; its error is reported after each iteration
     #[arg(long, value_name = "FILE")]
     valid: Option<PathBuf>,
-    /// Keep the state here, and go on from it after a kill
+    /// Save the state to FILE after each iteration, and resume from FILE if it exists
     #[arg(long, value_name = "FILE")]
     checkpoint: Option<PathBuf>,
-    /// Write a line of JSON an iteration
+    /// Write one line of JSON per iteration
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Where poses are learnt: in the model's space, to which each is carried, or as the rows are
+    /// Space in which poses are learnt
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
     /// Tokens that must go with the data (kept in the model)
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
-    /// The dictionary
+    /// Dictionary
     #[arg(short, long, value_name = "DICT.npz")]
     output: PathBuf,
     #[command(flatten)]
@@ -77,7 +79,7 @@ struct Args {
 
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum RuleFlag {
-    /// Optimised orthogonal matching pursuit
+    /// Optimized orthogonal matching pursuit, the more accurate
     Oomp,
     /// Orthogonal matching pursuit, as in the paper
     Omp,

@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Tell what a model is and where it came from
+/// Show a model's training data, settings and credits
 #[derive(Parser)]
 #[command(
     name = "model",
@@ -26,18 +26,18 @@ struct Args {
 
 #[derive(Subcommand)]
 enum What {
-    /// Print kind, points, sizes, errors, credit and history
+    /// Print a model's kind, points, sizes, training error, history and credit
     Info {
-        /// A model (default: the one built in)
+        /// Model file (default: the built-in model)
         #[arg(value_name = "MODEL.npz")]
         model: Option<PathBuf>,
-        /// Print the meta data as JSON
+        /// Print the metadata as JSON
         #[arg(long)]
         json: bool,
     },
     /// Write the built-in model to a file
     Save {
-        /// Where to
+        /// Output file
         #[arg(short, long, value_name = "MODEL.npz")]
         output: PathBuf,
     },

@@ -18,11 +18,11 @@ const SPREAD: usize = 6;
 /// More frames than this make an SVG that nothing opens.
 const MOST_DRAWN: usize = 500;
 
-/// Draw a table as SVG, or as a page that plays it
+/// Draw poses as SVG, or as an HTML page that plays them
 ///
-/// Several tables are several figures side by side: they must have the same points (matched by name) and frames. CMU's
-/// joints are joined by bones, other points by --bones. Where a table has the columns NAME.status (from denoise --status
-/// or complete --status), what was measured, changed and inferred is told apart.
+/// Several tables are drawn side by side; they must have the same frames and points, matched by name. Bones connect the
+/// CMU joints; for other points, use --bones. If a table has the columns NAME.status (denoise --status, complete
+/// --status), changed and inferred points are marked.
 #[derive(Parser)]
 #[command(
     name = "plot",
@@ -32,34 +32,34 @@ const MOST_DRAWN: usize = 500;
 struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// The figures' names (default: the files')
+    /// Comma-separated names of the figures (default: the file names)
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     names: Vec<String>,
-    /// Pairs of points to join, such as head-neck,neck-chest
+    /// Comma-separated pairs of points to connect, such as head-neck,neck-chest (default: the CMU bones)
     #[arg(long, value_name = "LIST")]
     bones: Option<String>,
-    /// Show one frame of every N
+    /// Show every N-th frame
     #[arg(long, value_name = "N", conflicts_with = "frames")]
     every: Option<usize>,
-    /// The heading
+    /// Heading
     #[arg(long, value_name = "TEXT", default_value = "")]
     title: String,
-    /// A sentence below the heading
+    /// Text below the heading
     #[arg(long, value_name = "TEXT")]
     note: Option<String>,
-    /// Whom the data is owed to; the last line
+    /// Credit line of the data, at the end
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
-    /// Frames to draw, counted from 0 (default: six, evenly spread)
+    /// Comma-separated frames to draw, counted from 0 (default: six, evenly spaced)
     #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "SVG")]
     frames: Vec<usize>,
     /// Draw the figures on top of each other
     #[arg(long, conflicts_with = "trail", help_heading = "SVG")]
     overlaid: bool,
-    /// Draw all frames where they are in the world
+    /// Draw all frames in one panel, at their positions in the world
     #[arg(long, help_heading = "SVG")]
     trail: bool,
-    /// Where the viewer stands: 0 at +z, 90 at +x (default: at the figure's side)
+    /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side)
     #[arg(
         long,
         value_name = "DEGREES",
@@ -67,7 +67,7 @@ struct Args {
         help_heading = "SVG"
     )]
     azimuth: Option<f64>,
-    /// How far the viewer looks down (default: 12)
+    /// Angle at which the viewer looks down, in degrees (default: 12)
     #[arg(
         long,
         value_name = "DEGREES",
@@ -75,10 +75,10 @@ struct Args {
         help_heading = "SVG"
     )]
     elevation: Option<f64>,
-    /// A CSV file shown below the figures as it is: scores, for instance
+    /// CSV file to show below the figures, such as scores
     #[arg(long, value_name = "CSV", help_heading = "Page")]
     table: Option<PathBuf>,
-    /// What the table shows
+    /// Caption of --table
     #[arg(
         long,
         value_name = "TEXT",
@@ -87,10 +87,10 @@ struct Args {
         help_heading = "Page"
     )]
     caption: String,
-    /// Write to FILE (complete or not at all) in place of standard output
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
-    /// What to draw, where FILE's name does not tell
+    /// Output format (default: by FILE's extension)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<To>,
     #[command(flatten)]
@@ -99,9 +99,9 @@ struct Args {
 
 #[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
 enum To {
-    /// A picture of some frames
+    /// Picture of some frames
     Svg,
-    /// One self-contained page that plays all frames
+    /// Self-contained page that plays all frames
     Html,
 }
 

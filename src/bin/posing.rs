@@ -21,7 +21,7 @@ use std::process::{Command, ExitCode, Stdio};
     after_help = "Examples:\n  posing                    list the commands\n  posing help complete      open the page of a command\n  posing completions bash   print completions for all commands"
 )]
 struct Args {
-    /// A command, or help, man, completions
+    /// A command of posing, or help, man, completions
     #[arg(
         value_name = "COMMAND",
         trailing_var_arg = true,
@@ -77,7 +77,7 @@ fn list() -> Result<()> {
         let _ = writeln!(text, "  {:<12} {}", command.name, command.about);
     }
     text.push_str(
-        "\nposing help COMMAND opens a command's page; COMMAND --help is the short of it.\n",
+        "\nposing help COMMAND opens its manual page; posing COMMAND --help prints its flags and examples.\n",
     );
     streams::write_bytes(None, text.as_bytes(), false)
 }

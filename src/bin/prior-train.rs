@@ -13,10 +13,11 @@ use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Learn a prior of poses of any kind
+/// Train a pose model
 ///
-/// Any of them is a model for denoise and complete. How much each is trusted is tuned, task by task, on a part of the
-/// poses that it is not learnt from; then it is learnt from all of them. Poses that lack a point are not learnt from.
+/// denoise and complete use the model (-m MODEL.npz). Its error model is tuned for each task on held-out poses; then the
+/// model is trained on all poses. Train on several takes: a single one cannot be held out. Frames with missing points
+/// are skipped and counted.
 #[derive(Parser)]
 #[command(
     name = "prior-train",
@@ -26,16 +27,16 @@ use std::process::ExitCode;
 struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// What kind of prior
+    /// Kind of model
     #[arg(long, value_name = "KIND", default_value = DEFAULT, value_parser = kinds())]
     kind: String,
-    /// What is held back to tune on: whole takes (for motion not seen before), or frames at random; multiscale holds back both
+    /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale holds out both
     #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
     hold_back: HoldBackFlag,
-    /// Where poses are learnt: in the model's space, to which each is carried, or as the rows are
+    /// Space in which poses are learnt
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
-    /// For multiscale: how many clusters each level has, rising, with commas (default: 1,5,20,80,300)
+    /// For multiscale: comma-separated number of clusters of each level, increasing (default: 1,5,20,80,300)
     #[arg(
         long,
         value_name = "LIST",
@@ -43,13 +44,13 @@ struct Args {
         help_heading = "Size"
     )]
     cells: Option<Vec<usize>>,
-    /// For multiscale: keep at most this many training poses as components of their own (default: 80000)
+    /// For multiscale: largest number of training poses kept as components of their own (default: 80000)
     #[arg(long, value_name = "N", help_heading = "Size")]
     leaves: Option<usize>,
     /// Tokens that must go with the data (kept in the model)
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
-    /// The prior
+    /// Output file
     #[arg(short, long, value_name = "MODEL.npz")]
     output: PathBuf,
     #[command(flatten)]
@@ -60,9 +61,9 @@ struct Args {
 
 #[derive(Clone, Copy, ValueEnum)]
 enum HoldBackFlag {
-    /// About a fifth of the poses, as whole takes
+    /// Whole takes, about a fifth of the poses
     Takes,
-    /// A fifth of the frames
+    /// Random frames, a fifth of all
     Frames,
 }
 

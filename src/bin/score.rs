@@ -14,11 +14,11 @@ use std::process::ExitCode;
 
 /// Compare poses with the truth
 ///
-/// Prints the mean squared error of a coordinate (MSE), its root (RMS), the mean distance of a point, the largest error
-/// of a coordinate, and over how many coordinates; all in all and by point, then how far bone lengths differ and vary,
-/// and the accelerations (a trembling result has more than the truth). Frames must be the same; points are matched by
-/// name. Coordinates that TRUTH lacks do not count; those that RESULT lacks are counted as still missing. Tables are read
-/// in step in constant memory; a take's rate is told by its first 1024 frames.
+/// Prints, in total and for each point, the number of coordinates, their mean squared error (MSE) and its root (RMS), the
+/// mean distance of a point and the largest error of a coordinate; then the errors and variation of bone lengths, and
+/// accelerations (jitter raises them above the truth's). The frames must be the same; points are matched by name.
+/// Coordinates missing in TRUTH are left out; those missing in RESULT are counted as still missing. Memory is constant;
+/// the first 1024 frames of a take give its rate.
 #[derive(Parser)]
 #[command(
     name = "score",
@@ -26,28 +26,28 @@ use std::process::ExitCode;
     after_help = "Examples:\n  posing score truth.csv denoised.csv\n  posing score --damaged gaps.csv truth.csv completed.csv\n  posing denoise noisy.csv | posing score --units asf --json truth.csv -"
 )]
 struct Args {
-    /// The true poses, CSV or NPY; - for standard input
+    /// True poses, CSV or NPY; - for standard input
     #[arg(value_name = "TRUTH")]
     truth: PathBuf,
-    /// The poses to judge, CSV or NPY; - for standard input
+    /// Poses to score, CSV or NPY; - for standard input
     #[arg(value_name = "RESULT")]
     result: PathBuf,
-    /// What RESULT was made from: judge what was missing there (by the length of the gap), observed, and changed
+    /// The table that RESULT was restored from: adds the errors where it was missing (by gap length), observed and changed
     #[arg(long, value_name = "TABLE")]
     damaged: Option<PathBuf>,
-    /// The unit of what is printed (tables are in centimetres); the paper's figures are in asf
+    /// Unit of the printed errors; the paper uses asf. Tables are in centimetres
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
     units: Units,
-    /// Print one JSON object, with all digits
+    /// Print one JSON object with all digits
     #[arg(long)]
     json: bool,
-    /// Frames a second, where no table has a time
+    /// Frames per second, for tables without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
-    /// The points' names of an array without any: 23 (CMU's) or a list with commas
+    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     joints: Option<String>,
-    /// Write to FILE (complete or not at all) in place of standard output
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: Option<PathBuf>,
     #[command(flatten)]

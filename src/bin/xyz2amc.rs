@@ -16,40 +16,40 @@ use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Turn a pose table into an AMC take
+/// Convert a pose table to an AMC take
 ///
-/// Carries each pose to the skeleton's bone lengths and solves for the skeleton's own degrees of freedom. A point is
-/// the end of the bone of the same name. Bones that the table does not show keep the value zero. How well the joints
-/// fit is told on standard error.
+/// Scales each pose to the skeleton's bone lengths and solves for the skeleton's degrees of freedom by inverse
+/// kinematics. A point is the end of the bone of the same name. Bones without a point stay at zero. Standard error
+/// reports the mean and largest distance between points and joints.
 #[derive(Parser)]
 #[command(
     name = "xyz2amc",
     version,
-    after_help = "Examples:\n  posing xyz2amc --asf 07.asf walk.csv > walk.amc\n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc | posing complete | posing xyz2amc --asf 07.asf -o mended.amc"
+    after_help = "Examples:\n  posing xyz2amc --asf 07.asf walk.csv > walk.amc\n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc | posing complete | posing xyz2amc --asf 07.asf -o whole.amc"
 )]
 struct Args {
-    /// Pose tables, CSV or NPY; - or none: standard input
+    /// Pose tables, CSV or NPY; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// The skeleton to solve for
+    /// Skeleton to fit (ASF)
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: PathBuf,
-    /// Write to FILE (complete or not at all) in place of standard output
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// The take to write, where the table holds several
+    /// Take to write, if the table has several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
-    /// Keep to the limits of the skeleton's joints (captured motion often exceeds them)
+    /// Respect the skeleton's joint limits, which captured motion often exceeds
     #[arg(long)]
     limits: bool,
-    /// The unit of the skeleton's lengths, where its own :units are wrong or missing
+    /// Unit of the skeleton's lengths, if its :units section is wrong or missing
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<Units>,
     /// AmcFrames a second, where the table has no time; it only numbers the frames
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    /// The points' names of an array without any: 23 (CMU's) or a list with commas
+    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
     #[command(flatten)]

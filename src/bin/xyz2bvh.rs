@@ -17,47 +17,48 @@ use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Turn a pose table into a BVH file
+/// Convert a pose table to a BVH file
 ///
-/// Carries each pose to the skeleton's bone lengths, solves for its joints' angles and writes them as BVH: joint NAME
-/// stands at the start of bone NAME and turns it, and the last bone of a chain ends in an End Site. How well the
-/// joints fit is told on standard error. Bones that the table does not show stay at rest.
+/// Scales each pose to the skeleton's bone lengths and solves for the joint angles by inverse kinematics. A point is the
+/// end of the bone of the same name. In the BVH file, joint NAME is the start of bone NAME and rotates it; the last bone
+/// of a chain ends in an End Site. Bones without a point keep their rest pose. Standard error reports the mean and
+/// largest distance between points and joints.
 #[derive(Parser)]
 #[command(
     name = "xyz2bvh",
     version,
-    after_help = "Examples:\n  posing xyz2bvh -o walk.bvh walk.csv\n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\n  posing bvh2xyz old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh"
+    after_help = "Examples:\n  posing xyz2bvh -o walk.bvh walk.csv\n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\n  posing bvh2xyz --ends old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh"
 )]
 struct Args {
-    /// Pose tables, CSV or NPY; - or none: standard input
+    /// Pose tables, CSV or NPY; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// The skeleton to solve for, ASF or BVH (its hierarchy, offsets and channels are kept) [default: measured from
-    /// the table, whose points then have CMU's names]
+    /// Skeleton to fit, ASF or BVH; a BVH file's hierarchy, offsets and channels are kept [default: measured from the
+    /// table, which needs the CMU joint names]
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
-    /// Write to FILE (complete or not at all) in place of standard output
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// The order of the rotation channels, the last turning first [default: ZYX, or that of the skeleton's BVH]
+    /// Order of the rotation channels; the last is applied first [default: ZYX, or that of the BVH skeleton]
     #[arg(long, value_name = "ORDER", value_parser = order)]
     order: Option<[Axis; 3]>,
-    /// Keep to the limits of the skeleton's joints (captured motion often exceeds them)
+    /// Respect the skeleton's joint limits, which captured motion often exceeds
     #[arg(long)]
     limits: bool,
-    /// The take to write, where the table holds several
+    /// Take to write, if the table has several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
-    /// Frames a second, where the table has no time
+    /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    /// The points' names of an array without any: 23 (CMU's) or a list with commas
+    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
-    /// The unit of length of the BVH written (and of the one given as skeleton)
+    /// Unit of length of the BVH file written, and of a BVH skeleton
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
     units: Units,
-    /// The axis that points up in the BVH written (and in the one given as skeleton)
+    /// Axis that points up in the BVH file written, and in a BVH skeleton
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
     up: Up,
     #[command(flatten)]

@@ -11,13 +11,13 @@ use std::path::PathBuf;
 /// Flags of every command.
 #[derive(Debug, Clone, Args)]
 pub struct CommonArgs {
-    /// Threads to use (default: all processors); the result is the same for any number
+    /// Number of threads, 1 to 4096 (default: all processors); the result does not depend on it
     #[arg(long, value_name = "N", help_heading = "Shared")]
     pub threads: Option<usize>,
-    /// Say nothing but errors
+    /// Print errors only
     #[arg(short, long, help_heading = "Shared")]
     pub quiet: bool,
-    /// Say more
+    /// Print more messages
     #[arg(short, long, conflicts_with = "quiet", help_heading = "Shared")]
     pub verbose: bool,
 }
@@ -96,11 +96,11 @@ pub fn parse_length(text: &str) -> std::result::Result<f64, String> {
 /// The axis that points up in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Up {
-    /// x is up
+    /// X is up
     X,
-    /// y is up, as in the tables of posing
+    /// Y is up, as in pose tables
     Y,
-    /// z is up
+    /// Z is up
     Z,
 }
 
@@ -126,16 +126,16 @@ impl Up {
 /// Where poses come from.
 #[derive(Debug, Clone, Args)]
 pub struct InputArgs {
-    /// Pose tables, CSV or NPY; - or none: standard input
+    /// Pose tables, CSV or NPY; - or nothing: standard input
     #[arg(value_name = "FILE")]
     pub files: Vec<PathBuf>,
-    /// Frames a second, where the table has no time
+    /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     pub fps: Option<f64>,
-    /// The points' names of an array without any: 23 (CMU's) or a list with commas
+    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     pub joints: Option<String>,
-    /// The input's unit of length
+    /// Unit of length of the input; output is in centimetres
     #[arg(
         long,
         value_enum,
@@ -144,7 +144,7 @@ pub struct InputArgs {
         help_heading = "Input"
     )]
     pub units: Units,
-    /// The input's axis that points up
+    /// Axis of the input that points up; output is y up
     #[arg(
         long,
         value_enum,
@@ -216,10 +216,10 @@ pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
 /// Where a table goes.
 #[derive(Debug, Clone, Args)]
 pub struct OutputArgs {
-    /// Write to FILE (complete or not at all) in place of standard output
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     pub output: Option<PathBuf>,
-    /// The output's format, where FILE's name does not tell
+    /// Output format (default: by FILE's extension, else csv)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     pub to: Option<Format>,
 }
@@ -227,9 +227,9 @@ pub struct OutputArgs {
 /// Formats of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Format {
-    /// Text with a header
+    /// Text with a header line
     Csv,
-    /// NumPy's array file
+    /// NumPy array
     Npy,
 }
 
@@ -248,9 +248,9 @@ impl OutputArgs {
 /// The space poses are worked on in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Space {
-    /// Each pose is carried to the model's space by its placement, worked on there and carried back
+    /// Move each pose to the model's space and back
     World,
-    /// Rows are used as they are: root at the origin, no global rotation
+    /// Use rows as they are: root at the origin, no global rotation
     Body,
 }
 
@@ -267,7 +267,7 @@ impl Space {
 /// Where randomness starts.
 #[derive(Debug, Clone, Args)]
 pub struct SeedArgs {
-    /// Where randomness starts: the same seed gives the same result
+    /// Seed of the random numbers; the same seed gives the same result
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Shared")]
     pub seed: u64,
 }

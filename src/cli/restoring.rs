@@ -27,17 +27,16 @@ const BATCH: usize = 512;
 /// Which model, and how it is used.
 #[derive(Debug, Clone, Args)]
 pub struct ModelFlags {
-    /// The model (default: the one built in)
+    /// Model file (default: the built-in model)
     #[arg(short, long, value_name = "MODEL.npz", help_heading = "Model")]
     pub model: Option<PathBuf>,
-    /// At most so many atoms a pose, of a model that has atoms; auto: as many as it was learnt with
+    /// For a dictionary: largest number of atoms per pose, 1 to 1000; auto: as in training
     #[arg(long, value_name = "K|auto", default_value = "auto", value_parser = parse_sparsity, help_heading = "Model")]
     pub sparsity: Sparsity,
-    /// How atoms are chosen: oomp (the better one) or omp (the paper's)
+    /// For a dictionary: rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp", help_heading = "Model")]
     pub pursuit: PursuitFlag,
-    /// Answer as published: with the sparse code alone, or the model's posterior, without what it knows of its own errors,
-    /// rigid distances and outliers
+    /// Restore as published: by the sparse code or the posterior alone, without error model, rigid distances and outliers
     #[arg(long, help_heading = "Model")]
     pub published: bool,
 }
@@ -57,7 +56,7 @@ fn parse_sparsity(text: &str) -> std::result::Result<Sparsity, String> {
 /// How atoms are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PursuitFlag {
-    /// Optimised orthogonal matching pursuit
+    /// Optimized orthogonal matching pursuit, the more accurate
     Oomp,
     /// Orthogonal matching pursuit, as in the paper
     Omp,
@@ -76,8 +75,8 @@ impl PursuitFlag {
 /// Whether statuses are written.
 #[derive(Debug, Clone, Args)]
 pub struct StatusFlag {
-    /// Add NAME.status (observed, changed, inferred, rejected, unknown) and NAME.sd (cm) for each point, and unlike for
-    /// each frame: by how much its pose is unlike all that the model has seen (nats; 0: not at all)
+    /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown) and NAME.sd (standard deviation, cm) for
+    /// each point; unlike for each frame (novelty of its pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     pub status: bool,
 }

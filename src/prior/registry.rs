@@ -16,39 +16,39 @@ use crate::{Error, Place, Result};
 pub const KINDS: &[(&str, &str)] = &[
     (
         "multiscale",
-        "a multi-scale mixture of Gaussians over the body and its parts",
+        "multi-scale mixture of Gaussians over the body and its parts",
     ),
     (
         "sparse",
-        "a dictionary of 1,000 atoms by K-SVD, three a pose",
+        "sparse code: 3 of 1,000 atoms of a K-SVD dictionary",
     ),
-    ("nearest", "the nearest training pose"),
+    ("nearest", "nearest training pose"),
     (
         "nlm",
-        "the average of all training poses, the nearer the heavier",
+        "non-local means: distance-weighted average of all training poses",
     ),
     (
         "nlm-linear",
-        "local linear regression: that average, moved to what is observed",
+        "non-local means with local linear regression",
     ),
     (
         "lpca",
-        "local PCA: a Gaussian of the 100 nearest training poses",
+        "local PCA: Gaussian of the 100 nearest training poses",
     ),
     (
         "sik",
-        "style-based IK: a scaled Gaussian process latent variable model",
+        "style-based IK: scaled Gaussian process latent variable model",
     ),
     (
         "pca",
-        "the principal components that keep 90% of the energy",
+        "principal components that keep 90% of the energy",
     ),
-    ("gaussian", "one Gaussian"),
+    ("gaussian", "a single Gaussian"),
     (
         "clustered",
-        "20 clusters with a Gaussian each, the likeliest alone",
+        "a Gaussian for each of 20 clusters; the most likely one is used",
     ),
-    ("mfa", "a mixture of 20 factor analysers"),
+    ("mfa", "mixture of 20 factor analyzers"),
     (
         "mixture",
         "a mixture of 20 GaussianMixturePrior, shrunk towards all poses'",
