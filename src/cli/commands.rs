@@ -26,7 +26,11 @@ pub const COMMANDS: &[Listed] = &[
         true,
     ),
     listed("cluster", "Group poses by hierarchical k-means", true),
-    listed("ksvd-train", "Train a sparse dictionary of poses by K-SVD", true),
+    listed(
+        "ksvd-train",
+        "Train a sparse dictionary of poses by K-SVD",
+        true,
+    ),
     listed("dict-concat", "Join dictionaries into one", true),
     listed("denoise", "Remove noise and outliers from poses", true),
     listed("complete", "Fill gaps and missing points", true),
@@ -36,7 +40,11 @@ pub const COMMANDS: &[Listed] = &[
     listed("prior-train", "Train a pose model", false),
     listed("encode", "Convert poses to sparse codes", false),
     listed("decode", "Convert sparse codes back to poses", false),
-    listed("corrupt", "Add noise, outliers or gaps to poses, for tests", false),
+    listed(
+        "corrupt",
+        "Add noise, outliers or gaps to poses, for tests",
+        false,
+    ),
     listed("score", "Compare poses with the truth", false),
     listed(
         "evaluate",

@@ -27,10 +27,7 @@ pub const KINDS: &[(&str, &str)] = &[
         "nlm",
         "non-local means: distance-weighted average of all training poses",
     ),
-    (
-        "nlm-linear",
-        "non-local means with local linear regression",
-    ),
+    ("nlm-linear", "non-local means with local linear regression"),
     (
         "lpca",
         "local PCA: Gaussian of the 100 nearest training poses",
@@ -39,10 +36,7 @@ pub const KINDS: &[(&str, &str)] = &[
         "sik",
         "style-based IK: scaled Gaussian process latent variable model",
     ),
-    (
-        "pca",
-        "principal components that keep 90% of the energy",
-    ),
+    ("pca", "principal components that keep 90% of the energy"),
     ("gaussian", "a single Gaussian"),
     (
         "clustered",
