@@ -5,7 +5,7 @@ use posing::cli::args::{CommonArgs, Format, InputArgs, OutputArgs, SeedArgs};
 use posing::cli::progress::Progress;
 use posing::cli::streams::{self, TableSink};
 use posing::cli::{Outcome, input, messages, run};
-use posing::cluster::{self, Clustering, Parameters, Report};
+use posing::cluster::{Clustering, KMeans, KMeansProgress};
 use posing::io::Model;
 use posing::io::csv::After;
 use posing::io::model::check_point_count;
@@ -79,17 +79,17 @@ fn work(args: &Args) -> Result<Outcome> {
         );
         return Err(Error::data(Place::file(&table.name), what));
     }
-    let parameters = Parameters {
+    let kmeans = KMeans {
         k: args.k as usize,
         seed: args.seed.seed,
         restarts: args.restarts as usize,
         branch: args.branch.map(|b| b as usize),
-        ..Parameters::default()
+        ..KMeans::default()
     };
     let bar = Progress::new("cluster", u64::from(args.k));
-    let clustering = cluster::fit(poses.view(), &parameters, &mut |report| match report {
-        Report::Seeds { seeds, .. } => bar.set(*seeds as u64),
-        Report::Split { leaves } => bar.set(*leaves as u64),
+    let clustering = kmeans.fit_with_progress(poses.view(), &mut |update| match update {
+        KMeansProgress::Seeds { seeds, .. } => bar.set(*seeds as u64),
+        KMeansProgress::Split { leaves } => bar.set(*leaves as u64),
         _ => {}
     })?;
     drop(bar);

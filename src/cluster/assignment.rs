@@ -16,7 +16,7 @@ use super::distances::{Centroids, SLACK, Scratch, TILE};
 use super::update::ClusterMembers;
 use crate::numeric::parallel;
 
-/// Dataset of one cluster whose labels are in doubt, as a unit of work.
+/// Poses of one cluster whose labels are in doubt, as a unit of work.
 const PIECE: usize = 2 * TILE;
 /// Pieces a thread takes at once: their centroids' distances are one product.
 const PIECES: usize = 8;

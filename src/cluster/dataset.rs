@@ -1,4 +1,4 @@
-//! Dataset to cluster, checked, and the exact distance that every label rests on.
+//! Poses to cluster, checked, and the exact distance that every label rests on.
 
 use crate::numeric::parallel;
 use crate::{Error, Place, Result};

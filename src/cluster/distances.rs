@@ -10,14 +10,14 @@
 //! used ([`Centroids::margin`]). Where the best and the second-best score are closer than two
 //! margins, every distance of that pose is computed again in f64.
 
-use super::Parameters;
+use super::KMeans;
 use super::dataset::{Dataset, LARGEST, NearestCentroid, exact_nearest, squared_distance};
 use crate::numeric::parallel;
 use crate::{Error, Result};
 use ndarray::linalg::general_mat_mul;
 use ndarray::{Array2, ArrayView2, s};
 
-/// Dataset scanned together; centroids scanned together. Scores of a tile: 256 KiB.
+/// Poses scanned together; centroids scanned together. Scores of a tile: 256 KiB.
 pub(super) const TILE: usize = 128;
 const BLOCK: usize = 512;
 /// Lanes of sums and searches.
@@ -276,9 +276,9 @@ pub fn assign(
             "poses of {d} columns, centroids of {width}"
         )));
     }
-    Parameters {
+    KMeans {
         k,
-        ..Parameters::default()
+        ..KMeans::default()
     }
     .check()?;
     if let Some(j) = centroids

@@ -1,159 +1,69 @@
-//! Clustering as it is asked for: flat or as a tree, the best of the restarts.
+//! k-means as a caller uses it: flat or as a tree, the best of the restarts.
 
+use super::clustering::{Clustering, KMeansProgress};
 use super::dataset::Dataset;
-use super::distances::Centroids;
-use super::hierarchical::{self, Tree};
-use super::lloyd::lloyd;
-use super::parameters::Parameters;
-use super::seeding;
-use crate::numeric::parallel;
+use super::hierarchical;
+use super::lloyd::best_run;
+use super::parameters::KMeans;
 use crate::{Error, Result};
-use ndarray::{Array2, ArrayView2};
+use ndarray::ArrayView2;
 
-/// Dataset parted into clusters.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Clustering {
-    /// The centroids (of the leaves, if there is a tree), (k, d), in the unit of the poses. Within the
-    /// tolerance they are the means of their clusters: exactly so when no label changed any more.
-    pub centroids: Array2<f64>,
-    /// The cluster of each pose, (n), below k. In a flat clustering its nearest centroid, the lowest on a
-    /// tie; in a tree the leaf that [`Tree::descend`] finds.
-    pub labels: Vec<u32>,
-    /// Dataset in each cluster, (k), none of them 0.
-    pub sizes: Vec<usize>,
-    /// Sum of the squared distances to the centroids, in the poses' unit squared.
-    pub inertia: f64,
-    /// Updates of the centroids in the kept run; in a tree, of the kept runs of all splits.
-    pub iterations: usize,
-    /// Whether that run (in a tree, every one) met the tolerance before its iterations were used up.
-    pub converged: bool,
-    /// The tree, where [`Parameters::branch`] asked for one.
-    pub tree: Option<Tree>,
-}
-
-/// News of a run under way.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub enum Report {
-    /// Seeds are found.
-    Seeds {
-        /// Which run, from 0.
-        restart: usize,
-        /// How many there are so far.
-        seeds: usize,
-    },
-    /// The centroids were updated and the poses assigned.
-    Iteration {
-        /// Which run, from 0.
-        restart: usize,
-        /// Which update, from 1.
-        iteration: usize,
-        /// How many poses changed their cluster.
-        moved: usize,
-    },
-    /// A leaf of the tree was split.
-    Split {
-        /// Leaves so far.
-        leaves: usize,
-    },
-}
-
-/// Clusters `poses` (n, d) as `parameters` ask: flat k-means, or a tree.
-///
-/// `observer` hears of progress, from the calling thread.
-///
-/// # Errors
-/// Usage: a parameter out of its range; more clusters than poses, or than *different* poses (the
-/// message names how many there are: fewer clusters than asked for would surprise whoever reads
-/// the result by number); no columns. Data: a pose with NaN, infinity or a value beyond 1e15; the
-/// place names the file `poses` and, as line, the row counted from 1.
-pub fn fit(
-    poses: ArrayView2<'_, f32>,
-    parameters: &Parameters,
-    observer: &mut dyn FnMut(&Report),
-) -> Result<Clustering> {
-    let k = parameters.k;
-    let found = fit_at_most(poses, parameters, observer)?;
-    if found.sizes.len() < k {
-        return Err(Error::usage(format!(
-            "k = {k} clusters: it must be from 1 to {}, the number of different poses",
-            found.sizes.len()
-        )));
+impl KMeans {
+    /// Clusters `poses` (n, d).
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: a parameter out of its range; more clusters than poses, or than *different* poses (the
+    /// message gives their number, because a result with fewer clusters would surprise a caller that reads it by
+    /// number); no columns. [`Error::Data`]: a pose with NaN, infinity or a value beyond 1e15. The place of that
+    /// error names the file `poses` and, as line, the row counted from 1.
+    pub fn fit(&self, poses: ArrayView2<'_, f32>) -> Result<Clustering> {
+        self.fit_with_progress(poses, &mut |_| ())
     }
-    Ok(found)
-}
 
-/// The same, with fewer clusters where there are not so many different poses.
-///
-/// # Errors
-/// As for [`fit`], but for that.
-pub fn fit_at_most(
-    poses: ArrayView2<'_, f32>,
-    parameters: &Parameters,
-    observer: &mut dyn FnMut(&Report),
-) -> Result<Clustering> {
-    parameters.check()?;
-    let k = parameters.k;
-    if k > poses.nrows() {
-        return Err(Error::usage(format!(
-            "k = {k} clusters: it must be from 1 to {}, the number of poses",
-            poses.nrows()
-        )));
-    }
-    let table = poses.as_standard_layout();
-    let poses = Dataset::check(&table)?;
-    Ok(match parameters.branch {
-        None => best_run(poses, parameters, 0, observer),
-        Some(branch) => hierarchical::grow(poses, parameters, branch, observer),
-    })
-}
-
-/// The best of the restarts (the first on a tie), whole. Fewer clusters than `k`, one a pose, when
-/// there are fewer different poses. `stream` keeps the random choices of several calls apart.
-pub(super) fn best_run(
-    poses: Dataset<'_>,
-    parameters: &Parameters,
-    stream: u64,
-    observer: &mut dyn FnMut(&Report),
-) -> Clustering {
-    let (mean, variance) = poses.moments();
-    let middle: Vec<f32> = mean.iter().map(|&m| m as f32).collect();
-    let run = |restart: usize, observer: &mut dyn FnMut(&Report)| {
-        let stream = stream
-            .wrapping_mul(parameters.restarts as u64)
-            .wrapping_add(restart as u64);
-        let mut generator = parallel::rng(parameters.seed, stream);
-        let (seeds, labels) =
-            seeding::plus_plus(poses, parameters.k, &mut generator, &mut |seeds| {
-                observer(&Report::Seeds { restart, seeds })
-            });
-        let centroids = Array2::from_shape_fn((seeds.len(), poses.d), |(j, i)| {
-            f64::from(poses.row(seeds[j] as usize)[i])
-        });
-        let start = (Centroids::new(centroids, &middle), labels);
-        lloyd(
-            poses,
-            start,
-            &middle,
-            parameters,
-            parameters.tolerance * variance,
-            &mut |i, moved| {
-                observer(&Report::Iteration {
-                    restart,
-                    iteration: i,
-                    moved,
-                })
-            },
-        )
-    };
-    let mut best = run(0, observer);
-    for restart in 1..parameters.restarts {
-        let next = run(restart, observer);
-        if next.inertia < best.inertia {
-            best = next;
+    /// [`KMeans::fit`], and calls `observer` with the progress, from the calling thread.
+    ///
+    /// # Errors
+    /// Those of [`KMeans::fit`].
+    pub fn fit_with_progress(
+        &self,
+        poses: ArrayView2<'_, f32>,
+        observer: &mut dyn FnMut(&KMeansProgress),
+    ) -> Result<Clustering> {
+        let found = self.fit_at_most(poses, observer)?;
+        if found.sizes.len() < self.k {
+            return Err(Error::usage(format!(
+                "k = {} clusters: it must be from 1 to {}, the number of different poses",
+                self.k,
+                found.sizes.len()
+            )));
         }
+        Ok(found)
     }
-    best
+
+    /// [`KMeans::fit_with_progress`], but with fewer than `k` clusters where there are fewer different poses.
+    ///
+    /// # Errors
+    /// Those of [`KMeans::fit`], except that for too few different poses.
+    pub fn fit_at_most(
+        &self,
+        poses: ArrayView2<'_, f32>,
+        observer: &mut dyn FnMut(&KMeansProgress),
+    ) -> Result<Clustering> {
+        self.check()?;
+        if self.k > poses.nrows() {
+            return Err(Error::usage(format!(
+                "k = {} clusters: it must be from 1 to {}, the number of poses",
+                self.k,
+                poses.nrows()
+            )));
+        }
+        let table = poses.as_standard_layout();
+        let poses = Dataset::check(&table)?;
+        Ok(match self.branch {
+            None => best_run(poses, self, 0, observer),
+            Some(branch) => hierarchical::grow(poses, self, branch, observer),
+        })
+    }
 }
 
 #[cfg(test)]
@@ -168,7 +78,7 @@ mod tests {
         let table = blobs(600, 9, 20, 1);
         let mut last = f64::INFINITY;
         for max_iterations in 1..30 {
-            let asked = Parameters {
+            let asked = KMeans {
                 max_iterations,
                 tolerance: 0.0,
                 ..with_k(25)
@@ -228,7 +138,7 @@ mod tests {
         let says = |table: &Array2<f32>, k, branch, what: &str| {
             let error = quiet(
                 table,
-                &Parameters {
+                &KMeans {
                     branch,
                     ..with_k(k)
                 },
@@ -256,7 +166,7 @@ mod tests {
             says(&Array2::zeros((5, 0)), 1, branch, "1 column");
             let found = quiet(
                 &table,
-                &Parameters {
+                &KMeans {
                     branch,
                     ..with_k(3)
                 },
@@ -293,7 +203,7 @@ mod tests {
     fn the_same_at_any_number_of_threads_and_in_either_layout() {
         let table = blobs(9000, 11, 40, 2);
         for branch in [None, Some(3)] {
-            let asked = Parameters {
+            let asked = KMeans {
                 k: 37,
                 seed: 5,
                 restarts: 2,
@@ -319,20 +229,21 @@ mod tests {
         let mut ends = Vec::new();
         for restarts in 1..6 {
             let mut runs = Vec::new();
-            let asked = Parameters {
+            let asked = KMeans {
                 restarts,
                 ..with_k(30)
             };
-            let found = fit(table.view(), &asked, &mut |report| {
-                if let Report::Iteration {
-                    restart, iteration, ..
-                } = report
-                {
-                    runs.resize(restart + 1, 0);
-                    runs[*restart] = *iteration;
-                }
-            })
-            .unwrap();
+            let found = asked
+                .fit_with_progress(table.view(), &mut |report| {
+                    if let KMeansProgress::Iteration {
+                        restart, iteration, ..
+                    } = report
+                    {
+                        runs.resize(restart + 1, 0);
+                        runs[*restart] = *iteration;
+                    }
+                })
+                .unwrap();
             assert_eq!(runs.len(), restarts);
             assert!(runs.contains(&found.iterations));
             assert_eq!(found.sizes, ClusterMembers::new(&found.labels, 30).sizes());

@@ -4,18 +4,21 @@
 //! turn, until no label changes or the centroids hardly move.
 
 use super::assignment::BoundedAssignment;
+use super::clustering::{Clustering, KMeansProgress};
 use super::dataset::Dataset;
 use super::distances::Centroids;
-use super::kmeans::Clustering;
-use super::parameters::Parameters;
+use super::parameters::KMeans;
+use super::seeding;
 use super::update::{ClusterMembers, distances, farthest, means};
+use crate::numeric::parallel;
+use ndarray::Array2;
 
 /// One run from centroids and labels (hints) until the squared shifts add up to at most `enough`.
-pub fn lloyd(
+fn lloyd(
     poses: Dataset<'_>,
     (mut centroids, labels): (Centroids, Vec<u32>),
     middle: &[f32],
-    parameters: &Parameters,
+    parameters: &KMeans,
     enough: f64,
     observer: &mut dyn FnMut(usize, usize),
 ) -> Clustering {
@@ -114,6 +117,54 @@ fn filled(
     }
 }
 
+/// The best of the restarts (the first on a tie), whole. Fewer clusters than `k`, one a pose, when
+/// there are fewer different poses. `stream` keeps the random choices of several calls apart.
+pub(super) fn best_run(
+    poses: Dataset<'_>,
+    parameters: &KMeans,
+    stream: u64,
+    observer: &mut dyn FnMut(&KMeansProgress),
+) -> Clustering {
+    let (mean, variance) = poses.moments();
+    let middle: Vec<f32> = mean.iter().map(|&m| m as f32).collect();
+    let run = |restart: usize, observer: &mut dyn FnMut(&KMeansProgress)| {
+        let stream = stream
+            .wrapping_mul(parameters.restarts as u64)
+            .wrapping_add(restart as u64);
+        let mut generator = parallel::rng(parameters.seed, stream);
+        let (seeds, labels) =
+            seeding::plus_plus(poses, parameters.k, &mut generator, &mut |seeds| {
+                observer(&KMeansProgress::Seeds { restart, seeds })
+            });
+        let centroids = Array2::from_shape_fn((seeds.len(), poses.d), |(j, i)| {
+            f64::from(poses.row(seeds[j] as usize)[i])
+        });
+        let start = (Centroids::new(centroids, &middle), labels);
+        lloyd(
+            poses,
+            start,
+            &middle,
+            parameters,
+            parameters.tolerance * variance,
+            &mut |i, moved| {
+                observer(&KMeansProgress::Iteration {
+                    restart,
+                    iteration: i,
+                    moved,
+                })
+            },
+        )
+    };
+    let mut best = run(0, observer);
+    for restart in 1..parameters.restarts {
+        let next = run(restart, observer);
+        if next.inertia < best.inertia {
+            best = next;
+        }
+    }
+    best
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::dataset::exact_nearest;
@@ -124,7 +175,7 @@ mod tests {
     use ndarray::Array2;
 
     /// Lloyd without any pruning, from the same seeds.
-    fn plain(poses: Dataset<'_>, parameters: &Parameters) -> (Array2<f64>, Vec<u32>, usize) {
+    fn plain(poses: Dataset<'_>, parameters: &KMeans) -> (Array2<f64>, Vec<u32>, usize) {
         let mut generator = parallel::rng(parameters.seed, 0);
         let (seeds, _) = seeding::plus_plus(poses, parameters.k, &mut generator, &mut |_| ());
         let mut centroids = Array2::from_shape_fn((parameters.k, poses.d), |(j, i)| {
@@ -169,7 +220,7 @@ mod tests {
         for (t, table) in tables.iter().enumerate() {
             for k in [1, 2, 7, 40] {
                 for max_iterations in [1, 3, 60] {
-                    let asked = Parameters {
+                    let asked = KMeans {
                         k,
                         max_iterations,
                         tolerance: 0.0,
@@ -195,7 +246,7 @@ mod tests {
         start.row_mut(0).fill(0.0);
         for max_iterations in [1, 2, 100] {
             let centroids = Centroids::new(start.clone(), &[0.0; 4]);
-            let asked = Parameters {
+            let asked = KMeans {
                 max_iterations,
                 ..with_k(20)
             };

@@ -8,18 +8,18 @@
 //!
 //! small. The plain way (Lloyd) alternates two steps, neither of which can raise the inertia: give
 //! each pose to its nearest centroid, move each centroid to the mean of its poses. It ends in a
-//! local minimum that depends on the seeds, hence [`Parameters::restarts`].
+//! local minimum that depends on the seeds, hence [`KMeans::restarts`].
 //!
 //! | part | what it does |
 //! |---|---|
 //! | `seeding` | greedy k-means++, with whole cells skipped by the triangle inequality |
-//! | `parameters`, `kmeans` | what is asked for; flat or as a tree, the best of the restarts |
-//! | `lloyd` | Lloyd's alternation from those seeds, empty clusters repaired |
-//! | `search` | the assignment step with Hamerly's bounds and a ball of candidates around each centroid |
-//! | `poses` | the checked table, the exact distance |
-//! | `nearest` | distances in blocks that stay in cache; exact where rounding could change an answer |
+//! | `parameters`, `kmeans` | the parameters; flat or as a tree |
+//! | `lloyd` | Lloyd's alternation from those seeds, empty clusters repaired; the best of the restarts |
+//! | `assignment` | the assignment step with Hamerly's bounds and a ball of candidates around each centroid |
+//! | `dataset` | the checked table, the exact distance |
+//! | `distances` | distances in blocks that stay in cache; exact where rounding could change an answer |
 //! | `update` | means, and poses for empty clusters |
-//! | `hierarchy` | a tree with branch B: K leaves at the cost of about B log K distances a pose |
+//! | `hierarchical`, `tree` | a tree with branch B: K leaves at the cost of about B log K distances a pose |
 //!
 //! **A label is exact.** It is the centroid with the least squared distance summed in f64, the
 //! lowest number on a tie. Pruning and the f32 products only decide which distances need not be
@@ -32,16 +32,17 @@
 //!
 //! ```
 //! use ndarray::array;
-//! use posing::cluster::{Parameters, fit};
+//! use posing::cluster::KMeans;
 //!
 //! let poses = array![[0.0f32, 0.0], [0.1, 0.0], [5.0, 5.0], [5.1, 5.0]];
-//! let found = fit(poses.view(), &Parameters { k: 2, ..Parameters::default() }, &mut |_| ())?;
+//! let found = KMeans { k: 2, ..KMeans::default() }.fit(poses.view())?;
 //! assert_eq!(found.sizes, [2, 2]);
 //! assert_eq!(found.labels[0], found.labels[1]);
 //! # Ok::<(), posing::Error>(())
 //! ```
 
 mod assignment;
+mod clustering;
 mod dataset;
 mod distances;
 mod hierarchical;
@@ -49,18 +50,19 @@ mod kmeans;
 mod lloyd;
 mod parameters;
 mod seeding;
+mod tree;
 mod update;
 
+pub use clustering::{Clustering, KMeansProgress};
 pub use distances::assign;
-pub use hierarchical::{Node, Tree};
-pub use kmeans::{Clustering, Report, fit, fit_at_most};
-pub use parameters::Parameters;
+pub use parameters::KMeans;
+pub use tree::{Node, Tree};
 
 #[cfg(test)]
 mod testdata {
     //! Tables that several of the tests use.
 
-    use super::{Clustering, Parameters, fit};
+    use super::{Clustering, KMeans};
     use crate::Result;
     use crate::numeric::parallel;
     use ndarray::{Array2, Axis, concatenate};
@@ -85,15 +87,15 @@ mod testdata {
     }
 
     /// A clustering that nobody listens to.
-    pub fn quiet(poses: &Array2<f32>, parameters: &Parameters) -> Result<Clustering> {
-        fit(poses.view(), parameters, &mut |_| ())
+    pub fn quiet(poses: &Array2<f32>, parameters: &KMeans) -> Result<Clustering> {
+        parameters.fit(poses.view())
     }
 
     /// The usual parameters for k clusters.
-    pub fn with_k(k: usize) -> Parameters {
-        Parameters {
+    pub fn with_k(k: usize) -> KMeans {
+        KMeans {
             k,
-            ..Parameters::default()
+            ..KMeans::default()
         }
     }
 

@@ -2,9 +2,9 @@
 
 use crate::{Error, Result};
 
-/// How to cluster. The fields are free until [`fit`](super::fit) checks them.
+/// How to cluster. The fields are free until [`KMeans::fit`] checks them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Parameters {
+pub struct KMeans {
     /// Number of clusters, from 1 to the number of poses. Default 1.
     pub k: usize,
     /// Seed of the random choices. Default 0.
@@ -21,9 +21,9 @@ pub struct Parameters {
     pub branch: Option<usize>,
 }
 
-impl Default for Parameters {
+impl Default for KMeans {
     fn default() -> Self {
-        Parameters {
+        KMeans {
             k: 1,
             seed: 0,
             restarts: 1,
@@ -34,7 +34,7 @@ impl Default for Parameters {
     }
 }
 
-impl Parameters {
+impl KMeans {
     /// Checks what can be checked without the poses.
     ///
     /// # Errors
@@ -67,7 +67,7 @@ mod tests {
 
     #[test]
     fn parameters_out_of_range() {
-        let refused = |parameters: Parameters| {
+        let refused = |parameters: KMeans| {
             assert_eq!(
                 parameters.check().unwrap_err().exit_code(),
                 2,
@@ -75,26 +75,26 @@ mod tests {
             );
         };
         refused(with_k(0));
-        refused(Parameters {
+        refused(KMeans {
             restarts: 0,
             ..with_k(2)
         });
-        refused(Parameters {
+        refused(KMeans {
             max_iterations: 0,
             ..with_k(2)
         });
-        refused(Parameters {
+        refused(KMeans {
             tolerance: f64::NAN,
             ..with_k(2)
         });
-        refused(Parameters {
+        refused(KMeans {
             tolerance: -1.0,
             ..with_k(2)
         });
-        refused(Parameters {
+        refused(KMeans {
             branch: Some(1),
             ..with_k(2)
         });
-        assert!(Parameters::default().check().is_ok());
+        assert!(KMeans::default().check().is_ok());
     }
 }

@@ -17,7 +17,7 @@ use ndarray::{ArrayView2, ArrayViewMut2};
 use rand::Rng;
 use std::collections::HashSet;
 
-/// Dataset of a cell measured as one piece of work, and pieces a thread takes at once.
+/// Poses of a cell measured as one piece of work, and pieces a thread takes at once.
 const PIECE: usize = 512;
 const PIECES: usize = 4;
 const LANES: usize = 8;

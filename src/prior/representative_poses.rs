@@ -14,12 +14,12 @@ pub fn representative_poses(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
     let step = xyz.nrows().div_ceil(TYPICAL_FROM).max(1);
     let some: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();
     let poses = xyz.select(Axis(0), &some);
-    let parameters = cluster::Parameters {
+    let kmeans = cluster::KMeans {
         k: TYPICAL.min(poses.nrows()),
         max_iterations: 20,
         ..Default::default()
     };
-    let clustering = match cluster::fit(poses.view(), &parameters, &mut |_| {}) {
+    let clustering = match kmeans.fit(poses.view()) {
         Ok(c) => c,
         // Fewer different poses than clusters: the poses themselves.
         Err(_) => {

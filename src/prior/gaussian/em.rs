@@ -129,12 +129,12 @@ pub fn moments_of(x: ArrayView2<'_, f32>, labels: &[u32], k: usize) -> Vec<Momen
 pub fn clusters(x: ArrayView2<'_, f32>, k: usize, least: usize, seed: u64) -> Result<Vec<Moments>> {
     let mut k = k.min(x.nrows() / least.max(1)).max(1);
     loop {
-        let parameters = cluster::Parameters {
+        let kmeans = cluster::KMeans {
             k,
             seed,
             ..Default::default()
         };
-        match cluster::fit(x, &parameters, &mut |_| {}) {
+        match kmeans.fit(x) {
             Ok(found) => return Ok(moments_of(x, &found.labels, k)),
             Err(_) if k > 1 => k /= 2,
             Err(e) => return Err(e),

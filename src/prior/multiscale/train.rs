@@ -8,7 +8,7 @@ use super::novelty::{HeldOutPoses, NoveltyDetector};
 use super::part_mixture::{PartMixture, SubMixture};
 use super::scaled_precision::MAX_EXEMPLAR_SCALES;
 use super::{MIN_NOISE, MultiscaleMixture};
-use crate::cluster::{self, Parameters};
+use crate::cluster::KMeans;
 use crate::io::Model;
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::log_sum;
@@ -328,14 +328,14 @@ fn part(
     let mut labels = Vec::new();
     for &k in &settings.clusters {
         let k = k.min(xyz.nrows() / POSES_PER_CLUSTER).max(1);
-        let parameters = Parameters {
+        let kmeans = KMeans {
             k,
             seed,
             restarts: 1,
             max_iterations: 20,
-            ..Parameters::default()
+            ..KMeans::default()
         };
-        let candidates = cluster::fit_at_most(xyz.view(), &parameters, &mut |_| ())?;
+        let candidates = kmeans.fit_at_most(xyz.view(), &mut |_| ())?;
         let k = candidates.sizes.len();
         labels = candidates.labels.iter().map(|l| *l as usize).collect();
         clusters.push(cells_of(material.xyz, &coordinates, &labels, k, settings));
