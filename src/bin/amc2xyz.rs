@@ -34,7 +34,7 @@ struct Args {
     /// Skeleton of the takes (ASF)
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: PathBuf,
-    /// AmcFrames a second: an AMC file does not say, and published labels err
+    /// Frames per second, which AMC files do not state; CMU's takes have 60 or 120
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: f64,
     /// Space of the written poses

@@ -9,15 +9,15 @@ use posing::io::table::parse_point_names;
 use posing::restore::complete::Complete;
 use std::process::ExitCode;
 
-/// Fill in what a capture did not see
+/// Fill gaps and missing points
 ///
-/// Fills the empty cells of a pose table from a model of what poses look like; values that are there are not changed.
-/// In a take (a table with times, or --fps) the answer is carried over to what was seen at both ends of a gap; without
-/// times each frame is answered by itself. A frame that shows too little stays as it is, and is counted. Distances that
-/// the model knows to be rigid, bones among them, are kept.
+/// Fills empty cells with the estimate of a pose model. Measured values are not changed. Rigid distances, such as bone
+/// lengths, are kept. In a take (a table with times, or with --fps) the estimate joins the measured path at both ends
+/// of a gap; without times, each frame is filled by itself. A frame with too few visible points stays as it is and is
+/// counted.
 ///
-/// BvhPoints of a take that jump away from their path and back, or break rigid distances, count for nothing; --status marks them
-/// as rejected.
+/// Outliers are ignored: points of a take that jump off their path and back, or that break rigid distances. They keep
+/// their values; --status marks them as rejected.
 #[derive(Parser)]
 #[command(
     name = "complete",
@@ -29,7 +29,7 @@ struct Args {
     input: InputArgs,
     #[command(flatten)]
     model: ModelFlags,
-    /// BvhPoints that count as seen; all others count as missing
+    /// Comma-separated points to use; all others count as missing
     #[arg(long, value_name = "LIST")]
     observe: Option<String>,
     /// Longest gap to fill, in seconds (default: no limit)

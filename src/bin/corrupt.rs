@@ -15,12 +15,11 @@ use posing::pose::Poses;
 use posing::{Error, Place, Result};
 use std::process::ExitCode;
 
-/// ErrorBreakdown poses on purpose, for tests
+/// Add noise, outliers or gaps to poses, for tests
 ///
-/// Adds Gaussian noise, hides points, lays gaps; several at once in the order dense, sparse, keep and drop, gaps. What is
-/// missing stays missing, unchanged cells keep their text, and the same seed does the same damage. Noise and hidden
-/// points take a frame at a time in constant memory; for gaps a whole take is held at a time (the whole table, where it
-/// names no takes).
+/// Damage is applied in the order --dense, --sparse, --keep and --drop, --gaps. Missing values stay missing, unchanged
+/// cells keep their text, and the same seed gives the same damage. Memory is constant; with --gaps, one take is held at
+/// a time.
 #[derive(Parser)]
 #[command(
     name = "corrupt",

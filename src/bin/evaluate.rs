@@ -32,7 +32,7 @@ use std::process::ExitCode;
 #[command(
     name = "evaluate",
     version,
-    after_help = "ExampleSet:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --config bench.toml",
+    after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --config bench.toml",
     after_long_help = LONG
 )]
 struct Args {
@@ -54,7 +54,7 @@ struct Args {
     /// Comma-separated splits: frames, takes, subjects (default: all that the takes allow)
     #[arg(long, value_name = "LIST", value_parser = list)]
     splits: Option<::std::vec::Vec<String>>,
-    /// DuplicateEvidence many seeds, each with a split, a training and a damage of its own (default: 5)
+    /// Number of seeds; each has its own split, training and damage (default: 5)
     #[arg(long, value_name = "N")]
     seeds: Option<u64>,
     /// First seed (default: 0)

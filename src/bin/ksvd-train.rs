@@ -65,7 +65,7 @@ struct Args {
     /// Space in which poses are learnt
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
-    /// Tokens that must go with the data (kept in the model)
+    /// Credit line of the training data, stored in the model
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
     /// Dictionary

@@ -47,7 +47,7 @@ struct Args {
     /// For multiscale: largest number of training poses kept as components of their own (default: 80000)
     #[arg(long, value_name = "N", help_heading = "Size")]
     leaves: Option<usize>,
-    /// Tokens that must go with the data (kept in the model)
+    /// Credit line of the training data, stored in the model
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
     /// Output file

@@ -46,7 +46,7 @@ struct Args {
     /// Unit of the skeleton's lengths, if its :units section is wrong or missing
     #[arg(long, value_enum, value_name = "UNIT")]
     units: Option<Units>,
-    /// AmcFrames a second, where the table has no time; it only numbers the frames
+    /// Frames per second, for a table without times; used only to number the frames
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
     /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list

@@ -45,7 +45,7 @@ pub const KINDS: &[(&str, &str)] = &[
     ("mfa", "mixture of 20 factor analyzers"),
     (
         "mixture",
-        "a mixture of 20 GaussianMixturePrior, shrunk towards all poses'",
+        "mixture of 20 Gaussians with shrunk covariances",
     ),
 ];
 
