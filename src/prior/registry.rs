@@ -43,10 +43,7 @@ pub const KINDS: &[(&str, &str)] = &[
         "a Gaussian for each of 20 clusters; the most likely one is used",
     ),
     ("mfa", "mixture of 20 factor analyzers"),
-    (
-        "mixture",
-        "mixture of 20 Gaussians with shrunk covariances",
-    ),
+    ("mixture", "mixture of 20 Gaussians with shrunk covariances"),
 ];
 
 /// The kind that is trained where none is named.
