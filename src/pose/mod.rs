@@ -3,6 +3,7 @@
 pub mod body;
 pub mod joints;
 pub mod kinematics;
+pub mod observation;
 pub mod placement;
 pub mod poses;
 pub mod rotation;
@@ -11,6 +12,7 @@ pub mod skeleton;
 pub mod transform;
 
 pub use body::Body;
+pub use observation::Observation;
 pub use placement::Anchor;
 pub use poses::{KnownRates, Poses, Status};
 pub use similarity::{Similarity, fit_similarity};

@@ -35,7 +35,42 @@
 //! print(gmm.score(blobs), GaussianMixture(1, reg_covar=ridge).fit(blobs).score(blobs))
 //! ```
 
-use ndarray::Array2;
+use super::{Posterior, Prior, Want, posterior_rows};
+use crate::pose::Observation;
+use ndarray::{Array2, ArrayView2};
+
+/// Short questions to a prior.
+pub trait Ask {
+    /// The posterior with its covariance.
+    fn full(&self, values: &[f64], variance: &[f64]) -> Posterior;
+    /// The same of observations in rows (n, 3 J).
+    fn full_rows(
+        &self,
+        values: ArrayView2<'_, f64>,
+        variance: ArrayView2<'_, f64>,
+    ) -> Vec<Posterior>;
+    /// The means of observations in rows: (n, 3 J).
+    fn mean_rows(&self, values: ArrayView2<'_, f64>, variance: ArrayView2<'_, f64>) -> Array2<f64>;
+}
+
+impl<P: Prior + ?Sized> Ask for P {
+    fn full(&self, values: &[f64], variance: &[f64]) -> Posterior {
+        self.posterior(&Observation { values, variance }, Want::Covariance)
+    }
+
+    fn full_rows(
+        &self,
+        values: ArrayView2<'_, f64>,
+        variance: ArrayView2<'_, f64>,
+    ) -> Vec<Posterior> {
+        posterior_rows(self, values, variance, Want::Covariance)
+    }
+
+    fn mean_rows(&self, values: ArrayView2<'_, f64>, variance: ArrayView2<'_, f64>) -> Array2<f64> {
+        let answers = posterior_rows(self, values, variance, Want::Mean);
+        Array2::from_shape_fn(values.dim(), |(i, c)| answers[i].mean[c])
+    }
+}
 
 /// Nearly normal numbers: sums of twelve uniform ones (Park and Miller 1988, their "minimal standard").
 pub fn normal(n: usize, d: usize, seed: u64) -> Array2<f64> {

@@ -62,7 +62,7 @@ impl BoundModel {
         }
         let anchor = world.then(|| match Anchor::pelvis(names) {
             Some(pelvis) => pelvis,
-            None => Anchor::mean(&prior.typical().row(0).to_vec()),
+            None => Anchor::mean(&prior.representative_poses().row(0).to_vec()),
         });
         let body = if world {
             model.meta.body.as_ref().map(Body::from)
@@ -159,7 +159,10 @@ impl BoundModel {
             let count = frames.rows().into_iter().filter(|r| seen(*r)).count();
             body_adaptation::length_sd(length, noise, count)
         };
-        let (from, to) = (self.prior.typical(), adapted.typical());
+        let (from, to) = (
+            self.prior.representative_poses(),
+            adapted.representative_poses(),
+        );
         Cow::Owned(self.rigid.mapped(from, to, length_sd))
     }
 

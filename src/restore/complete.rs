@@ -6,9 +6,9 @@
 
 use super::bound_model::BoundModel;
 use super::frame_restorer::{RestoredFrame, RestoredFrames};
-use super::observed::Observed;
 use super::outliers::{Outliers, leave_out};
 use crate::numeric::parallel;
+use crate::pose::Observation;
 use crate::pose::Status;
 use crate::prior::EXACT_VARIANCE;
 use glam::DVec3;
@@ -261,11 +261,11 @@ fn brief_parts(counted: &Array2<f64>, runs: &[Range<usize>], rate: f64) -> Vec<V
     let among_whole = |row: ndarray::ArrayView1<'_, f64>| {
         let y = row.to_vec();
         let noise = noise_of(&y, &[]);
-        let seen = Observed {
-            y: &y,
-            noise: &noise,
+        let seen = Observation {
+            values: &y,
+            variance: &noise,
         };
-        seen.parts_among_whole()
+        seen.removable_partial_points()
     };
     let parts: Vec<Vec<usize>> = counted.rows().into_iter().map(among_whole).collect();
     let mut brief = vec![Vec::new(); parts.len()];

@@ -8,9 +8,9 @@ use super::complete::{self, Complete};
 use super::frame_restorer::RestoredFrames;
 use super::kalman_smoother;
 use super::noise_estimation;
-use super::observed::Observed;
 use super::outliers::{Outliers, leave_out};
 use crate::numeric::parallel;
+use crate::pose::Observation;
 use crate::pose::Status;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::{Array2, ArrayView2, s};
@@ -182,12 +182,12 @@ fn smoothed_frame(
     y: &[f64],
     variances: &[f64],
 ) -> Option<super::RestoredFrame> {
-    let seen = Observed {
-        y,
-        noise: variances,
+    let seen = Observation {
+        values: y,
+        variance: variances,
     };
-    let parts = seen.parts_among_whole();
-    let mut found = restorer.restore(y, &seen.noise_without(&parts))?;
+    let parts = seen.removable_partial_points();
+    let mut found = restorer.restore(y, &seen.variance_without(&parts))?;
     let parts = parts.iter().flat_map(|p| 3 * p..3 * p + 3);
     for i in parts.filter(|&i| variances[i].is_finite()) {
         found.mean[i] = y[i];

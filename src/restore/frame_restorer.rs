@@ -1,11 +1,11 @@
 //! One frame restored: placed, fitted, answered. The one function behind `denoise` and `complete`.
 
-use super::observed::{Observed, pointwise};
 use super::placement::alternating::{PlacementSolution, PlacementSolver};
 use super::placement::orthographic;
 use super::rigid::{OutlierMode, RigidModel};
+use crate::pose::Observation;
 use crate::pose::{Anchor, Similarity, Status};
-use crate::prior::{EXACT_VARIANCE, Posterior, Prior};
+use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Want};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
 
@@ -33,7 +33,7 @@ pub struct RestoredFrames {
     pub too_little: usize,
     /// The noise that was assumed, cm: its mean over the frames.
     pub noise: f64,
-    /// By how many nats each frame's pose is unlike all that the model has seen (frames), see [`Prior::unlike`]; NaN where
+    /// By how many nats each frame's pose is unlike all that the model has seen (frames), see [`Prior::novelty`]; NaN where
     /// the model knows no limit or did not restore the frame.
     pub unlike: Vec<f64>,
 }
@@ -97,7 +97,10 @@ impl<'a> FrameRestorer<'a> {
     ///
     /// `None` when too little is seen: no point at all; or in world space fewer than three, or all on a line.
     pub fn restore(&self, y: &[f64], noise: &[f64]) -> Option<RestoredFrame> {
-        let seen = Observed { y, noise };
+        let seen = Observation {
+            values: y,
+            variance: noise,
+        };
         let Some(anchor) = self.anchor else {
             noise.iter().any(|n| n.is_finite()).then_some(())?;
             return Some(self.in_place(seen));
@@ -112,20 +115,26 @@ impl<'a> FrameRestorer<'a> {
         let placement = solution.placement;
         let mut back = vec![0.0; y.len()];
         placement.undo_pose(y, &mut back);
-        let noise = pointwise(noise);
+        let noise = seen.pointwise_variance();
         let posterior = match self.corrected(&back, &noise, OutlierMode::Ignore) {
             Some(corrected) => corrected.0,
             None => {
-                let fit = (solution.fit).unwrap_or_else(|| self.prior.fit(&back, &noise, None));
-                self.prior.posterior(&back, &noise, &fit)
+                let seen = Observation {
+                    values: &back,
+                    variance: &noise,
+                };
+                match &solution.fit {
+                    Some(fit) => self.prior.posterior_given(&seen, fit, Want::Variances),
+                    None => self.prior.posterior(&seen, Want::Variances),
+                }
             }
         };
         Some(placed(posterior, placement))
     }
 
     /// Where a frame stands: `None` when too little is seen to tell, `Some(None)` when it is in place already.
-    fn stand(&self, anchor: &Anchor, seen: Observed<'_>) -> Option<Option<PlacementSolution>> {
-        let visible = seen.y.iter().zip(seen.noise);
+    fn stand(&self, anchor: &Anchor, seen: Observation<'_>) -> Option<Option<PlacementSolution>> {
+        let visible = seen.values.iter().zip(seen.variance);
         let visible: Vec<f64> = visible
             .map(|(y, n)| if *n <= NOISY { *y } else { f64::NAN })
             .collect();
@@ -139,15 +148,15 @@ impl<'a> FrameRestorer<'a> {
     }
 
     /// Where the points seen whole say that a frame stands; `None` where they are fewer than those seen in part, or too few.
-    fn stand_by_whole(&self, anchor: &Anchor, seen: Observed<'_>) -> Option<Similarity> {
-        let parts = seen.parts_among_whole();
+    fn stand_by_whole(&self, anchor: &Anchor, seen: Observation<'_>) -> Option<Similarity> {
+        let parts = seen.removable_partial_points();
         if parts.is_empty() {
             return None;
         }
-        let noise = seen.noise_without(&parts);
-        let only = Observed {
-            y: seen.y,
-            noise: &noise,
+        let noise = seen.variance_without(&parts);
+        let only = Observation {
+            values: seen.values,
+            variance: &noise,
         };
         let solution = self.stand(anchor, only)?;
         Some(solution.map_or(Similarity::IDENTITY, |s| s.placement))
@@ -155,7 +164,10 @@ impl<'a> FrameRestorer<'a> {
 
     /// The placement that [`restore`](Restorer::restore) would find, without the answer.
     fn placement(&self, y: &[f64], noise: &[f64]) -> Option<Similarity> {
-        let seen = Observed { y, noise };
+        let seen = Observation {
+            values: y,
+            variance: noise,
+        };
         match self.anchor {
             None => noise
                 .iter()
@@ -207,7 +219,7 @@ impl<'a> FrameRestorer<'a> {
         let placement = anchor.and_then(|a| a.place(pose)).unwrap_or(*placement);
         let mut back = vec![0.0; pose.len()];
         placement.undo_pose(pose, &mut back);
-        self.prior.unlike(&back).unwrap_or(f64::NAN)
+        self.prior.novelty(&back).unwrap_or(f64::NAN)
     }
 
     /// The answer in the model's space with rigid distances kept, and who is corrupt; `None` where nothing is known.
@@ -227,13 +239,10 @@ impl<'a> FrameRestorer<'a> {
         Some((corrected.posterior, corrected.corrupt))
     }
 
-    fn in_place(&self, seen: Observed<'_>) -> RestoredFrame {
-        let posterior = match self.corrected(seen.y, seen.noise, OutlierMode::Ignore) {
+    fn in_place(&self, seen: Observation<'_>) -> RestoredFrame {
+        let posterior = match self.corrected(seen.values, seen.variance, OutlierMode::Ignore) {
             Some(corrected) => corrected.0,
-            None => {
-                let fit = self.prior.fit(seen.y, seen.noise, None);
-                self.prior.posterior(seen.y, seen.noise, &fit)
-            }
+            None => self.prior.posterior(&seen, Want::Variances),
         };
         RestoredFrame {
             sd: point_sd(&posterior.variance),

@@ -9,7 +9,6 @@ pub mod frame_restorer;
 pub mod ik;
 mod kalman_smoother;
 mod noise_estimation;
-pub mod observed;
 pub mod outliers;
 
 pub mod placement;
@@ -18,5 +17,4 @@ pub mod take;
 
 pub use bound_model::BoundModel;
 pub use frame_restorer::{FrameRestorer, RestoredFrame, RestoredFrames};
-pub use observed::Observed;
 pub use rigid::{Corrected, OutlierMode, RigidModel};

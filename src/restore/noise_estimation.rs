@@ -44,7 +44,7 @@ pub fn of_frame(restorer: &super::FrameRestorer<'_>, y: &[f64]) -> f64 {
     let Some(found) = restorer.restore(y, &first) else {
         return 0.0;
     };
-    let model = restorer.prior.variance();
+    let model = restorer.prior.residual_variance();
     let mut rest: Vec<f64> = (0..y.len() / 3)
         .filter(|p| y[3 * p..3 * p + 3].iter().all(|v| v.is_finite()))
         .map(|p| {

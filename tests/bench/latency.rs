@@ -8,9 +8,9 @@ mod shared;
 use glam::{DMat3, DVec3};
 use ndarray::Axis;
 use posing::io::Model;
+use posing::pose::Observation;
 use posing::pose::{Anchor, Similarity};
-use posing::prior::{OpenOptions, Prior, SparseCodingPrior};
-use posing::restore::Observed;
+use posing::prior::{OpenOptions, Prior, SparseCodingPrior, Want};
 use posing::restore::placement::{PlacementSolution, PlacementSolver};
 use shared::Take;
 use std::time::Instant;
@@ -107,9 +107,9 @@ impl Dragging<'_> {
             let frame: Vec<f64> = frame.iter().map(|v| f64::from(*v)).collect();
             let mut y = vec![0.0; frame.len()];
             away.apply_pose(&frame, &mut y);
-            let seen = Observed {
-                y: &y,
-                noise: &noise,
+            let seen = Observation {
+                values: &y,
+                variance: &noise,
             };
             if i % 10 == 0 {
                 let ms = self
@@ -136,16 +136,22 @@ impl Dragging<'_> {
     /// A pose whole, and the milliseconds that took.
     fn pose(
         &self,
-        seen: Observed<'_>,
+        seen: Observation<'_>,
         solve: impl FnOnce(&PlacementSolver) -> Option<PlacementSolution>,
     ) -> (PlacementSolution, f64) {
         let began = Instant::now();
         let solution =
             solve(&PlacementSolver::default()).expect("six joints determine a placement");
-        let mut back = vec![0.0; seen.y.len()];
-        solution.placement.undo_pose(seen.y, &mut back);
+        let mut back = vec![0.0; seen.values.len()];
+        solution.placement.undo_pose(seen.values, &mut back);
         let fit = solution.fit.as_ref().expect("a code");
-        let whole = self.prior.posterior(&back, seen.noise, fit).mean;
+        let observation = Observation {
+            values: &back,
+            variance: seen.variance,
+        };
+        let whole = (self.prior)
+            .posterior_given(&observation, fit, Want::Variances)
+            .mean;
         let ms = began.elapsed().as_secs_f64() * 1e3;
         assert!(whole.iter().all(|v| v.is_finite()));
         (solution, ms)

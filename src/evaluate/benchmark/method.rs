@@ -7,7 +7,7 @@ use super::task::{DamagedPoses, Task};
 use crate::numeric::parallel;
 use crate::prior::registry::{KINDS, Training, train};
 use crate::prior::tuning::HoldBack;
-use crate::prior::{self, OpenOptions, Posterior, Prior};
+use crate::prior::{self, OpenOptions, Posterior, Prior, Want, posterior_rows};
 use crate::prior::{sparse_coding::sparse_model, training_set::TrainingSet};
 use crate::restore::{OutlierMode, RigidModel};
 use crate::sparse::{Ksvd, SelectionRule, random_atoms};
@@ -295,7 +295,7 @@ pub fn restore(
         let began = Instant::now();
         let answers = parallel::single_threaded(|| match treatment {
             Some(treatment) => treatment.answer(prior, y.view(), variance.view()),
-            None => prior.posteriors(y.view(), variance.view()),
+            None => posterior_rows(prior, y.view(), variance.view(), Want::Variances),
         });
         (answers, began.elapsed().as_secs_f64())
     });
@@ -354,7 +354,11 @@ mod tests {
         let (answers, _) = restore(&*ready.priors[0], None, &damaged);
         assert_eq!(answers.len(), 120);
         // Many at once answer as one by one.
-        let one = ready.priors[0].believe(&damaged.y.row(101).to_vec(), &[1.0; 69]);
-        assert_eq!(answers[101], one.posterior());
+        let one = crate::pose::Observation {
+            values: &damaged.y.row(101).to_vec(),
+            variance: &[1.0; 69],
+        };
+        let one = ready.priors[0].posterior(&one, Want::Variances);
+        assert_eq!(answers[101], one);
     }
 }

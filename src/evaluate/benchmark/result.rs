@@ -214,6 +214,7 @@ mod tests {
         let answer = |i: usize, off: f64| Posterior {
             mean: truth.row(i).iter().map(|v| v + off * ASF_UNIT_CM).collect(),
             variance: vec![ASF_UNIT_CM * ASF_UNIT_CM; 69],
+            ..Posterior::default()
         };
         let variance = Array2::from_elem((3, 69), 1.0);
         let mut damaged = DamagedPoses {

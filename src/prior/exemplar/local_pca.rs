@@ -14,11 +14,11 @@ use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
-use crate::pose::PoseTransform;
+use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
 use crate::prior::registry::Training;
 use crate::prior::tuning::{Grid, PriorFamily, Setting, TunedPrior};
-use crate::prior::{Belief, EXACT_VARIANCE, OpenOptions, Prior};
+use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::sync::Arc;
 
@@ -77,7 +77,8 @@ impl LocalPcaPrior {
         (sum / f64::from(count.max(1))).to_vec()
     }
 
-    fn neighbours(&self, y: &[f64], noise: &[f64], like: &[u32]) -> Vec<Neighbor> {
+    fn neighbours(&self, observation: &Observation<'_>, like: &[u32]) -> Vec<Neighbor> {
+        let (y, noise) = (observation.values, observation.variance);
         let weight = |n: &f64| 1.0 / (n.max(0.0) + OFF);
         let weights: Vec<f64> = noise.iter().map(weight).collect();
         self.tree.nearest(y, &weights, NEIGHBOURS, like)
@@ -102,73 +103,55 @@ impl LocalPcaPrior {
         (mean, covariance * self.inflation)
     }
 
-    /// Answers rows that follow one another.
-    fn run<T>(
-        &self,
-        rows: std::ops::Range<usize>,
-        y: ArrayView2<'_, f64>,
-        noise: ArrayView2<'_, f64>,
-        answer: impl Fn(&[f64], &[f64], &[Neighbor]) -> T,
-    ) -> Vec<T> {
-        let mut like: Vec<u32> = Vec::new();
-        rows.map(|i| {
-            let (y, noise) = (y.row(i).to_vec(), noise.row(i).to_vec());
-            let near = self.neighbours(&y, &noise, &like);
-            like = near.iter().map(|n| n.index).collect();
-            answer(&y, &noise, &near)
-        })
-        .collect()
-    }
-
-    fn belief(&self, y: &[f64], noise: &[f64], near: &[Neighbor]) -> Belief {
+    fn answer(&self, observation: &Observation<'_>, want: Want, near: &[Neighbor]) -> Posterior {
+        let (y, noise) = (observation.values, observation.variance);
         let (mean, covariance) = self.gaussian(near);
+        if want == Want::Mean {
+            return Posterior {
+                mean: most_probable(mean.to_vec(), covariance.view(), y, noise),
+                ..Posterior::default()
+            };
+        }
         let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
         let conditional = ConditionalGaussian::new(covariance.view(), &noise);
         let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
         let told = conditional.mean(&rest);
-        Belief {
+        Posterior {
             mean: mean.iter().zip(told).map(|(m, t)| m + t).collect(),
-            covariance: conditional.covariance(covariance.view()),
-            evidence: conditional.log_density(&rest),
+            log_evidence: conditional.log_density(&rest),
+            covariance: match want {
+                Want::Variances => Array2::default((0, 0)),
+                _ => conditional.covariance(covariance.view()),
+            },
+            variance: conditional.variance,
         }
     }
 }
 
 impl Prior for LocalPcaPrior {
-    fn width(&self) -> usize {
-        self.variance.len()
-    }
-
-    fn variance(&self) -> &[f64] {
+    fn residual_variance(&self) -> &[f64] {
         &self.variance
     }
 
-    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
-        self.belief(y, noise, &self.neighbours(y, noise, &[]))
+    fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
+        self.answer(observation, want, &self.neighbours(observation, &[]))
     }
 
-    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        let runs = parallel::map_chunks(y.nrows(), RUN, |rows| {
-            self.run(rows, y, noise, |y, noise, near| self.belief(y, noise, near))
+    fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
+        let runs = parallel::map_chunks(batch.len(), RUN, |rows| {
+            let mut like: Vec<u32> = Vec::new();
+            let run = batch[rows].iter();
+            run.map(|(o, want)| {
+                let near = self.neighbours(o, &like);
+                like = near.iter().map(|n| n.index).collect();
+                self.answer(o, *want, &near)
+            })
+            .collect::<Vec<_>>()
         });
         runs.into_iter().flatten().collect()
     }
 
-    fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
-        let runs = parallel::map_chunks(y.nrows(), RUN, |rows| {
-            self.run(rows, y, noise, |y, noise, near| {
-                let (mean, covariance) = self.gaussian(near);
-                most_probable(mean.to_vec(), covariance.view(), y, noise)
-            })
-        });
-        let mut out = Array2::zeros(y.dim());
-        for (mut row, mean) in out.rows_mut().into_iter().zip(runs.into_iter().flatten()) {
-            row.assign(&Array1::from(mean));
-        }
-        out
-    }
-
-    fn typical(&self) -> ArrayView2<'_, f64> {
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
         self.typical.view()
     }
 
@@ -212,6 +195,7 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
 mod tests {
     use super::*;
     use crate::pose::rotation::from_rotation_vector;
+    use crate::prior::testdata::Ask;
     use glam::DVec3;
 
     fn poses(n: usize) -> Array2<f32> {
@@ -242,12 +226,12 @@ mod tests {
         y[2] = f64::NAN;
         let conditional = ConditionalGaussian::new(covariance.view(), &noise);
         let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
-        let belief = prior.believe(&y, &noise);
+        let belief = prior.full(&y, &noise);
         let want = conditional.mean(&rest);
         for c in 0..9 {
             assert!((belief.mean[c] - mean[c] - want[c]).abs() <= 1e-8);
         }
-        assert!((belief.evidence - conditional.log_density(&rest)).abs() <= 1e-6);
+        assert!((belief.log_evidence - conditional.log_density(&rest)).abs() <= 1e-6);
         assert!((belief.mean[2] - all[[7, 2]]).abs() <= 2.0);
     }
 
@@ -262,8 +246,8 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let all = pool
                 .unwrap()
-                .install(|| prior.believe_all(y.view(), noise.view()));
-            let means = prior.means(y.view(), noise.view());
+                .install(|| prior.full_rows(y.view(), noise.view()));
+            let means = prior.mean_rows(y.view(), noise.view());
             for (i, belief) in all.iter().enumerate() {
                 let same = means
                     .row(i)
@@ -271,12 +255,12 @@ mod tests {
                     .zip(&belief.mean)
                     .all(|(a, b)| (a - b).abs() <= 1e-7);
                 assert!(same);
-                let alone = prior.believe(&y.row(i).to_vec(), &noise.row(i).to_vec());
+                let alone = prior.full(&y.row(i).to_vec(), &noise.row(i).to_vec());
                 assert_eq!(*belief, alone);
             }
         }
         let none = Array2::zeros((0, 9));
-        assert!(prior.believe_all(none.view(), none.view()).is_empty());
+        assert!(prior.full_rows(none.view(), none.view()).is_empty());
     }
 
     #[test]
@@ -285,7 +269,7 @@ mod tests {
             let same = Array2::from_elem((n, 9), 4.0f32);
             let tree = Arc::new(BoxTree::new(same.view()));
             let prior = LocalPcaPrior::new(tree, Arc::new(same.mapv(f64::from)), 1.0);
-            let belief = prior.believe(&[5.0; 9], &[1.0; 9]);
+            let belief = prior.full(&[5.0; 9], &[1.0; 9]);
             assert!(belief.mean.iter().all(|v| *v > 4.0 && *v < 4.1));
             assert!(belief.covariance.iter().all(|v| v.is_finite()));
         }
@@ -298,8 +282,8 @@ mod tests {
         let y = (poses(30).mapv(f64::from) + 0.3).row(20).to_vec();
         let (mut turned, mut want) = (vec![0.0; 9], vec![0.0; 9]);
         map.apply(&y, &mut turned);
-        map.apply(&prior.believe(&y, &[1.0; 9]).mean, &mut want);
-        let got = prior.mapped(&map).believe(&turned, &[1.0; 9]).mean;
+        map.apply(&prior.full(&y, &[1.0; 9]).mean, &mut want);
+        let got = prior.mapped(&map).full(&turned, &[1.0; 9]).mean;
         assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-3));
     }
 }

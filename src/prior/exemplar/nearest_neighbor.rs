@@ -7,11 +7,11 @@ use super::box_tree::BoxTree;
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::parallel;
-use crate::pose::PoseTransform;
+use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
 use crate::prior::registry::Training;
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, Task, TunedPrior, Tuning};
-use crate::prior::{Belief, OpenOptions, Prior};
+use crate::prior::{OpenOptions, Posterior, Prior, Want};
 use ndarray::{Array2, ArrayView2};
 use std::sync::Arc;
 
@@ -60,49 +60,53 @@ impl NearestNeighborPrior {
         Some((near.index, -0.5 * (near.squared + constant)))
     }
 
-    fn after(&self, y: &[f64], noise: &[f64], like: &mut Vec<u32>) -> Belief {
-        let d = self.width();
-        let Some((row, evidence)) = self.nearest(y, noise, like) else {
-            return Belief::default();
+    fn answer(&self, observation: &Observation<'_>, want: Want, like: &mut Vec<u32>) -> Posterior {
+        let (y, noise) = (observation.values, observation.variance);
+        let Some((row, log_evidence)) = self.nearest(y, noise, like) else {
+            return Posterior::default();
         };
         like.clear();
         like.push(row);
-        let pose = self.tree.poses();
-        Belief {
-            mean: pose
+        let poses = self.tree.poses();
+        let mut posterior = Posterior {
+            mean: poses
                 .row(row as usize)
                 .iter()
                 .map(|v| f64::from(*v))
                 .collect(),
-            covariance: Array2::from_diag_elem(d, self.width),
-            evidence,
+            log_evidence,
+            ..Posterior::default()
+        };
+        if want != Want::Mean {
+            posterior.variance = self.variance.clone();
         }
+        if matches!(want, Want::Covariance | Want::CovarianceBelow(_)) {
+            posterior.covariance = Array2::from_diag_elem(self.variance.len(), self.width);
+        }
+        posterior
     }
 }
 
 impl Prior for NearestNeighborPrior {
-    fn width(&self) -> usize {
-        self.variance.len()
-    }
-
-    fn variance(&self) -> &[f64] {
+    fn residual_variance(&self) -> &[f64] {
         &self.variance
     }
 
-    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
-        self.after(y, noise, &mut Vec::new())
+    fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
+        self.answer(observation, want, &mut Vec::new())
     }
 
-    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        let runs = parallel::map_chunks(y.nrows(), RUN, |rows| {
+    fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
+        let runs = parallel::map_chunks(batch.len(), RUN, |rows| {
             let mut like = Vec::new();
-            rows.map(|i| self.after(&y.row(i).to_vec(), &noise.row(i).to_vec(), &mut like))
+            let run = batch[rows].iter();
+            run.map(|(o, want)| self.answer(o, *want, &mut like))
                 .collect::<Vec<_>>()
         });
         runs.into_iter().flatten().collect()
     }
 
-    fn typical(&self) -> ArrayView2<'_, f64> {
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
         self.typical.view()
     }
 
@@ -167,6 +171,7 @@ fn measured(tuning: &mut Tuning) {
 mod tests {
     use super::*;
     use crate::pose::rotation::from_rotation_vector;
+    use crate::prior::testdata::Ask;
     use glam::DVec3;
 
     fn poses(n: usize) -> Array2<f32> {
@@ -187,19 +192,19 @@ mod tests {
         let prior = prior(90);
         for t in [0, 31, 89] {
             let y: Vec<f64> = all.row(t).iter().map(|v| f64::from(*v)).collect();
-            let belief = prior.believe(&y, &[0.0; 6]);
+            let belief = prior.full(&y, &[0.0; 6]);
             assert_eq!(belief.mean, y);
             assert!(belief.covariance.diag().iter().all(|v| *v == 0.25));
             let log = -3.0 * (2.0 * std::f64::consts::PI * 0.25).ln();
-            assert!((belief.evidence - log).abs() <= 1e-12);
+            assert!((belief.log_evidence - log).abs() <= 1e-12);
             let mut part = y.clone();
             part[4] = f64::NAN;
             let mut noise = [0.0; 6];
             noise[4] = f64::INFINITY;
-            assert_eq!(prior.believe(&part, &noise).mean, y);
+            assert_eq!(prior.full(&part, &noise).mean, y);
         }
-        let nothing = prior.believe(&[f64::NAN; 6], &[f64::INFINITY; 6]);
-        assert!(nothing.evidence == 0.0 && nothing.mean.iter().all(|v| v.is_finite()));
+        let nothing = prior.full(&[f64::NAN; 6], &[f64::INFINITY; 6]);
+        assert!(nothing.log_evidence == 0.0 && nothing.mean.iter().all(|v| v.is_finite()));
     }
 
     #[test]
@@ -207,8 +212,8 @@ mod tests {
         let prior = prior(200);
         let y = poses(150).mapv(f64::from) + 0.4;
         let noise = Array2::from_elem(y.dim(), 1.0);
-        for (i, belief) in prior.believe_all(y.view(), noise.view()).iter().enumerate() {
-            assert_eq!(*belief, prior.believe(&y.row(i).to_vec(), &[1.0; 6]));
+        for (i, belief) in prior.full_rows(y.view(), noise.view()).iter().enumerate() {
+            assert_eq!(*belief, prior.full(&y.row(i).to_vec(), &[1.0; 6]));
         }
     }
 
@@ -219,8 +224,8 @@ mod tests {
         let y = vec![3.0, -4.0, 9.0, 11.0, 2.0, 0.5];
         let (mut turned, mut want) = (vec![0.0; 6], vec![0.0; 6]);
         map.apply(&y, &mut turned);
-        map.apply(&prior.believe(&y, &[1.0; 6]).mean, &mut want);
-        let got = prior.mapped(&map).believe(&turned, &[1.0; 6]).mean;
+        map.apply(&prior.full(&y, &[1.0; 6]).mean, &mut want);
+        let got = prior.mapped(&map).full(&turned, &[1.0; 6]).mean;
         assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-4));
     }
 }

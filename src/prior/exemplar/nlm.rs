@@ -18,12 +18,12 @@ use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
-use crate::pose::PoseTransform;
+use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
 use crate::prior::registry::Training;
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, TunedPrior};
-use crate::prior::{Belief, OpenOptions, Prior};
-use ndarray::{Array2, ArrayView1, ArrayView2, s};
+use crate::prior::{OpenOptions, Posterior, Prior, Want};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
 
 /// Observations scored together.
@@ -78,45 +78,57 @@ impl NlmPrior {
     }
 
     /// 1 / (R + h²), 0 where missing.
-    fn weights(&self, noise: ArrayView1<'_, f64>) -> Vec<f64> {
+    fn weights(&self, noise: &[f64]) -> Vec<f64> {
         let weight = |n: &f64| 1.0 / (n.max(0.0) + self.width);
         noise.iter().map(weight).collect()
     }
 
-    /// Answers tiles of observations in parallel, each by `answer(observation, noise, weights, poses that explain it)`.
-    fn each<T: Send>(
-        &self,
-        y: ArrayView2<'_, f64>,
-        noise: ArrayView2<'_, f64>,
-        answer: impl Fn(&[f64], &[f64], &[f64], Explained) -> T + Sync,
-    ) -> Vec<T> {
-        let tile = |range: std::ops::Range<usize>| -> Vec<T> {
-            let rows = s![range, ..];
-            let (y, noise) = (y.slice(rows), noise.slice(rows));
-            let weights: Vec<Vec<f64>> =
-                noise.rows().into_iter().map(|r| self.weights(r)).collect();
-            let y: Vec<Vec<f64>> = y
-                .rows()
-                .into_iter()
-                .zip(&weights)
-                .map(|(row, w)| self.poses.centred(row, w))
-                .collect();
-            let scores = self.poses.scores(&y, &weights);
-            let rows = scores.rows().into_iter().zip(noise.rows());
-            let rows = rows.zip(y.iter().zip(&weights));
-            rows.map(|((scores, noise), (y, w))| {
+    /// Answers observations that are scored together.
+    fn answer_tile(&self, tile: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
+        let weights: Vec<Vec<f64>> = tile.iter().map(|(o, _)| self.weights(o.variance)).collect();
+        let y: Vec<Vec<f64>> = tile
+            .iter()
+            .zip(&weights)
+            .map(|((o, _), w)| self.poses.centred(o.values.into(), w))
+            .collect();
+        let scores = self.poses.scores(&y, &weights);
+        let rows = scores.rows().into_iter().zip(tile);
+        rows.zip(y.iter().zip(&weights))
+            .map(|((scores, (o, want)), (y, w))| {
                 let explained = self.poses.explain(scores, y, w);
-                answer(y, &noise.to_vec(), w, explained)
+                self.answer(y, o.variance, w, &explained, *want)
             })
             .collect()
-        };
-        let tiles = parallel::map_chunks(y.nrows(), TILE, tile);
-        tiles.into_iter().flatten().collect()
     }
 
-    fn belief(&self, y: &[f64], noise: &[f64], weights: &[f64], explained: &Explained) -> Belief {
+    /// The posterior for the observation `y` about the mean pose.
+    fn answer(
+        &self,
+        y: &[f64],
+        noise: &[f64],
+        weights: &[f64],
+        explained: &Explained,
+        want: Want,
+    ) -> Posterior {
         let cloud = &*self.poses;
         let mut mean = cloud.average(explained);
+        let observed = weights.iter().filter(|w| **w > 0.0);
+        let constant: f64 = observed
+            .map(|w| (2.0 * std::f64::consts::PI / w).ln())
+            .sum();
+        let log_evidence = explained.log - 0.5 * constant - (cloud.rows.nrows() as f64).ln();
+        if want == Want::Mean {
+            if self.linear {
+                let mut covariance = cloud.covariance(explained, &mean);
+                covariance.diag_mut().mapv_inplace(|v| v + FINEST);
+                mean = most_probable(mean, covariance.view(), y, noise);
+            }
+            return Posterior {
+                mean: cloud.uncentred(mean),
+                log_evidence,
+                ..Posterior::default()
+            };
+        }
         let mut covariance = cloud.covariance(explained, &mean);
         if self.linear {
             covariance.diag_mut().mapv_inplace(|v| v + FINEST);
@@ -129,66 +141,25 @@ impl NlmPrior {
         } else {
             covariance.diag_mut().mapv_inplace(|v| v + self.width);
         }
-        let observed = weights.iter().filter(|w| **w > 0.0);
-        let constant: f64 = observed
-            .map(|w| (2.0 * std::f64::consts::PI / w).ln())
-            .sum();
-        Belief {
-            mean: cloud.uncentred(mean),
-            covariance,
-            evidence: explained.log - 0.5 * constant - (cloud.rows.nrows() as f64).ln(),
-        }
-    }
-
-    fn mean(&self, y: &[f64], noise: &[f64], explained: &Explained) -> Vec<f64> {
-        let cloud = &*self.poses;
-        let average = cloud.average(explained);
-        if !self.linear {
-            return cloud.uncentred(average);
-        }
-        let mut covariance = cloud.covariance(explained, &average);
-        covariance.diag_mut().mapv_inplace(|v| v + FINEST);
-        cloud.uncentred(most_probable(average, covariance.view(), y, noise))
+        Posterior::full(cloud.uncentred(mean), covariance, log_evidence)
     }
 }
 
 impl Prior for NlmPrior {
-    fn width(&self) -> usize {
-        self.poses.middle.len()
-    }
-
-    fn variance(&self) -> &[f64] {
+    fn residual_variance(&self) -> &[f64] {
         &self.variance
     }
 
-    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
-        let (y, noise) = (ArrayView1::from(y), ArrayView1::from(noise));
-        let weights = self.weights(noise);
-        let y = vec![self.poses.centred(y, &weights)];
-        let weights = vec![weights];
-        let scores = self.poses.scores(&y, &weights);
-        let explained = self.poses.explain(scores.row(0), &y[0], &weights[0]);
-        self.belief(&y[0], &noise.to_vec(), &weights[0], &explained)
+    fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
+        self.answer_tile(&[(*observation, want)]).remove(0)
     }
 
-    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        self.each(y, noise, |y, noise, w, explained| {
-            self.belief(y, noise, w, &explained)
-        })
+    fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
+        let tiles = parallel::map_chunks(batch.len(), TILE, |rows| self.answer_tile(&batch[rows]));
+        tiles.into_iter().flatten().collect()
     }
 
-    fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
-        let means = self.each(y, noise, |y, noise, _, explained| {
-            self.mean(y, noise, &explained)
-        });
-        let mut out = Array2::zeros(y.dim());
-        for (mut row, mean) in out.rows_mut().into_iter().zip(means) {
-            row.iter_mut().zip(mean).for_each(|(o, m)| *o = m);
-        }
-        out
-    }
-
-    fn typical(&self) -> ArrayView2<'_, f64> {
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
         self.typical.view()
     }
 
@@ -247,8 +218,9 @@ pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) 
 mod tests {
     use super::*;
     use crate::pose::rotation::from_rotation_vector;
+    use crate::prior::testdata::Ask;
     use glam::DVec3;
-    use ndarray::Axis;
+    use ndarray::{Axis, s};
 
     fn cloud(n: usize) -> Array2<f64> {
         Array2::from_shape_fn((n, 9), |(t, c)| {
@@ -310,14 +282,18 @@ mod tests {
                         }
                     })
                     .collect();
-                let belief = prior(n, width).believe(&y, noise);
+                let belief = prior(n, width).full(&y, noise);
                 let (mean, covariance, log) = plain(n, width, &y, noise);
                 let near = |a: f64, b: f64| (a - b).abs() <= 1e-4 * (1.0 + b.abs());
                 assert!(belief.mean.iter().zip(&mean).all(|(a, b)| near(*a, *b)));
                 let near_enough = |a: f64, b: f64| (a - b).abs() <= 2e-3 * (1.0 + b.abs());
                 let mut each = belief.covariance.iter().zip(&covariance);
                 assert!(each.all(|(a, b)| near_enough(*a, *b)));
-                assert!(near(belief.evidence, log), "{} {log}", belief.evidence);
+                assert!(
+                    near(belief.log_evidence, log),
+                    "{} {log}",
+                    belief.log_evidence
+                );
             }
         }
     }
@@ -336,9 +312,9 @@ mod tests {
         let conditional = ConditionalGaussian::new(covariance.view(), &noise);
         let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
         let told = conditional.mean(&rest);
-        let belief = prior.believe(&y, &noise);
+        let belief = prior.full(&y, &noise);
         let row = |v: &[f64]| Array2::from_shape_fn((1, 9), |(_, c)| v[c]);
-        let means = prior.means(row(&y).view(), row(&noise).view());
+        let means = prior.mean_rows(row(&y).view(), row(&noise).view());
         for c in 0..9 {
             assert!((belief.mean[c] - mean[c] - told[c]).abs() <= 0.05);
             assert!((belief.mean[c] - means[[0, c]]).abs() <= 1e-6);
@@ -352,8 +328,8 @@ mod tests {
         let mut noise = Array2::from_elem((100, 9), 2.0);
         noise.slice_mut(s![40..60, 3..6]).fill(f64::INFINITY);
         noise.slice_mut(s![70.., 1]).fill(0.1);
-        let singly: Vec<Belief> = (0..100)
-            .map(|i| prior.believe(&y.row(i).to_vec(), &noise.row(i).to_vec()))
+        let singly: Vec<Posterior> = (0..100)
+            .map(|i| prior.full(&y.row(i).to_vec(), &noise.row(i).to_vec()))
             .collect();
         for threads in [1, 2, 7] {
             let pool = rayon::ThreadPoolBuilder::new()
@@ -362,8 +338,8 @@ mod tests {
                 .unwrap();
             let (all, means) = pool.install(|| {
                 (
-                    prior.believe_all(y.view(), noise.view()),
-                    prior.means(y.view(), noise.view()),
+                    prior.full_rows(y.view(), noise.view()),
+                    prior.mean_rows(y.view(), noise.view()),
                 )
             });
             assert_eq!(all, singly);
@@ -371,7 +347,7 @@ mod tests {
             assert!(each.into_iter().all(|(m, b)| m.to_vec() == b.mean));
         }
         let none = Array2::zeros((0, 9));
-        assert!(prior.believe_all(none.view(), none.view()).is_empty());
+        assert!(prior.full_rows(none.view(), none.view()).is_empty());
     }
 
     #[test]
@@ -380,9 +356,9 @@ mod tests {
         let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
         let y = cloud(30).slice(s![20..21, ..]).to_owned() + 0.3;
         let noise = [1.0; 9];
-        let here = prior.believe(&y.row(0).to_vec(), &noise);
+        let here = prior.full(&y.row(0).to_vec(), &noise);
         let turned = map.apply_rows(y.view()).row(0).to_vec();
-        let there = prior.mapped(&map).believe(&turned, &noise);
+        let there = prior.mapped(&map).full(&turned, &noise);
         let mut want = vec![0.0; 9];
         map.apply(&here.mean, &mut want);
         assert!(
@@ -400,6 +376,6 @@ mod tests {
                 .zip(&want)
                 .all(|(a, b)| (a - b).abs() <= 1e-3)
         );
-        assert!((there.evidence - here.evidence).abs() <= 1e-3);
+        assert!((there.log_evidence - here.log_evidence).abs() <= 1e-3);
     }
 }

@@ -49,10 +49,9 @@ fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::Prior;
     use crate::prior::gaussian::GaussianMixturePrior;
     use crate::prior::gaussian::em::moments_of;
-    use crate::prior::testdata::normal;
+    use crate::prior::testdata::{Ask, normal};
     use ndarray::{Array1, s};
 
     /// Two clusters 100 cm apart, in turn.
@@ -115,6 +114,6 @@ mod tests {
         let one = GaussianMixturePrior::new(&one, STYLE, 1.0, typical.view());
         // Nearer to the far one, though both have a say in it.
         let (y, noise) = ([55.0; 6], [900.0; 6]);
-        assert_eq!(all.believe(&y, &noise).mean, one.believe(&y, &noise).mean);
+        assert_eq!(all.full(&y, &noise).mean, one.full(&y, &noise).mean);
     }
 }

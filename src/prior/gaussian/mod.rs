@@ -25,11 +25,11 @@ use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::parallel;
-use crate::pose::PoseTransform;
+use crate::pose::{Observation, PoseTransform};
 use crate::prior::registry::Training;
 use crate::prior::training_set::TrainingSet;
 use crate::prior::tuning::{Grid, PriorFamily, TaskSettings, TunedPrior, tune};
-use crate::prior::{Belief, EXACT_VARIANCE, Fit, OpenOptions, Posterior, Prior};
+use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 use std::sync::Arc;
@@ -161,19 +161,6 @@ impl GaussianMixturePrior {
         });
         (said.collect(), best + sum.ln())
     }
-
-    fn by_rows<T: Send>(
-        &self,
-        y: ArrayView2<'_, f64>,
-        noise: ArrayView2<'_, f64>,
-        answer: impl Fn(&[f64], &[f64]) -> T + Sync,
-    ) -> Vec<T> {
-        let chunks = parallel::map_chunks(y.nrows(), CHUNK, |rows| {
-            let row = |t: usize| answer(&y.row(t).to_vec(), &noise.row(t).to_vec());
-            rows.map(row).collect::<Vec<T>>()
-        });
-        chunks.into_iter().flatten().collect()
-    }
 }
 
 /// The weighted mean of what was said.
@@ -206,72 +193,68 @@ fn alone(components: &[Component]) -> Vec<f64> {
 }
 
 impl Prior for GaussianMixturePrior {
-    fn width(&self) -> usize {
-        self.variance.len()
-    }
-
-    fn variance(&self) -> &[f64] {
+    fn residual_variance(&self) -> &[f64] {
         &self.variance
     }
 
-    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
-        let conditionals = self.conditionals(noise);
-        let (said, evidence) = self.said(y, &conditionals);
-        let d = self.width();
+    fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
+        let conditionals = self.conditionals(observation.variance);
+        let (said, log_evidence) = self.said(observation.values, &conditionals);
+        let d = self.variance.len();
         let mean = average(&said, d);
-        let mut covariance = Array2::zeros((d, d));
         let sum: f64 = said.iter().map(|(_, w, _)| w).sum();
-        for (j, w, own) in &said {
-            let c = &self.components[*j];
-            covariance.scaled_add(w / sum, &conditionals[*j].covariance(c.covariance.view()));
-            let away: Vec<f64> = own.iter().zip(&mean).map(|(o, m)| o - m).collect();
-            for (i, a) in away.iter().enumerate() {
-                let away = ArrayView1::from(&away);
-                covariance.row_mut(i).scaled_add(w / sum * a, &away);
-                covariance[[i, i]] += w / sum * c.unexplained[i];
+        match want {
+            Want::Mean => Posterior {
+                mean,
+                log_evidence,
+                ..Posterior::default()
+            },
+            Want::Variances => {
+                let mut variance = vec![0.0; d];
+                for (j, w, own) in &said {
+                    let unexplained = &self.components[*j].unexplained;
+                    for (i, v) in variance.iter_mut().enumerate() {
+                        let away = own[i] - mean[i];
+                        *v +=
+                            w / sum * (conditionals[*j].variance[i] + unexplained[i] + away * away);
+                    }
+                }
+                Posterior {
+                    mean,
+                    variance,
+                    log_evidence,
+                    ..Posterior::default()
+                }
+            }
+            Want::Covariance | Want::CovarianceBelow(_) => {
+                let mut covariance = Array2::zeros((d, d));
+                for (j, w, own) in &said {
+                    let c = &self.components[*j];
+                    covariance
+                        .scaled_add(w / sum, &conditionals[*j].covariance(c.covariance.view()));
+                    let away: Vec<f64> = own.iter().zip(&mean).map(|(o, m)| o - m).collect();
+                    for (i, a) in away.iter().enumerate() {
+                        let away = ArrayView1::from(&away);
+                        covariance.row_mut(i).scaled_add(w / sum * a, &away);
+                        covariance[[i, i]] += w / sum * c.unexplained[i];
+                    }
+                }
+                Posterior::full(mean, covariance, log_evidence)
             }
         }
-        Belief {
-            mean,
-            covariance,
-            evidence,
-        }
     }
 
-    fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
-        average(&self.said(y, &self.conditionals(noise)).0, self.width())
+    fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
+        let chunks = parallel::map_chunks(batch.len(), CHUNK, |rows| {
+            let chunk = batch[rows].iter();
+            chunk
+                .map(|(o, want)| self.posterior(o, *want))
+                .collect::<Vec<_>>()
+        });
+        chunks.into_iter().flatten().collect()
     }
 
-    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        self.by_rows(y, noise, |y, noise| self.believe(y, noise))
-    }
-
-    fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
-        let mut out = Array2::zeros(y.dim());
-        let means = self.by_rows(y, noise, |y, noise| self.mean(y, noise));
-        for (mut row, mean) in out.rows_mut().into_iter().zip(means) {
-            row.assign(&ArrayView1::from(&mean));
-        }
-        out
-    }
-
-    fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
-        let conditionals = self.conditionals(noise);
-        let (said, _) = self.said(y, &conditionals);
-        let mean = average(&said, self.width());
-        let sum: f64 = said.iter().map(|(_, w, _)| w).sum();
-        let mut variance = vec![0.0; mean.len()];
-        for (j, w, own) in &said {
-            let unexplained = &self.components[*j].unexplained;
-            for (i, v) in variance.iter_mut().enumerate() {
-                let away = own[i] - mean[i];
-                *v += w / sum * (conditionals[*j].variance[i] + unexplained[i] + away * away);
-            }
-        }
-        Posterior { mean, variance }
-    }
-
-    fn typical(&self) -> ArrayView2<'_, f64> {
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
         self.typical.view()
     }
 
@@ -362,7 +345,7 @@ mod tests {
     use super::*;
     use crate::numeric::linalg::cholesky_solve;
     use crate::pose::rotation::from_rotation_vector;
-    use crate::prior::testdata::normal;
+    use crate::prior::testdata::{Ask, normal};
     use glam::DVec3;
     use ndarray::{Array1, s};
     use std::f64::consts::PI;
@@ -432,14 +415,18 @@ mod tests {
             let prior = prior(AVERAGE, inflation);
             for noise in &noises {
                 let (mean, covariance, evidence) = by_the_book(inflation, &y, noise);
-                let told = prior.believe(&y, noise);
+                let told = prior.full(&y, noise);
                 let near = |a: f64, b: f64| (a - b).abs() <= 1e-8;
                 assert!(told.mean.iter().zip(&mean).all(|(a, b)| near(*a, *b)));
                 let mut each = told.covariance.iter().zip(&covariance);
                 assert!(each.all(|(a, b)| near(*a, *b)));
-                assert!(near(told.evidence, evidence));
-                assert_eq!(prior.mean(&y, noise), told.mean);
-                let posterior = prior.posterior(&y, noise, &Fit::default());
+                assert!(near(told.log_evidence, evidence));
+                let seen = Observation {
+                    values: &y,
+                    variance: noise,
+                };
+                assert_eq!(prior.posterior(&seen, Want::Mean).mean, told.mean);
+                let posterior = prior.posterior(&seen, Want::Variances);
                 let mut each = posterior.variance.iter().zip(covariance.diag());
                 assert!(each.all(|(a, b)| near(*a, *b)));
             }
@@ -467,13 +454,13 @@ mod tests {
         let noise: Vec<f64> = parts.rest.row(0).iter().map(|r| r + 0.3).collect();
         let y = parts.means.row(0).to_vec();
         let y: Vec<f64> = y.iter().map(|v| v + 0.5).collect();
-        let want = alone.believe(&y, &noise);
+        let want = alone.full(&y, &noise);
         let one = GaussianMixturePrior {
             components: prior.components[..1].to_vec(),
             conditionals: NoiseCache::default(),
             ..prior
         };
-        let got = one.believe(&y, &[0.3; 6]);
+        let got = one.full(&y, &[0.3; 6]);
         for c in 0..6 {
             assert!((got.mean[c] - want.mean[c]).abs() <= 1e-9);
             let variance = want.covariance[[c, c]] + parts.rest[[0, c]];
@@ -488,8 +475,8 @@ mod tests {
         let y = [1.0, -2.0, 0.5, 3.0, 0.0, -1.0];
         let (mut turned, mut want) = (vec![0.0; 6], vec![0.0; 6]);
         map.apply(&y, &mut turned);
-        map.apply(&prior.believe(&y, &[0.7; 6]).mean, &mut want);
-        let got = prior.mapped(&map).believe(&turned, &[0.7; 6]).mean;
+        map.apply(&prior.full(&y, &[0.7; 6]).mean, &mut want);
+        let got = prior.mapped(&map).full(&turned, &[0.7; 6]).mean;
         assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-9));
     }
 
@@ -503,9 +490,9 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             let all = pool
                 .unwrap()
-                .install(|| prior.believe_all(y.view(), noise.view()));
+                .install(|| prior.full_rows(y.view(), noise.view()));
             for (i, told) in all.iter().enumerate() {
-                let alone = prior.believe(&y.row(i).to_vec(), &noise.row(i).to_vec());
+                let alone = prior.full(&y.row(i).to_vec(), &noise.row(i).to_vec());
                 assert_eq!(*told, alone);
             }
         }

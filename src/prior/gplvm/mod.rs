@@ -21,14 +21,14 @@ mod process;
 
 use crate::io::Model;
 use crate::numeric::parallel;
-use crate::pose::PoseTransform;
+use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
 use crate::prior::registry::Training;
 use crate::prior::training_set::TrainingSet;
 use crate::prior::tuning::{Grid, PriorFamily, Setting, TaskSettings, TunedPrior, tune};
-use crate::prior::{Belief, EXACT_VARIANCE, OpenOptions, Prior};
+use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};
 use crate::{Error, Place, Result};
-use ndarray::{Array1, Array2, ArrayView2};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use process::Process;
 use std::sync::Arc;
 
@@ -124,17 +124,15 @@ impl GplvmPrior {
 }
 
 impl Prior for GplvmPrior {
-    fn width(&self) -> usize {
-        self.variance.len()
-    }
-
-    fn variance(&self) -> &[f64] {
+    fn residual_variance(&self) -> &[f64] {
         &self.variance
     }
 
-    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
+    fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
         let process = &*self.process;
-        let y: Vec<f64> = y.iter().zip(&process.mean).map(|(y, m)| y - m).collect();
+        let noise = observation.variance;
+        let y = observation.values.iter().zip(&process.mean);
+        let y: Vec<f64> = y.map(|(y, m)| y - m).collect();
         let mut best: Option<(f64, Vec<f64>)> = None;
         for start in self.starts(&y, noise) {
             let x = process.latent.row(start).to_vec();
@@ -144,14 +142,15 @@ impl Prior for GplvmPrior {
             }
         }
         let Some((_, x)) = best else {
-            return Belief::default();
+            return Posterior::default();
         };
         let p = process.predict(&x);
         let d = y.len();
-        let mut belief = Belief {
+        let mut posterior = Posterior {
             mean: process.mean.clone(),
-            covariance: Array2::zeros((d, d)),
-            evidence: -0.5 * x.iter().map(|x| x * x).sum::<f64>(),
+            variance: vec![0.0; d],
+            covariance: Array2::default((0, 0)),
+            log_evidence: -0.5 * x.iter().map(|x| x * x).sum::<f64>(),
         };
         for c in 0..d {
             let own = self.inflation * process.scales[c] * p.variance;
@@ -161,24 +160,28 @@ impl Prior for GplvmPrior {
                 let rest = y[c] - p.f[c];
                 told = own / sum * rest;
                 left = own * (noise[c].max(EXACT_VARIANCE) / sum);
-                belief.evidence -=
+                posterior.log_evidence -=
                     0.5 * (rest * rest / sum + (2.0 * std::f64::consts::PI * sum).ln());
             }
-            belief.mean[c] += p.f[c] + told;
-            belief.covariance[[c, c]] = left;
+            posterior.mean[c] += p.f[c] + told;
+            posterior.variance[c] = left;
         }
-        belief
+        if matches!(want, Want::Covariance | Want::CovarianceBelow(_)) {
+            posterior.covariance = Array2::from_diag(&ArrayView1::from(&posterior.variance));
+        }
+        posterior
     }
 
-    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        let runs = parallel::map_chunks(y.nrows(), RUN, |rows| {
-            rows.map(|i| self.believe(&y.row(i).to_vec(), &noise.row(i).to_vec()))
+    fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
+        let runs = parallel::map_chunks(batch.len(), RUN, |rows| {
+            let run = batch[rows].iter();
+            run.map(|(o, want)| self.posterior(o, *want))
                 .collect::<Vec<_>>()
         });
         runs.into_iter().flatten().collect()
     }
 
-    fn typical(&self) -> ArrayView2<'_, f64> {
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
         self.typical.view()
     }
 
@@ -233,6 +236,7 @@ mod tests {
     use super::*;
     use crate::pose::rotation::from_rotation_vector;
     use crate::prior::gplvm::learn::Learned;
+    use crate::prior::testdata::Ask;
     use glam::DVec3;
 
     /// Poses along a closed curve.
@@ -281,20 +285,20 @@ mod tests {
         noise[5..].fill(f64::INFINITY);
         let mut y = truth.clone();
         y[5..].fill(f64::NAN);
-        let belief = prior.believe(&y, &noise);
+        let belief = prior.full(&y, &noise);
         assert!(
             (0..9).all(|c| (belief.mean[c] - truth[c]).abs() <= 1.5),
             "{:?} {truth:?}",
             belief.mean
         );
         assert!(belief.covariance.diag().iter().all(|v| *v > 0.0));
-        assert!(belief.evidence.is_finite());
+        assert!(belief.log_evidence.is_finite());
     }
 
     #[test]
     fn one_pose_nothing_seen_and_batches() {
         let one = prior(1);
-        let belief = one.believe(&[f64::NAN; 9], &[f64::INFINITY; 9]);
+        let belief = one.full(&[f64::NAN; 9], &[f64::INFINITY; 9]);
         let want = poses(1);
         assert!((0..9).all(|c| (belief.mean[c] - f64::from(want[[0, c]])).abs() <= 1e-3));
         let prior = prior(30);
@@ -305,9 +309,9 @@ mod tests {
                 .num_threads(threads)
                 .build()
                 .unwrap();
-            let all = pool.install(|| prior.believe_all(y.view(), noise.view()));
+            let all = pool.install(|| prior.full_rows(y.view(), noise.view()));
             for (i, belief) in all.iter().enumerate() {
-                assert_eq!(*belief, prior.believe(&y.row(i).to_vec(), &[1.0; 9]));
+                assert_eq!(*belief, prior.full(&y.row(i).to_vec(), &[1.0; 9]));
             }
         }
     }
@@ -324,8 +328,8 @@ mod tests {
         let y = (poses(90).mapv(f64::from) + 0.3).row(20).to_vec();
         let (mut turned, mut want) = (vec![0.0; 9], vec![0.0; 9]);
         map.apply(&y, &mut turned);
-        map.apply(&prior.believe(&y, &[1.0; 9]).mean, &mut want);
-        let got = prior.mapped(&map).believe(&turned, &[1.0; 9]).mean;
+        map.apply(&prior.full(&y, &[1.0; 9]).mean, &mut want);
+        let got = prior.mapped(&map).full(&turned, &[1.0; 9]).mean;
         assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-2));
     }
 }

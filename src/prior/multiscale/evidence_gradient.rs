@@ -10,9 +10,9 @@
 use super::candidates::Candidates;
 use super::noisy_covariance::WeightedPrecision;
 use super::part_mixture::{ConditionedPart, PartMixture};
-use crate::prior::Slope;
+use crate::prior::EvidenceGradient;
 
-/// What a slope is summed from.
+/// What a gradient is summed from.
 struct GradientSum<'a> {
     part: &'a PartMixture,
     conditioned: &'a ConditionedPart,
@@ -31,16 +31,16 @@ impl PartMixture {
         conditioned: &ConditionedPart,
         y: &[f64],
         moves: &[Vec<f64>],
-    ) -> Slope {
+    ) -> EvidenceGradient {
         let candidates = &self.candidates_among_clusters(conditioned, y);
         let n = moves.len();
-        let mut slope = Slope {
-            evidence: candidates.evidence,
+        let mut gradient = EvidenceGradient {
+            log_evidence: candidates.evidence,
             gradient: vec![0.0; n],
             curvature: vec![0.0; n * n],
         };
         if !conditioned.observes_any() || n == 0 {
-            return slope;
+            return gradient;
         }
         let sum = GradientSum {
             part: self,
@@ -54,15 +54,15 @@ impl PartMixture {
         let mut order: Vec<usize> = (0..best.len()).collect();
         order.sort_unstable_by_key(|&i| (best[i].scored, best[i].at));
         for of_cell in order.chunk_by(|a, b| best[*a].scored == best[*b].scored) {
-            sum.add(of_cell, &mut slope);
+            sum.add(of_cell, &mut gradient);
         }
-        slope
+        gradient
     }
 }
 
 impl GradientSum<'_> {
     /// Adds what the blocks of one cell pull.
-    fn add(&self, candidates: &[usize], slope: &mut Slope) {
+    fn add(&self, candidates: &[usize], gradient: &mut EvidenceGradient) {
         let (n, best) = (self.moves.len(), &self.candidates.best);
         let scored = self.candidates.scored[best[candidates[0]].scored];
         let cluster_conditioned =
@@ -87,12 +87,12 @@ impl GradientSum<'_> {
         let rest = through.project(&off);
         let projected: Vec<_> = self.moves.iter().map(|m| through.project(m)).collect();
         for i in 0..n {
-            slope.gradient[i] -= projected[i].form(&rest);
+            gradient.gradient[i] -= projected[i].form(&rest);
             for j in 0..=i {
                 let v = projected[i].form(&projected[j]);
-                slope.curvature[i * n + j] += v;
+                gradient.curvature[i * n + j] += v;
                 if i != j {
-                    slope.curvature[j * n + i] += v;
+                    gradient.curvature[j * n + i] += v;
                 }
             }
         }

@@ -7,7 +7,7 @@ use super::posterior::{Detail, PartialPosterior};
 use super::search::{ComponentSearch, SearchScratch};
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::{add, log_sum};
-use crate::prior::{Belief, Posterior};
+use crate::prior::Posterior;
 use std::sync::Arc;
 
 /// Ways of making a body of parts that weigh less for an observation do not answer it; those that by their cells alone
@@ -163,20 +163,17 @@ impl MultiscaleMixture {
 }
 
 impl PartialPosterior {
-    /// Where the covariance is told.
-    pub fn belief(self, evaluated: &EvaluatedParts) -> Belief {
-        Belief {
-            mean: self.mean,
-            covariance: self.spread,
-            evidence: log_sum(&evaluated.factorizations),
-        }
-    }
-
-    /// Where variances are.
-    pub fn posterior(self) -> Posterior {
-        Posterior {
-            mean: self.mean,
-            variance: self.spread.into_iter().collect(),
+    /// The posterior of a whole pose that was averaged at this level of detail.
+    pub fn posterior(self, evaluated: &EvaluatedParts, detail: Detail) -> Posterior {
+        let log_evidence = log_sum(&evaluated.factorizations);
+        match detail {
+            Detail::Covariance => Posterior::full(self.mean, self.spread, log_evidence),
+            Detail::Mean | Detail::Variances => Posterior {
+                mean: self.mean,
+                variance: self.spread.into_iter().collect(),
+                log_evidence,
+                ..Posterior::default()
+            },
         }
     }
 }

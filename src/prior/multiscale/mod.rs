@@ -33,9 +33,8 @@ mod top_k;
 mod train;
 
 use super::noise_cache::NoiseCache;
-use super::{Belief, Enough, Fit, Posterior, Prior, Slope};
-use crate::numeric::small_linalg::log_sum;
-use crate::pose::{ASF_UNIT_CM, PoseTransform};
+use super::{EvidenceGradient, Posterior, Prior, Reconstruction, Want};
+use crate::pose::{ASF_UNIT_CM, Observation, PoseTransform};
 use exemplars::ExemplarPoses;
 use ndarray::{Array2, ArrayView2};
 use noise_quantization::{PLACEMENT_TOLERANCE, POSTERIOR_TOLERANCE};
@@ -120,95 +119,66 @@ impl MultiscaleMixture {
 }
 
 impl Prior for MultiscaleMixture {
-    fn width(&self) -> usize {
-        self.width
-    }
-
-    fn variance(&self) -> &[f64] {
+    fn residual_variance(&self) -> &[f64] {
         &self.variance
     }
 
-    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
-        let evaluated = self.evaluate_parts(y, noise);
-        self.average_factorizations(&evaluated, Detail::Covariance)
-            .belief(&evaluated)
-    }
-
-    fn believe_enough(
-        &self,
-        y: ArrayView2<'_, f64>,
-        noise: ArrayView2<'_, f64>,
-        enough: &[f64],
-    ) -> Vec<Enough> {
-        let rows = y.rows().into_iter().zip(noise.rows()).zip(enough);
-        rows.map(|((y, noise), enough)| {
-            let evaluated = self.evaluate_parts(&y.to_vec(), &noise.to_vec());
-            if enough.is_finite() {
-                let posterior = self
-                    .average_factorizations(&evaluated, Detail::Variances)
-                    .posterior();
-                if posterior.variance.iter().sum::<f64>() >= *enough {
-                    return Enough::Apart(posterior);
+    fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
+        let evaluated = self.evaluate_parts(observation.values, observation.variance);
+        let answer = |detail| {
+            self.average_factorizations(&evaluated, detail)
+                .posterior(&evaluated, detail)
+        };
+        match want {
+            Want::Mean => answer(Detail::Mean),
+            Want::Variances => answer(Detail::Variances),
+            Want::CovarianceBelow(most) if most.is_finite() => {
+                let variances = answer(Detail::Variances);
+                if variances.variance.iter().sum::<f64>() >= most {
+                    return variances;
                 }
+                answer(Detail::Covariance)
             }
-            Enough::Whole(
-                self.average_factorizations(&evaluated, Detail::Covariance)
-                    .belief(&evaluated),
-            )
-        })
-        .collect()
+            Want::Covariance | Want::CovarianceBelow(_) => answer(Detail::Covariance),
+        }
     }
 
-    fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
-        self.average_factorizations(&self.evaluate_parts(y, noise), Detail::Mean)
-            .mean
-    }
-
-    /// By the cells of the whole body alone: what a placement of 2-D input is searched with, many times a frame.
-    fn fit(&self, y: &[f64], noise: &[f64], _before: Option<&Fit>) -> Fit {
+    /// By the clusters of the whole body alone: the search for the placement of 2-D input asks many times a frame.
+    fn reconstruct(
+        &self,
+        observation: &Observation<'_>,
+        _previous: Option<&Reconstruction>,
+    ) -> Reconstruction {
+        let (y, noise) = (observation.values, observation.variance);
         let (part, conditioned) = (
             &self.parts[0],
             &self.conditioned(0, &noise_quantization::quantize(noise, PLACEMENT_TOLERANCE)),
         );
         let candidates = part.candidates_among_clusters(conditioned, y);
         let pose = part.answer(conditioned, y, &candidates, Detail::Mean).mean;
-        Fit {
-            objective: super::misfit(self, y, noise, &pose),
+        Reconstruction {
+            objective: super::misfit(self, observation, &pose),
             support: Vec::new(),
             pose,
         }
     }
 
-    fn slope(&self, y: &[f64], noise: &[f64], moves: &[Vec<f64>]) -> Option<Slope> {
-        Some(self.parts[0].evidence_gradient(
-            &self.conditioned(0, &noise_quantization::quantize(noise, PLACEMENT_TOLERANCE)),
-            y,
-            moves,
-        ))
-    }
-
-    fn posterior(&self, y: &[f64], noise: &[f64], _fit: &Fit) -> Posterior {
-        let evaluated = self.evaluate_parts(y, noise);
-        self.average_factorizations(&evaluated, Detail::Variances)
-            .posterior()
-    }
-
-    fn posteriors(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Posterior> {
-        let rows = y.rows().into_iter().zip(noise.rows());
-        rows.map(|(y, noise)| self.posterior(&y.to_vec(), &noise.to_vec(), &Fit::default()))
-            .collect()
-    }
-
-    fn evidence(&self, y: &[f64], noise: &[f64]) -> f64 {
-        log_sum(&self.evaluate_parts(y, noise).factorizations)
+    fn evidence_gradient(
+        &self,
+        observation: &Observation<'_>,
+        directions: &[Vec<f64>],
+    ) -> Option<EvidenceGradient> {
+        let noise = noise_quantization::quantize(observation.variance, PLACEMENT_TOLERANCE);
+        let conditioned = self.conditioned(0, &noise);
+        Some(self.parts[0].evidence_gradient(&conditioned, observation.values, directions))
     }
 
     /// By the cells of the whole body alone, and measured on takes that were held back from the training.
-    fn unlike(&self, pose: &[f64]) -> Option<f64> {
+    fn novelty(&self, pose: &[f64]) -> Option<f64> {
         self.limit.unlike(&self.parts[0], pose)
     }
 
-    fn typical(&self) -> ArrayView2<'_, f64> {
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
         self.typical.view()
     }
 
@@ -238,7 +208,9 @@ mod tests {
     use super::*;
     use crate::numeric::parallel;
     use crate::pose::joints;
+    use crate::prior::posterior_rows;
     use crate::prior::registry::Training;
+    use crate::prior::testdata::Ask;
     use crate::prior::training_set::TrainingSet;
     use rand::Rng;
 
@@ -298,7 +270,7 @@ mod tests {
             .iter()
             .map(|v| v + generator.random_range(-5.0..5.0))
             .collect();
-        let off = |b: &Belief| {
+        let off = |b: &Posterior| {
             let sum: f64 = b
                 .mean
                 .iter()
@@ -307,17 +279,17 @@ mod tests {
                 .sum();
             (sum / 69.0).sqrt()
         };
-        let dense = mixture.believe(&y, &[25.0 / 3.0; 69]);
+        let dense = mixture.full(&y, &[25.0 / 3.0; 69]);
         assert!(off(&dense) <= 1.5, "{}", off(&dense));
         let noise: Vec<f64> = (0..69)
             .map(|c| if c < 18 { 0.0 } else { f64::INFINITY })
             .collect();
-        let filled = mixture.believe(&pose, &noise);
+        let filled = mixture.full(&pose, &noise);
         assert!(off(&filled) <= 0.5, "{}", off(&filled));
         // The further from all that was learnt, the less evidence; nothing seen says nothing.
         let far: Vec<f64> = y.iter().map(|v| v + 60.0).collect();
-        assert!(mixture.believe(&far, &[25.0 / 3.0; 69]).evidence < dense.evidence - 50.0);
-        let none = mixture.believe(&y, &[f64::INFINITY; 69]);
+        assert!(mixture.full(&far, &[25.0 / 3.0; 69]).log_evidence < dense.log_evidence - 50.0);
+        let none = mixture.full(&y, &[f64::INFINITY; 69]);
         assert!(
             none.mean
                 .iter()
@@ -327,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn the_slope_is_that_of_the_evidence() {
+    fn the_gradient_equals_finite_differences() {
         let poses = poses();
         let (mixture, _) = trained(&poses);
         let y: Vec<f64> = poses
@@ -357,11 +329,16 @@ mod tests {
             exceptions.collect(),
         ];
         for noise in noises {
+            let gradient = |values: &[f64], moves: &[Vec<f64>]| {
+                let variance = &noise[..];
+                let seen = Observation { values, variance };
+                mixture.evidence_gradient(&seen, moves).unwrap()
+            };
             let at = |k: usize, by: f64| -> f64 {
                 let moved: Vec<f64> = y.iter().zip(&moves[k]).map(|(y, m)| y + by * m).collect();
-                mixture.slope(&moved, &noise, &[]).unwrap().evidence
+                gradient(&moved, &[]).log_evidence
             };
-            let slope = mixture.slope(&y, &noise, &moves).unwrap();
+            let slope = gradient(&y, &moves);
             for k in 0..3 {
                 let detail = 0.5 * (at(k, 1.0) - at(k, -1.0));
                 let scale = 0.05 * detail.abs().max(0.2);
@@ -388,10 +365,7 @@ mod tests {
             .iter()
             .map(|v| f64::from(*v) + 0.3)
             .collect();
-        assert_eq!(
-            mixture.believe(&y, &[1.0; 69]),
-            again.believe(&y, &[1.0; 69])
-        );
+        assert_eq!(mixture.full(&y, &[1.0; 69]), again.full(&y, &[1.0; 69]));
         // What is left out because it follows is found again.
         let mut single = model.clone();
         for (p, l) in (0..again.parts.len()).flat_map(|p| (0..3).map(move |l| (p, l))) {
@@ -399,10 +373,7 @@ mod tests {
             single.remove(&format!("within.{p}.{l}"));
         }
         let single = MultiscaleMixture::from_model(&single, "m").unwrap();
-        let (all, single) = (
-            again.believe(&y, &[1.0; 69]),
-            single.believe(&y, &[1.0; 69]),
-        );
+        let (all, single) = (again.full(&y, &[1.0; 69]), single.full(&y, &[1.0; 69]));
         let both = all.mean.iter().zip(&single.mean);
         assert!(both.clone().all(|(a, b)| (a - b).abs() <= 1e-3));
         for name in [
@@ -423,7 +394,7 @@ mod tests {
     }
 
     #[test]
-    fn a_covariance_is_told_unless_the_variances_are_enough() {
+    fn covariance_below_a_total_variance() {
         let poses = poses();
         let (mixture, _) = trained(&poses);
         let y = poses
@@ -431,31 +402,29 @@ mod tests {
             .slice(ndarray::s![40..42, ..])
             .mapv(|v| f64::from(v) + 0.5);
         let noise = Array2::from_elem((2, 69), 4.0);
-        let detail = mixture.posteriors(y.view(), noise.view());
-        let whole = mixture.believe_all(y.view(), noise.view());
-        let sum: f64 = detail[1].variance.iter().sum();
-        let some = mixture.believe_enough(y.view(), noise.view(), &[f64::INFINITY, sum]);
-        assert_eq!(
-            some,
-            [
-                Enough::Whole(whole[0].clone()),
-                Enough::Apart(detail[1].clone())
-            ]
-        );
-        let none = mixture.believe_enough(y.view(), noise.view(), &[0.0, sum * 1.01]);
-        assert_eq!(
-            none,
-            [
-                Enough::Apart(detail[0].clone()),
-                Enough::Whole(whole[1].clone())
-            ]
-        );
+        let variances = posterior_rows(&mixture, y.view(), noise.view(), Want::Variances);
+        let full = mixture.full_rows(y.view(), noise.view());
+        let sum = |row: usize| variances[row].variance.iter().sum::<f64>();
+        for row in 0..2 {
+            let below = |most: f64| {
+                let want = Want::CovarianceBelow(most);
+                posterior_rows(&mixture, y.view(), noise.view(), want).remove(row)
+            };
+            assert_eq!(below(f64::INFINITY), full[row]);
+            assert_eq!(below(sum(row) * 1.01), full[row]);
+            assert_eq!(below(sum(row)), variances[row]);
+            assert!(!below(0.0).has_covariance());
+        }
     }
 
     #[test]
     fn what_is_no_number_has_no_answer() {
         let (mixture, _) = trained(&poses());
-        let broken = mixture.posterior(&[f64::NAN; 69], &[1.0; 69], &Fit::default());
+        let broken = Observation {
+            values: &[f64::NAN; 69],
+            variance: &[1.0; 69],
+        };
+        let broken = mixture.posterior(&broken, Want::Variances);
         assert!(
             broken
                 .mean
@@ -481,10 +450,10 @@ mod tests {
         let mut turned = y.clone();
         step_coordinates.apply(&y, &mut turned);
         let mut want = y.clone();
-        step_coordinates.apply(&mixture.believe(&y, &[9.0; 69]).mean, &mut want);
+        step_coordinates.apply(&mixture.full(&y, &[9.0; 69]).mean, &mut want);
         let got = mixture
             .mapped(&step_coordinates)
-            .believe(&turned, &[9.0; 69])
+            .full(&turned, &[9.0; 69])
             .mean;
         assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-2));
     }

@@ -155,10 +155,10 @@ mod tests {
         let (mixture, _) = trained(&poses());
         let [near, known] = two(20.0);
         let [far, _] = two(60.0);
-        assert_eq!(mixture.unlike(&known), Some(0.0));
+        assert_eq!(mixture.novelty(&known), Some(0.0));
         let (near, far) = (
-            mixture.unlike(&near).unwrap(),
-            mixture.unlike(&far).unwrap(),
+            mixture.novelty(&near).unwrap(),
+            mixture.novelty(&far).unwrap(),
         );
         assert!(near > 50.0 && far > near, "{near} {far}");
     }
@@ -182,8 +182,8 @@ mod tests {
             let (mut tall, mut map_covariance) = (pose.clone(), pose.clone());
             reshape.apply(&pose, &mut tall);
             step_coordinates.apply(&tall, &mut map_covariance);
-            let want = mixture.unlike(&pose).unwrap();
-            let got = mapped.unlike(&map_covariance).unwrap();
+            let want = mixture.novelty(&pose).unwrap();
+            let got = mapped.novelty(&map_covariance).unwrap();
             assert!((got - want).abs() <= 1e-3 * want, "{got} {want}");
         }
     }
@@ -194,12 +194,12 @@ mod tests {
         let again = Model::from_bytes(model.to_bytes().unwrap(), "m").unwrap();
         let again = MultiscaleMixture::from_model(&again, "m").unwrap();
         let [moved, _] = two(20.0);
-        assert!(mixture.unlike(&moved).is_some_and(|u| u > 0.0));
-        assert_eq!(mixture.unlike(&moved), again.unlike(&moved));
+        assert!(mixture.novelty(&moved).is_some_and(|u| u > 0.0));
+        assert_eq!(mixture.novelty(&moved), again.novelty(&moved));
         let mut old = model.clone();
         old.remove("limit");
         let old = MultiscaleMixture::from_model(&old, "m").unwrap();
-        assert_eq!(old.unlike(&moved), None);
+        assert_eq!(old.novelty(&moved), None);
         let mut broken = model.clone();
         broken.insert("limit", ndarray::Array2::from_elem((1, 1), f32::NAN));
         let detail = MultiscaleMixture::from_model(&broken, "m")
@@ -214,6 +214,6 @@ mod tests {
         poses.takes = std::iter::once(0..400).collect();
         let (mixture, model) = trained(&poses);
         assert!(model.get("limit").is_none());
-        assert_eq!(mixture.unlike(&two(60.0)[0]), None);
+        assert_eq!(mixture.novelty(&two(60.0)[0]), None);
     }
 }

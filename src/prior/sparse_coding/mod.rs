@@ -8,9 +8,9 @@ mod model;
 
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
-use crate::pose::PoseTransform;
+use crate::pose::{Observation, PoseTransform};
 use crate::prior::noise_cache::NoiseCache;
-use crate::prior::{Belief, EXACT_VARIANCE, Fit, Posterior, Prior, Task};
+use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Reconstruction, Task, Want};
 use crate::sparse::{
     Dictionary, Omp, SelectionRule, SparseCode, SparseCodes, Tolerance, WeightedDictionary, refit,
 };
@@ -50,7 +50,7 @@ pub struct SparseCodingPrior {
     typical: Array2<f64>,
     conditionals: NoiseCache<ConditionalGaussian>,
     /// The dictionary as observations with the noise patterns met so far see it.
-    seen: NoiseCache<WeightedDictionary>,
+    weighted: NoiseCache<WeightedDictionary>,
 }
 
 /// The dictionary of a model: its `atoms` (n, D), D numbers for the model's points.
@@ -155,7 +155,7 @@ impl SparseCodingPrior {
             variance,
             typical,
             conditionals: NoiseCache::default(),
-            seen: NoiseCache::default(),
+            weighted: NoiseCache::default(),
         }
     }
 
@@ -175,7 +175,7 @@ impl SparseCodingPrior {
     }
 
     /// The dictionary as observations with this noise see it; none where it is too large.
-    fn seen(&self, noise: &[f64], weights: &Array1<f64>) -> Option<Arc<WeightedDictionary>> {
+    fn weighted(&self, noise: &[f64], weights: &Array1<f64>) -> Option<Arc<WeightedDictionary>> {
         let n = self.dictionary.len();
         let seen = weights.iter().filter(|w| **w > 0.0).count();
         // As they are and as they are scanned; beyond that leaves, or rows of a small Gram matrix.
@@ -184,36 +184,39 @@ impl SparseCodingPrior {
             return None;
         }
         let most = (MOST_TOGETHER / numbers).clamp(LEAST_MET, MOST_MET);
-        Some(self.seen.get(noise, most, || {
+        Some(self.weighted.get(noise, most, || {
             WeightedDictionary::new(&self.dictionary, weights.view())
                 .expect("weights are finite, not negative, and as many as an atom's numbers")
         }))
     }
 
-    /// A fresh code, or where it is worse the code `before` refitted: greedy coding anew can be worse than the old support,
-    /// but so the objective falls.
+    /// The reconstruction of a new code, or of the `previous` support refitted where that has the lower objective. Greedy
+    /// coding can do worse than an older support.
     fn better(
         &self,
-        fresh: Result<SparseCode>,
-        before: Option<&Fit>,
+        code: Result<SparseCode>,
+        previous: Option<&Reconstruction>,
         y: ArrayView1<f64>,
         weights: &Array1<f64>,
-    ) -> Fit {
-        // Coding fails only for numbers that are not finite where observed, which readers refuse.
-        let fresh = fresh.map(|c| self.fit_of(c)).unwrap_or_else(|_| Fit {
-            pose: vec![0.0; self.width()],
-            support: Vec::new(),
-            objective: f64::INFINITY,
-        });
-        match before.and_then(|b| refit(&self.dictionary, &b.support, y, Some(weights.view())).ok())
-        {
-            Some(kept) if kept.squared_residual < fresh.objective => self.fit_of(kept),
-            _ => fresh,
+    ) -> Reconstruction {
+        // Coding fails only for observed values that are not finite, which readers refuse.
+        let new = code
+            .map(|c| self.decode(c))
+            .unwrap_or_else(|_| Reconstruction {
+                pose: vec![0.0; y.len()],
+                support: Vec::new(),
+                objective: f64::INFINITY,
+            });
+        let refitted = previous
+            .and_then(|p| refit(&self.dictionary, &p.support, y, Some(weights.view())).ok());
+        match refitted {
+            Some(kept) if kept.squared_residual < new.objective => self.decode(kept),
+            _ => new,
         }
     }
 
-    fn fit_of(&self, code: SparseCode) -> Fit {
-        Fit {
+    fn decode(&self, code: SparseCode) -> Reconstruction {
+        Reconstruction {
             pose: code.decode(&self.dictionary).to_vec(),
             support: code.atoms,
             objective: code.squared_residual,
@@ -228,7 +231,7 @@ impl SparseCodingPrior {
         conditional: Option<&ConditionalGaussian>,
         support: &[u32],
     ) -> (Vec<Vec<f64>>, Array2<f64>) {
-        let d = self.width();
+        let d = self.variance.len();
         let atoms: Vec<Vec<f64>> = support
             .iter()
             .map(|&a| {
@@ -267,7 +270,7 @@ impl SparseCodingPrior {
     ) -> Vec<f64> {
         let (spread, inverse) = self.coefficients(weights, conditional, support);
         let k = support.len();
-        (0..self.width())
+        (0..self.variance.len())
             .map(|c| {
                 let mut sum = 0.0;
                 for i in 0..k {
@@ -282,96 +285,95 @@ impl SparseCodingPrior {
 }
 
 impl Prior for SparseCodingPrior {
-    fn width(&self) -> usize {
-        self.dictionary.width()
-    }
-
-    fn variance(&self) -> &[f64] {
+    fn residual_variance(&self) -> &[f64] {
         &self.variance
     }
 
-    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
-        let fit = self.fit(y, noise, None);
-        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
-        let conditional = self.conditional(&noise);
-        let rest: Vec<f64> = y.iter().zip(&fit.pose).map(|(y, p)| y - p).collect();
-        let weights = self.weights(&noise);
-        let (mean, mut covariance, conditioned) = if self.published {
-            (fit.pose.clone(), self.residual.clone(), None)
-        } else {
-            let told = conditional.mean(&rest);
-            let mean = fit.pose.iter().zip(told).map(|(p, e)| p + e).collect();
-            let left = conditional.covariance(self.residual.view());
-            (mean, left, Some(&*conditional))
+    fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
+        let weights = self.weights(observation.variance);
+        let y = ArrayView1::from(observation.values);
+        let code = (self.pursuit).code(&self.dictionary, y, Some(weights.view()));
+        let reconstruction = self.better(code, None, y, &weights);
+        self.posterior_given(observation, &reconstruction, want)
+    }
+
+    /// The weighted dictionary of an observation's variances is kept for the next ones.
+    fn reconstruct(
+        &self,
+        observation: &Observation<'_>,
+        previous: Option<&Reconstruction>,
+    ) -> Reconstruction {
+        let weights = self.weights(observation.variance);
+        let y = ArrayView1::from(observation.values);
+        let code = match self.weighted(observation.variance, &weights) {
+            Some(weighted) => weighted.code(&self.pursuit, &self.dictionary, y),
+            None => (self.pursuit).code(&self.dictionary, y, Some(weights.view())),
         };
-        let (spread, inverse) = self.coefficients(&weights, conditioned, &fit.support);
-        for (i, a) in spread.iter().enumerate() {
-            for (j, b) in spread.iter().enumerate() {
-                for (c, a) in a.iter().enumerate() {
-                    let scale = inverse[[i, j]] * a;
-                    let mut row = covariance.row_mut(c);
-                    row.iter_mut().zip(b).for_each(|(v, b)| *v += scale * b);
+        self.better(code, previous, y, &weights)
+    }
+
+    fn posterior_given(
+        &self,
+        observation: &Observation<'_>,
+        reconstruction: &Reconstruction,
+        want: Want,
+    ) -> Posterior {
+        let noise = observation.variance.iter().map(|n| n.max(EXACT_VARIANCE));
+        let noise: Vec<f64> = noise.collect();
+        let conditional = self.conditional(&noise);
+        let pose = &reconstruction.pose;
+        let rest: Vec<f64> = observation
+            .values
+            .iter()
+            .zip(pose)
+            .map(|(y, p)| y - p)
+            .collect();
+        let mut posterior = Posterior {
+            mean: pose.clone(),
+            log_evidence: conditional.log_density(&rest),
+            ..Posterior::default()
+        };
+        let conditioned = (!self.published).then_some(&*conditional);
+        if let Some(conditional) = conditioned {
+            let residual = conditional.mean(&rest);
+            posterior
+                .mean
+                .iter_mut()
+                .zip(residual)
+                .for_each(|(m, e)| *m += e);
+        }
+        let weights = self.weights(&noise);
+        match want {
+            Want::Mean => {}
+            Want::Variances => {
+                let own = conditioned.map_or(&self.variance, |c| &c.variance);
+                let coefficients =
+                    self.coefficient_variance(&weights, conditioned, &reconstruction.support);
+                posterior.variance = own.iter().zip(coefficients).map(|(v, c)| v + c).collect();
+            }
+            Want::Covariance | Want::CovarianceBelow(_) => {
+                let mut covariance = match conditioned {
+                    Some(conditional) => conditional.covariance(self.residual.view()),
+                    None => self.residual.clone(),
+                };
+                let (spread, inverse) =
+                    self.coefficients(&weights, conditioned, &reconstruction.support);
+                for (i, a) in spread.iter().enumerate() {
+                    for (j, b) in spread.iter().enumerate() {
+                        for (c, a) in a.iter().enumerate() {
+                            let scale = inverse[[i, j]] * a;
+                            let mut row = covariance.row_mut(c);
+                            row.iter_mut().zip(b).for_each(|(v, b)| *v += scale * b);
+                        }
+                    }
                 }
+                return Posterior::full(posterior.mean, covariance, posterior.log_evidence);
             }
         }
-        Belief {
-            mean,
-            covariance,
-            evidence: conditional.log_density(&rest),
-        }
+        posterior
     }
 
-    fn fit(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
-        let (y, weights) = (ArrayView1::from(y), self.weights(noise));
-        let fresh = (self.pursuit).code(&self.dictionary, y, Some(weights.view()));
-        self.better(fresh, before, y, &weights)
-    }
-
-    fn fit_often(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
-        let weights = self.weights(noise);
-        let Some(seen) = self.seen(noise, &weights) else {
-            return self.fit(y, noise, before);
-        };
-        let y = ArrayView1::from(y);
-        let fresh = seen.code(&self.pursuit, &self.dictionary, y);
-        self.better(fresh, before, y, &weights)
-    }
-
-    fn posterior(&self, y: &[f64], noise: &[f64], fit: &Fit) -> Posterior {
-        let weights = self.weights(noise);
-        if self.published {
-            let coefficients = self.coefficient_variance(&weights, None, &fit.support);
-            let variance = self
-                .variance
-                .iter()
-                .zip(coefficients)
-                .map(|(v, c)| v + c)
-                .collect();
-            return Posterior {
-                mean: fit.pose.clone(),
-                variance,
-            };
-        }
-        let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
-        let conditional = self.conditional(&noise);
-        let rest: Vec<f64> = y.iter().zip(&fit.pose).map(|(y, p)| y - p).collect();
-        let mean = fit
-            .pose
-            .iter()
-            .zip(conditional.mean(&rest))
-            .map(|(p, e)| p + e)
-            .collect();
-        let coefficients = self.coefficient_variance(&weights, Some(&conditional), &fit.support);
-        let variance = conditional
-            .variance
-            .iter()
-            .zip(coefficients)
-            .map(|(v, c)| v + c)
-            .collect();
-        Posterior { mean, variance }
-    }
-
-    fn typical(&self) -> ArrayView2<'_, f64> {
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
         self.typical.view()
     }
 

@@ -3,9 +3,9 @@
 use super::holdout::{damaged, hold_back};
 use super::{ASF2, PriorFamily, Setting, Task, TaskSettings, Trial, Tuning};
 use crate::Result;
-use crate::prior::Prior;
 use crate::prior::registry::Training;
 use crate::prior::training_set::TrainingSet;
+use crate::prior::{Prior, Want, posterior_rows};
 
 /// Beyond an edge of the grid the next value is so many times as far.
 const STRIDE: f64 = 2.0;
@@ -83,8 +83,10 @@ pub fn tune<'a>(
             let (_, prior) =
                 prior.insert(made.unwrap_or_else(|| (setting.inflation, learnt(setting))));
             let noise = told.mapv(|n| setting.noise_of(n));
-            let rest = prior.means(y.view(), noise.view()) - &truth;
-            rest.iter().map(|r| r * r).sum::<f64>() / rest.len() as f64
+            let answers = posterior_rows(&**prior, y.view(), noise.view(), Want::Mean);
+            let means = answers.iter().flat_map(|a| &a.mean);
+            let squares = means.zip(&truth).map(|(m, t)| (m - t) * (m - t));
+            squares.sum::<f64>() / truth.len() as f64
         });
         tuning.chosen.set(task, chosen);
         let tried = tried.into_iter().map(|(setting, mse)| Trial {

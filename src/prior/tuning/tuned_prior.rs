@@ -1,9 +1,9 @@
 //! A tuned prior in use.
 
 use super::{PriorFamily, Task, TaskSettings};
-use crate::pose::PoseTransform;
-use crate::prior::{Belief, Fit, Posterior, Prior};
-use ndarray::{Array2, ArrayView2};
+use crate::pose::{Observation, PoseTransform};
+use crate::prior::{Posterior, Prior, Reconstruction, Want};
+use ndarray::ArrayView2;
 use std::sync::Arc;
 
 /// A prior at each task's setting: the one that an observation is answered with is chosen by how it looks.
@@ -33,35 +33,24 @@ impl TunedPrior {
         &*self.priors[task as usize]
     }
 
-    /// The prior that answers an observation, and the noise it reckons with.
-    fn at(&self, noise: &[f64]) -> (&dyn Prior, Vec<f64>) {
-        let task = self.task(noise);
+    /// The variances (3 J) that a task's setting assumes.
+    fn assumed(&self, task: Task, variance: &[f64]) -> Vec<f64> {
         let setting = self.tuned.get(task);
-        let noise = noise.iter().map(|n| setting.noise_of(*n)).collect();
-        (self.prior(task), noise)
+        variance.iter().map(|n| setting.noise_of(*n)).collect()
     }
 
-    /// Runs of rows of the same task, answered together.
-    fn by_runs<T>(
+    /// Asks the prior of the observation's task, with the variances that its setting assumes.
+    fn ask<T>(
         &self,
-        y: ArrayView2<'_, f64>,
-        noise: ArrayView2<'_, f64>,
-        mut answer: impl FnMut(&dyn Prior, ArrayView2<'_, f64>, ArrayView2<'_, f64>) -> T,
-    ) -> Vec<T> {
-        let tasks: Vec<Task> = noise
-            .rows()
-            .into_iter()
-            .map(|r| self.task(&r.to_vec()))
-            .collect();
-        let (mut out, mut start) = (Vec::new(), 0);
-        for run in tasks.chunk_by(|a, b| a == b) {
-            let rows = ndarray::s![start..start + run.len(), ..];
-            let setting = self.tuned.get(run[0]);
-            let assumed = noise.slice(rows).mapv(|n| setting.noise_of(n));
-            out.push(answer(self.prior(run[0]), y.slice(rows), assumed.view()));
-            start += run.len();
-        }
-        out
+        observation: &Observation<'_>,
+        question: impl FnOnce(&dyn Prior, &Observation<'_>) -> T,
+    ) -> T {
+        let task = self.task(observation.variance);
+        let observation = Observation {
+            values: observation.values,
+            variance: &self.assumed(task, observation.variance),
+        };
+        question(self.prior(task), &observation)
     }
 }
 
@@ -78,71 +67,67 @@ fn shared(tuned: TaskSettings, make: &dyn Fn(usize) -> Box<dyn Prior>) -> [Arc<d
 }
 
 impl Prior for TunedPrior {
-    fn width(&self) -> usize {
-        self.priors[0].width()
+    fn residual_variance(&self) -> &[f64] {
+        self.prior(self.fixed.unwrap_or(Task::Sparse))
+            .residual_variance()
     }
 
-    fn variance(&self) -> &[f64] {
-        self.prior(self.fixed.unwrap_or(Task::Sparse)).variance()
+    fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
+        self.ask(observation, |prior, observation| {
+            prior.posterior(observation, want)
+        })
     }
 
-    fn believe(&self, y: &[f64], noise: &[f64]) -> Belief {
-        let (prior, noise) = self.at(noise);
-        prior.believe(y, &noise)
-    }
-
-    fn mean(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
-        let (prior, noise) = self.at(noise);
-        prior.mean(y, &noise)
-    }
-
-    fn evidence(&self, y: &[f64], noise: &[f64]) -> f64 {
-        let (prior, noise) = self.at(noise);
-        prior.evidence(y, &noise)
-    }
-
-    fn believe_all(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Belief> {
-        let runs = self.by_runs(y, noise, |prior, y, noise| prior.believe_all(y, noise));
-        runs.into_iter().flatten().collect()
-    }
-
-    fn means(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Array2<f64> {
-        let mut out = Array2::zeros(y.dim());
-        let mut start = 0;
-        for run in self.by_runs(y, noise, |prior, y, noise| prior.means(y, noise)) {
-            let rows = start..start + run.nrows();
-            start = rows.end;
-            out.slice_mut(ndarray::s![rows, ..]).assign(&run);
+    /// Runs of observations of one task are answered together.
+    fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
+        let assumed = batch.iter().map(|(o, _)| {
+            let task = self.task(o.variance);
+            (task, self.assumed(task, o.variance))
+        });
+        let assumed: Vec<(Task, Vec<f64>)> = assumed.collect();
+        let (mut out, mut rest) = (Vec::with_capacity(batch.len()), batch);
+        for run in assumed.chunk_by(|a, b| a.0 == b.0) {
+            let (own, others) = rest.split_at(run.len());
+            let own = own.iter().zip(run).map(|((o, want), (_, variance))| {
+                let values = o.values;
+                (Observation { values, variance }, *want)
+            });
+            out.extend(
+                self.prior(run[0].0)
+                    .posterior_batch(&own.collect::<Vec<_>>()),
+            );
+            rest = others;
         }
         out
     }
 
-    fn posteriors(&self, y: ArrayView2<'_, f64>, noise: ArrayView2<'_, f64>) -> Vec<Posterior> {
-        let runs = self.by_runs(y, noise, |prior, y, noise| prior.posteriors(y, noise));
-        runs.into_iter().flatten().collect()
+    fn reconstruct(
+        &self,
+        observation: &Observation<'_>,
+        previous: Option<&Reconstruction>,
+    ) -> Reconstruction {
+        self.ask(observation, |prior, observation| {
+            prior.reconstruct(observation, previous)
+        })
     }
 
-    fn fit(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
-        let (prior, noise) = self.at(noise);
-        prior.fit(y, &noise, before)
+    fn posterior_given(
+        &self,
+        observation: &Observation<'_>,
+        reconstruction: &Reconstruction,
+        want: Want,
+    ) -> Posterior {
+        self.ask(observation, |prior, observation| {
+            prior.posterior_given(observation, reconstruction, want)
+        })
     }
 
-    fn fit_often(&self, y: &[f64], noise: &[f64], before: Option<&Fit>) -> Fit {
-        let (prior, noise) = self.at(noise);
-        prior.fit_often(y, &noise, before)
-    }
-
-    fn posterior(&self, y: &[f64], noise: &[f64], fit: &Fit) -> Posterior {
-        let (prior, noise) = self.at(noise);
-        prior.posterior(y, &noise, fit)
-    }
-
-    fn as_told(&self) -> Option<&dyn Prior> {
+    fn untuned(&self) -> Option<&dyn Prior> {
         Some(self.prior(Task::Treated))
     }
 
-    fn typical(&self) -> ArrayView2<'_, f64> {
-        self.priors[0].typical()
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
+        self.priors[0].representative_poses()
     }
 
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {

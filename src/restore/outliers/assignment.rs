@@ -5,7 +5,7 @@ use super::leave_one_out::SCALES;
 use super::rigid_likelihood::log_odds;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::log_sum;
-use crate::prior::Belief;
+use crate::prior::Posterior;
 use crate::restore::rigid::distances::base_of;
 
 /// Assignments that the beam carries along, and that make an answer.
@@ -70,7 +70,7 @@ impl Hypothesis {
     fn next(
         &self,
         frame: &FrameState,
-        expected: &Belief,
+        expected: &Posterior,
         rows: &mut [Vec<Scaled>; 3],
     ) -> [Next; 2] {
         let (n, p) = (
@@ -147,7 +147,7 @@ impl Next {
     fn add(
         &mut self,
         frame: &FrameState,
-        expected: &Belief,
+        expected: &Posterior,
         (p, axis): (usize, usize),
         (known, off): (&[Scaled; 3], &Scaled),
         noise: f64,
@@ -193,7 +193,7 @@ fn products(a: &[Scaled], b: &[Scaled]) -> Scaled {
 }
 
 /// The likely assignments of the points in doubt, the heaviest first; the weights add up to one.
-pub fn likely(frame: &FrameState, expected: &Belief) -> Vec<Assignment> {
+pub fn likely(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
     let mut beam = vec![Hypothesis::of_nothing()];
     let mut rows: Vec<[Vec<Scaled>; 3]> = Vec::new();
     for _ in &frame.undecided {
@@ -225,7 +225,7 @@ pub fn likely(frame: &FrameState, expected: &Belief) -> Vec<Assignment> {
 /// The likeliest hypotheses with the next point, the likeliest first. `rows` is room.
 fn widened(
     frame: &FrameState,
-    expected: &Belief,
+    expected: &Posterior,
     beam: Vec<Hypothesis>,
     rows: &mut Vec<[Vec<Scaled>; 3]>,
 ) -> Vec<Hypothesis> {

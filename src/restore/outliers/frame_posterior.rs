@@ -25,7 +25,7 @@ use super::rescoring;
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::rigid_pairs::RigidPairs;
-use crate::prior::{Belief, EXACT_VARIANCE, Prior};
+use crate::prior::{EXACT_VARIANCE, Posterior, Prior};
 use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
 use crate::restore::rigid::uncertainty;
 use ndarray::{Array2, ArrayView2};
@@ -43,7 +43,7 @@ const CHUNK: usize = 16;
 #[derive(Debug, Clone)]
 pub struct Found {
     /// The pose. Its evidence is that of one assignment, and is not to be compared.
-    pub belief: Belief,
+    pub belief: Posterior,
     /// The probability that each point is corrupt.
     pub corrupt: Vec<f64>,
     /// The variance of the noise that was found of each coordinate, cm².
@@ -57,7 +57,7 @@ struct Answer {
     weight: f64,
     /// One a point in doubt.
     corrupt: Vec<bool>,
-    belief: Belief,
+    belief: Posterior,
 }
 
 /// Restores frames (rows of `y`, cm) some points of which may be corrupt; `noise_variance` are the variances of what is clean
@@ -69,7 +69,7 @@ pub fn restore(
     y: ArrayView2<'_, f64>,
     noise_variance: ArrayView2<'_, f64>,
 ) -> Vec<Found> {
-    let prior = prior.as_told().unwrap_or(prior);
+    let prior = prior.untuned().unwrap_or(prior);
     let mut frames: Vec<FrameState> = flat(parallel::map_chunks(y.nrows(), CHUNK, |rows| {
         rows.map(|t| {
             FrameState::new(
@@ -101,11 +101,11 @@ struct Assigned {
     /// So many of them are asked of the prior.
     heavy: usize,
     /// What is expected of the points in doubt; not read where there are none: their one assignment is heavy.
-    expected: Belief,
+    expected: Posterior,
 }
 
 impl Assigned {
-    fn new(assignments: Vec<Assignment>, expected: Belief) -> Self {
+    fn new(assignments: Vec<Assignment>, expected: Posterior) -> Self {
         let least = ASKED * assignments[0].weight;
         Assigned {
             heavy: assignments.iter().filter(|a| a.weight >= least).count(),
@@ -120,7 +120,7 @@ impl Assigned {
             corrupt: Vec::new(),
             noise_variance: 0.0,
         };
-        Assigned::new(vec![one], Belief::default())
+        Assigned::new(vec![one], Posterior::default())
     }
 }
 
@@ -141,7 +141,7 @@ fn answer(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Vec<Answer>>
     let frames = frames.iter().zip(all);
     frames
         .map(|(frame, own)| {
-            let noise_variance: Vec<Belief> = noise_variance.by_ref().take(own.heavy).collect();
+            let noise_variance: Vec<Posterior> = noise_variance.by_ref().take(own.heavy).collect();
             answers(frame, own, noise_variance)
         })
         .collect()
@@ -174,7 +174,7 @@ fn assign(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Assigned> {
 }
 
 /// The answers of a frame's assignments; those of the heavy are `noise_variance` by the prior.
-fn answers(frame: &FrameState, mut own: Assigned, noise_variance: Vec<Belief>) -> Vec<Answer> {
+fn answers(frame: &FrameState, mut own: Assigned, noise_variance: Vec<Posterior>) -> Vec<Answer> {
     weigh_anew(&mut own.assignments[..own.heavy], &noise_variance);
     let mut noise_variance = noise_variance.into_iter();
     own.assignments
@@ -190,10 +190,10 @@ fn answers(frame: &FrameState, mut own: Assigned, noise_variance: Vec<Belief>) -
 
 /// Weighs the heavy assignments by the tempered evidence of what the prior `noise_variance` under each; together they weigh what they
 /// did.
-fn weigh_anew(heavy: &mut [Assignment], noise_variance: &[Belief]) {
+fn weigh_anew(heavy: &mut [Assignment], noise_variance: &[Posterior]) {
     let mass: f64 = heavy.iter().map(|a| a.weight).sum();
     let logs: Vec<f64> = (heavy.iter().zip(noise_variance))
-        .map(|(a, b)| a.noise_variance + TEMPERATURE * b.evidence)
+        .map(|(a, b)| a.noise_variance + TEMPERATURE * b.log_evidence)
         .map(|log| if log.is_nan() { f64::NEG_INFINITY } else { log })
         .collect();
     let total = log_sum(&logs);
@@ -218,11 +218,11 @@ fn gather(frame: FrameState, mut answers: Vec<Answer>) -> Found {
         .iter()
         .map(|c| f64::from(u8::from(*c)))
         .collect();
-    let mut belief = Belief {
-        mean: vec![0.0; d],
-        covariance: Array2::zeros((d, d)),
-        evidence: answers.first().map_or(0.0, |a| a.belief.evidence),
-    };
+    let mut belief = Posterior::full(
+        vec![0.0; d],
+        Array2::zeros((d, d)),
+        answers.first().map_or(0.0, |a| a.belief.log_evidence),
+    );
     for (at, p) in frame.undecided.iter().enumerate() {
         let of_corrupt = answers.iter().filter(|a| a.corrupt[at]);
         corrupt[*p] = of_corrupt.map(|a| a.weight).sum();

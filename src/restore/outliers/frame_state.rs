@@ -2,7 +2,7 @@
 
 use super::rigid_likelihood::{DistanceTerm, RigidLikelihood};
 use crate::prior::rigid_pairs::RigidPairs;
-use crate::prior::{Belief, EXACT_VARIANCE, Prior};
+use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Want, posterior_rows};
 use crate::restore::rigid::body_lengths::BodyMixture;
 use ndarray::Array2;
 
@@ -125,11 +125,11 @@ pub fn expected_by_prior(
     prior: &dyn Prior,
     rows: &[usize],
     of: impl Fn(usize) -> (Vec<f64>, Vec<f64>),
-) -> Vec<Belief> {
+) -> Vec<Posterior> {
     if rows.is_empty() {
         return Vec::new();
     }
-    let d = prior.width();
+    let d = prior.residual_variance().len();
     let (mut y, mut noise) = (
         Array2::zeros((rows.len(), d)),
         Array2::zeros((rows.len(), d)),
@@ -142,5 +142,5 @@ pub fn expected_by_prior(
             noise[[i, c]] = b[c];
         }
     }
-    prior.believe_all(y.view(), noise.view())
+    posterior_rows(prior, y.view(), noise.view(), Want::Covariance)
 }

@@ -3,7 +3,7 @@
 
 use super::frame_state::FrameState;
 use crate::numeric::small_linalg::{backward, factorise, forward};
-use crate::prior::Belief;
+use crate::prior::Posterior;
 use crate::restore::rigid::distances::MIN_OUTLIER_VARIANCE;
 use glam::DMat3;
 
@@ -26,7 +26,7 @@ pub struct LeaveOneOut {
 /// The points in doubt of a frame, shown.
 pub struct Reinserted<'a> {
     frame: &'a FrameState,
-    expected: &'a Belief,
+    expected: &'a Posterior,
     /// The coordinates of the points in doubt.
     at: Vec<usize>,
     /// Of all coordinates.
@@ -39,7 +39,7 @@ pub struct Reinserted<'a> {
 
 impl<'a> Reinserted<'a> {
     /// Under an assignment, which has one a point in doubt; `expected` is what is expected of the frame without them.
-    pub fn of(frame: &'a FrameState, expected: &'a Belief, assigned: &[bool]) -> Reinserted<'a> {
+    pub fn of(frame: &'a FrameState, expected: &'a Posterior, assigned: &[bool]) -> Reinserted<'a> {
         let noise = frame.noise(Some(assigned));
         let at: Vec<usize> = frame
             .undecided
@@ -69,7 +69,7 @@ impl<'a> Reinserted<'a> {
     }
 
     /// What is expected of all points.
-    pub fn belief(&self) -> Belief {
+    pub fn belief(&self) -> Posterior {
         let n = self.at.len();
         let mut out = self.expected.clone();
         for (i, pull) in self.at.iter().zip(&self.pull) {
@@ -137,7 +137,7 @@ mod tests {
     use ndarray::Array2;
 
     /// Four points that are expected to move together, seen elsewhere, with some of them in doubt.
-    fn frame(undecided: &[usize]) -> (FrameState, Belief) {
+    fn frame(undecided: &[usize]) -> (FrameState, Posterior) {
         let pairs = RigidPairs::default();
         let y: Vec<f64> = (0..12).map(|i| f64::from((7 * i) % 5)).collect();
         let noise_variance: Vec<f64> = (0..12).map(|i| f64::from(i % 4) * 0.1).collect();
@@ -148,10 +148,10 @@ mod tests {
             0 => 3.0,
             d => 2.0 / (1.0 + d as f64),
         };
-        let expected = Belief {
+        let expected = Posterior {
             mean: vec![1.0; 12],
             covariance: Array2::from_shape_fn((12, 12), |(i, j)| of(i, j)),
-            evidence: 0.0,
+            ..Posterior::default()
         };
         (frame, expected)
     }

@@ -5,7 +5,7 @@ use super::frame_state::{FrameState, MOST, expected_by_prior};
 use super::leave_one_out::{LeaveOneOut, Reinserted, SCALES};
 use super::rigid_likelihood::log_odds;
 use crate::numeric::small_linalg::{factorise, forward, log_sum};
-use crate::prior::{Belief, Prior};
+use crate::prior::{Posterior, Prior};
 use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, base_of, is_seen};
 use glam::DMat3;
 
@@ -49,7 +49,7 @@ pub fn narrow(prior: &dyn Prior, frames: &mut [FrameState]) {
 /// `expected` is what was asked with [`FrameState::noise`] of no assignment; that stays what it was, as it is no less than the worst
 /// distance's. Slabs only rise, also at a second look; what the distances tell of who is corrupt stays what their own slabs
 /// made of it.
-pub fn farther(frame: &mut FrameState, expected: &Belief) {
+pub fn farther(frame: &mut FrameState, expected: &Posterior) {
     let shown = frame.noise(None);
     let may = |p: &usize| frame.corrupt[*p] || frame.undecided.contains(p);
     let may: Vec<usize> = (0..frame.points()).filter(may).collect();
@@ -68,7 +68,7 @@ pub fn farther(frame: &mut FrameState, expected: &Belief) {
 
 /// Judges all points anew, by what the others expect of each under the likely assignments. `expected` is what is expected of
 /// the points in doubt without them.
-pub fn again(frame: &mut FrameState, expected: &Belief, assignments: &[Assignment]) {
+pub fn again(frame: &mut FrameState, expected: &Posterior, assignments: &[Assignment]) {
     // What each assignment expects of a point: of those in doubt it is known without them, of the others by leaving them out,
     // which tells of those that were not exact.
     let noise = frame.noise(None);
@@ -126,7 +126,7 @@ fn logs(frame: &FrameState, expected: &LeaveOneOut, p: usize) -> Option<[f64; 2]
 /// What a belief would be of a point without its own observation of variance `r` (infinite: it had none). `None` where it leaves
 /// more open than the observation's own noise, as blocks that compete may: it is no Gaussian then; or nearly as much: what is
 /// believed is what was seen, and tells nothing of what the others say.
-fn left_out(y: &[f64], belief: &Belief, p: usize, r: f64) -> Option<LeaveOneOut> {
+fn left_out(y: &[f64], belief: &Posterior, p: usize, r: f64) -> Option<LeaveOneOut> {
     // P_cav = P (I − P/r)⁻¹ and y − m_cav = (I − P/r)⁻¹ (y − m).
     let left = |by: f64| -> [f64; 9] {
         std::array::from_fn(|k| {
@@ -194,12 +194,12 @@ mod tests {
         let mean =
             (0..3).map(|i| m[i] + (0..3).map(|c| gain[3 * i + c] * (y[c] - m[c])).sum::<f64>());
         let noise_variance = product(&gain, &s);
-        let belief = Belief {
+        let belief = Posterior {
             mean: mean.collect(),
             covariance: Array2::from_shape_fn((3, 3), |(i, j)| {
                 s[3 * i + j] - noise_variance[3 * i + j]
             }),
-            evidence: 0.0,
+            ..Posterior::default()
         };
         let LeaveOneOut { off, covariance } = left_out(&y, &belief, 0, r).unwrap();
         for k in 0..3 {
@@ -224,10 +224,10 @@ mod tests {
 
     #[test]
     fn a_belief_that_leaves_more_open_than_the_noise_tells_nothing() {
-        let belief = |v: f64| Belief {
+        let belief = |v: f64| Posterior {
             mean: vec![0.0; 3],
             covariance: Array2::eye(3) * v,
-            evidence: 0.0,
+            ..Posterior::default()
         };
         assert!(left_out(&[1.0; 3], &belief(0.9), 0, 1.0).is_some());
         assert!(left_out(&[1.0; 3], &belief(1.1), 0, 1.0).is_none());
@@ -255,11 +255,11 @@ mod tests {
         (frame, pose)
     }
 
-    fn belief(mean: Vec<f64>, variance: &[f64]) -> Belief {
-        Belief {
+    fn belief(mean: Vec<f64>, variance: &[f64]) -> Posterior {
+        Posterior {
             mean,
             covariance: Array2::from_diag(&ndarray::arr1(variance)),
-            evidence: 0.0,
+            ..Posterior::default()
         }
     }
 

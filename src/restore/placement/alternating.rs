@@ -9,15 +9,15 @@
 //! Gauss-Newton otherwise. The code keeps its old support, refitted, where greedy coding anew would be worse, so the
 //! objective never rises. It is not convex: headings to start from are found by fitting typical poses to the points, so
 //! a turned observation gives the turned answer. From each heading the evidence of a model that tells its slope
-//! ([`Prior::slope`]) is climbed instead.
+//! ([`Prior::evidence_gradient`]) is climbed instead.
 
 use super::evidence::{self, Ascent};
+use crate::pose::Observation;
 use crate::pose::rotation::angle_between;
 use crate::pose::rotation::{angles_zyx_between, rotation_zyx, rotation_zyx_derivatives};
 use crate::pose::similarity::{TransformKind, fit_similarity};
 use crate::pose::{Anchor, Similarity};
-use crate::prior::{Fit, Prior};
-use crate::restore::observed::{Observed, pointwise};
+use crate::prior::{Prior, Reconstruction};
 use glam::{DMat3, DVec3};
 
 /// Headings nearer to each other than this are one (radians).
@@ -54,7 +54,7 @@ pub struct PlacementSolution {
     pub placement: Similarity,
     /// The code in the model's space; its objective is (7), the rotation prior's part left out. None where the evidence was
     /// climbed: that needs no code.
-    pub fit: Option<Fit>,
+    pub fit: Option<Reconstruction>,
     /// (7) whole; where the evidence was climbed, −2 times what that file maximises.
     pub objective: f64,
     /// Alternations or steps made from the heading that won.
@@ -68,7 +68,7 @@ impl PlacementSolver {
     pub fn solve(
         &self,
         prior: &dyn Prior,
-        seen: Observed<'_>,
+        seen: Observation<'_>,
         anchor: &Anchor,
         known: &[Similarity],
     ) -> Option<PlacementSolution> {
@@ -102,7 +102,7 @@ impl PlacementSolver {
     pub fn follow(
         &self,
         prior: &dyn Prior,
-        seen: Observed<'_>,
+        seen: Observation<'_>,
         anchor: &Anchor,
         before: &PlacementSolution,
     ) -> Option<PlacementSolution> {
@@ -117,11 +117,11 @@ impl PlacementSolver {
     fn headings(
         &self,
         prior: &dyn Prior,
-        seen: Observed<'_>,
+        seen: Observation<'_>,
         known: &[Similarity],
     ) -> Option<Vec<Similarity>> {
-        let points = seen.points(prior.variance());
-        let typical = prior.typical();
+        let points = seen.points(prior.residual_variance());
+        let typical = prior.representative_poses();
         let fits = typical.rows().into_iter().map(|pose| {
             let at = |j: usize| DVec3::new(pose[3 * j], pose[3 * j + 1], pose[3 * j + 2]);
             fit_similarity(
@@ -163,16 +163,20 @@ impl PlacementSolver {
     fn descend(
         &self,
         prior: &dyn Prior,
-        seen: Observed<'_>,
+        seen: Observation<'_>,
         anchor: &Anchor,
         start: Similarity,
-        before: Option<&Fit>,
+        before: Option<&Reconstruction>,
     ) -> PlacementSolution {
-        let mut back = vec![0.0; seen.y.len()];
-        let noise = pointwise(seen.noise);
-        let mut code = |placement: &Similarity, before: Option<&Fit>| {
-            placement.undo_pose(seen.y, &mut back);
-            prior.fit_often(&back, &noise, before)
+        let mut back = vec![0.0; seen.values.len()];
+        let noise = seen.pointwise_variance();
+        let mut code = |placement: &Similarity, before: Option<&Reconstruction>| {
+            placement.undo_pose(seen.values, &mut back);
+            let seen = Observation {
+                values: &back,
+                variance: &noise,
+            };
+            prior.reconstruct(&seen, before)
         };
         let mut placement = match before {
             Some(before) => self.place(prior, seen, anchor, &start, &start, before),
@@ -216,14 +220,17 @@ impl PlacementSolver {
     fn place(
         &self,
         prior: &dyn Prior,
-        seen: Observed<'_>,
+        seen: Observation<'_>,
         anchor: &Anchor,
         start: &Similarity,
         now: &Similarity,
-        fit: &Fit,
+        fit: &Reconstruction,
     ) -> Similarity {
         let at = |j: usize| DVec3::from_slice(&fit.pose[3 * j..3 * j + 3]);
-        let pairs = || seen.points(prior.variance()).map(|(j, y, w)| (at(j), y, w));
+        let pairs = || {
+            seen.points(prior.residual_variance())
+                .map(|(j, y, w)| (at(j), y, w))
+        };
         if self.rotation_prior == DVec3::ZERO {
             return match fit_similarity(pairs(), TransformKind::Rigid) {
                 Some(f) => f.similarity,
@@ -239,14 +246,14 @@ impl PlacementSolver {
     fn shifted(
         &self,
         prior: &dyn Prior,
-        seen: Observed<'_>,
+        seen: Observation<'_>,
         anchor: &Anchor,
         start: Similarity,
-        fit: Option<&Fit>,
+        fit: Option<&Reconstruction>,
     ) -> Similarity {
         if let Some(fit) = fit {
             let (mut weight, mut sum) = (0.0, DVec3::ZERO);
-            for (j, y, w) in seen.points(prior.variance()) {
+            for (j, y, w) in seen.points(prior.residual_variance()) {
                 weight += w;
                 sum += (y - start.rotation * DVec3::from_slice(&fit.pose[3 * j..3 * j + 3])) * w;
             }
@@ -259,12 +266,14 @@ impl PlacementSolver {
                 ..start
             };
         }
-        let root = anchor
-            .root
-            .filter(|&r| seen.noise[3 * r..3 * r + 3].iter().all(|n| n.is_finite()));
+        let root = anchor.root.filter(|&r| {
+            seen.variance[3 * r..3 * r + 3]
+                .iter()
+                .all(|n| n.is_finite())
+        });
         match root {
             Some(r) => Similarity {
-                shift: DVec3::from_slice(&seen.y[3 * r..]),
+                shift: DVec3::from_slice(&seen.values[3 * r..]),
                 ..start
             },
             None => start,
@@ -390,9 +399,9 @@ mod tests {
             iterations: 3,
             ..PlacementSolver::default()
         };
-        let seen = Observed {
-            y: &y,
-            noise: &noise,
+        let seen = Observation {
+            values: &y,
+            variance: &noise,
         };
         let first = solver.solve(&prior, seen, &anchor, &[]).unwrap();
         let again = solver.follow(&prior, seen, &anchor, &first).unwrap();
@@ -404,9 +413,9 @@ mod tests {
         );
         // A joint is dragged: the code and the placement follow it.
         y[12] += 3.0;
-        let seen = Observed {
-            y: &y,
-            noise: &noise,
+        let seen = Observation {
+            values: &y,
+            variance: &noise,
         };
         let alone = solver
             .solve(&prior, seen, &anchor, &[first.placement])
@@ -418,9 +427,9 @@ mod tests {
         let hidden: Vec<f64> = (0..18)
             .map(|c| if c < 6 { 0.0 } else { f64::INFINITY })
             .collect();
-        let seen = Observed {
-            y: &y,
-            noise: &hidden,
+        let seen = Observation {
+            values: &y,
+            variance: &hidden,
         };
         assert!(solver.follow(&prior, seen, &anchor, &again).is_none());
     }

@@ -11,11 +11,11 @@
 
 use super::alternating::{PlacementSolution, PlacementSolver};
 use crate::numeric::linalg::cholesky_solve;
+use crate::pose::Observation;
 use crate::pose::Similarity;
 use crate::pose::rotation::{angle_between, from_rotation_vector};
 use crate::pose::rotation::{angles_zyx_between, rotation_zyx, rotation_zyx_derivatives};
-use crate::prior::{Prior, Slope};
-use crate::restore::observed::{Observed, pointwise};
+use crate::prior::{EvidenceGradient, Prior};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
@@ -47,11 +47,11 @@ pub enum Ascent {
 pub fn maximize(
     solver: &PlacementSolver,
     prior: &dyn Prior,
-    seen: Observed<'_>,
+    seen: Observation<'_>,
     start: Similarity,
     tops: &[Similarity],
 ) -> Ascent {
-    let noise = pointwise(seen.noise);
+    let noise = seen.pointwise_variance();
     let climber = EvidenceProblem {
         prior,
         seen,
@@ -74,7 +74,7 @@ pub fn maximize(
         if weights != DVec3::ZERO {
             add_wish(&mut slope, weights, &start, &now);
         }
-        let value = slope.evidence - cost(&now);
+        let value = slope.log_evidence - cost(&now);
         loop {
             let Some((step, gain)) = step(&slope, damping) else {
                 break 'steps;
@@ -82,14 +82,14 @@ pub fn maximize(
             let next = climber.moved(&now, &step);
             if gain <= SETTLED && damping <= UNDAMPED {
                 // What it gains is below what the evidence is told to: no slope is worth its time there.
-                slope.evidence = value + gain + cost(&next);
+                slope.log_evidence = value + gain + cost(&next);
                 now = next;
                 break 'steps;
             }
             let Some(there) = climber.slope(&next) else {
                 return Ascent::Flat;
             };
-            if there.evidence - cost(&next) >= value - if gain <= ROUGH { ROUGH } else { 0.0 } {
+            if there.log_evidence - cost(&next) >= value - if gain <= ROUGH { ROUGH } else { 0.0 } {
                 (now, slope) = (next, there);
                 damping = (damping * 0.2).max(1e-9);
                 break;
@@ -103,13 +103,13 @@ pub fn maximize(
     Ascent::Top(PlacementSolution {
         placement: now,
         fit: None,
-        objective: 2.0 * (cost(&now) - slope.evidence),
+        objective: 2.0 * (cost(&now) - slope.log_evidence),
         iterations: steps,
     })
 }
 
 /// Adds the wish to stay near the start: with the angles' change by a turn J = ∂τ/∂δ, Jᵀ W τ and Jᵀ W J.
-fn add_wish(slope: &mut Slope, weights: DVec3, start: &Similarity, now: &Similarity) {
+fn add_wish(slope: &mut EvidenceGradient, weights: DVec3, start: &Similarity, now: &Similarity) {
     let angles = angles_zyx_between(&start.rotation, &now.rotation);
     // ∂R/∂τ Rᵀ is the cross product with the axis that the angle turns about.
     let axes = rotation_zyx_derivatives(angles).map(|d| {
@@ -130,24 +130,24 @@ fn add_wish(slope: &mut Slope, weights: DVec3, start: &Similarity, now: &Similar
 /// An observation that is to be placed.
 struct EvidenceProblem<'a> {
     prior: &'a dyn Prior,
-    seen: Observed<'a>,
+    seen: Observation<'a>,
     noise: Vec<f64>,
     centre: DVec3,
 }
 
 impl EvidenceProblem<'_> {
     /// The slope of the evidence at a placement: along three turns about the centre, then three shifts.
-    fn slope(&self, at: &Similarity) -> Option<Slope> {
-        let d = self.seen.y.len();
+    fn slope(&self, at: &Similarity) -> Option<EvidenceGradient> {
+        let d = self.seen.values.len();
         let mut back = vec![0.0; d];
-        at.undo_pose(self.seen.y, &mut back);
+        at.undo_pose(self.seen.values, &mut back);
         let to_model = at.rotation.transpose();
         let mut moves = vec![vec![0.0; d]; 6];
         for p in 0..d / 3 {
             if !self.noise[3 * p].is_finite() {
                 continue;
             }
-            let from_centre = DVec3::from_slice(&self.seen.y[3 * p..]) - self.centre;
+            let from_centre = DVec3::from_slice(&self.seen.values[3 * p..]) - self.centre;
             for (k, axis) in DVec3::AXES.into_iter().enumerate() {
                 let turned = -(to_model * axis.cross(from_centre));
                 let shifted = -(to_model * axis);
@@ -155,7 +155,11 @@ impl EvidenceProblem<'_> {
                 moves[3 + k][3 * p..3 * p + 3].copy_from_slice(&shifted.to_array());
             }
         }
-        self.prior.slope(&back, &self.noise, &moves)
+        let seen = Observation {
+            values: &back,
+            variance: &self.noise,
+        };
+        self.prior.evidence_gradient(&seen, &moves)
     }
 
     fn is_near(&self, a: &Similarity, b: &Similarity) -> bool {
@@ -176,8 +180,11 @@ impl EvidenceProblem<'_> {
 }
 
 /// The centre of what is seen.
-fn centre(seen: Observed<'_>) -> DVec3 {
-    let points = seen.y.chunks_exact(3).zip(seen.noise.chunks_exact(3));
+fn centre(seen: Observation<'_>) -> DVec3 {
+    let points = seen
+        .values
+        .chunks_exact(3)
+        .zip(seen.variance.chunks_exact(3));
     let points = points.filter(|(_, n)| n.iter().all(|n| n.is_finite()));
     let (sum, count) = points.fold((DVec3::ZERO, 0.0), |(sum, count), (y, _)| {
         (sum + DVec3::from_slice(y), count + 1.0)
@@ -186,7 +193,7 @@ fn centre(seen: Observed<'_>) -> DVec3 {
 }
 
 /// A Newton step, damped, and what it is to gain.
-fn step(slope: &Slope, damping: f64) -> Option<([f64; 6], f64)> {
+fn step(slope: &EvidenceGradient, damping: f64) -> Option<([f64; 6], f64)> {
     let mut normal = Array2::from_shape_fn((6, 6), |(i, j)| slope.curvature[6 * i + j]);
     for k in 0..6 {
         normal[[k, k]] += damping * slope.curvature[7 * k] + 1e-9;
@@ -209,33 +216,39 @@ fn step(slope: &Slope, damping: f64) -> Option<([f64; 6], f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::prior::Belief;
+    use crate::prior::{Posterior, Want};
     use ndarray::ArrayView2;
 
     /// Points that are known to within 1 cm, in a corner of space.
     struct Corner(Vec<f64>, Array2<f64>);
 
     impl Prior for Corner {
-        fn width(&self) -> usize {
-            self.0.len()
-        }
-        fn variance(&self) -> &[f64] {
+        fn residual_variance(&self) -> &[f64] {
             &self.0
         }
-        fn believe(&self, _: &[f64], _: &[f64]) -> Belief {
-            Belief::default()
+        fn posterior(&self, _: &Observation<'_>, _: Want) -> Posterior {
+            Posterior::default()
         }
-        fn slope(&self, y: &[f64], _: &[f64], moves: &[Vec<f64>]) -> Option<Slope> {
+        fn evidence_gradient(
+            &self,
+            seen: &Observation<'_>,
+            moves: &[Vec<f64>],
+        ) -> Option<EvidenceGradient> {
             let along = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-            let off: Vec<f64> = y.iter().zip(&self.0).map(|(y, m)| y - m).collect();
+            let off: Vec<f64> = seen
+                .values
+                .iter()
+                .zip(&self.0)
+                .map(|(y, m)| y - m)
+                .collect();
             let pairs = moves.iter().flat_map(|a| moves.iter().map(|b| along(a, b)));
-            Some(Slope {
-                evidence: -0.5 * along(&off, &off),
+            Some(EvidenceGradient {
+                log_evidence: -0.5 * along(&off, &off),
                 gradient: moves.iter().map(|m| -along(m, &off)).collect(),
                 curvature: pairs.collect(),
             })
         }
-        fn typical(&self) -> ArrayView2<'_, f64> {
+        fn representative_poses(&self) -> ArrayView2<'_, f64> {
             self.1.view()
         }
         fn mapped(&self, _: &crate::pose::PoseTransform) -> Box<dyn Prior> {
@@ -257,9 +270,9 @@ mod tests {
         let mut y = vec![0.0; 12];
         stands.apply_pose(&pose, &mut y);
         let noise = vec![1.0; 12];
-        let seen = Observed {
-            y: &y,
-            noise: &noise,
+        let seen = Observation {
+            values: &y,
+            variance: &noise,
         };
         let start = Similarity {
             rotation: from_rotation_vector(DVec3::new(0.0, 0.4, 0.0)),
@@ -294,7 +307,11 @@ mod tests {
             let value = |at: &Similarity| {
                 let mut back = vec![0.0; 12];
                 at.undo_pose(&y, &mut back);
-                let evidence = prior.slope(&back, &noise, &[]).unwrap().evidence;
+                let seen = Observation {
+                    values: &back,
+                    variance: &noise,
+                };
+                let evidence = prior.evidence_gradient(&seen, &[]).unwrap().log_evidence;
                 wish.prior_cost(at, &start) - 2.0 * evidence
             };
             let best = value(&held.placement);

@@ -6,30 +6,30 @@
 //! pass through the origin.
 
 use super::alternating::PlacementSolver;
+use crate::pose::Observation;
 use crate::pose::rotation::from_rotation_vector;
 use crate::pose::{PoseTransform, Similarity};
-use crate::prior::{Fit, Prior};
+use crate::prior::{Prior, Reconstruction, Want};
 use crate::restore::frame_restorer::{RestoredFrame, point_sd};
-use crate::restore::observed::Observed;
 use glam::{DMat3, DVec3};
 
 /// Restores one frame with points observed in part, from where it is `known` to stand or else from the headings that typical
 /// poses suggest. `None` with fewer than four points.
 pub fn restore(
     prior: &dyn Prior,
-    seen: Observed<'_>,
+    seen: Observation<'_>,
     solver: &PlacementSolver,
     known: Option<Similarity>,
 ) -> Option<RestoredFrame> {
     let count = seen
-        .noise
+        .variance
         .chunks_exact(3)
         .filter(|n| n.iter().any(|v| v.is_finite()))
         .count();
     if count < 4 {
         return None;
     }
-    let mut best: Option<(Fit, DMat3, DVec3)> = None;
+    let mut best: Option<(Reconstruction, DMat3, DVec3)> = None;
     let starts = match known {
         Some(known) => vec![(known.rotation, known.shift)],
         None => starts(prior, seen, solver.headings),
@@ -47,7 +47,7 @@ pub fn restore(
     // The depth of the whole is not observed: the model's origin gets depth 0 where nothing says otherwise.
     for axis in 0..3 {
         if seen
-            .noise
+            .variance
             .iter()
             .skip(axis)
             .step_by(3)
@@ -57,8 +57,12 @@ pub fn restore(
         }
     }
     let turned = prior.mapped(&PoseTransform::Rotate(rotation));
-    let moved = shifted(seen.y, -shift);
-    let posterior = turned.posterior(&moved, seen.noise, &fit);
+    let moved = shifted(seen.values, -shift);
+    let moved_observation = Observation {
+        values: &moved,
+        variance: seen.variance,
+    };
+    let posterior = turned.posterior_given(&moved_observation, &fit, Want::Variances);
     Some(RestoredFrame {
         mean: shifted(&posterior.mean, shift),
         sd: point_sd(&posterior.variance),
@@ -79,23 +83,33 @@ fn shifted(pose: &[f64], by: DVec3) -> Vec<f64> {
 }
 
 /// The coordinates observed: (index, value, weight).
-fn observed(prior: &dyn Prior, seen: Observed<'_>) -> Vec<(usize, f64, f64)> {
-    (0..seen.y.len())
-        .filter(|&i| seen.noise[i].is_finite())
-        .map(|i| (i, seen.y[i], 1.0 / (seen.noise[i] + prior.variance()[i])))
+fn observed(prior: &dyn Prior, seen: Observation<'_>) -> Vec<(usize, f64, f64)> {
+    (0..seen.values.len())
+        .filter(|&i| seen.variance[i].is_finite())
+        .map(|i| {
+            (
+                i,
+                seen.values[i],
+                1.0 / (seen.variance[i] + prior.residual_variance()[i]),
+            )
+        })
         .collect()
 }
 
 /// Alternates code and placement from one start; the objective never rises.
 fn descend(
     prior: &dyn Prior,
-    seen: Observed<'_>,
+    seen: Observation<'_>,
     start: (DMat3, DVec3),
     iterations: usize,
-) -> (Fit, DMat3, DVec3) {
-    let code = |r: DMat3, t: DVec3, before: Option<&Fit>| {
+) -> (Reconstruction, DMat3, DVec3) {
+    let code = |r: DMat3, t: DVec3, before: Option<&Reconstruction>| {
         let turned = prior.mapped(&PoseTransform::Rotate(r));
-        turned.fit(&shifted(seen.y, -t), seen.noise, before)
+        let moved = Observation {
+            values: &shifted(seen.values, -t),
+            variance: seen.variance,
+        };
+        turned.reconstruct(&moved, before)
     };
     let coordinates = observed(prior, seen);
     let (mut rotation, mut shift) = start;
@@ -198,14 +212,19 @@ fn solve6(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> [f64; 6] {
 ///
 /// The affine map M (2 x 3) that carries a typical pose onto the picture is linear least squares; the nearest pair of
 /// orthonormal rows gives the rotation.
-fn starts(prior: &dyn Prior, seen: Observed<'_>, most: usize) -> Vec<(DMat3, DVec3)> {
-    let planar: Vec<(usize, DVec3)> = (0..seen.y.len() / 3)
-        .filter(|j| seen.noise[3 * j].is_finite() && seen.noise[3 * j + 1].is_finite())
-        .map(|j| (j, DVec3::new(seen.y[3 * j], seen.y[3 * j + 1], 0.0)))
+fn starts(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<(DMat3, DVec3)> {
+    let planar: Vec<(usize, DVec3)> = (0..seen.values.len() / 3)
+        .filter(|j| seen.variance[3 * j].is_finite() && seen.variance[3 * j + 1].is_finite())
+        .map(|j| {
+            (
+                j,
+                DVec3::new(seen.values[3 * j], seen.values[3 * j + 1], 0.0),
+            )
+        })
         .collect();
     let centre = planar.iter().map(|(_, y)| *y).sum::<DVec3>() / planar.len().max(1) as f64;
     let mut found = Vec::new();
-    for typical in prior.typical().rows() {
+    for typical in prior.representative_poses().rows() {
         let at = |j: usize| DVec3::new(typical[3 * j], typical[3 * j + 1], typical[3 * j + 2]);
         let middle = planar.iter().map(|(j, _)| at(*j)).sum::<DVec3>() / planar.len().max(1) as f64;
         let (mut spread, mut cross) = (DMat3::IDENTITY * 1e-3, DMat3::ZERO);

@@ -16,9 +16,10 @@ pub mod uncertainty;
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::parallel;
+use crate::pose::Observation;
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::tuning::Task;
-use crate::prior::{Enough, Posterior, Prior};
+use crate::prior::{Posterior, Prior, Want};
 use crate::restore::outliers::frame_posterior;
 use crate::restore::outliers::rigid_likelihood::RigidLikelihood;
 use body_lengths::BodyMixture;
@@ -176,7 +177,7 @@ impl RigidModel {
     }
 
     /// Restores poses in the prior's space: rows of `y` (cm) with the variance of each number's noise (cm²; infinite
-    /// missing), as [`Prior::believe_all`] takes them. Numbers told to be exact stay as they are, unless their point is
+    /// missing), as [`Prior::posterior_batch`] takes them. Numbers told to be exact stay as they are, unless their point is
     /// found to be corrupt.
     pub fn restore(
         &self,
@@ -203,50 +204,51 @@ impl RigidModel {
                 }
             });
         }
-        let noise_variance = |t: usize| noise.row(t).to_vec();
-        // Of a dense answer that leaves much open nothing is made use of beyond how sure each coordinate is.
-        let enough =
-            noise
-                .rows()
-                .into_iter()
-                .map(|noise_variance| match noise_variance.as_slice() {
-                    Some(noise_variance) if Task::of(noise_variance) == Task::Dense => {
-                        UNKNOWN * noise_variance.iter().sum::<f64>()
-                    }
-                    _ => f64::INFINITY,
-                });
-        let rows = prior.believe_enough(y, noise, &enough.collect::<Vec<_>>());
-        let rows = rows.into_iter().enumerate().collect();
-        self.converge(rows, |pairs, bodies, (t, believed): &(usize, Enough)| {
-            let noise_variance = noise_variance(*t);
-            let keep = |mean: &[f64], uncertainty| {
-                projection::project(
-                    pairs,
-                    bodies,
-                    BodyChoice::Any,
-                    mean,
-                    uncertainty,
-                    &noise_variance,
-                )
-            };
-            let answer = match believed {
-                Enough::Apart(p) => keep(&p.mean, Uncertainty::Variances(&p.variance)),
-                Enough::Whole(belief) => {
-                    let mut belief = belief.clone();
-                    uncertainty::pin_exact(&mut belief, &y.row(*t).to_vec(), &noise_variance);
-                    let covariance = &belief.covariance;
-                    let uncertainty = match Task::of(&noise_variance) {
-                        Task::Dense => Uncertainty::Settled(
-                            covariance,
-                            known(covariance.diag().sum(), &noise_variance),
-                        ),
-                        _ => Uncertainty::Covariance(covariance, 0.5),
-                    };
-                    keep(&belief.mean, uncertainty)
+        // The covariance of a dense posterior that leaves much open is not used.
+        let wants = noise.rows().into_iter().map(|n| match n.to_vec() {
+            n if Task::of(&n) == Task::Dense => {
+                Want::CovarianceBelow(UNKNOWN * n.iter().sum::<f64>())
+            }
+            _ => Want::Covariance,
+        });
+        let (y, noise) = (y.as_standard_layout(), noise.as_standard_layout());
+        let rows = y.rows().into_iter().zip(noise.rows());
+        let slices = rows.filter_map(|(y, noise)| y.to_slice().zip(noise.to_slice()));
+        let seen = slices.map(|(values, variance)| Observation { values, variance });
+        let batch: Vec<(Observation<'_>, Want)> = seen.zip(wants).collect();
+        let posteriors = prior.posterior_batch(&batch);
+        let rows = batch.iter().zip(posteriors).collect();
+        self.converge(
+            rows,
+            |pairs, bodies, ((seen, _), posterior): &(&(Observation<'_>, Want), Posterior)| {
+                let keep = |mean: &[f64], uncertainty| Posterior {
+                    log_evidence: posterior.log_evidence,
+                    ..projection::project(
+                        pairs,
+                        bodies,
+                        BodyChoice::Any,
+                        mean,
+                        uncertainty,
+                        seen.variance,
+                    )
+                };
+                if !posterior.has_covariance() {
+                    let uncertainty = Uncertainty::Variances(&posterior.variance);
+                    return keep(&posterior.mean, uncertainty).into();
                 }
-            };
-            answer.into()
-        })
+                let mut posterior = posterior.clone();
+                uncertainty::pin_exact(&mut posterior, seen.values, seen.variance);
+                let covariance = &posterior.covariance;
+                let uncertainty = match Task::of(seen.variance) {
+                    Task::Dense => Uncertainty::Settled(
+                        covariance,
+                        known(covariance.diag().sum(), seen.variance),
+                    ),
+                    _ => Uncertainty::Covariance(covariance, 0.5),
+                };
+                keep(&posterior.mean, uncertainty).into()
+            },
+        )
     }
 
     fn converge<T: Sync>(
@@ -282,6 +284,7 @@ fn known(variance: f64, noise_variance: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::prior::gaussian::{GaussianMixturePrior, MixtureParams, Readout, Style};
+    use crate::prior::posterior_rows;
     use ndarray::{Array2, Axis, s};
     use rand_distr::StandardNormal;
 
@@ -495,7 +498,7 @@ mod tests {
         let poses = swinging(40);
         let (_, prior) = learnt(&poses);
         let noise_variance = Array2::from_elem(poses.dim(), 1.0);
-        let plain = prior.believe_all(poses.view(), noise_variance.view());
+        let plain = posterior_rows(&prior, poses.view(), noise_variance.view(), Want::Variances);
         for mode in [OutlierMode::Ignore, OutlierMode::Search] {
             let answers =
                 RigidModel::default().restore(&prior, poses.view(), noise_variance.view(), mode);
@@ -503,7 +506,9 @@ mod tests {
                 answers
                     .iter()
                     .zip(&plain)
-                    .all(|(a, b)| a.posterior == b.clone().posterior() && a.corrupt.is_empty())
+                    .all(|(a, b)| a.posterior.mean == b.mean
+                        && a.posterior.variance == b.variance
+                        && a.corrupt.is_empty())
             );
         }
         assert_eq!(OutlierMode::for_noise(&[0.0, 0.08]), OutlierMode::Search);

@@ -53,6 +53,7 @@ pub fn project(
     let as_it_was = || Posterior {
         mean: mean.to_vec(),
         variance: uncertainty.variances(),
+        ..Posterior::default()
     };
     let used: Vec<usize> = (0..pairs.pairs.len())
         .filter(|&k| !pairs.pairs[k].still)
@@ -83,6 +84,7 @@ pub fn project(
     Posterior {
         variance: step.variances(uncertainty, &extra, &lengths),
         mean: x,
+        ..Posterior::default()
     }
 }
 

@@ -1,6 +1,6 @@
 //! How sure a belief is, as far as rigid distances make use of it.
 
-use crate::prior::{Belief, EXACT_VARIANCE};
+use crate::prior::{EXACT_VARIANCE, Posterior};
 use ndarray::Array2;
 
 /// How sure a mean is.
@@ -48,13 +48,14 @@ impl Uncertainty<'_> {
 }
 
 /// Numbers that are exact are believed as they are.
-pub fn pin_exact(belief: &mut Belief, y: &[f64], noise: &[f64]) {
+pub fn pin_exact(belief: &mut Posterior, y: &[f64], noise: &[f64]) {
     for (i, r) in noise.iter().enumerate() {
         if *r <= EXACT_VARIANCE && y[i].is_finite() {
             belief.mean[i] = y[i];
             belief.covariance.row_mut(i).fill(0.0);
             belief.covariance.column_mut(i).fill(0.0);
             belief.covariance[[i, i]] = EXACT_VARIANCE;
+            belief.variance[i] = EXACT_VARIANCE;
         }
     }
 }
