@@ -1,5 +1,6 @@
 # make demo    what posing does, on a real take: installs what is missing, builds, restores, writes a page to look at
-# make test    the tests: installs what is missing, then cargo test
+# make test    the tests: installs what is missing, then cargo test; at the end, which tests were skipped and why
+# make lint    formatting, clippy and documentation, each without a warning
 # The rest is for developers; see README.md.
 
 CARGO  ?= cargo
@@ -10,16 +11,21 @@ CMU    ?=
 # make tables QUICK=1: a few frames of a few subjects.
 QUICK  ?=
 
-ON_PATH  := amc2xyz cluster ksvd-train dict-concat denoise complete xyz2bvh
-BESIDE   := bvh2xyz xyz2amc prior-train encode decode corrupt score evaluate plot model
-
-.PHONY: demo test build needs model tables bench bench-peers scale bless install uninstall clean
+.PHONY: demo test lint build needs model tables bench bench-peers scale bless install uninstall clean
 
 demo: needs build
 	@POSING_BIN=$(BIN) sh testdata/examples/demo.sh target/demo
 
 test: needs
+	@rm -f target/skipped-tests
 	$(CARGO) test --release
+	@if [ -s target/skipped-tests ]; then sort -u target/skipped-tests | \
+	  { echo; echo "Skipped:"; sed 's/^/  /'; }; fi
+
+lint: needs
+	$(CARGO) fmt --check
+	$(CARGO) clippy --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps
 
 build: needs
 	$(CARGO) build --release
@@ -62,24 +68,37 @@ scale: needs
 bless: needs
 	POSING_BLESS=1 $(CARGO) test --release
 
+# `posing` goes into bin, every command into libexec/posing. Commands whose names no shell owns are linked into bin.
+ROOT := $(DESTDIR)$(PREFIX)
 install: build
-	install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/libexec/posing" \
-	  "$(DESTDIR)$(PREFIX)/share/man/man1" "$(DESTDIR)$(PREFIX)/share/man/man5" \
-	  "$(DESTDIR)$(PREFIX)/share/bash-completion/completions" \
-	  "$(DESTDIR)$(PREFIX)/share/zsh/site-functions" "$(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d"
-	install -m 755 $(addprefix $(BIN)/,posing $(ON_PATH)) "$(DESTDIR)$(PREFIX)/bin"
-	install -m 755 $(addprefix $(BIN)/,$(BESIDE)) "$(DESTDIR)$(PREFIX)/libexec/posing"
-	install -m 644 man/*.1 "$(DESTDIR)$(PREFIX)/share/man/man1"
-	install -m 644 man/*.5 "$(DESTDIR)$(PREFIX)/share/man/man5"
-	$(BIN)/posing completions bash > "$(DESTDIR)$(PREFIX)/share/bash-completion/completions/posing"
-	$(BIN)/posing completions zsh > "$(DESTDIR)$(PREFIX)/share/zsh/site-functions/_posing"
-	$(BIN)/posing completions fish > "$(DESTDIR)$(PREFIX)/share/fish/vendor_completions.d/posing.fish"
+	install -d "$(ROOT)/bin" "$(ROOT)/libexec/posing" "$(ROOT)/share/man/man1" "$(ROOT)/share/man/man5" \
+	  "$(ROOT)/share/bash-completion/completions" "$(ROOT)/share/zsh/site-functions" \
+	  "$(ROOT)/share/fish/vendor_completions.d"
+	install -m 755 $(BIN)/posing "$(ROOT)/bin"
+	install -m 644 man/posing.1 "$(ROOT)/share/man/man1"
+	install -m 644 man/*.5 "$(ROOT)/share/man/man5"
+	set -e; for name in $$($(BIN)/posing list); do \
+	  install -m 755 $(BIN)/$$name "$(ROOT)/libexec/posing"; \
+	  install -m 644 man/$$name.1 "$(ROOT)/share/man/man1/posing-$$name.1"; \
+	done
+	set -e; for name in $$($(BIN)/posing list --linked); do \
+	  ln -sf ../libexec/posing/$$name "$(ROOT)/bin/$$name"; \
+	done
+	set -e; for name in '' $$($(BIN)/posing list --linked); do file=$${name:-posing}; \
+	  $(BIN)/posing completions bash $$name > "$(ROOT)/share/bash-completion/completions/$$file"; \
+	  $(BIN)/posing completions zsh $$name > "$(ROOT)/share/zsh/site-functions/_$$file"; \
+	  $(BIN)/posing completions fish $$name > "$(ROOT)/share/fish/vendor_completions.d/$$file.fish"; \
+	done
 
+# Removes what `make install` wrote: the links are those that lead to libexec/posing.
 uninstall:
-	cd "$(DESTDIR)$(PREFIX)" && rm -rf libexec/posing && rm -f $(addprefix bin/,posing $(ON_PATH)) \
-	  share/bash-completion/completions/posing share/zsh/site-functions/_posing share/fish/vendor_completions.d/posing.fish
-	for page in man/*.1; do rm -f "$(DESTDIR)$(PREFIX)/share/man/man1/$${page#man/}"; done
-	for page in man/*.5; do rm -f "$(DESTDIR)$(PREFIX)/share/man/man5/$${page#man/}"; done
+	cd "$(ROOT)" && for name in bin/*; do case "$$(readlink "$$name")" in ../libexec/posing/*) \
+	  file=$${name#bin/}; rm -f "$$name" "share/bash-completion/completions/$$file" \
+	    "share/zsh/site-functions/_$$file" "share/fish/vendor_completions.d/$$file.fish" ;; esac; done
+	cd "$(ROOT)" && rm -rf libexec/posing && rm -f bin/posing share/man/man1/posing.1 share/man/man1/posing-*.1 \
+	  share/bash-completion/completions/posing share/zsh/site-functions/_posing \
+	  share/fish/vendor_completions.d/posing.fish
+	for page in man/*.5; do rm -f "$(ROOT)/share/man/man5/$${page#man/}"; done
 
 clean:
 	$(CARGO) clean

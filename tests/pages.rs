@@ -3,7 +3,8 @@
 //! `POSING_BLESS=1 cargo test --release --test pages` writes the pages anew: look at the difference before you commit it.
 
 use posing::cli::commands::COMMANDS;
-use posing::cli::manual::{COMPLETIONS, MAN};
+use posing::cli::completions::Outline;
+use posing::cli::manual::{MAN, OUTLINE};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -66,13 +67,60 @@ fn the_manual_is_what_the_commands_print() {
 }
 
 #[test]
-fn every_command_completes_in_three_shells() {
-    for name in binaries() {
-        for shell in ["bash", "zsh", "fish"] {
-            let script = asked(&name, &[COMPLETIONS, shell]);
-            assert!(script.contains(&name), "{name} {shell}");
-        }
+fn the_list_describes_each_command_as_its_help_does() {
+    for entry in COMMANDS {
+        let outline: Outline = serde_json::from_str(&asked(entry.name, &[OUTLINE])).unwrap();
+        assert_eq!(
+            (outline.name.as_str(), outline.about.as_str()),
+            (entry.name, entry.about)
+        );
     }
+}
+
+#[test]
+fn pages_are_named_after_the_launcher() {
+    for entry in COMMANDS {
+        let page = asked(entry.name, &[MAN]);
+        let title = format!("POSING-{}", entry.name.to_uppercase());
+        assert!(page.contains(&format!(".TH {title} 1")), "{}", entry.name);
+        let synopsis = page.split(".SH SYNOPSIS\n").nth(1).unwrap();
+        let usage = format!("posing {}", entry.name).replace('-', "\\-");
+        assert!(synopsis.starts_with(&usage), "{synopsis}");
+        assert_eq!(asked("posing", &["man", entry.name]), page);
+    }
+}
+
+#[test]
+fn the_launcher_lists_every_command() {
+    let (bare, help, page) = (
+        asked("posing", &[]),
+        asked("posing", &["--help"]),
+        asked("posing", &[MAN]),
+    );
+    for entry in COMMANDS {
+        for text in [&bare, &help] {
+            let line = text.lines().find(|l| l.trim().starts_with(entry.name));
+            assert!(
+                line.is_some_and(|l| l.ends_with(entry.about)),
+                "{}",
+                entry.name
+            );
+        }
+        let name = format!("posing-{}(1)", entry.name).replace('-', "\\-");
+        assert!(page.contains(&name), "{name}");
+    }
+}
+
+#[test]
+fn a_model_is_summed_up_on_a_screen_and_told_whole_as_json() {
+    let summary = asked("model", &["info"]);
+    assert!(summary.lines().count() <= 24, "{summary}");
+    assert!(summary.contains("mocap.cs.cmu.edu"), "{summary}");
+    let json: serde_json::Value =
+        serde_json::from_str(&asked("model", &["info", "--json"])).unwrap();
+    let points = json["points"].as_array().unwrap().len();
+    assert_eq!(json["arrays"]["poses"][1], 3 * points);
+    assert!(json["history"][0]["inputs"].as_array().unwrap().len() > 1);
 }
 
 #[test]

@@ -6,7 +6,6 @@ use posing::cli::{Outcome, input, run, streams};
 use posing::io::Model;
 use posing::prior::builtin;
 use posing::{Error, Result};
-use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -43,6 +42,10 @@ enum What {
     },
 }
 
+/// Names in a list, and steps of the history, that a summary shows at most.
+const NAMES: usize = 40;
+const STEPS: usize = 4;
+
 fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
@@ -56,10 +59,9 @@ fn work(args: &Args) -> Result<Outcome> {
                 None => builtin::model()?,
             };
             let text = if *json {
-                let json = serde_json::to_string_pretty(&model.meta);
-                json.map_err(|e| Error::usage(e.to_string()))? + "\n"
+                json_of(&model)?
             } else {
-                told(&model)
+                summary(&model)
             };
             streams::write_bytes(None, text.as_bytes(), false)?;
         }
@@ -70,50 +72,59 @@ fn work(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The model in words.
-fn told(model: &Model) -> String {
+/// The meta data, and the shape of each array.
+fn json_of(model: &Model) -> Result<String> {
+    let fault = |e: serde_json::Error| Error::usage(e.to_string());
+    let mut all = serde_json::to_value(&model.meta).map_err(fault)?;
+    let shapes = model
+        .arrays()
+        .map(|(name, array)| (name.to_string(), vec![array.nrows(), array.ncols()].into()));
+    all["arrays"] = serde_json::Value::Object(shapes.collect());
+    Ok(serde_json::to_string_pretty(&all).map_err(fault)? + "\n")
+}
+
+/// A screen of text; `--json` has what is too long for it.
+fn summary(model: &Model) -> String {
     let meta = &model.meta;
-    let mut text = String::new();
-    // Writing to memory cannot fail.
-    let mut line = |name: &str, value: &str| {
-        let _ = writeln!(text, "{name:<10} {value}");
-    };
-    line("kind", &meta.kind);
-    line(
-        "points",
-        &format!("{}: {}", meta.points.len(), meta.points.join(" ")),
-    );
-    line("space", &format!("{}, {}", meta.space, meta.units));
-    for (name, array) in model.arrays() {
-        line(
-            "array",
-            &format!("{name} {} x {}", array.nrows(), array.ncols()),
-        );
-    }
-    if let Some(sparsity) = meta.sparsity {
-        line("sparsity", &sparsity.to_string());
-    }
-    if let Some(rms) = meta.training_rms {
-        line(
-            "rms",
-            &format!("{rms:.4} cm a coordinate, over the training poses"),
-        );
-    }
-    for (key, value) in &meta.details {
-        line(key, &value.to_string());
-    }
-    for step in &meta.history {
+    let mut lines = vec![("kind", meta.kind.clone())];
+    let points = short_list(meta.points.iter().map(String::as_str));
+    lines.push(("points", format!("{}: {points}", meta.points.len())));
+    lines.push(("space", format!("{}, {}", meta.space, meta.units)));
+    let arrays: Vec<_> = model.arrays().collect();
+    // Arrays of one part are numbered: means.0.1 is one of `means`.
+    let mut groups: Vec<&str> = arrays
+        .iter()
+        .filter_map(|(name, _)| name.split('.').next())
+        .collect();
+    groups.dedup();
+    let numbers: usize = arrays.iter().map(|(_, a)| a.nrows() * a.ncols()).sum();
+    let groups = short_list(groups.into_iter());
+    lines.push((
+        "arrays",
+        format!("{}, {numbers} numbers: {groups}", arrays.len()),
+    ));
+    lines.extend(meta.sparsity.map(|k| ("sparsity", k.to_string())));
+    let rms = |rms| format!("{rms:.4} cm a coordinate, over the training poses");
+    lines.extend(meta.training_rms.map(|e| ("rms", rms(e))));
+    let scalars = meta
+        .details
+        .iter()
+        .filter(|(_, v)| !v.is_object() && !v.is_array());
+    lines.extend(scalars.map(|(key, value)| (key.as_str(), value.to_string())));
+    for step in meta.history.iter().rev().take(STEPS).rev() {
         let flags: Vec<String> = step.flags.iter().map(|(k, v)| format!("{k}={v}")).collect();
-        line(
-            "made by",
-            &format!("{} {} {}", step.command, step.version, flags.join(" ")),
-        );
-        for input in &step.inputs {
-            line("from", &format!("sha256 {input}"));
-        }
+        let made = format!("{} {} {}", step.command, step.version, flags.join(" "));
+        lines.push(("made by", made));
+        lines.push(("from", format!("{} takes or files", step.inputs.len())));
     }
-    if let Some(credit) = &meta.credit {
-        line("credit", credit);
-    }
-    text
+    lines.extend(meta.credit.clone().map(|credit| ("credit", credit)));
+    let line = |(name, value): (&str, String)| format!("{name:<10} {value}\n");
+    lines.into_iter().map(line).collect()
+}
+
+/// The first names, and an ellipsis for more.
+fn short_list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.collect();
+    let more = if names.len() > NAMES { " …" } else { "" };
+    names[..names.len().min(NAMES)].join(" ") + more
 }

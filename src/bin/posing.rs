@@ -1,11 +1,11 @@
 //! The launcher: `posing NAME` runs the command NAME.
 
-use clap::Parser;
-use clap_complete::Shell;
-use posing::cli::commands::COMMANDS;
-use posing::cli::{Outcome, manual, run, streams};
-use posing::{Error, Result};
-use std::fmt::Write as _;
+use clap::builder::PossibleValuesParser;
+use clap::{CommandFactory, Parser, Subcommand};
+use posing::cli::commands::{self, COMMANDS};
+use posing::cli::completions::{self, Outline, Shell};
+use posing::cli::{Outcome, manual, messages, run, streams};
+use posing::{Error, Place, Result};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
@@ -17,136 +17,154 @@ use std::process::{Command, ExitCode, Stdio};
     version,
     about,
     disable_help_subcommand = true,
-    override_usage = "posing COMMAND [ARGUMENTS]...\n       posing help [COMMAND]\n       posing man COMMAND\n       posing completions SHELL",
+    subcommands = commands::subcommands(),
     after_help = "Examples:\n  posing                    list the commands\n  posing help complete      open the page of a command\n  posing completions bash   print completions for all commands"
 )]
 struct Args {
-    /// A command of posing, or help, man, completions
-    #[arg(
-        value_name = "COMMAND",
-        trailing_var_arg = true,
-        allow_hyphen_values = true
-    )]
-    command: Vec<std::ffi::OsString>,
+    #[command(subcommand)]
+    request: Option<Request>,
+}
+
+#[derive(Subcommand)]
+enum Request {
+    /// Open the manual page of a command
+    #[command(display_order = 900)]
+    Help {
+        /// The command (default: posing itself)
+        #[arg(value_name = "COMMAND", value_parser = names())]
+        command: Option<String>,
+    },
+    /// Print the manual page of a command as roff
+    #[command(display_order = 900)]
+    Man {
+        /// The command
+        #[arg(value_name = "COMMAND", value_parser = names())]
+        command: String,
+    },
+    /// Print a completion script
+    #[command(display_order = 900)]
+    Completions {
+        /// The shell
+        #[arg(value_name = "SHELL", value_enum)]
+        shell: Shell,
+        /// Complete this command under its own name (default: posing and its commands)
+        #[arg(value_name = "COMMAND", value_parser = names())]
+        command: Option<String>,
+    },
+    /// Print the names of the commands
+    #[command(hide = true)]
+    List {
+        /// Only those that are installed under their own names
+        #[arg(long)]
+        linked: bool,
+    },
+}
+
+/// The commands that have a page.
+fn names() -> PossibleValuesParser {
+    PossibleValuesParser::new(COMMANDS.iter().map(|c| c.name).chain(["posing"]))
 }
 
 fn main() -> ExitCode {
-    // A listed command is handed its arguments untouched: they are its own business.
+    // A listed command gets its arguments untouched.
     let mut words = std::env::args_os().skip(1);
     if let Some(first) = words.next()
-        && let Some(listed) = COMMANDS.iter().find(|c| *c.name == *first)
-        && let Ok(path) = find(listed.name)
+        && let Some(entry) = COMMANDS.iter().find(|entry| *entry.name == *first)
     {
-        let error = Command::new(&path).args(words).exec();
-        posing::cli::messages::set_name("posing");
-        posing::cli::messages::error(&format!("{}: {error}", path.display()));
+        messages::set_name("posing");
+        let error = match binary(entry.name) {
+            Ok(path) => Error::io(&path, Command::new(&path).args(words).exec()),
+            Err(error) => error,
+        };
+        messages::error(&error.to_string());
         return ExitCode::from(1);
     }
-    run(|args: Args| work(&args))
+    run(|args: Args| work(args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
-    let word = |i: usize| {
-        args.command
-            .get(i)
-            .map(|w| w.to_string_lossy().into_owned())
+fn work(args: Args) -> Result<Outcome> {
+    let text = match args.request {
+        None | Some(Request::Help { command: None }) => {
+            Args::command().render_help().to_string().into_bytes()
+        }
+        Some(Request::Help {
+            command: Some(name),
+        }) => return open_page(&name),
+        Some(Request::Man { command }) => output_of(&command, manual::MAN)?,
+        Some(Request::Completions { shell, command }) => {
+            let outline = match command {
+                Some(name) => outline(&name)?,
+                None => {
+                    let all: Result<Vec<_>> = COMMANDS.iter().map(|c| outline(c.name)).collect();
+                    completions::launcher(outline("posing")?, all?)
+                }
+            };
+            completions::script(&outline, shell).into_bytes()
+        }
+        Some(Request::List { linked }) => {
+            let names = COMMANDS.iter().filter(|entry| entry.linked || !linked);
+            names
+                .map(|entry| format!("{}\n", entry.name))
+                .collect::<String>()
+                .into_bytes()
+        }
     };
-    match (word(0).as_deref(), word(1)) {
-        (None, _) | (Some("help"), None) => list()?,
-        (Some("help"), Some(name)) => help(&name)?,
-        (Some("man"), Some(name)) => {
-            streams::write_bytes(None, &page(&name, &[manual::MAN])?, false)?
-        }
-        (Some("completions"), Some(shell)) => completions(&shell)?,
-        (Some("man"), None) => return Err(Error::usage("man wants a command's name")),
-        (Some("completions"), None) => {
-            return Err(Error::usage("completions wants bash, zsh or fish"));
-        }
-        (Some(other), _) => {
-            find(other)?;
-            let what = format!("posing {other} runs it, with nothing before its name");
-            return Err(Error::usage(what));
-        }
-    }
+    streams::write_bytes(None, &text, false)?;
     Ok(Outcome::Done)
 }
 
-fn list() -> Result<()> {
-    let mut text = String::from("posing COMMAND [ARGUMENTS]...\n\n");
-    for command in COMMANDS {
-        let _ = writeln!(text, "  {:<12} {}", command.name, command.about);
-    }
-    text.push_str(
-        "\nposing help COMMAND opens its manual page; posing COMMAND --help prints its flags and examples.\n",
-    );
-    streams::write_bytes(None, text.as_bytes(), false)
-}
-
-/// The command's binary: beside this one, or in libexec.
-fn find(name: &str) -> Result<PathBuf> {
-    if !COMMANDS.iter().any(|c| c.name == name) {
-        return Err(Error::usage(format!(
-            "no command \"{name}\"; posing alone lists them"
-        )));
-    }
+/// The binary of a command: beside this one, or in libexec.
+fn binary(name: &str) -> Result<PathBuf> {
     let here = std::env::current_exe().map_err(|e| Error::io("posing", e))?;
-    // An installed launcher may be reached by a link.
+    if name == "posing" {
+        return Ok(here);
+    }
+    if commands::find(name).is_none() {
+        let what = format!("no command \"{name}\"; posing alone lists them");
+        return Err(Error::usage(what));
+    }
+    // An installed launcher may be reached through a link.
     let here = here.canonicalize().unwrap_or(here);
     let folder = here.parent().map(PathBuf::from).unwrap_or_default();
-    [
+    let places = [
         folder.join(name),
         folder.join("../libexec/posing").join(name),
-    ]
-    .into_iter()
-    .find(|p| p.is_file())
-    .ok_or_else(|| {
-        Error::io(
-            folder.join(name),
-            std::io::Error::from(std::io::ErrorKind::NotFound),
-        )
-    })
+    ];
+    let missing = || Error::io(&places[0], std::io::ErrorKind::NotFound.into());
+    places
+        .iter()
+        .find(|path| path.is_file())
+        .cloned()
+        .ok_or_else(missing)
 }
 
-/// What a command prints when asked for a page.
-fn page(name: &str, request: &[&str]) -> Result<Vec<u8>> {
-    let path = if name == "posing" {
-        std::env::current_exe().map_err(|e| Error::io("posing", e))?
-    } else {
-        find(name)?
-    };
+/// What a command prints with one argument.
+fn output_of(name: &str, argument: &str) -> Result<Vec<u8>> {
+    let path = binary(name)?;
     let out = Command::new(&path)
-        .args(request)
+        .arg(argument)
         .stdin(Stdio::null())
-        .output()
-        .map_err(|e| Error::io(&path, e))?;
-    Ok(out.stdout)
+        .output();
+    Ok(out.map_err(|e| Error::io(&path, e))?.stdout)
 }
 
-/// Opens the page in man where man is there, else prints the long help.
-fn help(name: &str) -> Result<()> {
-    let roff = page(name, &[manual::MAN])?;
+fn outline(name: &str) -> Result<Outline> {
+    let json = output_of(name, manual::OUTLINE)?;
+    serde_json::from_slice(&json).map_err(|e| Error::data(Place::file(name), e.to_string()))
+}
+
+/// Opens a page in man where man is there, else prints the long help.
+fn open_page(name: &str) -> Result<Outcome> {
+    let page = output_of(name, manual::MAN)?;
     let file = tempfile::Builder::new()
-        .prefix(name)
+        .prefix("posing-")
         .suffix(".1")
-        .tempfile()
-        .map_err(|e| Error::io(name, e))?;
-    std::fs::write(file.path(), roff).map_err(|e| Error::io(file.path(), e))?;
+        .tempfile();
+    let file = file.map_err(|e| Error::io(name, e))?;
+    std::fs::write(file.path(), page).map_err(|e| Error::io(file.path(), e))?;
     match Command::new("man").arg("-l").arg(file.path()).status() {
-        Ok(status) if status.success() => Ok(()),
-        _ => streams::write_bytes(None, &page(name, &["--help"])?, false),
+        Ok(status) if status.success() => {}
+        _ => streams::write_bytes(None, &output_of(name, "--help")?, false)?,
     }
-}
-
-fn completions(shell: &str) -> Result<()> {
-    let known: Shell = shell.parse().map_err(|_| {
-        Error::usage(format!(
-            "no completions for \"{shell}\"; use bash, zsh or fish"
-        ))
-    })?;
-    let shell = known.to_string();
-    let mut out = page("posing", &[manual::COMPLETIONS, &shell])?;
-    for command in COMMANDS {
-        out.extend(page(command.name, &[manual::COMPLETIONS, &shell])?);
-    }
-    streams::write_bytes(None, &out, false)
+    Ok(Outcome::Done)
 }

@@ -1,64 +1,80 @@
-//! The commands there are, with a line each.
+//! The list of commands: the one place that the launcher, completions, installation and tests read.
 
-/// A command: its name, what it is for, and whether it is one of the seven that `make install` puts on the path.
-pub struct Listed {
-    /// What the user types.
+use clap::Command;
+
+/// A command of the family.
+#[derive(Debug, Clone, Copy)]
+pub struct CommandEntry {
+    /// The name of its binary, and the word after `posing`.
     pub name: &'static str,
-    /// One line.
+    /// One line for the launcher's list; the command's own help opens with it.
     pub about: &'static str,
-    /// Whether it stands on the path by itself.
-    pub on_path: bool,
+    /// Whether `make install` links it into `bin` under its own name. No shell may own that name: `complete` is a
+    /// builtin of bash and fish, which would run instead.
+    pub linked: bool,
 }
 
-const fn listed(name: &'static str, about: &'static str, on_path: bool) -> Listed {
-    Listed {
+const fn entry(name: &'static str, about: &'static str, linked: bool) -> CommandEntry {
+    CommandEntry {
         name,
         about,
-        on_path,
+        linked,
     }
 }
 
-/// In the order in which the launcher lists them.
-pub const COMMANDS: &[Listed] = &[
-    listed(
+/// All commands, in the order in which the launcher lists them.
+pub const COMMANDS: &[CommandEntry] = &[
+    entry(
         "amc2xyz",
         "Convert ASF/AMC takes to a table of joint positions",
         true,
     ),
-    listed("cluster", "Group poses by hierarchical k-means", true),
-    listed(
+    entry("cluster", "Group poses by hierarchical k-means", true),
+    entry(
         "ksvd-train",
         "Train a sparse dictionary of poses by K-SVD",
         true,
     ),
-    listed("dict-concat", "Join dictionaries into one", true),
-    listed("denoise", "Remove noise and outliers from poses", true),
-    listed("complete", "Fill gaps and missing points", true),
-    listed("xyz2bvh", "Convert a pose table to a BVH file", true),
-    listed("bvh2xyz", "Convert a BVH file to a pose table", false),
-    listed("xyz2amc", "Convert a pose table to an AMC take", false),
-    listed("prior-train", "Train a pose model", false),
-    listed("encode", "Convert poses to sparse codes", false),
-    listed("decode", "Convert sparse codes back to poses", false),
-    listed(
+    entry("dict-concat", "Join dictionaries into one", true),
+    entry("denoise", "Remove noise and outliers from poses", true),
+    entry("complete", "Fill gaps and missing points", false),
+    entry("xyz2bvh", "Convert a pose table to a BVH file", true),
+    entry("bvh2xyz", "Convert a BVH file to a pose table", false),
+    entry("xyz2amc", "Convert a pose table to an AMC take", false),
+    entry("prior-train", "Train a pose model", false),
+    entry("encode", "Convert poses to sparse codes", false),
+    entry("decode", "Convert sparse codes back to poses", false),
+    entry(
         "corrupt",
         "Add noise, outliers or gaps to poses, for tests",
         false,
     ),
-    listed("score", "Compare poses with the truth", false),
-    listed(
+    entry("score", "Compare poses with the truth", false),
+    entry(
         "evaluate",
         "Compare models on poses they were not trained on",
         false,
     ),
-    listed(
+    entry(
         "plot",
         "Draw poses as SVG, or as an HTML page that plays them",
         false,
     ),
-    listed(
+    entry(
         "model",
         "Show a model's training data, settings and credits",
         false,
     ),
 ];
+
+/// The entry of `name`.
+pub fn find(name: &str) -> Option<&'static CommandEntry> {
+    COMMANDS.iter().find(|entry| entry.name == name)
+}
+
+/// The commands as subcommands of the launcher, for its help and manual page.
+pub fn subcommands() -> impl Iterator<Item = Command> {
+    COMMANDS
+        .iter()
+        .map(|entry| Command::new(entry.name).about(entry.about))
+}

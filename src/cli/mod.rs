@@ -1,4 +1,4 @@
-//! What every command shares: the wrapper around `main`, flags, streams, progress, pages of the manual.
+//! The parts that commands share: the wrapper around `main`, flags, input and output, progress, manual pages.
 
 pub mod aligned_tables;
 pub mod args;
@@ -6,6 +6,7 @@ pub mod arrays;
 mod behind;
 pub mod benchmark;
 pub mod commands;
+pub mod completions;
 pub mod ik;
 pub mod input;
 pub mod manual;
@@ -24,24 +25,25 @@ use clap::{CommandFactory, FromArgMatches};
 use std::io::Write;
 use std::process::ExitCode;
 
-/// How a command that did not fail ended.
+/// How a command ended that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
-    /// Everything is done (exit 0).
+    /// Finished (exit 0).
     Done,
-    /// Done, with findings the caller should know of (exit 3).
+    /// Finished, and found something that the caller has to look at (exit 3).
     Findings,
 }
 
-/// Parses the arguments, runs `work` and turns what came of it into an exit code: 0 done (a closed standard output
-/// included), 1 bad data, 2 wrong usage, 3 finished with findings.
+/// Parses the arguments, runs `work` and returns the exit code: 0 done (a closed standard output included), 1 bad data,
+/// 2 wrong usage, 3 finished with findings.
 pub fn run<A: CommandFactory + FromArgMatches>(
     work: impl FnOnce(A) -> Result<Outcome>,
 ) -> ExitCode {
-    let command = A::command();
-    let name = command.get_name().to_string();
-    messages::set_name(&name);
-    if let Some(code) = manual::on_request(&command) {
+    let command = manual::typed(A::command());
+    let typed = command.get_bin_name().unwrap_or(command.get_name());
+    let typed = typed.to_string();
+    messages::set_name(command.get_name());
+    if let Some(code) = manual::answer_request(&command) {
         return code;
     }
     let args = match command
@@ -49,7 +51,7 @@ pub fn run<A: CommandFactory + FromArgMatches>(
         .and_then(|m| A::from_arg_matches(&m))
     {
         Ok(args) => args,
-        Err(e) => return parse_failure(&name, &e),
+        Err(e) => return parse_failure(&typed, &e),
     };
     match work(args) {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
@@ -62,30 +64,25 @@ pub fn run<A: CommandFactory + FromArgMatches>(
     }
 }
 
-/// Help and version go to standard output; everything else is one line on standard error.
-fn parse_failure(name: &str, error: &clap::Error) -> ExitCode {
+/// Prints help and version on standard output, and a wrong usage as one line on standard error.
+fn parse_failure(command: &str, error: &clap::Error) -> ExitCode {
+    let text = error.render().to_string();
     if !error.use_stderr() {
-        let text = error.render().to_string();
         return match std::io::stdout().write_all(text.as_bytes()) {
             Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => ExitCode::from(1),
             _ => ExitCode::SUCCESS,
         };
     }
-    let text = error.render().to_string();
-    // clap's message runs over several lines: what is wrong, hints, the usage. One line carries the first two, but for the hint
-    // to take a flag for a file's name.
-    let is_said = |l: &&str| {
-        let beside = ["For more information", "tip: to pass"];
-        !l.is_empty() && !beside.iter().any(|b| l.starts_with(b))
+    // clap writes several lines: the fault, hints, the usage. The hint to pass a flag as a file's name misleads.
+    let is_shown = |line: &&str| {
+        let dropped = ["For more information", "tip: to pass"];
+        !line.is_empty() && !dropped.iter().any(|start| line.starts_with(start))
     };
-    let told: Vec<&str> = text
-        .lines()
-        .map(str::trim)
-        .take_while(|l| !l.starts_with("Usage:"))
-        .filter(is_said)
-        .collect();
-    let told = told.join(" ").replace(" tip: ", "; ");
-    let told = told.strip_prefix("error: ").unwrap_or(&told);
-    messages::error(&format!("{told}; see {name} --help"));
+    let lines = text.lines().map(str::trim);
+    let lines = lines.take_while(|line| !line.starts_with("Usage:"));
+    let fault = lines.filter(is_shown).collect::<Vec<_>>().join(" ");
+    let fault = fault.replace(" tip: ", "; ");
+    let fault = fault.strip_prefix("error: ").unwrap_or(&fault);
+    messages::error(&format!("{fault}; see {command} --help"));
     ExitCode::from(2)
 }

@@ -42,24 +42,38 @@ pub fn fails(name: &str, args: &[&str], input: &[u8], code: i32) -> String {
     said
 }
 
-fn beside(path: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../shared")
-        .join(path)
+/// Records that the running test, or a part of it, is skipped, and why; `make test` prints the list at its end.
+pub fn skipped(why: &str) {
+    let thread = std::thread::current();
+    let test = thread.name().unwrap_or("a test");
+    let binary = std::env::current_exe().unwrap();
+    let binary = binary.file_stem().unwrap().to_string_lossy();
+    // cargo adds a digest to the name of a test's binary.
+    let suite = binary.rsplit_once('-').map_or(&*binary, |(name, _)| name);
+    let line = format!("{suite}::{test}: {why}\n");
+    eprint!("skipped: {line}");
+    let list = Path::new(env!("CARGO_TARGET_TMPDIR")).join("../skipped-tests");
+    let file = std::fs::OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(list);
+    std::io::Write::write_all(&mut file.unwrap(), line.as_bytes()).unwrap();
 }
 
-/// A file of the larger collection beside the repository; `None`, with a message, where it is not there.
+/// A file of the larger collection beside the repository; `None`, recorded as skipped, where it is absent.
 pub fn shared(path: &str) -> Option<PathBuf> {
-    let path = beside(path);
-    let there = path.exists();
-    if !there {
-        eprintln!("skipped: {} is not there", path.display());
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../shared")
+        .join(path);
+    if !path.exists() {
+        skipped(&format!("no {}", path.display()));
+        return None;
     }
-    there.then_some(path)
+    Some(path)
 }
 
-/// A file of CMU's takes such as `07/07.asf`: from testdata, else from the larger collection; `None`, with a message,
-/// where neither has it.
+/// A file of CMU's takes such as `07/07.asf`: from testdata, else from the larger collection; `None`, recorded as
+/// skipped, where neither has it.
 pub fn cmu(file: &str) -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("testdata/cmu")
