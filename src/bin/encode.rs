@@ -80,10 +80,7 @@ fn work(args: &Args) -> Result<Outcome> {
         .map(|k| format!("atom{k},coef{k}"))
         .collect();
     sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
-    let is_quick = matches!(
-        pursuit.search(&dictionary, BATCH),
-        SearchStrategy::Gram | SearchStrategy::Filter
-    );
+    let is_quick = pursuit.search(&dictionary, BATCH) == SearchStrategy::Gram;
     let most = if is_quick { FEW } else { BATCH };
     let mut batches = Batches::new(stream, most);
     let coder = pursuit.coder(&dictionary)?;

@@ -2,7 +2,7 @@
 
 use super::active_set::ActiveSet;
 use super::encoder::{Batch, Encoder};
-use super::index::{DIRECTIONS, Kind};
+use super::index::DIRECTIONS;
 use super::omp::Omp;
 use super::{Dictionary, StopReason};
 use crate::{Error, Place, Result};
@@ -143,9 +143,6 @@ pub enum SearchStrategy {
     Gram,
     /// By scans of all atoms.
     DenseScan,
-    /// By bounds of all atoms, told by a few of their numbers, rounded: what a scan would find, to the bit. Poses of which bounds
-    /// tell too little are scanned.
-    Filter,
     /// By bounds of atoms in leaves, so that of poses like them most atoms need not be looked at: the same.
     BallTree,
 }
@@ -155,9 +152,6 @@ impl fmt::Display for SearchStrategy {
         f.write_str(match self {
             SearchStrategy::Gram => "by a scan and by rows of their Gram matrix",
             SearchStrategy::DenseScan => "by scans",
-            SearchStrategy::Filter => {
-                "by bounds of all; by scans where poses have gaps or are unlike the atoms"
-            }
             SearchStrategy::BallTree => {
                 "by bounds; by scans where poses have gaps or are unlike the atoms"
             }
@@ -172,11 +166,10 @@ impl Omp {
         if ground.gram.is_some() {
             return SearchStrategy::Gram;
         }
-        let bounds = ground.has_bounds(m, dictionary.len(), dictionary.width());
-        match bounds.filter(|_| self.capacity(dictionary) <= DIRECTIONS) {
-            Some(Kind::QuantizedTable) => SearchStrategy::Filter,
-            Some(Kind::BallTree) => SearchStrategy::BallTree,
-            None => SearchStrategy::DenseScan,
+        let tree = ground.wants_tree(m, dictionary.width());
+        match tree && self.capacity(dictionary) <= DIRECTIONS {
+            true => SearchStrategy::BallTree,
+            false => SearchStrategy::DenseScan,
         }
     }
 
@@ -241,10 +234,8 @@ impl Encoder<'_> {
         // Poses that are seen whole are coded with each other, as they would be alone.
         let (whole, part): (Vec<u32>, Vec<u32>) =
             (0..m as u32).partition(|i| is_even(weights, *i as usize));
-        let bounds = match pursuit.search(dictionary, m) {
-            SearchStrategy::Filter | SearchStrategy::BallTree if !whole.is_empty() => {
-                ground.bounds(dictionary.atoms())
-            }
+        let tree = match pursuit.search(dictionary, m) {
+            SearchStrategy::BallTree if !whole.is_empty() => ground.tree(dictionary.atoms()),
             _ => None,
         };
         ground.fill_gram(dictionary.atoms(), whole.len(), pursuit.sparsity);
@@ -255,8 +246,8 @@ impl Encoder<'_> {
             weights,
         };
         let mut codes = SparseCodes::empty(m, pursuit.capacity(dictionary));
-        let left = match bounds {
-            Some(bounds) => batch.by_bounds(bounds, &whole, &mut codes)?,
+        let left = match tree {
+            Some(tree) => batch.by_bounds(tree, &whole, &mut codes)?,
             None => whole,
         };
         batch.by_scans(&left, &mut codes)?;
@@ -301,7 +292,7 @@ mod tests {
 
     #[test]
     fn poses_sought_by_bounds_get_the_codes_that_scans_give() {
-        for (d, search) in [(21, SearchStrategy::BallTree), (60, SearchStrategy::Filter)] {
+        for (d, search) in [(21, SearchStrategy::BallTree), (60, SearchStrategy::BallTree)] {
             by_bounds_as_by_scans(d, search);
         }
     }

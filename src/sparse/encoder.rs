@@ -1,7 +1,7 @@
 //! Poses of a batch shared among threads, each with a desk of its own.
 
 use super::active_set::ActiveSet;
-use super::index::{BallTree, Bounds};
+use super::index::{BallTree, TOGETHER};
 use super::omp_dense::{DenseOmp, POSES};
 use super::omp_indexed::{IndexedOmp, Places};
 use super::{Dictionary, Omp, SparseCodes};
@@ -52,7 +52,7 @@ impl<'a> Batch<'_, 'a> {
     /// little.
     pub fn by_bounds(
         &self,
-        bounds: Bounds<'a>,
+        tree: &'a BallTree,
         rows: &[u32],
         codes: &mut SparseCodes,
     ) -> Result<Vec<u32>> {
@@ -62,19 +62,15 @@ impl<'a> Batch<'_, 'a> {
             ref groups,
             ..
         } = *self.coder;
-        let order = match bounds {
-            Bounds::BallTree(leaves) => Some(self.in_order(leaves, rows)?),
-            Bounds::QuantizedTable(_) => None,
-        };
-        let order = order.as_deref().unwrap_or(rows);
-        let room = bounds.together().min(rows.len());
+        let order = &self.in_order(tree, rows)?[..];
+        let room = TOGETHER.min(rows.len());
         let desk = || {
-            let group = IndexedOmp::new(dictionary, bounds, pursuit.rule, room);
+            let group = IndexedOmp::new(dictionary, tree, pursuit.rule, room);
             (group, Vec::new())
         };
         // Room for few poses is not kept for many.
         let few = ScratchPool::default();
-        let desks = if room == bounds.together() {
+        let desks = if room == TOGETHER {
             groups
         } else {
             &few

@@ -135,14 +135,11 @@ impl Omp {
         let even = fit.root.is_none();
         ground.count(if even { ALONE } else { 0 });
         if even
-            && matches!(
-                self.search(dictionary, 0),
-                SearchStrategy::BallTree | SearchStrategy::Filter
-            )
-            && let Some(bounds) = ground.bounds(dictionary.atoms())
+            && self.search(dictionary, 0) == SearchStrategy::BallTree
+            && let Some(tree) = ground.tree(dictionary.atoms())
         {
             let mut unpruned = Vec::new();
-            let mut group = IndexedOmp::new(dictionary, bounds, self.rule, 1);
+            let mut group = IndexedOmp::new(dictionary, tree, self.rule, 1);
             group.code(std::slice::from_mut(&mut fit), self.sparsity, &mut unpruned);
             if unpruned.is_empty() {
                 return Ok(finished(&fit));

@@ -1,9 +1,7 @@
 //! A group of poses coded a few together, each atom sought by bounds: see [`super::index`]. By leaves neighbours are best alike.
 
 use super::active_set::ActiveSet;
-use super::index::{
-    BallTree, Bounds, BranchAndBound, OmpQuery, Query, SearchResult, Searcher, TOGETHER,
-};
+use super::index::{BallTree, BranchAndBound, OmpQuery, Query, SearchResult, TOGETHER};
 use super::omp::SelectionRule;
 use super::omp_dense::{AtomBudget, RETRIES};
 use super::{Dictionary, StopReason};
@@ -11,9 +9,9 @@ use super::{Dictionary, StopReason};
 /// Room for the poses of a group.
 pub(super) struct IndexedOmp<'a> {
     dictionary: &'a Dictionary,
-    bounds: Bounds<'a>,
+    tree: &'a BallTree,
     rule: SelectionRule,
-    search: Searcher<'a>,
+    search: BranchAndBound<'a>,
     walks: Vec<OmpState>,
     found: Vec<SearchResult>,
 }
@@ -32,11 +30,11 @@ impl<'a> IndexedOmp<'a> {
     /// Room for `poses` poses, or as many of them as are best coded together. Their codes have at most `DIRECTIONS` atoms.
     pub fn new(
         dictionary: &'a Dictionary,
-        bounds: Bounds<'a>,
+        tree: &'a BallTree,
         rule: SelectionRule,
         poses: usize,
     ) -> Self {
-        let together = poses.min(bounds.together());
+        let together = poses.min(TOGETHER);
         let walk = || OmpState {
             path: OmpQuery::new(dictionary.width()),
             fit: 0,
@@ -45,9 +43,9 @@ impl<'a> IndexedOmp<'a> {
         };
         IndexedOmp {
             dictionary,
-            bounds,
+            tree,
             rule,
-            search: bounds.searcher(dictionary.flat(), together),
+            search: BranchAndBound::new(tree),
             walks: std::iter::repeat_with(walk).take(together).collect(),
             found: Vec::new(),
         }
@@ -58,13 +56,12 @@ impl<'a> IndexedOmp<'a> {
     pub fn code(&mut self, fits: &mut [ActiveSet], sparsity: usize, unpruned: &mut Vec<usize>) {
         let full = AtomBudget::of(self.dictionary, sparsity);
         for few in open(fits).chunks(self.walks.len()) {
-            if self.bounds.tally().is_useless() {
+            if self.tree.tally.is_useless() {
                 unpruned.extend(few);
                 continue;
             }
-            for (slot, (walk, i)) in self.walks.iter_mut().zip(few).enumerate() {
-                walk.path.begin(self.bounds.basis(), &fits[*i]);
-                self.search.begin(slot);
+            for (walk, i) in self.walks.iter_mut().zip(few) {
+                walk.path.begin(&self.tree.basis, &fits[*i]);
                 walk.fit = *i;
                 walk.taken.clear();
                 walk.done = false;
@@ -87,10 +84,9 @@ impl<'a> IndexedOmp<'a> {
         full: AtomBudget,
         unpruned: &mut Vec<usize>,
     ) {
-        let here = |(_, w): &(usize, &OmpState)| !w.done && w.path.parts.len() == taken;
-        let sought: Vec<Query<'_>> = (self.walks.iter().enumerate().filter(here))
-            .map(|(slot, walk)| Query {
-                slot,
+        let here = |w: &&OmpState| !w.done && w.path.parts.len() == taken;
+        let sought: Vec<Query<'_>> = (self.walks.iter().filter(here))
+            .map(|walk| Query {
                 path: &walk.path,
                 rule: self.rule,
                 taken: &walk.taken,
@@ -108,15 +104,15 @@ impl<'a> IndexedOmp<'a> {
                 SearchResult::Unpruned => {
                     walk.done = true;
                     unpruned.push(walk.fit);
-                    let scan = self.bounds.scan(self.dictionary.width());
-                    self.bounds.tally().scans(full.most, scan);
+                    let scan = self.tree.scan();
+                    self.tree.tally.scans(full.most, scan);
                     continue;
                 }
             };
             walk.take(
                 &mut fits[walk.fit],
                 atom,
-                (self.dictionary, self.bounds),
+                (self.dictionary, self.tree),
                 full,
             );
         }
@@ -150,9 +146,8 @@ impl<'a> Places<'a> {
             for (path, i) in self.paths.iter_mut().zip(few) {
                 path.begin(&self.leaves.basis, &fits[*i]);
             }
-            let sought: Vec<Query<'_>> = (self.paths.iter().take(few.len()).enumerate())
-                .map(|(slot, path)| Query {
-                    slot,
+            let sought: Vec<Query<'_>> = (self.paths.iter().take(few.len()))
+                .map(|path| Query {
                     path,
                     rule: SelectionRule::Omp,
                     taken: &[],
@@ -178,7 +173,7 @@ impl OmpState {
         &mut self,
         fit: &mut ActiveSet,
         atom: Option<u32>,
-        (dictionary, bounds): (&Dictionary, Bounds<'_>),
+        (dictionary, tree): (&Dictionary, &BallTree),
         full: AtomBudget,
     ) {
         let Some(atom) = atom else {
@@ -192,14 +187,13 @@ impl OmpState {
         }
         self.done = fit.stop.is_some() || self.taken.len() == full.most + RETRIES;
         if pushed && !self.done {
-            self.path.take(bounds.basis(), fit);
+            self.path.take(&tree.basis, fit);
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::index::{Made, QuantizedTable};
     use super::super::omp::Tolerance;
     use super::super::omp_dense::DenseOmp;
     use super::super::testdata::random;
@@ -210,8 +204,8 @@ mod tests {
     use rand::Rng;
 
     /// Coded by bounds as by scans: the same atoms, to the bit the same numbers, the same reasons. Gives the share of
-    /// poses of which bounds told too little, those of leaves and of a sieve, for each way of coding.
-    fn as_by_scans(atoms: &Array2<f64>, poses: &Array2<f64>) -> Vec<[f64; 2]> {
+    /// poses of which bounds told too little for each way of coding.
+    fn as_by_scans(atoms: &Array2<f64>, poses: &Array2<f64>) -> Vec<f64> {
         let (m, d) = poses.dim();
         let mut shares = Vec::new();
         for (rule, sparsity, tolerance) in [
@@ -233,21 +227,17 @@ mod tests {
             let mut by_scans = started();
             // Without rows of the Gram matrix, whose products are rounded otherwise.
             DenseOmp::of_scans(&dictionary, rule, m).code(&mut by_scans, sparsity);
-            // Their own, which do not know what searches cost before.
-            let leaves = Made::BallTree(BallTree::new(dictionary.atoms()));
-            let sieve = Made::QuantizedTable(QuantizedTable::new(dictionary.atoms()));
-            let both = [leaves, sieve].map(|made| {
-                let (mut by_bounds, mut unpruned) = (started(), Vec::new());
-                let mut group = IndexedOmp::new(&dictionary, made.bounds(), rule, usize::MAX);
-                group.code(&mut by_bounds, sparsity, &mut unpruned);
-                let both = by_bounds.iter().zip(&by_scans).enumerate();
-                for (i, (a, b)) in both.filter(|(i, _)| !unpruned.contains(i)) {
-                    assert_eq!(a.support, b.support, "pose {i} {rule:?} {sparsity}");
-                    assert_eq!((a.stop, a.left()), (b.stop, b.left()));
-                }
-                unpruned.len() as f64 / m as f64
-            });
-            shares.push(both);
+            // Built for this test: its statistics are empty.
+            let tree = BallTree::new(dictionary.atoms());
+            let (mut by_bounds, mut unpruned) = (started(), Vec::new());
+            let mut group = IndexedOmp::new(&dictionary, &tree, rule, usize::MAX);
+            group.code(&mut by_bounds, sparsity, &mut unpruned);
+            let both = by_bounds.iter().zip(&by_scans).enumerate();
+            for (i, (a, b)) in both.filter(|(i, _)| !unpruned.contains(i)) {
+                assert_eq!(a.support, b.support, "pose {i} {rule:?} {sparsity}");
+                assert_eq!((a.stop, a.left()), (b.stop, b.left()));
+            }
+            shares.push(unpruned.len() as f64 / m as f64);
         }
         shares
     }
@@ -268,13 +258,13 @@ mod tests {
         let poses = concatenate![Axis(0), near, poses];
         let shares = as_by_scans(&atoms.to_owned(), &poses);
         // Of up to four atoms what is left of a pose is noise, which is unlike all atoms.
-        assert_eq!((shares[1], shares[3]), ([0.0; 2], [0.0; 2]));
+        assert_eq!((shares[1], shares[3]), (0.0, 0.0));
     }
 
     #[test]
     fn where_bounds_tell_nothing_scans_answer() {
         let shares = as_by_scans(&random(1500, 69, 6), &random(40, 69, 7));
-        assert!(shares[0].iter().all(|s| *s > 0.5), "{shares:?}");
+        assert!(shares[0] > 0.5, "{shares:?}");
     }
 
     #[test]

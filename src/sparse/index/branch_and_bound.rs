@@ -40,8 +40,6 @@ pub struct BranchAndBound<'a> {
 /// What is sought of a pose.
 #[derive(Clone, Copy)]
 pub struct Query<'a> {
-    /// Which of the poses that are sought for together.
-    pub slot: usize,
     pub path: &'a OmpQuery,
     pub rule: SelectionRule,
     /// Atoms that are not to be taken.
@@ -347,9 +345,7 @@ mod tests {
         }
         for _ in 0..3 {
             let sought: Vec<Query<'_>> = (paths.iter().zip(&fits))
-                .enumerate()
-                .map(|(slot, (path, fit))| Query {
-                    slot,
+                .map(|(path, fit)| Query {
                     path,
                     rule: SelectionRule::Oomp,
                     taken: &fit.support,

@@ -1,17 +1,15 @@
 //! Atoms laid out for searches.
 
-use super::strategy::{Bounds, Kind, Made};
-use super::{LazyGram, PackedAtoms};
+use super::{BallTree, LazyGram, PackedAtoms};
 use ndarray::ArrayView2;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// BallTree are made for so many poses, and a sieve for so many: it costs what so many scans do,
-const WORTH_LEAVES: usize = 1024;
-const WORTH_SIEVE: usize = 384;
-/// one that is coded alone counted as so many, as it shares its scans with none,
+/// The ball tree is built for this many poses: building it costs what as many dense scans cost.
+const WORTH_TREE: usize = 1024;
+/// A pose that is coded alone counts as this many, since it shares its scan with no other.
 pub const ALONE: usize = 16;
-/// of poses with up to so many numbers: it grows with their square.
+/// The ball tree serves poses of up to this many coordinates: the cost of its basis grows with their square.
 const MOST_NUMBERS: usize = 384;
 
 /// Atoms laid out for searches, each layout made when it is first asked for.
@@ -19,7 +17,7 @@ pub struct IndexCache {
     panels: OnceLock<PackedAtoms>,
     /// Room for rows of the Gram matrix, where it is not too large: they serve so few atoms better than bounds.
     pub gram: Option<LazyGram>,
-    bounds: OnceLock<Made>,
+    tree: OnceLock<BallTree>,
     /// Whether a thread has begun to make those.
     begun: AtomicBool,
     /// Poses that were coded so far.
@@ -32,7 +30,7 @@ impl IndexCache {
         IndexCache {
             panels: OnceLock::new(),
             gram: LazyGram::new(n),
-            bounds: OnceLock::new(),
+            tree: OnceLock::new(),
             begun: AtomicBool::new(false),
             coded: AtomicUsize::new(0),
         }
@@ -60,30 +58,23 @@ impl IndexCache {
         }
     }
 
-    /// How so many more poses of `d` numbers are sought by bounds, if that is worth it.
-    pub fn has_bounds(&self, poses: usize, n: usize, d: usize) -> Option<Kind> {
-        let kind = Kind::of(n, d);
-        let is_worth = match self.bounds.get() {
-            Some(made) => !made.bounds().tally().is_useless(),
+    /// Whether the ball tree pays off for this many more poses of `d` coordinates.
+    pub fn wants_tree(&self, poses: usize, d: usize) -> bool {
+        match self.tree.get() {
+            Some(tree) => !tree.tally.is_useless(),
             None => {
                 let all = self.coded.load(Ordering::Relaxed).saturating_add(poses);
-                let enough = match kind {
-                    Kind::BallTree => WORTH_LEAVES,
-                    Kind::QuantizedTable => WORTH_SIEVE,
-                };
-                self.gram.is_none() && all >= enough && d <= MOST_NUMBERS
+                self.gram.is_none() && all >= WORTH_TREE && d <= MOST_NUMBERS
             }
-        };
-        is_worth.then_some(kind)
+        }
     }
 
-    /// What bounds need of the atoms (n, D), made now if it is not; none while another thread is at it, which need not be
-    /// waited for: scans find the same.
-    pub fn bounds(&self, atoms: ArrayView2<'_, f32>) -> Option<Bounds<'_>> {
-        // Not within the lock: a thread that waits for parts of this may take up other work, which may ask for it too.
-        if self.bounds.get().is_none() && !self.begun.swap(true, Ordering::Relaxed) {
-            let _ = self.bounds.set(Made::of(atoms));
+    /// The ball tree over the atoms (n, D), built by the first caller; `None` while another thread builds it.
+    pub fn tree(&self, atoms: ArrayView2<'_, f32>) -> Option<&BallTree> {
+        // Not within the lock: a thread that waits for parts of the build may take up other work, which may ask for the tree.
+        if self.tree.get().is_none() && !self.begun.swap(true, Ordering::Relaxed) {
+            let _ = self.tree.set(BallTree::new(atoms));
         }
-        self.bounds.get().map(Made::bounds)
+        self.tree.get()
     }
 }

@@ -15,37 +15,27 @@
 //! A pose's numbers do not depend on the poses beside it: one pose alone gives the same bits as one of many.
 //!
 //! Of many atoms most need not be looked at: [`ball_tree`] hold neighbours together, and [`branch_and_bound`] finds what a scan would,
-//! to the bit, by bounds. Of fewer all are looked at, but by few numbers in sixteen
-//! bits: a [`quantized_table`], by which [`filter_refine`] does. Of few atoms [`gram`] keeps the products with one another, and [`gram_omp`] uses them.
+//! to the bit, by bounds. Of few atoms [`gram`] keeps the products with one another, and [`gram_omp`] uses them.
 
 mod argmax;
 mod ball_bound;
 mod ball_tree;
 mod branch_and_bound;
-mod candidate_filter;
 mod cost_model;
 mod exact_score;
-mod filter_pass;
-mod filter_refine;
-mod filter_score;
 mod gram;
 mod gram_omp;
 mod index_cache;
-mod int16_quantization;
 mod lane_argmax;
 mod leaf_products;
 mod micro_gemm;
 mod packed_atoms;
 mod panel_kernel;
 mod pca_projection;
-mod quantized_table;
 mod query;
-mod rerank;
 mod score_bound;
 mod single_search;
-mod strategy;
 mod top_balls;
-mod warm_start;
 
 use super::SelectionRule;
 use crate::numeric::simd;
@@ -62,12 +52,7 @@ pub use gram_omp::GramOmp;
 pub use index_cache::{ALONE, IndexCache};
 pub use packed_atoms::PackedAtoms;
 pub use panel_kernel::UNSEEN;
-#[cfg(test)]
-pub use quantized_table::QuantizedTable;
 pub use query::OmpQuery;
-#[cfg(test)]
-pub use strategy::Made;
-pub use strategy::{Bounds, Kind, Searcher};
 
 /// What is kept for a tile of poses: c and e of each pose and atom, and the best atom of each pose.
 pub struct DenseScan<'a> {

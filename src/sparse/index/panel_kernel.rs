@@ -222,21 +222,6 @@ pub fn any<S: Simd>(mask: S::m32s) -> bool {
     all != 0
 }
 
-/// Which lanes of a mask are true, a bit each.
-#[inline(always)]
-pub fn bits<S: Simd>(simd: S, mask: S::m32s) -> u32 {
-    // AVX-512's masks are bits.
-    if let Ok(bits) = <[u8; 2]>::try_from(pulp::bytemuck::bytes_of(&mask)) {
-        return u32::from(u16::from_le_bytes(bits));
-    }
-    let chosen = simd.select_f32s(mask, simd.splat_f32s(1.0), simd.splat_f32s(0.0));
-    let lanes: &[f32] = pulp::bytemuck::cast_slice(std::slice::from_ref(&chosen));
-    let lanes = (0..).zip(lanes);
-    lanes.fold(0, |bits, (lane, is_chosen)| {
-        bits | (u32::from(*is_chosen > 0.0) << lane)
-    })
-}
-
 /// a b + c: fused wherever that is an instruction.
 #[inline(always)]
 pub fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {

@@ -43,12 +43,6 @@ impl Projected {
         &self.along.as_flattened()[..CENTRE]
     }
 
-    /// The first numbers, and the length of what is beyond them, at most: of the parts of a level.
-    pub fn short(&self, level: usize) -> (&[f32], f32) {
-        let numbers = &self.along.as_flattened()[..LEVELS[level] * PART];
-        (numbers, self.beyond[level])
-    }
-
     /// The length of what is beyond them, at most.
     pub fn beyond_centre(&self) -> f32 {
         self.beyond[0]
