@@ -74,12 +74,10 @@ fn work(args: &Args) -> Result<Outcome> {
             let what = "a cell goes on in the next line: its quote is not closed";
             return Err(Error::data(Place::line(&name, line), what));
         }
-        let mut pose = vec![0.0; columns.width()];
         let is_empty = |column: usize| record.get(column).is_none_or(str::is_empty);
-        if rms.is_some_and(is_empty) && pairs.iter().all(|&(a, c)| is_empty(a) && is_empty(c)) {
-            // Nothing was seen of it.
-            pose.fill(f64::NAN);
-        }
+        let is_unseen =
+            rms.is_some_and(is_empty) && pairs.iter().all(|&(a, c)| is_empty(a) && is_empty(c));
+        let (mut atoms, mut coefficients) = (Vec::new(), Vec::new());
         for (k, &(atom, coefficient)) in pairs.iter().enumerate() {
             let (atom, coefficient) = (
                 record.get(atom).unwrap_or(""),
@@ -93,9 +91,9 @@ fn work(args: &Args) -> Result<Outcome> {
                 continue;
             }
             let index = atom
-                .parse::<usize>()
+                .parse::<u32>()
                 .ok()
-                .filter(|a| *a < dictionary.len())
+                .filter(|a| (*a as usize) < dictionary.len())
                 .ok_or_else(|| {
                     let what = format!(
                         "expected an atom from 0 to {}, found \"{atom}\"",
@@ -103,12 +101,15 @@ fn work(args: &Args) -> Result<Outcome> {
                     );
                     Error::data(place(format!("atom{}", k + 1)), what)
                 })?;
-            let c = parse_number(coefficient)
+            let coefficient = parse_number(coefficient)
                 .map_err(|what| Error::data(place(format!("coef{}", k + 1)), what))?;
-            pose.iter_mut()
-                .zip(dictionary.atom(index))
-                .for_each(|(p, a)| *p += c * f64::from(*a));
+            atoms.push(index);
+            coefficients.push(coefficient);
         }
+        let pose = match is_unseen {
+            true => vec![f64::NAN; columns.width()],
+            false => dictionary.combine(&atoms, &coefficients).to_vec(),
+        };
         sink.write(
             &Row {
                 xyz: pose.clone(),

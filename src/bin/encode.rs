@@ -70,29 +70,29 @@ fn work(args: &Args) -> Result<Outcome> {
         );
         return Err(Error::data(Place::file(stream.name()), what));
     }
-    let pursuit = Omp {
+    let omp = Omp {
         sparsity: args.sparsity as usize,
         rule: args.pursuit.rule(),
         ..Omp::default()
     };
+    let encoder = Encoder::new(&dictionary, omp)?;
     let mut sink = Sink::open(args.output.as_deref(), false)?;
     let header: Vec<String> = (1..=args.sparsity)
         .map(|k| format!("atom{k},coef{k}"))
         .collect();
     sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
-    let is_quick = pursuit.search(&dictionary, BATCH) == SearchStrategy::Gram;
+    let is_quick = encoder.strategy(BATCH) == SearchStrategy::Gram;
     let most = if is_quick { FEW } else { BATCH };
     let mut batches = Batches::new(stream, most);
-    let coder = pursuit.coder(&dictionary)?;
     let mut first = batches.next()?;
     if let Some(poses) = &first {
-        let search = pursuit.search(&dictionary, poses.nrows());
+        let search = encoder.strategy(poses.nrows());
         messages::debug(&format!("{} atoms, found {search}", dictionary.len()));
     }
-    let with_rows = pursuit.search(&dictionary, most) == SearchStrategy::Gram;
+    let with_rows = encoder.strategy(most) == SearchStrategy::Gram;
     if let Some(poses) = first.take_if(|p| !with_rows || p.nrows() < most) {
         // By all threads: few poses; and bounds are made with the first, those coded beside would have to do without.
-        sink.put(&coded(&coder, pursuit.sparsity, &poses)?)?;
+        sink.put(&coded(&encoder, omp.sparsity, &poses)?)?;
     }
     let ahead = match is_quick {
         true => 2 * rayon::current_num_threads() + 1,
@@ -105,8 +105,8 @@ fn work(args: &Args) -> Result<Outcome> {
             None => batches.next(),
         },
         |poses| match is_quick {
-            true => parallel::single_threaded(|| coded(&coder, pursuit.sparsity, &poses)),
-            false => coded(&coder, pursuit.sparsity, &poses),
+            true => parallel::single_threaded(|| coded(&encoder, omp.sparsity, &poses)),
+            false => coded(&encoder, omp.sparsity, &poses),
         },
         |lines| sink.put(&lines),
     )?;
@@ -158,11 +158,11 @@ impl<'a> Batches<'a> {
 }
 
 /// The lines of some poses.
-fn coded(coder: &Encoder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>> {
+fn coded(encoder: &Encoder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>> {
     // To the end, so that several are compared at once.
     let gaps = poses.fold(false, |any, v| any | !v.is_finite());
     let seen = gaps.then(|| poses.mapv(|v| f32::from(v.is_finite())));
-    let codes = coder.code_batch(poses.view(), seen.as_ref().map(|s| s.view()))?;
+    let codes = encoder.encode_weighted(poses.view(), seen.as_ref().map(|s| s.view()))?;
     let count = |i: usize| match &seen {
         Some(seen) => seen.row(i).sum(),
         None => poses.ncols() as f32,

@@ -11,7 +11,7 @@ use posing::prior::{
     sparse_coding::sparse_model,
     training_set::TrainingSet,
 };
-use posing::sparse::{Dictionary, GrowthSearch, Ksvd, Omp, SelectionRule, random_atoms};
+use posing::sparse::{Dictionary, Encoder, GrowthSearch, Ksvd, SelectionRule, random_atoms};
 use posing::{Result, prior};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -122,7 +122,7 @@ fn work(args: &Args) -> Result<Outcome> {
     };
     let state = training.train(|| {
         let dictionary = start(args, &ksvd, &poses, init)?;
-        let search = ksvd.pursuit.search(&dictionary, poses.xyz.nrows());
+        let search = Encoder::new(&dictionary, ksvd.omp())?.strategy(poses.xyz.nrows());
         messages::debug(&format!("{} atoms, found {search}", dictionary.len()));
         Ok(dictionary)
     })?;
@@ -134,7 +134,7 @@ fn work(args: &Args) -> Result<Outcome> {
             last.fresh_rms
         ));
     }
-    let mut model = sparse_model(&poses, &state.dictionary, &ksvd.pursuit, world)?;
+    let mut model = sparse_model(&poses, &state.dictionary, &ksvd.omp(), world)?;
     model.meta.credit.clone_from(&args.credit);
     model
         .meta
@@ -152,11 +152,8 @@ fn parameters(args: &Args) -> Ksvd {
     };
     Ksvd {
         iterations: args.iterations as usize,
-        pursuit: Omp {
-            sparsity: args.sparsity as usize,
-            rule,
-            ..Omp::default()
-        },
+        sparsity: args.sparsity as usize,
+        rule,
         coherence: args.coherence,
         target: args.error,
         ..Ksvd::default()
@@ -180,7 +177,7 @@ fn start(
     let search = GrowthSearch {
         error,
         seed: args.seed.seed,
-        pursuit: ksvd.pursuit,
+        omp: ksvd.omp(),
         ..GrowthSearch::default()
     };
     let tell = |t: &posing::sparse::Trial| {

@@ -3,7 +3,7 @@
 use super::progress::Progress;
 use super::{input, messages};
 use crate::io::{Input, Model};
-use crate::sparse::{Dictionary, IterationStats, Ksvd, TrainingState};
+use crate::sparse::{Dictionary, Encoder, IterationStats, Ksvd, TrainingState};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 use std::io::Write;
@@ -62,7 +62,7 @@ impl Run<'_> {
             }
             None => self
                 .ksvd
-                .train(start()?, self.poses, self.validation, &mut observe),
+                .train_from(start()?, self.poses, self.validation, &mut observe),
         }
     }
 
@@ -137,10 +137,7 @@ impl Run<'_> {
         if !asked || dictionary.width() != self.poses.ncols() {
             return Err(damaged("its atoms are not those of this run"));
         }
-        let codes = self
-            .ksvd
-            .pursuit
-            .code_batch(&dictionary, self.poses, None)?;
+        let codes = Encoder::new(&dictionary, self.ksvd.omp())?.encode(self.poses)?;
         Ok(Some(TrainingState {
             dictionary,
             support: codes.atoms,

@@ -9,7 +9,7 @@ use super::tuning::HoldBack;
 use super::{OpenOptions, Prior, SparseCodingPrior, gplvm, multiscale, sparse_coding};
 use crate::io::Model;
 use crate::io::model::BodyMeta;
-use crate::sparse::{Ksvd, random_atoms};
+use crate::sparse::Ksvd;
 use crate::{Error, Place, Result};
 
 /// The kinds of model that can be trained, with what each is.
@@ -112,9 +112,12 @@ fn unknown(kind: &str) -> Error {
 /// `ksvd-train -n 1000`, or as many atoms as there are poses.
 fn sparse(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
     let xyz = training.poses.xyz.view();
-    let ksvd = Ksvd::default();
-    let start = random_atoms(xyz, ATOMS.min(xyz.nrows()), training.seed)?;
-    let state = ksvd.train(start, xyz, None, &mut |state| {
+    let ksvd = Ksvd {
+        atoms: ATOMS.min(xyz.nrows()),
+        seed: training.seed,
+        ..Ksvd::default()
+    };
+    sparse_coding::train(training.poses, &ksvd, training.world, &mut |state| {
         if let Some(last) = state.history.last() {
             report(&format!(
                 "iteration {}: rms {:.3} cm",
@@ -122,13 +125,7 @@ fn sparse(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model
             ));
         }
         Ok(())
-    })?;
-    sparse_coding::sparse_model(
-        training.poses,
-        &state.dictionary,
-        &ksvd.pursuit,
-        training.world,
-    )
+    })
 }
 
 /// Opens the prior that a model file holds; `source` is for messages.

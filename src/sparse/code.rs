@@ -39,13 +39,7 @@ impl SparseCode {
     /// # Panics
     /// If the code is of another, larger dictionary.
     pub fn decode(&self, dictionary: &Dictionary) -> Array1<f64> {
-        let mut pose = Array1::zeros(dictionary.width());
-        for (&atom, &x) in self.atoms.iter().zip(&self.coefficients) {
-            pose.zip_mut_with(&dictionary.atom(atom as usize), |p, &a| {
-                *p += x * f64::from(a)
-            });
-        }
-        pose
+        dictionary.combine(&self.atoms, &self.coefficients)
     }
 }
 
@@ -128,6 +122,7 @@ pub(super) fn finished(fit: &ActiveSet) -> SparseCode {
 
 #[cfg(test)]
 mod tests {
+    use super::super::testdata::encode_one;
     use super::super::testdata::{alike, random};
     use super::super::{Omp, SelectionRule};
     use super::*;
@@ -141,7 +136,7 @@ mod tests {
             rule: SelectionRule::Oomp,
             tolerance: Tolerance::Never,
         };
-        let code = with_five.code(&d, y.view(), None).unwrap();
+        let code = encode_one(&with_five, &d, y.view(), None).unwrap();
         assert_eq!(refit(&d, &code.atoms, y.view(), None).unwrap(), code);
         let twice = refit(&d, &[3, 3, 5], y.view(), None).unwrap();
         assert_eq!(

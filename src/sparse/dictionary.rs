@@ -2,7 +2,7 @@
 
 use super::index::IndexCache;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
+use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
@@ -20,7 +20,7 @@ const UNIT: f64 = f32::EPSILON as f64;
 pub struct Dictionary {
     atoms: Array2<f32>, // (n, D)
     /// Made when the dictionary is first coded with, and forgotten when an atom changes.
-    ground: OnceLock<Arc<IndexCache>>,
+    index_cache: OnceLock<Arc<IndexCache>>,
 }
 
 impl PartialEq for Dictionary {
@@ -68,13 +68,13 @@ impl Dictionary {
     pub(super) fn of(atoms: Array2<f32>) -> Self {
         Dictionary {
             atoms,
-            ground: OnceLock::new(),
+            index_cache: OnceLock::new(),
         }
     }
 
     /// What searches of the atoms need.
-    pub(super) fn ground(&self) -> &IndexCache {
-        self.ground
+    pub(super) fn index_cache(&self) -> &IndexCache {
+        self.index_cache
             .get_or_init(|| Arc::new(IndexCache::new(self.len())))
     }
 
@@ -89,6 +89,18 @@ impl Dictionary {
     /// If there is no atom `i`.
     pub fn atom(&self, i: usize) -> ArrayView1<'_, f32> {
         self.atoms.row(i)
+    }
+
+    /// The sum of atoms times coefficients: a pose (D), in the unit of the coefficients.
+    ///
+    /// # Panics
+    /// If an atom is not below [`Dictionary::len`].
+    pub fn combine(&self, atoms: &[u32], coefficients: &[f64]) -> Array1<f64> {
+        let mut pose = Array1::zeros(self.width());
+        for (&atom, &x) in atoms.iter().zip(coefficients) {
+            pose.zip_mut_with(&self.atom(atom as usize), |p, &a| *p += x * f64::from(a));
+        }
+        pose
     }
 
     /// The atoms as an array, given up by the dictionary.
@@ -119,7 +131,7 @@ impl Dictionary {
     /// Atom `i` for changing it. The caller leaves it finite and of unit norm.
     pub(super) fn atom_mut(&mut self, i: usize) -> &mut [f32] {
         let d = self.width();
-        self.ground.take();
+        self.index_cache.take();
         let all = self
             .atoms
             .as_slice_mut()

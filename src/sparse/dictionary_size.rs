@@ -8,7 +8,7 @@
 //! each begins with the atoms of the one before. Cost: O(m n D kappa) for n atoms at the end, some three times one coding.
 
 use super::initialize::{atoms_of, distinct};
-use super::{Dictionary, Omp};
+use super::{Dictionary, Encoder, Omp};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
@@ -27,19 +27,19 @@ pub struct GrowthSearch {
     /// Of the draws. Default 0.
     pub seed: u64,
     /// How poses are coded.
-    pub pursuit: Omp,
+    pub omp: Omp,
 }
 
 impl Default for GrowthSearch {
     fn default() -> Self {
-        let pursuit = Omp::default();
+        let omp = Omp::default();
         GrowthSearch {
             error: 1.0,
             delta: 2.0,
             growth: 1.5,
             first: 100,
             seed: 0,
-            pursuit,
+            omp,
         }
     }
 }
@@ -67,7 +67,7 @@ pub struct GrowthResult {
 impl GrowthSearch {
     /// Fails if a parameter is out of its range.
     pub fn check(&self) -> Result<()> {
-        self.pursuit.check()?;
+        self.omp.check()?;
         let least = |what, value: f64, least: f64, open: bool| {
             let good = value.is_finite() && (value > least || (value == least && !open));
             let than = if open { "above" } else { "at least" };
@@ -99,7 +99,7 @@ impl GrowthSearch {
         let mut n = self.first.min(rows.len());
         loop {
             let dictionary = atoms_of(poses, &rows[..n])?;
-            let codes = self.pursuit.code_batch(&dictionary, poses, None)?;
+            let codes = Encoder::new(&dictionary, self.omp)?.encode(poses)?;
             let rms = codes.mean_squared_error(poses.ncols()).sqrt();
             tried.push(Trial { atoms: n, rms });
             observer(&Trial { atoms: n, rms });
@@ -164,7 +164,7 @@ mod tests {
             ..Ksvd::default()
         };
         let state = k
-            .train(start.dictionary, y.view(), None, &mut |_| Ok(()))
+            .train_from(start.dictionary, y.view(), None, &mut |_| Ok(()))
             .unwrap();
         assert_eq!(
             k.reached(&state),

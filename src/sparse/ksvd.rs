@@ -21,13 +21,14 @@
 //! poses again (the residual) and the codes. The result does not depend on the number of threads, and nothing is random
 //! but the start. It fails where poses are missing numbers: learning needs whole poses.
 
-use super::Dictionary;
 use super::atom_replacement::replace;
 use super::atom_update::{AtomUsage, residuals, update};
 use super::checkpoint::{IterationStats, TrainingState};
 use super::codes::{SparseCodes, UNUSED};
+use super::initialize::random_atoms;
 use super::omp::Omp;
 use super::support_reuse::keep_better;
+use super::{Dictionary, Encoder, SelectionRule, Tolerance};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
@@ -37,12 +38,31 @@ use serde::{Deserialize, Serialize};
 /// Measured on a random half of the frames of CMU's subject 01 (1,000 atoms, 3 a pose, ten iterations), mean squared error of
 /// fresh coding in raw ASF units, training and unseen: 0.043 and 0.050 as it is by default; 0.034 and 0.039 with a `coherence` of 0.99;
 /// 0.049 and 0.055 with `keep`; 0.044 and 0.051 with one sweep; 0.071 and 0.083 with the plain pursuit.
+///
+/// ```
+/// use ndarray::Array2;
+/// use posing::sparse::{Encoder, Ksvd};
+///
+/// // 200 poses (m, D) on two lines
+/// let poses = Array2::from_shape_fn((200, 4), |(i, j)| if i % 2 == j % 2 { 1.0 + i as f32 } else { 0.0 });
+/// let ksvd = Ksvd { atoms: 2, sparsity: 1, ..Ksvd::default() };
+/// let dictionary = ksvd.train(poses.view())?;
+/// let codes = Encoder::new(&dictionary, ksvd.omp())?.encode(poses.view())?;
+/// assert!(codes.mean_squared_error(4) < 1e-6);
+/// # Ok::<(), posing::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ksvd {
+    /// The number of atoms. At least 1; default 1000.
+    pub atoms: usize,
+    /// The seed that draws the initial atoms from the training poses. Default 0.
+    pub seed: u64,
     /// How many iterations in all; 0 changes nothing. Default 30.
     pub iterations: usize,
-    /// How poses are coded.
-    pub pursuit: Omp,
+    /// The largest number of atoms in a code, kappa. At least 1; default 3.
+    pub sparsity: usize,
+    /// How matching pursuit selects atoms. Default: OOMP.
+    pub rule: SelectionRule,
     /// Closer atoms than this (|<a, b>|, above 0 and at most 1) are not both kept. Default: any may be.
     pub coherence: Option<f64>,
     /// How many times an iteration updates all atoms before the poses are coded again; at least 1, default 4. An update costs
@@ -58,8 +78,11 @@ pub struct Ksvd {
 impl Default for Ksvd {
     fn default() -> Self {
         Ksvd {
+            atoms: 1000,
+            seed: 0,
             iterations: 30,
-            pursuit: Omp::default(),
+            sparsity: 3,
+            rule: SelectionRule::Oomp,
             coherence: None,
             sweeps: 4,
             keep: false,
@@ -69,9 +92,13 @@ impl Default for Ksvd {
 }
 
 impl Ksvd {
-    /// Fails if a parameter is out of its range.
+    /// # Errors
+    /// [`Error::Usage`] if a parameter is out of its range.
     pub fn check(&self) -> Result<()> {
-        self.pursuit.check()?;
+        self.omp().check()?;
+        if self.atoms == 0 {
+            return Err(Error::usage("0 atoms: at least 1 is needed"));
+        }
         if self.sweeps == 0 {
             return Err(Error::usage("0 sweeps an iteration: at least 1 is needed"));
         }
@@ -102,7 +129,7 @@ impl Ksvd {
         if poses.nrows() == 0 {
             return Err(Error::data(Place::file("training poses"), "there are none"));
         }
-        let codes = self.pursuit.code_batch(&dictionary, poses, None)?;
+        let codes = self.encode(&dictionary, poses)?;
         let mut state = TrainingState {
             dictionary,
             support: codes.atoms.clone(),
@@ -138,11 +165,37 @@ impl Ksvd {
         Ok(())
     }
 
-    /// [`Ksvd::start`], shown to `observer` too, then [`Ksvd::run`].
+    /// Learns a dictionary from poses (m, D): draws the initial atoms with [`random_atoms`], then iterates.
     ///
     /// # Errors
-    /// As those.
-    pub fn train(
+    /// [`Error::Usage`] if a parameter is out of its range, or fewer distinct, nonzero poses than atoms are given.
+    /// [`Error::Data`] if a pose is not finite (the row is named, from 1).
+    pub fn train(&self, poses: ArrayView2<f32>) -> Result<Dictionary> {
+        let state = self.train_with(poses, &mut |_| Ok(()))?;
+        Ok(state.dictionary)
+    }
+
+    /// [`Ksvd::train`] with an observer of the state after each iteration; the first call is for the initial atoms. Returns the
+    /// final state.
+    ///
+    /// # Errors
+    /// As [`Ksvd::train`]; also the errors of `observer`, which end the training.
+    pub fn train_with(
+        &self,
+        poses: ArrayView2<f32>,
+        observer: &mut dyn FnMut(&TrainingState) -> Result<()>,
+    ) -> Result<TrainingState> {
+        self.check()?;
+        let atoms = random_atoms(poses, self.atoms, self.seed)?;
+        self.train_from(atoms, poses, None, observer)
+    }
+
+    /// Learns from a given initial dictionary, whatever [`Ksvd::atoms`] and [`Ksvd::seed`] say. `validation` (m', D) poses are
+    /// coded after each iteration, for the statistics only.
+    ///
+    /// # Errors
+    /// As [`Ksvd::start`] and [`Ksvd::run`].
+    pub fn train_from(
         &self,
         dictionary: Dictionary,
         poses: ArrayView2<f32>,
@@ -168,10 +221,23 @@ impl Ksvd {
         state.iteration() >= self.iterations || self.reached(state)
     }
 
+    /// The parameters of coding.
+    pub fn omp(&self) -> Omp {
+        Omp {
+            sparsity: self.sparsity,
+            rule: self.rule,
+            tolerance: Tolerance::Never,
+        }
+    }
+
+    fn encode(&self, dictionary: &Dictionary, poses: ArrayView2<f32>) -> Result<SparseCodes> {
+        Encoder::new(dictionary, self.omp())?.encode(poses)
+    }
+
     fn belongs(&self, state: &TrainingState, poses: ArrayView2<f32>) -> Result<()> {
         let (m, d) = poses.dim();
         let n = state.dictionary.len();
-        let k = self.pursuit.capacity(&state.dictionary);
+        let k = self.omp().capacity(&state.dictionary);
         let fits = state.support.dim() == (m, k)
             && state.coefficients.dim() == (m, k)
             && state.dictionary.width() == d
@@ -208,7 +274,7 @@ impl Ksvd {
         }
         let replaced = replace(dictionary, support, &uses, poses, &residual, self.coherence);
         drop(residual);
-        let mut codes = self.pursuit.code_batch(&state.dictionary, poses, None)?;
+        let mut codes = self.encode(&state.dictionary, poses)?;
         let fresh = codes.mean_squared_error(poses.ncols());
         if self.keep {
             keep_better(&mut codes, state, poses);
@@ -232,7 +298,7 @@ impl Ksvd {
         let mse = codes.mean_squared_error(d);
         let validation_rms = match validation {
             Some(poses) => {
-                let codes = self.pursuit.code_batch(&state.dictionary, poses, None)?;
+                let codes = self.encode(&state.dictionary, poses)?;
                 Some(codes.mean_squared_error(d).sqrt())
             }
             None => None,
@@ -253,6 +319,7 @@ impl Ksvd {
 #[cfg(test)]
 mod tests {
     use super::super::random_atoms;
+    use super::super::testdata::encode;
     use super::super::testdata::poses;
     use super::*;
     use ndarray::{Array2, s};
@@ -262,7 +329,7 @@ mod tests {
     }
 
     fn trained(k: &Ksvd, y: &Array2<f32>, n: usize) -> TrainingState {
-        k.train(
+        k.train_from(
             random_atoms(y.view(), n, 1).unwrap(),
             y.view(),
             None,
@@ -280,7 +347,7 @@ mod tests {
             ..Ksvd::default()
         };
         let state = k
-            .train(start.clone(), y.view(), None, &mut quiet())
+            .train_from(start.clone(), y.view(), None, &mut quiet())
             .unwrap();
         assert_eq!(state.dictionary, start);
         assert_eq!((state.iteration(), state.history.len()), (0, 1));
@@ -296,15 +363,12 @@ mod tests {
         };
         let start = random_atoms(y.view(), 60, 1).unwrap();
         let state = k
-            .train(start, y.view(), Some(unseen.view()), &mut quiet())
+            .train_from(start, y.view(), Some(unseen.view()), &mut quiet())
             .unwrap();
         let (first, last) = (&state.history[0], &state.history[15]);
         assert!(last.rms <= 0.5 * first.rms, "{first:?} {last:?}");
         assert!(last.validation_rms <= first.validation_rms.map(|v| 0.6 * v));
-        let codes = k
-            .pursuit
-            .code_batch(&state.dictionary, y.view(), None)
-            .unwrap();
+        let codes = encode(&k.omp(), &state.dictionary, y.view(), None).unwrap();
         assert_eq!(codes.mean_squared_error(20).sqrt(), last.fresh_rms);
         assert_eq!(last.fresh_rms, last.rms);
         for atom in state.dictionary.atoms().outer_iter() {
@@ -367,7 +431,7 @@ mod tests {
             iterations: 3,
             ..Ksvd::default()
         };
-        let state = k.train(start, y.view(), None, &mut quiet()).unwrap();
+        let state = k.train_from(start, y.view(), None, &mut quiet()).unwrap();
         assert_eq!((state.history[1].unused, state.dictionary.len()), (28, 30));
         assert!(state.history[1].rms <= 0.7 * state.history[0].rms);
         assert!(state.dictionary.copies().is_empty());
@@ -432,7 +496,7 @@ mod tests {
         let mut y = poses(10, 6, 10);
         y.slice_mut(s![5.., ..]).fill(0.0);
         let many = Dictionary::from_rows(poses(40, 6, 11).view()).unwrap();
-        let state = k.train(many, y.view(), None, &mut quiet()).unwrap();
+        let state = k.train_from(many, y.view(), None, &mut quiet()).unwrap();
         assert!(state.history[3].rms <= state.history[0].rms && state.dictionary.len() == 40);
         assert!(state.dictionary.atoms().iter().all(|a| a.is_finite()));
     }
@@ -448,7 +512,7 @@ mod tests {
         let mut bad = y.clone();
         bad[[17, 3]] = f32::NAN;
         let said = k
-            .train(start.clone(), bad.view(), None, &mut quiet())
+            .train_from(start.clone(), bad.view(), None, &mut quiet())
             .unwrap_err();
         assert!(said.to_string().contains(":18"), "{said}");
         assert!(
@@ -464,7 +528,7 @@ mod tests {
         state.support[[0, 0]] = 10;
         assert!(k.run(&mut state, y.view(), None, &mut quiet()).is_err());
         let stop = &mut |_: &TrainingState| Err(Error::usage("enough"));
-        assert!(k.train(start, y.view(), None, stop).is_err());
+        assert!(k.train_from(start, y.view(), None, stop).is_err());
         for c in [0.0, 1.5, f64::NAN] {
             assert!(
                 Ksvd {

@@ -41,10 +41,10 @@ pub mod weighted_dictionary;
 
 pub use checkpoint::{IterationStats, TrainingState};
 pub use code::{SparseCode, StopReason, refit};
-pub use codes::{SearchStrategy, SparseCodes, UNUSED};
+pub use codes::{SparseCodes, UNUSED};
 pub use dictionary::Dictionary;
 pub use dictionary_size::{GrowthResult, GrowthSearch, Trial};
-pub use encoder::Encoder;
+pub use encoder::{Encoder, SearchStrategy};
 pub use initialize::random_atoms;
 pub use ksvd::Ksvd;
 pub use merge::{CoherenceStats, DictionaryMerge, MergedDictionary};

@@ -25,13 +25,7 @@
 //! f32 atoms tell. Coefficients and residual are exact for the atoms taken.
 
 use super::Dictionary;
-use super::code::{SparseCode, finished, started};
-use super::codes::SearchStrategy;
-use super::index::ALONE;
-use super::omp_dense::DenseOmp;
-use super::omp_indexed::IndexedOmp;
 use crate::{Error, Result};
-use ndarray::ArrayView1;
 use serde::{Deserialize, Serialize};
 
 /// How the next atom is chosen.
@@ -113,48 +107,13 @@ impl Omp {
     pub(super) fn capacity(&self, dictionary: &Dictionary) -> usize {
         self.sparsity.min(dictionary.len()).min(dictionary.width())
     }
-
-    /// SparseCodes one pose (D) with weights (D, not negative; all 1 if not given).
-    ///
-    /// Where the weight is 0 the pose may be NaN. The same numbers give the same code as in
-    /// [`Omp::code_batch`].
-    ///
-    /// # Errors
-    /// A parameter, a length, an observed number or a weight that cannot be used.
-    pub fn code(
-        &self,
-        dictionary: &Dictionary,
-        pose: ArrayView1<f64>,
-        weights: Option<ArrayView1<f64>>,
-    ) -> Result<SparseCode> {
-        self.check()?;
-        let capacity = self.capacity(dictionary);
-        let start = || started(dictionary, capacity, pose, weights, self.tolerance);
-        let mut fit = start()?;
-        let ground = dictionary.ground();
-        let even = fit.root.is_none();
-        ground.count(if even { ALONE } else { 0 });
-        if even
-            && self.search(dictionary, 0) == SearchStrategy::BallTree
-            && let Some(tree) = ground.tree(dictionary.atoms())
-        {
-            let mut unpruned = Vec::new();
-            let mut group = IndexedOmp::new(dictionary, tree, self.rule, 1);
-            group.code(std::slice::from_mut(&mut fit), self.sparsity, &mut unpruned);
-            if unpruned.is_empty() {
-                return Ok(finished(&fit));
-            }
-            fit = start()?;
-        }
-        DenseOmp::new(dictionary, self.rule, 1).code(std::slice::from_mut(&mut fit), self.sparsity);
-        Ok(finished(&fit))
-    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::testdata::encode_one;
     use super::super::testdata::{alike, random};
-    use super::super::{StopReason, refit};
+    use super::super::{SparseCode, StopReason, refit};
     use super::*;
     use crate::numeric::parallel;
     use ndarray::{Array1, Array2, Axis, array};
@@ -191,7 +150,7 @@ mod tests {
                 stop: StopReason::Tolerance,
             };
             let y = code.decode(&d);
-            let found = with(9, rule).code(&d, y.view(), None).unwrap();
+            let found = encode_one(&with(9, rule), &d, y.view(), None).unwrap();
             assert_eq!(found.stop, StopReason::Tolerance, "{found:?}");
             let mut atoms: Vec<usize> = found.atoms.iter().map(|&a| a as usize).collect();
             for (a, c) in found.atoms.iter().zip(&found.coefficients) {
@@ -214,7 +173,7 @@ mod tests {
         for rule in RULES {
             let mut before = (&y * &y * &w).sum();
             for k in 1..=14 {
-                let code = with(k, rule).code(&d, y.view(), Some(w.view())).unwrap();
+                let code = encode_one(&with(k, rule), &d, y.view(), Some(w.view())).unwrap();
                 let now = left(&d, &code, &y, &w);
                 assert!(
                     (now - code.squared_residual).abs() <= 1e-9 * before,
@@ -239,9 +198,8 @@ mod tests {
             let w = random(1, 12, seed + 60)
                 .row(0)
                 .mapv(|v| if v < -0.3 { 0.0 } else { v + 1.0 });
-            let code = with(4, SelectionRule::Oomp)
-                .code(&d, y.view(), Some(w.view()))
-                .unwrap();
+            let code =
+                encode_one(&with(4, SelectionRule::Oomp), &d, y.view(), Some(w.view())).unwrap();
             for step in 0..4 {
                 let tried = (0..40u32).map(|a| {
                     let support = [&code.atoms[..step], &[a]].concat();
@@ -260,9 +218,7 @@ mod tests {
     fn the_plain_rule_takes_the_most_correlated_atom() {
         let d = alike(40, 12, 7);
         let y = random(1, 12, 8).row(0).to_owned();
-        let code = with(4, SelectionRule::Omp)
-            .code(&d, y.view(), None)
-            .unwrap();
+        let code = encode_one(&with(4, SelectionRule::Omp), &d, y.view(), None).unwrap();
         for step in 0..4 {
             let before = refit(&d, &code.atoms[..step], y.view(), None).unwrap();
             let r = &y - &before.decode(&d);
@@ -287,8 +243,8 @@ mod tests {
             .filter(|(i, _)| i % 3 == 1)
             .for_each(|(_, v)| *v = f64::NAN);
         for rule in RULES {
-            let whole = with(4, rule).code(&d, y.view(), Some(w.view())).unwrap();
-            let part = with(4, rule).code(&cut, cut_y.view(), None).unwrap();
+            let whole = encode_one(&with(4, rule), &d, y.view(), Some(w.view())).unwrap();
+            let part = encode_one(&with(4, rule), &cut, cut_y.view(), None).unwrap();
             assert_eq!(whole.atoms, part.atoms);
             assert!((whole.squared_residual - 2.5 * part.squared_residual).abs() <= 1e-7);
             for (i, &a) in part.atoms.iter().enumerate() {
@@ -307,7 +263,7 @@ mod tests {
         let d = alike(300, 12, 11);
         let y = random(1, 12, 12).row(0).to_owned();
         for rule in RULES {
-            let full = with(8, rule).code(&d, y.view(), None).unwrap();
+            let full = encode_one(&with(8, rule), &d, y.view(), None).unwrap();
             for k in 0..8 {
                 let at = |k: usize| {
                     refit(&d, &full.atoms[..k], y.view(), None)
@@ -317,13 +273,12 @@ mod tests {
                 let length = at(k).sqrt() * (1.0 + 1e-9);
                 let rms = length / 12f64.sqrt();
                 for tolerance in [Tolerance::Norm(length), Tolerance::Rms(rms)] {
-                    let code = Omp {
+                    let omp = Omp {
                         sparsity: 8,
                         rule,
                         tolerance,
-                    }
-                    .code(&d, y.view(), None)
-                    .unwrap();
+                    };
+                    let code = encode_one(&omp, &d, y.view(), None).unwrap();
                     assert_eq!((code.atoms.len(), code.stop), (k, StopReason::Tolerance));
                 }
             }
@@ -342,7 +297,7 @@ mod tests {
         let w = array![1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
         for rule in RULES {
             for (d, w) in [(&one, None), (&half, Some(w.view()))] {
-                let code = with(5, rule).code(d, y.view(), w).unwrap();
+                let code = encode_one(&with(5, rule), d, y.view(), w).unwrap();
                 assert_eq!((code.atoms.len(), code.stop), (1, StopReason::Dependent));
                 assert!(code.coefficients[0].is_finite());
             }
@@ -356,7 +311,7 @@ mod tests {
         let zero = Array1::zeros(6);
         for (y, w) in [(&y, Some(zero.view())), (&zero, None)] {
             for rule in RULES {
-                let code = with(3, rule).code(&d, y.view(), w).unwrap();
+                let code = encode_one(&with(3, rule), &d, y.view(), w).unwrap();
                 assert_eq!(
                     (code.atoms.len(), code.stop, code.squared_residual),
                     (0, StopReason::Nothing, 0.0)
@@ -376,23 +331,17 @@ mod tests {
         let few = alike(3, 9, 18);
         let single = alike(1, 9, 19);
         for rule in RULES {
-            let code = with(64, rule)
-                .code(&wide, random(1, 4, 20).row(0), None)
-                .unwrap();
+            let code = encode_one(&with(64, rule), &wide, random(1, 4, 20).row(0), None).unwrap();
             assert!(code.atoms.len() <= 4 && code.squared_residual <= 1e-10);
-            let code = with(64, rule)
-                .code(&few, random(1, 9, 21).row(0), None)
-                .unwrap();
+            let code = encode_one(&with(64, rule), &few, random(1, 9, 21).row(0), None).unwrap();
             assert_eq!((code.atoms.len(), code.stop), (3, StopReason::Dependent));
-            let code = with(1, rule)
-                .code(&single, random(1, 9, 21).row(0), None)
-                .unwrap();
+            let code = encode_one(&with(1, rule), &single, random(1, 9, 21).row(0), None).unwrap();
             assert_eq!((code.atoms.len(), code.stop), (1, StopReason::Sparsity));
         }
         let big = Dictionary::from_rows(random(300, 100, 22).view()).unwrap();
         for rule in RULES {
             let y = random(1, 100, 23).row(0).to_owned();
-            let code = with(64, rule).code(&big, y.view(), None).unwrap();
+            let code = encode_one(&with(64, rule), &big, y.view(), None).unwrap();
             assert_eq!(code.atoms.len(), 64);
             let now = left(&big, &code, &y, &Array1::ones(100));
             assert!((now - code.squared_residual).abs() <= 1e-9);
@@ -405,11 +354,9 @@ mod tests {
         let y = random(1, 12, 25).row(0).to_owned();
         let w = random(1, 12, 26).row(0).mapv(|v| v + 0.6);
         let p = with(4, SelectionRule::Oomp);
-        let a = p.code(&d, y.view(), Some(w.view())).unwrap();
+        let a = encode_one(&p, &d, y.view(), Some(w.view())).unwrap();
         for scale in [1e-12, 1e12] {
-            let b = p
-                .code(&d, (&y * scale).view(), Some((&w * scale).view()))
-                .unwrap();
+            let b = encode_one(&p, &d, (&y * scale).view(), Some((&w * scale).view())).unwrap();
             assert_eq!(a.atoms, b.atoms);
             let ratio = b.squared_residual / (a.squared_residual * scale.powi(3));
             assert!((ratio - 1.0).abs() <= 1e-6);
@@ -421,19 +368,21 @@ mod tests {
         let d = alike(10, 3, 29);
         let p = Omp::default();
         for bad in [f64::NAN, f64::INFINITY, 1e200] {
-            assert!(p.code(&d, array![1.0, bad, 0.0].view(), None).is_err());
+            assert!(encode_one(&p, &d, array![1.0, bad, 0.0].view(), None).is_err());
         }
         for bad in [f64::NAN, f64::INFINITY, -1.0] {
             let w = array![1.0, bad, 0.0];
-            assert!(
-                p.code(&d, array![1.0, 1.0, 0.0].view(), Some(w.view()))
-                    .is_err()
-            );
+            assert!(encode_one(&p, &d, array![1.0, 1.0, 0.0].view(), Some(w.view())).is_err());
         }
-        assert!(p.code(&d, array![1.0, 1.0].view(), None).is_err());
+        assert!(encode_one(&p, &d, array![1.0, 1.0].view(), None).is_err());
         assert!(
-            p.code(&d, array![1.0, 1.0, 1.0].view(), Some(array![1.0].view()))
-                .is_err()
+            encode_one(
+                &p,
+                &d,
+                array![1.0, 1.0, 1.0].view(),
+                Some(array![1.0].view())
+            )
+            .is_err()
         );
         assert!(with(0, SelectionRule::Omp).check().is_err());
         for t in [-1.0, f64::NAN, f64::INFINITY] {

@@ -35,12 +35,12 @@ pub(super) struct DenseOmp<'a> {
 impl<'a> DenseOmp<'a> {
     /// Room for `poses` poses.
     pub fn new(dictionary: &'a Dictionary, rule: SelectionRule, poses: usize) -> Self {
-        let ground = dictionary.ground();
-        let panels = ground.panels(dictionary.atoms());
+        let index_cache = dictionary.index_cache();
+        let panels = index_cache.panels(dictionary.atoms());
         DenseOmp {
             dictionary,
             panels,
-            gram: ground.gram.as_ref(),
+            gram: index_cache.gram.as_ref(),
             rule,
             scan: DenseScan::new(panels, poses),
             follower: GramOmp::new(panels),

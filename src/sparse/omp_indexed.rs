@@ -120,18 +120,18 @@ impl<'a> IndexedOmp<'a> {
 }
 
 /// Near which atoms poses are.
-pub(super) struct Places<'a> {
+pub(super) struct NearestLeaf<'a> {
     leaves: &'a BallTree,
     search: BranchAndBound<'a>,
     paths: Vec<OmpQuery>,
     nearest: Vec<usize>,
 }
 
-impl<'a> Places<'a> {
+impl<'a> NearestLeaf<'a> {
     /// Among the atoms of some leaves.
     pub fn new(leaves: &'a BallTree) -> Self {
         let path = || OmpQuery::new(leaves.width());
-        Places {
+        NearestLeaf {
             leaves,
             search: BranchAndBound::new(leaves),
             paths: std::iter::repeat_with(path).take(TOGETHER).collect(),
@@ -140,7 +140,7 @@ impl<'a> Places<'a> {
     }
 
     /// Near which each of the poses is that `fits` were started on: the numbers of neighbours are near.
-    pub fn of(&mut self, fits: &[ActiveSet]) -> Vec<u32> {
+    pub fn leaves(&mut self, fits: &[ActiveSet]) -> Vec<u32> {
         let mut places = vec![0; fits.len()];
         for few in open(fits).chunks(TOGETHER) {
             for (path, i) in self.paths.iter_mut().zip(few) {

@@ -47,24 +47,22 @@ pub fn keep_better(codes: &mut SparseCodes, state: &TrainingState, poses: ArrayV
 #[cfg(test)]
 mod tests {
     use super::super::testdata::poses;
-    use super::super::{Ksvd, Omp, SelectionRule, random_atoms};
+    use super::super::{Ksvd, SelectionRule, random_atoms};
 
     #[test]
     fn with_old_codes_kept_the_error_never_rises() {
         let y = poses(900, 12, 2);
         for rule in [SelectionRule::Oomp, SelectionRule::Omp] {
-            let pursuit = Omp {
-                rule,
-                ..Omp::default()
-            };
             let k = Ksvd {
                 iterations: 25,
                 keep: true,
-                pursuit,
+                rule,
                 ..Ksvd::default()
             };
             let start = random_atoms(y.view(), 60, 1).unwrap();
-            let state = k.train(start, y.view(), None, &mut |_| Ok(())).unwrap();
+            let state = k
+                .train_from(start, y.view(), None, &mut |_| Ok(()))
+                .unwrap();
             for pair in state.history.windows(2) {
                 assert!(pair[1].mse <= pair[0].mse * (1.0 + 1e-5), "{pair:?}");
                 assert!(pair[1].fresh_rms >= pair[1].rms);

@@ -1,8 +1,9 @@
 //! Made atoms and poses that several of the tests use.
 
-use super::Dictionary;
+use super::{Dictionary, Encoder, Omp, SparseCode, SparseCodes};
+use crate::Result;
 use crate::numeric::parallel;
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView1, ArrayView2};
 use rand::Rng;
 
 /// Uniform about 0.
@@ -29,4 +30,24 @@ pub fn poses(m: usize, d: usize, seed: u64) -> Array2<f32> {
         }
     }
     y
+}
+
+/// Codes poses (m, D) with a new encoder.
+pub fn encode(
+    omp: &Omp,
+    dictionary: &Dictionary,
+    poses: ArrayView2<f32>,
+    weights: Option<ArrayView2<f32>>,
+) -> Result<SparseCodes> {
+    Encoder::new(dictionary, *omp)?.encode_weighted(poses, weights)
+}
+
+/// Codes one pose (D) with a new encoder.
+pub fn encode_one(
+    omp: &Omp,
+    dictionary: &Dictionary,
+    pose: ArrayView1<f64>,
+    weights: Option<ArrayView1<f64>>,
+) -> Result<SparseCode> {
+    Encoder::new(dictionary, *omp)?.encode_one(pose, weights)
 }

@@ -6,7 +6,7 @@
 
 use super::code::{refit, row};
 use super::index::UNSEEN;
-use super::{Dictionary, Omp, SparseCode, StopReason, Tolerance};
+use super::{Dictionary, Encoder, Omp, SparseCode, StopReason, Tolerance};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1};
 
@@ -70,7 +70,7 @@ impl WeightedDictionary {
     /// Those of [`Omp::code`]; a dictionary of another size than the one this was made of.
     pub fn code(
         &self,
-        pursuit: &Omp,
+        omp: &Omp,
         dictionary: &Dictionary,
         pose: ArrayView1<'_, f64>,
     ) -> Result<SparseCode> {
@@ -84,18 +84,18 @@ impl WeightedDictionary {
             .as_ref()
             .filter(|_| pose.len() == self.weights.len())
         else {
-            return pursuit.code(dictionary, pose, weights);
+            return Encoder::new(dictionary, *omp)?.encode_one(pose, weights);
         };
-        let pursuit = Omp {
-            tolerance: self.tolerance(pursuit),
-            ..*pursuit
+        let scaled = Omp {
+            tolerance: self.tolerance(omp),
+            ..*omp
         };
         let signal: Array1<f64> = self.seen.iter().map(|(i, root)| pose[*i] * root).collect();
         if signal.iter().any(|v| !v.is_finite()) {
             // It says what is wrong.
-            return pursuit.code(dictionary, pose, weights);
+            return Encoder::new(dictionary, *omp)?.encode_one(pose, weights);
         }
-        let found = pursuit.code(atoms, signal.view(), None)?;
+        let found = Encoder::new(atoms, scaled)?.encode_one(signal.view(), None)?;
         let name = |a: &u32| self.names.as_ref().map_or(*a, |names| names[*a as usize]);
         let support: Vec<u32> = found.atoms.iter().map(name).collect();
         // The coefficients of the atoms as they are, of which these here are rounded.
@@ -107,9 +107,9 @@ impl WeightedDictionary {
     }
 
     /// The tolerance, for the weights as they are here: the heaviest is 1.
-    fn tolerance(&self, pursuit: &Omp) -> Tolerance {
+    fn tolerance(&self, omp: &Omp) -> Tolerance {
         let heaviest = self.weights.iter().fold(0.0f64, |a, b| a.max(*b));
-        match pursuit.tolerance {
+        match omp.tolerance {
             Tolerance::Never => Tolerance::Never,
             Tolerance::Norm(t) => Tolerance::Norm(t / heaviest.sqrt()),
             Tolerance::Rms(t) => Tolerance::Norm(t * (self.weights.sum() / heaviest).sqrt()),
@@ -148,6 +148,7 @@ fn through(
 #[cfg(test)]
 mod tests {
     use super::super::SelectionRule;
+    use super::super::testdata::encode_one;
     use super::super::testdata::{alike, random};
     use super::*;
 
@@ -177,7 +178,7 @@ mod tests {
                         .and(&weights)
                         .map_collect(|y, w| if *w > 0.0 { *y } else { f64::NAN });
                     let a = seen.code(&pursuit, &d, pose.view()).unwrap();
-                    let b = pursuit.code(&d, pose.view(), Some(weights.view())).unwrap();
+                    let b = encode_one(&pursuit, &d, pose.view(), Some(weights.view())).unwrap();
                     assert_eq!((&a.atoms, a.stop), (&b.atoms, b.stop), "{pursuit:?}");
                     assert_eq!(a.coefficients, b.coefficients);
                     assert_eq!(a.squared_residual, b.squared_residual);
@@ -197,7 +198,10 @@ mod tests {
             // Of the third and last all atoms left would do.
             for pursuit in pursuits().map(|p| Omp { sparsity: 2, ..p }) {
                 let a = seen.code(&pursuit, &d, pose).unwrap();
-                assert_eq!(a, pursuit.code(&d, pose, Some(weights.view())).unwrap());
+                assert_eq!(
+                    a,
+                    encode_one(&pursuit, &d, pose, Some(weights.view())).unwrap()
+                );
                 assert!(a.atoms.iter().all(|a| a % 3 != 0));
             }
         }
@@ -213,9 +217,7 @@ mod tests {
         assert!(code.atoms.is_empty());
         assert_eq!(
             code,
-            Omp::default()
-                .code(&d, pose.view(), Some(weights.view()))
-                .unwrap()
+            encode_one(&Omp::default(), &d, pose.view(), Some(weights.view())).unwrap()
         );
         let other = alike(20, 3, 8);
         assert!(seen.code(&Omp::default(), &other, pose.view()).is_err());
@@ -234,9 +236,7 @@ mod tests {
             let code = through.code(&Omp::default(), d, pose.view()).unwrap();
             assert_eq!(
                 code,
-                Omp::default()
-                    .code(d, pose.view(), Some(weights.view()))
-                    .unwrap()
+                encode_one(&Omp::default(), d, pose.view(), Some(weights.view())).unwrap()
             );
             assert!(code.atoms.is_empty());
         }
@@ -253,7 +253,7 @@ mod tests {
         for bad in [vec![1.0; 5], vec![f64::NAN; 6], vec![1e300; 6]] {
             let (bad, ones) = (Array1::from(bad), Array1::ones(6));
             let said = seen.code(&pursuit, &d, bad.view()).unwrap_err();
-            let other = pursuit.code(&d, bad.view(), Some(ones.view())).unwrap_err();
+            let other = encode_one(&pursuit, &d, bad.view(), Some(ones.view())).unwrap_err();
             assert_eq!(said.to_string(), other.to_string());
         }
     }

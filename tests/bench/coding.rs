@@ -7,7 +7,7 @@ mod shared;
 
 use ndarray::{Array2, ArrayView2, Axis, s};
 use posing::numeric::parallel;
-use posing::sparse::{Dictionary, Omp, SearchStrategy};
+use posing::sparse::{Dictionary, Encoder, Omp, SearchStrategy};
 use shared::{atoms, median};
 use std::time::Instant;
 
@@ -73,7 +73,7 @@ fn main() {
 
 /// The median of coding with a dictionary of which what searches need is made.
 fn seconds(atoms: &Dictionary, poses: ArrayView2<'_, f32>, by_bounds: bool) -> f64 {
-    let pursuit = Omp {
+    let omp = Omp {
         sparsity: SPARSITY,
         ..Omp::default()
     };
@@ -81,15 +81,12 @@ fn seconds(atoms: &Dictionary, poses: ArrayView2<'_, f32>, by_bounds: bool) -> f
         .map(|_| {
             // Its own: one that has been coded with often enough is searched by bounds.
             let dictionary = Dictionary::from_rows(atoms.atoms()).expect("atoms of unit norm");
-            let code = |poses| {
-                pursuit
-                    .code_batch(&dictionary, poses, None)
-                    .expect("finite poses")
-            };
-            let rows = pursuit.search(&dictionary, poses.nrows()) == SearchStrategy::Gram;
+            let encoder = Encoder::new(&dictionary, omp).expect("parameters in range");
+            let code = |poses| encoder.encode(poses).expect("finite poses");
+            let rows = encoder.strategy(poses.nrows()) == SearchStrategy::Gram;
             let warm = if by_bounds || rows { poses.nrows() } else { 1 };
             code(poses.slice(s![..warm, ..]));
-            let asked = pursuit.search(&dictionary, poses.nrows());
+            let asked = encoder.strategy(poses.nrows());
             let is_bounded = asked == SearchStrategy::BallTree;
             assert!(is_bounded == by_bounds || rows, "{asked:?}");
             let began = Instant::now();

@@ -7,7 +7,7 @@ mod shared;
 
 use ndarray::{Array2, ArrayView2, Axis, s};
 use posing::numeric::parallel;
-use posing::sparse::{Dictionary, Ksvd, Omp};
+use posing::sparse::{Dictionary, Encoder, Ksvd, Omp};
 use shared::{atoms, median};
 use std::fmt::Write;
 
@@ -168,7 +168,7 @@ fn plot(
 }
 
 fn code(dictionary: &Dictionary, poses: ArrayView2<'_, f32>, sparsity: usize) -> f64 {
-    let pursuit = Omp {
+    let omp = Omp {
         sparsity,
         ..Omp::default()
     };
@@ -176,8 +176,8 @@ fn code(dictionary: &Dictionary, poses: ArrayView2<'_, f32>, sparsity: usize) ->
         // Its own, so that what is made for searches counts.
         let dictionary = Dictionary::from_rows(dictionary.atoms()).expect("atoms of unit norm");
         assert_eq!(
-            pursuit
-                .code_batch(&dictionary, poses, None)
+            Encoder::new(&dictionary, omp)
+                .and_then(|encoder| encoder.encode(poses))
                 .expect("finite poses")
                 .len(),
             poses.nrows()
@@ -189,10 +189,7 @@ fn code(dictionary: &Dictionary, poses: ArrayView2<'_, f32>, sparsity: usize) ->
 fn learn(dictionary: &Dictionary, poses: ArrayView2<'_, f32>, sparsity: usize) -> f64 {
     let ksvd = Ksvd {
         iterations: 1,
-        pursuit: Omp {
-            sparsity,
-            ..Omp::default()
-        },
+        sparsity,
         ..Ksvd::default()
     };
     let start = ksvd

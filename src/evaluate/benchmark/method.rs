@@ -8,9 +8,9 @@ use crate::numeric::parallel;
 use crate::prior::registry::{KINDS, Training, train};
 use crate::prior::tuning::HoldBack;
 use crate::prior::{self, OpenOptions, Posterior, Prior, Want, posterior_rows};
-use crate::prior::{sparse_coding::sparse_model, training_set::TrainingSet};
+use crate::prior::{sparse_coding, training_set::TrainingSet};
 use crate::restore::{OutlierMode, RigidModel};
-use crate::sparse::{Ksvd, SelectionRule, random_atoms};
+use crate::sparse::{Ksvd, SelectionRule};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, s};
 use serde_json::{Value, json};
@@ -225,10 +225,12 @@ pub fn make(
     };
     let model = if kind == "sparse" {
         let atoms = atoms.unwrap_or(ATOMS.min(poses.xyz.nrows().div_ceil(4)));
-        let ksvd = Ksvd::default();
-        let start = random_atoms(poses.xyz.view(), atoms, seed)?;
-        let state = ksvd.train(start, poses.xyz.view(), None, &mut |_| Ok(()))?;
-        sparse_model(poses, &state.dictionary, &ksvd.pursuit, false)?
+        let ksvd = Ksvd {
+            atoms,
+            seed,
+            ..Ksvd::default()
+        };
+        sparse_coding::train(poses, &ksvd, false, &mut |_| Ok(()))?
     } else {
         let training = Training {
             poses,

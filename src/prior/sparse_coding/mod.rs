@@ -12,13 +12,13 @@ use crate::pose::{Observation, PoseTransform};
 use crate::prior::noise_cache::NoiseCache;
 use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Reconstruction, Task, Want};
 use crate::sparse::{
-    Dictionary, Omp, SelectionRule, SparseCode, SparseCodes, Tolerance, WeightedDictionary, refit,
+    Dictionary, Encoder, Omp, SelectionRule, SparseCode, SparseCodes, Tolerance, WeightedDictionary, refit,
 };
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
 
-pub use model::{joined_model, sparse_model};
+pub use model::{joined_model, sparse_model, train};
 
 /// How a model is to be used; what a kind does not know it leaves alone.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -41,7 +41,7 @@ const UNKNOWN_RESIDUAL: f64 = 1.0;
 #[derive(Debug, Clone)]
 pub struct SparseCodingPrior {
     dictionary: Dictionary,
-    pursuit: Omp,
+    omp: Omp,
     published: bool,
     /// S (D, D), cm².
     residual: Array2<f64>,
@@ -120,14 +120,14 @@ impl SparseCodingPrior {
             None => typical_of(&dictionary),
         };
         let sparsity = options.sparsity.or(model.meta.sparsity).unwrap_or(3).max(1);
-        let pursuit = Omp {
+        let omp = Omp {
             sparsity,
             rule: options.rule,
             tolerance: Tolerance::Never,
         };
         Ok(SparseCodingPrior::new(
             dictionary,
-            pursuit,
+            omp,
             options.published,
             residual,
             typical,
@@ -136,7 +136,7 @@ impl SparseCodingPrior {
 
     fn new(
         dictionary: Dictionary,
-        pursuit: Omp,
+        omp: Omp,
         published: bool,
         mut residual: Array2<f64>,
         typical: Array2<f64>,
@@ -149,7 +149,7 @@ impl SparseCodingPrior {
         let variance = residual.diag().to_vec();
         SparseCodingPrior {
             dictionary,
-            pursuit,
+            omp,
             published,
             residual,
             variance,
@@ -284,6 +284,12 @@ impl SparseCodingPrior {
     }
 }
 
+impl SparseCodingPrior {
+    fn encode(&self, y: ArrayView1<'_, f64>, weights: &Array1<f64>) -> Result<SparseCode> {
+        Encoder::new(&self.dictionary, self.omp)?.encode_one(y, Some(weights.view()))
+    }
+}
+
 impl Prior for SparseCodingPrior {
     fn residual_variance(&self) -> &[f64] {
         &self.variance
@@ -292,7 +298,7 @@ impl Prior for SparseCodingPrior {
     fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
         let weights = self.weights(observation.variance);
         let y = ArrayView1::from(observation.values);
-        let code = (self.pursuit).code(&self.dictionary, y, Some(weights.view()));
+        let code = self.encode(y, &weights);
         let reconstruction = self.better(code, None, y, &weights);
         self.posterior_given(observation, &reconstruction, want)
     }
@@ -306,8 +312,8 @@ impl Prior for SparseCodingPrior {
         let weights = self.weights(observation.variance);
         let y = ArrayView1::from(observation.values);
         let code = match self.weighted(observation.variance, &weights) {
-            Some(weighted) => weighted.code(&self.pursuit, &self.dictionary, y),
-            None => (self.pursuit).code(&self.dictionary, y, Some(weights.view())),
+            Some(weighted) => weighted.code(&self.omp, &self.dictionary, y),
+            None => self.encode(y, &weights),
         };
         self.better(code, previous, y, &weights)
     }
@@ -390,7 +396,7 @@ impl Prior for SparseCodingPrior {
         let typical = map.apply_rows(self.typical.view());
         Box::new(SparseCodingPrior::new(
             dictionary,
-            self.pursuit,
+            self.omp,
             self.published,
             residual,
             typical,

@@ -7,7 +7,7 @@ use crate::io::model::{BodyMeta, HistoryEntry};
 use crate::prior::representative_poses::{TYPICAL, representative_poses};
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::training_set::TrainingSet;
-use crate::sparse::{Dictionary, Omp};
+use crate::sparse::{Dictionary, Encoder, Ksvd, Omp, TrainingState};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 
 /// How much of the poses' own covariance is added to that of their residuals.
@@ -22,7 +22,7 @@ const UNSEEN: f64 = 0.2;
 pub fn sparse_model(
     poses: &TrainingSet,
     dictionary: &Dictionary,
-    pursuit: &Omp,
+    omp: &Omp,
     world: bool,
 ) -> Result<Model> {
     let mut model = Model::new(
@@ -30,11 +30,11 @@ pub fn sparse_model(
         &poses.points,
         if world { "world" } else { "body" },
     );
-    let codes = pursuit.code_batch(dictionary, poses.xyz.view(), None)?;
+    let codes = Encoder::new(dictionary, *omp)?.encode(poses.xyz.view())?;
     let residual = residual_covariance(dictionary, poses.xyz.view(), &codes)?
         + covariance(poses.xyz.view()) * UNSEEN;
     model.meta.body = poses.body.as_ref().map(BodyMeta::from);
-    model.meta.sparsity = Some(pursuit.sparsity);
+    model.meta.sparsity = Some(omp.sparsity);
     model.meta.training_rms = Some(codes.mean_squared_error(poses.xyz.ncols()).sqrt());
     model
         .meta
@@ -42,13 +42,27 @@ pub fn sparse_model(
         .insert("frames".into(), poses.xyz.nrows().into());
     model.meta.details.insert(
         "pursuit".into(),
-        serde_json::to_value(pursuit.rule).unwrap_or_default(),
+        serde_json::to_value(omp.rule).unwrap_or_default(),
     );
     model.insert("atoms", dictionary.atoms().to_owned());
     model.insert("residual", residual.mapv(|v| v as f32));
     model.insert("typical", representative_poses(poses.xyz.view())?);
     RigidPairs::learn(poses.xyz.view(), &poses.takes).write(&mut model);
     Ok(model)
+}
+
+/// Learns a dictionary from training poses by K-SVD and makes its model. `observer` sees the state after each iteration.
+///
+/// # Errors
+/// As [`Ksvd::train_with`].
+pub fn train(
+    poses: &TrainingSet,
+    ksvd: &Ksvd,
+    world: bool,
+    observer: &mut dyn FnMut(&TrainingState) -> Result<()>,
+) -> Result<Model> {
+    let state = ksvd.train_with(poses.xyz.view(), observer)?;
+    sparse_model(poses, &state.dictionary, &ksvd.omp(), world)
 }
 
 /// The covariance of poses (m, D), cm².

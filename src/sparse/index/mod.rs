@@ -349,8 +349,11 @@ mod tests {
     fn rows_of_the_gram_matrix_lead_where_scans_do() {
         let poses = random(13, 21, 2).mapv(|v| v as f32);
         let atoms = Dictionary::from_rows(atoms().view()).unwrap();
-        let (ground, flat) = (atoms.ground(), atoms.flat());
-        let (panels, gram) = (ground.panels(atoms.atoms()), ground.gram.as_ref().unwrap());
+        let (index_cache, flat) = (atoms.index_cache(), atoms.flat());
+        let (panels, gram) = (
+            index_cache.panels(atoms.atoms()),
+            index_cache.gram.as_ref().unwrap(),
+        );
         for (i, pose) in poses.outer_iter().enumerate() {
             let [mut scan, mut rows] = [0, 1].map(|_| {
                 let mut scan = DenseScan::new(panels, 1);
