@@ -12,7 +12,8 @@ use crate::pose::{Observation, PoseTransform};
 use crate::prior::noise_cache::NoiseCache;
 use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Reconstruction, Task, Want};
 use crate::sparse::{
-    Dictionary, Encoder, Omp, SelectionRule, SparseCode, SparseCodes, Tolerance, WeightedDictionary, refit,
+    Dictionary, Encoder, Omp, SelectionRule, SparseCode, SparseCodes, Tolerance,
+    WeightedDictionary, refit,
 };
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
