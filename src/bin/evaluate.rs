@@ -6,8 +6,7 @@ use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, lengths, list, plan, sources};
 use posing::cli::{Outcome, messages, run, streams};
 use posing::evaluate::benchmark::{Benchmark, Dataset, summary};
-use posing::evaluate::report::tables::Results;
-use posing::evaluate::report::{self, reproduction};
+use posing::evaluate::report::{BenchmarkReport, paper::Comparison};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -115,9 +114,10 @@ fn main() -> ExitCode {
 /// Only writes what finished runs say of the paper's tables.
 fn tables(runs: &[PathBuf], folder: &Path) -> Result<Outcome> {
     let runs = benchmark::finished(runs)?;
+    let comparison = Comparison::new(&runs)?;
     let files = [
-        ("tables.csv", reproduction::csv(&runs)),
-        ("tables.html", reproduction::html(&runs)?),
+        ("tables.csv", comparison.csv()),
+        ("tables.html", comparison.html()),
     ];
     benchmark::write(folder, &files)?;
     Ok(Outcome::Done)
@@ -163,25 +163,25 @@ fn work(args: Args) -> Result<Outcome> {
         Some(folder) => Some(ResultCache::open(folder, args.fresh)?),
         None => None,
     };
-    let (cells, examples) = benchmark::run(&bench, work)?;
-    let rows = summary::rows(&cells);
-    let results = Results {
-        data: &data,
+    let (results, examples) = benchmark::run(&bench, work)?;
+    let summary = summary::rows(&results);
+    let report = BenchmarkReport {
+        dataset: &data,
         settings: bench.settings(),
-        twins: bench.duplicates(),
-        cells: &cells,
-        rows: &rows,
+        duplicates: bench.duplicates(),
+        results: &results,
+        summary: &summary,
         examples: &examples,
     };
     if let Some(folder) = &plan.output {
         let files = [
-            ("results.csv", results.csv()),
-            ("results.json", results.json()?),
-            ("times.csv", results.times()),
-            ("report.html", report::html(&results)?),
+            ("results.csv", report.csv()),
+            ("results.json", report.json()?),
+            ("times.csv", report.times()),
+            ("report.html", report.html()?),
         ];
         benchmark::write(folder, &files)?;
     }
-    streams::write_bytes(None, results.text().as_bytes(), false)?;
+    streams::write_bytes(None, report.text().as_bytes(), false)?;
     Ok(Outcome::Done)
 }

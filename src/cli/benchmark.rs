@@ -12,7 +12,7 @@ use crate::evaluate::benchmark::runner::{CachedResults, Event};
 use crate::evaluate::benchmark::{
     Benchmark, BenchmarkResult, Config, Method, Settings, Split, Task,
 };
-use crate::evaluate::report::reproduction::Run;
+use crate::evaluate::report::paper::FinishedRun;
 use crate::prior;
 use crate::prior::provenance::hex;
 use crate::{Error, Place, Result};
@@ -363,14 +363,14 @@ pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
 }
 
 /// Reads the results of finished runs, each a folder that [`write()`] has written.
-pub fn finished(folders: &[PathBuf]) -> Result<Vec<Run>> {
+pub fn finished(folders: &[PathBuf]) -> Result<Vec<FinishedRun>> {
     let read = |folder: &PathBuf| {
         let path = folder.join("results.json");
         let input = input::open(&path)?;
         let source = input.name.clone();
         let bytes = input.read_all(LARGEST_RESULTS)?;
         let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
-        Run::parse(&bytes, &name.unwrap_or_else(|| ".".into()), &source)
+        FinishedRun::parse(&bytes, &name.unwrap_or_else(|| ".".into()), &source)
     };
     folders.iter().map(read).collect()
 }

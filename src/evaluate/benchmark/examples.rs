@@ -1,4 +1,4 @@
-//! Poses to look at: a few test poses and a stretch of one test take, the same for all methods, and what each makes of
+//! Poses to look at: a few test poses and a take_rows of one test take, the same for all methods, and what each makes of
 //! them. They are drawn, not measured: tables come from [`super::cell`] alone.
 //!
 //! They are of the first seed, under the first split of the run that holds whole takes out (else under `frames`, where
@@ -18,9 +18,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Poses that stand still.
-const STILLS: usize = 2;
-/// Frames of the stretch at most, and how many a second: enough to see a step or two, and small.
-const STRETCH: usize = 96;
+const POSES: usize = 2;
+/// Frames of the take_rows at most, and how many a second: enough to see a step or two, and small.
+const TAKE_FRAMES: usize = 96;
 const RATE: f64 = 60.0;
 /// The rate where a table tells none.
 const UNTOLD: f64 = 120.0;
@@ -33,19 +33,19 @@ const MOST: usize = 24;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExampleKind {
     /// A pose damaged as a task says.
-    Still(Task),
+    Pose(Task),
     /// A pose of which x and y are seen, exactly, and no z: the paper's figure 5.
-    Flat,
-    /// The stretch, completed from the observed joints: the paper's figure 6.
-    Stretch,
+    Planar,
+    /// The take_rows, completed from the observed joints: the paper's figure 6.
+    Take,
 }
 
 impl ExampleKind {
     /// Those that a run of these tasks has.
     pub fn of(tasks: &[Task]) -> Vec<ExampleKind> {
-        let mut all: Vec<ExampleKind> = tasks.iter().map(|t| ExampleKind::Still(*t)).collect();
+        let mut all: Vec<ExampleKind> = tasks.iter().map(|t| ExampleKind::Pose(*t)).collect();
         if tasks.contains(&Task::Complete) {
-            all.extend([ExampleKind::Flat, ExampleKind::Stretch]);
+            all.extend([ExampleKind::Planar, ExampleKind::Take]);
         }
         all
     }
@@ -53,17 +53,17 @@ impl ExampleKind {
     /// Its name in files.
     pub fn name(self) -> &'static str {
         match self {
-            ExampleKind::Still(task) => task.name(),
-            ExampleKind::Flat => "flat",
-            ExampleKind::Stretch => "stretch",
+            ExampleKind::Pose(task) => task.name(),
+            ExampleKind::Planar => "flat",
+            ExampleKind::Take => "stretch",
         }
     }
 
     /// The task that it is.
-    fn task(self) -> Task {
+    pub fn task(self) -> Task {
         match self {
-            ExampleKind::Still(task) => task,
-            ExampleKind::Flat | ExampleKind::Stretch => Task::Complete,
+            ExampleKind::Pose(task) => task,
+            ExampleKind::Planar | ExampleKind::Take => Task::Complete,
         }
     }
 }
@@ -76,10 +76,10 @@ pub struct ExamplePoses {
     /// With which seed.
     pub seed: u64,
     /// The rows of the poses that stand still.
-    pub stills: Vec<usize>,
-    /// The rows of the stretch, in time order.
-    pub stretch: Vec<usize>,
-    /// The stretch's frames a second.
+    pub pose_rows: Vec<usize>,
+    /// The rows of the take_rows, in time order.
+    pub take_rows: Vec<usize>,
+    /// The take_rows's frames a second.
     pub rate: f64,
 }
 
@@ -88,7 +88,7 @@ pub struct ExamplePoses {
 pub struct MethodExamples {
     /// The method's name.
     pub model: String,
-    /// By [`ExampleKind::name`], a pose a row: 3 J numbers, cm, to a tenth of a millimetre. A sight is absent where an answer was
+    /// By [`ExampleKind::name`], a pose a row: 3 J numbers, cm, to a tenth of a millimetre. A kind is absent where an answer was
     /// not finite.
     pub answers: BTreeMap<String, Vec<Vec<f64>>>,
 }
@@ -97,9 +97,9 @@ pub struct MethodExamples {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ExampleSet {
     /// Which poses; `None` where none were asked for.
-    pub scenes: Option<ExamplePoses>,
+    pub poses: Option<ExamplePoses>,
     /// What each method made of them, in the settings' order.
-    pub all: Vec<MethodExamples>,
+    pub methods: Vec<MethodExamples>,
 }
 
 /// The split whose examples are kept.
@@ -131,31 +131,31 @@ impl ExamplePoses {
                 .total_cmp(&strides(data, b))
                 .then(b.cmp(&a))
         });
-        let (mut stretch, mut rate) = (Vec::new(), RATE);
+        let (mut take_rows, mut rate) = (Vec::new(), RATE);
         if let Some(take) = walks.map(|w| &data.takes[w]) {
             let variance = take.rate.unwrap_or(UNTOLD);
             let every = (variance / RATE).round().max(1.0) as usize;
-            let count = STRETCH.min(take.rows.len().div_ceil(every));
+            let count = TAKE_FRAMES.min(take.rows.len().div_ceil(every));
             let from = take.rows.start + (take.rows.len() - ((count - 1) * every + 1)) / 2;
-            stretch = (0..count).map(|i| from + i * every).collect();
+            take_rows = (0..count).map(|i| from + i * every).collect();
             rate = variance / every as f64;
         }
         let mut rows = partition.test().to_vec();
         rows.shuffle(&mut parallel::rng(partition.seed(), 5));
-        let mut stills: Vec<usize> = Vec::new();
+        let mut pose_rows: Vec<usize> = Vec::new();
         let mut seen: Vec<usize> = walks.into_iter().collect();
         // From takes not seen yet as long as there are any.
         for fresh in [true, false] {
             for &row in &rows {
-                let known = seen.contains(&data.take_of(row)) || stills.contains(&row);
-                if stills.len() < STILLS
+                let known = seen.contains(&data.take_of(row)) || pose_rows.contains(&row);
+                if pose_rows.len() < POSES
                     && if fresh {
                         !known
                     } else {
-                        !stills.contains(&row)
+                        !pose_rows.contains(&row)
                     }
                 {
-                    stills.push(row);
+                    pose_rows.push(row);
                     seen.push(data.take_of(row));
                 }
             }
@@ -163,33 +163,33 @@ impl ExamplePoses {
         ExamplePoses {
             split: partition.split(),
             seed: partition.seed(),
-            stills,
-            stretch,
+            pose_rows,
+            take_rows,
             rate,
         }
     }
 
-    /// The rows of a sight.
-    pub fn rows(&self, sight: ExampleKind) -> &[usize] {
-        match sight {
-            ExampleKind::Stretch => &self.stretch,
-            _ => &self.stills,
+    /// The rows of a kind.
+    pub fn rows(&self, kind: ExampleKind) -> &[usize] {
+        match kind {
+            ExampleKind::Take => &self.take_rows,
+            _ => &self.pose_rows,
         }
     }
 
-    /// The true poses of a sight, and what is seen of them.
+    /// The true poses of a kind, and what is seen of them.
     ///
     /// # Errors
     /// As [`PoseDamage::apply`].
-    pub fn seen(
+    pub fn damaged(
         &self,
         data: &Dataset,
         settings: &Settings,
-        sight: ExampleKind,
+        kind: ExampleKind,
     ) -> Result<(Array2<f64>, DamagedPoses)> {
-        let rows = self.rows(sight);
+        let rows = self.rows(kind);
         let truth = data.rows(rows);
-        if sight == ExampleKind::Flat {
+        if kind == ExampleKind::Planar {
             let missing = |c: usize| c % 3 == 2;
             let mut damaged = DamagedPoses {
                 y: truth.clone(),
@@ -202,7 +202,7 @@ impl ExamplePoses {
             return Ok((truth, damaged));
         }
         let damage = PoseDamage {
-            task: sight.task(),
+            task: kind.task(),
             points: &data.points,
             observe: &settings.observe,
             base: 0.0,
@@ -216,7 +216,7 @@ impl ExamplePoses {
     /// Lets a method answer: `more` is what it is told of noise besides, cm², `answer` restores.
     ///
     /// # Errors
-    /// As [`ExamplePoses::seen`].
+    /// As [`ExamplePoses::damaged`].
     pub fn restored(
         &self,
         data: &Dataset,
@@ -226,16 +226,16 @@ impl ExamplePoses {
         answer: &dyn Fn(&DamagedPoses) -> Vec<Posterior>,
     ) -> Result<MethodExamples> {
         let mut answers = BTreeMap::new();
-        for sight in ExampleKind::of(&settings.tasks) {
-            let (_, mut damaged) = self.seen(data, settings, sight)?;
-            damaged.variance += more(sight.task());
+        for kind in ExampleKind::of(&settings.tasks) {
+            let (_, mut damaged) = self.damaged(data, settings, kind)?;
+            damaged.variance += more(kind.task());
             let short = |v: &f64| (v * 100.0).round() / 100.0;
             let poses: Vec<Vec<f64>> = answer(&damaged)
                 .iter()
                 .map(|b| b.mean.iter().map(short).collect())
                 .collect();
             if poses.iter().flatten().all(|v| v.is_finite()) {
-                answers.insert(sight.name().into(), poses);
+                answers.insert(kind.name().into(), poses);
             }
         }
         let model = model.into();
@@ -244,13 +244,9 @@ impl ExamplePoses {
 }
 
 impl MethodExamples {
-    /// The answers to a sight as an array (frames, 3 J); `None` where there are none of that shape.
-    pub fn poses(
-        &self,
-        sight: ExampleKind,
-        (frames, width): (usize, usize),
-    ) -> Option<Array2<f64>> {
-        let rows = self.answers.get(sight.name())?;
+    /// The answers to a kind as an array (frames, 3 J); `None` where there are none of that shape.
+    pub fn poses(&self, kind: ExampleKind, (frames, width): (usize, usize)) -> Option<Array2<f64>> {
+        let rows = self.answers.get(kind.name())?;
         let fits = rows.len() == frames && rows.iter().all(|r| r.len() == width);
         let flat: Vec<f64> = rows.iter().flatten().copied().collect();
         let array = Array2::from_shape_vec((frames, width), flat).ok()?;
@@ -327,14 +323,14 @@ mod tests {
                 let part = Partition::draw(&data, &[], split, seed).unwrap();
                 let scenes = ExamplePoses::choose(&data, &part);
                 assert_eq!(scenes, ExamplePoses::choose(&data, &part));
-                assert_eq!(scenes.stills.len(), STILLS);
-                assert!(scenes.stills.iter().all(|r| part.test().contains(r)));
-                let take = data.take_of(scenes.stretch[0]);
-                assert!(scenes.stretch.len() <= STRETCH);
-                assert!(scenes.stretch.iter().all(|r| data.take_of(*r) == take));
-                assert!(scenes.stretch.windows(2).all(|w| w[1] == w[0] + 2));
+                assert_eq!(scenes.pose_rows.len(), POSES);
+                assert!(scenes.pose_rows.iter().all(|r| part.test().contains(r)));
+                let take = data.take_of(scenes.take_rows[0]);
+                assert!(scenes.take_rows.len() <= TAKE_FRAMES);
+                assert!(scenes.take_rows.iter().all(|r| data.take_of(*r) == take));
+                assert!(scenes.take_rows.windows(2).all(|w| w[1] == w[0] + 2));
                 if split != Split::Frames {
-                    assert!(scenes.stretch.iter().all(|r| part.test().contains(r)));
+                    assert!(scenes.take_rows.iter().all(|r| part.test().contains(r)));
                 }
             }
         }
@@ -363,16 +359,16 @@ mod tests {
         let part = Partition::draw(&data, &[], Split::Takes, 0).unwrap();
         let scenes = ExamplePoses::choose(&data, &part);
         let settings = settings();
-        for sight in ExampleKind::of(&settings.tasks) {
-            let (truth, seen) = scenes.seen(&data, &settings, sight).unwrap();
+        for kind in ExampleKind::of(&settings.tasks) {
+            let (truth, seen) = scenes.damaged(&data, &settings, kind).unwrap();
             let missing = seen.y.iter().filter(|v| v.is_nan()).count();
             let rows = truth.nrows();
-            let ought = match sight {
-                ExampleKind::Flat => 23 * rows,
-                ExampleKind::Stretch | ExampleKind::Still(Task::Complete) => 17 * 3 * rows,
+            let ought = match kind {
+                ExampleKind::Planar => 23 * rows,
+                ExampleKind::Take | ExampleKind::Pose(Task::Complete) => 17 * 3 * rows,
                 _ => 0,
             };
-            assert_eq!(missing, ought, "{sight:?}");
+            assert_eq!(missing, ought, "{kind:?}");
             assert!(
                 seen.y
                     .iter()
@@ -380,10 +376,10 @@ mod tests {
                     .all(|(y, t)| y.is_nan() == (*t == f64::INFINITY))
             );
         }
-        // The sights of a run without completion need none of its joints.
+        // The kinds of a run without completion need none of its joints.
         assert_eq!(
             ExampleKind::of(&[Task::Dense]),
-            [ExampleKind::Still(Task::Dense)]
+            [ExampleKind::Pose(Task::Dense)]
         );
     }
 
@@ -412,11 +408,11 @@ mod tests {
         };
         let good = variance(1.0 / 3.0);
         assert_eq!(good.answers.len(), 5);
-        let poses = good.poses(ExampleKind::Flat, (2, 69)).unwrap();
+        let poses = good.poses(ExampleKind::Planar, (2, 69)).unwrap();
         assert_eq!(poses[[0, 5]], 0.33);
-        assert!(good.poses(ExampleKind::Flat, (3, 69)).is_none());
+        assert!(good.poses(ExampleKind::Planar, (3, 69)).is_none());
         let bad = variance(f64::NAN);
-        assert!(bad.poses(ExampleKind::Flat, (2, 69)).is_none() && bad.answers.len() == 2);
+        assert!(bad.poses(ExampleKind::Planar, (2, 69)).is_none() && bad.answers.len() == 2);
         let text = serde_json::to_string(&good).unwrap();
         assert_eq!(serde_json::from_str::<MethodExamples>(&text).unwrap(), good);
     }

@@ -235,8 +235,8 @@ impl<'a> Benchmark<'a> {
         Ok((
             cells,
             ExampleSet {
-                scenes: example_poses,
-                all,
+                poses: example_poses,
+                methods: all,
             },
         ))
     }

@@ -1,7 +1,8 @@
-//! The report's figures: a pose under all models (the paper's figure 3), 2-D points to poses (figure 5), a take completed
-//! by all (figure 6). Each can be turned; the last plays.
+//! Figures of restored poses: one pose under all models (the paper's figure 3), poses from two dimensions (figure 5), and
+//! a take completed frame by frame (figure 6). Each figure can be turned; the take plays.
 
-use super::tables::{Results, short};
+use super::BenchmarkReport;
+use super::tables::short;
 use crate::Result;
 use crate::evaluate::benchmark::dataset::Dataset;
 use crate::evaluate::benchmark::examples::{ExampleKind, ExamplePoses};
@@ -12,197 +13,176 @@ use crate::evaluate::scene::{Figure, Scene, Status};
 use crate::pose::joints;
 use ndarray::{Array2, ArrayView2, Axis};
 use std::fmt::Write;
+use std::ops::Range;
 
-/// What is drawn of one sight: the truth, what is seen, and the answers, best model first.
-struct Drawn {
+/// The poses of one kind of example: (frames, 3 J) each, cm.
+struct Restored {
     truth: Array2<f64>,
-    seen: Array2<f64>,
-    /// The points that noise has hit, where it did not hit all.
-    hit: Option<Array2<Status>>,
-    answers: Vec<(String, Array2<f64>)>,
+    damaged: Array2<f64>,
+    /// (frames, J): points that sparse noise has changed.
+    changed: Option<Array2<Status>>,
+    /// Estimates by model, the model with the lowest error first.
+    estimates: Vec<(String, Array2<f64>)>,
 }
 
-/// The section, empty where there are no examples.
+/// The figures as HTML; empty without examples.
 ///
 /// # Errors
-/// As [`ExamplePoses::seen`].
-pub(super) fn section(results: &Results<'_>) -> Result<String> {
+/// As [`ExamplePoses::damaged`] and [`player::page`].
+pub fn figures(report: &BenchmarkReport<'_>) -> Result<String> {
     let mut out = String::new();
-    let Some(scenes) = &results.examples.scenes else {
+    let Some(poses) = &report.examples.poses else {
         return Ok(out);
     };
-    let sights = ExampleKind::of(&results.settings.tasks);
-    let still: Vec<ExampleKind> = sights
-        .iter()
-        .copied()
-        .filter(|s| matches!(s, ExampleKind::Still(_)))
-        .collect();
-    if let Some(&row) = scenes.stills.first() {
+    let kinds = ExampleKind::of(&report.settings.tasks);
+    if let Some(&row) = poses.pose_rows.first() {
+        let place = frame_name(report.dataset, row);
         let _ = write!(
             out,
-            "<h3>One pose under all models</h3><p>{}, as in the paper's figure 3.</p>",
-            whence(results.data, row)
+            "<h3>One pose under all models</h3><p>{place}, as in the paper's figure 3.</p>"
         );
-        for sight in still {
-            let drawn = Drawn::of(results, scenes, sight)?;
-            player_of(&mut out, results, &drawn, 0..1, words(sight), 1.0)?;
+        for kind in kinds.iter().filter(|k| matches!(k, ExampleKind::Pose(_))) {
+            let restored = Restored::new(report, poses, *kind)?;
+            restored.draw(&mut out, report, 0..1, damage_text(*kind), 1.0)?;
         }
     }
-    if sights.contains(&ExampleKind::Flat) {
+    if kinds.contains(&ExampleKind::Planar) {
         out.push_str(
-            "<h3>From two dimensions to a pose</h3><p>Of every joint x and y are seen, as in a picture from the front, and no \
-             depth: the paper's figure 5.</p>",
+            "<h3>From two dimensions to a pose</h3><p>The models are given x and y of each joint, as in a picture from the \
+             front, and no depth: the paper's figure 5.</p>",
         );
-        let drawn = Drawn::of(results, scenes, ExampleKind::Flat)?;
-        for (i, &row) in scenes.stills.iter().enumerate() {
-            let caption = format!(
-                "{}. What is seen lies in one plane. ",
-                whence(results.data, row)
-            );
-            player_of(&mut out, results, &drawn, i..i + 1, &caption, 1.0)?;
+        let restored = Restored::new(report, poses, ExampleKind::Planar)?;
+        for (i, &row) in poses.pose_rows.iter().enumerate() {
+            let caption = format!("{}. ", frame_name(report.dataset, row));
+            restored.draw(&mut out, report, i..i + 1, &caption, 1.0)?;
         }
     }
-    if let Some(&row) = scenes
-        .stretch
-        .first()
-        .filter(|_| sights.contains(&ExampleKind::Stretch))
-    {
-        let seconds = scenes.stretch.len() as f64 / scenes.rate;
+    if let (Some(&row), true) = (poses.take_rows.first(), kinds.contains(&ExampleKind::Take)) {
+        let frames = poses.take_rows.len();
         let _ = write!(
             out,
-            "<h3>A take completed by all models</h3><p>{} and on, {} frames, {seconds:.1} s: the paper's figure 6. Each pose is \
-             completed by itself from {}; the take is the one tested that looks most like a run or a walk.</p>",
-            whence(results.data, row),
-            scenes.stretch.len(),
-            escape(&results.settings.observe.join(", ")),
+            "<h3>A take completed by all models</h3><p>{} and on, {frames} frames, {:.1} s: the paper's figure 6. Each frame is \
+             completed by itself from {}. The take is the test take that looks most like a run or a walk.</p>",
+            frame_name(report.dataset, row),
+            frames as f64 / poses.rate,
+            escape(&report.settings.observe.join(", ")),
         );
-        let drawn = Drawn::of(results, scenes, ExampleKind::Stretch)?;
-        let all = 0..scenes.stretch.len();
-        player_of(&mut out, results, &drawn, all, "", scenes.rate)?;
+        let restored = Restored::new(report, poses, ExampleKind::Take)?;
+        restored.draw(&mut out, report, 0..frames, "", poses.rate)?;
     }
     Ok(out)
 }
 
-/// Which pose it is.
-fn whence(data: &Dataset, row: usize) -> String {
-    let take = &data.takes[data.take_of(row)];
+/// `Take 07_01, frame 12 of 300`, frames counted from 0.
+fn frame_name(dataset: &Dataset, row: usize) -> String {
+    let take = &dataset.takes[dataset.take_of(row)];
+    let frame = row - take.rows.start;
     format!(
-        "Take {}, frame {} of {}",
+        "Take {}, frame {frame} of {}",
         escape(&take.name),
-        row - take.rows.start,
         take.rows.len()
     )
 }
 
-fn words(sight: ExampleKind) -> &'static str {
-    match sight {
-        ExampleKind::Still(Task::Dense) => "Dense noise of 1 asf on every coordinate. ",
-        ExampleKind::Still(Task::Sparse) => {
-            "Noise of 1 asf on a fifth of the joints; which, is not told (they are marked as changed). "
+fn damage_text(kind: ExampleKind) -> &'static str {
+    match kind {
+        ExampleKind::Pose(Task::Dense) => "Noise of 1 asf on every coordinate. ",
+        ExampleKind::Pose(Task::Sparse) => {
+            "Noise of 1 asf on a fifth of the joints (marked as changed; the models are not told which). "
         }
-        _ => "Only the observed joints are seen, exactly. ",
+        _ => "The models are given the observed joints alone, without noise. ",
     }
 }
 
-impl Drawn {
-    fn of(results: &Results<'_>, scenes: &ExamplePoses, sight: ExampleKind) -> Result<Drawn> {
-        let (truth, damaged) = scenes.seen(results.data, results.settings, sight)?;
-        let hit = (sight == ExampleKind::Still(Task::Sparse)).then(|| {
-            let shape = (truth.nrows(), truth.ncols() / 3);
-            Array2::from_shape_fn(shape, |(t, p)| {
-                let moved = (3 * p..3 * p + 3).any(|c| damaged.y[[t, c]] != truth[[t, c]]);
-                if moved {
-                    Status::Changed
-                } else {
-                    Status::Observed
+impl Restored {
+    fn new(
+        report: &BenchmarkReport<'_>,
+        poses: &ExamplePoses,
+        kind: ExampleKind,
+    ) -> Result<Restored> {
+        let (truth, damaged) = poses.damaged(report.dataset, report.settings, kind)?;
+        let changed = (kind == ExampleKind::Pose(Task::Sparse)).then(|| {
+            Array2::from_shape_fn((truth.nrows(), truth.ncols() / 3), |(t, p)| {
+                match (3 * p..3 * p + 3).any(|c| damaged.y[[t, c]] != truth[[t, c]]) {
+                    true => Status::Changed,
+                    false => Status::Observed,
                 }
             })
         });
-        let task = match sight {
-            ExampleKind::Still(task) => task,
-            ExampleKind::Flat | ExampleKind::Stretch => Task::Complete,
-        };
+        let task = kind.task();
         let error = |model: &str| {
-            let own = results
-                .rows
+            let own = report
+                .summary
                 .iter()
-                .find(|r| r.model == model && r.split == scenes.split && r.task == task);
+                .find(|r| r.model == model && r.split == poses.split && r.task == task);
             own.map_or(f64::INFINITY, |r| r.mse)
         };
-        let mut answers: Vec<(String, Array2<f64>)> = results
-            .examples
-            .all
-            .iter()
-            .filter_map(|e| Some((e.model.clone(), e.poses(sight, truth.dim())?)))
+        let estimates = report.examples.methods.iter();
+        let mut estimates: Vec<(String, Array2<f64>)> = estimates
+            .filter_map(|e| Some((e.model.clone(), e.poses(kind, truth.dim())?)))
             .collect();
-        answers.sort_by(|a, b| error(&a.0).total_cmp(&error(&b.0)));
-        Ok(Drawn {
+        estimates.sort_by(|a, b| error(&a.0).total_cmp(&error(&b.0)));
+        Ok(Restored {
             truth,
-            seen: damaged.y,
-            hit,
-            answers,
+            damaged: damaged.y,
+            changed,
+            estimates,
         })
+    }
+
+    /// Appends a player of some of the frames, with its caption.
+    fn draw(
+        &self,
+        out: &mut String,
+        report: &BenchmarkReport<'_>,
+        frames: Range<usize>,
+        caption: &str,
+        rate: f64,
+    ) -> Result<()> {
+        let points = &report.dataset.points;
+        let parents = joints::parents_by_name(points).into_iter().enumerate();
+        let bones: Vec<(usize, usize)> = parents.filter_map(|(c, p)| Some((p?, c))).collect();
+        let cut = |a: &Array2<f64>| a.slice_axis(Axis(0), frames.clone().into()).to_owned();
+        let (truth, damaged) = (cut(&self.truth), cut(&self.damaged));
+        let changed = self.changed.as_ref();
+        let changed = changed.map(|c| c.slice_axis(Axis(0), frames.clone().into()));
+        let estimates: Vec<Array2<f64>> = self.estimates.iter().map(|(_, e)| cut(e)).collect();
+        let figure = |name, xyz, status| Figure { name, xyz, status };
+        let mut figures = vec![
+            figure("truth", truth.view(), None),
+            figure("input", damaged.view(), changed),
+        ];
+        let mut notes = vec![String::new(); 2];
+        for ((model, _), estimate) in self.estimates.iter().zip(&estimates) {
+            figures.push(figure(model, estimate.view(), None));
+            notes.push(format!("{} cm", short(rms(estimate.view(), truth.view()))));
+        }
+        let scene = Scene {
+            points,
+            bones: &bones,
+            rate,
+            figures,
+            notes: &notes,
+            behind: Some(0),
+            start: frames.len() / 2,
+            ..Scene::default()
+        };
+        let play = match frames.len() {
+            0 | 1 => "",
+            _ => " Press play; all panels move together.",
+        };
+        let _ = write!(
+            out,
+            "<figure class=\"poses\">{}<figcaption>{caption}The truth is drawn faintly behind each estimate; the number is the RMS \
+             error of a coordinate here. The model with the lowest error on all test poses comes first.{play} Drag to turn.\
+             </figcaption></figure>",
+            player::part(&scene, &player::Options::default())?
+        );
+        Ok(())
     }
 }
 
-/// A player of some of the frames, with its caption.
-fn player_of(
-    out: &mut String,
-    results: &Results<'_>,
-    drawn: &Drawn,
-    frames: std::ops::Range<usize>,
-    caption: &str,
-    rate: f64,
-) -> Result<()> {
-    let points = &results.data.points;
-    let parents = joints::parents_by_name(points);
-    let bones = parents.iter().enumerate();
-    let bones: Vec<(usize, usize)> = bones.filter_map(|(c, p)| Some(((*p)?, c))).collect();
-    let cut = |a: &Array2<f64>| a.slice_axis(Axis(0), frames.clone().into()).to_owned();
-    let (truth, seen) = (cut(&drawn.truth), cut(&drawn.seen));
-    let hit = drawn.hit.as_ref();
-    let hit = hit.map(|h| h.slice_axis(Axis(0), frames.clone().into()).to_owned());
-    let named: Vec<(&str, Array2<f64>)> = drawn
-        .answers
-        .iter()
-        .map(|(model, answer)| (model.as_str(), cut(answer)))
-        .collect();
-    let error = |(_, answer): &(&str, Array2<f64>)| {
-        format!("{} cm", short(rms(answer.view(), truth.view())))
-    };
-    let before = ["", ""].map(String::from);
-    let notes: Vec<String> = before.into_iter().chain(named.iter().map(error)).collect();
-    let figure = |name, xyz, status| Figure { name, xyz, status };
-    let mut figures = vec![
-        figure("truth", truth.view(), None),
-        figure("what is seen", seen.view(), hit.as_ref().map(|h| h.view())),
-    ];
-    figures.extend(named.iter().map(|(n, a)| figure(n, a.view(), None)));
-    let scene = Scene {
-        title: "",
-        points,
-        bones: &bones,
-        rate,
-        figures,
-        notes: &notes,
-        behind: Some(0),
-        start: frames.len() / 2,
-        ..Scene::default()
-    };
-    let moves = match frames.len() {
-        0 | 1 => "",
-        _ => " Press play; all panels move together.",
-    };
-    let _ = write!(
-        out,
-        "<figure class=\"poses\">{}<figcaption>{caption}Behind each answer, faint, the truth; below each name its RMS error \
-         of a coordinate here, the model with the lowest error of all first.{moves} Drag to turn.</figcaption></figure>",
-        player::part(&scene, &player::Options::default())?
-    );
-    Ok(())
-}
-
-/// RMS of a coordinate, cm.
+/// RMS difference of a coordinate, cm.
 fn rms(a: ArrayView2<'_, f64>, b: ArrayView2<'_, f64>) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
     (squares.sum::<f64>() / a.len().max(1) as f64).sqrt()

@@ -1,295 +1,272 @@
-//! What of the paper's claims holds here, found from its figures and the measured ones.
+//! Which of the paper's claims hold, decided from its printed errors and the measured ones.
 
-use super::paper::{MODELS, MORE, OURS, Printed, TABLE_1, TABLES};
-use super::reproduction::{Run, Runs};
+use super::paper::{Column, Comparison};
 use super::tables::short;
 use crate::evaluate::benchmark::splits::Split;
 use crate::evaluate::benchmark::task::Task;
 
-/// Errors within this factor of the paper's are said to agree.
-const AGREE: f64 = 2.0;
-/// Atoms a pose of the published model's rows.
+/// Errors within this factor of the printed ones count as equal.
+const SAME_FACTOR: f64 = 2.0;
+/// Atoms a pose of the published model: κ in the paper's tables.
 const KAPPA: usize = 3;
-/// The paper's bound in the caption of Table 4, asf².
-const BOUND: f64 = 0.1;
+/// The bound that the caption of Table 4 states, asf².
+const TABLE_4_BOUND: f64 = 0.1;
+/// The three forms of the paper's model here: as published, with optimised OMP, and the default model in its place.
+const OWN: [&str; 3] = ["ksvd-omp", "ksvd", "multiscale+treated"];
 
-/// A claim and what was found.
+/// A claim and the evidence.
 pub(super) struct Finding {
-    /// What the paper says, with the table's number.
+    /// The claim, with the table's number.
     pub claim: String,
-    /// Whether it holds on random frames, the paper's split; `None` where there is nothing to be decided.
+    /// Whether the claim holds on random frames, the paper's split; `None` if the finding is a measurement only.
     pub holds: Option<bool>,
-    /// Numbers, a sentence each.
-    pub found: Vec<String>,
+    /// The evidence, a sentence each.
+    pub sentences: Vec<String>,
 }
 
-/// All findings of what was run.
-pub(super) fn findings(runs: &Runs<'_>) -> Vec<Finding> {
+/// All findings that the runs allow.
+pub(super) fn findings(paper: &Comparison<'_>) -> Vec<Finding> {
+    let run = |c: &&Column| c.run.is_some();
+    let of = |tables: std::ops::RangeInclusive<usize>| -> Vec<&Column<'_>> {
+        let columns = paper.columns.iter().filter(run);
+        columns.filter(|c| tables.contains(&c.table)).collect()
+    };
+    let (large, small) = (of(1..=1), of(2..=4));
     let mut all = Vec::new();
-    if let Some(large) = runs.large {
-        let claim = "Table 1: the paper's model is lowest in all three tasks";
-        all.push(lowest(claim, &[large]));
+    if !large.is_empty() {
+        let claim = "Table 1: the paper's model has the lowest error in all three tasks";
+        all.push(lowest(paper, claim, &large));
     }
-    if !runs.small.is_empty() {
-        let claim = "Tables 2 to 4: the paper's model is lowest for single subjects";
-        let mut finding = lowest(claim, &runs.small);
-        finding.found.insert(0, exceptions());
+    if !small.is_empty() {
+        let claim = "Tables 2 to 4: the paper's model has the lowest error for single subjects";
+        let mut finding = lowest(paper, claim, &small);
+        finding.sentences.insert(0, printed_exceptions(paper));
         all.push(finding);
-        all.push(bound(&runs.small));
-        all.push(sik(&runs.small));
+        all.push(completion_bound(paper, &of(4..=4)));
+        all.push(sik_is_worst(paper, &small));
     }
-    all.extend(magnitudes(runs));
-    let every: Vec<&Run> = runs.large.into_iter().chain(runs.small.clone()).collect();
-    all.push(parted(&every));
-    all.extend(sparsity(&every));
+    all.extend(paper.columns.iter().filter_map(|c| magnitudes(paper, c)));
+    all.push(held_out_ratio(paper, &of(1..=4)));
+    all.extend(best_sparsity(paper));
     all
 }
 
-/// Errors of the paper's models in a run that has them: the model's place in [`MODELS`] and its error.
-fn errors(run: &Run, split: Split, task: Task) -> Vec<(usize, f64)> {
-    let models = MODELS.iter().enumerate();
+/// The measured errors of the paper's models: (index in [`Comparison::models`], asf²).
+fn errors(paper: &Comparison<'_>, column: &Column<'_>, split: Split) -> Vec<(usize, f64)> {
+    let models = paper.models.iter().enumerate();
     models
-        .filter_map(|(i, m)| Some((i, run.row(split, task, m.here)?.mse)))
+        .filter_map(|(i, m)| Some((i, column.measured(split, &m.method)?)))
         .collect()
 }
 
-/// The lowest of some errors.
-fn least(errors: &[(usize, f64)]) -> Option<(usize, f64)> {
+fn minimum(errors: &[(usize, f64)]) -> Option<(usize, f64)> {
     errors.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// Whether the paper's model is the lowest of its rivals here: with either pursuit, and this project's.
-fn lowest(claim: &str, runs: &[&Run]) -> Finding {
+/// Whether the paper's model is below all its rivals in each column, as published or with optimised OMP.
+fn lowest(paper: &Comparison<'_>, claim: &str, columns: &[&Column<'_>]) -> Finding {
     let mut holds = None;
-    let mut found = Vec::new();
+    let mut sentences = Vec::new();
     for split in Split::ALL {
-        let (mut counts, mut run_at_all) = ([0_usize; 3], [false; 3]);
-        let (mut cells, mut told) = (0, Vec::new());
-        for run in runs {
-            for task in Task::ALL {
-                let mut rivals = errors(run, split, task);
-                rivals.retain(|(i, _)| MODELS[*i].here != OURS);
-                let Some((best, error)) = least(&rivals) else {
-                    continue;
-                };
-                let own = [OURS, MORE[0].here, MORE[2].here];
-                let own = own.map(|m| run.row(split, task, m).map(|r| r.mse));
-                for k in 0..3 {
-                    counts[k] += usize::from(own[k].is_some_and(|e| e < error));
-                    run_at_all[k] |= own[k].is_some();
-                }
-                cells += 1;
-                let name = |v: Option<f64>| v.map_or("–".into(), short);
-                let subjects = run.subjects();
-                let who = match subjects.len() {
-                    1 => format!("{}, {}", subjects[0], task.name()),
-                    _ => task.name().to_string(),
-                };
-                told.push(format!(
-                    "{who}: best rival {} {}, published {}, with optimised OMP {}, default here {}",
-                    MODELS[best].name,
-                    short(error),
-                    name(own[0]),
-                    name(own[1]),
-                    name(own[2])
-                ));
+        let (mut wins, mut was_run, mut details) = ([0; 3], [false; 3], Vec::new());
+        for column in columns {
+            let mut rivals = errors(paper, column, split);
+            rivals.retain(|(i, _)| paper.models[*i].method != OWN[0]);
+            let Some((best, error)) = minimum(&rivals) else {
+                continue;
+            };
+            let own = OWN.map(|method| column.measured(split, method));
+            for (k, own) in own.iter().enumerate() {
+                wins[k] += usize::from(own.is_some_and(|e| e < error));
+                was_run[k] |= own.is_some();
             }
+            let [published, optimised, default] = own.map(|v| v.map_or("–".into(), short));
+            let column_name = match column.table {
+                1 => column.task.name().to_string(),
+                _ => format!("{}, {}", column.subject, column.task.name()),
+            };
+            details.push(format!(
+                "{column_name}: best rival {} {}, published {published}, with optimised OMP {optimised}, default here {default}",
+                paper.models[best].name,
+                short(error),
+            ));
         }
-        if cells == 0 {
+        if details.is_empty() {
             continue;
         }
+        let cells = details.len();
         if split == Split::Frames {
-            holds = Some(counts[0].max(counts[1]) == cells);
+            holds = Some(wins[0].max(wins[1]) == cells);
         }
-        let told_of = |k: usize| match run_at_all[k] {
-            true => counts[k].to_string(),
-            false => "–".into(),
+        let count = |k: usize| {
+            if was_run[k] {
+                wins[k].to_string()
+            } else {
+                "–".into()
+            }
         };
-        found.push(format!(
-            "Split {}: below all rivals of the paper in {} of {cells} cells as published, in {} with optimised OMP, in {} \
-             the default model here.",
+        sentences.push(format!(
+            "Split {}: below all rivals of the paper in {} of {cells} cells as published, in {} with optimised OMP; the default \
+             model here in {}.",
             split.name(),
-            told_of(0),
-            told_of(1),
-            told_of(2)
+            count(0),
+            count(1),
+            count(2)
         ));
         if cells <= 3 {
-            found.extend(told);
+            sentences.extend(details);
         }
     }
     Finding {
         claim: claim.into(),
         holds,
-        found,
+        sentences,
     }
 }
 
-/// Where the paper's own figures are an exception to its claim.
-fn exceptions() -> String {
-    let mut told = Vec::new();
-    for table in TABLES {
-        for line in table.lines {
-            let Some(own) = line.errors[0].value() else {
-                continue;
-            };
-            for (model, printed) in MODELS.iter().zip(line.errors).skip(1) {
-                if let Some(v) = printed.value().filter(|v| *v < own) {
-                    told.push(format!(
-                        "table {}, {}: {} {v:.2} below {own:.2}",
-                        table.number, line.subject, model.name
-                    ));
-                }
+/// Where the printed errors contradict the paper's claim.
+fn printed_exceptions(paper: &Comparison<'_>) -> String {
+    let mut exceptions = Vec::new();
+    for column in paper.columns.iter().filter(|c| c.table > 1) {
+        for (i, model) in paper.models.iter().enumerate().skip(1) {
+            if let (Some(own), Some(rival)) = (column.printed(0), column.printed(i))
+                && rival < own
+            {
+                exceptions.push(format!(
+                    "table {}, {}: {} {rival:.2} below {own:.2}",
+                    column.table, column.subject, model.name
+                ));
             }
         }
     }
-    match told.is_empty() {
-        true => "In the paper's own figures there is no exception.".into(),
-        false => format!("In the paper's own figures it is not: {}.", told.join("; ")),
+    match exceptions.is_empty() {
+        true => "The printed errors have no exception.".into(),
+        false => format!(
+            "The printed errors have exceptions: {}.",
+            exceptions.join("; ")
+        ),
     }
 }
 
-/// Table 4's caption.
-fn bound(runs: &[&Run]) -> Finding {
-    let mut found = Vec::new();
-    let mut holds = None;
+/// The caption of Table 4: only the paper's model is below [`TABLE_4_BOUND`] for all subjects.
+fn completion_bound(paper: &Comparison<'_>, columns: &[&Column<'_>]) -> Finding {
+    let (mut holds, mut sentences) = (None, Vec::new());
     for split in [Split::Frames, Split::Takes] {
-        let runs: Vec<&&Run> = runs
-            .iter()
-            .filter(|r| !errors(r, split, Task::Complete).is_empty())
-            .collect();
-        if runs.is_empty() {
+        let has_errors = |c: &&&Column| !errors(paper, c, split).is_empty();
+        let columns: Vec<&&Column> = columns.iter().filter(has_errors).collect();
+        if columns.is_empty() {
             continue;
         }
         let below = |method: &str| {
-            runs.iter().all(|r| {
-                let row = r.row(split, Task::Complete, method);
-                row.is_some_and(|r| r.mse < BOUND)
-            })
+            let error = |c: &&&Column| c.measured(split, method);
+            columns
+                .iter()
+                .all(|c| error(c).is_some_and(|e| e < TABLE_4_BOUND))
         };
-        let models = MODELS.iter().chain(&MORE);
-        let names: Vec<&str> = models.filter(|m| below(m.here)).map(|m| m.name).collect();
+        let models = paper.all_models().map(|(_, m)| m);
+        let names: Vec<&str> = models
+            .filter(|m| below(&m.method))
+            .map(|m| m.name.as_str())
+            .collect();
         if split == Split::Frames {
-            holds = Some(names.iter().all(|n| n.starts_with(MODELS[0].name)) && !names.is_empty());
+            let own = &paper.models[0].name;
+            holds = Some(names.iter().all(|n| n.starts_with(own)) && !names.is_empty());
         }
-        let who = match names.is_empty() {
-            true => "none".into(),
-            false => names.join(", "),
-        };
-        found.push(format!(
-            "Split {}, {} subjects: below {BOUND} for all of them: {who}.",
+        sentences.push(format!(
+            "Split {}, {} subjects: below {TABLE_4_BOUND} for all of them: {}.",
             split.name(),
-            runs.len()
+            columns.len(),
+            if names.is_empty() {
+                "none".into()
+            } else {
+                names.join(", ")
+            }
         ));
     }
     Finding {
         claim: format!(
-            "Table 4: the paper's model is the only one below {BOUND} asf² in completion for all subjects"
+            "Table 4: only the paper's model is below {TABLE_4_BOUND} asf² in completion for all subjects"
         ),
         holds,
-        found,
+        sentences,
     }
 }
 
-/// Whether SIK is the worst.
-fn sik(runs: &[&Run]) -> Finding {
-    let place = MODELS.iter().position(|m| m.here == "sik").unwrap_or(0);
-    let worst = |errors: &[(usize, f64)]| {
-        let most = errors.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1));
-        most.map(|m| m.0)
-    };
-    let (mut theirs, mut lines) = (0, 0);
-    for line in TABLES.iter().flat_map(|t| t.lines) {
-        let errors: Vec<(usize, f64)> = line
-            .errors
+/// Whether SIK has the largest error in most cells.
+fn sik_is_worst(paper: &Comparison<'_>, columns: &[&Column<'_>]) -> Finding {
+    let sik = paper.models.iter().position(|m| m.method == "sik");
+    // Of the cells that have SIK: how many there are, and in how many its error is the largest.
+    let count = |all: Vec<Vec<(usize, f64)>>| {
+        let cells = all
             .iter()
-            .enumerate()
-            .filter_map(|(i, p)| Some((i, p.value()?)))
-            .collect();
-        if errors.iter().any(|e| e.0 == place) {
-            lines += 1;
-            theirs += usize::from(worst(&errors) == Some(place));
-        }
-    }
-    let (mut ours, mut cells) = (0, 0);
-    for run in runs {
-        for task in Task::ALL {
-            let errors = errors(run, Split::Frames, task);
-            if errors.iter().any(|e| e.0 == place) {
-                cells += 1;
-                ours += usize::from(worst(&errors) == Some(place));
-            }
-        }
-    }
+            .filter(|errors| errors.iter().any(|e| Some(e.0) == sik));
+        let worst = |errors: &&Vec<(usize, f64)>| {
+            let most = errors.iter().max_by(|a, b| a.1.total_cmp(&b.1));
+            most.map(|m| m.0) == sik
+        };
+        (cells.clone().filter(worst).count(), cells.count())
+    };
+    let printed = paper.columns.iter().filter(|c| c.table > 1).map(|c| {
+        let models = 0..paper.models.len();
+        models.filter_map(|m| Some((m, c.printed(m)?))).collect()
+    });
+    let (printed, printed_cells) = count(printed.collect());
+    let measured = columns.iter().map(|c| errors(paper, c, Split::Frames));
+    let (measured, cells) = count(measured.collect());
     Finding {
-        claim: "Tables 2 to 4: SIK, whose active set is small, is the worst".into(),
-        holds: (cells > 0).then_some(2 * ours > cells),
-        found: vec![
-            format!("The paper: the largest error in {theirs} of {lines} lines."),
-            format!("Here, on random frames: in {ours} of {cells} cells."),
+        claim: "Tables 2 to 4: SIK, whose active set is small, has the largest error".into(),
+        holds: (cells > 0).then_some(2 * measured > cells),
+        sentences: vec![
+            format!("The paper: the largest error in {printed} of {printed_cells} lines."),
+            format!("Here, on random frames: in {measured} of {cells} cells."),
         ],
     }
 }
 
-/// Measurement errors over the paper's, where both have the same, and whether the order of the models is the same.
-fn magnitudes(runs: &Runs<'_>) -> Vec<Finding> {
-    let mut all = Vec::new();
-    let mut one = |what: String, run: &Run, task: Task, printed: [Printed; 7]| {
-        let pairs: Vec<(usize, f64, f64)> = errors(run, Split::Frames, task)
-            .into_iter()
-            .filter_map(|(i, here)| Some((i, here, printed[i].value()?)))
-            .collect();
-        if pairs.len() < 2 {
-            return;
-        }
-        let near = |p: &&(usize, f64, f64)| (p.1 / p.2).ln().abs() <= AGREE.ln();
-        let agree = pairs.iter().filter(near).count();
-        let told: Vec<String> = pairs
-            .iter()
-            .map(|(i, here, there)| {
-                let ratio = short(here / there);
-                format!(
-                    "{} × {ratio} ({} for {there:.2})",
-                    MODELS[*i].name,
-                    short(*here)
-                )
-            })
-            .collect();
-        let order = spearman(&pairs);
-        all.push(Finding {
-            claim: format!("{what}: magnitudes"),
-            holds: Some(2 * agree > pairs.len()),
-            found: vec![
-                format!(
-                    "Within a factor of {AGREE} of the paper's: {agree} of {} models; rank correlation of the models {order:.2}.",
-                    pairs.len()
-                ),
-                told.join("; "),
-            ],
-        });
+/// Measured errors divided by the printed ones of a column, and whether the order of the models is the same.
+fn magnitudes(paper: &Comparison<'_>, column: &Column<'_>) -> Option<Finding> {
+    let measured = errors(paper, column, Split::Frames).into_iter();
+    let pairs: Vec<(usize, f64, f64)> = measured
+        .filter_map(|(i, error)| Some((i, error, column.printed(i)?)))
+        .collect();
+    if pairs.len() < 2 {
+        return None;
+    }
+    let same = |p: &&(usize, f64, f64)| (p.1 / p.2).ln().abs() <= SAME_FACTOR.ln();
+    let agree = pairs.iter().filter(same).count();
+    let ratios: Vec<String> = pairs
+        .iter()
+        .map(|(i, here, there)| {
+            let (ratio, here) = (short(here / there), short(*here));
+            format!(
+                "{} × {ratio} ({here} for {there:.2})",
+                paper.models[*i].name
+            )
+        })
+        .collect();
+    let subject = match column.table {
+        1 => String::new(),
+        _ => format!("subject {}, ", column.subject),
     };
-    if let Some(large) = runs.large {
-        for (task, printed) in TABLE_1 {
-            one(format!("Table 1, {}", task.name()), large, task, printed);
-        }
-    }
-    for table in TABLES {
-        for line in table.lines {
-            let same = runs.small.iter().find(|r| r.subjects() == [line.subject]);
-            if let Some(run) = same {
-                let what = format!(
-                    "Table {}, subject {}, {}",
-                    table.number,
-                    line.subject,
-                    table.task.name()
-                );
-                one(what, run, table.task, line.errors);
-            }
-        }
-    }
-    all
+    Some(Finding {
+        claim: format!(
+            "Table {}, {subject}{}: magnitudes",
+            column.table,
+            column.task.name()
+        ),
+        holds: Some(2 * agree > pairs.len()),
+        sentences: vec![
+            format!(
+                "Within a factor of {SAME_FACTOR} of the paper's: {agree} of {} models; rank correlation of the models {:.2}.",
+                pairs.len(),
+                spearman(&pairs)
+            ),
+            ratios.join("; "),
+        ],
+    })
 }
 
-/// The rank correlation of two columns; ties share their rank.
+/// Spearman's rank correlation of the second and third entries; ties share their mean rank.
 fn spearman(pairs: &[(usize, f64, f64)]) -> f64 {
     let ranks = |values: Vec<f64>| -> Vec<f64> {
         let rank = |v: &f64| {
@@ -301,10 +278,10 @@ fn spearman(pairs: &[(usize, f64, f64)]) -> f64 {
     };
     let a = ranks(pairs.iter().map(|p| p.1).collect());
     let b = ranks(pairs.iter().map(|p| p.2).collect());
-    let middle = (pairs.len() as f64 - 1.0) / 2.0;
+    let mean = (pairs.len() as f64 - 1.0) / 2.0;
     let product = |x: &[f64], y: &[f64]| -> f64 {
         let both = x.iter().zip(y);
-        both.map(|(x, y)| (x - middle) * (y - middle)).sum()
+        both.map(|(x, y)| (x - mean) * (y - mean)).sum()
     };
     let norm = (product(&a, &a) * product(&b, &b)).sqrt();
     if norm > 0.0 {
@@ -314,94 +291,86 @@ fn spearman(pairs: &[(usize, f64, f64)]) -> f64 {
     }
 }
 
-/// The published model at other sparsities, where a run has them: the paper searches κ, the rows of the tables have 3.
-fn sparsity(runs: &[&Run]) -> Option<Finding> {
-    let mut found = Vec::new();
-    for run in runs {
-        let named: Vec<(String, usize)> = (1..=100)
-            .map(|k| (format!("{}:k={k}", MORE[0].here), k))
-            .chain([(MORE[0].here.to_string(), KAPPA)])
+/// How much larger each model's error is on held-out takes than on random frames.
+fn held_out_ratio(paper: &Comparison<'_>, columns: &[&Column<'_>]) -> Finding {
+    let mut ratios: Vec<(&str, f64, usize)> = Vec::new();
+    for (_, model) in paper.all_models() {
+        let logs: Vec<f64> = columns
+            .iter()
+            .filter_map(|c| {
+                let error = |split| c.measured(split, &model.method).filter(|e| *e > 0.0);
+                Some((error(Split::Takes)? / error(Split::Frames)?).ln())
+            })
             .collect();
-        for split in run.splits() {
-            let mut told = Vec::new();
-            for task in Task::ALL {
-                let rows: Vec<(usize, f64)> = named
-                    .iter()
-                    .filter_map(|(name, k)| Some((*k, run.row(split, task, name)?.mse)))
-                    .collect();
-                if let Some((k, error)) = least(&rows).filter(|_| rows.len() > 1) {
-                    told.push(format!("{} {} (κ = {k})", task.name(), short(error)));
-                }
-            }
-            if !told.is_empty() {
-                let subjects = run.subjects().join(", ");
-                let split = split.name();
-                found.push(format!(
-                    "Subject {subjects}, split {split}: {}.",
-                    told.join(", ")
-                ));
-            }
+        if !logs.is_empty() {
+            let mean = logs.iter().sum::<f64>() / logs.len() as f64;
+            ratios.push((&model.name, mean.exp(), logs.len()));
         }
     }
-    let claim = "The paper searches κ: the lowest error over the sparsities run, with optimised OMP (found on the test poses, \
-                 so a bound)";
-    (!found.is_empty()).then(|| Finding {
-        claim: claim.into(),
-        holds: None,
-        found,
-    })
-}
-
-/// What holding out whole takes does to each model.
-fn parted(runs: &[&Run]) -> Finding {
-    let mut all: Vec<(&str, f64, usize)> = Vec::new();
-    for model in MODELS.iter().chain(&MORE) {
-        let (mut sum, mut count) = (0.0, 0);
-        for run in runs {
-            for task in Task::ALL {
-                let of = |split| run.row(split, task, model.here).map(|r| r.mse);
-                if let (Some(frames), Some(takes)) = (of(Split::Frames), of(Split::Takes))
-                    && frames > 0.0
-                    && takes > 0.0
-                {
-                    sum += (takes / frames).ln();
-                    count += 1;
-                }
-            }
-        }
-        if count > 0 {
-            all.push((model.name, (sum / count as f64).exp(), count));
-        }
-    }
-    all.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let told: Vec<String> = all
+    ratios.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let texts = ratios
         .iter()
-        .map(|(name, ratio, _)| format!("{name} × {}", short(*ratio)))
-        .collect();
-    let count = all.iter().map(|a| a.2).max().unwrap_or(0);
-    let found = match told.is_empty() {
-        true => "No run has both splits.".into(),
-        false => format!(
-            "The error on takes held out over that on random frames, geometric mean over {count} cells: {}.",
-            told.join(", ")
+        .map(|(name, ratio, _)| format!("{name} × {}", short(*ratio)));
+    let texts: Vec<String> = texts.collect();
+    let sentence = match ratios.iter().map(|r| r.2).max() {
+        None => "No run has both splits.".into(),
+        Some(count) => format!(
+            "Error on held-out takes divided by that on random frames, geometric mean over {count} cells: {}.",
+            texts.join(", ")
         ),
     };
     Finding {
         claim: "The paper's split: a test frame has its neighbours in time in the training half"
             .into(),
         holds: None,
-        found: vec![found],
+        sentences: vec![sentence],
     }
+}
+
+/// The published model at other sparsities, if a run has them: the paper searches κ, its tables here have 3.
+fn best_sparsity(paper: &Comparison<'_>) -> Option<Finding> {
+    let method = OWN[1];
+    let mut names: Vec<(String, usize)> =
+        (1..=100).map(|k| (format!("{method}:k={k}"), k)).collect();
+    names.push((method.to_string(), KAPPA));
+    let mut sentences = Vec::new();
+    for run in paper.runs {
+        for split in run.splits() {
+            let mut best = Vec::new();
+            for task in Task::ALL {
+                let error =
+                    |(name, k): &(String, usize)| Some((*k, run.row(split, task, name)?.mse));
+                let rows: Vec<(usize, f64)> = names.iter().filter_map(error).collect();
+                if let Some((k, error)) = minimum(&rows).filter(|_| rows.len() > 1) {
+                    best.push(format!("{} {} (κ = {k})", task.name(), short(error)));
+                }
+            }
+            if !best.is_empty() {
+                let (subjects, split) = (run.subjects().join(", "), split.name());
+                sentences.push(format!(
+                    "Subject {subjects}, split {split}: {}.",
+                    best.join(", ")
+                ));
+            }
+        }
+    }
+    let claim = "The paper searches κ: the lowest error over the sparsities run, with optimised OMP (chosen on the test poses, \
+                 so a lower bound)";
+    (!sentences.is_empty()).then(|| Finding {
+        claim: claim.into(),
+        holds: None,
+        sentences,
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::reproduction::tests::run;
+    use super::super::paper::tests::run;
     use super::*;
 
     #[test]
-    fn what_holds_is_found_from_the_figures() {
-        let with = |ours: f64| {
+    fn claims_are_decided_from_the_errors() {
+        let decide = |ours: f64| {
             let errors = [
                 ("ksvd-omp", ours),
                 ("mfa", 0.11),
@@ -411,10 +380,11 @@ mod tests {
                 ("ksvd:k=5", 0.02),
             ];
             let runs = [run(&["07"], &errors), run(&["01", "07"], &errors)];
-            let all = findings(&Runs::of(&runs));
+            let paper = Comparison::new(&runs).unwrap();
+            let all = findings(&paper);
             let find = |start: &str| {
                 let found = all.iter().find(|f| f.claim.starts_with(start)).unwrap();
-                (found.holds, found.found.join(" "))
+                (found.holds, found.sentences.join(" "))
             };
             assert_eq!(find("Tables 2 to 4: SIK").0, Some(true));
             let (_, best) = find("The paper searches");
@@ -422,25 +392,26 @@ mod tests {
                 best.contains("dense 0.0") && best.contains("(κ = 5)"),
                 "{best}"
             );
-            let (_, parted) = find("The paper's split");
-            // Held out, all of them double.
-            assert!(parted.contains("MFA × 2.0"), "{parted}");
-            [
-                find("Table 1: the paper's"),
-                find("Table 4:"),
-                find("Table 4, subject 07"),
-            ]
+            // Errors double on held-out takes.
+            let (_, ratio) = find("The paper's split");
+            assert!(ratio.contains("MFA × 2.0"), "{ratio}");
+            // PCA is lower for 09 in Table 4, as the paper prints it.
+            let (_, lowest) = find("Tables 2 to 4: the paper's model");
+            assert!(
+                lowest.contains("table 4, 09: PCA 0.05 below 0.09"),
+                "{lowest}"
+            );
+            ["Table 1: the paper's", "Table 4:", "Table 4, subject 07"].map(find)
         };
-        let [first, bound, size] = with(0.04);
-        assert_eq!(
-            (first.0, bound.0, size.0),
-            (Some(true), Some(true), Some(true))
+        let [first, bound, magnitudes] = decide(0.04);
+        assert_eq!([first.0, bound.0, magnitudes.0], [Some(true); 3]);
+        assert!(
+            magnitudes.1.contains("rank correlation"),
+            "{}",
+            magnitudes.1
         );
-        assert!(size.1.contains("rank correlation"), "{}", size.1);
-        let [first, bound, _] = with(0.5);
+        let [first, bound, _] = decide(0.5);
         assert_eq!((first.0, bound.0), (Some(false), Some(false)));
-        // PCA is lower for 09 in Table 4, as the paper prints it.
-        assert!(exceptions().contains("table 4, 09: PCA 0.05 below 0.09"));
     }
 
     #[test]

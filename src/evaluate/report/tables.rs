@@ -1,10 +1,10 @@
-//! The results as text, CSV and JSON. Times stand apart: they are never the same twice.
+//! Results as text, CSV and JSON. Run times have a CSV file of their own, since no two runs have the same.
 
-use crate::evaluate::benchmark::config::Settings;
-use crate::evaluate::benchmark::dataset::Dataset;
-use crate::evaluate::benchmark::examples::ExampleSet;
-use crate::evaluate::benchmark::leakage::{DuplicateEvidence, DuplicateTake};
-use crate::evaluate::benchmark::result::{BenchmarkResult, Case, Measurement, SD_LEVELS};
+use super::BenchmarkReport;
+use crate::evaluate::benchmark::leakage::DuplicateEvidence;
+use crate::evaluate::benchmark::result::{
+    BenchmarkResult, Case, Measurement, ONE_AND_TWO_SD, SD_LEVELS,
+};
 use crate::evaluate::benchmark::splits::Split;
 use crate::evaluate::benchmark::summary::{Interval, SummaryRow, interval};
 use crate::pose::ASF_UNIT_CM;
@@ -14,22 +14,6 @@ use std::fmt::Write;
 
 /// The version of the JSON.
 const FORMAT: u32 = 1;
-
-/// All that is known after a run.
-pub struct Results<'a> {
-    /// What was compared on.
-    pub data: &'a Dataset,
-    /// How.
-    pub settings: &'a Settings,
-    /// Takes that were found to be one.
-    pub twins: &'a [DuplicateTake],
-    /// Every cell.
-    pub cells: &'a [BenchmarkResult],
-    /// Over the seeds.
-    pub rows: &'a [SummaryRow],
-    /// Poses to look at.
-    pub examples: &'a ExampleSet,
-}
 
 #[derive(Serialize)]
 struct Json<'a> {
@@ -110,15 +94,15 @@ struct JsonTraining {
     mse: f64,
 }
 
-impl Results<'_> {
+impl BenchmarkReport<'_> {
     /// One object: settings, data, the summary over seeds, every cell.
     ///
     /// # Errors
     /// None that the types do not already exclude.
     pub fn json(&self) -> Result<String> {
-        let (data, settings) = (self.data, self.settings);
-        let cells = crate::numeric::parallel::map_chunks(self.cells.len(), 1, |r| {
-            self.json_cell(&self.cells[r.start])
+        let (data, settings) = (self.dataset, self.settings);
+        let cells = crate::numeric::parallel::map_chunks(self.results.len(), 1, |r| {
+            self.json_cell(&self.results[r.start])
         });
         let json = Json {
             format: FORMAT,
@@ -150,7 +134,7 @@ impl Results<'_> {
                     })
                     .collect(),
                 twins: self
-                    .twins
+                    .duplicates
                     .iter()
                     .map(|t| JsonTwin {
                         take: &data.takes[t.b].name,
@@ -161,7 +145,7 @@ impl Results<'_> {
                     .collect(),
             },
             gaussian_within: SD_LEVELS.to_vec(),
-            summary: self.rows,
+            summary: self.summary,
             cells,
         };
         let text = serde_json::to_string_pretty(&json).map_err(|e| Error::usage(e.to_string()))?;
@@ -173,7 +157,7 @@ impl Results<'_> {
         let by_take = match cell.case.split {
             Split::Frames => Vec::new(),
             _ => {
-                let take = |u: usize| self.data.takes.get(u).map_or("", |t| t.name.as_str());
+                let take = |u: usize| self.dataset.takes.get(u).map_or("", |t| t.name.as_str());
                 test.units
                     .iter()
                     .map(|u| (take(u.unit), u.frames, u.mse))
@@ -205,7 +189,7 @@ impl Results<'_> {
             "split,base_asf,task,model,seed,frames,units,mse,low,high,rms_cm,training_mse,within_1sd,within_2sd,best\n",
         );
         let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();
-        for row in self.rows {
+        for row in self.summary {
             let same = |c: &&BenchmarkResult| {
                 let id = &c.case;
                 id.model == row.model
@@ -236,11 +220,10 @@ impl Results<'_> {
                     number(within[1]),
                 );
             };
-            for cell in self.cells.iter().filter(same) {
+            for cell in self.results.iter().filter(same) {
                 let test: &Measurement = &cell.test;
                 let shares = test.shares();
-                let within = crate::evaluate::benchmark::result::ONE_AND_TWO_SD
-                    .map(|i| shares.get(i).copied());
+                let within = ONE_AND_TWO_SD.map(|i| shares.get(i).copied());
                 let training = cell.training.as_ref().map(|t| t.mse);
                 line(
                     cell.case.seed.to_string(),
@@ -272,7 +255,7 @@ impl Results<'_> {
     pub fn times(&self) -> String {
         let mut out =
             String::from("split,base_asf,task,model,seed,seconds_per_pose,seconds_training\n");
-        for cell in self.cells {
+        for cell in self.results {
             let (id, training) = (&cell.case, cell.seconds_training);
             let _ = writeln!(
                 out,
@@ -293,7 +276,7 @@ impl Results<'_> {
     pub fn text(&self) -> String {
         let mut out = String::new();
         let table = |r: &SummaryRow| (r.split, r.base_asf.to_bits());
-        for rows in self.rows.chunk_by(|a, b| table(a) == table(b)) {
+        for rows in self.summary.chunk_by(|a, b| table(a) == table(b)) {
             let first = &rows[0];
             if !out.is_empty() {
                 out.push('\n');
@@ -350,7 +333,7 @@ fn grid(rows: &[SummaryRow]) -> Vec<Vec<String>> {
 }
 
 /// Three digits that count, never an exponent above 1e-5.
-pub(super) fn short(v: f64) -> String {
+pub fn short(v: f64) -> String {
     let digits = (2 - v.abs().max(1e-5).log10().floor() as i32).clamp(0, 6) as usize;
     format!("{v:.digits$}")
 }
@@ -381,7 +364,7 @@ fn aligned(grid: &[Vec<String>]) -> String {
 }
 
 /// A CSV cell.
-pub(super) fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.into(),
@@ -394,49 +377,50 @@ mod tests {
     use crate::evaluate::benchmark::dataset::tests::takes;
     use crate::evaluate::benchmark::summary::{rows, tests::cell};
     use crate::evaluate::benchmark::task::Task;
+    use crate::evaluate::report::{ExampleSet, Settings};
 
     #[test]
     fn tables_say_the_same_in_three_ways() {
-        let data = takes(&[("01_01", 4), ("01_02", 4)]);
+        let dataset = takes(&[("01_01", 4), ("01_02", 4)]);
         let settings = Settings::default();
-        let mut cells = Vec::new();
+        let mut results = Vec::new();
         for task in [Task::Dense, Task::Sparse] {
             for (model, mse) in [("a", 1.0), ("b, \"c\"", 0.5)] {
-                cells.extend((0..2).map(|seed| cell(model, seed, task, mse, 30)));
+                results.extend((0..2).map(|seed| cell(model, seed, task, mse, 30)));
             }
         }
-        let rows = rows(&cells);
-        let results = Results {
-            data: &data,
+        let summary = rows(&results);
+        let report = BenchmarkReport {
+            dataset: &dataset,
             settings: &settings,
-            twins: &[],
-            cells: &cells,
-            rows: &rows,
+            duplicates: &[],
+            results: &results,
+            summary: &summary,
             examples: &ExampleSet::default(),
         };
-        let csv = results.csv();
+        let csv = report.csv();
         assert_eq!(csv.lines().count(), 1 + 4 * 3);
         let mut reader = csv::Reader::from_reader(csv.as_bytes());
         let records: Vec<csv::StringRecord> = reader.records().map(|r| r.unwrap()).collect();
         let all: Vec<_> = records.iter().filter(|r| &r[4] == "all").collect();
         assert_eq!(all[1][3], *"b, \"c\"");
         assert_eq!(all[1][14], *"best");
-        assert_eq!(all[0][7].parse::<f64>().unwrap(), rows[0].mse);
-        let json: serde_json::Value = serde_json::from_str(&results.json().unwrap()).unwrap();
-        assert_eq!(json["summary"][0]["mse"].as_f64(), Some(rows[0].mse));
+        assert_eq!(all[0][7].parse::<f64>().unwrap(), summary[0].mse);
+        let json: serde_json::Value = serde_json::from_str(&report.json().unwrap()).unwrap();
+        assert_eq!(json["summary"][0]["mse"].as_f64(), Some(summary[0].mse));
         assert_eq!(json["cells"][3]["seed"], 1);
         assert_eq!(json["data"]["takes"][1]["subject"], "01");
-        assert_eq!(results.times().lines().count(), 1 + 8);
-        let text = results.text();
+        assert_eq!(report.times().lines().count(), 1 + 8);
+        let text = report.text();
         assert_eq!(text.matches('*').count(), 2);
         assert!(
             text.contains("split frames: MSE") && text.contains("dense"),
             "{text}"
         );
-        let none = Results {
-            rows: &[],
-            cells: &[],
-            ..results
+        let none = BenchmarkReport {
+            summary: &[],
+            results: &[],
+            ..report
         };
         assert_eq!(none.text(), "");
     }
