@@ -156,7 +156,7 @@ fn work(args: Args) -> Result<Outcome> {
             twin.describe(&data)
         ));
     }
-    for what in bench.left_out() {
+    for what in bench.skipped_splits() {
         messages::info(&format!("left out: {what}"));
     }
     let work = match &plan.output {
@@ -164,7 +164,7 @@ fn work(args: Args) -> Result<Outcome> {
         None => None,
     };
     let (results, examples) = benchmark::run(&bench, work)?;
-    let summary = summary::rows(&results);
+    let summary = summary::summarize(&results);
     let report = BenchmarkReport {
         dataset: &data,
         settings: bench.settings(),

@@ -88,7 +88,7 @@ pub fn plan(
     let named = match named {
         Some(named) => named,
         None if !models.is_empty() => Vec::new(),
-        None => Method::usual(),
+        None => Method::default_names(),
     };
     let mut methods: Vec<Method> = named
         .iter()
@@ -171,14 +171,14 @@ fn given(path: &Path) -> Result<Method> {
     let prior = Arc::from(prior::open(&model, &choice, &source)?);
     let width = 3 * model.meta.points.len();
     let history = model.meta.history.iter();
-    let past = Provenance {
+    let provenance = Provenance {
         digests: history.flat_map(|e| e.inputs.clone()).collect(),
         poses: (model.arrays().map(|(_, a)| a))
             .filter(|a| a.ncols() == width)
             .map(|a| a.floats().into_owned())
             .collect(),
     };
-    if past.digests.is_empty() {
+    if provenance.digests.is_empty() {
         messages::info(&format!(
             "{source}: does not tell what it was trained from; a leak shows only in poses that it keeps"
         ));
@@ -191,7 +191,7 @@ fn given(path: &Path) -> Result<Method> {
             prior,
             points: model.meta.points.clone(),
             tuning: model.meta.details.get("tuning").cloned(),
-            past,
+            provenance,
         }),
         choice,
         treated: false,
@@ -303,7 +303,7 @@ impl ResultCache {
         let (cells, done) = CacheFile::open(folder.join("cells.jsonl"), fresh)?;
         let (examples, shown) = CacheFile::open(folder.join("examples.jsonl"), fresh)?;
         let finished = CachedResults {
-            cells: done,
+            results: done,
             examples: shown,
         };
         Ok(ResultCache {
@@ -336,16 +336,16 @@ pub fn run(
                 messages::debug(&format!("trains {words}"));
                 bar.set_message(words);
             }
-            Event::Result { key, cell } => {
+            Event::Result { key, result } => {
                 done += 1;
                 bar.set(done);
                 if let Some(work) = &mut work {
-                    work.cells.keep(key, cell)?;
+                    work.cells.keep(key, result)?;
                 }
             }
-            Event::Examples { key, example } => {
+            Event::Examples { key, examples } => {
                 if let Some(work) = &mut work {
-                    work.examples.keep(key, example)?;
+                    work.examples.keep(key, examples)?;
                 }
             }
         }

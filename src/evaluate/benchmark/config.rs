@@ -1,4 +1,4 @@
-//! What is to be compared: a small TOML file, the checked settings.
+//! The settings of a benchmark, and the TOML file that holds them.
 
 use super::method::Method;
 use super::splits::Split;
@@ -8,56 +8,56 @@ use crate::{Error, Place, Result};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
-/// The most seeds of a run.
-const MOST_SEEDS: u64 = 10_000;
-/// The most base noise, asf: more would be a task of its own.
-const MOST_BASE: f64 = 10.0;
+/// Largest number of seeds of a run.
+const MAX_SEEDS: u64 = 10_000;
+/// Largest base noise, asf. More would be a task of its own.
+const MAX_BASE: f64 = 10.0;
 
 /// A length in a TOML file: `"0.05asf"`, or a number of centimetres.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(untagged)]
 pub enum Length {
-    /// With or without a unit.
+    /// A length with or without a unit.
     Text(String),
     /// Centimetres.
     Number(f64),
 }
 
-/// The TOML file: every key may be absent.
+/// The content of the TOML file; every key may be absent.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// Tables of poses, by path from the file's folder.
+    /// Tables of poses, relative to the file's folder.
     pub tables: Option<Vec<String>>,
     /// Methods by name.
     pub models: Option<Vec<String>>,
-    /// Models that somebody has trained, by path from the file's folder.
+    /// Trained models, relative to the file's folder.
     pub model_files: Option<Vec<String>>,
     /// dense, sparse, complete.
     pub tasks: Option<Vec<String>>,
     /// frames, takes, subjects.
     pub splits: Option<Vec<String>>,
-    /// How many seeds.
+    /// The number of seeds.
     pub seeds: Option<u64>,
-    /// The first of them.
+    /// The first seed.
     pub seed: Option<u64>,
     /// Test frames a split, at most.
     pub frames: Option<usize>,
-    /// Noise on clean and exact coordinates.
+    /// Base noise on clean coordinates.
     pub base: Option<Vec<Length>>,
-    /// The points that completion sees.
+    /// The points that completion observes.
     pub observe: Option<Vec<String>>,
-    /// Where results go, by path from the file's folder.
+    /// The folder for results, relative to the file's folder.
     pub output: Option<String>,
-    /// Whose each take is, where its name does not say.
+    /// The subject of a take, where the take's name does not begin with it.
     pub subjects: BTreeMap<String, String>,
 }
 
 impl Config {
-    /// Reads it; `name` is for messages.
+    /// Parses the text; `name` names the file in messages.
     ///
     /// # Errors
-    /// [`Error::Data`] with file and line, for an unknown key too.
+    /// [`Error::Data`] with file and line, also for an unknown key.
     pub fn parse(text: &str, name: &str) -> Result<Config> {
         toml::from_str(text).map_err(|e| {
             let at = e.span().map_or(0, |s| s.start.min(text.len()));
@@ -71,26 +71,26 @@ impl Config {
     }
 }
 
-/// What is to be run; see [`Settings::check`] for the limits.
+/// The settings of a run; [`Settings::check`] has the limits.
 #[derive(Clone)]
 pub struct Settings {
-    /// The rows.
+    /// The methods: the rows of the tables.
     pub methods: Vec<Method>,
-    /// The columns.
+    /// The tasks: the columns.
     pub tasks: Vec<Task>,
-    /// The splits; none: all that the data allow.
+    /// The splits; empty for all that the dataset allows.
     pub splits: Vec<Split>,
-    /// How many seeds, 1 to 10,000.
+    /// The number of seeds, 1 to 10,000.
     pub seeds: u64,
-    /// The first of them.
+    /// The first seed.
     pub first_seed: u64,
-    /// Test frames a split at most, and as many training frames, at least 1.
+    /// Largest number of test frames of a split, and of training frames for the training error; at least 1.
     pub frames: usize,
-    /// Standard deviations of the noise on clean and exact coordinates, cm, 0 to 10 asf.
+    /// Standard deviations of the base noise on clean coordinates, cm, 0 to 10 asf.
     pub base: Vec<f64>,
-    /// The points that completion sees.
+    /// The points that completion observes.
     pub observe: Vec<String>,
-    /// Whether poses to look at are restored, too (see [`super::examples`]).
+    /// Whether example poses are restored, too (see [`super::examples`]).
     pub examples: bool,
 }
 
@@ -111,15 +111,15 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Checks the limits, and that nothing is asked for twice.
+    /// Checks the limits, and that no name occurs twice.
     ///
     /// # Errors
     /// [`Error::Usage`] with the limit.
     pub fn check(&self) -> Result<()> {
         let usage = |what: String| Err(Error::usage(what));
-        if !(1..=MOST_SEEDS).contains(&self.seeds) {
+        if !(1..=MAX_SEEDS).contains(&self.seeds) {
             return usage(format!(
-                "--seeds {}: expected 1 to {MOST_SEEDS}",
+                "--seeds {}: expected 1 to {MAX_SEEDS}",
                 self.seeds
             ));
         }
@@ -129,7 +129,7 @@ impl Settings {
         if self.frames == 0 {
             return usage("--frames 0: expected at least 1".into());
         }
-        let most = MOST_BASE * ASF_UNIT_CM;
+        let most = MAX_BASE * ASF_UNIT_CM;
         if let Some(bad) = self.base.iter().find(|b| !(0.0..=most).contains(*b)) {
             return usage(format!("--base {bad}: expected 0 to {most} cm"));
         }
@@ -166,8 +166,7 @@ impl Settings {
         self.first_seed..self.first_seed + self.seeds
     }
 
-    /// The tasks of a base noise. Dense noise leaves no coordinate clean: base noise changes nothing there, and it is run
-    /// once.
+    /// The tasks that are run with a base noise. Dense noise leaves no coordinate clean, so it runs with the first only.
     pub fn tasks_at(&self, base: f64) -> Vec<Task> {
         let first = self.base.first() == Some(&base);
         let tasks = self.tasks.iter().copied();
@@ -180,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_read() {
+    fn a_file_is_parsed() {
         let text = "tables = [\"01.csv\"]\nmodels = [\"sparse\", \"ksvd:n=500\"]\nseeds = 3\nbase = [0, \"0.05asf\"]\n[subjects]\nwalk = \"anna\"\n";
         let config = Config::parse(text, "x.toml").unwrap();
         assert_eq!(config.seeds, Some(3));

@@ -1,4 +1,4 @@
-//! The poses that models are compared on: complete frames, take by take, each take of a subject.
+//! The poses that models are trained and tested on: complete frames in body space, by take and subject.
 
 use crate::pose::Poses;
 use crate::prior::{
@@ -12,53 +12,54 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// How far from the origin a root may be, cm: the rounding of any table.
-const ROOT: f64 = 0.01;
+/// Largest distance of a root from the origin along an axis, cm: the rounding of a table.
+const MAX_ROOT_OFFSET: f64 = 0.01;
 
-/// A table as it was read.
+/// A table of poses with its name.
 #[derive(Debug)]
 pub struct SourceTable {
     /// The file's name, for messages.
     pub name: String,
-    /// The name of its take, where the table names none.
+    /// The take's name if the table has no column `take`.
     pub label: String,
-    /// Its poses, cm.
+    /// The poses, cm.
     pub poses: Poses,
 }
 
 /// A take.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Take {
-    /// Its name, unlike all others.
+    /// The name, unique in the dataset.
     pub name: String,
-    /// Whose it is.
+    /// The captured person.
     pub subject: String,
-    /// Its rows in [`Dataset::xyz`], in time order.
+    /// The rows in [`Dataset::xyz`], in time order.
     pub rows: Range<usize>,
-    /// Frames a second, where its table tells.
+    /// Frames a second, if the table has times.
     pub rate: Option<f64>,
-    /// The digest of its poses, as models keep it in their history.
+    /// The digest of the poses, as models store it in their history.
     pub digest: String,
 }
 
-/// Complete poses in body space, and the takes they are of.
+/// Complete poses in body space, and their takes.
 #[derive(Debug, Clone)]
 pub struct Dataset {
-    /// The points' names, J of them.
+    /// The names of the J points.
     pub points: Vec<String>,
     /// (frames, 3 J), cm.
     pub xyz: Array2<f32>,
-    /// The takes, in the order of their rows, which they cover.
+    /// The takes, in the order of their rows; together they cover all rows.
     pub takes: Vec<Take>,
-    /// Frames left out: some point was missing.
+    /// The number of frames left out because a point was missing.
     pub incomplete: usize,
 }
 
 impl Dataset {
-    /// Joins tables. The subject of a take is what `subjects` says, else the part of its name before the first `_`.
+    /// Joins tables. The subject of a take is given by `subjects`, else by the part of its name before the first `_`.
     ///
     /// # Errors
-    /// Tables of different points, a take in two places, poses that are not in body space, no complete frame.
+    /// [`Error::Data`] for tables with different points, a take in two tables, poses that are not in body space, or no
+    /// complete frame; [`Error::Usage`] without a table.
     pub fn new(sources: &[SourceTable], subjects: &BTreeMap<String, String>) -> Result<Dataset> {
         let points = match sources.first() {
             Some(first) => first.poses.points.clone(),
@@ -125,7 +126,7 @@ impl Dataset {
                 continue;
             }
             if let Some(root) = root
-                && (0..3).any(|a| frame[3 * root + a].abs() > ROOT)
+                && (0..3).any(|a| frame[3 * root + a].abs() > MAX_ROOT_OFFSET)
             {
                 let what = "has a root that is not at the origin: models are compared in body space \
                             (posing amc2xyz --space body)";
@@ -148,12 +149,12 @@ impl Dataset {
         Ok(())
     }
 
-    /// The take that a row is of.
+    /// The index of the take that contains a row.
     pub fn take_of(&self, row: usize) -> usize {
         self.takes.partition_point(|t| t.rows.end <= row)
     }
 
-    /// The subjects, in the order of their names.
+    /// The subjects, sorted.
     pub fn subjects(&self) -> Vec<&str> {
         let mut all: Vec<&str> = self.takes.iter().map(|t| t.subject.as_str()).collect();
         all.sort_unstable();
@@ -178,7 +179,10 @@ impl Dataset {
         self.xyz.select(Axis(0), rows).mapv(f64::from)
     }
 
-    /// Rows, in ascending order, as poses to learn from; their takes stay takes.
+    /// Ascending rows as training poses; their takes stay apart.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if no row is given.
     pub fn training(&self, rows: &[usize]) -> Result<TrainingSet> {
         let names: Vec<Arc<str>> = self
             .takes
@@ -264,7 +268,7 @@ pub(in crate::evaluate) mod tests {
     }
 
     #[test]
-    fn a_mapping_says_whose_a_take_is_and_incomplete_frames_go() {
+    fn a_mapping_names_subjects_and_incomplete_frames_are_left_out() {
         let mut source = source(&[("walk", 5), ("run", 5)]);
         source.poses.xyz[[1, 30]] = f64::NAN;
         let map = BTreeMap::from([("run".to_string(), "anna".to_string())]);
@@ -274,7 +278,7 @@ pub(in crate::evaluate) mod tests {
     }
 
     #[test]
-    fn what_cannot_be_compared_is_refused_in_a_line() {
+    fn unusable_tables_are_refused_in_one_line() {
         let says = |sources: Vec<SourceTable>, part: &str| {
             let e = Dataset::new(&sources, &BTreeMap::new())
                 .unwrap_err()

@@ -109,7 +109,7 @@ pub fn split(splits: &[Split]) -> Option<Split> {
 }
 
 /// Which methods are drawn: all, or the first so many, those of a named size or sparsity last.
-pub fn drawn(methods: &[Method]) -> Vec<&str> {
+pub fn shown_methods(methods: &[Method]) -> Vec<&str> {
     let (sweeps, plain): (Vec<&str>, Vec<&str>) = methods
         .iter()
         .map(|m| m.name.as_str())
@@ -420,13 +420,13 @@ mod tests {
     #[test]
     fn plain_methods_are_drawn_before_sweeps() {
         let mut settings = settings();
-        assert_eq!(drawn(&settings.methods), ["pca", "ksvd:k=2", "gaussian"]);
+        assert_eq!(shown_methods(&settings.methods), ["pca", "ksvd:k=2", "gaussian"]);
         for k in 3..40 {
             settings
                 .methods
                 .insert(0, Method::parse(&format!("ksvd:k={k}")).unwrap());
         }
-        let drawn = drawn(&settings.methods);
+        let drawn = shown_methods(&settings.methods);
         assert!(drawn.len() == MOST && drawn.contains(&"gaussian"));
         assert_eq!(
             split(&[Split::Frames, Split::Subjects]),

@@ -1,9 +1,8 @@
-//! What must not be on both sides of a split: takes that are one take under two names, also mirrored, and takes that a
-//! given model was trained from.
+//! Train/test leakage: takes that share poses, possibly mirrored, and takes that a pretrained model was trained from.
 //!
-//! Twins are found by digest and by pose distance: a share of one take's poses, as they are or with left and right
-//! exchanged, stands in the other. Poses are sorted by their place along one fixed random direction; a pose within a
-//! distance is within that distance along it, so that few need to be compared.
+//! Duplicates are found by digest and by pose distance: a share of one take's poses, or of their mirror images, occurs in
+//! the other. Poses are sorted by their projection on one random direction. Poses within a distance d have projections
+//! within d, so that few pairs are compared.
 
 use super::dataset::Dataset;
 use crate::numeric::parallel;
@@ -13,48 +12,48 @@ use rand::Rng;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-/// Two poses are one at this RMS a coordinate, cm: rounding, not standing still (two takes of a person at rest differ by
-/// millimetres).
-const SAME: f64 = 0.02;
-/// A pose that a model keeps is one of the data's at this RMS, cm: both come from the same numbers in f32.
-const KEPT: f64 = 0.002;
-/// So many poses of a take are looked for in the others.
+/// Two poses are equal up to this RMS of a coordinate, cm. The bound allows for rounding; two takes of a person standing
+/// still differ by millimetres.
+const EQUAL_RMS: f64 = 0.02;
+/// A pose stored in a model equals one of the dataset up to this RMS, cm: both are rounded to f32.
+const STORED_RMS: f64 = 0.002;
+/// Poses of a take that are searched in the others.
 const PROBES: usize = 50;
-/// From this share of them on, two takes are twins.
-const SHARE: f64 = 0.2;
-/// A mirror must carry left joints this far to the other side on average, cm, to be one.
-const LATERAL: f64 = 1.0;
+/// Smallest share of probes found in another take that makes the takes duplicates.
+const MIN_SHARE: f64 = 0.2;
+/// Smallest mean distance of left and right joints along the lateral axis, cm.
+const MIN_LATERAL: f64 = 1.0;
 
-/// How two takes were found to be one.
+/// How a duplicate was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DuplicateEvidence {
-    /// Their digests are equal.
+    /// The digests are equal.
     Digest,
-    /// Poses of one stand in the other.
+    /// Poses of one take occur in the other.
     Poses,
-    /// Mirrored poses of one stand in the other.
+    /// Mirror images of poses of one take occur in the other.
     Mirrored,
 }
 
-/// Two takes that are one, wholly or in part.
+/// Two takes that share poses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DuplicateTake {
-    /// The earlier of the takes, by place in [`Dataset::takes`].
+    /// The index of the earlier take in [`Dataset::takes`].
     pub a: usize,
-    /// The later one.
+    /// The index of the later take.
     pub b: usize,
-    /// How that was found.
-    pub how: DuplicateEvidence,
-    /// The share of one's poses that stand in the other, 0 to 1.
+    /// How the duplicate was found.
+    pub evidence: DuplicateEvidence,
+    /// The share of the poses of one take that occur in the other, 0 to 1.
     pub share: f64,
 }
 
 impl DuplicateTake {
-    /// In words: `take 07_02, a mirror image of take 07_01,`.
+    /// A phrase such as `take 07_02, a mirror image of take 07_01,`.
     pub fn describe(&self, data: &Dataset) -> String {
         let (a, b) = (&data.takes[self.a].name, &data.takes[self.b].name);
-        match self.how {
+        match self.evidence {
             DuplicateEvidence::Digest => format!("take {b}, the same as take {a},"),
             DuplicateEvidence::Poses => format!("take {b}, which shares poses with take {a},"),
             DuplicateEvidence::Mirrored => format!("take {b}, a mirror image of take {a},"),
@@ -62,33 +61,33 @@ impl DuplicateTake {
     }
 }
 
-/// Finds all twins, by place.
-pub fn duplicate_takes(data: &Dataset) -> Vec<DuplicateTake> {
-    let index = Index::new(data.xyz.view());
+/// Finds all pairs of takes that share poses, sorted by index.
+pub fn find_duplicates(data: &Dataset) -> Vec<DuplicateTake> {
+    let index = ProjectionIndex::new(data.xyz.view());
     let mirror = Mirror::of(data);
     let found = parallel::map_chunks(data.takes.len(), 1, |range| {
-        of_take(data, &index, &mirror, range.start)
+        duplicates_of(data, &index, &mirror, range.start)
     });
     let mut twins: Vec<DuplicateTake> = found.into_iter().flatten().collect();
-    // Both takes of a pair may have found each other: the surer way stays.
-    let surer = |t: &DuplicateTake| (t.a, t.b, t.how as u8, (-t.share * 1e9) as i64);
+    // Each take of a pair may have found the other: the stronger evidence is kept.
+    let surer = |t: &DuplicateTake| (t.a, t.b, t.evidence as u8, (-t.share * 1e9) as i64);
     twins.sort_by_key(surer);
     twins.dedup_by_key(|t| (t.a, t.b));
     twins
 }
 
-/// The twins that one take finds.
-fn of_take(
+/// The duplicates of one take.
+fn duplicates_of(
     data: &Dataset,
-    index: &Index<'_>,
+    index: &ProjectionIndex<'_>,
     mirror: &Option<Mirror>,
     k: usize,
 ) -> Vec<DuplicateTake> {
     let take = &data.takes[k];
     let mut twins = Vec::new();
-    let mut add = |other: usize, how, share| {
+    let mut add = |other: usize, evidence, share| {
         let (a, b) = (k.min(other), k.max(other));
-        twins.push(DuplicateTake { a, b, how, share });
+        twins.push(DuplicateTake { a, b, evidence, share });
     };
     for (other, that) in data.takes.iter().enumerate().skip(k + 1) {
         if that.digest == take.digest {
@@ -100,17 +99,17 @@ fn of_take(
         .clone()
         .step_by(take.rows.len().div_ceil(PROBES).max(1))
         .collect();
-    for how in [DuplicateEvidence::Poses, DuplicateEvidence::Mirrored] {
+    for evidence in [DuplicateEvidence::Poses, DuplicateEvidence::Mirrored] {
         let mut hits = vec![0_usize; data.takes.len()];
         for &row in &probes {
             let pose = data.xyz.row(row);
-            let pose: Vec<f32> = match (how, mirror) {
+            let pose: Vec<f32> = match (evidence, mirror) {
                 (DuplicateEvidence::Mirrored, Some(mirror)) => mirror.apply(pose),
                 (DuplicateEvidence::Mirrored, None) => continue,
                 _ => pose.to_vec(),
             };
             let mut takes: Vec<usize> = index
-                .near(&pose, SAME)
+                .near(&pose, EQUAL_RMS)
                 .map(|row| data.take_of(row))
                 .collect();
             takes.sort_unstable();
@@ -119,37 +118,37 @@ fn of_take(
         }
         for (other, hits) in hits.into_iter().enumerate().filter(|(o, _)| *o != k) {
             let share = hits as f64 / probes.len() as f64;
-            if share >= SHARE {
-                add(other, how, share);
+            if share >= MIN_SHARE {
+                add(other, evidence, share);
             }
         }
     }
     twins
 }
 
-/// What is known of a given model's training.
+/// What a model file says of its training poses.
 #[derive(Debug, Clone, Default)]
 pub struct Provenance {
-    /// Digests in its history: of all its training poses, and of each take.
+    /// Digests in the model's history: of all training poses and of each take.
     pub digests: Vec<String>,
-    /// Arrays of it that may hold training poses as they were: (k, 3 J), cm.
+    /// Arrays of the model that may contain training poses: (k, 3 J), cm.
     pub poses: Vec<Array2<f32>>,
 }
 
 impl Provenance {
-    /// The takes that a model was trained from: by digest, or because it keeps a pose of theirs.
+    /// The indices of takes that the model was trained from: their digest is in the history or a pose is stored.
     pub fn takes(&self, data: &Dataset) -> Vec<usize> {
         let mut known: Vec<usize> = (0..data.takes.len())
             .filter(|&k| self.digests.contains(&data.takes[k].digest))
             .collect();
-        let index = Index::new(data.xyz.view());
+        let index = ProjectionIndex::new(data.xyz.view());
         for poses in self.poses.iter().filter(|p| p.ncols() == data.xyz.ncols()) {
             for pose in poses.rows() {
-                // Every model of people has a pose of zeros, or of ones, somewhere: a pose is more than that.
+                // Rows of zeros or ones are parameters, not poses.
                 if pose.iter().filter(|v| v.abs() > 1.0).count() * 2 < pose.len() {
                     continue;
                 }
-                known.extend(index.near(&pose.to_vec(), KEPT).map(|r| data.take_of(r)));
+                known.extend(index.near(&pose.to_vec(), STORED_RMS).map(|r| data.take_of(r)));
             }
         }
         known.sort_unstable();
@@ -157,47 +156,47 @@ impl Provenance {
         known
     }
 
-    /// Whether nothing is known, so that a leak cannot be told.
+    /// Whether the file says nothing, so that leakage cannot be detected.
     pub fn is_silent(&self) -> bool {
         self.digests.is_empty() && self.poses.is_empty()
     }
 }
 
-/// Poses sorted by their place along a direction.
-struct Index<'a> {
+/// Poses sorted by their projection on a direction.
+struct ProjectionIndex<'a> {
     xyz: ArrayView2<'a, f32>,
     direction: Vec<f32>,
-    /// (place, row), ascending.
-    places: Vec<(f32, usize)>,
+    /// (projection, row), ascending.
+    projections: Vec<(f32, usize)>,
 }
 
-impl<'a> Index<'a> {
-    fn new(xyz: ArrayView2<'a, f32>) -> Index<'a> {
+impl<'a> ProjectionIndex<'a> {
+    fn new(xyz: ArrayView2<'a, f32>) -> ProjectionIndex<'a> {
         let mut random = parallel::rng(0, 5);
         let mut direction: Vec<f32> = (0..xyz.ncols())
             .map(|_| random.sample(StandardNormal))
             .collect();
         let length = direction.iter().map(|v| v * v).sum::<f32>().sqrt();
         direction.iter_mut().for_each(|v| *v /= length);
-        let place = |row: ArrayView1<f32>| row.iter().zip(&direction).map(|(a, b)| a * b).sum();
+        let project = |row: ArrayView1<f32>| row.iter().zip(&direction).map(|(a, b)| a * b).sum();
         let rows = xyz.rows().into_iter().enumerate();
-        let mut places: Vec<(f32, usize)> = rows.map(|(i, row)| (place(row), i)).collect();
-        places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        Index {
+        let mut projections: Vec<(f32, usize)> = rows.map(|(i, row)| (project(row), i)).collect();
+        projections.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        ProjectionIndex {
             xyz,
             direction,
-            places,
+            projections,
         }
     }
 
-    /// The rows within an RMS of a pose.
+    /// The rows within an RMS distance of a pose, cm.
     fn near(&self, pose: &[f32], rms: f64) -> impl Iterator<Item = usize> {
         let place: f32 = pose.iter().zip(&self.direction).map(|(a, b)| a * b).sum();
         let limit = rms * rms * pose.len() as f64;
-        // The sums' own rounding in f32 is far below a hundredth of a centimetre.
+        // The f32 rounding of the projections is far below 0.01 cm.
         let reach = limit.sqrt() as f32 + 0.01;
-        let from = self.places.partition_point(|p| p.0 < place - reach);
-        let inside = self.places[from..]
+        let from = self.projections.partition_point(|p| p.0 < place - reach);
+        let inside = self.projections[from..]
             .iter()
             .take_while(move |p| p.0 <= place + reach);
         inside.map(|p| p.1).filter(move |&row| {
@@ -210,17 +209,17 @@ impl<'a> Index<'a> {
     }
 }
 
-/// Exchanges left and right.
+/// Exchanges left and right joints and negates the lateral axis.
 struct Mirror {
-    /// Where each point's place comes from.
+    /// The source point of each point.
     from: Vec<usize>,
     /// The axis that is negated.
     axis: usize,
 }
 
 impl Mirror {
-    /// The lateral axis is that along which left joints are farthest from their counterparts on average; `None` where no
-    /// point has a counterpart, or no axis tells them apart.
+    /// The lateral axis is the one with the largest mean distance of left joints from their counterparts. `None` if no
+    /// point has a counterpart or the distance is below [`MIN_LATERAL`] on all axes.
     fn of(data: &Dataset) -> Option<Mirror> {
         let names = &data.points;
         let from: Vec<usize> = (0..names.len())
@@ -237,7 +236,7 @@ impl Mirror {
         let pairs = from.iter().enumerate().filter(|(i, j)| i < j).count();
         let axis = (0..3).max_by(|&a, &b| apart[a].abs().total_cmp(&apart[b].abs()))?;
         let mean = apart[axis].abs() / (pairs * data.xyz.nrows()).max(1) as f64;
-        (mean > LATERAL).then_some(Mirror { from, axis })
+        (mean > MIN_LATERAL).then_some(Mirror { from, axis })
     }
 
     fn apply(&self, pose: ArrayView1<'_, f32>) -> Vec<f32> {
@@ -281,14 +280,14 @@ mod tests {
     }
 
     fn found(data: &Dataset) -> Vec<(usize, usize, DuplicateEvidence)> {
-        duplicate_takes(data)
+        find_duplicates(data)
             .iter()
-            .map(|t| (t.a, t.b, t.how))
+            .map(|t| (t.a, t.b, t.evidence))
             .collect()
     }
 
     #[test]
-    fn different_takes_are_no_twins() {
+    fn different_takes_are_no_duplicates() {
         assert_eq!(found(&takes(&[("01_01", 60), ("01_02", 60)])), []);
         assert_eq!(found(&takes(&[("01_01", 1)])), []);
     }
@@ -323,7 +322,7 @@ mod tests {
                 .collect();
             Array2::from_shape_vec(x.dim(), rows).unwrap()
         });
-        let twins = duplicate_takes(&mirrored);
+        let twins = find_duplicates(&mirrored);
         assert_eq!(found(&mirrored), [(0, 2, DuplicateEvidence::Mirrored)]);
         assert!(
             twins[0]
@@ -333,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_model_was_trained_from_is_known_by_digest_or_by_a_pose_it_keeps() {
+    fn training_takes_are_known_by_digest_or_by_a_stored_pose() {
         let data = takes(&[("01_01", 30), ("01_02", 30), ("02_01", 30)]);
         let by_digest = Provenance {
             digests: vec!["ff".into(), data.takes[1].digest.clone()],

@@ -1,88 +1,88 @@
-//! What is compared: a model, how it comes about, and how it is asked.
+//! The methods that are compared: where a model comes from and how it restores poses.
 
 use super::dataset::Dataset;
 use super::leakage::Provenance;
 use super::splits::Split;
 use super::task::{DamagedPoses, Task};
 use crate::numeric::parallel;
-use crate::prior::registry::{KINDS, Training, train};
+use crate::prior::registry::{self, KINDS, Training};
 use crate::prior::tuning::HoldBack;
 use crate::prior::{self, OpenOptions, Posterior, Prior, Want, posterior_rows};
 use crate::prior::{sparse_coding, training_set::TrainingSet};
 use crate::restore::{OutlierMode, RigidModel};
 use crate::sparse::{Ksvd, SelectionRule};
 use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, s};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The ending of a method's name that asks for outliers to be found and rigid distances to be kept.
+/// The suffix of a method's name that turns on outlier detection and rigid distances.
 pub const TREATED: &str = "+treated";
-/// K-SVD here: at most so many atoms, and no more than a quarter of the poses, so that few poses are learnt from too.
-const ATOMS: usize = 1000;
-/// Poses are restored so many at a time: fixed, so that the threads change nothing.
+/// Largest default number of atoms of a K-SVD dictionary. Fewer training poses have a quarter of their number.
+const MAX_ATOMS: usize = 1000;
+/// Poses restored at a time; fixed, so that the number of threads changes nothing.
 const BATCH: usize = 100;
 
-/// A model that somebody has trained.
+/// A trained model read from a file.
 #[derive(Clone)]
 pub struct PretrainedModel {
     /// The file's name, for messages.
     pub source: String,
-    /// The SHA-256 of the file: tells its cells from those of any other.
+    /// The SHA-256 of the file, part of the keys of cached results.
     pub digest: String,
-    /// It.
+    /// The opened model.
     pub prior: Arc<dyn Prior>,
-    /// Its points.
+    /// The names of the model's points.
     pub points: Vec<String>,
-    /// What its details say of its tuning.
+    /// The tuning record in the model's details.
     pub tuning: Option<Value>,
-    /// What is known of its training.
-    pub past: Provenance,
+    /// What the file says of its training poses.
+    pub provenance: Provenance,
 }
 
-/// How a model comes about.
+/// Where a model comes from.
 #[derive(Clone)]
 pub enum ModelSource {
     /// Trained on the training part: a kind of `prior-train`, or `sparse`, a K-SVD dictionary of this many atoms.
     Kind {
         /// The kind's name.
         kind: String,
-        /// For `sparse`: how many atoms; `None` for as many as is usual here.
+        /// The number of atoms of a `sparse` model; `None` for the default.
         atoms: Option<usize>,
     },
-    /// PretrainedModel.
+    /// Read from a file.
     Pretrained(PretrainedModel),
 }
 
-/// A row of the tables.
+/// A method: one row of the tables.
 #[derive(Clone)]
 pub struct Method {
-    /// Its name.
+    /// The name, as typed after `--models`.
     pub name: String,
-    /// Where its model comes from.
+    /// Where the model comes from.
     pub source: ModelSource,
     /// How a sparse model is used.
     pub choice: OpenOptions,
-    /// Whether outliers are found and rigid distances kept.
+    /// Whether outliers are detected and rigid distances kept.
     pub treated: bool,
 }
 
 impl Method {
-    /// The methods that are run where none are named: every kind there is, and the paper's.
-    pub fn usual() -> Vec<String> {
+    /// The names of the default methods: every kind of model, and the paper's methods.
+    pub fn default_names() -> Vec<String> {
         let mut names: Vec<String> = KINDS.iter().map(|(name, _)| name.to_string()).collect();
         names.retain(|n| n != "sparse");
-        // The default model answers treated; the others stand without what this project adds.
+        // Only the default model also runs with outlier detection; the rivals run as published.
         names.extend(["multiscale+treated", "sparse", "ksvd", "ksvd-omp"].map(String::from));
         names
     }
 
-    /// A method of a name: `KIND`, or `sparse`, `ksvd` (as published, with optimised OMP) or `ksvd-omp` (as published),
-    /// these three with `:n=ATOMS` and `:k=SPARSITY` where wanted; any with `+treated`.
+    /// Parses a name: `KIND`, `sparse`, `ksvd` (as published, with optimised OMP) or `ksvd-omp` (as published). The last
+    /// three may have `:n=ATOMS` and `:k=SPARSITY`; any name may end in `+treated`.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a name that is none.
+    /// [`Error::Usage`] for an unknown name.
     pub fn parse(name: &str) -> Result<Method> {
         // The default model's kind was called `blocks` before.
         let former = name.strip_prefix("blocks");
@@ -101,7 +101,7 @@ impl Method {
         }
         let is_sparse = ["sparse", "ksvd", "ksvd-omp"].contains(&kind);
         if !is_sparse && !KINDS.iter().any(|(k, _)| *k == kind) {
-            let known = Method::usual().join(", ");
+            let known = Method::default_names().join(", ");
             return Err(Error::usage(format!(
                 "--models {name}: expected one of {known} (or a file after -m)"
             )));
@@ -137,27 +137,27 @@ impl Method {
         })
     }
 
-    /// Tells the model's making apart: methods with the same one share it.
+    /// Identifies how the model is made; methods with equal recipes share one model.
     pub fn recipe(&self) -> String {
         match &self.source {
             ModelSource::Kind { kind, atoms } => format!("{kind} {atoms:?}"),
-            ModelSource::Pretrained(given) => format!("file {}", given.digest),
+            ModelSource::Pretrained(pretrained) => format!("file {}", pretrained.digest),
         }
     }
 
-    /// Makes sure that a given model is of the data's points and was not trained from any of its takes.
+    /// Checks that a pretrained model has the dataset's points and was not trained from any of its takes.
     ///
     /// # Errors
-    /// A line that names the model and the take.
-    pub fn admit(&self, data: &Dataset) -> Result<()> {
-        let ModelSource::Pretrained(given) = &self.source else {
+    /// [`Error::Data`] that names the model and the take.
+    pub fn check_provenance(&self, dataset: &Dataset) -> Result<()> {
+        let ModelSource::Pretrained(pretrained) = &self.source else {
             return Ok(());
         };
-        let fail = |what: String| Err(Error::data(Place::file(&given.source), what));
-        if given.points != data.points {
+        let fail = |what: String| Err(Error::data(Place::file(&pretrained.source), what));
+        if pretrained.points != dataset.points {
             return fail("is a model of other points than the tables'".into());
         }
-        let known = given.past.takes(data);
+        let known = pretrained.provenance.takes(dataset);
         if let Some(first) = known.first() {
             let more = match known.len() - 1 {
                 0 => String::new(),
@@ -165,26 +165,26 @@ impl Method {
             };
             return fail(format!(
                 "was trained from take {}{more}: it cannot be tested on what it was trained from; leave them out",
-                data.takes[*first].name
+                dataset.takes[*first].name
             ));
         }
         Ok(())
     }
 }
 
-/// A model ready to be asked, in each way that is wanted.
+/// A trained model, opened once for each method that shares it.
 pub struct TrainedModel {
-    /// One a method, in the order they were given.
+    /// The opened model of each method, in the methods' order.
     pub priors: Vec<Arc<dyn Prior>>,
-    /// Seconds that training took; `None` for a given model.
+    /// Seconds that training took; `None` for a pretrained model.
     pub seconds: Option<f64>,
-    /// What the model's details say of its tuning. A tuned model reckons with a noise of its own where none is told; any
-    /// other must be told one.
+    /// The tuning record in the model's details. A tuned model assumes a noise of its own where the variance is unknown;
+    /// any other must be given one.
     pub tuning: Option<Value>,
 }
 
 impl TrainedModel {
-    /// The part of the tuning that is a task's: what was chosen, and the curve.
+    /// The tuning of one task: the chosen setting and the curve.
     pub fn tuning_of(&self, task: Task) -> Option<Value> {
         let all = self.tuning.as_ref()?;
         let curve = all.get("curve").and_then(Value::as_array);
@@ -195,11 +195,11 @@ impl TrainedModel {
     }
 }
 
-/// Makes the model that some methods share (their recipe is the same).
+/// Trains or takes the model that some methods share: methods with equal recipes.
 ///
 /// # Errors
-/// As training and opening.
-pub fn make(
+/// As [`registry::train`] and [`prior::open`].
+pub fn train(
     methods: &[&Method],
     poses: &TrainingSet,
     split: Split,
@@ -208,11 +208,11 @@ pub fn make(
     let began = Instant::now();
     let (kind, atoms) = match methods.first().map(|m| &m.source) {
         Some(ModelSource::Kind { kind, atoms }) => (kind, *atoms),
-        Some(ModelSource::Pretrained(given)) => {
+        Some(ModelSource::Pretrained(pretrained)) => {
             return Ok(TrainedModel {
-                priors: methods.iter().map(|_| given.prior.clone()).collect(),
+                priors: methods.iter().map(|_| pretrained.prior.clone()).collect(),
                 seconds: None,
-                tuning: given.tuning.clone(),
+                tuning: pretrained.tuning.clone(),
             });
         }
         None => {
@@ -224,7 +224,7 @@ pub fn make(
         }
     };
     let model = if kind == "sparse" {
-        let atoms = atoms.unwrap_or(ATOMS.min(poses.xyz.nrows().div_ceil(4)));
+        let atoms = atoms.unwrap_or(MAX_ATOMS.min(poses.xyz.nrows().div_ceil(4)));
         let ksvd = Ksvd {
             atoms,
             seed,
@@ -236,13 +236,13 @@ pub fn make(
             poses,
             world: false,
             seed,
-            // What is held back to tune on is parted from the rest as the test poses are.
+            // Poses for tuning are held back as the test poses are.
             hold_back: match split {
                 Split::Frames => HoldBack::Frames,
                 Split::Takes | Split::Subjects => HoldBack::Takes,
             },
         };
-        train(kind, &training, &mut |_| {})?
+        registry::train(kind, &training, &mut |_| {})?
     };
     let seconds = Some(began.elapsed().as_secs_f64());
     let open = |m: &&Method| prior::open(&model, &m.choice, &m.name).map(Arc::from);
@@ -255,51 +255,29 @@ pub fn make(
     })
 }
 
-/// What a method has besides its prior to find outliers and keep rigid distances.
-pub struct Treatment(RigidModel);
-
-impl Treatment {
-    /// Learns what the treatment needs from the training poses.
-    pub fn learn(poses: &TrainingSet) -> Treatment {
-        Treatment(RigidModel::learn(poses.xyz.view(), &poses.takes))
-    }
-
-    /// Restores poses: told is what a plain method would be told, and the same of all of them.
-    fn answer(
-        &self,
-        prior: &dyn Prior,
-        y: ArrayView2<'_, f64>,
-        variance: ArrayView2<'_, f64>,
-    ) -> Vec<Posterior> {
-        let seek = variance
-            .rows()
-            .into_iter()
-            .next()
-            .map(|r| OutlierMode::for_noise(&r.to_vec()));
-        let answers = self
-            .0
-            .restore(prior, y, variance, seek.unwrap_or(OutlierMode::Ignore));
-        answers.into_iter().map(|a| a.posterior).collect()
-    }
-}
-
-/// Restores damaged poses; the answers, and the seconds they took on one thread.
+/// Restores damaged poses, with outliers detected and rigid distances kept if `rigid` is pretrained. Returns the posteriors
+/// and the seconds that restoring took on one thread.
 pub fn restore(
     prior: &dyn Prior,
-    treatment: Option<&Treatment>,
+    rigid: Option<&RigidModel>,
     damaged: &DamagedPoses,
 ) -> (Vec<Posterior>, f64) {
     let parts = parallel::map_chunks(damaged.y.nrows(), BATCH, |range| {
         let part = |a: &Array2<f64>| a.slice(s![range.clone(), ..]).to_owned();
-        // A number that is missing is read nowhere, but nothing should hang on that.
+        // The value of a missing coordinate is never read; zero keeps NaN out of sums.
         let y = part(&damaged.y).mapv(|v| if v.is_nan() { 0.0 } else { v });
         let variance = part(&damaged.variance);
         let began = Instant::now();
-        let answers = parallel::single_threaded(|| match treatment {
-            Some(treatment) => treatment.answer(prior, y.view(), variance.view()),
+        let posteriors = parallel::single_threaded(|| match rigid {
+            Some(rigid) => {
+                // All poses of a task have the same variances.
+                let mode = OutlierMode::for_noise(&variance.row(0).to_vec());
+                let restored = rigid.restore(prior, y.view(), variance.view(), mode);
+                restored.into_iter().map(|r| r.posterior).collect()
+            }
             None => posterior_rows(prior, y.view(), variance.view(), Want::Variances),
         });
-        (answers, began.elapsed().as_secs_f64())
+        (posteriors, began.elapsed().as_secs_f64())
     });
     let seconds = parts.iter().map(|p| p.1).sum();
     (parts.into_iter().flat_map(|p| p.0).collect(), seconds)
@@ -311,7 +289,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_read() {
+    fn names_are_parsed() {
         let name = |n: &str| Method::parse(n).unwrap();
         assert!(!name("sparse").choice.published);
         assert!(name("ksvd").choice.published && name("ksvd").choice.rule == SelectionRule::Oomp);
@@ -341,13 +319,13 @@ mod tests {
     }
 
     #[test]
-    fn methods_of_one_recipe_share_their_model() {
+    fn methods_with_equal_recipes_share_a_model() {
         let data = takes(&[("01_01", 60), ("01_02", 60)]);
         let rows: Vec<usize> = (0..120).collect();
         let poses = data.training(&rows).unwrap();
         let methods = ["sparse:n=20", "ksvd:n=20"].map(|n| Method::parse(n).unwrap());
         let all: Vec<&Method> = methods.iter().collect();
-        let ready = make(&all, &poses, Split::Takes, 1).unwrap();
+        let ready = train(&all, &poses, Split::Takes, 1).unwrap();
         assert!(ready.priors.len() == 2 && ready.seconds.is_some());
         let damaged = DamagedPoses {
             y: data.rows(&rows),
@@ -355,7 +333,7 @@ mod tests {
         };
         let (answers, _) = restore(&*ready.priors[0], None, &damaged);
         assert_eq!(answers.len(), 120);
-        // Many at once answer as one by one.
+        // A batch gives the same posteriors as single poses.
         let one = crate::pose::Observation {
             values: &damaged.y.row(101).to_vec(),
             variance: &[1.0; 69],

@@ -1,4 +1,4 @@
-//! One cell: a method on a task under a split with a seed, and all that is measured there.
+//! The result of one case: a method on a task under a split with a seed.
 
 use super::dataset::Dataset;
 use super::splits::Split;
@@ -9,7 +9,7 @@ use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// Deviations at which is counted how many coordinates lie within, and the share of a Gaussian that does.
+/// Multiples of the stated standard deviation at which errors are counted, with the share of a Gaussian within.
 pub const SD_LEVELS: [(f64, f64); 12] = [
     (0.25, 0.197_413),
     (0.5, 0.382_925),
@@ -24,12 +24,12 @@ pub const SD_LEVELS: [(f64, f64); 12] = [
     (2.75, 0.994_040),
     (3.0, 0.997_300),
 ];
-/// Where one and two deviations stand in [`SD_LEVELS`].
+/// The indices of one and two standard deviations in [`SD_LEVELS`].
 pub const ONE_AND_TWO_SD: [usize; 2] = [3, 7];
-/// A coordinate that deviates less than this in training, cm, is constant (the root is), and says nothing of calibration.
-const CONSTANT: f64 = 1e-3;
+/// A coordinate with a smaller range in training, cm, is constant, like the root, and does not count for calibration.
+const MIN_RANGE: f64 = 1e-3;
 
-/// What tells a cell from all others of a run.
+/// A case of a run: what is tested on what.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Case {
     /// The method's name.
@@ -40,34 +40,47 @@ pub struct Case {
     pub seed: u64,
     /// The task.
     pub task: Task,
-    /// Standard deviation of the noise on clean and exact coordinates, asf.
+    /// Standard deviation of the base noise on clean coordinates, asf.
     pub base_asf: f64,
 }
 
-/// A cell's measurements. Errors are means over all coordinates of all frames, those given exactly included.
+impl Case {
+    /// A case; `base` is the base noise in cm.
+    pub fn new(model: &str, split: Split, seed: u64, task: Task, base: f64) -> Case {
+        Case {
+            model: model.into(),
+            split,
+            seed,
+            task,
+            base_asf: base / ASF_UNIT_CM,
+        }
+    }
+}
+
+/// The result of a case. Errors are means over all coordinates of all frames, exactly observed ones included.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BenchmarkResult {
-    /// Which cell.
+    /// The case.
     #[serde(flatten)]
     pub case: Case,
-    /// Frames that the model was trained from; `None` for a given model.
+    /// The number of training frames; `None` for a pretrained model.
     #[serde(rename = "learnt_from")]
     pub training_frames: Option<usize>,
-    /// On test frames.
+    /// The error on test frames.
     pub test: Measurement,
-    /// On as many frames that were learnt from; `None` for a given model.
+    /// The error on as many training frames; `None` for a pretrained model.
     pub training: Option<Measurement>,
-    /// How the model was tuned for the task on a part of its training poses: what was chosen, and the curve.
+    /// The tuning of the model for the task on held-back training poses: the choice and the curve.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tuning: Option<Value>,
-    /// Seconds a pose on one thread, while others work: never compared, never digested.
+    /// Seconds a pose on one thread while other threads work. Not part of any compared output.
     pub seconds_per_pose: f64,
-    /// Seconds that training took, all threads together; `None` for a given model.
+    /// Seconds that training took; `None` for a pretrained model.
     pub seconds_training: Option<f64>,
 }
 
 impl BenchmarkResult {
-    /// Whether its lists are as they are made for so many joints: it may come from a file.
+    /// Whether the lists have the lengths for this number of joints. A result read from a file may not.
     pub fn is_sound(&self, joints: usize) -> bool {
         let parts = [Some(&self.test), self.training.as_ref()];
         let frames: usize = self.test.units.iter().map(|u| u.frames).sum();
@@ -78,40 +91,40 @@ impl BenchmarkResult {
     }
 }
 
-/// What was measured on some frames.
+/// Errors on a set of frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measurement {
-    /// How many frames.
+    /// The number of frames.
     pub frames: usize,
-    /// Mean squared error a coordinate, asf².
+    /// Mean squared error of a coordinate, asf².
     pub mse: f64,
-    /// The same by joint, J of them, asf².
+    /// Mean squared error by joint, asf² (J).
     pub by_joint: Vec<f64>,
-    /// Of how many coordinates it is known whether they lie within their deviation: neither exact nor constant ones.
+    /// The number of coordinates that count for calibration: neither exact nor constant.
     pub coordinates: u64,
-    /// How many of them lie within each of [`SD_LEVELS`]'s deviations.
+    /// How many of these lie within each of [`SD_LEVELS`].
     pub within: Vec<u64>,
-    /// Sums by unit of resampling, ascending.
+    /// Errors by resampling unit, ascending.
     pub units: Vec<ResampledUnit>,
 }
 
-/// What is drawn as one when intervals are found: a take, or under the split `frames` a frame.
+/// The unit of the bootstrap: a take, or under the split `frames` a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ResampledUnit {
-    /// The take's place in the data, or the frame's row.
+    /// The index of the take, or the row of the frame.
     pub unit: usize,
-    /// Frames of it that were tested.
+    /// The number of its test frames.
     pub frames: usize,
-    /// Their mean squared error, asf².
+    /// The mean squared error of a coordinate, asf².
     pub mse: f64,
 }
 
 impl Measurement {
-    /// RMS a coordinate, cm.
+    /// RMS error of a coordinate, cm.
     pub fn rms_cm(&self) -> f64 {
         self.mse.sqrt() * ASF_UNIT_CM
     }
-    /// The share of coordinates within each of [`SD_LEVELS`]'s deviations; none where no coordinate counts.
+    /// The share of coordinates within each of [`SD_LEVELS`]; empty if no coordinate counts.
     pub fn shares(&self) -> Vec<f64> {
         let share = |n: &u64| *n as f64 / self.coordinates as f64;
         match self.coordinates {
@@ -121,8 +134,8 @@ impl Measurement {
     }
 }
 
-/// Which coordinates differ between training poses.
-pub fn varies(poses: ArrayView2<'_, f32>) -> Vec<bool> {
+/// Whether each coordinate differs between training poses.
+pub fn varying_coordinates(poses: ArrayView2<'_, f32>) -> Vec<bool> {
     let range = |column: ndarray::ArrayView1<'_, f32>| {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for v in column {
@@ -132,20 +145,20 @@ pub fn varies(poses: ArrayView2<'_, f32>) -> Vec<bool> {
         high - low
     };
     let columns = poses.columns();
-    columns.into_iter().map(|c| range(c) > CONSTANT).collect()
+    columns.into_iter().map(|c| range(c) > MIN_RANGE).collect()
 }
 
-/// Compares answers with the truth (frames, 3 J), cm; `rows` are the frames' numbers in the data, ascending.
+/// Compares estimates with the truth (frames, 3 J), cm; `rows` are the frames' rows in the dataset, ascending.
 ///
-/// `None` where an answer is not finite.
+/// `None` if an estimate is not finite.
 pub fn measure(
     data: &Dataset,
     (split, task): (Split, Task),
     rows: &[usize],
     truth: ArrayView2<'_, f64>,
     damaged: &DamagedPoses,
-    answers: &[Posterior],
-    varies: &[bool],
+    estimates: &[Posterior],
+    varying: &[bool],
 ) -> Option<Measurement> {
     let joints = truth.ncols() / 3;
     let mut out = Measurement {
@@ -156,18 +169,18 @@ pub fn measure(
         within: vec![0; SD_LEVELS.len()],
         units: Vec::new(),
     };
-    for (i, answer) in answers.iter().enumerate() {
+    for (i, estimate) in estimates.iter().enumerate() {
         let mut sum = 0.0;
         for c in 0..truth.ncols() {
-            let error = answer.mean[c] - truth[[i, c]];
-            let variance = answer.variance[c];
+            let error = estimate.mean[c] - truth[[i, c]];
+            let variance = estimate.variance[c];
             if !error.is_finite() || !variance.is_finite() {
                 return None;
             }
             sum += error * error;
             out.by_joint[c / 3] += error * error;
-            // What a completion sees exactly says nothing; under sparse noise nothing is known to be exact.
-            if (task == Task::Sparse || damaged.variance[[i, c]] > 0.0) && varies[c] {
+            // An exactly observed coordinate says nothing of calibration; under sparse noise none is known to be exact.
+            if (task == Task::Sparse || damaged.variance[[i, c]] > 0.0) && varying[c] {
                 out.coordinates += 1;
                 let off = error.abs() / variance.max(EXACT_VARIANCE).sqrt();
                 let counts = out.within.iter_mut().zip(SD_LEVELS);
@@ -207,11 +220,11 @@ mod tests {
     use ndarray::Array2;
 
     #[test]
-    fn errors_are_counted_as_they_are() {
+    fn errors_are_averaged_by_joint_and_unit() {
         let data = takes(&[("01_01", 4), ("01_02", 4)]);
         let rows = [1, 2, 5];
         let truth = data.rows(&rows);
-        let answer = |i: usize, off: f64| Posterior {
+        let estimate = |i: usize, off: f64| Posterior {
             mean: truth.row(i).iter().map(|v| v + off * ASF_UNIT_CM).collect(),
             variance: vec![ASF_UNIT_CM * ASF_UNIT_CM; 69],
             ..Posterior::default()
@@ -222,9 +235,9 @@ mod tests {
             variance,
         };
         damaged.variance[[0, 5]] = 0.0;
-        let answers = [answer(0, 0.9), answer(1, 1.1), answer(2, 2.1)];
-        let varies = varies(data.xyz.view());
-        assert_eq!(varies.iter().filter(|v| !**v).count(), 3);
+        let estimates = [estimate(0, 0.9), estimate(1, 1.1), estimate(2, 2.1)];
+        let varying = varying_coordinates(data.xyz.view());
+        assert_eq!(varying.iter().filter(|v| !**v).count(), 3);
         let m = |split| {
             let all = measure(
                 &data,
@@ -232,8 +245,8 @@ mod tests {
                 &rows,
                 truth.view(),
                 &damaged,
-                &answers,
-                &varies,
+                &estimates,
+                &varying,
             );
             all.unwrap()
         };
@@ -252,7 +265,7 @@ mod tests {
             frames.units.iter().map(|u| u.unit).collect::<Vec<_>>(),
             rows
         );
-        let mut bad = answers.clone();
+        let mut bad = estimates.clone();
         bad[1].mean[3] = f64::NAN;
         let none = measure(
             &data,
@@ -261,7 +274,7 @@ mod tests {
             truth.view(),
             &damaged,
             &bad,
-            &varies,
+            &varying,
         );
         assert!(none.is_none());
     }

@@ -1,4 +1,4 @@
-//! Training poses and test poses: three ways to divide takes, each checked so that nothing tested is learnt from.
+//! Training part and test part: three ways to divide the poses, each checked for leakage.
 
 use super::dataset::Dataset;
 use super::leakage::DuplicateTake;
@@ -7,11 +7,11 @@ use crate::{Error, Result};
 use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 
-/// How poses are divided.
+/// How poses are divided into a training and a test part.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Split {
-    /// A random half of the frames (the paper's): a test frame has its neighbours in time in the training half.
+    /// A random half of the frames, as in the paper. A test frame has its neighbours in time in the training half.
     Frames,
     /// Whole takes held out: of each subject a third, at least two.
     Takes,
@@ -20,7 +20,7 @@ pub enum Split {
 }
 
 impl Split {
-    /// All there are.
+    /// All splits.
     pub const ALL: [Split; 3] = [Split::Frames, Split::Takes, Split::Subjects];
 
     /// The name a user types.
@@ -32,7 +32,10 @@ impl Split {
         }
     }
 
-    /// The split of a name.
+    /// Parses a name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an unknown name.
     pub fn parse(name: &str) -> Result<Split> {
         let found = Split::ALL.into_iter().find(|s| s.name() == name);
         found.ok_or_else(|| {
@@ -42,7 +45,7 @@ impl Split {
         })
     }
 
-    /// Why the data cannot be divided like this, if it cannot.
+    /// The reason why the dataset cannot be divided this way; `None` if it can.
     pub fn impossible(self, data: &Dataset, twins: &[DuplicateTake]) -> Option<String> {
         let groups = groups(data, twins);
         let units = match self {
@@ -50,7 +53,7 @@ impl Split {
             Split::Takes => distinct(&groups).len(),
             Split::Subjects => distinct(&by_subject(data, &groups)).len(),
         };
-        // Takes can be divided only where some subject has two of them.
+        // The split by takes needs a subject with two takes.
         let lone = self == Split::Takes && held_takes(data, &groups, 0).is_empty();
         (units < 2 || lone).then(|| match self {
             Split::Frames => "needs at least 2 complete frames".into(),
@@ -60,9 +63,9 @@ impl Split {
     }
 }
 
-/// Rows to learn from and rows to test on: what a split gives, verified.
+/// Training rows and test rows of a split.
 ///
-/// There is no other way to make one than [`Partition::verified`], so that a leak cannot be built by accident.
+/// [`Partition::verified`] is the only constructor, so that every partition is checked for leakage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Partition {
     split: Split,
@@ -72,10 +75,10 @@ pub struct Partition {
 }
 
 impl Partition {
-    /// Divides the data by a split and a seed; takes that are twins stay on one side.
+    /// Divides the dataset; takes that share poses stay on one side.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the data are too few to be divided like this.
+    /// [`Error::Usage`] if the dataset is too small for the split.
     pub fn draw(
         data: &Dataset,
         twins: &[DuplicateTake],
@@ -108,11 +111,11 @@ impl Partition {
         Partition::verified(data, twins, split, seed, train, test)
     }
 
-    /// Makes sure that no row, and under `takes` and `subjects` no take, no twin of a take and no subject, is on both
-    /// sides. Rows are to ascend.
+    /// Checks that no row is on both sides, under `takes` and `subjects` also no take and no duplicate of a take, under
+    /// `subjects` also no subject. Rows must ascend.
     ///
     /// # Errors
-    /// [`Error::Usage`] that names what is on both sides.
+    /// [`Error::Usage`] that names the row, take or subject on both sides.
     pub fn verified(
         data: &Dataset,
         twins: &[DuplicateTake],
@@ -173,19 +176,19 @@ impl Partition {
         })
     }
 
-    /// How it was made.
+    /// The split.
     pub fn split(&self) -> Split {
         self.split
     }
-    /// Its seed.
+    /// The seed.
     pub fn seed(&self) -> u64 {
         self.seed
     }
-    /// Rows to learn from, ascending.
+    /// Training rows, ascending.
     pub fn train(&self) -> &[usize] {
         &self.train
     }
-    /// Rows to test on, ascending.
+    /// Test rows, ascending.
     pub fn test(&self) -> &[usize] {
         &self.test
     }
@@ -207,14 +210,14 @@ fn some(rows: &[usize], count: usize, seed: u64, stream: u64) -> Vec<usize> {
     chosen.into_iter().map(|i| rows[i]).collect()
 }
 
-/// Which takes have a row among these.
+/// Whether each take has a row among these.
 fn sides(data: &Dataset, rows: &[usize]) -> Vec<bool> {
     let mut side = vec![false; data.takes.len()];
     rows.iter().for_each(|&r| side[data.take_of(r)] = true);
     side
 }
 
-/// The group of each take: twins share one, named by its first take.
+/// The group of each take: takes that share poses have the same group, named by its first take.
 fn groups(data: &Dataset, twins: &[DuplicateTake]) -> Vec<usize> {
     let mut group: Vec<usize> = (0..data.takes.len()).collect();
     for twin in twins {
@@ -223,7 +226,7 @@ fn groups(data: &Dataset, twins: &[DuplicateTake]) -> Vec<usize> {
     group
 }
 
-/// Makes the groups of two takes one.
+/// Joins the groups of two takes.
 fn join(group: &mut [usize], a: usize, b: usize) {
     let (keep, lose) = (group[a].min(group[b]), group[a].max(group[b]));
     group
@@ -232,7 +235,7 @@ fn join(group: &mut [usize], a: usize, b: usize) {
         .for_each(|g| *g = keep);
 }
 
-/// The same with all takes of a subject in one group.
+/// Groups in which all takes of a subject are joined.
 fn by_subject(data: &Dataset, groups: &[usize]) -> Vec<usize> {
     let mut group = groups.to_vec();
     for subject in data.subjects() {
@@ -251,11 +254,11 @@ fn distinct(groups: &[usize]) -> Vec<usize> {
     all
 }
 
-/// The groups held out under `takes`: of each subject max(2, a third), but never all.
+/// The groups held out under `takes`: of each subject a third, at least two, but never all.
 fn held_takes(data: &Dataset, groups: &[usize], seed: u64) -> Vec<usize> {
     let mut held = Vec::new();
     for (k, subject) in data.subjects().into_iter().enumerate() {
-        // A group is counted with the subject of its first take.
+        // A group belongs to the subject of its first take.
         let mut own: Vec<usize> = distinct(groups)
             .into_iter()
             .filter(|&g| data.takes[g].subject == subject)
@@ -267,8 +270,8 @@ fn held_takes(data: &Dataset, groups: &[usize], seed: u64) -> Vec<usize> {
     held
 }
 
-/// The groups held out under `subjects`. One order for all seeds, in which each seed goes on where the one before it
-/// ended: as many seeds as it takes hold out everybody once.
+/// The groups held out under `subjects`. All seeds share one random order, and each seed starts where the previous one
+/// ended, so that consecutive seeds hold out every subject once.
 fn held_subjects(groups: &[usize], seed: u64) -> Vec<usize> {
     let mut all = distinct(groups);
     all.shuffle(&mut parallel::rng(0, 2));
@@ -374,7 +377,7 @@ mod tests {
         let twin = DuplicateTake {
             a: 0,
             b: 1,
-            how: DuplicateEvidence::Mirrored,
+            evidence: DuplicateEvidence::Mirrored,
             share: 1.0,
         };
         says(Split::Takes, vec![0, 1], vec![7, 8], &[twin], "01_00");
@@ -385,27 +388,27 @@ mod tests {
     }
 
     #[test]
-    fn twins_stay_on_one_side() {
+    fn duplicates_stay_on_one_side() {
         let data = data();
         let twin = |a, b| DuplicateTake {
             a,
             b,
-            how: DuplicateEvidence::Poses,
+            evidence: DuplicateEvidence::Poses,
             share: 1.0,
         };
-        // A take of 01 is one of 02 and one of 07 as well.
+        // A take of 01 equals one of 02 and one of 07.
         let twins = [twin(0, 8), twin(8, 12)];
         for seed in 0..10 {
             let part = Partition::draw(&data, &twins, Split::Takes, seed).unwrap();
             let tested = sides(&data, part.test());
             assert!(tested[0] == tested[8] && tested[8] == tested[12]);
-            // Verification has looked at subjects: 01, 02 and 07 are one now.
+            // Drawing verifies subjects: 01, 02 and 07 are joined here.
             Partition::draw(&data, &twins, Split::Subjects, seed).unwrap();
         }
     }
 
     #[test]
-    fn too_little_is_said_to_be() {
+    fn too_small_datasets_are_refused() {
         let one = takes(&[("01_01", 5)]);
         for split in [Split::Takes, Split::Subjects] {
             let e = Partition::draw(&one, &[], split, 0).unwrap_err();

@@ -1,9 +1,9 @@
-//! What came out over all seeds, and how sure that is.
+//! Means over the seeds with bootstrap intervals.
 //!
-//! Intervals are a bootstrap's (2.5% to 97.5%): takes, or under the split `frames` frames, are drawn with replacement
-//! from all that any seed has tested, once for all seeds, tasks and models. A take that several seeds have tested is so
-//! one thing and not several, and two models are compared on the same draws. Frames that follow one another are alike:
-//! under `frames` the intervals are narrower than they ought to be.
+//! Intervals are percentiles (2.5% to 97.5%) of a bootstrap over takes, or over frames under the split `frames`. Units are
+//! drawn with replacement from all that any seed has tested, with the same draws for all seeds, tasks and models. A take
+//! tested by several seeds is therefore one unit, and models are compared on equal draws. Consecutive frames are alike, so
+//! intervals under `frames` are too narrow.
 
 use super::result::{BenchmarkResult, Case, Measurement, ONE_AND_TWO_SD, ResampledUnit};
 use super::splits::Split;
@@ -13,13 +13,13 @@ use crate::pose::ASF_UNIT_CM;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
-/// How often units are drawn.
+/// Bootstrap draws.
 const DRAWS: usize = 1000;
 
-/// An interval that holds the true value with 95% probability.
+/// A 95% interval: low and high.
 pub type Interval = [f64; 2];
 
-/// A row: a method on a task under a split, over all seeds.
+/// A method on a task under a split, over all seeds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SummaryRow {
     /// The method's name.
@@ -28,55 +28,56 @@ pub struct SummaryRow {
     pub split: Split,
     /// The task.
     pub task: Task,
-    /// Noise on clean and exact coordinates, asf.
+    /// Base noise on clean coordinates, asf.
     pub base_asf: f64,
     /// The seeds.
     pub seeds: Vec<u64>,
     /// Test frames, all seeds together.
     pub frames: usize,
-    /// Different takes (or under `frames`, frames) that were tested.
+    /// The number of different takes (frames under `frames`) that were tested.
     pub units: usize,
-    /// Mean over the seeds of the mean squared error a coordinate, asf².
+    /// Mean over the seeds of the mean squared error of a coordinate, asf².
     pub mse: f64,
-    /// Its interval.
+    /// The 95% interval of `mse`.
     pub interval: Interval,
-    /// RMS a coordinate, cm.
+    /// RMS error of a coordinate, cm.
     pub rms_cm: f64,
-    /// The same error on frames that were learnt from; `None` for a given model.
+    /// The error on training frames, asf²; `None` for a pretrained model.
     pub training_mse: Option<f64>,
     /// Mean squared error by joint, asf².
     pub by_joint: Vec<f64>,
-    /// The share of coordinates within each of [`super::result::SD_LEVELS`]'s deviations.
+    /// The share of coordinates within each of [`super::result::SD_LEVELS`].
     pub within: Vec<f64>,
-    /// Whether no method's error is lower.
+    /// Whether no method has a lower error.
     pub best: bool,
-    /// Its error over that of the best of the others, and the interval of that.
+    /// The error divided by that of the best other method, with the interval of the ratio.
     pub to_best_other: Option<(f64, Interval)>,
 }
 
 impl SummaryRow {
-    /// The shares within one and two deviations.
+    /// The shares of coordinates within one and two standard deviations.
     pub fn within_one_two(&self) -> [Option<f64>; 2] {
         ONE_AND_TWO_SD.map(|i| self.within.get(i).copied())
     }
 }
 
-/// Rows in the order of the cells, which stand together by split, base noise, task and method.
-pub fn rows(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
+/// Averages over seeds. Results must be grouped by split, base noise, task and method, as
+/// [`super::Benchmark::run`] returns them; the rows keep that order.
+pub fn summarize(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
     let table = |c: &BenchmarkResult| (c.case.split, c.case.base_asf.to_bits(), c.case.task);
     cells
         .chunk_by(|a, b| table(a) == table(b))
-        .flat_map(one_table)
+        .flat_map(summarize_table)
         .collect()
 }
 
-/// The interval of one cell.
+/// The 95% interval of one result.
 pub fn interval(cell: &BenchmarkResult) -> Interval {
-    interval_of(replicate(&[&cell.test], &units(&[&cell.test])))
+    interval_of(bootstrap(&[&cell.test], &units(&[&cell.test])))
 }
 
 /// The rows of one task under one split.
-fn one_table(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
+fn summarize_table(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
     let models: Vec<&[BenchmarkResult]> = cells
         .chunk_by(|a, b| a.case.model == b.case.model)
         .collect();
@@ -84,7 +85,7 @@ fn one_table(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
     let all = units(&tests);
     let drawn: Vec<Vec<f64>> = models
         .iter()
-        .map(|cells| replicate(&cells.iter().map(|c| &c.test).collect::<Vec<_>>(), &all))
+        .map(|cells| bootstrap(&cells.iter().map(|c| &c.test).collect::<Vec<_>>(), &all))
         .collect();
     let mean = |cells: &[BenchmarkResult]| mean(cells.iter().map(|c| c.test.mse));
     let errors: Vec<f64> = models.iter().map(|c| mean(c)).collect();
@@ -108,7 +109,7 @@ fn one_table(cells: &[BenchmarkResult]) -> Vec<SummaryRow> {
     rows
 }
 
-/// All that needs no draws.
+/// The row of a method, without interval and comparison.
 fn over_seeds(cells: &[BenchmarkResult], mse: f64) -> SummaryRow {
     let id: &Case = &cells[0].case;
     let tests: Vec<&Measurement> = cells.iter().map(|c| &c.test).collect();
@@ -158,7 +159,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / f64::from(count)
 }
 
-/// All different units, ascending.
+/// The different units, ascending.
 fn units(tests: &[&Measurement]) -> Vec<usize> {
     let mut all: Vec<usize> = tests
         .iter()
@@ -169,9 +170,9 @@ fn units(tests: &[&Measurement]) -> Vec<usize> {
     all
 }
 
-/// The mean error over seeds (one test each) in each draw of the units.
-fn replicate(tests: &[&Measurement], all: &[usize]) -> Vec<f64> {
-    // Where each unit stands among all: found once, not in every draw.
+/// The mean error over seeds (one test each) in each bootstrap draw of the units.
+fn bootstrap(tests: &[&Measurement], all: &[usize]) -> Vec<f64> {
+    // The index of each unit among all, found once and not in every draw.
     let placed: Vec<Vec<(usize, ResampledUnit)>> = tests
         .iter()
         .map(|t| {
@@ -180,7 +181,7 @@ fn replicate(tests: &[&Measurement], all: &[usize]) -> Vec<f64> {
         })
         .collect();
     parallel::map_chunks(DRAWS, 1, |range| {
-        // The same draws for whatever is drawn from the same units.
+        // The seed is the number of the draw, so that equal units have equal draws.
         let mut random = parallel::rng(0, 1 + range.start as u64);
         let mut times = vec![0_u32; all.len()];
         (0..all.len()).for_each(|_| times[random.random_range(0..all.len())] += 1);
@@ -190,14 +191,14 @@ fn replicate(tests: &[&Measurement], all: &[usize]) -> Vec<f64> {
                 let w = f64::from(times[*at]) * unit.frames as f64;
                 (sum, weight) = (sum + w * unit.mse, weight + w);
             }
-            // A seed none of whose units was drawn says nothing.
+            // A seed without a drawn unit does not count.
             (weight > 0.0).then_some(sum / weight)
         };
         mean(placed.iter().filter_map(of_seed))
     })
 }
 
-/// From 2.5% to 97.5% of the values that are finite.
+/// The 2.5% and 97.5% quantiles of the finite values.
 fn interval_of(mut values: Vec<f64>) -> Interval {
     values.retain(|v| v.is_finite());
     values.sort_unstable_by(f64::total_cmp);
@@ -216,7 +217,7 @@ pub(in crate::evaluate) mod tests {
     use super::*;
     use rand_distr::StandardNormal;
 
-    /// A cell of so many units of one frame, with errors near `mse`.
+    /// A result with `units` units of one frame each and errors near `mse`.
     pub fn cell(model: &str, seed: u64, task: Task, mse: f64, units: usize) -> BenchmarkResult {
         let mut random = parallel::rng(seed, 3);
         let units: Vec<ResampledUnit> = (0..units)
@@ -236,7 +237,7 @@ pub(in crate::evaluate) mod tests {
             units,
         };
         BenchmarkResult {
-            case: Case::of(model, Split::Frames, seed, task, 0.0),
+            case: Case::new(model, Split::Frames, seed, task, 0.0),
             training_frames: Some(10),
             training: Some(Measurement {
                 mse: mse / 2.0,
@@ -251,9 +252,9 @@ pub(in crate::evaluate) mod tests {
     }
 
     #[test]
-    fn intervals_hold_the_mean_and_narrow_with_the_units() {
+    fn intervals_contain_the_mean_and_narrow_with_more_units() {
         let widths = [50, 800].map(|n| {
-            let row = &rows(&[cell("a", 0, Task::Dense, 1.0, n)])[0];
+            let row = &summarize(&[cell("a", 0, Task::Dense, 1.0, n)])[0];
             assert!(row.interval[0] < row.mse && row.mse < row.interval[1]);
             assert_eq!(interval(&cell("a", 0, Task::Dense, 1.0, n)), row.interval);
             row.interval[1] - row.interval[0]
@@ -274,7 +275,7 @@ pub(in crate::evaluate) mod tests {
                 cells.extend((0..3).map(|seed| cell(model, seed, task, mse, 60)));
             }
         }
-        let rows = rows(&cells);
+        let rows = summarize(&cells);
         assert_eq!(rows.len(), 6);
         let best: Vec<&str> = rows
             .iter()
@@ -291,11 +292,11 @@ pub(in crate::evaluate) mod tests {
         assert!((ratio - 0.8).abs() <= 1e-9 && (interval[1] - interval[0]).abs() <= 1e-9);
         assert!((rows[0].training_mse.unwrap() - rows[0].mse / 2.0).abs() <= 1e-12);
         assert_eq!(rows[0].within_one_two(), [Some(0.24), Some(0.56)]);
-        assert!(super::rows(&[]).is_empty());
+        assert!(super::summarize(&[]).is_empty());
     }
 
     #[test]
-    fn any_number_of_threads_draws_the_same() {
+    fn the_number_of_threads_does_not_change_the_draws() {
         let cells: Vec<BenchmarkResult> =
             (0..3).map(|s| cell("a", s, Task::Dense, 1.0, 40)).collect();
         let with = |n| {
@@ -303,7 +304,7 @@ pub(in crate::evaluate) mod tests {
                 .num_threads(n)
                 .build()
                 .unwrap();
-            pool.install(|| rows(&cells))
+            pool.install(|| summarize(&cells))
         };
         assert_eq!(with(1), with(7));
     }

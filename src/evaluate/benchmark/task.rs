@@ -1,4 +1,4 @@
-//! The paper's three tasks (section 4): what is done to a clean pose, and what a method is told of it.
+//! The paper's three tasks (section 4): the damage to a clean pose, and the noise variance that a method is given.
 
 use super::splits::Split;
 use crate::evaluate::corruption::Corruption;
@@ -9,24 +9,24 @@ use ndarray::Array2;
 use rand::RngCore;
 use serde::{Deserialize, Serialize};
 
-/// The probability that a joint is hit in [`Task::Sparse`].
-pub const SHARE: f64 = 0.2;
+/// The probability that [`Task::Sparse`] changes a joint.
+pub const SPARSE_SHARE: f64 = 0.2;
 
-/// What is done to a pose.
+/// The damage to a pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Task {
-    /// Noise N(0, 1 asf) on every coordinate; the method is told its variance.
+    /// Noise N(0, 1 asf) on every coordinate; the method is given its variance.
     Dense,
-    /// Noise N(0, 1 asf) on every coordinate of a joint with probability 0.2. Which joints is not told: a plain method is
-    /// told that all are clean, and reckons with a noise of its own; a treated one finds them.
+    /// Noise N(0, 1 asf) on the coordinates of each joint with probability 0.2. The method is not told which joints: a
+    /// plain method is given variance 0 and assumes a noise of its own, one with outlier detection finds the joints.
     Sparse,
-    /// Only the six joints of the paper's test are seen, exactly.
+    /// Only the observed joints (the paper's six by default) are given, without noise.
     Complete,
 }
 
 impl Task {
-    /// All there are.
+    /// All tasks.
     pub const ALL: [Task; 3] = [Task::Dense, Task::Sparse, Task::Complete];
 
     /// The name a user types.
@@ -38,7 +38,10 @@ impl Task {
         }
     }
 
-    /// The task of a name.
+    /// Parses a name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an unknown name.
     pub fn parse(name: &str) -> Result<Task> {
         let found = Task::ALL.into_iter().find(|t| t.name() == name);
         found.ok_or_else(|| {
@@ -49,22 +52,21 @@ impl Task {
     }
 }
 
-/// The mean variance of a coordinate's noise in [`Task::Sparse`], cm²: what a plain method without a noise of its own is
-/// told on top.
-pub const SPARSE_MEAN: f64 = SHARE * ASF_UNIT_CM * ASF_UNIT_CM;
+/// The mean noise variance of a coordinate in [`Task::Sparse`], cm². Added for a method that assumes no noise of its own.
+pub const SPARSE_MEAN_VARIANCE: f64 = SPARSE_SHARE * ASF_UNIT_CM * ASF_UNIT_CM;
 
-/// What is done to poses, and by which draws.
+/// Parameters of the damage to a set of poses.
 #[derive(Debug, Clone, Copy)]
 pub struct PoseDamage<'a> {
     /// The task.
     pub task: Task,
-    /// The points' names, J of them.
+    /// The names of the J points.
     pub points: &'a [String],
-    /// The points that [`Task::Complete`] leaves.
+    /// The points that [`Task::Complete`] keeps.
     pub observe: &'a [String],
-    /// Standard deviation of the noise on every clean or exact coordinate, cm; 0 is none.
+    /// Standard deviation of the base noise on coordinates that the task leaves clean, cm; 0 is none.
     pub base: f64,
-    /// Draws depend on the seed, the split and the task; a pose's on its row too, whatever the others are.
+    /// The seed. Noise depends on seed, split, task and the row of the pose, not on the other rows.
     pub seed: u64,
     /// The split.
     pub split: Split,
@@ -75,23 +77,23 @@ pub struct PoseDamage<'a> {
 pub struct DamagedPoses {
     /// (frames, 3 J), cm; NaN where missing.
     pub y: Array2<f64>,
-    /// The variance that a plain method is told, (frames, 3 J), cm²: 0 exact, infinite missing.
+    /// (frames, 3 J), cm²: 0 is exact, infinity missing.
     pub variance: Array2<f64>,
 }
 
 impl PoseDamage<'_> {
-    /// Damages poses (frames, 3 J), cm; `rows` are their numbers in the whole data.
+    /// Damages poses (frames, 3 J), cm; `rows` are their rows in the dataset.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the data lack a joint that completion is to see, or all would be seen.
+    /// [`Error::Usage`] if an observed point does not exist.
     pub fn apply(&self, truth: &Array2<f64>, rows: &[usize]) -> Result<DamagedPoses> {
         let stream = 16 + 8 * self.split as u64 + self.task as u64;
         let mut seeds = parallel::rng(self.seed, stream);
         let (hit_seed, base_seed) = (seeds.next_u64(), seeds.next_u64());
         let hits = Corruption {
-            dense: self.when(Task::Dense),
-            sparse: self.when(Task::Sparse),
-            share: SHARE,
+            dense: self.noise_of(Task::Dense),
+            sparse: self.noise_of(Task::Sparse),
+            share: SPARSE_SHARE,
             keep: (self.task == Task::Complete).then(|| self.observe.to_vec()),
             seed: hit_seed,
             ..Corruption::default()
@@ -119,11 +121,11 @@ impl PoseDamage<'_> {
         Ok(DamagedPoses { y, variance })
     }
 
-    fn when(&self, task: Task) -> f64 {
+    fn noise_of(&self, task: Task) -> f64 {
         if self.task == task { ASF_UNIT_CM } else { 0.0 }
     }
 
-    /// What a plain method is told of a coordinate.
+    /// The noise variance of a coordinate that a method is given, cm².
     fn variance(&self, missing: bool) -> f64 {
         let (unit, base) = (ASF_UNIT_CM * ASF_UNIT_CM, self.base * self.base);
         match self.task {
@@ -153,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn each_task_does_and_tells_what_it_says() {
+    fn each_task_damages_and_states_its_variance() {
         let rows: Vec<usize> = (0..400).collect();
         let unit = ASF_UNIT_CM * ASF_UNIT_CM;
         let mse = |d: &DamagedPoses| d.y.mapv(|v| (v - 1.0).powi(2)).mean().unwrap();
@@ -166,17 +168,17 @@ mod tests {
         let complete = damaged(Task::Complete, 0.0, 1, &rows);
         let seen = complete.y.iter().filter(|v| !v.is_nan()).count();
         assert_eq!(seen, 400 * 18);
-        for (y, told) in complete.y.iter().zip(&complete.variance) {
+        for (y, variance) in complete.y.iter().zip(&complete.variance) {
             assert!(if y.is_nan() {
-                *told == f64::INFINITY
+                *variance == f64::INFINITY
             } else {
-                *told == 0.0 && *y == 1.0
+                *variance == 0.0 && *y == 1.0
             });
         }
     }
 
     #[test]
-    fn base_noise_falls_on_what_was_clean_alone() {
+    fn base_noise_changes_clean_coordinates_only() {
         let rows: Vec<usize> = (0..400).collect();
         let (without, with) = (
             damaged(Task::Sparse, 0.0, 1, &rows),
@@ -202,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn draws_depend_on_seed_task_and_row_alone() {
+    fn noise_depends_on_seed_task_and_row_only() {
         let all = damaged(Task::Dense, 0.0, 1, &[3, 9, 20]);
         let one = damaged(Task::Dense, 0.0, 1, &[9]);
         assert_eq!(all.y.row(1), one.y.row(0));
@@ -211,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_joint_that_is_not_there_is_named() {
+    fn an_unknown_joint_is_named() {
         let damage = PoseDamage {
             task: Task::Complete,
             points: &["root".to_string()],

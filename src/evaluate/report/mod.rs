@@ -147,7 +147,7 @@ mod tests {
     use crate::evaluate::benchmark::dataset::tests::takes;
     use crate::evaluate::benchmark::examples::{ExampleKind, ExamplePoses, MethodExamples};
     use crate::evaluate::benchmark::splits::Partition;
-    use crate::evaluate::benchmark::summary::{rows, tests::cell};
+    use crate::evaluate::benchmark::summary::{summarize, tests::cell};
     use crate::evaluate::benchmark::task::Task;
 
     /// A page of two models, with examples.
@@ -178,7 +178,7 @@ mod tests {
             settings: &settings,
             duplicates: &[],
             results: &results,
-            summary: &rows(&results),
+            summary: &summarize(&results),
             examples: &ExampleSet {
                 poses: Some(poses),
                 methods: methods.to_vec(),

@@ -432,7 +432,7 @@ fn title(task: Task) -> &'static str {
 pub(super) mod tests {
     use super::*;
     use crate::evaluate::benchmark::method::Method;
-    use crate::evaluate::benchmark::summary::{rows, tests::cell};
+    use crate::evaluate::benchmark::summary::{summarize, tests::cell};
 
     /// A run of subjects: errors by method, twice as large on held-out takes.
     pub fn run(subjects: &[&str], errors: &[(&str, f64)]) -> FinishedRun {
@@ -460,7 +460,7 @@ pub(super) mod tests {
                 frames: 100,
                 takes: subjects.iter().map(take).collect(),
             },
-            summary: rows(&cells),
+            summary: summarize(&cells),
         }
     }
 

@@ -139,7 +139,7 @@ impl BenchmarkReport<'_> {
                     .map(|t| JsonTwin {
                         take: &data.takes[t.b].name,
                         of: &data.takes[t.a].name,
-                        found_by: t.how,
+                        found_by: t.evidence,
                         share: t.share,
                     })
                     .collect(),
@@ -375,7 +375,7 @@ pub fn quoted(text: &str) -> String {
 mod tests {
     use super::*;
     use crate::evaluate::benchmark::dataset::tests::takes;
-    use crate::evaluate::benchmark::summary::{rows, tests::cell};
+    use crate::evaluate::benchmark::summary::{summarize, tests::cell};
     use crate::evaluate::benchmark::task::Task;
     use crate::evaluate::report::{ExampleSet, Settings};
 
@@ -389,7 +389,7 @@ mod tests {
                 results.extend((0..2).map(|seed| cell(model, seed, task, mse, 30)));
             }
         }
-        let summary = rows(&results);
+        let summary = summarize(&results);
         let report = BenchmarkReport {
             dataset: &dataset,
             settings: &settings,
