@@ -118,10 +118,7 @@ impl Settings {
     pub fn check(&self) -> Result<()> {
         let usage = |what: String| Err(Error::usage(what));
         if !(1..=MAX_SEEDS).contains(&self.seeds) {
-            return usage(format!(
-                "--seeds {}: expected 1 to {MAX_SEEDS}",
-                self.seeds
-            ));
+            return usage(format!("--seeds {}: expected 1 to {MAX_SEEDS}", self.seeds));
         }
         if self.first_seed.checked_add(self.seeds).is_none() {
             return usage(format!("--seed {}: too large", self.first_seed));

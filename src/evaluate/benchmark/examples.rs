@@ -420,7 +420,10 @@ mod tests {
     #[test]
     fn plain_methods_are_drawn_before_sweeps() {
         let mut settings = settings();
-        assert_eq!(shown_methods(&settings.methods), ["pca", "ksvd:k=2", "gaussian"]);
+        assert_eq!(
+            shown_methods(&settings.methods),
+            ["pca", "ksvd:k=2", "gaussian"]
+        );
         for k in 3..40 {
             settings
                 .methods

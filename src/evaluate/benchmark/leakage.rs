@@ -87,7 +87,12 @@ fn duplicates_of(
     let mut twins = Vec::new();
     let mut add = |other: usize, evidence, share| {
         let (a, b) = (k.min(other), k.max(other));
-        twins.push(DuplicateTake { a, b, evidence, share });
+        twins.push(DuplicateTake {
+            a,
+            b,
+            evidence,
+            share,
+        });
     };
     for (other, that) in data.takes.iter().enumerate().skip(k + 1) {
         if that.digest == take.digest {
@@ -148,7 +153,11 @@ impl Provenance {
                 if pose.iter().filter(|v| v.abs() > 1.0).count() * 2 < pose.len() {
                     continue;
                 }
-                known.extend(index.near(&pose.to_vec(), STORED_RMS).map(|r| data.take_of(r)));
+                known.extend(
+                    index
+                        .near(&pose.to_vec(), STORED_RMS)
+                        .map(|r| data.take_of(r)),
+                );
             }
         }
         known.sort_unstable();

@@ -92,7 +92,10 @@ impl<'a> Benchmark<'a> {
         for method in &settings.methods {
             method.check_provenance(dataset)?;
         }
-        let unknown = settings.observe.iter().find(|n| !dataset.points.contains(n));
+        let unknown = settings
+            .observe
+            .iter()
+            .find(|n| !dataset.points.contains(n));
         if let (Some(name), true) = (unknown, settings.tasks.contains(&Task::Complete)) {
             let what = format!("observe: the takes have no point \"{name}\"; name some they have");
             return Err(Error::usage(what));
@@ -190,8 +193,10 @@ impl<'a> Benchmark<'a> {
                     partition,
                     example_poses: example_poses.as_ref(),
                 };
-                let done: Vec<Result<()>> =
-                    jobs.par_iter().map(|job| run.train_and_measure(&part, job)).collect();
+                let done: Vec<Result<()>> = jobs
+                    .par_iter()
+                    .map(|job| run.train_and_measure(&part, job))
+                    .collect();
                 done.into_iter().collect::<Result<()>>()?;
             }
         }
@@ -201,7 +206,10 @@ impl<'a> Benchmark<'a> {
     /// The split whose examples are kept; `None` if no examples are asked for.
     fn example_split(&self) -> Option<Split> {
         let splits = &self.settings.splits;
-        self.settings.examples.then(|| examples::split(splits)).flatten()
+        self.settings
+            .examples
+            .then(|| examples::split(splits))
+            .flatten()
     }
 
     /// A cached result. One whose content does not fit its key is not used: files can be changed.
@@ -301,7 +309,11 @@ impl Run<'_, '_, '_> {
             for &base in &settings.base {
                 for task in settings.tasks_at(base) {
                     let case = Case::new(&method.name, split, seed, task, base);
-                    if self.benchmark.cached(self.cache, &case, &self.digest).is_none() {
+                    if self
+                        .benchmark
+                        .cached(self.cache, &case, &self.digest)
+                        .is_none()
+                    {
                         cases.push((base, case));
                     }
                 }
@@ -340,7 +352,8 @@ impl Run<'_, '_, '_> {
         }
         let model = train(&methods, &part.training, split, seed)?;
         let rigid = methods.iter().any(|m| m.treated);
-        let rigid = rigid.then(|| RigidModel::learn(part.training.xyz.view(), &part.training.takes));
+        let rigid =
+            rigid.then(|| RigidModel::learn(part.training.xyz.view(), &part.training.takes));
         for (job, prior) in jobs.iter().zip(&model.priors) {
             let rigid = rigid.as_ref().filter(|_| job.method.treated);
             let restorer = Restorer {
@@ -371,7 +384,9 @@ impl Run<'_, '_, '_> {
             &|task| restorer.extra_variance(task),
             &|damaged| restore(restorer.prior, restorer.rigid, damaged).0,
         )?;
-        let key = self.benchmark.example_key(method, poses.split, &self.digest);
+        let key = self
+            .benchmark
+            .example_key(method, poses.split, &self.digest);
         self.notify(&Event::Examples {
             key: &key,
             examples: &examples,
@@ -446,7 +461,15 @@ impl Run<'_, '_, '_> {
         let (split, task) = (case.split, case.task);
         let truth = truth.view();
         let varying = &part.varying;
-        match measure(dataset, (split, task), rows, truth, &damaged, &estimates, varying) {
+        match measure(
+            dataset,
+            (split, task),
+            rows,
+            truth,
+            &damaged,
+            &estimates,
+            varying,
+        ) {
             Some(measurement) => Ok((measurement, seconds)),
             None => {
                 let what = format!(
@@ -471,7 +494,10 @@ impl Run<'_, '_, '_> {
     /// New and cached results together.
     fn collect(self, poses: Option<ExamplePoses>) -> Result<(Vec<BenchmarkResult>, ExampleSet)> {
         let (benchmark, digest) = (self.benchmark, &self.digest);
-        let finished = self.finished.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let finished = self
+            .finished
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner);
         let find = |case: Case| {
             let new = finished.results.get(&benchmark.key(&case, digest));
             let found = new.or_else(|| benchmark.cached(self.cache, &case, digest));
@@ -479,7 +505,11 @@ impl Run<'_, '_, '_> {
                 .cloned()
                 .ok_or_else(|| Error::usage(format!("a case of {} was not run", case.model)))
         };
-        let results = benchmark.cases().into_iter().map(find).collect::<Result<_>>()?;
+        let results = benchmark
+            .cases()
+            .into_iter()
+            .map(find)
+            .collect::<Result<_>>()?;
         let mut methods = Vec::new();
         if let Some(poses) = &poses {
             for method in &benchmark.settings.methods {
