@@ -3,8 +3,8 @@
 
 mod common;
 
-use posing::io::table::{ReadOptions, Table};
 use posing::io::{Input, Model, amc, asf};
+use posing::io::{ReadOptions, Table};
 use posing::numeric::parallel::rng;
 use posing::prior::rigid_pairs::RigidPairs;
 use rand::Rng;

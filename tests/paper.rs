@@ -7,7 +7,7 @@ mod common;
 use common::{command, shared, text};
 use ndarray::{Array2, Axis};
 use posing::io::Input;
-use posing::io::table::{ReadOptions, Table};
+use posing::io::{ReadOptions, Table};
 use posing::numeric::parallel::rng;
 use posing::pose::ASF_UNIT_CM;
 use posing::pose::joints::{CMU, PAPER_SIX};

@@ -3,11 +3,12 @@
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, OutputArgs, Units, parse_rate};
 use posing::cli::input::{check_single_stdin, open};
-use posing::cli::streams::TableSink;
+use posing::cli::streams::create_table;
 use posing::cli::{Outcome, messages, run};
+use posing::io::TableWriter;
 use posing::io::amc::{AmcFrames, AmcReader};
 use posing::io::asf::{self, Asf};
-use posing::io::table::{Columns, Row, parse_point_names};
+use posing::io::{Columns, Row, parse_point_names};
 use posing::numeric::parallel::map_chunks;
 use posing::pose::kinematics::{Posture, Space};
 use posing::{Error, Place, Result};
@@ -86,7 +87,7 @@ fn work(args: &Args) -> Result<Outcome> {
         .iter()
         .map(|&j| asf.skeleton.bones()[j].name.clone())
         .collect();
-    let mut sink = TableSink::create(&args.out, &Columns::for_points(names, true, true), &[])?;
+    let mut sink = create_table(&args.out, &Columns::for_points(names, true, true), &[])?;
     for take in &takes {
         convert(args, &asf, &joints, take, &mut sink)?;
     }
@@ -113,7 +114,7 @@ fn convert(
     asf: &Asf,
     joints: &[usize],
     take: &Path,
-    sink: &mut TableSink,
+    sink: &mut TableWriter,
 ) -> Result<()> {
     let space = match args.space {
         SpaceFlag::World => Space::World,

@@ -4,10 +4,10 @@ use clap::Parser;
 use glam::DMat3;
 use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate};
 use posing::cli::input::open;
-use posing::cli::streams::TableSink;
+use posing::cli::streams::create_table;
 use posing::cli::{Outcome, messages, run};
 use posing::io::bvh::{self, Bvh, BvhPoints, BvhSkeleton};
-use posing::io::table::{Columns, Row};
+use posing::io::{Columns, Row};
 use posing::pose::kinematics::Posture;
 use posing::pose::poses::round_rate;
 use posing::{Error, Place, Result};
@@ -114,7 +114,7 @@ fn write(args: &Args, path: &Path, bvh: &Bvh, rig: &BvhSkeleton, rate: f64) -> R
         BvhPoints::Origins
     });
     let names = points.iter().map(|(name, _)| name.clone()).collect();
-    let mut sink = TableSink::create(&args.out, &Columns::for_points(names, true, true), &[])?;
+    let mut sink = create_table(&args.out, &Columns::for_points(names, true, true), &[])?;
     let take = path
         .file_stem()
         .unwrap_or(path.as_os_str())

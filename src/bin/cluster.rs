@@ -1,15 +1,15 @@
 //! Groups poses by hierarchical k-means.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, Format, InputArgs, OutputArgs, SeedArgs};
+use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs};
 use posing::cli::progress::Progress;
-use posing::cli::streams::{self, TableSink};
+use posing::cli::streams::{self, create_table};
 use posing::cli::{Outcome, input, messages, run};
 use posing::cluster::{Clustering, KMeans, KMeansProgress};
 use posing::io::Model;
-use posing::io::csv::After;
+use posing::io::csv::{AddedColumn, After};
 use posing::io::model::check_point_count;
-use posing::io::table::{Row, Table};
+use posing::io::{Row, Table, TableFormat};
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -61,7 +61,7 @@ fn work(args: &Args) -> Result<Outcome> {
     match &args.split {
         Some(folder) if folder.is_dir() => refuse_others(args, folder)?,
         Some(_) => {}
-        None => streams::fits(&args.out, &added())?,
+        None => args.out.format().check_added(&added())?,
     }
     let table = input::read_table(&args.input, false, true)?;
     if args.save.is_some() {
@@ -115,8 +115,8 @@ fn work(args: &Args) -> Result<Outcome> {
 }
 
 /// What the table gets besides its columns.
-fn added() -> [(String, After); 1] {
-    [("cluster".to_string(), After::All)]
+fn added() -> [AddedColumn; 1] {
+    [AddedColumn::new("cluster", After::All)]
 }
 
 fn save(
@@ -146,8 +146,8 @@ fn save(
 fn part(args: &Args, cluster: usize) -> String {
     let width = (args.k as usize - 1).to_string().len();
     let ending = match args.out.format() {
-        Format::Csv => "csv",
-        Format::Npy => "npy",
+        TableFormat::Csv => "csv",
+        TableFormat::Npy => "npy",
     };
     format!("{cluster:0width$}.{ending}")
 }
@@ -174,7 +174,7 @@ fn refuse_others(args: &Args, folder: &Path) -> Result<()> {
 /// One table a cluster. All columns are kept, so that the parts put together are the whole.
 fn split(args: &Args, table: &Table, clustering: &Clustering, folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let poses = &table.poses;
+    let mut row = Row::default();
     let mut members = vec![Vec::new(); clustering.sizes.len()];
     for (t, &label) in clustering.labels.iter().enumerate() {
         members[label as usize].push(t);
@@ -184,15 +184,9 @@ fn split(args: &Args, table: &Table, clustering: &Clustering, folder: &Path) -> 
             output: Some(folder.join(part(args, cluster))),
             to: args.out.to,
         };
-        let mut sink = TableSink::create(&out, &table.columns, &[])?;
+        let mut sink = create_table(&out, &table.columns, &[])?;
         for t in members {
-            let row = Row {
-                xyz: poses.frame(t).to_vec(),
-                time: poses.time.as_ref().map(|s| s[t]),
-                take: poses.take.as_ref().map(|s| s[t].clone()),
-                cells: table.cells.get(t).cloned().unwrap_or_default(),
-                converted: table.converted,
-            };
+            table.row_into(t, &mut row);
             sink.write(&row, &row.xyz, &[])?;
         }
         sink.finish()?;

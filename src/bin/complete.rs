@@ -5,7 +5,7 @@ use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, Space, parse_positive};
 use posing::cli::restoring::{self, ModelFlags, StatusFlag};
 use posing::cli::{Outcome, run};
-use posing::io::table::parse_point_names;
+use posing::io::parse_point_names;
 use posing::restore::complete::Complete;
 use std::process::ExitCode;
 

@@ -6,11 +6,12 @@ use posing::cli::args::{
     CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_length, parse_positive,
 };
 use posing::cli::input::RowStream;
-use posing::cli::streams::TableSink;
+use posing::cli::streams::create_table;
 use posing::cli::{Outcome, messages, run};
 use posing::evaluate::corruption::Corruption;
 use posing::evaluate::gap_injection::{GapInjection, frames_in};
-use posing::io::table::{Row, parse_point_names};
+use posing::io::TableWriter;
+use posing::io::{Row, parse_point_names};
 use posing::pose::Poses;
 use posing::{Error, Place, Result};
 use std::process::ExitCode;
@@ -91,7 +92,7 @@ fn work(args: &Args) -> Result<Outcome> {
         let what = "has no time column to tell its rate; --fps F gives it";
         return Err(Error::data(Place::file(rows.name()), what));
     }
-    let mut sink = TableSink::create(&args.out, rows.columns(), &[])?;
+    let mut sink = create_table(&args.out, rows.columns(), &[])?;
     let mut takes = Takes::default();
     let (mut row, mut frame) = (Row::default(), 0);
     while rows.read(&mut row)? {
@@ -139,7 +140,7 @@ impl Takes {
         args: &Args,
         (count, seconds): (usize, f64),
         table: &RowStream,
-        sink: &mut TableSink,
+        sink: &mut TableWriter,
     ) -> Result<()> {
         let rows = std::mem::take(&mut self.rows);
         let Some(take) = rows.first().map(|row| row.take.clone()) else {

@@ -3,10 +3,10 @@
 use clap::Parser;
 use posing::cli::args::{CommonArgs, OutputArgs};
 use posing::cli::input::{check_single_stdin, open, open_model};
-use posing::cli::streams::TableSink;
+use posing::cli::streams::create_table;
 use posing::cli::{Outcome, run};
-use posing::io::table::{Columns, Row};
 use posing::io::text::parse_number;
+use posing::io::{Columns, Row};
 use posing::prior::sparse_coding::dictionary;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -65,7 +65,7 @@ fn work(args: &Args) -> Result<Outcome> {
         ));
     }
     let columns = Columns::for_points(model.meta.points.clone(), false, false);
-    let mut sink = TableSink::create(&args.out, &columns, &[])?;
+    let mut sink = create_table(&args.out, &columns, &[])?;
     for record in reader.records() {
         let record = record.map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
         let line = record.position().map_or(0, csv::Position::line);

@@ -5,9 +5,9 @@ use ndarray::Array2;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::input::{RowStream, check_single_stdin_with, open_model};
 use posing::cli::restoring::PursuitFlag;
-use posing::cli::streams::Sink;
+use posing::cli::streams::open_output;
 use posing::cli::{Outcome, messages, run};
-use posing::io::table::Row;
+use posing::io::Row;
 use posing::io::text::{push_f32, push_f64, push_integer};
 use posing::numeric::parallel;
 use posing::prior::sparse_coding::dictionary;
@@ -76,11 +76,11 @@ fn work(args: &Args) -> Result<Outcome> {
         ..Omp::default()
     };
     let encoder = Encoder::new(&dictionary, omp)?;
-    let mut sink = Sink::open(args.output.as_deref(), false)?;
+    let mut sink = open_output(args.output.as_deref(), false)?;
     let header: Vec<String> = (1..=args.sparsity)
         .map(|k| format!("atom{k},coef{k}"))
         .collect();
-    sink.put(format!("{},rms\n", header.join(",")).as_bytes())?;
+    sink.write(format!("{},rms\n", header.join(",")).as_bytes())?;
     let is_quick = encoder.strategy(BATCH) == SearchStrategy::Gram;
     let most = if is_quick { FEW } else { BATCH };
     let mut batches = Batches::new(stream, most);
@@ -92,7 +92,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let with_rows = encoder.strategy(most) == SearchStrategy::Gram;
     if let Some(poses) = first.take_if(|p| !with_rows || p.nrows() < most) {
         // By all threads: few poses; and bounds are made with the first, those coded beside would have to do without.
-        sink.put(&coded(&encoder, omp.sparsity, &poses)?)?;
+        sink.write(&coded(&encoder, omp.sparsity, &poses)?)?;
     }
     let ahead = match is_quick {
         true => 2 * rayon::current_num_threads() + 1,
@@ -108,7 +108,7 @@ fn work(args: &Args) -> Result<Outcome> {
             true => parallel::single_threaded(|| coded(&encoder, omp.sparsity, &poses)),
             false => coded(&encoder, omp.sparsity, &poses),
         },
-        |lines| sink.put(&lines),
+        |lines| sink.write(&lines),
     )?;
     sink.finish()?;
     Ok(Outcome::Done)

@@ -4,7 +4,6 @@ use clap::{Parser, Subcommand};
 use posing::cli::args::CommonArgs;
 use posing::cli::{Outcome, input, run, streams};
 use posing::io::Model;
-use posing::prior::builtin;
 use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -56,7 +55,7 @@ fn work(args: &Args) -> Result<Outcome> {
         What::Info { model, json } => {
             let model = match model {
                 Some(path) => input::open_model(path)?,
-                None => builtin::model()?,
+                None => Model::builtin()?,
             };
             let text = if *json {
                 json_of(&model)?
@@ -66,7 +65,7 @@ fn work(args: &Args) -> Result<Outcome> {
             streams::write_bytes(None, text.as_bytes(), false)?;
         }
         What::Save { output } => {
-            streams::write_bytes(Some(output), &builtin::model()?.to_bytes()?, true)?
+            streams::write_bytes(Some(output), &Model::builtin()?.to_bytes()?, true)?
         }
     }
     Ok(Outcome::Done)

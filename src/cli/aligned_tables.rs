@@ -2,7 +2,7 @@
 
 use super::args::InputArgs;
 use super::input::{RowStream, check_single_stdin};
-use crate::io::table::Row;
+use crate::io::Row;
 use crate::pose::{KnownRates, Poses};
 use crate::{Error, Place, Result};
 use std::collections::HashMap;

@@ -1,7 +1,8 @@
 //! Flags that several commands share.
 
 use super::messages;
-use crate::io::table::{ReadOptions, parse_point_names};
+use crate::io::TableFormat;
+use crate::io::{ReadOptions, parse_point_names};
 use crate::pose::{ASF_UNIT_CM, Poses};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
@@ -234,13 +235,12 @@ pub enum Format {
 }
 
 impl OutputArgs {
-    /// What `--to` says, else what the file's name tells, else CSV.
-    pub fn format(&self) -> Format {
-        let npy = |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("npy"));
-        match self.to {
-            Some(format) => format,
-            None if self.output.as_ref().is_some_and(npy) => Format::Npy,
-            None => Format::Csv,
+    /// What `--to` says, else what the file's name says, else CSV.
+    pub fn format(&self) -> TableFormat {
+        match (self.to, &self.output) {
+            (Some(Format::Csv), _) | (None, None) => TableFormat::Csv,
+            (Some(Format::Npy), _) => TableFormat::Npy,
+            (None, Some(path)) => TableFormat::of_path(path),
         }
     }
 }

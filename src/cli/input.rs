@@ -1,7 +1,7 @@
 //! What the commands read: files or standard input, tables row by row or whole, models.
 
 use super::args::InputArgs;
-use crate::io::table::{Columns, PosesBuilder, Row, RowReader, Table};
+use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
 use crate::io::{Input, Model};
 use crate::{Error, Place, Result};
 use std::io;

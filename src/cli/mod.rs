@@ -2,8 +2,6 @@
 
 pub mod aligned_tables;
 pub mod args;
-pub mod arrays;
-mod behind;
 pub mod benchmark;
 pub mod commands;
 pub mod completions;
@@ -12,7 +10,6 @@ pub mod input;
 pub mod manual;
 pub mod messages;
 pub mod plot;
-pub mod printing;
 pub mod progress;
 pub mod restoring;
 mod signals;

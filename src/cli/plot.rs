@@ -3,7 +3,7 @@
 use super::args::InputArgs;
 use super::input::{RowStream, open};
 use crate::evaluate::scene::{Run, Status, Table};
-use crate::io::table::{PosesBuilder, Row};
+use crate::io::{PosesBuilder, Row};
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::Array2;

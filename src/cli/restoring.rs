@@ -3,13 +3,13 @@
 use super::args::{InputArgs, OutputArgs};
 use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
 use super::progress::Progress;
-use super::streams::{TableSink, fits, write_table};
+use super::streams::{create_table, write_table};
 use super::summary::{RunSummary, status_cells, status_columns};
 use super::{Outcome, messages};
-use crate::io::table::{Columns, Row};
 use crate::io::text::excerpt;
+use crate::io::{Columns, Model, Row};
 use crate::pose::Poses;
-use crate::prior::{OpenOptions, builtin};
+use crate::prior::OpenOptions;
 use crate::restore::complete::{self, Complete};
 use crate::restore::denoise::{self, Denoise};
 use crate::restore::{BoundModel, RestoredFrames};
@@ -164,7 +164,9 @@ fn go(
     }
     let table = read_table(task.input, planar, true)?;
     let hidden = hidden(&table.columns, observe)?;
-    fits(task.out, &status_columns(task.status, &table.columns))?;
+    task.out
+        .format()
+        .check_added(&status_columns(task.status, &table.columns))?;
     let job = job(task, &table.columns)?;
     let Some(rate) = task.input.rate(&table.poses)? else {
         let lack = match table.poses.time {
@@ -263,7 +265,7 @@ fn by_frames(
     let columns = stream.columns().clone();
     let hidden = hidden(&columns, observe)?;
     let job = job(task, &columns)?;
-    let mut sink = TableSink::create(task.out, &columns, &status_columns(task.status, &columns))?;
+    let mut sink = create_table(task.out, &columns, &status_columns(task.status, &columns))?;
     for batch in 0.. {
         let mut rows = Vec::with_capacity(BATCH);
         let mut row = Row::default();
@@ -302,7 +304,7 @@ fn job(task: &Task<'_>, columns: &Columns) -> Result<BoundModel> {
     };
     let (model, name) = match &task.model.model {
         Some(path) => (open_model(path)?, path.display().to_string()),
-        None => (builtin::model()?, "the built-in model".to_string()),
+        None => (Model::builtin()?, "the built-in model".to_string()),
     };
     let kind = &model.meta.kind;
     let asks = choice.sparsity.is_some() || choice.rule != OpenOptions::default().rule;

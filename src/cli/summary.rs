@@ -1,27 +1,27 @@
 //! What `denoise` and `complete` tell of what they did: columns of the table, and lines at the end.
 
 use super::messages;
-use crate::io::csv::After;
-use crate::io::table::Columns;
+use crate::io::Columns;
+use crate::io::csv::{AddedColumn, After};
 use crate::io::text::push_f64;
 use crate::pose::Status;
 use crate::restore::{BoundModel, RestoredFrames};
 use ndarray::ArrayView2;
 
 /// The columns that `--status` adds.
-pub fn status_columns(status: bool, columns: &Columns) -> Vec<(String, After)> {
+pub fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
     if !status {
         return Vec::new();
     }
     let names = columns.points.iter().enumerate();
     let of_points = names.flat_map(|(p, n)| {
         [
-            (format!("{n}.status"), After::Point(p)),
-            (format!("{n}.sd"), After::Point(p)),
+            AddedColumn::new(format!("{n}.status"), After::Point(p)),
+            AddedColumn::new(format!("{n}.sd"), After::Point(p)),
         ]
     });
     of_points
-        .chain([("unlike".to_string(), After::All)])
+        .chain([AddedColumn::new("unlike", After::All)])
         .collect()
 }
 

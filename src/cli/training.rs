@@ -106,7 +106,7 @@ impl Run<'_> {
             serde_json::to_value(&state.history).map_err(json)?,
         );
         model.insert("atoms", state.dictionary.atoms().to_owned());
-        crate::io::output::write_file(path, &model.to_bytes()?)
+        model.save(path)
     }
 
     fn resume(&self) -> Result<Option<TrainingState>> {

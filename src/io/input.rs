@@ -33,7 +33,8 @@ pub enum ContentKind {
 
 impl Input {
     /// Opens a file; gzip and zstd are decompressed.
-    pub fn open(path: &Path) -> Result<Input> {
+    pub fn open(path: impl AsRef<Path>) -> Result<Input> {
+        let path = path.as_ref();
         let fail = |e| Error::io(path, e);
         let file = File::open(path).map_err(fail)?;
         if file.metadata().map_err(fail)?.is_dir() {

@@ -3,16 +3,24 @@
 pub mod amc;
 pub mod asf;
 pub mod bvh;
-pub mod cells;
+mod columns;
 pub mod csv;
 pub mod input;
 mod matrix;
 pub mod model;
 pub mod npy;
 pub mod output;
-pub mod table;
+mod row;
+mod table;
+mod table_reader;
+mod table_writer;
 pub mod text;
 
+pub use columns::{Columns, parse_point_names};
 pub use input::Input;
 pub use model::Model;
-pub use table::{Columns, Row, Table};
+pub use output::Output;
+pub use row::{Cells, ReadOptions, Row};
+pub use table::{PosesBuilder, Table};
+pub use table_reader::RowReader;
+pub use table_writer::{TableFormat, TableWriter};

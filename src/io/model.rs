@@ -4,6 +4,7 @@
 
 use super::Input;
 use super::npy;
+use super::output::write_file;
 use super::text::excerpt;
 use crate::pose::Body;
 use crate::{Error, Place, Result};
@@ -13,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 use std::collections::BTreeMap;
 use std::io::{Cursor, Read, Write};
+use std::path::Path;
 use zip::write::SimpleFileOptions;
 
 pub use super::matrix::{Matrix, QuantizedMatrix};
@@ -318,7 +320,39 @@ impl Model {
         Ok(Model { meta, arrays })
     }
 
-    /// Reads a model.
+    /// Reads a model file.
+    ///
+    /// ```
+    /// use ndarray::array;
+    /// use posing::io::Model;
+    ///
+    /// let folder = tempfile::tempdir()?;
+    /// let path = folder.path().join("hand.npz");
+    /// let mut model = Model::new("sparse", &["hand".to_string()], "body");
+    /// model.insert("atoms", array![[0.6, 0.8, 0.0]]);
+    /// model.save(&path)?;
+    /// assert_eq!(Model::open(&path)?, model);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no model, or one of a newer format.
+    pub fn open(path: impl AsRef<Path>) -> Result<Model> {
+        Model::read(Input::open(path)?)
+    }
+
+    /// Writes the model to a file, complete or not at all. Equal models give equal bytes.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the file cannot be written. [`Error::Data`]: more than [`MAX_POINTS`] points.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        write_file(path, &self.to_bytes()?)
+    }
+
+    /// Reads a model from an open input.
+    ///
+    /// # Errors
+    /// Those of [`Model::open`].
     pub fn read(input: Input) -> Result<Model> {
         let name = input.name.clone();
         if input.kind() != super::input::ContentKind::Npz {

@@ -2,7 +2,8 @@
 //! order; NaN is missing. Read without seeking, so standard input works.
 
 use super::Input;
-use super::table::{Columns, ReadOptions, Row};
+use super::columns::Columns;
+use super::row::{ReadOptions, Row};
 use super::text::{MAX_COORDINATE, check_length, excerpt};
 use crate::{Error, Place, Result};
 use std::io::{BufRead, BufReader, Read};

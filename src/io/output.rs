@@ -1,34 +1,46 @@
-//! Writing an output so that nothing is ever half written.
+//! Outputs that are never left half written.
 
 use crate::{Error, Result};
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use tempfile::NamedTempFile;
 
-/// A file being written: a temporary file in the same folder, renamed over the target by [`OutputFile::finish`].
-/// Dropped before that, it leaves nothing behind.
+/// Where bytes are written: a file, or a stream such as standard output.
 ///
-/// A target that exists and is no regular file (a pipe, `/dev/null`), or that is what the process has open (`/dev/stdout`), is
-/// written to directly; a link stays, and the file that it names is written.
-pub struct OutputFile {
-    path: PathBuf,
-    sink: Sink,
-    _unfinished: Option<UnfinishedFile>,
+/// A file is written as a temporary file in the same folder, which [`Output::finish`] renames to its path. An output
+/// that is dropped before that leaves nothing behind.
+///
+/// A path that exists and is no regular file (a pipe, `/dev/null`), or that names an open file of the process
+/// (`/dev/stdout`), is written directly. A symbolic link stays; the file it points to is written.
+pub struct Output {
+    /// The name that messages use.
+    name: String,
+    target: Target,
 }
 
-/// Links are followed so far.
+enum Target {
+    Temporary {
+        file: BufWriter<NamedTempFile>,
+        /// The path of the finished file, links resolved.
+        path: PathBuf,
+        _unfinished: UnfinishedFile,
+    },
+    Stream(Box<dyn Write + Send>),
+}
+
+/// The longest chain of links that is followed.
 const MOST_LINKS: usize = 40;
 
-/// The temporary files that are being written.
+/// The temporary files that exist now.
 static UNFINISHED_FILES: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// One of them.
+/// An entry of [`UNFINISHED_FILES`] for as long as the file is being written.
 struct UnfinishedFile(PathBuf);
 
 impl UnfinishedFile {
-    fn written(path: &Path) -> UnfinishedFile {
+    fn register(path: &Path) -> UnfinishedFile {
         let mut all = UNFINISHED_FILES
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
@@ -46,93 +58,119 @@ impl Drop for UnfinishedFile {
     }
 }
 
-/// Removes what is half written, before the process is ended by a signal.
+/// Removes the temporary files of outputs that are not finished. For use before a signal ends the process.
 pub fn remove_unfinished_files() {
     let all = UNFINISHED_FILES
         .lock()
         .unwrap_or_else(PoisonError::into_inner);
     for path in &*all {
-        // It is gone already where it was just finished.
+        // A file that was finished just now is gone already.
         let _ = fs::remove_file(path);
     }
 }
 
-enum Sink {
-    Temporary(BufWriter<NamedTempFile>),
-    Direct(BufWriter<File>),
-}
-
-impl OutputFile {
-    /// Starts writing the file that will stand at `path`.
-    pub fn create(path: &Path) -> Result<OutputFile> {
+impl Output {
+    /// Starts writing the file that will be at `path`.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the folder does not exist or cannot be written to.
+    pub fn file(path: impl AsRef<Path>) -> Result<Output> {
+        let path = path.as_ref();
         let fail = |e| Error::io(path, e);
-        let (named, file_descriptor) = resolved(path).map_err(fail)?;
-        let is_file = fs::metadata(&named).map_or(true, |m| m.is_file());
-        let sink = if file_descriptor.is_some() || !is_file {
-            // What is there already, of a file that others write to as well, stays.
-            let file = fs::OpenOptions::new()
-                .append(true)
-                .open(path)
-                .map_err(fail)?;
-            Sink::Direct(BufWriter::new(file))
-        } else {
-            let path = &named;
-            let folder = match path.parent() {
-                Some(p) if !p.as_os_str().is_empty() => p,
-                _ => Path::new("."),
-            };
-            let file = tempfile::Builder::new()
-                .prefix(".posing-")
-                .suffix(".tmp")
-                .permissions(permissions(path))
-                .tempfile_in(folder)
-                .map_err(fail)?;
-            Sink::Temporary(BufWriter::with_capacity(1 << 16, file))
+        let name = path.display().to_string();
+        let (resolved, descriptor) = resolved(path).map_err(fail)?;
+        let is_file = fs::metadata(&resolved).map_or(true, |m| m.is_file());
+        if descriptor.is_some() || !is_file {
+            // Appending keeps what other processes have written to the same open file.
+            let file = fs::OpenOptions::new().append(true).open(path);
+            return Ok(Output::stream(name, BufWriter::new(file.map_err(fail)?)));
+        }
+        let folder = match resolved.parent() {
+            Some(p) if !p.as_os_str().is_empty() => p,
+            _ => Path::new("."),
         };
-        let unfinished = match &sink {
-            Sink::Temporary(file) => Some(UnfinishedFile::written(file.get_ref().path())),
-            Sink::Direct(_) => None,
+        let file = tempfile::Builder::new()
+            .prefix(".posing-")
+            .suffix(".tmp")
+            .permissions(permissions(&resolved))
+            .tempfile_in(folder)
+            .map_err(fail)?;
+        let target = Target::Temporary {
+            _unfinished: UnfinishedFile::register(file.path()),
+            file: BufWriter::with_capacity(1 << 16, file),
+            path: resolved,
         };
-        Ok(OutputFile {
-            path: named,
-            sink,
-            _unfinished: unfinished,
-        })
+        Ok(Output { name, target })
     }
 
-    /// Whether [`OutputFile::rewrite_start`] can be: what is written to a pipe is gone.
+    /// Writes to a stream that is already open; `name` is for messages. The caller buffers it.
+    pub fn stream(name: impl Into<String>, stream: impl Write + Send + 'static) -> Output {
+        Output {
+            name: name.into(),
+            target: Target::Stream(Box::new(stream)),
+        }
+    }
+
+    fn writer(&mut self) -> &mut dyn Write {
+        match &mut self.target {
+            Target::Temporary { file, .. } => file,
+            Target::Stream(stream) => stream,
+        }
+    }
+
+    /// Writes all `bytes`.
+    ///
+    /// # Errors
+    /// [`Error::Io`], with the name of the output.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        let done = self.writer().write_all(bytes);
+        done.map_err(|e| Error::io(&self.name, e))
+    }
+
+    /// Passes what is buffered on to the system.
+    ///
+    /// # Errors
+    /// [`Error::Io`], with the name of the output.
+    pub fn flush(&mut self) -> Result<()> {
+        let done = self.writer().flush();
+        done.map_err(|e| Error::io(&self.name, e))
+    }
+
+    /// Whether [`Output::rewrite_start`] is possible: what was written to a pipe is gone.
     pub fn can_rewrite(&self) -> bool {
-        matches!(self.sink, Sink::Temporary(_))
+        matches!(self.target, Target::Temporary { .. })
     }
 
-    /// Writes `bytes` over the first ones. Nothing can be appended after that.
-    pub fn rewrite_start(&mut self, bytes: &[u8]) -> io::Result<()> {
-        match &mut self.sink {
-            Sink::Temporary(file) => {
-                file.rewind()?;
-                file.write_all(bytes)
-            }
-            Sink::Direct(_) => Err(io::ErrorKind::NotSeekable.into()),
-        }
+    /// Writes `bytes` over the first ones of a file. Nothing can be appended after that.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: writing fails, or the output is a stream.
+    pub fn rewrite_start(&mut self, bytes: &[u8]) -> Result<()> {
+        let done = match &mut self.target {
+            Target::Temporary { file, .. } => file.rewind().and_then(|()| file.write_all(bytes)),
+            Target::Stream(_) => Err(io::ErrorKind::NotSeekable.into()),
+        };
+        done.map_err(|e| Error::io(&self.name, e))
     }
 
-    /// Flushes, syncs and renames: only now is the file there.
-    pub fn finish(self) -> Result<()> {
-        let path = self.path;
-        let fail = |e| Error::io(&path, e);
-        match self.sink {
-            Sink::Direct(mut file) => file.flush().map_err(fail),
-            Sink::Temporary(file) => {
-                let file = file.into_inner().map_err(|e| fail(e.into_error()))?;
-                file.as_file().sync_all().map_err(fail)?;
-                file.persist(&path).map_err(|e| fail(e.error))?;
-                Ok(())
-            }
-        }
+    /// Flushes; syncs and renames a file, which exists only from now on.
+    ///
+    /// # Errors
+    /// [`Error::Io`], with the name of the output.
+    pub fn finish(mut self) -> Result<()> {
+        self.flush()?;
+        let Target::Temporary { file, path, .. } = self.target else {
+            return Ok(());
+        };
+        let fail = |e| Error::io(&self.name, e);
+        let file = file.into_inner().map_err(|e| fail(e.into_error()))?;
+        file.as_file().sync_all().map_err(fail)?;
+        file.persist(path).map_err(|e| fail(e.error))?;
+        Ok(())
     }
 }
 
-/// What a path names, links followed, and its number if it is what the process has open.
+/// The path with links resolved, and the number of the open file of this process that it names, if it names one.
 fn resolved(path: &Path) -> io::Result<(PathBuf, Option<u32>)> {
     let mut path = path.to_path_buf();
     for _ in 0..MOST_LINKS {
@@ -148,12 +186,12 @@ fn resolved(path: &Path) -> io::Result<(PathBuf, Option<u32>)> {
     Err(io::Error::other("too many links, or they lead round"))
 }
 
-/// The number of what the process has open, if a path leads there: 1 is standard output.
+/// The number of the open file of this process that a path leads to, links followed: 1 is standard output.
 pub fn file_descriptor(path: &Path) -> Option<u32> {
     resolved(path).ok()?.1
 }
 
-/// The same, where the path itself says so.
+/// The number of the open file of this process that the path itself names.
 fn own_descriptor(path: &Path) -> Option<u32> {
     let text = path.to_str()?;
     match text {
@@ -176,25 +214,13 @@ fn permissions(path: &Path) -> fs::Permissions {
         .unwrap_or(fs::Permissions::from_mode(0o666))
 }
 
-impl Write for OutputFile {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match &mut self.sink {
-            Sink::Temporary(f) => f.write(bytes),
-            Sink::Direct(f) => f.write(bytes),
-        }
-    }
-    fn flush(&mut self) -> io::Result<()> {
-        match &mut self.sink {
-            Sink::Temporary(f) => f.flush(),
-            Sink::Direct(f) => f.flush(),
-        }
-    }
-}
-
-/// Writes a whole file at once, atomically.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut file = OutputFile::create(path)?;
-    file.write_all(bytes).map_err(|e| Error::io(path, e))?;
+/// Writes a whole file at once: complete or not at all.
+///
+/// # Errors
+/// [`Error::Io`], with the path.
+pub fn write_file(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    let mut file = Output::file(path)?;
+    file.write(bytes)?;
     file.finish()
 }
 
@@ -206,8 +232,8 @@ mod tests {
     fn a_file_is_there_only_when_finished() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("x.csv");
-        let mut file = OutputFile::create(&path).unwrap();
-        file.write_all(b"half").unwrap();
+        let mut file = Output::file(&path).unwrap();
+        file.write(b"half").unwrap();
         drop(file);
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 0);
         write_file(&path, b"whole").unwrap();
@@ -215,9 +241,9 @@ mod tests {
         write_file(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
-        assert!(OutputFile::create(&dir.path().join("no/where")).is_err());
-        let mut file = OutputFile::create(&path).unwrap();
-        file.write_all(b"count: ?, all").unwrap();
+        assert!(Output::file(dir.path().join("no/where")).is_err());
+        let mut file = Output::file(&path).unwrap();
+        file.write(b"count: ?, all").unwrap();
         assert!(file.can_rewrite());
         file.rewrite_start(b"count: 3").unwrap();
         file.finish().unwrap();

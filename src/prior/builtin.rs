@@ -6,7 +6,12 @@ use crate::io::Model;
 /// The file as `make model` left it.
 static BYTES: &[u8] = include_bytes!("builtin.npz");
 
-/// Opens the built-in model.
-pub fn model() -> Result<Model> {
-    Model::from_bytes(BYTES, "the built-in model")
+impl Model {
+    /// The model that is compiled in.
+    ///
+    /// # Errors
+    /// None in a sound build.
+    pub fn builtin() -> Result<Model> {
+        Model::from_bytes(BYTES, "the built-in model")
+    }
 }

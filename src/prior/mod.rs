@@ -4,7 +4,7 @@
 //! (0 exact, infinite missing), which pose is it, and how sure is that? Dense noise, outliers and gaps are all
 //! variances, so denoising and completing are the same question.
 
-pub mod builtin;
+mod builtin;
 pub mod exemplar;
 pub mod gaussian;
 pub mod gplvm;

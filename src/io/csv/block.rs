@@ -4,8 +4,8 @@
 //! numbers belong. At anything else, and at the end of what is there, it ends before that row, and the careful reader
 //! goes on from there: it alone says what is wrong.
 
-use super::super::table::Columns;
 use super::super::text::{PIECE, check_length, finite_prefix};
+use crate::io::columns::Columns;
 use memchr::{memchr, memrchr};
 use rayon::prelude::*;
 use std::ops::Range;

@@ -4,11 +4,11 @@ mod block;
 mod records;
 mod writer;
 
-pub use writer::{After, CsvWriter};
+pub use writer::{AddedColumn, After, CsvFormat};
 
 use super::Input;
-use super::cells::Cells;
-use super::table::{Columns, ReadOptions, Row};
+use super::columns::Columns;
+use super::row::{Cells, ReadOptions, Row};
 use super::text::{BLOCK, Pace, check_length, excerpt};
 use crate::{Error, Place, Result};
 use block::Blocks;
@@ -165,7 +165,7 @@ impl CsvReader {
             None => None,
             Some(column) => {
                 let fail = |what| Error::data(Place::line(&self.name, line).part("time"), what);
-                let time = parse(&row.cells[column]).map_err(fail)?;
+                let time = parse_cell(&row.cells[column]).map_err(fail)?;
                 if time.is_nan() {
                     return Err(fail("a time is missing".to_string()));
                 }
@@ -198,7 +198,7 @@ fn known(last: &mut Arc<str>, name: &[u8], (file, line): (&str, u64)) -> Result<
 }
 
 /// A cell's number: NaN for an empty cell or `NaN`.
-fn parse(cell: &[u8]) -> std::result::Result<f64, String> {
+pub(super) fn parse_cell(cell: &[u8]) -> std::result::Result<f64, String> {
     let text = std::str::from_utf8(cell).unwrap_or("\u{fffd}").trim();
     if text.is_empty() || text.eq_ignore_ascii_case("nan") {
         return Ok(f64::NAN);
@@ -208,7 +208,7 @@ fn parse(cell: &[u8]) -> std::result::Result<f64, String> {
 
 /// A cell's coordinate: NaN is a missing one.
 fn coordinate(cell: &[u8]) -> std::result::Result<f64, String> {
-    match parse(cell)? {
+    match parse_cell(cell)? {
         v if v.is_nan() => Ok(v),
         v => check_length(v),
     }
@@ -216,8 +216,8 @@ fn coordinate(cell: &[u8]) -> std::result::Result<f64, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::table::Table;
     use super::*;
+    use crate::io::table::Table;
     use proptest::strategy::Strategy;
 
     fn input(text: &str) -> Input {
@@ -226,7 +226,7 @@ mod tests {
 
     fn through(
         text: &str,
-        added: &[(String, After)],
+        added: &[AddedColumn],
         cells: &[String],
         change: impl Fn(&mut Vec<f64>),
     ) -> String {
@@ -236,7 +236,7 @@ mod tests {
             ..ReadOptions::default()
         };
         let mut reader = CsvReader::new(input(text), &options).unwrap();
-        let writer = CsvWriter::new(&reader.columns, added);
+        let writer = CsvFormat::new(&reader.columns, added);
         let (mut out, mut row) = (Vec::new(), Row::default());
         writer.push_header(&mut out);
         while reader.read(&mut row).unwrap() {
@@ -259,8 +259,8 @@ mod tests {
     #[test]
     fn added_columns_follow_their_point_and_replace_old_ones() {
         let added = [
-            ("b.status".to_string(), After::Point(1)),
-            ("cluster".to_string(), After::All),
+            AddedColumn::new("b.status", After::Point(1)),
+            AddedColumn::new("cluster", After::All),
         ];
         let cells = ["observed".to_string(), "4".to_string()];
         let once = through(TABLE, &added, &cells, |_| {});

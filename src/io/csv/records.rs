@@ -1,7 +1,7 @@
 //! Records of any CSV (RFC 4180), one at a time: quoted cells, line ends inside them, lines that end in CR alone.
 
-use super::super::cells::Cells;
 use super::super::text::wait_for_data;
+use crate::io::row::Cells;
 use crate::{Error, Place};
 use csv_core::ReadRecordResult;
 use std::io::{self, BufRead, BufReader};

@@ -1,7 +1,8 @@
 //! Rows of a table written as CSV, unchanged cells as they stood.
 
-use super::super::table::{Columns, Row};
 use super::super::text::push_f64;
+use crate::io::columns::Columns;
+use crate::io::row::Row;
 
 /// What a written column holds.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,34 +19,53 @@ enum Source {
     Added(usize),
 }
 
+/// A column that a command adds to a table.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AddedColumn {
+    /// The header; a column of the table with this name is replaced.
+    pub name: String,
+    /// The column's position.
+    pub after: After,
+}
+
+impl AddedColumn {
+    /// A column behind those of `after`.
+    pub fn new(name: impl Into<String>, after: After) -> AddedColumn {
+        AddedColumn {
+            name: name.into(),
+            after,
+        }
+    }
+}
+
 /// Where an added column goes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum After {
     /// Behind the coordinates of a point.
     Point(usize),
-    /// Behind everything.
+    /// Behind all columns.
     All,
 }
 
-/// Writes rows of a table.
-pub struct CsvWriter {
+/// The layout of a CSV table: which column holds what.
+pub struct CsvFormat {
     header: Vec<String>,
     sources: Vec<Source>,
     /// Whether the columns are those that were read.
     as_it_was: bool,
 }
 
-impl CsvWriter {
-    /// A writer for tables such as `columns`, with `added` columns; one that is there already is replaced.
-    pub fn new(columns: &Columns, added: &[(String, After)]) -> CsvWriter {
-        let mut writer = CsvWriter {
+impl CsvFormat {
+    /// The layout of tables with the columns `columns` and `added`. An added column replaces one of the same name.
+    pub fn new(columns: &Columns, added: &[AddedColumn]) -> CsvFormat {
+        let mut writer = CsvFormat {
             header: Vec::new(),
             sources: Vec::new(),
             as_it_was: true,
         };
         let replaced: Vec<Option<usize>> = added
             .iter()
-            .map(|(name, _)| columns.names.iter().position(|n| n == name))
+            .map(|added| columns.names.iter().position(|n| *n == added.name))
             .collect();
         let mut source = vec![None; columns.names.len()];
         for (point, place) in columns.coordinates.iter().enumerate() {
@@ -74,7 +94,7 @@ impl CsvWriter {
                 }
             }
         }
-        for (a, (name, after)) in added.iter().enumerate() {
+        for (a, AddedColumn { name, after }) in added.iter().enumerate() {
             if *after == After::All && replaced[a].is_none() {
                 writer.push(name, Source::Added(a));
             }
@@ -86,7 +106,7 @@ impl CsvWriter {
         &mut self,
         columns: &Columns,
         point: usize,
-        added: &[(String, After)],
+        added: &[AddedColumn],
         replaced: &[Option<usize>],
     ) {
         for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
@@ -97,7 +117,7 @@ impl CsvWriter {
                 );
             }
         }
-        for (a, (name, after)) in added.iter().enumerate() {
+        for (a, AddedColumn { name, after }) in added.iter().enumerate() {
             if *after == After::Point(point) && replaced[a].is_none() {
                 self.push(name, Source::Added(a));
             }

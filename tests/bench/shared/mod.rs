@@ -2,7 +2,7 @@
 #![allow(dead_code)] // Every bench uses a part of it.
 
 use ndarray::Array2;
-use posing::io::table::ReadOptions;
+use posing::io::ReadOptions;
 use posing::io::{Input, Table};
 use posing::numeric::parallel;
 use posing::sparse::Dictionary;

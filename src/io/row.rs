@@ -1,6 +1,33 @@
-//! The cells of a row as they stood in a file.
+//! One row of a pose table: a frame, and the text of its cells.
 
 use std::ops::Index;
+use std::sync::Arc;
+
+/// One frame as it was read.
+#[derive(Debug, Clone, Default)]
+pub struct Row {
+    /// Three numbers a point, centimetres; NaN is missing.
+    pub xyz: Vec<f64>,
+    /// Seconds.
+    pub time: Option<f64>,
+    /// The take's name.
+    pub take: Option<Arc<str>>,
+    /// The cells as they stood; empty for NPY.
+    pub cells: Cells,
+    /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
+    pub converted: bool,
+}
+
+/// How a table is to be read.
+#[derive(Debug, Clone, Default)]
+pub struct ReadOptions {
+    /// The points' names for an array without any.
+    pub joints: Option<Vec<String>>,
+    /// Take `NAME.x`, `NAME.y` without `NAME.z` for a point.
+    pub planar: bool,
+    /// Keep the cells as they stood, to write unchanged ones as they were.
+    pub cells: bool,
+}
 
 /// The cells of one row, unquoted.
 #[derive(Debug, Clone, Default, PartialEq)]

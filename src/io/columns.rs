@@ -1,0 +1,130 @@
+//! The columns of a pose table.
+//!
+//! Three columns `NAME.x`, `NAME.y`, `NAME.z` are a point; `take` and `time` are what they say; every other column is
+//! carried along unchanged. An empty cell (or NaN) is a missing value, 0 never is.
+
+use super::text::excerpt;
+use crate::pose::joints;
+use crate::{Error, Place, Result};
+use std::collections::{HashMap, HashSet};
+
+/// What the columns of a table mean.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Columns {
+    /// Every column's name in the file's order; empty for NPY, which has none.
+    pub names: Vec<String>,
+    /// The points' names.
+    pub points: Vec<String>,
+    /// For each point the columns of x, y and z; `None` for a z that a table of 2-D points lacks.
+    pub coordinates: Vec<[Option<usize>; 3]>,
+    /// The column of the take's name.
+    pub take: Option<usize>,
+    /// The column of the time in seconds.
+    pub time: Option<usize>,
+}
+
+impl Columns {
+    /// Reads a header. With `planar`, `NAME.x` and `NAME.y` without `NAME.z` are a point too: the paper's 2-D input.
+    pub fn from_header(header: &[String], planar: bool, place: &Place) -> Result<Columns> {
+        let mut index = HashMap::new();
+        for (i, name) in header.iter().enumerate() {
+            if index.insert(name.as_str(), i).is_some() {
+                return Err(Error::data(
+                    place.clone(),
+                    format!("two columns are named \"{}\"", excerpt(name)),
+                ));
+            }
+        }
+        let mut columns = Columns {
+            names: header.to_vec(),
+            ..Columns::default()
+        };
+        for name in header {
+            let Some(point) = name.strip_suffix(".x").filter(|p| !p.is_empty()) else {
+                continue;
+            };
+            let at = |axis: &str| index.get(format!("{point}.{axis}").as_str()).copied();
+            match (at("y"), at("z")) {
+                (Some(y), Some(z)) => columns.coordinates.push([at("x"), Some(y), Some(z)]),
+                (Some(y), None) if planar => columns.coordinates.push([at("x"), Some(y), None]),
+                _ => continue,
+            }
+            columns.points.push(point.to_string());
+        }
+        columns.take = index.get("take").copied();
+        columns.time = index.get("time").copied();
+        if columns.points.is_empty() {
+            let what = "no point: expected columns such as root.x,root.y,root.z";
+            return Err(Error::data(place.clone(), what));
+        }
+        Ok(columns)
+    }
+
+    /// Columns for points that come without a table, as amc2xyz writes them: take, time, then the points.
+    pub fn for_points(points: Vec<String>, take: bool, time: bool) -> Columns {
+        let mut names = Vec::new();
+        let mut columns = Columns::default();
+        for (wanted, name, slot) in [
+            (take, "take", &mut columns.take),
+            (time, "time", &mut columns.time),
+        ] {
+            if wanted {
+                *slot = Some(names.len());
+                names.push(name.to_string());
+            }
+        }
+        for point in &points {
+            columns
+                .coordinates
+                .push([0, 1, 2].map(|a| Some(names.len() + a)));
+            names.extend(["x", "y", "z"].map(|a| format!("{point}.{a}")));
+        }
+        columns.names = names;
+        columns.points = points;
+        columns
+    }
+
+    /// The columns of an NPY array with `width` numbers a frame.
+    pub fn for_array(width: usize, names: Option<&[String]>, place: &Place) -> Result<Columns> {
+        let points = match names {
+            Some(names) if 3 * names.len() == width => names.to_vec(),
+            Some(names) => {
+                let what = format!(
+                    "--joints names {} points, the array has {width} columns",
+                    names.len()
+                );
+                return Err(Error::data(place.clone(), what));
+            }
+            None if width == 3 * joints::CMU.len() => joints::cmu_names(),
+            None => {
+                let what =
+                    format!("{width} columns are not CMU's 69; name the points with --joints");
+                return Err(Error::data(place.clone(), what));
+            }
+        };
+        Ok(Columns::for_points(points, false, false))
+    }
+
+    /// How many numbers a frame has: three a point.
+    pub fn width(&self) -> usize {
+        3 * self.points.len()
+    }
+}
+
+/// Reads the points' names of `--joints`: `23`, or a list with commas.
+pub fn parse_point_names(list: &str) -> Result<Vec<String>> {
+    if list == "23" {
+        return Ok(joints::cmu_names());
+    }
+    let names: Vec<String> = list.split(',').map(|n| n.trim().to_string()).collect();
+    let mut seen = HashSet::new();
+    match names
+        .iter()
+        .find(|n| n.is_empty() || !seen.insert(n.as_str()))
+    {
+        Some(bad) => Err(Error::usage(format!(
+            "\"{bad}\" in a list of points is empty or stands twice"
+        ))),
+        None => Ok(names),
+    }
+}
