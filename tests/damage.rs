@@ -3,7 +3,7 @@
 
 mod common;
 
-use posing::io::{Input, Model, amc, asf};
+use posing::io::{Asf, Input, Model, amc};
 use posing::io::{ReadOptions, Table};
 use posing::numeric::parallel::rng;
 use posing::prior::rigid_pairs::RigidPairs;
@@ -143,7 +143,7 @@ fn batter(stream: u64, whole: &[&[u8]], read: impl Fn(Input) -> posing::Result<b
 #[test]
 fn skeletons() {
     batter(1, &[ASF.as_bytes()], |input| {
-        let skeleton = asf::read(input, None)?.skeleton;
+        let skeleton = Asf::read(input, None)?.skeleton;
         let values = vec![0.0; skeleton.dof_count()];
         let ends = skeleton.posture(&values).ends;
         Ok(ends.iter().all(|p| p.is_finite()))
@@ -152,7 +152,7 @@ fn skeletons() {
 
 #[test]
 fn takes() {
-    let skeleton = asf::parse("t.asf", ASF.as_bytes()).unwrap();
+    let skeleton = Asf::read(Input::new("t.asf", ASF.as_bytes()).unwrap(), None).unwrap();
     for keep in [false, true] {
         batter(2 + u64::from(keep), &[take().as_bytes()], |input| {
             let mut reader = amc::AmcReader::new(&skeleton, input, keep)?;
@@ -243,7 +243,11 @@ fn what_a_file_claims_takes_no_memory() {
     let children: Vec<String> = (0..100_000).map(|i| format!("b{i}")).collect();
     let line = format!("{} {}", "p".repeat(300_000), children.join(" "));
     let text = ASF.replace("root hip\n", &format!("root hip\n{line}\n"));
-    assert!(asf::parse(NAME, Cursor::new(text)).is_err());
+    assert!(
+        Input::new(NAME, Cursor::new(text))
+            .and_then(|input| Asf::read(input, None))
+            .is_err()
+    );
     // An archive that unpacks to a thousand times its size.
     let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
     let options = zip::write::SimpleFileOptions::default();

@@ -5,14 +5,10 @@ use posing::cli::args::{CommonArgs, OutputArgs, Units, parse_rate};
 use posing::cli::input::{check_single_stdin, open};
 use posing::cli::streams::create_table;
 use posing::cli::{Outcome, messages, run};
-use posing::io::TableWriter;
 use posing::io::amc::{AmcFrames, AmcReader};
-use posing::io::asf::{self, Asf};
-use posing::io::{Columns, Row, parse_point_names};
-use posing::numeric::parallel::map_chunks;
-use posing::pose::kinematics::{Posture, Space};
+use posing::io::{Asf, Columns, Row, TableWriter, parse_point_names};
+use posing::pose::kinematics::Space;
 use posing::{Error, Place, Result};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -66,9 +62,6 @@ enum SpaceFlag {
     Body,
 }
 
-/// How many frames are turned into places at a time.
-const CHUNK: usize = 64;
-
 fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
@@ -81,7 +74,7 @@ fn work(args: &Args) -> Result<Outcome> {
         args.takes.clone()
     };
     check_single_stdin(takes.iter().chain([&args.asf]))?;
-    let asf = asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
+    let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
     let joints = joints(&asf, args)?;
     let names = joints
         .iter()
@@ -132,11 +125,9 @@ fn convert(
     };
     let mut frames = AmcFrames::default();
     while reader.read_block(&mut frames)? {
-        let places = map_chunks(frames.numbers.len(), CHUNK, |range| {
-            places(asf, joints, space, &frames, range)
-        });
-        let places = places.iter().flat_map(|p| p.chunks_exact(3 * joints.len()));
-        for (&number, xyz) in frames.numbers.iter().zip(places) {
+        let xyz = frames.positions(&asf.skeleton, joints, space);
+        let poses = xyz.chunks_exact(3 * joints.len());
+        for (&number, xyz) in frames.numbers.iter().zip(poses) {
             row.time = Some((number as f64 - 1.0) / args.fps);
             sink.write(&row, xyz, &[])?;
         }
@@ -148,27 +139,4 @@ fn convert(
         ));
     }
     Ok(())
-}
-
-/// Where the joints of the frames of `range` stand, frame by frame.
-fn places(
-    asf: &Asf,
-    joints: &[usize],
-    space: Space,
-    frames: &AmcFrames,
-    range: Range<usize>,
-) -> Vec<f64> {
-    let dofs = asf.skeleton.dof_count();
-    let wanted = asf.skeleton.ancestors(joints);
-    let mut posture = Posture::default();
-    let mut values = vec![0.0; dofs];
-    let mut out = Vec::with_capacity(range.len() * 3 * joints.len());
-    for frame in range {
-        values.copy_from_slice(&frames.values[frame * dofs..][..dofs]);
-        asf.skeleton.move_root_to(&mut values, space);
-        asf.skeleton
-            .posture_of_bones(&wanted, &values, &mut posture);
-        out.extend(joints.iter().flat_map(|&j| posture.ends[j].to_array()));
-    }
-    out
 }

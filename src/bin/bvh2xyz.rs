@@ -4,14 +4,12 @@ use clap::Parser;
 use glam::DMat3;
 use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate};
 use posing::cli::input::open;
-use posing::cli::streams::create_table;
+use posing::cli::streams::write_table;
 use posing::cli::{Outcome, messages, run};
-use posing::io::bvh::{self, Bvh, BvhPoints, BvhSkeleton};
-use posing::io::{Columns, Row};
-use posing::pose::kinematics::Posture;
-use posing::pose::poses::round_rate;
+use posing::io::bvh::{BvhPoints, BvhSkeleton};
+use posing::io::{Bvh, Table};
 use posing::{Error, Place, Result};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -63,8 +61,8 @@ fn work(args: &Args) -> Result<Outcome> {
     let name = input.name.clone();
     let unit = args.units.unwrap_or(Units::Cm);
     let up = args.up.unwrap_or(Up::Y);
-    let loaded = bvh::read(input, unit.centimetres(), args.keep_whole)?;
-    loaded.notes.iter().for_each(|n| messages::info(n));
+    let bvh = Bvh::read(input, unit.centimetres(), args.keep_whole)?;
+    bvh.notes.iter().for_each(|n| messages::info(n));
     if args.units.is_none() || args.up.is_none() {
         let axis = match up {
             Up::X => "x",
@@ -76,65 +74,41 @@ fn work(args: &Args) -> Result<Outcome> {
             unit.name()
         ));
     }
-    let rate = rate(args, &loaded.bvh, &name)?;
+    let rate = rate(args, &bvh, &name)?;
     let turn =
         DMat3::from_cols_array_2d(&[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| up.to_y(e)));
-    let rig = BvhSkeleton::new(&loaded.bvh.joints, turn, true)?;
-    write(args, &path, &loaded.bvh, &rig, rate)?;
-    Ok(Outcome::Done)
-}
-
-/// Frames a second: the exact rate that the Frame Time, often cut to six decimals, stands for.
-fn rate(args: &Args, bvh: &Bvh, name: &str) -> Result<f64> {
-    let step = bvh.frame_time;
-    match args.fps {
-        _ if step > 0.0 && (1.0 / step).is_finite() => {
-            let rate = round_rate(1.0 / step);
-            match args.fps {
-                Some(fps) if (fps - rate).abs() > 1e-4 * rate => Err(Error::usage(format!(
-                    "--fps {fps} contradicts the file's Frame Time, {rate} frames a second"
-                ))),
-                _ => Ok(rate),
-            }
-        }
-        Some(fps) => Ok(fps),
-        // A single frame has no rate to be wrong about.
-        None if bvh.motion.nrows() <= 1 => Ok(1.0),
-        None => {
-            let what = format!("Frame Time is {step}; give the rate with --fps");
-            Err(Error::data(Place::file(name), what))
-        }
-    }
-}
-
-fn write(args: &Args, path: &Path, bvh: &Bvh, rig: &BvhSkeleton, rate: f64) -> Result<()> {
-    let points = rig.points(if args.ends {
+    let skeleton = BvhSkeleton::new(&bvh.joints, turn, true)?;
+    let points = if args.ends {
         BvhPoints::Ends
     } else {
         BvhPoints::Origins
-    });
-    let names = points.iter().map(|(name, _)| name.clone()).collect();
-    let mut sink = create_table(&args.out, &Columns::for_points(names, true, true), &[])?;
-    let take = path
-        .file_stem()
-        .unwrap_or(path.as_os_str())
-        .to_string_lossy();
-    let mut row = Row {
-        take: Some(Arc::from(&*take)),
-        ..Row::default()
     };
-    let (mut posture, mut q) = (Posture::default(), vec![0.0; rig.skeleton.dof_count()]);
-    for (i, frame) in bvh.motion.rows().into_iter().enumerate() {
-        rig.values(frame.as_slice().unwrap_or(&frame.to_vec()), &mut q);
-        rig.skeleton.posture_into(&q, &mut posture);
-        row.time = Some(i as f64 / rate);
-        row.xyz.clear();
-        row.xyz.extend(
-            points
-                .iter()
-                .flat_map(|&(_, bone)| posture.ends[bone].to_array()),
-        );
-        sink.write(&row, &row.xyz, &[])?;
+    let mut poses = bvh.positions(&skeleton, points, rate);
+    let take: Arc<str> = path
+        .file_stem()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into();
+    poses.take = Some(vec![take; poses.frames()]);
+    let table = Table::from_poses(poses);
+    write_table(&args.out, &table, table.poses.xyz.view(), &[], |_| {
+        Vec::new()
+    })?;
+    Ok(Outcome::Done)
+}
+
+/// Frames a second: the file's Frame Time, or `--fps` where that is zero.
+fn rate(args: &Args, bvh: &Bvh, name: &str) -> Result<f64> {
+    match (bvh.rate(), args.fps) {
+        (Some(rate), Some(fps)) if (fps - rate).abs() > 1e-4 * rate => Err(Error::usage(format!(
+            "--fps {fps} contradicts the file's Frame Time, {rate} frames a second"
+        ))),
+        (Some(rate), _) | (None, Some(rate)) => Ok(rate),
+        // A single frame has no rate to be wrong about.
+        (None, None) if bvh.motion.nrows() <= 1 => Ok(1.0),
+        (None, None) => {
+            let what = format!("Frame Time is {}; give the rate with --fps", bvh.frame_time);
+            Err(Error::data(Place::file(name), what))
+        }
     }
-    sink.finish()
 }

@@ -1,18 +1,16 @@
 //! Turns a pose table into an AMC take.
 
 use clap::Parser;
+use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
-use posing::cli::ik::{report_time_jumps, solve};
+use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, run};
-use posing::io::amc::{AmcFrame, write_frame, write_header};
-use posing::io::asf;
+use posing::io::{Amc, Asf};
 use posing::pose::Poses;
-use posing::restore::ik::correspondence::match_points;
-use posing::restore::ik::sequence::SequenceFit;
+use posing::restore::ik::SkeletonFit;
 use posing::restore::take::one_take;
-use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -69,7 +67,7 @@ fn work(args: &Args) -> Result<Outcome> {
         &args.files
     };
     check_single_stdin(files.iter().chain([&args.asf]))?;
-    let asf = asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
+    let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
     let input = InputArgs {
         files: args.files.clone(),
         fps: args.fps,
@@ -81,18 +79,11 @@ fn work(args: &Args) -> Result<Outcome> {
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let rate = input.rate(&poses)?;
     report_time_jumps(&poses, &table.name, "an AMC file");
-    let joints: Vec<_> = poses.points.iter().map(|n| asf.skeleton.find(n)).collect();
-    let matched = match_points(&poses, &joints);
-    if matched.joints.is_empty() {
-        let what = format!("no point has the name of a bone of {}", args.asf.display());
-        return Err(Error::data(Place::file(table.name), what));
-    }
-    let fitted = solve(&asf.skeleton, &matched, args.limits, &table.name)?;
-    write_bytes(
-        args.output.as_deref(),
-        &render(&asf, &fitted, first_number(&poses, rate)),
-        false,
-    )?;
+    let no_joint = format!("no point has the name of a bone of {}", args.asf.display());
+    let skeleton = SkeletonFit::new(&asf.skeleton).limits(args.limits);
+    let fitted = fit(&skeleton, &poses, &table.name, &no_joint)?;
+    let take = Amc::from_values(&asf, first_number(&poses, rate), fitted.values());
+    write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
     Ok(Outcome::Done)
 }
 
@@ -108,17 +99,4 @@ fn first_number(poses: &Poses, rate: Option<f64>) -> u64 {
     } else {
         1
     }
-}
-
-fn render(asf: &asf::Asf, fitted: &SequenceFit, first: u64) -> Vec<u8> {
-    let mut out = Vec::new();
-    write_header(&mut out);
-    for (i, row) in fitted.values.rows().into_iter().enumerate() {
-        let frame = AmcFrame {
-            number: first + i as u64,
-            values: row.to_vec(),
-        };
-        write_frame(&mut out, asf, &frame);
-    }
-    out
 }

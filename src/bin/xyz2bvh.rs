@@ -3,17 +3,16 @@
 use clap::Parser;
 use glam::DMat3;
 use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
-use posing::cli::ik::{report_time_jumps, solve};
+use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
-use posing::io::bvh::{self, Target};
+use posing::io::SkeletonFile;
 use posing::pose::rotation::{Axis, parse_order};
 
-use posing::restore::ik::correspondence::match_points;
-use posing::restore::ik::skeleton_estimation::estimate_skeleton;
+use posing::restore::ik::{SkeletonFit, estimate_skeleton};
 use posing::restore::take::one_take;
-use posing::{Error, Place, Result};
+use posing::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -82,11 +81,11 @@ fn work(args: &Args) -> Result<Outcome> {
         &args.files
     };
     check_single_stdin(files.iter().chain(&args.skeleton))?;
-    // The skeleton's faults are told before a long table is read.
+    // First: an error in the skeleton should not wait for a long table to be read.
     let given = args
         .skeleton
         .as_ref()
-        .map(|p| target(args, p))
+        .map(|p| skeleton_file(args, p))
         .transpose()?;
     let input = InputArgs {
         files: args.files.clone(),
@@ -102,19 +101,20 @@ fn work(args: &Args) -> Result<Outcome> {
         return Err(Error::usage(what));
     };
     report_time_jumps(&poses, &table.name, "a BVH");
-    let target = match given {
-        Some(target) => target,
-        None => Target::Bones(estimate_skeleton(&poses)?),
+    let estimated;
+    let skeleton = match &given {
+        Some(SkeletonFile::Bvh(template)) => SkeletonFit::with_template(template),
+        Some(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
+        None => {
+            estimated = estimate_skeleton(&poses)?;
+            SkeletonFit::new(&estimated)
+        }
     };
-    let matched = match_points(&poses, &target.joints(&poses.points));
-    if matched.joints.is_empty() {
-        let what = "no point has the name of a joint of the skeleton";
-        return Err(Error::data(Place::file(table.name), what));
-    }
-    let fitted = solve(target.skeleton(), &matched, args.limits, &table.name)?;
+    let no_joint = "no point has the name of a joint of the skeleton";
+    let fitted = fit(&skeleton.limits(args.limits), &poses, &table.name, no_joint)?;
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
-    let bvh = target.motion(fitted.values.view(), order, turn(args.up), 1.0 / rate)?;
-    let text = bvh::render(&bvh, args.units.centimetres());
+    let bvh = fitted.to_bvh_with(order, turn(args.up), rate)?;
+    let text = bvh.to_bytes(args.units.centimetres());
     write_bytes(args.output.as_deref(), &text, false)?;
     Ok(Outcome::Done)
 }
@@ -124,13 +124,13 @@ fn turn(up: Up) -> DMat3 {
     DMat3::from_cols_array_2d(&[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| up.to_y(e)))
 }
 
-fn target(args: &Args, path: &Path) -> Result<Target> {
+fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
     let unit = args.units.centimetres();
-    let (target, notes) = Target::read(open(path)?, unit, turn(args.up))?;
+    let (file, notes) = SkeletonFile::read(open(path)?, unit, turn(args.up))?;
     notes.iter().for_each(|n| messages::info(n));
-    if matches!(target, Target::Template(..)) && args.order.is_some() {
+    if matches!(file, SkeletonFile::Bvh(_)) && args.order.is_some() {
         let what = "--order: a BVH given as skeleton keeps the order of its channels";
         return Err(Error::usage(what));
     }
-    Ok(target)
+    Ok(file)
 }

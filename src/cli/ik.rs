@@ -1,11 +1,15 @@
-//! What `xyz2bvh` and `xyz2amc` share: a skeleton solved for a table's points, with a bar, and what the fit has to say.
+//! What `xyz2bvh` and `xyz2amc` share: fitting a skeleton with a progress bar, and the messages about the fit.
 
 use super::messages;
 use super::progress::Progress;
-use crate::Result;
-use crate::pose::{Poses, Skeleton};
+use crate::pose::Poses;
 use crate::restore::ik::correspondence::Correspondence;
-use crate::restore::ik::sequence::{SequenceFit, SequenceSettings, fit_sequence};
+use crate::restore::ik::sequence::SequenceFit;
+use crate::restore::ik::{FittedTake, SkeletonFit};
+use crate::{Error, Place, Result};
+
+/// The number of names that a message lists.
+const LISTED: usize = 8;
 
 /// Says where a take's times jump, which `format` has no word for.
 pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
@@ -22,25 +26,123 @@ pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
     }
 }
 
-/// Solves `skeleton` for the matched points of a table named `name`; with `limits` within its joints' limits.
-pub fn solve(
-    skeleton: &Skeleton,
-    matched: &Correspondence,
-    limits: bool,
-    name: &str,
-) -> Result<SequenceFit> {
-    matched.notes(name).iter().for_each(|n| messages::info(n));
-    let mut settings = SequenceSettings::default();
-    settings.solve.limits = limits;
-    let bar = Progress::new("solving", matched.xyz.nrows() as u64);
-    let joints = &matched.joints;
-    let fitted = fit_sequence(skeleton, joints, matched.xyz.view(), &settings, &mut |n| {
-        bar.set(n as u64)
-    })?;
+/// Fits `skeleton` to the take of a table named `table`; an error that says `no_joint` where no point is a joint.
+pub fn fit<'a>(
+    skeleton: &SkeletonFit<'a>,
+    poses: &Poses,
+    table: &str,
+    no_joint: &str,
+) -> Result<FittedTake<'a>> {
+    let matched = skeleton.correspondence(poses);
+    if matched.joints.is_empty() {
+        return Err(Error::data(Place::file(table), no_joint));
+    }
+    if let Some(message) = unmatched_message(&matched, table) {
+        messages::info(&message);
+    }
+    let bar = Progress::new("solving", poses.frames() as u64);
+    let fitted = skeleton.fit_with_progress(poses, &mut |n| bar.set(n as u64))?;
     drop(bar);
-    fitted
-        .notes(&matched.names)
-        .iter()
-        .for_each(|n| messages::info(n));
+    let lines = fit_messages(&fitted.sequence, &fitted.points);
+    lines.iter().for_each(|line| messages::info(line));
     Ok(fitted)
+}
+
+/// Names the points that are no joints of the skeleton.
+fn unmatched_message(matched: &Correspondence, table: &str) -> Option<String> {
+    let count = matched.unmatched.len();
+    let mut names = matched.unmatched[..count.min(LISTED)].join(", ");
+    if count > LISTED {
+        names.push_str(", ...");
+    }
+    let points = match count {
+        0 => return None,
+        1 => "1 point is",
+        _ => &format!("{count} points are"),
+    };
+    Some(format!(
+        "{table}: {points} no joint of the skeleton and left out: {names}"
+    ))
+}
+
+/// How well a sequence fits; `names` are those of the points.
+fn fit_messages(fit: &SequenceFit, names: &[String]) -> Vec<String> {
+    let frames = |n: usize| {
+        if n == 1 {
+            "1 frame".into()
+        } else {
+            format!("{n} frames")
+        }
+    };
+    let mut lines = Vec::new();
+    match fit.worst {
+        Some((frame, point)) => lines.push(format!(
+            "fit: mean {} cm, max {} cm ({} in row {})",
+            length(fit.mean),
+            length(fit.max),
+            names.get(point).map_or("?", String::as_str),
+            frame + 1
+        )),
+        None => lines.push("fit: no point is there to fit; the pose is the rest pose".into()),
+    }
+    if fit.incomplete > 0 {
+        lines.push(format!(
+            "{} had missing points; hidden joints hold their last pose",
+            frames(fit.incomplete)
+        ));
+    }
+    if fit.unplaced > 0 {
+        lines.push(format!(
+            "{} did not place the root, which stays where it was",
+            frames(fit.unplaced)
+        ));
+    }
+    if fit.unconverged > 0 {
+        lines.push(format!(
+            "{} did not converge; their values are the best found",
+            frames(fit.unconverged)
+        ));
+    }
+    lines
+}
+
+/// Four decimals, or fewer figures of something smaller.
+fn length(cm: f64) -> String {
+    if cm < 1e-4 {
+        format!("{cm:.0e}")
+    } else {
+        format!("{cm:.4}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unmatched_points_are_named() {
+        let mut matched = Correspondence::default();
+        assert_eq!(unmatched_message(&matched, "t"), None);
+        matched.unmatched = vec!["b".into()];
+        let message = unmatched_message(&matched, "t").unwrap();
+        assert!(message.contains("1 point is no joint") && message.ends_with("b"));
+    }
+
+    #[test]
+    fn a_fit_is_described() {
+        let fit = SequenceFit {
+            mean: 0.5,
+            max: 2.0,
+            worst: Some((6, 0)),
+            incomplete: 1,
+            ..SequenceFit::default()
+        };
+        let lines = fit_messages(&fit, &["lfoot".into()]);
+        assert_eq!(
+            lines[0],
+            "fit: mean 0.5000 cm, max 2.0000 cm (lfoot in row 7)"
+        );
+        assert_eq!(lines.len(), 2);
+        assert!(fit_messages(&SequenceFit::default(), &[])[0].contains("no point"));
+    }
 }

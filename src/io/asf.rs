@@ -10,7 +10,7 @@ use crate::pose::{Bone, Channel, Dof, Skeleton};
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
 use std::collections::HashMap;
-use std::io::BufRead;
+use std::path::Path;
 
 /// A file with more bones than this is refused: no skeleton has them.
 const MOST_BONES: usize = 10_000;
@@ -24,6 +24,61 @@ pub struct Asf {
     pub unit: f64,
     /// Whether `:units` gives angles in degrees (AMC files may say otherwise).
     pub degrees: bool,
+}
+
+impl Asf {
+    /// Opens a skeleton file.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound ASF file; the place has the line.
+    pub fn open(path: impl AsRef<Path>) -> Result<Asf> {
+        Asf::read(Input::open(path)?, None)
+    }
+
+    /// Reads a skeleton from an open input. `unit` (centimetres in one raw unit) overrides the file's own.
+    ///
+    /// # Errors
+    /// Those of [`Asf::open`].
+    pub fn read(input: Input, unit: Option<f64>) -> Result<Asf> {
+        let name = input.name.clone();
+        let mut lines = Lines::new(name.clone(), input.into_reader());
+        let mut parser = Parser::default();
+        let mut section = String::new();
+        while let Some(line) = lines.next_line()? {
+            let text = line.split('#').next().unwrap_or("").trim().to_string();
+            let here = lines.here();
+            if text.is_empty() {
+                continue;
+            }
+            if let Some(rest) = text.strip_prefix(':') {
+                section = rest
+                    .split_whitespace()
+                    .next()
+                    .unwrap_or("")
+                    .to_ascii_lowercase();
+                continue;
+            }
+            // Brackets and commas are white space to the format (Acclaim Skeleton File Definition 1.10).
+            let words: Vec<&str> = text
+                .split(|c: char| c.is_whitespace() || "(),".contains(c))
+                .filter(|w| !w.is_empty())
+                .collect();
+            if words.is_empty() {
+                continue;
+            }
+            match section.as_str() {
+                "units" => parser.units(&words),
+                "root" => parser.root(&words),
+                "bonedata" => parser.bone(&words, here.line.unwrap_or(0)),
+                "hierarchy" => parser.hierarchy(&words, here.line.unwrap_or(0)),
+                "" => Err("expected a section such as :units; this is no ASF file".to_string()),
+                // :version, :name, :documentation and whatever else does not bear on motion.
+                _ => Ok(()),
+            }
+            .map_err(|what| Error::data(here, what))?;
+        }
+        parser.finish(&name, unit)
+    }
 }
 
 /// A bone as the file gives it: raw lengths, angles in the file's unit.
@@ -53,48 +108,6 @@ struct Parser {
     parents: HashMap<String, u64>,
     children: Vec<(String, Vec<String>)>,
     hierarchy_seen: bool,
-}
-
-/// Reads a skeleton. `unit` (centimetres in one raw unit) overrides the file's own.
-pub fn read(input: Input, unit: Option<f64>) -> Result<Asf> {
-    let name = input.name.clone();
-    let mut lines = Lines::new(name.clone(), input.into_reader());
-    let mut parser = Parser::default();
-    let mut section = String::new();
-    while let Some(line) = lines.next_line()? {
-        let text = line.split('#').next().unwrap_or("").trim().to_string();
-        let here = lines.here();
-        if text.is_empty() {
-            continue;
-        }
-        if let Some(rest) = text.strip_prefix(':') {
-            section = rest
-                .split_whitespace()
-                .next()
-                .unwrap_or("")
-                .to_ascii_lowercase();
-            continue;
-        }
-        // Brackets and commas are white space to the format (Acclaim Skeleton File Definition 1.10).
-        let words: Vec<&str> = text
-            .split(|c: char| c.is_whitespace() || "(),".contains(c))
-            .filter(|w| !w.is_empty())
-            .collect();
-        if words.is_empty() {
-            continue;
-        }
-        match section.as_str() {
-            "units" => parser.units(&words),
-            "root" => parser.root(&words),
-            "bonedata" => parser.bone(&words, here.line.unwrap_or(0)),
-            "hierarchy" => parser.hierarchy(&words, here.line.unwrap_or(0)),
-            "" => Err("expected a section such as :units; this is no ASF file".to_string()),
-            // :version, :name, :documentation and whatever else does not bear on motion.
-            _ => Ok(()),
-        }
-        .map_err(|what| Error::data(here, what))?;
-    }
-    parser.finish(&name, unit)
 }
 
 /// Three numbers.
@@ -456,16 +469,4 @@ fn bound(word: &str, open: f64) -> std::result::Result<f64, String> {
         "inf" | "infinity" => Ok(open),
         _ => parse_number(word),
     }
-}
-
-/// Whether the start of a text looks like an ASF file.
-pub fn looks_like(start: &str) -> bool {
-    start
-        .lines()
-        .any(|l| l.trim_start().to_ascii_lowercase().starts_with(":bonedata"))
-}
-
-/// A reader over text for tests and for callers that hold the file already.
-pub fn parse(name: &str, text: impl BufRead + 'static) -> Result<Asf> {
-    read(Input::new(name, text)?, None)
 }

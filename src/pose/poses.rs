@@ -1,6 +1,6 @@
 //! Poses: frames of named points, with their takes and times.
 
-use ndarray::{Array2, ArrayView1};
+use ndarray::{Array2, ArrayView1, s};
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
@@ -25,6 +25,16 @@ impl Poses {
             time: time.into_iter().collect(),
             take: take.into_iter().collect(),
             ..Poses::default()
+        }
+    }
+
+    /// The poses of some frames, with their times and takes.
+    pub fn slice(&self, frames: Range<usize>) -> Poses {
+        Poses {
+            points: self.points.clone(),
+            xyz: self.xyz.slice(s![frames.clone(), ..]).to_owned(),
+            time: self.time.as_ref().map(|t| t[frames.clone()].to_vec()),
+            take: self.take.as_ref().map(|t| t[frames].to_vec()),
         }
     }
 

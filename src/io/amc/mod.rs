@@ -6,15 +6,22 @@
 mod block;
 mod write;
 
-pub use write::{write_frame, write_header};
+use write::{write_frame, write_header};
 
 use super::Input;
 use super::asf::Asf;
+use super::output::write_file;
 use super::text::{BLOCK, Lines, Pace, check_length, excerpt, parse_number};
+use crate::pose::kinematics::{Posture, Space};
+use crate::pose::{Poses, Skeleton};
 use crate::{Error, Place, Result};
 use block::Blocks;
+use ndarray::{Array2, ArrayView2};
+use rayon::prelude::*;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::sync::Arc;
 
 /// One frame of a take.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -32,6 +39,135 @@ pub struct AmcFrames {
     pub numbers: Vec<u64>,
     /// Their values, one frame's behind the other's, as in [`AmcFrame::values`].
     pub values: Vec<f64>,
+}
+
+/// The number of frames that one thread turns into positions at a time.
+const CHUNK: usize = 64;
+
+impl AmcFrames {
+    /// The positions of `joints` (bones of `skeleton`, whose ends they are): three numbers a joint, centimetres, frame
+    /// after frame.
+    pub fn positions(&self, skeleton: &Skeleton, joints: &[usize], space: Space) -> Vec<f64> {
+        let (dofs, width) = (skeleton.dof_count(), 3 * joints.len());
+        let needed = skeleton.ancestors(joints);
+        let mut xyz = vec![0.0; self.numbers.len() * width];
+        // Skeletons without degrees of freedom or a list without joints: nothing to compute.
+        let chunks = xyz.par_chunks_mut((CHUNK * width).max(1)).enumerate();
+        chunks.for_each(|(chunk, out)| {
+            let (mut posture, mut q) = (Posture::default(), vec![0.0; dofs]);
+            for (i, out) in out.chunks_exact_mut(width).enumerate() {
+                q.copy_from_slice(&self.values[(chunk * CHUNK + i) * dofs..][..dofs]);
+                skeleton.move_root_to(&mut q, space);
+                skeleton.posture_of_bones(&needed, &q, &mut posture);
+                for (&joint, out) in joints.iter().zip(out.chunks_exact_mut(3)) {
+                    out.copy_from_slice(&posture.ends[joint].to_array());
+                }
+            }
+        });
+        xyz
+    }
+}
+
+/// A take in memory: the joint angles of a skeleton over time.
+///
+/// ```
+/// use posing::io::{Amc, Asf};
+///
+/// let asf = Asf::open("testdata/cmu/09/09.asf")?;
+/// let take = Amc::open("testdata/cmu/09/09_01.amc", &asf)?;
+/// let poses = take.to_poses(120.0)?;
+/// assert_eq!(poses.points[0], "root");
+/// assert_eq!(poses.frames(), take.frames.numbers.len());
+/// # Ok::<(), posing::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Amc<'a> {
+    asf: &'a Asf,
+    /// The take's name: that of the file, without its extension.
+    pub name: String,
+    /// The frames.
+    pub frames: AmcFrames,
+}
+
+impl<'a> Amc<'a> {
+    /// Opens a take of the skeleton `asf`.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound AMC file, or one of another skeleton; the
+    /// place has the line.
+    pub fn open(path: impl AsRef<Path>, asf: &'a Asf) -> Result<Amc<'a>> {
+        let path = path.as_ref();
+        let mut reader = AmcReader::new(asf, Input::open(path)?, false)?;
+        let (mut frames, mut block) = (AmcFrames::default(), AmcFrames::default());
+        while reader.read_block(&mut block)? {
+            frames.numbers.append(&mut block.numbers);
+            frames.values.append(&mut block.values);
+        }
+        let name = path.file_stem().unwrap_or(path.as_os_str());
+        Ok(Amc {
+            asf,
+            name: name.to_string_lossy().into_owned(),
+            frames,
+        })
+    }
+
+    /// A take of the skeleton `asf` from `values` (frames, degrees of freedom; radians and centimetres), whose first
+    /// frame has the number `first`.
+    pub fn from_values(asf: &'a Asf, first: u64, values: ArrayView2<'_, f64>) -> Amc<'a> {
+        Amc {
+            asf,
+            name: String::new(),
+            frames: AmcFrames {
+                numbers: (first..).take(values.nrows()).collect(),
+                values: values.iter().copied().collect(),
+            },
+        }
+    }
+
+    /// The positions of all joints of the skeleton, as captured. A frame's time is its number less one, over `rate`
+    /// frames a second: an AMC file does not state its rate.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: a rate that is not above zero.
+    pub fn to_poses(&self, rate: f64) -> Result<Poses> {
+        if !(rate > 0.0 && rate.is_finite()) {
+            return Err(Error::usage(format!(
+                "a rate of {rate}: expected a number above zero"
+            )));
+        }
+        let skeleton = &self.asf.skeleton;
+        let joints: Vec<usize> = (0..skeleton.bones().len()).collect();
+        let xyz = self.frames.positions(skeleton, &joints, Space::World);
+        let numbers = &self.frames.numbers;
+        let take: Arc<str> = Arc::from(&*self.name);
+        Ok(Poses {
+            points: skeleton.bones().iter().map(|b| b.name.clone()).collect(),
+            xyz: Array2::from_shape_vec((numbers.len(), 3 * joints.len()), xyz)
+                .map_err(|e| Error::usage(e.to_string()))?,
+            time: Some(numbers.iter().map(|&n| (n as f64 - 1.0) / rate).collect()),
+            take: Some(vec![take; numbers.len()]),
+        })
+    }
+
+    /// The file's text, in degrees and the skeleton's units.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut out = Vec::new();
+        write_header(&mut out);
+        let frames = self.frames.numbers.iter();
+        let values = (self.frames.values).chunks_exact(self.asf.skeleton.dof_count().max(1));
+        for (&number, values) in frames.zip(values) {
+            write_frame(&mut out, self.asf, number, values);
+        }
+        out
+    }
+
+    /// Writes an AMC file, complete or not at all.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the file cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        write_file(path, &self.to_bytes())
+    }
 }
 
 /// Reads the frames of a take, one at a time or as many as are there.
@@ -328,7 +464,7 @@ mod tests {
     const ASF: &str = "\u{feff}# made for tests\r\n:version 1.10\r\n:units\r\n  length 0.45\r\n  angle deg\r\n:root\n order TX TY TZ RX RY RZ\n axis XYZ\n position 0 0 0\n orientation 0 0 0\n:bonedata\n begin\n id 1\n name hip\n direction 1 0 0\n length 2\n axis 0 0 0 XYZ\n end\n begin\n name leg\n direction 0 -1 0\n length 4.5\n axis 10 20 30 ZYX\n dof rx rz\n limits (-10 20)\n (-inf inf)\n end\n:hierarchy\n begin\n root hip\n hip leg\n end\n";
 
     pub(super) fn asf() -> Asf {
-        super::super::asf::parse("t.asf", ASF.as_bytes()).unwrap()
+        Asf::read(Input::new("t.asf", ASF.as_bytes()).unwrap(), None).unwrap()
     }
 
     fn take(text: &str, keep: bool) -> Result<Vec<AmcFrame>> {
@@ -365,7 +501,7 @@ mod tests {
         let frames = take(TWO, false).unwrap();
         let mut out = Vec::new();
         write_header(&mut out);
-        frames.iter().for_each(|f| write_frame(&mut out, &asf, f));
+        (frames.iter()).for_each(|f| write_frame(&mut out, &asf, f.number, &f.values));
         let back = take(std::str::from_utf8(&out).unwrap(), false).unwrap();
         for (a, b) in frames.iter().zip(&back) {
             assert!(
@@ -439,7 +575,8 @@ mod tests {
     #[test]
     fn bad_skeletons_are_refused() {
         let says = |text: String, part: &str| {
-            let e = super::super::asf::parse("t.asf", std::io::Cursor::new(text.into_bytes()))
+            let e = Input::new("t.asf", std::io::Cursor::new(text.into_bytes()))
+                .and_then(|input| Asf::read(input, None))
                 .unwrap_err()
                 .to_string();
             assert!(e.starts_with("t.asf") && e.contains(part), "{e}");

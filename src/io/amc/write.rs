@@ -1,24 +1,24 @@
 //! Takes written.
 
-use super::{AmcFrame, Asf};
+use super::Asf;
 use crate::io::text::push_f64;
 
 /// The head of an AMC file, in degrees as CMU's are.
-pub fn write_header(out: &mut Vec<u8>) {
+pub(super) fn write_header(out: &mut Vec<u8>) {
     out.extend_from_slice(b":FULLY-SPECIFIED\n:DEGREES\n");
 }
 
 /// Appends one frame in degrees and raw units. Ten decimals: a millionth of a millimetre at arm's length.
-pub fn write_frame(out: &mut Vec<u8>, asf: &Asf, frame: &AmcFrame) {
+pub(super) fn write_frame(out: &mut Vec<u8>, asf: &Asf, number: u64, values: &[f64]) {
     use std::io::Write;
     // Writing to memory cannot fail.
-    let _ = writeln!(out, "{}", frame.number);
+    let _ = writeln!(out, "{number}");
     for (i, bone) in asf.skeleton.bones().iter().enumerate() {
         if bone.dofs.is_empty() {
             continue;
         }
         out.extend_from_slice(bone.name.as_bytes());
-        for (dof, &value) in bone.dofs.iter().zip(&frame.values[asf.skeleton.dofs_of(i)]) {
+        for (dof, &value) in bone.dofs.iter().zip(&values[asf.skeleton.dofs_of(i)]) {
             let value = if dof.channel.is_angle() {
                 value.to_degrees()
             } else {

@@ -5,4 +5,8 @@ pub mod correspondence;
 pub mod initial_pose;
 pub mod sequence;
 pub mod skeleton_estimation;
+mod skeleton_fit;
 pub mod solver;
+
+pub use skeleton_estimation::estimate_skeleton;
+pub use skeleton_fit::{FittedTake, SkeletonFit};

@@ -12,23 +12,23 @@
 //! out of place, a name is missing or braces do not match, so that to make a text safe for it is to parse it all. It
 //! can write only what it read: its builder drops the joints.
 
-mod convert;
-mod motion;
-mod parse;
-mod render;
-mod rig;
-mod target;
-mod words;
+mod export;
+mod read;
+mod skeleton;
+mod write;
 
-pub use convert::BvhExporter;
-pub use parse::{Loaded, read};
-pub use render::render;
-pub use rig::{BvhPoints, BvhSkeleton};
-pub use target::Target;
+pub use export::BvhExporter;
+pub use skeleton::{BvhPoints, BvhSkeleton, BvhTemplate};
 
-use crate::pose::Channel;
-use glam::DVec3;
+use super::input::Input;
+use super::output::write_file;
+use crate::pose::kinematics::Posture;
+use crate::pose::poses::round_rate;
+use crate::pose::{Channel, Poses};
+use crate::{Error, Result};
+use glam::{DMat3, DVec3};
 use ndarray::Array2;
+use std::path::Path;
 
 /// The most joints and End Sites a file may have: no skeleton has them.
 pub const MOST_JOINTS: usize = 4096;
@@ -36,41 +36,100 @@ pub const MOST_JOINTS: usize = 4096;
 /// One joint.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
-    /// Its name; no two are equal.
+    /// The joint's name; no two are equal.
     pub name: String,
-    /// The joint it hangs on, which comes before it; `None` for the first alone.
+    /// The index of the parent joint, which comes before this one; `None` for the first alone.
     pub parent: Option<usize>,
-    /// From its parent's joint, in its parent's frame.
+    /// From the parent joint to this one, in the parent's frame, centimetres.
     pub offset: DVec3,
-    /// Its channels in the file's order.
+    /// The channels in the file's order.
     pub channels: Vec<Channel>,
-    /// Its End Sites, from its joint, in its own frame. Most have none or one.
+    /// The End Sites, from this joint, in this joint's frame, centimetres. Most joints have none or one.
     pub ends: Vec<DVec3>,
 }
 
 /// A hierarchy and its motion, in the file's axes; centimetres and radians.
 #[derive(Debug, Clone, Default)]
 pub struct Bvh {
-    /// Depth first, as the file names them.
+    /// The joints, depth first, as the file names them.
     pub joints: Vec<Joint>,
-    /// Seconds from frame to frame, as the file says.
+    /// The file's Frame Time: seconds from frame to frame.
     pub frame_time: f64,
     /// (frames, channels), radians and centimetres.
     pub motion: Array2<f64>,
+    /// What the reader found odd in the file, a line each.
+    pub notes: Vec<String>,
 }
 
 impl Bvh {
-    /// How many channels a frame has.
+    /// Opens a BVH file in centimetres.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no sound BVH file; the place has the line.
+    pub fn open(path: impl AsRef<Path>) -> Result<Bvh> {
+        Bvh::read(Input::open(path)?, 1.0, false)
+    }
+
+    /// Writes a BVH file in centimetres, complete or not at all.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the file cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        write_file(path, &self.to_bytes(1.0))
+    }
+
+    /// The number of channels of a frame.
     pub fn channels(joints: &[Joint]) -> usize {
         joints.iter().map(|j| j.channels.len()).sum()
+    }
+
+    /// Frames a second, rounded to the exact rate that the Frame Time stands for (files often cut it to six decimals);
+    /// `None` where the Frame Time is zero.
+    pub fn rate(&self) -> Option<f64> {
+        let rate = 1.0 / self.frame_time;
+        (self.frame_time > 0.0 && rate.is_finite()).then(|| round_rate(rate))
+    }
+
+    /// The positions of the joints and End Sites (`NAME_end`), for a file whose y axis points up.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the Frame Time is zero and there are several frames, or the joints are no tree.
+    pub fn to_poses(&self) -> Result<Poses> {
+        let skeleton = BvhSkeleton::new(&self.joints, DMat3::IDENTITY, true)?;
+        let rate = match self.rate() {
+            None if self.motion.nrows() > 1 => {
+                return Err(Error::usage("the Frame Time is 0: the rate is unknown"));
+            }
+            rate => rate.unwrap_or(1.0),
+        };
+        Ok(self.positions(&skeleton, BvhPoints::Origins, rate))
+    }
+
+    /// The positions of `which` points of `skeleton`, which is that of [`Bvh::joints`], at `rate` frames a second.
+    pub fn positions(&self, skeleton: &BvhSkeleton, which: BvhPoints, rate: f64) -> Poses {
+        let points = skeleton.points(which);
+        let mut xyz = Array2::zeros((self.motion.nrows(), 3 * points.len()));
+        let (mut posture, mut q) = (Posture::default(), vec![0.0; skeleton.skeleton.dof_count()]);
+        for (frame, mut out) in self.motion.rows().into_iter().zip(xyz.rows_mut()) {
+            skeleton.values(frame.as_slice().unwrap_or(&frame.to_vec()), &mut q);
+            skeleton.skeleton.posture_into(&q, &mut posture);
+            let ends = points
+                .iter()
+                .flat_map(|&(_, bone)| posture.ends[bone].to_array());
+            out.iter_mut().zip(ends).for_each(|(to, v)| *to = v);
+        }
+        Poses {
+            points: points.iter().map(|(name, _)| name.clone()).collect(),
+            time: Some((0..xyz.nrows()).map(|i| i as f64 / rate).collect()),
+            xyz,
+            take: None,
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::io::Input;
-    use glam::DMat3;
     use rand::Rng;
     use std::io::Cursor;
 
@@ -80,8 +139,8 @@ mod tests {
         End site\n {\n OFFSET 0 1e0 0\n }\n }\n JOINT b\n {\n OFFSET 0 10 .5\n CHANNELS 1 Yrotation\n EndSite {\n }\n \
         }\n JOINT a\n {\n OFFSET -3 0 0\n }\n}\nMOTION\nFrames : 2\nFrame Time:.0083333\n";
 
-    fn load(text: impl Into<Vec<u8>>, whole: bool) -> crate::Result<Loaded> {
-        read(Input::new("t.bvh", Cursor::new(text.into()))?, 1.0, whole)
+    fn load(text: impl Into<Vec<u8>>, whole: bool) -> Result<Bvh> {
+        Bvh::read(Input::new("t.bvh", Cursor::new(text.into()))?, 1.0, whole)
     }
 
     fn odd(values: &str) -> String {
@@ -94,7 +153,7 @@ mod tests {
     fn odd_files_are_read() {
         let loaded = load(odd(&FRAME.repeat(2)), false).unwrap();
         assert_eq!(loaded.notes.len(), 1, "{:?}", loaded.notes);
-        let bvh = loaded.bvh;
+        let bvh = loaded;
         let names: Vec<&str> = bvh.joints.iter().map(|j| j.name.as_str()).collect();
         assert_eq!(names, ["Left Hip:x", "a", "b", "a_2"]);
         assert_eq!(bvh.motion.dim(), (2, 10));
@@ -145,26 +204,20 @@ mod tests {
         }
         // Laid out otherwise, values count alone.
         let wrapped = frame(&FRAME.replace('5', "5\n")).repeat(3);
-        assert_eq!(load(odd(&wrapped), false).unwrap().bvh.motion.nrows(), 3);
+        assert_eq!(load(odd(&wrapped), false).unwrap().motion.nrows(), 3);
         let by_width = FRAME.repeat(10);
         let by_width: Vec<&str> = by_width.split_whitespace().collect();
         let by_width: Vec<String> = by_width.chunks(9).map(|c| c.join(" ") + "\n").collect();
         let first_whole = frame(FRAME) + &by_width.concat();
-        assert_eq!(
-            load(odd(&first_whole), false).unwrap().bvh.motion.nrows(),
-            11
-        );
+        assert_eq!(load(odd(&first_whole), false).unwrap().motion.nrows(), 11);
         let two_at_once = frame(FRAME) + &frame(&FRAME.repeat(2));
-        assert_eq!(
-            load(odd(&two_at_once), false).unwrap().bvh.motion.nrows(),
-            3
-        );
+        assert_eq!(load(odd(&two_at_once), false).unwrap().motion.nrows(), 3);
     }
 
     #[test]
     fn frames_are_counted_not_believed() {
         let three = load(odd(&FRAME.repeat(3)), false).unwrap();
-        assert_eq!(three.bvh.motion.nrows(), 3);
+        assert_eq!(three.motion.nrows(), 3);
         assert!(
             three.notes[0].contains("says 2 frames and holds 3"),
             "{:?}",
@@ -180,14 +233,13 @@ mod tests {
         assert_eq!(
             load(odd(&format!("{FRAME}1 2")), true)
                 .unwrap()
-                .bvh
                 .motion
                 .nrows(),
             1
         );
-        assert_eq!(load(odd(""), false).unwrap().bvh.motion.nrows(), 0);
+        assert_eq!(load(odd(""), false).unwrap().motion.nrows(), 0);
         let many = odd(FRAME).replace("Frames : 2", "Frames: 99999999999999");
-        assert_eq!(load(many, false).unwrap().bvh.motion.nrows(), 1);
+        assert_eq!(load(many, false).unwrap().motion.nrows(), 1);
     }
 
     #[test]
@@ -245,12 +297,12 @@ mod tests {
 
     #[test]
     fn what_is_written_reads_back_here_and_in_bvh_anim() {
-        let mut bvh = load(odd(&FRAME.repeat(2)), false).unwrap().bvh;
+        let mut bvh = load(odd(&FRAME.repeat(2)), false).unwrap();
         // What the crate cannot read: names with spaces or colons, leaves without an End Site.
         bvh.joints[0].name = "root".into();
         bvh.joints[3].ends.push(DVec3::X);
-        let text = render(&bvh, 2.54);
-        let back = read(
+        let text = bvh.to_bytes(2.54);
+        let back = Bvh::read(
             Input::new("t", Cursor::new(text.clone())).unwrap(),
             2.54,
             false,
@@ -258,7 +310,7 @@ mod tests {
         .unwrap();
         assert!(back.notes.is_empty(), "{:?}", back.notes);
         let near = |a: DVec3, b: DVec3| (a - b).length() <= 1e-5;
-        for (a, b) in bvh.joints.iter().zip(&back.bvh.joints) {
+        for (a, b) in bvh.joints.iter().zip(&back.joints) {
             assert_eq!(
                 (&a.name, a.parent, &a.channels),
                 (&b.name, b.parent, &b.channels)
@@ -269,16 +321,12 @@ mod tests {
                     && a.ends.len() == b.ends.len()
             );
         }
-        assert!(
-            (&bvh.motion - &back.bvh.motion)
-                .iter()
-                .all(|e| e.abs() <= 1e-5)
-        );
-        assert!((bvh.frame_time - back.bvh.frame_time).abs() <= 1e-10);
+        assert!((&bvh.motion - &back.motion).iter().all(|e| e.abs() <= 1e-5));
+        assert!((bvh.frame_time - back.frame_time).abs() <= 1e-10);
         let other = bvh_anim::from_bytes(&text).unwrap();
         assert_eq!(other.num_frames(), 2);
         assert_eq!(other.joints().count(), bvh.joints.len());
-        for (frame, row) in other.frames().zip(back.bvh.motion.rows()) {
+        for (frame, row) in other.frames().zip(back.motion.rows()) {
             let kinds = bvh.joints.iter().flat_map(|j| &j.channels);
             for ((a, &b), kind) in frame.as_slice().iter().zip(row).zip(kinds) {
                 let b = if kind.is_angle() {
@@ -302,7 +350,7 @@ mod tests {
         let mut agreed = 0;
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
-            let ours = read(Input::open(&path).unwrap(), 1.0, false).unwrap().bvh;
+            let ours = Bvh::open(&path).unwrap();
             let Ok(other) = bvh_anim::from_bytes(std::fs::read(&path).unwrap()) else {
                 continue;
             };
@@ -375,17 +423,17 @@ mod tests {
                 continue;
             };
             for sliding in [true, false] {
-                let rig = BvhSkeleton::new(&loaded.bvh.joints, DMat3::IDENTITY, sliding).unwrap();
+                let rig = BvhSkeleton::new(&loaded.joints, DMat3::IDENTITY, sliding).unwrap();
                 let mut q = vec![0.0; rig.skeleton.dof_count()];
-                for row in loaded.bvh.motion.rows() {
+                for row in loaded.motion.rows() {
                     rig.values(&row.to_vec(), &mut q);
                     assert!(rig.skeleton.posture(&q).ends.iter().all(|e| e.is_finite()));
                 }
             }
-            let again = render(&loaded.bvh, 1.0);
+            let again = loaded.to_bytes(1.0);
             assert_eq!(
-                load(again, false).unwrap().bvh.motion.dim(),
-                loaded.bvh.motion.dim()
+                load(again, false).unwrap().motion.dim(),
+                loaded.motion.dim()
             );
         }
     }

@@ -5,11 +5,13 @@
 //! an ASF turns by `L = C M C⁻¹` in the rest pose's axes, `G = G_parent L`, so the joint's rotation is L, the OFFSETs
 //! are the ASF's and the poses are equal.
 
-use super::Joint;
+use super::{Bvh, Joint};
 use crate::pose::kinematics::Posture;
 use crate::pose::rotation::{Axis, decompose};
 use crate::pose::{Channel, Skeleton};
+use crate::{Error, Result};
 use glam::{DMat3, DVec3};
+use ndarray::{Array2, ArrayView2};
 
 /// Turns postures of a skeleton into frames of a BVH file.
 pub struct BvhExporter<'a> {
@@ -96,6 +98,44 @@ impl<'a> BvhExporter<'a> {
             *near = decompose(&own, self.order, *near);
             out.extend(*near);
         }
+    }
+}
+
+impl Bvh {
+    /// The motion of `skeleton` with the given `values` (frames, degrees of freedom; radians and centimetres). `order`
+    /// is that of the rotation channels, the last turning first; `turn` carries our axes (y up) to the file's.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: not as many values a frame as the skeleton has degrees of freedom.
+    pub fn from_values(
+        skeleton: &Skeleton,
+        values: ArrayView2<'_, f64>,
+        order: [Axis; 3],
+        turn: DMat3,
+        frame_time: f64,
+    ) -> Result<Bvh> {
+        if values.ncols() != skeleton.dof_count() {
+            return Err(Error::usage(format!(
+                "{} values a frame for {} degrees of freedom",
+                values.ncols(),
+                skeleton.dof_count()
+            )));
+        }
+        let mut exporter = BvhExporter::new(skeleton, order, turn);
+        let (mut posture, mut motion) = (Posture::default(), Vec::new());
+        for q in values.rows() {
+            skeleton.posture_into(&q.to_vec(), &mut posture);
+            exporter.frame(&posture, &mut motion);
+        }
+        let joints = exporter.joints;
+        let shape = (values.nrows(), Bvh::channels(&joints));
+        let motion = Array2::from_shape_vec(shape, motion);
+        Ok(Bvh {
+            joints,
+            frame_time,
+            motion: motion.map_err(|e| Error::usage(e.to_string()))?,
+            notes: Vec::new(),
+        })
     }
 }
 

@@ -4,10 +4,11 @@
 //! So each place on a joint where something stands becomes a bone without freedom, and each joint a bone without length
 //! that turns. Joints that start at one place share it, so that it is the end of the bone above them.
 
-use super::Joint;
+use super::{Bvh, Joint};
 use crate::Result;
 use crate::pose::{Bone, Channel, Dof, Skeleton};
 use glam::{DMat3, DVec3};
+use ndarray::{Array2, ArrayView2};
 use std::collections::HashMap;
 
 /// What the points of a table of this hierarchy are.
@@ -190,6 +191,51 @@ impl BvhSkeleton {
     /// The skeleton's values as a frame's channels.
     pub fn frame<'a>(&'a self, q: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         (self.channels.iter().zip(&self.still)).map(|(c, still)| c.map_or(*still, |i| q[i]))
+    }
+}
+
+/// A BVH file whose hierarchy, offsets and channels another motion takes over.
+#[derive(Debug, Clone)]
+pub struct BvhTemplate {
+    joints: Vec<Joint>,
+    /// The kinematics of the joints; bones keep their lengths.
+    pub skeleton: BvhSkeleton,
+}
+
+impl BvhTemplate {
+    /// The hierarchy of `bvh`; `turn` carries the file's axes to ours (y up).
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`]: the joints are no tree.
+    pub fn new(bvh: Bvh, turn: DMat3) -> Result<BvhTemplate> {
+        Ok(BvhTemplate {
+            skeleton: BvhSkeleton::new(&bvh.joints, turn, false)?,
+            joints: bvh.joints,
+        })
+    }
+
+    /// For each name of a table's points the bone at whose end the point is.
+    pub fn bones_of(&self, names: &[String]) -> Vec<Option<usize>> {
+        let points = self.skeleton.points(self.skeleton.points_among(names));
+        let find = |n: &String| points.iter().find(|p| p.0 == *n).map(|p| p.1);
+        names.iter().map(find).collect()
+    }
+
+    /// The template with another motion: `values` (frames, degrees of freedom of the skeleton; radians and
+    /// centimetres).
+    pub fn with_values(&self, values: ArrayView2<'_, f64>, frame_time: f64) -> Bvh {
+        let mut motion = Array2::zeros((values.nrows(), Bvh::channels(&self.joints)));
+        for (q, mut frame) in values.rows().into_iter().zip(motion.rows_mut()) {
+            let q = q.to_vec();
+            let channels = self.skeleton.frame(&q);
+            frame.iter_mut().zip(channels).for_each(|(to, v)| *to = v);
+        }
+        Bvh {
+            joints: self.joints.clone(),
+            frame_time,
+            motion,
+            notes: Vec::new(),
+        }
     }
 }
 

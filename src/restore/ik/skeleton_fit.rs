@@ -1,0 +1,159 @@
+//! A skeleton fitted to a take, from poses to a motion file.
+
+use super::correspondence::{Correspondence, match_points};
+use super::sequence::{SequenceFit, SequenceSettings, fit_sequence};
+use crate::io::Bvh;
+use crate::io::bvh::BvhTemplate;
+use crate::pose::rotation::Axis;
+use crate::pose::{Poses, Skeleton};
+use crate::{Error, Result};
+use glam::DMat3;
+use ndarray::ArrayView2;
+
+/// Inverse kinematics of a take: the degrees of freedom of a skeleton from the positions of its joints.
+///
+/// ```
+/// use posing::io::{Amc, Asf};
+/// use posing::restore::ik::SkeletonFit;
+///
+/// let asf = Asf::open("testdata/cmu/09/09.asf")?;
+/// let mut take = Amc::open("testdata/cmu/09/09_01.amc", &asf)?.to_poses(120.0)?;
+/// take = take.slice(0..3);
+/// let fit = SkeletonFit::new(&asf.skeleton).fit(&take)?;
+/// assert!(fit.sequence.mean <= 0.1); // centimetres
+/// let folder = tempfile::tempdir()?;
+/// fit.to_bvh()?.save(folder.path().join("walk.bvh"))?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct SkeletonFit<'a> {
+    target: Target<'a>,
+    /// Restarts, limits and tolerances.
+    pub settings: SequenceSettings,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Target<'a> {
+    Skeleton(&'a Skeleton),
+    Template(&'a BvhTemplate),
+}
+
+impl<'a> SkeletonFit<'a> {
+    /// Fits `skeleton`, whose joints are the ends of its bones.
+    pub fn new(skeleton: &'a Skeleton) -> SkeletonFit<'a> {
+        SkeletonFit {
+            target: Target::Skeleton(skeleton),
+            settings: SequenceSettings::default(),
+        }
+    }
+
+    /// Fits the skeleton of a BVH file; [`FittedTake::to_bvh`] keeps that file's hierarchy, offsets and channels.
+    pub fn with_template(template: &'a BvhTemplate) -> SkeletonFit<'a> {
+        SkeletonFit {
+            target: Target::Template(template),
+            settings: SequenceSettings::default(),
+        }
+    }
+
+    /// Keeps the degrees of freedom within the skeleton's limits. Off by default: captured motion often exceeds them.
+    pub fn limits(mut self, keep: bool) -> SkeletonFit<'a> {
+        self.settings.solve.limits = keep;
+        self
+    }
+
+    /// The skeleton that is solved for.
+    pub fn skeleton(&self) -> &'a Skeleton {
+        match self.target {
+            Target::Skeleton(skeleton) => skeleton,
+            Target::Template(template) => &template.skeleton.skeleton,
+        }
+    }
+
+    /// The points of `poses` that are joints of the skeleton, by name.
+    pub fn correspondence(&self, poses: &Poses) -> Correspondence {
+        let names = &poses.points;
+        let bones: Vec<Option<usize>> = match self.target {
+            Target::Skeleton(skeleton) => names.iter().map(|n| skeleton.find(n)).collect(),
+            Target::Template(template) => template.bones_of(names),
+        };
+        match_points(poses, &bones)
+    }
+
+    /// Fits the skeleton to one take. A point that is missing leaves its joint's degrees of freedom as they were in
+    /// the frame before.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: no point has the name of a joint, or the skeleton has too many degrees of freedom.
+    pub fn fit(&self, poses: &Poses) -> Result<FittedTake<'a>> {
+        self.fit_with_progress(poses, &mut |_| ())
+    }
+
+    /// [`SkeletonFit::fit`], and calls `observer` with the number of frames done.
+    ///
+    /// # Errors
+    /// Those of [`SkeletonFit::fit`].
+    pub fn fit_with_progress(
+        &self,
+        poses: &Poses,
+        observer: &mut dyn FnMut(usize),
+    ) -> Result<FittedTake<'a>> {
+        let matched = self.correspondence(poses);
+        let sequence = fit_sequence(
+            self.skeleton(),
+            &matched.joints,
+            matched.xyz.view(),
+            &self.settings,
+            observer,
+        )?;
+        Ok(FittedTake {
+            target: self.target,
+            sequence,
+            points: matched.names,
+            rate: poses.rate(),
+        })
+    }
+}
+
+/// The motion of a skeleton that was fitted to a take.
+#[derive(Debug, Clone)]
+pub struct FittedTake<'a> {
+    target: Target<'a>,
+    /// The degrees of freedom, and how well they fit.
+    pub sequence: SequenceFit,
+    /// The names of the points that were fitted.
+    pub points: Vec<String>,
+    /// Frames a second, where the take has times.
+    pub rate: Option<f64>,
+}
+
+impl FittedTake<'_> {
+    /// (frames, degrees of freedom of the skeleton), radians and centimetres.
+    pub fn values(&self) -> ArrayView2<'_, f64> {
+        self.sequence.values.view()
+    }
+
+    /// The motion as a BVH with rotation channels Z, Y, X and the y axis up (a template keeps its own).
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the take has no times, so that its rate is unknown.
+    pub fn to_bvh(&self) -> Result<Bvh> {
+        let Some(rate) = self.rate else {
+            return Err(Error::usage("the take has no times: its rate is unknown"));
+        };
+        self.to_bvh_with([Axis::Z, Axis::Y, Axis::X], DMat3::IDENTITY, rate)
+    }
+
+    /// The motion as a BVH at `rate` frames a second. `order` is that of the rotation channels, the last turning first;
+    /// `turn` carries the file's axes to ours (y up). A template keeps its own order and axes.
+    ///
+    /// # Errors
+    /// None for values that [`SkeletonFit`] made.
+    pub fn to_bvh_with(&self, order: [Axis; 3], turn: DMat3, rate: f64) -> Result<Bvh> {
+        match self.target {
+            Target::Template(template) => Ok(template.with_values(self.values(), 1.0 / rate)),
+            Target::Skeleton(skeleton) => {
+                Bvh::from_values(skeleton, self.values(), order, turn.transpose(), 1.0 / rate)
+            }
+        }
+    }
+}
