@@ -90,7 +90,7 @@ fn faults_are_one_line_with_place_and_remedy() {
             .stderr(contains(part))
             .stdout(predicate::str::is_empty());
         let said = String::from_utf8(run.get_output().stderr.clone()).unwrap();
-        let faults = said.lines().filter(|l| !l.contains("taken as"));
+        let faults = said.lines().filter(|l| !l.contains("assuming"));
         assert_eq!(faults.count(), 1, "{said}");
     };
     fails(&[], String::new(), "is empty");
@@ -108,7 +108,7 @@ fn faults_are_one_line_with_place_and_remedy() {
     run(&["--keep-whole"], &FILE[..FILE.len() - 9]).success();
     run(&[], &FILE.replace("Frames: 2", "Frames: 7"))
         .success()
-        .stderr(contains("says 7 frames and holds 2"));
+        .stderr(contains("announces 7 frames but has 2"));
 }
 
 #[test]

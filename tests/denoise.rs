@@ -320,7 +320,7 @@ fn poses_unlike_any_seen_are_told() {
         let (cells, said) = run(&folded);
         assert!(cells.iter().all(|c| c.parse::<f64>().unwrap() > 100.0));
         let line =
-            format!("{name}: in {frames} of {frames} frames the restored pose is unlike any");
+            format!("{name}: {frames} of {frames} frames have a pose unlike all training poses");
         assert!(said.contains(&line), "{said}");
         let (cells, said) = run(&walk);
         let like = cells.iter().filter(|c| *c == "0").count();

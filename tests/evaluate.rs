@@ -225,7 +225,10 @@ fn any_number_of_threads_and_a_kill_give_the_same_bytes() {
     });
     let done = command("evaluate").args(&more).assert().success();
     let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
-    assert!(said.contains("36 of 54 cells were done before"), "{said}");
+    assert!(
+        said.contains("36 of 54 results found in the cache"),
+        "{said}"
+    );
     // A work file that is none is not gone on from.
     fs::write(&cells, "hello\n").unwrap();
     let said = fails("evaluate", &texts(&dir.small("killed")), b"", 1);
@@ -279,8 +282,8 @@ fn what_cannot_be_run_is_said_in_a_line() {
             2,
             "observe: the takes have no point \"tail\"",
         ),
-        (vec!["-m", &walk, &walk], 1, "is no model"),
-        (vec![&walk, &walk], 1, "is here again"),
+        (vec!["-m", &walk, &walk], 1, "is not a model"),
+        (vec![&walk, &walk], 1, "appears again"),
     ] {
         let said = fails("evaluate", &[&["-q"][..], &args].concat(), b"", code);
         assert!(said.contains(part), "{said}");

@@ -61,7 +61,7 @@ fn a_model_is_not_tested_on_what_it_was_trained_from() {
         for split in ["takes", "frames"] {
             let said = test(&model, split);
             assert!(
-                said.contains(&format!("was trained from take {take}")),
+                said.contains(&format!("was trained on take {take}")),
                 "{said}"
             );
         }

@@ -173,7 +173,7 @@ fn a_checkpoint_of_another_run_is_refused() {
     assert!(!at("m.npz").exists() && check.exists());
     if fs::metadata(&check).unwrap().len() > 0 {
         assert!(
-            said.contains("another run") && said.contains("remove it to start afresh"),
+            said.contains("other poses or flags") && said.contains("remove it to start again"),
             "{said}"
         );
         let done = args("1", &at("m.npz"));

@@ -307,5 +307,5 @@ fn takes_of_few_frames_have_the_rate_of_others_where_their_times_allow_it() {
     (0..90).for_each(|i| table += &format!("slow,{:.3},0,0,0\n", f64::from(i) / 30.0));
     let other = dir.file("other.csv", table);
     let said = score(&["--fps", "120"], &[other.as_path(), &other], "").code(2);
-    said.stderr(contains("which step 30 times a second"));
+    said.stderr(contains("(30 frames per second)"));
 }

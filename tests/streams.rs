@@ -318,7 +318,7 @@ fn binary_never_goes_to_a_terminal() {
     let said = String::from_utf8_lossy(&out.stdout);
     assert_eq!(out.status.code(), Some(2), "{said}");
     assert!(
-        said.contains("binary output would go to the terminal"),
+        said.contains("will not write binary output to a terminal"),
         "{said}"
     );
     let out = bash(dir.path(), "complete -q --to npy s.csv | head -c 6");

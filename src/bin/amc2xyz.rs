@@ -95,7 +95,7 @@ fn joints(asf: &Asf, args: &Args) -> Result<Vec<usize>> {
     }
     let find = |name: &String| {
         asf.skeleton.find(name).ok_or_else(|| {
-            let what = format!("has no bone \"{name}\"; --joints names those to write");
+            let what = format!("has no bone \"{name}\"; list existing bones in --joints");
             Error::data(Place::file(args.asf.display().to_string()), what)
         })
     };
@@ -134,7 +134,7 @@ fn convert(
     }
     if let Some(number) = reader.dropped {
         messages::info(&format!(
-            "{}: dropped frame {number}, which is cut off",
+            "{}: dropped frame {number}, which is incomplete",
             take.display()
         ));
     }

@@ -70,7 +70,7 @@ fn work(args: &Args) -> Result<Outcome> {
             Up::Z => "z",
         };
         messages::info(&format!(
-            "{name}: taken as {}, {axis} up, as is the custom; --units and --up say otherwise",
+            "{name}: assuming {} and {axis} up; use --units and --up to change this",
             unit.name()
         ));
     }
@@ -101,7 +101,7 @@ fn work(args: &Args) -> Result<Outcome> {
 fn rate(args: &Args, bvh: &Bvh, name: &str) -> Result<f64> {
     match (bvh.rate(), args.fps) {
         (Some(rate), Some(fps)) if (fps - rate).abs() > 1e-4 * rate => Err(Error::usage(format!(
-            "--fps {fps} contradicts the file's Frame Time, {rate} frames a second"
+            "--fps {fps} contradicts the file's Frame Time ({rate} frames per second); leave --fps out"
         ))),
         (Some(rate), _) | (None, Some(rate)) => Ok(rate),
         // A single frame has no rate to be wrong about.

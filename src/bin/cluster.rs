@@ -74,7 +74,7 @@ fn work(args: &Args) -> Result<Outcome> {
         .position(|r| r.iter().any(|v| v.is_nan()))
     {
         let what = format!(
-            "frame {} lacks a value: fill it in first (posing complete)",
+            "frame {} has missing values; fill them first with posing complete",
             bad + 1
         );
         return Err(Error::data(Place::file(&table.name), what));
@@ -95,11 +95,11 @@ fn work(args: &Args) -> Result<Outcome> {
     drop(bar);
     let rms = (clustering.inertia / poses.len().max(1) as f64).sqrt();
     messages::debug(&format!(
-        "{} iterations, rms {rms:.4} cm a coordinate",
+        "{} iterations, RMS {rms:.4} cm per coordinate",
         clustering.iterations
     ));
     if !clustering.converged {
-        messages::info("stopped before the clusters settled");
+        messages::info("stopped before k-means converged");
     }
     if let Some(path) = &args.save {
         save(args, &table, &clustering, poses.view(), path)?;
@@ -164,7 +164,7 @@ fn refuse_others(args: &Args, folder: &Path) -> Result<()> {
         if is_part && !own.contains(&name) {
             return Err(Error::data(
                 Place::file(entry.path().display().to_string()),
-                "would stand among the parts as one of them: move it away, or name another folder",
+                "is from another split and would be mixed up with this one; move it, or choose another folder",
             ));
         }
     }

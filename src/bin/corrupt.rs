@@ -71,7 +71,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let noise = args.dense.is_some() || args.sparse.is_some();
     let hiding = args.keep.is_some() || args.drop.is_some();
     if !noise && !hiding && args.gaps.is_none() {
-        let what = "nothing to do; name --dense, --sparse, --keep, --drop or --gaps";
+        let what = "nothing to do; give --dense, --sparse, --keep, --drop or --gaps";
         return Err(Error::usage(what));
     }
     let corruption = Corruption {
@@ -89,7 +89,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let corruptor = corruption.check(&rows.columns().points)?;
     let gaps = args.gaps.zip(args.length);
     if gaps.is_some() && rows.columns().time.is_none() && args.table.fps.is_none() {
-        let what = "has no time column to tell its rate; --fps F gives it";
+        let what = "has no column time; give the frame rate with --fps";
         return Err(Error::data(Place::file(rows.name()), what));
     }
     let mut sink = create_table(&args.out, rows.columns(), &[])?;
@@ -113,7 +113,7 @@ fn work(args: &Args) -> Result<Outcome> {
     if let Some(gaps) = gaps {
         takes.finish(args, gaps, &rows, &mut sink)?;
         if takes.whole == takes.done && frame > 0 {
-            let what = "no take is as long as a gap; a shorter --length would fit";
+            let what = "no take is as long as a gap; use a shorter --length";
             return Err(Error::data(Place::file(rows.name()), what));
         }
     }
@@ -158,7 +158,7 @@ impl Takes {
         };
         let take = take.map_or("the table".into(), |take| format!("take \"{take}\""));
         let short =
-            |why: String| messages::info(&format!("{}: {take} has no gap: {why}", table.name()));
+            |why: String| messages::info(&format!("{}: {take} gets no gap: {why}", table.name()));
         let index = self.done;
         self.done += 1;
         if let Some(rate) = args.table.rate(&poses)? {
@@ -174,18 +174,18 @@ impl Takes {
                 self.whole += 1;
                 let longest = laid.longest;
                 short(format!(
-                    "it is shorter ({longest} frames in a run) than one of {frames} frames"
+                    "its longest run has {longest} frames, a gap has {frames}"
                 ));
             } else if fit < count {
                 let what = format!(
-                    "{take}: only {fit} of {count} gaps of {frames} frames in {} points fit; fewer --gaps, a shorter --length or fewer --points would",
+                    "{take}: only {fit} of {count} gaps of {frames} frames in {} points fit; use fewer --gaps, a shorter --length or fewer --points",
                     args.points
                 );
                 return Err(Error::data(Place::file(table.name()), what));
             }
         } else {
             self.whole += 1;
-            short("its times tell no rate".into());
+            short("its times give no frame rate".into());
         }
         for (row, xyz) in rows.iter().zip(poses.xyz.rows()) {
             sink.write(row, &xyz.to_vec(), &[])?;

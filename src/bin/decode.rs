@@ -61,7 +61,7 @@ fn work(args: &Args) -> Result<Outcome> {
     if pairs.is_empty() {
         return Err(Error::data(
             Place::line(&name, 1),
-            "no atom1 and coef1: expected codes as encode writes them",
+            "no columns atom1 and coef1; expected the output of encode",
         ));
     }
     let columns = Columns::for_points(model.meta.points.clone(), false, false);
@@ -71,7 +71,7 @@ fn work(args: &Args) -> Result<Outcome> {
         let line = record.position().map_or(0, csv::Position::line);
         let place = |part: String| Place::line(&name, line).part(part);
         if record.iter().any(|cell| cell.contains(['\n', '\r'])) {
-            let what = "a cell goes on in the next line: its quote is not closed";
+            let what = "a cell continues on the next line; close its quote";
             return Err(Error::data(Place::line(&name, line), what));
         }
         let is_empty = |column: usize| record.get(column).is_none_or(str::is_empty);
@@ -84,7 +84,7 @@ fn work(args: &Args) -> Result<Outcome> {
                 record.get(coefficient).unwrap_or(""),
             );
             if atom.is_empty() && !coefficient.is_empty() {
-                let what = format!("a coefficient, but no atom{}", k + 1);
+                let what = format!("has a coefficient, but atom{} is empty", k + 1);
                 return Err(Error::data(place(format!("coef{}", k + 1)), what));
             }
             if atom.is_empty() {

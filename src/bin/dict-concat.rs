@@ -92,10 +92,10 @@ fn agrees(model: &Model, first: &Model, path: &std::path::Path) -> Result<()> {
             model.meta.kind
         )
     } else if model.meta.points != first.meta.points {
-        "has other points than the first dictionary".to_string()
+        "has points that differ from the first dictionary's".to_string()
     } else if model.meta.space != first.meta.space {
         format!(
-            "was learnt in {} space, the first dictionary in {} space",
+            "was trained in {} space, the first dictionary in {} space",
             model.meta.space, first.meta.space
         )
     } else {
@@ -108,7 +108,7 @@ fn report(args: &Args, parts: &[Dictionary], joined: &posing::sparse::MergedDict
     let name = |i: usize| args.dictionaries[i].display();
     for c in &joined.closeness {
         messages::info(&format!(
-            "{} ~ {}: coherence median {:.4}, 90% {:.4}, 99% {:.4}, largest {:.6}",
+            "{} and {}: coherence median {:.4}, 90% {:.4}, 99% {:.4}, largest {:.6}",
             name(c.first),
             name(c.second),
             c.median,
@@ -119,7 +119,7 @@ fn report(args: &Args, parts: &[Dictionary], joined: &posing::sparse::MergedDict
     }
     let all: usize = parts.iter().map(Dictionary::len).sum();
     messages::info(&format!(
-        "{all} atoms, {} of them copies, {} dropped, {} written",
+        "{all} atoms read, {} copies, {} dropped, {} written",
         joined.copies,
         joined.dropped.len(),
         joined.dictionary.len()

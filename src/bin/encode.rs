@@ -65,7 +65,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let stream = RowStream::open(&args.input, false, false)?;
     if stream.columns().points != model.meta.points {
         let what = format!(
-            "its points are not the dictionary's ({}, …) in their order",
+            "has points that differ from the dictionary's ({}, …), or another order",
             model.meta.points[0]
         );
         return Err(Error::data(Place::file(stream.name()), what));
@@ -87,7 +87,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let mut first = batches.next()?;
     if let Some(poses) = &first {
         let search = encoder.strategy(poses.nrows());
-        messages::debug(&format!("{} atoms, found {search}", dictionary.len()));
+        messages::debug(&format!("{} atoms, search {search}", dictionary.len()));
     }
     let with_rows = encoder.strategy(most) == SearchStrategy::Gram;
     if let Some(poses) = first.take_if(|p| !with_rows || p.nrows() < most) {

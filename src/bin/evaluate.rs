@@ -145,7 +145,7 @@ fn work(args: Args) -> Result<Outcome> {
     let data = Dataset::new(&sources(&args.table, &plan.tables)?, &plan.subjects)?;
     if data.incomplete > 0 {
         messages::info(&format!(
-            "{} frames lack a point and are left out",
+            "{} frames skipped: missing points",
             data.incomplete
         ));
     }

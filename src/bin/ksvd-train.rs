@@ -123,14 +123,14 @@ fn work(args: &Args) -> Result<Outcome> {
     let state = training.train(|| {
         let dictionary = start(args, &ksvd, &poses, init)?;
         let search = Encoder::new(&dictionary, ksvd.omp())?.strategy(poses.xyz.nrows());
-        messages::debug(&format!("{} atoms, found {search}", dictionary.len()));
+        messages::debug(&format!("{} atoms, search {search}", dictionary.len()));
         Ok(dictionary)
     })?;
     if let (Some(error), Some(last)) = (args.error, state.history.last())
         && !ksvd.reached(&state)
     {
         messages::info(&format!(
-            "ended at an RMS of {:.4} cm, above the {error} asked for",
+            "stopped at an RMS of {:.4} cm, above --error {error}",
             last.fresh_rms
         ));
     }
@@ -181,10 +181,10 @@ fn start(
         ..GrowthSearch::default()
     };
     let tell = |t: &posing::sparse::Trial| {
-        messages::debug(&format!("{} atoms: rms {:.4} cm", t.atoms, t.rms))
+        messages::debug(&format!("{} atoms: RMS {:.4} cm", t.atoms, t.rms))
     };
     let found = search.start(xyz, &mut { tell })?;
-    messages::info(&format!("starts from {} atoms", found.dictionary.len()));
+    messages::info(&format!("starting from {} atoms", found.dictionary.len()));
     Ok(found.dictionary)
 }
 
@@ -195,8 +195,7 @@ fn initial(args: &Args, path: &Path, poses: &TrainingSet) -> Result<Dictionary> 
     let dictionary = if input.kind() == ContentKind::Npz {
         let model = Model::read(input)?;
         if model.meta.points != poses.points || model.meta.space != args.space.name() {
-            let what =
-                "is a dictionary of other points or of another space than the training poses";
+            let what = "is a dictionary whose points or space differ from the training poses'";
             return Err(posing::Error::data(posing::Place::file(&name), what));
         }
         prior::sparse_coding::dictionary(&model, &name)?

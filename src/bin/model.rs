@@ -103,7 +103,7 @@ fn summary(model: &Model) -> String {
         format!("{}, {numbers} numbers: {groups}", arrays.len()),
     ));
     lines.extend(meta.sparsity.map(|k| ("sparsity", k.to_string())));
-    let rms = |rms| format!("{rms:.4} cm a coordinate, over the training poses");
+    let rms = |rms| format!("{rms:.4} cm per coordinate over the training poses");
     lines.extend(meta.training_rms.map(|e| ("rms", rms(e))));
     let scalars = meta
         .details

@@ -121,7 +121,7 @@ fn work(args: &Args) -> Result<Outcome> {
         0 => files.iter().map(|f| name_of(f)).collect(),
         n if n == files.len() => args.names.clone(),
         n => {
-            let what = format!("--names names {n} figures, there are {}", files.len());
+            let what = format!("--names has {n} names for {} figures", files.len());
             return Err(Error::usage(what));
         }
     };
@@ -139,12 +139,12 @@ fn work(args: &Args) -> Result<Outcome> {
     let clock = drawn.iter().find(|d| d.poses.time.is_some());
     let clock = &clock.unwrap_or(&drawn[0]).poses;
     let Some(rate) = args.input.rate(clock)? else {
-        let what = "no rate can be told from the table's times; give frames a second with --fps";
+        let what = "the table's times give no frame rate; give it with --fps";
         return Err(Error::usage(what));
     };
     let bones = bones(args.bones.as_deref(), &clock.points)?;
     if bones.is_empty() {
-        messages::info("none of the points is joined to another: name the bones with --bones");
+        messages::info("no bones to draw between these points; list them with --bones");
     }
     let figures = drawn.iter().zip(&names).map(|(table, name)| Figure {
         name,
@@ -188,7 +188,7 @@ fn format(args: &Args) -> Result<To> {
         (None, Some("svg")) => To::Svg,
         (None, Some("html" | "htm")) => To::Html,
         _ => {
-            let what = "an SVG or a page? Name it: -o FILE.svg, -o FILE.html, or --to svg|html";
+            let what = "choose a format: -o FILE.svg, -o FILE.html, or --to svg|html";
             return Err(Error::usage(what));
         }
     };
@@ -218,7 +218,10 @@ fn svg(args: &Args, scene: &Scene<'_>) -> Result<String> {
         None => args.frames.clone(),
     };
     if frames.len() > MOST_DRAWN {
-        let what = format!("{} frames in one SVG: at most {MOST_DRAWN}", frames.len());
+        let what = format!(
+            "{} frames in one SVG; at most {MOST_DRAWN} are possible, see --every",
+            frames.len()
+        );
         return Err(Error::usage(what));
     }
     let defaults = figure::Options::default();

@@ -120,7 +120,7 @@ fn binary(name: &str) -> Result<PathBuf> {
         return Ok(here);
     }
     if commands::find(name).is_none() {
-        let what = format!("no command \"{name}\"; posing alone lists them");
+        let what = format!("no command \"{name}\"; posing without arguments lists the commands");
         return Err(Error::usage(what));
     }
     // An installed launcher may be reached through a link.

@@ -134,11 +134,11 @@ fn work(args: &Args) -> Result<Outcome> {
     };
     drop(bar);
     if Tuning::read(&model).is_some_and(|t| t.tested == 0) {
-        messages::info("too few poses to hold any back: nothing is tuned");
+        messages::info("too few poses to hold any out: the model is not tuned");
     }
     if is_multiscale(&args.kind) && poses.takes.len() < 2 {
         messages::info(
-            "a single take: none can be held back, so all levels of the mixture weigh alike and no pose is reported as unlike the training poses",
+            "a single take cannot be held out: all levels get equal weight and unlike poses are not reported; train on several takes",
         );
     }
     model.meta.credit.clone_from(&args.credit);

@@ -70,7 +70,7 @@ fn work(args: &Args) -> Result<Outcome> {
     for (name, count) in tables.left_out().filter(|(_, count)| *count > 0) {
         let truth = args.truth.display();
         messages::info(&format!(
-            "{name}: left out {count} of its points, which {truth} has not"
+            "{name}: ignored {count} points that {truth} does not have"
         ));
     }
     let mut runs = RunDetector::default();
@@ -87,7 +87,7 @@ fn work(args: &Args) -> Result<Outcome> {
     })?;
     if scores.frames() == 0 {
         let place = Place::file(args.truth.display().to_string());
-        return Err(Error::data(place, "has no frames, nothing can be compared"));
+        return Err(Error::data(place, "has no frames to compare"));
     }
     let report = scores.finish(args.units.name(), args.units.centimetres());
     let mut out = text(&report);

@@ -79,7 +79,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let rate = input.rate(&poses)?;
     report_time_jumps(&poses, &table.name, "an AMC file");
-    let no_joint = format!("no point has the name of a bone of {}", args.asf.display());
+    let no_joint = format!("no point has the name of a bone in {}", args.asf.display());
     let skeleton = SkeletonFit::new(&asf.skeleton).limits(args.limits);
     let fitted = fit(&skeleton, &poses, &table.name, &no_joint)?;
     let take = Amc::from_values(&asf, first_number(&poses, rate), fitted.values());

@@ -97,7 +97,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let table = read_table(&input, false, false)?;
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let Some(rate) = input.rate(&poses)? else {
-        let what = format!("{}: has no rate; give it with --fps", table.name);
+        let what = format!("{}: has no frame rate; give it with --fps", table.name);
         return Err(Error::usage(what));
     };
     report_time_jumps(&poses, &table.name, "a BVH");
@@ -129,7 +129,7 @@ fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
     let (file, notes) = SkeletonFile::read(open(path)?, unit, turn(args.up))?;
     notes.iter().for_each(|n| messages::info(n));
     if matches!(file, SkeletonFile::Bvh(_)) && args.order.is_some() {
-        let what = "--order: a BVH given as skeleton keeps the order of its channels";
+        let what = "--order cannot be used with a BVH skeleton, which keeps its own order";
         return Err(Error::usage(what));
     }
     Ok(file)

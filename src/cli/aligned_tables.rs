@@ -214,7 +214,9 @@ impl<'a> AlignedTables<'a> {
         let frames = self.frames;
         Err(Error::data(
             Place::file(short),
-            format!("ends after {frames} frames, {long} goes on; they must have the same frames"),
+            format!(
+                "ends after {frames} frames, before {long}; the tables must have the same frames"
+            ),
         ))
     }
 
@@ -237,7 +239,7 @@ impl<'a> AlignedTables<'a> {
                     return Err(Error::data(
                         self.place(table).part(what),
                         format!(
-                            "\"{value}\", but \"{known}\" in {other}; they must have the same frames"
+                            "is \"{value}\", but \"{known}\" in {other}; the tables must have the same frames"
                         ),
                     ));
                 }
@@ -263,7 +265,7 @@ fn order(points: &[String], first: &str, stream: &RowStream) -> Result<Vec<usize
     let own: HashMap<&str, usize> = own.map(|(i, p)| (p.as_str(), i)).collect();
     let find = |point: &String| {
         own.get(point.as_str()).copied().ok_or_else(|| {
-            let what = format!("has no point \"{point}\", which {first} has");
+            let what = format!("lacks the point \"{point}\" of {first}");
             Error::data(Place::file(stream.name()), what)
         })
     };

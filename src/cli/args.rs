@@ -186,7 +186,7 @@ impl InputArgs {
                 Ok(Some(flag))
             }
             (Some(table), Some(flag)) => Err(Error::usage(format!(
-                "--fps {flag} contradicts the table's times, which step {table} times a second"
+                "--fps {flag} contradicts the table's times ({table} frames per second); leave --fps out"
             ))),
             (table, flag) => Ok(table.or(flag)),
         }
@@ -202,7 +202,7 @@ fn timed(poses: &Poses) -> Range<usize> {
 pub fn parse_rate(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 && v <= 1e6 => Ok(v),
-        _ => Err("expected frames a second, above zero".into()),
+        _ => Err("expected frames per second, above 0 to 1000000".into()),
     }
 }
 
@@ -210,7 +210,7 @@ pub fn parse_rate(text: &str) -> std::result::Result<f64, String> {
 pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
-        _ => Err("expected a number above zero".into()),
+        _ => Err("expected a number above 0".into()),
     }
 }
 

@@ -140,7 +140,7 @@ fn read_config(path: &Path) -> Result<Config> {
     let name = input.name.clone();
     let bytes = input.read_all(LARGEST_CONFIG)?;
     let text = String::from_utf8(bytes)
-        .map_err(|_| Error::data(Place::file(&name), "is no TOML file: it is not UTF-8"))?;
+        .map_err(|_| Error::data(Place::file(&name), "is not a TOML file: it is not UTF-8"))?;
     Config::parse(&text, &name)
 }
 
@@ -163,8 +163,7 @@ fn given(path: &Path) -> Result<Method> {
     let model = input::open_model(path)?;
     let source = path.display().to_string();
     if model.meta.space != "body" {
-        let what = "is a model of poses in world space; models are compared in body space \
-                    (train it with --space body)";
+        let what = "is a model in world space; evaluate compares models in body space (train it with --space body)";
         return Err(Error::data(Place::file(&source), what));
     }
     let choice = prior::OpenOptions::default();
@@ -180,7 +179,7 @@ fn given(path: &Path) -> Result<Method> {
     };
     if provenance.digests.is_empty() {
         messages::info(&format!(
-            "{source}: does not tell what it was trained from; a leak shows only in poses that it keeps"
+            "{source}: has no digests of its training data; overlap with test takes is detected only from poses it stores"
         ));
     }
     Ok(Method {
@@ -324,7 +323,7 @@ pub fn run(
     let total = bench.cases().len();
     let had = total - bench.remaining(&finished);
     if had > 0 {
-        messages::info(&format!("{had} of {total} cells were done before"));
+        messages::info(&format!("{had} of {total} results found in the cache"));
     }
     let bar = Progress::new("evaluate", total as u64);
     bar.set(had as u64);
@@ -333,7 +332,7 @@ pub fn run(
         match event {
             Event::Training { model, split, seed } => {
                 let words = format!("{model}, {} {seed}", split.name());
-                messages::debug(&format!("trains {words}"));
+                messages::debug(&format!("training {words}"));
                 bar.set_message(words);
             }
             Event::Result { key, result } => {

@@ -21,7 +21,7 @@ pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
             &format!("{jumps} times")
         };
         messages::info(&format!(
-            "{name}: the time jumps {times}; in {format} those frames follow at once"
+            "{name}: the time jumps {times}; {format} cannot show the pause"
         ));
     }
 }
@@ -61,7 +61,7 @@ fn unmatched_message(matched: &Correspondence, table: &str) -> Option<String> {
         _ => &format!("{count} points are"),
     };
     Some(format!(
-        "{table}: {points} no joint of the skeleton and left out: {names}"
+        "{table}: {points} not in the skeleton and left out: {names}"
     ))
 }
 
@@ -83,17 +83,17 @@ fn fit_messages(fit: &SequenceFit, names: &[String]) -> Vec<String> {
             names.get(point).map_or("?", String::as_str),
             frame + 1
         )),
-        None => lines.push("fit: no point is there to fit; the pose is the rest pose".into()),
+        None => lines.push("fit: no point to fit; writing the rest pose".into()),
     }
     if fit.incomplete > 0 {
         lines.push(format!(
-            "{} had missing points; hidden joints hold their last pose",
+            "{} had missing points; joints without points keep their last pose",
             frames(fit.incomplete)
         ));
     }
     if fit.unplaced > 0 {
         lines.push(format!(
-            "{} did not place the root, which stays where it was",
+            "{} could not place the root; it keeps its last position",
             frames(fit.unplaced)
         ));
     }

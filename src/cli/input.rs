@@ -26,7 +26,7 @@ pub fn open_model(path: &Path) -> Result<Model> {
 pub fn check_single_stdin<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.into_iter().filter(|p| *p == Path::new("-")).count() {
         0 | 1 => Ok(()),
-        _ => Err(Error::usage("standard input (-) is named more than once")),
+        _ => Err(Error::usage("standard input (-) is given more than once")),
     }
 }
 
@@ -41,7 +41,7 @@ pub fn check_single_stdin_with<'a>(
     match named.filter(|p| *p == Path::new("-")).count() + unnamed {
         0 | 1 => Ok(()),
         _ => Err(Error::usage(
-            "standard input (-) would be read for two things; name a file",
+            "standard input (-) is needed twice; use a file for one of them",
         )),
     }
 }

@@ -49,10 +49,7 @@ impl PlotTable {
         }
         let poses = builder.finish();
         if poses.frames() == 0 {
-            return Err(Error::data(
-                Place::file(file),
-                "has no frames, nothing can be drawn",
-            ));
+            return Err(Error::data(Place::file(file), "has no frames to draw"));
         }
         let shape = (poses.frames(), poses.points.len());
         let status = if told {

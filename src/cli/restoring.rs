@@ -117,7 +117,7 @@ pub fn complete(
 ) -> Result<Outcome> {
     if task.per_frame && settings.max_gap.is_some() {
         return Err(Error::usage(
-            "--max-gap wants time: it does not go with --per-frame",
+            "--max-gap needs times and cannot be used with --per-frame",
         ));
     }
     let frames = |job: &BoundModel, xyz: ArrayView2<'_, f64>| complete::frames(job, xyz);
@@ -130,7 +130,7 @@ pub fn complete(
     };
     let mut summary = RunSummary::new(settings.max_gap.is_some());
     go(task, observe, true, &frames, &take, &mut summary)?;
-    summary.report("too little is seen to fill in what is missing", task.status);
+    summary.report("left empty: too few points visible", task.status);
     Ok(Outcome::Done)
 }
 
@@ -146,7 +146,7 @@ pub fn denoise(task: &Task<'_>, settings: Denoise) -> Result<Outcome> {
     };
     let mut summary = RunSummary::default();
     go(task, None, false, &frames, &take, &mut summary)?;
-    summary.report("too little is seen to place the model", task.status);
+    summary.report("left unchanged: too few points visible", task.status);
     Ok(Outcome::Done)
 }
 
@@ -170,15 +170,15 @@ fn go(
     let job = job(task, &table.columns)?;
     let Some(rate) = task.input.rate(&table.poses)? else {
         let lack = match table.poses.time {
-            Some(_) => "the table's times tell no rate",
+            Some(_) => "the table's times give no frame rate",
             None => "the table has no time",
         };
         if summary.max_gap {
-            let what = format!("--max-gap wants a rate, but {lack}: --fps gives it");
+            let what = format!("--max-gap needs a frame rate, but {lack}; give it with --fps");
             return Err(Error::usage(what));
         }
         messages::info(&format!(
-            "{lack}: each frame is answered by itself (--fps gives the rate)"
+            "{lack}: restoring each frame by itself (--fps sets the frame rate)"
         ));
         let xyz = hide(table.poses.xyz.clone(), &hidden);
         let restored = frames(&job, job.gather(xyz.view()).view());
@@ -310,8 +310,7 @@ fn job(task: &Task<'_>, columns: &Columns) -> Result<BoundModel> {
     let asks = choice.sparsity.is_some() || choice.rule != OpenOptions::default().rule;
     if asks && kind != "sparse" {
         messages::info(&format!(
-            "{name} is of kind {kind}, which has no atoms to choose: --sparsity and --pursuit change nothing (ksvd-train and \
-             dict-concat make models that have)"
+            "{name} is of kind {kind}, not a dictionary: --sparsity and --pursuit have no effect"
         ));
     }
     let job = BoundModel::new(&model, &choice, &name, &columns.points, task.world)?;
@@ -330,10 +329,10 @@ fn tell_strangers(points: &[String], known: &[String]) {
     match count {
         0 => {}
         1 => messages::info(&format!(
-            "1 point is none of the model's and stays as it is {names}"
+            "1 point is not in the model and stays unchanged {names}"
         )),
         _ => messages::info(&format!(
-            "{count} points are none of the model's and stay as they are {names}"
+            "{count} points are not in the model and stay unchanged {names}"
         )),
     }
 }
@@ -345,7 +344,7 @@ fn hidden(columns: &Columns, observe: Option<&[String]>) -> Result<Vec<usize>> {
     };
     if let Some(name) = observe.iter().find(|n| !columns.points.contains(n)) {
         return Err(Error::usage(format!(
-            "--observe {name}: the table has no such point"
+            "--observe {name}: the table has no point of this name"
         )));
     }
     let hidden = (0..columns.points.len()).filter(|&p| !observe.contains(&columns.points[p]));

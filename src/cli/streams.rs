@@ -17,7 +17,7 @@ pub fn open_output(path: Option<&Path>, binary: bool) -> Result<Output> {
             Output::file(path)
         }
         _ if binary && io::stdout().is_terminal() => Err(Error::usage(
-            "binary output would go to the terminal; name a file with -o, or pipe it on",
+            "will not write binary output to a terminal; use -o FILE or a pipe",
         )),
         _ => Ok(Output::stream(
             "standard output",

@@ -119,15 +119,12 @@ impl RunSummary {
     pub fn report(&self, too_little: &str, status: bool) {
         if self.too_little > 0 {
             messages::info(&format!(
-                "in {} of {} frames {too_little}",
+                "{} of {} frames {too_little}",
                 self.too_little, self.frames
             ));
         }
         if self.rejected > 0 {
-            messages::info(&format!(
-                "{} points cannot be where they were captured and counted for nothing",
-                self.rejected
-            ));
+            messages::info(&format!("ignored {} outliers", self.rejected));
         }
         if self.unlike > 0 {
             let which = if status {
@@ -136,20 +133,20 @@ impl RunSummary {
                 "--status"
             };
             messages::info(&format!(
-                "in {} of {} frames the restored pose is unlike any that the model has seen ({which} tells by how much)",
+                "{} of {} frames have a pose unlike all training poses ({which} shows by how much)",
                 self.unlike, self.frames
             ));
         }
         if self.max_gap && self.left > 0 {
-            messages::info(&format!("{} points stay missing", self.left));
+            messages::info(&format!("{} points left empty", self.left));
         }
         messages::debug(&format!(
-            "{} frames, {} points filled in",
+            "{} frames, {} points filled",
             self.frames, self.filled
         ));
         if self.noise > 0.0 {
             messages::debug(&format!(
-                "noise {:.3} cm a coordinate",
+                "noise {:.3} cm per coordinate",
                 self.noise / self.frames.max(1) as f64
             ));
         }

@@ -40,9 +40,9 @@ impl Run<'_> {
                 return Ok(());
             };
             bar.set(report.iteration as u64);
-            bar.set_message(format!("rms {:.3} cm", report.fresh_rms));
+            bar.set_message(format!("RMS {:.3} cm", report.fresh_rms));
             messages::debug(&format!(
-                "iteration {}: rms {:.4} cm",
+                "iteration {}: RMS {:.4} cm",
                 report.iteration, report.fresh_rms
             ));
             if let Some((file, path)) = &mut log {
@@ -53,7 +53,7 @@ impl Run<'_> {
         match resumed {
             Some(mut state) => {
                 messages::info(&format!(
-                    "goes on from iteration {} of its checkpoint",
+                    "resuming from iteration {} of the checkpoint",
                     state.iteration()
                 ));
                 self.ksvd
@@ -118,24 +118,24 @@ impl Run<'_> {
         let model = Model::read(Input::open(path)?)?;
         let details = &model.meta.details;
         if model.meta.kind != "checkpoint" {
-            return Err(fail("is no checkpoint of a training run"));
+            return Err(fail("is not a checkpoint of ksvd-train"));
         }
         if details.get("digest").and_then(|d| d.as_str()) != Some(&self.digest) {
             return Err(fail(
-                "is the checkpoint of another run (other poses or flags); remove it to start afresh",
+                "is the checkpoint of a run with other poses or flags; remove it to start again",
             ));
         }
         let history: Vec<IterationStats> = details
             .get("history")
             .and_then(|h| serde_json::from_value(h.clone()).ok())
-            .ok_or_else(|| fail("has no history; remove it to start afresh"))?;
-        let damaged = |what: &str| fail(&format!("is damaged ({what}); remove it to start afresh"));
+            .ok_or_else(|| fail("has no history; remove it to start again"))?;
+        let damaged = |what: &str| fail(&format!("is damaged ({what}); remove it to start again"));
         let atoms = model.array("atoms", "checkpoint");
         let dictionary = (atoms.and_then(|a| Dictionary::from_rows(a.view())))
             .map_err(|e| damaged(&e.to_string()))?;
         let asked = self.atoms.is_none_or(|n| n == dictionary.len());
         if !asked || dictionary.width() != self.poses.ncols() {
-            return Err(damaged("its atoms are not those of this run"));
+            return Err(damaged("its atoms do not match this run"));
         }
         let codes = Encoder::new(&dictionary, self.ksvd.omp())?.encode(self.poses)?;
         Ok(Some(TrainingState {
@@ -179,8 +179,11 @@ pub fn ready(
     let table = input::read_table(&flags, false, false)?;
     let ready = crate::prior::training_set::ready(&table.poses, world, like, &table.name)?;
     for (count, why) in [
-        (ready.incomplete, "lack a point and are not learnt from"),
-        (ready.unplaced, "cannot be placed and are not learnt from"),
+        (ready.incomplete, "skipped: missing points"),
+        (
+            ready.unplaced,
+            "skipped: cannot be placed in the model's space",
+        ),
     ] {
         if count > 0 {
             messages::info(&format!("{count} of {} frames {why}", table.poses.frames()));

@@ -53,7 +53,7 @@ impl<'a> Dataset<'a> {
                 Err(Error::data(
                     Place::line("poses", i as u64 + 1),
                     format!(
-                        "cannot cluster the value {}: complete the pose or leave it out",
+                        "cannot cluster the value {}; fill the pose or leave it out",
                         x.unwrap_or(&f32::NAN)
                     ),
                 ))

@@ -66,7 +66,7 @@ pub fn text(report: &ScoreReport) -> String {
     let unit = &report.units;
     let rates: Vec<String> = report.rates.iter().map(f64::to_string).collect();
     let rate = match rates.is_empty() {
-        true => "no rate: gap lengths in frames, no accelerations (--fps F)".into(),
+        true => "no frame rate: gap lengths in frames, no accelerations (give --fps)".into(),
         false => {
             let (some, rest) = rates.split_at(rates.len().min(NAMED_RATES));
             let more = match rest.len() {
@@ -84,7 +84,7 @@ pub fn text(report: &ScoreReport) -> String {
         let (missing, of) = (report.all.still_missing, report.all.coordinates);
         let _ = writeln!(
             out,
-            "still missing: {missing} of {} coordinates, in none of the errors below",
+            "still missing: {missing} of {} coordinates, not counted in the errors below",
             missing + of
         );
     }

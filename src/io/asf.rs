@@ -71,7 +71,7 @@ impl Asf {
                 "root" => parser.root(&words),
                 "bonedata" => parser.bone(&words, here.line.unwrap_or(0)),
                 "hierarchy" => parser.hierarchy(&words, here.line.unwrap_or(0)),
-                "" => Err("expected a section such as :units; this is no ASF file".to_string()),
+                "" => Err("expected a section such as :units; not an ASF file".to_string()),
                 // :version, :name, :documentation and whatever else does not bear on motion.
                 _ => Ok(()),
             }
@@ -225,10 +225,7 @@ impl Parser {
             return Err(lacks("name"));
         }
         if bone.name == "root" || self.bones.iter().any(|b| b.name == bone.name) {
-            return Err(format!(
-                "a second bone is named \"{}\"",
-                excerpt(&bone.name)
-            ));
+            return Err(format!("two bones are named \"{}\"", excerpt(&bone.name)));
         }
         if bone.direction.is_none() {
             return Err(lacks("direction"));
@@ -256,7 +253,7 @@ impl Parser {
         let parent = words[0].to_string();
         for child in &words[1..] {
             if self.parents.insert(child.to_string(), line).is_some() {
-                return Err(format!("bone \"{}\" hangs on two parents", excerpt(child)));
+                return Err(format!("bone \"{}\" has two parents", excerpt(child)));
             }
         }
         self.children
@@ -267,9 +264,7 @@ impl Parser {
     fn finish(self, name: &str, unit: Option<f64>) -> Result<Asf> {
         let fail = |what: String| Err(Error::data(Place::file(name), what));
         if self.bones.is_empty() && self.children.is_empty() && self.root_order.is_empty() {
-            return fail(
-                "holds no skeleton; an ASF file has :root, :bonedata and :hierarchy".into(),
-            );
+            return fail("has no skeleton; an ASF file has :root, :bonedata and :hierarchy".into());
         }
         if let Some(bone) = &self.open {
             return fail(format!(
@@ -329,7 +324,7 @@ impl Parser {
             let line = &self.parents[child];
             let Some(raw) = known.get(child) else {
                 let what = format!(
-                    "the hierarchy names \"{}\", which :bonedata does not",
+                    "the hierarchy names \"{}\", which is not in :bonedata",
                     excerpt(child)
                 );
                 return Err(Error::data(Place::line(name, *line), what));
@@ -351,12 +346,9 @@ impl Parser {
                 continue;
             }
             let what = match self.parents.get(&raw.name) {
-                None => format!(
-                    "bone \"{}\" is an orphan: the hierarchy does not name it",
-                    excerpt(&raw.name)
-                ),
+                None => format!("bone \"{}\" is not in the hierarchy", excerpt(&raw.name)),
                 Some(_) => format!(
-                    "bone \"{}\" is on a cycle or hangs on one: root does not reach it",
+                    "bone \"{}\" cannot be reached from root: the hierarchy has a cycle",
                     excerpt(&raw.name)
                 ),
             };
@@ -369,7 +361,7 @@ impl Parser {
             .min()
         {
             let what = format!(
-                "the hierarchy hangs up \"{}\", which is no bone",
+                "the hierarchy names \"{}\", which is not a bone",
                 excerpt(child)
             );
             return Err(Error::data(Place::line(name, *line), what));
@@ -441,7 +433,7 @@ fn channels(words: &[&str]) -> std::result::Result<Vec<Channel>, String> {
             )
         })?;
         if out.contains(&channel) {
-            return Err(format!("\"{}\" stands twice", excerpt(word)));
+            return Err(format!("\"{}\" appears twice", excerpt(word)));
         }
         out.push(channel);
     }

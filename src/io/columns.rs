@@ -54,7 +54,7 @@ impl Columns {
         columns.take = index.get("take").copied();
         columns.time = index.get("time").copied();
         if columns.points.is_empty() {
-            let what = "no point: expected columns such as root.x,root.y,root.z";
+            let what = "has no points; expected columns such as root.x,root.y,root.z";
             return Err(Error::data(place.clone(), what));
         }
         Ok(columns)
@@ -97,8 +97,9 @@ impl Columns {
             }
             None if width == 3 * joints::CMU.len() => joints::cmu_names(),
             None => {
-                let what =
-                    format!("{width} columns are not CMU's 69; name the points with --joints");
+                let what = format!(
+                    "has {width} columns, not the 69 of CMU's joints; name the points with --joints"
+                );
                 return Err(Error::data(place.clone(), what));
             }
         };
@@ -123,7 +124,7 @@ pub fn parse_point_names(list: &str) -> Result<Vec<String>> {
         .find(|n| n.is_empty() || !seen.insert(n.as_str()))
     {
         Some(bad) => Err(Error::usage(format!(
-            "\"{bad}\" in a list of points is empty or stands twice"
+            "\"{bad}\" in the list of points is empty or repeated"
         ))),
         None => Ok(names),
     }

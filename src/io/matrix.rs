@@ -94,7 +94,7 @@ impl Matrix {
         });
         if size != rest.len() as u64 {
             return Err(fail(format!(
-                "holds {} bytes, its shape wants {size}",
+                "has {} bytes, but its shape needs {size}",
                 rest.len()
             )));
         }

@@ -34,7 +34,7 @@ pub fn check_point_count(points: usize, source: &str) -> Result<()> {
         return Ok(());
     }
     let what =
-        format!("has {points} points, a model has at most {MAX_POINTS}; pick those of a body");
+        format!("has {points} points; a model has at most {MAX_POINTS}; keep those of one body");
     Err(Error::data(Place::file(source), what))
 }
 
@@ -257,7 +257,7 @@ impl Model {
         let fail = |what: String| Error::data(Place::file(name), what);
         let broken = |e: zip::result::ZipError| {
             let e = e.to_string();
-            fail(format!("is no sound NPZ archive: {}", excerpt(&e)))
+            fail(format!("is a damaged NPZ archive: {}", excerpt(&e)))
         };
         let mut zip = zip::ZipArchive::new(Cursor::new(&bytes[..])).map_err(broken)?;
         let (mut meta, mut arrays) = (None, BTreeMap::new());
@@ -287,7 +287,7 @@ impl Model {
         }
         let Some(mut meta) = meta else {
             return Err(fail(
-                "is an NPZ archive without meta: no model of posing".into(),
+                "is an NPZ archive without meta, not a model of posing".into(),
             ));
         };
         if meta.format > FORMAT {
@@ -314,7 +314,7 @@ impl Model {
         if points == 0 || !sound {
             return Err(Error::data(
                 Place::file(name).part("meta"),
-                "its points and bones do not fit together",
+                "its points and bones do not match",
             ));
         }
         Ok(Model { meta, arrays })
@@ -358,7 +358,7 @@ impl Model {
         if input.kind() != super::input::ContentKind::Npz {
             return Err(Error::data(
                 Place::file(name),
-                "is no model: expected an .npz file",
+                "is not a model; expected an NPZ file",
             ));
         }
         Model::from_bytes(input.read_all(LARGEST)?, &name)

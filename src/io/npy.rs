@@ -40,7 +40,7 @@ impl Header {
             "<f8" => Ok(true),
             "<f4" => Ok(false),
             other => Err(format!(
-                "holds values of type {}, expected <f4 or <f8",
+                "has values of type {}, expected <f4 or <f8",
                 excerpt(other)
             )),
         }
@@ -69,7 +69,7 @@ impl NpyReader {
             }
         };
         if width == 0 || width % 3 != 0 || width > 3_000_000 {
-            return fail(format!("has {width} columns, expected three a point"));
+            return fail(format!("has {width} columns, expected three per point"));
         }
         let columns = Columns::for_array(width as usize, options.joints.as_deref(), &place)?;
         let mut out = NpyReader {
@@ -186,7 +186,7 @@ impl NpyReader {
     fn short_read(&self, e: std::io::Error) -> Error {
         if e.kind() == std::io::ErrorKind::UnexpectedEof {
             return self.fail(&format!(
-                "ends before its last frame: {} of {} are there",
+                "ends before its last frame: has {} of {}",
                 self.next, self.frames
             ));
         }
@@ -387,7 +387,7 @@ mod tests {
         bytes.pop();
         let e = read(bytes, Some("a,b")).unwrap_err().to_string();
         assert!(
-            e.ends_with(&format!("{} of {} are there", BLOCK / 8 - 1, BLOCK / 8)),
+            e.ends_with(&format!("has {} of {}", BLOCK / 8 - 1, BLOCK / 8)),
             "{e}"
         );
     }
@@ -413,7 +413,7 @@ mod tests {
         says(
             array("<f8", "False", "(2, 6)", &values),
             "a,b",
-            "ends before its last frame: 1 of 2",
+            "ends before its last frame: has 1 of 2",
         );
         says(
             array("<f8", "True", "(2, 6)", &values),

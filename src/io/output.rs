@@ -183,7 +183,9 @@ fn resolved(path: &Path) -> io::Result<(PathBuf, Option<u32>)> {
             None => target,
         };
     }
-    Err(io::Error::other("too many links, or they lead round"))
+    Err(io::Error::other(
+        "too many symbolic links, or a cycle of links",
+    ))
 }
 
 /// The number of the open file of this process that a path leads to, links followed: 1 is standard output.

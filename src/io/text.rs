@@ -170,7 +170,7 @@ pub fn check_length(centimetres: f64) -> std::result::Result<f64, String> {
         Ok(centimetres)
     } else {
         Err(format!(
-            "{centimetres:e} cm is no length: expected at most {MAX_COORDINATE:e} cm"
+            "{centimetres:e} cm is too large: expected at most {MAX_COORDINATE:e} cm"
         ))
     }
 }

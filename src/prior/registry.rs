@@ -120,7 +120,7 @@ fn sparse(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model
     sparse_coding::train(training.poses, &ksvd, training.world, &mut |state| {
         if let Some(last) = state.history.last() {
             report(&format!(
-                "iteration {}: rms {:.3} cm",
+                "iteration {}: RMS {:.3} cm",
                 last.iteration, last.fresh_rms
             ));
         }

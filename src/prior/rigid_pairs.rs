@@ -180,7 +180,7 @@ impl RigidPairs {
             return Ok(RigidPairs::default());
         };
         let wrong = || {
-            let what = "does not list pairs of the model's points with their lengths; train the model again";
+            let what = "is not a list of rigid pairs with their lengths; train the model again";
             Err(Error::data(Place::file(source).part("rigid"), what))
         };
         let points = model.meta.points.len();

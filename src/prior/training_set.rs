@@ -120,8 +120,8 @@ pub fn ready(
     let frames = rows.len() / width.max(1);
     if frames == 0 {
         let what = match out.unplaced {
-            0 => "holds no complete pose to learn from",
-            _ => "holds no pose that can be placed: that takes three points that are not on a line",
+            0 => "has no complete pose to train on",
+            _ => "has no pose that can be placed; that needs three points not on one line",
         };
         return Err(Error::data(Place::file(name), what));
     }
@@ -135,7 +135,7 @@ fn in_order(poses: &Poses, points: &[String], name: &str) -> Result<Poses> {
     let mut columns = Vec::new();
     for point in points {
         let Some(p) = poses.points.iter().position(|n| n == point) else {
-            let what = format!("has no point \"{point}\", which the training poses have");
+            let what = format!("lacks the point \"{point}\" of the training poses");
             return Err(Error::data(Place::file(name), what));
         };
         columns.extend(3 * p..3 * p + 3);

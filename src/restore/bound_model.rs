@@ -54,7 +54,7 @@ impl BoundModel {
             let shown =
                 |list: &[String]| list.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
             let what = format!(
-                "the table has none of the model's points ({}, …); it has {}",
+                "the table has none of the model's points ({}, …); it has {}; convert the names, or train a model with prior-train",
                 shown(names),
                 shown(points)
             );

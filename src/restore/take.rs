@@ -40,7 +40,7 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
     match (wanted, &poses.take) {
         (None, _) if names.len() <= 1 => Ok(poses),
         (None, _) => {
-            let what = format!("holds several takes ({}); choose one with --take", listed());
+            let what = format!("has several takes ({}); choose one with --take", listed());
             Err(Error::data(Place::file(name), what))
         }
         (Some(wanted), Some(takes)) if names.iter().any(|n| **n == *wanted) => {
@@ -59,8 +59,8 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
         }
         (Some(wanted), _) => {
             let what = match names.is_empty() {
-                true => format!("has no take \"{wanted}\": it names no takes; leave --take out"),
-                false => format!("has no take \"{wanted}\"; it holds {}", listed()),
+                true => format!("has no column take; leave --take out"),
+                false => format!("has no take \"{wanted}\"; it has {}", listed()),
             };
             Err(Error::data(Place::file(name), what))
         }
@@ -93,10 +93,7 @@ mod tests {
     fn one_of_several_is_chosen_by_name() {
         let two = || poses(Some(&["w", "w", "v"]));
         let e = one_take(two(), None, "x.csv").unwrap_err().to_string();
-        assert_eq!(
-            e,
-            "x.csv: holds several takes (w, v); choose one with --take"
-        );
+        assert_eq!(e, "x.csv: has several takes (w, v); choose one with --take");
         let v = one_take(two(), Some("v"), "x").unwrap();
         assert_eq!((v.frames(), v.xyz[[0, 0]]), (1, 6.0));
         assert!(one_take(two(), Some("u"), "x").is_err());

@@ -112,7 +112,7 @@ impl ActiveSet {
             && let Some(i) = self.residual.iter().position(|r| !r.is_finite())
         {
             return Err(format!(
-                "number {i} is missing or not finite: give it the weight 0"
+                "coordinate {i} is missing or not finite; give it the weight 0"
             ));
         }
         if self.energy > LARGEST {

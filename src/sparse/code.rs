@@ -99,7 +99,7 @@ pub(super) fn started(
         ("weights", weights.map(|w| w.len())),
     ] {
         if let Some(len) = len.filter(|&len| len != d) {
-            let said = format!("{len} numbers, but the dictionary's atoms have {d}");
+            let said = format!("{len} coordinates, but the dictionary's atoms have {d}");
             return Err(Error::data(Place::file(what), said));
         }
     }

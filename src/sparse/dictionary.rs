@@ -161,12 +161,12 @@ pub(super) fn unit_scale<T: Into<f64> + Copy>(
     for &value in row {
         let value: f64 = value.into();
         if !value.is_finite() {
-            return Err("a number is missing or not finite: an atom must be whole");
+            return Err("an atom has a coordinate that is missing or not finite");
         }
         largest = largest.max(value.abs());
     }
     if largest == 0.0 {
-        return Err("all its numbers are zero: it has no direction");
+        return Err("all its coordinates are zero");
     }
     if !(1e-300..=1e300).contains(&largest) {
         return Err("its largest number is not between 1e-300 and 1e300");

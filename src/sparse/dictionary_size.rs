@@ -92,7 +92,7 @@ impl GrowthSearch {
         self.check()?;
         let rows = distinct(poses, usize::MAX, self.seed);
         if rows.is_empty() {
-            let what = "none of them differs from zero: there is nothing to learn";
+            let what = "all training poses are zero";
             return Err(Error::data(Place::file("training poses"), what));
         }
         let mut tried = Vec::new();

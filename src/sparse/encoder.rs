@@ -104,7 +104,7 @@ impl Poses<'_> {
         let (m, d) = self.values.dim();
         if d != dictionary.width() {
             let what = format!(
-                "{d} numbers a pose, but the atoms have {}",
+                "{d} coordinates per pose, but the atoms have {}",
                 dictionary.width()
             );
             return Err(Error::data(Place::file("poses"), what));

@@ -19,7 +19,7 @@ pub fn random_atoms(poses: ArrayView2<f32>, n: usize, seed: u64) -> Result<Dicti
     if rows.len() < n {
         let found = rows.len();
         return Err(Error::usage(format!(
-            "{n} atoms: the training poses have only {found} that differ and are not zero; ask for at most {found}"
+            "{n} atoms, but only {found} training poses are distinct and not zero; use at most {found} atoms"
         )));
     }
     atoms_of(poses, &rows)
@@ -49,7 +49,7 @@ pub(super) fn atoms_of(poses: ArrayView2<f32>, rows: &[usize]) -> Result<Diction
         .iter()
         .find(|&&i| poses.row(i).iter().any(|v| !v.is_finite()))
     {
-        let what = "a number is missing or not finite: training needs whole poses";
+        let what = "a training pose has a coordinate that is missing or not finite";
         return Err(Error::data(
             Place::line("training poses", (i + 1) as u64),
             what,

@@ -249,8 +249,9 @@ impl Ksvd {
         if fits {
             return Ok(());
         }
-        let what =
-            format!("it is not of {m} poses of {d} numbers coded with {k} atoms: start anew");
+        let what = format!(
+            "it does not match {m} poses of {d} coordinates coded with {k} atoms; start again"
+        );
         Err(Error::data(Place::file("state of the training"), what))
     }
 

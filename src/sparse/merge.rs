@@ -62,9 +62,9 @@ impl DictionaryMerge {
     /// Fails if a parameter is out of its range.
     pub fn check(&self) -> Result<()> {
         match self.prune {
-            Some(c) if !(c > 0.0 && c <= 1.0) => Err(Error::usage(format!(
-                "pruning above a coherence of {c}: it must be above 0 and at most 1"
-            ))),
+            Some(c) if !(c > 0.0 && c <= 1.0) => {
+                Err(Error::usage(format!("--prune {c}: expected above 0 to 1")))
+            }
             _ => Ok(()),
         }
     }
@@ -76,12 +76,12 @@ impl DictionaryMerge {
     pub fn join(&self, parts: &[Dictionary]) -> Result<MergedDictionary> {
         self.check()?;
         let Some(width) = parts.first().map(Dictionary::width) else {
-            return Err(Error::usage("no dictionaries to join: name at least one"));
+            return Err(Error::usage("no dictionaries to join; give at least one"));
         };
         if let Some((i, part)) = parts.iter().enumerate().find(|(_, p)| p.width() != width) {
             let other = part.width();
             return Err(Error::usage(format!(
-                "dictionary {} has poses of {other} numbers and dictionary 1 of {width}: they cannot be joined",
+                "dictionary {} has {other} coordinates, dictionary 1 has {width}; they cannot be joined",
                 i + 1
             )));
         }

@@ -90,7 +90,7 @@ impl Omp {
     pub fn check(&self) -> Result<()> {
         if self.sparsity == 0 {
             return Err(Error::usage(
-                "a sparsity of 0: it must be at least 1 atom a pose",
+                "a sparsity of 0: it must be at least 1 atom per pose",
             ));
         }
         match self.tolerance {

@@ -36,7 +36,7 @@ impl WeightedDictionary {
         let d = dictionary.width();
         if weights.len() != d {
             let said = format!(
-                "{} numbers, but the dictionary's atoms have {d}",
+                "{} coordinates, but the dictionary's atoms have {d}",
                 weights.len()
             );
             return Err(Error::data(Place::file("weights"), said));

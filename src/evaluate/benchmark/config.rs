@@ -131,15 +131,15 @@ impl Settings {
             return usage(format!("--base {bad}: expected 0 to {most} cm"));
         }
         if self.methods.is_empty() {
-            return usage("no model is named: use --models or -m".into());
+            return usage("no model given; use --models or -m".into());
         }
         if self.tasks.is_empty() || self.base.is_empty() {
-            return usage("at least one task and base noise must be asked for".into());
+            return usage("at least one task and one base noise are needed".into());
         }
         let names = |what: &str, names: Vec<String>| {
             let twice = (1..names.len()).find(|&i| names[..i].contains(&names[i]));
             match twice {
-                Some(i) => usage(format!("--{what}: {} is named twice", names[i])),
+                Some(i) => usage(format!("--{what}: {} is given twice", names[i])),
                 None => Ok(()),
             }
         };

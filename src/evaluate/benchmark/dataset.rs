@@ -63,7 +63,7 @@ impl Dataset {
     pub fn new(sources: &[SourceTable], subjects: &BTreeMap<String, String>) -> Result<Dataset> {
         let points = match sources.first() {
             Some(first) => first.poses.points.clone(),
-            None => return Err(Error::usage("no table of poses is given")),
+            None => return Err(Error::usage("no table of poses given")),
         };
         let mut data = Dataset {
             points,
@@ -74,7 +74,7 @@ impl Dataset {
         let (mut rows, mut seen) = (Vec::new(), BTreeMap::new());
         for source in sources {
             if source.poses.points != data.points {
-                let what = format!("has other points than {}", sources[0].name);
+                let what = format!("has points that differ from those of {}", sources[0].name);
                 return Err(Error::data(Place::file(&source.name), what));
             }
             for range in source.poses.takes() {
@@ -84,7 +84,7 @@ impl Dataset {
                 };
                 if let Some(before) = seen.insert(name.clone(), source.name.clone()) {
                     let what = format!(
-                        "take {name} is here again, after {before}: rename one of them, or leave it out"
+                        "take {name} appears again, after {before}; rename one, or leave it out"
                     );
                     return Err(Error::data(Place::file(&source.name), what));
                 }
@@ -96,7 +96,7 @@ impl Dataset {
         if frames == 0 {
             return Err(Error::data(
                 Place::file(&sources[0].name),
-                "holds no complete pose to compare models on",
+                "has no frame without missing points",
             ));
         }
         data.xyz = Array2::from_shape_vec((frames, width), rows)
@@ -128,8 +128,7 @@ impl Dataset {
             if let Some(root) = root
                 && (0..3).any(|a| frame[3 * root + a].abs() > MAX_ROOT_OFFSET)
             {
-                let what = "has a root that is not at the origin: models are compared in body space \
-                            (posing amc2xyz --space body)";
+                let what = "has a root away from the origin; evaluate needs body space (posing amc2xyz --space body)";
                 let place = Place::file(&source.name).part(format!("take {name}"));
                 return Err(Error::data(place, what));
             }

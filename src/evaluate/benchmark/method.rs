@@ -155,7 +155,7 @@ impl Method {
         };
         let fail = |what: String| Err(Error::data(Place::file(&pretrained.source), what));
         if pretrained.points != dataset.points {
-            return fail("is a model of other points than the tables'".into());
+            return fail("is a model whose points differ from the tables'".into());
         }
         let known = pretrained.provenance.takes(dataset);
         if let Some(first) = known.first() {
@@ -164,7 +164,7 @@ impl Method {
                 n => format!(" and {n} more of these takes"),
             };
             return fail(format!(
-                "was trained from take {}{more}: it cannot be tested on what it was trained from; leave them out",
+                "was trained on take {}{more}; a model cannot be tested on its training data; leave these takes out",
                 dataset.takes[*first].name
             ));
         }

@@ -87,7 +87,7 @@ impl<'a> Benchmark<'a> {
         }
         if settings.splits.is_empty() {
             let why = skipped_splits.join("; ");
-            return Err(Error::usage(format!("nothing is left to be run: {why}")));
+            return Err(Error::usage(format!("nothing to run: {why}")));
         }
         for method in &settings.methods {
             method.check_provenance(dataset)?;
@@ -97,7 +97,7 @@ impl<'a> Benchmark<'a> {
             .iter()
             .find(|n| !dataset.points.contains(n));
         if let (Some(name), true) = (unknown, settings.tasks.contains(&Task::Complete)) {
-            let what = format!("observe: the takes have no point \"{name}\"; name some they have");
+            let what = format!("--observe: the takes have no point \"{name}\"");
             return Err(Error::usage(what));
         }
         for &split in &settings.splits {

@@ -262,7 +262,7 @@ impl<'a> AmcReader<'a> {
                 }
             }
         }
-        Err(Error::data(Place::file(&self.lines.name), "holds no frame"))
+        Err(Error::data(Place::file(&self.lines.name), "has no frames"))
     }
 
     /// The next frames into `frames`: those that are there, at least one; `false` at the end of the take.
@@ -345,14 +345,14 @@ impl<'a> AmcReader<'a> {
                 Ok(Some(Line::Bone(bone))) => {
                     if std::mem::replace(&mut self.seen[bone], true) {
                         let name = excerpt(&self.asf.skeleton.bones()[bone].name);
-                        let what = format!("bone \"{name}\" stands twice in frame {number}");
+                        let what = format!("bone \"{name}\" appears twice in frame {number}");
                         return Err(Error::data(self.lines.here(), what));
                     }
                 }
                 Ok(Some(Line::Nothing)) => {}
                 Ok(None) => match self.missing() {
                     Some(bone) => {
-                        let why = format!("bone \"{}\" is not there", excerpt(bone));
+                        let why = format!("bone \"{}\" is missing", excerpt(bone));
                         return self.cut_off(number, &why);
                     }
                     None => break,
@@ -390,7 +390,7 @@ impl<'a> AmcReader<'a> {
         }
         let what = if self.whole > 0 {
             format!(
-                "the take is cut off in frame {number} ({why}) after {} whole frames; --keep-whole keeps those",
+                "the take is cut off in frame {number} ({why}) after {} complete frames; use --keep-whole to keep them",
                 self.whole
             )
         } else {
@@ -548,7 +548,7 @@ mod tests {
             take("", false)
                 .unwrap_err()
                 .to_string()
-                .contains("holds no frame")
+                .contains("has no frames")
         );
     }
 
@@ -586,7 +586,7 @@ mod tests {
                 .replace(" hip leg\n", " hip hip\n"),
             "cycle",
         );
-        says(ASF.replace(" hip leg\n", ""), "orphan");
+        says(ASF.replace(" hip leg\n", ""), "not in the hierarchy");
         says(ASF.replace(" hip leg\n", " hip leg tail\n"), "\"tail\"");
         says(
             ASF.replace(" hip leg\n", " hip leg\n root leg\n"),
@@ -600,6 +600,6 @@ mod tests {
         );
         says(ASF.replace("dof rx rz", "dof rx qz"), "qz");
         says(ASF[..ASF.find("dof").unwrap()].to_string(), "cut off");
-        says(String::new(), "holds no skeleton");
+        says(String::new(), "has no skeleton");
     }
 }

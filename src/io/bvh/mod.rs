@@ -283,7 +283,10 @@ mod tests {
             "expected Frame Time:",
         );
         says(good.replace("90 0", "nan 0"), "frame 1, value 1");
-        says(good.replace("90 0", "1e300 0"), "no length or angle");
+        says(
+            good.replace("90 0", "1e300 0"),
+            "too large for a length or angle",
+        );
         says(
             good.replace("}\nMOTION", "}\nROOT again\n{\nOFFSET 0 0 0\n}\nMOTION"),
             "second ROOT",

@@ -53,7 +53,7 @@ impl Bvh {
                 String::new()
             };
             notes.push(format!(
-                "{name}:{}: \"{}\"{more} does not belong there and is passed over",
+                "{name}:{}: ignored unexpected \"{}\"{more}",
                 parser.words.line_of(at),
                 excerpt(&word)
             ));
@@ -70,7 +70,7 @@ impl Bvh {
         let whole = values.len().checked_div(width).unwrap_or(0);
         if whole * width != values.len() && !keep_whole {
             let what = format!(
-                "ends in frame {} ({} of {width} values) after {whole} whole frames; --keep-whole keeps those",
+                "ends in frame {} ({} of {width} values) after {whole} complete frames; use --keep-whole to keep them",
                 whole + 1,
                 values.len() - whole * width
             );
@@ -78,14 +78,14 @@ impl Bvh {
         }
         if whole as f64 != frames {
             notes.push(format!(
-                "{name}:{}: says {frames} frames and holds {whole}, which count",
+                "{name}:{}: announces {frames} frames but has {whole}; using those",
                 parser.words.line_of(start)
             ));
         }
         let renamed = unique_names(&mut joints);
         if let Some(first) = renamed.first() {
             notes.push(format!(
-                "{name}: {} of a name that stands twice; the first is called {first} here",
+                "{name}: {} of a repeated name; the first is renamed {first}",
                 if renamed.len() == 1 {
                     "1 joint is".into()
                 } else {
@@ -135,7 +135,7 @@ impl Parser<'_> {
             Some((_, word)) if word.eq_ignore_ascii_case("HIERARCHY") => {}
             Some((at, word)) => {
                 let what = format!(
-                    "expected HIERARCHY, found \"{}\"; this is no BVH file",
+                    "expected HIERARCHY, found \"{}\"; not a BVH file",
                     excerpt(word)
                 );
                 return Err(BvhFault(at, what));
@@ -152,15 +152,15 @@ impl Parser<'_> {
             let fault = |what: &str| Err(BvhFault(at, what.to_string()));
             match word.to_ascii_uppercase().as_str() {
                 "MOTION" if !self.stack.is_empty() => {
-                    return fault("MOTION stands inside the hierarchy: a } is missing");
+                    return fault("MOTION is inside the hierarchy: a } is missing");
                 }
                 "MOTION" if self.joints.is_empty() => return fault("the hierarchy has no ROOT"),
                 "MOTION" => return Ok(()),
                 "ROOT" if !self.joints.is_empty() => {
-                    return fault("a second ROOT; each skeleton needs a file of its own");
+                    return fault("a second ROOT; write one skeleton per file");
                 }
                 "JOINT" if !matches!(self.stack.last(), Some(Open::Joint(..))) => {
-                    return fault("JOINT stands outside of any joint");
+                    return fault("JOINT is outside any joint");
                 }
                 "ROOT" | "JOINT" => self.open_joint(at)?,
                 "{" => return fault("expected ROOT, JOINT or End Site before {"),
@@ -240,7 +240,7 @@ impl Parser<'_> {
 
     fn open_end(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
         let Some(Open::Joint(joint, ..)) = self.stack.last() else {
-            return Err(BvhFault(at, "an End Site stands inside another".into()));
+            return Err(BvhFault(at, "an End Site is inside another".into()));
         };
         let joint = *joint;
         self.count(at)?;
@@ -280,7 +280,7 @@ impl Parser<'_> {
                 return Ok(());
             }
             Some(_) => return Err(BvhFault(at, "a second OFFSET in one joint".into())),
-            None => return Err(BvhFault(at, "OFFSET stands outside of any joint".into())),
+            None => return Err(BvhFault(at, "OFFSET is outside any joint".into())),
         }
         if let Some(Open::Joint(joint, ..)) = self.stack.last() {
             self.joints[*joint].offset = value;
@@ -290,7 +290,7 @@ impl Parser<'_> {
 
     fn channels(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
         let Some(Open::Joint(joint, _, seen)) = self.stack.last_mut() else {
-            return Err(BvhFault(at, "CHANNELS stands outside of any joint".into()));
+            return Err(BvhFault(at, "CHANNELS is outside any joint".into()));
         };
         if std::mem::replace(seen, true) {
             return Err(BvhFault(at, "a second CHANNELS in one joint".into()));
@@ -318,7 +318,7 @@ impl Parser<'_> {
             if channels.contains(&channel) {
                 return Err(BvhFault(
                     at,
-                    format!("channel \"{}\" stands twice", excerpt(word)),
+                    format!("channel \"{}\" appears twice", excerpt(word)),
                 ));
             }
             channels.push(channel);
@@ -326,7 +326,7 @@ impl Parser<'_> {
         match self.words.peek() {
             Some((at, word)) if channel(word).is_some() => Err(BvhFault(
                 at,
-                format!("more channels are named than the {count} counted"),
+                format!("more channels than the stated {count}"),
             )),
             _ => Ok(()),
         }
@@ -555,7 +555,7 @@ fn bounded(word: &str) -> std::result::Result<f64, String> {
     match parse_number(word)? {
         v if v.abs() <= LARGEST_NUMBER => Ok(v),
         _ => Err(format!(
-            "\"{}\" is no length or angle of a body",
+            "\"{}\" is too large for a length or angle of a body",
             excerpt(word)
         )),
     }

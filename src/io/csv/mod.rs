@@ -58,7 +58,7 @@ impl CsvReader {
         if header.first().is_some_and(|h| h.starts_with('#')) {
             return Err(Error::data(
                 place,
-                "starts with a comment; a pose table is plain CSV with a header line",
+                "starts with a comment; expected a CSV table that starts with its header line",
             ));
         }
         let columns = Columns::from_header(&header, options.planar, &place)?;

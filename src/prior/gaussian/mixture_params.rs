@@ -94,10 +94,7 @@ impl MixtureParams {
         let (factors, rest) = (array("factors")?, array("rest")?);
         let k = weights.len();
         if k == 0 || weights.iter().any(|w| *w < 0.0) || !(weights.sum() > 0.0) {
-            return Err(wrong(
-                "weights",
-                "are not at least one positive number".into(),
-            ));
+            return Err(wrong("weights", "must be positive, at least one".into()));
         }
         for (name, a, fits) in [
             ("means", &means, means.nrows() == k),
@@ -110,8 +107,7 @@ impl MixtureParams {
         ] {
             if a.ncols() != d || !fits {
                 let (n, m) = a.dim();
-                let what =
-                    format!("({n}, {m}) does not fit {k} GaussianMixturePrior of {d} coordinates");
+                let what = format!("({n}, {m}) does not fit {k} Gaussians of {d} coordinates");
                 return Err(wrong(name, what));
             }
         }

@@ -61,7 +61,7 @@ impl GplvmPrior {
         let typical = model_arrays::typical_or(model, active.view(), source)?;
         let tuned = TaskSettings::read(model, source)?;
         let unsound = || {
-            let what = "its latent points make no sound kernel; train the model again";
+            let what = "its kernel matrix is not positive definite; train the model again";
             Error::data(Place::file(source).part("latent"), what)
         };
         let process = Process::new(&learned).ok_or_else(unsound)?;
@@ -211,7 +211,7 @@ fn learnt(process: Process, typical: Array2<f64>) -> PriorFamily<'static> {
 /// Data: no poses to learn from, or poses no kernel can be made of.
 pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
     let unsound = || {
-        let what = "the latent points make no sound kernel";
+        let what = "the kernel matrix of the latent points is not positive definite";
         Error::data(Place::file("the training poses"), what)
     };
     let mut model = training.model("sik")?;

@@ -118,7 +118,7 @@ impl MultiscaleMixture {
             let labels = (0..labels.nrows()).map(|row| (labels.at(row, p) + 0.5) as u32);
             let labels: Vec<u32> = labels.collect();
             if labels.iter().any(|l| *l as usize >= finest) {
-                return Err(file.wrong("labels", "names a cell that is not there"));
+                return Err(file.wrong("labels", "names a cluster that does not exist"));
             }
             let levels = settings.levels(clusters.len());
             let mut part = PartMixture::new(coordinates, clusters, poses.clone(), &labels, levels);

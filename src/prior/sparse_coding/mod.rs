@@ -64,7 +64,7 @@ pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
     let (d, points) = (atoms.ncols(), model.meta.points.len());
     if d != 3 * points {
         return Err(wrong(format!(
-            "have {d} numbers, but the model has {points} points of 3"
+            "have {d} coordinates, but the model has {points} points"
         )));
     }
     Dictionary::from_rows(atoms.view()).map_err(|e| wrong(e.to_string()))

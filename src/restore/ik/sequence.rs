@@ -87,7 +87,7 @@ pub fn fit_sequence(
     }
     if joints.is_empty() || xyz.ncols() != 3 * joints.len() {
         return Err(Error::usage(
-            "no point of the table is a joint of the skeleton",
+            "no point of the table has the name of a skeleton joint",
         ));
     }
     let mut fitter = SequenceFitter::new(skeleton, joints, settings);

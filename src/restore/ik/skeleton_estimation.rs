@@ -39,7 +39,7 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
     let root = (0..names.len()).rev().max_by_key(|&k| below[k]);
     let Some(root) = root.filter(|&r| below[r] > 1) else {
         return Err(Error::usage(
-            "the points' names do not tell how they hang together; give --skeleton SUBJECT.asf or FILE.bvh",
+            "no skeleton is known for these point names; give --skeleton SUBJECT.asf or FILE.bvh",
         ));
     };
     let at = |k: usize| {
