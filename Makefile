@@ -1,12 +1,12 @@
-# make demo    what posing does, on a real take: installs what is missing, builds, restores, writes a page to look at
-# make test    the tests: installs what is missing, then cargo test; at the end, which tests were skipped and why
-# make lint    formatting, clippy and documentation, each without a warning
+# make demo    restores a damaged walk: installs what is missing, builds, restores, writes an HTML page
+# make test    runs the tests: installs what is missing, then cargo test; lists skipped tests at the end
+# make lint    checks formatting, clippy and documentation for warnings
 # The rest is for developers; see README.md.
 
 CARGO  ?= cargo
 PREFIX ?= /usr/local
 BIN    := target/release
-# The path of the CMU takes (a folder NN/ a subject with NN.asf and NN_*.amc), for `make model` and `make tables`.
+# The folder of the CMU takes, with a folder NN for each subject (NN.asf, NN_*.amc), for `make model` and `make tables`.
 CMU    ?=
 # make tables QUICK=1: a few frames of a few subjects.
 QUICK  ?=
@@ -30,16 +30,16 @@ lint: needs
 build: needs
 	$(CARGO) build --release
 
-# The system's packages, where they are missing.
+# Installs missing system packages.
 needs:
 	@sh .ci/needs
 
-# Learns the built-in model from the CMU takes: every fourth frame of every take.
+# Trains the built-in model on every fourth frame of the CMU takes.
 model: build
 	@test -n "$(CMU)" || { echo 'make model: name the CMU takes: make model CMU=path' >&2; exit 2; }
 	@POSING_BIN=$(BIN) sh testdata/examples/builtin.sh "$(CMU)" src/prior/builtin.npz
 
-# The paper's Tables 1 to 4 again, with a report of every run: target/tables/tables.html. What is done is not done again.
+# Measures the paper's Tables 1 to 4: target/tables/tables.html, and a report of every run. Finished results are kept.
 tables: build
 	@POSING_BIN=$(BIN) sh testdata/examples/tables.sh $(if $(QUICK),--quick) \
 	  "$(or $(CMU),$(wildcard ../shared/data/cmu))" target/tables$(if $(QUICK),-quick)
@@ -47,7 +47,7 @@ tables: build
 bench: needs
 	$(CARGO) bench --bench speed --bench coding --bench latency --bench growth
 
-# posing beside SPAMS, scikit-learn, pyarrow and NumPy, which it fetches into an environment of its own.
+# Compares with SPAMS, scikit-learn, pyarrow and NumPy, installed into a virtual environment.
 PEERS := target/peers
 bench-peers: build
 	@test -d "$(or $(CMU),../shared/data/cmu)/01" || \
@@ -64,7 +64,7 @@ $(PEERS)/ready:
 scale: needs
 	$(CARGO) bench --bench scale -- $(if $(QUICK),--quick)
 
-# Writes pages of the manual and goldens anew, on purpose: look at the difference before you commit it.
+# Writes manual pages and expected outputs again: read the diff before you commit it.
 bless: needs
 	POSING_BLESS=1 $(CARGO) test --release
 

@@ -196,7 +196,7 @@ fn a_take_too_short_for_a_gap_is_told_and_left() {
         .join("\n")
         + "\n";
     let done = corrupt(&["--gaps", "1", "--length", "1"], &short).success();
-    let done = done.stderr(contains("take \"two\" has no gap").and(contains("3 frames")));
+    let done = done.stderr(contains("take \"two\" gets no gap").and(contains("3 frames")));
     let text = String::from_utf8(done.get_output().stdout.clone()).unwrap();
     let tail = |t: &str| t.lines().skip(61).map(String::from).collect::<Vec<_>>();
     assert_eq!(tail(&text), tail(&short));

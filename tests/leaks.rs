@@ -137,7 +137,7 @@ fn copies_and_mirror_images_of_takes_are_found_and_kept_together() {
         .success();
     let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
     assert!(
-        said.contains("take 55_copy, the same as take 07_a,"),
+        said.contains("take 55_copy, a copy of take 07_a,"),
         "{said}"
     );
     assert!(

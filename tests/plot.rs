@@ -69,7 +69,10 @@ fn tables_drawn_together_must_fit() {
         ),
         (&TABLE.replace("w,", "v,"), "of take v"),
         (&TABLE.replace("w,0.2", "w,0.25"), "at 0.25 s"),
-        (&TABLE.replace("unknown", "lost"), "\"lost\" is no status"),
+        (
+            &TABLE.replace("unknown", "lost"),
+            "\"lost\" is not a status",
+        ),
         ("root.x,root.y,root.z\n", "no frames"),
     ] {
         plot(&args, other).code(1).stderr(contains(said));
@@ -96,7 +99,7 @@ fn nothing_is_guessed_and_no_flag_passed_over() {
     plot(&["--to", "html", "--every", "0"], TABLE).code(2);
     plot(&["--to", "svg", "--names", "a,b"], TABLE)
         .code(2)
-        .stderr(contains("there are 1"));
+        .stderr(contains("2 names for 1"));
     plot(&["--to", "svg", "--bones", "root-x"], TABLE)
         .code(2)
         .stderr(contains("root-x"));

@@ -152,7 +152,7 @@ fn work(args: Args) -> Result<Outcome> {
     let bench = Benchmark::new(&data, plan.settings)?;
     for twin in bench.duplicates() {
         messages::info(&format!(
-            "{} stays on one side with it",
+            "{} stays on the same side of every split",
             twin.describe(&data)
         ));
     }

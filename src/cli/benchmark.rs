@@ -259,7 +259,7 @@ impl CacheFile {
         for (i, line) in lines.enumerate().filter(|(_, l)| !l.is_empty()) {
             let line: CacheLine<T> = serde_json::from_slice(line).map_err(|e| {
                 let name = path.display().to_string();
-                let what = format!("is no finished cell ({e}); remove the file, or use --fresh");
+                let what = format!("is not a cached result ({e}); remove the file, or use --fresh");
                 Error::data(Place::line(name, i as u64 + 1), what)
             })?;
             finished.insert(line.key, line.done);

@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(unmatched_message(&matched, "t"), None);
         matched.unmatched = vec!["b".into()];
         let message = unmatched_message(&matched, "t").unwrap();
-        assert!(message.contains("1 point is no joint") && message.ends_with("b"));
+        assert!(message.contains("1 point is not in the skeleton") && message.ends_with("b"));
     }
 
     #[test]

@@ -80,11 +80,11 @@ impl PlotTable {
         for point in &theirs.points {
             match mine.points.iter().position(|p| p == point) {
                 Some(at) => order.push(at),
-                None => return fail(format!("has no point {point}, {} has", first.file)),
+                None => return fail(format!("has no point {point}, which {} has", first.file)),
             }
         }
         if let Some(more) = mine.points.iter().find(|p| !theirs.points.contains(p)) {
-            return fail(format!("has a point {more}, {} has none", first.file));
+            return fail(format!("has a point {more}, which {} lacks", first.file));
         }
         if let (Some(a), Some(b)) = (&mine.take, &theirs.take)
             && let Some(i) = (0..a.len()).find(|&i| a[i] != b[i])
@@ -121,7 +121,7 @@ fn status(file: &str, row: &Row, column: Option<usize>) -> Result<Status> {
     Status::from_name(&word).ok_or_else(|| {
         let line = row.cells.line().unwrap_or(0);
         let names = Status::ALL.map(Status::name).join(", ");
-        let what = format!("\"{word}\" is no status; expected one of {names}");
+        let what = format!("\"{word}\" is not a status; expected one of {names}");
         Error::data(Place::line(file, line), what)
     })
 }
@@ -170,7 +170,7 @@ pub fn bones(said: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)
         pair.match_indices('-')
             .find_map(|(at, _)| Some((find(&pair[..at])?, find(&pair[at + 1..])?)))
             .ok_or_else(|| {
-                let what = "are not two of the table's points with a hyphen between";
+                let what = "is not a pair of the table's points such as head-neck";
                 Error::usage(format!("--bones: \"{pair}\" {what}"))
             })
     };

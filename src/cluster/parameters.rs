@@ -47,10 +47,7 @@ impl KMeans {
         } else if self.max_iterations == 0 {
             "0 iterations: at least 1 is needed".to_string()
         } else if !(self.tolerance >= 0.0 && self.tolerance.is_finite()) {
-            format!(
-                "a tolerance of {}: it must be a number from 0 on",
-                self.tolerance
-            )
+            format!("a tolerance of {}: it must be 0 or more", self.tolerance)
         } else if let Some(branch @ 0..2) = self.branch {
             format!("branch = {branch}: a node of the tree needs at least 2 children")
         } else {

@@ -309,7 +309,7 @@ pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
     let mut rest = file;
     let header = read_header(&mut rest, place)?;
     if header.descr != "|u1" || header.shape[..] != [rest.len() as u64] {
-        return Err(Error::data(place.clone(), "is no plain array of bytes"));
+        return Err(Error::data(place.clone(), "is not an array of bytes"));
     }
     Ok(rest)
 }

@@ -50,7 +50,7 @@ impl TableFormat {
     pub fn check_added(self, added: &[AddedColumn]) -> Result<()> {
         match (self, added.first()) {
             (TableFormat::Npy, Some(lost)) => Err(Error::usage(format!(
-                "an array (NPY) holds coordinates alone: the column {} would be lost; write CSV",
+                "NPY holds coordinates only: the column {} would be lost; write CSV",
                 lost.name
             ))),
             _ => Ok(()),

@@ -1,5 +1,5 @@
 #!/bin/sh
-# What posing does, on a real take: demo.sh FOLDER writes tables, a BVH file and a page to look at into FOLDER.
+# Restores a damaged walk: demo.sh FOLDER writes tables, a BVH file and an HTML page into FOLDER.
 set -eu
 here=$(cd "$(dirname "$0")/.." && pwd)
 out=${1:-demo} bin=${POSING_BIN:-}
@@ -8,15 +8,15 @@ credit='The data used in this project was obtained from mocap.cs.cmu.edu. The da
 skeleton=$here/cmu/07/07.asf
 mkdir -p "$out"
 
-# A walk as it was captured, damaged on purpose (1 cm of noise on every coordinate, 8 gaps of 0.4 s in 3 points each), and
-# restored by the built-in model: first the noise goes, then the gaps are filled.
+# A captured walk, damaged (1 cm of noise on every coordinate, 8 gaps of 0.4 s in 3 points each) and restored with the
+# built-in model: denoise removes the noise, complete fills the gaps.
 run amc2xyz --asf "$skeleton" --fps 120 -o "$out/truth.csv" "$here/cmu/07/07_01.amc"
 run corrupt --dense 1cm --gaps 8 --length 0.4 --points 3 --seed 1 -o "$out/damaged.csv" "$out/truth.csv"
 run denoise -o "$out/denoised.csv" "$out/damaged.csv"
 run complete --status -o "$out/restored.csv" "$out/denoised.csv"
 run xyz2bvh --skeleton "$skeleton" -o "$out/restored.bvh" "$out/restored.csv"
 
-# One row of the table of scores, from what score prints.
+# One row of the table of scores, from the output of score.
 row() {
   run score --damaged "$out/damaged.csv" "$out/truth.csv" "$out/$1.csv" | awk -v name="$1" '
     function told(rms) { return rms == "-" ? "–" : sprintf("%.2f", rms) }
@@ -34,7 +34,7 @@ row() {
 } > "$out/scores.csv"
 
 run plot --title 'A walk: truth, damaged, restored' --names truth,damaged,restored \
-  --note 'CMU take 07_01, damaged on purpose (1 cm of noise, 8 gaps of 0.4 s in 3 points each), restored by denoise, then complete. The built-in model learnt from every fourth frame of CMU takes, this one among them: the figures below do not tell how it does on motion it has not seen.' \
+  --note 'CMU take 07_01 with 1 cm of noise and 8 gaps of 0.4 s in 3 points each, restored by denoise, then complete. The built-in model was trained on every fourth frame of CMU takes, this one included: the scores below do not show its error on unseen motion.' \
   --table "$out/scores.csv" --caption 'Coordinates left missing, RMS error (cm) in the gaps and elsewhere, RMS acceleration (cm/s²)' --credit "$credit" \
   -o "$out/demo.html" "$out/truth.csv" "$out/damaged.csv" "$out/restored.csv"
 
@@ -42,8 +42,8 @@ awk -F, 'BEGIN { printf "\n%-10s %14s %18s %16s %18s\n%-10s %14s %18s %16s %18s\
     "", "still missing", "where missing", "where noisy", "(cm/s^2)" }
   NR > 1 { sub("–", "-", $3); sub("–", "-", $4); printf "%-10s %14s %18s %16s %18s\n", $1, $2, $3, $4, $5 }' "$out/scores.csv"
 echo '
-The built-in model has seen every fourth frame of this take: no measure of how it does on motion it has not seen.
+The built-in model was trained on every fourth frame of this take: these scores do not show its error on unseen motion.
 '
-echo "Look at     $out/demo.html   (any browser: it plays truth, damaged and restored side by side)"
+echo "Watch       $out/demo.html   (in any browser: truth, damaged and restored side by side)"
 echo "Open        $out/restored.bvh   in Blender or any other tool that reads BVH"
 echo "The tables  $out/truth.csv, damaged.csv, restored.csv"

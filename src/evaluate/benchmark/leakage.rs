@@ -54,7 +54,7 @@ impl DuplicateTake {
     pub fn describe(&self, data: &Dataset) -> String {
         let (a, b) = (&data.takes[self.a].name, &data.takes[self.b].name);
         match self.evidence {
-            DuplicateEvidence::Digest => format!("take {b}, the same as take {a},"),
+            DuplicateEvidence::Digest => format!("take {b}, a copy of take {a},"),
             DuplicateEvidence::Poses => format!("take {b}, which shares poses with take {a},"),
             DuplicateEvidence::Mirrored => format!("take {b}, a mirror image of take {a},"),
         }

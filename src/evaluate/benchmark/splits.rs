@@ -135,7 +135,7 @@ impl Partition {
         let leak = |what: String| {
             let split = split.name();
             Err(Error::usage(format!(
-                "{what} is in the training part and in the test part: under the {split} split nothing tested may be learnt from"
+                "{what} is in both the training and the test part, which the split {split} forbids"
             )))
         };
         if let Some(row) = test.iter().find(|r| train.binary_search(r).is_ok()) {

@@ -81,7 +81,7 @@ impl FinishedRun {
     /// [`Error::Data`] if the text is not a `results.json`.
     pub fn parse(text: &[u8], name: &str, source: &str) -> Result<FinishedRun> {
         let run: FinishedRun = serde_json::from_slice(text).map_err(|e| {
-            let what = format!("is no results.json of a run of evaluate ({e})");
+            let what = format!("is not the results.json of an evaluate run ({e})");
             Error::data(Place::file(source), what)
         })?;
         Ok(FinishedRun {
@@ -523,6 +523,6 @@ pub(super) mod tests {
         assert!(page(run(&["01", "02"], &[("pca", 1.0)])).contains("Table 1: all"));
         assert_eq!(Comparison::new(&[]).err().unwrap().exit_code(), 2);
         let e = FinishedRun::parse(b"{}", "x", "x/results.json").unwrap_err();
-        assert!(e.to_string().starts_with("x/results.json: is no"), "{e}");
+        assert!(e.to_string().starts_with("x/results.json: is not"), "{e}");
     }
 }

@@ -561,7 +561,10 @@ mod tests {
         ] {
             let text = format!("{}{cut}", &TWO[..TWO.find("leg 1").unwrap()]);
             let e = take(&text, false).unwrap_err().to_string();
-            assert!(e.contains("after 1 whole frames; --keep-whole"), "{e}");
+            assert!(
+                e.contains("after 1 complete frames; use --keep-whole"),
+                "{e}"
+            );
             assert_eq!(take(&text, true).unwrap().len(), 1);
         }
         assert!(
