@@ -6,9 +6,8 @@ use ndarray::Array2;
 use posing::prior::gaussian::MixtureParams;
 use posing::prior::gaussian::em::{self, Stop};
 use posing::prior::gaussian::{mfa, mixture};
-use posing::prior::registry::{Training, train};
 use posing::prior::training_set::TrainingSet;
-use posing::prior::tuning::HoldBack;
+use posing::prior::{Kind, TrainOptions};
 use std::path::Path;
 
 /// The take as make.py damages it.
@@ -41,13 +40,7 @@ fn expected(name: &str) -> Vec<Vec<f64>> {
 #[test]
 fn pca_spans_the_same_subspace() {
     let poses = poses();
-    let training = Training {
-        poses: &poses,
-        world: false,
-        seed: 0,
-        hold_back: HoldBack::Takes,
-    };
-    let model = train("pca", &training, &mut |_| {}).unwrap();
+    let model = Kind::Pca.train(&poses, &TrainOptions::default()).unwrap();
     let parts = MixtureParams::read(&model, "pca").unwrap();
     let theirs = expected("pca.csv");
     assert_eq!(parts.factors.nrows(), theirs.len());

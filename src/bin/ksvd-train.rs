@@ -134,7 +134,7 @@ fn work(args: &Args) -> Result<Outcome> {
             last.fresh_rms
         ));
     }
-    let mut model = sparse_model(&poses, &state.dictionary, &ksvd.omp(), world)?;
+    let mut model = sparse_model(&poses, &state.dictionary, &ksvd.omp())?;
     model.meta.credit.clone_from(&args.credit);
     model
         .meta
@@ -201,16 +201,7 @@ fn initial(args: &Args, path: &Path, poses: &TrainingSet) -> Result<Dictionary> 
         prior::sparse_coding::dictionary(&model, &name)?
     } else {
         let table = Table::read(input, &args.input.options(false, false)?)?;
-        Dictionary::from_rows(
-            prior::training_set::ready(
-                &table.poses,
-                args.space == Space::World,
-                Some(poses),
-                &name,
-            )?
-            .xyz
-            .view(),
-        )?
+        Dictionary::from_rows(poses.comparable(&table.poses, &name)?.xyz.view())?
     };
     match args.atoms {
         Some(n) if n as usize != dictionary.len() => Err(posing::Error::usage(format!(

@@ -7,8 +7,8 @@ use posing::cli::training::ready;
 use posing::cli::{Outcome, messages, run, streams};
 use posing::prior::multiscale;
 use posing::prior::provenance::entry;
-use posing::prior::registry::{DEFAULT, KINDS, Training, train};
-use posing::prior::tuning::{HoldBack, Tuning};
+use posing::prior::tuning::Tuning;
+use posing::prior::{HoldBack, Kind, TrainOptions};
 use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -28,7 +28,7 @@ struct Args {
     #[command(flatten)]
     input: InputArgs,
     /// Kind of model
-    #[arg(long, value_name = "KIND", default_value = DEFAULT, value_parser = kinds())]
+    #[arg(long, value_name = "KIND", default_value = Kind::default().name(), value_parser = kinds())]
     kind: String,
     /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale holds out both
     #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
@@ -67,31 +67,25 @@ enum HoldBackFlag {
     Frames,
 }
 
-/// What [`DEFAULT`] was called before.
-const FORMER_DEFAULT: &str = "blocks";
-
 /// The kinds, with what each is.
 fn kinds() -> clap::builder::PossibleValuesParser {
-    let value = |(name, what): &(&'static str, &'static str)| {
-        let value = clap::builder::PossibleValue::new(*name).help(*what);
-        match *name {
-            DEFAULT => value.alias(FORMER_DEFAULT),
+    let value = |kind: Kind| {
+        let value = clap::builder::PossibleValue::new(kind.name()).help(kind.description());
+        match kind {
+            // Its former name.
+            Kind::Multiscale => value.alias("blocks"),
             _ => value,
         }
     };
-    KINDS.iter().map(value).collect::<Vec<_>>().into()
-}
-
-fn is_multiscale(kind: &str) -> bool {
-    [DEFAULT, FORMER_DEFAULT].contains(&kind)
+    Kind::ALL.map(value).into()
 }
 
 /// The settings of a multi-scale mixture of another size than the default, if asked for.
-fn size(args: &Args) -> Result<Option<multiscale::TrainSettings>> {
+fn size(args: &Args, kind: Kind) -> Result<Option<multiscale::TrainSettings>> {
     if args.cells.is_none() && args.leaves.is_none() {
         return Ok(None);
     }
-    if !is_multiscale(&args.kind) {
+    if kind != Kind::Multiscale {
         let what = "--cells and --leaves are for --kind multiscale";
         return Err(Error::usage(what));
     }
@@ -111,15 +105,14 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
+    let kind: Kind = args.kind.parse()?;
     let world = args.space == Space::World;
     let poses = ready(&args.input, args.input.files.clone(), world, None)?;
     let (hold_back, held) = match args.hold_back {
         HoldBackFlag::Takes => (HoldBack::Takes, "takes"),
         HoldBackFlag::Frames => (HoldBack::Frames, "frames"),
     };
-    let training = Training {
-        poses: &poses,
-        world,
+    let options = TrainOptions {
         seed: args.seed.seed,
         hold_back,
     };
@@ -128,15 +121,15 @@ fn work(args: &Args) -> Result<Outcome> {
         bar.set_message(what.to_string());
         messages::debug(what);
     };
-    let mut model = match size(args)? {
-        Some(settings) => multiscale::model(&training, &settings, report)?,
-        None => train(&args.kind, &training, report)?,
+    let mut model = match size(args, kind)? {
+        Some(settings) => multiscale::model(&poses, &options, &settings, report)?,
+        None => kind.train_with_progress(&poses, &options, report)?,
     };
     drop(bar);
     if Tuning::read(&model).is_some_and(|t| t.tested == 0) {
         messages::info("too few poses to hold any out: the model is not tuned");
     }
-    if is_multiscale(&args.kind) && poses.takes.len() < 2 {
+    if kind == Kind::Multiscale && poses.takes.len() < 2 {
         messages::info(
             "a single take cannot be held out: all levels get equal weight and unlike poses are not reported; train on several takes",
         );

@@ -3,6 +3,8 @@
 use super::progress::Progress;
 use super::{input, messages};
 use crate::io::{Input, Model};
+use crate::pose::Space;
+use crate::prior::TrainingSet;
 use crate::sparse::{Dictionary, Encoder, IterationStats, Ksvd, TrainingState};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
@@ -170,14 +172,20 @@ pub fn ready(
     flags: &super::args::InputArgs,
     files: Vec<PathBuf>,
     world: bool,
-    like: Option<&crate::prior::training_set::TrainingSet>,
-) -> Result<crate::prior::training_set::TrainingSet> {
+    like: Option<&TrainingSet>,
+) -> Result<TrainingSet> {
     let flags = super::args::InputArgs {
         files,
         ..flags.clone()
     };
     let table = input::read_table(&flags, false, false)?;
-    let ready = crate::prior::training_set::ready(&table.poses, world, like, &table.name)?;
+    let ready = match like {
+        Some(like) => like.comparable(&table.poses, &table.name)?,
+        None => {
+            let space = if world { Space::World } else { Space::Body };
+            TrainingSet::from_poses(&table.poses, space, &table.name)?
+        }
+    };
     for (count, why) in [
         (ready.incomplete, "skipped: missing points"),
         (

@@ -44,6 +44,15 @@ pub const PAPER_SIX: [&str; 6] = [
     "rfoot",
 ];
 
+/// The indices of the six joints of the paper's completion test; `None` unless all six are among the points.
+pub fn paper_six_of(points: &[String]) -> Option<[usize; 6]> {
+    let found = PAPER_SIX.map(|name| points.iter().position(|p| p == name));
+    found
+        .iter()
+        .all(Option::is_some)
+        .then(|| found.map(Option::unwrap_or_default))
+}
+
 /// CMU's joints as owned names, as a table without a header is read.
 pub fn cmu_names() -> Vec<String> {
     CMU.iter().map(|s| s.to_string()).collect()

@@ -12,6 +12,7 @@ pub mod skeleton;
 pub mod transform;
 
 pub use body::Body;
+pub use kinematics::Space;
 pub use observation::Observation;
 pub use placement::Anchor;
 pub use poses::{KnownRates, Poses, Status};

@@ -22,13 +22,30 @@ pub mod training_set;
 pub mod tuning;
 
 use crate::pose::{Observation, PoseTransform};
+use crate::sparse::SelectionRule;
 use ndarray::{Array2, ArrayView2};
 
-pub use registry::open;
-pub use sparse_coding::{OpenOptions, SparseCodingPrior};
+pub use registry::{Kind, open};
+pub use sparse_coding::SparseCodingPrior;
+pub use training_set::{HoldBack, TrainOptions, TrainingSet};
 pub use tuning::Task;
 
 pub use crate::numeric::gaussian::EXACT_VARIANCE;
+
+/// How a model is used. A prior ignores the options that its kind does not know.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct OpenOptions {
+    /// The largest number of atoms of a pose; `None`: that of the training.
+    pub sparsity: Option<usize>,
+    /// How atoms are selected.
+    pub rule: SelectionRule,
+    /// Whether a sparse code's A x is the answer alone, as in the paper, without the correction by the residual
+    /// covariance.
+    pub published: bool,
+    /// The task whose setting a tuned model uses for every observation. `None`: each observation's own.
+    /// [`Task::Treated`] takes the stated variances as they are.
+    pub task: Option<Task>,
+}
 
 /// How much of a posterior to compute; each costs more than the one before.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,8 +2,7 @@
 
 use crate::io::Model;
 use crate::prior::OpenOptions;
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
+use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{Grid, PriorFamily, TaskSettings, TunedPrior, Tuning, tune};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2, Axis, CowArray, Ix2};
@@ -69,16 +68,17 @@ pub(super) fn of_poses(
 /// Data: no poses to learn from.
 pub(super) fn learn_poses(
     kind: &str,
-    training: &Training<'_>,
+    poses: &TrainingSet,
+    options: &TrainOptions,
     grid: &Grid,
     learn: impl Fn(ArrayView2<'_, f32>, Array2<f64>) -> PriorFamily<'static>,
     report: &mut dyn FnMut(&str),
 ) -> Result<(Model, Tuning)> {
-    let mut model = training.model(kind)?;
+    let mut model = poses.model(kind)?;
     // No headings are looked for in tuning.
     let learn = |kept: &TrainingSet| Ok(learn(kept.xyz.view(), Array2::zeros((0, 0))));
-    let tuning = tune(training, grid, &learn, report)?;
-    let poses = training.poses.xyz.clone();
+    let tuning = tune(poses, options, grid, &learn, report)?;
+    let poses = poses.xyz.clone();
     model.insert("poses", poses);
     Ok((model, tuning))
 }

@@ -1,163 +1,252 @@
-//! Training any prior by its kind's name.
+//! The kinds of prior: their names, how each is trained, and how each is opened.
 
 use super::exemplar::{local_pca, nearest_neighbor, nlm};
 use super::gaussian::{clustered, mfa, mixture, pca, single};
-use super::representative_poses::representative_poses;
-use super::rigid_pairs::RigidPairs;
-use super::training_set::TrainingSet;
-use super::tuning::HoldBack;
+use super::training_set::{TrainOptions, TrainingSet};
 use super::{OpenOptions, Prior, SparseCodingPrior, gplvm, multiscale, sparse_coding};
 use crate::io::Model;
-use crate::io::model::BodyMeta;
 use crate::sparse::Ksvd;
 use crate::{Error, Place, Result};
+use std::fmt;
+use std::str::FromStr;
 
-/// The kinds of model that can be trained, with what each is.
-pub const KINDS: &[(&str, &str)] = &[
-    (
-        "multiscale",
-        "multi-scale mixture of Gaussians over the body and its parts",
-    ),
-    (
-        "sparse",
-        "sparse code: 3 of 1,000 atoms of a K-SVD dictionary",
-    ),
-    ("nearest", "nearest training pose"),
-    (
-        "nlm",
-        "non-local means: distance-weighted average of all training poses",
-    ),
-    ("nlm-linear", "non-local means with local linear regression"),
-    (
-        "lpca",
-        "local PCA: Gaussian of the 100 nearest training poses",
-    ),
-    (
-        "sik",
-        "style-based IK: scaled Gaussian process latent variable model",
-    ),
-    ("pca", "principal components that keep 90% of the energy"),
-    ("gaussian", "a single Gaussian"),
-    (
-        "clustered",
-        "a Gaussian for each of 20 clusters; the most likely one is used",
-    ),
-    ("mfa", "mixture of 20 factor analyzers"),
-    ("mixture", "mixture of 20 Gaussians with shrunk covariances"),
-];
-
-/// The kind that is trained where none is named.
-pub const DEFAULT: &str = "multiscale";
-
-/// Atoms of a dictionary, where there are as many poses.
+/// Atoms of a dictionary that [`Kind::Sparse`] trains, if there are as many poses.
 const ATOMS: usize = 1000;
 
-/// What is trained from, and how.
-#[derive(Debug, Clone, Copy)]
-pub struct Training<'a> {
-    /// The poses, in the model's space.
-    pub poses: &'a TrainingSet,
-    /// Whether each pose was placed (world space), or rows were used as they are.
-    pub world: bool,
-    /// The seed of all draws.
-    pub seed: u64,
-    /// Which of the poses are held back to tune on.
-    pub hold_back: HoldBack,
+/// A kind of prior. Its name ([`Display`](fmt::Display), [`FromStr`]) is that of flags and of model files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Kind {
+    /// `multiscale`: multi-scale mixture of Gaussians over the body and its parts.
+    #[default]
+    Multiscale,
+    /// `sparse`: sparse code: 3 of 1,000 atoms of a K-SVD dictionary.
+    Sparse,
+    /// `nearest`: nearest training pose.
+    Nearest,
+    /// `nlm`: non-local means: distance-weighted average of all training poses.
+    Nlm,
+    /// `nlm-linear`: non-local means with local linear regression.
+    NlmLinear,
+    /// `lpca`: local PCA: Gaussian of the 100 nearest training poses.
+    LocalPca,
+    /// `sik`: style-based IK: scaled Gaussian process latent variable model.
+    Gplvm,
+    /// `pca`: principal components that keep 90% of the energy.
+    Pca,
+    /// `gaussian`: a single Gaussian.
+    Gaussian,
+    /// `clustered`: a Gaussian for each of 20 clusters, the most likely one is used.
+    Clustered,
+    /// `mfa`: mixture of 20 factor analyzers.
+    FactorAnalyzers,
+    /// `mixture`: mixture of 20 Gaussians with shrunk covariances.
+    Mixture,
 }
 
-impl Training<'_> {
-    /// A model of a kind with what all kinds have: points, space, bones, the number of poses, and `typical` ones.
-    pub fn model(&self, kind: &str) -> Result<Model> {
-        let space = if self.world { "world" } else { "body" };
-        let mut model = Model::new(kind, &self.poses.points, space);
-        model.meta.body = self.poses.body.as_ref().map(BodyMeta::from);
-        let frames = self.poses.xyz.nrows();
-        model.meta.details.insert("frames".into(), frames.into());
-        let typical = representative_poses(self.poses.xyz.view())?;
-        model.insert("typical", typical);
-        RigidPairs::learn(self.poses.xyz.view(), &self.poses.takes).write(&mut model);
-        Ok(model)
+impl Kind {
+    /// All kinds, the default first.
+    pub const ALL: [Kind; 12] = [
+        Kind::Multiscale,
+        Kind::Sparse,
+        Kind::Nearest,
+        Kind::Nlm,
+        Kind::NlmLinear,
+        Kind::LocalPca,
+        Kind::Gplvm,
+        Kind::Pca,
+        Kind::Gaussian,
+        Kind::Clustered,
+        Kind::FactorAnalyzers,
+        Kind::Mixture,
+    ];
+
+    /// The name in flags and model files.
+    pub fn name(self) -> &'static str {
+        self.text().0
     }
-}
 
-/// Trains a model of a kind; `report` hears what is being done.
-pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    match kind {
-        "multiscale" | "blocks" => {
-            multiscale::model(training, &multiscale::TrainSettings::default(), report)
+    /// One line on what the model is.
+    pub fn description(self) -> &'static str {
+        self.text().1
+    }
+
+    fn text(self) -> (&'static str, &'static str) {
+        match self {
+            Kind::Multiscale => (
+                "multiscale",
+                "multi-scale mixture of Gaussians over the body and its parts",
+            ),
+            Kind::Sparse => (
+                "sparse",
+                "sparse code: 3 of 1,000 atoms of a K-SVD dictionary",
+            ),
+            Kind::Nearest => ("nearest", "nearest training pose"),
+            Kind::Nlm => (
+                "nlm",
+                "non-local means: distance-weighted average of all training poses",
+            ),
+            Kind::NlmLinear => ("nlm-linear", "non-local means with local linear regression"),
+            Kind::LocalPca => (
+                "lpca",
+                "local PCA: Gaussian of the 100 nearest training poses",
+            ),
+            Kind::Gplvm => (
+                "sik",
+                "style-based IK: scaled Gaussian process latent variable model",
+            ),
+            Kind::Pca => ("pca", "principal components that keep 90% of the energy"),
+            Kind::Gaussian => ("gaussian", "a single Gaussian"),
+            Kind::Clustered => (
+                "clustered",
+                "a Gaussian for each of 20 clusters; the most likely one is used",
+            ),
+            Kind::FactorAnalyzers => ("mfa", "mixture of 20 factor analyzers"),
+            Kind::Mixture => ("mixture", "mixture of 20 Gaussians with shrunk covariances"),
         }
-        "sparse" => sparse(training, report),
-        "pca" => pca::train(training, report),
-        "gaussian" => single::train(training, report),
-        "clustered" => clustered::train(training, report),
-        "mfa" => mfa::train(training, report),
-        "mixture" => mixture::train(training, report),
-        "nearest" => nearest_neighbor::train(training, report),
-        "nlm" | "nlm-linear" => nlm::train(kind, training, report),
-        "lpca" => local_pca::train(training, report),
-        "sik" => gplvm::train(training, report),
-        // One line a kind, in the order of `KINDS`.
-        _ => Err(unknown(kind)),
+    }
+
+    /// Trains a model of this kind.
+    ///
+    /// ```
+    /// use ndarray::Array2;
+    /// use posing::pose::{Observation, Poses, Space};
+    /// use posing::prior::{self, Kind, OpenOptions, TrainOptions, TrainingSet, Want};
+    ///
+    /// // Two points whose heights move together.
+    /// let poses = Poses {
+    ///     points: ["head", "hand"].map(String::from).to_vec(),
+    ///     xyz: Array2::from_shape_fn((60, 6), |(t, c)| match c % 3 {
+    ///         1 => 10.0 * (0.1 * t as f64).sin() + c as f64,
+    ///         _ => (0.3 * (t * (c + 1)) as f64).cos(),
+    ///     }),
+    ///     time: None,
+    ///     take: None,
+    /// };
+    /// let poses = TrainingSet::from_poses(&poses, Space::Body, "heights")?;
+    /// let model = Kind::Gaussian.train(&poses, &TrainOptions::default())?;
+    /// let prior = prior::open(&model, &OpenOptions::default(), "the model")?;
+    ///
+    /// // The second point is missing.
+    /// let gap = f64::INFINITY;
+    /// let (y, variance) = ([0.0, 11.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, gap, gap, gap]);
+    /// let found = prior.posterior(&Observation::new(&y, &variance)?, Want::Variances);
+    /// assert!((found.mean[4] - 14.0).abs() < 1.0);
+    /// assert!(found.variance[4] < 1.0);
+    /// # Ok::<(), posing::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Data: no poses to learn from, or poses that the kind cannot learn from.
+    pub fn train(self, poses: &TrainingSet, options: &TrainOptions) -> Result<Model> {
+        self.train_with_progress(poses, options, &mut |_| {})
+    }
+
+    /// As [`Kind::train`]; `report` is called with what is being done.
+    ///
+    /// # Errors
+    /// As [`Kind::train`].
+    pub fn train_with_progress(
+        self,
+        poses: &TrainingSet,
+        options: &TrainOptions,
+        report: &mut dyn FnMut(&str),
+    ) -> Result<Model> {
+        match self {
+            Kind::Multiscale => {
+                let settings = multiscale::TrainSettings::default();
+                multiscale::model(poses, options, &settings, report)
+            }
+            Kind::Sparse => {
+                let ksvd = Ksvd {
+                    atoms: ATOMS.min(poses.xyz.nrows()),
+                    seed: options.seed,
+                    ..Ksvd::default()
+                };
+                sparse_coding::train(poses, &ksvd, &mut |state| {
+                    if let Some(last) = state.history.last() {
+                        let (iteration, rms) = (last.iteration, last.fresh_rms);
+                        report(&format!("iteration {iteration}: RMS {rms:.3} cm"));
+                    }
+                    Ok(())
+                })
+            }
+            Kind::Nearest => nearest_neighbor::train(poses, options, report),
+            Kind::Nlm | Kind::NlmLinear => nlm::train(self.name(), poses, options, report),
+            Kind::LocalPca => local_pca::train(poses, options, report),
+            Kind::Gplvm => gplvm::train(poses, options, report),
+            Kind::Pca => pca::KIND.train(poses, options, report),
+            Kind::Gaussian => single::KIND.train(poses, options, report),
+            Kind::Clustered => clustered::KIND.train(poses, options, report),
+            Kind::FactorAnalyzers => mfa::KIND.train(poses, options, report),
+            Kind::Mixture => mixture::KIND.train(poses, options, report),
+        }
     }
 }
 
-fn unknown(kind: &str) -> Error {
-    let known: Vec<&str> = KINDS.iter().map(|(name, _)| *name).collect();
-    Error::usage(format!(
-        "--kind {kind}: expected one of {}",
-        known.join(", ")
-    ))
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
 }
 
-/// `ksvd-train -n 1000`, or as many atoms as there are poses.
-fn sparse(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let xyz = training.poses.xyz.view();
-    let ksvd = Ksvd {
-        atoms: ATOMS.min(xyz.nrows()),
-        seed: training.seed,
-        ..Ksvd::default()
+impl FromStr for Kind {
+    type Err = Error;
+
+    /// `blocks`, the former name of `multiscale`, is still read.
+    fn from_str(name: &str) -> Result<Kind> {
+        if name == "blocks" {
+            return Ok(Kind::Multiscale);
+        }
+        let found = Kind::ALL.into_iter().find(|k| k.name() == name);
+        found.ok_or_else(|| Error::usage(format!("--kind {name}: expected one of {}", names())))
+    }
+}
+
+fn names() -> String {
+    Kind::ALL.map(Kind::name).join(", ")
+}
+
+/// Opens the prior of a model; `source` names the model in messages.
+///
+/// # Errors
+/// Data: a model that is none of poses, or whose arrays are missing, of the wrong shape or not finite.
+pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<Box<dyn Prior>> {
+    let name = model.meta.kind.as_str();
+    let Ok(kind) = name.parse::<Kind>() else {
+        let what = format!(
+            "is a model of kind \"{name}\", expected one of poses (kind {})",
+            names()
+        );
+        return Err(Error::data(Place::file(source), what));
     };
-    sparse_coding::train(training.poses, &ksvd, training.world, &mut |state| {
-        if let Some(last) = state.history.last() {
-            report(&format!(
-                "iteration {}: RMS {:.3} cm",
-                last.iteration, last.fresh_rms
-            ));
-        }
-        Ok(())
+    Ok(match kind {
+        Kind::Multiscale => Box::new(multiscale::MultiscaleMixture::from_model(model, source)?),
+        Kind::Sparse => Box::new(SparseCodingPrior::from_model(model, options, source)?),
+        Kind::Nearest => Box::new(nearest_neighbor::NearestNeighborPrior::open(
+            model, options, source,
+        )?),
+        Kind::Nlm | Kind::NlmLinear => Box::new(nlm::NlmPrior::open(model, options, source)?),
+        Kind::LocalPca => Box::new(local_pca::LocalPcaPrior::open(model, options, source)?),
+        Kind::Gplvm => Box::new(gplvm::GplvmPrior::open(model, options, source)?),
+        Kind::Pca => Box::new(pca::KIND.open(model, options, source)?),
+        Kind::Gaussian => Box::new(single::KIND.open(model, options, source)?),
+        Kind::Clustered => Box::new(clustered::KIND.open(model, options, source)?),
+        Kind::FactorAnalyzers => Box::new(mfa::KIND.open(model, options, source)?),
+        Kind::Mixture => Box::new(mixture::KIND.open(model, options, source)?),
     })
 }
 
-/// Opens the prior that a model file holds; `source` is for messages.
-pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<Box<dyn Prior>> {
-    match model.meta.kind.as_str() {
-        "multiscale" | "blocks" => Ok(Box::new(multiscale::MultiscaleMixture::from_model(
-            model, source,
-        )?)),
-        "sparse" => Ok(Box::new(SparseCodingPrior::from_model(
-            model, options, source,
-        )?)),
-        "pca" => Ok(Box::new(pca::open(model, options, source)?)),
-        "gaussian" => Ok(Box::new(single::open(model, options, source)?)),
-        "clustered" => Ok(Box::new(clustered::open(model, options, source)?)),
-        "mfa" => Ok(Box::new(mfa::open(model, options, source)?)),
-        "mixture" => Ok(Box::new(mixture::open(model, options, source)?)),
-        "nearest" => Ok(Box::new(nearest_neighbor::NearestNeighborPrior::open(
-            model, options, source,
-        )?)),
-        "nlm" | "nlm-linear" => Ok(Box::new(nlm::NlmPrior::open(model, options, source)?)),
-        "lpca" => Ok(Box::new(local_pca::LocalPcaPrior::open(
-            model, options, source,
-        )?)),
-        "sik" => Ok(Box::new(gplvm::GplvmPrior::open(model, options, source)?)),
-        // One line a kind, in the order of `KINDS`.
-        other => {
-            let kinds: Vec<&str> = KINDS.iter().map(|(kind, _)| *kind).collect();
-            let what = format!(
-                "is a model of kind \"{other}\", expected one of poses (kind {})",
-                kinds.join(", ")
-            );
-            Err(Error::data(Place::file(source), what))
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_read_back() {
+        for kind in Kind::ALL {
+            assert_eq!(kind.to_string().parse::<Kind>().unwrap(), kind);
         }
+        assert_eq!("blocks".parse::<Kind>().unwrap(), Kind::default());
+        let e = "walrus".parse::<Kind>().unwrap_err().to_string();
+        assert!(e.contains("walrus") && e.contains("nlm-linear"), "{e}");
     }
 }

@@ -1,12 +1,15 @@
 //! Poses made ready for learning, and the model that comes of it.
 
-use crate::io::model::check_point_count;
-use crate::pose::{Anchor, Body, PoseTransform, Poses, joints};
+use super::provenance::digest;
+use super::representative_poses::representative_poses;
+use super::rigid_pairs::RigidPairs;
+use crate::io::Model;
+use crate::io::model::{BodyMeta, check_point_count};
+use crate::pose::{Anchor, Body, PoseTransform, Poses, Space, joints};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
-
-use super::provenance::digest;
 
 /// Poses ready for learning.
 #[derive(Debug, Clone)]
@@ -27,7 +30,65 @@ pub struct TrainingSet {
     pub unplaced: usize,
 }
 
+/// How a prior is trained.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct TrainOptions {
+    /// The seed of all random draws.
+    pub seed: u64,
+    /// Which poses are held out for tuning.
+    pub hold_back: HoldBack,
+}
+
+/// Which training poses are held out for tuning.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HoldBack {
+    /// About a fifth of the poses, as whole takes; as contiguous stretches of time if the takes are too few. For motion
+    /// that was not seen before.
+    #[default]
+    Takes,
+    /// A fifth of the frames at random (the paper's split). For frames between those of the training.
+    Frames,
+}
+
 impl TrainingSet {
+    /// Carries complete poses to the model's space. [`Space::World`]: root at the origin, no global rotation, and the
+    /// mean body's bone lengths. Other spaces: rows as they are. `source` names the poses in messages.
+    ///
+    /// # Errors
+    /// Data: too many points, or no complete pose that can be placed.
+    pub fn from_poses(poses: &Poses, space: Space, source: &str) -> Result<TrainingSet> {
+        prepare(poses, space == Space::World, None, source)
+    }
+
+    /// Carries other poses to where these are: the same points in the same order, the same body, the same placement.
+    ///
+    /// # Errors
+    /// Data: as [`TrainingSet::from_poses`], or a point of these poses is missing.
+    pub fn comparable(&self, poses: &Poses, source: &str) -> Result<TrainingSet> {
+        prepare(poses, self.anchor.is_some(), Some(self), source)
+    }
+
+    /// An untrained model of a kind with what all kinds hold: points, space, bones, the number of frames,
+    /// representative poses and rigid pairs.
+    ///
+    /// # Errors
+    /// Data: no poses.
+    pub fn model(&self, kind: &str) -> Result<Model> {
+        let space = if self.anchor.is_some() {
+            "world"
+        } else {
+            "body"
+        };
+        let mut model = Model::new(kind, &self.points, space);
+        model.meta.body = self.body.as_ref().map(BodyMeta::from);
+        let frames = self.xyz.nrows();
+        model.meta.details.insert("frames".into(), frames.into());
+        model.insert("typical", representative_poses(self.xyz.view())?);
+        RigidPairs::learn(self.xyz.view(), &self.takes).write(&mut model);
+        Ok(model)
+    }
+
     /// What a model's history keeps of its inputs: the digest of all poses and, where there are several, of each take, so
     /// that a model is never tested on a take it was trained from.
     pub fn digests(&self) -> Vec<String> {
@@ -41,10 +102,8 @@ impl TrainingSet {
     }
 }
 
-/// Carries complete poses to the model's space: root at the origin, no global rotation and, in world space, the mean
-/// body's bone lengths. With `world` false rows are used as they are. With `like`, they become comparable to those poses:
-/// the same points in the same order, the same body, the same placement.
-pub fn ready(
+/// Carries complete poses to the model's space, or with `like` makes them comparable to those poses.
+fn prepare(
     poses: &Poses,
     world: bool,
     like: Option<&TrainingSet>,
@@ -259,15 +318,15 @@ mod tests {
 
     #[test]
     fn turned_poses_are_learnt_from_as_unturned_ones() {
-        let here = ready(&table(false), true, None, "t").unwrap();
-        let there = ready(&table(true), true, None, "t").unwrap();
+        let here = TrainingSet::from_poses(&table(false), Space::World, "t").unwrap();
+        let there = TrainingSet::from_poses(&table(true), Space::World, "t").unwrap();
         assert!(
             here.xyz
                 .iter()
                 .zip(&there.xyz)
                 .all(|(a, b)| (a - b).abs() <= 1e-3)
         );
-        let as_is = ready(&table(true), false, None, "t").unwrap();
+        let as_is = TrainingSet::from_poses(&table(true), Space::Body, "t").unwrap();
         assert!(
             as_is
                 .xyz
@@ -281,11 +340,11 @@ mod tests {
     fn incomplete_frames_are_counted_and_left_out() {
         let mut poses = table(true);
         poses.xyz[[3, 50]] = f64::NAN;
-        let out = ready(&poses, true, None, "t").unwrap();
+        let out = TrainingSet::from_poses(&poses, Space::World, "t").unwrap();
         assert_eq!((out.xyz.nrows(), out.incomplete), (39, 1));
         poses.xyz.fill(f64::NAN);
         assert!(
-            ready(&poses, true, None, "t")
+            TrainingSet::from_poses(&poses, Space::World, "t")
                 .unwrap_err()
                 .to_string()
                 .contains("no complete pose")

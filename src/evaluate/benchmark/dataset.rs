@@ -1,9 +1,9 @@
 //! The poses that models are trained and tested on: complete frames in body space, by take and subject.
 
-use crate::pose::Poses;
+use crate::pose::{Poses, Space};
 use crate::prior::{
     provenance::{digest, hex},
-    training_set::{TrainingSet, ready},
+    training_set::TrainingSet,
 };
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis, s};
@@ -198,7 +198,7 @@ impl Dataset {
                     .collect(),
             ),
         };
-        ready(&poses, false, None, "the training part")
+        TrainingSet::from_poses(&poses, Space::Body, "the training part")
     }
 }
 

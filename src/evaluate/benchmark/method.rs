@@ -5,10 +5,10 @@ use super::leakage::Provenance;
 use super::splits::Split;
 use super::task::{DamagedPoses, Task};
 use crate::numeric::parallel;
-use crate::prior::registry::{self, KINDS, Training};
-use crate::prior::tuning::HoldBack;
-use crate::prior::{self, OpenOptions, Posterior, Prior, Want, posterior_rows};
-use crate::prior::{sparse_coding, training_set::TrainingSet};
+use crate::prior::{
+    self, HoldBack, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want,
+};
+use crate::prior::{posterior_rows, sparse_coding};
 use crate::restore::{OutlierMode, RigidModel};
 use crate::sparse::{Ksvd, SelectionRule};
 use crate::{Error, Place, Result};
@@ -71,7 +71,7 @@ pub struct Method {
 impl Method {
     /// The names of the default methods: every kind of model, and the paper's methods.
     pub fn default_names() -> Vec<String> {
-        let mut names: Vec<String> = KINDS.iter().map(|(name, _)| name.to_string()).collect();
+        let mut names: Vec<String> = Kind::ALL.map(|kind| kind.to_string()).to_vec();
         names.retain(|n| n != "sparse");
         // Only the default model also runs with outlier detection; the rivals run as published.
         names.extend(["multiscale+treated", "sparse", "ksvd", "ksvd-omp"].map(String::from));
@@ -100,7 +100,7 @@ impl Method {
             _ => {}
         }
         let is_sparse = ["sparse", "ksvd", "ksvd-omp"].contains(&kind);
-        if !is_sparse && !KINDS.iter().any(|(k, _)| *k == kind) {
+        if !is_sparse && !Kind::ALL.iter().any(|k| k.name() == kind) {
             let known = Method::default_names().join(", ");
             return Err(Error::usage(format!(
                 "--models {name}: expected one of {known} (or a file after -m)"
@@ -230,11 +230,9 @@ pub fn train(
             seed,
             ..Ksvd::default()
         };
-        sparse_coding::train(poses, &ksvd, false, &mut |_| Ok(()))?
+        sparse_coding::train(poses, &ksvd, &mut |_| Ok(()))?
     } else {
-        let training = Training {
-            poses,
-            world: false,
+        let options = TrainOptions {
             seed,
             // Poses for tuning are held back as the test poses are.
             hold_back: match split {
@@ -242,7 +240,7 @@ pub fn train(
                 Split::Takes | Split::Subjects => HoldBack::Takes,
             },
         };
-        registry::train(kind, &training, &mut |_| {})?
+        kind.parse::<Kind>()?.train(poses, &options)?
     };
     let seconds = Some(began.elapsed().as_secs_f64());
     let open = |m: &&Method| prior::open(&model, &m.choice, &m.name).map(Arc::from);

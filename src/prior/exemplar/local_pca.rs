@@ -16,7 +16,7 @@ use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
-use crate::prior::registry::Training;
+use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{Grid, PriorFamily, Setting, TunedPrior};
 use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};
 use ndarray::{Array1, Array2, ArrayView2, Axis};
@@ -180,13 +180,18 @@ fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> PriorFamily<'stat
 ///
 /// # Errors
 /// Data: no poses to learn from.
-pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+pub fn train(
+    poses: &TrainingSet,
+    options: &TrainOptions,
+    report: &mut dyn FnMut(&str),
+) -> Result<Model> {
     // BoxTree in time are far closer to each other than to what was observed: the best inflation may be large.
     let grid = Grid {
         inflation: vec![0.5, 1.0, 2.5, 6.0, 12.0, 40.0, 150.0],
         ..Grid::default()
     };
-    let (mut model, tuning) = model_arrays::learn_poses("lpca", training, &grid, learnt, report)?;
+    let (mut model, tuning) =
+        model_arrays::learn_poses("lpca", poses, options, &grid, learnt, report)?;
     tuning.write(&mut model);
     Ok(model)
 }

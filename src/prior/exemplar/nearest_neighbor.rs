@@ -9,7 +9,7 @@ use crate::io::Model;
 use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
-use crate::prior::registry::Training;
+use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, Task, TunedPrior, Tuning};
 use crate::prior::{OpenOptions, Posterior, Prior, Want};
 use ndarray::{Array2, ArrayView2};
@@ -139,14 +139,18 @@ fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> PriorFamily<'stat
 ///
 /// # Errors
 /// Data: no poses to learn from.
-pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+pub fn train(
+    poses: &TrainingSet,
+    options: &TrainOptions,
+    report: &mut dyn FnMut(&str),
+) -> Result<Model> {
     let grid = Grid {
         inflation: vec![FIRST],
         sparse: vec![0.0],
         complete: vec![0.0],
     };
     let (mut model, mut tuning) =
-        model_arrays::learn_poses("nearest", training, &grid, learnt, report)?;
+        model_arrays::learn_poses("nearest", poses, options, &grid, learnt, report)?;
     measured(&mut tuning);
     tuning.write(&mut model);
     Ok(model)

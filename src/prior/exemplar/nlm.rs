@@ -20,7 +20,7 @@ use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
-use crate::prior::registry::Training;
+use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, TunedPrior};
 use crate::prior::{OpenOptions, Posterior, Prior, Want};
 use ndarray::{Array2, ArrayView1, ArrayView2};
@@ -191,7 +191,12 @@ fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>, linear: bool) -> Pri
 ///
 /// # Errors
 /// Data: no poses to learn from.
-pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+pub fn train(
+    kind: &str,
+    poses: &TrainingSet,
+    options: &TrainOptions,
+    report: &mut dyn FnMut(&str),
+) -> Result<Model> {
     let linear = kind == LINEAR;
     let asf = |v: &[f64]| v.iter().map(|v| v * ASF2).collect();
     let grid = if linear {
@@ -209,7 +214,8 @@ pub fn train(kind: &str, training: &Training<'_>, report: &mut dyn FnMut(&str)) 
         }
     };
     let learn = |poses: ArrayView2<'_, f32>, typical| learnt(poses, typical, linear);
-    let (mut model, tuning) = model_arrays::learn_poses(kind, training, &grid, learn, report)?;
+    let (mut model, tuning) =
+        model_arrays::learn_poses(kind, poses, options, &grid, learn, report)?;
     tuning.write(&mut model);
     Ok(model)
 }

@@ -1,14 +1,9 @@
-//! Clustered GaussianMixturePrior (the paper's CG): k-means into 20 clusters, a Gaussian each; the most likely one answers alone.
+//! Clustered Gaussians (the paper's CG): k-means into 20 clusters, a Gaussian each; the most likely one answers alone.
 
 use super::em::{clusters, weights};
 use super::single::RIDGE;
-use super::{MixtureParams, Readout, Style};
+use super::{MixtureKind, MixtureParams, Readout, Style};
 use crate::Result;
-use crate::io::Model;
-use crate::prior::OpenOptions;
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
-use crate::prior::tuning::TunedPrior;
 use ndarray::{Array2, ArrayView2};
 
 /// The paper's number.
@@ -16,21 +11,15 @@ const CLUSTERS: usize = 20;
 /// Poses a cluster has at least on average: with fewer training poses there are fewer clusters.
 const LEAST: usize = 20;
 
-const STYLE: Style = Style {
-    answer: Readout::Best,
-    estimates_rest: true,
+/// The kind `clustered`.
+pub const KIND: MixtureKind = MixtureKind {
+    name: "clustered",
+    style: Style {
+        answer: Readout::Best,
+        estimates_rest: true,
+    },
+    learn,
 };
-
-/// Trains the kind `clustered`.
-pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingSet| learn(poses.xyz.view(), training.seed);
-    super::train("clustered", STYLE, training, &learn, report)
-}
-
-/// Opens a model of the kind.
-pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
-    super::open(model, options, source, STYLE)
-}
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     let moments = clusters(xyz, CLUSTERS, LEAST, seed)?;
@@ -100,7 +89,7 @@ mod tests {
     fn the_likeliest_alone_answers() {
         let parts = learn(apart().slice(s![..40, ..]), 0).unwrap();
         let typical = parts.means.clone();
-        let all = GaussianMixturePrior::new(&parts, STYLE, 1.0, typical.view());
+        let all = GaussianMixturePrior::new(&parts, KIND.style, 1.0, typical.view());
         let far = usize::from(parts.means[[1, 0]] > 50.0);
         let one = MixtureParams {
             weights: vec![1.0],
@@ -111,7 +100,7 @@ mod tests {
                 .to_owned(),
             rest: parts.rest.slice(s![far..=far, ..]).to_owned(),
         };
-        let one = GaussianMixturePrior::new(&one, STYLE, 1.0, typical.view());
+        let one = GaussianMixturePrior::new(&one, KIND.style, 1.0, typical.view());
         // Nearer to the far one, though both have a say in it.
         let (y, noise) = ([55.0; 6], [900.0; 6]);
         assert_eq!(all.full(&y, &noise).mean, one.full(&y, &noise).mean);

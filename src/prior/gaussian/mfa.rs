@@ -9,18 +9,13 @@
 //! L_j (D, q) is the analyser's, the diagonal Ψ is common to all, S_j the moments of the E step (`em`). Each round takes
 //! several such steps with the same shares: they cost little beside the E step, and none lowers the likelihood. Started
 //! from k-means with each cluster's principal components. Neither the posing paper nor Ghahramani and Hinton (1996) name sizes that fit every
-//! set; these are near what full GaussianMixturePrior of as many components can hold.
+//! set; these are near what full Gaussians of as many components can hold.
 
 use super::em::{self, Fitted, Gaussian, Moments, Stop, clusters, weights};
 use super::single::RIDGE;
-use super::{MixtureParams, Readout, Style, roots};
+use super::{MixtureKind, MixtureParams, Readout, Style, roots};
 use crate::Result;
-use crate::io::Model;
 use crate::numeric::linalg::symmetric_eigen;
-use crate::prior::OpenOptions;
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
-use crate::prior::tuning::TunedPrior;
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
 
 /// How many analysers.
@@ -32,21 +27,15 @@ const LEAST: usize = 30;
 /// Steps of factor analysis with the same shares.
 const STEPS: usize = 10;
 
-const STYLE: Style = Style {
-    answer: Readout::Average,
-    estimates_rest: true,
+/// The kind `mfa`.
+pub const KIND: MixtureKind = MixtureKind {
+    name: "mfa",
+    style: Style {
+        answer: Readout::Average,
+        estimates_rest: true,
+    },
+    learn,
 };
-
-/// Trains the kind `mfa`.
-pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingSet| learn(poses.xyz.view(), training.seed);
-    super::train("mfa", STYLE, training, &learn, report)
-}
-
-/// Opens a model of the kind.
-pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
-    super::open(model, options, source, STYLE)
-}
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     Ok(fit(xyz, (ANALYSERS, FACTORS), seed, Stop::default())?.0)

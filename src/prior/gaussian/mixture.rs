@@ -1,41 +1,30 @@
-//! A mixture of GaussianMixturePrior with full covariances, fitted by EM from k-means, each shrunk towards what they share.
+//! A mixture of Gaussians with full covariances, fitted by EM from k-means, each shrunk towards what they share.
 //!
 //! C_j = 0.7 S_j + 0.3 S, with S_j as EM left it and S the covariance of all poses: twenty covariances of 69 coordinates
 //! say too much about motion like the training takes, and too little about any other.
 
 use super::em::{self, Gaussian, Moments, Stop, clusters, weights};
 use super::single::{self, RIDGE};
-use super::{MixtureParams, Readout, Style};
+use super::{MixtureKind, MixtureParams, Readout, Style};
 use crate::Result;
-use crate::io::Model;
-use crate::prior::OpenOptions;
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
-use crate::prior::tuning::TunedPrior;
 use ndarray::{Array2, ArrayView2};
 
-/// How many GaussianMixturePrior.
+/// The number of Gaussians.
 const COMPONENTS: usize = 20;
 /// Poses a component has at least on average: with fewer training poses there are fewer components.
 const LEAST: usize = 50;
 /// How much of S_j is kept.
 const OWN: f64 = 0.7;
 
-const STYLE: Style = Style {
-    answer: Readout::Average,
-    estimates_rest: true,
+/// The kind `mixture`.
+pub const KIND: MixtureKind = MixtureKind {
+    name: "mixture",
+    style: Style {
+        answer: Readout::Average,
+        estimates_rest: true,
+    },
+    learn,
 };
-
-/// Trains the kind `mixture`.
-pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingSet| learn(poses.xyz.view(), training.seed);
-    super::train("mixture", STYLE, training, &learn, report)
-}
-
-/// Opens a model of the kind.
-pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
-    super::open(model, options, source, STYLE)
-}
 
 fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     let start = full(&clusters(xyz, COMPONENTS, LEAST, seed)?);

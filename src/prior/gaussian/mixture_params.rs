@@ -1,11 +1,11 @@
-//! GaussianMixturePrior as they are stored, whatever the kind.
+//! Gaussians as they are stored, whatever the kind.
 
 use crate::io::Model;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
 
-/// GaussianMixturePrior as they are stored: C_j = F_jᵀ F_j + diag(rest_j), whatever the kind.
+/// Gaussians as they are stored: C_j = F_jᵀ F_j + diag(rest_j), whatever the kind.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MixtureParams {
     /// (K), above 0, adding up to 1.
@@ -39,7 +39,7 @@ impl MixtureParams {
         }
     }
 
-    /// How many GaussianMixturePrior there are.
+    /// The number of Gaussians.
     pub fn len(&self) -> usize {
         self.weights.len()
     }

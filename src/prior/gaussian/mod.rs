@@ -21,17 +21,17 @@ pub mod pca;
 pub mod single;
 
 use super::noise_cache::NoiseCache;
+use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
+use crate::prior::model_arrays;
+use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{Grid, PriorFamily, TaskSettings, TunedPrior, tune};
 use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};
-use crate::{Error, Place, Result};
-use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
 
 pub use mixture_params::{MixtureParams, roots};
@@ -279,64 +279,63 @@ impl Prior for GaussianMixturePrior {
     }
 }
 
-/// Trains a kind whose model is [`MixtureParams`]: tuned on a part of the poses, then learnt from all of them.
-pub(super) fn train(
-    kind: &str,
-    style: Style,
-    training: &Training<'_>,
-    learn: &dyn Fn(&TrainingSet) -> Result<MixtureParams>,
-    report: &mut dyn FnMut(&str),
-) -> Result<Model> {
-    let mut model = training.model(kind)?;
-    let typical = model.array("typical", kind)?.mapv(f64::from);
-    let tried = |part: &TrainingSet| -> Result<PriorFamily<'_>> {
-        let (parts, typical) = (learn(part)?, typical.view());
-        Ok(Box::new(move |setting| {
+/// A kind of Gaussian mixture: its name, how it answers, and how it learns from poses (n, D) with a seed.
+pub struct MixtureKind {
+    /// The name in flags and model files.
+    pub name: &'static str,
+    /// How the Gaussians are used.
+    pub style: Style,
+    /// The mixture of poses (n, D).
+    pub learn: fn(ArrayView2<'_, f32>, u64) -> Result<MixtureParams>,
+}
+
+impl MixtureKind {
+    fn family<'a>(&self, params: MixtureParams, typical: ArrayView2<'a, f64>) -> PriorFamily<'a> {
+        let style = self.style;
+        Box::new(move |setting| {
             Box::new(GaussianMixturePrior::new(
-                &parts,
+                &params,
                 style,
                 setting.inflation,
                 typical,
             ))
-        }))
-    };
-    tune(training, &Grid::default(), &tried, report)?.write(&mut model);
-    report("learns from all poses");
-    learn(training.poses)?.write(&mut model);
-    Ok(model)
-}
-
-/// Opens a model of such a kind, at its settings.
-pub(super) fn open(
-    model: &Model,
-    options: &OpenOptions,
-    source: &str,
-    style: Style,
-) -> Result<TunedPrior> {
-    let parts = MixtureParams::read(model, source)?;
-    let typical = typical(model, &parts, source)?;
-    let tuned = TaskSettings::read(model, source)?;
-    let learnt: PriorFamily<'_> = Box::new(|setting| {
-        Box::new(GaussianMixturePrior::new(
-            &parts,
-            style,
-            setting.inflation,
-            typical.view(),
-        ))
-    });
-    Ok(TunedPrior::new(tuned, options.task, &learnt))
-}
-
-/// A model's typical poses; the means where it has none.
-fn typical(model: &Model, parts: &MixtureParams, source: &str) -> Result<Array2<f64>> {
-    let Some(found) = model.get("typical").filter(|t| t.len_of(Axis(0)) > 0) else {
-        return Ok(parts.means.clone());
-    };
-    if found.ncols() != parts.means.ncols() || found.iter().any(|v| !v.is_finite()) {
-        let what = "holds a value that is not finite, or poses of another width than the model's";
-        return Err(Error::data(Place::file(source).part("typical"), what));
+        })
     }
-    Ok(found.mapv(f64::from))
+
+    /// Trains a model: tuned on held-out poses, then learnt from all of them.
+    ///
+    /// # Errors
+    /// Data: no poses to learn from.
+    pub fn train(
+        &self,
+        poses: &TrainingSet,
+        options: &TrainOptions,
+        report: &mut dyn FnMut(&str),
+    ) -> Result<Model> {
+        let mut model = poses.model(self.name)?;
+        let typical = model.array("typical", self.name)?.mapv(f64::from);
+        let tried = |part: &TrainingSet| {
+            let params = (self.learn)(part.xyz.view(), options.seed)?;
+            Ok(self.family(params, typical.view()))
+        };
+        tune(poses, options, &Grid::default(), &tried, report)?.write(&mut model);
+        report("learns from all poses");
+        (self.learn)(poses.xyz.view(), options.seed)?.write(&mut model);
+        Ok(model)
+    }
+
+    /// Opens a model of the kind; `source` names it in messages.
+    ///
+    /// # Errors
+    /// Data: arrays that are missing, of the wrong shape or not finite.
+    pub fn open(&self, model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
+        let params = MixtureParams::read(model, source)?;
+        let means = params.means.mapv(|v| v as f32);
+        let typical = model_arrays::typical_or(model, means.view(), source)?;
+        let tuned = TaskSettings::read(model, source)?;
+        let family = self.family(params, typical.view());
+        Ok(TunedPrior::new(tuned, options.task, &family))
+    }
 }
 
 #[cfg(test)]
@@ -347,7 +346,7 @@ mod tests {
     use crate::pose::rotation::from_rotation_vector;
     use crate::prior::testdata::{Ask, normal};
     use glam::DVec3;
-    use ndarray::{Array1, s};
+    use ndarray::{Array1, Axis, s};
     use std::f64::consts::PI;
 
     const AVERAGE: Style = Style {

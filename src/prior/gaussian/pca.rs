@@ -9,45 +9,34 @@
 //! noise of the observed, and stays its mean. The stated variance has σ² in it.
 
 use super::em::moments_of;
-use super::{MixtureParams, Readout, Style, roots};
+use super::{MixtureKind, MixtureParams, Readout, Style, roots};
 use crate::Result;
-use crate::io::Model;
-use crate::prior::OpenOptions;
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
-use crate::prior::tuning::TunedPrior;
 use ndarray::{Array2, ArrayView2, Axis, s};
 
 /// The share of the eigenvalues' sum that is kept.
 const ENERGY: f64 = 0.9;
 
-const STYLE: Style = Style {
-    answer: Readout::Average,
-    estimates_rest: false,
+/// The kind `pca`.
+pub const KIND: MixtureKind = MixtureKind {
+    name: "pca",
+    style: Style {
+        answer: Readout::Average,
+        estimates_rest: false,
+    },
+    learn,
 };
 
-/// Trains the kind `pca`.
-pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingSet| Ok(learn(poses.xyz.view()));
-    super::train("pca", STYLE, training, &learn, report)
-}
-
-/// Opens a model of the kind.
-pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
-    super::open(model, options, source, STYLE)
-}
-
-fn learn(xyz: ArrayView2<'_, f32>) -> MixtureParams {
+fn learn(xyz: ArrayView2<'_, f32>, _seed: u64) -> Result<MixtureParams> {
     let moments = moments_of(xyz, &vec![0; xyz.nrows()], 1).remove(0);
     let roots = roots(&moments.covariance);
     let energies: Vec<f64> = roots.rows().into_iter().map(|r| r.dot(&r)).collect();
     let (kept, left) = cut(&energies);
-    MixtureParams {
+    Ok(MixtureParams {
         weights: vec![1.0],
         means: moments.mean.insert_axis(Axis(0)),
         factors: roots.slice(s![..kept, ..]).to_owned(),
         rest: Array2::from_elem((1, xyz.ncols()), left),
-    }
+    })
 }
 
 /// How many of the falling eigenvalues are kept, at least one, and the mean of those that are not.
@@ -79,7 +68,7 @@ mod tests {
     #[test]
     fn the_subspace_is_that_of_the_leading_eigenvectors() {
         let x = factors();
-        let parts = learn(x.view());
+        let parts = learn(x.view(), 0).unwrap();
         let away = x.mapv(f64::from) - parts.means.row(0);
         let (values, vectors) = symmetric_eigen(&(away.t().dot(&away) / 600.0)).unwrap();
         let leading = vectors.slice(s![.., 7..]);

@@ -1,37 +1,31 @@
 //! One Gaussian: the mean and the covariance of the training poses. The answer is its posterior mean (the MAP pose).
 
 use super::em::moments_of;
-use super::{MixtureParams, Readout, Style};
+use super::{MixtureKind, MixtureParams, Readout, Style};
 use crate::Result;
-use crate::io::Model;
-use crate::prior::OpenOptions;
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
-use crate::prior::tuning::{ASF2, TunedPrior};
+use crate::prior::tuning::ASF2;
 use ndarray::{Array2, ArrayView2, Axis};
 
 /// Added to every variance, cm²: what never varies in training (the root of poses in body space) may vary a little.
 pub const RIDGE: f64 = 1e-3 * ASF2;
 
-const STYLE: Style = Style {
-    answer: Readout::Average,
-    estimates_rest: true,
+/// The kind `gaussian`.
+pub const KIND: MixtureKind = MixtureKind {
+    name: "gaussian",
+    style: Style {
+        answer: Readout::Average,
+        estimates_rest: true,
+    },
+    learn,
 };
 
-/// Trains the kind `gaussian`.
-pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
-    let learn = |poses: &TrainingSet| Ok(learn(poses.xyz.view()));
-    super::train("gaussian", STYLE, training, &learn, report)
-}
-
-/// Opens a model of the kind.
-pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
-    super::open(model, options, source, STYLE)
-}
-
-fn learn(xyz: ArrayView2<'_, f32>) -> MixtureParams {
+fn learn(xyz: ArrayView2<'_, f32>, _seed: u64) -> Result<MixtureParams> {
     let (mean, covariance) = of(xyz);
-    MixtureParams::of_covariances(vec![1.0], mean, &[covariance])
+    Ok(MixtureParams::of_covariances(
+        vec![1.0],
+        mean,
+        &[covariance],
+    ))
 }
 
 /// The mean (1, D) and the covariance (D, D) of poses, with the ridge.
@@ -51,7 +45,7 @@ mod tests {
     #[test]
     fn it_is_the_mean_and_the_covariance_with_the_ridge() {
         let x = factors().mapv(f64::from);
-        let parts = learn(factors().view());
+        let parts = learn(factors().view(), 0).unwrap();
         let mean = x.mean_axis(Axis(0)).unwrap();
         let away = &x - &mean;
         let want = away.t().dot(&away) / 600.0 + Array2::<f64>::eye(9) * RIDGE;

@@ -23,8 +23,7 @@ use crate::io::Model;
 use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
+use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{Grid, PriorFamily, Setting, TaskSettings, TunedPrior, tune};
 use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};
 use crate::{Error, Place, Result};
@@ -209,12 +208,16 @@ fn learnt(process: Process, typical: Array2<f64>) -> PriorFamily<'static> {
 ///
 /// # Errors
 /// Data: no poses to learn from, or poses no kernel can be made of.
-pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Model> {
+pub fn train(
+    poses: &TrainingSet,
+    options: &TrainOptions,
+    report: &mut dyn FnMut(&str),
+) -> Result<Model> {
     let unsound = || {
         let what = "the kernel matrix of the latent points is not positive definite";
         Error::data(Place::file("the training poses"), what)
     };
-    let mut model = training.model("sik")?;
+    let mut model = poses.model("sik")?;
     let grid = Grid {
         inflation: vec![0.3, 1.0, 3.0],
         sparse: [0.2].map(|v| v * crate::prior::tuning::ASF2).to_vec(),
@@ -225,8 +228,8 @@ pub fn train(training: &Training<'_>, report: &mut dyn FnMut(&str)) -> Result<Mo
         let process = Process::new(&learned).ok_or_else(unsound)?;
         Ok(learnt(process, Array2::zeros((0, 0))))
     };
-    tune(training, &grid, &learn, report)?.write(&mut model);
-    let learned = learn::learn(training.poses.xyz.view(), report);
+    tune(poses, options, &grid, &learn, report)?.write(&mut model);
+    let learned = learn::learn(poses.xyz.view(), report);
     file::write(&learned, &mut model);
     Ok(model)
 }

@@ -209,9 +209,8 @@ mod tests {
     use crate::numeric::parallel;
     use crate::pose::joints;
     use crate::prior::posterior_rows;
-    use crate::prior::registry::Training;
     use crate::prior::testdata::Ask;
-    use crate::prior::training_set::TrainingSet;
+    use crate::prior::training_set::{TrainOptions, TrainingSet};
     use rand::Rng;
 
     pub(super) fn poses() -> TrainingSet {
@@ -247,13 +246,11 @@ mod tests {
             held_out_poses: 30,
             ..TrainSettings::default()
         };
-        let training = Training {
-            poses,
-            world: false,
+        let options = TrainOptions {
             seed: 1,
-            hold_back: Default::default(),
+            ..TrainOptions::default()
         };
-        let model = model(&training, &settings, &mut |_| ()).unwrap();
+        let model = model(poses, &options, &settings, &mut |_| ()).unwrap();
         (
             MultiscaleMixture::from_model(&model, "test").unwrap(),
             model,

@@ -13,8 +13,8 @@ use crate::io::Model;
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::log_sum;
 use crate::pose::ASF_UNIT_CM;
-use crate::prior::registry::Training;
-use crate::prior::{representative_poses::representative_poses, training_set::TrainingSet};
+use crate::prior::representative_poses::representative_poses;
+use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::{Error, Result};
 use ndarray::{Array2, ArrayView2, Axis};
 use rand::Rng;
@@ -142,12 +142,12 @@ const POSES_PER_CLUSTER: usize = 20;
 
 /// Learns from training poses: weights first, from takes held back in turn, then the blocks from all of them.
 pub fn train(
-    training: &Training<'_>,
+    poses: &TrainingSet,
+    options: &TrainOptions,
     settings: &TrainSettings,
     report: &mut dyn FnMut(&str),
 ) -> Result<MultiscaleMixture> {
-    let poses = training.poses;
-    let folds = folds(&poses.takes, settings.folds, training.seed);
+    let folds = folds(&poses.takes, settings.folds, options.seed);
     let (mut evidences_of_poses, mut add_spread_of_means) = (Vec::new(), Vec::new());
     for (fold, held) in folds.iter().enumerate() {
         report(&format!(
@@ -155,7 +155,8 @@ pub fn train(
             fold + 1,
             folds.len()
         ));
-        let (evidences, whole) = evidence_of_fold(training, settings, held, fold, folds.len())?;
+        let (evidences, whole) =
+            evidence_of_fold(poses, options, settings, held, fold, folds.len())?;
         evidences_of_poses.extend(evidences);
         add_spread_of_means.push(whole);
     }
@@ -164,7 +165,7 @@ pub fn train(
         xyz: poses.xyz.view(),
         takes: &poses.takes,
     };
-    let mut mixture = build(poses, &all, settings, training.seed)?;
+    let mut mixture = build(poses, &all, settings, options.seed)?;
     if !evidences_of_poses.is_empty() {
         let (levels, factorizations) =
             expectation_maximisation(&mixture, &evidences_of_poses, settings.em_steps);
@@ -180,19 +181,19 @@ pub fn train(
 /// The evidences of poses whose takes were held back, and of single frames that were, in equal numbers: the weights must
 /// do for movements never seen and for those seen nearly. And the whole body learnt without those takes, with their poses.
 fn evidence_of_fold(
-    training: &Training<'_>,
+    poses: &TrainingSet,
+    options: &TrainOptions,
     settings: &TrainSettings,
     held: &[Range<usize>],
     fold: usize,
     folds: usize,
 ) -> Result<(Vec<SubMixtureEvidences>, HeldOutPoses)> {
-    let poses = training.poses;
     let rest: Vec<Range<usize>> = (poses.takes.iter())
         .filter(|t| !held.contains(t))
         .cloned()
         .collect();
     let held_out_poses = settings.held_out_poses.div_ceil(folds);
-    let mut generator = parallel::rng(training.seed, 2 + fold as u64);
+    let mut generator = parallel::rng(options.seed, 2 + fold as u64);
     let mut chosen: Vec<usize> = held.iter().flat_map(|t| t.clone()).collect();
     let measured = poses.xyz.select(Axis(0), &HeldOutPoses::spread(&chosen));
     chosen.shuffle(&mut generator);
@@ -206,9 +207,9 @@ fn evidence_of_fold(
         xyz: xyz.view(),
         takes: &takes,
     };
-    let mut mixture = build(poses, &material, settings, training.seed)?;
+    let mut mixture = build(poses, &material, settings, options.seed)?;
     chosen.extend(frames);
-    let evidences_of_poses = evidences(&mixture, poses, &chosen, training.seed);
+    let evidences_of_poses = evidences(&mixture, poses, &chosen, options.seed);
     Ok((
         evidences_of_poses,
         HeldOutPoses::new(mixture.parts.swap_remove(0), measured),
@@ -217,13 +218,14 @@ fn evidence_of_fold(
 
 /// Trains and gives the model's file.
 pub fn model(
-    training: &Training<'_>,
+    poses: &TrainingSet,
+    options: &TrainOptions,
     settings: &TrainSettings,
     report: &mut dyn FnMut(&str),
 ) -> Result<Model> {
     settings.check()?;
-    let mixture = train(training, settings, report)?;
-    let mut model = training.model("multiscale")?;
+    let mixture = train(poses, options, settings, report)?;
+    let mut model = poses.model("multiscale")?;
     super::file::write(&mixture, settings, &mut model)?;
     Ok(model)
 }

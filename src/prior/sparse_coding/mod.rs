@@ -10,30 +10,15 @@ use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::noise_cache::NoiseCache;
-use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Reconstruction, Task, Want};
+use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Reconstruction, Want};
 use crate::sparse::{
-    Dictionary, Encoder, Omp, SelectionRule, SparseCode, SparseCodes, Tolerance,
-    WeightedDictionary, refit,
+    Dictionary, Encoder, Omp, SparseCode, SparseCodes, Tolerance, WeightedDictionary, refit,
 };
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
 
 pub use model::{joined_model, sparse_model, train};
-
-/// How a model is to be used; what a kind does not know it leaves alone.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct OpenOptions {
-    /// At most so many atoms a pose; `None`: as many as it was trained with.
-    pub sparsity: Option<usize>,
-    /// How atoms are chosen.
-    pub rule: SelectionRule,
-    /// Answer with A x alone, as published.
-    pub published: bool,
-    /// Use a tuned model at the setting of this task, whatever an observation looks like; [`Task::Treated`] takes the
-    /// noise as it is told.
-    pub task: Option<Task>,
-}
 
 /// Variance a coordinate of a model that does not tell what it leaves unexplained, cm².
 const UNKNOWN_RESIDUAL: f64 = 1.0;

@@ -4,7 +4,7 @@ use super::residual_covariance;
 use crate::Result;
 use crate::io::Model;
 use crate::io::model::{BodyMeta, HistoryEntry};
-use crate::prior::representative_poses::{TYPICAL, representative_poses};
+use crate::prior::representative_poses::TYPICAL;
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::training_set::TrainingSet;
 use crate::sparse::{Dictionary, Encoder, Ksvd, Omp, TrainingState};
@@ -18,39 +18,6 @@ use ndarray::{Array1, Array2, ArrayView2, Axis};
 /// to 1.4 to 2.6 times.
 const UNSEEN: f64 = 0.2;
 
-/// Makes the model of a learnt dictionary: its atoms, what its codes leave, and a few typical poses.
-pub fn sparse_model(
-    poses: &TrainingSet,
-    dictionary: &Dictionary,
-    omp: &Omp,
-    world: bool,
-) -> Result<Model> {
-    let mut model = Model::new(
-        "sparse",
-        &poses.points,
-        if world { "world" } else { "body" },
-    );
-    let codes = Encoder::new(dictionary, *omp)?.encode(poses.xyz.view())?;
-    let residual = residual_covariance(dictionary, poses.xyz.view(), &codes)?
-        + covariance(poses.xyz.view()) * UNSEEN;
-    model.meta.body = poses.body.as_ref().map(BodyMeta::from);
-    model.meta.sparsity = Some(omp.sparsity);
-    model.meta.training_rms = Some(codes.mean_squared_error(poses.xyz.ncols()).sqrt());
-    model
-        .meta
-        .details
-        .insert("frames".into(), poses.xyz.nrows().into());
-    model.meta.details.insert(
-        "pursuit".into(),
-        serde_json::to_value(omp.rule).unwrap_or_default(),
-    );
-    model.insert("atoms", dictionary.atoms().to_owned());
-    model.insert("residual", residual.mapv(|v| v as f32));
-    model.insert("typical", representative_poses(poses.xyz.view())?);
-    RigidPairs::learn(poses.xyz.view(), &poses.takes).write(&mut model);
-    Ok(model)
-}
-
 /// Learns a dictionary from training poses by K-SVD and makes its model. `observer` sees the state after each iteration.
 ///
 /// # Errors
@@ -58,11 +25,28 @@ pub fn sparse_model(
 pub fn train(
     poses: &TrainingSet,
     ksvd: &Ksvd,
-    world: bool,
     observer: &mut dyn FnMut(&TrainingState) -> Result<()>,
 ) -> Result<Model> {
     let state = ksvd.train_with(poses.xyz.view(), observer)?;
-    sparse_model(poses, &state.dictionary, &ksvd.omp(), world)
+    sparse_model(poses, &state.dictionary, &ksvd.omp())
+}
+
+/// The model of a learnt dictionary: its atoms, the covariance of the residuals of its codes, and what all models hold.
+///
+/// # Errors
+/// Data: a dictionary of another width than the poses.
+pub fn sparse_model(poses: &TrainingSet, dictionary: &Dictionary, omp: &Omp) -> Result<Model> {
+    let mut model = poses.model("sparse")?;
+    let codes = Encoder::new(dictionary, *omp)?.encode(poses.xyz.view())?;
+    let residual = residual_covariance(dictionary, poses.xyz.view(), &codes)?
+        + covariance(poses.xyz.view()) * UNSEEN;
+    model.meta.sparsity = Some(omp.sparsity);
+    model.meta.training_rms = Some(codes.mean_squared_error(poses.xyz.ncols()).sqrt());
+    let rule = serde_json::to_value(omp.rule).unwrap_or_default();
+    model.meta.details.insert("pursuit".into(), rule);
+    model.insert("atoms", dictionary.atoms().to_owned());
+    model.insert("residual", residual.mapv(|v| v as f32));
+    Ok(model)
 }
 
 /// The covariance of poses (m, D), cm².

@@ -4,12 +4,11 @@ use super::{ASF2, Task};
 use crate::numeric::parallel;
 use crate::pose::{ASF_UNIT_CM, joints};
 use crate::prior::EXACT_VARIANCE;
-use crate::prior::training_set::TrainingSet;
+use crate::prior::training_set::{HoldBack, TrainingSet};
 use ndarray::{Array2, Axis};
 use rand::Rng;
 use rand::seq::SliceRandom;
 use rand_distr::StandardNormal;
-use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// The share of the training poses that is held back.
@@ -20,18 +19,6 @@ const MOST_TESTED: usize = 600;
 const STRETCHES: usize = 20;
 /// The share of points that sparse noise hits (section 4.2).
 const HIT: f64 = 0.2;
-
-/// Which training poses are held back to tune on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum HoldBack {
-    /// About a fifth of the poses, as whole takes; as contiguous stretches of time where the takes are too few. For
-    /// motion not seen before.
-    #[default]
-    Takes,
-    /// A fifth of the frames at random (the paper's split). For frames between those learnt from.
-    Frames,
-}
 
 /// The poses kept, and some of those held back, evenly spaced.
 pub fn hold_back(poses: &TrainingSet, how: HoldBack, seed: u64) -> (TrainingSet, Array2<f64>) {
@@ -134,9 +121,8 @@ pub fn damaged(
 
 /// The points that completion does not see: all but the paper's six, or three in four where those are not there.
 fn hidden(points: &[String], seed: u64) -> Vec<bool> {
-    let six = |name: &String| joints::PAPER_SIX.contains(&name.as_str());
-    if points.iter().filter(|p| six(p)).count() == joints::PAPER_SIX.len() {
-        return points.iter().map(|p| !six(p)).collect();
+    if let Some(seen) = joints::paper_six_of(points) {
+        return (0..points.len()).map(|p| !seen.contains(&p)).collect();
     }
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.shuffle(&mut parallel::rng(seed, 6));

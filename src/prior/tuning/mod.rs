@@ -18,7 +18,7 @@ use crate::pose::ASF_UNIT_CM;
 use crate::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 
-pub use holdout::HoldBack;
+pub use super::training_set::HoldBack;
 pub use search::{Grid, tune};
 pub use tuned_prior::TunedPrior;
 

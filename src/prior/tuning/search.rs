@@ -3,8 +3,7 @@
 use super::holdout::{damaged, hold_back};
 use super::{ASF2, PriorFamily, Setting, Task, TaskSettings, Trial, Tuning};
 use crate::Result;
-use crate::prior::registry::Training;
-use crate::prior::training_set::TrainingSet;
+use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::{Prior, Want, posterior_rows};
 
 /// Beyond an edge of the grid the next value is so many times as far.
@@ -56,15 +55,16 @@ impl Grid {
 ///
 /// The damage is the same for every setting. Ties go to the setting named first.
 pub fn tune<'a>(
-    training: &Training<'_>,
+    poses: &TrainingSet,
+    options: &TrainOptions,
     grid: &Grid,
     learn: &dyn Fn(&TrainingSet) -> Result<PriorFamily<'a>>,
     report: &mut dyn FnMut(&str),
 ) -> Result<Tuning> {
-    let (kept, held) = hold_back(training.poses, training.hold_back, training.seed);
+    let (kept, held) = hold_back(poses, options.hold_back, options.seed);
     let mut tuning = Tuning {
         chosen: TaskSettings::default(),
-        held_back: training.hold_back,
+        held_back: options.hold_back,
         learnt_from: kept.xyz.nrows(),
         tested: held.nrows(),
         curve: Vec::new(),
@@ -76,7 +76,7 @@ pub fn tune<'a>(
     let learnt = learn(&kept)?;
     for task in Task::ALL {
         report(&format!("tunes for the task {}", task.name()));
-        let (truth, y, told) = damaged(&held, &kept.points, task, training.seed);
+        let (truth, y, told) = damaged(&held, &kept.points, task, options.seed);
         let mut prior: Option<(f64, Box<dyn Prior>)> = None;
         let (chosen, tried) = search(grid.settings(task), &mut |setting| {
             let made = prior.take().filter(|(i, _)| *i == setting.inflation);
