@@ -5,8 +5,7 @@ use posing::cli::aligned_tables::AlignedTables;
 use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
-use posing::evaluate::score::{RunDetector, ScoreSums, ScoredFrame};
-use posing::evaluate::score_report::text;
+use posing::evaluate::{RunDetector, ScoreAccumulator, ScoredFrame};
 use posing::pose::Poses;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -74,7 +73,7 @@ fn work(args: &Args) -> Result<Outcome> {
         ));
     }
     let mut runs = RunDetector::default();
-    let mut scores = ScoreSums::new(tables.points(), args.damaged.is_some());
+    let mut scores = ScoreAccumulator::new(tables.points(), args.damaged.is_some());
     let rate = |take: &Poses| inputs[0].rate(take);
     tables.for_each_with_rate(rate, |step, rate| {
         scores.add(&ScoredFrame {
@@ -90,7 +89,7 @@ fn work(args: &Args) -> Result<Outcome> {
         return Err(Error::data(place, "has no frames to compare"));
     }
     let report = scores.finish(args.units.name(), args.units.centimetres());
-    let mut out = text(&report);
+    let mut out = report.to_string();
     if args.json {
         out = serde_json::to_string(&report).map_err(|e| Error::usage(e.to_string()))? + "\n";
     }

@@ -1,7 +1,7 @@
 //! ErrorStats by what the damaged table held: what was missing, by the length of the gap, what was observed, what changed.
 
 use super::error_stats::{ErrorStats, ErrorSums, point};
-use super::score::ScoredFrame;
+use super::frame::ScoredFrame;
 use serde::Serialize;
 
 /// Coordinates that differ by no more than this count as unchanged, in centimetres: a micrometre, which single precision
@@ -154,7 +154,7 @@ impl BreakdownSums {
 
 #[cfg(test)]
 mod tests {
-    use super::super::score::ScoreSums;
+    use super::super::score::ScoreAccumulator;
     use super::*;
 
     const NAN: f64 = f64::NAN;
@@ -165,7 +165,7 @@ mod tests {
 
     /// ScoreSums one point whose damaged table lacks the frames marked `.`; the result is off by one everywhere.
     fn gaps(seen: &str, rate: Option<f64>, starts: &[usize]) -> ErrorBreakdown {
-        let mut s = ScoreSums::new(&names(1), true);
+        let mut s = ScoreAccumulator::new(&names(1), true);
         for (i, c) in seen.chars().enumerate() {
             s.add(&ScoredFrame {
                 truth: &[0.0; 3],
@@ -207,7 +207,7 @@ mod tests {
 
     #[test]
     fn sets_by_what_the_damaged_table_held() {
-        let mut s = ScoreSums::new(&names(4), true);
+        let mut s = ScoreAccumulator::new(&names(4), true);
         s.add(&ScoredFrame {
             truth: &[0.0; 12],
             // Left as it was, mended, spoilt, filled but for one coordinate.

@@ -5,6 +5,7 @@ pub mod corruption;
 pub mod error_breakdown;
 pub mod error_stats;
 pub mod figure;
+mod frame;
 pub mod gap_injection;
 mod html;
 pub mod motion_quality;
@@ -13,4 +14,7 @@ pub mod report;
 pub mod scene;
 mod scene_geometry;
 pub mod score;
-pub mod score_report;
+mod score_report;
+
+pub use frame::{RunDetector, ScoredFrame};
+pub use score::{Score, ScoreAccumulator, ScoreReport};

@@ -1,7 +1,7 @@
 //! What a list of single errors does not show: whether bones keep their lengths, and how much the points tremble.
 
 use super::error_stats::mean;
-use super::score::ScoredFrame;
+use super::frame::ScoredFrame;
 use crate::pose::joints::parents_by_name;
 use serde::Serialize;
 

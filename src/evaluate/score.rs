@@ -1,95 +1,168 @@
-//! How far a result is from the truth, added up frame by frame in memory that does not grow.
+//! How far a result is from the truth.
 //!
-//! Let t be a coordinate of the truth, r of the result, d of what the result was made from (the damaged table). Over a
-//! set of coordinates, MSE = mean of (r - t)^2, as in the paper's tables (there in raw ASF units, squared). A coordinate
-//! that t lacks does not count; one that r lacks is counted as still missing, and is in no mean.
+//! Let t be a coordinate of the truth, r of the result, d of the damaged table that the result was made from. Over a set
+//! of coordinates, MSE = mean of (r - t)², as in the paper's tables (there in asf²). A coordinate that is missing in t does
+//! not count. One that is missing in r counts as still missing and is in no mean.
+//!
+//! [`Score`] compares whole tables; [`ScoreAccumulator`] takes one frame at a time and needs constant memory.
 
 use super::error_breakdown::{BreakdownSums, ErrorBreakdown};
 use super::error_stats::{ErrorStats, ErrorSums, point};
+use super::frame::ScoredFrame;
 use super::motion_quality::{AccelerationSums, Accelerations, BoneLengthSums, BoneLengths};
+use crate::pose::Poses;
+use crate::{Error, Result};
+use ndarray::Array2;
 use serde::Serialize;
-use std::sync::Arc;
 
-/// One frame to be scored: 3 J numbers each in centimetres, NaN is missing, points in the same order.
-#[derive(Debug, Clone, Copy)]
-pub struct ScoredFrame<'a> {
-    /// The truth.
-    pub truth: &'a [f64],
-    /// What is scored.
-    pub result: &'a [f64],
-    /// What the result was made from.
-    pub damaged: Option<&'a [f64]>,
-    /// Whether this frame does not follow the one before it: see [`RunDetector`].
-    pub starts_run: bool,
-    /// Frames a second of its take, where known.
-    pub rate: Option<f64>,
-}
+/// Times that differ by no more are equal, seconds: other tools round times.
+const EQUAL_TIME: f64 = 1e-4;
 
-/// Everything a score tells. Lengths are in `units`.
+/// The result of a score. Lengths are in `units`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ScoreReport {
     /// The name of the unit of length.
     pub units: String,
-    /// How many frames were read.
+    /// The number of frames.
     pub frames: u64,
-    /// How many points there are.
+    /// The number of points.
     pub points: usize,
-    /// Frames a second, where known and the same of all takes that have a rate.
+    /// Frames a second, if known and equal for all takes with a rate.
     pub rate: Option<f64>,
-    /// Each rate that takes have, in the order in which they were met.
+    /// The different rates of the takes, in order of appearance.
     pub rates: Vec<f64>,
-    /// Over all coordinates.
+    /// Errors over all coordinates.
     pub all: ErrorStats,
-    /// Point by point.
+    /// Errors by point.
     pub by_point: Vec<PointErrors>,
-    /// Where a damaged table was given: what was missing, observed and changed.
+    /// Errors by what was missing, observed and changed, if a damaged table is given.
     pub damaged: Option<ErrorBreakdown>,
-    /// Where the points' names tell of bones.
+    /// Bone lengths, if the points' names define bones.
     pub bones: Option<BoneLengths>,
-    /// Where there is a rate: each take's own.
+    /// Accelerations, if a rate is known; each take at its own.
     pub accelerations: Option<Accelerations>,
 }
 
 /// The errors of one point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PointErrors {
-    /// Its name.
+    /// The point's name.
     pub point: String,
-    /// Its errors.
+    /// The point's errors.
     #[serde(flatten)]
     pub errors: ErrorStats,
 }
 
-/// Finds the frames that do not follow the one before them: a new take, a time that does not go forward, a step of more
-/// than 1.5 frames. The rule is that of [`crate::pose::Poses::runs`], for frames that come one at a time.
-#[derive(Debug, Clone, Default)]
-pub struct RunDetector {
-    last: Option<(Option<f64>, Option<Arc<str>>)>,
+/// Compares a table with the truth.
+///
+/// Both must have the same frames. Points are matched by name; further points of the result do not count. Lengths of the
+/// report are in centimetres.
+///
+/// ```
+/// use ndarray::array;
+/// use posing::evaluate::Score;
+/// use posing::pose::Poses;
+///
+/// let table = |xyz| Poses { points: vec!["root".into()], xyz, ..Poses::default() };
+/// let truth = table(array![[0.0, 90.0, 0.0], [1.0, 90.0, 0.0]]);
+/// let damaged = table(array![[0.0, 90.0, 0.0], [f64::NAN; 3]]);
+/// let result = table(array![[0.0, 90.0, 0.0], [1.0, 90.0, 3.0]]);
+///
+/// let report = Score::new(&truth, &result)?.by_gap(&damaged)?.finish();
+/// assert_eq!(report.all.max, Some(3.0));
+/// let filled = &report.damaged.as_ref().unwrap().missing;
+/// assert_eq!((filled.coordinates, filled.mse), (3, Some(3.0)));
+/// println!("{report}");
+/// # Ok::<(), posing::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Score<'a> {
+    truth: &'a Poses,
+    /// (frames, 3 J) in the order of the truth's points.
+    result: Array2<f64>,
+    damaged: Option<Array2<f64>>,
+    /// The table with times: the truth if it has any.
+    clock: &'a Poses,
 }
 
-impl RunDetector {
-    /// Whether the next frame, of a take of so many frames a second, where known, starts a run. The first does.
-    pub fn starts(
-        &mut self,
-        time: Option<f64>,
-        take: &Option<Arc<str>>,
-        rate: Option<f64>,
-    ) -> bool {
-        let last = self.last.replace((time, take.clone()));
-        let Some((last_time, last_take)) = last else {
-            return true;
-        };
-        let on = match (last_time, time) {
-            (Some(a), Some(b)) => b > a && rate.is_none_or(|rate| b - a <= 1.5 / rate),
-            _ => true,
-        };
-        !on || last_take != *take
+impl<'a> Score<'a> {
+    /// A score of `result` against `truth`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if there is no frame, a point is missing in the result, or frames, takes or times differ.
+    pub fn new(truth: &'a Poses, result: &'a Poses) -> Result<Score<'a>> {
+        if truth.frames() == 0 {
+            return Err(Error::usage("the truth has no frames, nothing can be compared"));
+        }
+        Ok(Score {
+            truth,
+            result: aligned(truth, result, "result")?,
+            damaged: None,
+            clock: if truth.time.is_some() { truth } else { result },
+        })
+    }
+
+    /// Also reports errors by what `damaged` lacks, by the length of its gaps, and by what it observes.
+    ///
+    /// # Errors
+    /// As [`Score::new`], for the damaged table.
+    pub fn by_gap(self, damaged: &Poses) -> Result<Score<'a>> {
+        Ok(Score {
+            damaged: Some(aligned(self.truth, damaged, "damaged table")?),
+            ..self
+        })
+    }
+
+    /// The report, in centimetres.
+    pub fn finish(&self) -> ScoreReport {
+        let mut sums = ScoreAccumulator::new(&self.truth.points, self.damaged.is_some());
+        let starts: Vec<usize> = self.clock.runs().iter().map(|run| run.start).collect();
+        let frame = |xyz: &Array2<f64>, t: usize| xyz.row(t).to_vec();
+        for (take, rate) in self.clock.takes().into_iter().zip(self.clock.rates()) {
+            for t in take {
+                sums.add(&ScoredFrame {
+                    truth: &frame(&self.truth.xyz, t),
+                    result: &frame(&self.result, t),
+                    damaged: self.damaged.as_ref().map(|d| frame(d, t)).as_deref(),
+                    starts_run: starts.binary_search(&t).is_ok(),
+                    rate,
+                });
+            }
+        }
+        sums.finish("cm", 1.0)
     }
 }
 
-/// Adds up a score.
+/// The coordinates of `other` in the order of the truth's points.
+fn aligned(truth: &Poses, other: &Poses, name: &str) -> Result<Array2<f64>> {
+    let fail = |what: String| Err(Error::usage(format!("the {name} {what}")));
+    if truth.frames() != other.frames() {
+        let (frames, wanted) = (other.frames(), truth.frames());
+        return fail(format!("has {frames} frames, the truth has {wanted}"));
+    }
+    if let (Some(a), Some(b)) = (&truth.take, &other.take)
+        && let Some(t) = (0..a.len()).find(|&t| a[t] != b[t])
+    {
+        return fail(format!("has take {} in frame {t}, the truth has {}", b[t], a[t]));
+    }
+    if let (Some(a), Some(b)) = (&truth.time, &other.time)
+        && let Some(t) = (0..a.len()).find(|&t| (a[t] - b[t]).abs() > EQUAL_TIME)
+    {
+        return fail(format!("has time {} in frame {t}, the truth has {}", b[t], a[t]));
+    }
+    let mut columns = Vec::with_capacity(3 * truth.points.len());
+    for point in &truth.points {
+        match other.points.iter().position(|p| p == point) {
+            Some(p) => columns.extend(3 * p..3 * p + 3),
+            None => return fail(format!("has no point \"{point}\"")),
+        }
+    }
+    Ok(other.xyz.select(ndarray::Axis(1), &columns))
+}
+
+/// A score of frames that come one at a time.
 #[derive(Debug, Clone)]
-pub struct ScoreSums {
+pub struct ScoreAccumulator {
     points: Vec<String>,
     rates: Vec<f64>,
     frames: u64,
@@ -100,16 +173,16 @@ pub struct ScoreSums {
     accelerations: AccelerationSums,
 }
 
-impl ScoreSums {
-    /// A score of frames of these points; `damaged` tells whether every frame will come with what it was made from.
-    pub fn new(points: &[String], damaged: bool) -> ScoreSums {
-        ScoreSums {
+impl ScoreAccumulator {
+    /// A score of frames with these points. `has_damaged`: each frame will have its damaged pose.
+    pub fn new(points: &[String], has_damaged: bool) -> ScoreAccumulator {
+        ScoreAccumulator {
             points: points.to_vec(),
             rates: Vec::new(),
             frames: 0,
             all: ErrorSums::default(),
             by_point: vec![ErrorSums::default(); points.len()],
-            damage: damaged.then(|| BreakdownSums::new(points.len())),
+            damage: has_damaged.then(|| BreakdownSums::new(points.len())),
             bones: BoneLengthSums::new(points),
             accelerations: AccelerationSums::default(),
         }
@@ -137,12 +210,12 @@ impl ScoreSums {
         }
     }
 
-    /// How many frames were added.
+    /// The number of frames added.
     pub fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// The report, its lengths in a unit of this name and of so many centimetres.
+    /// The report, with lengths in a unit of `centimetres`.
     pub fn finish(self, units: &str, centimetres: f64) -> ScoreReport {
         let unit = centimetres;
         let is_timed = !self.rates.is_empty();
@@ -190,7 +263,7 @@ mod tests {
 
     #[test]
     fn all_and_by_point() {
-        let mut s = ScoreSums::new(&names(2), false);
+        let mut s = ScoreAccumulator::new(&names(2), false);
         s.add(&frame(&[0.0; 6], &[1.0, 1.0, 1.0, 2.0, 2.0, f64::NAN]));
         s.add(&frame(
             &[0.0, 0.0, 0.0, f64::NAN, f64::NAN, f64::NAN],
@@ -206,8 +279,8 @@ mod tests {
     }
 
     #[test]
-    fn nothing_compared_is_no_number() {
-        let r = ScoreSums::new(&names(1), true).finish("asf", 5.0);
+    fn nothing_compared_gives_no_number() {
+        let r = ScoreAccumulator::new(&names(1), true).finish("asf", 5.0);
         assert_eq!((r.all.mse, r.all.max), (None, None));
         let json = serde_json::to_string(&r).unwrap();
         assert!(json.contains("\"mse\":null") && json.contains("\"units\":\"asf\""));
@@ -216,7 +289,7 @@ mod tests {
     #[test]
     fn units_scale_every_length() {
         let score = |unit| {
-            let mut s = ScoreSums::new(&names(1), false);
+            let mut s = ScoreAccumulator::new(&names(1), false);
             for i in 0..5 {
                 let x = f64::from(i * i);
                 s.add(&ScoredFrame {
@@ -238,27 +311,60 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_those_of_poses() {
-        use crate::pose::Poses;
-        let time = vec![0.0, 0.1, 0.2, 0.4, 0.5, 0.1, 0.2, 0.3];
-        let take: Vec<Arc<str>> = "aaaaaaab"
-            .chars()
-            .map(|c| Arc::from(c.to_string()))
-            .collect();
-        let poses = Poses {
-            xyz: ndarray::Array2::zeros((8, 3)),
-            time: Some(time.clone()),
-            take: Some(take.clone()),
-            ..Poses::default()
+    fn whole_tables_score_as_frame_by_frame() {
+        let poses = |points: &[&str], xyz| Poses {
+            points: points.iter().map(|p| p.to_string()).collect(),
+            xyz,
+            time: Some((0..6).map(|t| f64::from(t) * 0.1 + if t < 3 { 0.0 } else { 5.0 }).collect()),
+            take: None,
         };
-        let mut runs = RunDetector::default();
-        let starts: Vec<usize> = (0..8)
-            .filter(|&i| runs.starts(Some(time[i]), &Some(take[i].clone()), poses.rate()))
-            .collect();
-        let want: Vec<usize> = poses.runs().iter().map(|r| r.start).collect();
-        assert_eq!(starts, want);
-        let mut bare = RunDetector::default();
-        let rate = Some(1.0);
-        assert!(bare.starts(None, &None, rate) && !bare.starts(None, &None, rate));
+        let xyz = Array2::from_shape_fn((6, 6), |(t, c)| ((t * t * 7 + c * 5) % 11) as f64);
+        let truth = poses(&["a", "b"], xyz.clone());
+        // The result has the points in another order, and one more.
+        let mut other = Array2::zeros((6, 9));
+        for c in 0..3 {
+            other.column_mut(c).assign(&xyz.column(c + 3));
+            other.column_mut(6 + c).assign(&(&xyz.column(c) + 1.0));
+        }
+        let mut damaged = truth.clone();
+        damaged.xyz[[4, 0]] = f64::NAN;
+        let result = poses(&["b", "more", "a"], other);
+        let report = Score::new(&truth, &result).unwrap().by_gap(&damaged).unwrap().finish();
+        let mut sums = ScoreAccumulator::new(&truth.points, true);
+        for t in 0..6 {
+            let mut result = truth.frame(t).to_vec();
+            result[..3].iter_mut().for_each(|v| *v += 1.0);
+            sums.add(&ScoredFrame {
+                truth: &truth.frame(t).to_vec(),
+                result: &result,
+                damaged: Some(&damaged.frame(t).to_vec()),
+                starts_run: t == 0 || t == 3,
+                rate: Some(10.0),
+            });
+        }
+        assert_eq!(report, sums.finish("cm", 1.0));
+        assert_eq!((report.rate, report.by_point[0].errors.mse), (Some(10.0), Some(1.0)));
+    }
+
+    #[test]
+    fn tables_that_differ_are_refused() {
+        let table = |points: usize, frames: usize| Poses {
+            points: names(points),
+            xyz: Array2::zeros((frames, 3 * points)),
+            time: Some((0..frames).map(|t| t as f64).collect()),
+            take: Some(vec!["a".into(); frames]),
+        };
+        let truth = table(2, 3);
+        let says = |other: Poses, part: &str| {
+            let e = Score::new(&truth, &other).unwrap_err();
+            assert!(e.to_string().contains(part), "{e}");
+            let good = Score::new(&truth, &truth).unwrap();
+            assert!(good.by_gap(&other).unwrap_err().to_string().contains(part));
+        };
+        says(table(1, 3), "has no point \"p1\"");
+        says(table(2, 2), "has 2 frames, the truth has 3");
+        says(Poses { time: Some(vec![0.0, 1.0, 2.1]), ..truth.clone() }, "time 2.1 in frame 2");
+        says(Poses { take: Some(vec!["b".into(); 3]), ..truth.clone() }, "take b in frame 0");
+        assert!(Score::new(&table(2, 0), &table(2, 0)).is_err());
     }
 }

@@ -1,8 +1,8 @@
-//! A score as text that lines up.
+//! A score as text in aligned columns.
 
 use super::error_stats::ErrorStats;
 use super::score::ScoreReport;
-use std::fmt::Write;
+use std::fmt::{self, Write};
 
 /// Columns of text, the first to the left, the others to the right.
 #[derive(Default)]
@@ -22,7 +22,7 @@ impl Grid {
         self.rows.push(row);
     }
 
-    /// A line of words between the rows.
+    /// A line of text between the rows.
     fn line(&mut self, text: &str) {
         self.rows.push(vec![text.to_string()]);
     }
@@ -49,7 +49,7 @@ impl Grid {
     }
 }
 
-/// Four decimals, or four digits where those would show nothing or too much; `-` for nothing.
+/// Four decimals, four significant digits below 0.001 and from a million on, `-` for no value.
 fn number(value: Option<f64>) -> String {
     match value {
         None => "-".into(),
@@ -58,17 +58,23 @@ fn number(value: Option<f64>) -> String {
     }
 }
 
-/// So many rates of takes are named.
-const NAMED_RATES: usize = 5;
+/// Rates that are printed; the others are counted.
+const PRINTED_RATES: usize = 5;
 
-/// The report as a text of many lines, each ended.
-pub fn text(report: &ScoreReport) -> String {
+impl fmt::Display for ScoreReport {
+    /// Aligned columns of text, in several lines.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&text(self))
+    }
+}
+
+fn text(report: &ScoreReport) -> String {
     let unit = &report.units;
     let rates: Vec<String> = report.rates.iter().map(f64::to_string).collect();
     let rate = match rates.is_empty() {
         true => "no frame rate: gap lengths in frames, no accelerations (give --fps)".into(),
         false => {
-            let (some, rest) = rates.split_at(rates.len().min(NAMED_RATES));
+            let (some, rest) = rates.split_at(rates.len().min(PRINTED_RATES));
             let more = match rest.len() {
                 0 => String::new(),
                 more => format!(" and {more} other rates"),
@@ -185,13 +191,13 @@ fn accelerations(out: &mut String, report: &ScoreReport) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::score::{ScoreSums, ScoredFrame};
+    use super::super::{ScoreAccumulator, ScoredFrame};
     use super::*;
 
     #[test]
-    fn columns_line_up_and_what_is_missing_is_told() {
+    fn columns_line_up_and_missing_values_are_counted() {
         let points = ["root", "lhipjoint"].map(String::from);
-        let mut s = ScoreSums::new(&points, true);
+        let mut s = ScoreAccumulator::new(&points, true);
         s.add(&ScoredFrame {
             truth: &[0.0; 6],
             result: &[1.0, 1.0, 1.0, 0.0, 0.0, f64::NAN],
@@ -212,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_never_lost_in_zeros() {
+    fn small_numbers_keep_their_digits() {
         assert_eq!(number(Some(0.0)), "0.0000");
         assert_eq!(number(Some(1e-9)), "1.000e-9");
         assert_eq!(number(Some(12.5)), "12.5000");
