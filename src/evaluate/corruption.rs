@@ -1,7 +1,7 @@
-//! Damage done to single frames on purpose: noise and hidden points, seeded.
+//! Seeded damage to single frames: noise and missing points.
 //!
 //! The paper's tests (section 4): Gaussian noise on every coordinate ("dense"), Gaussian noise on a fifth of the joints
-//! ("sparse"), all joints but six hidden (completion). Gaps in time are laid by [`super::gaps`].
+//! ("sparse"), all joints but six hidden (completion). [`super::gap_injection`] makes gaps in time.
 
 use crate::numeric::parallel;
 use crate::{Error, Result};
@@ -11,8 +11,7 @@ use rand_distr::StandardNormal;
 /// The largest standard deviation of noise, in centimetres: below it no sum with a finite number overflows.
 pub const MAX_NOISE: f64 = 1e6;
 
-/// The streams of random numbers of one seed: each kind of damage has its own, so that asking for one more leaves the
-/// others as they were.
+/// The random streams of one seed. Each kind of damage has its own, so that adding one kind does not change the others.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Stream {
     Dense = 0,
@@ -27,7 +26,7 @@ impl Stream {
     }
 }
 
-/// What is to be done to every frame. The order is dense noise, sparse noise, hiding.
+/// The damage to every frame, in this order: dense noise, sparse noise, missing points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Corruption {
     /// Standard deviation of the noise on every observed coordinate, cm, 0 to [`MAX_NOISE`]; 0 is none.
@@ -39,9 +38,9 @@ pub struct Corruption {
     pub share: f64,
     /// The only points that stay observed; `None` for all of them.
     pub keep: Option<Vec<String>>,
-    /// Points that do not stay observed.
+    /// Points that become missing.
     pub drop: Vec<String>,
-    /// Where randomness starts.
+    /// The seed.
     pub seed: u64,
 }
 
@@ -117,10 +116,10 @@ pub struct Corruptor {
 impl Corruptor {
     /// Damages frame `frame` (counted over the whole input), 3 J numbers in centimetres; NaN stays NaN.
     ///
-    /// What happens to a coordinate depends on the seed, the frame's number and the coordinate's place only: frames may
-    /// come in any order, and a missing value does not shift the noise of the others.
+    /// The noise of a coordinate depends on the seed, the frame number and the index of the coordinate only: frames may come
+    /// in any order, and a missing value does not shift the noise of the others.
     pub fn apply(&self, frame: u64, xyz: &mut [f64]) {
-        // Without noise nothing is added: -0 + 0 would be another number.
+        // No noise adds nothing: -0 + 0 would change the bits.
         if self.dense > 0.0 {
             let mut random = Stream::Dense.generator(self.seed, frame);
             for value in xyz.iter_mut() {

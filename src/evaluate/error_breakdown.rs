@@ -4,49 +4,49 @@ use super::error_stats::{ErrorStats, ErrorSums, point};
 use super::frame::ScoredFrame;
 use serde::Serialize;
 
-/// Coordinates that differ by no more than this count as unchanged, in centimetres: a micrometre, which single precision
-/// and a turn to the model's space and back stay below, and no capture resolves.
+/// Coordinates that differ by no more than this are unchanged, cm. Rounding to f32 and the way to the model's space and back
+/// stay below one micrometre.
 pub const UNCHANGED: f64 = 1e-4;
 
-/// The upper ends of the bins of gap lengths in seconds; the last bin has none.
+/// Upper ends of the bins of gap lengths, seconds; the last bin has none.
 pub const GAP_SECONDS: [f64; 5] = [0.1, 0.3, 0.6, 1.0, 2.0];
-/// The same in frames, where there is no rate.
+/// Upper ends of the bins of gap lengths without a rate, frames.
 pub const GAP_FRAMES: [u64; 5] = [10, 30, 60, 100, 200];
 
-/// The errors by what the damaged table held.
+/// Errors by the state of the damaged table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ErrorBreakdown {
-    /// The damaged table itself against the truth: how bad things were. What it lacks is its `still_missing`.
+    /// The damaged table itself against the truth; `still_missing` counts what it lacks.
     pub before: ErrorStats,
-    /// The result over what was missing.
+    /// The result where the damaged table has no value.
     pub missing: ErrorStats,
-    /// The same by the length of the gap: the frames in a row in which a point lacked any coordinate.
+    /// `missing` by gap length: the consecutive frames in which a point lacks a coordinate.
     pub by_gap: Vec<GapErrors>,
-    /// The result over what was observed.
+    /// The result where the damaged table has a value.
     pub observed: ErrorStats,
-    /// The result over what was observed and off the truth (by more than [`UNCHANGED`]).
+    /// The result where that value differs from the truth by more than [`UNCHANGED`].
     pub corrupted: ErrorStats,
-    /// The result over what was observed and right.
+    /// The result where that value is right.
     pub intact: ErrorStats,
-    /// The result over what was observed and is another value now (by more than [`UNCHANGED`]).
+    /// The result where it differs from that value by more than [`UNCHANGED`].
     pub changed: ErrorStats,
 }
 
-/// The errors over gaps of some length.
+/// Errors in gaps of one bin of lengths.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GapErrors {
     /// GapInjection longer than this many seconds; frames where there is no rate.
     pub longer_than: f64,
     /// GapInjection of up to this many seconds (frames); none for the last bin.
     pub up_to: Option<f64>,
-    /// How many gaps of a point there are.
+    /// The number of gaps, each of one point.
     pub gaps: u64,
-    /// Their errors.
+    /// The errors in these gaps.
     #[serde(flatten)]
     pub errors: ErrorStats,
 }
 
-/// Adds up [`ErrorBreakdown`].
+/// The sums behind [`ErrorBreakdown`].
 #[derive(Debug, Clone)]
 pub(super) struct BreakdownSums {
     before: ErrorSums,
@@ -55,11 +55,11 @@ pub(super) struct BreakdownSums {
     corrupted: ErrorSums,
     intact: ErrorSums,
     changed: ErrorSums,
-    /// The gap each point is in: its frames so far and its errors.
+    /// The open gap of each point: its frames so far and its errors.
     open: Vec<(u64, ErrorSums)>,
-    /// Each bin's gaps and errors.
+    /// The gaps and errors of each bin.
     bins: [(u64, ErrorSums); GAP_SECONDS.len() + 1],
-    /// Of the last take that has one.
+    /// The rate of the last take that has one.
     rate: Option<f64>,
 }
 
@@ -87,7 +87,7 @@ impl BreakdownSums {
             let [t, r, d] = [frame.truth, frame.result, damaged].map(|xyz| point(xyz, i));
             let missing = d.map(f64::is_nan);
             let observed = missing.map(|m| !m);
-            // A difference from NaN is above nothing: what is missing is in none of these.
+            // Comparisons with NaN are false: a missing coordinate is in none of these.
             let corrupted = [0, 1, 2].map(|a| (d[a] - t[a]).abs() > UNCHANGED);
             let intact = [0, 1, 2].map(|a| (d[a] - t[a]).abs() <= UNCHANGED);
             let changed = [0, 1, 2].map(|a| (r[a] - d[a]).abs() > UNCHANGED);
@@ -107,7 +107,7 @@ impl BreakdownSums {
         }
     }
 
-    /// Ends the gap a point is in, if any. One where the truth has nothing either is none.
+    /// Ends the open gap of a point. A gap in which the truth has no value does not count.
     fn close(&mut self, point: usize) {
         let (frames, sums) = std::mem::take(&mut self.open[point]);
         if sums.is_empty() {
@@ -124,7 +124,7 @@ impl BreakdownSums {
         self.bins[bin].1.merge(&sums);
     }
 
-    /// `is_timed`: gaps are told in seconds.
+    /// `is_timed`: bins are in seconds.
     pub(super) fn finish(mut self, unit: f64, is_timed: bool) -> ErrorBreakdown {
         for point in 0..self.open.len() {
             self.close(point);
@@ -199,14 +199,14 @@ mod tests {
     }
 
     #[test]
-    fn gaps_of_whole_frames_fall_in_the_bin_they_were_made_for() {
+    fn gap_lengths_are_rounded_to_frames() {
         let rate = 30.0 / 1.001;
         let d = gaps(&format!("x{}x", ".".repeat(9)), Some(rate), &[]);
         assert_eq!(d.by_gap[1].gaps, 1);
     }
 
     #[test]
-    fn sets_by_what_the_damaged_table_held() {
+    fn coordinates_are_sorted_by_the_damaged_table() {
         let mut s = ScoreAccumulator::new(&names(4), true);
         s.add(&ScoredFrame {
             truth: &[0.0; 12],

@@ -2,25 +2,24 @@
 
 use serde::Serialize;
 
-/// How far one set of coordinates is from the truth. Lengths are in the unit of the report; `None` where nothing was
-/// compared.
+/// Errors of a set of coordinates. Lengths are in the unit of the report; `None` if nothing was compared.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ErrorStats {
-    /// How many coordinates were compared: those with a value in the truth and in the result.
+    /// The number of coordinates with a value in the truth and in the result.
     pub coordinates: u64,
-    /// How many coordinates have a value in the truth and none in the result. They are in none of the errors.
+    /// The number of coordinates with a value in the truth and none in the result; in none of the errors.
     pub still_missing: u64,
     /// Mean squared error of a coordinate (unit squared).
     pub mse: Option<f64>,
-    /// Its square root.
+    /// Square root of `mse`.
     pub rms: Option<f64>,
-    /// Mean distance of the points whose three coordinates are all in the set.
+    /// Mean distance of points whose three coordinates are all in the set.
     pub mean_distance: Option<f64>,
     /// The largest error of a coordinate.
     pub max: Option<f64>,
 }
 
-/// Sums from which [`ErrorStats`] are made, in centimetres. Memory does not grow.
+/// The sums behind [`ErrorStats`], in centimetres.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ErrorSums {
     coordinates: u64,
@@ -32,7 +31,7 @@ pub struct ErrorSums {
 }
 
 impl ErrorSums {
-    /// Adds those coordinates of a point that `member` names and the truth has.
+    /// Adds the coordinates of a point for which `member` is true and the truth has a value.
     pub fn add(&mut self, truth: [f64; 3], result: [f64; 3], member: [bool; 3]) {
         let (mut squared, mut compared) = (0.0, 0);
         for a in 0..3 {
@@ -66,12 +65,12 @@ impl ErrorSums {
         self.distances += other.distances;
     }
 
-    /// Whether the truth had a value anywhere in the set.
+    /// Whether the truth has no value in the set.
     pub fn is_empty(&self) -> bool {
         self.coordinates + self.missing == 0
     }
 
-    /// The errors in a unit of so many centimetres.
+    /// The errors, with lengths in a unit of `unit` centimetres.
     pub fn errors(&self, unit: f64) -> ErrorStats {
         let mse = mean(self.squares, self.coordinates).map(|v| v / (unit * unit));
         ErrorStats {
@@ -85,7 +84,7 @@ impl ErrorSums {
     }
 }
 
-/// A mean, unless it is one of nothing.
+/// The mean; `None` without values.
 pub(super) fn mean(sum: f64, count: u64) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }

@@ -7,20 +7,20 @@ use ndarray::{ArrayView2, s};
 use rand::Rng;
 use std::ops::Range;
 
-/// What gaps a take is to have.
+/// The gaps to inject into a take.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct GapInjection {
-    /// How many, at least 1.
+    /// The number of gaps, at least 1.
     pub count: usize,
-    /// How many consecutive frames each, at least 1.
+    /// Consecutive frames of a gap, at least 1.
     pub frames: usize,
-    /// In how many points each, at least 1.
+    /// Points of a gap, at least 1.
     pub points: usize,
-    /// Where randomness starts.
+    /// The seed.
     pub seed: u64,
 }
 
-/// A gap: these points are unseen in these frames.
+/// A gap: these points are missing in these frames.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Gap {
     /// Consecutive frames of one run.
@@ -29,12 +29,12 @@ pub struct Gap {
     pub points: Vec<usize>,
 }
 
-/// What came of laying gaps into a take.
+/// The result of [`GapInjection::inject`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct InjectedGaps {
-    /// The gaps; fewer than asked for where no more fit.
+    /// The gaps; fewer than asked for if no more fit.
     pub gaps: Vec<Gap>,
-    /// The length of the take's longest run; below a gap's length, none can be laid.
+    /// The frames of the take's longest run. No gap fits if it is shorter than a gap.
     pub longest: usize,
 }
 
@@ -49,20 +49,20 @@ pub fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
             "--length {seconds} is less than half a frame at {rate} frames a second"
         )));
     }
-    // Saturates; a gap longer than any take is told later.
+    // The cast saturates; a gap longer than any take is reported later.
     Ok(frames as usize)
 }
 
 impl GapInjection {
-    /// Lays the gaps of the take number `index`, whose frames are `take`: what they hide becomes NaN.
+    /// Injects the gaps of take number `index`: coordinates in a gap become NaN.
     ///
-    /// A gap lies within one run and hides points that are observed throughout, in all its frames and in the frame before
-    /// and after it; so two gaps of a point never touch, each is as long as asked for, and the first and last frame of
-    /// a run stay as they are. Only where no run of the take is longer than a gap by two frames may one reach the run's
-    /// ends. Among the places left, each is equally likely. Cost and memory are those of reading the take once.
+    /// A gap lies within one run. Its points are observed in all its frames and in the frames before and after, so that two
+    /// gaps of a point never touch and the first and last frame of a run keep their values. Only if no run is longer than a
+    /// gap by two frames may a gap reach the ends of a run. All places left are equally likely. Time and memory are linear in
+    /// the size of the take.
     ///
     /// # ErrorStats
-    /// [`Error::Usage`] when a number is 0, or there are fewer points than a gap is to have.
+    /// [`Error::Usage`] if a number is 0 or the take has fewer points than a gap.
     pub fn inject(&self, take: &mut Poses, index: u64) -> Result<InjectedGaps> {
         let (asked, points) = (self.points, take.points.len());
         if self.count == 0 || self.frames == 0 {
@@ -112,19 +112,19 @@ impl GapInjection {
     }
 }
 
-/// Where in a take a gap may still start.
+/// The frames at which a gap can still start.
 struct FreeStarts {
-    /// Length of a gap in frames, and how many points it needs.
+    /// Frames and points of a gap.
     frames: usize,
     needed: usize,
     points: usize,
     /// (frames, points): whether a gap of this point may start here.
     free: Vec<bool>,
-    /// How many points are free at a start.
+    /// The number of free points at each start.
     left: Vec<usize>,
     /// The starts at which enough points are free.
     open: Vec<usize>,
-    /// Where in `open` a start stands.
+    /// The index of each start in `open`.
     slot: Vec<Option<usize>>,
 }
 
@@ -161,7 +161,7 @@ impl FreeStarts {
         starts
     }
 
-    /// Frees the starts of a run from which a point is seen throughout, with `margin` frames on both sides.
+    /// Frees the starts of a run from which a point is observed throughout, with `margin` frames on both sides.
     fn free_in_run(
         &mut self,
         xyz: ArrayView2<'_, f64>,
@@ -238,7 +238,7 @@ mod tests {
         }
     }
 
-    /// Lays into a copy.
+    /// Injects into a copy.
     fn inject(what: &GapInjection, take: &Poses) -> (InjectedGaps, Poses) {
         let mut take = take.clone();
         (what.inject(&mut take, 0).unwrap(), take)
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn takes_have_gaps_of_their_own() {
+    fn each_take_has_different_gaps() {
         let what = gaps(2, 6, 1);
         let laid = |index| what.inject(&mut poses(60, 9), index).unwrap().gaps;
         assert_eq!(laid(3), laid(3));
@@ -307,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn every_place_is_as_likely() {
+    fn all_places_are_equally_likely() {
         let take = poses(12, 2);
         let mut starts = [0; 12];
         for seed in 0..8000 {
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_already_is_no_place_for_a_gap() {
+    fn no_gap_covers_missing_values() {
         let mut take = poses(30, 2);
         take.xyz.column_mut(4).fill(f64::NAN);
         take.xyz[[10, 0]] = f64::NAN;
@@ -360,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_take_has_as_many_gaps_as_fit() {
+    fn too_many_gaps_are_cut_to_those_that_fit() {
         // GapInjection of one frame and their neighbours fill at most every other frame.
         let (laid, take) = inject(&gaps(1000, 1, 1), &poses(21, 1));
         assert!((5..=10).contains(&laid.gaps.len()));

@@ -1,31 +1,31 @@
-//! What a list of single errors does not show: whether bones keep their lengths, and how much the points tremble.
+//! Motion quality: how constant bone lengths are, and how large accelerations (jitter).
 
 use super::error_stats::mean;
 use super::frame::ScoredFrame;
 use crate::pose::joints::parents_by_name;
 use serde::Serialize;
 
-/// The lengths of the bones that the points' names tell of (CMU's). Lengths are in the unit of the report.
+/// Lengths of the bones that the points' names define (CMU's), in the unit of the report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BoneLengths {
-    /// Root mean square of the differences of a bone's length, result less truth, over all bones and frames.
+    /// RMS difference of a bone's length, result minus truth, over all bones and frames.
     pub rms_difference: Option<f64>,
-    /// Standard deviation of a bone's length around its own mean in the truth, pooled over the bones.
+    /// Standard deviation of a bone's length around its mean in the truth, pooled over the bones.
     pub truth_sd: Option<f64>,
-    /// The same in the result.
+    /// Standard deviation of a bone's length around its mean in the result, pooled over the bones.
     pub result_sd: Option<f64>,
     /// Each bone.
     pub by_bone: Vec<BoneLength>,
 }
 
-/// The length of one bone over the frames in which truth and result have both its ends.
+/// The length of one bone over the frames in which truth and result have both ends.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BoneLength {
-    /// The bone's end.
+    /// The end of the bone.
     pub point: String,
-    /// Where it starts.
+    /// The start of the bone.
     pub parent: String,
-    /// How many frames were compared.
+    /// The number of frames compared.
     pub frames: u64,
     /// Mean length in the truth.
     pub truth: Option<f64>,
@@ -35,25 +35,24 @@ pub struct BoneLength {
     pub truth_sd: Option<f64>,
     /// Standard deviation of the length in the result.
     pub result_sd: Option<f64>,
-    /// Root mean square of the differences, result less truth.
+    /// RMS difference, result minus truth.
     pub rms_difference: Option<f64>,
 }
 
-/// Root mean square of the accelerations of a coordinate (unit per second squared), over all coordinates of which truth
-/// and result have three frames that follow one another.
+/// RMS accelerations of a coordinate (unit/s²), over all coordinates with three consecutive frames in truth and result.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Accelerations {
-    /// How many were compared.
+    /// The number of accelerations compared.
     pub count: u64,
-    /// Those of the truth.
+    /// RMS acceleration of the truth.
     pub truth: Option<f64>,
-    /// Those of the result: higher than the truth's where it trembles, lower where it was smoothed away.
+    /// RMS acceleration of the result: larger than the truth's with jitter, smaller after too much smoothing.
     pub result: Option<f64>,
-    /// Those of the error, result less truth.
+    /// RMS acceleration of the error, result minus truth.
     pub difference: Option<f64>,
 }
 
-/// Mean and squared deviations of a series, by Welford's recurrence.
+/// Mean and summed squared deviations of a series, by Welford's recurrence.
 #[derive(Debug, Clone, Default)]
 struct RunningVariance {
     count: u64,
@@ -70,7 +69,7 @@ impl RunningVariance {
     }
 }
 
-/// Adds up [`BoneLengths`], frame by frame.
+/// The sums behind [`BoneLengths`].
 #[derive(Debug, Clone)]
 pub(super) struct BoneLengthSums {
     /// Point, parent, lengths of truth and result, summed squared differences.
@@ -99,7 +98,7 @@ impl BoneLengthSums {
         }
     }
 
-    /// `None` when no bone is known.
+    /// `None` without a known bone.
     pub(super) fn finish(&self, points: &[String], unit: f64) -> Option<BoneLengths> {
         if self.bones.is_empty() {
             return None;
@@ -139,10 +138,10 @@ fn distance(xyz: &[f64], a: usize, b: usize) -> f64 {
     (squared(0) + squared(1) + squared(2)).sqrt()
 }
 
-/// Adds up [`Accelerations`], frame by frame.
+/// The sums behind [`Accelerations`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct AccelerationSums {
-    /// The last two frames of this run, newest last: truth and result.
+    /// Truth and result of the last two frames of the run, newest last.
     last: Vec<[Vec<f64>; 2]>,
     count: u64,
     /// Squared accelerations of truth, result and error.
@@ -150,7 +149,7 @@ pub(super) struct AccelerationSums {
 }
 
 impl AccelerationSums {
-    /// Of a take of so many frames a second.
+    /// Adds a frame of a take with `rate` frames a second.
     pub(super) fn add(&mut self, frame: &ScoredFrame<'_>, rate: f64) {
         let (truth, result) = (frame.truth, frame.result);
         if frame.starts_run {

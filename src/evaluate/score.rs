@@ -92,7 +92,9 @@ impl<'a> Score<'a> {
     /// [`Error::Usage`] if there is no frame, a point is missing in the result, or frames, takes or times differ.
     pub fn new(truth: &'a Poses, result: &'a Poses) -> Result<Score<'a>> {
         if truth.frames() == 0 {
-            return Err(Error::usage("the truth has no frames, nothing can be compared"));
+            return Err(Error::usage(
+                "the truth has no frames, nothing can be compared",
+            ));
         }
         Ok(Score {
             truth,
@@ -143,12 +145,18 @@ fn aligned(truth: &Poses, other: &Poses, name: &str) -> Result<Array2<f64>> {
     if let (Some(a), Some(b)) = (&truth.take, &other.take)
         && let Some(t) = (0..a.len()).find(|&t| a[t] != b[t])
     {
-        return fail(format!("has take {} in frame {t}, the truth has {}", b[t], a[t]));
+        return fail(format!(
+            "has take {} in frame {t}, the truth has {}",
+            b[t], a[t]
+        ));
     }
     if let (Some(a), Some(b)) = (&truth.time, &other.time)
         && let Some(t) = (0..a.len()).find(|&t| (a[t] - b[t]).abs() > EQUAL_TIME)
     {
-        return fail(format!("has time {} in frame {t}, the truth has {}", b[t], a[t]));
+        return fail(format!(
+            "has time {} in frame {t}, the truth has {}",
+            b[t], a[t]
+        ));
     }
     let mut columns = Vec::with_capacity(3 * truth.points.len());
     for point in &truth.points {
@@ -315,7 +323,11 @@ mod tests {
         let poses = |points: &[&str], xyz| Poses {
             points: points.iter().map(|p| p.to_string()).collect(),
             xyz,
-            time: Some((0..6).map(|t| f64::from(t) * 0.1 + if t < 3 { 0.0 } else { 5.0 }).collect()),
+            time: Some(
+                (0..6)
+                    .map(|t| f64::from(t) * 0.1 + if t < 3 { 0.0 } else { 5.0 })
+                    .collect(),
+            ),
             take: None,
         };
         let xyz = Array2::from_shape_fn((6, 6), |(t, c)| ((t * t * 7 + c * 5) % 11) as f64);
@@ -329,7 +341,11 @@ mod tests {
         let mut damaged = truth.clone();
         damaged.xyz[[4, 0]] = f64::NAN;
         let result = poses(&["b", "more", "a"], other);
-        let report = Score::new(&truth, &result).unwrap().by_gap(&damaged).unwrap().finish();
+        let report = Score::new(&truth, &result)
+            .unwrap()
+            .by_gap(&damaged)
+            .unwrap()
+            .finish();
         let mut sums = ScoreAccumulator::new(&truth.points, true);
         for t in 0..6 {
             let mut result = truth.frame(t).to_vec();
@@ -343,7 +359,10 @@ mod tests {
             });
         }
         assert_eq!(report, sums.finish("cm", 1.0));
-        assert_eq!((report.rate, report.by_point[0].errors.mse), (Some(10.0), Some(1.0)));
+        assert_eq!(
+            (report.rate, report.by_point[0].errors.mse),
+            (Some(10.0), Some(1.0))
+        );
     }
 
     #[test]
@@ -363,8 +382,20 @@ mod tests {
         };
         says(table(1, 3), "has no point \"p1\"");
         says(table(2, 2), "has 2 frames, the truth has 3");
-        says(Poses { time: Some(vec![0.0, 1.0, 2.1]), ..truth.clone() }, "time 2.1 in frame 2");
-        says(Poses { take: Some(vec!["b".into(); 3]), ..truth.clone() }, "take b in frame 0");
+        says(
+            Poses {
+                time: Some(vec![0.0, 1.0, 2.1]),
+                ..truth.clone()
+            },
+            "time 2.1 in frame 2",
+        );
+        says(
+            Poses {
+                take: Some(vec!["b".into(); 3]),
+                ..truth.clone()
+            },
+            "take b in frame 0",
+        );
         assert!(Score::new(&table(2, 0), &table(2, 0)).is_err());
     }
 }

@@ -1,8 +1,7 @@
-//! Poses to look at: a few test poses and a take_rows of one test take, the same for all methods, and what each makes of
-//! them. They are drawn, not measured: tables come from [`super::cell`] alone.
+//! Example poses for the report's figures: two test poses and part of a test take, the same for all methods.
 //!
-//! They are of the first seed, under the first split of the run that holds whole takes out (else under `frames`, where
-//! half of what is seen was learnt from).
+//! Examples belong to the first seed and the first split of the run that holds out whole takes; in a run of `frames` alone,
+//! half of the frames shown are training poses. Examples are drawn and enter no table.
 
 use super::config::Settings;
 use super::dataset::Dataset;
@@ -17,31 +16,31 @@ use rand::seq::SliceRandom;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Poses that stand still.
+/// Single poses.
 const POSES: usize = 2;
-/// Frames of the take_rows at most, and how many a second: enough to see a step or two, and small.
+/// Largest number of frames of the take, and frames a second: enough for a step or two.
 const TAKE_FRAMES: usize = 96;
 const RATE: f64 = 60.0;
-/// The rate where a table tells none.
-const UNTOLD: f64 = 120.0;
-/// Feet that pass each other by less, cm, make no step.
-const STEP: f64 = 10.0;
-/// Methods that are drawn at most: more cannot be looked at.
-const MOST: usize = 24;
+/// The rate of a table without times.
+const DEFAULT_RATE: f64 = 120.0;
+/// Smallest distance by which feet pass each other in a step, cm.
+const MIN_STEP: f64 = 10.0;
+/// Largest number of methods that are drawn.
+const MAX_METHODS: usize = 24;
 
-/// What is seen of a pose.
+/// The damage to an example pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ExampleKind {
-    /// A pose damaged as a task says.
+    /// A pose with the damage of a task.
     Pose(Task),
-    /// A pose of which x and y are seen, exactly, and no z: the paper's figure 5.
+    /// A pose whose x and y are observed without noise, and no z: the paper's figure 5.
     Planar,
     /// The take_rows, completed from the observed joints: the paper's figure 6.
     Take,
 }
 
 impl ExampleKind {
-    /// Those that a run of these tasks has.
+    /// The kinds in a run of these tasks.
     pub fn of(tasks: &[Task]) -> Vec<ExampleKind> {
         let mut all: Vec<ExampleKind> = tasks.iter().map(|t| ExampleKind::Pose(*t)).collect();
         if tasks.contains(&Task::Complete) {
@@ -50,7 +49,7 @@ impl ExampleKind {
         all
     }
 
-    /// Its name in files.
+    /// The name in files.
     pub fn name(self) -> &'static str {
         match self {
             ExampleKind::Pose(task) => task.name(),
@@ -68,14 +67,14 @@ impl ExampleKind {
     }
 }
 
-/// Which poses are looked at.
+/// The rows of the example poses.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExamplePoses {
-    /// Under which split.
+    /// The split.
     pub split: Split,
-    /// With which seed.
+    /// The seed.
     pub seed: u64,
-    /// The rows of the poses that stand still.
+    /// The rows of the single poses.
     pub pose_rows: Vec<usize>,
     /// The rows of the take_rows, in time order.
     pub take_rows: Vec<usize>,
@@ -83,7 +82,7 @@ pub struct ExamplePoses {
     pub rate: f64,
 }
 
-/// What one method makes of them.
+/// The estimates of one method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MethodExamples {
     /// The method's name.
@@ -93,12 +92,12 @@ pub struct MethodExamples {
     pub answers: BTreeMap<String, Vec<Vec<f64>>>,
 }
 
-/// What is known after a run.
+/// The examples of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ExampleSet {
-    /// Which poses; `None` where none were asked for.
+    /// The poses; `None` if none were asked for.
     pub poses: Option<ExamplePoses>,
-    /// What each method made of them, in the settings' order.
+    /// The estimates of each method, in the settings' order.
     pub methods: Vec<MethodExamples>,
 }
 
@@ -108,14 +107,14 @@ pub fn split(splits: &[Split]) -> Option<Split> {
     whole.or(splits.first()).copied()
 }
 
-/// Which methods are drawn: all, or the first so many, those of a named size or sparsity last.
+/// The methods that are drawn: the first [`MAX_METHODS`], with a named size or sparsity after the others.
 pub fn shown_methods(methods: &[Method]) -> Vec<&str> {
     let (sweeps, plain): (Vec<&str>, Vec<&str>) = methods
         .iter()
         .map(|m| m.name.as_str())
         .partition(|n| n.contains(':'));
     let all = plain.into_iter().chain(sweeps);
-    let chosen: Vec<&str> = all.take(MOST).collect();
+    let chosen: Vec<&str> = all.take(MAX_METHODS).collect();
     let names = methods.iter().map(|m| m.name.as_str());
     names.filter(|n| chosen.contains(n)).collect()
 }
@@ -133,7 +132,7 @@ impl ExamplePoses {
         });
         let (mut take_rows, mut rate) = (Vec::new(), RATE);
         if let Some(take) = walks.map(|w| &data.takes[w]) {
-            let variance = take.rate.unwrap_or(UNTOLD);
+            let variance = take.rate.unwrap_or(DEFAULT_RATE);
             let every = (variance / RATE).round().max(1.0) as usize;
             let count = TAKE_FRAMES.min(take.rows.len().div_ceil(every));
             let from = take.rows.start + (take.rows.len() - ((count - 1) * every + 1)) / 2;
@@ -213,7 +212,8 @@ impl ExamplePoses {
         Ok((truth, damaged))
     }
 
-    /// Lets a method answer: `more` is what it is told of noise besides, cm², `answer` restores.
+    /// The estimates of a method. `extra_variance` (cm²) is added to the noise variance that the method is given; `restore`
+    /// restores poses.
     ///
     /// # Errors
     /// As [`ExamplePoses::damaged`].
@@ -222,15 +222,15 @@ impl ExamplePoses {
         data: &Dataset,
         settings: &Settings,
         model: &str,
-        more: &dyn Fn(Task) -> f64,
-        answer: &dyn Fn(&DamagedPoses) -> Vec<Posterior>,
+        extra_variance: &dyn Fn(Task) -> f64,
+        restore: &dyn Fn(&DamagedPoses) -> Vec<Posterior>,
     ) -> Result<MethodExamples> {
         let mut answers = BTreeMap::new();
         for kind in ExampleKind::of(&settings.tasks) {
             let (_, mut damaged) = self.damaged(data, settings, kind)?;
-            damaged.variance += more(kind.task());
+            damaged.variance += extra_variance(kind.task());
             let short = |v: &f64| (v * 100.0).round() / 100.0;
-            let poses: Vec<Vec<f64>> = answer(&damaged)
+            let poses: Vec<Vec<f64>> = restore(&damaged)
                 .iter()
                 .map(|b| b.mean.iter().map(short).collect())
                 .collect();
@@ -254,8 +254,8 @@ impl MethodExamples {
     }
 }
 
-/// How much a take looks like a run or a walk: how often a frame the feet pass each other, times how far apart they come.
-/// Without feet: how far the points stray.
+/// How much a take looks like a run or a walk: steps a frame times the distance of the feet. Without feet: the variance of
+/// the points.
 fn strides(data: &Dataset, take: usize) -> f64 {
     let rows = data.takes[take].rows.clone();
     let foot = |name: &str| data.points.iter().position(|p| p == name);
@@ -277,7 +277,7 @@ fn strides(data: &Dataset, take: usize) -> f64 {
     let middle = ahead.iter().sum::<f64>() / frames;
     let (mut steps, mut side) = (0.0, 0.0);
     for v in &ahead {
-        let now = if (v - middle).abs() > STEP {
+        let now = if (v - middle).abs() > MIN_STEP {
             (v - middle).signum()
         } else {
             side
@@ -291,7 +291,7 @@ fn strides(data: &Dataset, take: usize) -> f64 {
         let mean = v.iter().sum::<f64>() / frames;
         (v.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / frames).sqrt()
     };
-    // Legs that part sideways as well are a dance or a climb.
+    // Feet that also part sideways belong to a dance or a climb.
     steps / frames * (rms(&ahead) - rms(&apart(x))).max(0.0)
 }
 
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_are_test_poses_and_the_same_each_time() {
+    fn examples_are_test_poses_and_repeatable() {
         let data = takes(&[
             ("01_01", 300),
             ("01_02", 250),
@@ -354,7 +354,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_is_what_each_sight_says() {
+    fn each_kind_has_its_damage() {
         let data = takes(&[("01_01", 60), ("01_02", 60)]);
         let part = Partition::draw(&data, &[], Split::Takes, 0).unwrap();
         let scenes = ExamplePoses::choose(&data, &part);
@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_are_short_and_finite() {
+    fn estimates_are_rounded_and_finite() {
         let data = takes(&[("01_01", 60), ("01_02", 60)]);
         let part = Partition::draw(&data, &[], Split::Takes, 0).unwrap();
         let (scenes, settings) = (ExamplePoses::choose(&data, &part), settings());
@@ -430,7 +430,7 @@ mod tests {
                 .insert(0, Method::parse(&format!("ksvd:k={k}")).unwrap());
         }
         let drawn = shown_methods(&settings.methods);
-        assert!(drawn.len() == MOST && drawn.contains(&"gaussian"));
+        assert!(drawn.len() == MAX_METHODS && drawn.contains(&"gaussian"));
         assert_eq!(
             split(&[Split::Frames, Split::Subjects]),
             Some(Split::Subjects)

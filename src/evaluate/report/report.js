@@ -48,7 +48,7 @@ function logAxis(values, from, to) {
       for (const digit of digits) ticks.push(+`${digit}e${power}`);
     return ticks.filter(v => v >= low && v <= high);
   };
-  const sets = [[1, 2, 3, 4, 5, 6, 7, 8, 9], [1, 2, 3, 5], [1, 2, 5], [1]];
+  const sets = [[1, 1.2, 1.4, 1.6, 1.8, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9], [1, 2, 3, 4, 5, 6, 7, 8, 9], [1, 2, 3, 5], [1, 2, 5], [1]];
   return { at, ticks: sets.map(ticksOf).find(ticks => ticks.length <= 6) || [] };
 }
 
@@ -307,7 +307,7 @@ for (const row of report.summary) {
   const last = groups.at(-1);
   if (last && last[0].split === row.split && last[0].base_asf === row.base_asf) last.push(row); else groups.push([row]);
 }
-document.getElementById("before").append(...(groups.length ? [lowestErrors()] : [html("p", {}, "Nothing was run.")]));
-document.getElementById("after").append(...groups.map((rows, i) => splitSection("split" + i, rows)));
+document.getElementById("before").replaceWith(...(groups.length ? [lowestErrors()] : [html("p", {}, "Nothing was run.")]));
+document.getElementById("after").replaceWith(...groups.map((rows, i) => splitSection("split" + i, rows)));
 document.querySelector("nav").append(...[...document.querySelectorAll("main section[id]")].flatMap(section =>
   [html("a", { href: "#" + section.id }, section.querySelector("h2").textContent), " "]));
