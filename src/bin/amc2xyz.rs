@@ -2,7 +2,7 @@
 
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, OutputArgs, Units, parse_rate};
-use posing::cli::input::{check_single_stdin, open};
+use posing::cli::input::{check_single_stdin, open, or_stdin, take_name};
 use posing::cli::streams::create_table;
 use posing::cli::{Outcome, messages, run};
 use posing::io::amc::{AmcFrames, AmcReader};
@@ -11,7 +11,6 @@ use posing::pose::kinematics::Space;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 
 /// Convert ASF/AMC takes to a table of joint positions
 ///
@@ -68,18 +67,12 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    let takes = if args.takes.is_empty() {
-        vec![PathBuf::from("-")]
-    } else {
-        args.takes.clone()
-    };
+    let takes = or_stdin(&args.takes);
     check_single_stdin(takes.iter().chain([&args.asf]))?;
     let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
     let joints = joints(&asf, args)?;
-    let names = joints
-        .iter()
-        .map(|&j| asf.skeleton.bones()[j].name.clone())
-        .collect();
+    let bones = asf.skeleton.bones();
+    let names = joints.iter().map(|&j| bones[j].name.clone()).collect();
     let mut sink = create_table(&args.out, &Columns::for_points(names, true, true), &[])?;
     for take in &takes {
         convert(args, &asf, &joints, take, &mut sink)?;
@@ -88,7 +81,6 @@ fn work(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The bones whose joints are written.
 fn joints(asf: &Asf, args: &Args) -> Result<Vec<usize>> {
     if args.joints == "all" {
         return Ok((0..asf.skeleton.bones().len()).collect());
@@ -115,12 +107,8 @@ fn convert(
         SpaceFlag::Body => Space::Body,
     };
     let mut reader = AmcReader::new(asf, open(take)?, args.keep_whole)?;
-    let name = take
-        .file_stem()
-        .unwrap_or(take.as_os_str())
-        .to_string_lossy();
     let mut row = Row {
-        take: Some(Arc::from(&*name)),
+        take: Some(take_name(take).into()),
         ..Row::default()
     };
     let mut frames = AmcFrames::default();

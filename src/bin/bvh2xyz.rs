@@ -1,9 +1,8 @@
 //! Turns a BVH file into a table of joint positions.
 
 use clap::Parser;
-use glam::DMat3;
 use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate};
-use posing::cli::input::open;
+use posing::cli::input::{open, take_name};
 use posing::cli::streams::write_table;
 use posing::cli::{Outcome, messages, run};
 use posing::io::bvh::{BvhPoints, BvhSkeleton};
@@ -64,31 +63,21 @@ fn work(args: &Args) -> Result<Outcome> {
     let bvh = Bvh::read(input, unit.centimetres(), args.keep_whole)?;
     bvh.notes.iter().for_each(|n| messages::info(n));
     if args.units.is_none() || args.up.is_none() {
-        let axis = match up {
-            Up::X => "x",
-            Up::Y => "y",
-            Up::Z => "z",
-        };
         messages::info(&format!(
-            "{name}: assuming {} and {axis} up; use --units and --up to change this",
-            unit.name()
+            "{name}: assuming {} and {} up; use --units and --up to change this",
+            unit.name(),
+            up.name()
         ));
     }
     let rate = rate(args, &bvh, &name)?;
-    let turn =
-        DMat3::from_cols_array_2d(&[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| up.to_y(e)));
-    let skeleton = BvhSkeleton::new(&bvh.joints, turn, true)?;
+    let skeleton = BvhSkeleton::new(&bvh.joints, up.rotation(), true)?;
     let points = if args.ends {
         BvhPoints::Ends
     } else {
         BvhPoints::Origins
     };
     let mut poses = bvh.positions(&skeleton, points, rate);
-    let take: Arc<str> = path
-        .file_stem()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into();
+    let take: Arc<str> = take_name(&path).into();
     poses.take = Some(vec![take; poses.frames()]);
     let table = Table::from_poses(poses);
     write_table(&args.out, &table, table.poses.xyz.view(), &[], |_| {

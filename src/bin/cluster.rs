@@ -3,13 +3,14 @@
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs};
 use posing::cli::progress::Progress;
-use posing::cli::streams::{self, create_table};
+use posing::cli::split::SplitFolder;
+use posing::cli::streams;
 use posing::cli::{Outcome, input, messages, run};
 use posing::cluster::{Clustering, KMeans, KMeansProgress};
 use posing::io::Model;
+use posing::io::Table;
 use posing::io::csv::{AddedColumn, After};
 use posing::io::model::check_point_count;
-use posing::io::{Row, Table, TableFormat};
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -58,9 +59,13 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    match &args.split {
-        Some(folder) if folder.is_dir() => refuse_others(args, folder)?,
-        Some(_) => {}
+    let split = args.split.as_deref().map(|folder| SplitFolder {
+        folder,
+        parts: args.k as usize,
+        out: &args.out,
+    });
+    match &split {
+        Some(split) => split.check()?,
         None => args.out.format().check_added(&added())?,
     }
     let table = input::read_table(&args.input, false, true)?;
@@ -68,24 +73,15 @@ fn work(args: &Args) -> Result<Outcome> {
         check_point_count(table.columns.points.len(), &table.name)?;
     }
     let poses = table.poses.xyz.mapv(|v| v as f32);
-    if let Some(bad) = poses
-        .rows()
-        .into_iter()
-        .position(|r| r.iter().any(|v| v.is_nan()))
-    {
+    let mut rows = poses.rows().into_iter();
+    if let Some(bad) = rows.position(|row| row.iter().any(|v| v.is_nan())) {
         let what = format!(
             "frame {} has missing values; fill them first with posing complete",
             bad + 1
         );
         return Err(Error::data(Place::file(&table.name), what));
     }
-    let kmeans = KMeans {
-        k: args.k as usize,
-        seed: args.seed.seed,
-        restarts: args.restarts as usize,
-        branch: args.branch.map(|b| b as usize),
-        ..KMeans::default()
-    };
+    let kmeans = KMeans::from(args);
     let bar = Progress::new("cluster", u64::from(args.k));
     let clustering = kmeans.fit_with_progress(poses.view(), &mut |update| match update {
         KMeansProgress::Seeds { seeds, .. } => bar.set(*seeds as u64),
@@ -104,8 +100,8 @@ fn work(args: &Args) -> Result<Outcome> {
     if let Some(path) = &args.save {
         save(args, &table, &clustering, poses.view(), path)?;
     }
-    match &args.split {
-        Some(folder) => split(args, &table, &clustering, folder)?,
+    match &split {
+        Some(split) => split.write(&table, &clustering.labels)?,
         None => {
             let label = |t: usize| vec![clustering.labels[t].to_string()];
             streams::write_table(&args.out, &table, table.poses.xyz.view(), &added(), label)?;
@@ -114,7 +110,19 @@ fn work(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// What the table gets besides its columns.
+impl From<&Args> for KMeans {
+    fn from(args: &Args) -> KMeans {
+        KMeans {
+            k: args.k as usize,
+            seed: args.seed.seed,
+            restarts: args.restarts as usize,
+            branch: args.branch.map(|b| b as usize),
+            ..KMeans::default()
+        }
+    }
+}
+
+/// The column that the table gets.
 fn added() -> [AddedColumn; 1] {
     [AddedColumn::new("cluster", After::All)]
 }
@@ -140,56 +148,4 @@ fn save(
         vec![digest(&table.columns.points, poses)],
     ));
     streams::write_bytes(Some(path), &model.to_bytes()?, true)
-}
-
-/// The name of a cluster's part.
-fn part(args: &Args, cluster: usize) -> String {
-    let width = (args.k as usize - 1).to_string().len();
-    let ending = match args.out.format() {
-        TableFormat::Csv => "csv",
-        TableFormat::Npy => "npy",
-    };
-    format!("{cluster:0width$}.{ending}")
-}
-
-/// Parts of another split would stand beside these as if they were of it.
-fn refuse_others(args: &Args, folder: &Path) -> Result<()> {
-    let own: Vec<String> = (0..args.k as usize).map(|c| part(args, c)).collect();
-    let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
-    for entry in entries.flatten() {
-        let name = entry.file_name().to_string_lossy().into_owned();
-        let number = name.strip_suffix(".csv").or(name.strip_suffix(".npy"));
-        let is_part =
-            number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()));
-        if is_part && !own.contains(&name) {
-            return Err(Error::data(
-                Place::file(entry.path().display().to_string()),
-                "is from another split and would be mixed up with this one; move it, or choose another folder",
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// One table a cluster. All columns are kept, so that the parts put together are the whole.
-fn split(args: &Args, table: &Table, clustering: &Clustering, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    let mut row = Row::default();
-    let mut members = vec![Vec::new(); clustering.sizes.len()];
-    for (t, &label) in clustering.labels.iter().enumerate() {
-        members[label as usize].push(t);
-    }
-    for (cluster, members) in members.into_iter().enumerate() {
-        let out = OutputArgs {
-            output: Some(folder.join(part(args, cluster))),
-            to: args.out.to,
-        };
-        let mut sink = create_table(&out, &table.columns, &[])?;
-        for t in members {
-            table.row_into(t, &mut row);
-            sink.write(&row, &row.xyz, &[])?;
-        }
-        sink.finish()?;
-    }
-    Ok(())
 }

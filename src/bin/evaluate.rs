@@ -101,7 +101,7 @@ bench.toml: all keys are optional; flags override them; paths are relative to th
   DIR/cells.jsonl, DIR/examples.jsonl: cache of finished results. A run that was killed resumes from them, with the same \
   results; a run with more models or seeds computes only the new ones.
 
-ExampleSet:
+Examples:
   posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv
   posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv
   posing evaluate --splits takes -m mine.npz my-takes.csv

@@ -3,12 +3,12 @@
 use clap::builder::PossibleValuesParser;
 use clap::{CommandFactory, Parser, Subcommand};
 use posing::cli::commands::{self, COMMANDS};
-use posing::cli::completions::{self, Outline, Shell};
+use posing::cli::completions::{self, Shell};
+use posing::cli::launcher::{binary, open_page, outline, output_of};
 use posing::cli::{Outcome, manual, messages, run, streams};
-use posing::{Error, Place, Result};
+use posing::{Error, Result};
 use std::os::unix::process::CommandExt;
-use std::path::PathBuf;
-use std::process::{Command, ExitCode, Stdio};
+use std::process::{Command, ExitCode};
 
 /// Clean, complete, compare and pose human motion
 #[derive(Parser)]
@@ -89,7 +89,10 @@ fn work(args: Args) -> Result<Outcome> {
         }
         Some(Request::Help {
             command: Some(name),
-        }) => return open_page(&name),
+        }) => {
+            open_page(&name)?;
+            return Ok(Outcome::Done);
+        }
         Some(Request::Man { command }) => output_of(&command, manual::MAN)?,
         Some(Request::Completions { shell, command }) => {
             let outline = match command {
@@ -110,61 +113,5 @@ fn work(args: Args) -> Result<Outcome> {
         }
     };
     streams::write_bytes(None, &text, false)?;
-    Ok(Outcome::Done)
-}
-
-/// The binary of a command: beside this one, or in libexec.
-fn binary(name: &str) -> Result<PathBuf> {
-    let here = std::env::current_exe().map_err(|e| Error::io("posing", e))?;
-    if name == "posing" {
-        return Ok(here);
-    }
-    if commands::find(name).is_none() {
-        let what = format!("no command \"{name}\"; posing without arguments lists the commands");
-        return Err(Error::usage(what));
-    }
-    // An installed launcher may be reached through a link.
-    let here = here.canonicalize().unwrap_or(here);
-    let folder = here.parent().map(PathBuf::from).unwrap_or_default();
-    let places = [
-        folder.join(name),
-        folder.join("../libexec/posing").join(name),
-    ];
-    let missing = || Error::io(&places[0], std::io::ErrorKind::NotFound.into());
-    places
-        .iter()
-        .find(|path| path.is_file())
-        .cloned()
-        .ok_or_else(missing)
-}
-
-/// What a command prints with one argument.
-fn output_of(name: &str, argument: &str) -> Result<Vec<u8>> {
-    let path = binary(name)?;
-    let out = Command::new(&path)
-        .arg(argument)
-        .stdin(Stdio::null())
-        .output();
-    Ok(out.map_err(|e| Error::io(&path, e))?.stdout)
-}
-
-fn outline(name: &str) -> Result<Outline> {
-    let json = output_of(name, manual::OUTLINE)?;
-    serde_json::from_slice(&json).map_err(|e| Error::data(Place::file(name), e.to_string()))
-}
-
-/// Opens a page in man where man is there, else prints the long help.
-fn open_page(name: &str) -> Result<Outcome> {
-    let page = output_of(name, manual::MAN)?;
-    let file = tempfile::Builder::new()
-        .prefix("posing-")
-        .suffix(".1")
-        .tempfile();
-    let file = file.map_err(|e| Error::io(name, e))?;
-    std::fs::write(file.path(), page).map_err(|e| Error::io(file.path(), e))?;
-    match Command::new("man").arg("-l").arg(file.path()).status() {
-        Ok(status) if status.success() => {}
-        _ => streams::write_bytes(None, &output_of(name, "--help")?, false)?,
-    }
     Ok(Outcome::Done)
 }

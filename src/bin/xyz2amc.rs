@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
 use posing::cli::ik::{fit, report_time_jumps};
-use posing::cli::input::{check_single_stdin, open, read_table};
+use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, run};
 use posing::io::{Amc, Asf};
@@ -60,12 +60,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    let stdin = PathBuf::from("-");
-    let files = if args.files.is_empty() {
-        std::slice::from_ref(&stdin)
-    } else {
-        &args.files
-    };
+    let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain([&args.asf]))?;
     let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
     let input = InputArgs {

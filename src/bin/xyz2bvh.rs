@@ -1,10 +1,9 @@
 //! Turns a pose table into a BVH file.
 
 use clap::Parser;
-use glam::DMat3;
 use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
 use posing::cli::ik::{fit, report_time_jumps};
-use posing::cli::input::{check_single_stdin, open, read_table};
+use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
 use posing::io::SkeletonFile;
@@ -74,12 +73,7 @@ fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    let stdin = PathBuf::from("-");
-    let files = if args.files.is_empty() {
-        std::slice::from_ref(&stdin)
-    } else {
-        &args.files
-    };
+    let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain(&args.skeleton))?;
     // First: an error in the skeleton should not wait for a long table to be read.
     let given = args
@@ -113,20 +107,15 @@ fn work(args: &Args) -> Result<Outcome> {
     let no_joint = "no point has the name of a joint of the skeleton";
     let fitted = fit(&skeleton.limits(args.limits), &poses, &table.name, no_joint)?;
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
-    let bvh = fitted.to_bvh_with(order, turn(args.up), rate)?;
+    let bvh = fitted.to_bvh_with(order, args.up.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimetres());
     write_bytes(args.output.as_deref(), &text, false)?;
     Ok(Outcome::Done)
 }
 
-/// Carries the BVH's axes to ours.
-fn turn(up: Up) -> DMat3 {
-    DMat3::from_cols_array_2d(&[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|e| up.to_y(e)))
-}
-
 fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
     let unit = args.units.centimetres();
-    let (file, notes) = SkeletonFile::read(open(path)?, unit, turn(args.up))?;
+    let (file, notes) = SkeletonFile::read(open(path)?, unit, args.up.rotation())?;
     notes.iter().for_each(|n| messages::info(n));
     if matches!(file, SkeletonFile::Bvh(_)) && args.order.is_some() {
         let what = "--order cannot be used with a BVH skeleton, which keeps its own order";

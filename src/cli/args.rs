@@ -4,8 +4,10 @@ use super::messages;
 use crate::io::TableFormat;
 use crate::io::{ReadOptions, parse_point_names};
 use crate::pose::{ASF_UNIT_CM, Poses};
+use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
+use glam::DMat3;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -106,6 +108,20 @@ pub enum Up {
 }
 
 impl Up {
+    /// The name a user types.
+    pub fn name(self) -> &'static str {
+        match self {
+            Up::X => "x",
+            Up::Y => "y",
+            Up::Z => "z",
+        }
+    }
+    /// The rotation that carries the file's axes to y up.
+    pub fn rotation(self) -> DMat3 {
+        DMat3::from_cols_array_2d(
+            &[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|axis| self.to_y(axis)),
+        )
+    }
     /// Turns a point of the file into one with y up (right-handed both).
     pub fn to_y(self, p: [f64; 3]) -> [f64; 3] {
         match self {
@@ -260,6 +276,32 @@ impl Space {
         match self {
             Space::World => "world",
             Space::Body => "body",
+        }
+    }
+}
+
+/// The pursuit that finds the atoms of a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PursuitFlag {
+    /// Optimized orthogonal matching pursuit, the more accurate
+    Oomp,
+    /// Orthogonal matching pursuit, as in the paper
+    Omp,
+}
+
+impl PursuitFlag {
+    /// The rule by which an atom is selected.
+    pub fn rule(self) -> SelectionRule {
+        match self {
+            PursuitFlag::Oomp => SelectionRule::Oomp,
+            PursuitFlag::Omp => SelectionRule::Omp,
+        }
+    }
+    /// The name a user types.
+    pub fn name(self) -> &'static str {
+        match self {
+            PursuitFlag::Oomp => "oomp",
+            PursuitFlag::Omp => "omp",
         }
     }
 }

@@ -64,14 +64,9 @@ impl<'a> RowStream<'a> {
     /// Opens the first of the files (standard input when there is none).
     pub fn open(flags: &'a InputArgs, planar: bool, cells: bool) -> Result<RowStream<'a>> {
         check_single_stdin(&flags.files)?;
-        let files = if flags.files.is_empty() {
-            vec![PathBuf::from("-")]
-        } else {
-            flags.files.clone()
-        };
-        let mut rest = files.into_iter();
+        let mut rest = or_stdin(&flags.files).into_iter();
         let first = rest.next().unwrap_or_default();
-        let take = stem(&first).into();
+        let take = take_name(&first).into();
         let reader = RowReader::new(open(&first)?, &flags.options(planar, cells)?)?;
         let columns = reader.columns().clone();
         Ok(RowStream {
@@ -98,7 +93,7 @@ impl<'a> RowStream<'a> {
 
     /// Names the take of the next file: the same name twice is two takes.
     fn name_take(&mut self, file: &Path) {
-        let mut name = stem(file);
+        let mut name = take_name(file);
         self.takes.push(self.take.clone());
         while self.takes.iter().any(|t| **t == *name) {
             name.push('\'');
@@ -130,7 +125,16 @@ impl<'a> RowStream<'a> {
     }
 }
 
-fn stem(path: &Path) -> String {
+/// The files named, or standard input (`-`) where none is.
+pub fn or_stdin(files: &[PathBuf]) -> Vec<PathBuf> {
+    match files {
+        [] => vec![PathBuf::from("-")],
+        files => files.to_vec(),
+    }
+}
+
+/// The name of a file as a take: without folder and last extension.
+pub fn take_name(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default();
     stem.to_string_lossy().into_owned()
 }

@@ -141,7 +141,7 @@ fn subcommand(command: &Command, sub: &Command) -> Roff {
 fn sections(text: &str) -> Vec<(String, String)> {
     let mut sections: Vec<(String, String)> = Vec::new();
     for line in text.lines() {
-        match line.strip_suffix(':').filter(|l| !l.starts_with(' ')) {
+        match line.strip_suffix(':').filter(|l| !l.contains(' ')) {
             Some(heading) => sections.push((heading.to_uppercase(), String::new())),
             None => {
                 if let Some((_, body)) = sections.last_mut().filter(|_| !line.is_empty()) {

@@ -1,6 +1,6 @@
 //! What `denoise` and `complete` share: the model, tables in and out, frames in batches or takes whole, statuses.
 
-use super::args::{InputArgs, OutputArgs};
+use super::args::{InputArgs, OutputArgs, PursuitFlag};
 use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
 use super::progress::Progress;
 use super::streams::{create_table, write_table};
@@ -13,9 +13,8 @@ use crate::prior::OpenOptions;
 use crate::restore::complete::{self, Complete};
 use crate::restore::denoise::{self, Denoise};
 use crate::restore::{BoundModel, RestoredFrames};
-use crate::sparse::SelectionRule;
 use crate::{Error, Result};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 use std::path::PathBuf;
@@ -50,25 +49,6 @@ fn parse_sparsity(text: &str) -> std::result::Result<Sparsity, String> {
         _ if text == "auto" => Ok(Sparsity(None)),
         Ok(k) if (1..=1000).contains(&k) => Ok(Sparsity(Some(k))),
         _ => Err("expected a number of atoms from 1 to 1000, or auto".into()),
-    }
-}
-
-/// How atoms are chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum PursuitFlag {
-    /// Optimized orthogonal matching pursuit, the more accurate
-    Oomp,
-    /// Orthogonal matching pursuit, as in the paper
-    Omp,
-}
-
-impl PursuitFlag {
-    /// The library's word for it.
-    pub fn rule(self) -> SelectionRule {
-        match self {
-            PursuitFlag::Oomp => SelectionRule::Oomp,
-            PursuitFlag::Omp => SelectionRule::Omp,
-        }
     }
 }
 

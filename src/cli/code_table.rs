@@ -1,0 +1,138 @@
+//! The table of sparse codes that `encode` writes: `atom1,coef1,…,atomK,coefK,rms`.
+
+use super::input::RowStream;
+use super::messages;
+use crate::io::text::{push_f32, push_f64, push_integer};
+use crate::io::{Output, Row};
+use crate::numeric::parallel;
+use crate::sparse::{Encoder, SearchStrategy, SparseCodes};
+use crate::{Error, Result};
+use ndarray::Array2;
+use std::ops::Range;
+
+/// Poses that all threads encode together: the more there are, the more alike are neighbors in the search order.
+const LARGE_BATCH: usize = 1 << 13;
+/// Poses that one thread encodes by the Gram matrix, which gains nothing from larger batches.
+const SMALL_BATCH: usize = 480;
+/// Lines that one thread writes at a time.
+const LINES: usize = 256;
+
+/// Encodes the poses of a stream with at most `sparsity` atoms each, and writes the header and a line a pose.
+///
+/// # Errors
+/// When a pose cannot be read or encoded, or a line cannot be written; all lines before it are written.
+pub fn write(
+    stream: RowStream<'_>,
+    encoder: &Encoder,
+    sparsity: usize,
+    output: &mut Output,
+) -> Result<()> {
+    let header: Vec<String> = (1..=sparsity).map(|k| format!("atom{k},coef{k}")).collect();
+    output.write(format!("{},rms\n", header.join(",")).as_bytes())?;
+    let by_gram = encoder.strategy(LARGE_BATCH) == SearchStrategy::Gram;
+    let size = if by_gram { SMALL_BATCH } else { LARGE_BATCH };
+    let mut batches = PoseBatches::new(stream, size);
+    let mut first = batches.next()?;
+    if let Some(poses) = &first {
+        messages::debug(&format!("search: {}", encoder.strategy(poses.nrows())));
+    }
+    let all_by_gram = encoder.strategy(size) == SearchStrategy::Gram;
+    if let Some(poses) = first.take_if(|p| !all_by_gram || p.nrows() < size) {
+        // By all threads: a short input is one batch, and the first one builds the search index for the others.
+        output.write(&encoded_lines(encoder, sparsity, &poses)?)?;
+    }
+    let ahead = match by_gram {
+        true => 2 * rayon::current_num_threads() + 1,
+        false => 2,
+    };
+    parallel::ordered_pipeline(
+        ahead,
+        || match first.take() {
+            Some(poses) => Ok(Some(poses)),
+            None => batches.next(),
+        },
+        |poses| match by_gram {
+            true => parallel::single_threaded(|| encoded_lines(encoder, sparsity, &poses)),
+            false => encoded_lines(encoder, sparsity, &poses),
+        },
+        |lines| output.write(&lines),
+    )
+}
+
+/// The poses of a stream in batches.
+struct PoseBatches<'a> {
+    stream: RowStream<'a>,
+    size: usize,
+    /// An error of reading that is returned after the poses before it.
+    pending_error: Option<Error>,
+}
+
+impl<'a> PoseBatches<'a> {
+    fn new(stream: RowStream<'a>, size: usize) -> Self {
+        PoseBatches {
+            stream,
+            size,
+            pending_error: None,
+        }
+    }
+
+    /// Up to `size` poses (poses, coordinates); none at the end.
+    fn next(&mut self) -> Result<Option<Array2<f32>>> {
+        if let Some(error) = self.pending_error.take() {
+            return Err(error);
+        }
+        let width = self.stream.columns().width();
+        let mut values = Vec::with_capacity(self.size.min(SMALL_BATCH) * width);
+        let mut row = Row::default();
+        while values.len() < self.size * width {
+            match self.stream.read(&mut row) {
+                Ok(true) => values.extend(row.xyz.iter().map(|v| *v as f32)),
+                Ok(false) => break,
+                Err(error) if values.is_empty() => return Err(error),
+                Err(error) => {
+                    self.pending_error = Some(error);
+                    break;
+                }
+            }
+        }
+        let shape = (values.len() / width.max(1), width);
+        let poses = Array2::from_shape_vec(shape, values).unwrap_or_default();
+        Ok((poses.nrows() > 0).then_some(poses))
+    }
+}
+
+/// The codes of some poses as text; missing coordinates (NaN) have weight 0.
+fn encoded_lines(encoder: &Encoder, sparsity: usize, poses: &Array2<f32>) -> Result<Vec<u8>> {
+    // A fold without an early exit compares several numbers at once.
+    let has_missing = poses.fold(false, |any, v| any | !v.is_finite());
+    let observed = has_missing.then(|| poses.mapv(|v| f32::from(v.is_finite())));
+    let codes = encoder.encode_weighted(poses.view(), observed.as_ref().map(|o| o.view()))?;
+    let count = |pose: usize| match &observed {
+        Some(observed) => observed.row(pose).sum(),
+        None => poses.ncols() as f32,
+    };
+    let lines = |rows: Range<usize>| {
+        let mut out = Vec::with_capacity(64 * rows.len());
+        for pose in rows {
+            // NaN, written as an empty cell, where nothing is observed.
+            let mean_square = codes.squared_residuals[pose] / f64::from(count(pose));
+            push_line(&mut out, sparsity, &codes, pose, mean_square.sqrt());
+        }
+        out
+    };
+    Ok(parallel::map_chunks(codes.len(), LINES, lines).concat())
+}
+
+fn push_line(out: &mut Vec<u8>, sparsity: usize, codes: &SparseCodes, pose: usize, rms: f64) {
+    let mut used = 0;
+    for (atom, coefficient) in codes.entries(pose) {
+        push_integer(out, atom);
+        out.push(b',');
+        push_f32(out, coefficient);
+        out.push(b',');
+        used += 1;
+    }
+    out.extend(std::iter::repeat_n(b',', 2 * (sparsity - used)));
+    push_f64(out, rms);
+    out.push(b'\n');
+}

@@ -1,0 +1,79 @@
+//! One table a cluster, in a folder.
+
+use super::args::OutputArgs;
+use super::streams::create_table;
+use crate::io::{Row, Table, TableFormat};
+use crate::{Error, Place, Result};
+use std::path::{Path, PathBuf};
+
+/// A folder of parts, `0.csv` to `K-1.csv` or `.npy`; numbers are padded with zeros to one width.
+pub struct SplitFolder<'a> {
+    /// The folder.
+    pub folder: &'a Path,
+    /// How many parts.
+    pub parts: usize,
+    /// The format of the parts.
+    pub out: &'a OutputArgs,
+}
+
+impl SplitFolder<'_> {
+    fn name(&self, part: usize) -> String {
+        let width = (self.parts - 1).to_string().len();
+        let extension = match self.out.format() {
+            TableFormat::Csv => "csv",
+            TableFormat::Npy => "npy",
+        };
+        format!("{part:0width$}.{extension}")
+    }
+
+    /// Fails where the folder holds parts of another split, which would pass for parts of this one.
+    ///
+    /// # Errors
+    /// When there are such files, or the folder cannot be read.
+    pub fn check(&self) -> Result<()> {
+        if !self.folder.is_dir() {
+            return Ok(());
+        }
+        let own: Vec<String> = (0..self.parts).map(|part| self.name(part)).collect();
+        let entries = std::fs::read_dir(self.folder).map_err(|e| Error::io(self.folder, e))?;
+        for entry in entries.flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let number = name.strip_suffix(".csv").or(name.strip_suffix(".npy"));
+            let is_part =
+                number.is_some_and(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit()));
+            if is_part && !own.contains(&name) {
+                return Err(Error::data(
+                    Place::file(entry.path().display().to_string()),
+                    "is from another split and would be mixed up with this one; move it, or choose another folder",
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the frames with label i into part i, with all their columns.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn write(&self, table: &Table, labels: &[u32]) -> Result<()> {
+        std::fs::create_dir_all(self.folder).map_err(|e| Error::io(self.folder, e))?;
+        let mut row = Row::default();
+        let mut members = vec![Vec::new(); self.parts];
+        for (frame, &label) in labels.iter().enumerate() {
+            members[label as usize].push(frame);
+        }
+        for (part, members) in members.into_iter().enumerate() {
+            let out = OutputArgs {
+                output: Some(PathBuf::from(self.folder).join(self.name(part))),
+                to: self.out.to,
+            };
+            let mut sink = create_table(&out, &table.columns, &[])?;
+            for frame in members {
+                table.row_into(frame, &mut row);
+                sink.write(&row, &row.xyz, &[])?;
+            }
+            sink.finish()?;
+        }
+        Ok(())
+    }
+}
