@@ -109,7 +109,7 @@ impl Skeleton {
                 .map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
             let range = self.dofs_of(i);
             for (n, dof) in bone.dofs.iter().enumerate() {
-                // The rotations named after this one fixed_rotation turn its axis.
+                // The rotations named after this one still turn its axis.
                 let mut later = DMat3::IDENTITY;
                 for (d, &value) in bone.dofs[n + 1..]
                     .iter()

@@ -340,7 +340,7 @@ mod tests {
         let short = [of(2), of(5), of(20), of(500), of(1)];
         let all = [Some(120.0); 4].into_iter().chain([None]);
         assert_eq!(rates(&short), all.collect::<Vec<_>>());
-        // KnownRates that are really others stay: near ones of many frames, half and double ones of few.
+        // Rates that really differ are kept: close ones over many frames, half and double ones over few.
         for other in [119.88, 60.0, 240.0, 100.0] {
             let frames = if other == 119.88 { 3000 } else { 9 };
             let told = rates(&[rounded(120.0, 4000, 1e6), rounded(other, frames, 1e6)]);

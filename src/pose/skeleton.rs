@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 /// What one value of a frame does to its bone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Channel {
-    /// Moves the bone direction an axis of its own frame, in centimetres.
+    /// Moves the bone along an axis of its own frame, in centimetres.
     Translate(Axis),
     /// Turns the bone about an axis of its own frame, in radians.
     Rotate(Axis),

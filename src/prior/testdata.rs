@@ -96,7 +96,7 @@ pub fn factors() -> Array2<f32> {
     (normal(600, 2, 1).dot(&loading()) + own).mapv(|v| v as f32)
 }
 
-/// 900 poses of three GaussianMixturePrior in turn, each wider than the one before; they overlap.
+/// 900 poses of three overlapping Gaussians in turn, each wider than the one before.
 pub fn blobs() -> Array2<f32> {
     let mut x = normal(900, 6, 3);
     for (i, mut row) in x.rows_mut().into_iter().enumerate() {

@@ -12,7 +12,7 @@ const TILE: usize = 128;
 /// The others: 128 x 512 products take 256 kB.
 const BLOCK: usize = 512;
 
-/// CoherenceStats above this is that of copies: products of f32 unit vectors are off by some 1e-7.
+/// Atoms with a coherence above this are copies: products of f32 unit vectors have an error of about 1e-7.
 const COPIES: f64 = 1.0 - 1e-6;
 
 impl Dictionary {

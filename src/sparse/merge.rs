@@ -1,7 +1,7 @@
 //! Joining dictionaries that were learnt separately ("Combining dictionaries", section 5 of the paper).
 //!
 //! The atoms of all parts, one part after the other, are a dictionary already. What this adds is a look at how much the
-//! parts repeat each other, and, if wanted, the dropping of atoms too close to an earlier one. CoherenceStats is |<a, b>|.
+//! parts repeat each other, and, if wanted, the dropping of atoms too close to an earlier one. Coherence is |<a, b>|.
 //!
 //! Cost: O(n D) to join; O(n^2 D) time by blocks and O(n D) memory for the look and for the pruning.
 

@@ -72,7 +72,7 @@ pub struct PoseDamage<'a> {
     pub split: Split,
 }
 
-/// DamagedPoses poses and what is told of them.
+/// Damaged poses and what a model is told about the damage.
 #[derive(Debug, Clone)]
 pub struct DamagedPoses {
     /// (frames, 3 J), cm; NaN where missing.

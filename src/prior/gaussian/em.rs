@@ -1,4 +1,4 @@
-//! Expectation and maximisation for mixtures of GaussianMixturePrior of any make.
+//! Expectation maximization for mixtures of Gaussians of any kind.
 //!
 //! ```text
 //! E:  r_ij = w_j N(x_i; m_j, C_j) / Σ_l w_l N(x_i; m_l, C_l), in logarithms

@@ -9,7 +9,7 @@ use glam::DVec3;
 /// Shorter than this (centimetres) a segment has no direction.
 const NO_LENGTH: f64 = 1e-9;
 
-/// BoneNormalizer of fixed length between some points.
+/// Bones of fixed length between points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoneNormalizer {
     /// The point each point hangs on; `None` for those that stay where they are.
@@ -59,7 +59,7 @@ impl BoneNormalizer {
         BoneNormalizer::new(parents, lengths)
     }
 
-    /// BoneNormalizer of given lengths (NaN: not fixed). Parents that go round in a circle count as none.
+    /// Bones of given lengths (cm; NaN: not fixed). Parents that form a cycle count as none.
     pub fn new(parents: Vec<Option<usize>>, lengths: Vec<f64>) -> BoneNormalizer {
         let n = parents.len();
         let mut bones = BoneNormalizer {
