@@ -6,7 +6,7 @@ use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, Space, parse_positive
 use posing::cli::restoring::{self, ModelFlags, StatusFlag};
 use posing::cli::{Outcome, run};
 use posing::io::parse_point_names;
-use posing::restore::complete::Complete;
+use posing::restore::Complete;
 use std::process::ExitCode;
 
 /// Fill gaps and missing points
@@ -59,9 +59,12 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let observe = args.observe.as_deref().map(parse_point_names).transpose()?;
-    let settings = Complete {
+    let options = Complete {
         max_gap: args.max_gap,
-        overwrite: args.overwrite_observed,
+        overwrite_outliers: args.overwrite_observed,
+        observe,
+        fps: args.input.fps,
+        per_frame: args.per_frame,
     };
     restoring::complete(
         &restoring::Task {
@@ -69,10 +72,8 @@ fn work(args: &Args) -> Result<Outcome> {
             out: &args.out,
             model: &args.model,
             world: args.space == Space::World,
-            per_frame: args.per_frame,
             status: args.status.status,
         },
-        settings,
-        observe.as_deref(),
+        &options,
     )
 }

@@ -5,7 +5,7 @@ use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, Space, parse_length};
 use posing::cli::restoring::{self, ModelFlags, StatusFlag};
 use posing::cli::{Outcome, run};
-use posing::restore::denoise::Denoise;
+use posing::restore::Denoise;
 use std::process::ExitCode;
 
 /// Remove noise and outliers from poses
@@ -76,10 +76,12 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    let settings = Denoise {
+    let options = Denoise {
         noise: args.noise.0,
         outliers: args.outliers == Outliers::Auto,
         fill: args.fill,
+        fps: args.input.fps,
+        per_frame: args.per_frame,
     };
     restoring::denoise(
         &restoring::Task {
@@ -87,9 +89,8 @@ fn work(args: &Args) -> Result<Outcome> {
             out: &args.out,
             model: &args.model,
             world: args.space == Space::World,
-            per_frame: args.per_frame,
             status: args.status.status,
         },
-        settings,
+        &options,
     )
 }

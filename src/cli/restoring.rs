@@ -6,17 +6,12 @@ use super::progress::Progress;
 use super::streams::{create_table, write_table};
 use super::summary::{RunSummary, status_cells, status_columns};
 use super::{Outcome, messages};
+use crate::io::{Columns, Model, PosesBuilder, Row, Table};
 use crate::io::text::excerpt;
-use crate::io::{Columns, Model, Row};
-use crate::pose::Poses;
 use crate::prior::OpenOptions;
-use crate::restore::complete::{self, Complete};
-use crate::restore::denoise::{self, Denoise};
-use crate::restore::{BoundModel, RestoredFrames};
+use crate::restore::{Complete, Denoise, Restoration, Restorer};
 use crate::{Error, Result};
 use clap::Args;
-use ndarray::{Array2, ArrayView2, s};
-use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -69,86 +64,79 @@ pub struct Task<'a> {
     pub out: &'a OutputArgs,
     /// The model.
     pub model: &'a ModelFlags,
-    /// Whether poses are placed.
+    /// Whether poses stand anywhere in the world.
     pub world: bool,
-    /// Whether each frame is answered by itself.
-    pub per_frame: bool,
     /// Whether statuses are written.
     pub status: bool,
 }
 
-/// Frames each by itself.
-type Frames<'a> = dyn Fn(&BoundModel, ArrayView2<'_, f64>) -> RestoredFrames + 'a;
-/// A take with its runs and rate.
-type Take<'a> = dyn Fn(
-        &BoundModel,
-        ArrayView2<'_, f64>,
-        &[Range<usize>],
-        f64,
-        &(dyn Fn(usize) + Sync),
-    ) -> RestoredFrames
-    + 'a;
-
 /// Completes a table.
-pub fn complete(
-    task: &Task<'_>,
-    settings: Complete,
-    observe: Option<&[String]>,
-) -> Result<Outcome> {
-    if task.per_frame && settings.max_gap.is_some() {
+pub fn complete(task: &Task<'_>, options: &Complete) -> Result<Outcome> {
+    if options.per_frame && options.max_gap.is_some() {
         return Err(Error::usage(
             "--max-gap needs times and cannot be used with --per-frame",
         ));
     }
-    let frames = |job: &BoundModel, xyz: ArrayView2<'_, f64>| complete::frames(job, xyz);
-    let take = |job: &BoundModel,
-                xyz: ArrayView2<'_, f64>,
-                runs: &[Range<usize>],
-                rate: f64,
-                done: &(dyn Fn(usize) + Sync)| {
-        complete::take(job, xyz, runs, rate, settings, done)
-    };
-    let mut summary = RunSummary::new(settings.max_gap.is_some());
-    go(task, observe, true, &frames, &take, &mut summary)?;
+    let mut summary = RunSummary::new(options.max_gap.is_some());
+    let observe = |columns: &Columns| check_observed(columns, options.observe.as_deref());
+    if options.per_frame {
+        frame_by_frame(task, true, observe, &mut summary, |restorer, table| {
+            restorer.complete(table, options)
+        })?;
+    } else {
+        take_by_take(
+            task,
+            true,
+            observe,
+            &mut summary,
+            |restorer, table, progress| restorer.complete_with(table, options, progress),
+        )?;
+    }
     summary.report("left empty: too few points visible", task.status);
     Ok(Outcome::Done)
 }
 
 /// Denoises a table.
-pub fn denoise(task: &Task<'_>, settings: Denoise) -> Result<Outcome> {
-    let frames = |job: &BoundModel, xyz: ArrayView2<'_, f64>| denoise::frames(job, xyz, settings);
-    let take = |job: &BoundModel,
-                xyz: ArrayView2<'_, f64>,
-                runs: &[Range<usize>],
-                rate: f64,
-                done: &(dyn Fn(usize) + Sync)| {
-        denoise::take(job, xyz, runs, rate, settings, done)
-    };
+pub fn denoise(task: &Task<'_>, options: &Denoise) -> Result<Outcome> {
     let mut summary = RunSummary::default();
-    go(task, None, false, &frames, &take, &mut summary)?;
+    let check = |_: &Columns| Ok(());
+    if options.per_frame {
+        frame_by_frame(task, false, check, &mut summary, |restorer, table| {
+            restorer.denoise(table, options)
+        })?;
+    } else {
+        take_by_take(
+            task,
+            false,
+            check,
+            &mut summary,
+            |restorer, table, progress| restorer.denoise_with(table, options, progress),
+        )?;
+    }
     summary.report("left unchanged: too few points visible", task.status);
     Ok(Outcome::Done)
 }
 
-fn go(
+/// Restores a whole table, and shows progress.
+fn take_by_take(
     task: &Task<'_>,
-    observe: Option<&[String]>,
     planar: bool,
-    frames: &Frames<'_>,
-    take: &Take<'_>,
+    check: impl Fn(&Columns) -> Result<()>,
     summary: &mut RunSummary,
+    restore: impl for<'t> Fn(
+        &Restorer<'_>,
+        &'t Table,
+        &(dyn Fn(usize) + Sync),
+    ) -> Result<Restoration<'t>>,
 ) -> Result<()> {
     check_single_stdin_with(task.input, &task.model.model)?;
-    if task.per_frame {
-        return by_frames(task, observe, planar, frames, summary);
-    }
     let table = read_table(task.input, planar, true)?;
-    let hidden = hidden(&table.columns, observe)?;
-    task.out
-        .format()
-        .check_added(&status_columns(task.status, &table.columns))?;
-    let job = job(task, &table.columns)?;
-    let Some(rate) = task.input.rate(&table.poses)? else {
+    check(&table.columns)?;
+    let added = status_columns(task.status, &table.columns);
+    task.out.format().check_added(&added)?;
+    let (model, name) = task.model.open()?;
+    let restorer = task.restorer(&model, &name, &table.columns)?;
+    if task.input.rate(&table.poses)?.is_none() {
         let lack = match table.poses.time {
             Some(_) => "the table's times give no frame rate",
             None => "the table has no time",
@@ -160,92 +148,37 @@ fn go(
         messages::info(&format!(
             "{lack}: restoring each frame by itself (--fps sets the frame rate)"
         ));
-        let xyz = hide(table.poses.xyz.clone(), &hidden);
-        let restored = frames(&job, job.gather(xyz.view()).view());
-        let out = scatter(&job, &table.poses.xyz, &restored);
-        summary.add(&job, &restored, job.gather(table.poses.xyz.view()).view());
-        return write_table(
-            task.out,
-            &table,
-            out.view(),
-            &status_columns(task.status, &table.columns),
-            |t| {
-                status_cells(
-                    task.status,
-                    &job,
-                    &table.columns,
-                    &restored,
-                    t,
-                    &table.poses.xyz.row(t).to_vec(),
-                )
-            },
-        );
-    };
+    }
     let bar = Progress::new(
         if planar { "complete" } else { "denoise" },
         table.poses.frames() as u64,
     );
     let finished = AtomicU64::new(0);
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
-    let mut out = table.poses.xyz.clone();
-    let mut all = Vec::new();
-    let runs = table.poses.runs();
-    let rates = table.poses.rates();
-    for (range, own) in table.poses.takes().into_iter().zip(rates) {
-        let xyz = hide(
-            table.poses.xyz.slice(s![range.clone(), ..]).to_owned(),
-            &hidden,
-        );
-        // Both are in order: the take's runs are a stretch of all.
-        let first = runs.partition_point(|r| r.start < range.start);
-        let runs: Vec<Range<usize>> = runs[first..]
-            .iter()
-            .take_while(|r| r.end <= range.end)
-            .map(|r| r.start - range.start..r.end - range.start)
-            .collect();
-        let gathered = job.gather(xyz.view());
-        let rate = own.unwrap_or(rate);
-        let restored = take(&job, gathered.view(), &runs, rate, &progress);
-        summary.add(&job, &restored, gathered.view());
-        let whole = scatter(
-            &job,
-            &table.poses.xyz.slice(s![range.clone(), ..]).to_owned(),
-            &restored,
-        );
-        out.slice_mut(s![range.clone(), ..]).assign(&whole);
-        all.push((range.start, restored));
-    }
+    let restored = restore(&restorer, &table, &progress)?;
     drop(bar);
-    write_table(
-        task.out,
-        &table,
-        out.view(),
-        &status_columns(task.status, &table.columns),
-        |t| {
-            let at = all
-                .partition_point(|(start, _)| *start <= t)
-                .saturating_sub(1);
-            let before = table.poses.xyz.row(t).to_vec();
-            all.get(at).map_or_else(Vec::new, |(start, r)| {
-                status_cells(task.status, &job, &table.columns, r, t - start, &before)
-            })
-        },
-    )
+    summary.add(restored.counts());
+    write_table(task.out, &table, restored.xyz(), &added, |t| {
+        status_cells(task.status, &restored, t, table.columns.points.len())
+    })
 }
 
-/// Frames in batches as they come: constant memory.
-fn by_frames(
+/// Restores frames in batches as they come: constant memory.
+fn frame_by_frame(
     task: &Task<'_>,
-    observe: Option<&[String]>,
     planar: bool,
-    frames: &Frames<'_>,
+    check: impl Fn(&Columns) -> Result<()>,
     summary: &mut RunSummary,
+    restore: impl for<'t> Fn(&Restorer<'_>, &'t Table) -> Result<Restoration<'t>>,
 ) -> Result<()> {
+    check_single_stdin_with(task.input, &task.model.model)?;
     let mut stream = RowStream::open(task.input, planar, true)?;
     let columns = stream.columns().clone();
-    let hidden = hidden(&columns, observe)?;
-    let job = job(task, &columns)?;
-    let mut sink = create_table(task.out, &columns, &status_columns(task.status, &columns))?;
+    check(&columns)?;
+    let (model, name) = task.model.open()?;
+    let restorer = task.restorer(&model, &name, &columns)?;
+    let added = status_columns(task.status, &columns);
+    let mut sink = create_table(task.out, &columns, &added)?;
     for batch in 0.. {
         let mut rows = Vec::with_capacity(BATCH);
         let mut row = Row::default();
@@ -255,55 +188,75 @@ fn by_frames(
         if rows.is_empty() {
             break;
         }
+        let mut table = Table {
+            name: stream.name().to_string(),
+            columns: columns.clone(),
+            ..Table::default()
+        };
+        let mut builder = PosesBuilder::new(&columns);
+        rows.iter().for_each(|row| builder.push(row));
+        table.poses = builder.finish();
         if batch == 0 {
-            // Of few frames, as the last are, rounded times tell no rate that could contradict.
-            task.input.rate(&Poses::without_points(
-                rows.iter().map(|r| (r.time, r.take.clone())),
-            ))?;
+            // The last batch may be a few frames, whose rounded times may seem to contradict the rate.
+            task.input.rate(&table.poses)?;
         }
-        let flat: Vec<f64> = rows.iter().flat_map(|r| r.xyz.iter().copied()).collect();
-        let xyz = Array2::from_shape_vec((rows.len(), columns.width()), flat).unwrap_or_default();
-        let gathered = job.gather(hide(xyz.clone(), &hidden).view());
-        let restored = frames(&job, gathered.view());
-        summary.add(&job, &restored, gathered.view());
-        let out = scatter(&job, &xyz, &restored);
+        let restored = restore(&restorer, &table)?;
+        summary.add(restored.counts());
         for (t, row) in rows.iter().enumerate() {
-            let cells = status_cells(task.status, &job, &columns, &restored, t, &row.xyz);
-            sink.write(row, &out.row(t).to_vec(), &cells)?;
+            let cells = status_cells(task.status, &restored, t, columns.points.len());
+            sink.write(row, &restored.xyz().row(t).to_vec(), &cells)?;
         }
     }
     sink.finish()
 }
 
-fn job(task: &Task<'_>, columns: &Columns) -> Result<BoundModel> {
-    let choice = OpenOptions {
-        sparsity: task.model.sparsity.0,
-        rule: task.model.pursuit.rule(),
-        published: task.model.published,
-        ..OpenOptions::default()
-    };
-    let (model, name) = match &task.model.model {
-        Some(path) => (open_model(path)?, path.display().to_string()),
-        None => (Model::builtin()?, "the built-in model".to_string()),
-    };
-    let kind = &model.meta.kind;
-    let asks = choice.sparsity.is_some() || choice.rule != OpenOptions::default().rule;
-    if asks && kind != "sparse" {
-        messages::info(&format!(
-            "{name} is of kind {kind}, not a dictionary: --sparsity and --pursuit have no effect"
-        ));
+impl ModelFlags {
+    /// The model that the flags name, and its name in messages.
+    fn open(&self) -> Result<(Model, String)> {
+        Ok(match &self.model {
+            Some(path) => (open_model(path)?, path.display().to_string()),
+            None => (Model::builtin()?, "the built-in model".to_string()),
+        })
     }
-    let job = BoundModel::new(&model, &choice, &name, &columns.points, task.world)?;
-    tell_strangers(&columns.points, &model.meta.points);
-    Ok(job)
+}
+
+impl Task<'_> {
+    /// What restores tables with such columns.
+    fn restorer<'m>(
+        &self,
+        model: &'m Model,
+        name: &str,
+        columns: &Columns,
+    ) -> Result<Restorer<'m>> {
+        let options = OpenOptions {
+            sparsity: self.model.sparsity.0,
+            rule: self.model.pursuit.rule(),
+            published: self.model.published,
+            ..OpenOptions::default()
+        };
+        let kind = &model.meta.kind;
+        let asks = options.sparsity.is_some() || options.rule != OpenOptions::default().rule;
+        if asks && kind != "sparse" {
+            messages::info(&format!(
+                "{name} is of kind {kind}, not a dictionary: --sparsity and --pursuit have no effect"
+            ));
+        }
+        let mut restorer = Restorer::new(model).with_options(options).named(name);
+        if !self.world {
+            restorer = restorer.in_body_space();
+        }
+        restorer.check(&columns.points)?;
+        report_unknown_points(&columns.points, &model.meta.points);
+        Ok(restorer)
+    }
 }
 
 /// Says which points the model does not know.
-fn tell_strangers(points: &[String], known: &[String]) {
-    let strangers: Vec<String> = (points.iter().filter(|p| !known.contains(p)))
+fn report_unknown_points(points: &[String], known: &[String]) {
+    let unknown: Vec<String> = (points.iter().filter(|p| !known.contains(p)))
         .map(|p| excerpt(p))
         .collect();
-    let (count, shown) = (strangers.len(), &strangers[..strangers.len().min(3)]);
+    let (count, shown) = (unknown.len(), &unknown[..unknown.len().min(3)]);
     let more = if count > 3 { ", …" } else { "" };
     let names = format!("({}{more})", shown.join(", "));
     match count {
@@ -317,42 +270,13 @@ fn tell_strangers(points: &[String], known: &[String]) {
     }
 }
 
-/// The columns that `--observe` hides.
-fn hidden(columns: &Columns, observe: Option<&[String]>) -> Result<Vec<usize>> {
-    let Some(observe) = observe else {
-        return Ok(Vec::new());
-    };
-    if let Some(name) = observe.iter().find(|n| !columns.points.contains(n)) {
-        return Err(Error::usage(format!(
+/// Fails where `--observe` names a point that the table lacks.
+fn check_observed(columns: &Columns, observe: Option<&[String]>) -> Result<()> {
+    let mut names = observe.into_iter().flatten();
+    match names.find(|n| !columns.points.contains(n)) {
+        Some(name) => Err(Error::usage(format!(
             "--observe {name}: the table has no point of this name"
-        )));
+        ))),
+        None => Ok(()),
     }
-    let hidden = (0..columns.points.len()).filter(|&p| !observe.contains(&columns.points[p]));
-    Ok(hidden.flat_map(|p| 3 * p..3 * p + 3).collect())
-}
-
-fn hide(mut xyz: Array2<f64>, hidden: &[usize]) -> Array2<f64> {
-    for &i in hidden {
-        xyz.column_mut(i).fill(f64::NAN);
-    }
-    xyz
-}
-
-/// The table's numbers with the restored ones in place.
-fn scatter(job: &BoundModel, before: &Array2<f64>, restored: &RestoredFrames) -> Array2<f64> {
-    let mut out = before.clone();
-    for p in 0..restored.points() {
-        let Some(at) = job.in_table(p) else { continue };
-        for axis in 0..3 {
-            let restored = restored.xyz.column(3 * p + axis);
-            // What --observe hid and too little is seen to answer keeps what was captured.
-            out.column_mut(3 * at + axis)
-                .zip_mut_with(&restored, |o, r| {
-                    if r.is_finite() {
-                        *o = *r;
-                    }
-                });
-        }
-    }
-    out
 }

@@ -1,33 +1,44 @@
-//! Denoising: captured values are changed to what they more likely were.
+//! Denoising: measured points move to where they more likely were.
 //!
-//! Frame by frame, the model answers from all points, each trusted by its noise. In a take, a smoother first takes the
-//! noise that neighbouring frames can tell from motion; what it leaves is what the model is told of.
+//! A frame by itself is an observation whose coordinates all have the frame's noise variance; outliers are found by rigid
+//! distances and the prior. In a take, spikes and outliers are removed first; a Kalman smoother then removes the noise that
+//! neighboring frames reveal, and each smoothed frame is an observation with the variances that the smoother left.
 
-use super::bound_model::BoundModel;
-use super::complete::{self, Complete};
-use super::frame_restorer::RestoredFrames;
+use super::complete::Complete;
+use super::frame_restorer::{FrameRestorer, RestoredFrame, displacement};
 use super::kalman_smoother;
+use super::loaded_model::LoadedModel;
 use super::noise_estimation;
-use super::outliers::{Outliers, leave_out};
+use super::outliers::{LIKELY, Outliers, remove};
+use super::restored_frames::{BoundModel, Method, RestoredFrames};
 use crate::numeric::parallel;
-use crate::pose::Observation;
-use crate::pose::Status;
+use crate::pose::{Observation, Status};
 use crate::prior::EXACT_VARIANCE;
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
-/// Up to this noise of a smoothed coordinate, cm, a take tells its body's lengths well enough to hold poses to them.
-const MEASURES: f64 = 0.3;
+/// Up to this noise of a smoothed coordinate, cm, a take shows its body's lengths well enough to hold poses to them.
+const MEASURES_LENGTHS: f64 = 0.3;
+/// Noise assumed to measure the body of one frame by, cm, where none is given.
+const UNKNOWN_NOISE: f64 = 2.0;
+/// A point that moves by no more, cm, is unchanged.
+const UNCHANGED: f64 = 1e-9;
+/// Frames of one parallel task.
+const CHUNK: usize = 8;
 
-/// How noise is dealt with.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// How to denoise.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Denoise {
-    /// The standard deviation of a coordinate, cm; `None`: found from the take or the frame.
+    /// Standard deviation of the noise of a coordinate, cm, outliers aside; `None`: estimated.
     pub noise: Option<f64>,
-    /// Whether points that cannot be where they were captured count for nothing.
+    /// Whether to detect and replace outliers.
     pub outliers: bool,
-    /// Whether missing points are filled in as well.
+    /// Whether to fill missing points too.
     pub fill: bool,
+    /// Frames a second, for a table without times.
+    pub fps: Option<f64>,
+    /// Restores each frame by itself, without its neighbors in time.
+    pub per_frame: bool,
 }
 
 impl Default for Denoise {
@@ -36,30 +47,89 @@ impl Default for Denoise {
             noise: None,
             outliers: true,
             fill: false,
+            fps: None,
+            per_frame: false,
         }
     }
 }
 
-/// One frame's answer.
-struct Answer {
-    found: Option<super::RestoredFrame>,
-    outliers: Vec<usize>,
-    noise: f64,
-    /// Nats; see [`RestoredFrames::unlike`].
-    unlike: f64,
+impl Method for Denoise {
+    fn frames(&self, bound: &BoundModel<'_>, xyz: ArrayView2<'_, f64>) -> RestoredFrames {
+        let estimates = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
+            range
+                .map(|t| self.frame(bound.model, xyz.slice(s![t..t + 1, ..])))
+                .collect::<Vec<_>>()
+        });
+        gather(xyz, estimates.into_iter().flatten(), self.fill)
+    }
+
+    fn take(
+        &self,
+        bound: &BoundModel<'_>,
+        xyz: ArrayView2<'_, f64>,
+        runs: &[Range<usize>],
+        rate: f64,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> RestoredFrames {
+        let model = bound.model;
+        let outliers = match self.outliers {
+            true => Outliers::find(model, xyz, runs, rate, self.noise).0,
+            false => Outliers::none(xyz.nrows()),
+        };
+        let mut clean = xyz.to_owned();
+        remove(&mut clean, &outliers.points);
+        let noise = noise_estimation::by_point(model, clean.view(), runs, self.noise);
+        let typical = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
+        let smoothed = Smoothed::new(&clean, runs, rate, &noise, &outliers.spikes);
+        let seen = smoothed.mean_where_seen(&clean);
+        let noise_left = smoothed.noise_left(&clean);
+        let adapted = model.adapt_prior(seen.view(), 0.0);
+        let adapted = adapted.with_lengths_from(seen.view(), noise_left);
+        // Lengths measured through noise are all too long: keeping them would do more harm than good.
+        let keeps_lengths = adapted.is_own_body() || noise_left <= MEASURES_LENGTHS;
+        let restorer = match keeps_lengths {
+            true => adapted.rigid_restorer(),
+            false => adapted.restorer(),
+        };
+        let estimates = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
+            let estimate = |t: usize| {
+                let (mean, variance) = (smoothed.mean.row(t), smoothed.variance.row(t));
+                let found = restore_smoothed(&restorer, &mean.to_vec(), &variance.to_vec());
+                Estimate::new(&restorer, found, outliers.points[t].clone(), typical)
+            };
+            let part: Vec<Estimate> = range.clone().map(estimate).collect();
+            done(range.len());
+            part
+        });
+        let mut out = gather(xyz, estimates.into_iter().flatten(), false);
+        if self.fill {
+            fill(bound, &mut out, runs, rate);
+        }
+        out
+    }
 }
 
-impl Answer {
-    /// What `restorer` found.
+/// The estimate of a frame.
+struct Estimate {
+    found: Option<RestoredFrame>,
+    outliers: Vec<usize>,
+    /// Standard deviation of a coordinate, cm.
+    noise: f64,
+    /// Nats; see [`RestoredFrames::novelty`].
+    novelty: f64,
+}
+
+impl Estimate {
+    /// An estimate by `restorer`.
     fn new(
-        restorer: &super::FrameRestorer<'_>,
-        found: Option<super::RestoredFrame>,
+        restorer: &FrameRestorer<'_>,
+        found: Option<RestoredFrame>,
         outliers: Vec<usize>,
         noise: f64,
-    ) -> Answer {
-        let judge = |f: &super::RestoredFrame| restorer.unlike(&f.mean, &f.placement);
-        Answer {
-            unlike: found.as_ref().map_or(f64::NAN, judge),
+    ) -> Estimate {
+        let novelty = |f: &RestoredFrame| restorer.novelty(&f.mean, &f.placement);
+        Estimate {
+            novelty: found.as_ref().map_or(f64::NAN, novelty),
             found,
             outliers,
             noise,
@@ -67,121 +137,49 @@ impl Answer {
     }
 }
 
-/// Denoises frames each by itself (in the model's order).
-///
-/// Rigid distances tell how noisy most points of a frame are, if the model knows any: where that is little, or the others are
-/// too far off for it, those are outliers. A noise that is given is that of every coordinate, or where it is little of clean ones.
-pub fn frames(bound: &BoundModel, xyz: ArrayView2<'_, f64>, settings: Denoise) -> RestoredFrames {
-    let answers = parallel::map_chunks(xyz.nrows(), 8, |range| {
-        range
-            .map(|t| one(bound, xyz.slice(s![t..t + 1, ..]), settings))
-            .collect::<Vec<_>>()
-    });
-    gather(xyz, answers.into_iter().flatten(), settings)
+impl Denoise {
+    /// Denoises one frame (1, 3 J).
+    fn frame(&self, model: &LoadedModel, frame: ArrayView2<'_, f64>) -> Estimate {
+        let y = frame.row(0).to_vec();
+        let floor = model.noise_floor(&y);
+        if let Some((rigid, floor)) = floor.as_ref().filter(|_| self.outliers) {
+            // A noise that is given is that of clean points where it is small, and of all points otherwise.
+            let noise = match self.noise {
+                Some(noise) => (noise <= noise_estimation::NEARLY_CLEAN).then_some(noise),
+                None => noise_estimation::is_worth_searching(floor)
+                    .then(|| noise_estimation::rounded(floor.sd)),
+            };
+            // These distances fit the unknown body already: the model's own is not adapted.
+            let own = model.unadapted();
+            let restorer = own.restorer().with_rigid_model(rigid);
+            let found = noise.and_then(|n| Some((n, restorer.restore_with_outliers(&y, n * n)?)));
+            if let Some((noise, (found, probability))) = found {
+                let outliers = (0..probability.len()).filter(|&p| probability[p] > LIKELY);
+                return Estimate::new(&restorer, Some(found), outliers.collect(), noise);
+            }
+        }
+        let adapted = model.adapt_prior(frame, self.noise.unwrap_or(UNKNOWN_NOISE));
+        let noise = self.noise.unwrap_or_else(|| {
+            let by_distances = floor.map(|(_, floor)| floor.sd);
+            let by_model = || noise_estimation::of_frame(&adapted.restorer(), &y);
+            noise_estimation::rounded(by_distances.unwrap_or_else(by_model))
+        });
+        let adapted = adapted.with_lengths_from(frame, noise);
+        let restorer = adapted.rigid_restorer();
+        let variances: Vec<f64> =
+            (y.iter().map(|v| noise_estimation::variance(*v, noise))).collect();
+        let found = restorer.restore(&y, &variances);
+        Estimate::new(&restorer, found, Vec::new(), noise)
+    }
 }
 
-fn one(bound: &BoundModel, frame: ArrayView2<'_, f64>, settings: Denoise) -> Answer {
-    let y = frame.row(0).to_vec();
-    if let Some(answer) = with_outliers(bound, &y, settings) {
-        return answer;
-    }
-    let adapted = bound.prior_for(frame, settings.noise.unwrap_or(2.0));
-    let restorer = bound.restorer(&adapted);
-    // Distances tell it, where enough are seen; else the model has to.
-    let noise = settings.noise.unwrap_or_else(|| {
-        let noise_variance = bound.noise_floor_of(&y).map(|(_, base)| base.sd);
-        noise_estimation::shared(
-            noise_variance.unwrap_or_else(|| noise_estimation::of_frame(&restorer, &y)),
-        )
-    });
-    let rigid = bound.treatment_for(&adapted, frame, noise);
-    let restorer = restorer.with_rigid_model(&rigid);
-    let variances: Vec<f64> = y
-        .iter()
-        .map(|v| noise_estimation::variance(*v, noise))
-        .collect();
-    let found = restorer.restore(&y, &variances);
-    Answer::new(&restorer, found, Vec::new(), noise)
-}
-
-/// The answer for a frame most points of which are nearly clean, by the distances between them.
-fn with_outliers(bound: &BoundModel, y: &[f64], settings: Denoise) -> Option<Answer> {
-    if !settings.outliers {
-        return None;
-    }
-    let (rigid, found) = bound.noise_floor_of(y)?;
-    let base = match settings.noise {
-        Some(noise) => (noise <= noise_estimation::NEARLY_CLEAN).then_some(noise)?,
-        None => noise_estimation::worth_a_search(&found)
-            .then_some(noise_estimation::shared(found.sd))?,
-    };
-    let own = bound.restorer(&None).with_rigid_model(rigid);
-    // The distances have told whose lengths they may be: nothing is to be adapted but the placement's own.
-    let (found, corrupt) = own.restore_outliers(y, base * base)?;
-    let outliers = (0..corrupt.len()).filter(|&p| corrupt[p] > 0.5).collect();
-    Some(Answer::new(&own, Some(found), outliers, base))
-}
-
-/// Denoises one take: `runs` are the stretches of frames that follow one another, `rate` frames a second.
-pub fn take(
-    bound: &BoundModel,
-    xyz: ArrayView2<'_, f64>,
-    runs: &[Range<usize>],
-    rate: f64,
-    settings: Denoise,
-    done: &(dyn Fn(usize) + Sync),
-) -> RestoredFrames {
-    let rejects = match settings.outliers {
-        true => Outliers::find(bound, xyz, runs, rate, settings.noise),
-        false => Outliers::none(xyz.nrows()),
-    };
-    let mut counted = xyz.to_owned();
-    leave_out(&mut counted, &rejects.points);
-    let noise = noise_estimation::by_point(bound, counted.view(), runs, settings.noise);
-    let usual = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
-    let (mean, variances) = smoothed(&counted, runs, rate, &noise, &rejects.spikes);
-    let seen = mean_where_seen(&counted, &mean);
-    let adapted = bound.prior_for(seen.view(), 0.0);
-    let noise_left = left(&counted, &variances);
-    let rigid = bound.treatment_for(&adapted, seen.view(), noise_left);
-    let mut restorer = bound.restorer(&adapted);
-    // Lengths measured through noise are all too long: kept, they would do more harm than good.
-    if adapted.is_none() || noise_left <= MEASURES {
-        restorer = restorer.with_rigid_model(&rigid);
-    }
-    let answers = parallel::map_chunks(xyz.nrows(), 8, |range| {
-        let out: Vec<Answer> = range
-            .clone()
-            .map(|t| {
-                let found =
-                    smoothed_frame(&restorer, &mean.row(t).to_vec(), &variances.row(t).to_vec());
-                Answer::new(&restorer, found, rejects.points[t].clone(), usual)
-            })
-            .collect();
-        done(range.len());
-        out
-    });
-    let mut out = gather(
-        xyz,
-        answers.into_iter().flatten(),
-        Denoise {
-            fill: false,
-            ..settings
-        },
-    );
-    if settings.fill {
-        fill(bound, &mut out, runs, rate);
-    }
-    out
-}
-
-/// The answer for a smoothed frame. Points seen in part among whole ones count as missing, which costs no descent; what was
-/// seen of them is as the smoother left it.
-fn smoothed_frame(
-    restorer: &super::FrameRestorer<'_>,
+/// Restores a smoothed frame. Points seen in part among whole ones count as missing, which saves a search for the placement;
+/// what was seen of them stays as the smoother left it.
+fn restore_smoothed(
+    restorer: &FrameRestorer<'_>,
     y: &[f64],
     variances: &[f64],
-) -> Option<super::RestoredFrame> {
+) -> Option<RestoredFrame> {
     let seen = Observation {
         values: y,
         variance: variances,
@@ -195,16 +193,9 @@ fn smoothed_frame(
     Some(found)
 }
 
-/// Fills what is missing from the denoised points, as completing does: carried over from both ends of a gap.
-fn fill(bound: &BoundModel, out: &mut RestoredFrames, runs: &[Range<usize>], rate: f64) {
-    let filled = complete::take(
-        bound,
-        out.xyz.view(),
-        runs,
-        rate,
-        Complete::default(),
-        &|_| {},
-    );
+/// Completes the denoised points of a take.
+fn fill(bound: &BoundModel<'_>, out: &mut RestoredFrames, runs: &[Range<usize>], rate: f64) {
+    let filled = Complete::default().take(bound, out.xyz.view(), runs, rate, &|_| {});
     for t in 0..out.xyz.nrows() {
         for p in 0..out.points() {
             if out.of_point(t, p).0 == Status::Unknown {
@@ -212,97 +203,106 @@ fn fill(bound: &BoundModel, out: &mut RestoredFrames, runs: &[Range<usize>], rat
                 out.set(t, p, status, sd);
             }
         }
-        if filled.unlike[t].is_finite() {
-            out.unlike[t] = filled.unlike[t];
+        if filled.novelty[t].is_finite() {
+            out.novelty[t] = filled.novelty[t];
         }
     }
     out.xyz = filled.xyz;
 }
 
-/// The smoothed coordinates and their variances; infinite where the smoother cannot say more than the model.
-fn smoothed(
-    counted: &Array2<f64>,
-    runs: &[Range<usize>],
-    rate: f64,
-    noise: &[f64],
-    spikes: &[Vec<usize>],
-) -> (Array2<f64>, Array2<f64>) {
-    let columns = parallel::map_chunks(counted.ncols(), 1, |range| {
-        let column = counted.column(range.start);
-        let r = (noise[range.start / 3].powi(2)).max(EXACT_VARIANCE);
-        let (mut mean, mut variance) = (column.to_vec(), vec![f64::INFINITY; column.len()]);
-        for run in runs {
-            let series = column.slice(s![run.clone()]).to_vec();
-            let is_seen = series.iter().any(|v| v.is_finite());
-            let out = kalman_smoother::smooth(&series, r, 1.0 / rate);
-            for (k, t) in run.clone().enumerate() {
-                // A missing value is the model's business: the smoother only guesses there.
-                if series[k].is_finite() {
-                    mean[t] = out.mean[k];
-                    variance[t] = out.variance[k].clamp(EXACT_VARIANCE, r);
-                } else if is_seen && spikes[t].contains(&(range.start / 3)) {
-                    mean[t] = out.mean[k];
-                    variance[t] = out.variance[k].max(EXACT_VARIANCE);
+/// The smoothed coordinates of a take.
+struct Smoothed {
+    /// (frames, 3 J), cm.
+    mean: Array2<f64>,
+    /// cm²; infinite where the smoother says no more than the model.
+    variance: Array2<f64>,
+}
+
+impl Smoothed {
+    /// Smooths each coordinate of `clean` by itself; `noise` is that of each point, cm. A missing coordinate is left to the
+    /// model, but for `spikes`, whose path is known.
+    fn new(
+        clean: &Array2<f64>,
+        runs: &[Range<usize>],
+        rate: f64,
+        noise: &[f64],
+        spikes: &[Vec<usize>],
+    ) -> Smoothed {
+        let columns = parallel::map_chunks(clean.ncols(), 1, |range| {
+            let column = clean.column(range.start);
+            let r = (noise[range.start / 3].powi(2)).max(EXACT_VARIANCE);
+            let (mut mean, mut variance) = (column.to_vec(), vec![f64::INFINITY; column.len()]);
+            for run in runs {
+                let series = column.slice(s![run.clone()]).to_vec();
+                let is_seen = series.iter().any(|v| v.is_finite());
+                let smooth = kalman_smoother::smooth(&series, r, 1.0 / rate);
+                for (k, t) in run.clone().enumerate() {
+                    if series[k].is_finite() {
+                        mean[t] = smooth.mean[k];
+                        variance[t] = smooth.variance[k].clamp(EXACT_VARIANCE, r);
+                    } else if is_seen && spikes[t].contains(&(range.start / 3)) {
+                        mean[t] = smooth.mean[k];
+                        variance[t] = smooth.variance[k].max(EXACT_VARIANCE);
+                    }
                 }
             }
+            (mean, variance)
+        });
+        let (mut mean, mut variance) = (clean.clone(), clean.clone());
+        for (i, (m, v)) in columns.into_iter().enumerate() {
+            mean.column_mut(i).assign(&ndarray::Array1::from(m));
+            variance.column_mut(i).assign(&ndarray::Array1::from(v));
         }
-        (mean, variance)
-    });
-    let (mut mean, mut variances) = (counted.clone(), counted.clone());
-    for (i, (m, v)) in columns.into_iter().enumerate() {
-        mean.column_mut(i).assign(&ndarray::Array1::from(m));
-        variances.column_mut(i).assign(&ndarray::Array1::from(v));
+        Smoothed { mean, variance }
     }
-    (mean, variances)
+
+    /// The mean of the coordinates that are not missing in `clean`.
+    fn mean_where_seen(&self, clean: &Array2<f64>) -> Array2<f64> {
+        let mut out = self.mean.clone();
+        out.zip_mut_with(clean, |m, c| {
+            if c.is_nan() {
+                *m = f64::NAN;
+            }
+        });
+        out
+    }
+
+    /// Standard deviation of the noise that smoothing leaves, cm.
+    fn noise_left(&self, clean: &Array2<f64>) -> f64 {
+        let all = clean.iter().zip(&self.variance);
+        let known = (all.filter(|(c, v)| c.is_finite() && v.is_finite())).map(|(_, v)| v);
+        let (sum, n) = known.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
+        (sum / n.max(1) as f64).sqrt()
+    }
 }
 
-/// The standard deviation of the noise that smoothing leaves, cm.
-fn left(counted: &Array2<f64>, variances: &Array2<f64>) -> f64 {
-    let both = counted.iter().zip(variances);
-    let known = both
-        .filter(|(c, v)| c.is_finite() && v.is_finite())
-        .map(|b| b.1);
-    let (sum, n) = known.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
-    (sum / n.max(1) as f64).sqrt()
-}
-
-fn mean_where_seen(counted: &Array2<f64>, mean: &Array2<f64>) -> Array2<f64> {
-    let mut out = mean.clone();
-    out.zip_mut_with(counted, |m, c| {
-        if c.is_nan() {
-            *m = f64::NAN;
-        }
-    });
-    out
-}
-
-/// Puts the answers together.
+/// The estimates of all frames put together; with `fill` also those of missing points.
 fn gather(
     xyz: ArrayView2<'_, f64>,
-    answers: impl Iterator<Item = Answer>,
-    settings: Denoise,
+    estimates: impl Iterator<Item = Estimate>,
+    fill: bool,
 ) -> RestoredFrames {
     let mut out = RestoredFrames::of(xyz.to_owned());
-    for (t, answer) in answers.enumerate() {
-        out.too_little += usize::from(answer.found.is_none());
-        out.noise += answer.noise / xyz.nrows() as f64;
-        out.unlike[t] = answer.unlike;
+    for (t, estimate) in estimates.enumerate() {
+        out.too_little += usize::from(estimate.found.is_none());
+        out.noise += estimate.noise / xyz.nrows() as f64;
+        out.novelty[t] = estimate.novelty;
         let before = xyz.row(t).to_vec();
         for p in 0..out.points() {
-            let missing = before[3 * p..3 * p + 3].iter().any(|v| v.is_nan());
-            let (status, sd) = match &answer.found {
-                None if missing => (Status::Unknown, f64::NAN),
-                None => (Status::Observed, answer.noise),
-                Some(_) if missing && !settings.fill => (Status::Unknown, f64::NAN),
+            let is_missing = before[3 * p..3 * p + 3].iter().any(|v| v.is_nan());
+            let (status, sd) = match &estimate.found {
+                None if is_missing => (Status::Unknown, f64::NAN),
+                None => (Status::Observed, estimate.noise),
+                Some(_) if is_missing && !fill => (Status::Unknown, f64::NAN),
                 Some(found) => {
                     for i in 3 * p..3 * p + 3 {
                         out.xyz[[t, i]] = found.mean[i];
                     }
-                    let status = if missing {
+                    let status = if is_missing {
                         Status::Inferred
-                    } else if answer.outliers.contains(&p) {
+                    } else if estimate.outliers.contains(&p) {
                         Status::Rejected
-                    } else if super::frame_restorer::moved(&before, &found.mean, p) <= 1e-9 {
+                    } else if displacement(&before, &found.mean, p) <= UNCHANGED {
                         Status::Observed
                     } else {
                         Status::Changed

@@ -1,20 +1,40 @@
-//! Restoring poses: one function of a pose and the variances of its coordinates; `denoise` and `complete` are two
-//! settings of it.
+//! Restoring poses: missing points filled, noise and outliers removed.
+//!
+//! An observation y ~ N(x, diag(r)) of a pose x (3 J coordinates, cm) has one noise variance r a coordinate: 0 is exact,
+//! infinity is missing. Completing and denoising are two settings of the same estimate, E[x | y] under a prior of poses.
+//!
+//! The path of a take:
+//!
+//! 1. [`Restorer`] opens the model, binds it to the table's points and walks the takes ([`restored_frames`]).
+//! 2. [`outliers`] finds spikes, adapts the model to the body ([`body_adaptation`]) and finds the other outliers.
+//! 3. [`denoise`] smooths each coordinate over time ([`kalman_smoother`]); [`complete`] takes seen values for exact.
+//! 4. [`FrameRestorer`] restores each frame: [`placement`] finds rotation and shift, the prior gives the posterior in the
+//!    model's space, [`rigid`] projects it onto the known distances.
+//! 5. [`gap_interpolation`] makes the estimates continuous over the gaps of [`complete`].
+//! 6. [`Restoration`] holds the values in the table's order, with a status for each point.
+//!
+//! [`ik`] fits the joint angles of a skeleton to restored points.
 
 pub mod body_adaptation;
-pub mod bound_model;
 pub mod complete;
 pub mod denoise;
 pub mod frame_restorer;
+mod gap_interpolation;
 pub mod ik;
 mod kalman_smoother;
+mod loaded_model;
 mod noise_estimation;
 pub mod outliers;
-
 pub mod placement;
+pub mod restoration;
+mod restored_frames;
+mod restorer;
 pub mod rigid;
 pub mod take;
 
-pub use bound_model::BoundModel;
-pub use frame_restorer::{FrameRestorer, RestoredFrame, RestoredFrames};
+pub use complete::Complete;
+pub use denoise::Denoise;
+pub use frame_restorer::{FrameRestorer, RestoredFrame};
+pub use restoration::{Restoration, RestorationCounts};
+pub use restorer::Restorer;
 pub use rigid::{Corrected, OutlierMode, RigidModel};

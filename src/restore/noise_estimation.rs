@@ -1,71 +1,87 @@
-//! How noisy a capture is: by a point's motion, or by what the model leaves of a frame.
+//! How noisy a capture is: by the motion of its points, or by what the model leaves of a frame.
 
-use super::bound_model::BoundModel;
 use super::kalman_smoother;
+use super::loaded_model::LoadedModel;
 use super::rigid::noise_floor::NoiseFloor;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;
 
-/// Up to this noise of most points, cm, the others of a frame are outliers; above, all is noise unless distances tell
-/// otherwise.
+/// Up to this noise of most points, cm, deviating points of a single frame are outliers. Above, everything is noise unless
+/// the distances say otherwise.
 pub const NEARLY_CLEAN: f64 = 1.0;
+/// Frames that the model measures the noise of where motion says nothing.
+const SAMPLED_FRAMES: usize = 20;
 
-/// Whether outliers are looked for in a frame of such a base noise.
-pub fn worth_a_search(base: &NoiseFloor) -> bool {
-    base.sd <= NEARLY_CLEAN || base.has_outliers()
+/// Whether a frame with this noise floor is searched for outliers.
+pub fn is_worth_searching(floor: &NoiseFloor) -> bool {
+    floor.sd <= NEARLY_CLEAN || floor.outlier_evidence > 0.0
 }
 
-/// A noise that was found in one frame, cm, to an eighth of an octave: it is no surer than that, and frames that have the
-/// same noise share what a model makes for it.
-pub fn shared(noise: f64) -> f64 {
-    if noise * noise > EXACT_VARIANCE {
-        ((noise.log2() * 8.0).round() / 8.0).exp2()
+/// Rounds a standard deviation (cm) to an eighth of an octave. An estimate from one frame is no better than that, and frames
+/// of the same noise share what a prior computes for it.
+pub fn rounded(sd: f64) -> f64 {
+    if sd * sd > EXACT_VARIANCE {
+        ((sd.log2() * 8.0).round() / 8.0).exp2()
     } else {
-        noise
+        sd
     }
 }
 
-/// The variance of a number's noise (cm²; infinite missing) by the standard deviation of all.
-pub fn variance(value: f64, noise: f64) -> f64 {
+/// Noise variance (cm²) of a coordinate measured with standard deviation `sd` (cm); infinite where it is missing.
+pub fn variance(value: f64, sd: f64) -> f64 {
     if value.is_finite() {
-        (noise * noise).max(EXACT_VARIANCE)
+        (sd * sd).max(EXACT_VARIANCE)
     } else {
         f64::INFINITY
     }
 }
 
-/// The noise of one frame by itself: what the model leaves of most of its points beyond what it leaves of clean ones.
-///
-/// The quarter of the points that fits worst does not count, as it may be outliers.
+/// Noise variances (3 J) of exact measurements; infinite where a coordinate is missing or its point `hidden`.
+pub fn exact_noise(y: &[f64], hidden: &[usize]) -> Vec<f64> {
+    let is_seen = |i: usize| y[i].is_finite() && !hidden.contains(&(i / 3));
+    (0..y.len())
+        .map(|i| {
+            if is_seen(i) {
+                EXACT_VARIANCE
+            } else {
+                f64::INFINITY
+            }
+        })
+        .collect()
+}
+
+/// Standard deviation of a coordinate (cm) in one frame: what the model leaves of most points beyond what it leaves of clean
+/// ones. The quarter of the points that fits worst is left out, as these may be outliers.
 pub fn of_frame(restorer: &super::FrameRestorer<'_>, y: &[f64]) -> f64 {
-    // First guess: a centimetre, so that the answer does not follow the noise.
+    // A first guess of 1 cm, so that the estimate does not follow the noise.
     let first: Vec<f64> = y.iter().map(|v| variance(*v, 1.0)).collect();
     let Some(found) = restorer.restore(y, &first) else {
         return 0.0;
     };
     let model = restorer.prior.residual_variance();
-    let mut rest: Vec<f64> = (0..y.len() / 3)
+    let mut squares: Vec<f64> = (0..y.len() / 3)
         .filter(|p| y[3 * p..3 * p + 3].iter().all(|v| v.is_finite()))
         .map(|p| {
             let v: f64 = model[3 * p..3 * p + 3].iter().sum();
-            // The answer lies between model and observation: y - mean = (noise + v) share of the residual.
+            // The estimate lies between model and observation, at this share of the residual.
             let share = 3.0 / (3.0 + v);
-            let d = super::frame_restorer::moved(y, &found.mean, p) / share;
-            (d * d - v) / 3.0
+            let residual = super::frame_restorer::displacement(y, &found.mean, p) / share;
+            (residual * residual - v) / 3.0
         })
         .collect();
-    rest.sort_by(f64::total_cmp);
-    rest.truncate((rest.len() * 3).div_ceil(4));
-    let mean = rest.iter().sum::<f64>() / rest.len().max(1) as f64;
-    // Three quarters of the points, the better ones, hold about half of the squared noise of all.
+    squares.sort_by(f64::total_cmp);
+    squares.truncate((squares.len() * 3).div_ceil(4));
+    let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+    // The best three quarters of the points hold about half of the squared noise of all.
     (2.0 * mean).max(0.0).sqrt()
 }
 
-/// The noise of each point, cm: given, or from the third differences of its coordinates. A point that is not seen long
-/// enough on end takes the median of the others; where none is, the model tells the noise of some frames.
+/// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences over time
+/// ([`kalman_smoother::noise_of`]). A point that is never seen long enough takes the median of the others; where there is
+/// none, the model measures some frames.
 pub fn by_point(
-    bound: &BoundModel,
+    model: &LoadedModel,
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     given: Option<f64>,
@@ -76,10 +92,9 @@ pub fn by_point(
     }
     let of_column = |i: usize| {
         // Runs are joined by a missing value, which no difference crosses.
-        let ends = [f64::NAN];
         let series: Vec<f64> = runs
             .iter()
-            .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain(ends))
+            .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain([f64::NAN]))
             .collect();
         kalman_smoother::noise_of(&series)
     };
@@ -91,14 +106,14 @@ pub fn by_point(
         .collect();
     let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
     if known.is_empty() {
-        let restorer = bound.restorer(&None);
-        let step = xyz.nrows().div_ceil(20).max(1);
+        let model = model.unadapted();
+        let step = xyz.nrows().div_ceil(SAMPLED_FRAMES).max(1);
         known = (0..xyz.nrows())
             .step_by(step)
-            .map(|t| of_frame(&restorer, &xyz.row(t).to_vec()))
+            .map(|t| of_frame(&model.restorer(), &xyz.row(t).to_vec()))
             .collect();
     }
     known.sort_by(f64::total_cmp);
-    let usual = known.get(known.len() / 2).copied().unwrap_or(0.0);
-    measured.into_iter().map(|m| m.unwrap_or(usual)).collect()
+    let median = known.get(known.len() / 2).copied().unwrap_or(0.0);
+    measured.into_iter().map(|m| m.unwrap_or(median)).collect()
 }

@@ -1,10 +1,11 @@
-//! The points of a take that cannot be where they were captured: they count for nothing.
+//! Outliers of a take: points that cannot be where they were measured.
 //!
-//! First [`spikes`] are told by time alone. Of the other points some break rigid bones; in those frames distances and the
-//! model tell together which points are corrupt ([`super::treat`]), where they can.
+//! 1. [`trajectory`] finds spikes: points that leave their path for some frames. No model is needed.
+//! 2. The model is adapted to the body that the other points show. Rigid distances then say which frames hold outliers
+//!    ([`super::rigid::noise_floor`]), each frame together with its neighbours.
+//! 3. In those frames distances and the prior say which points are outliers ([`frame_posterior`]).
 
 mod assignment;
-mod bone_lengths;
 pub mod frame_posterior;
 mod frame_state;
 mod leave_one_out;
@@ -13,36 +14,37 @@ pub mod rigid_likelihood;
 mod trajectory;
 
 use crate::numeric::parallel;
-use crate::restore::bound_model::BoundModel;
-use crate::restore::noise_estimation::{self, shared};
-use bone_lengths::RigidBones;
+use crate::restore::loaded_model::{AdaptedModel, LoadedModel};
+use crate::restore::noise_estimation::{self, rounded};
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
-/// No clean point is taken for more exact, cm.
+/// Least noise of a clean point, cm.
 const LEAST_NOISE: f64 = 0.01;
-/// So often strays are looked for, each time by the noise without those found before.
-const TIMES: usize = 2;
-/// So many frames on either side tell of a frame too. (Not seconds: each is a measurement of its own.)
-const NEAR: usize = 10;
-/// Nats that are enough: of a frame by itself, of it and its neighbours, and of the neighbours on each side where it tells
-/// nothing itself.
+/// Rounds of spike detection. Spikes inflate the noise estimate, which hides others.
+const ROUNDS: usize = 2;
+/// Frames on either side that count as evidence. In frames, not seconds: each is a measurement of its own.
+const NEIGHBORS: usize = 10;
+/// Evidence for outliers that suffices, in nats: of the frame alone; of the frame and its neighbors; of the neighbors on
+/// each side, where the frame has none itself.
 const ALONE: f64 = 3.0;
 const TOGETHER: f64 = 8.0;
 const EITHER_SIDE: f64 = 5.0;
-/// Frames looked at by one piece of parallel work.
+/// A point more likely an outlier than this is one.
+pub const LIKELY: f64 = 0.5;
+/// Frames of one parallel task.
 const CHUNK: usize = 8;
 
-/// What is rejected.
+/// The outliers of a take.
 pub struct Outliers {
-    /// The points of each frame.
+    /// All outliers of each frame.
     pub points: Vec<Vec<usize>>,
-    /// Those of them that time tells, which knows where they should have been too.
+    /// Those that [`trajectory`] found: their path says where they should have been.
     pub spikes: Vec<Vec<usize>>,
 }
 
 impl Outliers {
-    /// Nothing of so many frames.
+    /// No outlier in `frames` frames.
     pub fn none(frames: usize) -> Outliers {
         Outliers {
             points: vec![Vec::new(); frames],
@@ -50,26 +52,23 @@ impl Outliers {
         }
     }
 
-    /// Of a take (frames, 3 J; cm): `runs` are the stretches of frames that follow one another, `rate` frames a second,
-    /// `given` the standard deviation of a coordinate, cm, if it is known.
-    pub fn find(
-        bound: &BoundModel,
+    /// The outliers of a take (frames, 3 J; cm), and the model adapted to its body. `runs` are ranges of consecutive frames,
+    /// `rate` is in frames a second, `noise` is the standard deviation of a coordinate in cm if known.
+    pub fn find<'m>(
+        model: &'m LoadedModel,
         xyz: ArrayView2<'_, f64>,
         runs: &[Range<usize>],
         rate: f64,
-        given: Option<f64>,
-    ) -> Outliers {
+        noise: Option<f64>,
+    ) -> (Outliers, AdaptedModel<'m>) {
         let mut spikes: Vec<Vec<usize>> = vec![Vec::new(); xyz.nrows()];
-        let mut counted = xyz.to_owned();
-        let mut noise = noise_estimation::by_point(bound, xyz, runs, given);
-        // Strays spoil the noise too, which hides others.
-        for _ in 0..TIMES {
+        let mut clean = xyz.to_owned();
+        let mut by_point = noise_estimation::by_point(model, xyz, runs, noise);
+        for _ in 0..ROUNDS {
             let before = spikes.clone();
-            for (spikes, found) in spikes
-                .iter_mut()
-                .zip(trajectory::spikes(xyz, runs, rate, &noise))
-            {
-                // By less noise no path may be left to be off of: what was found stays.
+            let found = trajectory::spikes(xyz, runs, rate, &by_point);
+            for (spikes, found) in spikes.iter_mut().zip(found) {
+                // With a smaller noise a path may no longer be one: what was found stays.
                 spikes.extend(found);
                 spikes.sort_unstable();
                 spikes.dedup();
@@ -77,26 +76,24 @@ impl Outliers {
             if spikes == before {
                 break;
             }
-            counted.assign(&xyz);
-            leave_out(&mut counted, &spikes);
-            noise = noise_estimation::by_point(bound, counted.view(), runs, given);
+            clean.assign(&xyz);
+            remove(&mut clean, &spikes);
+            by_point = noise_estimation::by_point(model, clean.view(), runs, noise);
         }
-        // One point's may be garbage.
-        noise.sort_by(f64::total_cmp);
-        let usual = noise.get(noise.len() / 2).copied().unwrap_or(0.0);
-        let bones = RigidBones::measure(&bound.parents(), counted.view());
-        let mut points = broken_bones(&bones, &counted, usual);
-        let looked_at = frames_to_search(bound, &bones, &counted, runs, &points);
-        corrupt(bound, &counted, usual, &looked_at, &mut points);
+        // The median: the noise of a single point may be meaningless.
+        by_point.sort_by(f64::total_cmp);
+        let typical = by_point.get(by_point.len() / 2).copied().unwrap_or(0.0);
+        let adapted = model.adapt(clean.view(), typical);
+        let mut points = by_distances(&adapted, &clean, runs, typical);
         for (points, spikes) in points.iter_mut().zip(&spikes) {
             points.extend(spikes);
         }
-        Outliers { points, spikes }
+        (Outliers { points, spikes }, adapted)
     }
 }
 
-/// Points of each frame become missing.
-pub fn leave_out(xyz: &mut Array2<f64>, points: &[Vec<usize>]) {
+/// Makes the given points of each frame missing.
+pub fn remove(xyz: &mut Array2<f64>, points: &[Vec<usize>]) {
     for (t, points) in points.iter().enumerate() {
         for &p in points {
             xyz.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
@@ -104,94 +101,65 @@ pub fn leave_out(xyz: &mut Array2<f64>, points: &[Vec<usize>]) {
     }
 }
 
-/// The points of each frame that are blamed for broken bones.
-fn broken_bones(bones: &RigidBones, xyz: &Array2<f64>, noise: f64) -> Vec<Vec<usize>> {
-    let parts = parallel::map_chunks(xyz.nrows(), 64, |range| {
-        range
-            .map(|t| bones.outliers(&xyz.row(t).to_vec(), noise, |_| 0.0))
-            .collect::<Vec<_>>()
-    });
-    parts.concat()
-}
-
-/// The frames that may hold corrupt points: those with broken bones, and where not all bones are known to be rigid, those whose
-/// distances tell so, with those of their neighbours.
-fn frames_to_search(
-    bound: &BoundModel,
-    bones: &RigidBones,
+/// The outliers of each frame by rigid distances and the prior; `noise` is that of most coordinates, cm.
+fn by_distances(
+    adapted: &AdaptedModel<'_>,
     xyz: &Array2<f64>,
     runs: &[Range<usize>],
-    blamed: &[Vec<usize>],
-) -> Vec<usize> {
-    let bones_tell = bones.count() > 0 && bones.count() == bound.parents().iter().flatten().count();
-    let noise_variance = if bones_tell {
-        vec![false; blamed.len()]
-    } else {
-        let odds = parallel::map_chunks(xyz.nrows(), 64, |range| {
-            let of = |t: usize| bound.noise_floor_of(&xyz.row(t).to_vec());
-            let odds = range.map(|t| of(t).map_or(0.0, |(_, base)| base.odds.max(0.0)));
-            odds.collect::<Vec<f64>>()
-        });
-        pooled_over_time(&odds.concat(), runs)
-    };
-    let is_doubtful = |t: &usize| noise_variance[*t] || !blamed[*t].is_empty();
-    (0..blamed.len()).filter(is_doubtful).collect()
+    noise: f64,
+) -> Vec<Vec<usize>> {
+    let floors = parallel::map_chunks(xyz.nrows(), 64, |range| {
+        let floor = |t: usize| adapted.rigid.noise_floor(&xyz.row(t).to_vec());
+        range.map(floor).collect::<Vec<_>>()
+    })
+    .concat();
+    let evidence: Vec<f64> = floors
+        .iter()
+        .map(|f| f.map_or(0.0, |f| f.outlier_evidence.max(0.0)))
+        .collect();
+    let searched: Vec<(usize, f64)> = (pooled_over_time(&evidence, runs).into_iter().enumerate())
+        .filter_map(|(t, is)| Some((t, floors[t].filter(|_| is)?.sd)))
+        .collect();
+    let restorer = adapted.rigid_restorer();
+    let found = parallel::map_chunks(searched.len(), CHUNK, |range| {
+        let outliers = |&(t, floor): &(usize, f64)| {
+            let sd = rounded(floor.min(noise.max(LEAST_NOISE)));
+            let found = restorer.restore_with_outliers(&xyz.row(t).to_vec(), sd * sd);
+            let probability = found.map_or(Vec::new(), |f| f.1);
+            (0..probability.len())
+                .filter(|&p| probability[p] > LIKELY)
+                .collect()
+        };
+        searched[range]
+            .iter()
+            .map(outliers)
+            .collect::<Vec<Vec<usize>>>()
+    });
+    let mut points = vec![Vec::new(); xyz.nrows()];
+    for ((t, _), found) in searched.iter().zip(found.into_iter().flatten()) {
+        points[*t] = found;
+    }
+    points
 }
 
-/// Which frames hold corrupt points, by the odds (nats, not negative) that each has of it by itself.
+/// Which frames are searched for outliers, by the evidence for them in each frame (nats, not negative).
 ///
-/// By much noise distances tell so of one frame in eight where no point is off, and then of one by itself; a point that is off,
-/// but for a moment that time tells, is so in frames that follow one another, some of which do not tell.
-fn pooled_over_time(odds: &[f64], runs: &[Range<usize>]) -> Vec<bool> {
-    let mut noise_variance = vec![false; odds.len()];
+/// Under heavy noise one clean frame in eight shows some evidence, and its neighbors do not. An outlier that is no spike lasts
+/// for several frames, some of which may show no evidence.
+fn pooled_over_time(evidence: &[f64], runs: &[Range<usize>]) -> Vec<bool> {
+    let mut searched = vec![false; evidence.len()];
     for run in runs {
         for t in run.clone() {
-            let sum = |frames: Range<usize>| odds[frames].iter().sum::<f64>();
-            let before = sum(t.saturating_sub(NEAR).max(run.start)..t);
-            let after = sum(t + 1..run.end.min(t + NEAR + 1));
-            noise_variance[t] = match odds[t] > 0.0 {
-                true => odds[t] >= ALONE || before + odds[t] + after >= TOGETHER,
+            let sum = |frames: Range<usize>| evidence[frames].iter().sum::<f64>();
+            let before = sum(t.saturating_sub(NEIGHBORS).max(run.start)..t);
+            let after = sum(t + 1..run.end.min(t + NEIGHBORS + 1));
+            searched[t] = match evidence[t] > 0.0 {
+                true => evidence[t] >= ALONE || before + evidence[t] + after >= TOGETHER,
                 false => before.min(after) >= EITHER_SIDE,
             };
         }
     }
-    noise_variance
-}
-
-/// Of some frames the points that are corrupt, in place of those blamed, where the model can tell.
-fn corrupt(
-    bound: &BoundModel,
-    xyz: &Array2<f64>,
-    noise: f64,
-    frames: &[usize],
-    blamed: &mut [Vec<usize>],
-) {
-    if frames.is_empty() {
-        return;
-    }
-    let mut sound = xyz.clone();
-    leave_out(&mut sound, blamed);
-    let adapted = bound.prior_for(sound.view(), noise);
-    let rigid = bound.treatment_for(&adapted, sound.view(), noise);
-    let restorer = bound.restorer(&adapted).with_rigid_model(&rigid);
-    let found = parallel::map_chunks(frames.len(), CHUNK, |range| {
-        let of = |t: usize| {
-            let y = xyz.row(t).to_vec();
-            let base = rigid.noise_floor(&y)?;
-            let base = shared(base.sd.min(noise.max(LEAST_NOISE)));
-            let corrupt = restorer.restore_outliers(&y, base * base)?.1;
-            Some((0..corrupt.len()).filter(|p| corrupt[*p] > 0.5).collect())
-        };
-        frames[range]
-            .iter()
-            .map(|t| of(*t))
-            .collect::<Vec<Option<Vec<usize>>>>()
-    });
-    for (&t, found) in frames.iter().zip(found.into_iter().flatten()) {
-        if let Some(found) = found {
-            blamed[t] = found;
-        }
-    }
+    searched
 }
 
 #[cfg(test)]
@@ -199,19 +167,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_tell_of_corrupt_points_together_with_their_neighbours() {
-        let mut odds = vec![0.0; 200];
-        // Now and then by noise, and once for sure.
-        (0..60).step_by(7).for_each(|t| odds[t] = 0.8);
-        odds[40] = 4.0;
-        // For a while, though not in all of it; up to the end of a run.
-        (90..110).for_each(|t| odds[t] = 2.0 * f64::from(u8::from(t % 3 != 0)));
-        (145..150).for_each(|t| odds[t] = 2.5);
-        let noise_variance = pooled_over_time(&odds, &[0..150, 150..200]);
-        let noise_variance: Vec<usize> = (0..200).filter(|t| noise_variance[*t]).collect();
-        // At its ends a frame that does not tell has too little on one side.
-        let a_while = [91, 92].into_iter().chain(94..108).chain([109]);
-        let want: Vec<usize> = [40].into_iter().chain(a_while).chain(145..150).collect();
-        assert_eq!(noise_variance, want);
+    fn evidence_of_neighbors_is_pooled() {
+        let mut evidence = vec![0.0; 200];
+        // Some by noise now and then; once enough by itself.
+        (0..60).step_by(7).for_each(|t| evidence[t] = 0.8);
+        evidence[40] = 4.0;
+        // For a stretch, with gaps; up to the end of a run.
+        (90..110).for_each(|t| evidence[t] = 2.0 * f64::from(u8::from(t % 3 != 0)));
+        (145..150).for_each(|t| evidence[t] = 2.5);
+        let searched = pooled_over_time(&evidence, &[0..150, 150..200]);
+        let searched: Vec<usize> = (0..200).filter(|t| searched[*t]).collect();
+        // At the ends of the stretch a frame without evidence has too little on one side.
+        let stretch = [91, 92].into_iter().chain(94..108).chain([109]);
+        let want: Vec<usize> = [40].into_iter().chain(stretch).chain(145..150).collect();
+        assert_eq!(searched, want);
     }
 }

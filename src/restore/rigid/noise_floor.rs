@@ -34,13 +34,14 @@ pub struct NoiseFloor {
     /// The standard deviation of a coordinate, cm, outliers aside.
     pub sd: f64,
     /// By how many nats the distances are likelier with some points corrupt than with more noise on all.
-    pub odds: f64,
+    pub outlier_evidence: f64,
 }
 
 impl NoiseFloor {
     /// Whether the distances are likelier with some points corrupt.
+    #[cfg(test)]
     pub fn has_outliers(&self) -> bool {
-        self.odds > 0.0
+        self.outlier_evidence > 0.0
     }
 }
 
@@ -170,7 +171,7 @@ impl NoiseFloorSearch {
         }
         Some(NoiseFloor {
             sd: with.1?,
-            odds: with.0 - without,
+            outlier_evidence: with.0 - without,
         })
     }
 }

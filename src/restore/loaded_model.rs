@@ -1,0 +1,169 @@
+//! A pose model ready for use: prior, root frame, body and rigid distances, all in the model's order of points.
+
+use super::body_adaptation;
+use super::frame_restorer::FrameRestorer;
+use super::placement::PlacementSolver;
+use super::rigid::RigidModel;
+use super::rigid::noise_floor::NoiseFloor;
+use crate::Result;
+use crate::io::Model;
+use crate::pose::{Anchor, Body, PoseTransform, joints};
+use crate::prior::{self, OpenOptions, Prior};
+use ndarray::{ArrayView1, ArrayView2};
+use std::borrow::Cow;
+
+/// A body whose bones differ from the model's by no more than this share is taken for the model's.
+const SAME_BODY: f64 = 0.002;
+
+/// A pose model in memory.
+pub struct LoadedModel {
+    prior: Box<dyn Prior>,
+    /// The root's frame, in world space.
+    anchor: Option<Anchor>,
+    /// The model's bones, in world space.
+    body: Option<Body>,
+    /// The other of each left-right pair of points.
+    mirror: Vec<Option<usize>>,
+    solver: PlacementSolver,
+    /// Empty where the model has no rigid pairs or restores as published.
+    rigid: RigidModel,
+    /// Rigid distances of a person who has not been measured.
+    unknown_body: RigidModel,
+}
+
+impl LoadedModel {
+    /// Opens a model named `source`. In world space each pose is placed first; in body space poses are used as they are.
+    ///
+    /// # Errors
+    /// As [`prior::open`] and [`RigidModel::read`]: arrays that are missing, of a wrong shape or not finite.
+    pub fn new(
+        model: &Model,
+        options: &OpenOptions,
+        source: &str,
+        world: bool,
+    ) -> Result<LoadedModel> {
+        let prior = prior::open(model, options, source)?;
+        let rigid = match options.published {
+            true => RigidModel::default(),
+            false => RigidModel::read(model, source)?,
+        };
+        let names = &model.meta.points;
+        let anchor = world.then(|| match Anchor::pelvis(names) {
+            Some(pelvis) => pelvis,
+            None => Anchor::mean(&prior.representative_poses().row(0).to_vec()),
+        });
+        let body = (model.meta.body.as_ref().filter(|_| world)).map(Body::from);
+        Ok(LoadedModel {
+            prior,
+            anchor,
+            body,
+            mirror: (0..names.len())
+                .map(|i| joints::mirrored(names, i))
+                .collect(),
+            solver: PlacementSolver::default(),
+            unknown_body: rigid.for_unknown_body(),
+            rigid,
+        })
+    }
+
+    /// The number of points.
+    pub fn points(&self) -> usize {
+        self.mirror.len()
+    }
+
+    /// The rigid distances to judge one frame by before its body is measured, and the frame's noise floor by them.
+    pub fn noise_floor(&self, y: &[f64]) -> Option<(&RigidModel, NoiseFloor)> {
+        // In world space the body may be anyone's; body space holds the training bodies.
+        let own = self.body.is_none().then_some(&self.rigid);
+        let mut all = own.into_iter().chain([&self.unknown_body]);
+        all.find_map(|rigid| Some((rigid, rigid.noise_floor(y)?)))
+    }
+
+    /// The model for the model's own body.
+    pub fn unadapted(&self) -> AdaptedModel<'_> {
+        AdaptedModel {
+            model: self,
+            prior: None,
+            rigid: Cow::Borrowed(&self.rigid),
+        }
+    }
+
+    /// The model for the body that `frames` (m, 3 J) of one take show; `noise` is the standard deviation of a coordinate, cm.
+    pub fn adapt(&self, frames: ArrayView2<'_, f64>, noise: f64) -> AdaptedModel<'_> {
+        self.adapt_prior(frames, noise)
+            .with_lengths_from(frames, noise)
+    }
+
+    /// As [`LoadedModel::adapt`], but the rigid distances stay those of the model's own body.
+    pub fn adapt_prior(&self, frames: ArrayView2<'_, f64>, noise: f64) -> AdaptedModel<'_> {
+        let map = (self.body.as_ref())
+            .map(|body| body_adaptation::map_to(body, frames, noise, &self.mirror));
+        let is_same = match &map {
+            Some(PoseTransform::Reshape { ratios, .. }) => {
+                ratios.iter().all(|r| (r - 1.0).abs() <= SAME_BODY)
+            }
+            Some(PoseTransform::Rotate(_)) => false,
+            None => true,
+        };
+        let prior = (map.filter(|_| !is_same)).map(|map| self.prior.mapped(&map));
+        AdaptedModel {
+            model: self,
+            prior,
+            rigid: Cow::Borrowed(&self.rigid),
+        }
+    }
+}
+
+/// A model carried to the body of one take.
+pub struct AdaptedModel<'a> {
+    model: &'a LoadedModel,
+    /// `None`: the body is the model's own.
+    prior: Option<Box<dyn Prior>>,
+    /// The rigid distances of the body, with what is uncertain about them.
+    pub rigid: Cow<'a, RigidModel>,
+}
+
+impl<'a> AdaptedModel<'a> {
+    /// Whether the body is the model's own.
+    pub fn is_own_body(&self) -> bool {
+        self.prior.is_none()
+    }
+
+    /// Rigid distances as uncertain as lengths are that were measured in `frames` with `noise` (standard deviation of a
+    /// coordinate, cm).
+    pub fn with_lengths_from(
+        mut self,
+        frames: ArrayView2<'_, f64>,
+        noise: f64,
+    ) -> AdaptedModel<'a> {
+        let Some(prior) = self.prior.as_ref().filter(|_| !self.model.rigid.is_empty()) else {
+            return self;
+        };
+        let length_sd = |ends: [usize; 2], length: f64| {
+            let is_seen = |row: ArrayView1<'_, f64>| {
+                let mut all = ends.iter().flat_map(|p| 3 * p..3 * p + 3);
+                all.all(|i| row[i].is_finite())
+            };
+            let count = frames.rows().into_iter().filter(|r| is_seen(*r)).count();
+            body_adaptation::length_sd(length, noise, count)
+        };
+        let (from, to) = (self.model.prior.representative_poses(), prior.representative_poses());
+        self.rigid = Cow::Owned(self.model.rigid.mapped(from, to, length_sd));
+        self
+    }
+
+    /// Restores frames with the prior alone, no rigid distance kept.
+    pub fn restorer(&self) -> FrameRestorer<'_> {
+        FrameRestorer {
+            prior: self.prior.as_deref().unwrap_or(&*self.model.prior),
+            anchor: self.model.anchor.as_ref(),
+            solver: &self.model.solver,
+            rigid: None,
+        }
+    }
+
+    /// Restores frames with the prior and the rigid distances.
+    pub fn rigid_restorer(&self) -> FrameRestorer<'_> {
+        self.restorer().with_rigid_model(&self.rigid)
+    }
+}

@@ -1,0 +1,160 @@
+//! The result of restoring a table: its values in the table's order of points, and what became of each point.
+
+use super::restored_frames::{BoundModel, RestoredFrames};
+use crate::io::Table;
+use crate::pose::Status;
+use ndarray::{Array2, ArrayView2};
+
+/// Numbers of frames and points by what became of them. Points that the model does not know are not counted.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RestorationCounts {
+    /// Frames.
+    pub frames: usize,
+    /// Frames with too little seen to restore them.
+    pub too_little: usize,
+    /// Frames whose restored pose has a novelty above 0.
+    pub novel: usize,
+    /// Missing points that were filled.
+    pub filled: usize,
+    /// Outliers.
+    pub rejected: usize,
+    /// Points that stay missing.
+    pub unfilled: usize,
+    /// Sum over the frames of the standard deviation of the noise that was assumed, cm.
+    noise: f64,
+}
+
+impl RestorationCounts {
+    /// Adds other counts.
+    pub fn add(&mut self, other: &RestorationCounts) {
+        self.frames += other.frames;
+        self.too_little += other.too_little;
+        self.novel += other.novel;
+        self.filled += other.filled;
+        self.rejected += other.rejected;
+        self.unfilled += other.unfilled;
+        self.noise += other.noise;
+    }
+
+    /// Standard deviation of the noise that was assumed, cm: the mean over the frames; 0 if none was.
+    pub fn mean_noise(&self) -> f64 {
+        self.noise / self.frames.max(1) as f64
+    }
+}
+
+/// A restored table.
+#[derive(Debug, Clone)]
+pub struct Restoration<'t> {
+    source: &'t Table,
+    xyz: Array2<f64>,
+    /// (frames x points).
+    status: Vec<Status>,
+    /// (frames x points).
+    sd: Vec<f64>,
+    novelty: Vec<f64>,
+    counts: RestorationCounts,
+}
+
+impl<'t> Restoration<'t> {
+    /// A table of which no frame is restored yet.
+    pub(super) fn new(source: &'t Table) -> Restoration<'t> {
+        let xyz = source.poses.xyz.clone();
+        let mut status = Vec::with_capacity(xyz.len() / 3);
+        for row in xyz.rows() {
+            for p in 0..row.len() / 3 {
+                let is_missing = (3 * p..3 * p + 3).any(|i| row[i].is_nan());
+                status.push(match is_missing {
+                    true => Status::Unknown,
+                    false => Status::Observed,
+                });
+            }
+        }
+        Restoration {
+            sd: vec![f64::NAN; status.len()],
+            novelty: vec![f64::NAN; xyz.nrows()],
+            counts: RestorationCounts::default(),
+            source,
+            xyz,
+            status,
+        }
+    }
+
+    /// Puts restored frames in place, from frame `first` on. Where no value was found the table's stays.
+    pub(super) fn add(&mut self, bound: &BoundModel<'_>, first: usize, restored: &RestoredFrames) {
+        let (frames, points) = (restored.xyz.nrows(), self.points());
+        self.counts.add(&RestorationCounts {
+            frames,
+            too_little: restored.too_little,
+            novel: restored.novelty.iter().filter(|n| **n > 0.0).count(),
+            noise: restored.noise * frames as f64,
+            ..RestorationCounts::default()
+        });
+        self.novelty[first..first + frames].copy_from_slice(&restored.novelty);
+        for p in 0..restored.points() {
+            let Some(column) = bound.in_table(p) else {
+                continue;
+            };
+            for t in 0..frames {
+                for axis in 0..3 {
+                    let value = restored.xyz[[t, 3 * p + axis]];
+                    if value.is_finite() {
+                        self.xyz[[first + t, 3 * column + axis]] = value;
+                    }
+                }
+                let (status, sd) = restored.of_point(t, p);
+                let at = (first + t) * points + column;
+                (self.status[at], self.sd[at]) = (status, sd);
+                self.counts.filled += usize::from(status == Status::Inferred);
+                self.counts.rejected += usize::from(status == Status::Rejected);
+                self.counts.unfilled += usize::from(status == Status::Unknown);
+            }
+        }
+    }
+
+    fn points(&self) -> usize {
+        self.xyz.ncols() / 3
+    }
+
+    /// The restored values (frames, 3 points), cm; NaN where still missing.
+    pub fn xyz(&self) -> ArrayView2<'_, f64> {
+        self.xyz.view()
+    }
+
+    /// The table with the restored values; take, time and all other columns are carried along.
+    pub fn table(&self) -> Table {
+        let mut table = self.source.clone();
+        table.poses.xyz.assign(&self.xyz);
+        table
+    }
+
+    /// What became of a point of the table. A point that the model does not know is observed, or unknown where missing.
+    pub fn status(&self, frame: usize, point: usize) -> Status {
+        self.status[frame * self.points() + point]
+    }
+
+    /// Standard deviation of a coordinate of a point, cm; NaN where unknown.
+    pub fn sd(&self, frame: usize, point: usize) -> f64 {
+        self.sd[frame * self.points() + point]
+    }
+
+    /// Novelty of a frame's pose, nats: 0 for a pose like those of the training set; NaN where the model has no threshold or
+    /// the frame is not restored.
+    pub fn novelty(&self, frame: usize) -> f64 {
+        self.novelty[frame]
+    }
+
+    /// The number of missing points that were filled.
+    pub fn filled(&self) -> usize {
+        self.counts.filled
+    }
+
+    /// The number of outliers.
+    pub fn rejected(&self) -> usize {
+        self.counts.rejected
+    }
+
+    /// All counts.
+    pub fn counts(&self) -> &RestorationCounts {
+        &self.counts
+    }
+}

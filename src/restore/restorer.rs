@@ -1,0 +1,218 @@
+//! Restoring a table with a pose model: the door to [`complete`](Restorer::complete) and [`denoise`](Restorer::denoise).
+//!
+//! ```
+//! use posing::io::Table;
+//! use posing::restore::{Complete, Restorer};
+//! # fn main() -> posing::Result<()> {
+//! let model = posing::prior::builtin::model()?;
+//! # let text = "time,root.x,root.y,root.z\n";
+//! # let input = posing::io::Input::new("walk.csv", text.as_bytes())?;
+//! # let walk = Table::read(input, &Default::default())?;
+//! let options = Complete { fps: Some(120.0), max_gap: Some(0.5), ..Complete::default() };
+//! let done = Restorer::new(&model).complete(&walk, &options)?;
+//! println!("{} points filled, {} rejected", done.filled(), done.rejected());
+//! # Ok(())
+//! # }
+//! ```
+
+use super::complete::Complete;
+use super::denoise::Denoise;
+use super::loaded_model::LoadedModel;
+use super::restoration::Restoration;
+use super::restored_frames::{BoundModel, Method};
+use crate::io::{Model, Table};
+use crate::pose::Poses;
+use crate::prior::OpenOptions;
+use crate::{Error, Place, Result};
+use ndarray::{Array2, s};
+use std::ops::Range;
+use std::sync::OnceLock;
+
+/// Restores tables with one model, which is opened at the first table.
+pub struct Restorer<'m> {
+    model: &'m Model,
+    options: OpenOptions,
+    name: String,
+    world: bool,
+    loaded: OnceLock<LoadedModel>,
+}
+
+impl<'m> Restorer<'m> {
+    /// Restores poses that stand anywhere in the world.
+    pub fn new(model: &'m Model) -> Restorer<'m> {
+        Restorer {
+            model,
+            options: OpenOptions::default(),
+            name: "the model".to_string(),
+            world: true,
+            loaded: OnceLock::new(),
+        }
+    }
+
+    /// Sets how the model is opened.
+    pub fn with_options(mut self, options: OpenOptions) -> Restorer<'m> {
+        self.options = options;
+        self
+    }
+
+    /// Names the model in errors.
+    pub fn named(mut self, name: impl Into<String>) -> Restorer<'m> {
+        self.name = name.into();
+        self
+    }
+
+    /// Restores poses that stand in body space: root at the origin, no global rotation, the model's body.
+    pub fn in_body_space(mut self) -> Restorer<'m> {
+        self.world = false;
+        self
+    }
+
+    /// Fills the missing points of a table. A table without times and without [`Complete::fps`] is completed frame by frame.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if the model cannot be opened, the table has none of its points, `fps` contradicts the table's times,
+    /// or `max_gap` is set and there is no rate; [`Error::Usage`] if `observe` names a point that the table lacks.
+    pub fn complete<'t>(&self, table: &'t Table, options: &Complete) -> Result<Restoration<'t>> {
+        self.complete_with(table, options, &|_| {})
+    }
+
+    /// As [`Restorer::complete`]; `progress` is called with numbers of frames that are finished.
+    ///
+    /// # Errors
+    /// As [`Restorer::complete`].
+    pub fn complete_with<'t>(
+        &self,
+        table: &'t Table,
+        options: &Complete,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Result<Restoration<'t>> {
+        let hidden = hidden_columns(&table.poses, options.observe.as_deref())?;
+        let rate = rate(table, options.fps, options.per_frame)?;
+        if rate.is_none() && options.max_gap.is_some() {
+            let what = "a longest gap needs a frame rate, and the table's times give none";
+            return Err(Error::data(Place::file(&table.name), what));
+        }
+        self.restore(table, options, rate, &hidden, progress)
+    }
+
+    /// Denoises the points of a table. A table without times and without [`Denoise::fps`] is denoised frame by frame.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if the model cannot be opened, the table has none of its points, or `fps` contradicts the table's
+    /// times.
+    pub fn denoise<'t>(&self, table: &'t Table, options: &Denoise) -> Result<Restoration<'t>> {
+        self.denoise_with(table, options, &|_| {})
+    }
+
+    /// As [`Restorer::denoise`]; `progress` is called with numbers of frames that are finished.
+    ///
+    /// # Errors
+    /// As [`Restorer::denoise`].
+    pub fn denoise_with<'t>(
+        &self,
+        table: &'t Table,
+        options: &Denoise,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Result<Restoration<'t>> {
+        let rate = rate(table, options.fps, options.per_frame)?;
+        self.restore(table, options, rate, &[], progress)
+    }
+
+    /// Opens the model and binds it to a table of `points`, which restoring does too.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if the model cannot be opened, or none of its points is among `points`.
+    pub fn check(&self, points: &[String]) -> Result<()> {
+        self.bind(points).map(drop)
+    }
+
+    /// The opened model, bound to a table of `points`.
+    fn bind(&self, points: &[String]) -> Result<BoundModel<'_>> {
+        BoundModel::new(self.loaded()?, &self.model.meta.points, &self.name, points)
+    }
+
+    /// The opened model.
+    fn loaded(&self) -> Result<&LoadedModel> {
+        if let Some(loaded) = self.loaded.get() {
+            return Ok(loaded);
+        }
+        let loaded = LoadedModel::new(self.model, &self.options, &self.name, self.world)?;
+        Ok(self.loaded.get_or_init(|| loaded))
+    }
+
+    /// Restores each take of a table, or each frame where there is no rate; `hidden` columns count as missing.
+    fn restore<'t>(
+        &self,
+        table: &'t Table,
+        method: &dyn Method,
+        rate: Option<f64>,
+        hidden: &[usize],
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Result<Restoration<'t>> {
+        let poses = &table.poses;
+        let bound = self.bind(&poses.points)?;
+        let gathered = |frames: Range<usize>| {
+            let rows = poses.xyz.slice(s![frames, ..]).to_owned();
+            bound.gather(hide(rows, hidden).view())
+        };
+        let mut out = Restoration::new(table);
+        let Some(rate) = rate else {
+            let xyz = gathered(0..poses.frames());
+            out.add(&bound, 0, &method.frames(&bound, xyz.view()));
+            return Ok(out);
+        };
+        let runs = poses.runs();
+        for (frames, own) in poses.takes().into_iter().zip(poses.rates()) {
+            // Takes and runs are both in order.
+            let first = runs.partition_point(|r| r.start < frames.start);
+            let runs: Vec<Range<usize>> = runs[first..]
+                .iter()
+                .take_while(|r| r.end <= frames.end)
+                .map(|r| r.start - frames.start..r.end - frames.start)
+                .collect();
+            let xyz = gathered(frames.clone());
+            let rate = own.unwrap_or(rate);
+            let restored = method.take(&bound, xyz.view(), &runs, rate, progress);
+            out.add(&bound, frames.start, &restored);
+        }
+        Ok(out)
+    }
+}
+
+/// The frame rate of a table: `fps`, else by its times. `None` where each frame is restored by itself.
+fn rate(table: &Table, fps: Option<f64>, per_frame: bool) -> Result<Option<f64>> {
+    if per_frame {
+        return Ok(None);
+    }
+    let poses = &table.poses;
+    let timed = 0..poses.time.as_ref().map_or(0, Vec::len);
+    match (poses.rate(), fps) {
+        (Some(own), Some(fps)) if !poses.is_consistent_with_rate(timed, fps) => {
+            let what =
+                format!("{fps} frames a second contradict the times, which step {own} a second");
+            Err(Error::data(Place::file(&table.name), what))
+        }
+        (own, fps) => Ok(fps.or(own)),
+    }
+}
+
+/// The columns of points that are not in `observe`.
+fn hidden_columns(poses: &Poses, observe: Option<&[String]>) -> Result<Vec<usize>> {
+    let Some(observe) = observe else {
+        return Ok(Vec::new());
+    };
+    if let Some(name) = observe.iter().find(|n| !poses.points.contains(n)) {
+        return Err(Error::usage(format!(
+            "--observe {name}: the table has no point of this name"
+        )));
+    }
+    let hidden = (0..poses.points.len()).filter(|&p| !observe.contains(&poses.points[p]));
+    Ok(hidden.flat_map(|p| 3 * p..3 * p + 3).collect())
+}
+
+fn hide(mut xyz: Array2<f64>, columns: &[usize]) -> Array2<f64> {
+    for &i in columns {
+        xyz.column_mut(i).fill(f64::NAN);
+    }
+    xyz
+}
