@@ -88,6 +88,7 @@
 
 pub mod cli;
 pub mod cluster;
+pub mod edit;
 pub mod error;
 pub mod evaluate;
 pub mod io;

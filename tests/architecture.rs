@@ -33,10 +33,16 @@ const MAY_NAME: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "edit",
+        &[
+            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore", "io",
+        ],
+    ),
+    (
         "cli",
         &[
             "pose", "numeric", "io", "cluster", "sparse", "metric", "body", "prior", "restore",
-            "evaluate",
+            "evaluate", "edit",
         ],
     ),
 ];
@@ -48,6 +54,7 @@ const IO_TYPES: &[(&str, &[&str])] = &[
         "restore",
         &["io::Model", "io::model", "io::Table", "io::Bvh", "io::bvh"],
     ),
+    ("edit", &["io::Model"]),
 ];
 
 /// Words, and the only places under src/ that may hold them.

@@ -79,6 +79,17 @@ impl LoadedModel {
         all.find_map(|rigid| Some((rigid, rigid.noise_floor(y)?)))
     }
 
+    /// Restores single frames of the model's own body.
+    pub fn frame_restorer(&self) -> FrameRestorer<'_> {
+        FrameRestorer {
+            prior: &*self.prior,
+            anchor: self.anchor.as_ref(),
+            solver: &self.solver,
+            rigid: None,
+        }
+        .with_rigid_model(&self.rigid)
+    }
+
     /// The model for the model's own body.
     pub fn unadapted(&self) -> AdaptedModel<'_> {
         AdaptedModel {

@@ -4,7 +4,7 @@
 //! use posing::io::Table;
 //! use posing::restore::{Complete, Restorer};
 //! # fn main() -> posing::Result<()> {
-//! let model = posing::prior::builtin::model()?;
+//! let model = posing::io::Model::builtin()?;
 //! # let text = "time,root.x,root.y,root.z\n";
 //! # let input = posing::io::Input::new("walk.csv", text.as_bytes())?;
 //! # let walk = Table::read(input, &Default::default())?;
@@ -17,10 +17,12 @@
 
 use super::complete::Complete;
 use super::denoise::Denoise;
+use super::frame_restorer::FrameRestorer;
 use super::loaded_model::LoadedModel;
 use super::restoration::Restoration;
 use super::restored_frames::{BoundModel, Method};
-use crate::io::{Model, Table};
+use crate::io::Model;
+use crate::io::Table;
 use crate::pose::Poses;
 use crate::prior::OpenOptions;
 use crate::{Error, Place, Result};
@@ -116,6 +118,14 @@ impl<'m> Restorer<'m> {
     ) -> Result<Restoration<'t>> {
         let rate = rate(table, options.fps, options.per_frame)?;
         self.restore(table, options, rate, &[], progress)
+    }
+
+    /// Restores single frames, in the model's order of points and for the model's own body.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if the model cannot be opened.
+    pub fn frame_restorer(&self) -> Result<FrameRestorer<'_>> {
+        Ok(self.loaded()?.frame_restorer())
     }
 
     /// Opens the model and binds it to a table of `points`, which restoring does too.

@@ -61,6 +61,18 @@ pub struct PlacementSolution {
     pub iterations: usize,
 }
 
+impl PlacementSolution {
+    /// A placement to start from.
+    pub fn from_placement(placement: Similarity) -> PlacementSolution {
+        PlacementSolution {
+            placement,
+            fit: None,
+            objective: f64::INFINITY,
+            iterations: 0,
+        }
+    }
+}
+
 impl PlacementSolver {
     /// Solves P1 from the headings that the points suggest and from `known` ones (a pelvis, the frame before).
     ///
