@@ -83,7 +83,10 @@ impl<'a> FrameRestorer<'a> {
         let mut in_model = vec![0.0; seen.dimension()];
         placement.undo_pose(seen.values, &mut in_model);
         let noise = seen.pointwise_variance();
-        placed(self.posterior(observation(&in_model, &noise), solution), placement)
+        placed(
+            self.posterior(observation(&in_model, &noise), solution),
+            placement,
+        )
     }
 
     /// The posterior in the model's space.
@@ -112,14 +115,12 @@ impl<'a> FrameRestorer<'a> {
         if known == Some(Similarity::IDENTITY) {
             return Some(identity);
         }
-        self.solver.solve(self.prior, seen, anchor, known.as_slice())
+        self.solver
+            .solve(self.prior, seen, anchor, known.as_slice())
     }
 
     /// The placement by the whole points alone; `None` where they are fewer than the partial ones, or too few.
-    fn placement_by_whole_points(
-        &self,
-        seen: Observation<'_>,
-    ) -> Option<Similarity> {
+    fn placement_by_whole_points(&self, seen: Observation<'_>) -> Option<Similarity> {
         let partial = seen.removable_partial_points();
         if partial.is_empty() {
             return None;
@@ -139,7 +140,13 @@ impl<'a> FrameRestorer<'a> {
         y: &[f64],
         variance: f64,
     ) -> Option<(RestoredFrame, Vec<f64>)> {
-        let clean = |v: &f64| if v.is_finite() { variance } else { f64::INFINITY };
+        let clean = |v: &f64| {
+            if v.is_finite() {
+                variance
+            } else {
+                f64::INFINITY
+            }
+        };
         let clean: Vec<f64> = y.iter().map(clean).collect();
         let by_distances = self.rigid?.outlier_probabilities(y, &clean);
         let suspects: Vec<usize> = (0..by_distances.len())

@@ -158,7 +158,10 @@ impl<'a> AdaptedModel<'a> {
             let count = frames.rows().into_iter().filter(|r| is_seen(*r)).count();
             body_adaptation::length_sd(length, noise, count)
         };
-        let (from, to) = (self.model.prior.representative_poses(), prior.representative_poses());
+        let (from, to) = (
+            self.model.prior.representative_poses(),
+            prior.representative_poses(),
+        );
         self.rigid = Cow::Owned(self.model.rigid.mapped(from, to, length_sd));
         self
     }
