@@ -1,30 +1,33 @@
-//! The bodies that rigid distances are those of.
+//! Lengths of rigid pairs: a mixture over the bodies that a pose may show.
+//!
+//! Each known body has a share and a Gaussian N(L, V) of its n lengths (cm, cm²); an unknown body has the mean of the
+//! known lengths and 6% of each as its standard deviation.
 
 use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
 
-/// The share of bodies nobody has seen, and how much their lengths differ from the mean of those seen.
+/// Share of unknown bodies, and the standard deviation of their lengths relative to the mean of the known ones.
 const STRANGER: (f64, f64) = (0.02, 0.06);
 
-/// The lengths of pairs, and their variances.
+/// Independent Gaussians of n lengths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lengths {
-    /// n of them, cm.
+    /// Means (n), cm.
     pub mean: Vec<f64>,
-    /// cm²; never below [`EXACT_VARIANCE`].
+    /// Variances (n), cm²; never below [`EXACT_VARIANCE`].
     pub variance: Vec<f64>,
 }
 
-/// The bodies a pose may be of: those seen, and a stranger's.
+/// A mixture of bodies.
 #[derive(Debug, Clone, Default)]
 pub struct BodyMixture {
-    /// Log share and lengths; the stranger, if there is one, comes last.
+    /// Log share and lengths; the unknown body, if there is one, comes last.
     pub all: Vec<(f64, Lengths)>,
     has_stranger: bool,
 }
 
 impl BodyMixture {
-    /// Those of what was learnt alone.
+    /// The known bodies alone.
     pub fn known(pairs: &RigidPairs) -> BodyMixture {
         let own = |k: usize| (pairs.pairs[k].sd * pairs.pairs[k].sd).max(EXACT_VARIANCE);
         let n = pairs.pairs.len();
@@ -43,7 +46,7 @@ impl BodyMixture {
         }
     }
 
-    /// The same and a stranger's.
+    /// The known bodies and an unknown one.
     pub fn of(pairs: &RigidPairs) -> BodyMixture {
         let mut all = BodyMixture::known(pairs).all;
         let weights: Vec<f64> = pairs.shares.iter().map(|s| s.max(0.0)).collect();
@@ -60,7 +63,7 @@ impl BodyMixture {
         }
     }
 
-    /// A body that is known.
+    /// One body.
     pub fn one(lengths: Lengths) -> BodyMixture {
         BodyMixture {
             all: vec![(0.0, lengths)],
@@ -68,7 +71,7 @@ impl BodyMixture {
         }
     }
 
-    /// The same bodies by other lengths.
+    /// Maps the lengths of each body.
     pub fn of_others(&self, other: impl Fn(&Lengths) -> Lengths) -> BodyMixture {
         BodyMixture {
             all: self.all.iter().map(|(w, l)| (*w, other(l))).collect(),
@@ -76,12 +79,12 @@ impl BodyMixture {
         }
     }
 
-    /// Whether a body is nobody's that was seen.
+    /// Whether a component is the unknown body.
     pub fn is_stranger(&self, body: usize) -> bool {
         self.has_stranger && body + 1 == self.all.len()
     }
 
-    /// The lengths, given how likely each body is (logs, to a constant; their shares included).
+    /// Mean and variance of the lengths, given the log weight of each body up to a constant, shares included.
     pub fn given(&self, logs: &[f64]) -> Lengths {
         let best = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let weights: Vec<f64> = logs.iter().map(|l| (l - best).exp()).collect();
@@ -89,7 +92,7 @@ impl BodyMixture {
     }
 }
 
-/// Mean and variance of a mixture; the weights need not add up to one.
+/// Mean and variance of a mixture. The weights need not add up to one.
 fn mixed(all: &[(f64, Lengths)], weights: &[f64]) -> Lengths {
     let total: f64 = weights.iter().sum();
     let n = all.first().map_or(0, |a| a.1.mean.len());

@@ -4,9 +4,9 @@ use crate::pose::ASF_UNIT_CM;
 use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
 
-/// The share of points that are corrupt.
+/// Prior probability of a point to be an outlier.
 pub const OUTLIER_SHARE: f64 = 0.2;
-/// The least variance of a corrupt point's coordinate, cm²: (1 asf)².
+/// Least variance of an outlier's coordinate, cm²: (1 asf)².
 pub const MIN_OUTLIER_VARIANCE: f64 = ASF_UNIT_CM * ASF_UNIT_CM;
 fn distance(y: &[f64], [i, j]: [usize; 2]) -> f64 {
     (0..3)
@@ -15,17 +15,17 @@ fn distance(y: &[f64], [i, j]: [usize; 2]) -> f64 {
         .sqrt()
 }
 
-/// Whether a point is seen: all of it.
+/// Whether all three coordinates of a point are seen.
 pub fn is_seen(y: &[f64], noise_variance: &[f64], p: usize) -> bool {
     (3 * p..3 * p + 3).all(|i| y[i].is_finite() && noise_variance[i].is_finite())
 }
 
-/// The base variance of a point, cm².
+/// Noise variance of a clean point's coordinate, cm².
 pub fn base_of(noise_variance: &[f64], p: usize) -> f64 {
     (noise_variance[3 * p..3 * p + 3].iter().sum::<f64>() / 3.0).max(EXACT_VARIANCE)
 }
 
-/// The distances seen: which pair's, how far its ends are apart, and the base variance of that.
+/// For each pair whose ends are both seen: its index, its distance (cm), and the noise variance of the distance (cm²).
 pub fn deviations<'a>(
     pairs: &'a RigidPairs,
     y: &'a [f64],

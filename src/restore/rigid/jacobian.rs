@@ -1,20 +1,22 @@
-//! How rigid distances change as points move.
+//! The Jacobian H (n, D) of n rigid distances at a pose of D coordinates, and its products with a covariance.
+//!
+//! A row of H has six entries: the unit vector u at the first end, −u at the second.
 
 use super::uncertainty::Uncertainty;
 use crate::numeric::simd;
 
-/// A distance's gradient: along `u` at the first point, against it at the second.
+/// A row of H.
 pub struct JacobianRow {
     /// The two points.
     pub ends: [usize; 2],
-    /// Of length 1, from the second to the first.
+    /// Unit vector from the second point to the first.
     pub u: [f64; 3],
     /// The distance, cm.
     pub length: f64,
 }
 
 impl JacobianRow {
-    /// H x of this row.
+    /// H x for this row.
     pub fn along(&self, x: &[f64]) -> f64 {
         let [i, j] = self.ends;
         (0..3)
@@ -23,7 +25,7 @@ impl JacobianRow {
     }
 }
 
-/// Of the distances between some points, at a pose (D).
+/// The rows of H for the distances between `ends`, at a pose x (D), cm.
 pub fn jacobian(ends: &[[usize; 2]], x: &[f64]) -> Vec<JacobianRow> {
     let of = |&[i, j]: &[usize; 2]| {
         let v: [f64; 3] = std::array::from_fn(|c| x[3 * i + c] - x[3 * j + c]);
@@ -37,7 +39,7 @@ pub fn jacobian(ends: &[[usize; 2]], x: &[f64]) -> Vec<JacobianRow> {
     ends.iter().map(of).collect()
 }
 
-/// H P', by rows of D.
+/// H P' (n, D), where P' is the covariance with its correlations scaled, plus `extra` (D) on the diagonal.
 pub fn times_covariance(
     rows: &[JacobianRow],
     uncertainty: Uncertainty<'_>,
@@ -45,7 +47,7 @@ pub fn times_covariance(
 ) -> Vec<Vec<f64>> {
     let d = extra.len();
     let mut out = vec![vec![0.0; d]; rows.len()];
-    // Of a model that went through a map it may lie by columns.
+    // The covariance of a transformed model may be stored by columns.
     let by_rows = uncertainty
         .together()
         .map(|(c, t)| (c.as_standard_layout(), t));
@@ -76,7 +78,7 @@ pub fn times_covariance(
     out
 }
 
-/// `to` += Σ u (a − b), of three rows each.
+/// `to` += Σ u (a − b), where a and b are three rows each.
 #[inline(always)]
 fn add_difference(to: &mut [f64], u: [f64; 3], a: &[f64], b: &[f64]) {
     let d = to.len();
@@ -91,7 +93,7 @@ fn add_difference(to: &mut [f64], u: [f64; 3], a: &[f64], b: &[f64]) {
     }
 }
 
-/// H P' Hᵀ, lower triangle by rows of n.
+/// H P' Hᵀ (n, n), lower triangle by rows.
 pub fn products(rows: &[JacobianRow], times_covariance: &[Vec<f64>]) -> Vec<f64> {
     let n = rows.len();
     let mut a = vec![0.0; n * n];
@@ -103,8 +105,8 @@ pub fn products(rows: &[JacobianRow], times_covariance: &[Vec<f64>]) -> Vec<f64>
     a
 }
 
-/// What H I Hᵀ is summed from: (which of the lower triangle by rows of n, a point that two distances share, what is to be
-/// multiplied with I of its coordinates).
+/// The terms of H diag(i) Hᵀ: (index into the lower triangle by rows of n, the point that two distances share, factors
+/// of i for its three coordinates).
 pub fn shared_ends(rows: &[JacobianRow]) -> Vec<(usize, usize, [f64; 3])> {
     let n = rows.len();
     let mut out = Vec::new();
@@ -127,7 +129,7 @@ mod tests {
     use super::*;
     use ndarray::{Array1, Array2};
 
-    /// Three points, a bar from the first to each of the others and one between these.
+    /// Three points: distances from the first to each of the others, and one between these.
     #[test]
     fn products_are_those_of_the_matrices_that_are_not_made() {
         let x = [0.0, 0.0, 0.0, 3.0, 1.0, 0.0, -1.0, 2.0, 2.0];

@@ -1,10 +1,14 @@
-//! What any prior's answer gains from knowing two things more: points that are corrupt, and distances that are rigid.
+//! Rigid distances: what they say about outliers, noise and lengths, on top of any prior.
+//!
+//! n pairs of points keep their distance L (cm, variance V): bones, and whatever else is stiff. A frame y is restored
+//! in two steps, in the model's space:
 //!
 //! ```text
-//! observation ── bones: which points are in doubt ── prior, without them ── assignments, weighed ── prior ── average
-//!                                                                                                             │
-//! answer <───────────────────── rigid distances kept <─────────────────────────────────────────────────────────┘
+//! no outliers:  prior posterior N(m, P) of y                          -> projection onto |x_i − x_j| = L
+//! outliers:     distances -> likely outliers -> posterior under each  -> average -> projection
 //! ```
+//!
+//! The second line is [`super::outliers::frame_posterior`]; the projection is [`projection`].
 
 pub mod body_lengths;
 pub mod distances;
@@ -29,22 +33,22 @@ use projection::BodyChoice;
 use std::ops::Range;
 use uncertainty::Uncertainty;
 
-/// Frames treated by one piece of parallel work.
+/// Frames of one parallel task.
 const CHUNK: usize = 16;
-/// Points a bit mask can hold.
+/// Largest number of points: one bit each in a 128-bit mask.
 const MOST_MASKED: usize = 128;
 
-/// Whether corrupt points are looked for.
+/// Whether outliers are searched for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutlierMode {
-    /// The noise that is told is the noise there is.
+    /// The stated variances are those of the noise.
     Ignore,
-    /// The noise that is told is that of clean points; any may be corrupt.
+    /// The stated variances are those of clean points; any point may be an outlier.
     Search,
 }
 
 impl OutlierMode {
-    /// What to look for where this noise is told: corrupt points where everything is seen, and nearly clean.
+    /// The mode for such noise variances: outliers are searched for where everything is seen and nearly clean.
     pub fn for_noise(noise_variance: &[f64]) -> OutlierMode {
         match Task::of(noise_variance) {
             Task::Sparse => OutlierMode::Search,
@@ -53,12 +57,12 @@ impl OutlierMode {
     }
 }
 
-/// A treated answer.
+/// A posterior with rigid distances kept.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Corrected {
     /// The pose.
     pub posterior: Posterior,
-    /// The probability that each point is corrupt (J); none where they were not looked for.
+    /// The probability of each point to be an outlier (J); empty where none were searched for.
     pub corrupt: Vec<f64>,
 }
 
@@ -71,7 +75,7 @@ impl From<Posterior> for Corrected {
     }
 }
 
-/// What is known of the rigid distances of some points.
+/// The rigid distances of a model.
 #[derive(Debug, Clone, Default)]
 pub struct RigidModel {
     pairs: RigidPairs,
@@ -79,9 +83,9 @@ pub struct RigidModel {
     noise_floors: NoiseFloorSearch,
 }
 
-/// How much of a distance a person may differ by from the model's body. Chosen among 0, .02, .04 and .06 on single frames of
-/// subjects 02, 07, 08, 35 and 49, one take each, with the built-in model: at .05 clean frames are moved by an MSE of 5e-7
-/// to .005 asf² (.007 to .09 at 0), and sparse noise leaves .016 to .033 (.023 to .11).
+/// Standard deviation of a person's lengths relative to the model's. Chosen among 0, .02, .04, .05 and .06 on single
+/// frames of subjects 02, 07, 08, 35 and 49, one take each, with the built-in model: at .05 clean frames change by an
+/// MSE of 5e-7 to .005 asf² (.007 to .09 at 0), and sparse noise leaves .016 to .033 (.023 to .11).
 const ANYONES_SHARE: f64 = 0.05;
 
 impl RigidModel {
@@ -90,7 +94,7 @@ impl RigidModel {
         RigidModel::of(RigidPairs::learn(xyz, takes))
     }
 
-    /// With pairs that are known.
+    /// A model of known pairs.
     pub fn of(pairs: RigidPairs) -> RigidModel {
         if pairs.is_empty() {
             return RigidModel::default();
@@ -107,7 +111,7 @@ impl RigidModel {
         }
     }
 
-    /// With the pairs that a model holds; a model without any treats nothing.
+    /// The pairs of a model file; empty for a model without pairs.
     ///
     /// # Errors
     /// As [`RigidPairs::read`].
@@ -115,8 +119,8 @@ impl RigidModel {
         RigidPairs::read(model, source).map(RigidModel::of)
     }
 
-    /// The same for another body: `from` and `to` (t, 3 J) are poses before and after they were carried to it. `length_sd`
-    /// tells of two points and their distance how far that may be off: a standard deviation, cm.
+    /// The distances of another body. `from` and `to` (k, 3 J) are poses before and after their transform to it;
+    /// `length_sd` gives the standard deviation (cm) of the distance between two points.
     pub fn mapped(
         &self,
         from: ArrayView2<'_, f64>,
@@ -131,8 +135,8 @@ impl RigidModel {
         RigidModel::of(pairs)
     }
 
-    /// The same for anyone: a person's distances differ from those of the bodies known, whose bones were all made as long
-    /// as the model's are.
+    /// The distances of a person who has not been measured. The known bodies do not show how people differ: their
+    /// bones were all scaled to the model's.
     pub fn for_unknown_body(&self) -> RigidModel {
         let mut pairs = self.pairs.clone();
         for (pair, lengths) in pairs.pairs.iter_mut().zip(self.pairs.bodies.columns()) {
@@ -143,23 +147,23 @@ impl RigidModel {
                 .sum::<f64>();
             pair.sd = pair.sd.hypot(ANYONES_SHARE * mean);
         }
-        // Nobody is a stranger to lengths that may be anyone's.
+        // These variances include unknown bodies already.
         let bodies = BodyMixture::known(&pairs);
         RigidModel::with(pairs, bodies)
     }
 
-    /// Whether there is nothing it knows.
+    /// Whether there are no pairs.
     pub fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
 
-    /// The base noise of a frame (3 J numbers, cm; NaN missing) by its rigid distances. `None` where too few are seen, or
-    /// they are of no body that is known.
+    /// The noise floor of a frame (3 J, cm; NaN missing). `None` where too few distances are seen, or no known body
+    /// fits.
     pub fn noise_floor(&self, y: &[f64]) -> Option<NoiseFloor> {
         self.noise_floors.base(&self.pairs, &self.bodies, y)
     }
 
-    /// The probability that each point (J) is corrupt by the distances alone; `noise` is the variance of clean
+    /// The probability of each point (J) to be an outlier by the distances alone; `noise` is the variance of clean
     /// coordinates, infinite where missing. Needs no placement.
     pub fn outlier_probabilities(&self, y: &[f64], noise: &[f64]) -> Vec<f64> {
         if !self.can_search(y.len() / 3) {
@@ -168,7 +172,7 @@ impl RigidModel {
         RigidLikelihood::new(&self.pairs, &self.bodies, y, noise).corrupt
     }
 
-    /// Distances must hang most points together before corrupt ones can be told.
+    /// Outliers can be told only if distances connect most points.
     fn can_search(&self, points: usize) -> bool {
         let mut tied = vec![false; points];
         let ends = self.pairs.pairs.iter().flat_map(|p| p.ends);
@@ -176,9 +180,8 @@ impl RigidModel {
         points <= MOST_MASKED && 2 * tied.iter().filter(|t| **t).count() > points
     }
 
-    /// Restores poses in the prior's space: rows of `y` (cm) with the variance of each number's noise (cm²; infinite
-    /// missing), as [`Prior::posterior_batch`] takes them. Numbers told to be exact stay as they are, unless their point is
-    /// found to be corrupt.
+    /// Restores poses in the prior's space: rows of `y` (cm) with noise variances (cm², infinite where missing). Exact
+    /// coordinates stay as they are, unless their point is found to be an outlier.
     pub fn restore(
         &self,
         prior: &dyn Prior,
@@ -265,16 +268,17 @@ impl RigidModel {
     }
 }
 
-/// Shares of the noise's variance that an answer leaves open: of a pose that is known, and of one that is not.
+/// The share of the noise variance that a posterior leaves open, for a pose like the training poses and for one unlike
+/// them.
 const KNOWN: f64 = 0.09;
 const UNKNOWN: f64 = 0.15;
 
-/// How well known a pose is that was seen through dense noise, from 0 to 1: as much of what the belief says of two
-/// coordinates together is made use of when rigid distances are kept.
+/// How much of a posterior's correlations the projection uses under dense noise, from 0 to 1.
 ///
-/// An answer that leaves little open ([`KNOWN`] of the noise's variance) is of a pose that is known, and its correlations
-/// hold; one that leaves much ([`UNKNOWN`]) is of a pose unlike any, of which they are wrong more often than right. Measured:
-/// taken whole, they cost 7% on takes never seen; left out, 10% on frames of takes that were.
+/// A posterior that leaves little open ([`KNOWN`] of the noise variance) is that of a pose like the training poses,
+/// and its correlations hold. One that leaves much ([`UNKNOWN`]) is that of a pose unlike any, and its correlations
+/// are wrong more often than right. Measured: using them always costs 7% on unseen takes; using them never costs 10%
+/// on frames of training takes.
 fn known(variance: f64, noise_variance: &[f64]) -> f64 {
     let left = variance / noise_variance.iter().sum::<f64>();
     ((UNKNOWN - left) / (UNKNOWN - KNOWN)).clamp(0.0, 1.0)
@@ -328,7 +332,7 @@ mod tests {
         )
     }
 
-    /// Some points of each frame moved by about 6 cm; which.
+    /// Moves one point of each frame by about 6 cm; returns which.
     fn hit(poses: &Array2<f64>) -> (Array2<f64>, Vec<usize>) {
         let mut y = poses.clone();
         let which: Vec<usize> = (0..poses.nrows()).map(|t| 1 + (t * 5) % 7).collect();
@@ -355,7 +359,7 @@ mod tests {
             .iter()
             .enumerate()
         {
-            // A tip in some doubt moves a little.
+            // A point at the end of the chain may be moved a little.
             let off = (0..24)
                 .map(|c| (answer.posterior.mean[c] - poses[[t, c]]).abs())
                 .fold(0.0, f64::max);
@@ -390,7 +394,7 @@ mod tests {
 
     #[test]
     fn corrupt_points_are_found_among_noisy_ones() {
-        // So much noise on every point leaves most of them in doubt by their distances.
+        // This much noise leaves most points undecided by their distances.
         let (poses, sd) = (swinging(200), 0.4);
         let (rigid, prior) = learnt(&poses);
         let (mut y, which) = hit(&poses);
@@ -444,7 +448,7 @@ mod tests {
         let poses = swinging(90);
         let (rigid, prior) = learnt(&poses);
         let (y, _) = hit(&poses);
-        // The same for exact points as for noisy ones, which are looked at twice.
+        // Exact points, and noisy ones, which are scored twice.
         for base in [0.0, 0.3] {
             let noise_variance = Array2::from_elem(poses.dim(), base);
             let run = |threads: usize| {
@@ -458,7 +462,7 @@ mod tests {
             };
             let one = run(1);
             assert!(run(2) == one && run(7) == one);
-            // And a frame alone is answered as among others.
+            // A frame alone is restored as among others.
             let alone = rigid.restore(
                 &prior,
                 y.slice(s![41..42, ..]),

@@ -1,10 +1,13 @@
-//! How noisy most points of a frame are and whose lengths it shows, by its rigid distances alone.
+//! The noise floor of a frame: the noise of most of its points, by rigid distances alone.
 //!
-//! A distance deviates by what it does by itself and by the base noise; where an end is corrupt, by more:
+//! A distance d_k deviates from its length L_k by its own variance V_k and by the noise floor b² of both ends; an
+//! outlier at either end adds a variance S:
 //!
 //! ```text
-//! p(d) ∝ Π_k [ .64 N(d_k − L_k; V_k + b_i² + b_j²) + .36 Σ_s w_s N(d_k − L_k; V_k + b_i² + b_j² + S_s) ]
+//! p(d | b) ∝ Π_k [ .64 N(d_k − L_k; V_k + 2 b²) + .36 Σ_s w_s N(d_k − L_k; V_k + 2 b² + S_s) ]
 //! ```
+//!
+//! b and the body (L, V) maximize it over a grid.
 
 use super::body_lengths::{BodyMixture, Lengths};
 use super::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations};
@@ -13,39 +16,39 @@ use crate::numeric::small_linalg::log_product;
 use crate::prior::EXACT_VARIANCE;
 use crate::prior::rigid_pairs::RigidPairs;
 
-/// Standard deviations of base noise that are tried, cm.
+/// Noise floors tried, cm.
 const BASES: [f64; 12] = [
     0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.8, 1.3, 2.2, 3.6, 6.0,
 ];
-/// What corrupt ends add to the variance of a distance, cm², with its weight. A marker that was taken for another's is off by
-/// much more than one that a few trembling pixels moved.
+/// Weight and variance (cm²) that an outlier at an end adds to a distance. A marker taken for another is off by much
+/// more than one shifted by a few pixels.
 const SLABS: [(f64, f64); 4] = [
     (0.5, MIN_OUTLIER_VARIANCE),
     (0.25, 4.0 * MIN_OUTLIER_VARIANCE),
     (0.15, 16.0 * MIN_OUTLIER_VARIANCE),
     (0.1, 64.0 * MIN_OUTLIER_VARIANCE),
 ];
-/// Fewer distances tell no noise.
+/// Least number of distances that determine a noise floor.
 const FEWEST: usize = 6;
 
 /// The noise of most points of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseFloor {
-    /// The standard deviation of a coordinate, cm, outliers aside.
+    /// Standard deviation of a coordinate, cm, outliers aside.
     pub sd: f64,
-    /// By how many nats the distances are likelier with some points corrupt than with more noise on all.
+    /// Log likelihood of some outliers minus that of more noise on all points, nats.
     pub outlier_evidence: f64,
 }
 
 impl NoiseFloor {
-    /// Whether the distances are likelier with some points corrupt.
+    /// Whether outliers explain the distances better.
     #[cfg(test)]
     pub fn has_outliers(&self) -> bool {
         self.outlier_evidence > 0.0
     }
 }
 
-/// The lengths of the bodies that explain most of the distances `seen` ([`deviations`]), whatever points are corrupt.
+/// The lengths of the bodies that explain most of the distances `seen` ([`deviations`]), outliers or not.
 pub fn lengths(bodies: &BodyMixture, seen: &[(usize, f64, f64)]) -> Lengths {
     let of = |(share, l): &(f64, Lengths)| {
         let logs = seen.iter().map(|&(k, d, base)| {
@@ -57,7 +60,7 @@ pub fn lengths(bodies: &BodyMixture, seen: &[(usize, f64, f64)]) -> Lengths {
     bodies.given(&bodies.all.iter().map(of).collect::<Vec<_>>())
 }
 
-/// How likely a distance is off by so much: Σ heights exp(−rates off²); its clean ends are the first.
+/// Density of a deviation: Σ heights exp(−rates deviation²); the first term is that of clean ends.
 #[derive(Debug, Clone, Copy)]
 struct DistanceDensity {
     heights: [f64; 1 + SLABS.len()],
@@ -65,7 +68,7 @@ struct DistanceDensity {
 }
 
 impl DistanceDensity {
-    /// By the variance it has where both ends are clean, cm².
+    /// By the variance of the distance with clean ends, cm².
     fn of(variance: f64) -> DistanceDensity {
         let clean = (1.0 - OUTLIER_SHARE).powi(2);
         let part = |s: usize| match s {
@@ -78,29 +81,29 @@ impl DistanceDensity {
         }
     }
 
-    /// The log likelihood by the square of how far it is off.
+    /// Log density by the square of the deviation.
     fn log(&self, square: f64) -> f64 {
         let parts = self.heights.iter().zip(&self.rates);
         let sum: f64 = parts.map(|(h, r)| h * (-r * square).exp()).sum();
         sum.max(f64::MIN_POSITIVE).ln()
     }
 
-    /// The log likelihood of no deviation at all where both ends are known to be clean.
+    /// Log density of no deviation, given clean ends.
     fn log_of_clean(&self) -> f64 {
         (self.heights[0] / (1.0 - OUTLIER_SHARE).powi(2)).ln()
     }
 }
 
-/// Those of all distances of a body under one base noise, part by part of their sums.
+/// The densities of all distances of a body under one noise floor, stored term by term.
 #[derive(Debug, Clone)]
 struct DistanceDensities {
-    /// The heights and the rates of each part.
+    /// Heights and rates of each term.
     parts: Vec<(Vec<f64>, Vec<f64>)>,
     clean: Vec<f64>,
 }
 
 impl DistanceDensities {
-    /// By the variances the distances have where both ends are clean, cm².
+    /// By the variance of each distance with clean ends, cm².
     fn of(variances: impl Iterator<Item = f64>) -> DistanceDensities {
         let each: Vec<DistanceDensity> = variances.map(DistanceDensity::of).collect();
         let part = |s: usize| {
@@ -113,8 +116,8 @@ impl DistanceDensities {
         }
     }
 
-    /// The log likelihoods of what is `seen`, by the `squares` of how far all are off: whatever points are corrupt, and where
-    /// none is. `sums` is room.
+    /// Log likelihoods of the distances `seen` by the `squares` of all deviations: with any outliers, and with none.
+    /// `sums` is scratch.
     fn logs(&self, seen: &[usize], squares: &[f64], sums: &mut Vec<f64>) -> (f64, f64) {
         sums.clear();
         sums.resize(squares.len(), 0.0);
@@ -128,12 +131,12 @@ impl DistanceDensities {
     }
 }
 
-/// The deviations of all distances of each body, under each base noise.
+/// The densities of all distances of each body, under each noise floor.
 #[derive(Debug, Clone, Default)]
 pub struct NoiseFloorSearch(Vec<Vec<DistanceDensities>>);
 
 impl NoiseFloorSearch {
-    /// Of the bodies' lengths.
+    /// For the lengths of these bodies.
     pub fn of(bodies: &BodyMixture) -> NoiseFloorSearch {
         let under = |l: &Lengths, sd: f64| {
             DistanceDensities::of(l.variance.iter().map(|v| v + 2.0 * sd * sd))
@@ -145,8 +148,8 @@ impl NoiseFloorSearch {
         )
     }
 
-    /// The base noise of a frame by itself: the one under which its distances are most likely. `None` where too few are seen,
-    /// or the body is a stranger's: its lengths would explain anything.
+    /// The most likely noise floor of a frame. `None` where too few distances are seen, or the unknown body fits best:
+    /// its lengths would explain anything.
     pub fn base(&self, pairs: &RigidPairs, bodies: &BodyMixture, y: &[f64]) -> Option<NoiseFloor> {
         let all = vec![EXACT_VARIANCE; y.len()];
         let seen: Vec<(usize, f64)> = deviations(pairs, y, &all).map(|(k, d, _)| (k, d)).collect();
@@ -155,7 +158,7 @@ impl NoiseFloorSearch {
         }
         let (mut with, mut without) = ((f64::NEG_INFINITY, None), f64::NEG_INFINITY);
         let which: Vec<usize> = seen.iter().map(|(k, _)| *k).collect();
-        // What is not seen is read nowhere.
+        // Squares of distances that are not seen are never read.
         let (mut squares, mut sums) = (vec![0.0; pairs.pairs.len()], Vec::new());
         for (at, ((share, lengths), noise_floors)) in bodies.all.iter().zip(&self.0).enumerate() {
             for &(k, d) in &seen {
@@ -187,7 +190,7 @@ mod tests {
         let variances = [1e-4, 0.3, 5.0, 80.0];
         let squares = [1e-3, 40.0, 2e4, 1.0];
         let all = DistanceDensities::of(variances.into_iter());
-        // The last is not seen.
+        // The last distance is not seen.
         let (whatever, clean) = all.logs(&[0, 1, 2], &squares, &mut Vec::new());
         let each = variances.iter().zip(squares).take(3);
         let one = each.clone().map(|(v, x)| DistanceDensity::of(*v).log(x));
@@ -230,7 +233,7 @@ mod tests {
         assert!((0.1..=0.8).contains(&found(0.3).sd), "{:?}", found(0.3));
         assert!(found(0.3).has_outliers());
         assert!(found(6.0).sd >= 2.0);
-        // Noise that is everywhere is no outlier; one that is far off is no noise, and tells nothing of the others'.
+        // Noise on all points is no outlier; a point far off is no noise and does not raise the floor.
         let y: Vec<f64> = (0..21).flat_map(|p| [10.0 * p as f64, 0.0, 0.0]).collect();
         let mut far = y.clone();
         for off in [9.0, 30.0, 90.0, 300.0] {

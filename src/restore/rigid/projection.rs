@@ -1,15 +1,15 @@
-//! Rigid distances kept: a belief made to agree with the lengths that are known.
+//! Projection of a Gaussian N(m, P) of a pose (D coordinates) onto n rigid distances, by iterated Kalman updates.
 //!
-//! With m, P the belief's mean and covariance (the latter with less said of two coordinates together than it says: see
-//! [`Uncertainty`]), g the distances, H their Jacobian and L the lengths (variances V):
+//! With g(x) the distances, H their Jacobian and L the lengths (variances V):
 //!
 //! ```text
-//! P' = P + I,   x ← m + P'Hᵀ (H P' Hᵀ + V)⁻¹ (L − g(x) − H (m − x))     until nothing moves, ten times at most
+//! P' = P + I,   x ← m + P'Hᵀ (H P' Hᵀ + V)⁻¹ (L − g(x) − H (m − x))     until nothing moves, at most ten times
 //! ```
 //!
-//! I is what a belief is less sure of than it says: i in each direction that was not observed, 1/(1/i + 1/R) where noise
-//! of variance R was. i, and whose body it is (L), are the most likely ones given how far off the believed distances
-//! are. Cost: n² (n/3 + 36) for each step and 3 n² D for the variances, n pairs and D numbers a pose.
+//! I (diagonal) is what the posterior underestimates: i for a coordinate that was not observed, 1/(1/i + 1/R) for one
+//! observed with noise variance R. The i and the body (L, V) are the most likely ones given the distances of m.
+//! [`Uncertainty`] says how much of P's correlations is used. Cost: n² (n/3 + 36) a step and 3 n² D for the variances.
+//! Fails (and returns m) where the lengths cannot be met.
 
 use super::body_lengths::{BodyMixture, Lengths};
 use super::jacobian::{JacobianRow, jacobian, products, shared_ends, times_covariance};
@@ -21,27 +21,28 @@ use crate::pose::ASF_UNIT_CM;
 use crate::prior::rigid_pairs::RigidPairs;
 use crate::prior::{EXACT_VARIANCE, Posterior};
 
-/// Values of i that are tried, asf².
+/// Values of i tried, asf².
 const UNSURE: [f64; 4] = [0.003, 0.02, 0.1, 0.6];
-/// Steps at most; from the third on they are damped by half where they do not shrink, but for the last.
+/// Most steps. From the third on a step is halved where steps do not shrink, except for the last.
 const STEPS: usize = 10;
-/// The gradients are taken anew in so many first steps; the rest is fine work, which the last ones do for.
+/// Steps that compute the Jacobian anew; later steps are too small to need it.
 const TURNS: usize = 3;
-/// No step moves a coordinate by more than this, cm: where a limb is straight, a distance does not tell its own gradient.
+/// Largest move of a coordinate in a step, cm: on a straight limb the gradient of a distance is misleading.
 const FARTHEST: f64 = 3.0;
-/// Steps end when no distance changes by more than this, cm.
+/// A step that moves no coordinate by more, cm, is the last.
 const SETTLED: f64 = 2e-3;
 
-/// Whose lengths are kept.
+/// The body whose lengths are kept.
 #[derive(Debug, Clone, Copy)]
 pub enum BodyChoice<'a> {
-    /// Those of the body that fits.
+    /// The most likely one.
     Any,
-    /// These.
+    /// One with these lengths.
     Known(&'a Lengths),
 }
 
-/// Makes a mean (D), as sure as it says, agree with the lengths: `noise` is what it was given (cm²; infinite missing).
+/// Projects a mean (D) with its uncertainty; `noise` holds the variances of the observation (cm², infinite where
+/// missing).
 pub fn project(
     pairs: &RigidPairs,
     bodies: &BodyMixture,
@@ -77,7 +78,7 @@ pub fn project(
     let Some((x, step)) = converge(&ends, &lengths, mean, uncertainty, &extra) else {
         return as_it_was();
     };
-    // Lengths that cannot all be met (a point taken for clean that is not) are better left alone.
+    // Lengths that cannot all be met, for an outlier taken for clean, are not kept.
     if misfit(&ends, &x, &lengths) >= misfit(&ends, mean, &lengths) {
         return as_it_was();
     }
@@ -88,7 +89,7 @@ pub fn project(
     }
 }
 
-/// The mean that agrees with the lengths, and the last step to it.
+/// The mean that agrees with the lengths, and the last update.
 fn converge(
     ends: &[[usize; 2]],
     lengths: &Lengths,
@@ -130,12 +131,12 @@ fn converge(
     None
 }
 
-/// The lengths as they look from one pose.
+/// The linearized lengths at one pose.
 struct Step {
     rows: Vec<JacobianRow>,
-    /// H P', by rows of D.
+    /// H P' (n, D).
     times_covariance: Vec<Vec<f64>>,
-    /// The Cholesky factor of H P' Hᵀ + V, by rows of n.
+    /// Cholesky factor of H P' Hᵀ + V (n, n) by rows.
     factor: Vec<f64>,
 }
 
@@ -160,7 +161,7 @@ impl Step {
         }
     }
 
-    /// Where the mean moves to from x, whose lengths are `off` by so much.
+    /// The updated mean, from x whose lengths lack `off`.
     fn target(&self, off: Vec<f64>, mean: &[f64], x: &[f64]) -> Vec<f64> {
         let n = self.rows.len();
         let mut z = off;
@@ -176,8 +177,8 @@ impl Step {
         to
     }
 
-    /// The variances once the mean has moved: those of (1 − K H) (P + I) (1 − K H)ᵀ + K V Kᵀ, whatever of P the gain K was
-    /// made from.
+    /// Variances of the updated mean: the diagonal of (1 − K H) (P + I) (1 − K H)ᵀ + K V Kᵀ, which holds for any gain
+    /// K.
     fn variances(
         mut self,
         uncertainty: Uncertainty<'_>,
@@ -265,7 +266,7 @@ fn choose(
             all[*at] += sum;
         }
         let mut logs = Vec::with_capacity(bodies.all.len());
-        // Bodies seen have the same variances: one factorisation serves them all, another the stranger.
+        // Known bodies share their variances, and so one factorization; the unknown body has another.
         for alike in bodies.all.chunk_by(|a, b| a.1.variance == b.1.variance) {
             a.copy_from_slice(&all);
             for (k, variance) in alike[0].1.variance.iter().enumerate() {
@@ -291,7 +292,7 @@ fn choose(
     }
 }
 
-/// How far off the lengths of some bodies are, |L⁻¹ (l − g)|² each: `a` holds L.
+/// |L⁻¹ (l − g)|² for the lengths l of each body; `a` holds L.
 fn lengths_off(a: &[f64], rows: &[JacobianRow], bodies: &[(f64, Lengths)]) -> Vec<f64> {
     if let [(_, one)] = bodies {
         let off = one.mean.iter().zip(rows).map(|(l, r)| l - r.length);
@@ -397,7 +398,7 @@ mod tests {
         let b = kept(&pairs, &mean, &uncertainty, &noise);
         assert!(b.mean[..3].iter().all(|v| v.abs() <= 1e-3));
         assert!((length(&b.mean) - 10.0).abs() <= 1e-2);
-        // Variances alone serve where nothing is told of coordinates together.
+        // Variances alone give the same mean as a covariance without its correlations.
         let bodies = BodyMixture::of(&pairs);
         let only = project(
             &pairs,
@@ -419,7 +420,7 @@ mod tests {
         assert_eq!(only.variance, [4.0; 6]);
     }
 
-    /// The variances are those of the conditional Gaussian where the gain is made from all of the covariance.
+    /// With all of the covariance in the gain, the variances are those of the conditional Gaussian.
     #[test]
     fn what_the_lengths_tell_is_taken_from_the_variances() {
         let pairs = bar(array![[10.0]], &[1.0]);
@@ -472,7 +473,7 @@ mod tests {
             &[1.0; 6],
         );
         assert!(b.mean[0].is_nan() && b.mean[3] == 1.0);
-        // Both ends in one place: no direction, and no end of the world.
+        // Both ends in one place: the distance has no direction.
         let b = kept(&pairs, &[0.0; 6], &one, &[1.0; 6]);
         assert!(b.mean.iter().all(|v| v.is_finite()));
     }

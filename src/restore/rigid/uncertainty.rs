@@ -1,17 +1,17 @@
-//! How sure a belief is, as far as rigid distances make use of it.
+//! The uncertainty of an estimated pose, as far as the projection uses it.
 
 use crate::prior::{EXACT_VARIANCE, Posterior};
 use ndarray::Array2;
 
-/// How sure a mean is.
+/// How uncertain a mean (D) is.
 #[derive(Debug, Clone, Copy)]
 pub enum Uncertainty<'a> {
     /// The variance of each coordinate.
     Variances(&'a [f64]),
-    /// The covariance, and how much of what it says of two coordinates together is made use of: from 0 to 1.
+    /// The covariance, and the factor of its correlations, from 0 to 1.
     Covariance(&'a Array2<f64>, f64),
-    /// The same; but the variances are to stay as they are: a belief in what was seen through noise has mostly reckoned
-    /// with what the lengths tell.
+    /// A covariance used for the mean only. The variances stay: posteriors under dense noise reflect the lengths
+    /// already.
     Settled(&'a Array2<f64>, f64),
 }
 
@@ -24,7 +24,7 @@ impl Uncertainty<'_> {
         }
     }
 
-    /// The covariance and how much of it is made use of, where any is.
+    /// The covariance and the factor of its correlations, unless that is 0.
     pub fn together(&self) -> Option<(&Array2<f64>, f64)> {
         match self {
             Uncertainty::Covariance(c, together) | Uncertainty::Settled(c, together)
@@ -36,7 +36,7 @@ impl Uncertainty<'_> {
         }
     }
 
-    /// Whether all of it are numbers.
+    /// Whether all numbers are finite.
     pub fn is_sound(&self) -> bool {
         match self {
             Uncertainty::Variances(v) => v.iter().all(|v| v.is_finite()),
@@ -47,7 +47,7 @@ impl Uncertainty<'_> {
     }
 }
 
-/// Numbers that are exact are believed as they are.
+/// Sets exact coordinates to their values, with no correlation to others.
 pub fn pin_exact(belief: &mut Posterior, y: &[f64], noise: &[f64]) {
     for (i, r) in noise.iter().enumerate() {
         if *r <= EXACT_VARIANCE && y[i].is_finite() {
