@@ -1,19 +1,18 @@
-//! Another body than the model's: its bones are measured, and the model is carried to it.
+//! Adapting a model to a captured body: bone lengths are measured, and the model is transformed.
 //!
-//! Carrying the model (linear, see [`PoseTransform`]) in place of the poses works whatever joints a frame lacks, and leaves
-//! nothing to undo.
+//! The log ratio of each bone to the model's is shrunk by its uncertainty: keep · log(ℓ / ℓ₀) with keep = .1² / (.1² +
+//! s²), ℓ the measured length less the noise (cm), s² its relative variance. Transforming the model
+//! ([`PoseTransform`], linear) rather than the poses works whatever points a frame lacks, and needs no inverse.
 
 use crate::pose::{Body, PoseTransform};
 use ndarray::ArrayView2;
 
-/// How much people's bone lengths differ: the standard deviation of a ratio's logarithm.
+/// Standard deviation of the log ratio of bone lengths between people.
 const PEOPLE_DIFFER: f64 = 0.1;
 
-/// What carries poses of the model's body to the body that `xyz` (frames, 3 J) shows; `noise` is the standard deviation
-/// of a coordinate, cm.
-///
-/// A noisy length is too long (each end adds 3 noise²) and unsure, so ratios are drawn towards the usual one by how
-/// unsure they are. Bones never seen take the usual ratio, their counterpart's first.
+/// The transform from the model's body to the one that `xyz` (frames, 3 J; cm) shows; `noise` is the standard
+/// deviation of a coordinate, cm. A noisy length is too long, as each end adds variance. Bones that are never seen
+/// take the ratio of their left-right counterpart, else the typical one.
 pub fn map_to(
     model: &Body,
     xyz: ArrayView2<'_, f64>,
@@ -48,8 +47,8 @@ pub fn map_to(
     PoseTransform::reshape(model, &target)
 }
 
-/// How unsure a length is (standard deviation, cm) that was measured in so many frames with noise of a standard deviation
-/// a coordinate; of one that was never seen only what people differ by, less what the others tell, is known.
+/// Standard deviation (cm) of a length measured in `frames` with `noise` (standard deviation of a coordinate, cm). A
+/// length that was never seen differs as between people, less what the other bones say.
 pub fn length_sd(length: f64, noise: f64, frames: usize) -> f64 {
     if frames == 0 {
         return 0.3 * PEOPLE_DIFFER * length;
@@ -81,7 +80,7 @@ mod tests {
         let mirror = vec![None; 3];
         let exact = ratios(&map_to(&model, xyz.view(), 0.0, &mirror));
         assert!(exact[1..].iter().all(|r| (r - 1.1).abs() <= 1e-9));
-        // Under heavy noise in one frame the ratio stays near the model's.
+        // Under heavy noise in one frame the ratio stays near 1.
         let noisy = ratios(&map_to(
             &model,
             xyz.slice(ndarray::s![..1, ..]),
@@ -92,7 +91,7 @@ mod tests {
             noisy[1..].iter().all(|r| (0.85..1.1).contains(r)),
             "{noisy:?}"
         );
-        // The second bone is never seen: it takes the first one's ratio.
+        // The second bone is never seen: it takes the ratio of the first.
         xyz.column_mut(8).fill(f64::NAN);
         let usual = ratios(&map_to(&model, xyz.view(), 0.0, &mirror));
         assert!((usual[2] - 1.1).abs() <= 1e-9);

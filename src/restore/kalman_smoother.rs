@@ -1,11 +1,17 @@
-//! Noise in time: how much there is, and a smoother that takes what it can before the model sees a frame.
+//! Noise over time: an estimate of its size, and a smoother.
 //!
-//! Each coordinate is followed by a point that moves with constant velocity but for white acceleration of density q, and
-//! is seen with noise r (a Kalman filter forth, Rauch-Tung-Striebel back). q is the likeliest on a grid.
+//! Each coordinate y_t (cm) is that of a point of constant velocity, but for white acceleration of density q (cm²/s³),
+//! measured with noise variance r (cm²):
+//!
+//! ```text
+//! x_{t+1} = [1 h; 0 1] x_t + N(0, q [h³/3 h²/2; h²/2 h]),   y_t = [1 0] x_t + N(0, r)      h seconds a frame
+//! ```
+//!
+//! A Kalman filter and a Rauch-Tung-Striebel smoother solve it; q maximizes the likelihood on a grid.
 
-/// The standard deviation of a series' noise, from its third differences: motion hardly has any, white noise has √20
-/// times its own. Robust: the lower quartile of their sizes, so that spikes in a fifth of the frames (each of which spoils
-/// four differences) do not count. `None` with fewer than eight differences.
+/// Standard deviation of a series' noise, from its third differences: motion hardly has any, white noise has √20 times
+/// its own. The lower quartile of their sizes is robust: spikes in a fifth of the frames, each of which spoils four
+/// differences, do not count. `None` with fewer than eight differences.
 pub fn noise_of(series: &[f64]) -> Option<f64> {
     let mut sizes: Vec<f64> = series
         .windows(4)
@@ -21,19 +27,20 @@ pub fn noise_of(series: &[f64]) -> Option<f64> {
     Some(quartile / 0.3186 / 20f64.sqrt())
 }
 
-/// A smoothed series: the mean and its variance at every frame, seen or not.
+/// A smoothed series, with a value at every frame, measured or not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Smoothed {
-    /// The estimate.
+    /// Means.
     pub mean: Vec<f64>,
-    /// Its variance.
+    /// Variances.
     pub variance: Vec<f64>,
 }
 
-/// Densities of white acceleration that are tried, cm²/s³: a body at rest to a punch.
+/// Densities of white acceleration tried, cm²/s³: from a body at rest to a punch.
 const DENSITIES: [f64; 9] = [1e2, 1e3, 1e4, 3e4, 1e5, 3e5, 1e6, 1e7, 1e8];
 
-/// Smooths one coordinate of a run: `series` in cm with NaN where missing, noise variance `r`, `step` seconds a frame.
+/// Smooths one coordinate of a run: `series` in cm, NaN where missing; noise variance `r`, cm²; `step` seconds a
+/// frame.
 pub fn smooth(series: &[f64], r: f64, step: f64) -> Smoothed {
     let likelihood = |q: f64| filter(series, r, step, q).log_likelihood;
     let best = DENSITIES
@@ -46,7 +53,7 @@ pub fn smooth(series: &[f64], r: f64, step: f64) -> Smoothed {
     )
 }
 
-/// Mean (place, speed) and covariance (pp, pv, vv).
+/// Mean (position, velocity) and covariance (pp, pv, vv).
 type State = ([f64; 2], [f64; 3]);
 
 struct Filtered {
@@ -70,7 +77,7 @@ fn filter(series: &[f64], r: f64, h: f64, q: f64) -> Filtered {
         .copied()
         .find(|v| v.is_finite())
         .unwrap_or(0.0);
-    // Before anything is seen: anywhere near the first value, at up to some metres a second.
+    // Initially anywhere near the first value, at up to some meters a second.
     let mut state: State = ([first, 0.0], [1e4, 0.0, 1e5]);
     let mut states = Vec::with_capacity(series.len());
     let mut log_likelihood = 0.0;

@@ -1,17 +1,18 @@
-//! One take out of a table: motion files hold one.
+//! One take of a table: motion files hold one.
 
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use ndarray::Axis;
 use std::sync::Arc;
 
-/// How many names an error lists.
+/// Most names that an error lists.
 const LISTED: usize = 8;
 
-/// The frames of the take `wanted`, or all of them when the table holds one take only.
+/// The frames of the take `wanted`, or all frames of a table with one take.
 ///
-/// `name` is the table's, for the error: which takes there are, and that `--take` chooses. Columns that are missing in
-/// the table stay missing.
+/// # Errors
+/// [`Error::Data`] if the table has several takes and none is wanted, or not the wanted one; it lists the takes of the
+/// table called `name`.
 pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses> {
     let mut names: Vec<Arc<str>> = Vec::new();
     if let Some(takes) = &poses.take {
@@ -19,7 +20,7 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
             if !names.contains(&takes[run.start]) {
                 names.push(takes[run.start].clone());
             }
-            // Enough to know that there are several, and to list some.
+            // Enough names to know that there are several, and to list some.
             if names.len() > LISTED && wanted.is_none() {
                 break;
             }

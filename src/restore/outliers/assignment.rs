@@ -1,4 +1,7 @@
-//! Which points in doubt are corrupt: the likely assignments, by what is expected of all of them at once.
+//! Assignments of the undecided points of a frame to clean or outlier, by beam search.
+//!
+//! The log weight of an assignment z is the sum in the head of [`super::frame_posterior`]. A Cholesky factor of c P +
+//! i I + R_z at each scale grows by three rows a point, so each step of the beam costs O(n²) for n coordinates.
 
 use super::frame_state::FrameState;
 use super::leave_one_out::SCALES;
@@ -8,34 +11,34 @@ use crate::numeric::small_linalg::log_sum;
 use crate::prior::Posterior;
 use crate::restore::rigid::distances::base_of;
 
-/// Assignments that the beam carries along, and that make an answer.
+/// Assignments in the beam, and in the result.
 const WIDTH: (usize, usize) = (16, 8);
-/// Assignments that weigh less than this share of the heaviest are left out.
+/// Assignments of a smaller weight relative to the largest are dropped.
 const LEAST: f64 = 0.02;
 
-/// Which of a frame's points in doubt are corrupt.
+/// Which of the undecided points are outliers.
 #[derive(Debug, Clone)]
 pub struct Assignment {
-    /// Beside the others': they add up to one.
+    /// The weights of a frame's assignments add up to one.
     pub weight: f64,
-    /// One a point in doubt.
+    /// One for each undecided point.
     pub corrupt: Vec<bool>,
-    /// What odds and distances say of it: a part of the log weight.
+    /// The part of the log weight that comes from the prior odds and the distances.
     pub noise_variance: f64,
 }
 
-/// A number at each scale, side by side.
+/// One value for each scale.
 type Scaled = [f64; SCALES.len()];
 
-/// An assignment of the first few points in doubt, with a Cholesky factor at each scale that grows by three rows a point.
+/// An assignment of the first few undecided points.
 #[derive(Clone)]
 struct Hypothesis {
     assigned: Vec<bool>,
-    /// Rows of 1, 2, 3, … numbers.
+    /// Lower triangle by rows of 1, 2, 3, … values.
     factor: Vec<Scaled>,
     white: Vec<Scaled>,
     log: Scaled,
-    /// Odds and distances.
+    /// Log odds and distances.
     more: f64,
 }
 
@@ -43,7 +46,7 @@ struct Hypothesis {
 struct Next {
     score: f64,
     corrupt: bool,
-    /// The last three numbers of each of its rows; those before are the same whether it is corrupt or not.
+    /// The last three values of each of its rows; those before do not depend on whether it is an outlier.
     block: [[Scaled; 3]; 3],
     white: [Scaled; 3],
     log: Scaled,
@@ -65,7 +68,7 @@ impl Hypothesis {
         log_sum(&self.log) + self.more
     }
 
-    /// What the next point adds, clean and corrupt. Its rows before its own three numbers go to `rows`.
+    /// What the next point adds, clean and outlier. Its rows before its own three values go to `rows`.
     #[inline(always)]
     fn next(
         &self,
@@ -120,7 +123,7 @@ impl Hypothesis {
         })
     }
 
-    /// What odds and distances say of the next point.
+    /// Log odds and distances of the next point.
     fn noise_variance(&self, frame: &FrameState, p: usize, corrupt: bool) -> f64 {
         if corrupt {
             return log_odds();
@@ -128,7 +131,7 @@ impl Hypothesis {
         frame.clean_terms(&self.assigned, p)
     }
 
-    /// With the next point added, whose rows before its own three numbers are `rows`.
+    /// Adds the next point, whose rows before its own three values are `rows`.
     fn with(&mut self, next: &Next, rows: &[Vec<Scaled>; 3]) {
         self.assigned.push(next.corrupt);
         for (axis, row) in rows.iter().enumerate() {
@@ -141,8 +144,8 @@ impl Hypothesis {
 }
 
 impl Next {
-    /// Adds the row of one axis of point `p`: `known` are its products with the rows of all three, as far as those are shared,
-    /// `off` that with what is white.
+    /// Adds the row of one axis of point `p`: `known` are its products with the earlier values of the rows of all
+    /// three axes, `off` that with the whitened residual.
     #[inline(always)]
     fn add(
         &mut self,
@@ -192,7 +195,7 @@ fn products(a: &[Scaled], b: &[Scaled]) -> Scaled {
     sum
 }
 
-/// The likely assignments of the points in doubt, the heaviest first; the weights add up to one.
+/// The likely assignments of the undecided points, the largest weight first.
 pub fn likely(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
     let mut beam = vec![Hypothesis::of_nothing()];
     let mut rows: Vec<[Vec<Scaled>; 3]> = Vec::new();
@@ -210,7 +213,7 @@ pub fn likely(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
         .take(WIDTH.1)
         .collect();
     if out.is_empty() {
-        // A prior that expects no number tells nothing.
+        // A prior without a finite expectation: the decision by the distances stands.
         out.push(Assignment {
             weight: 1.0,
             corrupt: frame.undecided.iter().map(|p| frame.corrupt[*p]).collect(),
@@ -222,7 +225,7 @@ pub fn likely(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
     out
 }
 
-/// The likeliest hypotheses with the next point, the likeliest first. `rows` is room.
+/// The best hypotheses extended by the next point, the best first. `rows` is scratch.
 fn widened(
     frame: &FrameState,
     expected: &Posterior,
@@ -246,7 +249,7 @@ fn widened(
     let mut beam: Vec<Option<Hypothesis>> = beam.into_iter().map(Some).collect();
     let grown = next.iter().filter_map(|(i, next)| {
         left[*i] -= 1;
-        // The last one of a hypothesis takes it over.
+        // The last extension of a hypothesis takes it over.
         let mut h = match left[*i] {
             0 => beam[*i].take(),
             _ => beam[*i].clone(),

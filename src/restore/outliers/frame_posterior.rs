@@ -1,22 +1,22 @@
-//! Points that are corrupt, nobody knows which: found by rigid distances and the prior, averaged by evidence.
+//! The posterior of a frame any points of which may be outliers, averaged over which they are.
 //!
-//! Distances decide most points ([`super::bones`]). Those in doubt are hidden from the prior, which then says where it
-//! expects them: N(m, P) of all of them at once. An assignment z of them weighs
+//! Rigid distances decide most points ([`super::rigid_likelihood`]). The undecided ones are hidden from the prior,
+//! which then expects them at N(m, P). An assignment z of them to clean or outlier has the weight
 //!
 //! ```text
-//! Σ_s w_s N(y; m, c_s P + i_s I + R_z) · Π odds · Π over distances between clean ends
+//! Σ_s w_s N(y; m, c_s P + i_s I + R_z) · Π odds · Π densities of distances between clean ends
 //! ```
 //!
-//! The scales (c, i) are there because priors are surer of unseen poses than they should be. How far off a corrupt point may be
-//! (R) its distances tell along themselves alone; where the prior expects it tells more. The assignments that weigh most
-//! are asked of the prior, which tells the evidence of all that was seen under each: with that, tempered, in place of the sum
-//! they are weighed anew. The few light ones follow from N(m, P), in which points decided to be corrupt had less of a say. The
-//! answer is the average.
+//! The scales (w, c, i) are there because priors are too sure of unseen poses. The noise R of an outlier comes from
+//! its worst distances and from where the prior expects it ([`rescoring::raise_outlier_variances`]). The assignments
+//! of large weight go to the prior, whose log evidence, tempered, replaces the sum. Those of small weight follow from
+//! N(m, P). The result is their weighted average.
 //!
-//! Where many points are in doubt, as with base noise, the prior sees too little that is sure. Then all points are judged by
-//! what follows from N(m, P) under each assignment, each without its own observation, and those that stay in doubt are hidden
-//! once more.
-//! Cost: an answer of the prior for each assignment that is asked and one more, up to three more where many are in doubt.
+//! Where many points are undecided, as under noise on all points, the hidden points leave the prior too little. All
+//! points are then scored once more, each without its own observation ([`rescoring::rescore`]), and those still
+//! undecided are hidden again.
+//!
+//! Cost: one posterior for each assignment of large weight and one more; up to three more where many are undecided.
 
 use super::assignment::{Assignment, likely};
 use super::frame_state::{FrameState, SURE, expected_by_prior};
@@ -30,38 +30,38 @@ use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
 use crate::restore::rigid::uncertainty;
 use ndarray::{Array2, ArrayView2};
 
-/// Assignments that weigh less than this share of the heaviest are not asked of the prior.
+/// Least weight, relative to the largest, of an assignment that goes to the prior.
 const ASKED: f64 = 0.05;
-/// What the log evidences of assignments are multiplied by: a prior is surer than it should be.
+/// Factor of the log evidence of assignments: priors are too sure.
 const TEMPERATURE: f64 = 0.3;
-/// Frames with more points in doubt are looked at twice.
+/// Frames with more undecided points are scored twice.
 const FEW: usize = 6;
-/// Frames that one task looks at.
+/// Frames of one parallel task.
 const CHUNK: usize = 16;
 
-/// An answer with its outliers.
+/// A posterior with its outliers.
 #[derive(Debug, Clone)]
 pub struct Found {
-    /// The pose. Its evidence is that of one assignment, and is not to be compared.
+    /// The pose. Its evidence is that of one assignment, and not comparable.
     pub belief: Posterior,
-    /// The probability that each point is corrupt.
+    /// The probability of each point to be an outlier.
     pub corrupt: Vec<f64>,
-    /// The variance of the noise that was found of each coordinate, cm².
+    /// Estimated noise variance of each coordinate, cm².
     pub noise: Vec<f64>,
-    /// The lengths of the body it was taken for.
+    /// The lengths of the body that was taken.
     pub lengths: Lengths,
 }
 
-/// The answer of one assignment.
+/// The posterior under one assignment.
 struct Answer {
     weight: f64,
-    /// One a point in doubt.
+    /// One for each undecided point.
     corrupt: Vec<bool>,
     belief: Posterior,
 }
 
-/// Restores frames (rows of `y`, cm) some points of which may be corrupt; `noise_variance` are the variances of what is clean
-/// (infinite missing).
+/// Restores frames (rows of `y`, cm); `noise_variance` are the variances of clean coordinates (cm², infinite where
+/// missing).
 pub fn restore(
     prior: &dyn Prior,
     pairs: &RigidPairs,
@@ -81,12 +81,12 @@ pub fn restore(
         })
         .collect()
     }));
-    rescoring::narrow(prior, &mut frames);
+    rescoring::score_crowded(prior, &mut frames);
     let crowded = frames.iter_mut().filter(|f| f.undecided.len() > FEW);
     let mut crowded: Vec<&mut FrameState> = crowded.collect();
     let first = assign(prior, &mut crowded);
     for (frame, own) in crowded.into_iter().zip(first) {
-        rescoring::again(frame, &own.expected, &own.assignments);
+        rescoring::rescore(frame, &own.expected, &own.assignments);
     }
     let answers = answer(prior, &mut frames.iter_mut().collect::<Vec<_>>());
     let each = frames.into_iter().zip(answers);
@@ -96,11 +96,11 @@ pub fn restore(
 
 /// The likely assignments of a frame.
 struct Assigned {
-    /// The heaviest first.
+    /// The largest weight first.
     assignments: Vec<Assignment>,
-    /// So many of them are asked of the prior.
+    /// How many of them go to the prior.
     heavy: usize,
-    /// What is expected of the points in doubt; not read where there are none: their one assignment is heavy.
+    /// The prior's expectation without the undecided points; unused where there are none.
     expected: Posterior,
 }
 
@@ -124,10 +124,10 @@ impl Assigned {
     }
 }
 
-/// The answers of the likely assignments of each frame.
+/// The posteriors under the likely assignments of each frame.
 fn answer(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Vec<Answer>> {
     let all = assign(prior, frames);
-    // (frame, which assignment) of all that are heavy.
+    // (frame, assignment) of all of large weight.
     let asked: Vec<(usize, usize)> = (all.iter().enumerate())
         .flat_map(|(t, own)| (0..own.heavy).map(move |i| (t, i)))
         .collect();
@@ -147,8 +147,7 @@ fn answer(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Vec<Answer>>
         .collect()
 }
 
-/// The likely assignments of each frame, by what the prior expects of the points in doubt where it does not see them; that tells
-/// as well how far off they, and those decided to be corrupt, are.
+/// The likely assignments of each frame, by where the prior expects the undecided points without seeing them.
 fn assign(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Assigned> {
     let open: Vec<usize> = (0..frames.len())
         .filter(|&t| !frames[t].undecided.is_empty() || frames[t].corrupt.contains(&true))
@@ -157,7 +156,7 @@ fn assign(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Assigned> {
         (frames[t].y.clone(), frames[t].noise(None))
     });
     for (t, expected) in open.iter().zip(&expected) {
-        rescoring::farther(frames[*t], expected);
+        rescoring::raise_outlier_variances(frames[*t], expected);
     }
     let frames = &*frames;
     let likely: Vec<Vec<Assignment>> = flat(parallel::map_chunks(open.len(), CHUNK, |rows| {
@@ -173,7 +172,7 @@ fn assign(prior: &dyn Prior, frames: &mut [&mut FrameState]) -> Vec<Assigned> {
     all
 }
 
-/// The answers of a frame's assignments; those of the heavy are `noise_variance` by the prior.
+/// The posteriors under a frame's assignments; `noise_variance` are those that the prior computed.
 fn answers(frame: &FrameState, mut own: Assigned, noise_variance: Vec<Posterior>) -> Vec<Answer> {
     weigh_anew(&mut own.assignments[..own.heavy], &noise_variance);
     let mut noise_variance = noise_variance.into_iter();
@@ -188,8 +187,8 @@ fn answers(frame: &FrameState, mut own: Assigned, noise_variance: Vec<Posterior>
         .collect()
 }
 
-/// Weighs the heavy assignments by the tempered evidence of what the prior `noise_variance` under each; together they weigh what they
-/// did.
+/// Reweighs the assignments of large weight by the tempered evidence of their posteriors; the sum of their weights
+/// stays.
 fn weigh_anew(heavy: &mut [Assignment], noise_variance: &[Posterior]) {
     let mass: f64 = heavy.iter().map(|a| a.weight).sum();
     let logs: Vec<f64> = (heavy.iter().zip(noise_variance))
@@ -208,9 +207,9 @@ fn flat<T>(parts: Vec<Vec<T>>) -> Vec<T> {
     parts.into_iter().flatten().collect()
 }
 
-/// The average of the assignments' answers; clean points that are exact stay where they are.
+/// The average of the posteriors; exact clean points stay where they are.
 fn gather(frame: FrameState, mut answers: Vec<Answer>) -> Found {
-    // What weighs nothing may hold no number.
+    // A posterior of weight 0 may not be finite.
     answers.retain(|a| a.weight > 0.0);
     let d = frame.y.len();
     let mut corrupt: Vec<f64> = frame
@@ -256,7 +255,7 @@ fn gather(frame: FrameState, mut answers: Vec<Answer>) -> Found {
         .map(|v| v.max(EXACT_VARIANCE))
         .collect();
     for (p, q) in corrupt.iter().enumerate() {
-        // Points in doubt may move as far as their own covariance lets them.
+        // Undecided points may move as far as their covariance allows.
         if *q > SURE {
             noise[3 * p..3 * p + 3]
                 .iter_mut()

@@ -1,4 +1,4 @@
-//! A frame some points of which may be corrupt: which are in doubt, and what the others are.
+//! A frame in the search for outliers: which points are undecided, and what the others are.
 
 use super::rigid_likelihood::{DistanceTerm, RigidLikelihood};
 use crate::prior::rigid_pairs::RigidPairs;
@@ -6,27 +6,27 @@ use crate::prior::{EXACT_VARIANCE, Posterior, Prior, Want, posterior_rows};
 use crate::restore::rigid::body_lengths::BodyMixture;
 use ndarray::Array2;
 
-/// Points less sure than this to be clean, or corrupt, are in doubt.
+/// A point is undecided if its probabilities to be clean and to be an outlier both exceed this.
 pub const SURE: f64 = 0.01;
-/// At most so many points are hidden from the prior at a time.
+/// Most points hidden from the prior at a time.
 pub const MOST: usize = 12;
 
-/// What is known of a frame before the prior is asked.
+/// A frame and what is decided of it.
 pub struct FrameState {
-    /// 3 J numbers, cm.
+    /// (3 J), cm.
     pub y: Vec<f64>,
-    /// The variance of each number's noise where it is clean, cm²; infinite missing.
+    /// Noise variance of each clean coordinate, cm²; infinite where missing.
     pub noise_variance: Vec<f64>,
-    /// What its distances tell.
+    /// The likelihood of outliers by rigid distances.
     pub likelihood: RigidLikelihood,
-    /// In doubt, ascending.
+    /// The undecided points, ascending.
     pub undecided: Vec<usize>,
-    /// Corrupt, as far as it is decided.
+    /// Whether each point is an outlier, where decided.
     pub corrupt: Vec<bool>,
 }
 
 impl FrameState {
-    /// As far as the distances tell.
+    /// Decides by the distances alone.
     pub fn new(
         pairs: &RigidPairs,
         bodies: &BodyMixture,
@@ -50,13 +50,13 @@ impl FrameState {
         frame
     }
 
-    /// How many points it has.
+    /// The number of points.
     pub fn points(&self) -> usize {
         self.y.len() / 3
     }
 
-    /// Decides what the distances and the log odds of each point by itself (−∞: it is not corrupt) leave no doubt of; of
-    /// the rest, the [`MOST`] doubtful are in doubt; the others are what they more likely are.
+    /// Decides by the distances and the log odds of each point (−∞: not an outlier). The [`MOST`] least certain points
+    /// are undecided; the others are what they more likely are.
     pub fn judge(&mut self, unary: &[f64]) {
         self.likelihood.corrupt = self.likelihood.marginals(unary);
         self.decide();
@@ -77,8 +77,8 @@ impl FrameState {
             .collect();
     }
 
-    /// The noise under an assignment. Where there is none, points in doubt are missing, and those decided to be corrupt may
-    /// be as far off as their worst distance tells.
+    /// Noise variances under an assignment. Without one, undecided points are missing, and outliers have at least the
+    /// square of their worst distance.
     pub fn noise(&self, assigned: Option<&[bool]>) -> Vec<f64> {
         let mut out: Vec<f64> = self
             .noise_variance
@@ -103,7 +103,7 @@ impl FrameState {
         out
     }
 
-    /// What the distances of a point that is taken for clean to clean ones tell, of those decided so far.
+    /// Log density of the distances between a clean point and the points decided to be clean so far.
     pub fn clean_terms(&self, assigned: &[bool], p: usize) -> f64 {
         let clean = |q: usize| match self.undecided.iter().position(|d| *d == q) {
             _ if q == p => true,
@@ -120,7 +120,7 @@ impl FrameState {
     }
 }
 
-/// Asks the prior for some rows at once.
+/// The prior's posteriors of some frames at once.
 pub fn expected_by_prior(
     prior: &dyn Prior,
     rows: &[usize],
@@ -137,7 +137,7 @@ pub fn expected_by_prior(
     for (i, row) in rows.iter().enumerate() {
         let (a, b) = of(*row);
         for c in 0..d {
-            // What is missing is read nowhere, but nothing should hang on that.
+            // Missing values are never read; 0 keeps them finite.
             y[[i, c]] = if a[c].is_finite() { a[c] } else { 0.0 };
             noise[[i, c]] = b[c];
         }

@@ -1,5 +1,7 @@
-//! What is expected of points in doubt, which the prior did not see, once they are shown with the noise of an assignment: it follows
-//! from what the prior told of all of them, N(m, P), without asking it again.
+//! Undecided points put back with the noise of an assignment, without asking the prior again.
+//!
+//! The prior expects the hidden points at N(m, P). Observing them as y with noise R gives m + P K (y − m) and P − P K
+//! P with K = (P + R)⁻¹, for all points; and the expectation of each from all others.
 
 use super::frame_state::FrameState;
 use crate::numeric::small_linalg::{backward, factorise, forward};
@@ -7,7 +9,7 @@ use crate::prior::Posterior;
 use crate::restore::rigid::distances::MIN_OUTLIER_VARIANCE;
 use glam::DMat3;
 
-/// How wrong a prior may be: weight, factor of its variance, what is added to it (cm²).
+/// How wrong a prior may be: weight, factor of its variance, variance added (cm²).
 pub const SCALES: [(f64, f64, f64); 4] = [
     (0.4, 1.0, 0.01 * MIN_OUTLIER_VARIANCE),
     (0.3, 4.0, 0.05 * MIN_OUTLIER_VARIANCE),
@@ -15,30 +17,30 @@ pub const SCALES: [(f64, f64, f64); 4] = [
     (0.1, 64.0, 0.5 * MIN_OUTLIER_VARIANCE),
 ];
 
-/// What is expected of a point by all but its own observation.
+/// The expectation of a point from all observations but its own.
 pub struct LeaveOneOut {
-    /// How far off that it was seen, cm.
+    /// Observed minus expected, cm.
     pub off: [f64; 3],
-    /// The covariance (3, 3) by rows, cm².
+    /// Covariance (3, 3) by rows, cm².
     pub covariance: [f64; 9],
 }
 
-/// The points in doubt of a frame, shown.
+/// The undecided points of a frame, observed again.
 pub struct Reinserted<'a> {
     frame: &'a FrameState,
     expected: &'a Posterior,
-    /// The coordinates of the points in doubt.
+    /// The coordinates of the undecided points.
     at: Vec<usize>,
-    /// Of all coordinates.
+    /// Noise variance of each coordinate, cm².
     noise: Vec<f64>,
-    /// The Cholesky factor of P + R where they are, (n, n) by rows.
+    /// Cholesky factor of P + R at these coordinates, (n, n) by rows.
     factor: Vec<f64>,
     /// (P + R)⁻¹ (y − m).
     pull: Vec<f64>,
 }
 
 impl<'a> Reinserted<'a> {
-    /// Under an assignment, which has one a point in doubt; `expected` is what is expected of the frame without them.
+    /// Observes the undecided points under an assignment; `expected` is the posterior without them.
     pub fn of(frame: &'a FrameState, expected: &'a Posterior, assigned: &[bool]) -> Reinserted<'a> {
         let noise = frame.noise(Some(assigned));
         let at: Vec<usize> = frame
@@ -68,7 +70,7 @@ impl<'a> Reinserted<'a> {
         }
     }
 
-    /// What is expected of all points.
+    /// The posterior of all points.
     pub fn belief(&self) -> Posterior {
         let n = self.at.len();
         let mut out = self.expected.clone();
@@ -100,15 +102,15 @@ impl<'a> Reinserted<'a> {
         out
     }
 
-    /// Of each point in doubt: what all the others expect of it, also those in doubt.
+    /// The expectation of each undecided point from all others, the undecided ones included.
     pub fn cavities(&self) -> Vec<LeaveOneOut> {
         (0..self.frame.undecided.len())
             .map(|p| self.cavity(p))
             .collect()
     }
 
-    /// With K = (P + R)⁻¹, its own block of K⁻¹ is C + R and y − m without it is K_pp⁻¹ (K (y − m))_p: no difference of what is
-    /// nearly the same, as there is where an exact observation is taken out of the answer that has used it.
+    /// With K = (P + R)⁻¹, the inverse of its block K_pp is C + R, and y − m without point p is K_pp⁻¹ (K (y − m))_p.
+    /// This avoids the cancellation of removing an exact observation from a posterior that used it.
     fn cavity(&self, p: usize) -> LeaveOneOut {
         let (n, at) = (self.at.len(), 3 * p..3 * p + 3);
         let columns: [Vec<f64>; 3] = std::array::from_fn(|c| {
@@ -136,7 +138,7 @@ mod tests {
     use crate::restore::rigid::body_lengths::BodyMixture;
     use ndarray::Array2;
 
-    /// Four points that are expected to move together, seen elsewhere, with some of them in doubt.
+    /// Four points that are expected to move together, observed elsewhere, some of them undecided.
     fn frame(undecided: &[usize]) -> (FrameState, Posterior) {
         let pairs = RigidPairs::default();
         let y: Vec<f64> = (0..12).map(|i| f64::from((7 * i) % 5)).collect();

@@ -1,4 +1,4 @@
-//! Points judged one by one: by what a belief expects of each without its own observation.
+//! Points scored one by one, each by its expectation without its own observation.
 
 use super::assignment::Assignment;
 use super::frame_state::{FrameState, MOST, expected_by_prior};
@@ -9,14 +9,16 @@ use crate::prior::{Posterior, Prior};
 use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, base_of, is_seen};
 use glam::DMat3;
 
-/// What a point's log likelihood ratio is multiplied by at a second likelihood: the assignments' weights have used the point.
+/// Factor of a point's log likelihood ratio in [`rescore`]: the weights of the assignments have used the point
+/// already.
 const SECOND: f64 = 0.5;
 
-/// Where more than this share of an observation's variance is left, nearly all that is believed is its own.
+/// A posterior that keeps more than this share of the observation's variance has no information but that observation.
 const MOST_OWN: f64 = 0.98;
 
-/// Where too much is in doubt to hide it all, each point is first judged by what the prior expects of it.
-pub fn narrow(prior: &dyn Prior, frames: &mut [FrameState]) {
+/// Where too many points are undecided to hide them all, scores each point by the prior's posterior of the whole
+/// frame.
+pub fn score_crowded(prior: &dyn Prior, frames: &mut [FrameState]) {
     let crowded: Vec<usize> = (0..frames.len())
         .filter(|&t| frames[t].undecided.len() > MOST)
         .collect();
@@ -42,14 +44,13 @@ pub fn narrow(prior: &dyn Prior, frames: &mut [FrameState]) {
     }
 }
 
-/// What a belief expects of the points that may be corrupt tells how far off they are: a distance tells that along itself
-/// alone, and a point may be far off and a distance of it right. But the variance of a coordinate is never raised above the
-/// square of the worst distance: a point whose distances are all right is no outlier where only the belief does not expect it.
+/// Raises the variances of points that may be outliers to the squared distance from where the prior expects them. A
+/// distance measures a deviation along itself only. The variance stays below the square of the worst distance: a point
+/// with right distances is no outlier because the prior did not expect it.
 ///
-/// `expected` is what was asked with [`FrameState::noise`] of no assignment; that stays what it was, as it is no less than the worst
-/// distance's. Slabs only rise, also at a second look; what the distances tell of who is corrupt stays what their own slabs
-/// made of it.
-pub fn farther(frame: &mut FrameState, expected: &Posterior) {
+/// `expected` is the posterior with [`FrameState::noise`] of no assignment, which this does not change. Variances only
+/// rise; the probabilities by distances keep the variances they were computed with.
+pub fn raise_outlier_variances(frame: &mut FrameState, expected: &Posterior) {
     let shown = frame.noise(None);
     let may = |p: &usize| frame.corrupt[*p] || frame.undecided.contains(p);
     let may: Vec<usize> = (0..frame.points()).filter(may).collect();
@@ -66,11 +67,11 @@ pub fn farther(frame: &mut FrameState, expected: &Posterior) {
     }
 }
 
-/// Judges all points anew, by what the others expect of each under the likely assignments. `expected` is what is expected of
-/// the points in doubt without them.
-pub fn again(frame: &mut FrameState, expected: &Posterior, assignments: &[Assignment]) {
-    // What each assignment expects of a point: of those in doubt it is known without them, of the others by leaving them out,
-    // which tells of those that were not exact.
+/// Scores all points again, by what the others expect of each under the likely assignments. `expected` is the
+/// posterior without the undecided points.
+pub fn rescore(frame: &mut FrameState, expected: &Posterior, assignments: &[Assignment]) {
+    // Undecided points are left out exactly; for the others the own observation is divided out, which works where it
+    // was not exact.
     let noise = frame.noise(None);
     let under = |a: &Assignment| -> Vec<Option<LeaveOneOut>> {
         let shown = Reinserted::of(frame, expected, &a.corrupt);
@@ -106,14 +107,14 @@ pub fn again(frame: &mut FrameState, expected: &Posterior, assignments: &[Assign
     frame.judge(&unary);
 }
 
-/// Of each point that is seen; −∞ of the others.
+/// Log odds of each seen point; −∞ for the others.
 fn of_seen(frame: &FrameState, odds: impl Fn(usize) -> f64) -> Vec<f64> {
     let seen = |p: usize| is_seen(&frame.y, &frame.noise_variance, p);
     let of = |p: usize| if seen(p) { odds(p) } else { f64::NEG_INFINITY };
     (0..frame.points()).map(of).collect()
 }
 
-/// The log density of a point where it was seen, if it is clean and if it is corrupt; `None` where no number is expected.
+/// Log density of a point as observed, if clean and if an outlier; `None` without a finite expectation.
 fn logs(frame: &FrameState, expected: &LeaveOneOut, p: usize) -> Option<[f64; 2]> {
     let noises = [
         base_of(&frame.noise_variance, p),
@@ -123,11 +124,11 @@ fn logs(frame: &FrameState, expected: &LeaveOneOut, p: usize) -> Option<[f64; 2]
     logs.iter().all(|l| l.is_finite()).then_some(logs)
 }
 
-/// What a belief would be of a point without its own observation of variance `r` (infinite: it had none). `None` where it leaves
-/// more open than the observation's own noise, as blocks that compete may: it is no Gaussian then; or nearly as much: what is
-/// believed is what was seen, and tells nothing of what the others say.
+/// The expectation of a point with its own observation of variance `r` divided out (infinite `r`: it had none). `None`
+/// where the posterior leaves more than the observation's noise, as mixtures may, or nearly as much: the posterior
+/// then is the observation.
 fn left_out(y: &[f64], belief: &Posterior, p: usize, r: f64) -> Option<LeaveOneOut> {
-    // P_cav = P (I − P/r)⁻¹ and y − m_cav = (I − P/r)⁻¹ (y − m).
+    // P_out = P (I − P/r)⁻¹ and y − m_out = (I − P/r)⁻¹ (y − m).
     let left = |by: f64| -> [f64; 9] {
         std::array::from_fn(|k| {
             let v = belief.covariance[[3 * p + k / 3, 3 * p + k % 3]] / r;
@@ -180,8 +181,8 @@ mod tests {
 
     #[test]
     fn without_its_own_observation_a_point_is_expected_where_the_others_say() {
-        // x ~ N(m, S) in three coordinates, seen with noise r: the belief is the posterior, and leaving the observation out
-        // gives the prior back.
+        // x ~ N(m, S) in three coordinates, observed with noise r: dividing the observation out of the posterior gives
+        // N(m, S) back.
         let (m, y, r) = ([1.0, -2.0, 0.5], [3.0, -1.0, 0.0], 0.7);
         let s = [2.0, 0.3, 0.1, 0.3, 1.0, -0.2, 0.1, -0.2, 0.5];
         let mut a = s;
@@ -231,12 +232,12 @@ mod tests {
         };
         assert!(left_out(&[1.0; 3], &belief(0.9), 0, 1.0).is_some());
         assert!(left_out(&[1.0; 3], &belief(1.1), 0, 1.0).is_none());
-        // All but what was seen.
+        // Nearly the observation.
         assert!(left_out(&[1.0; 3], &belief(0.99), 0, 1.0).is_none());
         assert!(left_out(&[1.0; 3], &belief(f64::NAN), 0, 1.0).is_none());
     }
 
-    /// A frame of a chain of six points, 10 cm apart, along x; some of them seen elsewhere.
+    /// A frame of a chain of six points, 10 cm apart, along x; some of them observed elsewhere.
     fn chain(seen: &[(usize, f64)]) -> (FrameState, Vec<f64>) {
         let rigid = |k| Pair {
             ends: [k, k + 1],
@@ -263,7 +264,7 @@ mod tests {
         }
     }
 
-    /// How far a point is off what is expected, by the variance of a coordinate; what is expected is 1 cm off itself.
+    /// Squared deviation of a point from its expectation, a coordinate; the expectation itself has variance 1.
     fn off(frame: &FrameState, pose: &[f64], p: usize) -> f64 {
         let square = |i: usize| (frame.y[i] - pose[i]).powi(2) - 1.0;
         (3 * p..3 * p + 3).map(square).sum::<f64>() / 3.0
@@ -271,25 +272,25 @@ mod tests {
 
     #[test]
     fn a_point_is_as_far_off_as_from_where_it_is_expected_but_no_farther_than_its_worst_distance() {
-        // Turned about its neighbour: one of its distances is right, the other tells how far off it is.
+        // Turned about its neighbor: one of its distances is right, the other shows the deviation.
         let (mut frame, pose) = chain(&[(9, 21.0), (10, 9.9)]);
         frame.likelihood.corrupt[3] = 0.5;
         frame.undecided = vec![3];
         frame.corrupt.fill(false);
         let before = frame.likelihood.outlier_variance[3];
-        farther(&mut frame, &belief(pose.clone(), &[1.0; 18]));
+        raise_outlier_variances(&mut frame, &belief(pose.clone(), &[1.0; 18]));
         let noise_variance = off(&frame, &pose, 3);
         assert!(before < noise_variance && noise_variance < frame.likelihood.farthest[3]);
         assert!(
             (frame.likelihood.outlier_variance[3] - noise_variance).abs() <= 1e-9 * noise_variance
         );
-        // No number tells nothing.
+        // An expectation that is not finite changes nothing.
         let (raised, shown) = (frame.likelihood.outlier_variance.clone(), frame.noise(None));
-        farther(&mut frame, &belief(vec![f64::NAN; 18], &[1.0; 18]));
+        raise_outlier_variances(&mut frame, &belief(vec![f64::NAN; 18], &[1.0; 18]));
         assert_eq!(frame.likelihood.outlier_variance, raised);
-        // Expected farther off still.
+        // Expected farther away than the worst distance.
         let far = pose.iter().map(|v| v + 400.0).collect();
-        farther(&mut frame, &belief(far, &[1.0; 18]));
+        raise_outlier_variances(&mut frame, &belief(far, &[1.0; 18]));
         assert_eq!(
             frame.likelihood.outlier_variance[3],
             frame.likelihood.farthest[3]
@@ -303,7 +304,7 @@ mod tests {
         frame.likelihood.corrupt[3] = 1.0;
         frame.undecided = vec![];
         frame.corrupt = (0..6).map(|p| p == 3).collect();
-        // What would be expected of each coordinate, 1 cm off, after it was shown.
+        // The posterior of each coordinate, expected with variance 1, after its observation.
         let shown = frame.noise(None);
         assert_eq!(
             shown[9],
@@ -313,7 +314,7 @@ mod tests {
         let at = |i: usize| pose[i] + gain(i) * (frame.y[i] - pose[i]);
         let variance: Vec<f64> = (0..18).map(|i| 1.0 - gain(i)).collect();
         let noise_variance = belief((0..18).map(at).collect(), &variance);
-        farther(&mut frame, &noise_variance);
+        raise_outlier_variances(&mut frame, &noise_variance);
         let whole = off(&frame, &pose, 3);
         assert!(
             (frame.likelihood.outlier_variance[3] - whole).abs() <= 1e-6 * whole,
@@ -329,7 +330,7 @@ mod tests {
         frame.undecided = (0..6).collect();
         let before = frame.likelihood.outlier_variance.clone();
         let far = pose.iter().map(|v| v + 400.0).collect();
-        farther(&mut frame, &belief(far, &[1.0; 18]));
+        raise_outlier_variances(&mut frame, &belief(far, &[1.0; 18]));
         assert_eq!(frame.likelihood.outlier_variance, before);
     }
 
@@ -346,7 +347,7 @@ mod tests {
         let seen = frame.y.clone();
         let rescored = |frame: &mut FrameState, mean: Vec<f64>| {
             frame.undecided = vec![3];
-            again(frame, &belief(mean, &[0.1; 18]), &[clean(1)]);
+            rescore(frame, &belief(mean, &[0.1; 18]), &[clean(1)]);
             frame.likelihood.corrupt[3]
         };
         let expected_there = rescored(&mut frame, seen);

@@ -1,13 +1,14 @@
-//! What rigid distances alone tell of which points are corrupt.
+//! The likelihood of outliers by rigid distances alone.
 //!
-//! Each point is clean or corrupt (odds .8 : .2). A distance between clean points deviates by what it does by itself and
-//! by the base noise; where an end is corrupt, by that end's slab as well:
+//! Each point is clean or an outlier, z_j in {0, 1} (odds .8 : .2). A distance d_k between points i and j deviates
+//! from its length L_k by its own variance V_k, by the noise b² of both ends, and by the variance S of each end that
+//! is an outlier:
 //!
 //! ```text
 //! p(z, d) ∝ Π_j (.8 or .2) Π_k N(d_k − L_k; shift, V_k + b_i² + b_j² + z_i S_i + z_j S_j)
 //! ```
 //!
-//! The sum over z is taken over the best few assignments of a beam that goes from point to point.
+//! Marginals of z come from the best assignments of a beam search over the points.
 
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::rigid_pairs::RigidPairs;
@@ -15,14 +16,14 @@ use crate::restore::rigid::body_lengths::{BodyMixture, Lengths};
 use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, OUTLIER_SHARE, deviations, is_seen};
 use crate::restore::rigid::noise_floor;
 
-/// The share of a corrupt end's distances that are further off than its slab tells.
+/// Probability that an outlier's distance deviates more than its variance says.
 const FAR: f64 = 0.3;
-/// What a prior leaves of a distance's deviation when it knows of no bones, cm²: the lengths tell what they tell beyond it.
+/// Variance of a distance under a prior that knows no bones, cm²: the lengths count beyond that.
 const PRIOR_KNOWS: f64 = 1.0;
-/// Assignments that a beam carries along.
+/// Assignments in the beam.
 const WIDTH: usize = 64;
 
-/// The log odds of a corrupt point before anything is known.
+/// Prior log odds of an outlier.
 pub fn log_odds() -> f64 {
     (OUTLIER_SHARE / (1.0 - OUTLIER_SHARE)).ln()
 }
@@ -32,34 +33,35 @@ fn log_normal(x: f64, v: f64) -> f64 {
     -0.5 * (x * x / v + v.ln())
 }
 
-/// A distance seen.
+/// The likelihood of one distance.
 #[derive(Debug, Clone)]
 pub struct DistanceTerm {
     /// Its ends.
     pub ends: [usize; 2],
-    /// The log density of its deviation by which ends are corrupt: none, the first, the second, both.
+    /// Log density by which ends are outliers: none, the first, the second, both.
     logs: [f64; 4],
-    /// What clean ends make more likely, beyond what a prior knows of the distance.
+    /// Log density with clean ends, relative to that under a prior alone.
     pub clean: f64,
 }
 
-/// What the distances of a frame tell.
+/// The likelihood of a frame's distances.
 #[derive(Debug, Clone)]
 pub struct RigidLikelihood {
-    /// The distances between points that are seen.
+    /// The distances between seen points.
     pub terms: Vec<DistanceTerm>,
-    /// The probability that each point is corrupt; 0 for those not seen.
+    /// The probability of each point to be an outlier; 0 where not seen.
     pub corrupt: Vec<f64>,
-    /// The variance of a coordinate of each point if it is corrupt, cm².
+    /// Variance of a coordinate of each point if it is an outlier, cm².
     pub outlier_variance: Vec<f64>,
-    /// The square of how far off the distance of each point is that is off most, cm².
+    /// Square of the worst deviation among each point's distances, cm².
     pub farthest: Vec<f64>,
-    /// Whose lengths were taken.
+    /// The lengths of the body.
     pub lengths: Lengths,
 }
 
-/// The variance of a coordinate of each point if it is corrupt: all distances of a point that is far off are off, its
-/// neighbours' others are not. Distances to points that are likely `corrupt` count where there is no other.
+/// Variance of a coordinate of each point if it is an outlier: its least squared deviation, as all distances of an
+/// outlier deviate, and only some of its neighbors'. Distances to likely outliers (`corrupt`) count where there are no
+/// others.
 fn outlier_variances(
     pairs: &RigidPairs,
     seen: &[(usize, f64, f64)],
@@ -84,7 +86,7 @@ fn outlier_variances(
         .collect()
 }
 
-/// The square of how far off the distance of each point is that is off most.
+/// Square of the worst deviation among each point's distances.
 fn farthest(
     pairs: &RigidPairs,
     seen: &[(usize, f64, f64)],
@@ -100,7 +102,7 @@ fn farthest(
     out
 }
 
-/// What each distance tells of its ends.
+/// The likelihood of each distance.
 fn terms(
     pairs: &RigidPairs,
     seen: &[(usize, f64, f64)],
@@ -140,7 +142,8 @@ fn terms(
 }
 
 impl RigidLikelihood {
-    /// Looks at a frame: `noise_variance` holds the base variance of each coordinate, infinite where it is missing.
+    /// The likelihood of a frame (3 J, cm); `noise_variance` is that of clean coordinates, cm², infinite where
+    /// missing.
     pub fn new(
         pairs: &RigidPairs,
         bodies: &BodyMixture,
@@ -168,7 +171,7 @@ impl RigidLikelihood {
             lengths,
         };
         likelihood.corrupt = likelihood.marginals(&unary);
-        // Distances to other corrupt points tell nothing of how far one is off.
+        // A distance to another outlier does not measure the deviation.
         let again = outlier_variances(pairs, &seen, &likelihood.lengths, &likelihood.corrupt);
         if again != likelihood.outlier_variance {
             likelihood.terms = terms(pairs, &seen, &likelihood.lengths, &again);
@@ -178,7 +181,7 @@ impl RigidLikelihood {
         likelihood
     }
 
-    /// The probability that each point is corrupt, given the log odds of each by itself (−∞: it is not).
+    /// The probability of each point to be an outlier, given its log odds (−∞: it is none).
     pub fn marginals(&self, unary: &[f64]) -> Vec<f64> {
         let points = unary.len();
         let mut ending: Vec<Vec<&DistanceTerm>> = vec![Vec::new(); points];
@@ -260,7 +263,7 @@ mod tests {
         y[12] += 4.0;
         let tip = RigidLikelihood::new(&pairs, &bodies, &y, &[0.0; 15]);
         assert!((0.3..1.0).contains(&tip.corrupt[4]), "{:?}", tip.corrupt);
-        // A point not seen is not corrupt, and tells nothing of its neighbours.
+        // A missing point is no outlier, and its neighbors lose a distance.
         let mut y = pose;
         y[6] = f64::NAN;
         let gap = RigidLikelihood::new(&pairs, &bodies, &y, &[0.0; 15]);
@@ -269,7 +272,7 @@ mod tests {
 
     #[test]
     fn how_far_off_a_point_is_is_not_told_by_corrupt_neighbours() {
-        // Point 2 is off, and point 3 as well: from one another they are nearly as far as they should be.
+        // Points 2 and 3 both deviate; their mutual distance is nearly right.
         let (pairs, pose) = chain();
         let lengths = &BodyMixture::of(&pairs).all[0].1;
         let mut y = pose.clone();
@@ -284,7 +287,7 @@ mod tests {
             outlier_variance(&[0.0, 0.0, 1.0, 1.0, 1.0]),
             MIN_OUTLIER_VARIANCE
         );
-        // However far off, the first of them is found.
+        // However far they deviate, the first of them is found.
         let look = RigidLikelihood::new(&pairs, &BodyMixture::of(&pairs), &y, &[0.0; 15]);
         assert!(look.corrupt[2] > 0.9 && look.corrupt[..2].iter().all(|q| *q < 0.1));
     }

@@ -1,41 +1,42 @@
-//! Points that leave their path for some frames: no part of a body jumps away and back. That needs no model and no body.
+//! Spikes: points that leave their path for some frames. No part of a body jumps away and back, so no model is needed.
 //!
-//! 1. Of two frames, a before and b after, a point that moves steadily is on the line between them. It is off that line by
-//!    A h² a b / 2 at most, h seconds a frame, if it is accelerated by no more than A, and by the noise. A point that agrees
-//!    with too few of its neighbours in time is a stray.
-//! 2. Of the others, a point is on the cubic through its two neighbours on either side but for S h⁴ a b c d / 24, if the
-//!    fourth derivative of its path is no more than S. The one that is worst off of those near it is a stray, until none is.
-//! 3. Strays on whose other side the path does not go on as before are none: it jumped, and stays where it is.
+//! 1. Between two frames, a before and b after, a point moves on a straight line, but for A h² a b / 2 if its
+//! acceleration is at most A (h seconds a frame), and for the noise. A point that agrees with too few pairs of its
+//! neighbors in time is a spike.
+//! 2. The remaining points are on the cubic through two neighbors on either side, but for S h⁴ a b c d / 24 if the
+//! fourth derivative of the path is at most S. The point with the largest deviation nearby is a spike, until none is
+//! left.
+//! 3. Spikes after which the path does not continue as before are none: the point jumped and stays where it is.
 
 use crate::numeric::parallel;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::{Deref, Range};
 
-/// No part of a body is accelerated by more, cm/s²: as a heel that strikes the ground is.
+/// Largest acceleration, cm/s²: that of a heel that strikes the ground.
 const MOST: f64 = 2e4;
-/// Nor is it by more for as long as strays last.
+/// Largest acceleration for as long as spikes last, cm/s².
 const MOST_LONG: f64 = 5e3;
-/// Nor is the fourth derivative of its path larger, cm/s⁴.
+/// Largest fourth derivative of a path, cm/s⁴.
 const MOST_BENT: f64 = 4e8;
-/// A point that is off its path by less is none, cm.
+/// Least deviation of a spike, cm.
 const LEAST: f64 = 1.5;
-/// So many standard deviations of noise are allowed for.
+/// Standard deviations of noise that are allowed for.
 const SURE: f64 = 5.0;
-/// Neighbours on each side, and how far off they may be, seconds; but at least as many frames.
+/// Neighbors on each side, and how far away they may be in seconds; at least as many frames.
 const NEIGHBOURS: usize = 3;
 const REACH: f64 = 0.05;
-/// A point agrees with one in so many pairs of neighbours, or is a stray.
+/// A point that agrees with fewer than one in this many pairs of neighbors is a spike.
 const AGREE: usize = 3;
-/// One stray is told from another that is this many frames off.
+/// Frames within which only the largest deviation is a spike.
 const APART: usize = 3;
-/// The first time strays are among the neighbours too; then they are left out, as far as they were found.
+/// Rounds of the first test. Spikes found in one are no neighbors in the next.
 const TIMES: usize = 3;
-/// So often at most the worst are looked for.
+/// Largest number of rounds of the second test.
 const ROUNDS: usize = 50;
 
-/// The strays of each frame of a take (frames, 3 J; cm, NaN missing): `runs` are the stretches of frames that follow one
-/// another, `rate` frames a second, `noise` the standard deviation of a coordinate of each point (J), cm.
+/// The spikes of each frame of a take (frames, 3 J; cm, NaN missing). `runs` are ranges of consecutive frames, `rate`
+/// is in frames a second, `noise` (J) the standard deviation of a coordinate of each point, cm.
 pub fn spikes(
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
@@ -70,7 +71,7 @@ pub fn spikes(
     out
 }
 
-/// The nearest frames on one side, without an allocation: there are many.
+/// The nearest frames on one side, on the stack: there are many.
 #[derive(Default)]
 struct Near {
     frames: [usize; NEIGHBOURS],
@@ -96,15 +97,15 @@ impl Deref for Near {
     }
 }
 
-/// Each two of some frames.
+/// All pairs of some frames.
 fn pairs(frames: &[usize]) -> impl Iterator<Item = (usize, usize)> {
     let each = frames.iter().enumerate();
     each.flat_map(|(k, a)| frames[k + 1..].iter().map(move |b| (*a, *b)))
 }
 
-/// A point over the frames of a run.
+/// The positions of a point over a run.
 struct Path {
-    /// NaN where it is missing.
+    /// NaN where missing.
     places: Vec<DVec3>,
     /// Seconds a frame.
     step: f64,
@@ -130,14 +131,14 @@ impl Path {
         let count = |some: &[bool]| some.iter().filter(|s| **s).count();
         let seen: Vec<bool> = self.places.iter().map(|p| p.is_finite()).collect();
         if 2 * count(&spikes) > count(&seen) {
-            // There is no path: all is noise, of more than was told.
+            // There is no path: the noise is larger than stated.
             spikes.fill(false);
         }
         spikes
     }
 
-    /// Where a path jumps and stays away, the frames on either side of the jump agree with too few of their neighbours: they are
-    /// no strays.
+    /// Where a path jumps and stays, the frames on either side of the jump disagree with their neighbors: they are no
+    /// spikes.
     fn release(&self, spikes: &mut [bool]) {
         let mut from = 0;
         while let Some(first) = (from..spikes.len()).find(|t| spikes[*t]) {
@@ -150,7 +151,7 @@ impl Path {
         }
     }
 
-    /// Whether what is before some strays does not lead to what is after them, nor the other way; of either side one may be off.
+    /// Whether neither side of some spikes leads to the other; one frame of either side may be off.
     fn jumps(&self, first: usize, end: usize, spikes: &[bool]) -> bool {
         let before = &self.neighbours(first, spikes)[0];
         let after = &self.neighbours(end - 1, spikes)[1];
@@ -160,7 +161,7 @@ impl Path {
         !before.is_empty() && !after.is_empty() && !leads(before, after) && !leads(after, before)
     }
 
-    /// Adds the places that are worst off of those near them, by the cubics through their neighbours; whether there are any.
+    /// Adds the largest deviations from the cubics through their neighbors; returns whether there are any.
     fn add_worst(&self, spikes: &mut [bool]) -> bool {
         let off: Vec<f64> = (0..spikes.len())
             .map(|t| self.off_cubic(t, spikes))
@@ -177,7 +178,8 @@ impl Path {
         some
     }
 
-    /// How far a place is off the cubic through its neighbours, of what may be; 0 where it has too few, or is a stray.
+    /// Deviation from the cubic through the neighbors, relative to the largest allowed; 0 for spikes and where
+    /// neighbors lack.
     fn off_cubic(&self, t: usize, spikes: &[bool]) -> f64 {
         if !self.places[t].is_finite() || spikes[t] {
             return 0.0;
@@ -200,7 +202,7 @@ impl Path {
         (self.places[t] - expected).length() / most
     }
 
-    /// Whether a place agrees with too few of its neighbours.
+    /// Whether a position agrees with too few pairs of its neighbors.
     fn is_spike(&self, t: usize, spikes: &[bool]) -> bool {
         if !self.places[t].is_finite() {
             return false;
@@ -222,20 +224,20 @@ impl Path {
         all > 1 && AGREE * agree < all
     }
 
-    /// Whether the end of a stretch agrees with no two of its neighbours, which agree with each other.
+    /// Whether the end of a run agrees with no pair of its neighbors, which agree with each other.
     fn is_loose(&self, t: usize, near: &[usize]) -> bool {
         let [a, b, c] = *near else { return false };
         self.agrees(b, a, c) && pairs(near).all(|(i, j)| !self.agrees(t, i, j))
     }
 
-    /// The same of the frame beside the end of a stretch, which may be the one that is off: it has to be known, or to agree with
-    /// the others.
+    /// As `is_loose`, for the frame beside the end of a run. The end itself may be off: it has to be a known spike, or
+    /// to agree with the others.
     fn is_loose_beside(&self, t: usize, end: usize, near: &[usize], spikes: &[bool]) -> bool {
         let is_known = || spikes[end] || pairs(near).any(|(i, j)| self.agrees(end, i, j));
         self.is_loose(t, near) && is_known()
     }
 
-    /// The nearest frames before and after one that are seen and no `spikes` (none where the list is empty), the nearest first.
+    /// The nearest frames before and after `t` that are seen and not in `spikes`, the nearest first.
     fn neighbours(&self, t: usize, spikes: &[bool]) -> [Near; 2] {
         let is_spike = |i: usize| spikes.get(i).is_some_and(|is| *is);
         let counts = |i: &usize| self.places[*i].is_finite() && !is_spike(*i);
@@ -247,12 +249,12 @@ impl Path {
         ]
     }
 
-    /// Whether a place is on the line through two others, as far as it may be off.
+    /// Whether a position is on the line through two others, within the largest acceleration.
     fn agrees(&self, t: usize, i: usize, j: usize) -> bool {
         self.is_on_line(t, (i, j), MOST)
     }
 
-    /// The same if it is accelerated by no more than `most`.
+    /// As `agrees`, within the acceleration `most`.
     fn is_on_line(&self, t: usize, (i, j): (usize, usize), most: f64) -> bool {
         let [a, b] = [i, j].map(|i| i as f64 - t as f64);
         let share = a / (a - b);
@@ -321,7 +323,7 @@ mod tests {
                 .iter()
                 .filter(|(t, p)| *p == 0 && hit.contains(t))
                 .count();
-            // Some are hardly moved, and of some the neighbours are no better.
+            // Some are hardly moved, and the neighbors of some are spikes too.
             assert!(
                 right * 10 >= hit.len() * 9,
                 "{far}: {right} of {}",
@@ -389,7 +391,7 @@ mod tests {
             "{noise_variance:?}"
         );
         assert!(noise_variance.len() < 8, "{noise_variance:?}");
-        // What two takes have beside one another need not be near.
+        // Two takes need not join.
         let mut two = motion(100);
         for t in 50..100 {
             two[[t, 1]] += 50.0;

@@ -1,15 +1,15 @@
-//! P1: the pose and its placement, found alternately (equations 7 to 13 of the posing paper).
+//! P1: a pose and its placement, found in turn (equations 7 to 13 of the posing paper).
 //!
 //! ```text
 //! min over x, R, t   Σ wᵢ |R (A x)ᵢ + t − yᵢ|² + Σ Wₖ (τₖ − τ₀ₖ)²    with at most kappa entries of x
 //! ```
 //!
-//! y are the observed points, w their precisions, R = Rz Ry Rx of the angles τ. Fixed (R, t), coding the points carried
-//! back is P1a; fixed x, the rotation and shift are P1b: closed form (Horn) while the prior weights W are zero, damped
-//! Gauss-Newton otherwise. The code keeps its old support, refitted, where greedy coding anew would be worse, so the
-//! objective never rises. It is not convex: headings to start from are found by fitting typical poses to the points, so
-//! a turned observation gives the turned answer. From each heading the evidence of a model that tells its slope
-//! ([`Prior::evidence_gradient`]) is climbed instead.
+//! y are the observed points (cm), w their precisions (1/cm²), R = Rz Ry Rx of the angles τ (radians). For fixed (R,
+//! t) the sparse code of the points in the model's space is P1a. For fixed x the placement is P1b: closed form (Horn)
+//! without a rotation prior W, damped Gauss-Newton with one. The code keeps its support where a new one would be
+//! worse, so the objective never rises. The problem is not convex: starting placements come from fitting
+//! representative poses to the points, so a rotated observation gives the rotated result. Where a prior gives the
+//! gradient of its evidence ([`Prior::evidence_gradient`]), [`super::evidence`] maximizes that instead.
 
 use super::evidence::{self, Ascent};
 use crate::pose::Observation;
@@ -20,19 +20,19 @@ use crate::pose::{Anchor, Similarity};
 use crate::prior::{Prior, Reconstruction};
 use glam::{DMat3, DVec3};
 
-/// Headings nearer to each other than this are one (radians).
+/// Starting rotations that differ by less are one, radians.
 const SAME_HEADING: f64 = 0.35;
 
-/// How P1 is solved.
+/// Parameters of the placement search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacementSolver {
-    /// How many headings are tried, the most promising first.
+    /// Largest number of starting placements, the best fits first.
     pub headings: usize,
-    /// At most so many alternations a heading.
+    /// Largest number of iterations from each.
     pub iterations: usize,
-    /// An alternation that lowers the objective by less than this share is the last.
+    /// An iteration that lowers the objective by a smaller share is the last.
     pub tolerance: f64,
-    /// W of the rotation prior about x, y and z, in the objective's unit a radian²; zero: closed form.
+    /// W of the rotation prior about x, y and z, 1/radian²; 0: no prior, closed form.
     pub rotation_prior: DVec3,
 }
 
@@ -47,22 +47,22 @@ impl Default for PlacementSolver {
     }
 }
 
-/// A solved P1.
+/// A solution of P1.
 #[derive(Debug, Clone)]
 pub struct PlacementSolution {
-    /// From the model's space to the observation's.
+    /// From the model's space to the world.
     pub placement: Similarity,
-    /// The code in the model's space; its objective is (7), the rotation prior's part left out. None where the evidence was
-    /// climbed: that needs no code.
+    /// The code in the model's space, with objective (7) without the rotation prior; `None` where evidence was
+    /// maximized.
     pub fit: Option<Reconstruction>,
-    /// (7) whole; where the evidence was climbed, −2 times what that file maximises.
+    /// Objective (7) with the rotation prior; −2 times the log evidence where that was maximized.
     pub objective: f64,
-    /// Alternations or steps made from the heading that won.
+    /// Iterations from the start that won.
     pub iterations: usize,
 }
 
 impl PlacementSolution {
-    /// A placement to start from.
+    /// A placement without a code, to start from.
     pub fn from_placement(placement: Similarity) -> PlacementSolution {
         PlacementSolution {
             placement,
@@ -74,7 +74,8 @@ impl PlacementSolution {
 }
 
 impl PlacementSolver {
-    /// Solves P1 from the headings that the points suggest and from `known` ones (a pelvis, the frame before).
+    /// Solves P1 from `known` placements (that of the pelvis, that of the frame before), or else from representative
+    /// poses.
     ///
     /// `None` when the points do not determine a rotation: fewer than three, or all on a line.
     pub fn solve(
@@ -90,7 +91,7 @@ impl PlacementSolver {
         for start in starts {
             let solved = match evidence::maximize(self, prior, seen, start, &tops) {
                 Ascent::Top(solved) => {
-                    // Who wishes to stay near another start climbs elsewhere, and one that ran out of steps is at no top.
+                    // A rotation prior depends on the start, and a search that ran out of iterations is at no maximum.
                     let is_top = solved.iterations < self.iterations;
                     if is_top && self.rotation_prior == DVec3::ZERO {
                         tops.push(solved.placement);
@@ -107,8 +108,8 @@ impl PlacementSolver {
         best
     }
 
-    /// Solves P1 from the solution of a moment before, as while a joint is dragged: from where it stood, its atoms kept where
-    /// coding anew is worse.
+    /// Solves P1 from the solution of the frame before, as while a point is dragged. Its atoms stay where new ones
+    /// would be worse.
     ///
     /// `None` as for [`PlacementSolver::solve`].
     pub fn follow(
@@ -125,7 +126,7 @@ impl PlacementSolver {
         }
     }
 
-    /// The headings to start from: the known ones, or those of the typical poses that fit the points best, far apart.
+    /// The starting placements: the known ones, or those of the best fitting representative poses, far apart.
     fn headings(
         &self,
         prior: &dyn Prior,
@@ -171,7 +172,7 @@ impl PlacementSolver {
         Some(starts)
     }
 
-    /// Alternates from one heading until the objective settles. `before`: a code that is placed first, and may do.
+    /// Alternates from one start until the objective settles. `before` is a code to place first.
     fn descend(
         &self,
         prior: &dyn Prior,
@@ -200,7 +201,7 @@ impl PlacementSolver {
             let next = self.place(prior, seen, anchor, &start, &placement, &fit);
             let next_fit = code(&next, Some(&fit));
             let next_objective = next_fit.objective + self.prior_cost(&next, &start);
-            // Rounding aside the objective cannot rise; where it does not fall there is nothing left to do.
+            // Rounding aside the objective cannot rise; where it does not fall the search has ended.
             if !(next_objective < objective) {
                 return PlacementSolution {
                     placement,
@@ -228,7 +229,7 @@ impl PlacementSolver {
         }
     }
 
-    /// P1b: rotation and shift for a given pose of the model.
+    /// P1b: the placement of a given pose of the model.
     fn place(
         &self,
         prior: &dyn Prior,
@@ -254,7 +255,7 @@ impl PlacementSolver {
         self.shifted(prior, seen, anchor, turned, Some(fit))
     }
 
-    /// The best shift for a rotation: that of the root where it is observed, else of the weighted centre.
+    /// The best shift for a rotation: that of the root where observed, else of the weighted center.
     fn shifted(
         &self,
         prior: &dyn Prior,
@@ -300,15 +301,15 @@ impl PlacementSolver {
         (self.rotation_prior * angles * angles).element_sum()
     }
 
-    /// Gauss-Newton on the angles of R = Rz Ry Rx · R_start with the prior W; every step that is kept lowers the
-    /// objective. (The paper's gradient (13) lacks the factor 2 and is not the derivative; this one is.)
+    /// Gauss-Newton on the angles of R = Rz Ry Rx · R_start with the prior W; each accepted step lowers the objective.
+    /// (The paper's gradient (13) lacks the factor 2 and is not the derivative; this one is.)
     fn rotate_with_prior(
         &self,
         pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone,
         start: &DMat3,
         now: &DMat3,
     ) -> DMat3 {
-        // The shift is eliminated: both sets about their weighted centres.
+        // The shift is eliminated: both sets about their weighted centers.
         let (mut weight, mut from, mut to) = (0.0, DVec3::ZERO, DVec3::ZERO);
         for (a, b, w) in pairs.clone() {
             weight += w;
@@ -370,7 +371,7 @@ impl PlacementSolver {
 mod tests {
     use super::*;
 
-    /// Atoms over six points of a body that turns a little, and a pose of them that stands elsewhere, without its last point.
+    /// Atoms of six points of a body that turns a little, and a pose of them placed elsewhere, without its last point.
     fn scene() -> (crate::prior::SparseCodingPrior, Anchor, Vec<f64>, Vec<f64>) {
         let names = ["root", "lhipjoint", "rhipjoint", "thorax", "head", "lhand"];
         let names = names.map(String::from);
@@ -423,7 +424,7 @@ mod tests {
             again.objective,
             first.objective
         );
-        // A joint is dragged: the code and the placement follow it.
+        // A point is dragged: the code and the placement follow it.
         y[12] += 3.0;
         let seen = Observation {
             values: &y,
@@ -435,7 +436,7 @@ mod tests {
         let moved = solver.follow(&prior, seen, &anchor, &again).unwrap();
         assert!(moved.objective <= 2.0 * alone.objective + 1e-9);
         assert!((moved.placement.shift - again.placement.shift).length() < 5.0);
-        // Two points determine nothing.
+        // Two points determine no placement.
         let hidden: Vec<f64> = (0..18)
             .map(|c| if c < 6 { 0.0 } else { f64::INFINITY })
             .collect();

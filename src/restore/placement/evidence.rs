@@ -1,13 +1,14 @@
-//! A placement by evidence: where the model explains the observation best.
+//! A placement by maximum evidence: where the prior explains the observation best.
 //!
-//! P1 alternates between pose and placement. A model that can meet any six joints wherever they stand stops where it
-//! begins: its fit leaves nothing to turn by. It knows how likely each placement is instead, and that is climbed:
+//! Alternating as in P1 stops at once for a prior that can reproduce any six points wherever they stand: its fit
+//! leaves no residual to rotate by. The log evidence of each placement still differs:
 //!
 //! ```text
 //! max over R, t   log p(Rᵀ (y − t)) − ½ Σ Wₖ (τₖ − τ₀ₖ)²
 //! ```
 //!
-//! by damped Newton steps δ, ε of y ↦ Rᵀ (exp(−δ) (y − c − ε) + c − t) about the centre c of what is seen.
+//! y are the observed points (cm), W a rotation prior. Levenberg-Marquardt steps δ (rotation, radians) and ε (shift,
+//! cm) move y to Rᵀ (exp(−δ) (y − c − ε) + c − t), with c the center of the observed points.
 
 use super::alternating::{PlacementSolution, PlacementSolver};
 use crate::numeric::linalg::cholesky_solve;
@@ -19,31 +20,31 @@ use crate::prior::{EvidenceGradient, Prior};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
 
-/// A step that is to gain less than this, in nats, is the last: it moves what is seen by a seventieth of how sure the
-/// placement is.
+/// A step expected to gain less, nats, is the last: it moves the points by a seventieth of the placement's
+/// uncertainty.
 const SETTLED: f64 = 1e-4;
-/// A climb that comes so near to where another ended, radians and cm, would end there too: it is left off.
+/// A search that comes this close to a known maximum, radians and cm, would end there.
 const SAME_TOP: (f64, f64) = (0.1, 3.0);
-/// Evidence is told in single precision: below this, in nats, steps are taken by the gradient's word alone.
+/// Evidence has single precision: smaller gains, nats, are accepted by the gradient alone.
 const ROUGH: f64 = 1e-3;
-/// Turns are kept below this, radians, and shifts below this, cm: farther off the slope says little.
+/// Largest rotation (radians) and shift (cm) of a step: the gradient is local.
 const FARTHEST: (f64, f64) = (0.35, 20.0);
-/// A step that is damped no more than this is Newton's own.
+/// Up to this damping a step counts as Newton's own.
 const UNDAMPED: f64 = 1e-3;
-/// Damping that finds no better place gives up.
+/// Damping at which the search ends.
 const MOST_DAMPED: f64 = 1e6;
 
-/// Where a climb ended.
+/// How a search ended.
 pub enum Ascent {
-    /// Where nothing near is better.
+    /// At a maximum.
     Top(PlacementSolution),
-    /// On the way to where another climb ended.
+    /// Close to a known maximum.
     SameTop,
-    /// Where it began: the model tells no slope.
+    /// At its start: the prior gives no gradient.
     Flat,
 }
 
-/// Climbs from one start; `tops` is where others ended that climbed as this one does.
+/// Maximizes from one start; `tops` are the maxima found from other starts.
 pub fn maximize(
     solver: &PlacementSolver,
     prior: &dyn Prior,
@@ -81,7 +82,7 @@ pub fn maximize(
             };
             let next = climber.moved(&now, &step);
             if gain <= SETTLED && damping <= UNDAMPED {
-                // What it gains is below what the evidence is told to: no slope is worth its time there.
+                // The gain is below the precision of the evidence: another gradient is not worth its cost.
                 slope.log_evidence = value + gain + cost(&next);
                 now = next;
                 break 'steps;
@@ -108,10 +109,10 @@ pub fn maximize(
     })
 }
 
-/// Adds the wish to stay near the start: with the angles' change by a turn J = ∂τ/∂δ, Jᵀ W τ and Jᵀ W J.
+/// Adds the rotation prior: with J = ∂τ/∂δ, Jᵀ W τ to the gradient and Jᵀ W J to the curvature.
 fn add_wish(slope: &mut EvidenceGradient, weights: DVec3, start: &Similarity, now: &Similarity) {
     let angles = angles_zyx_between(&start.rotation, &now.rotation);
-    // ∂R/∂τ Rᵀ is the cross product with the axis that the angle turns about.
+    // ∂R/∂τ Rᵀ is the cross product with the axis of the angle.
     let axes = rotation_zyx_derivatives(angles).map(|d| {
         let cross = d * rotation_zyx(angles).transpose();
         DVec3::new(cross.y_axis.z, cross.z_axis.x, cross.x_axis.y)
@@ -127,7 +128,7 @@ fn add_wish(slope: &mut EvidenceGradient, weights: DVec3, start: &Similarity, no
     }
 }
 
-/// An observation that is to be placed.
+/// An observation to place.
 struct EvidenceProblem<'a> {
     prior: &'a dyn Prior,
     seen: Observation<'a>,
@@ -136,7 +137,7 @@ struct EvidenceProblem<'a> {
 }
 
 impl EvidenceProblem<'_> {
-    /// The slope of the evidence at a placement: along three turns about the centre, then three shifts.
+    /// The gradient of the evidence along three rotations about the center, then three shifts.
     fn slope(&self, at: &Similarity) -> Option<EvidenceGradient> {
         let d = self.seen.values.len();
         let mut back = vec![0.0; d];
@@ -179,7 +180,7 @@ impl EvidenceProblem<'_> {
     }
 }
 
-/// The centre of what is seen.
+/// The center of the whole points.
 fn centre(seen: Observation<'_>) -> DVec3 {
     let points = seen
         .values
@@ -192,7 +193,7 @@ fn centre(seen: Observation<'_>) -> DVec3 {
     sum / f64::max(count, 1.0)
 }
 
-/// A Newton step, damped, and what it is to gain.
+/// A damped Newton step, and its expected gain in nats.
 fn step(slope: &EvidenceGradient, damping: f64) -> Option<([f64; 6], f64)> {
     let mut normal = Array2::from_shape_fn((6, 6), |(i, j)| slope.curvature[6 * i + j]);
     for k in 0..6 {
@@ -219,7 +220,7 @@ mod tests {
     use crate::prior::{Posterior, Want};
     use ndarray::ArrayView2;
 
-    /// Points that are known to within 1 cm, in a corner of space.
+    /// Points known to within 1 cm.
     struct Corner(Vec<f64>, Array2<f64>);
 
     impl Prior for Corner {
@@ -287,7 +288,7 @@ mod tests {
         let free = top(&PlacementSolver::default(), start, &[]).unwrap();
         assert!((free.placement.shift - stands.shift).length() <= 1e-5);
         assert!(free.objective <= 1e-9 && free.iterations < 20);
-        // From elsewhere it is the same top, which need not be climbed to its end; one far away is another.
+        // Another start leads to the same maximum and stops early; a known maximum far away changes nothing.
         let elsewhere = Similarity {
             rotation: from_rotation_vector(DVec3::new(0.1, -0.9, 0.0)),
             ..start
@@ -303,7 +304,7 @@ mod tests {
             let held = top(&wish, start, &[]).unwrap();
             let cost = |s: &PlacementSolution| wish.prior_cost(&s.placement, &start);
             assert!(cost(&held) < cost(&free) && held.iterations < 60);
-            // At the top no small turn or shift is better.
+            // At the maximum no small rotation or shift is better.
             let value = |at: &Similarity| {
                 let mut back = vec![0.0; 12];
                 at.undo_pose(&y, &mut back);

@@ -1,9 +1,12 @@
-//! The paper's 2-D input: of some points only two coordinates are observed, as in a picture.
+//! 2-D input of the posing paper: only two coordinates of some points are observed, as in a picture.
 //!
-//! The rotation is then no closed form, and turning a point mixes what is seen with what is not. So the model is turned
-//! in place of the points: with R fixed, the code of the turned atoms on the observed coordinates is P1a as before; with
-//! the code fixed, R and t follow by damped Gauss-Newton on the observed coordinates. The scale is the code's: atoms
-//! pass through the origin.
+//! ```text
+//! min over x, R, t   Σ wᵢ (aᵢᵀ (R (A x)ᵢ + t) − yᵢ)²    over the observed coordinates yᵢ (cm) along the axes aᵢ
+//! ```
+//!
+//! The rotation has no closed form, and rotating a point mixes observed coordinates with missing ones. So the model is
+//! rotated in place of the points: for fixed R the code of the rotated atoms is P1a; for fixed x, (R, t) follow by
+//! damped Gauss-Newton. The scale is that of the code, as atoms pass through the origin.
 
 use super::alternating::PlacementSolver;
 use crate::pose::Observation;
@@ -13,8 +16,8 @@ use crate::prior::{Prior, Reconstruction, Want};
 use crate::restore::frame_restorer::{RestoredFrame, point_sd};
 use glam::{DMat3, DVec3};
 
-/// Restores one frame with points observed in part, from where it is `known` to stand or else from the headings that typical
-/// poses suggest. `None` with fewer than four points.
+/// Restores a frame with partly observed points, from a `known` placement or else from representative poses. `None`
+/// with fewer than four points.
 pub fn restore(
     prior: &dyn Prior,
     seen: Observation<'_>,
@@ -44,7 +47,7 @@ pub fn restore(
         }
     }
     let (fit, rotation, mut shift) = best?;
-    // The depth of the whole is not observed: the model's origin gets depth 0 where nothing says otherwise.
+    // The depth of the whole pose is not observed: the model's origin gets depth 0.
     for axis in 0..3 {
         if seen
             .variance
@@ -74,7 +77,7 @@ pub fn restore(
     })
 }
 
-/// Every point moved by `by`.
+/// Shifts all points.
 fn shifted(pose: &[f64], by: DVec3) -> Vec<f64> {
     pose.iter()
         .enumerate()
@@ -82,7 +85,7 @@ fn shifted(pose: &[f64], by: DVec3) -> Vec<f64> {
         .collect()
 }
 
-/// The coordinates observed: (index, value, weight).
+/// The observed coordinates: (index, value, weight).
 fn observed(prior: &dyn Prior, seen: Observation<'_>) -> Vec<(usize, f64, f64)> {
     (0..seen.values.len())
         .filter(|&i| seen.variance[i].is_finite())
@@ -115,7 +118,7 @@ fn descend(
     let (mut rotation, mut shift) = start;
     let mut fit = code(rotation, shift, None);
     for _ in 0..iterations {
-        // The fitted pose is in the observation's directions; turned back it is the model's.
+        // The fitted pose has the directions of the world.
         let (r, t) = place(&coordinates, &fit.pose, rotation, shift);
         let next = code(r, t, Some(&fit));
         if !(next.objective < fit.objective) {
@@ -130,7 +133,7 @@ fn descend(
     (fit, rotation, shift)
 }
 
-/// Turns and shifts `pose` (already turned by `rotation`) onto the coordinates by Gauss-Newton with falling steps.
+/// Rotates and shifts `pose` (already rotated by `rotation`) onto the coordinates, by damped Gauss-Newton.
 fn place(
     coordinates: &[(usize, f64, f64)],
     pose: &[f64],
@@ -190,7 +193,7 @@ fn place(
     (turn * rotation, t)
 }
 
-/// Solves a small symmetric positive definite system by elimination.
+/// Solves a symmetric positive definite 6 x 6 system by elimination.
 fn solve6(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> [f64; 6] {
     for i in 0..6 {
         for r in i + 1..6 {
@@ -208,10 +211,10 @@ fn solve6(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> [f64; 6] {
     b
 }
 
-/// Headings from typical poses: the best scaled orthographic view of each, the better ones first.
+/// Starting placements: the best scaled orthographic view of each representative pose, the best fits first.
 ///
-/// The affine map M (2 x 3) that carries a typical pose onto the picture is linear least squares; the nearest pair of
-/// orthonormal rows gives the rotation.
+/// The affine map M (2, 3) of a pose onto the picture is linear least squares; the nearest pair of orthonormal rows is
+/// the rotation.
 fn starts(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<(DMat3, DVec3)> {
     let planar: Vec<(usize, DVec3)> = (0..seen.values.len() / 3)
         .filter(|j| seen.variance[3 * j].is_finite() && seen.variance[3 * j + 1].is_finite())
@@ -235,7 +238,7 @@ fn starts(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<(DMat3, 
         }
         let affine = cross * spread.inverse();
         let (r1, r2) = (affine.row(0), affine.row(1));
-        // The nearest orthonormal pair: M ← (M Mᵀ)^(-1/2) M, by its closed form in two dimensions.
+        // The nearest orthonormal pair: M ← (M Mᵀ)^(-1/2) M, in closed form for two rows.
         let (a, b, d) = (r1.length_squared(), r1.dot(r2), r2.length_squared());
         let root = (a * d - b * b).max(0.0).sqrt();
         let trace = (a + d + 2.0 * root).sqrt();
