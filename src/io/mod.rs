@@ -2,6 +2,7 @@
 
 pub mod amc;
 pub mod asf;
+mod block_reader;
 pub mod bvh;
 mod columns;
 pub mod csv;

@@ -6,55 +6,6 @@ use std::io::{BufRead, Read};
 /// The longest line a text format may have. (A BVH with all its frames on one line is read elsewhere.)
 pub const MAX_LINE_BYTES: usize = 1 << 20;
 
-/// How many bytes of takes and tables are read at a time, where so many are there.
-pub(super) const BLOCK: usize = 1 << 20;
-
-/// About how many of them one thread takes at a time.
-pub(super) const PIECE: usize = 1 << 15;
-
-/// How many frames or rows are read one at a time, with all care, behind one that is not plain: the more the more often
-/// that happens. A text full of those is not read twice, and one with a few is read ahead nearly as fast as one without.
-const CAREFUL: std::ops::RangeInclusive<u32> = 8..=1000;
-
-/// How far a text is read ahead, by what it was found to hold so far.
-pub(super) struct Pace {
-    /// How many frames or rows are still to be read one at a time.
-    pub(super) careful: u32,
-    /// How many the next time.
-    next: u32,
-    /// So many bytes are read ahead, and the rest of a line.
-    reach: usize,
-}
-
-impl Pace {
-    pub(super) const FULL: Pace = Pace {
-        careful: 0,
-        next: *CAREFUL.start(),
-        reach: BLOCK,
-    };
-
-    /// What of `text` is to be read ahead.
-    pub(super) fn of<'a>(&self, text: &'a [u8]) -> &'a [u8] {
-        let beyond = text.get(self.reach..).unwrap_or_default();
-        match memchr::memchr(b'\n', beyond) {
-            Some(at) => &text[..self.reach + at + 1],
-            None => text,
-        }
-    }
-
-    /// Something odd was met, or all that was read ahead was plain.
-    pub(super) fn met(&mut self, odd: bool) {
-        if odd {
-            self.careful = self.next;
-            self.next = (2 * self.next).min(*CAREFUL.end());
-            self.reach = PIECE;
-        } else {
-            self.next = *CAREFUL.start();
-            self.reach = (2 * self.reach).min(BLOCK);
-        }
-    }
-}
-
 /// Lines of a text, numbered from 1, without their ending (LF, CRLF or none) and without a byte-order mark.
 ///
 /// Bytes that are no UTF-8 are replaced: old files have Latin-1 names in their comments.

@@ -1,28 +1,23 @@
-//! The whole frames at the start of a stretch of a take, read on all threads.
-//!
-//! Only what is as plain as takes mostly are is taken: lines of a bone and its values, every bone once, frames numbered
-//! without a gap. At anything else (a comment, a broken line, the end of what is there) it ends before that frame, and
-//! [`super::AmcReader::read`] goes on from there: it alone says what is wrong.
+//! The regular frames of a take: lines of a bone and its values, every bone once, frames numbered without a gap.
 
-use super::{AmcFrames, Asf};
-use crate::io::text::{PIECE, check_length, finite_prefix};
-use memchr::{memchr, memrchr};
-use rayon::prelude::*;
+use crate::io::asf::Asf;
+use crate::io::block_reader::{BlockFormat, Parsed};
+use crate::io::text::{check_length, finite_prefix};
+use memchr::memchr;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// What a skeleton's frames look like, and room to read them.
-pub(super) struct Blocks<'a> {
+/// The frames of a skeleton.
+pub(super) struct FrameFormat<'a> {
     bones: Vec<Bone<'a>>,
     by_name: HashMap<&'a [u8], usize>,
-    /// How many bones a frame must name: those with degrees of freedom.
+    /// The number of bones that a frame must name: those with degrees of freedom.
     needed: usize,
-    /// How many values a frame has.
+    /// The number of values of a frame.
     dofs: usize,
     unit: f64,
-    pieces: Vec<Piece>,
-    /// [`PIECE`]; smaller in tests.
-    pub(super) piece: usize,
+    /// Whether the take's angles are in degrees.
+    pub(super) degrees: bool,
 }
 
 struct Bone<'a> {
@@ -32,42 +27,32 @@ struct Bone<'a> {
     angles: Vec<bool>,
 }
 
-/// What was taken of a stretch: it ends with a number line.
+/// The frames of a piece, which starts behind the number line of its first frame.
 #[derive(Default)]
-pub(super) struct Taken {
-    pub(super) bytes: usize,
-    pub(super) lines: u64,
-    /// The number on that line.
+pub(super) struct Frames {
+    /// The number of the first frame.
+    pub(super) first: u64,
+    pub(super) count: u64,
+    /// (frames, degrees of freedom), radians and centimetres.
+    pub(super) values: Vec<f64>,
+    /// The number on the last number line.
     pub(super) next: u64,
-    /// Whether what follows is not plain.
-    pub(super) odd: bool,
-}
-
-/// A part of a stretch and the frames in it.
-#[derive(Default)]
-struct Piece {
-    range: Range<usize>,
-    /// The number on the line before the piece.
-    first: u64,
-    frames: u64,
-    values: Vec<f64>,
-    taken: Taken,
     /// For each bone the frame that named it last, counted from 1 in the piece.
     seen: Vec<u64>,
-    /// For each bone the one that followed it last time: takes keep their order. (One more tells which came first.)
+    /// For each bone the bone that followed it last time, because takes keep their order. The last entry stands for the
+    /// start of a frame.
     follower: Vec<usize>,
 }
 
-/// Why a frame was not taken.
+/// Why a frame was not parsed.
 enum Stop {
-    /// The text ends inside it.
+    /// The text ends inside the frame.
     End,
-    /// It is not plain.
-    Odd,
+    Irregular,
 }
 
-impl<'a> Blocks<'a> {
-    pub(super) fn new(asf: &'a Asf) -> Blocks<'a> {
+impl<'a> FrameFormat<'a> {
+    pub(super) fn new(asf: &'a Asf) -> FrameFormat<'a> {
         let skeleton = &asf.skeleton;
         let bones: Vec<Bone> = skeleton
             .bones()
@@ -86,97 +71,26 @@ impl<'a> Blocks<'a> {
         } else {
             usize::MAX
         };
-        Blocks {
+        FrameFormat {
             by_name: bones.iter().enumerate().map(|(i, b)| (b.name, i)).collect(),
             needed,
             bones,
             dofs: skeleton.dof_count(),
             unit: asf.unit,
-            pieces: Vec::new(),
-            piece: PIECE,
+            degrees: asf.degrees,
         }
     }
 
-    /// Appends the plain frames at the start of `text`, which stands behind the number line of frame `first`.
-    pub(super) fn read(
-        &mut self,
+    /// Parses the lines of one frame, up to the next number line.
+    fn parse_frame(
+        &self,
         text: &[u8],
-        first: u64,
-        degrees: bool,
-        frames: &mut AmcFrames,
-    ) -> Taken {
-        let text = &text[..memrchr(b'\n', text).map_or(0, |at| at + 1)];
-        let mut pieces = std::mem::take(&mut self.pieces);
-        let count = split(text, first, self.piece, &mut pieces);
-        match &mut pieces[..count] {
-            [one] => self.piece(text, degrees, one),
-            all => all
-                .par_iter_mut()
-                .for_each(|piece| self.piece(text, degrees, piece)),
-        }
-        let mut taken = Taken {
-            next: first,
-            ..Taken::default()
-        };
-        let mut expected = Some(first);
-        for piece in &pieces[..count] {
-            if expected != Some(piece.first) {
-                taken.odd = true;
-                break;
-            }
-            frames
-                .numbers
-                .extend((piece.first..).take(piece.frames as usize));
-            frames.values.extend_from_slice(&piece.values);
-            taken.bytes += piece.taken.bytes;
-            taken.lines += piece.taken.lines;
-            taken.next = piece.taken.next;
-            if piece.taken.bytes < piece.range.len() {
-                taken.odd = piece.taken.odd;
-                break;
-            }
-            expected = piece.first.checked_add(piece.frames);
-        }
-        self.pieces = pieces;
-        taken
-    }
-
-    /// Reads the frames of a piece.
-    fn piece(&self, text: &[u8], degrees: bool, piece: &mut Piece) {
-        let text = &text[piece.range.clone()];
-        piece.frames = 0;
-        piece.values.clear();
-        piece.seen.clear();
-        piece.seen.resize(self.bones.len(), 0);
-        if piece.follower.is_empty() {
-            // The last stands for the start of a frame.
-            piece.follower.extend((1..=self.bones.len()).chain([0]));
-        }
-        piece.taken = Taken {
-            next: piece.first,
-            ..Taken::default()
-        };
-        loop {
-            let before = piece.values.len();
-            piece.values.resize(before + self.dofs, 0.0);
-            if let Err(stop) = self.frame(text, degrees, piece) {
-                piece.values.truncate(before);
-                piece.taken.odd = matches!(stop, Stop::Odd);
-                return;
-            }
-            piece.frames += 1;
-            if piece.first.checked_add(piece.frames) != Some(piece.taken.next) {
-                piece.taken.odd = true;
-                return;
-            }
-        }
-    }
-
-    /// Reads the lines of one frame, up to the next number line.
-    fn frame(&self, text: &[u8], degrees: bool, piece: &mut Piece) -> Result<(), Stop> {
-        let start = piece.values.len() - self.dofs;
-        let frame = piece.frames + 1;
-        let (mut at, mut lines, mut named) = (piece.taken.bytes, 0, 0);
+        frames: &mut Frames,
+        parsed: &mut Parsed,
+    ) -> Result<(), Stop> {
+        let start = frames.values.len() - self.dofs;
+        let frame = frames.count + 1;
+        let (mut at, mut lines, mut named) = (parsed.bytes, 0, 0);
         let mut before = self.bones.len();
         loop {
             at += blanks(&text[at..]);
@@ -184,30 +98,26 @@ impl<'a> Blocks<'a> {
             match text.get(at) {
                 None => return Err(Stop::End),
                 Some(b'\n') => at += 1,
-                Some(b'0'..=b'9') if named < self.needed => return Err(Stop::Odd),
+                Some(b'0'..=b'9') if named < self.needed => return Err(Stop::Irregular),
                 Some(b'0'..=b'9') => {
-                    let (number, length) = number_line(&text[at..]).ok_or(Stop::Odd)?;
-                    piece.taken = Taken {
-                        bytes: at + length,
-                        lines: piece.taken.lines + lines,
-                        next: number,
-                        odd: false,
-                    };
+                    let (number, length) = number_line(&text[at..]).ok_or(Stop::Irregular)?;
+                    parsed.bytes = at + length;
+                    parsed.line_feeds += lines;
+                    frames.next = number;
                     return Ok(());
                 }
                 Some(_) => {
-                    let follower = &mut piece.follower[before];
-                    let bone = self.bone(&text[at..], *follower).ok_or(Stop::Odd)?;
+                    let follower = &mut frames.follower[before];
+                    let bone = self.bone(&text[at..], *follower).ok_or(Stop::Irregular)?;
                     (*follower, before) = (bone, bone);
-                    if std::mem::replace(&mut piece.seen[bone], frame) == frame {
-                        return Err(Stop::Odd);
+                    if std::mem::replace(&mut frames.seen[bone], frame) == frame {
+                        return Err(Stop::Irregular);
                     }
                     at += self.bones[bone].name.len();
-                    let values = &mut piece.values[start..][self.bones[bone].values.clone()];
+                    let values = &mut frames.values[start..][self.bones[bone].values.clone()];
                     named += usize::from(!values.is_empty());
-                    at += self
-                        .values(&text[at..], degrees, bone, values)
-                        .ok_or(Stop::Odd)?;
+                    let parsed = self.parse_values(&text[at..], bone, values);
+                    at += parsed.ok_or(Stop::Irregular)?;
                 }
             }
         }
@@ -226,7 +136,7 @@ impl<'a> Blocks<'a> {
     }
 
     /// Reads a bone's values; how long the rest of its line is.
-    fn values(&self, rest: &[u8], degrees: bool, bone: usize, values: &mut [f64]) -> Option<usize> {
+    fn parse_values(&self, rest: &[u8], bone: usize, values: &mut [f64]) -> Option<usize> {
         let mut at = 0;
         for (out, &angle) in values.iter_mut().zip(&self.bones[bone].angles) {
             at += blanks(&rest[at..]);
@@ -235,7 +145,7 @@ impl<'a> Blocks<'a> {
             if !rest[at].is_ascii_whitespace() {
                 return None;
             }
-            *out = match (angle, degrees) {
+            *out = match (angle, self.degrees) {
                 (true, true) => value.to_radians(),
                 (true, false) => value,
                 (false, _) => check_length(value * self.unit).ok()?,
@@ -246,34 +156,46 @@ impl<'a> Blocks<'a> {
     }
 }
 
-/// Cuts `text` behind number lines, each piece at least `size` bytes long; how many pieces there are.
-fn split(text: &[u8], first: u64, size: usize, pieces: &mut Vec<Piece>) -> usize {
-    let (mut start, mut number, mut count) = (0, first, 0);
-    loop {
-        let cut = cut(text, start + size);
-        if pieces.len() == count {
-            pieces.push(Piece::default());
-        }
-        pieces[count].range = start..cut.map_or(text.len(), |(end, _)| end);
-        pieces[count].first = number;
-        count += 1;
-        let Some(next) = cut else {
-            return count;
-        };
-        (start, number) = next;
-    }
-}
+impl BlockFormat for FrameFormat<'_> {
+    type Records = Frames;
+    /// The number on the line before the piece.
+    type Start = u64;
 
-/// The end of the first number line that begins behind `from`, and its number.
-fn cut(text: &[u8], from: usize) -> Option<(usize, u64)> {
-    let mut at = from + memchr(b'\n', text.get(from..)?)? + 1;
-    while at < text.len() {
-        if let Some((number, length)) = number_line(&text[at..]) {
-            return Some((at + length, number));
+    fn cut(&self, text: &[u8], from: usize) -> Option<(usize, u64)> {
+        let mut at = from + memchr(b'\n', text.get(from..)?)? + 1;
+        while at < text.len() {
+            if let Some((number, length)) = number_line(&text[at..]) {
+                return Some((at + length, number));
+            }
+            at += memchr(b'\n', &text[at..])? + 1;
         }
-        at += memchr(b'\n', &text[at..])? + 1;
+        None
     }
-    None
+
+    fn parse(&self, text: &[u8], first: u64, frames: &mut Frames) -> Parsed {
+        (frames.first, frames.next, frames.count) = (first, first, 0);
+        frames.values.clear();
+        frames.seen.clear();
+        frames.seen.resize(self.bones.len(), 0);
+        if frames.follower.is_empty() {
+            frames.follower.extend((1..=self.bones.len()).chain([0]));
+        }
+        let mut parsed = Parsed::default();
+        loop {
+            let before = frames.values.len();
+            frames.values.resize(before + self.dofs, 0.0);
+            if let Err(stop) = self.parse_frame(text, frames, &mut parsed) {
+                frames.values.truncate(before);
+                parsed.is_irregular = matches!(stop, Stop::Irregular);
+                return parsed;
+            }
+            frames.count += 1;
+            if first.checked_add(frames.count) != Some(frames.next) {
+                parsed.is_irregular = true;
+                return parsed;
+            }
+        }
+    }
 }
 
 /// How many blanks (no line ends) stand at the start.
@@ -301,7 +223,7 @@ mod tests {
     use super::super::tests::asf;
     use super::super::{AmcFrame, AmcFrames, AmcReader};
     use crate::io::Input;
-    use crate::io::text::BLOCK;
+    use crate::io::block_reader::BLOCK;
 
     /// What a take holds, and how it ends, read one frame at a time or in blocks.
     fn all(text: &str, keep: bool, block: Option<(usize, usize)>) -> (Vec<AmcFrame>, String) {
@@ -315,14 +237,14 @@ mod tests {
         let (mut out, mut frame, mut frames) =
             (Vec::new(), AmcFrame::default(), AmcFrames::default());
         if let Some((_, piece)) = block {
-            reader.blocks.piece = piece;
+            reader.blocks.piece_bytes = piece;
         }
         let end = loop {
             let more = match block {
                 None => reader.read(&mut frame),
                 Some(_) => {
-                    // Behind an odd frame, too, blocks are what is tested.
-                    reader.pace.careful = reader.pace.careful.min(1);
+                    // Behind an irregular frame, too, blocks are what is tested.
+                    reader.blocks.careful = reader.blocks.careful.min(1);
                     reader.read_block(&mut frames)
                 }
             };

@@ -10,12 +10,13 @@ use write::{write_frame, write_header};
 
 use super::Input;
 use super::asf::Asf;
+use super::block_reader::{BLOCK, BlockReader};
 use super::output::write_file;
-use super::text::{BLOCK, Lines, Pace, check_length, excerpt, parse_number};
+use super::text::{Lines, check_length, excerpt, parse_number};
 use crate::pose::kinematics::{Posture, Space};
 use crate::pose::{Poses, Skeleton};
 use crate::{Error, Place, Result};
-use block::Blocks;
+use block::FrameFormat;
 use ndarray::{Array2, ArrayView2};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -175,8 +176,7 @@ pub struct AmcReader<'a> {
     asf: &'a Asf,
     by_name: HashMap<&'a str, usize>,
     lines: Lines<BufReader<Box<dyn BufRead>>>,
-    blocks: Blocks<'a>,
-    pace: Pace,
+    blocks: BlockReader<FrameFormat<'a>>,
     frame: AmcFrame,
     degrees: bool,
     /// The number of the frame whose number line was read already.
@@ -226,8 +226,7 @@ impl<'a> AmcReader<'a> {
             asf,
             by_name,
             lines: Lines::new(name, BufReader::with_capacity(block, input.into_reader())),
-            blocks: Blocks::new(asf),
-            pace: Pace::FULL,
+            blocks: BlockReader::new(FrameFormat::new(asf)),
             frame: AmcFrame::default(),
             degrees: asf.degrees,
             next: None,
@@ -238,6 +237,7 @@ impl<'a> AmcReader<'a> {
             seen: vec![false; asf.skeleton.bones().len()],
         };
         reader.head()?;
+        reader.blocks.format.degrees = reader.degrees;
         Ok(reader)
     }
 
@@ -269,9 +269,8 @@ impl<'a> AmcReader<'a> {
     pub fn read_block(&mut self, frames: &mut AmcFrames) -> Result<bool> {
         frames.numbers.clear();
         frames.values.clear();
-        match self.pace.careful {
-            0 => self.read_plain(frames)?,
-            _ => self.pace.careful -= 1,
+        if !self.blocks.take_careful() {
+            self.read_plain(frames)?;
         }
         if !frames.numbers.is_empty() {
             return Ok(true);
@@ -297,11 +296,15 @@ impl<'a> AmcReader<'a> {
         {
             return Ok(());
         }
-        let text = self.pace.of(self.lines.waiting()?);
-        let taken = self.blocks.read(text, first, self.degrees, frames);
-        self.pace.met(taken.odd);
-        self.lines.pass(taken.bytes, taken.lines);
-        self.next = Some(taken.next);
+        let parsed = self.blocks.read(self.lines.waiting()?, first);
+        for piece in self.blocks.pieces() {
+            let records = &piece.records;
+            let numbers = (records.first..).take(records.count as usize);
+            frames.numbers.extend(numbers);
+            frames.values.extend_from_slice(&records.values);
+            self.next = Some(records.next);
+        }
+        self.lines.pass(parsed.bytes, parsed.line_feeds);
         self.last = frames.numbers.last().copied().or(self.last);
         self.whole += frames.numbers.len() as u64;
         Ok(())

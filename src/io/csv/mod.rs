@@ -7,11 +7,12 @@ mod writer;
 pub use writer::{AddedColumn, After, CsvFormat};
 
 use super::Input;
+use super::block_reader::{BLOCK, BlockReader};
 use super::columns::Columns;
 use super::row::{Cells, ReadOptions, Row};
-use super::text::{BLOCK, Pace, check_length, excerpt};
+use super::text::{check_length, excerpt};
 use crate::{Error, Place, Result};
-use block::Blocks;
+use block::RowFormat;
 use records::{Records, fault};
 use std::io::BufReader;
 use std::sync::Arc;
@@ -26,10 +27,13 @@ pub struct CsvReader {
     /// What the columns mean.
     pub columns: Columns,
     records: Records,
-    blocks: Blocks,
+    blocks: BlockReader<RowFormat>,
+    /// The next row to be handed out: its piece of the block, and its number there.
+    next: (usize, usize),
+    /// The line that the block begins in.
+    block_line: u64,
     /// How many bytes at the start of what is there have been read ahead.
     ahead: usize,
-    pace: Pace,
     keep: bool,
     take: Arc<str>,
 }
@@ -64,11 +68,12 @@ impl CsvReader {
         let columns = Columns::from_header(&header, options.planar, &place)?;
         Ok(CsvReader {
             name,
-            blocks: Blocks::new(&columns),
+            blocks: BlockReader::new(RowFormat::new(&columns)),
+            next: (0, 0),
+            block_line: 1,
             columns,
             records,
             ahead: 0,
-            pace: Pace::FULL,
             keep: options.cells,
             take: Arc::from(""),
         })
@@ -81,8 +86,7 @@ impl CsvReader {
                 return Ok(true);
             }
             self.records.pass(std::mem::take(&mut self.ahead));
-            if self.pace.careful > 0 {
-                self.pace.careful -= 1;
+            if self.blocks.take_careful() {
                 break;
             }
             self.read_ahead()?;
@@ -102,30 +106,38 @@ impl CsvReader {
         else {
             return Ok(());
         };
-        let taken = self.blocks.read(self.pace.of(text), line);
-        self.ahead = taken.bytes;
-        self.records.line += taken.line_feeds;
-        self.pace.met(taken.odd);
+        let parsed = self.blocks.read(text, ());
+        (self.next, self.block_line) = ((0, 0), line);
+        self.ahead = parsed.bytes;
+        self.records.line += parsed.line_feeds;
         Ok(())
     }
 
     /// Hands out the next row that was read ahead, if there is one.
     fn hand_out(&mut self, row: &mut Row) -> Result<bool> {
-        let Some(plain) = self.blocks.next_row() else {
-            return Ok(false);
+        let (piece, plain) = loop {
+            let Some(piece) = self.blocks.pieces().get(self.next.0) else {
+                return Ok(false);
+            };
+            match self.blocks.format.row(&piece.records, self.next.1) {
+                Some(row) => break (piece, row),
+                None => self.next = (self.next.0 + 1, 0),
+            }
         };
-        let text = &self.records.there()[plain.text];
+        self.next.1 += 1;
+        let line = self.block_line + piece.lines_before + plain.line;
+        let text = &self.records.there()[piece.offset..][plain.text];
         row.xyz.clear();
         row.xyz.extend_from_slice(plain.xyz);
         row.time = plain.time;
         let take = self.columns.take.map(|column| {
             let start = column.checked_sub(1).map_or(0, |c| plain.ends[c] + 1);
             let name = &text[start..plain.ends[column]];
-            known(&mut self.take, name, (&self.name, plain.line))
+            known(&mut self.take, name, (&self.name, line))
         });
         row.take = take.transpose()?;
         if self.keep {
-            row.cells.set_plain(text, plain.ends, plain.line);
+            row.cells.set_plain(text, plain.ends, line);
         } else {
             row.cells.clear();
         }
@@ -358,13 +370,13 @@ mod tests {
             Ok(reader) => reader,
             Err(e) => return (Vec::new(), e.to_string()),
         };
-        reader.blocks.piece = block.map_or(1, |(_, piece)| piece);
+        reader.blocks.piece_bytes = block.map_or(1, |(_, piece)| piece);
         let (mut rows, mut row) = (Vec::new(), Row::default());
         let end = loop {
-            reader.pace.careful = match block {
+            reader.blocks.careful = match block {
                 None => 1,
-                // Behind an odd row, too, blocks are what is tested.
-                Some(_) => reader.pace.careful.min(1),
+                // Behind an irregular row, too, blocks are what is tested.
+                Some(_) => reader.blocks.careful.min(1),
             };
             match reader.read(&mut row) {
                 Ok(true) => {
