@@ -25,7 +25,7 @@ pub struct Node {
 
 impl Tree {
     /// A tree from the centroids of its nodes (nodes, d) and the children of each (nodes), as
-    /// [`Tree::centroids`] and [`Node::children`] tell them; for reading one back from a file.
+    /// [`Tree::centroids`] and [`Node::children`] give them; for reading a tree from a file.
     ///
     /// # Errors
     /// Usage: not a tree in the order described at [`Tree`].

@@ -25,6 +25,9 @@ pub struct Columns {
 
 impl Columns {
     /// Reads a header. With `planar`, `NAME.x` and `NAME.y` without `NAME.z` are a point too: the paper's 2-D input.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: two columns with one name, or no point.
     pub fn from_header(header: &[String], planar: bool, place: &Place) -> Result<Columns> {
         let mut index = HashMap::new();
         for (i, name) in header.iter().enumerate() {
@@ -85,6 +88,9 @@ impl Columns {
     }
 
     /// The columns of an NPY array with `width` numbers a frame.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: not three columns a name, or no names and not the 69 columns of CMU's joints.
     pub fn for_array(width: usize, names: Option<&[String]>, place: &Place) -> Result<Columns> {
         let points = match names {
             Some(names) if 3 * names.len() == width => names.to_vec(),
@@ -113,6 +119,9 @@ impl Columns {
 }
 
 /// Reads the points' names of `--joints`: `23`, or a list with commas.
+///
+/// # Errors
+/// [`Error::Usage`]: an empty name, or one that stands twice.
 pub fn parse_point_names(list: &str) -> Result<Vec<String>> {
     if list == "23" {
         return Ok(joints::cmu_names());

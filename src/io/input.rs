@@ -1,31 +1,31 @@
-//! Opening an input: what it is comes from its content, never from its name.
+//! Opening an input. The format is recognised by content, never by name.
 
 use crate::{Error, Place, Result};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
-/// How much is buffered of an input.
+/// The size of the buffers, in bytes.
 const BUFFER: usize = 1 << 16;
-/// So many bytes tell what an input is.
+/// The number of bytes by which a format is recognised.
 const MAGIC: usize = 6;
 
 /// An opened input, decompressed, with the name its messages use.
 pub struct Input {
-    /// As the user wrote it, or `standard input`.
+    /// The path as the user wrote it, or `standard input`.
     pub name: String,
     kind: ContentKind,
     reader: Box<dyn BufRead>,
 }
 
-/// What an input holds, by its first bytes.
+/// The kind of content, by its first bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ContentKind {
     /// NumPy's array file.
     Npy,
     /// A ZIP archive, as `.npz` is.
     Npz,
-    /// Nothing at all.
+    /// No bytes.
     Empty,
     /// Anything else: text.
     Text,
@@ -33,6 +33,9 @@ pub enum ContentKind {
 
 impl Input {
     /// Opens a file; gzip and zstd are decompressed.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: a directory.
     pub fn open(path: impl AsRef<Path>) -> Result<Input> {
         let path = path.as_ref();
         let fail = |e| Error::io(path, e);
@@ -46,7 +49,10 @@ impl Input {
         Input::new(path.display().to_string(), file)
     }
 
-    /// Wraps a stream; gzip and zstd are decompressed.
+    /// Wraps a stream; gzip and zstd are decompressed. `name` is for messages.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: the first bytes cannot be read or decompressed.
     pub fn new(name: impl Into<String>, stream: impl Read + 'static) -> Result<Input> {
         let name = name.into();
         let fail = |e| Error::io(&name, e);
@@ -70,12 +76,15 @@ impl Input {
         })
     }
 
-    /// What the input holds.
+    /// The kind of content.
     pub fn kind(&self) -> ContentKind {
         self.kind
     }
 
-    /// Everything that is left, as bytes; an error beyond `limit` bytes.
+    /// All remaining bytes, at most `limit`.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: more than `limit` bytes.
     pub fn read_all(mut self, limit: u64) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         let fail = |e| Error::io(&self.name, e);
@@ -97,7 +106,7 @@ impl Input {
     }
 }
 
-/// The first bytes of a stream, and the stream with them: a pipe may give them one by one.
+/// The first bytes of a stream, and a stream that begins with them. (A pipe may give them one by one.)
 fn start<R: Read>(mut stream: R) -> io::Result<(Vec<u8>, impl Read + use<R>)> {
     let mut bytes = Vec::with_capacity(MAGIC);
     stream.by_ref().take(MAGIC as u64).read_to_end(&mut bytes)?;

@@ -1,32 +1,32 @@
-//! A matrix of a model, as the file keeps it.
+//! A matrix of a model, in the number format of the file.
 
 use super::npy;
 use crate::{Error, Place, Result};
 use bytes::Bytes;
 use ndarray::{Array2, CowArray, Ix2};
 
-/// Numbers in rows, as single precision or packed.
+/// A matrix, (rows, columns), as f32 or as 16-bit integers with a step.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Matrix {
-    /// As they are.
+    /// Single precision.
     Floats(Array2<f32>),
     /// 16-bit whole multiples of a step.
     Quantized(QuantizedMatrix),
 }
 
-/// 16-bit whole multiples of a step. A clone shares the numbers, which stay where they were read: what is not asked for is
-/// not unpacked.
+/// A matrix of 16-bit integers, which are multiplied by a step. A clone shares the integers with the file that they
+/// were read from; only the rows that are asked for are converted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QuantizedMatrix {
-    /// `<i2`, row after row.
+    /// The integers as `<i2`, row by row.
     numbers: Bytes,
     shape: (usize, usize),
-    /// What the numbers are multiplied by.
+    /// The factor of all integers.
     pub(super) step: f32,
 }
 
 impl QuantizedMatrix {
-    /// Of `<i2` numbers, row after row; `None` where there are none, or not as many as the shape says.
+    /// A matrix of `<i2` integers, row by row; `None` where there are none, or not as many as the shape says.
     pub fn new(numbers: Bytes, shape: (usize, usize), step: f32) -> Option<QuantizedMatrix> {
         let size = shape.0.checked_mul(shape.1)?.checked_mul(2)?;
         (size > 0 && numbers.len() == size).then_some(QuantizedMatrix {
@@ -36,7 +36,7 @@ impl QuantizedMatrix {
         })
     }
 
-    /// Rounded to the smallest step that holds the largest value. Every value must be finite.
+    /// Rounds `array` to multiples of the smallest step that can hold the largest value. Every value must be finite.
     pub fn of(array: &Array2<f32>) -> QuantizedMatrix {
         let largest = array.iter().fold(0.0f32, |m, v| m.max(v.abs()));
         let step = (largest / f32::from(i16::MAX)).max(f32::MIN_POSITIVE);
@@ -48,7 +48,7 @@ impl QuantizedMatrix {
         }
     }
 
-    /// `<i2`, row after row.
+    /// The integers as `<i2`, row by row.
     pub fn bytes(&self) -> &[u8] {
         &self.numbers
     }
@@ -64,11 +64,11 @@ impl QuantizedMatrix {
 }
 
 impl Matrix {
-    /// A one- or two-dimensional array in memory (a vector has one column): of floats, or of 16-bit integers, `<i2`, which stay
-    /// where they are.
+    /// The array of an NPY file in memory, of one dimension (one column) or two: `<f4`, `<f8`, or `<i2`, whose integers are
+    /// shared with `file`.
     ///
     /// # Errors
-    /// Data: other numbers, more dimensions, or not as many bytes as the shape wants.
+    /// [`Error::Data`]: other numbers, more dimensions, or not as many bytes as the shape needs.
     pub fn from_npy(file: &Bytes, place: &Place) -> Result<Matrix> {
         let fail = |what: String| Error::data(place.clone(), what);
         let mut rest = &file[..];
@@ -99,7 +99,7 @@ impl Matrix {
             )));
         }
         let (rows, columns) = (rows as usize, columns as usize);
-        // Of nothing there may be any number of rows: arrays of floats refuse too many.
+        // An empty matrix may claim any number of rows: arrays of floats refuse too many.
         if short && !header.fortran && size > 0 {
             let packed = QuantizedMatrix::new(file.slice_ref(rest), (rows, columns), 1.0);
             return (packed.map(Matrix::Quantized)).ok_or_else(|| fail("is too large".into()));
@@ -123,7 +123,7 @@ impl Matrix {
         (array.map(Matrix::Floats)).map_err(|e| fail(e.to_string()))
     }
 
-    /// Rows and columns.
+    /// (rows, columns).
     pub fn dim(&self) -> (usize, usize) {
         match self {
             Matrix::Floats(array) => array.dim(),
@@ -131,17 +131,17 @@ impl Matrix {
         }
     }
 
-    /// How many rows.
+    /// The number of rows.
     pub fn nrows(&self) -> usize {
         self.dim().0
     }
 
-    /// How many columns.
+    /// The number of columns.
     pub fn ncols(&self) -> usize {
         self.dim().1
     }
 
-    /// Appends some rows.
+    /// Appends the numbers of `rows` to `out`, row by row.
     pub fn extend_with(&self, rows: std::ops::Range<usize>, out: &mut Vec<f32>) {
         for row in rows {
             match self {
@@ -153,7 +153,7 @@ impl Matrix {
         }
     }
 
-    /// Appends some of a row's numbers.
+    /// Appends the numbers of one row in `columns` to `out`.
     pub fn gather(&self, row: usize, columns: &[usize], out: &mut Vec<f32>) {
         match self {
             Matrix::Floats(array) => {
@@ -167,7 +167,7 @@ impl Matrix {
         }
     }
 
-    /// One number.
+    /// The number in a row and a column.
     pub fn at(&self, row: usize, column: usize) -> f32 {
         match self {
             Matrix::Floats(array) => array[[row, column]],
@@ -175,7 +175,7 @@ impl Matrix {
         }
     }
 
-    /// Whether every number is; those that are packed are as finite as their step.
+    /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         match self {
             Matrix::Floats(array) => array.iter().all(|v| v.is_finite()),
@@ -186,7 +186,7 @@ impl Matrix {
         }
     }
 
-    /// The numbers in single precision: those that are there, or unpacked.
+    /// The matrix as f32, (rows, columns): borrowed, or converted from integers.
     pub fn floats(&self) -> CowArray<'_, f32, Ix2> {
         match self {
             Matrix::Floats(array) => array.view().into(),
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_that_are_too_few_or_a_step_too_large_are_told() {
+    fn too_few_numbers_and_too_large_steps_are_refused() {
         assert!(QuantizedMatrix::new(Bytes::from_static(&[0; 11]), (2, 3), 1.0).is_none());
         assert!(QuantizedMatrix::new(Bytes::new(), (usize::MAX, 3), 1.0).is_none());
         assert!(QuantizedMatrix::new(Bytes::new(), (usize::MAX, 0), 1.0).is_none());

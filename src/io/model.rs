@@ -1,4 +1,4 @@
-//! Models: one `.npz` file of named arrays that `numpy.load` opens, and `meta`, JSON as an array of bytes.
+//! Model files: an `.npz` archive of named arrays, which `numpy.load` opens, and `meta`, JSON as an array of bytes.
 //!
 //! Entries are stored in a fixed order with the time 1980-01-01, so equal models are equal bytes.
 
@@ -22,13 +22,13 @@ pub use super::matrix::{Matrix, QuantizedMatrix};
 /// The format this version writes; it reads all up to it.
 pub const FORMAT: u32 = 1;
 
-/// A model has at most so many points: what priors keep and what they cost grows with the square, and more.
+/// The largest number of points of a model: memory and time of priors grow with its square or faster.
 pub const MAX_POINTS: usize = 2048;
 
-/// Refuses more points than a model has.
+/// Checks the number of points of a model; `source` is for the message.
 ///
 /// # Errors
-/// Data: the source is named.
+/// [`Error::Data`]: more than [`MAX_POINTS`].
 pub fn check_point_count(points: usize, source: &str) -> Result<()> {
     if points <= MAX_POINTS {
         return Ok(());
@@ -38,14 +38,14 @@ pub fn check_point_count(points: usize, source: &str) -> Result<()> {
     Err(Error::data(Place::file(source), what))
 }
 
-/// No model is larger.
+/// The largest size of a model file, in bytes.
 const LARGEST: u64 = 8 << 30;
 
-/// An archive may unpack to so many times its own size, and a little more: floats hardly compress, so one that does
-/// is made to fill the memory.
+/// The largest ratio of unpacked to packed size. Floats hardly compress, so an archive beyond it is made to fill the
+/// memory.
 const MOST_PACKED: u64 = 50;
 
-/// What a model is and where it came from.
+/// The description of a model and its history.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Meta {
     /// The format's version.
@@ -61,7 +61,7 @@ pub struct Meta {
     /// The bones and their lengths in the model's space.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body: Option<BodyMeta>,
-    /// At most so many atoms a pose.
+    /// The largest number of atoms in a code.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sparsity: Option<usize>,
     /// Root mean square of the training poses' error a coordinate, centimetres.
@@ -172,6 +172,9 @@ impl Model {
     }
 
     /// The array of a name as the file keeps it, or an error that names it.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: the model has no such array; `source` names the model.
     pub fn matrix(&self, name: &str, source: &str) -> Result<&Matrix> {
         let missing = || {
             let place = Place::file(source).part(name);
@@ -181,6 +184,9 @@ impl Model {
     }
 
     /// The numbers of an array as f32, or an error that names it.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: the model has no such array; `source` names the model.
     pub fn array(&self, name: &str, source: &str) -> Result<CowArray<'_, f32, Ix2>> {
         self.matrix(name, source).map(Matrix::floats)
     }
@@ -204,6 +210,9 @@ impl Model {
     }
 
     /// The file's bytes.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: more than [`MAX_POINTS`] points.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let fail = |e: String| Error::data(Place::file("the model"), e);
         check_point_count(self.meta.points.len(), "the model")?;
@@ -249,6 +258,9 @@ impl Model {
     }
 
     /// Reads a model from its bytes, which it keeps where there are packed arrays; `name` is for messages.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: no sound archive, no model, or one of a newer format.
     pub fn from_bytes(bytes: impl Into<Bytes>, name: &str) -> Result<Model> {
         Model::of(bytes.into(), name)
     }
@@ -439,7 +451,7 @@ mod tests {
     }
 
     #[test]
-    fn an_archive_may_be_compressed_and_damage_in_it_is_told() {
+    fn archives_may_be_compressed_and_damage_is_reported() {
         let mut packed = model();
         let values = Array2::from_shape_fn((50, 3), |(i, j)| (i * j) as f32);
         packed.insert_quantized("poses", &values);
@@ -462,8 +474,8 @@ mod tests {
         for at in [0, 90, 200, 300] {
             let mut damaged = bytes.clone();
             damaged[place as usize + at] ^= 4;
-            let told = Model::from_bytes(damaged, "m").unwrap_err().to_string();
-            assert!(told.contains("m: poses"), "{told}");
+            let message = Model::from_bytes(damaged, "m").unwrap_err().to_string();
+            assert!(message.contains("m: poses"), "{message}");
         }
     }
 
@@ -475,8 +487,8 @@ mod tests {
         }
         let mut wide = model();
         wide.meta.points = (0..=MAX_POINTS).map(|k| k.to_string()).collect();
-        let said = wide.to_bytes().unwrap_err();
-        assert!(said.to_string().contains("at most"), "{said}");
+        let message = wide.to_bytes().unwrap_err();
+        assert!(message.to_string().contains("at most"), "{message}");
         let mut newer = model();
         newer.meta.format = 99;
         assert!(

@@ -8,7 +8,7 @@ use super::text::{MAX_COORDINATE, check_length, excerpt};
 use crate::{Error, Place, Result};
 use std::io::{BufRead, BufReader, Read};
 
-/// How many bytes are read at a time, where so many are there.
+/// The number of bytes read at a time.
 const BLOCK: usize = 1 << 18;
 
 /// Reads the frames of an array one at a time.
@@ -49,6 +49,9 @@ impl Header {
 
 impl NpyReader {
     /// Reads the header; an array in Fortran order is read whole.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: no array of `<f4` or `<f8`, or not three columns a point.
     pub fn new(input: Input, options: &ReadOptions) -> Result<NpyReader> {
         let name = input.name.clone();
         let place = Place::file(&name);
@@ -89,6 +92,9 @@ impl NpyReader {
     }
 
     /// Reads the next frame; `false` at the end.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: the array ends early or late, or a value is infinite or too large.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         let width = self.columns.width();
         *row = Row {
@@ -305,6 +311,9 @@ pub fn header_of(descr: &str, shape: &[usize]) -> Vec<u8> {
 }
 
 /// The bytes of a one-dimensional `|u1` array in memory.
+///
+/// # Errors
+/// [`Error::Data`]: another kind of array.
 pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
     let mut rest = file;
     let header = read_header(&mut rest, place)?;

@@ -231,7 +231,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_there_only_when_finished() {
+    fn a_file_exists_only_when_finished() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("x.csv");
         let mut file = Output::file(&path).unwrap();

@@ -6,15 +6,15 @@ use std::sync::Arc;
 /// One frame as it was read.
 #[derive(Debug, Clone, Default)]
 pub struct Row {
-    /// Three numbers a point, centimetres; NaN is missing.
+    /// Coordinates, three a point, centimetres; NaN is missing.
     pub xyz: Vec<f64>,
     /// Seconds.
     pub time: Option<f64>,
     /// The take's name.
     pub take: Option<Arc<str>>,
-    /// The cells as they stood; empty for NPY.
+    /// The text of the cells; empty for NPY, or where it was not kept.
     pub cells: Cells,
-    /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
+    /// Whether the coordinates were converted (units, up axis), so that the text of the cells no longer holds.
     pub converted: bool,
 }
 
@@ -23,34 +23,34 @@ pub struct Row {
 pub struct ReadOptions {
     /// The points' names for an array without any.
     pub joints: Option<Vec<String>>,
-    /// Take `NAME.x`, `NAME.y` without `NAME.z` for a point.
+    /// Read `NAME.x`, `NAME.y` without `NAME.z` as a point of two dimensions.
     pub planar: bool,
-    /// Keep the cells as they stood, to write unchanged ones as they were.
+    /// Keep the text of the cells, so that unchanged cells can be written with the same text.
     pub cells: bool,
 }
 
-/// The cells of one row, unquoted.
+/// The text of a row's cells, unquoted.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Cells {
-    /// The cells, a byte between each and the next.
+    /// The cells, with one byte between a cell and the next.
     text: Vec<u8>,
-    /// Where each cell ends in `text`.
+    /// The end of each cell in `text`.
     ends: Vec<usize>,
     line: Option<u64>,
-    /// Whether `text` is the line as it stood.
+    /// Whether `text` is the line of the file.
     plain: bool,
 }
 
 impl Cells {
-    /// How many there are.
+    /// The number of cells.
     pub fn len(&self) -> usize {
         self.ends.len()
     }
-    /// Whether there are none: they were not kept, or the row comes from an array.
+    /// Whether there are no cells: they were not kept, or the row comes from an array.
     pub fn is_empty(&self) -> bool {
         self.ends.is_empty()
     }
-    /// One of them.
+    /// The text of cell `at`; `None` behind the last.
     pub fn get(&self, at: usize) -> Option<&[u8]> {
         let start = match at {
             0 => 0,
@@ -58,31 +58,31 @@ impl Cells {
         };
         Some(&self.text[start..*self.ends.get(at)?])
     }
-    /// The line that the row begins at, counted from 1.
+    /// The line that the row begins in, counted from 1.
     pub fn line(&self) -> Option<u64> {
         self.line
     }
-    /// The line as it stood, if its cells are written as they are read: none is quoted, none holds a line's end.
+    /// The line of the file, if no cell is quoted.
     pub(super) fn as_line(&self) -> Option<&[u8]> {
         self.plain.then_some(&self.text)
     }
-    /// How many bytes they take.
+    /// The size of the text in bytes.
     pub fn bytes(&self) -> usize {
         self.text.len()
     }
-    /// Forgets them.
+    /// Removes all cells.
     pub fn clear(&mut self) {
         self.text.clear();
         self.ends.clear();
         self.plain = false;
     }
-    /// Becomes a copy, in the memory that is there.
+    /// Becomes a copy of `other`, in the memory that is there.
     pub fn copy_from(&mut self, other: &Cells) {
         self.text.clone_from(&other.text);
         self.ends.clone_from(&other.ends);
         (self.line, self.plain) = (other.line, other.plain);
     }
-    /// Becomes the cells of `line`, in which commas and nothing else part them.
+    /// Becomes the cells of a line that has commas between them and no quotes; cell k ends at `ends[k]`.
     pub(super) fn set_plain(&mut self, text: &[u8], ends: &[usize], line: u64) {
         self.text.clear();
         self.text.extend_from_slice(text);
@@ -90,7 +90,7 @@ impl Cells {
         self.ends.extend_from_slice(ends);
         (self.line, self.plain) = (Some(line), true);
     }
-    /// Becomes the cells that end at `ends` in `text`, nothing between them.
+    /// Becomes the cells of `text`, which has nothing between them; cell k ends at `ends[k]`.
     pub(super) fn set_fields(&mut self, text: &[u8], ends: &[usize], line: u64) {
         self.clear();
         let mut start = 0;
@@ -117,7 +117,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cells_are_found_whether_they_stood_plain_or_not() {
+    fn cells_of_quoted_and_unquoted_lines_are_found() {
         let (mut plain, mut fields) = (Cells::default(), Cells::default());
         plain.set_plain(b"a,,bcd", &[1, 2, 6], 7);
         fields.set_fields(b"abcd", &[1, 1, 4], 7);

@@ -120,7 +120,7 @@ impl Table {
         for frame in 0..self.poses.frames() {
             self.row_into(frame, &mut row);
             xyz.clone_from(&row.xyz);
-            // What the cells say, to tell which numbers have changed since.
+            // The numbers of the file, for comparison: a cell keeps its text if its number has not changed.
             for (point, columns) in self.columns.coordinates.iter().enumerate() {
                 for (axis, cell) in columns.iter().enumerate() {
                     if let Some(cell) = cell.and_then(|c| row.cells.get(c)) {

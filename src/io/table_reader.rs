@@ -17,6 +17,9 @@ pub enum RowReader {
 
 impl RowReader {
     /// Recognises the format by content and reads the header.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: no table; the place has the line.
     pub fn new(input: Input, options: &ReadOptions) -> Result<RowReader> {
         match input.kind() {
             ContentKind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
@@ -41,6 +44,9 @@ impl RowReader {
         }
     }
     /// Reads the next frame; `false` at the end.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bad row; the place has the line and the column.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         match self {
             RowReader::Csv(r) => r.read(row),

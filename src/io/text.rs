@@ -1,4 +1,4 @@
-//! What the text readers share: lines of any ending, numbers that must be finite, numbers written short.
+//! Lines with any ending, parsing and formatting of numbers.
 
 use crate::{Error, Place, Result};
 use std::io::{BufRead, Read};
@@ -32,6 +32,9 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// The next line, or `None` at the end.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: a line longer than [`MAX_LINE_BYTES`].
     pub fn next_line(&mut self) -> Result<Option<&str>> {
         self.buffer.clear();
         let limit = MAX_LINE_BYTES as u64 + 1;
@@ -65,13 +68,16 @@ impl<R: BufRead> Lines<R> {
         Ok(Some(&self.text))
     }
 
-    /// What of the text is there; waits only where nothing is left.
+    /// The buffered bytes; waits only if there are none.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails.
     pub fn waiting(&mut self) -> Result<&[u8]> {
         wait_for_data(&mut self.reader).map_err(|e| Error::io(&self.name, e))?;
         self.reader.fill_buf().map_err(|e| Error::io(&self.name, e))
     }
 
-    /// Passes over whole lines of what is there.
+    /// Consumes `bytes` of the buffer, which are `lines` whole lines.
     pub fn pass(&mut self, bytes: usize, lines: u64) {
         self.reader.consume(bytes);
         self.number += lines;
@@ -93,13 +99,16 @@ pub fn wait_for_data(reader: &mut impl BufRead) -> std::io::Result<()> {
     }
 }
 
-/// The finite number that `text` begins with and how many bytes it takes, the same as [`number`] finds in these.
+/// The finite number that `text` begins with, and its length in bytes. [`parse_number`] reads the same number.
 pub fn finite_prefix(text: &[u8]) -> Option<(f64, usize)> {
     let (value, length) = fast_float2::parse_partial::<f64, _>(text).ok()?;
     value.is_finite().then_some((value, length))
 }
 
 /// A finite number, or what stands there instead.
+///
+/// # Errors
+/// The message: no number, or an infinite one.
 pub fn parse_number(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() => Ok(v),
@@ -116,6 +125,9 @@ pub fn parse_number(text: &str) -> std::result::Result<f64, String> {
 pub const MAX_COORDINATE: f64 = 1e12;
 
 /// A length in centimetres that is no damage, or what is wrong with it.
+///
+/// # Errors
+/// The message: the length is beyond [`MAX_COORDINATE`].
 pub fn check_length(centimetres: f64) -> std::result::Result<f64, String> {
     if centimetres.abs() <= MAX_COORDINATE {
         Ok(centimetres)
@@ -261,7 +273,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn a_prefix_is_the_number_that_stands_there(value in proptest::num::f64::ANY, digits in "[0-9]{1,30}", exponent in -340..310i32, behind in "[,; \n#x_]?") {
+        fn a_prefix_is_the_number_at_the_start(value in proptest::num::f64::ANY, digits in "[0-9]{1,30}", exponent in -340..310i32, behind in "[,; \n#x_]?") {
             for text in [value.to_string(), format!("{value:e}"), digits.clone(), format!("-{digits}.{digits}e{exponent}")] {
                 let whole = parse_number(&text).ok().map(|v| (v.to_bits(), text.len()));
                 let prefix = finite_prefix(format!("{text}{behind}").as_bytes());

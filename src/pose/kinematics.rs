@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_a_posture_stands_as_in_the_whole() {
+    fn a_partial_posture_equals_that_part_of_the_full_one() {
         let s = arm();
         let q: Vec<f64> = (0..s.dof_count()).map(|i| 0.2 * i as f64 - 0.7).collect();
         let whole = s.posture(&q);

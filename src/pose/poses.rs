@@ -18,7 +18,7 @@ pub struct Poses {
 }
 
 impl Poses {
-    /// When frames were captured, and of which takes, with no points.
+    /// Poses without points: only the times and the takes of frames.
     pub fn without_points(frames: impl Iterator<Item = (Option<f64>, Option<Arc<str>>)>) -> Poses {
         let (time, take): (Vec<_>, Vec<_>) = frames.unzip();
         Poses {
@@ -38,32 +38,32 @@ impl Poses {
         }
     }
 
-    /// How many frames there are.
+    /// The number of frames.
     pub fn frames(&self) -> usize {
         self.xyz.nrows()
     }
 
-    /// One frame, 3 J numbers.
+    /// One frame, (3 J), centimetres.
     pub fn frame(&self, index: usize) -> ArrayView1<'_, f64> {
         self.xyz.row(index)
     }
 
-    /// Frames a second, of all takes: 1 / the usual step of time, rounded to a whole number (or n/1.001) where it is as close
-    /// as the times tell.
+    /// Frames a second of all takes: 1 / the median step of time. The rate is rounded to a whole number or an NTSC rate
+    /// (n/1.001) where the rounding of the times allows it.
     ///
-    /// `None` without times, or when no step goes forward.
+    /// `None` without times, or if no step is above zero.
     pub fn rate(&self) -> Option<f64> {
         self.rate_within(0..self.time.as_ref()?.len())
     }
 
-    /// The same of some frames, such as those of one take.
+    /// [`Poses::rate`] of some frames, such as those of one take.
     pub fn rate_within(&self, frames: Range<usize>) -> Option<f64> {
         let time = self.time.as_deref()?.get(frames.clone())?;
         rate_of(time, |i| self.same_take(frames.start + i))
     }
 
-    /// Frames a second of each of the [takes](Poses::takes), `None` where times tell none. Of few frames rounded times tell a
-    /// rate badly: where a take's times allow the rate of a longer one, that is its own.
+    /// Frames a second of each of the [takes](Poses::takes), `None` where it has no times. The rounded times of a short
+    /// take determine its rate badly: a take gets the rate of a longer take if its times are consistent with that rate.
     pub fn rates(&self) -> Vec<Option<f64>> {
         let takes = self.takes();
         let mut longest: Vec<usize> = (0..takes.len()).collect();
@@ -77,15 +77,15 @@ impl Poses {
         rates
     }
 
-    /// Whether the times of some frames, rounded as they are, are those of so many frames a second. So they are where there
-    /// are none.
+    /// Whether the times of some frames are consistent with `rate` frames a second, given their rounding. True without
+    /// times.
     pub fn is_consistent_with_rate(&self, frames: Range<usize>, rate: f64) -> bool {
         let time = self.time.as_deref().and_then(|t| t.get(frames.clone()));
         time.is_none_or(|time| allows(time, |i| self.same_take(frames.start + i), rate))
     }
 
-    /// Runs of frames that follow one another: a new take, a time that does not go forward and a step of more than
-    /// 1.5 frames each start a new run. Nothing is ever interpolated across runs.
+    /// Runs of consecutive frames. A new take, a time that does not increase, and a step of more than 1.5 frames each
+    /// start a new run. Nothing is ever interpolated across runs.
     pub fn runs(&self) -> Vec<Range<usize>> {
         let mut runs = Vec::new();
         for take in self.takes() {
@@ -108,7 +108,7 @@ impl Poses {
         runs
     }
 
-    /// Runs of frames of one take, however their times jump.
+    /// The frames of each take, whatever their times.
     pub fn takes(&self) -> Vec<Range<usize>> {
         let mut takes = Vec::new();
         let mut start = 0;
@@ -127,12 +127,12 @@ impl Poses {
     }
 }
 
-/// The rates that takes were found to have.
+/// The rates of the takes seen so far.
 #[derive(Debug, Default)]
 pub struct KnownRates(Vec<f64>);
 
 impl KnownRates {
-    /// The rate of a take whose times tell `own`, and allow others: the first that was met of those, else its own.
+    /// The rate of a take with the estimated rate `own`: the first known rate that `allows` accepts, else `own`.
     pub fn reconcile(&mut self, own: f64, allows: impl Fn(f64) -> bool) -> f64 {
         let met = self.0.iter().copied().find(|rate| allows(*rate));
         met.unwrap_or_else(|| {
@@ -142,11 +142,11 @@ impl KnownRates {
     }
 }
 
-/// Steps between these shares of the usual one are steps of one frame: times may be rounded, to milliseconds say.
+/// The steps that count as one frame, relative to the median step: times may be rounded, for instance to milliseconds.
 const ONE_FRAME: RangeInclusive<f64> = 0.65..=1.35;
 
-/// Whether a series of times is of a rate: that is what they tell, or they differ from it by no more than they are rounded;
-/// `joined(i)` tells whether step `i - 1 -> i` counts.
+/// Whether times are consistent with a rate: their estimated rate is that rate, or they differ from it by no more than
+/// their rounding. `joined(i)`: whether step `i - 1 -> i` counts.
 fn allows(time: &[f64], joined: impl Fn(usize) -> bool, rate: f64) -> bool {
     let Some(own) = rate_of(time, &joined) else {
         return true;
@@ -169,7 +169,7 @@ fn allows(time: &[f64], joined: impl Fn(usize) -> bool, rate: f64) -> bool {
     ONE_FRAME.contains(&(own / rate)) && (span - f64::from(steps) / rate).abs() <= slack
 }
 
-/// What all times are multiples of; 0 if of nothing round.
+/// The unit that the times are rounded to, seconds; 0 if none is found.
 fn grain(time: &[f64]) -> f64 {
     let is_whole = |t: f64| (t - t.round()).abs() <= 1e-3;
     let mut grains = [1e-3, 1e-4, 1e-5, 1e-6].into_iter();
@@ -177,7 +177,7 @@ fn grain(time: &[f64]) -> f64 {
     grains.find(is_of).unwrap_or(0.0)
 }
 
-/// The rate of a series of times; `joined(i)` tells whether step `i - 1 -> i` counts.
+/// The rate of a series of times. `joined(i)`: whether step `i - 1 -> i` counts.
 fn rate_of(time: &[f64], joined: impl Fn(usize) -> bool) -> Option<f64> {
     let mut steps: Vec<f64> = (1..time.len())
         .filter(|&i| joined(i))
@@ -189,7 +189,7 @@ fn rate_of(time: &[f64], joined: impl Fn(usize) -> bool) -> Option<f64> {
     }
     let middle = steps.len() / 2;
     let (_, &mut step, _) = steps.select_nth_unstable_by(middle, f64::total_cmp);
-    // Times may be rounded, to milliseconds say: then steps differ by one, and only many of them tell the rate.
+    // The median step of times rounded to milliseconds is off by up to one: the mean of many steps is not.
     steps.retain(|s| ONE_FRAME.contains(&(s / step)));
     let (least, most) = steps
         .iter()
@@ -201,9 +201,9 @@ fn rate_of(time: &[f64], joined: impl Fn(usize) -> bool) -> Option<f64> {
     ))
 }
 
-/// A rate this close to a whole one, as a share of it, is that.
+/// A rate is rounded to a whole one that is this close, relative to it.
 const CLOSE: f64 = 1e-4;
-/// Times that differ by more than this share tell no rounder rate.
+/// The largest relative uncertainty of the times within which a rate is rounded.
 const MOST_UNSURE: f64 = 5e-3;
 
 /// The nearest whole rate, or NTSC rate (n/1.001), when it is within 1e-4 of it.
@@ -211,7 +211,7 @@ pub fn round_rate(rate: f64) -> f64 {
     near_rate(rate, CLOSE)
 }
 
-/// The same within another share of it.
+/// [`round_rate`] within the relative distance `share`.
 fn near_rate(rate: f64, share: f64) -> f64 {
     let whole = rate.round();
     let ntsc = (rate * 1.001).round() / 1.001;
@@ -225,7 +225,7 @@ fn near_rate(rate: f64, share: f64) -> f64 {
     }
 }
 
-/// What became of a point in a frame, as the column `NAME.status` of a table tells it.
+/// The result of a restoration for a point in a frame: the column `NAME.status` of a table.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum Status {
     /// Measured, and left as it was.
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn times_rounded_to_milliseconds_tell_the_rate() {
+    fn times_rounded_to_milliseconds_give_the_rate() {
         for (rate, frames) in [
             (120.0, 60),
             (120.0, 3000),
@@ -343,10 +343,10 @@ mod tests {
         // Rates that really differ are kept: close ones over many frames, half and double ones over few.
         for other in [119.88, 60.0, 240.0, 100.0] {
             let frames = if other == 119.88 { 3000 } else { 9 };
-            let told = rates(&[rounded(120.0, 4000, 1e6), rounded(other, frames, 1e6)]);
-            let told: Vec<f64> = told.into_iter().flatten().collect();
-            assert_eq!(told[0], 120.0);
-            assert!((told[1] - other).abs() <= 1e-3 * other, "{told:?}");
+            let found = rates(&[rounded(120.0, 4000, 1e6), rounded(other, frames, 1e6)]);
+            let found: Vec<f64> = found.into_iter().flatten().collect();
+            assert_eq!(found[0], 120.0);
+            assert!((found[1] - other).abs() <= 1e-3 * other, "{found:?}");
         }
         // Times that tremble tell their own rate, one odd step or not.
         let tremble = |i: i32| f64::from(i) / 120.0 + 4e-4 * f64::from(i * 7 % 5 - 2) / 2.0;
@@ -360,8 +360,8 @@ mod tests {
         );
         // The last digits of times are no other rate.
         let even = |from: f64| (0..50).map(|i| from + i as f64 / 58.3).collect::<Vec<_>>();
-        let told = rates(&[even(0.0), even(1.7), even(33.3)]);
-        assert!(told.iter().all(|r| *r == told[0]));
+        let found = rates(&[even(0.0), even(1.7), even(33.3)]);
+        assert!(found.iter().all(|r| *r == found[0]));
     }
 
     #[test]

@@ -108,6 +108,9 @@ impl RestFrame {
 impl Skeleton {
     /// Checks that the first bone is the only root, that each parent comes before its children and that no name
     /// stands twice.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the bones are no such tree.
     pub fn new(bones: Vec<Bone>) -> Result<Skeleton> {
         let fail = |what: String| Err(Error::usage(format!("not a skeleton: {what}")));
         for (i, bone) in bones.iter().enumerate() {

@@ -1,27 +1,27 @@
-//! Linear maps of whole poses: to another body, or turned. Models are carried through them.
+//! Linear transforms of poses and of their covariances: to another body, or rotated.
 
 use super::Body;
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2};
 
-/// A linear map of poses of 3 J numbers.
+/// A linear transform of poses (3 J).
 #[derive(Debug, Clone, PartialEq)]
 pub enum PoseTransform {
-    /// Each bone becomes so many times as long (see [`Body::reshape`]).
+    /// Scales the length of each bone (see [`Body::reshape`]).
     Reshape {
-        /// What hangs on what.
+        /// The bones.
         body: Body,
         /// The points, parents first.
         order: Vec<usize>,
-        /// One a point.
+        /// The factor of the length of each point's bone.
         ratios: Vec<f64>,
     },
-    /// Each point is turned about the origin.
+    /// Rotates all points about the origin.
     Rotate(DMat3),
 }
 
 impl PoseTransform {
-    /// From one body to another.
+    /// The transform from one body to another.
     pub fn reshape(from: &Body, to: &Body) -> PoseTransform {
         PoseTransform::Reshape {
             order: from.order(),
@@ -30,7 +30,7 @@ impl PoseTransform {
         }
     }
 
-    /// Whether the map changes nothing.
+    /// Whether the transform changes nothing.
     pub fn is_identity(&self) -> bool {
         match self {
             PoseTransform::Reshape { ratios, .. } => ratios.iter().all(|r| *r == 1.0),
@@ -38,7 +38,7 @@ impl PoseTransform {
         }
     }
 
-    /// The map back.
+    /// The inverse transform.
     pub fn inverse(&self) -> PoseTransform {
         match self {
             PoseTransform::Reshape {
@@ -54,7 +54,7 @@ impl PoseTransform {
         }
     }
 
-    /// Carries one pose.
+    /// Transforms a pose (3 J) into `out` (3 J).
     pub fn apply(&self, pose: &[f64], out: &mut [f64]) {
         match self {
             PoseTransform::Reshape {
@@ -70,7 +70,7 @@ impl PoseTransform {
         }
     }
 
-    /// Carries the rows of an array.
+    /// Transforms each row of (poses, 3 J).
     pub fn apply_rows(&self, poses: ArrayView2<'_, f64>) -> Array2<f64> {
         let mut out = Array2::zeros(poses.dim());
         let mut pose = vec![0.0; poses.ncols()];
@@ -83,7 +83,7 @@ impl PoseTransform {
         out
     }
 
-    /// Carries a covariance: `T Σ Tᵀ`.
+    /// Transforms a covariance (3 J, 3 J): `T Σ Tᵀ`.
     pub fn apply_covariance(&self, covariance: ArrayView2<'_, f64>) -> Array2<f64> {
         let half = self.apply_rows(covariance);
         self.apply_rows(half.t()).reversed_axes()

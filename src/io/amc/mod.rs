@@ -204,6 +204,9 @@ enum Fault {
 
 impl<'a> AmcReader<'a> {
     /// Reads the take's head. With `keep_whole`, a take cut off in its last frame ends before that frame.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: no frame, or none with a number.
     pub fn new(asf: &'a Asf, input: Input, keep_whole: bool) -> Result<AmcReader<'a>> {
         AmcReader::with_block(asf, input, keep_whole, BLOCK)
     }
@@ -266,6 +269,9 @@ impl<'a> AmcReader<'a> {
     }
 
     /// The next frames into `frames`: those that are there, at least one; `false` at the end of the take.
+    ///
+    /// # Errors
+    /// Those of [`AmcReader::read`].
     pub fn read_block(&mut self, frames: &mut AmcFrames) -> Result<bool> {
         frames.numbers.clear();
         frames.values.clear();
@@ -311,6 +317,10 @@ impl<'a> AmcReader<'a> {
     }
 
     /// The next frame into `frame`; `false` at the end of the take.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bone or a value is missing, unknown or doubled, frames are not numbered
+    /// without a gap, or the take is cut off; the place has the line.
     pub fn read(&mut self, frame: &mut AmcFrame) -> Result<bool> {
         let Some(number) = self.next.take() else {
             return Ok(false);
@@ -499,7 +509,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back() {
+    fn written_takes_read_back() {
         let asf = asf();
         let frames = take(TWO, false).unwrap();
         let mut out = Vec::new();

@@ -147,7 +147,7 @@ mod tests {
     use crate::pose::{Bone, Dof};
 
     #[test]
-    fn a_skeleton_and_its_file_stand_alike_in_every_order_and_axis() {
+    fn an_exported_skeleton_has_the_same_poses_in_every_order_and_axis() {
         let bone = |name: &str, parent, offset: [f64; 3], dofs: &[&str]| Bone {
             name: name.into(),
             parent,

@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_of_other_values_is_named_and_shifts_nothing() {
+    fn a_line_with_a_wrong_number_of_values_is_reported() {
         let frame = |line: &str| format!("{}\n", line.trim());
         let (excerpt, long) = ("90 0 0 5 6 7 0 0 0", "90 0 0 5 6 7 0 0 0 0 0");
         for (lines, wrong) in [
@@ -197,9 +197,9 @@ mod tests {
         ] {
             let text: String = lines.into_iter().map(frame).collect();
             for keep_whole in [false, true] {
-                let said = load(odd(&text), keep_whole).unwrap_err().to_string();
+                let message = load(odd(&text), keep_whole).unwrap_err().to_string();
                 let named = format!("frame {wrong}: expected 10 values");
-                assert!(said.contains(&named), "{said}");
+                assert!(message.contains(&named), "{message}");
             }
         }
         // Laid out otherwise, values count alone.
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_counted_not_believed() {
+    fn the_frame_count_of_the_header_is_not_trusted() {
         let three = load(odd(&FRAME.repeat(3)), false).unwrap();
         assert_eq!(three.motion.nrows(), 3);
         assert!(
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back_here_and_in_bvh_anim() {
+    fn written_files_read_back_here_and_in_bvh_anim() {
         let mut bvh = load(odd(&FRAME.repeat(2)), false).unwrap();
         // What the crate cannot read: names with spaces or colons, leaves without an End Site.
         bvh.joints[0].name = "root".into();

@@ -39,6 +39,9 @@ impl BvhSkeleton {
     /// With `sliding` every position channel is a value of the skeleton. Without, bones keep their lengths, as when a
     /// posture is solved for, and only those move the body as a whole: the root's, and its only child's, and so on
     /// until the first fork (some rigs have a root that stays where it is and hips that walk).
+    ///
+    /// # Errors
+    /// [`crate::Error::Usage`]: the joints are no tree.
     pub fn new(joints: &[Joint], turn: DMat3, sliding: bool) -> Result<BvhSkeleton> {
         let mut builder = Builder::default();
         // By joint: the bone that turns with it; by place: the bone that ends there.

@@ -1,4 +1,4 @@
-//! Pose tables as CSV (RFC 4180): read row by row, written with unchanged cells as they stood.
+//! Pose tables as CSV (RFC 4180). Cells that did not change are written with the text that was read.
 
 mod block;
 mod records;
@@ -19,8 +19,8 @@ use std::sync::Arc;
 
 /// Reads a table row by row.
 ///
-/// Rows that are plain and there already are read ahead, on all threads; a row is never waited for while one that is
-/// there has not been handed out.
+/// Regular rows that have arrived are parsed ahead, on all threads. The reader never waits for input while a row that
+/// has arrived was not returned.
 pub struct CsvReader {
     /// The name that messages use.
     pub name: String,
@@ -32,7 +32,7 @@ pub struct CsvReader {
     next: (usize, usize),
     /// The line that the block begins in.
     block_line: u64,
-    /// How many bytes at the start of what is there have been read ahead.
+    /// The number of bytes in the buffer that were parsed ahead.
     ahead: usize,
     keep: bool,
     take: Arc<str>,
@@ -40,6 +40,9 @@ pub struct CsvReader {
 
 impl CsvReader {
     /// Reads the header.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: no header of a pose table.
     pub fn new(input: Input, options: &ReadOptions) -> Result<CsvReader> {
         CsvReader::with_block(input, options, BLOCK)
     }
@@ -80,6 +83,9 @@ impl CsvReader {
     }
 
     /// Reads the next frame; `false` at the end.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: a bad row; the place has the line and the column.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         loop {
             if self.hand_out(row)? {
@@ -97,7 +103,7 @@ impl CsvReader {
         self.read_carefully(row)
     }
 
-    /// Reads what plain rows come next and are there.
+    /// Parses the regular rows that come next and have arrived.
     fn read_ahead(&mut self) -> Result<()> {
         let Some((text, line)) = self
             .records
@@ -113,7 +119,7 @@ impl CsvReader {
         Ok(())
     }
 
-    /// Hands out the next row that was read ahead, if there is one.
+    /// Returns the next row that was parsed ahead, if there is one.
     fn hand_out(&mut self, row: &mut Row) -> Result<bool> {
         let (piece, plain) = loop {
             let Some(piece) = self.blocks.pieces().get(self.next.0) else {
@@ -144,7 +150,7 @@ impl CsvReader {
         Ok(true)
     }
 
-    /// Reads the next row whatever it holds, or says what is wrong with it.
+    /// Reads the next row, regular or not, or reports its error.
     fn read_carefully(&mut self, row: &mut Row) -> Result<bool> {
         let more = self.records.read(&mut row.cells);
         if !more.map_err(|e| fault(&self.name, e))? {
@@ -194,12 +200,12 @@ impl CsvReader {
     }
 }
 
-/// What is wrong with a name.
+/// The error of a name that is no text.
 const NO_TEXT: &str =
     "its name is not UTF-8: convert the table (iconv -f latin1 -t utf-8, if it is Latin-1)";
 
-/// The take of this name: `last` where it is the same, so that a take's name is kept once. With other letters in place of
-/// those that are no text, two takes would be one.
+/// The take with this name: `last` where the name is the same, so that the name is stored once. Bytes that are no UTF-8
+/// are not replaced, because two takes could then get one name.
 fn known(last: &mut Arc<str>, name: &[u8], (file, line): (&str, u64)) -> Result<Arc<str>> {
     if last.as_bytes() != name {
         let name = std::str::from_utf8(name)
@@ -282,21 +288,22 @@ mod tests {
     }
 
     #[test]
-    fn a_column_whose_name_is_no_text_is_told() {
+    fn a_column_name_that_is_no_text_is_refused() {
         let latin = b"a.x,a.y,a.z,h\xf6he\n1,2,3,4\n".to_vec();
         let input = Input::new("t.csv", std::io::Cursor::new(latin)).unwrap();
-        let told = CsvReader::new(input, &ReadOptions::default())
+        let message = CsvReader::new(input, &ReadOptions::default())
             .err()
             .unwrap();
         assert!(
-            told.to_string()
+            message
+                .to_string()
                 .contains("t.csv:1: column 4: its name is not UTF-8"),
-            "{told}"
+            "{message}"
         );
     }
 
     #[test]
-    fn takes_whose_names_are_no_text_are_told_not_mixed_up() {
+    fn take_names_that_are_no_text_are_refused() {
         for rows in [
             "a,1,2,3\nh\u{1}\u{1},4,5,6\n",
             "\"a\",1,2,3\n\"h\u{1}\u{1}\",4,5,6\n",
@@ -309,10 +316,10 @@ mod tests {
             let mut reader = CsvReader::new(input, &ReadOptions::default()).unwrap();
             let mut row = Row::default();
             assert!(reader.read(&mut row).unwrap());
-            let told = reader.read(&mut row).unwrap_err().to_string();
+            let message = reader.read(&mut row).unwrap_err().to_string();
             assert!(
-                told.starts_with("t.csv:3: take: its name is not UTF-8"),
-                "{told}"
+                message.starts_with("t.csv:3: take: its name is not UTF-8"),
+                "{message}"
             );
         }
     }
@@ -395,7 +402,7 @@ mod tests {
     const PLAIN: &str = "note,a.z,a.x,time,a.y,take,b.y,b.x,b.z\nn,1.5,-2e-3,0,,w,3,nan,5\n,1,2,0.1,3,w,.5,5.,+6\n\nx,1,2,0.2,3,v,4,5,6\n\n\ny,-0,1e12,0.3,3,v,4,5,123456789.123456789\n";
 
     #[test]
-    fn rows_read_ahead_are_those_read_one_at_a_time() {
+    fn rows_parsed_ahead_equal_rows_read_one_at_a_time() {
         let quoted = PLAIN.replace("x,1", "\"x,\n\"\"\",1");
         let returns = PLAIN.replace("\nx", "\rx");
         for text in [PLAIN, PLAIN.trim_end(), &quoted, &returns] {
@@ -433,7 +440,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn the_first_bad_row_is_the_one_told_of(
+        fn the_first_bad_row_is_reported(
             cells in proptest::collection::vec(
                 proptest::prop_oneof![
                     20 => "-?[0-9]{1,3}(\\.[0-9]{1,17})?",

@@ -1,4 +1,4 @@
-//! Records of any CSV (RFC 4180), one at a time: quoted cells, line ends inside them, lines that end in CR alone.
+//! Any CSV record (RFC 4180), one at a time: quoted cells, line ends inside cells, lines that end in CR alone.
 
 use super::super::text::wait_for_data;
 use crate::io::row::Cells;
@@ -11,7 +11,7 @@ use std::io::{self, BufRead, BufReader};
 #[error("a cell begins with a quote that is never closed")]
 struct Unclosed(u64);
 
-/// What went wrong in a file of that name.
+/// The error of a file with that name.
 pub(super) fn fault(name: &str, e: io::Error) -> Error {
     let unclosed = e.get_ref().and_then(|e| e.downcast_ref::<Unclosed>());
     match unclosed {
@@ -20,11 +20,11 @@ pub(super) fn fault(name: &str, e: io::Error) -> Error {
     }
 }
 
-/// Reads records, and lets others read ahead between two of them.
+/// Reads records one at a time; between two records, the buffer may be parsed ahead.
 pub(super) struct Records {
     reader: BufReader<Box<dyn BufRead>>,
     core: csv_core::Reader,
-    /// One more than the line feeds that the reader has passed.
+    /// The line that the next byte is in, counted from 1.
     pub(super) line: u64,
     ended: bool,
     text: Vec<u8>,
@@ -107,7 +107,8 @@ impl Records {
         }
     }
 
-    /// What is there behind the last record, and the line it begins in; waits only where nothing is left. `None` at the end.
+    /// The buffered bytes behind the last record, and the line that they begin in. Waits only if there are none. `None`
+    /// at the end.
     pub(super) fn waiting(&mut self) -> io::Result<Option<(&[u8], u64)>> {
         if self.ended {
             return Ok(None);
@@ -116,12 +117,12 @@ impl Records {
         Ok(Some((self.reader.buffer(), self.line)))
     }
 
-    /// What is there, without waiting.
+    /// The buffered bytes, without waiting.
     pub(super) fn there(&self) -> &[u8] {
         self.reader.buffer()
     }
 
-    /// Passes over so many bytes of it, whose line feeds are counted in [`Records::line`].
+    /// Consumes `bytes` of the buffer; the caller adds their line feeds to [`Records::line`].
     pub(super) fn pass(&mut self, bytes: usize) {
         self.reader.consume(bytes);
     }
@@ -131,7 +132,7 @@ impl Records {
 mod tests {
     use super::*;
 
-    /// How many records there are, or what is wrong.
+    /// The number of records, or the error.
     fn count(text: &'static str, at_once: usize) -> Result<usize, String> {
         let reader: Box<dyn BufRead> = Box::new(text.as_bytes());
         let mut records = Records::new(BufReader::with_capacity(at_once, reader));
@@ -146,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_quote_that_is_never_closed_swallows_nothing() {
+    fn an_unclosed_quote_is_an_error() {
         for at_once in [1, 2, 3, 64] {
             for (text, records) in [
                 ("a,b\n1,\"2\"", 2),
@@ -163,8 +164,8 @@ mod tests {
                 "a,b\n1,\"2\"\"",
                 "\"",
             ] {
-                let said = count(text, at_once).unwrap_err();
-                assert!(said.contains("never closed"), "{said}");
+                let message = count(text, at_once).unwrap_err();
+                assert!(message.contains("never closed"), "{message}");
             }
         }
         assert!(count("a,b\n\n1,\"2\n", 9).unwrap_err().starts_with("t:3: "));

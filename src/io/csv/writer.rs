@@ -1,13 +1,13 @@
-//! Rows of a table written as CSV, unchanged cells as they stood.
+//! Formats rows of a table as CSV. Unchanged cells keep their text.
 
 use super::super::text::push_f64;
 use crate::io::columns::Columns;
 use crate::io::row::Row;
 
-/// What a written column holds.
+/// The content of a written column.
 #[derive(Debug, Clone, PartialEq)]
 enum Source {
-    /// A cell as it was read.
+    /// A cell with the text that was read.
     Carried(usize),
     /// Number `value` of the frame; the column it was read from, if any.
     Number(usize, Option<usize>),
@@ -51,7 +51,7 @@ pub enum After {
 pub struct CsvFormat {
     header: Vec<String>,
     sources: Vec<Source>,
-    /// Whether the columns are those that were read.
+    /// Whether the columns are those that were read, in the same order.
     as_it_was: bool,
 }
 
@@ -182,7 +182,7 @@ impl CsvFormat {
     }
 }
 
-/// The same number, or both missing.
+/// Whether two numbers have the same bits, or both are missing.
 fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
 }

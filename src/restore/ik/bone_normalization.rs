@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_points_stay_missing_and_those_below_follow_what_is_seen() {
+    fn missing_points_stay_missing_and_descendants_follow_visible_ancestors() {
         let y = [0., 0., 0., 0., 2., 0., N, N, N, 0., 6., 1.];
         let mut out = [0.; 12];
         chain([N, 3., 1., 1.]).normalize(&y, &mut out);
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn circles_are_cut() {
+    fn cyclic_parents_are_cut() {
         let bones = BoneNormalizer::new(vec![Some(1), Some(0), Some(9), Some(3)], vec![1.; 4]);
         let mut out = [0.; 12];
         let y: Vec<f64> = (0..12).map(f64::from).collect();

@@ -71,7 +71,8 @@ impl<'a> InitialPose<'a> {
         })
     }
 
-    /// Sets `q`, which holds the frame before: bones that no target tells of keep their values.
+    /// Sets `q`, which holds the values of the frame before; bones without targets keep theirs. `targets`: (3 T), NaN is
+    /// missing.
     pub fn apply(&self, targets: &[f64], q: &mut [f64]) {
         let mut posture = Posture::default();
         for (i, bone) in self.skeleton.bones().iter().enumerate() {

@@ -27,7 +27,7 @@ const FITS: f64 = 1e-4;
 /// How a take is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SequenceSettings {
-    /// Of each frame's solution.
+    /// The solver of each frame.
     pub solve: IkSettings,
     /// Other starts for a frame that does not fit, the first frame apart, which has four times as many.
     pub restarts: usize,
@@ -69,9 +69,12 @@ pub struct SequenceFit {
 /// Fits a skeleton to a take.
 ///
 /// `joints[k]` is the bone whose end is the point in columns 3 k to 3 k + 2 of `xyz` (frames, 3 K; centimetres; NaN is
-/// missing). A missing point says nothing: the values it alone would tell stay as they were in the frame before (in
-/// the first seen frame after, for a take's start); the root does where its own point and all but two are missing.
-/// `watch` is told after each frame how many are done.
+/// missing). Degrees of freedom that only missing points determine stay as they were in the frame before (at a take's
+/// start, as in the first frame that shows them). The root stays where its own point and all but two are missing.
+/// `watch` is called after each frame with the number of frames done.
+///
+/// # Errors
+/// [`Error::Usage`]: too many degrees of freedom, no joints, or columns that are not three a joint.
 pub fn fit_sequence(
     skeleton: &Skeleton,
     joints: &[usize],
@@ -447,8 +450,8 @@ mod tests {
         .unwrap()
     }
 
-    /// A motion that leaps far from frame to frame.
-    fn leaps(s: &Skeleton, frames: usize) -> Array2<f64> {
+    /// A motion that large_steps far from frame to frame.
+    fn large_steps(s: &Skeleton, frames: usize) -> Array2<f64> {
         let mut xyz = Array2::zeros((frames, 15));
         for (i, mut row) in xyz.rows_mut().into_iter().enumerate() {
             let q: Vec<f64> = (0..s.dof_count())
@@ -461,22 +464,22 @@ mod tests {
     }
 
     #[test]
-    fn even_leaps_are_followed_and_the_same_take_gives_the_same_values() {
+    fn large_steps_are_followed_and_results_are_reproducible() {
         let (s, joints) = (arm(), [0, 1, 2, 3, 4]);
-        let xyz = leaps(&s, 40);
-        let mut told = 0;
+        let xyz = large_steps(&s, 40);
+        let mut done = 0;
         let run = |watch: &mut dyn FnMut(usize)| {
             fit_sequence(&s, &joints, xyz.view(), &SequenceSettings::default(), watch)
         };
-        let found = run(&mut |n| told = n).unwrap();
-        assert_eq!((told, found.incomplete, found.unplaced), (40, 0, 0));
+        let found = run(&mut |n| done = n).unwrap();
+        assert_eq!((done, found.incomplete, found.unplaced), (40, 0, 0));
         // Leaps of a radian a frame look like noise, which holds the values a little.
         assert!(found.max <= 0.05, "{}", found.max);
         assert_eq!(found.values, run(&mut |_| {}).unwrap().values);
     }
 
     #[test]
-    fn what_is_not_there_is_no_fault() {
+    fn missing_points_are_no_error() {
         let (s, joints) = (arm(), [0, 1, 2, 3, 4]);
         let none = Array2::from_elem((3, 15), f64::NAN);
         let found = fit_sequence(
@@ -513,7 +516,7 @@ mod tests {
             .is_err()
         );
         // Infinite and huge points are no places.
-        let mut odd = leaps(&s, 4);
+        let mut odd = large_steps(&s, 4);
         odd[[1, 4]] = f64::INFINITY;
         odd[[2, 7]] = 1e200;
         let found = fit_sequence(

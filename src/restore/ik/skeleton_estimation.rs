@@ -23,6 +23,9 @@ const REST: [[f64; 3]; 23] = [
 ///
 /// Points that CMU does not know, or that hang on nothing the table shows, are no bones of it. Bones that no frame
 /// shows from end to end are as long as CMU's mean.
+///
+/// # Errors
+/// [`Error::Usage`]: fewer than two points have the names of connected CMU joints.
 pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
     let names = &poses.points;
     let parents = parents_by_name(names);
@@ -100,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn lengths_are_the_tables_and_the_rest_pose_is_cmus() {
+    fn lengths_come_from_the_table_and_the_rest_pose_from_cmu() {
         let s = estimate_skeleton(&poses(cmu_names(), 1.25)).unwrap();
         assert_eq!(s.bones().len(), 23);
         let rest = s.posture(&vec![0.0; s.dof_count()]);
@@ -111,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn what_hangs_on_nothing_is_left_out() {
+    fn unconnected_points_are_left_out() {
         let names = |n: &[&str]| n.iter().map(|s| s.to_string()).collect::<Vec<_>>();
         let s = estimate_skeleton(&poses(
             names(&["tail", "lradius", "lhumerus", "lwrist"]),

@@ -427,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn a_posture_is_found_again_from_nearby() {
+    fn a_posture_is_recovered_from_nearby() {
         let (s, joints) = (arm(None), [0, 1, 2, 3, 4]);
         let want: Vec<f64> = (0..s.dof_count()).map(|i| (i as f64 * 1.3).sin()).collect();
         let targets = places(&s, &want, &joints);
@@ -445,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_no_target_moves_stay() {
+    fn values_without_targets_stay() {
         let s = arm(None);
         let mut q: Vec<f64> = (0..s.dof_count()).map(|i| 0.1 * i as f64).collect();
         let joints = [0, 1, 2, 4];
