@@ -33,7 +33,7 @@ pub(super) struct BoundedAssignment {
     travelled: Vec<f64>,
     /// The sum over steps of the largest shift.
     farthest: f64,
-    /// By cluster, whether a pose came or went since [`BoundedAssignment::moved`].
+    /// By cluster, whether a pose came or went since [`BoundedAssignment::move_centroids`].
     pub touched: Vec<bool>,
 }
 
@@ -57,7 +57,7 @@ impl BoundedAssignment {
     }
 
     /// Takes note that centroid `j` has moved by `shifts[j]`.
-    pub fn moved(&mut self, shifts: &[f64]) {
+    pub fn move_centroids(&mut self, shifts: &[f64]) {
         let mut farthest = 0.0f64;
         for (travelled, shift) in self.travelled.iter_mut().zip(shifts) {
             let shift = shift * (1.0 + SLACK);
@@ -69,7 +69,7 @@ impl BoundedAssignment {
     }
 
     /// Puts pose `i` into cluster `label` whatever its distance; the next step looks at it again.
-    pub fn put(&mut self, i: u32, label: u32) {
+    pub fn assign_to(&mut self, i: u32, label: u32) {
         self.relabel(i as usize, label);
         self.upper[i as usize] = f64::INFINITY;
         self.lower[i as usize] = 0.0;
@@ -87,27 +87,32 @@ impl BoundedAssignment {
 
     /// Gives each pose to its nearest centroid; says how many changed.
     pub fn step(&mut self, poses: Dataset<'_>, centroids: &Centroids) -> usize {
-        let doubts = self.doubts(poses, centroids);
-        let names: Vec<u32> = doubts.iter().map(|d| self.labels[d.0 as usize]).collect();
+        let uncertain = self.uncertain_poses(poses, centroids);
+        let names: Vec<u32> = uncertain
+            .iter()
+            .map(|d| self.labels[d.0 as usize])
+            .collect();
         let groups = ClusterMembers::new(&names, centroids.k());
         let pieces = groups.pieces(PIECE, |_| true);
         let findings = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
             let mut scratch = Scratch::new(poses.d);
             let owners: Vec<u32> = pieces[chunk.clone()].iter().map(|p| p.0).collect();
-            let apart = centroids.apart(&owners, &mut scratch);
+            let distances_to = centroids.centroid_distances(&owners, &mut scratch);
             let mut findings = Vec::new();
-            for ((owner, members), apart) in pieces[chunk].iter().zip(apart.rows()) {
-                let mut doubts: Vec<UncertainPose> =
-                    members.iter().map(|&i| doubts[i as usize]).collect();
-                doubts.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-                let apart = apart.to_slice().expect("a row of a table made there");
-                for doubts in doubts.chunks(TILE) {
+            for ((owner, members), distances_to) in pieces[chunk].iter().zip(distances_to.rows()) {
+                let mut uncertain: Vec<UncertainPose> =
+                    members.iter().map(|&i| uncertain[i as usize]).collect();
+                uncertain.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+                let distances_to = distances_to
+                    .to_slice()
+                    .expect("a row of a table made there");
+                for uncertain in uncertain.chunks(TILE) {
                     assign_tile(
                         poses,
                         centroids,
                         *owner,
-                        doubts,
-                        apart,
+                        uncertain,
+                        distances_to,
                         &mut scratch,
                         &mut findings,
                     );
@@ -126,12 +131,12 @@ impl BoundedAssignment {
     }
 
     /// The poses whose bounds leave their label open, with u made tight.
-    fn doubts(&self, poses: Dataset<'_>, centroids: &Centroids) -> Vec<UncertainPose> {
+    fn uncertain_poses(&self, poses: Dataset<'_>, centroids: &Centroids) -> Vec<UncertainPose> {
         if centroids.k() == 1 {
             return Vec::new();
         }
-        let doubts = parallel::map_chunks(poses.n, 4096, |rows| {
-            let mut doubts = Vec::new();
+        let uncertain = parallel::map_chunks(poses.n, 4096, |rows| {
+            let mut uncertain = Vec::new();
             for i in rows {
                 let label = self.labels[i] as usize;
                 let lower = self.lower[i] - self.farthest;
@@ -144,26 +149,26 @@ impl BoundedAssignment {
                 if upper < lower {
                     continue;
                 }
-                doubts.push((i as u32, upper));
+                uncertain.push((i as u32, upper));
             }
-            doubts
+            uncertain
         });
-        doubts.concat()
+        uncertain.concat()
     }
 }
 
-/// Finds the nearest centroid of a tile of poses of cluster `owner`, `doubts` ascending in u.
+/// Finds the nearest centroid of a tile of poses of cluster `owner`, `uncertain` ascending in u.
 fn assign_tile(
     poses: Dataset<'_>,
     centroids: &Centroids,
     owner: u32,
-    doubts: &[UncertainPose],
-    apart: &[f32],
+    uncertain: &[UncertainPose],
+    distances_to: &[f32],
     scratch: &mut Scratch,
     findings: &mut Vec<Reassignment>,
 ) {
-    let widest = doubts.last().map_or(0.0, |d| d.1);
-    let others = apart
+    let widest = uncertain.last().map_or(0.0, |d| d.1);
+    let others = distances_to
         .iter()
         .enumerate()
         .filter(|&(j, _)| j != owner as usize);
@@ -175,15 +180,15 @@ fn assign_tile(
     // every pose, so that l is as good as without a ball.
     let radius = 2.0 * widest * (1.0 + SLACK) + f64::from(nearest) * (1.0 + 1e-5);
     let limit = radius as f32 * (1.0 + f32::EPSILON);
-    let inside: Vec<u32> = (0..apart.len() as u32)
-        .filter(|&j| apart[j as usize] <= limit || j == owner)
+    let inside: Vec<u32> = (0..distances_to.len() as u32)
+        .filter(|&j| distances_to[j as usize] <= limit || j == owner)
         .collect();
-    let all = inside.len() == apart.len();
-    let ids: Vec<u32> = doubts.iter().map(|d| d.0).collect();
+    let all = inside.len() == distances_to.len();
+    let ids: Vec<u32> = uncertain.iter().map(|d| d.0).collect();
     let mut found: Vec<NearestCentroid> = Vec::with_capacity(ids.len());
     let candidates = (!all).then_some(&inside[..]);
     centroids.nearest(poses, &ids, candidates, scratch, &mut found);
-    for ((i, upper), near) in doubts.iter().zip(found) {
+    for ((i, upper), near) in uncertain.iter().zip(found) {
         let outside = if all { f64::INFINITY } else { radius - upper };
         let lower = near.second.sqrt().min(outside) * (1.0 - SLACK);
         findings.push((*i, near.label, near.squared.sqrt() * (1.0 + SLACK), lower));

@@ -34,7 +34,7 @@ pub(super) struct Centroids {
     /// m, (d).
     middle: Vec<f32>,
     /// The largest |c'|.
-    reach: f64,
+    max_norm: f64,
 }
 
 /// What one thread needs to scan; made once a chunk of work.
@@ -63,7 +63,7 @@ impl Centroids {
     pub fn new(exact: Array2<f64>, middle: &[f32]) -> Self {
         let (k, d) = exact.dim();
         let mut scanned = Array2::zeros((k, d + 1));
-        let mut reach = 0.0f64;
+        let mut max_norm = 0.0f64;
         for (mut row, c) in scanned.rows_mut().into_iter().zip(exact.rows()) {
             let mut squares = 0.0;
             for i in 0..d {
@@ -72,13 +72,13 @@ impl Centroids {
                 squares += shifted * shifted;
             }
             row[d] = squares as f32;
-            reach = reach.max(squares.sqrt());
+            max_norm = max_norm.max(squares.sqrt());
         }
         Centroids {
             exact,
             scanned,
             middle: middle.to_vec(),
-            reach,
+            max_norm,
         }
     }
 
@@ -107,7 +107,8 @@ impl Centroids {
     fn margin(&self, norm: f64) -> f64 {
         let d = self.middle.len() as f64;
         let underflow = (d + 4.0) * f64::from(f32::MIN_POSITIVE);
-        f64::from(f32::EPSILON) * (d + 4.0) * (2.0 * norm + self.reach) * self.reach + underflow
+        f64::from(f32::EPSILON) * (d + 4.0) * (2.0 * norm + self.max_norm) * self.max_norm
+            + underflow
     }
 
     /// The nearest of `candidates` (ascending; all when `None`) for each of at most [`TILE`] poses.
@@ -194,9 +195,9 @@ impl Centroids {
     }
 
     /// Distances from each centroid of `of` (at most [`TILE`]) to every centroid, (of, k): none is too long.
-    pub fn apart(&self, of: &[u32], scratch: &mut Scratch) -> Array2<f32> {
+    pub fn centroid_distances(&self, of: &[u32], scratch: &mut Scratch) -> Array2<f32> {
         let width = self.middle.len() + 1;
-        let mut apart = Array2::zeros((of.len(), self.k()));
+        let mut distances_to = Array2::zeros((of.len(), self.k()));
         let mut norms = Vec::with_capacity(of.len());
         for (&j, mut row) in of.iter().zip(scratch.tile.rows_mut()) {
             let c = self.scanned.row(j as usize);
@@ -204,13 +205,13 @@ impl Centroids {
             norms.push(f64::from(c[width - 1]));
         }
         let rows = scratch.tile.slice(s![..of.len(), ..]);
-        general_mat_mul(1.0, &rows, &self.scanned.t(), 0.0, &mut apart);
-        for (mut row, squares) in apart.rows_mut().into_iter().zip(norms) {
+        general_mat_mul(1.0, &rows, &self.scanned.t(), 0.0, &mut distances_to);
+        for (mut row, squares) in distances_to.rows_mut().into_iter().zip(norms) {
             // 1e-6: the f32 rounding of |c'|² itself, and of the root below.
             let lower = (squares * (1.0 - 1e-6) - self.margin(squares.sqrt())) as f32;
             row.mapv_inplace(|score| (score + lower).max(0.0).sqrt() * (1.0 - 1e-6));
         }
-        apart
+        distances_to
     }
 }
 
@@ -365,8 +366,8 @@ mod tests {
                     "the bound is tight"
                 );
             }
-            let apart = centroids.apart(&[0, 7, 199], &mut scratch);
-            for (row, j) in apart.rows().into_iter().zip([0, 7, 199]) {
+            let distances_to = centroids.centroid_distances(&[0, 7, 199], &mut scratch);
+            for (row, j) in distances_to.rows().into_iter().zip([0, 7, 199]) {
                 for (l, &bound) in row.iter().enumerate() {
                     let gaps = centroids.row(j).iter().zip(centroids.row(l));
                     let direct = gaps.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();

@@ -25,7 +25,7 @@ struct GrowingNode {
     /// Its poses, ascending; empty once it is split.
     members: Vec<u32>,
     inertia: f64,
-    /// Its children among the buds.
+    /// Its children among the nodes.
     children: Range<usize>,
 }
 
@@ -41,50 +41,50 @@ pub(super) fn grow(
     let (mean, variance) = poses.moments();
     let inertia = variance * (poses.n * poses.d) as f64;
     let members = (0..poses.n as u32).collect();
-    let mut buds = vec![GrowingNode {
+    let mut nodes = vec![GrowingNode {
         centroid: mean,
         members,
         inertia,
         children: 0..0,
     }];
     let (mut leaves, mut iterations, mut converged) = (1, 0, true);
-    // Not negative, so the order of the bits is that of the numbers; on a tie the older bud first.
+    // Not negative, so the order of the bits is that of the numbers; on a tie the older node first.
     let entry = |i: usize, inertia: f64| (inertia.to_bits(), Reverse(i));
     let mut heap = BinaryHeap::from([entry(0, inertia)]);
     while let Some((_, Reverse(i))) = heap.pop().filter(|_| leaves < parameters.k) {
         let k = branch
             .min(parameters.k - leaves + 1)
-            .min(buds[i].members.len());
+            .min(nodes[i].members.len());
         if k < 2 {
             continue;
         }
-        let members = std::mem::take(&mut buds[i].members);
+        let members = std::mem::take(&mut nodes[i].members);
         let (found, squares) = split(poses, &members, &KMeans { k, ..*parameters }, i, observer);
         if found.sizes.len() < 2 {
             // All its poses are the same: a leaf for good.
-            buds[i].members = members;
+            nodes[i].members = members;
             continue;
         }
-        let first = buds.len();
+        let first = nodes.len();
         let groups = ClusterMembers::new(&found.labels, found.sizes.len());
         for (j, centroid) in found.centroids.rows().into_iter().enumerate() {
             let own = groups.members(j);
             let inertia = own.iter().map(|&at| squares[at as usize]).sum();
-            heap.push(entry(buds.len(), inertia));
-            buds.push(GrowingNode {
+            heap.push(entry(nodes.len(), inertia));
+            nodes.push(GrowingNode {
                 centroid: centroid.to_vec(),
                 members: own.iter().map(|&at| members[at as usize]).collect(),
                 inertia,
                 children: 0..0,
             });
         }
-        buds[i].children = first..buds.len();
+        nodes[i].children = first..nodes.len();
         leaves += found.sizes.len() - 1;
         iterations += found.iterations;
         converged &= found.converged;
         observer(&KMeansProgress::Split { leaves });
     }
-    let (tree, order) = level_by_level(&buds);
+    let (tree, order) = level_by_level(&nodes);
     let mut grown = Clustering {
         centroids: Array2::zeros((leaves, poses.d)),
         labels: vec![0; poses.n],
@@ -94,23 +94,23 @@ pub(super) fn grow(
         converged,
         tree: None,
     };
-    for (node, &bud) in tree
+    for (leaf, &grown_from) in tree
         .nodes()
         .iter()
         .zip(&order)
         .filter(|(n, _)| n.children.is_empty())
     {
-        let (leaf, bud) = (node.leaves.start, &buds[bud]);
-        bud.members
+        let (leaf, node) = (leaf.leaves.start, &nodes[grown_from]);
+        node.members
             .iter()
             .for_each(|&i| grown.labels[i as usize] = leaf as u32);
-        grown.sizes[leaf] = bud.members.len();
-        grown.inertia += bud.inertia;
+        grown.sizes[leaf] = node.members.len();
+        grown.inertia += node.inertia;
         grown
             .centroids
             .row_mut(leaf)
             .iter_mut()
-            .zip(&bud.centroid)
+            .zip(&node.centroid)
             .for_each(|(to, c)| *to = *c);
     }
     Clustering {
@@ -143,26 +143,26 @@ fn split(
     (found, squares)
 }
 
-/// The tree of the buds, and for each of its nodes which bud it was.
-fn level_by_level(buds: &[GrowingNode]) -> (Tree, Vec<usize>) {
-    let (mut order, mut children) = (Vec::with_capacity(buds.len()), Vec::new());
+/// The tree with its nodes numbered level by level, and for each of them the index in `nodes`.
+fn level_by_level(nodes: &[GrowingNode]) -> (Tree, Vec<usize>) {
+    let (mut order, mut children) = (Vec::with_capacity(nodes.len()), Vec::new());
     let mut queue = VecDeque::from([0]);
     let mut next = 1;
     while let Some(i) = queue.pop_front() {
-        let count = buds[i].children.len();
+        let count = nodes[i].children.len();
         order.push(i);
         children.push(next..next + count);
         next += count;
-        queue.extend(buds[i].children.clone());
+        queue.extend(nodes[i].children.clone());
     }
-    let mut centroids = Array2::zeros((buds.len(), buds[0].centroid.len()));
+    let mut centroids = Array2::zeros((nodes.len(), nodes[0].centroid.len()));
     for (mut row, &i) in centroids.rows_mut().into_iter().zip(&order) {
         row.iter_mut()
-            .zip(&buds[i].centroid)
+            .zip(&nodes[i].centroid)
             .for_each(|(to, c)| *to = *c);
     }
     let tree =
-        Tree::from_parts(centroids, children).expect("every bud but the root has one parent");
+        Tree::from_parts(centroids, children).expect("every node but the root has one parent");
     (tree, order)
 }
 

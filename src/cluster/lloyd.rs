@@ -38,7 +38,7 @@ fn lloyd(
             .map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>())
             .collect();
         centroids = Centroids::new(next, middle);
-        search.moved(&shifts.iter().map(|s| s.sqrt()).collect::<Vec<_>>());
+        search.move_centroids(&shifts.iter().map(|s| s.sqrt()).collect::<Vec<_>>());
         let moved = search.step(poses, &centroids);
         converged = moved == 0 || shifts.iter().sum::<f64>() <= enough;
         observer(iterations, moved);
@@ -78,7 +78,7 @@ fn repaired(
     let far = farthest(poses, centroids, &search.labels, empty.len(), Some(sizes));
     far.into_iter()
         .zip(empty)
-        .for_each(|(i, j)| search.put(i, j));
+        .for_each(|(i, j)| search.assign_to(i, j));
     ClusterMembers::new(&search.labels, centroids.k())
 }
 
@@ -133,7 +133,7 @@ pub(super) fn best_run(
             .wrapping_add(restart as u64);
         let mut generator = parallel::rng(parameters.seed, stream);
         let (seeds, labels) =
-            seeding::plus_plus(poses, parameters.k, &mut generator, &mut |seeds| {
+            seeding::kmeans_plus_plus(poses, parameters.k, &mut generator, &mut |seeds| {
                 observer(&KMeansProgress::Seeds { restart, seeds })
             });
         let centroids = Array2::from_shape_fn((seeds.len(), poses.d), |(j, i)| {
@@ -177,7 +177,8 @@ mod tests {
     /// Lloyd without any pruning, from the same seeds.
     fn plain(poses: Dataset<'_>, parameters: &KMeans) -> (Array2<f64>, Vec<u32>, usize) {
         let mut generator = parallel::rng(parameters.seed, 0);
-        let (seeds, _) = seeding::plus_plus(poses, parameters.k, &mut generator, &mut |_| ());
+        let (seeds, _) =
+            seeding::kmeans_plus_plus(poses, parameters.k, &mut generator, &mut |_| ());
         let mut centroids = Array2::from_shape_fn((parameters.k, poses.d), |(j, i)| {
             f64::from(poses.row(seeds[j] as usize)[i])
         });

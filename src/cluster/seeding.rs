@@ -132,7 +132,7 @@ fn subtract(x: &[f32], y: &[f32], to: &mut [f32]) {
 ///
 /// Fewer than `k`, namely all different poses once, when there are not so many. `observer` hears how
 /// many there are so far.
-pub(super) fn plus_plus(
+pub(super) fn kmeans_plus_plus(
     poses: Dataset<'_>,
     k: usize,
     generator: &mut impl Rng,
@@ -152,7 +152,7 @@ pub(super) fn plus_plus(
         let candidates: Vec<u32> = (0..trials)
             .map(|_| draw(&cells, generator.random::<f64>() * total))
             .collect();
-        let apart = parallel::map_chunks(seeds.len() * trials, 2048, |pairs| {
+        let distances_to = parallel::map_chunks(seeds.len() * trials, 2048, |pairs| {
             pairs
                 .map(|p| {
                     let (seed, candidate) = (seeds[p / trials], candidates[p % trials]);
@@ -161,10 +161,10 @@ pub(super) fn plus_plus(
                 .collect::<Vec<f32>>()
         })
         .concat();
-        let gains = gains(poses, &cells, &seeds, &candidates, &apart);
+        let gains = gains(poses, &cells, &seeds, &candidates, &distances_to);
         let best = (1..trials).fold(0, |best, t| if gains[t] > gains[best] { t } else { best });
-        let apart: Vec<f32> = apart.chunks(trials).map(|a| a[best]).collect();
-        let members = claim(poses, &mut cells, &seeds, candidates[best], &apart);
+        let distances_to: Vec<f32> = distances_to.chunks(trials).map(|a| a[best]).collect();
+        let members = claim(poses, &mut cells, &seeds, candidates[best], &distances_to);
         cells.push(Cell::new(poses, candidates[best], members));
         seeds.push(candidates[best]);
         observer(seeds.len());
@@ -205,18 +205,18 @@ fn draw(cells: &[Cell], mut depth: f64) -> u32 {
     all.find(|(_, s)| **s > 0.0).map_or(last, |(&i, _)| i)
 }
 
-/// How much each candidate would lower the sum. `apart`: (seeds, candidates).
+/// How much each candidate would lower the sum. `distances_to`: (seeds, candidates).
 fn gains(
     poses: Dataset<'_>,
     cells: &[Cell],
     seeds: &[u32],
     candidates: &[u32],
-    apart: &[f32],
+    distances_to: &[f32],
 ) -> Vec<f64> {
     let trials = candidates.len();
-    let apart = |j: usize| &apart[j * trials..(j + 1) * trials];
+    let distances_to = |j: usize| &distances_to[j * trials..(j + 1) * trials];
     let pieces = pieces(cells, |j| {
-        apart(j).iter().any(|&a| a < 4.0 * cells[j].widest)
+        distances_to(j).iter().any(|&a| a < 4.0 * cells[j].widest)
     });
     let parts = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
         let mut gains = vec![0.0; trials];
@@ -225,7 +225,7 @@ fn gains(
         let mut products = vec![0.0; PIECE * trials];
         for &(j, start, end) in &pieces[chunk] {
             let (cell, seed) = (&cells[j], poses.row(seeds[j] as usize));
-            let near: Vec<(usize, f32)> = apart(j)
+            let near: Vec<(usize, f32)> = distances_to(j)
                 .iter()
                 .copied()
                 .enumerate()
@@ -252,8 +252,8 @@ fn gains(
             let products = &mut products[..count * near.len()];
             double_products(rows, &rivals, poses.d, products, near.len());
             for row in products.chunks_exact(near.len()) {
-                for (product, (t, apart)) in row.iter().zip(&near) {
-                    let gain = product - apart;
+                for (product, (t, distances_to)) in row.iter().zip(&near) {
+                    let gain = product - distances_to;
                     gains[*t] += if gain > 0.0 { f64::from(gain) } else { 0.0 };
                 }
             }
@@ -276,15 +276,15 @@ fn double_products(xs: &[f32], ys: &[f32], d: usize, products: &mut [f32], count
     general_mat_mul(2.0, &xs, &ys.t(), 0.0, &mut to);
 }
 
-/// Takes from the cells the poses nearer to the new seed. `apart`: (seeds), its squared distances.
+/// Takes from the cells the poses nearer to the new seed. `distances_to`: (seeds), its squared distances.
 fn claim(
     poses: Dataset<'_>,
     cells: &mut [Cell],
     seeds: &[u32],
     new: u32,
-    apart: &[f32],
+    distances_to: &[f32],
 ) -> Vec<u32> {
-    let pieces = pieces(cells, |j| apart[j] < 4.0 * cells[j].widest);
+    let pieces = pieces(cells, |j| distances_to[j] < 4.0 * cells[j].widest);
     let before = &*cells;
     let nearer = parallel::map_chunks(pieces.len(), PIECES, |chunk| {
         let mut nearer = Vec::new();
@@ -297,7 +297,7 @@ fn claim(
                 &mut shift,
             );
             let is_nearer = |at: &usize| {
-                apart[j] < 4.0 * cell.squares[*at]
+                distances_to[j] < 4.0 * cell.squares[*at]
                     && squared_distance(cell.row(*at, poses.d), &shift) < cell.squares[*at]
             };
             nearer.extend((start..end).filter(is_nearer).map(|at| (j, at)));
@@ -346,7 +346,7 @@ mod tests {
 
     fn seeds(table: &Array2<f32>, k: usize, seed: u64) -> (Vec<u32>, Vec<u32>) {
         let poses = Dataset::trusted(table.as_slice().expect("rows"), table.ncols());
-        plus_plus(poses, k, &mut parallel::rng(seed, 0), &mut |_| ())
+        kmeans_plus_plus(poses, k, &mut parallel::rng(seed, 0), &mut |_| ())
     }
 
     #[test]
