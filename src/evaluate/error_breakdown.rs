@@ -1,4 +1,4 @@
-//! ErrorStats by what the damaged table held: what was missing, by the length of the gap, what was observed, what changed.
+//! Errors by the state of the damaged table: missing (by gap length), observed, changed.
 
 use super::error_stats::{ErrorStats, ErrorSums, point};
 use super::frame::ScoredFrame;
@@ -35,9 +35,9 @@ pub struct ErrorBreakdown {
 /// Errors in gaps of one bin of lengths.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GapErrors {
-    /// GapInjection longer than this many seconds; frames where there is no rate.
+    /// Gaps longer than this, in seconds; in frames without a rate.
     pub longer_than: f64,
-    /// GapInjection of up to this many seconds (frames); none for the last bin.
+    /// Gaps of up to this length, in seconds (frames without a rate); `None` for the last bin.
     pub up_to: Option<f64>,
     /// The number of gaps, each of one point.
     pub gaps: u64,
@@ -163,7 +163,7 @@ mod tests {
         (0..count).map(|i| format!("p{i}")).collect()
     }
 
-    /// ScoreSums one point whose damaged table lacks the frames marked `.`; the result is off by one everywhere.
+    /// Scores one point whose damaged table lacks the frames marked `.`; the result is off by one everywhere.
     fn gaps(seen: &str, rate: Option<f64>, starts: &[usize]) -> ErrorBreakdown {
         let mut s = ScoreAccumulator::new(&names(1), true);
         for (i, c) in seen.chars().enumerate() {

@@ -1,4 +1,4 @@
-//! ErrorStats added up, coordinate by coordinate.
+//! Running sums of errors, coordinate by coordinate.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! GapInjection laid into takes on purpose: some points unseen for a while.
+//! Injects gaps into takes: some points are missing for some time.
 
 use super::corruption::Stream;
 use crate::pose::Poses;
@@ -40,7 +40,7 @@ pub struct InjectedGaps {
 
 /// How many frames last `seconds` at `rate` frames a second: the nearest whole number.
 ///
-/// # ErrorStats
+/// # Errors
 /// [`Error::Usage`] when that is none.
 pub fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
     let frames = (seconds * rate).round();
@@ -61,7 +61,7 @@ impl GapInjection {
     /// gap by two frames may a gap reach the ends of a run. All places left are equally likely. Time and memory are linear in
     /// the size of the take.
     ///
-    /// # ErrorStats
+    /// # Errors
     /// [`Error::Usage`] if a number is 0 or the take has fewer points than a gap.
     pub fn inject(&self, take: &mut Poses, index: u64) -> Result<InjectedGaps> {
         let (asked, points) = (self.points, take.points.len());
@@ -361,7 +361,7 @@ mod tests {
 
     #[test]
     fn too_many_gaps_are_cut_to_those_that_fit() {
-        // GapInjection of one frame and their neighbours fill at most every other frame.
+        // Gaps of one frame and their neighbours fill at most every other frame.
         let (laid, take) = inject(&gaps(1000, 1, 1), &poses(21, 1));
         assert!((5..=10).contains(&laid.gaps.len()));
         assert!(stretches(&take).iter().all(|l| *l == 1));

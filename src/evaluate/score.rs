@@ -92,9 +92,7 @@ impl<'a> Score<'a> {
     /// [`Error::Usage`] if there is no frame, a point is missing in the result, or frames, takes or times differ.
     pub fn new(truth: &'a Poses, result: &'a Poses) -> Result<Score<'a>> {
         if truth.frames() == 0 {
-            return Err(Error::usage(
-                "the truth has no frames, nothing can be compared",
-            ));
+            return Err(Error::usage("the truth has no frames to compare"));
         }
         Ok(Score {
             truth,

@@ -138,7 +138,7 @@ pub fn roots(covariance: &Array2<f64>) -> Array2<f64> {
     out
 }
 
-/// For tests: three GaussianMixturePrior of two points, each of two factors and a rest.
+/// For tests: three Gaussians of two points, each with two factors and a residual variance.
 #[cfg(test)]
 pub fn three() -> MixtureParams {
     MixtureParams {
