@@ -1,4 +1,4 @@
-//! Checked arrays of models, and models that consist of their training poses.
+//! Reading the arrays of models, checked; and models that are their training poses.
 
 use crate::io::Model;
 use crate::prior::OpenOptions;
@@ -28,7 +28,7 @@ pub(super) fn rows<'a>(
     Ok(array)
 }
 
-/// The representative poses of a model, or evenly spaced ones of `own` if it has none: (k, D), cm.
+/// The typical poses, or where the model has none, some of its own.
 pub(super) fn typical_or(
     model: &Model,
     own: ArrayView2<'_, f32>,
@@ -42,11 +42,11 @@ pub(super) fn typical_or(
     Ok(own.select(Axis(0), &some).mapv(f64::from))
 }
 
-/// Opens a model that consists of its training poses `poses` (n, D), at its tuned settings.
+/// Opens a model that is its training poses: `poses` (n, D), and its tuning.
 ///
 /// # Errors
 /// Data: no such array, a wrong shape, numbers that are not finite.
-pub(super) fn open_exemplars(
+pub(super) fn of_poses(
     model: &Model,
     options: &OpenOptions,
     source: &str,
@@ -62,11 +62,11 @@ pub(super) fn open_exemplars(
     ))
 }
 
-/// Makes such a model and tunes it; the caller writes the tuning into the model.
+/// Makes such a model, and finds the settings that are for the caller to write into it.
 ///
 /// # Errors
 /// Data: no poses to learn from.
-pub(super) fn train_exemplars(
+pub(super) fn learn_poses(
     kind: &str,
     poses: &TrainingSet,
     options: &TrainOptions,

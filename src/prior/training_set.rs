@@ -1,7 +1,4 @@
-//! Training poses in the model's space, and how they are used.
-//!
-//! Complete poses are placed (root at the origin, no global rotation) and, in world space, given the bone lengths of the
-//! mean body; incomplete or unplaceable frames are left out and counted.
+//! Poses made ready for learning, and the model that comes of it.
 
 use super::provenance::digest;
 use super::representative_poses::representative_poses;
@@ -14,7 +11,7 @@ use ndarray::{Array2, Axis};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Training poses, ready for learning.
+/// Poses ready for learning.
 #[derive(Debug, Clone)]
 pub struct TrainingSet {
     /// The points' names.
@@ -23,13 +20,13 @@ pub struct TrainingSet {
     pub xyz: Array2<f32>,
     /// The rows of each take, in time order.
     pub takes: Vec<Range<usize>>,
-    /// The bone lengths of all poses (world) or of their mean (body); `None` if the points' bones are unknown.
+    /// The bones they all have (world) or mostly have (body), where the points' bones are known.
     pub body: Option<Body>,
-    /// The anchor by which the poses were placed, in world space.
+    /// What they were placed by, in world space.
     pub anchor: Option<Anchor>,
-    /// Number of frames left out because a point is missing.
+    /// Frames left out: some point was missing.
     pub incomplete: usize,
-    /// Number of frames left out because their placement is not determined.
+    /// Frames left out: their placement is not determined.
     pub unplaced: usize,
 }
 

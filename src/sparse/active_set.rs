@@ -1,14 +1,14 @@
-//! The least-squares fit of one pose on atoms that are added one at a time.
+//! Least squares of one pose on a growing set of atoms.
 //!
-//! With weights w and chosen atoms a_1..a_k the coefficients x minimise
+//! With weights w and chosen atoms a_1..a_k, the coefficients x minimize
 //!
 //! ```text
 //! sum_i w_i (y_i - sum_j x_j a_ji)^2 = |√w∘y - [√w∘a_1 ... √w∘a_k] x|^2
 //! ```
 //!
-//! kept as a QR factorisation that grows by a column an atom: q_j (D) orthonormal, R (k x k) upper triangular,
-//! z = Qᵀ(√w∘y), R x = z. All in f64, at O(k D) an atom. The signal is scaled to unit norm first, so that every
-//! limit below is a plain number; the scale comes back in the answers.
+//! by a QR factorization that grows by one column per atom: q_j (D) orthonormal, R (k, k) upper triangular, z = Qᵀ(√w∘y), R x
+//! = z. Double precision, O(k D) per atom. The signal is scaled to unit norm, so that the limits below have no unit; results
+//! are scaled back.
 
 use super::incremental_qr::{QrColumn, dot};
 use super::{StopReason, Tolerance};
@@ -27,29 +27,29 @@ pub(super) struct ActiveSet {
     /// D.
     d: usize,
     capacity: usize,
-    /// √(w / max w), or nothing if all weights are equal, or nothing is there to be coded.
+    /// √(w / max w), (D); `None` if all weights are equal, or the pose is zero.
     pub root: Option<Vec<f64>>,
-    /// What the atoms leave of the weighted, unit-norm signal (D), padded.
+    /// The residual of the weighted, unit-norm signal (D), padded.
     residual: Vec<f64>,
     /// |residual|^2, from 1 downwards.
     left: f64,
     /// The residual at which to stop, on the same scale.
     enough: f64,
-    /// |√w∘y|^2: what turns the unit signal's numbers into the pose's.
+    /// |√w∘y|^2, which scales results back.
     energy: f64,
-    /// max w, which the weights were divided by.
+    /// max w, by which the weights are divided.
     heaviest: f64,
     q: Vec<f64>, // (capacity, D), rows padded
     r: Vec<f64>, // (capacity, capacity), column j at j * capacity
     z: Vec<f64>,
     /// The atoms chosen, in that order.
     pub support: Vec<u32>,
-    /// Why no more atoms are wanted, once that is so.
+    /// Why the pose takes no more atoms; `None` while it does.
     pub stop: Option<StopReason>,
 }
 
 impl ActiveSet {
-    /// Room for `capacity` atoms of `d` numbers.
+    /// An active set of up to `capacity` atoms of `d` coordinates.
     pub fn new(capacity: usize, d: usize) -> Self {
         ActiveSet {
             d,
@@ -68,7 +68,7 @@ impl ActiveSet {
         }
     }
 
-    /// Starts on a pose. Where a weight is 0 the pose may hold anything, NaN too.
+    /// Starts on a pose (D) with weights (D). Where a weight is 0 the pose may be NaN.
     ///
     /// `Err` says what is wrong with the pose or the weights.
     pub fn start<T, W>(
@@ -98,7 +98,7 @@ impl ActiveSet {
             None => {
                 self.root = None;
                 match pose.as_slice() {
-                    // Several numbers at a time, which an iterator of any array is not known to allow.
+                    // A slice can be converted with SIMD, a strided array cannot.
                     Some(pose) => simd::dispatch8(
                         #[inline(always)]
                         || (self.residual.iter_mut().zip(pose)).for_each(|(r, y)| *r = (*y).into()),
@@ -166,7 +166,7 @@ impl ActiveSet {
         true
     }
 
-    /// What the atoms leave of the weighted, unit-norm signal (D).
+    /// The residual of the weighted, unit-norm signal (D).
     pub fn residual(&self) -> &[f64] {
         &self.residual[..self.d]
     }
@@ -182,7 +182,7 @@ impl ActiveSet {
         (&self.q[k * stride..][..self.d], self.z[k])
     }
 
-    /// What the newest direction is of the chosen atoms, in their order: R w = e_k.
+    /// The newest direction as a combination of the chosen atoms, in their order: R w = e_k.
     pub fn newest_weights(&self, w: &mut Vec<f64>) {
         let (k, cap) = (self.support.len(), self.capacity);
         w.clear();
@@ -210,7 +210,7 @@ impl ActiveSet {
     }
 }
 
-/// √(w / max w) into `root`; gives the weights' sum and maximum.
+/// Writes √(w / max w) to `root`. Returns the sum and the maximum of the weights.
 fn roots<W: Into<f64> + Copy>(
     weights: ArrayView1<W>,
     root: &mut [f64],

@@ -1,4 +1,4 @@
-//! Poses in the place of atoms that are of no use.
+//! Replaces useless atoms by poses.
 
 use super::atom_update::AtomUsage;
 use super::rank_one_svd::dot;

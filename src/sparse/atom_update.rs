@@ -1,7 +1,6 @@
 //! The update of a dictionary: each atom and its coefficients in turn, from the residual without it.
 
 use super::Dictionary;
-use super::code::row;
 use super::codes::UNUSED;
 use super::rank_one_svd::{add, refine};
 use ndarray::{Array2, ArrayView2};
@@ -56,7 +55,7 @@ pub(super) fn residuals(
             r.iter_mut().zip(poses.row(i)).for_each(|(r, &y)| *r = y);
             for (&atom, &x) in support.row(i).iter().zip(coefficients.row(i)) {
                 if atom != UNUSED {
-                    add(r, -x, row(dictionary, atom));
+                    add(r, -x, dictionary.row(atom));
                 }
             }
         });

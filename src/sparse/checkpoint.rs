@@ -1,10 +1,10 @@
-//! How far learning has come: all that it needs to go on.
+//! The state of K-SVD training, from which it can resume.
 
 use super::Dictionary;
 use ndarray::Array2;
 use serde::{Deserialize, Serialize};
 
-/// What an iteration has come to. Errors are a coordinate, in the poses' unit, of the dictionary after the iteration.
+/// Statistics of one iteration. Errors are per coordinate, in the poses' unit, with the dictionary after the iteration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct IterationStats {
     /// The iteration, counted from 1; 0 is the start.
@@ -13,20 +13,19 @@ pub struct IterationStats {
     pub mse: f64,
     /// Its root.
     pub rms: f64,
-    /// RMS of the training poses freshly coded, as anyone does who has only the dictionary: at least `rms`, and equal to it
-    /// unless old codes were kept.
+    /// RMS of a fresh coding of the training poses. At least `rms`, and equal to it unless old codes were kept.
     pub fresh_rms: f64,
     /// RMS of the validation poses, if there are any.
     pub validation_rms: Option<f64>,
-    /// How many atoms no pose used, and a pose replaced.
+    /// The number of unused atoms that were replaced.
     pub unused: usize,
-    /// How many atoms were too close to a better used one, and a pose replaced.
+    /// The number of atoms replaced because they were too close to a more used one.
     pub coherent: usize,
-    /// The mean number of atoms a pose.
+    /// The mean number of atoms per pose.
     pub mean_sparsity: f64,
 }
 
-/// All that learning needs to go on: from a state saved and restored it gives the same bytes as without a stop.
+/// The state of training. Training from a saved and restored state gives the same bytes as without interruption.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainingState {
     /// The atoms.
@@ -35,12 +34,12 @@ pub struct TrainingState {
     pub support: Array2<u32>,
     /// Their coefficients (m, k).
     pub coefficients: Array2<f32>,
-    /// One report an iteration; the first is of the start.
+    /// The statistics of each iteration; the first is of the initial atoms.
     pub history: Vec<IterationStats>,
 }
 
 impl TrainingState {
-    /// How many iterations have been done.
+    /// The number of iterations done.
     pub fn iteration(&self) -> usize {
         self.history.last().map_or(0, |r| r.iteration)
     }

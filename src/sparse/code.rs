@@ -1,24 +1,9 @@
-//! The code of a pose: a few atoms and their best coefficients.
+//! The sparse code of one pose: a few atoms and their least-squares coefficients.
 
 use super::active_set::ActiveSet;
-use super::{Dictionary, Tolerance};
+use super::{Dictionary, StopReason, Tolerance};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, ArrayView1};
-use serde::{Deserialize, Serialize};
-
-/// Why a code has no more atoms.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum StopReason {
-    /// It has as many as the sparsity allows.
-    Sparsity,
-    /// The residual is within the tolerance, or zero to single precision.
-    Tolerance,
-    /// No other atom was found that is independent of those taken (and of any use) on the observed coordinates: there is
-    /// none, or the best ones depended on them again and again.
-    Dependent,
-    /// The pose is zero wherever it is observed, or observed nowhere: the code is empty.
-    Nothing,
-}
 
 /// The code of one pose.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +19,7 @@ pub struct SparseCode {
 }
 
 impl SparseCode {
-    /// A x: the pose (D) that the code stands for, missing coordinates included.
+    /// The pose (D) that the code represents, A x, missing coordinates included.
     ///
     /// # Panics
     /// If the code is of another, larger dictionary.
@@ -45,11 +30,13 @@ impl SparseCode {
 
 /// The best coefficients of given atoms for one pose: weighted least squares, in f64.
 ///
-/// Atoms are taken in the order given; one that depends on those before it (a repeated one, say) is left out and the
-/// code's `stop` is [`StopReason::Dependent`], else [`StopReason::Sparsity`]. Pose and weights are as in [`Omp::code`](super::Omp::code).
+/// Atoms are taken in the order given. An atom that depends on those before it (a repeated one, say) is left out, and the
+/// code's `stop` is [`StopReason::Dependent`], else [`StopReason::Sparsity`]. Pose and weights are as in
+/// [`Encoder::encode_one`](super::Encoder::encode_one).
 ///
 /// # Errors
-/// A length, an observed number or a weight that cannot be used; an atom that the dictionary does not have.
+/// [`Error::Data`] as [`Encoder::encode_one`](super::Encoder::encode_one); also if an atom is not below the dictionary's
+/// length.
 pub fn refit(
     dictionary: &Dictionary,
     support: &[u32],
@@ -72,18 +59,12 @@ pub fn refit(
         StopReason::Sparsity
     };
     for &atom in support.iter().filter(|_| !empty) {
-        if !fit.push(atom, row(dictionary, atom)) {
+        if !fit.push(atom, dictionary.row(atom)) {
             stop = StopReason::Dependent;
         }
     }
     fit.stop = Some(stop);
     Ok(finished(&fit))
-}
-
-/// An atom as a slice.
-pub(super) fn row(dictionary: &Dictionary, atom: u32) -> &[f32] {
-    let d = dictionary.width();
-    &dictionary.flat()[atom as usize * d..(atom as usize + 1) * d]
 }
 
 pub(super) fn started(

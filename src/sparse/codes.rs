@@ -33,7 +33,7 @@ impl SparseCodes {
         }
     }
 
-    /// How many poses there are.
+    /// The number of poses, m.
     pub fn len(&self) -> usize {
         self.atoms.nrows()
     }
@@ -43,7 +43,7 @@ impl SparseCodes {
         self.len() == 0
     }
 
-    /// How many atoms pose `i` has.
+    /// The number of atoms of pose `i`.
     pub fn count(&self, i: usize) -> usize {
         self.entries(i).count()
     }
@@ -67,10 +67,10 @@ impl SparseCodes {
         self.squared_residuals.iter().sum::<f64>() / (self.len() * d).max(1) as f64
     }
 
-    /// A x of each pose (m, D), missing coordinates included.
+    /// The poses (m, D) that the codes represent, A x, missing coordinates included.
     ///
     /// # Errors
-    /// A code that names an atom the dictionary does not have.
+    /// [`Error::Data`] if an atom is not below the dictionary's length.
     pub fn decode(&self, dictionary: &Dictionary) -> Result<Array2<f32>> {
         let (n, d) = (dictionary.len(), dictionary.width());
         let worst = self.atoms.iter().filter(|&&a| a != UNUSED).max();
@@ -89,7 +89,7 @@ impl SparseCodes {
         Ok(poses)
     }
 
-    /// Puts the codes of `part` in some rows, one after another.
+    /// Copies the codes of `part` to `rows`, in order.
     pub(super) fn put(&mut self, rows: &[u32], part: &SparseCodes) {
         for (i, row) in rows.iter().enumerate() {
             let row = *row as usize;
@@ -100,7 +100,7 @@ impl SparseCodes {
         }
     }
 
-    /// Puts parts in some rows, one after another.
+    /// Copies several parts to `rows`, in order.
     pub(super) fn put_parts(&mut self, rows: &[u32], parts: &[SparseCodes]) {
         let mut rows = rows;
         for part in parts {
@@ -110,7 +110,7 @@ impl SparseCodes {
         }
     }
 
-    /// Writes what `fit` found in row `i`. `x` is room for the coefficients.
+    /// Writes the code of `fit` to row `i`. `x` is scratch memory for the coefficients.
     pub(super) fn set(&mut self, i: usize, fit: &ActiveSet, x: &mut [f64]) {
         fit.coefficients(x);
         self.atoms.row_mut(i).fill(UNUSED);

@@ -19,7 +19,7 @@ const UNIT: f64 = f32::EPSILON as f64;
 #[derive(Clone)]
 pub struct Dictionary {
     atoms: Array2<f32>, // (n, D)
-    /// Made when the dictionary is first coded with, and forgotten when an atom changes.
+    /// Search structures, built when first used, and dropped when an atom changes.
     index_cache: OnceLock<Arc<IndexCache>>,
 }
 
@@ -64,7 +64,7 @@ impl Dictionary {
         Ok(Dictionary::of(atoms))
     }
 
-    /// Of atoms (n, D) in standard layout that are finite and of unit norm.
+    /// Takes atoms (n, D) in standard layout that are finite and of unit norm.
     pub(super) fn of(atoms: Array2<f32>) -> Self {
         Dictionary {
             atoms,
@@ -72,7 +72,7 @@ impl Dictionary {
         }
     }
 
-    /// What searches of the atoms need.
+    /// The search structures of the atoms.
     pub(super) fn index_cache(&self) -> &IndexCache {
         self.index_cache
             .get_or_init(|| Arc::new(IndexCache::new(self.len())))
@@ -103,12 +103,12 @@ impl Dictionary {
         pose
     }
 
-    /// The atoms as an array, given up by the dictionary.
+    /// Turns the dictionary into its atoms (n, D).
     pub fn into_atoms(self) -> Array2<f32> {
         self.atoms
     }
 
-    /// How many atoms there are, n: at least 1.
+    /// The number of atoms, n: at least 1.
     pub fn len(&self) -> usize {
         self.atoms.nrows()
     }
@@ -118,9 +118,14 @@ impl Dictionary {
         false
     }
 
-    /// How many numbers a pose has, D: at least 1.
+    /// The number of coordinates of a pose, D: at least 1.
     pub fn width(&self) -> usize {
         self.atoms.ncols()
+    }
+
+    /// The largest number of atoms in a code of at most `sparsity`: more than n or D atoms are never independent.
+    pub(super) fn capacity(&self, sparsity: usize) -> usize {
+        sparsity.min(self.len()).min(self.width())
     }
 
     /// The rows `keep`, in that order.
@@ -137,6 +142,12 @@ impl Dictionary {
             .as_slice_mut()
             .expect("rows are made in one piece");
         &mut all[i * d..(i + 1) * d]
+    }
+
+    /// One atom (D) as a slice.
+    pub(super) fn row(&self, atom: u32) -> &[f32] {
+        let d = self.width();
+        &self.flat()[atom as usize * d..][..d]
     }
 
     /// All atoms, one after the other.

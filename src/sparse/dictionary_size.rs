@@ -1,4 +1,4 @@
-//! How many atoms a wanted error asks for (section 4.1 of the paper).
+//! The number of atoms that a target error needs (section 4.1 of the paper).
 //!
 //! Draw n0 random poses as atoms. If their coding error e_s is at most delta e_t, with e_t the wanted error, K-SVD may be
 //! trusted to bring it down from there: take them as the start. Else n0 <- 1.5 n0, and again.
@@ -13,20 +13,20 @@ use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 
-/// The parameters of the search.
+/// The parameters of the growth search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GrowthSearch {
     /// e_t, the wanted RMS a coordinate in the poses' unit: above 0. Default 1.
     pub error: f64,
-    /// delta: how much larger the error of undrilled atoms may be. At least 1; default 2, the paper's.
+    /// delta: the allowed ratio of the error of untrained atoms to the target. At least 1; default 2, as in the paper.
     pub delta: f64,
     /// What n0 grows by, rounded up: above 1. Default 1.5, the paper's.
     pub growth: f64,
     /// The first n0: at least 1. Default 100.
     pub first: usize,
-    /// Of the draws. Default 0.
+    /// The seed that draws the atoms. Default 0.
     pub seed: u64,
-    /// How poses are coded.
+    /// The parameters of coding.
     pub omp: Omp,
 }
 
@@ -44,7 +44,7 @@ impl Default for GrowthSearch {
     }
 }
 
-/// One size that was tried.
+/// One dictionary size that was tested.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// n0.
@@ -53,7 +53,7 @@ pub struct Trial {
     pub rms: f64,
 }
 
-/// Where training may start.
+/// The result of the search: a dictionary to start K-SVD from.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrowthResult {
     /// The random poses that were good enough, or all that differ if fewer were not.
@@ -65,7 +65,10 @@ pub struct GrowthResult {
 }
 
 impl GrowthSearch {
-    /// Fails if a parameter is out of its range.
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a parameter is out of its range.
     pub fn check(&self) -> Result<()> {
         self.omp.check()?;
         let least = |what, value: f64, least: f64, open: bool| {

@@ -144,7 +144,7 @@ impl<'a> Encoder<'a> {
             return SearchStrategy::Gram;
         }
         let tree = cache.wants_tree(m, self.dictionary.width());
-        match tree && self.omp.capacity(self.dictionary) <= DIRECTIONS {
+        match tree && self.dictionary.capacity(self.omp.sparsity) <= DIRECTIONS {
             true => SearchStrategy::BallTree,
             false => SearchStrategy::DenseScan,
         }
@@ -184,7 +184,7 @@ impl<'a> Encoder<'a> {
         };
         cache.fill_gram(atoms, even.len(), self.omp.sparsity);
         cache.count(even.len());
-        let mut codes = SparseCodes::empty(m, self.omp.capacity(self.dictionary));
+        let mut codes = SparseCodes::empty(m, self.dictionary.capacity(self.omp.sparsity));
         let left = match tree {
             Some(tree) => self.encode_with_tree(tree, poses, &even, &mut codes)?,
             None => even,
@@ -206,7 +206,7 @@ impl<'a> Encoder<'a> {
         weights: Option<ArrayView1<f64>>,
     ) -> Result<SparseCode> {
         let (dictionary, omp) = (self.dictionary, &self.omp);
-        let capacity = omp.capacity(dictionary);
+        let capacity = dictionary.capacity(omp.sparsity);
         let start = || started(dictionary, capacity, pose, weights, omp.tolerance);
         let mut fit = start()?;
         let cache = dictionary.index_cache();
@@ -318,7 +318,10 @@ impl<'a> Encoder<'a> {
 
     /// Starts an active set for each of the poses `rows`.
     fn start(&self, fits: &mut Vec<ActiveSet>, poses: Poses<'_>, rows: &[u32]) -> Result<()> {
-        let (capacity, d) = (self.omp.capacity(self.dictionary), self.dictionary.width());
+        let (capacity, d) = (
+            self.dictionary.capacity(self.omp.sparsity),
+            self.dictionary.width(),
+        );
         fits.resize_with(rows.len(), || ActiveSet::new(capacity, d));
         for (row, fit) in rows.iter().zip(fits) {
             let i = *row as usize;
@@ -330,7 +333,7 @@ impl<'a> Encoder<'a> {
     }
 
     fn codes(&self, fits: &[ActiveSet]) -> SparseCodes {
-        let k = self.omp.capacity(self.dictionary);
+        let k = self.dictionary.capacity(self.omp.sparsity);
         let (mut codes, mut x) = (SparseCodes::empty(fits.len(), k), vec![0.0; k]);
         for (i, fit) in fits.iter().enumerate() {
             codes.set(i, fit, &mut x);

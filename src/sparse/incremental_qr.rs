@@ -1,7 +1,8 @@
-//! A column of a QR factorisation: an atom made orthogonal to those before it, and taken out of what is left.
+//! One Gram-Schmidt step of an incremental QR factorization: an atom is made orthogonal to those before it, and the residual
+//! to the atom.
 //!
-//! Sums are taken in eight lanes, in an order that the machine has no say in, and nothing is fused: the bytes are the same
-//! whatever the vectors are. (Written with vectors: left to itself the compiler takes these loops apart by twos.)
+//! Sums are taken in eight lanes in a fixed order, without fused operations, so that the result has the same bits for any
+//! width of the vectors. (Explicit vectors, because the compiler uses only two lanes for these loops.)
 
 use crate::numeric::simd::{LANES, dispatch_widest};
 use pulp::{Simd, WithSimd};
@@ -10,24 +11,24 @@ use pulp::{Simd, WithSimd};
 /// outside their span: an angle of 1e-5. Atoms are f32: two copies of one direction differ by some 1e-7.
 const DEPENDENT: f64 = 1e-10;
 
-/// So many columns are taken out of an atom at once: what it has along each does not wait for the others.
+/// The number of columns subtracted at once: their products are independent.
 const FEW: usize = 3;
 
-/// Behind no more columns one pass of Gram-Schmidt is enough for an atom of which more than this share is left: what rounding
-/// leaves of it along the others is some 1e-13 at most, measured. Others get a second.
+/// After at most [`FEW`] columns, one pass of Gram-Schmidt is enough for an atom with a larger share of its squared norm
+/// left: its products with the others are then at most 1e-13, measured. Other atoms get a second pass.
 const NEARLY_DEPENDENT: f64 = 1e-2;
 
-/// What a column is made of. Rows are padded. Gives what the signal has along it, and |residual|²; `None`, with the residual
-/// as it was, where the atom depends on those before.
+/// The operands of a step; rows are padded to eight. Returns the product of the residual with the new column, and |residual|²
+/// after it; `None`, with the residual unchanged, if the atom depends on those before.
 pub struct QrColumn<'a> {
-    /// q of the atoms before.
+    /// The columns q of the atoms before, (k, D).
     pub done: &'a [f64],
-    /// The atom, and what its numbers are multiplied by, if not 1. Not padded.
+    /// The atom (D), not padded.
     pub atom: &'a [f32],
     pub root: Option<&'a [f64]>,
-    /// Its q.
+    /// Output: the new column q.
     pub v: &'a mut [f64],
-    /// Zeros; then <q, a> of the atoms before, and the norm of what they leave.
+    /// Zeros on input; then <q, a> for the columns before, and the norm of the remainder: a column of R.
     pub column: &'a mut [f64],
     pub residual: &'a mut [f64],
 }
@@ -37,7 +38,7 @@ impl WithSimd for QrColumn<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
-        // So many vectors hold eight lanes.
+        // The number of vectors that hold eight lanes.
         match S::F64_LANES {
             8 => self.make::<S, 1>(simd),
             4 => self.make::<S, 2>(simd),
@@ -74,7 +75,7 @@ impl QrColumn<'_> {
                     _ => without::<S, V, FEW>(simd, done, v, residual, r),
                 };
             }
-            // What one pass of Gram-Schmidt leaves behind when the atom is nearly dependent, a second removes.
+            // A second pass removes the rounding errors of the first for nearly dependent atoms.
             if before.len() <= FEW && left > NEARLY_DEPENDENT * whole {
                 break;
             }
@@ -88,8 +89,7 @@ impl QrColumn<'_> {
     }
 }
 
-/// Takes K columns, one after another in `done`, out of v, and adds what it had along each to r; gives <v, v> and
-/// <v, residual>.
+/// Subtracts from v its projection on K columns in `done`, and adds the products to r. Returns <v, v> and <v, residual>.
 #[inline(always)]
 fn without<S: Simd, const V: usize, const K: usize>(
     simd: S,
@@ -128,7 +128,7 @@ fn without<S: Simd, const V: usize, const K: usize>(
     (total::<S, V>(simd, left), total::<S, V>(simd, along))
 }
 
-/// Scales v, and takes z of it out of the residual; gives <residual, residual>.
+/// Scales v and subtracts z v from the residual. Returns <residual, residual>.
 #[inline(always)]
 fn finish<S: Simd, const V: usize>(
     simd: S,
@@ -178,7 +178,7 @@ fn product<S: Simd, const V: usize>(simd: S, a: &[f64], b: &[f64]) -> f64 {
     total::<S, V>(simd, sums)
 }
 
-/// Eight numbers at a time.
+/// A row as blocks of eight numbers.
 #[inline(always)]
 fn blocks<S: Simd, const V: usize>(row: &[f64]) -> &[[S::f64s; V]] {
     S::as_simd_f64s(row).0.as_chunks().0
@@ -201,7 +201,7 @@ fn add_products<S: Simd, const V: usize>(
     }
 }
 
-/// What `of` makes of numbers and their places, into v, padded with 0; gives <v, v>.
+/// Writes `of(number, index)` to v, padded with 0. Returns <v, v>.
 #[inline(always)]
 pub fn load<S: Simd, const V: usize>(
     simd: S,
@@ -211,7 +211,7 @@ pub fn load<S: Simd, const V: usize>(
 ) -> f64 {
     let mut sums = [simd.splat_f64s(0.0); V];
     let mut at = 0;
-    // Eight at a time, as they are read next: what is written by halves is not there yet when it is read whole.
+    // Eight at a time, as they are read next: a wide read after narrow writes stalls.
     for v in v.as_chunks_mut::<LANES>().0 {
         let mut lanes = [0.0; LANES];
         match numbers.get(at..at + LANES) {

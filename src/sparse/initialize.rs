@@ -1,4 +1,4 @@
-//! Poses drawn at random: the atoms that learning starts from.
+//! Random poses as the initial atoms of K-SVD.
 
 use super::Dictionary;
 use crate::numeric::parallel;

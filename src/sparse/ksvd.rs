@@ -33,7 +33,7 @@ use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 
-/// The parameters of learning.
+/// The parameters of K-SVD.
 ///
 /// Measured on a random half of the frames of CMU's subject 01 (1,000 atoms, 3 a pose, ten iterations), mean squared error of
 /// fresh coding in raw ASF units, training and unseen: 0.043 and 0.050 as it is by default; 0.034 and 0.039 with a `coherence` of 0.99;
@@ -57,21 +57,20 @@ pub struct Ksvd {
     pub atoms: usize,
     /// The seed that draws the initial atoms from the training poses. Default 0.
     pub seed: u64,
-    /// How many iterations in all; 0 changes nothing. Default 30.
+    /// The number of iterations; 0 returns the initial atoms. Default 30.
     pub iterations: usize,
     /// The largest number of atoms in a code, kappa. At least 1; default 3.
     pub sparsity: usize,
     /// How matching pursuit selects atoms. Default: OOMP.
     pub rule: SelectionRule,
-    /// Closer atoms than this (|<a, b>|, above 0 and at most 1) are not both kept. Default: any may be.
+    /// Replaces an atom whose |<a, b>| with a more used atom exceeds this limit, in (0, 1]. Default: no limit.
     pub coherence: Option<f64>,
-    /// How many times an iteration updates all atoms before the poses are coded again; at least 1, default 4. An update costs
-    /// little beside the coding.
+    /// The number of updates of all atoms per iteration; at least 1, default 4. An update costs little beside the coding.
     pub sweeps: usize,
-    /// Keep a pose's old atoms, refitted, where the greedy code is worse. The training error then never rises, but the dictionary
-    /// grows towards codes that a fresh coding does not find, so that this is off by default.
+    /// Keeps the old support of a pose, refitted, where the greedy code is worse. The training error then never rises, but
+    /// the dictionary adapts to codes that fresh coding does not find. Default: off.
     pub keep: bool,
-    /// StopReason when the RMS a coordinate of a fresh coding of the training poses is at most this. Default: never.
+    /// Stops when the RMS per coordinate of a fresh coding of the training poses is at most this. Default: never.
     pub target: Option<f64>,
 }
 
@@ -115,7 +114,7 @@ impl Ksvd {
         Ok(())
     }
 
-    /// SparseCodes the poses (m, D) with the dictionary to start from: the state after 0 iterations.
+    /// Codes the poses (m, D) with the dictionary to start from: the state after 0 iterations.
     ///
     /// # Errors
     /// A parameter out of range, no poses, another width, or a pose that is not finite (the row is named, from 1).
@@ -142,7 +141,7 @@ impl Ksvd {
         Ok(state)
     }
 
-    /// Goes on from `state` until all iterations are done or the target is reached.
+    /// Continues from `state` until all iterations are done or the target is reached.
     ///
     /// `observer` sees the state after each iteration (its last report is the iteration's); it may save the state, and an
     /// error of its ends the run.
@@ -208,7 +207,7 @@ impl Ksvd {
         Ok(state)
     }
 
-    /// Whether the target is given and the state's dictionary reaches it.
+    /// Whether a target is given and the state reaches it.
     pub fn reached(&self, state: &TrainingState) -> bool {
         match (self.target, state.history.last()) {
             (Some(target), Some(report)) => report.fresh_rms <= target,
@@ -216,7 +215,7 @@ impl Ksvd {
         }
     }
 
-    /// Whether there is nothing more to do.
+    /// Whether all iterations are done or the target is reached.
     pub fn finished(&self, state: &TrainingState) -> bool {
         state.iteration() >= self.iterations || self.reached(state)
     }
@@ -237,7 +236,7 @@ impl Ksvd {
     fn belongs(&self, state: &TrainingState, poses: ArrayView2<f32>) -> Result<()> {
         let (m, d) = poses.dim();
         let n = state.dictionary.len();
-        let k = self.omp().capacity(&state.dictionary);
+        let k = state.dictionary.capacity(self.sparsity);
         let fits = state.support.dim() == (m, k)
             && state.coefficients.dim() == (m, k)
             && state.dictionary.width() == d

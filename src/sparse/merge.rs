@@ -59,7 +59,10 @@ pub struct MergedDictionary {
 }
 
 impl DictionaryMerge {
-    /// Fails if a parameter is out of its range.
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a parameter is out of its range.
     pub fn check(&self) -> Result<()> {
         match self.prune {
             Some(c) if !(c > 0.0 && c <= 1.0) => {

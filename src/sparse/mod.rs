@@ -40,7 +40,7 @@ mod testdata;
 pub mod weighted_dictionary;
 
 pub use checkpoint::{IterationStats, TrainingState};
-pub use code::{SparseCode, StopReason, refit};
+pub use code::{SparseCode, refit};
 pub use codes::{SparseCodes, UNUSED};
 pub use dictionary::Dictionary;
 pub use dictionary_size::{GrowthResult, GrowthSearch, Trial};
@@ -48,5 +48,5 @@ pub use encoder::{Encoder, SearchStrategy};
 pub use initialize::random_atoms;
 pub use ksvd::Ksvd;
 pub use merge::{CoherenceStats, DictionaryMerge, MergedDictionary};
-pub use omp::{Omp, SelectionRule, Tolerance};
+pub use omp::{Omp, SelectionRule, StopReason, Tolerance};
 pub use weighted_dictionary::WeightedDictionary;

@@ -1,4 +1,4 @@
-//! Greedy sparse coding of poses: plain and optimised orthogonal matching pursuit.
+//! The parameters of greedy sparse coding: orthogonal matching pursuit (OMP) and optimized OMP (OOMP).
 //!
 //! For a pose y (D), weights w (D) and a dictionary with atoms a_1..a_n (the rows here; the columns of the paper's A),
 //!
@@ -6,33 +6,30 @@
 //! min_x  sum_i w_i (y_i - (A x)_i)^2    with at most kappa entries of x different from 0      (9)-(11) of the paper
 //! ```
 //!
-//! is approached by taking one atom at a time and refitting all coefficients after each. A weight is the precision of a
-//! coordinate: 0 where it is missing (the paper's P), larger where it is known better. Atoms are renormalised for the
-//! weights when they are compared; coefficients belong to the dictionary's own unit-norm atoms.
+//! is solved approximately: atoms are selected one at a time, and all coefficients are refitted after each. A weight is the
+//! precision of a coordinate: 0 where it is missing (the paper's P). Atoms are compared as if renormalized for the weights;
+//! coefficients belong to the dictionary's unit-norm atoms.
 //!
-//! - [`SelectionRule::Oomp`] takes the atom after which the residual is smallest: the largest |<a, r>| / |(I - P) a|, with P the
-//!   projection on the atoms chosen so far (optimised OMP, order-recursive matching pursuit). Poses share the mean
-//!   body, so atoms are strongly correlated, and what an atom adds beyond the others is what counts.
+//! - [`SelectionRule::Oomp`] takes the atom that leaves the smallest residual: the largest |<a, r>| / |(I - P) a|, with P the
+//!   projection on the chosen atoms (also called order-recursive matching pursuit). Poses share the mean body, so atoms are
+//!   strongly correlated, and only what an atom adds to the others counts.
 //! - [`SelectionRule::Omp`] takes the largest |<a, r>| / |a| (Pati, Rezaiifar, Krishnaprasad 1993), as in the paper.
 //!
-//! Cost of a pose: O(kappa n D) in f32 for the scans, O(kappa^2 D) in f64 for the fits. Up to 2,048 atoms, and where all
-//! weights are equal, the scans after the first are sums of rows of the Gram matrix: O(kappa^2 n). Of more atoms, once many
-//! such poses are or were coded, bounds tell of most that they are not the best: of some thousands a few numbers in
-//! sixteen bits tell, of more, poses near the atoms look at a few in a hundred.
+//! Cost of a pose: O(kappa n D) for dense scans, O(kappa^2 D) for the least squares. The Gram matrix lowers the scans after
+//! the first to O(kappa^2 n); a ball tree visits a few percent of the atoms for poses near them.
 //!
-//! The scans' rounding, at most some 1e-6 of the pose's length, can change which of two nearly equal atoms is taken. An atom
-//! within an angle of 1e-3 of those taken is judged as if it were at 1e-3: what it would add beyond them is less than what
-//! f32 atoms tell. Coefficients and residual are exact for the atoms taken.
+//! Atoms are compared in single precision. Rounding, at most about 1e-6 of the pose's length, can change which of two nearly
+//! equal atoms is selected. An atom within an angle of 1e-3 of the span of those taken is scored as if it were at 1e-3.
+//! Coefficients and residual are computed in double precision for the atoms taken.
 
-use super::Dictionary;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// How the next atom is chosen.
+/// How the next atom is selected.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SelectionRule {
-    /// The atom that leaves the smallest residual once all coefficients are refitted. The better one.
+    /// The atom that leaves the smallest residual after refitting all coefficients. The more accurate rule.
     #[default]
     #[serde(rename = "oomp")]
     Oomp,
@@ -41,10 +38,10 @@ pub enum SelectionRule {
     Omp,
 }
 
-/// When a pose is near enough to take no more atoms.
+/// The residual at which a pose takes no more atoms.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub enum Tolerance {
-    /// Take atoms up to the sparsity. (A pose that is reached to single precision stops all the same.)
+    /// No tolerance: a pose takes atoms up to the sparsity, or until the residual is zero to single precision.
     #[default]
     Never,
     /// √(sum w r^2 / sum w) at most this: the RMS over the observed coordinates, in the poses' unit.
@@ -64,12 +61,25 @@ impl Tolerance {
     }
 }
 
-/// The parameters of coding.
+/// Why a code has no more atoms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum StopReason {
+    /// The code has as many atoms as the sparsity allows.
+    Sparsity,
+    /// The residual is within the tolerance, or zero to single precision.
+    Tolerance,
+    /// No further useful atom is independent of those taken on the observed coordinates.
+    Dependent,
+    /// The pose is zero wherever it is observed, or observed nowhere: the code is empty.
+    Nothing,
+}
+
+/// The parameters of matching pursuit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Omp {
-    /// At most this many atoms a pose: the paper's kappa. At least 1; default 3.
+    /// The largest number of atoms in a code: the paper's kappa. At least 1; default 3.
     pub sparsity: usize,
-    /// How the next atom is chosen. Default: optimised.
+    /// How atoms are selected. Default: OOMP.
     pub rule: SelectionRule,
     /// When to stop before that. Default: never.
     pub tolerance: Tolerance,
@@ -86,7 +96,10 @@ impl Default for Omp {
 }
 
 impl Omp {
-    /// Fails if a parameter is out of its range.
+    /// Checks the parameters.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a parameter is out of its range.
     pub fn check(&self) -> Result<()> {
         if self.sparsity == 0 {
             return Err(Error::usage(
@@ -102,15 +115,11 @@ impl Omp {
             _ => Ok(()),
         }
     }
-
-    /// The most atoms a code can have: more than D, or n, are never independent.
-    pub(super) fn capacity(&self, dictionary: &Dictionary) -> usize {
-        self.sparsity.min(dictionary.len()).min(dictionary.width())
-    }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Dictionary;
     use super::super::testdata::encode_one;
     use super::super::testdata::{alike, random};
     use super::super::{SparseCode, StopReason, refit};

@@ -1,25 +1,24 @@
-//! A tile of poses coded together: all of them scan the atoms at once for their first, and for the others too unless rows
-//! of the Gram matrix are at hand, which serve each pose alone. (There are none for poses with weights of their own.)
+//! Matching pursuit with scores of all atoms, for a tile of poses. One dense scan finds the first atoms of all poses. Rows of
+//! the Gram matrix find the others pose by pose, or further scans if there is no Gram matrix or the poses have weights.
 
 use super::active_set::ActiveSet;
 use super::index::{DenseScan, GramOmp, LazyGram, PackedAtoms, Term, products};
 use super::omp::SelectionRule;
 use super::{Dictionary, StopReason};
 
-/// How often a pose may find that the atom it took depends on the others before it gives up: only rounding lets such an
-/// atom win, and only where nothing of use is left.
+/// How many atoms of a pose may turn out to be dependent on the others before it stops. Such an atom wins only by rounding,
+/// when no useful atom is left.
 pub(super) const RETRIES: usize = 4;
 
-/// A direction is taken for a sum of atoms with weights up to this: beyond, the rounding of the atoms' products, 1e-7,
-/// tells in their sum.
+/// The largest weight with which rows of the Gram matrix are combined. Larger weights amplify the rounding of the rows, 1e-7,
+/// too much.
 const LARGEST_WEIGHT: f64 = 32.0;
 
-/// Poses that are coded together. The numbers kept for each pair of pose and atom should stay in the cache, but the more poses
-/// there are the seldomer the atoms are read, of which more do not fit into it either: as many are best of any number of atoms,
-/// measured.
+/// The number of poses in a tile. More poses share a read of the atoms, but their scores have to stay in the cache; 60 is
+/// best for any number of atoms, measured.
 pub(super) const POSES: usize = 60;
 
-/// The state of a tile. Made once for many tiles.
+/// The state of a tile, used for many tiles.
 pub(super) struct DenseOmp<'a> {
     dictionary: &'a Dictionary,
     panels: &'a PackedAtoms,
@@ -27,13 +26,13 @@ pub(super) struct DenseOmp<'a> {
     rule: SelectionRule,
     scan: DenseScan<'a>,
     follower: GramOmp,
-    /// Room for what the newest direction of a pose is made of.
+    /// Scratch: the newest direction as a combination of atoms.
     weights: Vec<f64>,
     terms: Vec<Term<'a>>,
 }
 
 impl<'a> DenseOmp<'a> {
-    /// Room for `poses` poses.
+    /// The state of tiles of at most `poses` poses.
     pub fn new(dictionary: &'a Dictionary, rule: SelectionRule, poses: usize) -> Self {
         let index_cache = dictionary.index_cache();
         let panels = index_cache.panels(dictionary.atoms());
@@ -49,7 +48,7 @@ impl<'a> DenseOmp<'a> {
         }
     }
 
-    /// One that does without rows of the Gram matrix.
+    /// A state that does not use the Gram matrix.
     #[cfg(test)]
     pub fn of_scans(dictionary: &'a Dictionary, rule: SelectionRule, poses: usize) -> Self {
         DenseOmp {
@@ -58,7 +57,7 @@ impl<'a> DenseOmp<'a> {
         }
     }
 
-    /// SparseCodes the poses that `fits` were started on, with at most `sparsity` atoms each.
+    /// Codes the poses that `fits` were started on, with at most `sparsity` atoms each.
     pub fn code(&mut self, fits: &mut [ActiveSet], sparsity: usize) {
         let full = AtomBudget::of(self.dictionary, sparsity);
         debug_assert!(fits.len() <= self.scan.poses());
@@ -72,7 +71,7 @@ impl<'a> DenseOmp<'a> {
             .for_each(|f| f.stop = f.stop.or(Some(StopReason::Dependent)));
     }
 
-    /// Puts the residuals in place of the directions, and |a|^2 in place of what is left of the atoms.
+    /// Sets the residuals in place of the directions, and e to |a|².
     fn load(&mut self, fits: &[ActiveSet]) {
         let d = self.dictionary.width();
         self.scan.directions.fill(0.0);
@@ -189,7 +188,7 @@ impl<'a> DenseOmp<'a> {
             return false;
         };
         self.scan.leave_out(pose, atom);
-        let pushed = fit.push(atom, super::code::row(self.dictionary, atom));
+        let pushed = fit.push(atom, self.dictionary.row(atom));
         if fit.stop.is_none() && fit.support.len() == full.most {
             fit.stop = Some(full.stop);
         }
@@ -197,7 +196,7 @@ impl<'a> DenseOmp<'a> {
     }
 }
 
-/// How many atoms a pose takes at most, and why it stops there.
+/// The largest number of atoms of a code, and the reason to stop there.
 #[derive(Clone, Copy)]
 pub(super) struct AtomBudget {
     pub most: usize,
@@ -205,7 +204,7 @@ pub(super) struct AtomBudget {
 }
 
 impl AtomBudget {
-    /// For codes of at most `sparsity` atoms; more than there are, or than a pose has numbers, are never independent.
+    /// The budget for codes of at most `sparsity` atoms; more than n or D atoms are never independent.
     pub fn of(dictionary: &Dictionary, sparsity: usize) -> AtomBudget {
         let most = sparsity.min(dictionary.len()).min(dictionary.width());
         let stop = match most == sparsity {
@@ -221,7 +220,7 @@ impl AtomBudget {
     }
 }
 
-/// √w∘v in f32: an unweighted atom's product with it is the weighted atom's with v.
+/// √w∘v in single precision: its product with an atom is that of v with the weighted atom.
 fn weigh(v: &[f64], root: Option<&[f64]>, out: &mut [f32]) {
     match root {
         Some(root) => {

@@ -6,7 +6,7 @@ use super::omp::SelectionRule;
 use super::omp_dense::{AtomBudget, RETRIES};
 use super::{Dictionary, StopReason};
 
-/// Room for the poses of a group.
+/// The state of a few poses.
 pub(super) struct IndexedOmp<'a> {
     dictionary: &'a Dictionary,
     tree: &'a BallTree,
@@ -16,18 +16,18 @@ pub(super) struct IndexedOmp<'a> {
     found: Vec<SearchResult>,
 }
 
-/// A pose on its way.
+/// The state of one pose.
 struct OmpState {
     path: OmpQuery,
-    /// Which fit is its.
+    /// The index of its active set.
     fit: usize,
-    /// Atoms taken, and those that depended on them.
+    /// Atoms taken, and atoms found to be dependent on them.
     taken: Vec<u32>,
     done: bool,
 }
 
 impl<'a> IndexedOmp<'a> {
-    /// Room for `poses` poses, or as many of them as are best coded together. Their codes have at most `DIRECTIONS` atoms.
+    /// The state of at most `poses` poses at a time. Codes have at most `DIRECTIONS` atoms.
     pub fn new(
         dictionary: &'a Dictionary,
         tree: &'a BallTree,
@@ -51,8 +51,8 @@ impl<'a> IndexedOmp<'a> {
         }
     }
 
-    /// SparseCodes the poses that `fits` were started on, none of them with weights that differ; neighbours are best alike. Lists those
-    /// of which bounds tell too little: they are to be started anew and coded by scans.
+    /// Codes the poses that `fits` were started on; their weights are equal. Appends to `unpruned` the poses for which the
+    /// tree excludes too few atoms: the caller starts them again and codes them with dense scans.
     pub fn code(&mut self, fits: &mut [ActiveSet], sparsity: usize, unpruned: &mut Vec<usize>) {
         let full = AtomBudget::of(self.dictionary, sparsity);
         for few in open(fits).chunks(self.walks.len()) {
@@ -76,7 +76,7 @@ impl<'a> IndexedOmp<'a> {
             .for_each(|f| f.stop = f.stop.or(Some(StopReason::Dependent)));
     }
 
-    /// Gives each pose that has taken so many atoms another.
+    /// Gives each pose that has taken `taken` atoms another one.
     fn step(
         &mut self,
         fits: &mut [ActiveSet],
@@ -119,7 +119,7 @@ impl<'a> IndexedOmp<'a> {
     }
 }
 
-/// Near which atoms poses are.
+/// Finds the leaf nearest to a pose.
 pub(super) struct NearestLeaf<'a> {
     leaves: &'a BallTree,
     search: BranchAndBound<'a>,
@@ -128,7 +128,7 @@ pub(super) struct NearestLeaf<'a> {
 }
 
 impl<'a> NearestLeaf<'a> {
-    /// Among the atoms of some leaves.
+    /// A search of `leaves`.
     pub fn new(leaves: &'a BallTree) -> Self {
         let path = || OmpQuery::new(leaves.width());
         NearestLeaf {
@@ -139,7 +139,7 @@ impl<'a> NearestLeaf<'a> {
         }
     }
 
-    /// Near which each of the poses is that `fits` were started on: the numbers of neighbours are near.
+    /// The leaf nearest to each pose that `fits` were started on. Leaves near one another have numbers near one another.
     pub fn leaves(&mut self, fits: &[ActiveSet]) -> Vec<u32> {
         let mut places = vec![0; fits.len()];
         for few in open(fits).chunks(TOGETHER) {
@@ -160,7 +160,7 @@ impl<'a> NearestLeaf<'a> {
     }
 }
 
-/// Those that are to be coded.
+/// The poses that are not finished.
 fn open(fits: &[ActiveSet]) -> Vec<usize> {
     (0..fits.len())
         .filter(|i| fits[*i].stop.is_none())
@@ -168,7 +168,7 @@ fn open(fits: &[ActiveSet]) -> Vec<usize> {
 }
 
 impl OmpState {
-    /// Takes an atom along, if it does not depend on the others.
+    /// Takes an atom, unless it depends on the others.
     fn take(
         &mut self,
         fit: &mut ActiveSet,
@@ -181,7 +181,7 @@ impl OmpState {
             return;
         };
         self.taken.push(atom);
-        let pushed = fit.push(atom, super::code::row(dictionary, atom));
+        let pushed = fit.push(atom, dictionary.row(atom));
         if fit.stop.is_none() && fit.support.len() == full.most {
             fit.stop = Some(full.stop);
         }
@@ -203,8 +203,8 @@ mod tests {
     use proptest::prelude::*;
     use rand::Rng;
 
-    /// Coded by bounds as by scans: the same atoms, to the bit the same numbers, the same reasons. Gives the share of
-    /// poses of which bounds told too little for each way of coding.
+    /// Asserts that the tree and dense scans give the same codes to the bit. Returns the share of poses for which the tree
+    /// excludes too few atoms, for each set of parameters.
     fn as_by_scans(atoms: &Array2<f64>, poses: &Array2<f64>) -> Vec<f64> {
         let (m, d) = poses.dim();
         let mut shares = Vec::new();
@@ -225,7 +225,7 @@ mod tests {
                 poses.outer_iter().map(start).collect()
             };
             let mut by_scans = started();
-            // Without rows of the Gram matrix, whose products are rounded otherwise.
+            // Without the Gram matrix, which some of these dictionaries have.
             DenseOmp::of_scans(&dictionary, rule, m).code(&mut by_scans, sparsity);
             // Built for this test: its statistics are empty.
             let tree = BallTree::new(dictionary.atoms());
@@ -242,7 +242,7 @@ mod tests {
         shares
     }
 
-    /// Few hidden dimensions, as poses have, and a little of all others.
+    /// Three hidden dimensions and a little noise in all others.
     fn flat(n: usize, d: usize, seed: u64) -> Array2<f64> {
         let hidden = random(3, d, seed + 1);
         let mut g = parallel::rng(seed, 2);
@@ -257,7 +257,7 @@ mod tests {
         let near = &atoms.slice(s![..100, ..]) + &(random(100, 120, 5) * 0.01);
         let poses = concatenate![Axis(0), near, poses];
         let shares = as_by_scans(&atoms.to_owned(), &poses);
-        // Of up to four atoms what is left of a pose is noise, which is unlike all atoms.
+        // After three atoms the residual is noise, which is unlike all atoms.
         assert_eq!((shares[1], shares[3]), (0.0, 0.0));
     }
 
@@ -292,7 +292,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(60))]
-        /// Clustered and repeated atoms, both signs, next to equal ones: where keys are equal or nearly so.
+        /// Clustered, repeated and negated atoms: many scores are equal or nearly equal.
         #[test]
         fn bounds_find_what_scans_find(
             seed in 0u64..1000,

@@ -1,16 +1,15 @@
-//! Old codes of poses, where new ones are worse.
+//! Keeps the old support of a pose where its new code is worse.
 
 use super::active_set::ActiveSet;
-use super::code::row;
 use super::codes::{SparseCodes, UNUSED};
 use super::{Tolerance, TrainingState};
 use crate::numeric::parallel;
 use ndarray::{ArrayView1, ArrayView2};
 
-/// Poses that one task takes.
+/// The number of poses per task.
 const CHUNK: usize = 512;
 
-/// Where the old atoms of a pose, refitted, are better than its new code, puts them back.
+/// Replaces each code that is worse than the refitted support of `state`.
 pub fn keep_better(codes: &mut SparseCodes, state: &TrainingState, poses: ArrayView2<f32>) {
     let k = codes.atoms.ncols();
     let kept = parallel::map_chunks(poses.nrows(), CHUNK, |rows| {
@@ -29,7 +28,7 @@ pub fn keep_better(codes: &mut SparseCodes, state: &TrainingState, poses: ArrayV
                 continue;
             }
             for &atom in state.support.row(i).iter().filter(|&&a| a != UNUSED) {
-                fit.push(atom, row(&state.dictionary, atom));
+                fit.push(atom, state.dictionary.row(atom));
             }
             if fit.squared_residual() < codes.squared_residuals[i] {
                 let mut code = SparseCodes::empty(1, k);

@@ -1,34 +1,34 @@
-//! A dictionary as poses with the same weights see it.
+//! A dictionary reweighted for poses that share their weights.
 //!
-//! With weights w, coding y over atoms a is coding √w∘y over √w∘a: an unweighted problem on the coordinates that have a
-//! weight. Where many poses share their weights (a take that lacks the same joints all along; a joint that is dragged; the
-//! alternations of P1) the atoms are brought into that form once. What is short is scanned fast, and bounds rule atoms out.
+//! With weights w, coding y over atoms a is coding √w∘y over √w∘a: an unweighted problem on the coordinates with a weight. If
+//! many poses share their weights (a take with the same joints missing, a dragged joint), the atoms are converted once, and
+//! the fast searches for unweighted poses apply.
 
-use super::code::{refit, row};
+use super::code::refit;
 use super::index::UNSEEN;
 use super::{Dictionary, Encoder, Omp, SparseCode, StopReason, Tolerance};
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2, ArrayView1};
 
-/// A dictionary seen through weights.
+/// A dictionary with the atoms √w∘a.
 pub struct WeightedDictionary {
     /// n and D of the dictionary.
     of: (usize, usize),
     /// (D), not negative.
     weights: Array1<f64>,
-    /// The coordinates with a weight, and its root there.
+    /// The coordinates with a weight, and √(w / max w).
     seen: Vec<(usize, f64)>,
-    /// √w∘a there, of unit norm; none where no atom is anything there.
+    /// √w∘a on those coordinates, of unit norm; `None` if all are zero.
     atoms: Option<Dictionary>,
-    /// Which atoms those are, where not all: some may be 0 wherever there is a weight.
+    /// The indices of those atoms in the dictionary; `None` if all atoms are there.
     names: Option<Vec<u32>>,
 }
 
 impl WeightedDictionary {
-    /// The atoms of a dictionary through weights (D).
+    /// Reweights a dictionary by weights (D).
     ///
     /// # Errors
-    /// Another number of weights than of an atom's numbers; one that is negative or not finite.
+    /// [`Error::Data`] if there are not D weights, or one is negative or not finite.
     pub fn new(
         dictionary: &Dictionary,
         weights: ArrayView1<'_, f64>,
@@ -63,11 +63,11 @@ impl WeightedDictionary {
         })
     }
 
-    /// SparseCodes a pose (D) over `dictionary`, which this was made of, as [`Omp::code`] does with these weights. Where rounding
-    /// alone tells two atoms apart it may take the other: as good for what is seen, but what is not seen can differ.
+    /// Codes a pose (D) with `dictionary`, from which this was made, as [`Encoder::encode_one`] does with these weights. Ties
+    /// within rounding may be resolved otherwise: as good on the observed coordinates, but the others can differ.
     ///
     /// # Errors
-    /// Those of [`Omp::code`]; a dictionary of another size than the one this was made of.
+    /// [`Error::Data`] as [`Encoder::encode_one`]; also if the dictionary has another size than the one this was made from.
     pub fn code(
         &self,
         omp: &Omp,
@@ -92,13 +92,13 @@ impl WeightedDictionary {
         };
         let signal: Array1<f64> = self.seen.iter().map(|(i, root)| pose[*i] * root).collect();
         if signal.iter().any(|v| !v.is_finite()) {
-            // It says what is wrong.
+            // This call reports the error.
             return Encoder::new(dictionary, *omp)?.encode_one(pose, weights);
         }
         let found = Encoder::new(atoms, scaled)?.encode_one(signal.view(), None)?;
         let name = |a: &u32| self.names.as_ref().map_or(*a, |names| names[*a as usize]);
         let support: Vec<u32> = found.atoms.iter().map(name).collect();
-        // The coefficients of the atoms as they are, of which these here are rounded.
+        // Refit with the dictionary's own atoms: the reweighted ones are rounded.
         let mut code = refit(dictionary, &support, pose, weights)?;
         if code.stop != StopReason::Dependent {
             code.stop = found.stop;
@@ -106,7 +106,7 @@ impl WeightedDictionary {
         Ok(code)
     }
 
-    /// The tolerance, for the weights as they are here: the heaviest is 1.
+    /// The tolerance for weights divided by the largest.
     fn tolerance(&self, omp: &Omp) -> Tolerance {
         let heaviest = self.weights.iter().fold(0.0f64, |a, b| a.max(*b));
         match omp.tolerance {
@@ -117,22 +117,22 @@ impl WeightedDictionary {
     }
 }
 
-/// The atoms on the coordinates that are seen, each with its root, and which atoms they are where some are left out.
+/// The reweighted atoms, and their indices if some are left out.
 fn through(
     dictionary: &Dictionary,
     seen: &[(usize, f64)],
 ) -> (Option<Dictionary>, Option<Vec<u32>>) {
-    // On this thread alone: those who ask are many threads at work on poses of their own.
+    // On this thread alone: callers are many threads at work on poses of their own.
     let n = dictionary.len();
     let (mut numbers, mut names) = (Vec::with_capacity(n * seen.len()), Vec::with_capacity(n));
     let mut atom = vec![0.0; seen.len()];
     for i in 0..n as u32 {
-        let whole = row(dictionary, i);
+        let whole = dictionary.row(i);
         for (a, (c, root)) in atom.iter_mut().zip(seen) {
             *a = f64::from(whole[*c]) * root;
         }
         let squared: f64 = atom.iter().map(|a| a * a).sum();
-        // Where it is next to nothing, no pose is along it: as for a scan.
+        // An atom that is nearly zero here is never selected.
         if squared > f64::from(UNSEEN) {
             let scale = 1.0 / squared.sqrt();
             numbers.extend(atom.iter().map(|a| (a * scale) as f32));

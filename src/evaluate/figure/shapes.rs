@@ -81,7 +81,7 @@ pub fn dot([x, y]: [f64; 2], radius: f64, color: &str, status: Status) -> String
     }
 }
 
-/// Text broken into lines of at most `most` characters, if its words allow.
+/// Text in lines of about so many characters.
 pub fn wrapped(text: &str, most: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -96,7 +96,7 @@ pub fn wrapped(text: &str, most: f64) -> Vec<String> {
     lines
 }
 
-/// Text shortened to at most `most` characters.
+/// Text of at most so many characters.
 pub fn shortened(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_string();

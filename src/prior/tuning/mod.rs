@@ -1,6 +1,6 @@
 //! The weight between a prior and what is observed (the paper's lambda), found on poses held back from the training.
 //!
-//! A prior's covariance is multiplied by an **inflation** (1 / lambda in the paper's (1)), and where the noise is unknown
+//! A prior's covariance is multiplied by an **inflation** (1 / lambda in the paper's (1)), and where the noise is not told
 //! an equal noise of every coordinate is assumed. Both are searched task by task on a grid, as the paper says, and beyond
 //! its edges where that is better, on a part of the *training* poses that the prior under test did not learn from; test
 //! poses are never seen. The whole curve is kept ([`Tuning::curve`]) and goes into the model ([`Tuning::write`]).
@@ -37,12 +37,12 @@ pub enum Task {
     Sparse,
     /// Some coordinates are missing, the others without noise.
     Complete,
-    /// Noise on a few known points: the stated variance of each coordinate is used as it is.
+    /// Noise on a few points that were found: every coordinate's noise is told, and used as it is.
     Treated,
 }
 
 impl Task {
-    /// All tasks.
+    /// All of them.
     pub const ALL: [Task; 4] = [Task::Dense, Task::Sparse, Task::Complete, Task::Treated];
 
     /// `dense`, `sparse`, `complete`, `treated`.
@@ -68,32 +68,32 @@ impl Task {
     }
 }
 
-/// The tuned parameters.
+/// What is tuned.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
     /// What the prior's covariance is multiplied by: 1 / lambda. A kind without a covariance takes it for its own width.
     pub inflation: f64,
-    /// The smallest variance assumed of an observed coordinate, cm²; smaller stated variances are raised to it.
+    /// The least noise assumed of an observed coordinate, cm²: told noise below it counts as this much.
     pub noise: f64,
 }
 
 impl Setting {
-    /// The variance that is assumed if `stated` is stated, cm².
-    pub fn noise_of(&self, stated: f64) -> f64 {
-        stated.max(self.noise)
+    /// The noise that is reckoned with where `told` is told.
+    pub fn noise_of(&self, told: f64) -> f64 {
+        told.max(self.noise)
     }
 }
 
 /// The setting of each task.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TaskSettings {
-    /// The setting of [`Task::Dense`].
+    /// Of [`Task::Dense`].
     pub dense: Setting,
-    /// The setting of [`Task::Sparse`].
+    /// Of [`Task::Sparse`].
     pub sparse: Setting,
-    /// The setting of [`Task::Complete`].
+    /// Of [`Task::Complete`].
     pub complete: Setting,
-    /// The setting of [`Task::Treated`].
+    /// Of [`Task::Treated`].
     pub treated: Setting,
 }
 
@@ -160,7 +160,7 @@ impl TaskSettings {
     }
 }
 
-/// A setting that was tried, and its error.
+/// A setting that was tried.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// On which task.
@@ -173,7 +173,7 @@ pub struct Trial {
     pub mse: f64,
 }
 
-/// The result of the search.
+/// What the search found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tuning {
     /// The best setting of each task.

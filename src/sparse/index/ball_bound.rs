@@ -6,18 +6,18 @@ use super::panel_kernel::add_product;
 use super::single_search::{BELOW, Sweep};
 use pulp::Simd;
 
-/// What a ball has to reach.
+/// The test that a ball has to pass.
 #[derive(Clone, Copy, Default)]
 pub struct Bar {
     key: f32,
     /// √(|r|² − key).
     beside: f32,
-    /// By how much rounding widens a ball of which much is left beside the directions, and any that is not near.
+    /// How much rounding widens a ball beyond [`FAR`] of the chosen span, and one beyond [`NEAR`].
     far: f32,
     near: f32,
 }
 
-/// Of eight balls |<m, r>| and |m|² beside the directions.
+/// |<m, r>|, and |m|² in the complement of the chosen directions, for eight balls.
 #[derive(Clone, Copy)]
 pub struct Measured<S: Simd, const V: usize> {
     along: [S::f32s; V],
@@ -35,7 +35,7 @@ impl<S: Simd, const V: usize> Measured<S, V> {
 }
 
 impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
-    /// Of each ball |<m, r>| and |m|² beside the directions, by the products of the centres.
+    /// |<m, r>|, and |m|² in the complement of the chosen directions, from the products of eight centers.
     #[inline(always)]
     pub fn measured(&mut self, balls: &Balls, sums: &Products<S, N, V>) -> Measured<S, V> {
         self.spent.balls += 1;
@@ -54,7 +54,7 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
         measured
     }
 
-    /// How good centres are. Only for a start: it need not be told well.
+    /// Approximate scores of the centers, to choose where to start.
     #[inline(always)]
     pub fn score(&self, measured: &Measured<S, V>) -> Lanes {
         let simd = self.simd;
@@ -80,13 +80,13 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
             return;
         }
         let excess = self.excess(balls, measured);
-        // Without a branch of the program: whether a ball is open cannot be foretold.
+        // Without a branch, which could not be predicted.
         for (open, excess) in open.iter_mut().zip(excess.0) {
             *open |= mark * u16::from(excess >= 0.0);
         }
     }
 
-    /// By how much each ball may hold more than the key; negative if it cannot.
+    /// A number that is negative if no atom of the ball can reach the key.
     #[inline(always)]
     fn excess(&self, balls: &Balls, measured: &Measured<S, V>) -> Lanes {
         let simd = self.simd;
@@ -121,26 +121,25 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
         excess
     }
 
-    /// The best atom's key is `key` at least.
+    /// Raises the lower bound of the best score to `key`.
     ///
-    /// An atom a with an angle to the residual that is too wide is not the best, were it not for rounding: it may be if
-    /// |<a, r>| + δ >= √key |a| beside the directions, where δ is what the scan may add to <a, r> and what it may take off |a|,
-    /// ε / |a| where it takes ε off |a|². Such an atom is near the cone of those that are good enough. With the cone's angle α,
-    /// cos α = √key / |r|, and φ more of the atom,
+    /// An atom a (in the complement of the chosen directions) can reach the key if |<a, r>| + δ >= √key |a|, where δ bounds
+    /// the rounding errors of <a, r> and of |a|. So it lies near the cone of vectors that reach the key exactly. With the
+    /// angle α of the cone, cos α = √key / |r|, and α + φ the angle of the atom,
     ///
     /// ```text
     /// δ >= |a| |r| (cos α - cos(α + φ)) = |a| |r| 2 sin(α + φ/2) sin(φ/2),    distance = |a| sin φ <= 2 |a| sin(φ/2)
     /// ```
     ///
-    /// and α + φ is 90° at most, as a cone opens to both sides; so the distance is at most δ / (|r| sin α), and √(2 |a| δ / |r|),
-    /// where |a| is 1 at most. A ball that is wider by as much tells of the rest.
+    /// α + φ is at most 90°, because the cone opens to both sides. So the distance to the cone is at most δ / (|r| sin α),
+    /// and at most √(2 |a| δ / |r|) with |a| <= 1. Balls are widened by this distance.
     #[inline(always)]
     pub fn raise(&mut self, key: f32) {
         self.key = key;
         let (noise, left) = (self.noise, self.sought.path.left);
-        // By rounding a key may be more than there is: then the cone is a ray.
+        // Rounding can make the key larger than |r|²: then the cone is a ray.
         let key = key.min(left) * BELOW;
-        // What divides is taken for less than it is, what is measured against for more.
+        // Divisors are rounded down, limits up.
         let beside = |left: f32| (left - key).max(0.0).sqrt();
         let (least, most) = (beside(left * BELOW), beside(left * (2.0 - BELOW)));
         let wider = |gap: f32| -> f32 {

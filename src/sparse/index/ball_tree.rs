@@ -1,6 +1,7 @@
-//! Atoms by eights that are near one another, each told by a few of its numbers: what a pruned search looks at first.
+//! A ball tree over the atoms. A leaf holds 8 atoms that are near one another; a ball around its center bounds their scores.
 //!
-//! A leaf is 8 atoms of neighbouring heads; all of them lie in a ball about its centre, which bounds them together.
+//! Atoms are stored by their PCA coordinates first (see [`super::pca_projection`]), because a search reads those first. Inner
+//! balls hold 8 balls of the layer below.
 
 use super::cost_model::PruningStats;
 use super::pca_projection::{
@@ -9,26 +10,26 @@ use super::pca_projection::{
 use crate::numeric::parallel;
 use ndarray::ArrayView2;
 
-/// Atoms in a leaf, and leaves beside one another.
+/// The number of atoms in a leaf, and of balls in an inner ball.
 pub const LEAF: usize = 8;
-/// The top layer has so many groups of eight balls, at most: all of them are looked at.
+/// The largest number of groups of eight balls in the top layer; a search visits all of them.
 const TOP: usize = 16;
-/// Marks a place of a leaf without an atom.
+/// Marks an empty place in a leaf.
 pub const NO_ATOM: u32 = u32::MAX;
 
-/// What a row multiplied in a scan is worth in a search, measured: in a search it serves fewer poses at once.
+/// Cost of multiplying a row in a dense scan relative to a tree search, measured: in a search a row serves fewer poses.
 const WORTH: f64 = 0.4;
-/// Atoms of a branch that its split is learnt from, at most.
+/// The largest number of atoms from which a split is computed.
 const SPLIT_SAMPLE: usize = 1024;
-/// Branches of more atoms are split beside one another.
+/// Branches of more atoms than this are split in parallel.
 const LARGE: usize = 4096;
-/// A ball that is within this of what the chosen atoms span is always looked into: what is left of its atoms there is
-/// little, and rounding tells in it.
+/// A ball within this distance of the span of the chosen atoms is always visited: its atoms have a small remainder there,
+/// which rounding distorts.
 pub const NEAR: f32 = 0.03;
-/// Beyond this rounding hardly tells.
+/// Beyond this distance of the span rounding hardly matters.
 pub const FAR: f32 = 0.15;
 
-/// One number of each atom of a leaf, or of each of eight leaves.
+/// One number for each atom of a leaf, or for each of eight balls.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 pub struct Lanes(pub [f32; LEAF]);
@@ -37,29 +38,29 @@ impl Lanes {
     pub const ZERO: Lanes = Lanes([0.0; LEAF]);
 }
 
-/// Eight atoms.
+/// A leaf: eight atoms.
 #[derive(Clone)]
 pub struct Leaf {
     pub heads: [[Lanes; PART]; PARTS],
-    /// The lengths of what is beyond each of [`LEVELS`].
+    /// Norms of the atoms beyond each of [`LEVELS`].
     pub tails: [Lanes; LEVELS.len()],
     pub atoms: [u32; LEAF],
 }
 
 impl Leaf {
-    /// The heads as far as the first of [`LEVELS`].
+    /// The PCA coordinates up to the first of [`LEVELS`].
     pub fn first_parts(&self) -> &[[Lanes; PART]] {
         &self.heads[..LEVELS[0]]
     }
 }
 
-/// Eight balls, each about the atoms of a leaf or of several.
+/// Eight balls, each around one leaf or around eight balls of the layer below. m is a center.
 #[derive(Clone)]
 pub struct Balls {
     pub heads: [[Lanes; PART]; CENTRE_PARTS],
-    /// |m|²; infinite where there is no leaf.
+    /// |m|²; infinite for an empty place.
     pub norms: Lanes,
-    /// All atoms of the leaf are within this of m.
+    /// All atoms of the ball are within this distance of m.
     pub radii: Lanes,
     /// (radius + [`NEAR`])².
     pub near: Lanes,
@@ -67,21 +68,22 @@ pub struct Balls {
     pub far: Lanes,
 }
 
-/// All atoms of a dictionary.
+/// The ball tree over all atoms of a dictionary.
 pub struct BallTree {
     pub basis: PcaProjection,
     pub leaves: Vec<Leaf>,
-    /// Of each leaf D rows: its atoms as they are.
+    /// (leaves, D): the full atoms of each leaf, a row of lanes per coordinate.
     pub whole: Vec<Lanes>,
-    /// Of each leaf a ball; then of each eight balls of the layer before one, up to the top.
+    /// Layer 0 has a ball for each leaf; each further layer has a ball for eight balls of the layer before. The last is the
+    /// top.
     pub layers: Vec<Vec<Balls>>,
-    /// Of each atom, in which leaf it is.
+    /// The leaf of each atom.
     places: Vec<u32>,
     pub tally: PruningStats,
 }
 
 impl BallTree {
-    /// Of atoms (n, D) of unit norm.
+    /// Builds the tree over atoms (n, D) of unit norm. O(n D 32 + n log n).
     pub fn new(atoms: ArrayView2<'_, f32>) -> BallTree {
         let basis = PcaProjection::of(atoms);
         let n = atoms.nrows();
@@ -113,35 +115,35 @@ impl BallTree {
         }
     }
 
-    /// How many numbers an atom has, D.
+    /// The number of coordinates of an atom, D.
     pub fn width(&self) -> usize {
         self.whole.len() / self.leaves.len().max(1)
     }
 
-    /// Rows of lanes that a scan multiplies a step.
+    /// The number of rows of lanes that a dense scan multiplies in a step.
     pub fn scan(&self) -> usize {
         self.whole.len()
     }
 
-    /// The balls that are all looked at.
+    /// The balls of the top layer.
     pub fn top(&self) -> &[Balls] {
         self.layers.last().map_or(&[], |layer| layer)
     }
 
-    /// In which leaf an atom is; neighbouring leaves have neighbouring numbers.
+    /// The leaf of an atom. Leaves near each other have numbers near each other.
     pub fn place(&self, atom: u32) -> u32 {
         self.places[atom as usize]
     }
 }
 
-/// Atoms in an order in which neighbours are near.
+/// Returns the atoms in an order in which neighbors are near one another.
 pub fn in_order(heads: &[Projected]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..heads.len() as u32).collect();
     split(&mut order, heads);
     order
 }
 
-/// Orders atoms so that each eight are neighbours: halves by where they are along their widest direction, and so on.
+/// Splits atoms at the median of their coordinate along the direction of largest variance, recursively, down to eight.
 fn split(order: &mut [u32], heads: &[Projected]) {
     if order.len() <= LEAF {
         return;
@@ -170,7 +172,7 @@ fn split(order: &mut [u32], heads: &[Projected]) {
     }
 }
 
-/// The direction in which heads differ most, nearly: a few steps of the power method.
+/// The direction of largest variance of the PCA coordinates, approximately: a few steps of the power method.
 fn widest(order: &[u32], heads: &[Projected]) -> [f32; CENTRE] {
     let some = order.iter().step_by(order.len().div_ceil(SPLIT_SAMPLE));
     let rows: Vec<&[f32]> = some.map(|a| heads[*a as usize].centre()).collect();
@@ -210,7 +212,7 @@ fn leaf(atoms: &[u32], heads: &[Projected]) -> Leaf {
     leaf
 }
 
-/// The atoms of a leaf as they are, a row of lanes a coordinate.
+/// The full atoms of a leaf, a row of lanes per coordinate.
 fn whole(some: &[u32], atoms: ArrayView2<'_, f32>) -> Vec<Lanes> {
     let mut rows = vec![Lanes::ZERO; atoms.ncols()];
     for (lane, atom) in some.iter().enumerate() {
@@ -226,7 +228,7 @@ struct Ball {
     radius: f64,
 }
 
-/// The ball of a leaf about the mean of its heads: what is beyond them counts for its radius.
+/// The ball around the mean of some atoms' PCA coordinates; the norms beyond those coordinates count for its radius.
 fn ball(atoms: &[u32], heads: &[Projected]) -> Ball {
     let heads = || atoms.iter().map(|a| &heads[*a as usize]);
     let centre: [f32; CENTRE] =

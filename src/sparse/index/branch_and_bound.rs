@@ -1,18 +1,17 @@
-//! The best atoms of a few poses by bounds: of most atoms a few numbers tell that they cannot be it.
+//! Branch-and-bound search of the ball tree for the best atoms of a few poses.
 //!
-//! 1. BallTree that are likely good give a key that the best atom has at least.
-//! 2. Of each leaf, and of each several leaves, the centre's c and e tell whether any atom within the radius can reach that key.
-//!    In the space that is left beside the directions taken, a ball of radius ρ about m is seen from 0 within the angle
-//!    asin(ρ / |m|), and no atom in it has a larger c²/e than a vector that much nearer to the residual than m:
-//!    (|<m, r>| + ρ √(|r|² − key))² < key (|m|² − ρ²) rules the ball out.
-//! 3. Of each atom of the leaves that are left a head, then a longer one, bound c and e from both sides. Where it is likely the
-//!    best so far its whole tells more.
-//! 4. The leaves that may still hold the best are met as a scan meets them: the same sums in the same order, the same key.
+//! 1. Leaves with promising centers give a threshold: a score ("key") that the best atom reaches.
+//! 2. A ball is visited only if one of its atoms can reach the key. In the orthogonal complement of the chosen directions, a
+//!    ball of radius ρ around m subtends the angle asin(ρ / |m|) from the origin. So no atom in it has a larger c²/e than a
+//!    vector nearer to the residual than m by that angle, and (|<m, r>| + ρ √(|r|² − key))² < key (|m|² − ρ²) excludes it.
+//! 3. In each visited leaf the first PCA coordinates, then more of them, bound c and e from both sides. If an atom is likely
+//!    the best so far, its full coordinates raise the key.
+//! 4. The remaining leaves are scored as a dense scan scores them, with the same sums in the same order.
 //!
-//! Every bound allows for the rounding of the scan, so the atom is the one that the scan finds, always.
+//! Every bound allows for the rounding of a dense scan, so the result is always the atom that a dense scan finds.
 //!
-//! Several poses that are alike go through this together: what one reads is in the cache for the others, and their products are
-//! summed side by side.
+//! Poses that are near one another are searched together: they share the leaves in the cache, and their products are summed
+//! side by side.
 
 use super::super::SelectionRule;
 use super::ball_bound::Measured;
@@ -25,46 +24,47 @@ use super::single_search::{Kept, Sweep};
 use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
-/// Directions of a pose, its residual's too, that a search can do with; beyond, a scan costs less.
+/// The largest number of vectors of a pose in a search, its residual and the chosen directions. With more, a dense scan costs
+/// less.
 pub const DIRECTIONS: usize = 4;
-/// Poses that are sought for together, at most: bits of a mask.
+/// The largest number of poses in a search: bits of a mask.
 pub const TOGETHER: usize = 16;
 
-/// Searches of one dictionary: room that is made once.
+/// Searches of one tree, with their scratch memory.
 pub struct BranchAndBound<'a> {
     leaves: &'a BallTree,
-    /// Room for the leaves that may hold a pose's best atom.
+    /// Scratch: the leaves that may hold each pose's best atom.
     kept: Vec<Vec<Kept>>,
 }
 
-/// What is sought of a pose.
+/// A search for one pose's best atom.
 #[derive(Clone, Copy)]
 pub struct Query<'a> {
     pub path: &'a OmpQuery,
     pub rule: SelectionRule,
-    /// Atoms that are not to be taken.
+    /// Atoms that are excluded: taken already, or dependent on those taken.
     pub taken: &'a [u32],
 }
 
 impl Query<'_> {
-    /// Whether what is left of atoms counts: before any is taken it is 1 of all.
+    /// Whether e counts: before the first atom it is 1 for all atoms.
     pub fn is_optimised(&self) -> bool {
         self.rule == SelectionRule::Oomp && self.path.heads.len() > 1
     }
 }
 
-/// What is found: the best atom of all that are not taken, the first of equals.
+/// The result of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SearchResult {
     Atom(u32),
-    /// Nothing is along any atom.
+    /// No atom has a score above 0.
     Nothing,
-    /// The bounds tell too little of this pose: it is to be coded by scans, from its first atom on.
+    /// The bounds exclude too few atoms: this pose needs dense scans, from its first atom on.
     Unpruned,
 }
 
 impl<'a> BranchAndBound<'a> {
-    /// Room for searches.
+    /// A search of `tree`.
     pub fn new(leaves: &'a BallTree) -> Self {
         BranchAndBound {
             leaves,
@@ -72,7 +72,7 @@ impl<'a> BranchAndBound<'a> {
         }
     }
 
-    /// The best atoms of at most [`TOGETHER`] poses that have taken equally many.
+    /// Finds the best atoms of at most [`TOGETHER`] poses that have taken equally many atoms.
     pub fn best(&mut self, sought: &[Query<'_>], found: &mut Vec<SearchResult>) {
         debug_assert!(sought.len() <= TOGETHER);
         self.kept.resize_with(sought.len(), Vec::new);
@@ -85,7 +85,7 @@ impl<'a> BranchAndBound<'a> {
         });
     }
 
-    /// The leaves whose centres are most along poses without atoms.
+    /// Finds the leaf whose center is most correlated with each pose; the poses have taken no atoms.
     pub fn nearest(&mut self, sought: &[Query<'_>], nearest: &mut Vec<usize>) {
         debug_assert!(sought.len() <= TOGETHER);
         self.kept.resize_with(sought.len(), Vec::new);
@@ -99,7 +99,7 @@ impl<'a> BranchAndBound<'a> {
     }
 }
 
-/// What is asked for.
+/// The kind of a search.
 enum Task<'s> {
     Best(&'s mut Vec<SearchResult>),
     Nearest(&'s mut Vec<usize>),
@@ -117,7 +117,7 @@ impl WithSimd for Search<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // So many vectors hold a leaf's lanes.
+        // The number of vectors that hold a leaf's lanes.
         match S::F32_LANES {
             8 => self.of_directions::<S, 1>(simd),
             4 => self.of_directions::<S, 2>(simd),
@@ -156,7 +156,7 @@ impl Search<'_> {
             Task::Best(found) => {
                 let mut before = None;
                 for (sweep, top) in of_poses {
-                    // What is good for the pose before is likely good.
+                    // A leaf that is good for the previous pose is likely good for this one.
                     sweep.start(top, before);
                     before = sweep.leader;
                 }
@@ -175,7 +175,7 @@ impl Search<'_> {
     }
 }
 
-/// What all poses measure of the top, pose by pose.
+/// The products of all poses with the top layer, (poses, groups).
 #[inline(always)]
 fn top<S: Simd, const N: usize, const V: usize>(
     simd: S,
@@ -197,16 +197,15 @@ fn top<S: Simd, const N: usize, const V: usize>(
     top
 }
 
-/// Balls that may hold the best atoms of some poses.
+/// Eight balls, or a leaf, that are still to be visited.
 struct Open {
     layer: usize,
-    /// Which eight of the layer, or which leaf.
+    /// The index of the group in its layer.
     group: usize,
     poses: [u16; LEAF],
 }
 
-/// All poses look into the leaves that may hold their best atoms. A leaf is looked into by all poses that may want it, while it
-/// is in the cache nearest.
+/// Visits the leaves that may hold the best atoms, depth first. All poses that need a leaf visit it while it is in the cache.
 #[inline(always)]
 fn look_around<S: Simd, const N: usize, const V: usize>(
     simd: S,
@@ -249,7 +248,7 @@ fn look_around<S: Simd, const N: usize, const V: usize>(
     }
 }
 
-/// Some poses look at eight balls: gives which of them each ball is open to.
+/// Bounds eight balls for some poses. Returns, for each ball, the mask of poses for which it may hold the best atom.
 #[inline(always)]
 fn look_at<S: Simd, const N: usize, const V: usize>(
     simd: S,
@@ -269,7 +268,7 @@ fn look_at<S: Simd, const N: usize, const V: usize>(
     open
 }
 
-/// Some poses look into a leaf.
+/// Bounds the atoms of a leaf for some poses.
 #[inline(always)]
 fn look_into<S: Simd, const N: usize, const V: usize>(
     simd: S,
@@ -298,7 +297,7 @@ fn heads<'s, S: Simd, const N: usize, const V: usize>(
     heads
 }
 
-/// A mask of so many poses.
+/// The mask of the first `poses` poses.
 fn all(poses: usize) -> u16 {
     u16::MAX >> (TOGETHER - poses)
 }
@@ -307,7 +306,7 @@ fn all(poses: usize) -> u16 {
 mod tests {
     use super::super::super::active_set::ActiveSet;
     use super::super::super::testdata::random;
-    use super::super::super::{Dictionary, Tolerance, code};
+    use super::super::super::{Dictionary, Tolerance};
     use super::*;
     use ndarray::ArrayView1;
     use pulp::{Scalar, Scalar128b, Scalar256b};
@@ -359,7 +358,7 @@ mod tests {
             assert_eq!(on(Scalar256b, leaves, &sought), found);
             for ((fit, path), found) in fits.iter_mut().zip(&mut paths).zip(found) {
                 if let SearchResult::Atom(atom) = found {
-                    assert!(fit.push(atom, code::row(&dictionary, atom)));
+                    assert!(fit.push(atom, dictionary.row(atom)));
                     path.take(&leaves.basis, fit);
                 }
             }

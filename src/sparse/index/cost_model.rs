@@ -2,14 +2,14 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Searches that are made in any case.
+/// The number of searches before the statistics are used.
 const TRIED: u64 = 64;
 
-/// What searches of a dictionary have cost, and what scans in their place would have, in rows of lanes multiplied. What is
-/// found does not depend on it. In lines of the cache of its own: threads write to it while others read what is beside it.
+/// Compares the cost of tree searches with that of dense scans, in rows of lanes multiplied. The codes do not depend on it.
+/// Aligned, because threads write to it while others read the fields beside it.
 #[repr(align(128))]
 pub struct PruningStats {
-    /// A row multiplied in a scan costs as much as so many in a search.
+    /// Cost of a row in a dense scan relative to a row in a search.
     worth: f64,
     spent: AtomicU64,
     scans: AtomicU64,
@@ -17,7 +17,7 @@ pub struct PruningStats {
 }
 
 impl PruningStats {
-    /// Nothing yet; a row multiplied in a scan costs as much as `worth` of a search.
+    /// Empty statistics; `worth` is the cost of a row in a dense scan relative to a row in a search.
     pub fn new(worth: f64) -> PruningStats {
         PruningStats {
             worth,
@@ -27,20 +27,20 @@ impl PruningStats {
         }
     }
 
-    /// So many searches that multiplied `spent` rows, where as many scans multiply `scans`.
+    /// Adds `count` searches that multiplied `spent` rows in place of the `scans` rows of dense scans.
     pub fn searches(&self, count: usize, spent: usize, scans: usize) {
         self.spent.fetch_add(spent as u64, Ordering::Relaxed);
         self.scans.fetch_add(scans as u64, Ordering::Relaxed);
         self.searches.fetch_add(count as u64, Ordering::Relaxed);
     }
 
-    /// Scans that had to be made after all.
+    /// Adds dense scans that were needed after a search.
     pub fn scans(&self, count: usize, scan: usize) {
         let rows = (count * scan) as u64;
         self.spent.fetch_add(rows, Ordering::Relaxed);
     }
 
-    /// Whether scans cost less: they multiply a row for several poses at once.
+    /// Whether dense scans would have cost less.
     pub fn is_useless(&self) -> bool {
         let [spent, scans, searches] =
             [&self.spent, &self.scans, &self.searches].map(|n| n.load(Ordering::Relaxed));

@@ -1,8 +1,9 @@
-//! Products of atoms with each other: rows of the Gram matrix, made when they are first asked for, or all at once where
-//! there are poses enough to ask for most of them, and kept.
+//! The Gram matrix of the atoms, <a_i, a_j>, and matching pursuit with its rows. Rows are computed when first used, or all at
+//! once if many poses are coded.
 //!
-//! The direction that an atom adds is a sum of the atoms taken, q = Σ w_j a_j; so its product with every atom is the same
-//! sum of rows of the Gram matrix, and costs a few multiplications an atom where a scan costs D.
+//! The direction that an atom adds is a combination of the atoms taken, q = Σ w_j a_j. So its products with all atoms are the
+//! same combination of rows of the Gram matrix: k multiplications per atom, where a dense scan needs D (Rubinstein,
+//! Zibulevsky, Elad 2008).
 
 use super::packed_atoms::Row;
 use super::{DenseScan, PackedAtoms};
@@ -10,24 +11,25 @@ use crate::numeric::parallel;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
-/// No Gram matrix is larger, bytes: 2,048 atoms. A row of a larger one comes from so far that a scan is as quick.
+/// The largest Gram matrix in bytes: that of 2,048 atoms. Rows of a larger one are so far from the cache that a dense scan is
+/// as fast.
 const MEMORY: usize = 16 << 20;
-/// Rows that are made together: as many as the kernel has in registers.
+/// The number of rows computed together on demand: as many as the kernel holds in registers.
 const TOGETHER: usize = 6;
-/// And so many where all are made: the atoms are read once for all of them.
+/// The number of rows computed together if all are: the atoms are read once for all of them.
 const MANY: usize = 60;
 
-/// A part of a direction: its weight, and the products of an atom with all atoms.
+/// A term of a direction: the weight of an atom, and its products with all atoms.
 pub type Term<'a> = (f32, &'a [Row]);
 
-/// Rows of <a_i, a_j> by atoms; as long as all panels.
+/// The rows of the Gram matrix; each is as long as all panels.
 pub struct LazyGram {
     rows: Vec<OnceLock<Made>>,
-    /// All before this one are made, or about to be, since all were asked for.
+    /// All rows before this one are computed, or about to be.
     begun: AtomicUsize,
 }
 
-/// A row, among those that were made with it: a thread that asks for memory row by row asks the system each time.
+/// A row, stored with those computed together: allocating row by row is slow.
 struct Made {
     rows: Arc<Vec<Row>>,
     from: usize,
@@ -41,7 +43,7 @@ impl Made {
 }
 
 impl LazyGram {
-    /// Without rows; nothing for so many atoms that all rows would be larger than [`MEMORY`].
+    /// A matrix without rows; `None` if all rows would take more than [`MEMORY`].
     pub fn new(n: usize) -> Option<LazyGram> {
         let fits = n.saturating_mul(n).saturating_mul(size_of::<f32>()) <= MEMORY;
         fits.then(|| LazyGram {
@@ -50,7 +52,7 @@ impl LazyGram {
         })
     }
 
-    /// The products of an atom. `atoms` are (n, D), those of `panels`.
+    /// The products of an atom with all atoms. `atoms` (n, D) are those of `panels`.
     pub fn row(&self, panels: &PackedAtoms, atoms: &[f32], atom: u32) -> &[Row] {
         let made = self.rows[atom as usize].get_or_init(|| Made {
             rows: Arc::new(products(panels, of(panels, atoms, atom))),
@@ -60,7 +62,7 @@ impl LazyGram {
         made.row()
     }
 
-    /// Makes all rows that are not there yet, on all threads; what other threads have begun to make is left to them.
+    /// Computes all missing rows on all threads, but those that other threads compute already.
     pub fn fill(&self, panels: &PackedAtoms, atoms: &[f32]) {
         let n = self.rows.len();
         if self.begun.load(Ordering::Relaxed) >= n {
@@ -74,7 +76,7 @@ impl LazyGram {
         });
     }
 
-    /// Makes the rows of some atoms: sooner together than one by one.
+    /// Computes the missing rows of some atoms together, which is faster than one by one.
     pub fn prepare(&self, panels: &PackedAtoms, atoms: &[f32], some: Vec<u32>) {
         if !some.iter().all(|a| self.is_made(*a)) {
             self.make(&mut DenseScan::new(panels, TOGETHER), atoms, some);
@@ -85,7 +87,7 @@ impl LazyGram {
         self.rows[atom as usize].get().is_some()
     }
 
-    /// As many at a time as the scan has room for.
+    /// Computes missing rows, as many at a time as the scan has poses.
     fn make(&self, scan: &mut DenseScan<'_>, atoms: &[f32], mut some: Vec<u32>) {
         some.retain(|a| !self.is_made(*a));
         some.sort_unstable();
@@ -99,7 +101,7 @@ impl LazyGram {
             let rows = Arc::new(rows);
             for (i, atom) in few.iter().enumerate() {
                 let rows = Arc::clone(&rows);
-                // Another thread may have been sooner: its row has the same bits.
+                // If another thread was faster, its row has the same bits.
                 let _ = self.rows[*atom as usize].set(Made {
                     rows,
                     from: i * panels,
@@ -115,14 +117,14 @@ fn of<'a>(panels: &PackedAtoms, atoms: &'a [f32], atom: u32) -> &'a [f32] {
     &atoms[atom as usize * d..][..d]
 }
 
-/// The products of a direction, D numbers, with all atoms.
+/// The products of a direction (D) with all atoms.
 pub fn products(panels: &PackedAtoms, direction: &[f32]) -> Vec<Row> {
     let mut scan = DenseScan::new(panels, 1);
     meet(&mut scan, direction);
     scan.correlations
 }
 
-/// Scans for some directions, D numbers each: as many as there is room for, or fewer.
+/// Scans for some directions, D numbers each, at most as many as the scan has poses.
 fn meet(scan: &mut DenseScan<'_>, directions: &[f32]) {
     let (some, none) = scan.directions.split_at_mut(directions.len());
     some.copy_from_slice(directions);

@@ -1,4 +1,4 @@
-//! Atoms laid out for searches.
+//! The search structures of a dictionary. Each is built when it is first used, and kept.
 
 use super::{BallTree, LazyGram, PackedAtoms};
 use ndarray::ArrayView2;
@@ -12,20 +12,20 @@ pub const ALONE: usize = 16;
 /// The ball tree serves poses of up to this many coordinates: the cost of its basis grows with their square.
 const MOST_NUMBERS: usize = 384;
 
-/// Atoms laid out for searches, each layout made when it is first asked for.
+/// The search structures of a dictionary, and the number of poses coded with it, which decides when to build them.
 pub struct IndexCache {
     panels: OnceLock<PackedAtoms>,
-    /// Room for rows of the Gram matrix, where it is not too large: they serve so few atoms better than bounds.
+    /// The Gram matrix; `None` if it would be too large.
     pub gram: Option<LazyGram>,
     tree: OnceLock<BallTree>,
-    /// Whether a thread has begun to make those.
+    /// Whether a thread has begun to build the tree.
     begun: AtomicBool,
-    /// Poses that were coded so far.
+    /// The number of poses coded so far.
     coded: AtomicUsize,
 }
 
 impl IndexCache {
-    /// For n atoms.
+    /// An empty cache for n atoms.
     pub fn new(n: usize) -> IndexCache {
         IndexCache {
             panels: OnceLock::new(),
@@ -36,18 +36,17 @@ impl IndexCache {
         }
     }
 
-    /// Poses are coded: `poses` of them as part of many, or one that counts for as many.
+    /// Adds to the number of poses coded.
     pub fn count(&self, poses: usize) {
         self.coded.fetch_add(poses, Ordering::Relaxed);
     }
 
-    /// The atoms (n, D) as scans read them.
+    /// The atoms (n, D), packed for dense scans.
     pub fn panels(&self, atoms: ArrayView2<'_, f32>) -> &PackedAtoms {
         self.panels.get_or_init(|| PackedAtoms::new(atoms))
     }
 
-    /// Makes all rows of the Gram matrix, where there is one and so many poses more, each with up to `sparsity` atoms, will have
-    /// asked for many of them.
+    /// Computes all rows of the Gram matrix, if coding `poses` more poses with up to `sparsity` atoms is likely to use many.
     pub fn fill_gram(&self, atoms: ArrayView2<'_, f32>, poses: usize, sparsity: usize) {
         let coded = self.coded.load(Ordering::Relaxed).saturating_add(poses);
         let asked = coded.saturating_mul(sparsity - 1);
@@ -71,7 +70,7 @@ impl IndexCache {
 
     /// The ball tree over the atoms (n, D), built by the first caller; `None` while another thread builds it.
     pub fn tree(&self, atoms: ArrayView2<'_, f32>) -> Option<&BallTree> {
-        // Not within the lock: a thread that waits for parts of the build may take up other work, which may ask for the tree.
+        // Not inside the lock: a thread that waits for the parallel build may take up other work that asks for the tree.
         if self.tree.get().is_none() && !self.begun.swap(true, Ordering::Relaxed) {
             let _ = self.tree.set(BallTree::new(atoms));
         }

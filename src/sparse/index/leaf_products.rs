@@ -10,7 +10,7 @@ use pulp::Simd;
 /// Sums side by side.
 pub const CHAINS: usize = 4;
 
-/// The products of a leaf's atoms with the residual and the directions, but for rounding.
+/// The products of a leaf's full atoms with the residual and the directions.
 #[inline(always)]
 pub fn products<S: Simd, const N: usize, const V: usize>(
     sweep: &Sweep<'_, S, N, V>,
@@ -37,7 +37,7 @@ pub fn products<S: Simd, const N: usize, const V: usize>(
             }
         }
     }
-    // The scan's c comes of the signal.
+    // <a, r> is <a, signal> minus the parts along the directions.
     for v in 0..V {
         for n in 1..N {
             let part = simd.splat_f32s(path.parts[n - 1]);

@@ -1,31 +1,31 @@
-//! Products of a few poses' vectors with the heads of eight atoms or balls: those are read once for all of the poses, and the
-//! products are summed in registers side by side.
+//! Products of a few poses' vectors with the PCA coordinates of eight atoms or balls. The coordinates are read once for all
+//! poses, and the products are summed in registers.
 
 use super::ball_tree::Lanes;
 use super::panel_kernel::add_product;
 use super::pca_projection::{PART, Projected};
 use pulp::Simd;
 
-/// Poses that share what is read.
+/// The number of poses that share a read.
 pub const AT_ONCE: usize = 4;
 
-/// Products of N vectors with eight heads.
+/// Products of N vectors with eight atoms or balls.
 pub type Products<S, const N: usize, const V: usize> = [[<S as Simd>::f32s; V]; N];
 
-/// A few poses of many.
+/// A few of the poses of a search.
 pub struct Few {
-    /// The first `count` of them; the others are the first once more.
+    /// The first `count` are valid; the others repeat the first.
     pub poses: [usize; AT_ONCE],
     pub count: usize,
 }
 
 impl Few {
-    /// Takes the first few off the poses that `mask` tells.
+    /// Removes the first few poses from `mask`; `None` if it is empty.
     #[inline(always)]
     pub fn of(mask: &mut u16) -> Option<Few> {
         let first = mask.trailing_zeros() as usize;
         let count = (mask.count_ones() as usize).min(AT_ONCE);
-        // Without a branch of the program: how many there are cannot be foretold.
+        // Without a branch, which could not be predicted.
         let mut poses = [first; AT_ONCE];
         for pose in &mut poses {
             *pose = match *mask {
@@ -38,7 +38,7 @@ impl Few {
     }
 }
 
-/// The products of the vectors of `count` poses with the parts of eight heads; what is beyond them is of no use.
+/// The products of the vectors of `count` poses with `parts`; entries from `count` on are undefined.
 #[inline(always)]
 pub fn products<S: Simd, const N: usize, const V: usize>(
     simd: S,
@@ -55,7 +55,7 @@ pub fn products<S: Simd, const N: usize, const V: usize>(
     all
 }
 
-/// Of P poses, each product in C sums, which need not wait for one another. The heads' parts count `from` one on.
+/// The products for P poses, each as C independent sums. `parts` starts at part `from` of the coordinates.
 #[inline(always)]
 fn sum<S: Simd, const N: usize, const V: usize, const P: usize, const C: usize>(
     simd: S,
@@ -93,7 +93,7 @@ fn sum<S: Simd, const N: usize, const V: usize, const P: usize, const C: usize>(
     }
 }
 
-/// The products of one pose's vectors with the parts `from` one on.
+/// The products of one pose's vectors with the parts from `from` on.
 #[inline(always)]
 pub fn more<S: Simd, const N: usize, const V: usize>(
     simd: S,
@@ -106,13 +106,13 @@ pub fn more<S: Simd, const N: usize, const V: usize>(
     all[0]
 }
 
-/// The vectors of a row of lanes.
+/// The SIMD vectors of a row of lanes.
 #[inline(always)]
 pub fn vectors<S: Simd>(lanes: &Lanes) -> &[S::f32s] {
     S::as_simd_f32s(&lanes.0).0
 }
 
-/// The same, to be written.
+/// The SIMD vectors of a row of lanes, mutable.
 #[inline(always)]
 pub fn vectors_mut<S: Simd>(lanes: &mut Lanes) -> &mut [S::f32s] {
     S::as_mut_simd_f32s(&mut lanes.0).0

@@ -255,7 +255,7 @@ impl Used {
 mod tests {
     use super::super::active_set::ActiveSet;
     use super::super::testdata::random;
-    use super::super::{Dictionary, Tolerance, code};
+    use super::super::{Dictionary, Tolerance};
     use super::*;
     use ndarray::Array2;
 
@@ -370,7 +370,7 @@ mod tests {
             let mut best = scan.best(0);
             for last in [false, false, true] {
                 let atom = best.unwrap();
-                assert!(fit.push(atom, code::row(&atoms, atom)));
+                assert!(fit.push(atom, atoms.row(atom)));
                 let (q, _) = fit.newest();
                 let z: f64 = q.iter().zip(pose).map(|(q, y)| q * f64::from(*y)).sum();
                 scan.directions

@@ -1,13 +1,12 @@
-//! Atoms side by side: the layout that a scan reads.
+//! The memory layout of a dense scan: atoms side by side.
 
 use ndarray::ArrayView2;
 use pulp::Simd;
 
-/// Atoms in a panel: four registers of sixteen f32, eight of eight, sixteen of four.
+/// The number of atoms in a panel: four registers of 16 lanes, eight of 8, or sixteen of 4.
 pub const WIDTH: usize = 64;
 
-/// One number of each atom of a panel, or of one pose for each. Aligned, or every load would touch two lines of the cache:
-/// measured, that costs a third of the speed.
+/// One number for each atom of a panel. Aligned, because loads across two cache lines cost a third of the speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C, align(64))]
 pub struct Row(pub [f32; WIDTH]);
@@ -27,9 +26,9 @@ pub const PLACES: Row = {
     places
 };
 
-/// Lanes of the widest vectors.
+/// The number of lanes of the widest SIMD vectors.
 pub const MOST: usize = 16;
-/// A number in each lane of the widest vectors.
+/// One number for each lane of the widest SIMD vectors.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Wide(pub [f32; MOST]);
@@ -37,20 +36,20 @@ pub struct Wide(pub [f32; MOST]);
 impl Wide {
     pub const ZERO: Wide = Wide([0.0; MOST]);
 
-    /// The first vector.
+    /// The first SIMD vector.
     #[inline(always)]
     pub fn first<S: Simd>(&self) -> S::f32s {
         S::as_simd_f32s(&self.0).0[0]
     }
 
-    /// The same, to be written.
+    /// The first SIMD vector, mutable.
     #[inline(always)]
     pub fn first_mut<S: Simd>(&mut self) -> &mut S::f32s {
         &mut S::as_mut_simd_f32s(&mut self.0).0[0]
     }
 }
 
-/// Atoms in panels of [`WIDTH`]: of each panel one [`Row`] a coordinate. What is beyond the last atom is 0.
+/// Atoms in panels of [`WIDTH`], one [`Row`] per coordinate, (panels, D); 0 after the last atom.
 #[derive(Debug, Clone)]
 pub struct PackedAtoms {
     rows: Vec<Row>,
@@ -58,7 +57,7 @@ pub struct PackedAtoms {
 }
 
 impl PackedAtoms {
-    /// Of atoms (n, D).
+    /// Packs atoms (n, D).
     pub fn new(atoms: ArrayView2<'_, f32>) -> PackedAtoms {
         let (n, d) = atoms.dim();
         let mut rows = vec![Row::ZERO; n.div_ceil(WIDTH) * d];
@@ -71,7 +70,7 @@ impl PackedAtoms {
         PackedAtoms { rows, width: d }
     }
 
-    /// How many numbers an atom has, D.
+    /// The number of coordinates of an atom, D.
     pub fn width(&self) -> usize {
         self.width
     }

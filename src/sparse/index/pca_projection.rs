@@ -1,10 +1,10 @@
-//! Heads: a few coordinates of a vector that are nearly all of it.
+//! Projection on the atoms' principal directions, with the norm of the remainder.
 //!
-//! Poses fill few dimensions. In the basis of the atoms' principal directions the first K coordinates of an atom, its head,
-//! are nearly all of it, and with the length t of the rest, its tail, they bound its product with any direction q:
+//! Poses fill few dimensions. With p(a) the first K PCA coordinates of an atom and t(a) the norm of the rest, Cauchy-Schwarz
+//! bounds its product with any direction q:
 //!
 //! ```text
-//! |<a, q>| <= |<head(a), head(q)>| + t(a) t(q)
+//! |<a, q>| <= |<p(a), p(q)>| + t(a) t(q)
 //! ```
 
 use crate::numeric::parallel;
@@ -13,24 +13,25 @@ use ndarray::{Array2, ArrayView2, Axis, s};
 use pulp::{Simd, WithSimd};
 use rand::Rng;
 
-/// Coordinates are multiplied by so many.
+/// The number of coordinates in a part; bounds are tested after whole parts.
 pub const PART: usize = 8;
-/// Parts of a head, and of a centre: more would not tell leaves apart better, as they are wider than that.
+/// The number of parts of an atom, and of a ball's center.
 pub const PARTS: usize = HEAD / PART;
 pub const CENTRE_PARTS: usize = CENTRE / PART;
-/// Coordinates of a head, and of a centre.
+/// The number of coordinates of an atom, and of a ball's center: more do not separate balls better, which are wider than
+/// that.
 pub const HEAD: usize = 32;
 pub const CENTRE: usize = 16;
-/// Bounds are tried after so many parts.
+/// The numbers of parts after which bounds are tested.
 pub const LEVELS: [usize; 3] = [CENTRE_PARTS, 3, PARTS];
-/// Added to lengths that are to be bounds: more than f32 rounds of numbers up to 1.
+/// Added to norms that serve as upper bounds: more than the rounding of numbers up to 1 to single precision.
 pub const ROUNDING: f64 = 1e-6;
-/// Atoms that the basis is learnt from, at most.
+/// The largest number of atoms from which the basis is computed.
 const SAMPLE: usize = 4_096;
-/// Steps towards the principal directions.
+/// Steps of the orthogonal iteration.
 const ITERATIONS: usize = 6;
 
-/// A vector's coordinates along the basis, and the lengths of what is beyond each of [`LEVELS`]: bounds from above.
+/// A vector's PCA coordinates, and upper bounds of its norm beyond each of [`LEVELS`].
 #[derive(Clone, Copy)]
 pub struct Projected {
     pub along: [[f32; PART]; PARTS],
@@ -38,18 +39,18 @@ pub struct Projected {
 }
 
 impl Projected {
-    /// The coordinates that a centre has.
+    /// The coordinates that a ball's center has.
     pub fn centre(&self) -> &[f32] {
         &self.along.as_flattened()[..CENTRE]
     }
 
-    /// The length of what is beyond them, at most.
+    /// Upper bound of the norm beyond them.
     pub fn beyond_centre(&self) -> f32 {
         self.beyond[0]
     }
 }
 
-/// A vector's coordinates along the basis, and its squared length.
+/// A vector's PCA coordinates and squared norm, in double precision.
 #[derive(Clone, Copy)]
 pub struct Turned {
     along: [f64; HEAD],
@@ -57,19 +58,19 @@ pub struct Turned {
 }
 
 impl Turned {
-    /// Of nothing.
+    /// The zero vector.
     pub const NONE: Turned = Turned {
         along: [0.0; HEAD],
         squared: 0.0,
     };
 
-    /// Takes `times` another vector off it; its squared length is known then.
+    /// Subtracts `times` another vector; `squared` is the squared norm of the result.
     pub fn less(&mut self, times: f64, other: &Turned, squared: f64) {
         (self.along.iter_mut().zip(&other.along)).for_each(|(a, b)| *a -= times * b);
         self.squared = squared;
     }
 
-    /// The head, and bounds of the tails.
+    /// The coordinates in single precision, and the bounds of the rest.
     pub fn head(&self) -> Projected {
         let mut left = self.squared;
         let mut beyond = [0.0; LEVELS.len()];
@@ -77,8 +78,7 @@ impl Turned {
         for (beyond, to) in beyond.iter_mut().zip(LEVELS) {
             let to = to * PART;
             left -= self.along[from..to].iter().map(|a| a * a).sum::<f64>();
-            // What rounding may have taken off, some D 2^-53, is below what is added up to hundreds of numbers; the noise
-            // that searches allow for is larger by far.
+            // 1e-13 is more than the rounding of the difference, some D 2^-53.
             *beyond = ((left.max(0.0) + 1e-13).sqrt() * (1.0 + ROUNDING)) as f32;
             from = to;
         }
@@ -90,7 +90,7 @@ impl Turned {
     }
 }
 
-/// A vector times the basis.
+/// Multiplies a vector by the basis.
 struct Turn<'a> {
     basis: &'a [[f64; HEAD]],
     vector: &'a [f64],
@@ -112,10 +112,10 @@ impl WithSimd for Turn<'_> {
 }
 
 impl Turn<'_> {
-    /// V vectors hold a head.
+    /// V SIMD vectors hold [`HEAD`] numbers.
     #[inline(always)]
     fn go<S: Simd, const V: usize>(self, simd: S) {
-        // Two sums of each: one would wait for itself.
+        // Two sums of each coordinate, because one would wait for its own latency.
         let mut sums = [[simd.splat_f64s(0.0); V]; 2];
         let (rows, last) = self.basis.as_chunks::<2>();
         let (values, rest) = self.vector.as_chunks::<2>();
@@ -152,11 +152,11 @@ fn add<S: Simd, const V: usize>(simd: S, row: &[f64; HEAD], value: f64, sums: &m
     }
 }
 
-/// The directions of heads, orthonormal: of each of the D coordinates a row. 0 beyond the atoms' rank.
+/// (D, [`HEAD`]): orthonormal principal directions in columns; 0 beyond the atoms' rank.
 pub struct PcaProjection(Vec<[f64; HEAD]>);
 
 impl PcaProjection {
-    /// The principal directions of atoms (n, D) about 0.
+    /// The principal directions of atoms (n, D), without centering.
     pub fn of(atoms: ArrayView2<'_, f32>) -> PcaProjection {
         let (n, d) = atoms.dim();
         let some = atoms.slice_axis(
@@ -173,7 +173,7 @@ impl PcaProjection {
         PcaProjection(orthogonal_iteration(&moment))
     }
 
-    /// The heads of atoms (n, D).
+    /// The PCA coordinates of atoms (n, D).
     pub fn heads(&self, atoms: ArrayView2<'_, f32>) -> Vec<Projected> {
         parallel::map_chunks(atoms.nrows(), 1024, |rows| {
             let mut atom = vec![0.0; atoms.ncols()];
@@ -186,7 +186,7 @@ impl PcaProjection {
         .concat()
     }
 
-    /// A vector (D) along them.
+    /// The PCA coordinates of a vector (D).
     pub fn turned(&self, vector: &[f64]) -> Turned {
         let mut turned = Turned::NONE;
         simd::dispatch_widest(Turn {
@@ -198,11 +198,11 @@ impl PcaProjection {
     }
 }
 
-/// The largest eigenvectors of a symmetric matrix, nearly, in columns: [`HEAD`] of them, 0 beyond its rank. How near does
-/// not matter, but they are orthonormal. (LAPACK would be exact, but a command that loads it starts 4 ms later.)
+/// [`HEAD`] orthonormal vectors near the leading eigenvectors of a symmetric matrix, in columns; 0 beyond its rank. Their
+/// accuracy affects only the speed. (LAPACK would be exact, but loading it takes 4 ms.)
 fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; HEAD]> {
     let d = matrix.nrows();
-    // Along no axes: coordinates may be 0 in all atoms, or the same as others, and what starts along them is lost.
+    // Random, because a start along a coordinate that is 0 in all atoms, or equal to another, would be lost.
     let mut random = parallel::rng(0, 0);
     let start = |_| random.random::<f64>() - 0.5;
     let mut vectors = Array2::from_shape_fn((HEAD.min(d), d), start);
@@ -217,7 +217,7 @@ fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; HEAD]> {
     columns
 }
 
-/// Gram and Schmidt's way, each vector twice: what rounding leaves the first time is gone the second.
+/// Gram-Schmidt, twice for each vector: the second pass removes the rounding errors of the first.
 fn orthonormalise(vectors: &mut Array2<f64>) {
     for i in 0..vectors.nrows() {
         let (before, mut rest) = vectors.view_mut().split_at(Axis(0), i);

@@ -1,20 +1,20 @@
-//! What a pruned search knows of a pose: its signal, and the directions of the atoms that it took.
+//! The input of a tree search: a pose's signal, residual and chosen directions, and bounds of rounding errors.
 
 use super::super::active_set::ActiveSet;
 use super::leaf_products::CHAINS;
 use super::pca_projection::{HEAD, PcaProjection, Projected, Turned};
 
-/// Roundings beside those of a sum's terms.
+/// Roundings in a sum beside those of its terms, generously.
 const SOME: usize = 8;
 
-/// A pose on its way.
+/// The state of matching pursuit for one pose, as the search reads it.
 pub struct OmpQuery {
     d: usize,
-    /// The signal, then the directions taken, D each.
+    /// (1 + atoms, D): the signal, then the chosen directions.
     pub vectors: Vec<f32>,
-    /// The residual, then the directions taken, in the basis of the bounds.
+    /// PCA coordinates of the residual, then of the chosen directions.
     pub heads: Vec<Projected>,
-    /// What is left, in that basis.
+    /// The residual in the PCA basis, in double precision.
     residual: Turned,
     /// −<q, r> of each direction.
     pub parts: Vec<f32>,
@@ -23,7 +23,7 @@ pub struct OmpQuery {
 }
 
 impl OmpQuery {
-    /// For vectors of `d` numbers.
+    /// A state for vectors of `d` coordinates.
     pub fn new(d: usize) -> OmpQuery {
         OmpQuery {
             d,
@@ -40,7 +40,7 @@ impl OmpQuery {
         self.d
     }
 
-    /// Begins with a pose that has no atoms yet.
+    /// Starts with a pose that has no atoms yet.
     pub fn begin(&mut self, basis: &PcaProjection, fit: &ActiveSet) {
         self.vectors.clear();
         self.vectors
@@ -52,7 +52,7 @@ impl OmpQuery {
         self.left = fit.left() as f32;
     }
 
-    /// Takes the direction of the newest atom along.
+    /// Adds the direction of the newest atom.
     pub fn take(&mut self, basis: &PcaProjection, fit: &ActiveSet) {
         let (q, z) = fit.newest();
         self.vectors.extend(q.iter().map(|v| *v as f32));
@@ -64,12 +64,12 @@ impl OmpQuery {
         self.left = fit.left() as f32;
     }
 
-    /// What rounding may change, in a scan and here, of a product of an atom with the residual and of what is left of the
-    /// atom's square.
+    /// Bounds of the rounding errors of c and e.
     ///
-    /// A sum of k products, each fused into it, of unit vectors errs by k u at most, u = 2^-24 (Higham, Accuracy and
-    /// Stability of Numerical Algorithms, 3.1); some more are for numbers that were rounded themselves. The scan's c is such
-    /// a sum of D and one more a direction, times its part. Here sums are of a head's numbers, or of a quarter of D at most.
+    /// A sum of k products, each fused into the sum, of unit vectors errs by at most k u, u = 2^-24 (Higham, Accuracy and
+    /// Stability of Numerical Algorithms, 3.1). A dense scan's
+    /// c is such a sum of D terms, and one more per direction times its part. The sums here have as many terms as there are PCA
+    /// coordinates, or D / 4.
     pub fn noise(&self) -> RoundingError {
         let unit = f32::EPSILON / 2.0;
         let scan = (self.d + SOME) as f32 * unit;
@@ -85,7 +85,7 @@ impl OmpQuery {
     }
 }
 
-/// Bounds of rounding; see [`OmpQuery::noise`].
+/// Bounds of rounding errors; see [`OmpQuery::noise`].
 #[derive(Debug, Clone, Copy)]
 pub struct RoundingError {
     pub product: f32,

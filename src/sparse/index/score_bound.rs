@@ -7,29 +7,29 @@ use super::pca_projection::LEVELS;
 use super::single_search::{BELOW, Sweep};
 use pulp::Simd;
 
-/// In place of a level: of whole atoms nothing is beyond.
+/// In place of a level, for products of full atoms.
 pub const NOTHING_BEYOND: usize = LEVELS.len();
 
-/// The largest keys of a leaf's atoms.
+/// Bounds of the largest score in a leaf.
 pub struct Keys {
-    /// One is this at least.
+    /// Lower bound.
     pub least: f32,
     pub nearly: f32,
-    /// None is more.
+    /// Upper bound.
     pub most: f32,
 }
 
-/// What bounds of atoms allow for.
+/// The error terms of the bounds of atoms.
 struct Bounds<S: Simd, const N: usize> {
     level: usize,
-    /// The lengths of what is beyond the heads of the N directions.
+    /// Norms of the N vectors beyond the PCA coordinates used.
     beyond: [S::f32s; N],
     product: S::f32s,
     rest: S::f32s,
 }
 
 impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
-    /// Whether an atom of a leaf can be the best, by its head's products.
+    /// Whether an atom of a leaf can reach the key, by the first PCA coordinates.
     #[inline(always)]
     pub fn may_be_best(&self, leaf: &Leaf, sums: &Products<S, N, V>) -> bool {
         let simd = self.simd;
@@ -45,7 +45,7 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
         some
     }
 
-    /// What the products tell of the keys of a leaf's atoms; those that are taken do not count.
+    /// Bounds of the largest score of a leaf's atoms, without those already taken.
     #[inline(always)]
     pub fn keys(&self, leaf: usize, sums: &Products<S, N, V>, level: usize) -> Keys {
         let simd = self.simd;
@@ -81,7 +81,7 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
         }
     }
 
-    /// c² and e, nearly.
+    /// Approximate c² and e.
     #[inline(always)]
     fn nearly(&self, sums: &Products<S, N, V>, v: usize) -> (S::f32s, S::f32s) {
         let simd = self.simd;
@@ -114,7 +114,7 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
         }
     }
 
-    /// c² at most and e at least, of a vector of atoms.
+    /// Upper bound of c² and lower bound of e, for a vector of atoms.
     #[inline(always)]
     fn at_most(
         &self,
@@ -136,7 +136,7 @@ impl<S: Simd, const N: usize, const V: usize> Sweep<'_, S, N, V> {
         (simd.mul_f32s(c, c), simd.max_f32s(e, floor))
     }
 
-    /// c² at least and e at most; without atoms 0 and 1.
+    /// Lower bound of c² and upper bound of e; 0 and 1 for empty places.
     #[inline(always)]
     fn at_least(
         &self,

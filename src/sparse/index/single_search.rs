@@ -12,11 +12,11 @@ use super::score_bound::NOTHING_BEYOND;
 use super::top_balls::Leaders;
 use pulp::Simd;
 
-/// BallTree that are looked into before it is known which are worth it.
+/// The number of leaves visited first, to find a threshold.
 const START_LEAVES: usize = 2;
-/// A key counts for so much less that rounding a product with it makes it no larger.
+/// Factor that lowers a key by more than rounding can raise a product with it.
 pub const BELOW: f32 = 1.0 - 4e-6;
-/// So many leaves may hold the best, at most, and this share of all; then a scan costs less.
+/// The search gives up when more leaves remain than this number plus this share of all: then a dense scan costs less.
 const LEAST_KEPT: usize = 8;
 const SHARE_KEPT: usize = 4;
 
@@ -24,41 +24,42 @@ const SHARE_KEPT: usize = 4;
 #[derive(Clone, Copy)]
 pub struct Kept {
     pub leaf: u32,
-    /// No atom of it has a larger key.
+    /// Upper bound of the scores of its atoms.
     pub most: f32,
 }
 
-/// What was multiplied in a search.
+/// The number of balls and leaves visited.
 #[derive(Default)]
 pub struct Spent {
     pub balls: usize,
     pub leaves: usize,
 }
 
-/// The search of a pose with N directions, its residual's the first; V vectors hold a leaf's lanes.
+/// The search of a pose with N vectors: its residual, then the chosen directions. V SIMD vectors hold a leaf's lanes. A key
+/// is a score, c² / e.
 pub struct Sweep<'s, S, const N: usize, const V: usize> {
     pub simd: S,
     pub leaves: &'s BallTree,
     pub sought: Query<'s>,
-    /// Of the residual and the directions.
+    /// PCA coordinates of the residual and of the directions.
     pub heads: &'s [Projected; N],
     pub noise: RoundingError,
-    /// What is left of an atom counts.
+    /// Whether e counts (OOMP, after the first atom).
     pub optimised: bool,
-    /// The best atom's key is as large, at least.
+    /// Lower bound of the best score.
     pub key: f32,
-    /// Which leaf tells so.
+    /// The leaf that gave it.
     pub leader: Option<usize>,
-    /// What balls have to reach for that.
+    /// The ball test for this key.
     pub bar: Bar,
     pub kept: Vec<Kept>,
-    /// Too many leaves may hold the best.
+    /// Whether too many leaves remained.
     pub is_given_up: bool,
     pub spent: Spent,
 }
 
 impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
-    /// `kept` is room.
+    /// Starts a search; `kept` is scratch memory.
     #[inline(always)]
     pub fn new(simd: S, leaves: &'s BallTree, sought: Query<'s>, mut kept: Vec<Kept>) -> Self {
         kept.clear();
@@ -85,7 +86,7 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
         sweep
     }
 
-    /// Looks into leaves that are likely good: one that is for another pose, and those whose centres are.
+    /// Visits promising leaves: the best one of another pose, and those with the best centers.
     #[inline(always)]
     pub fn start(&mut self, top: &[Measured<S, V>], other: Option<usize>) {
         let likely = self.likely(top);
@@ -96,7 +97,7 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
         }
     }
 
-    /// The leaves with the best centres, nearly, the best first: from the `top` down those within the best.
+    /// A greedy descent from the top layer: leaves with nearly the best centers, the best first.
     #[inline(always)]
     pub fn likely(&mut self, top: &[Measured<S, V>]) -> [Option<usize>; START_LEAVES] {
         let mut leaders = Leaders::NONE;
@@ -134,14 +135,14 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
         }
     }
 
-    /// Rows that were multiplied, nearly.
+    /// The approximate number of rows multiplied.
     pub fn spent(&self) -> usize {
         let balls = self.spent.balls * CENTRE_PARTS * PART;
         let leaves = self.spent.leaves * LEVELS[0] * PART;
         (balls + leaves + self.kept.len() * self.sought.path.width()) * N
     }
 
-    /// Keeps a leaf unless the products of its atoms' heads rule all of them out.
+    /// Keeps a leaf unless the bounds of its atoms exclude all of them.
     #[inline(always)]
     pub fn judge(&mut self, leaf: usize, sums: &Products<S, N, V>) {
         self.spent.leaves += 1;
@@ -159,7 +160,7 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
         }
         let mut keys = self.keys(leaf, &sums, LEVELS.len() - 1);
         if keys.nearly > self.key {
-            // It is likely the best so far: what its key is tells which others are worth a look.
+            // The leaf likely holds the best atom so far: full coordinates give the tightest threshold.
             keys = self.keys(leaf, &leaf_products::products(self, leaf), NOTHING_BEYOND);
             if keys.nearly > self.key && keys.least <= self.key {
                 // Rounding hides by how much: what a scan finds does not.
@@ -186,7 +187,7 @@ impl<'s, S: Simd, const N: usize, const V: usize> Sweep<'s, S, N, V> {
             self.kept.retain(|k| k.most >= key);
             self.is_given_up = self.kept.len() == most;
         }
-        // Those that were likely good are met again on the way.
+        // The leaves of the start are visited again during the descent.
         let first = &self.kept[..self.kept.len().min(1 + START_LEAVES)];
         if !self.is_given_up && first.iter().all(|k| k.leaf != kept.leaf) {
             self.kept.push(kept);

@@ -2,7 +2,7 @@
 
 use super::ball_tree::{LEAF, Lanes};
 
-/// Of the balls met in each lane the best.
+/// The best ball in each lane.
 pub struct Leaders {
     score: Lanes,
     ball: [u32; LEAF],
@@ -14,7 +14,7 @@ impl Leaders {
         ball: [0; LEAF],
     };
 
-    /// Meets the balls of group `i`.
+    /// Adds the balls of group `i`.
     #[inline(always)]
     pub fn meet(&mut self, score: &Lanes, i: usize) {
         for lane in 0..LEAF {
@@ -29,12 +29,12 @@ impl Leaders {
         }
     }
 
-    /// The best of each lane.
+    /// The best ball of each lane.
     pub fn balls(&self) -> [u32; LEAF] {
         self.ball
     }
 
-    /// The best K of the `all` balls there are, the best first.
+    /// The best K of `all` balls, the best first.
     #[inline(always)]
     pub fn best<const K: usize>(mut self, all: usize) -> [Option<usize>; K] {
         let mut best = [None; K];
