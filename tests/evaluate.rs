@@ -122,7 +122,7 @@ fn finished_runs_stand_beside_the_papers_tables() {
     dir.file("results.json", "{}");
     let here = dir.0.path().to_str().unwrap();
     let said = fails("evaluate", &["--paper", here, "-o", &tables], b"", 1);
-    assert!(said.contains("is no results.json of a run"), "{said}");
+    assert!(said.contains("is not the results.json of an evaluate run"), "{said}");
     fails("evaluate", &["--paper", &single], b"", 2);
 }
 
@@ -233,7 +233,7 @@ fn any_number_of_threads_and_a_kill_give_the_same_bytes() {
     fs::write(&cells, "hello\n").unwrap();
     let said = fails("evaluate", &texts(&dir.small("killed")), b"", 1);
     assert!(
-        said.contains("cells.jsonl:1: is no finished cell"),
+        said.contains("cells.jsonl:1: is not a cached result"),
         "{said}"
     );
 }

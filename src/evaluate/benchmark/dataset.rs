@@ -288,13 +288,13 @@ pub(in crate::evaluate) mod tests {
         says(vec![source(&[("a", 2)]), source(&[("a", 2)])], "again");
         let mut other = source(&[("b", 2)]);
         other.poses.points[3] = "tail".into();
-        says(vec![source(&[("a", 2)]), other], "other points");
+        says(vec![source(&[("a", 2)]), other], "points that differ");
         let mut world = source(&[("a", 2)]);
         world.poses.xyz[[1, 1]] = 90.0;
         says(vec![world], "body space");
         let mut empty = source(&[("a", 2)]);
         empty.poses.xyz.fill(f64::NAN);
-        says(vec![empty], "no complete pose");
-        says(vec![source(&[])], "no complete pose");
+        says(vec![empty], "no frame without missing points");
+        says(vec![source(&[])], "no frame without missing points");
     }
 }
