@@ -122,7 +122,10 @@ fn finished_runs_stand_beside_the_papers_tables() {
     dir.file("results.json", "{}");
     let here = dir.0.path().to_str().unwrap();
     let said = fails("evaluate", &["--paper", here, "-o", &tables], b"", 1);
-    assert!(said.contains("is not the results.json of an evaluate run"), "{said}");
+    assert!(
+        said.contains("is not the results.json of an evaluate run"),
+        "{said}"
+    );
     fails("evaluate", &["--paper", &single], b"", 2);
 }
 
