@@ -1,18 +1,15 @@
 //! Damages poses on purpose, for tests.
 
 use clap::Parser;
-use ndarray::Array2;
 use posing::cli::args::{
     CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_length, parse_positive,
 };
 use posing::cli::input::RowStream;
 use posing::cli::streams::create_table;
-use posing::cli::{Outcome, messages, run};
+use posing::cli::take_gaps::TakeGaps;
+use posing::cli::{Outcome, run};
 use posing::evaluate::corruption::Corruption;
-use posing::evaluate::gap_injection::{GapInjection, frames_in};
-use posing::io::TableWriter;
 use posing::io::{Row, parse_point_names};
-use posing::pose::Poses;
 use posing::{Error, Place, Result};
 use std::process::ExitCode;
 
@@ -93,103 +90,27 @@ fn work(args: &Args) -> Result<Outcome> {
         return Err(Error::data(Place::file(rows.name()), what));
     }
     let mut sink = create_table(&args.out, rows.columns(), &[])?;
-    let mut takes = Takes::default();
+    let mut takes = gaps.map(|(count, seconds)| TakeGaps {
+        count,
+        seconds,
+        points: args.points,
+        seed: args.seed.seed,
+        input: &args.table,
+        take: Default::default(),
+    });
     let (mut row, mut frame) = (Row::default(), 0);
     while rows.read(&mut row)? {
         let mut xyz = row.xyz.clone();
         corruptor.apply(frame, &mut xyz);
         frame += 1;
-        match gaps {
+        match &mut takes {
             None => sink.write(&row, &xyz, &[])?,
-            Some(gaps) => {
-                if takes.rows.last().is_some_and(|last| last.take != row.take) {
-                    takes.finish(args, gaps, &rows, &mut sink)?;
-                }
-                takes.xyz.extend(xyz);
-                takes.rows.push(row.clone());
-            }
+            Some(takes) => takes.push(&row, xyz, &rows, &mut sink)?,
         }
     }
-    if let Some(gaps) = gaps {
-        takes.finish(args, gaps, &rows, &mut sink)?;
-        if takes.whole == takes.done && frame > 0 {
-            let what = "no take is as long as a gap; use a shorter --length";
-            return Err(Error::data(Place::file(rows.name()), what));
-        }
+    if let Some(mut takes) = takes {
+        takes.finish(&rows, &mut sink)?;
     }
     sink.finish()?;
     Ok(Outcome::Done)
-}
-
-/// The take being gathered for its gaps.
-#[derive(Default)]
-struct Takes {
-    /// Its frames as they were read.
-    rows: Vec<Row>,
-    /// Their numbers, with noise and hidden points.
-    xyz: Vec<f64>,
-    /// How many takes are done, and how many of them were too short for a gap.
-    done: u64,
-    whole: u64,
-}
-
-impl Takes {
-    /// Lays the gaps of the take gathered and writes it.
-    fn finish(
-        &mut self,
-        args: &Args,
-        (count, seconds): (usize, f64),
-        table: &RowStream,
-        sink: &mut TableWriter,
-    ) -> Result<()> {
-        let rows = std::mem::take(&mut self.rows);
-        let Some(take) = rows.first().map(|row| row.take.clone()) else {
-            return Ok(());
-        };
-        let mut poses = Poses {
-            points: table.columns().points.clone(),
-            xyz: Array2::from_shape_vec(
-                (rows.len(), table.columns().width()),
-                std::mem::take(&mut self.xyz),
-            )
-            .unwrap_or_default(),
-            time: rows.iter().map(|row| row.time).collect(),
-            take: None,
-        };
-        let take = take.map_or("the table".into(), |take| format!("take \"{take}\""));
-        let short =
-            |why: String| messages::info(&format!("{}: {take} gets no gap: {why}", table.name()));
-        let index = self.done;
-        self.done += 1;
-        if let Some(rate) = args.table.rate(&poses)? {
-            let gaps = GapInjection {
-                count,
-                frames: frames_in(seconds, rate)?,
-                points: args.points,
-                seed: args.seed.seed,
-            };
-            let laid = gaps.inject(&mut poses, index)?;
-            let (fit, frames) = (laid.gaps.len(), gaps.frames);
-            if laid.longest < frames {
-                self.whole += 1;
-                let longest = laid.longest;
-                short(format!(
-                    "its longest run has {longest} frames, a gap has {frames}"
-                ));
-            } else if fit < count {
-                let what = format!(
-                    "{take}: only {fit} of {count} gaps of {frames} frames in {} points fit; use fewer --gaps, a shorter --length or fewer --points",
-                    args.points
-                );
-                return Err(Error::data(Place::file(table.name()), what));
-            }
-        } else {
-            self.whole += 1;
-            short("its times give no frame rate".into());
-        }
-        for (row, xyz) in rows.iter().zip(poses.xyz.rows()) {
-            sink.write(row, &xyz.to_vec(), &[])?;
-        }
-        Ok(())
-    }
 }

@@ -4,10 +4,10 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, lengths, list, plan, sources};
-use posing::cli::{Outcome, messages, run, streams};
+use posing::cli::{Outcome, run, streams};
 use posing::evaluate::benchmark::{Benchmark, Dataset, summary};
-use posing::evaluate::report::{BenchmarkReport, paper::Comparison};
-use std::path::{Path, PathBuf};
+use posing::evaluate::report::BenchmarkReport;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Compare models on poses they were not trained on
@@ -32,7 +32,7 @@ use std::process::ExitCode;
     name = "evaluate",
     version,
     after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --config bench.toml",
-    after_long_help = LONG
+    after_long_help = include_str!("../cli/evaluate_help.txt")
 )]
 struct Args {
     #[command(flatten)]
@@ -82,51 +82,15 @@ struct Args {
     common: CommonArgs,
 }
 
-const LONG: &str = "\
-Files:
-bench.toml: all keys are optional; flags override them; paths are relative to the file; an unknown key is an error:
-    tables = [\"01.csv\", \"07.csv\"]     models = [\"sparse\", \"ksvd:n=500\"]     model_files = [\"mine.npz\"]
-    tasks = [\"dense\"]     splits = [\"takes\"]     seeds = 5     seed = 0     frames = 800
-    base = [0, \"0.05asf\"]     observe = [\"lwrist\", \"rwrist\"]     output = \"bench\"
-    [subjects]     take = \"subject\", where a take's name does not say
-  DIR/results.csv: one row per model, task, split, base noise and seed, and one with the seed \"all\". Columns: frames, \
-  units (number of takes; with the split frames, of frames), mse, low and high (95% interval), rms_cm, training_mse, \
-  within_1sd and within_2sd (share of coordinates within one and two of the model's standard deviations), best.
-  DIR/results.json: settings; data (takes, subjects, digests, twins: takes with equal poses); summary (one row over all \
-  seeds, with by_joint, within: the shares within the deviations of gaussian_within, and to_best_other: the error divided by \
-  that of the best other model, with its interval); cells (one row per seed, with by_take and the tuning curve).
-  DIR/report.html: one self-contained page: ranking, test poses under all models, a completed take that plays; for each \
-  split the tables, training against test error, error against sparsity and dictionary size, error by joint, calibration, tuning.
-  DIR/times.csv: seconds per pose (one thread) and seconds of training; the only results that differ between runs.
-  DIR/cells.jsonl, DIR/examples.jsonl: cache of finished results. A run that was killed resumes from them, with the same \
-  results; a run with more models or seeds computes only the new ones.
-
-Examples:
-  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv
-  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv
-  posing evaluate --splits takes -m mine.npz my-takes.csv
-  posing evaluate --config bench.toml";
-
 fn main() -> ExitCode {
     run(|args: Args| work(args))
-}
-
-/// Only writes what finished runs say of the paper's tables.
-fn tables(runs: &[PathBuf], folder: &Path) -> Result<Outcome> {
-    let runs = benchmark::finished(runs)?;
-    let comparison = Comparison::new(&runs)?;
-    let files = [
-        ("tables.csv", comparison.csv()),
-        ("tables.html", comparison.html()),
-    ];
-    benchmark::write(folder, &files)?;
-    Ok(Outcome::Done)
 }
 
 fn work(args: Args) -> Result<Outcome> {
     args.common.apply()?;
     if let (false, Some(folder)) = (args.paper.is_empty(), &args.output) {
-        return tables(&args.paper, folder);
+        benchmark::write_paper_tables(&args.paper, folder)?;
+        return Ok(Outcome::Done);
     }
     let asked = BenchmarkArgs {
         models: args.models,
@@ -143,27 +107,11 @@ fn work(args: Args) -> Result<Outcome> {
     let plan = plan(asked, args.table.files.clone(), args.config.as_deref())?;
     plan.settings.check()?;
     let data = Dataset::new(&sources(&args.table, &plan.tables)?, &plan.subjects)?;
-    if data.incomplete > 0 {
-        messages::info(&format!(
-            "{} frames skipped: missing points",
-            data.incomplete
-        ));
-    }
     let bench = Benchmark::new(&data, plan.settings)?;
-    for twin in bench.duplicates() {
-        messages::info(&format!(
-            "{} stays on the same side of every split",
-            twin.describe(&data)
-        ));
-    }
-    for what in bench.skipped_splits() {
-        messages::info(&format!("left out: {what}"));
-    }
-    let work = match &plan.output {
-        Some(folder) => Some(ResultCache::open(folder, args.fresh)?),
-        None => None,
-    };
-    let (results, examples) = benchmark::run(&bench, work)?;
+    benchmark::report_exclusions(&bench, &data);
+    let open = |folder: &PathBuf| ResultCache::open(folder, args.fresh);
+    let cache = plan.output.as_ref().map(open).transpose()?;
+    let (results, examples) = benchmark::run(&bench, cache)?;
     let summary = summary::summarize(&results);
     let report = BenchmarkReport {
         dataset: &data,
@@ -174,13 +122,7 @@ fn work(args: Args) -> Result<Outcome> {
         examples: &examples,
     };
     if let Some(folder) = &plan.output {
-        let files = [
-            ("results.csv", report.csv()),
-            ("results.json", report.json()?),
-            ("times.csv", report.times()),
-            ("report.html", report.html()?),
-        ];
-        benchmark::write(folder, &files)?;
+        benchmark::write_results(folder, &report)?;
     }
     streams::write_bytes(None, report.text().as_bytes(), false)?;
     Ok(Outcome::Done)

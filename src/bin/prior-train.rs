@@ -1,15 +1,15 @@
 //! Learns a prior of poses of any kind.
 
 use clap::{Parser, ValueEnum};
+use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
 use posing::cli::progress::Progress;
-use posing::cli::training::ready;
+use posing::cli::training::{MultiscaleArgs, ready};
 use posing::cli::{Outcome, messages, run, streams};
 use posing::prior::multiscale;
 use posing::prior::provenance::entry;
 use posing::prior::tuning::Tuning;
 use posing::prior::{HoldBack, Kind, TrainOptions};
-use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -36,17 +36,8 @@ struct Args {
     /// Space in which poses are learnt
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
-    /// For multiscale: comma-separated number of clusters of each level, increasing (default: 1,5,20,80,300)
-    #[arg(
-        long,
-        value_name = "LIST",
-        value_delimiter = ',',
-        help_heading = "Size"
-    )]
-    cells: Option<Vec<usize>>,
-    /// For multiscale: largest number of training poses kept as components of their own (default: 80000)
-    #[arg(long, value_name = "N", help_heading = "Size")]
-    leaves: Option<usize>,
+    #[command(flatten)]
+    size: MultiscaleArgs,
     /// Credit line of the training data, stored in the model
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
@@ -80,25 +71,6 @@ fn kinds() -> clap::builder::PossibleValuesParser {
     Kind::ALL.map(value).into()
 }
 
-/// The settings of a multi-scale mixture of another size than the default, if asked for.
-fn size(args: &Args, kind: Kind) -> Result<Option<multiscale::TrainSettings>> {
-    if args.cells.is_none() && args.leaves.is_none() {
-        return Ok(None);
-    }
-    if kind != Kind::Multiscale {
-        let what = "--cells and --leaves are for --kind multiscale";
-        return Err(Error::usage(what));
-    }
-    let mut settings = multiscale::TrainSettings::default();
-    if let Some(cells) = &args.cells {
-        settings.clusters.clone_from(cells);
-    }
-    if let Some(leaves) = args.leaves {
-        settings.max_exemplars = leaves;
-    }
-    Ok(Some(settings))
-}
-
 fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
@@ -121,7 +93,7 @@ fn work(args: &Args) -> Result<Outcome> {
         bar.set_message(what.to_string());
         messages::debug(what);
     };
-    let mut model = match size(args, kind)? {
+    let mut model = match args.size.settings(kind)? {
         Some(settings) => multiscale::model(&poses, &options, &settings, report)?,
         None => kind.train_with_progress(&poses, &options, report)?,
     };
@@ -141,11 +113,11 @@ fn work(args: &Args) -> Result<Outcome> {
         ("space", args.space.name().to_string()),
         ("seed", args.seed.seed.to_string()),
     ];
-    if let Some(cells) = &args.cells {
+    if let Some(cells) = &args.size.cells {
         let cells: Vec<String> = cells.iter().map(usize::to_string).collect();
         flags.push(("cells", cells.join(",")));
     }
-    flags.extend(args.leaves.map(|n| ("leaves", n.to_string())));
+    flags.extend(args.size.leaves.map(|n| ("leaves", n.to_string())));
     let step = entry("prior-train", &flags, poses.digests());
     model.meta.history.push(step);
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;

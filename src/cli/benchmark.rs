@@ -12,7 +12,8 @@ use crate::evaluate::benchmark::runner::{CachedResults, Event};
 use crate::evaluate::benchmark::{
     Benchmark, BenchmarkResult, Config, Method, Settings, Split, Task,
 };
-use crate::evaluate::report::paper::FinishedRun;
+use crate::evaluate::report::BenchmarkReport;
+use crate::evaluate::report::paper::{Comparison, FinishedRun};
 use crate::prior;
 use crate::prior::provenance::hex;
 use crate::{Error, Place, Result};
@@ -372,6 +373,53 @@ pub fn finished(folders: &[PathBuf]) -> Result<Vec<FinishedRun>> {
         FinishedRun::parse(&bytes, &name.unwrap_or_else(|| ".".into()), &source)
     };
     folders.iter().map(read).collect()
+}
+
+/// Says which frames and splits are left out, and which takes stay together.
+pub fn report_exclusions(bench: &Benchmark, data: &crate::evaluate::benchmark::Dataset) {
+    if data.incomplete > 0 {
+        messages::info(&format!(
+            "{} frames skipped: missing points",
+            data.incomplete
+        ));
+    }
+    for twin in bench.duplicates() {
+        messages::info(&format!(
+            "{} stays on the same side of every split",
+            twin.describe(data)
+        ));
+    }
+    for what in bench.skipped_splits() {
+        messages::info(&format!("left out: {what}"));
+    }
+}
+
+/// Writes the tables and the page of a benchmark into a folder.
+///
+/// # Errors
+/// When a file cannot be made or written.
+pub fn write_results(folder: &Path, report: &BenchmarkReport) -> Result<()> {
+    let files = [
+        ("results.csv", report.csv()),
+        ("results.json", report.json()?),
+        ("times.csv", report.times()),
+        ("report.html", report.html()?),
+    ];
+    write(folder, &files)
+}
+
+/// Writes the paper's tables beside what the finished runs measured.
+///
+/// # Errors
+/// When a run cannot be read, or a file cannot be written.
+pub fn write_paper_tables(runs: &[PathBuf], folder: &Path) -> Result<()> {
+    let runs = finished(runs)?;
+    let comparison = Comparison::new(&runs)?;
+    let files = [
+        ("tables.csv", comparison.csv()),
+        ("tables.html", comparison.html()),
+    ];
+    write(folder, &files)
 }
 
 /// Reads a comma-separated list.

@@ -18,6 +18,7 @@ mod signals;
 pub mod split;
 pub mod streams;
 mod summary;
+pub mod take_gaps;
 pub mod training;
 
 use crate::Result;

@@ -4,7 +4,7 @@ use super::progress::Progress;
 use super::{input, messages};
 use crate::io::{Input, Model};
 use crate::pose::Space;
-use crate::prior::TrainingSet;
+use crate::prior::{Kind, TrainingSet, multiscale};
 use crate::sparse::{Dictionary, Encoder, IterationStats, Ksvd, TrainingState};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
@@ -198,4 +198,44 @@ pub fn ready(
         }
     }
     Ok(ready)
+}
+
+/// The size of a multi-scale mixture.
+#[derive(Debug, Clone, clap::Args)]
+pub struct MultiscaleArgs {
+    /// For multiscale: comma-separated number of clusters of each level, increasing (default: 1,5,20,80,300)
+    #[arg(
+        long,
+        value_name = "LIST",
+        value_delimiter = ',',
+        help_heading = "Size"
+    )]
+    pub cells: Option<Vec<usize>>,
+    /// For multiscale: largest number of training poses kept as components of their own (default: 80000)
+    #[arg(long, value_name = "N", help_heading = "Size")]
+    pub leaves: Option<usize>,
+}
+
+impl MultiscaleArgs {
+    /// The settings of a mixture of another size than the default, where one is asked for.
+    ///
+    /// # Errors
+    /// When the flags are given for another kind of model.
+    pub fn settings(&self, kind: Kind) -> Result<Option<multiscale::TrainSettings>> {
+        if self.cells.is_none() && self.leaves.is_none() {
+            return Ok(None);
+        }
+        if kind != Kind::Multiscale {
+            let what = "--cells and --leaves are for --kind multiscale";
+            return Err(Error::usage(what));
+        }
+        let mut settings = multiscale::TrainSettings::default();
+        if let Some(cells) = &self.cells {
+            settings.clusters.clone_from(cells);
+        }
+        if let Some(leaves) = self.leaves {
+            settings.max_exemplars = leaves;
+        }
+        Ok(Some(settings))
+    }
 }
