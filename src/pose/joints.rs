@@ -53,6 +53,78 @@ pub fn paper_six_of(points: &[String]) -> Option<[usize; 6]> {
         .then(|| found.map(Option::unwrap_or_default))
 }
 
+/// How a body divides into parts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyParts {
+    /// The coordinates of each part; the first is the whole body.
+    pub parts: Vec<Vec<usize>>,
+    /// Sets of parts that cover every coordinate once.
+    pub factorizations: Vec<Vec<usize>>,
+}
+
+/// The first joints of the limbs: the trunk is what remains of the body.
+const LIMBS: [&str; 4] = ["lhipjoint", "rhipjoint", "lclavicle", "rclavicle"];
+
+/// The parts of a body with these points: {whole}, {legs and root, upper body}, {left leg and root, right leg, upper body}
+/// and {legs and root, trunk, left arm, right arm}.
+///
+/// Points that CMU's skeleton does not have make a single part, the whole; so do points that leave a part empty.
+pub fn body_parts(points: &[String]) -> BodyParts {
+    // 0 the trunk, 1 to 4 the limbs.
+    let limb_of = |name: &String| {
+        let mut at = CMU.iter().position(|c| c == name)?;
+        loop {
+            if let Some(limb) = LIMBS.iter().position(|l| *l == CMU[at]) {
+                return Some(limb + 1);
+            }
+            if at == 0 {
+                return Some(0);
+            }
+            at = CMU_PARENT[at];
+        }
+    };
+    let coordinates_where = |wanted: &dyn Fn(usize) -> bool| -> Vec<usize> {
+        let points = (0..points.len()).filter(|&p| wanted(p));
+        points.flat_map(|p| 3 * p..3 * p + 3).collect()
+    };
+    let whole = BodyParts {
+        parts: vec![coordinates_where(&|_| true)],
+        factorizations: vec![vec![0]],
+    };
+    let Some(limbs) = points.iter().map(limb_of).collect::<Option<Vec<usize>>>() else {
+        return whole;
+    };
+    let part = |list: &[usize], with_root: bool| {
+        coordinates_where(&|p| match points[p] == CMU[0] {
+            true => with_root,
+            false => list.contains(&limbs[p]),
+        })
+    };
+    let parts = vec![
+        whole.parts[0].clone(),
+        part(&[1, 2], true),
+        part(&[0, 3, 4], false),
+        part(&[1], true),
+        part(&[2], false),
+        part(&[0], false),
+        part(&[3], false),
+        part(&[4], false),
+    ];
+    if parts.iter().any(Vec::is_empty) {
+        return whole;
+    }
+    BodyParts {
+        parts,
+        factorizations: vec![vec![0], vec![1, 2], vec![3, 4, 2], vec![1, 5, 6, 7]],
+    }
+}
+
+/// Which points are among [`PAPER_SIX`].
+pub fn few_observed(points: &[String]) -> Vec<bool> {
+    let known = |name: &String| PAPER_SIX.contains(&name.as_str());
+    points.iter().map(known).collect()
+}
+
 /// CMU's joints as owned names, as a table without a header is read.
 pub fn cmu_names() -> Vec<String> {
     CMU.iter().map(|s| s.to_string()).collect()
@@ -140,5 +212,20 @@ mod tests {
             mirrored(&names, names.iter().position(|n| n == "lowerback").unwrap()),
             None
         );
+    }
+
+    #[test]
+    fn each_factorization_covers_every_coordinate_once() {
+        let body = body_parts(&cmu_names());
+        assert_eq!(body.factorizations.len(), 4);
+        for factorization in &body.factorizations {
+            let parts = factorization.iter();
+            let mut all: Vec<usize> = parts.flat_map(|&p| body.parts[p].clone()).collect();
+            all.sort_unstable();
+            assert_eq!(all, (0..69).collect::<Vec<_>>());
+        }
+        let unknown = body_parts(&["a".into(), "b".into()]);
+        assert_eq!(unknown.parts, [(0..6).collect::<Vec<_>>()]);
+        assert_eq!(unknown.factorizations, [[0]]);
     }
 }

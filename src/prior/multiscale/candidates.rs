@@ -1,76 +1,108 @@
-//! What explains an observation: the blocks that a search found.
+//! The components that explain an observation of a part: what a search finds.
 
-use super::part_mixture::ConditionedCluster;
+use super::conditioned::ConditionedCluster;
 
-/// Blocks this much less likely (nats) than the best do not answer.
+/// Components whose log weight is this much (nats) below the best one's are left out of the posterior.
 pub const NEGLIGIBLE: f64 = 6.0;
 
-/// One block that may explain an observation.
+/// A component that may explain an observation.
 #[derive(Debug, Clone, Copy)]
 pub struct Candidate {
-    /// The log of its weight times its evidence.
+    /// log (mixture weight × evidence), nats.
     pub log: f64,
-    /// Its cell: which of [`Candidates::seen`].
-    pub scored: usize,
-    /// The leaf among the cell's, where it is one.
+    /// Its cluster's place in [`Candidates::clusters`].
+    pub cluster: usize,
+    /// The exemplar among the cluster's; `None` for the cluster itself.
     pub exemplar: Option<usize>,
-    /// Of a cell: which of its scales. Of a leaf: which of the leaves' levels that are looked at.
+    /// For a cluster, the place of its scale among those of the level; for an exemplar, the place of its sub-mixture among
+    /// the active ones.
     pub at: usize,
 }
 
-/// A cell that was looked at.
+/// A cluster that was evaluated.
 #[derive(Debug, Clone, Copy)]
-pub struct ScoredCluster {
-    /// Which level of cells.
+pub struct EvaluatedCluster {
+    /// Its level.
+    pub level: usize,
+    /// Its place in the level.
     pub index: usize,
-    /// Which cell of it.
-    pub cluster: usize,
-    /// The best log evidence of its scales, its share and fading included.
-    pub most: f64,
-    /// Where its z begins.
-    pub start: usize,
+    /// The largest log evidence at any scale, with its proportion and fade, nats.
+    pub best: f64,
+    /// Where its z begins in [`Candidates::zs`].
+    start: usize,
 }
 
-/// The blocks that explain an observation best, and how well all of them together do.
+/// The best components for an observation, and the evidence of all that were evaluated.
 #[derive(Debug, Clone, Default)]
 pub struct Candidates {
-    /// log Σ over the levels and blocks.
+    /// log p(y): the log sum over all sub-mixtures, nats.
     pub evidence: f64,
-    /// log Σ over the blocks of each level, without the level's weight.
-    pub levels: Vec<f64>,
-    /// The best, in no order.
+    /// The log evidence of each sub-mixture, without its weight.
+    pub sub_mixture_evidences: Vec<f64>,
+    /// The best components, in no order.
     pub best: Vec<Candidate>,
-    /// The cells that were looked at.
-    pub scored: Vec<ScoredCluster>,
-    /// The observation less each one's mean, in its directions.
-    pub zs: Vec<f32>,
+    /// The clusters that were evaluated.
+    pub clusters: Vec<EvaluatedCluster>,
+    /// The observation less each cluster's mean, along the axes of its noisy covariance, one after another.
+    zs: Vec<f32>,
 }
 
 impl Candidates {
-    /// Of a part that is not looked at.
-    pub fn nothing() -> Candidates {
+    /// Room for a part with padded rows of that length.
+    pub fn with_capacity(components: usize, clusters: usize, stride: usize) -> Candidates {
+        Candidates {
+            best: Vec::with_capacity(components),
+            clusters: Vec::with_capacity(clusters),
+            zs: Vec::with_capacity(clusters * stride),
+            ..Candidates::default()
+        }
+    }
+
+    /// For a part that is not evaluated.
+    pub fn none() -> Candidates {
         Candidates {
             evidence: f64::NEG_INFINITY,
             ..Candidates::default()
         }
     }
 
-    /// Each block's share, in the order of [`best`](Candidates::best). Less what the least of them weighs: blocks come and go
-    /// without a jump.
+    /// Adds a cluster with its z.
+    pub fn push_cluster(&mut self, level: usize, index: usize, best: f64, z: &[f32]) {
+        let start = self.zs.len();
+        self.clusters.push(EvaluatedCluster {
+            level,
+            index,
+            best,
+            start,
+        });
+        self.zs.extend_from_slice(z);
+    }
+
+    /// z of the observation less a cluster's mean.
+    pub fn z(&self, cluster: usize, conditioned: &ConditionedCluster) -> &[f32] {
+        let start = self.clusters[cluster].start;
+        &self.zs[start..start + conditioned.noisy.stride()]
+    }
+
+    /// Each candidate's responsibility, in the order of [`best`](Candidates::best); they sum to 1. The weight of a candidate
+    /// at the limit of [`NEGLIGIBLE`] is subtracted first, so that candidates come and go without a jump.
     pub fn responsibilities(&self) -> Vec<f64> {
-        let log_evidences = self.best.iter().map(|h| h.log);
-        let top = log_evidences.fold(f64::NEG_INFINITY, f64::max);
+        let logs = self.best.iter().map(|c| c.log);
+        let top = logs.fold(f64::NEG_INFINITY, f64::max);
         let least = (-NEGLIGIBLE).exp();
-        let weights = self.best.iter().map(|h| (h.log - top).exp() - least);
+        let weights = self.best.iter().map(|c| (c.log - top).exp() - least);
         let mut weights: Vec<f64> = weights.collect();
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= total);
         weights
     }
 
-    /// The observation less a cell's mean, in its directions.
-    pub fn z(&self, scored: usize, cluster_conditioned: &ConditionedCluster) -> &[f32] {
-        let start = self.scored[scored].start;
-        &self.zs[start..start + cluster_conditioned.noisy.stride()]
+    /// Places in [`best`](Candidates::best), sorted by cluster, exemplar and scale.
+    pub fn by_cluster(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.best.len()).collect();
+        order.sort_unstable_by_key(|&i| {
+            (self.best[i].cluster, self.best[i].exemplar, self.best[i].at)
+        });
+        order
     }
 }

@@ -1,39 +1,40 @@
-//! A covariance by its own directions: the sub-dictionary of a block.
+//! The eigendecomposition of a covariance, C = U diag(λ) Uᵀ, (d, d), cm², with λ falling.
 //!
-//! C = U diag(λ) Uᵀ; the columns of U diag(√λ) are the atoms, whose coefficients are unit Gaussians. The largest come
-//! first.
+//! The columns of U diag(√λ) are the atoms of a sub-dictionary: a sum of atoms with unit Gaussian coefficients has the
+//! covariance C.
 
 use crate::numeric::linalg::symmetric_eigen;
-use crate::numeric::simd::{self, padded, weighted_products};
+use crate::numeric::simd::{padded, weighted_products};
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2};
 
-/// The directions of a covariance (d, d).
+/// A covariance of d coordinates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EigenCovariance {
     d: usize,
     stride: usize,
-    /// U by rows, (d, stride): what each coordinate has of each direction. Single precision: 1e-5 cm of a pose.
+    /// U, (d, stride), one eigenvector a column. Single precision is good to 1e-5 cm of a pose.
     vectors: Vec<f32>,
     /// λ, above 0, falling, cm².
     pub values: Vec<f64>,
 }
 
-/// No direction has a smaller variance, cm².
-pub const LEAST: f64 = 1e-9;
+/// The smallest eigenvalue, cm².
+pub const MIN_VARIANCE: f64 = 1e-9;
 
 impl EigenCovariance {
-    /// Of a symmetric positive semidefinite matrix.
+    /// Decomposes a symmetric positive semidefinite matrix (d, d), cm².
     pub fn of(covariance: ArrayView2<'_, f64>) -> EigenCovariance {
         let d = covariance.nrows();
-        // Covariances are finite and symmetric, so LAPACK does not give up; nothing is learnt if it does.
+        // Covariances are finite and symmetric, so that LAPACK does not fail; if it did, the covariance would be next to 0.
         let (values, vectors) = symmetric_eigen(&covariance.to_owned())
             .unwrap_or_else(|| (ndarray::Array1::zeros(d), Array2::eye(d)));
-        let values = values.iter().map(|v| v.max(LEAST)).collect();
+        let values = values.iter().map(|v| v.max(MIN_VARIANCE)).collect();
         EigenCovariance::with(values, |i, k| vectors[[i, k]])
     }
 
-    /// From directions (d, d) by rows, one a column, of any length above 0, and the deviation √λ along each.
+    /// Puts a covariance together from eigenvectors (d, d), one a column, of any length above 0, and the standard deviation
+    /// √λ along each (d), cm.
     pub fn from_parts(directions: &[f32], deviations: &[f32]) -> EigenCovariance {
         let d = deviations.len();
         let scales = scales(directions, d);
@@ -58,8 +59,8 @@ impl EigenCovariance {
         }
     }
 
-    /// Of poses that are turned; the coordinates are those of points, three a point.
-    pub fn turned(&self, step_coordinates: &DMat3) -> EigenCovariance {
+    /// The covariance of rotated poses; coordinates come in threes, one a point.
+    pub fn rotated(&self, rotation: &DMat3) -> EigenCovariance {
         let mut vectors = vec![0.0; self.vectors.len()];
         for (from, to) in self
             .vectors
@@ -68,9 +69,9 @@ impl EigenCovariance {
         {
             for k in 0..self.d {
                 let of = |axis: usize| f64::from(from[axis * self.stride + k]);
-                let turned = *step_coordinates * DVec3::new(of(0), of(1), of(2));
+                let rotated = *rotation * DVec3::new(of(0), of(1), of(2));
                 for axis in 0..3 {
-                    to[axis * self.stride + k] = turned[axis] as f32;
+                    to[axis * self.stride + k] = rotated[axis] as f32;
                 }
             }
         }
@@ -87,7 +88,7 @@ impl EigenCovariance {
         })
     }
 
-    /// How many coordinates, and directions.
+    /// The number of coordinates, d.
     pub fn len(&self) -> usize {
         self.d
     }
@@ -97,17 +98,17 @@ impl EigenCovariance {
         self.stride
     }
 
-    /// U by rows, (d, stride); 0 beyond d.
+    /// U, (d, stride), one eigenvector a column; 0 beyond d.
     pub fn vectors(&self) -> &[f32] {
         &self.vectors
     }
 
-    /// What coordinate `i` has of each direction; 0 beyond d.
+    /// Row `i` of U, padded with 0.
     pub fn row(&self, i: usize) -> &[f32] {
         &self.vectors[i * self.stride..(i + 1) * self.stride]
     }
 
-    /// The diagonal of U diag(`values`) Uᵀ; of the first directions only, where there are fewer values.
+    /// The diagonal of U diag(`values`) Uᵀ; missing values count as 0.
     pub fn diagonal_of(&self, values: &[f64]) -> Vec<f64> {
         (0..self.d)
             .map(|i| {
@@ -122,8 +123,7 @@ impl EigenCovariance {
         self.diagonal_of(&self.values)
     }
 
-    /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision; of the first directions only, where there are fewer
-    /// values.
+    /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision; missing values count as 0.
     pub fn add_spread(&self, values: &[f64], out: &mut Array2<f64>) {
         let mut weights: Vec<f32> = values.iter().map(|v| *v as f32).collect();
         weights.resize(padded(values.len()), 0.0);
@@ -139,49 +139,29 @@ impl EigenCovariance {
         }
     }
 
-    /// The covariance.
+    /// The matrix C (d, d), cm².
     pub fn covariance(&self) -> Array2<f64> {
         let atoms = self.atoms();
         atoms.dot(&atoms.t())
     }
 }
 
-/// λ of the deviation along a direction, cm².
+/// λ for a standard deviation, cm².
 fn variance(deviation: f32) -> f64 {
-    f64::from(deviation).powi(2).max(LEAST)
+    f64::from(deviation).powi(2).max(MIN_VARIANCE)
 }
 
-/// What makes each of the directions (d, d) by rows, one a column, 1 long.
+/// The factors that make each column of `directions` (d, d) a unit vector.
 fn scales(directions: &[f32], d: usize) -> Vec<f64> {
     let mut norms = vec![0.0; d];
     for row in directions.chunks_exact(d.max(1)) {
         let both = norms.iter_mut().zip(row);
         both.for_each(|(n, v)| *n += f64::from(*v).powi(2));
     }
-    norms.iter().map(|n| 1.0 / n.max(LEAST).sqrt()).collect()
-}
-
-/// Adds `share` times the diagonal of the covariance with these directions (d, d) and deviations (d): as
-/// [`EigenCovariance::from_parts`] tells it, without making one.
-pub fn add_diagonal(share: f64, directions: &[f32], deviations: &[f32], out: &mut [f64]) {
-    let d = deviations.len();
-    let scales = scales(directions, d);
-    let each = deviations.iter().zip(&scales);
-    let weights: Vec<f64> = each.map(|(v, s)| share * variance(*v) * s * s).collect();
-    simd::dispatch8(
-        #[inline(always)]
-        || {
-            for (out, row) in out.iter_mut().zip(directions.chunks_exact(d.max(1))) {
-                let mut sums = [0.0; 8];
-                for (u, w) in row.chunks(8).zip(weights.chunks(8)) {
-                    for ((sum, u), w) in sums.iter_mut().zip(u).zip(w) {
-                        *sum += f64::from(*u).powi(2) * w;
-                    }
-                }
-                *out += sums.iter().sum::<f64>();
-            }
-        },
-    );
+    norms
+        .iter()
+        .map(|n| 1.0 / n.max(MIN_VARIANCE).sqrt())
+        .collect()
 }
 
 #[cfg(test)]
@@ -189,7 +169,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn directions_give_the_covariance_back() {
+    fn eigenvectors_give_the_covariance_back() {
         let b = Array2::from_shape_fn((6, 6), |(i, j)| ((i * 7 + j * 3 * (i + 1)) as f64).sin());
         let c = b.dot(&b.t());
         let basis = EigenCovariance::of(c.view());
@@ -203,14 +183,7 @@ mod tests {
         let again = EigenCovariance::from_parts(&directions, &deviations);
         assert!(basis.values.is_sorted_by(|a, b| a >= b));
         assert!(near(&again.covariance()));
-        let mut detail = vec![1.0; 6];
-        add_diagonal(0.5, &directions, &deviations, &mut detail);
         let diagonal = again.diagonal();
-        let both = detail.iter().zip(&diagonal);
-        assert!(
-            both.clone()
-                .all(|(t, v)| (t - 1.0 - 0.5 * v).abs() <= 1e-6 * v)
-        );
         assert!((0..6).all(|i| (diagonal[i] - c[[i, i]]).abs() <= 1e-5));
     }
 }

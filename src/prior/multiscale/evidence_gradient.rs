@@ -1,100 +1,89 @@
-//! How the evidence changes as an observation moves: what a placement climbs by.
+//! How the evidence changes as an observation moves: what a placement is optimized by.
 //!
-//! With p the shares of the blocks that explain y, S = (aC_oo + R)⁻¹ of each, d_i the ways y may move:
+//! With the responsibilities ρ of the clusters that explain y, S = (a C_oo + R)⁻¹ of each, and the directions d_i in which
+//! y moves:
 //!
 //! ```text
-//! ∂ log p(y) / ∂θ_i       = − Σ p d_iᵀ S (y − m)
-//! −∂² log p(y) / ∂θ_i ∂θ_j ≈ Σ p d_iᵀ S d_j        (less, where blocks compete: the spread of what they pull)
+//! ∂ log p(y) / ∂θ_i        = − Σ ρ d_iᵀ S (y − m)
+//! −∂² log p(y) / ∂θ_i ∂θ_j ≈   Σ ρ d_iᵀ S d_j
 //! ```
+//!
+//! The second line leaves out that responsibilities change: it is positive semidefinite, as Gauss and Newton's is.
 
-use super::candidates::Candidates;
-use super::noisy_covariance::WeightedPrecision;
-use super::part_mixture::{ConditionedPart, PartMixture};
+use super::conditioned::ConditionedPart;
+use super::part_mixture::PartMixture;
+use super::scaled_precision::Scratch;
+use crate::numeric::simd;
 use crate::prior::EvidenceGradient;
 
-/// What a gradient is summed from.
-struct GradientSum<'a> {
-    part: &'a PartMixture,
-    conditioned: &'a ConditionedPart,
-    /// The observation and its moves, padded.
-    y: Vec<f32>,
-    moves: Vec<Vec<f32>>,
-    candidates: &'a Candidates,
-    /// Of each block.
-    responsibilities: Vec<f64>,
-}
-
 impl PartMixture {
-    /// Of `y` (d), along moves of it (each d; what is missing is not read), by the cells alone.
+    /// The log evidence of `y` (d) by the clusters alone, with its derivatives along `directions` (each d; all are read
+    /// where observed).
     pub fn evidence_gradient(
         &self,
         conditioned: &ConditionedPart,
         y: &[f64],
-        moves: &[Vec<f64>],
+        directions: &[Vec<f64>],
     ) -> EvidenceGradient {
-        let candidates = &self.candidates_among_clusters(conditioned, y);
-        let n = moves.len();
-        let mut gradient = EvidenceGradient {
+        let candidates = self.cluster_candidates(conditioned, y);
+        let n = directions.len();
+        let mut out = EvidenceGradient {
             log_evidence: candidates.evidence,
             gradient: vec![0.0; n],
             curvature: vec![0.0; n * n],
         };
         if !conditioned.observes_any() || n == 0 {
-            return gradient;
+            return out;
         }
-        let sum = GradientSum {
-            part: self,
-            conditioned,
-            y: conditioned.single(y),
-            moves: moves.iter().map(|m| conditioned.single(m)).collect(),
-            candidates,
-            responsibilities: candidates.responsibilities(),
-        };
-        let best = &candidates.best;
-        let mut order: Vec<usize> = (0..best.len()).collect();
-        order.sort_unstable_by_key(|&i| (best[i].scored, best[i].at));
-        for of_cell in order.chunk_by(|a, b| best[*a].scored == best[*b].scored) {
-            sum.add(of_cell, &mut gradient);
-        }
-        gradient
-    }
-}
-
-impl GradientSum<'_> {
-    /// Adds what the blocks of one cell pull.
-    fn add(&self, candidates: &[usize], gradient: &mut EvidenceGradient) {
-        let (n, best) = (self.moves.len(), &self.candidates.best);
-        let scored = self.candidates.scored[best[candidates[0]].scored];
-        let cluster_conditioned =
-            self.conditioned
-                .cluster_conditioned(self.part, scored.index, scored.cluster);
-        let mean = self.part.cluster_levels[scored.index].mean(scored.cluster);
-        let mut off = self.y.clone();
-        for ((o, m), noise) in off.iter_mut().zip(mean).zip(&self.conditioned.noise) {
-            if noise.is_finite() {
-                *o -= *m as f32;
+        let directions: Vec<Vec<f32>> = directions.iter().map(|d| conditioned.masked(d)).collect();
+        let responsibilities = candidates.responsibilities();
+        let mut scratch = Scratch::default();
+        let (best, order) = (&candidates.best, candidates.by_cluster());
+        for of_cluster in order.chunk_by(|a, b| best[*a].cluster == best[*b].cluster) {
+            let place = best[of_cluster[0]].cluster;
+            let cluster = candidates.clusters[place];
+            let mean = self.levels[cluster.level].mean(cluster.index);
+            let conditioned_cluster = conditioned.cluster(self, cluster.level, cluster.index);
+            let (noisy, precisions) = (&conditioned_cluster.noisy, &conditioned_cluster.precisions);
+            let residual = candidates.z(place, conditioned_cluster);
+            // Along the axis that eigenvectors share z is a length, no projection: that part of a form is what is left of
+            // the vectors' product.
+            let shared_axis = noisy.shared_axis();
+            let shared_precision = shared_axis.map_or(0.0, |last| {
+                let each = of_cluster.iter();
+                let precision = |c: &usize| {
+                    responsibilities[*c] as f32 * precisions.diagonal(best[*c].at)[last]
+                };
+                each.map(precision).sum()
+            });
+            let mut off = conditioned.masked(y);
+            off.iter_mut().zip(mean).for_each(|(o, m)| *o -= *m as f32);
+            let mut projected = vec![Vec::new(); n];
+            for (direction, z) in directions.iter().zip(&mut projected) {
+                noisy.project(direction, z);
+                shared_axis.into_iter().for_each(|last| z[last] = 0.0);
             }
-        }
-        let mut weights = vec![0.0; cluster_conditioned.scales.scales.len()];
-        candidates
-            .iter()
-            .for_each(|&i| weights[best[i].at] += self.responsibilities[i]);
-        let through = WeightedPrecision::of(
-            &cluster_conditioned.noisy,
-            &cluster_conditioned.scales,
-            &weights,
-        );
-        let rest = through.project(&off);
-        let projected: Vec<_> = self.moves.iter().map(|m| through.project(m)).collect();
-        for i in 0..n {
-            gradient.gradient[i] -= projected[i].form(&rest);
-            for j in 0..=i {
-                let v = projected[i].form(&projected[j]);
-                gradient.curvature[i * n + j] += v;
-                if i != j {
-                    gradient.curvature[j * n + i] += v;
+            for i in 0..n {
+                // Σ ρ S d_i along the axes.
+                let mut product = vec![0.0; residual.len()];
+                for &candidate in of_cluster {
+                    let (at, weight) = (best[candidate].at, responsibilities[candidate]);
+                    precisions.add_product(at, &projected[i], weight, &mut scratch, &mut product);
+                }
+                let form = |vector: &[f32], z: &[f32]| {
+                    let mut form = simd::dot(&product, z);
+                    if shared_axis.is_some() {
+                        let left = simd::dot(&directions[i], vector) - simd::dot(&projected[i], z);
+                        form += shared_precision * left;
+                    }
+                    f64::from(form)
+                };
+                out.gradient[i] -= form(&off, residual);
+                for (j, (direction, z)) in directions.iter().zip(&projected).enumerate() {
+                    out.curvature[i * n + j] += form(direction, z);
                 }
             }
         }
+        out
     }
 }

@@ -1,39 +1,44 @@
-//! What an observation is by all parts of a body, and the ways to make a body of them.
+//! Evaluation of an observation by all parts of the body, and the average over the factorizations into parts.
 
 use super::MultiscaleMixture;
 use super::candidates::Candidates;
-use super::part_mixture::ConditionedPart;
-use super::posterior::{Detail, PartialPosterior};
+use super::conditioned::ConditionedPart;
+use super::posterior::{Moments, add_outer};
 use super::search::{ComponentSearch, SearchScratch};
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::{add, log_sum};
-use crate::prior::Posterior;
 use std::sync::Arc;
 
-/// Ways of making a body of parts that weigh less for an observation do not answer it; those that by their cells alone
-/// weigh less than this share of the first are not looked at any further.
+/// Factorizations of less posterior weight than this do not count; those below this share of the best by the clusters alone
+/// are not searched for exemplars.
 const MIN_WEIGHT: f64 = 0.01;
-/// Ways that weigh less than this share of the first before any observation are not looked at.
+/// Factorizations below this share of the best prior weight are not evaluated.
 const MIN_PRIOR_WEIGHT: f64 = 0.002;
 
-/// What all parts make of an observation.
+/// An observation evaluated by all parts.
 pub struct EvaluatedParts {
-    pub conditioned_parts: Vec<Arc<ConditionedPart>>,
-    pub observed: Vec<Vec<f64>>,
+    conditioned: Vec<Arc<ConditionedPart>>,
+    /// The part's coordinates of the observation (d).
+    observations: Vec<Vec<f64>>,
+    /// The components found for each part.
     pub candidates: Vec<Candidates>,
-    /// The log evidence of each way, its weight included.
-    pub factorizations: Vec<f64>,
+    /// log (weight × evidence) of each factorization, nats.
+    log_evidences: Vec<f64>,
+}
+
+impl EvaluatedParts {
+    /// log p(y), nats.
+    pub fn evidence(&self) -> f64 {
+        log_sum(&self.log_evidences)
+    }
 }
 
 impl MultiscaleMixture {
-    /// The parts of the ways whose log is not less than that share of the most likely one's.
-    fn needed(&self, log_evidences: &[f64], share: f64) -> Vec<bool> {
+    /// Which parts occur in factorizations whose `logs` are within the log of `share` of the largest.
+    fn needed_parts(&self, logs: &[f64], share: f64) -> Vec<bool> {
         let mut needed = vec![false; self.parts.len()];
-        let most = log_evidences
-            .iter()
-            .copied()
-            .fold(f64::NEG_INFINITY, f64::max);
-        for (factorization, log) in self.factorizations.iter().zip(log_evidences) {
+        let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        for (factorization, log) in self.factorizations.iter().zip(logs) {
             if *log >= most + share.ln() {
                 factorization.iter().for_each(|&p| needed[p] = true);
             }
@@ -41,43 +46,41 @@ impl MultiscaleMixture {
         needed
     }
 
-    /// The log evidence of each way, its weight included, by those of the parts.
-    fn factorization_evidences(&self, evidences: impl Iterator<Item = f64>) -> Vec<f64> {
-        let evidences: Vec<f64> = evidences.collect();
-        let factorizations = self
+    /// log (weight × evidence) of each factorization, from the log evidences of the parts.
+    fn factorization_evidences(&self, parts: impl Iterator<Item = f64>) -> Vec<f64> {
+        let parts: Vec<f64> = parts.collect();
+        let evidence =
+            |factorization: &Vec<usize>| factorization.iter().map(|&p| parts[p]).sum::<f64>();
+        let each = self
             .factorizations
             .iter()
             .zip(&self.log_factorization_weights);
-        factorizations
-            .map(|(factorization, log)| {
-                log + factorization.iter().map(|&p| evidences[p]).sum::<f64>()
-            })
+        each.map(|(factorization, log)| log + evidence(factorization))
             .collect()
     }
 
-    /// The logs of what the ways weigh where they are averaged: their evidences are surer of their order than they should
-    /// be, as there are few ways, and all are wrong.
-    fn tempered(&self, factorizations: &[f64]) -> Vec<f64> {
-        let factorizations = factorizations.iter().zip(&self.log_factorization_weights);
-        factorizations
-            .map(|(all, weight)| weight + self.temperature * (all - weight))
+    /// log (weight × evidence^temperature) of each factorization: as there are few, and all are approximate, their plain
+    /// evidences differ by more than they should.
+    fn tempered(&self, log_evidences: &[f64]) -> Vec<f64> {
+        let each = log_evidences.iter().zip(&self.log_factorization_weights);
+        each.map(|(all, weight)| weight + self.temperature * (all - weight))
             .collect()
     }
 
-    /// What all parts make of an observation (3 J) through its noise.
-    pub fn evaluate_parts(&self, y: &[f64], noise: &[f64]) -> EvaluatedParts {
-        self.evaluate_parts_above(y, noise, MIN_WEIGHT)
+    /// Evaluates an observation: `y` and the noise variances (3 J each).
+    pub fn evaluate(&self, y: &[f64], noise: &[f64]) -> EvaluatedParts {
+        self.evaluate_above(y, noise, MIN_WEIGHT)
     }
 
-    /// Ways that weigh less than `least` by their cells alone are not worth a look at their leaves.
-    pub fn evaluate_parts_above(&self, y: &[f64], noise: &[f64], least: f64) -> EvaluatedParts {
-        let conditioned_parts = self.conditioned_parts(noise);
-        let observed: Vec<Vec<f64>> = (self.parts.iter())
+    /// Evaluates an observation; factorizations below the share `least` of the best by their clusters alone are not searched for exemplars.
+    pub fn evaluate_above(&self, y: &[f64], noise: &[f64], least: f64) -> EvaluatedParts {
+        let conditioned = self.conditioned_parts(noise);
+        let observations: Vec<Vec<f64>> = (self.parts.iter())
             .map(|p| p.coordinates.iter().map(|&i| y[i]).collect())
             .collect();
-        // The parts side by side: a frame that comes alone is answered sooner, and among others it costs next to nothing.
-        let parts = self.parts.iter().zip(&conditioned_parts).zip(&observed);
-        let parts = parts.zip(self.needed(&self.log_factorization_weights, MIN_PRIOR_WEIGHT));
+        // Parts in parallel: a single frame is answered sooner, and among many frames it costs next to nothing.
+        let parts = self.parts.iter().zip(&conditioned).zip(&observations);
+        let parts = parts.zip(self.needed_parts(&self.log_factorization_weights, MIN_PRIOR_WEIGHT));
         let searches: Vec<Option<ComponentSearch<'_>>> = parallel::map_each(
             parts.collect(),
             SearchScratch::default,
@@ -85,95 +88,79 @@ impl MultiscaleMixture {
                 needed.then(|| part.search(conditioned, y, scratch))
             },
         );
-        let by_cells = self.factorization_evidences(searches.iter().map(|s| match s {
-            Some(search) => search.evidence(),
-            None => f64::NEG_INFINITY,
-        }));
-        let needed = self.needed(&self.tempered(&by_cells), least);
-        let searches = searches.into_iter().zip(needed);
+        let evidence = |search: &Option<ComponentSearch<'_>>| {
+            search
+                .as_ref()
+                .map_or(f64::NEG_INFINITY, ComponentSearch::evidence)
+        };
+        let by_clusters = self.factorization_evidences(searches.iter().map(evidence));
+        let needed = self.needed_parts(&self.tempered(&by_clusters), least);
         let candidates: Vec<Candidates> = parallel::map_each(
-            searches.collect(),
+            searches.into_iter().zip(needed).collect(),
             SearchScratch::default,
             |scratch, (search, needed)| match search {
                 Some(mut search) if needed => {
-                    search.open(scratch);
-                    search.end()
+                    search.evaluate_exemplars(scratch);
+                    search.finish()
                 }
-                _ => Candidates::nothing(),
+                _ => Candidates::none(),
             },
         );
-        let factorizations = self.factorization_evidences(candidates.iter().map(|e| e.evidence));
         EvaluatedParts {
-            conditioned_parts,
-            observed,
+            log_evidences: self.factorization_evidences(candidates.iter().map(|c| c.evidence)),
+            conditioned,
+            observations,
             candidates,
-            factorizations,
         }
     }
 
-    /// The answers of all ways, averaged by evidence.
-    pub fn average_factorizations(
-        &self,
-        evaluated: &EvaluatedParts,
-        detail: Detail,
-    ) -> PartialPosterior {
-        let factorizations = self.tempered(&evaluated.factorizations);
-        let evidence = log_sum(&factorizations);
-        let shares = factorizations.iter().map(|log| (log - evidence).exp());
+    /// The posterior over whole poses (3 J): the average over the factorizations. NaN where the observation has no finite
+    /// evidence.
+    pub fn average(&self, evaluated: &EvaluatedParts, with_covariance: bool) -> Moments {
+        let logs = self.tempered(&evaluated.log_evidences);
+        let total = log_sum(&logs);
+        let shares = logs.iter().map(|log| (log - total).exp());
         let heavy: Vec<(&Vec<usize>, f64)> = (self.factorizations.iter().zip(shares))
             .filter(|(_, share)| *share >= MIN_WEIGHT)
             .collect();
         if heavy.is_empty() {
-            // What is no number explains nothing.
-            return PartialPosterior::unknown(self.width, detail);
+            return Moments::new(self.width, with_covariance, f64::NAN);
         }
-        let total: f64 = heavy.iter().map(|w| w.1).sum();
-        let mut answers: Vec<Option<PartialPosterior>> = vec![None; self.parts.len()];
-        let mut out = PartialPosterior::new(self.width, detail);
+        let total: f64 = heavy.iter().map(|f| f.1).sum();
+        let mut of_parts: Vec<Option<Moments>> = vec![None; self.parts.len()];
+        let mut out = Moments::new(self.width, with_covariance, 0.0);
         let mut means = Vec::with_capacity(heavy.len());
         for (factorization, share) in heavy {
             let weight = share / total;
             let mut mean = vec![0.0; self.width];
             for &p in factorization {
                 let part = &self.parts[p];
-                let answer = answers[p].get_or_insert_with(|| {
-                    part.answer(
-                        &evaluated.conditioned_parts[p],
-                        &evaluated.observed[p],
-                        &evaluated.candidates[p],
-                        detail,
-                    )
+                let moments = of_parts[p].get_or_insert_with(|| {
+                    let (conditioned, y) = (&evaluated.conditioned[p], &evaluated.observations[p]);
+                    part.posterior(conditioned, y, &evaluated.candidates[p], with_covariance)
                 });
-                for (&to, m) in part.coordinates.iter().zip(&answer.mean) {
+                for (&to, m) in part.coordinates.iter().zip(&moments.mean) {
                     mean[to] = *m;
                 }
-                out.add_spread(weight, answer, &part.coordinates, detail);
+                let Some((to, from)) = out.covariance.as_mut().zip(moments.covariance.as_ref())
+                else {
+                    continue;
+                };
+                for (row, &r) in from.rows().into_iter().zip(&part.coordinates) {
+                    let mut to = to.row_mut(r);
+                    let both = part.coordinates.iter().zip(row);
+                    both.for_each(|(&c, v)| to[c] += weight * v);
+                }
             }
             add(&mut out.mean, weight, &mean);
             means.push((weight, mean));
         }
-        if detail != Detail::Mean && means.len() > 1 {
+        if let Some(covariance) = out.covariance.as_mut().filter(|_| means.len() > 1) {
             for (weight, mut off) in means {
                 add(&mut off, -1.0, &out.mean);
-                out.add_outer(weight, &off, detail);
+                add_outer(covariance, weight, &off);
             }
         }
         out
-    }
-}
-
-impl PartialPosterior {
-    /// The posterior of a whole pose that was averaged at this level of detail.
-    pub fn posterior(self, evaluated: &EvaluatedParts, detail: Detail) -> Posterior {
-        let log_evidence = log_sum(&evaluated.factorizations);
-        match detail {
-            Detail::Covariance => Posterior::full(self.mean, self.spread, log_evidence),
-            Detail::Mean | Detail::Variances => Posterior {
-                mean: self.mean,
-                variance: self.spread.into_iter().collect(),
-                log_evidence,
-                ..Posterior::default()
-            },
-        }
     }
 }

@@ -1,32 +1,32 @@
-//! Blocks in a model file.
+//! The mixture in a model file.
 //!
 //! | array | shape | what |
 //! |---|---|---|
 //! | `poses` | (N, 3 J) | the training poses, take after take, cm |
 //! | `takes` | (T, 1) | where each take ends |
-//! | `labels` | (N, P) | the finest cell of each pose in each part |
-//! | `means.P.L` | (K, 3 J) | the cells' mean poses of part P at level L |
-//! | `directions.P.L` | (K d, d) | the directions of their covariances: d rows a cell, one a column |
+//! | `labels` | (N, P) | the finest cluster of each pose in each part |
+//! | `means.P.L` | (K, 3 J) | the mean poses of the clusters of part P at level L |
+//! | `directions.P.L` | (K d, d) | the eigenvectors of their covariances: d rows a cluster, one a column |
 //! | `deviations.P.L` | (K, d) | the standard deviation along each, cm |
-//! | `within.P.L` | (1, d) | the variance of each coordinate within the cells, cm²; may be missing: it follows from the above |
-//! | `shares.P.L` | (K, 1) | the log of their shares of the poses |
-//! | `weights` | (levels, P) | the log weight of each level |
-//! | `factorizations` | (F, 1) | the log weight of each way to make a body of parts |
-//! | `typical` | (k, 3 J) | what headings are found with |
-//! | `limit` | (1, 1) | the least log evidence of a pose like those seen, nats; missing where no take could be held back |
+//! | `within.P.L` | (1, d) | the variance of each coordinate within the clusters, cm²; worked out from the above where it is missing |
+//! | `shares.P.L` | (K, 1) | the log of their proportions of the poses |
+//! | `weights` | (sub-mixtures, P) | the log weight of each sub-mixture |
+//! | `ways` | (F, 1) | the log weight of each factorization into parts |
+//! | `typical` | (k, 3 J) | representative poses, from which placements start |
+//! | `limit` | (1, 1) | the novelty threshold, nats; missing where no take could be held out |
 //!
-//! Which coordinates make which part follows from the points' names; the scales are in `details`.
+//! The parts follow from the names of the points; the scales are in `details`.
 
 use super::MultiscaleMixture;
-use super::body_parts::parts;
 use super::cluster_level::{ClusterLevel, StoredCovariances};
-use super::eigen_covariance::LEAST;
+use super::eigen_covariance::MIN_VARIANCE;
 use super::exemplars::ExemplarPoses;
 use super::novelty::NoveltyDetector;
 use super::part_mixture::PartMixture;
-use super::train::{TrainSettings, variance_of};
+use super::settings::TrainSettings;
 use crate::io::Model;
 use crate::io::model::Matrix;
+use crate::pose::joints;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, CowArray, Ix2};
 use rayon::prelude::*;
@@ -34,11 +34,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// The kind's name in files.
-const KIND: &str = "multiscale";
+pub const KIND: &str = "multiscale";
 /// The name before; it is still read.
 const FORMER_KIND: &str = "blocks";
 
-/// Writes blocks into a model.
+/// Writes a mixture into a model.
 pub fn write(
     mixture: &MultiscaleMixture,
     settings: &TrainSettings,
@@ -51,14 +51,21 @@ pub fn write(
         for (row, label) in part.exemplars.labels().into_iter().enumerate() {
             labels[[row, p]] = label as f32;
         }
-        for (l, clusters) in part.cluster_levels.iter().enumerate() {
-            let (directions, deviations) = clusters.parts(&part.coordinates);
+        for (l, clusters) in part.levels.iter().enumerate() {
+            let (directions, deviations) =
+                (&clusters.stored.directions, &clusters.stored.deviations);
             model.insert_quantized(
                 &format!("means.{p}.{l}"),
                 &clusters.full_means.mapv(|v| v as f32),
             );
-            model.insert_quantized(&format!("directions.{p}.{l}"), &directions);
-            model.insert(&format!("deviations.{p}.{l}"), deviations);
+            model.insert_quantized(
+                &format!("directions.{p}.{l}"),
+                &directions.floats().into_owned(),
+            );
+            model.insert(
+                &format!("deviations.{p}.{l}"),
+                deviations.floats().into_owned(),
+            );
             let within = Array2::from_shape_fn((1, clusters.within.len()), |(_, i)| {
                 clusters.within[i] as f32
             });
@@ -70,15 +77,15 @@ pub fn write(
     model.insert_quantized("labels", &labels);
     let ends = mixture.poses.takes.iter().map(|t| t.end as f32);
     model.insert("takes", column(ends.collect()));
-    let levels = mixture.parts[0].levels.len();
+    let levels = mixture.parts[0].sub_mixtures.len();
     let weights = Array2::from_shape_fn((levels, mixture.parts.len()), |(l, p)| {
         mixture.parts[p].log_weights[l] as f32
     });
     model.insert("weights", weights);
     let factorizations = mixture.log_factorization_weights.iter().map(|v| *v as f32);
     model.insert("ways", column(factorizations.collect()));
-    model.insert("typical", mixture.typical.mapv(|v| v as f32));
-    if let Some(least) = mixture.limit.threshold {
+    model.insert("typical", mixture.representative_poses.mapv(|v| v as f32));
+    if let Some(least) = mixture.novelty.threshold {
         model.insert("limit", column(vec![least as f32]));
     }
     let settings = serde_json::to_value(settings).map_err(|e| Error::usage(e.to_string()))?;
@@ -87,7 +94,10 @@ pub fn write(
 }
 
 impl MultiscaleMixture {
-    /// From a model of kind `blocks`; `source` is for messages.
+    /// Reads a model of kind `multiscale`, or `blocks` as it was called before; `source` names it in messages.
+    ///
+    /// # Errors
+    /// Data: an array or a setting is missing, has the wrong shape, or holds a value out of range.
     pub fn from_model(model: &Model, source: &str) -> Result<MultiscaleMixture> {
         let file = ModelFile { model, source };
         let settings = model
@@ -101,50 +111,42 @@ impl MultiscaleMixture {
             .map_err(|e| Error::data(Place::file(source).part("meta"), format!("{KIND}: {e}")))?;
         (settings.check())
             .map_err(|e| Error::data(Place::file(source).part("meta"), e.to_string()))?;
-        let (coordinates, factorizations) = parts(&model.meta.points);
+        let body = joints::body_parts(&model.meta.points);
         let width = 3 * model.meta.points.len();
         let poses = file.matrix("poses", None, Some(width))?;
         let takes = file.takes(poses.nrows())?;
-        let labels = file.matrix("labels", Some(poses.nrows()), Some(coordinates.len()))?;
-        let count = settings.levels(settings.clusters.len()).len();
-        let weights = file.array("weights", Some(count), Some(coordinates.len()))?;
+        let labels = file.matrix("labels", Some(poses.nrows()), Some(body.parts.len()))?;
+        let count = settings.sub_mixtures(settings.clusters.len()).len();
+        let weights = file.array("weights", Some(count), Some(body.parts.len()))?;
         let poses = Arc::new(ExemplarPoses::new(poses.clone(), takes));
         let part = |(p, coordinates): (usize, Vec<usize>)| -> Result<PartMixture> {
-            let clusters: Vec<ClusterLevel> = (0..settings.clusters.len())
+            let levels: Vec<ClusterLevel> = (0..settings.clusters.len())
                 .map(|l| file.clusters(p, l, &coordinates))
                 .collect::<Result<_>>()?;
-            let finest = clusters.last().map_or(0, ClusterLevel::len);
+            let finest = levels.last().map_or(0, ClusterLevel::len);
             // Above 0, or cut off there: rounded.
             let labels = (0..labels.nrows()).map(|row| (labels.at(row, p) + 0.5) as u32);
             let labels: Vec<u32> = labels.collect();
             if labels.iter().any(|l| *l as usize >= finest) {
                 return Err(file.wrong("labels", "names a cluster that does not exist"));
             }
-            let levels = settings.levels(clusters.len());
-            let mut part = PartMixture::new(coordinates, clusters, poses.clone(), &labels, levels);
+            let sub_mixtures = settings.sub_mixtures(levels.len());
+            let mut part =
+                PartMixture::new(coordinates, levels, poses.clone(), &labels, sub_mixtures);
             part.set_log_weights(weights.column(p).iter().map(|w| f64::from(*w)).collect());
             Ok(part)
         };
-        let made: Vec<Result<PartMixture>> = (coordinates.into_par_iter().enumerate())
-            .map(part)
-            .collect();
-        let made: Vec<PartMixture> = made.into_iter().collect::<Result<_>>()?;
-        let log_factorization_weights = file.array("ways", Some(factorizations.len()), Some(1))?;
+        let parts: Vec<Result<PartMixture>> =
+            (body.parts.into_par_iter().enumerate()).map(part).collect();
+        let parts: Vec<PartMixture> = parts.into_iter().collect::<Result<_>>()?;
+        let weights = file.array("ways", Some(body.factorizations.len()), Some(1))?;
         Ok(MultiscaleMixture {
-            width,
-            variance: variance_of(&made[0]),
-            conditioned_cache: super::empty_caches(made.len()),
-            isotropic: super::empty_caches(made.len()),
-            parts: made,
-            log_factorization_weights: log_factorization_weights
-                .iter()
-                .map(|w| f64::from(*w))
-                .collect(),
-            factorizations,
+            log_factorization_weights: weights.iter().map(|w| f64::from(*w)).collect(),
+            factorizations: body.factorizations,
             temperature: settings.temperature,
-            poses,
-            typical: file.array("typical", None, Some(width))?.mapv(f64::from),
-            limit: file.limit()?,
+            representative_poses: file.array("typical", None, Some(width))?.mapv(f64::from),
+            novelty: file.novelty()?,
+            ..MultiscaleMixture::of_parts(parts, poses)
         })
     }
 }
@@ -159,7 +161,7 @@ impl ModelFile<'_> {
         Error::data(Place::file(self.source).part(name), what)
     }
 
-    /// An array of finite numbers, with so many rows and columns, as it is kept.
+    /// An array of finite numbers as it is stored; `None` allows any number of rows or columns.
     fn matrix(&self, name: &str, rows: Option<usize>, columns: Option<usize>) -> Result<&Matrix> {
         let array = self.model.matrix(name, self.source)?;
         let (n, d) = array.dim();
@@ -178,7 +180,7 @@ impl ModelFile<'_> {
         Ok(array)
     }
 
-    /// The same as single precision.
+    /// An array of finite numbers in single precision; `None` allows any number of rows or columns.
     fn array(
         &self,
         name: &str,
@@ -188,8 +190,8 @@ impl ModelFile<'_> {
         Ok(self.matrix(name, rows, columns)?.floats())
     }
 
-    /// Models of before there were limits have none.
-    fn limit(&self) -> Result<NoveltyDetector> {
+    /// Older models have no threshold.
+    fn novelty(&self) -> Result<NoveltyDetector> {
         if self.model.get("limit").is_none() {
             return Ok(NoveltyDetector::default());
         }
@@ -226,12 +228,12 @@ impl ModelFile<'_> {
             Some(_) => Some(self.array(&name, Some(1), Some(d))?),
             None => None,
         };
-        let within = within.map(|w| w.iter().map(|v| f64::from(*v).max(LEAST)).collect());
+        let within = within.map(|w| w.iter().map(|v| f64::from(*v).max(MIN_VARIANCE)).collect());
         let stored = StoredCovariances {
             directions: directions.clone(),
             deviations: deviations.clone(),
         };
-        Ok(ClusterLevel::stored(
+        Ok(ClusterLevel::new(
             full_means,
             shares,
             stored,

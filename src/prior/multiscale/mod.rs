@@ -1,120 +1,154 @@
-//! The default model: a sparse code in blocks at many scales, averaged over its supports.
+//! The default model: a Gaussian mixture at many scales, factored into parts of the body.
 //!
-//! A block is a mean and a covariance; the scaled eigenvectors of the covariance are a sub-dictionary whose coefficients
-//! are unit Gaussians, so a pose is a code with one active block. Blocks are the cells of k-means at many levels, at
-//! several scales, and every training pose with the covariance of its cell at small scales (the paper's "poses as
-//! atoms", with a width and a direction). Unseen poses combine known legs with known arms, so the same is learnt for
-//! parts of the body, and several ways to make a body of parts compete:
+//! # The model
+//!
+//! A pose x has 3 J numbers (J points), cm. The body divides into parts; a part p has d_p of the coordinates, x_p. Several
+//! factorizations F, sets of parts that cover every coordinate once ({whole body}, {legs, upper body}, ...), compete, so
+//! that known legs can combine with known arms:
 //!
 //! ```text
-//! p(x) = Σ_F φ_F Π_{p in F} Σ_l w_pl Σ_{j in l} (n_j / N) N(x_p; m_j, C_j)
+//! p(x)     = Σ_F φ_F Π_{p ∈ F} p_p(x_p)
+//! p_p(x_p) = Σ_l w_pl Σ_{j ∈ l} π_j N(x_p; m_j, C_j)
 //! ```
 //!
-//! The answer is the posterior mean over all blocks and ways, not the single best: in that it parts from the paper.
-//! Level and way weights are learnt by EM on takes held back from the training.
+//! - φ_F: the weight of a factorization; Σ φ_F = 1.
+//! - l: a sub-mixture, with the weight w_pl. There are two sorts, each at several scales a:
+//!   - the clusters of one k-means level (1, 5, 20, 80, 300 of them): π_j is the cluster's proportion of the training
+//!     poses, m_j (d_p, cm) its mean, C_j = a C (d_p, d_p, cm²) with its covariance C;
+//!   - the exemplars, N training poses: π_j = 1 / N, m_j is the pose, C_j = a C + b v vᵀ with the covariance C of its
+//!     cluster in the finest level and v half the step from the frame before to the frame after.
+//! - φ and w are learnt by EM on held-out takes ([`train()`]).
+//!
+//! In the terms of the posing paper: the scaled eigenvectors of a covariance are a sub-dictionary with unit Gaussian
+//! coefficients, so that a pose is a sparse code with one active block. Other than the paper, the answer is not the single
+//! best code but the posterior mean over all.
+//!
+//! # A query
+//!
+//! An observation is y (3 J, cm) with independent noise of the variances R (3 J, cm²; infinite where missing). The
+//! evidence and the posterior are those of a Gaussian mixture with the covariances C_j + R on the observed coordinates o:
+//!
+//! ```text
+//! log p(y)  = log Σ_F φ_F Π_p Σ_j w π_j N(y_o; m_j, C_j + R)
+//! p(x | y)  ≈ the Gaussian with the mixture's posterior mean and covariance
+//! ```
+//!
+//! | step | file |
+//! |---|---|
+//! | round the noise variances, so that frames share what is prepared for them | `noise_pattern` |
+//! | condition the components of each part on the noise, when first needed | `conditioned`, `noisy_covariance`, `scaled_precision` |
+//! | find the components of each part that explain y | `search`, `top_k`, `candidates` |
+//! | add up the evidence of the factorizations | `factorization` |
+//! | sum the posteriors of a part's components | `posterior` |
+//! | average over the factorizations | `factorization` |
+//!
+//! What the components are made of is in `part_mixture`, `cluster_level`, `exemplars` and `eigen_covariance`. For placing
+//! a pose there is `evidence_gradient`, for poses unlike the training poses `novelty`.
+//!
+//! # Cost and limits
+//!
+//! A frame takes about 0.5 to 1.5 ms, a single frame with new noise some 10 ms. Memory: the exemplars (N 3 J numbers of 16
+//! bits) and the eigenvectors of all clusters.
+//!
+//! The mean of competing components may lie between two poses. Far from all training poses the widest cluster alone
+//! answers: see [`Prior::novelty`]. Noise below 0.03 cm² counts as 0.03 cm².
 
-mod batched_cholesky;
-mod body_parts;
 mod candidates;
 mod cluster_level;
+mod conditioned;
 mod eigen_covariance;
 mod evidence_gradient;
 mod exemplars;
 mod factorization;
 mod file;
-mod noise_quantization;
+mod noise_pattern;
 mod noisy_covariance;
 mod novelty;
 mod part_mixture;
 mod posterior;
 mod scaled_precision;
 mod search;
+mod settings;
 mod top_k;
 mod train;
 
 use super::noise_cache::NoiseCache;
 use super::{EvidenceGradient, Posterior, Prior, Reconstruction, Want};
-use crate::pose::{ASF_UNIT_CM, Observation, PoseTransform};
+use crate::pose::{Observation, PoseTransform};
+use conditioned::ConditionedPart;
 use exemplars::ExemplarPoses;
 use ndarray::{Array2, ArrayView2};
-use noise_quantization::{PLACEMENT_TOLERANCE, POSTERIOR_TOLERANCE};
-use noisy_covariance::NoisePattern;
+use noise_pattern::{PLACEMENT_TOLERANCE, POSTERIOR_TOLERANCE, quantize};
 use novelty::NoveltyDetector;
-use part_mixture::{ConditionedPart, PartMixture};
-use posterior::Detail;
+use part_mixture::PartMixture;
 use std::sync::Arc;
-use train::variance_of;
 
-pub use train::{TrainSettings, model, train};
+pub use settings::TrainSettings;
+pub use train::{model, train};
 
-/// No coordinate is taken for more exact than this variance, cm² (1e-3 asf²): blocks are no truer than that.
-const MIN_NOISE: f64 = 1e-3 * ASF_UNIT_CM * ASF_UNIT_CM;
-/// So many noise patterns of the whole body are remembered; of parts more, as they are smaller.
-const CACHED_PATTERNS: usize = 16;
-/// So many kinds of noise that is everywhere the same are.
-const CACHED_VARIANCES: usize = 16;
+/// Noise vectors of the whole body whose conditioned components are kept; for smaller parts more are.
+const CACHED_NOISES: usize = 16;
 
-/// The blocks of all parts of a body.
+/// The mixtures of all parts of a body.
 #[derive(Debug, Clone)]
 pub struct MultiscaleMixture {
     width: usize,
+    /// The first is the whole body.
     parts: Vec<PartMixture>,
-    /// Which parts make a whole body: each lists parts that cover every coordinate once.
+    /// Sets of parts that cover every coordinate once.
     factorizations: Vec<Vec<usize>>,
-    /// The log weight of each way.
+    /// The log weight of each factorization.
     log_factorization_weights: Vec<f64>,
-    /// What the log evidences of ways are multiplied by where they are averaged.
+    /// The exponent of the factorizations' evidences where they are averaged.
     temperature: f64,
+    /// The mean variance of each coordinate within the finest clusters of the whole body (3 J), cm².
     variance: Vec<f64>,
-    typical: Array2<f64>,
-    /// The training poses: what leaves are made of.
+    /// A few poses, far apart, (k, 3 J), cm.
+    representative_poses: Array2<f64>,
+    /// The exemplars of all parts.
     poses: Arc<ExemplarPoses>,
-    /// Each part's views met before.
-    conditioned_cache: Arc<Vec<NoiseCache<ConditionedPart>>>,
-    /// Those through noise that is everywhere the same: what the others are made from.
-    isotropic: Arc<Vec<NoiseCache<ConditionedPart>>>,
-    /// What is unlike all that was seen.
-    limit: NoveltyDetector,
-}
-
-/// No view of any part is made yet.
-fn empty_caches(parts: usize) -> Arc<Vec<NoiseCache<ConditionedPart>>> {
-    Arc::new((0..parts).map(|_| NoiseCache::default()).collect())
+    /// Each part conditioned on the noises of before.
+    cache: Arc<Vec<NoiseCache<ConditionedPart>>>,
+    novelty: NoveltyDetector,
 }
 
 impl MultiscaleMixture {
-    /// How each part is seen through the noise (3 J). A limb is often seen as it was before where the body is not.
+    /// A mixture of these parts, the first of which is the whole body; what does not follow from them is left empty.
+    fn of_parts(parts: Vec<PartMixture>, poses: Arc<ExemplarPoses>) -> MultiscaleMixture {
+        MultiscaleMixture {
+            width: parts[0].coordinates.len(),
+            variance: parts[0].finest().within.clone(),
+            cache: Arc::new(parts.iter().map(|_| NoiseCache::default()).collect()),
+            parts,
+            factorizations: Vec::new(),
+            log_factorization_weights: Vec::new(),
+            temperature: 1.0,
+            representative_poses: Array2::zeros((0, 0)),
+            poses,
+            novelty: NoveltyDetector::default(),
+        }
+    }
+
+    /// Each part conditioned on the noise variances (3 J). Parts are cached apart: a limb's noise recurs more often than the
+    /// whole body's.
     fn conditioned_parts(&self, noise: &[f64]) -> Vec<Arc<ConditionedPart>> {
-        let noise = noise_quantization::quantize(noise, POSTERIOR_TOLERANCE);
+        let noise = quantize(noise, POSTERIOR_TOLERANCE);
         (0..self.parts.len())
             .map(|p| self.conditioned(p, &noise))
             .collect()
     }
 
+    /// The whole body conditioned on noise variances that are quantized coarsely.
+    fn conditioned_for_placement(&self, noise: &[f64]) -> Arc<ConditionedPart> {
+        self.conditioned(0, &quantize(noise, PLACEMENT_TOLERANCE))
+    }
+
     fn conditioned(&self, p: usize, noise: &[f64]) -> Arc<ConditionedPart> {
         let part = &self.parts[p];
         let noise: Vec<f64> = part.coordinates.iter().map(|&i| noise[i]).collect();
-        if let NoisePattern::NearIsotropic {
-            base_variance,
-            exceptions,
-        } = NoisePattern::of(&noise)
-            && exceptions.is_empty()
-        {
-            return self.isotropic(p, base_variance);
-        }
         let smaller = self.width / noise.len().max(1);
-        let most = CACHED_PATTERNS * smaller * smaller;
-        self.conditioned_cache[p].get(&noise, most, || {
-            ConditionedPart::new(part, noise.clone(), |base_variance| {
-                self.isotropic(p, base_variance)
-            })
-        })
-    }
-
-    /// How a part is seen through noise that is everywhere the same.
-    fn isotropic(&self, p: usize, base_variance: f64) -> Arc<ConditionedPart> {
-        let make = || ConditionedPart::isotropic(&self.parts[p], base_variance);
-        self.isotropic[p].get(&[base_variance], CACHED_VARIANCES, make)
+        let most = CACHED_NOISES * smaller * smaller;
+        self.cache[p].get(&noise, most, || ConditionedPart::new(part, noise.clone()))
     }
 }
 
@@ -124,23 +158,27 @@ impl Prior for MultiscaleMixture {
     }
 
     fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
-        let evaluated = self.evaluate_parts(observation.values, observation.variance);
-        let answer = |detail| {
-            self.average_factorizations(&evaluated, detail)
-                .posterior(&evaluated, detail)
+        let evaluated = self.evaluate(observation.values, observation.variance);
+        let moments = self.average(&evaluated, want != Want::Mean);
+        let log_evidence = evaluated.evidence();
+        let Some(covariance) = moments.covariance else {
+            return Posterior {
+                mean: moments.mean,
+                log_evidence,
+                ..Posterior::default()
+            };
         };
-        match want {
-            Want::Mean => answer(Detail::Mean),
-            Want::Variances => answer(Detail::Variances),
-            Want::CovarianceBelow(most) if most.is_finite() => {
-                let variances = answer(Detail::Variances);
-                if variances.variance.iter().sum::<f64>() >= most {
-                    return variances;
-                }
-                answer(Detail::Covariance)
+        let mut posterior = Posterior::full(moments.mean, covariance, log_evidence);
+        let wanted = match want {
+            Want::CovarianceBelow(most) => {
+                most.is_infinite() || posterior.variance.iter().sum::<f64>() < most
             }
-            Want::Covariance | Want::CovarianceBelow(_) => answer(Detail::Covariance),
+            _ => want == Want::Covariance,
+        };
+        if !wanted {
+            posterior.covariance = Array2::zeros((0, 0));
         }
+        posterior
     }
 
     /// By the clusters of the whole body alone: the search for the placement of 2-D input asks many times a frame.
@@ -149,13 +187,13 @@ impl Prior for MultiscaleMixture {
         observation: &Observation<'_>,
         _previous: Option<&Reconstruction>,
     ) -> Reconstruction {
-        let (y, noise) = (observation.values, observation.variance);
-        let (part, conditioned) = (
+        let y = observation.values;
+        let (whole, conditioned) = (
             &self.parts[0],
-            &self.conditioned(0, &noise_quantization::quantize(noise, PLACEMENT_TOLERANCE)),
+            self.conditioned_for_placement(observation.variance),
         );
-        let candidates = part.candidates_among_clusters(conditioned, y);
-        let pose = part.answer(conditioned, y, &candidates, Detail::Mean).mean;
+        let candidates = whole.cluster_candidates(&conditioned, y);
+        let pose = whole.posterior(&conditioned, y, &candidates, false).mean;
         Reconstruction {
             objective: super::misfit(self, observation, &pose),
             support: Vec::new(),
@@ -168,18 +206,16 @@ impl Prior for MultiscaleMixture {
         observation: &Observation<'_>,
         directions: &[Vec<f64>],
     ) -> Option<EvidenceGradient> {
-        let noise = noise_quantization::quantize(observation.variance, PLACEMENT_TOLERANCE);
-        let conditioned = self.conditioned(0, &noise);
+        let conditioned = self.conditioned_for_placement(observation.variance);
         Some(self.parts[0].evidence_gradient(&conditioned, observation.values, directions))
     }
 
-    /// By the cells of the whole body alone, and measured on takes that were held back from the training.
     fn novelty(&self, pose: &[f64]) -> Option<f64> {
-        self.limit.unlike(&self.parts[0], pose)
+        self.novelty.novelty(&self.parts[0], pose)
     }
 
     fn representative_poses(&self) -> ArrayView2<'_, f64> {
-        self.typical.view()
+        self.representative_poses.view()
     }
 
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
@@ -189,16 +225,13 @@ impl Prior for MultiscaleMixture {
         let map = &Arc::new(map.clone());
         let poses = Arc::new(self.poses.mapped(map));
         let parts = self.parts.iter().map(|p| p.mapped(map, &poses));
-        let parts: Vec<PartMixture> = parts.collect();
         Box::new(MultiscaleMixture {
-            variance: variance_of(&parts[0]),
-            parts,
-            typical: map.apply_rows(self.typical.view()),
-            poses,
-            conditioned_cache: empty_caches(self.parts.len()),
-            isotropic: empty_caches(self.parts.len()),
-            limit: self.limit.mapped(&self.parts[0], map),
-            ..self.clone()
+            factorizations: self.factorizations.clone(),
+            log_factorization_weights: self.log_factorization_weights.clone(),
+            temperature: self.temperature,
+            representative_poses: map.apply_rows(self.representative_poses.view()),
+            novelty: self.novelty.mapped(&self.parts[0], map),
+            ..MultiscaleMixture::of_parts(parts.collect(), poses)
         })
     }
 }
@@ -258,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_known_pose_is_found_under_noise_and_from_a_few_points() {
+    fn recovers_a_training_pose_from_noise_and_from_few_points() {
         let poses = poses();
         let (mixture, _) = trained(&poses);
         let pose: Vec<f64> = poses.xyz.row(77).iter().map(|v| f64::from(*v)).collect();
@@ -350,7 +383,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_gives_the_same_answers_and_damage_is_told() {
+    fn a_file_gives_the_same_posterior_and_damage_is_an_error() {
         let poses = poses();
         let (mixture, model) = trained(&poses);
         let bytes = model.to_bytes().unwrap();
@@ -415,7 +448,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_has_no_answer() {
+    fn nan_gives_nan() {
         let (mixture, _) = trained(&poses());
         let broken = Observation {
             values: &[f64::NAN; 69],
@@ -432,10 +465,10 @@ mod tests {
     }
 
     #[test]
-    fn a_turned_model_gives_turned_answers() {
+    fn a_rotated_model_gives_rotated_posteriors() {
         let poses = poses();
         let (mixture, _) = trained(&poses);
-        let step_coordinates = PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(
+        let rotation = PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(
             glam::DVec3::new(0.3, 1.0, -0.2),
         ));
         let y: Vec<f64> = poses
@@ -445,13 +478,10 @@ mod tests {
             .map(|v| f64::from(*v) + 1.0)
             .collect();
         let mut turned = y.clone();
-        step_coordinates.apply(&y, &mut turned);
+        rotation.apply(&y, &mut turned);
         let mut want = y.clone();
-        step_coordinates.apply(&mixture.full(&y, &[9.0; 69]).mean, &mut want);
-        let got = mixture
-            .mapped(&step_coordinates)
-            .full(&turned, &[9.0; 69])
-            .mean;
+        rotation.apply(&mixture.full(&y, &[9.0; 69]).mean, &mut want);
+        let got = mixture.mapped(&rotation).full(&turned, &[9.0; 69]).mean;
         assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-2));
     }
 }

@@ -1,41 +1,41 @@
-//! How little evidence a pose may have before it is unlike all that was seen.
+//! Novelty: how much less likely a pose is than nearly all held-out poses.
 //!
 //! ```text
 //! u(x) = max(0, q − log p(x))
 //! ```
 //!
-//! x: a whole pose (3 J numbers, cm); log p: its log evidence in nats by the cells of the whole body, each coordinate
-//! with the reference noise. So it does not depend on what was observed, and one number serves every task. q: the 0.1 %
-//! quantile of log p over poses of takes that were held back, under blocks learnt without them and the weights of all:
-//! of poses as like the training as those, one in a thousand is flagged. Poses that were learnt from would set it far
-//! too high.
+//! x: a whole pose (3 J numbers, cm); log p: its log evidence in nats by the clusters of the whole body, with a fixed
+//! reference noise: it does not depend on what was observed, and one threshold serves every task. q: the 0.1 % quantile of
+//! log p over held-out poses, under a mixture learnt without them and the final weights. Poses that were learnt from would
+//! set q far too high.
 
+use super::conditioned::ConditionedPart;
 use super::exemplars::{ExemplarPoses, Exemplars};
-use super::part_mixture::{ConditionedPart, PartMixture};
+use super::part_mixture::PartMixture;
 use crate::numeric::parallel;
 use crate::pose::{ASF_UNIT_CM, PoseTransform};
 use ndarray::Array2;
 use std::sync::{Arc, OnceLock};
 
-/// The variance that each coordinate is taken to have, cm²: of 0.1 asf, about what a restored pose is off at best.
+/// The reference noise variance of each coordinate, cm²: (0.1 asf)², about the error of the best restored poses.
 const REFERENCE: f64 = 0.01 * ASF_UNIT_CM * ASF_UNIT_CM;
-/// The share of held-back poses that are told to be unlike those seen.
+/// The share of held-out poses below the threshold.
 const QUANTILE: f64 = 1e-3;
-/// At most so many poses of each group of held-back takes are measured: five make the quantile.
+/// At most this many poses of each fold are measured: the quantile is then the fifth smallest.
 const MEASURED: usize = 5000;
 
-/// The least evidence of a pose that is like those seen.
+/// The threshold, and the whole body that evaluates poses.
 #[derive(Debug, Clone, Default)]
 pub struct NoveltyDetector {
-    /// q, nats; `None` where no take could be held back.
+    /// q, nats; `None` where no take could be held out.
     pub threshold: Option<f64>,
-    /// The whole body through the reference noise.
+    /// The whole body under the reference noise.
     conditioned: Arc<OnceLock<ConditionedPart>>,
-    /// For poses that went through maps: the whole body as it was learnt, and the way back to it.
+    /// For transformed poses: the whole body as it was learnt, and the transforms back to it.
     origin: Option<(Arc<PartMixture>, Vec<PoseTransform>)>,
 }
 
-/// The whole body learnt without some takes, and poses of these.
+/// The whole body learnt without some takes, and poses of those takes.
 pub struct HeldOutPoses {
     whole: PartMixture,
     /// (n, 3 J), cm.
@@ -43,29 +43,29 @@ pub struct HeldOutPoses {
 }
 
 impl HeldOutPoses {
-    /// `whole` is what was learnt without the takes of `poses` (n, 3 J).
+    /// `whole` was learnt without the takes of `poses` (n, 3 J), cm.
     pub fn new(mut whole: PartMixture, poses: Array2<f32>) -> HeldOutPoses {
-        // Only cells are asked, and this waits for the weights: the leaves would only fill the memory.
+        // Only clusters are evaluated, after all folds: exemplars would fill the memory until then.
         let none = ExemplarPoses::new(Array2::zeros((0, poses.ncols())).into(), Vec::new());
         whole.exemplars = Exemplars::new(Arc::new(none), &[], 0);
         HeldOutPoses { whole, poses }
     }
 
-    /// Every pose of so many that at most [`MEASURED`] are left.
+    /// Every n-th row, so that at most [`MEASURED`] remain.
     pub fn spread(rows: &[usize]) -> Vec<usize> {
         let step = rows.len().div_ceil(MEASURED).max(1);
         rows.iter().copied().step_by(step).collect()
     }
 
-    /// The log evidence of each pose with these weights of the levels.
+    /// The log evidence of each pose with these log weights of the sub-mixtures.
     fn evidences(&self, log_weights: &[f64]) -> Vec<f64> {
         let mut whole = self.whole.clone();
         whole.set_log_weights(log_weights.to_vec());
-        let limit = NoveltyDetector::default();
+        let detector = NoveltyDetector::default();
         let of = |row: usize| {
             let pose = self.poses.row(row);
             let pose: Vec<f64> = pose.iter().map(|v| f64::from(*v)).collect();
-            limit.evidence(&whole, &pose)
+            detector.evidence(&whole, &pose)
         };
         parallel::map_chunks(self.poses.nrows(), 64, |range| {
             range.map(of).collect::<Vec<_>>()
@@ -75,7 +75,7 @@ impl HeldOutPoses {
 }
 
 impl NoveltyDetector {
-    /// A limit that is known, nats, or none.
+    /// A detector with a known threshold, nats, or none.
     pub fn new(threshold: Option<f64>) -> NoveltyDetector {
         NoveltyDetector {
             threshold,
@@ -83,7 +83,7 @@ impl NoveltyDetector {
         }
     }
 
-    /// From held-back poses of all groups; `log_weights` are those of the whole body's levels.
+    /// Learns the threshold from the held-out poses of all folds, with the final log weights of the whole body.
     pub fn learn(held: &[HeldOutPoses], log_weights: &[f64]) -> NoveltyDetector {
         let mut all: Vec<f64> = held
             .iter()
@@ -95,8 +95,8 @@ impl NoveltyDetector {
         NoveltyDetector::new(all.get(at).copied())
     }
 
-    /// The same for a model whose poses went through a map, `whole` before it: they are judged where they come from, since
-    /// a density changes where a body does.
+    /// The detector for poses transformed by `map`; `whole` is the whole body before it. Poses are transformed back first,
+    /// since a density changes with the size of a body.
     pub fn mapped(&self, whole: &PartMixture, map: &PoseTransform) -> NoveltyDetector {
         let (origin, mut back) = match &self.origin {
             Some((origin, back)) => (origin.clone(), back.clone()),
@@ -109,8 +109,8 @@ impl NoveltyDetector {
         }
     }
 
-    /// By how many nats a pose (3 J, cm) has less evidence than the limit, at least 0; `None` without a limit.
-    pub fn unlike(&self, whole: &PartMixture, pose: &[f64]) -> Option<f64> {
+    /// u(x) of a pose (3 J, cm), nats; `None` without a threshold.
+    pub fn novelty(&self, whole: &PartMixture, pose: &[f64]) -> Option<f64> {
         let threshold = self.threshold?;
         let mut pose = pose.to_vec();
         let (whole, back) = match &self.origin {
@@ -122,15 +122,15 @@ impl NoveltyDetector {
             map.apply(&from, &mut pose);
         }
         let by = threshold - self.evidence(whole, &pose);
-        // What is no number is like nothing.
+        // NaN is unlike anything.
         Some(if by <= 0.0 { 0.0 } else { by })
     }
 
     fn evidence(&self, whole: &PartMixture, pose: &[f64]) -> f64 {
         let conditioned = self
             .conditioned
-            .get_or_init(|| ConditionedPart::isotropic(whole, REFERENCE));
-        whole.candidates_among_clusters(conditioned, pose).evidence
+            .get_or_init(|| ConditionedPart::new(whole, vec![REFERENCE; pose.len()]));
+        whole.cluster_candidates(conditioned, pose).evidence
     }
 }
 
@@ -142,7 +142,7 @@ mod tests {
     use crate::pose::{Body, PoseTransform};
     use crate::prior::Prior;
 
-    /// A pose that was learnt from, and one whose points were moved `far`, in turn one way and the other.
+    /// A training pose with coordinates moved by ± `far`, and the training pose itself.
     fn two(far: f64) -> [Vec<f64>; 2] {
         let known: Vec<f64> = poses().xyz.row(77).iter().map(|v| f64::from(*v)).collect();
         let moved = known.iter().enumerate();
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn the_further_from_all_that_was_seen_the_more_unlike() {
+    fn novelty_grows_with_the_distance() {
         let (mixture, _) = trained(&poses());
         let [near, known] = two(20.0);
         let [far, _] = two(60.0);
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn poses_of_another_body_turned_too_are_judged_where_they_come_from() {
+    fn transformed_poses_keep_their_novelty() {
         let (mixture, _) = trained(&poses());
         let body = Body {
             parents: (0..23).map(|p: usize| p.checked_sub(1)).collect(),
@@ -175,21 +175,21 @@ mod tests {
             ..body.clone()
         };
         let reshape = PoseTransform::reshape(&body, &taller);
-        let step_coordinates =
+        let rotation =
             PoseTransform::Rotate(crate::pose::rotation::from_rotation_vector(glam::DVec3::Y));
-        let mapped = mixture.mapped(&reshape).mapped(&step_coordinates);
+        let mapped = mixture.mapped(&reshape).mapped(&rotation);
         for pose in two(20.0) {
-            let (mut tall, mut map_covariance) = (pose.clone(), pose.clone());
+            let (mut tall, mut carried) = (pose.clone(), pose.clone());
             reshape.apply(&pose, &mut tall);
-            step_coordinates.apply(&tall, &mut map_covariance);
+            rotation.apply(&tall, &mut carried);
             let want = mixture.novelty(&pose).unwrap();
-            let got = mapped.novelty(&map_covariance).unwrap();
+            let got = mapped.novelty(&carried).unwrap();
             assert!((got - want).abs() <= 1e-3 * want, "{got} {want}");
         }
     }
 
     #[test]
-    fn the_file_keeps_the_limit_and_old_files_have_none() {
+    fn a_file_keeps_the_threshold_and_old_files_have_none() {
         let (mixture, model) = trained(&poses());
         let again = Model::from_bytes(model.to_bytes().unwrap(), "m").unwrap();
         let again = MultiscaleMixture::from_model(&again, "m").unwrap();
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn a_single_take_gives_no_limit() {
+    fn a_single_take_gives_no_threshold() {
         let mut poses = poses();
         poses.takes = std::iter::once(0..400).collect();
         let (mixture, model) = trained(&poses);

@@ -1,275 +1,202 @@
-//! What the blocks that explain an observation answer together.
+//! The posterior of a part, given the components that explain an observation.
+//!
+//! With the responsibilities ρ of the candidates and each one's posterior mean μ and covariance Σ:
+//!
+//! ```text
+//! mean        μ̄ = Σ ρ μ
+//! covariance    = Σ ρ Σ  +  Σ ρ (μ − μ̄)(μ − μ̄)ᵀ
+//! ```
+//!
+//! The covariance is summed over the heavy clusters and candidates only, whose weights are normalized again: the light ones
+//! cost as much each and change little.
+//!
+//! An exemplar x with step v has the covariance a C + b v vᵀ. With S = (a C_oo + R)⁻¹ the distance t along the step has the
+//! posterior variance b / (1 + b vᵀ S v) and mean t = variance · vᵀ S (y − x); the rest follows for the residual y − x − t v.
 
-use super::candidates::Candidates;
-use super::part_mixture::{
-    ActiveSubMixture, ConditionedCluster, ConditionedPart, PartMixture, add_outer,
-};
-use super::scaled_precision::{ScaledPrecisions, Scratch, WeightedScale};
+use super::candidates::{Candidate, Candidates};
+use super::conditioned::{ConditionedCluster, ConditionedPart};
+use super::noisy_covariance::WeightedScale;
+use super::part_mixture::PartMixture;
+use super::scaled_precision::Scratch;
 use super::search::ExemplarResidual;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::add;
 use ndarray::Array2;
 use std::ops::Range;
 
-/// Blocks that weigh less than this share do not tell how far the answers are apart.
-const LEAST_SHARE: f64 = 0.06;
-/// Cells whose blocks weigh less than this share together do not tell what is left open.
-const LEAST_CELL: f64 = 0.2;
+/// Candidates below this responsibility do not count in the spread of the means.
+const MIN_RESPONSIBILITY: f64 = 0.06;
+/// Clusters whose candidates have less responsibility together do not count in the mean of the covariances.
+const MIN_CLUSTER_RESPONSIBILITY: f64 = 0.2;
 
-/// How sure the answer is to be told.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Detail {
-    /// Not at all.
-    Mean,
-    /// The variance of each coordinate.
-    Variances,
-    /// All of the covariance.
-    Covariance,
-}
-
-/// A mean (d), and how sure it is.
+/// A mean (d), cm, and a covariance (d, d), cm², where it is wanted.
 #[derive(Debug, Clone)]
-pub struct PartialPosterior {
-    /// d numbers, cm.
+pub struct Moments {
+    /// The mean.
     pub mean: Vec<f64>,
-    /// (d, d) where the covariance is told, (1, d) where variances are, empty else, cm².
-    pub spread: Array2<f64>,
+    /// The covariance.
+    pub covariance: Option<Array2<f64>>,
 }
 
-impl PartialPosterior {
-    /// Of d numbers, nothing added yet.
-    pub fn new(d: usize, detail: Detail) -> PartialPosterior {
-        let rows = match detail {
-            Detail::Mean => 0,
-            Detail::Variances => 1,
-            Detail::Covariance => d,
-        };
-        PartialPosterior {
-            mean: vec![0.0; d],
-            spread: Array2::zeros((rows, if rows == 0 { 0 } else { d })),
-        }
-    }
-
-    /// Where nothing can be told: no numbers.
-    pub fn unknown(d: usize, detail: Detail) -> PartialPosterior {
-        let mut out = PartialPosterior::new(d, detail);
-        out.mean.fill(f64::NAN);
-        out.spread.fill(f64::NAN);
-        out
-    }
-
-    /// Adds `weight` times what a part's answer leaves open; its coordinates are among those here.
-    pub fn add_spread(
-        &mut self,
-        weight: f64,
-        part: &PartialPosterior,
-        coordinates: &[usize],
-        detail: Detail,
-    ) {
-        for (r, row) in part.spread.rows().into_iter().enumerate() {
-            let to = if detail == Detail::Covariance {
-                coordinates[r]
-            } else {
-                r
-            };
-            let mut to = self.spread.row_mut(to);
-            let both = coordinates.iter().zip(row);
-            both.for_each(|(&c, v)| to[c] += weight * v);
-        }
-    }
-
-    /// Adds `weight` x xᵀ, as far as it is told.
-    pub fn add_outer(&mut self, weight: f64, x: &[f64], detail: Detail) {
-        match detail {
-            Detail::Mean => {}
-            Detail::Variances => {
-                let spread = self.spread.iter_mut().zip(x);
-                spread.for_each(|(s, x)| *s += weight * x * x);
-            }
-            Detail::Covariance => add_outer(&mut self.spread, weight, x),
+impl Moments {
+    /// Zeros, or whatever `value` is.
+    pub fn new(d: usize, with_covariance: bool, value: f64) -> Moments {
+        Moments {
+            mean: vec![value; d],
+            covariance: with_covariance.then(|| Array2::from_elem((d, d), value)),
         }
     }
 }
 
-/// What one block adds to the sum: `base` and the gain of `w`.
-#[derive(Default)]
+/// One candidate's posterior mean: `base` plus the gain of `product`.
 struct MeanTerm {
+    /// (d), cm.
     base: Vec<f64>,
-    /// a w.
-    w: Vec<f32>,
-    /// What is not known along a leaf's step: (its variance, a w of the step).
-    step_scale: Option<(f64, Vec<f32>)>,
+    /// a S r along the axes of the cluster's noisy covariance.
+    product: Vec<f32>,
+    /// For an exemplar with a step: the posterior variance along it, and a S v.
+    step: Option<(f64, Vec<f32>)>,
 }
 
 impl MeanTerm {
-    fn zero(d: usize, stride: usize) -> MeanTerm {
+    fn zero(d: usize, cluster: &ConditionedCluster) -> MeanTerm {
         MeanTerm {
             base: vec![0.0; d],
-            w: vec![0.0; stride],
-            step_scale: None,
+            product: vec![0.0; cluster.noisy.stride()],
+            step: None,
         }
     }
 }
 
-/// The blocks that explain an observation, asked one after another.
+/// The sums over the candidates for one observation.
 struct PosteriorSum<'a> {
     part: &'a PartMixture,
     conditioned: &'a ConditionedPart,
-    /// The observation, padded.
+    /// The observation, masked and padded.
     y: Vec<f32>,
     candidates: &'a Candidates,
-    /// Each block's share, in the order of [`Candidates::best`].
+    /// In the order of [`Candidates::best`].
     responsibilities: Vec<f64>,
-    /// The blocks, cell by cell and leaf by leaf.
+    /// The candidates, cluster by cluster and exemplar by exemplar.
     order: Vec<usize>,
-    /// Of the leaf that is asked: its own.
-    state: ExemplarResidual,
-    asked: Option<(usize, usize)>,
-    step: Vec<f32>,
+    /// The residual of the last exemplar, and which that is (cluster, exemplar).
+    residual: ExemplarResidual,
+    last_exemplar: Option<(usize, usize)>,
     scratch: Scratch,
 }
 
 impl PartMixture {
-    /// What the explaining blocks say together.
-    pub fn answer(
+    /// The posterior of the part, given `y` (d; read where observed) and the candidates for it.
+    pub fn posterior(
         &self,
         conditioned: &ConditionedPart,
         y: &[f64],
         candidates: &Candidates,
-        detail: Detail,
-    ) -> PartialPosterior {
+        with_covariance: bool,
+    ) -> Moments {
         if !conditioned.observes_any() {
-            return self.unseen(detail);
+            // The prior, as the single coarsest cluster knows it.
+            let covariance = self.levels[0].covariance(0, &self.coordinates);
+            return Moments {
+                mean: self.levels[0].mean(0).to_vec(),
+                covariance: with_covariance.then(|| covariance.covariance()),
+            };
         }
-        let mut out = PartialPosterior::new(self.coordinates.len(), detail);
-        let mut sum = PosteriorSum::of(self, conditioned, y, candidates);
-        sum.mean(&mut out.mean);
-        if detail != Detail::Mean {
-            sum.within(&mut out, detail);
-            sum.add_spread_of_means(&mut out, detail);
+        let mut out = Moments::new(self.coordinates.len(), with_covariance, 0.0);
+        let mut sum = PosteriorSum {
+            y: conditioned.masked(y),
+            responsibilities: candidates.responsibilities(),
+            order: candidates.by_cluster(),
+            residual: ExemplarResidual::default(),
+            last_exemplar: None,
+            scratch: Scratch::default(),
+            part: self,
+            conditioned,
+            candidates,
+        };
+        sum.add_means(&mut out.mean);
+        if let Some(covariance) = &mut out.covariance {
+            sum.add_covariances(covariance);
+            sum.add_spread_of_means(&out.mean, covariance);
         }
         out
-    }
-
-    /// Where nothing is observed: what the coarsest cell knows.
-    fn unseen(&self, detail: Detail) -> PartialPosterior {
-        let coarsest = &self.cluster_levels[0];
-        let basis = coarsest.basis(0, &self.coordinates);
-        let d = self.coordinates.len();
-        PartialPosterior {
-            mean: coarsest.means.row(0).to_vec(),
-            spread: match detail {
-                Detail::Mean => Array2::zeros((0, 0)),
-                Detail::Variances => {
-                    Array2::from_shape_vec((1, d), basis.diagonal()).unwrap_or_default()
-                }
-                Detail::Covariance => basis.covariance(),
-            },
-        }
     }
 }
 
 impl<'a> PosteriorSum<'a> {
-    fn of(
-        part: &'a PartMixture,
-        conditioned: &'a ConditionedPart,
-        y: &[f64],
-        candidates: &'a Candidates,
-    ) -> PosteriorSum<'a> {
-        let best = &candidates.best;
-        let mut order: Vec<usize> = (0..best.len()).collect();
-        order.sort_unstable_by_key(|&i| (best[i].scored, best[i].exemplar, best[i].at));
-        PosteriorSum {
-            y: conditioned.single(y),
-            responsibilities: candidates.responsibilities(),
-            order,
-            state: ExemplarResidual::default(),
-            asked: None,
-            step: Vec::new(),
-            scratch: Scratch::default(),
-            part,
-            conditioned,
-            candidates,
-        }
+    fn conditioned(&self, cluster: usize) -> &'a ConditionedCluster {
+        let cluster = self.candidates.clusters[cluster];
+        (self.conditioned).cluster(self.part, cluster.level, cluster.index)
     }
 
-    fn cluster_conditioned(&self, scored: usize) -> &'a ConditionedCluster {
-        let scored = self.candidates.scored[scored];
-        self.conditioned
-            .cluster_conditioned(self.part, scored.index, scored.cluster)
-    }
-
-    /// The blocks of one cell after another: (which of the cells seen, where its blocks begin and end in the order).
+    /// Each cluster of the candidates, with the range of its candidates in the order.
     fn clusters(&self) -> Vec<(usize, Range<usize>)> {
         let best = &self.candidates.best;
-        let same = |a: &usize, b: &usize| best[*a].scored == best[*b].scored;
-        let (mut start, mut clusters) = (0, Vec::with_capacity(self.candidates.scored.len()));
-        for of in self.order.chunk_by(same) {
-            clusters.push((best[of[0]].scored, start..start + of.len()));
-            start += of.len();
+        let same = |a: &usize, b: &usize| best[*a].cluster == best[*b].cluster;
+        let (mut start, mut clusters) = (0, Vec::with_capacity(self.candidates.clusters.len()));
+        for candidates in self.order.chunk_by(same) {
+            clusters.push((best[candidates[0]].cluster, start..start + candidates.len()));
+            start += candidates.len();
         }
         clusters
     }
 
-    /// Adds a block's answer times `weight` to a voice; `step_scale` where what its step leaves open is to be told.
-    fn add(&mut self, candidate: usize, weight: f64, to: &mut MeanTerm, step_scale: bool) {
-        let h = self.candidates.best[candidate];
-        let cluster_conditioned = self.cluster_conditioned(h.scored);
-        let z = self.candidates.z(h.scored, cluster_conditioned);
-        let cluster = self.candidates.scored[h.scored];
-        let Some(exemplar) = h.exemplar else {
+    /// Adds `weight` times a candidate's posterior mean to `term`; keeps its step where that is wanted.
+    fn add(&mut self, candidate: usize, weight: f64, term: &mut MeanTerm, with_step: bool) {
+        let candidate = self.candidates.best[candidate];
+        let conditioned = self.conditioned(candidate.cluster);
+        let z = self.candidates.z(candidate.cluster, conditioned);
+        let cluster = self.candidates.clusters[candidate.cluster];
+        let scratch = &mut self.scratch;
+        let Some(exemplar) = candidate.exemplar else {
+            let precisions = &conditioned.precisions;
             add(
-                &mut to.base,
+                &mut term.base,
                 weight,
-                self.part.cluster_levels[cluster.index].mean(cluster.cluster),
+                self.part.levels[cluster.level].mean(cluster.index),
             );
-            return (cluster_conditioned.scales).add_precision_product(
-                h.at,
-                z,
-                weight,
-                &mut self.scratch,
-                &mut to.w,
-            );
+            let scaled = weight * precisions.scales[candidate.at];
+            precisions.add_product(candidate.at, z, scaled, scratch, &mut term.product);
+            return;
         };
-        let opened = self.part.opened(cluster.cluster);
-        if self.asked != Some((h.scored, exemplar)) {
-            self.asked = Some((h.scored, exemplar));
-            self.state
-                .set_exemplar(cluster_conditioned, z, opened, &self.y, exemplar);
+        let exemplars = self.part.exemplars_of(cluster.index);
+        if self.last_exemplar != Some((candidate.cluster, exemplar)) {
+            self.last_exemplar = Some((candidate.cluster, exemplar));
+            self.residual
+                .set_exemplar(conditioned, z, exemplars, &self.y, exemplar);
         }
-        let scales = self.conditioned.exemplars(self.part, cluster.cluster);
-        add_single(&mut to.base, weight, opened.pose(exemplar));
-        let ActiveSubMixture {
+        let precisions = self
+            .conditioned
+            .exemplar_precisions(self.part, cluster.index);
+        let sub_mixture = self.part.active_exemplars()[candidate.at];
+        let (at, step_scale) = (sub_mixture.scale_index, sub_mixture.step_scale);
+        let scale = precisions.scales[at];
+        add_single(&mut term.base, weight, exemplars.pose(exemplar));
+        precisions.add_product(
             at,
-            step_scale: reach,
-            ..
-        } = self.part.exemplar_sub_mixtures()[h.at];
-        scales.add_precision_product(at, &self.state.z, weight, &mut self.scratch, &mut to.w);
-        if reach > 0.0 {
-            let state = &self.state;
-            self.step.clear();
-            self.step.resize(state.step.len(), 0.0);
-            scales.add_precision_product(at, &state.step, 1.0, &mut self.scratch, &mut self.step);
-            let of = |z: &[f32]| f64::from(simd::dot(&self.step, z)) / scales.scales[at];
-            let variance = reach / (1.0 + reach * of(&state.step));
-            let how_far = variance * of(&state.z);
-            // Along the step first, then what the cell's covariance makes of the rest.
-            add_single(&mut to.base, weight * how_far, opened.step(exemplar));
-            let by = (weight * how_far) as f32;
-            to.w.iter_mut()
-                .zip(&self.step)
-                .for_each(|(w, s)| *w -= by * s);
-            if step_scale {
-                to.step_scale = Some((variance, self.step.clone()));
-            }
+            &self.residual.z,
+            weight * scale,
+            scratch,
+            &mut term.product,
+        );
+        if step_scale > 0.0 {
+            let mut product = vec![0.0; self.residual.step.len()];
+            precisions.add_product(at, &self.residual.step, scale, scratch, &mut product);
+            let form = |z: &[f32]| f64::from(simd::dot(&product, z)) / scale;
+            let variance = step_scale / (1.0 + step_scale * form(&self.residual.step));
+            let distance = weight * variance * form(&self.residual.z);
+            add_single(&mut term.base, distance, exemplars.step(exemplar));
+            let both = term.product.iter_mut().zip(&product);
+            both.for_each(|(p, s)| *p -= distance as f32 * s);
+            term.step = with_step.then_some((variance, product));
         }
     }
 
-    fn mean(&mut self, mean: &mut [f64]) {
-        for (scored, candidates) in self.clusters() {
-            // The gain is linear and the cell's: once for all its blocks.
-            let noisy = &self.cluster_conditioned(scored).noisy;
-            let mut term = MeanTerm::zero(mean.len(), noisy.stride());
+    /// μ̄. The gain is linear and the cluster's: it is applied once to the sum over a cluster's candidates.
+    fn add_means(&mut self, mean: &mut [f64]) {
+        for (cluster, candidates) in self.clusters() {
+            let conditioned = self.conditioned(cluster);
+            let mut term = MeanTerm::zero(mean.len(), conditioned);
             for at in candidates {
                 let candidate = self.order[at];
                 self.add(
@@ -280,83 +207,81 @@ impl<'a> PosteriorSum<'a> {
                 );
             }
             add(mean, 1.0, &term.base);
-            noisy.add_gain(&term.w, mean);
+            conditioned.noisy.add_gain(&term.product, mean);
         }
     }
 
-    /// What the heavy cells leave open.
-    fn within(&self, out: &mut PartialPosterior, detail: Detail) {
+    /// Σ ρ Σ, over the heavy clusters, without the variance along steps.
+    fn add_covariances(&self, covariance: &mut Array2<f64>) {
         let clusters = self.clusters();
-        let weight = |of: &Range<usize>| {
-            let of = &self.order[of.clone()];
-            of.iter().map(|b| self.responsibilities[*b]).sum::<f64>()
+        let weight = |range: &Range<usize>| {
+            let candidates = self.order[range.clone()].iter();
+            candidates.map(|c| self.responsibilities[*c]).sum::<f64>()
         };
         let most = clusters.iter().map(|c| weight(&c.1)).fold(0.0, f64::max);
-        let heavy = || {
-            clusters
-                .iter()
-                .filter(|c| weight(&c.1) >= LEAST_CELL.min(most))
-        };
+        let least = MIN_CLUSTER_RESPONSIBILITY.min(most);
+        let heavy = || clusters.iter().filter(|c| weight(&c.1) >= least);
         let total: f64 = heavy().map(|c| weight(&c.1)).sum();
-        for (scored, candidates) in heavy() {
-            let cluster_conditioned = self.cluster_conditioned(*scored);
-            let of = |b: &usize| -> WeightedScale<'a> {
-                let h = self.candidates.best[*b];
-                let (scales, at): (&ScaledPrecisions, usize) = match h.exemplar {
+        for (cluster, candidates) in heavy() {
+            let conditioned = self.conditioned(*cluster);
+            let mut weights: Vec<WeightedScale<'_>> = Vec::new();
+            for &candidate in &self.order[candidates.clone()] {
+                let responsibility = self.responsibilities[candidate] / total;
+                let candidate = self.candidates.best[candidate];
+                let (precisions, at) = match candidate.exemplar {
+                    None => (&conditioned.precisions, candidate.at),
                     Some(_) => {
-                        let cluster = self.candidates.scored[*scored].cluster;
-                        let levels = self.part.exemplar_sub_mixtures();
+                        let index = self.candidates.clusters[*cluster].index;
+                        let precisions = self.conditioned.exemplar_precisions(self.part, index);
                         (
-                            self.conditioned.exemplars(self.part, cluster),
-                            levels[h.at].at,
+                            precisions,
+                            self.part.active_exemplars()[candidate.at].scale_index,
                         )
                     }
-                    None => (&cluster_conditioned.scales, h.at),
                 };
-                (scales, at, self.responsibilities[*b] / total)
-            };
-            let candidates = &self.order[candidates.clone()];
-            let weighed: Vec<WeightedScale<'_>> = candidates.iter().map(of).collect();
-            match (detail, out.spread.as_slice_mut()) {
-                (Detail::Variances, Some(spread)) => {
-                    cluster_conditioned.noisy.add_variances(&weighed, spread)
+                let same = |w: &&mut WeightedScale<'_>| std::ptr::eq(w.0, precisions) && w.1 == at;
+                match weights.iter_mut().find(same) {
+                    Some(weight) => weight.2 += responsibility,
+                    None => weights.push((precisions, at, responsibility)),
                 }
-                _ => cluster_conditioned
-                    .noisy
-                    .add_covariance(&weighed, &mut out.spread),
             }
+            conditioned
+                .noisy
+                .add_posterior_covariance(&weights, covariance);
         }
     }
 
-    /// How far the heavy blocks' answers are apart, and what is open along their steps.
-    fn add_spread_of_means(&mut self, out: &mut PartialPosterior, detail: Detail) {
-        let weight = |b: &usize| self.responsibilities[*b];
+    /// Σ ρ (μ − μ̄)(μ − μ̄)ᵀ, over the heavy candidates, and the variance along their steps.
+    fn add_spread_of_means(&mut self, mean: &[f64], covariance: &mut Array2<f64>) {
+        let most = self.responsibilities.iter().copied().fold(0.0, f64::max);
+        let least = MIN_RESPONSIBILITY.min(most);
         let order = self.order.iter().copied();
-        let most = order
-            .clone()
-            .map(|b| self.responsibilities[b])
-            .fold(0.0, f64::max);
         let heavy: Vec<usize> = order
-            .filter(|b| weight(b) >= LEAST_SHARE.min(most))
+            .filter(|c| self.responsibilities[*c] >= least)
             .collect();
-        let total: f64 = heavy.iter().map(|b| self.responsibilities[*b]).sum();
+        let total: f64 = heavy.iter().map(|c| self.responsibilities[*c]).sum();
         for candidate in heavy {
-            let h = self.candidates.best[candidate];
-            let noisy = &self.cluster_conditioned(h.scored).noisy;
-            let mut term = MeanTerm::zero(out.mean.len(), noisy.stride());
-            self.add(candidate, 1.0, &mut term, true);
             let share = self.responsibilities[candidate] / total;
+            let Candidate {
+                cluster, exemplar, ..
+            } = self.candidates.best[candidate];
+            let noisy = &self.conditioned(cluster).noisy;
+            let mut term = MeanTerm::zero(mean.len(), self.conditioned(cluster));
+            self.add(candidate, 1.0, &mut term, true);
             let mut off = term.base;
-            noisy.add_gain(&term.w, &mut off);
-            add(&mut off, -1.0, &out.mean);
-            out.add_outer(share, &off, detail);
-            if let (Some((variance, w)), Some(exemplar)) = (term.step_scale, h.exemplar) {
-                let opened = self.part.opened(self.candidates.scored[h.scored].cluster);
-                let mut left = vec![0.0; off.len()];
-                noisy.add_gain(&w, &mut left);
-                left.iter_mut().for_each(|l| *l = -*l);
-                add_single(&mut left, 1.0, opened.step(exemplar));
-                out.add_outer(share * variance, &left, detail);
+            noisy.add_gain(&term.product, &mut off);
+            add(&mut off, -1.0, mean);
+            add_outer(covariance, share, &off);
+            if let (Some((variance, product)), Some(exemplar)) = (term.step, exemplar) {
+                // The step, less what the covariance with the observation takes back of it.
+                let exemplars = self
+                    .part
+                    .exemplars_of(self.candidates.clusters[cluster].index);
+                let mut along = vec![0.0; off.len()];
+                noisy.add_gain(&product, &mut along);
+                along.iter_mut().for_each(|l| *l = -*l);
+                add_single(&mut along, 1.0, exemplars.step(exemplar));
+                add_outer(covariance, share * variance, &along);
             }
         }
     }
@@ -366,4 +291,18 @@ impl<'a> PosteriorSum<'a> {
 fn add_single(to: &mut [f64], scale: f64, from: &[f32]) {
     let both = to.iter_mut().zip(from);
     both.for_each(|(t, f)| *t += scale * f64::from(*f));
+}
+
+/// `to` += `weight` x xᵀ.
+pub fn add_outer(to: &mut Array2<f64>, weight: f64, x: &[f64]) {
+    debug_assert!(to.is_standard_layout());
+    let Some(to) = to.as_slice_mut() else { return };
+    simd::dispatch8(
+        #[inline(always)]
+        || {
+            for (row, a) in to.chunks_exact_mut(x.len().max(1)).zip(x) {
+                add(row, weight * a, x);
+            }
+        },
+    );
 }

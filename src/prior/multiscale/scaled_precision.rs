@@ -1,298 +1,160 @@
-//! A block seen through noise, at some scales of its covariance: evidence and what a residual is solved to.
+//! The inverse of a noisy covariance at several scales: S_a = (a C_oo + R)⁻¹ for every a that is asked for.
+//!
+//! With axes T (columns) that diagonalise S_a for every a, z = Tᵀ r of a residual r, and s_a the n values on the diagonal:
+//!
+//! ```text
+//! S_a = T (diag(s_a) − diag(s_a) E_cᵀ G⁻¹ E_c diag(s_a)) Tᵀ,   G = E_c diag(s_a) E_cᵀ + diag(1 / δ) = L Lᵀ
+//! ```
+//!
+//! The second term is the correction (Woodbury) for the coordinates c whose noise exceeds the others' by δ; E_c are their
+//! rows of the axes. [`noisy_covariance`](super::noisy_covariance) says what T is.
+//!
+//! Cost: a scale takes O(c² n + c³) once, then O(c n + c²) a residual.
 
-use super::batched_cholesky::{BatchedCholesky, Four};
-use super::eigen_covariance::EigenCovariance;
-use super::part_mixture::ActiveSubMixture;
-use crate::numeric::simd::{self, combine, combine_of, row_dots, row_dots_of, weighted_rows};
-use crate::numeric::small_linalg::{dot, log_product};
-use std::borrow::Cow;
+use crate::numeric::simd::{self, combine, row_dots, weighted_products, weighted_rows};
+use crate::numeric::small_linalg::{backward, dot, factorise, forward, log_product};
 use std::sync::Arc;
 
-/// A lens at some scales of the covariance.
+/// Rows of the axes for the coordinates with more noise than the rest.
+#[derive(Debug, Clone, Default)]
+pub struct Exceptions {
+    /// E_c, (c, stride).
+    pub rows: Vec<f32>,
+    /// δ: by how much the noise variance exceeds the rest's, cm²; infinite where missing.
+    pub excess: Vec<f64>,
+}
+
+/// S_a at several scales a.
 #[derive(Debug, Clone)]
 pub struct ScaledPrecisions {
     /// a of each.
-    pub scales: Arc<[f64]>,
-    /// s of each, by rows: (scales, directions), padded.
-    precisions: Arc<[f32]>,
+    pub scales: Vec<f64>,
+    /// s_a, (scales, stride), 0 beyond the axes.
+    diagonals: Vec<f32>,
     stride: usize,
+    /// log N(0; 0, a C_oo + R) of each scale, nats.
     log_normalizers: Vec<f64>,
-    /// Nothing where no coordinate is.
-    exceptions: Option<Changed>,
+    exceptions: Arc<Exceptions>,
+    /// L of each scale, (c, c), lower triangle by rows.
+    factors: Vec<Vec<f64>>,
 }
 
-/// What coordinates that are changed make of a block.
-#[derive(Debug, Clone)]
-struct Changed {
-    /// How many coordinates.
-    n: usize,
-    rows: Rows,
-}
-
-#[derive(Debug, Clone)]
-enum Rows {
-    /// For few residuals: they are U's own.
-    Plain(Plain),
-    /// For many: L⁻¹ U_c diag(s) of each scale: (scales × changed, directions), padded.
-    Solved(Vec<f32>),
-}
-
-/// U_c, and L of all scales, L Lᵀ = G, four at a time.
-#[derive(Debug, Clone)]
-struct Plain {
-    basis: Arc<EigenCovariance>,
-    /// c, and the noise there.
-    exceptions: Arc<[(usize, f64)]>,
-    factors: Vec<BatchedCholesky>,
-}
-
-/// A block seen through noise that is everywhere the same, at some scales: what noise that is not starts from.
-#[derive(Debug, Clone)]
-pub struct IsotropicPrecisions {
-    /// At all directions.
-    pub scales: ScaledPrecisions,
-    /// P = U diag(s) Uᵀ, (d, d), lower triangle by rows, of four scales at a time side by side.
-    pub precisions: Vec<Vec<[f32; 4]>>,
-}
-
-/// One scale of a lens, with a weight.
-pub type WeightedScale<'a> = (&'a ScaledPrecisions, usize, f64);
-
-/// Room to work in, kept from one residual to the next.
+/// Buffers kept from one residual to the next.
 #[derive(Debug, Default)]
 pub struct Scratch {
-    single: Vec<f32>,
+    forms: Vec<f32>,
+    scaled: Vec<f32>,
     dots: Vec<f32>,
-    fours: Vec<Four>,
-    white: [Vec<f64>; 2],
+    white: Vec<f64>,
+    white_step: Vec<f64>,
 }
 
-/// Leaves are of so many scales at most.
-pub const MAX_EXEMPLAR_SCALES: usize = 16;
-
 impl ScaledPrecisions {
-    /// Of what `of` tells of each scale: s by directions, added to what it is given, and the log evidence of a residual of
-    /// nothing.
+    /// Precisions s = 1 / (a λ + `base`) along axes of the variances λ; the last axis counts `shared` times. `log_constant` is what does not depend on the
+    /// scale: −½ (observed coordinates) log 2π, and log |W| where residuals are whitened by W first.
     pub fn new(
-        scales: &[f64],
-        stride: usize,
-        of: impl Fn(f64, &mut Vec<f32>) -> f64,
+        scales: Vec<f64>,
+        (values, shared): (&[f64], usize),
+        base: f64,
+        exceptions: &Arc<Exceptions>,
+        log_constant: f64,
     ) -> ScaledPrecisions {
-        let mut precisions = Vec::with_capacity(scales.len() * stride);
+        let (stride, c) = (simd::padded(values.len()), exceptions.excess.len());
+        let finite = exceptions.excess.iter().copied().filter(|e| e.is_finite());
+        let log_constant = log_constant - 0.5 * log_product(finite);
+        let mut diagonals = vec![0.0; scales.len() * stride];
         let mut log_normalizers = Vec::with_capacity(scales.len());
-        for (at, scale) in scales.iter().enumerate() {
-            log_normalizers.push(of(*scale, &mut precisions));
-            precisions.resize((at + 1) * stride, 0.0);
+        let mut factors = Vec::new();
+        for (a, row) in scales.iter().zip(diagonals.chunks_exact_mut(stride)) {
+            let precision = |l: &f64| 1.0 / (a * l + base);
+            row.iter_mut()
+                .zip(values)
+                .for_each(|(s, l)| *s = precision(l) as f32);
+            let mut log = log_constant + 0.5 * log_product(values.iter().map(precision));
+            if let (true, Some(last)) = (shared > 1, values.last()) {
+                log += 0.5 * (shared - 1) as f64 * precision(last).ln();
+            }
+            if c > 0 {
+                let factor = exceptions.factor(row);
+                log -= log_product((0..c).map(|i| factor[i * c + i]));
+                factors.push(factor);
+            }
+            log_normalizers.push(log);
         }
         ScaledPrecisions {
-            scales: scales.into(),
-            precisions: precisions.into(),
+            scales,
+            diagonals,
             stride,
             log_normalizers,
-            exceptions: None,
-        }
-    }
-
-    /// The same where coordinates have more noise than `unit`, of which all have it; `constant` is added to the log
-    /// evidence. `many` where more residuals than there are changed coordinates are to come.
-    pub fn exceptions(
-        even: &IsotropicPrecisions,
-        basis: &Arc<EigenCovariance>,
-        exceptions: &Arc<[(usize, f64)]>,
-        base_variance: f64,
-        constant: f64,
-        many: bool,
-    ) -> ScaledPrecisions {
-        let (mut out, n) = (even.scales.clone(), exceptions.len());
-        if n == 0 {
-            return out;
-        }
-        let finite = exceptions.iter().filter(|(_, noise)| noise.is_finite());
-        let constant = constant - 0.5 * log_product(finite.map(|(_, noise)| noise - base_variance));
-        let mut all = Vec::with_capacity(out.scales.len().div_ceil(4));
-        let fours = out.log_normalizers.chunks_mut(4).zip(&even.precisions);
-        for (log_normalizers, precisions) in fours {
-            let factors = factors(precisions, basis.len(), exceptions, base_variance);
-            for (s, normaliser) in log_normalizers.iter_mut().enumerate() {
-                *normaliser += constant - log_product(factors.pivots(s));
-            }
-            all.push(factors);
-        }
-        let mut rows = Rows::Plain(Plain {
-            basis: basis.clone(),
             exceptions: exceptions.clone(),
-            factors: all,
-        });
-        if many {
-            let mut solved = Vec::with_capacity(out.scales.len() * n * out.stride);
-            for at in 0..out.scales.len() {
-                solved.extend_from_slice(&rows.solved(n, at, out.precisions(at)));
-            }
-            rows = Rows::Solved(solved);
+            factors,
         }
-        out.exceptions = Some(Changed { n, rows });
-        out
     }
 
-    /// s of one scale.
-    pub fn precisions(&self, at: usize) -> &[f32] {
-        &self.precisions[at * self.stride..(at + 1) * self.stride]
+    /// s_a of one scale.
+    pub fn diagonal(&self, at: usize) -> &[f32] {
+        &self.diagonals[at * self.stride..(at + 1) * self.stride]
     }
 
-    /// L⁻¹ U_c diag(s) of one scale by rows, where coordinates are changed.
-    pub fn correction_at(&self, at: usize) -> Option<Cow<'_, [f32]>> {
-        let exceptions = self.exceptions.as_ref()?;
-        Some(
-            exceptions
-                .rows
-                .solved(exceptions.n, at, self.precisions(at)),
-        )
-    }
-
-    /// The log evidence of a residual at each scale, given its z; into `out`.
+    /// log N(r; 0, a C_oo + R) at each scale, from z of the residual; into `out`.
     pub fn log_evidences(&self, z: &[f32], scratch: &mut Scratch, out: &mut Vec<f64>) {
-        let mut plain = [0.0; 16];
-        out.clear();
-        for (at, precisions) in self.precisions.chunks(16 * self.stride.max(1)).enumerate() {
-            weighted_rows(precisions, z, z, &mut plain);
-            let left = self.scales.len() - 16 * at;
-            out.extend(plain[..left.min(16)].iter().map(|v| f64::from(*v)));
-        }
-        match &self.exceptions {
-            None => {}
-            Some(Changed {
-                rows: Rows::Plain(plain),
-                ..
-            }) => {
-                let fours = plain.factors.iter().enumerate();
-                for ((of, factors), forms) in fours.zip(out.chunks_mut(4)) {
-                    self.less_known(plain, (4 * of, factors), z, scratch, forms);
-                }
-            }
-            Some(_) => {
-                let white = &mut scratch.white[0];
-                for (at, form) in out.iter_mut().enumerate() {
-                    self.whiten(at, z, (&mut scratch.single, &mut scratch.dots), white);
-                    *form -= dot(white, white);
-                }
-            }
-        }
-        for (out, normaliser) in out.iter_mut().zip(&self.log_normalizers) {
-            *out = normaliser - 0.5 * *out;
-        }
-    }
-
-    /// Takes qᵀ G⁻¹ q off the forms of up to four scales, the first of which is `first`.
-    fn less_known(
-        &self,
-        plain: &Plain,
-        (first, factors): (usize, &BatchedCholesky),
-        z: &[f32],
-        scratch: &mut Scratch,
-        forms: &mut [f64],
-    ) {
-        let n = plain.exceptions.len();
-        scratch.fours.clear();
-        scratch.fours.resize(n, [0.0; 4]);
-        scratch.dots.resize(n, 0.0);
-        for s in 0..forms.len() {
-            products(self.precisions(first + s), z, &mut scratch.single);
-            plain.dots(&scratch.single, &mut scratch.dots);
-            let both = scratch.fours.iter_mut().zip(&scratch.dots);
-            both.for_each(|(q, dot)| q[s] = f64::from(*dot));
-        }
-        factors.forward(&mut scratch.fours);
-        let mut known = [0.0; 4];
-        for q in &scratch.fours {
-            (0..4).for_each(|s| known[s] += q[s] * q[s]);
-        }
-        forms.iter_mut().zip(known).for_each(|(f, k)| *f -= k);
-    }
-
-    /// L⁻¹ q of a residual; nothing where no coordinate is changed.
-    pub fn whitened(&self, at: usize, z: &[f32]) -> Vec<f64> {
-        let (mut scratch, mut out) = (Scratch::default(), Vec::new());
-        self.whiten(at, z, (&mut scratch.single, &mut scratch.dots), &mut out);
-        out
-    }
-
-    /// The same into `out`.
-    fn whiten(
-        &self,
-        at: usize,
-        z: &[f32],
-        (single, dots): (&mut Vec<f32>, &mut Vec<f32>),
-        out: &mut Vec<f64>,
-    ) {
-        out.clear();
-        let Some(Changed { n, rows }) = &self.exceptions else {
-            return;
-        };
-        dots.resize(*n, 0.0);
-        match rows {
-            Rows::Solved(rows) => {
-                row_dots(solved_at(rows, at, n * self.stride), self.stride, z, dots)
-            }
-            Rows::Plain(plain) => {
-                products(self.precisions(at), z, single);
-                plain.dots(single, dots);
-            }
-        }
-        out.extend(dots.iter().map(|v| f64::from(*v)));
-        if let Rows::Plain(plain) = rows {
-            plain.factors[at / 4].forward_one(at % 4, out);
-        }
-    }
-
-    /// The log evidence of a residual at each of the leaves' levels, whose scales these are, given its z and that of the
-    /// leaf's step; into `out`.
-    pub fn exemplar_log_evidences(
-        &self,
-        (z, step): (&[f32], &[f32]),
-        levels: &[ActiveSubMixture],
-        scratch: &mut Scratch,
-        out: &mut Vec<f64>,
-    ) {
-        let mut forms = [[0.0f32; 3]; MAX_EXEMPLAR_SCALES];
-        let forms = &mut forms[..self.scales.len()];
-        let reaches = |at: usize| levels.iter().any(|l| l.at == at && l.step_scale > 0.0);
-        simd::weighted_forms(&self.precisions, z, step, reaches, forms);
         let Scratch {
-            single,
+            forms,
+            scaled,
             dots,
             white,
             ..
         } = scratch;
-        let [p, q] = white;
+        forms.resize(self.scales.len(), 0.0);
+        weighted_rows(&self.diagonals, z, z, forms);
         out.clear();
-        out.resize(levels.len(), 0.0);
         for (at, form) in forms.iter().enumerate() {
-            let mut form = form.map(f64::from);
-            if self.exceptions.is_some() {
-                self.whiten(at, z, (single, dots), p);
-                form[0] -= dot(p, p);
-                if reaches(at) {
-                    self.whiten(at, step, (single, dots), q);
-                    form[1] -= dot(p, q);
-                    form[2] -= dot(q, q);
-                }
-            }
-            let plain = self.log_normalizers[at] - 0.5 * form[0];
-            for (out, level) in out.iter_mut().zip(levels).filter(|(_, l)| l.at == at) {
-                let vv = level.step_scale * form[2];
-                let gain = 0.5 * level.step_scale * form[1] * form[1] / (1.0 + vv);
-                *out = if level.step_scale > 0.0 {
-                    plain + gain - 0.5 * vv.ln_1p()
-                } else {
-                    plain
-                };
-            }
+            self.whiten(at, z, (scaled, dots), white);
+            out.push(self.log_normalizers[at] - 0.5 * (f64::from(*form) - dot(white, white)));
         }
     }
 
-    /// Adds `weight` a w of a residual at a scale to `out`, given its z: w is the residual with the inverse of a C_oo + R
-    /// applied to it.
-    pub fn add_precision_product(
+    /// rᵀ S r, vᵀ S r and vᵀ S v at each scale, from z of a residual r and of a step v; into `out`.
+    pub fn step_forms(
+        &self,
+        z: &[f32],
+        step: &[f32],
+        scratch: &mut Scratch,
+        out: &mut Vec<[f64; 3]>,
+    ) {
+        let Scratch {
+            scaled,
+            dots,
+            white,
+            white_step,
+            ..
+        } = scratch;
+        let mut forms = [[0.0; 3]; MAX_SCALES];
+        let forms = &mut forms[..self.scales.len()];
+        simd::weighted_forms(&self.diagonals, z, step, |_| true, forms);
+        out.clear();
+        for (at, form) in forms.iter().enumerate() {
+            let [zz, vz, vv] = form.map(f64::from);
+            self.whiten(at, z, (scaled, dots), white);
+            self.whiten(at, step, (scaled, dots), white_step);
+            let corrected = [
+                dot(white, white),
+                dot(white_step, white),
+                dot(white_step, white_step),
+            ];
+            out.push([zz - corrected[0], vz - corrected[1], vv - corrected[2]]);
+        }
+    }
+
+    /// log N(r; 0, a C_oo + R + b v vᵀ) at one scale, by the matrix determinant lemma and Sherman and Morrison's formula;
+    /// `forms` are those of [`step_forms`](ScaledPrecisions::step_forms), `b` at least 0.
+    pub fn log_evidence_along_step(&self, at: usize, [zz, vz, vv]: [f64; 3], b: f64) -> f64 {
+        let gain = b * vz * vz / (1.0 + b * vv);
+        self.log_normalizers[at] - 0.5 * (zz - gain + (b * vv).ln_1p())
+    }
+
+    /// Adds `weight` times the axes' coordinates of S r at one scale to `out`, from z of the residual.
+    pub fn add_product(
         &self,
         at: usize,
         z: &[f32],
@@ -300,128 +162,83 @@ impl ScaledPrecisions {
         scratch: &mut Scratch,
         out: &mut [f32],
     ) {
-        let weight = (weight * self.scales[at]) as f32;
-        let Some(Changed { rows, .. }) = &self.exceptions else {
-            for ((o, s), z) in out.iter_mut().zip(self.precisions(at)).zip(z) {
-                *o += weight * s * z;
-            }
-            return;
-        };
         let Scratch {
-            single,
+            scaled,
             dots,
             white,
             ..
         } = scratch;
-        let q = &mut white[0];
-        self.whiten(at, z, (single, dots), q);
-        if let Rows::Plain(plain) = rows {
-            plain.factors[at / 4].backward_one(at % 4, q);
+        self.whiten(at, z, (scaled, dots), white);
+        let s = self.diagonal(at).iter().zip(z);
+        let weight = weight as f32;
+        if white.is_empty() {
+            out.iter_mut()
+                .zip(s)
+                .for_each(|(o, (s, z))| *o += weight * s * z);
+            return;
         }
+        backward(&self.factors[at], white.len(), white);
         dots.clear();
-        dots.extend(q.iter().map(|v| *v as f32));
-        single.clear();
-        single.resize(self.stride, 0.0);
-        let both = self.precisions(at).iter().zip(z);
-        match rows {
-            Rows::Plain(plain) => {
-                let (basis, which) = (&plain.basis, plain.which());
-                combine_of(basis.vectors(), self.stride, which, dots, single);
-                for ((o, c), (s, z)) in out.iter_mut().zip(single).zip(both) {
-                    *o += weight * s * (z - *c);
-                }
-            }
-            Rows::Solved(rows) => {
-                combine(
-                    solved_at(rows, at, q.len() * self.stride),
-                    self.stride,
-                    dots,
-                    single,
-                );
-                for ((o, c), (s, z)) in out.iter_mut().zip(single).zip(both) {
-                    *o += weight * (s * z - *c);
-                }
-            }
-        }
+        dots.extend(white.iter().map(|v| *v as f32));
+        combine(&self.exceptions.rows, self.stride, dots, scaled);
+        let both = out.iter_mut().zip(&*scaled);
+        both.zip(s)
+            .for_each(|((o, c), (s, z))| *o += weight * s * (z - c));
     }
-}
 
-impl Rows {
-    /// L⁻¹ U_c diag(s) of one scale, whose s are given; `n` coordinates are changed.
-    fn solved(&self, n: usize, at: usize, precisions: &[f32]) -> Cow<'_, [f32]> {
-        let plain = match self {
-            Rows::Plain(plain) => plain,
-            Rows::Solved(rows) => return solved_at(rows, at, n * precisions.len()).into(),
+    /// L⁻¹ E_c diag(s_a) of one scale, (c, stride); empty without exceptions.
+    pub fn correction(&self, at: usize) -> Vec<f32> {
+        let Some(factor) = self.factors.get(at) else {
+            return Vec::new();
         };
-        let mut wide = Vec::with_capacity(n * precisions.len());
-        for i in plain.which() {
-            let row = plain.basis.row(i).iter().zip(precisions);
-            wide.extend(row.map(|(u, s)| f64::from(u * s)));
+        let mut wide = Vec::with_capacity(self.exceptions.rows.len());
+        for row in self.exceptions.rows.chunks_exact(self.stride) {
+            wide.extend(
+                row.iter()
+                    .zip(self.diagonal(at))
+                    .map(|(e, s)| f64::from(e * s)),
+            );
         }
-        simd::forward(
-            &plain.factors[at / 4].one(at % 4),
-            &mut wide,
-            precisions.len(),
-        );
+        simd::forward(factor, &mut wide, self.stride);
         wide.iter().map(|v| *v as f32).collect()
     }
-}
 
-impl Plain {
-    fn which(&self) -> impl Iterator<Item = usize> + Clone {
-        self.exceptions.iter().map(|(i, _)| *i)
+    /// L⁻¹ E_c diag(s_a) z into `out`; empty without exceptions.
+    fn whiten(
+        &self,
+        at: usize,
+        z: &[f32],
+        (scaled, dots): (&mut Vec<f32>, &mut Vec<f32>),
+        out: &mut Vec<f64>,
+    ) {
+        out.clear();
+        let Some(factor) = self.factors.get(at) else {
+            return;
+        };
+        scaled.clear();
+        scaled.extend(self.diagonal(at).iter().zip(z).map(|(s, z)| s * z));
+        dots.resize(self.exceptions.excess.len(), 0.0);
+        row_dots(&self.exceptions.rows, self.stride, scaled, dots);
+        out.extend(dots.iter().map(|v| f64::from(*v)));
+        forward(factor, out.len(), out);
     }
-
-    /// U_c x.
-    fn dots(&self, x: &[f32], out: &mut [f32]) {
-        let basis = &self.basis;
-        row_dots_of(basis.vectors(), basis.stride(), self.which(), x, out);
-    }
 }
 
-/// Those of one scale, of which there are `size` numbers.
-fn solved_at(rows: &[f32], at: usize, size: usize) -> &[f32] {
-    &rows[at * size..(at + 1) * size]
-}
-
-/// L Lᵀ = G of up to four scales, by their P (d, d).
-fn factors(
-    precisions: &[[f32; 4]],
-    d: usize,
-    exceptions: &[(usize, f64)],
-    base_variance: f64,
-) -> BatchedCholesky {
-    let n = exceptions.len();
-    let mut lower = vec![[0.0; 4]; n * n];
-    for (a, (i, noise)) in exceptions.iter().enumerate() {
-        let row = &precisions[i * d..(i + 1) * d];
-        let own = &mut lower[a * n..=a * n + a];
-        for (l, (j, _)) in own.iter_mut().zip(exceptions) {
-            *l = row[*j].map(f64::from);
+impl Exceptions {
+    /// L of one scale, whose s_a are given.
+    fn factor(&self, diagonal: &[f32]) -> Vec<f64> {
+        let c = self.excess.len();
+        let mut gram = vec![0.0; c * c];
+        weighted_products(&self.rows, diagonal.len(), diagonal, &mut gram);
+        let mut lower: Vec<f64> = gram.iter().map(|v| f64::from(*v)).collect();
+        for (i, excess) in self.excess.iter().enumerate() {
+            // 1 / ∞ is 0: a missing coordinate.
+            lower[i * c + i] += 1.0 / excess;
         }
-        // 1 / ∞ is 0: a missing coordinate.
-        own[a]
-            .iter_mut()
-            .for_each(|l| *l += 1.0 / (noise - base_variance));
+        factorise(&mut lower, c);
+        lower
     }
-    BatchedCholesky::of(lower, n)
 }
 
-/// s z.
-fn products(precisions: &[f32], z: &[f32], out: &mut Vec<f32>) {
-    out.clear();
-    out.extend(precisions.iter().zip(z).map(|(s, z)| s * z));
-}
-
-/// The weight of each that is named, once.
-pub fn merged<'a>(weights: &[WeightedScale<'a>]) -> Vec<WeightedScale<'a>> {
-    let mut out: Vec<WeightedScale<'a>> = Vec::new();
-    for &(scales, at, weight) in weights {
-        let same = |o: &&mut WeightedScale<'a>| std::ptr::eq(o.0, scales) && o.1 == at;
-        match out.iter_mut().find(same) {
-            Some(o) => o.2 += weight,
-            None => out.push((scales, at, weight)),
-        }
-    }
-    out
-}
+/// The largest number of scales at which exemplars can be evaluated.
+pub const MAX_SCALES: usize = 16;

@@ -1,52 +1,56 @@
-//! Which blocks explain an observation.
+//! Search for the components of a part that explain an observation.
+//!
+//! Every level is ranked by a cheap distance, Σ w (y − mean)² with w = 1 / (variance within clusters + noise), and only the
+//! nearest clusters are evaluated. Around the likely ones of the finest level the nearest exemplars are evaluated. What is
+//! left out would weigh little; the last that are kept fade out, so that the evidence has no jumps.
+//!
+//! Cost: about 20 clusters and up to 128 exemplars a part, O(d²) a cluster and O(d) an exemplar.
 
-use super::candidates::{Candidate, Candidates, NEGLIGIBLE, ScoredCluster};
+use super::candidates::{Candidate, Candidates, NEGLIGIBLE};
+use super::conditioned::{ConditionedCluster, ConditionedPart};
 use super::exemplars::ClusterExemplars;
-use super::part_mixture::{ActiveSubMixture, ConditionedCluster, ConditionedPart, PartMixture};
+use super::part_mixture::{ActiveSubMixture, PartMixture};
 use super::scaled_precision::{ScaledPrecisions, Scratch};
 use super::top_k::TopK;
-use crate::numeric::simd::padded;
+use crate::numeric::simd::{self, padded};
 use crate::numeric::small_linalg::LogSum;
 
-/// So many blocks answer.
+/// At most this many components are kept.
 const MAX_CANDIDATES: usize = 96;
-/// So many cells of a level are looked at.
+/// At most this many clusters of a level are evaluated.
 const CLUSTERS_PER_LEVEL: usize = 5;
-/// So many cells are usually looked at in all.
+/// Room for the clusters that are usually evaluated.
 const TYPICAL_CLUSTERS: usize = 20;
-/// The leaves of cells this much less likely (nats) than the best are not looked at.
+/// Exemplars are evaluated of clusters at most this much (nats) below the best of the finest level.
 const OPEN_MARGIN: f64 = 6.0;
-/// Where most is seen no further cell is looked at after the first that is this much less likely (nats) than the best.
+/// Where most coordinates are observed, a level ends with the first cluster this much (nats) below the best.
 const CLUSTER_STOP_MARGIN: f64 = 10.0;
-/// So many of the nearest leaves are weighed at most.
+/// At most this many exemplars are evaluated.
 const MAX_EXEMPLARS: usize = 128;
-/// So many of them at a time; where all of these are this much less likely (nats) than the best block, no further ones are.
+/// Exemplars evaluated between two looks at [`EXEMPLAR_STOP_MARGIN`].
 const EXEMPLAR_BATCH: usize = 8;
+/// Exemplars end with the first batch this much (nats) below the best component.
 const EXEMPLAR_STOP_MARGIN: f64 = 9.0;
 
 impl PartMixture {
-    /// How well the cells explain `y` (d; read where observed): the leaves of some are to be looked at.
+    /// Evaluates the clusters for `y` (d; read where observed); [`ComponentSearch::evaluate_exemplars`] goes on.
     pub fn search<'a>(
         &'a self,
         conditioned: &'a ConditionedPart,
         y: &'a [f64],
         scratch: &mut SearchScratch,
     ) -> ComponentSearch<'a> {
-        let exemplars = !self.exemplar_sub_mixtures().is_empty();
-        self.search_by(conditioned, y, exemplars, scratch)
+        self.search_clusters(conditioned, y, !self.active_exemplars().is_empty(), scratch)
     }
 
-    /// How well the cells alone do: good enough to place a pose.
-    pub fn candidates_among_clusters(
-        &self,
-        conditioned: &ConditionedPart,
-        y: &[f64],
-    ) -> Candidates {
-        self.search_by(conditioned, y, false, &mut SearchScratch::default())
-            .end()
+    /// The candidates among the clusters alone: good enough to place a pose.
+    pub fn cluster_candidates(&self, conditioned: &ConditionedPart, y: &[f64]) -> Candidates {
+        let scratch = &mut SearchScratch::default();
+        self.search_clusters(conditioned, y, false, scratch)
+            .finish()
     }
 
-    fn search_by<'a>(
+    fn search_clusters<'a>(
         &'a self,
         conditioned: &'a ConditionedPart,
         y: &'a [f64],
@@ -54,65 +58,66 @@ impl PartMixture {
         scratch: &mut SearchScratch,
     ) -> ComponentSearch<'a> {
         let mut search = ComponentSearch::new(self, conditioned, y);
-        if !conditioned.observes_any() {
-            // Nothing observed: the prior itself, by its coarsest cell.
-            return search;
-        }
-        // The finest first: what they explain much better needs no other.
-        for index in (0..self.cluster_levels.len()).rev() {
-            let finest = exemplars && index + 1 == self.cluster_levels.len();
-            if finest || !self.active(index).is_empty() {
-                search.score_clusters(index, scratch);
+        if conditioned.observes_any() {
+            // The finest level first: what it explains much better makes the coarser ones short.
+            for level in (0..self.levels.len()).rev() {
+                let needed = exemplars && level + 1 == self.levels.len();
+                if needed || !self.active(level).is_empty() {
+                    search.evaluate_level(level, scratch);
+                }
             }
         }
         search
     }
 }
 
-/// What searches work with, kept from one to the next.
+/// Buffers kept from one search to the next.
 #[derive(Default)]
 pub struct SearchScratch {
-    near: TopK,
+    nearest: TopK,
     distances: Vec<f32>,
     off: Vec<f32>,
     z: Vec<f32>,
-    each: Vec<f64>,
-    state: ExemplarResidual,
-    scratch: Scratch,
+    log_evidences: Vec<f64>,
+    forms: Vec<[f64; 3]>,
+    residual: ExemplarResidual,
+    products: Scratch,
 }
 
-/// The best blocks so far.
+/// A search under way.
 pub struct ComponentSearch<'a> {
     part: &'a PartMixture,
     conditioned: &'a ConditionedPart,
     y: &'a [f64],
-    single: Vec<f32>,
-    candidates: Candidates,
-    /// Of the blocks of each level.
+    /// y in single precision, 0 where missing, padded.
+    masked: Vec<f32>,
+    found: Candidates,
+    /// The log sum over the components of each sub-mixture.
     sums: Vec<LogSum>,
-    /// The log that a block must reach.
+    /// The log that a component must reach to be kept.
     worst: f64,
-    /// The best log of a cell.
-    top: f64,
-    /// The best log of a block, its level's weight included.
+    /// The best log evidence of a cluster.
+    best_cluster: f64,
+    /// The best log of a component, its weight included.
     best: f64,
 }
 
-/// A finest cell whose leaves are looked at.
+/// A cluster of the finest level whose exemplars are evaluated.
 #[derive(Clone, Copy)]
-struct OpenedCluster<'a> {
-    scored: usize,
-    cluster_conditioned: &'a ConditionedCluster,
-    opened: &'a ClusterExemplars,
-    scales: &'a ScaledPrecisions,
+struct OpenCluster<'a> {
+    /// Its place among the evaluated clusters.
+    place: usize,
+    conditioned: &'a ConditionedCluster,
+    exemplars: &'a ClusterExemplars,
+    precisions: &'a ScaledPrecisions,
 }
 
-/// One of the nearest leaves.
+/// One of the nearest exemplars.
 struct NearExemplar {
-    /// What its log is to be added.
+    /// Added to its log evidence, at most 0.
     fade: f64,
-    /// Which of the likely cells.
-    of: usize,
+    /// Its cluster among the open ones.
+    open: usize,
     exemplar: usize,
 }
 
@@ -122,281 +127,263 @@ impl<'a> ComponentSearch<'a> {
         conditioned: &'a ConditionedPart,
         y: &'a [f64],
     ) -> ComponentSearch<'a> {
+        let stride = padded(part.coordinates.len());
         ComponentSearch {
-            candidates: Candidates {
-                best: Vec::with_capacity(MAX_CANDIDATES),
-                scored: Vec::with_capacity(TYPICAL_CLUSTERS),
-                zs: Vec::with_capacity(TYPICAL_CLUSTERS * padded(part.coordinates.len())),
-                ..Candidates::default()
-            },
-            sums: vec![LogSum::default(); part.levels.len()],
+            found: Candidates::with_capacity(MAX_CANDIDATES, TYPICAL_CLUSTERS, stride),
+            sums: vec![LogSum::default(); part.sub_mixtures.len()],
             worst: f64::NEG_INFINITY,
-            top: f64::NEG_INFINITY,
+            best_cluster: f64::NEG_INFINITY,
             best: f64::NEG_INFINITY,
             part,
             conditioned,
             y,
-            single: conditioned.single(y),
+            masked: conditioned.masked(y),
         }
     }
 
-    /// Evaluates the nearest cells of one level at all its scales.
-    fn score_clusters(&mut self, index: usize, scratch: &mut SearchScratch) {
+    /// Evaluates the nearest clusters of one level at all its scales.
+    fn evaluate_level(&mut self, level: usize, scratch: &mut SearchScratch) {
         let (part, conditioned) = (self.part, self.conditioned);
-        let clusters = &part.cluster_levels[index];
-        let levels = part.active(index);
+        let clusters = &part.levels[level];
+        let active = part.active(level);
         scratch.off.clear();
-        scratch.off.resize(self.single.len(), 0.0);
-        clusters.distances(
-            &self.single,
-            &conditioned.distance_weights[index],
-            &mut scratch.distances,
-        );
-        scratch.near.clear();
-        for (distances, log) in scratch.distances.iter().zip(&clusters.log_proportions) {
-            scratch.near.push(distances - 2.0 * *log as f32);
+        scratch.off.resize(self.masked.len(), 0.0);
+        let weights = &conditioned.distance_weights[level];
+        clusters.distances(&self.masked, weights, &mut scratch.distances);
+        scratch.nearest.clear();
+        for (distance, log) in scratch.distances.iter().zip(&clusters.log_proportions) {
+            scratch.nearest.push(distance - 2.0 * *log as f32);
         }
-        for (cluster, fade) in scratch.near.quantize(CLUSTERS_PER_LEVEL) {
-            let cluster_conditioned = conditioned.cluster_conditioned(part, index, cluster);
-            let means = self.y.iter().zip(clusters.mean(cluster));
-            let rest = scratch.off.iter_mut().zip(means);
-            rest.for_each(|(o, (y, m))| *o = (y - m) as f32);
-            cluster_conditioned
-                .noisy
-                .project(&scratch.off, &mut scratch.z);
-            (cluster_conditioned.scales).log_evidences(
-                &scratch.z,
-                &mut scratch.scratch,
-                &mut scratch.each,
-            );
-            let share = clusters.log_proportions[cluster] + fade;
-            let scored = self.candidates.scored.len();
-            let mut most = f64::NEG_INFINITY;
-            for log in &scratch.each {
-                most = most.max(log + share);
-            }
-            for level in levels {
+        for (index, fade) in scratch.nearest.nearest(CLUSTERS_PER_LEVEL) {
+            let cluster = conditioned.cluster(part, level, index);
+            let residual = self.y.iter().zip(clusters.mean(index));
+            let off = scratch.off.iter_mut().zip(residual);
+            off.for_each(|(o, (y, m))| *o = (y - m) as f32);
+            cluster.noisy.project(&scratch.off, &mut scratch.z);
+            let logs = &mut scratch.log_evidences;
+            (cluster.precisions).log_evidences(&scratch.z, &mut scratch.products, logs);
+            let log_proportion = clusters.log_proportions[index] + fade;
+            let best = logs.iter().fold(f64::NEG_INFINITY, |best, log| {
+                best.max(log + log_proportion)
+            });
+            let place = self.found.clusters.len();
+            for sub_mixture in active {
+                let at = sub_mixture.scale_index;
+                let log = scratch.log_evidences[at] + log_proportion;
                 self.add(
-                    level,
+                    sub_mixture,
                     Candidate {
-                        log: scratch.each[level.at] + share,
-                        scored,
+                        log,
+                        cluster: place,
                         exemplar: None,
-                        at: level.at,
+                        at,
                     },
                 );
             }
-            self.candidates.scored.push(ScoredCluster {
-                index,
-                cluster,
-                most,
-                start: self.candidates.zs.len(),
-            });
-            self.candidates.zs.extend_from_slice(&scratch.z);
-            // A finest cell may be looked at for its leaves' sake alone.
-            if !levels.is_empty() {
-                self.top = self.top.max(most);
+            self.found.push_cluster(level, index, best, &scratch.z);
+            // A finest cluster may be evaluated for its exemplars' sake alone.
+            if !active.is_empty() {
+                self.best_cluster = self.best_cluster.max(best);
             }
-            // Further ones are farther off; but where much is missing, being near says too little.
-            if conditioned.observes_most() && most < self.top - CLUSTER_STOP_MARGIN {
+            // Further clusters are farther off; but where much is missing, being near says too little.
+            if conditioned.observes_most() && best < self.best_cluster - CLUSTER_STOP_MARGIN {
                 break;
             }
         }
     }
 
-    /// log Σ over the levels and blocks that were looked at.
+    /// log p(y) by the components evaluated so far; 0 where nothing is observed.
     pub fn evidence(&self) -> f64 {
         if !self.conditioned.observes_any() {
             return 0.0;
         }
         let mut all = LogSum::default();
-        for (level, weight) in self.sums.iter().zip(&self.part.log_weights) {
-            all.add(level.log() + weight);
+        for (sum, weight) in self.sums.iter().zip(&self.part.log_weights) {
+            all.add(sum.log() + weight);
         }
         all.log()
     }
 
-    /// Evaluates the nearest leaves of the cells that may hold the pose.
-    pub fn open(&mut self, scratch: &mut SearchScratch) {
+    /// Evaluates the nearest exemplars of the likely clusters.
+    pub fn evaluate_exemplars(&mut self, scratch: &mut SearchScratch) {
         let part = self.part;
-        let levels = part.exemplar_sub_mixtures();
-        if levels.is_empty() {
+        let active = part.active_exemplars();
+        if active.is_empty() {
             return;
         }
-        let clusters = self.likely();
-        let near = self.near(&clusters, scratch);
-        let share = -(part.exemplars.len() as f64).ln();
-        for some in near.chunks(EXEMPLAR_BATCH) {
+        let open = self.likely_clusters();
+        let near = self.near_exemplars(&open, scratch);
+        let log_proportion = -(part.exemplars.len() as f64).ln();
+        for batch in near.chunks(EXEMPLAR_BATCH) {
             let mut best = f64::NEG_INFINITY;
-            for &NearExemplar { fade, of, exemplar } in some {
-                let OpenedCluster {
-                    scored,
-                    cluster_conditioned,
-                    opened,
-                    scales,
-                } = clusters[of];
-                let (state, each) = (&mut scratch.state, &mut scratch.each);
-                state.set_exemplar(
-                    cluster_conditioned,
-                    self.candidates.z(scored, cluster_conditioned),
-                    opened,
-                    &self.single,
-                    exemplar,
-                );
-                scales.exemplar_log_evidences(
-                    (&state.z, &state.step),
-                    levels,
-                    &mut scratch.scratch,
-                    each,
-                );
-                for (at, (level, log)) in levels.iter().zip(each).enumerate() {
+            for near in batch {
+                let OpenCluster {
+                    place,
+                    conditioned,
+                    exemplars,
+                    precisions,
+                } = open[near.open];
+                let residual = &mut scratch.residual;
+                let z = self.found.z(place, conditioned);
+                residual.set_exemplar(conditioned, z, exemplars, &self.masked, near.exemplar);
+                let forms = &mut scratch.forms;
+                precisions.step_forms(&residual.z, &residual.step, &mut scratch.products, forms);
+                for (at, sub_mixture) in active.iter().enumerate() {
+                    let scale = sub_mixture.scale_index;
+                    let log = precisions.log_evidence_along_step(
+                        scale,
+                        scratch.forms[scale],
+                        sub_mixture.step_scale,
+                    );
                     let candidate = Candidate {
-                        log: share + fade + *log,
-                        scored,
-                        exemplar: Some(exemplar),
+                        log: log_proportion + near.fade + log,
+                        cluster: place,
+                        exemplar: Some(near.exemplar),
                         at,
                     };
-                    best = best.max(self.add(level, candidate));
+                    best = best.max(self.add(sub_mixture, candidate));
                 }
             }
-            // Further ones are farther off.
+            // Further exemplars are farther off.
             if best < self.best - EXEMPLAR_STOP_MARGIN {
                 break;
             }
         }
     }
 
-    /// The cells whose leaves are looked at.
-    fn likely(&self) -> Vec<OpenedCluster<'a>> {
+    /// The clusters of the finest level whose exemplars are evaluated.
+    fn likely_clusters(&self) -> Vec<OpenCluster<'a>> {
         let (part, conditioned) = (self.part, self.conditioned);
-        let finest = part.cluster_levels.len() - 1;
-        let scored = self.candidates.scored.iter().enumerate();
-        let scored: Vec<(f64, usize)> = scored
-            .filter(|(_, s)| s.index == finest)
-            .map(|(i, s)| (s.most, i))
-            .collect();
-        let most = scored.iter().fold(f64::NEG_INFINITY, |a, s| a.max(s.0));
-        let likely = scored.into_iter().filter(|s| s.0 >= most - OPEN_MARGIN);
-        let of = |(_, scored): (f64, usize)| {
-            let cluster = self.candidates.scored[scored].cluster;
-            OpenedCluster {
-                scored,
-                cluster_conditioned: conditioned.cluster_conditioned(part, finest, cluster),
-                opened: part.opened(cluster),
-                scales: conditioned.exemplars(part, cluster),
-            }
-        };
-        likely.map(of).collect()
+        let finest = part.levels.len() - 1;
+        let evaluated = self.found.clusters.iter().enumerate();
+        let evaluated = || evaluated.clone().filter(|(_, c)| c.level == finest);
+        let best = evaluated().fold(f64::NEG_INFINITY, |best, (_, c)| best.max(c.best));
+        let likely = evaluated().filter(|(_, c)| c.best >= best - OPEN_MARGIN);
+        let open = likely.map(|(place, cluster)| OpenCluster {
+            place,
+            conditioned: conditioned.cluster(part, finest, cluster.index),
+            exemplars: part.exemplars_of(cluster.index),
+            precisions: conditioned.exemplar_precisions(part, cluster.index),
+        });
+        open.collect()
     }
 
-    /// The nearest leaves of some cells, the nearest first.
-    fn near(
+    /// The nearest exemplars of the open clusters, the nearest first.
+    fn near_exemplars(
         &self,
-        clusters: &[OpenedCluster<'_>],
+        open: &[OpenCluster<'_>],
         scratch: &mut SearchScratch,
     ) -> Vec<NearExemplar> {
-        let distance_weights =
-            &self.conditioned.distance_weights[self.part.cluster_levels.len() - 1];
+        let weights = &self.conditioned.distance_weights[self.part.levels.len() - 1];
         let mut starts = vec![0];
-        scratch.near.clear();
-        for cluster in clusters {
-            cluster
-                .opened
-                .distances(&self.single, distance_weights, &mut scratch.distances);
+        scratch.nearest.clear();
+        for cluster in open {
+            (cluster.exemplars).distances(&self.masked, weights, &mut scratch.distances);
             scratch
                 .distances
                 .iter()
-                .for_each(|distances| scratch.near.push(*distances));
-            starts.push(scratch.near.len());
+                .for_each(|d| scratch.nearest.push(*d));
+            starts.push(scratch.nearest.len());
         }
-        let of = |(place, fade): (usize, f64)| {
-            let of = starts.partition_point(|s| *s <= place) - 1;
+        let near = scratch.nearest.nearest(MAX_EXEMPLARS).map(|(place, fade)| {
+            let open = starts.partition_point(|s| *s <= place) - 1;
             NearExemplar {
                 fade,
-                exemplar: place - starts[of],
-                of,
+                exemplar: place - starts[open],
+                open,
             }
-        };
-        scratch.near.quantize(MAX_EXEMPLARS).map(of).collect()
+        });
+        near.collect()
     }
 
-    /// Counts a block of a level, whose log evidence is told, and keeps it if it is among the best; gives the log of its
-    /// weight times its evidence.
-    fn add(&mut self, level: &ActiveSubMixture, candidate: Candidate) -> f64 {
-        self.sums[level.level].add(candidate.log);
-        let log = candidate.log + self.part.log_weights[level.level];
+    /// Counts a component whose log evidence is given, and keeps it if it is among the best; returns the log of its weight
+    /// times its evidence.
+    fn add(&mut self, sub_mixture: &ActiveSubMixture, candidate: Candidate) -> f64 {
+        self.sums[sub_mixture.index].add(candidate.log);
+        let log = candidate.log + self.part.log_weights[sub_mixture.index];
         self.best = self.best.max(log);
         if log > self.worst.max(self.best - NEGLIGIBLE) {
-            self.candidates.best.push(Candidate { log, ..candidate });
-            if self.candidates.best.len() == 4 * MAX_CANDIDATES {
+            self.found.best.push(Candidate { log, ..candidate });
+            if self.found.best.len() == 4 * MAX_CANDIDATES {
                 self.trim();
             }
         }
         log
     }
 
-    /// Leaves the best few, in no order.
+    /// Leaves the best [`MAX_CANDIDATES`], in no order.
     fn trim(&mut self) {
-        let best = &mut self.candidates.best;
+        let best = &mut self.found.best;
         if best.len() > MAX_CANDIDATES {
-            let place = |h: &Candidate| (h.scored, h.exemplar, h.at);
-            let order = |a: &Candidate, b: &Candidate| {
-                let log_evidences = b.log.total_cmp(&a.log);
-                log_evidences.then_with(|| place(a).cmp(&place(b)))
-            };
-            best.select_nth_unstable_by(MAX_CANDIDATES - 1, order);
+            let place = |c: &Candidate| (c.cluster, c.exemplar, c.at);
+            best.select_nth_unstable_by(MAX_CANDIDATES - 1, |a, b| {
+                b.log
+                    .total_cmp(&a.log)
+                    .then_with(|| place(a).cmp(&place(b)))
+            });
             best.truncate(MAX_CANDIDATES);
             self.worst = best[MAX_CANDIDATES - 1].log;
         }
     }
 
     /// What was found.
-    pub fn end(mut self) -> Candidates {
-        self.candidates.evidence = self.evidence();
-        let observes_any = self.conditioned.observes_any();
-        let levels = self
-            .sums
-            .iter()
-            .map(|s| if observes_any { s.log() } else { 0.0 });
-        self.candidates.levels = levels.collect();
+    pub fn finish(mut self) -> Candidates {
+        self.found.evidence = self.evidence();
+        let any = self.conditioned.observes_any();
+        let logs = self.sums.iter().map(|s| if any { s.log() } else { 0.0 });
+        self.found.sub_mixture_evidences = logs.collect();
         self.trim();
-        let log_evidences = self.candidates.best.iter().map(|h| h.log);
-        let top = log_evidences.fold(f64::NEG_INFINITY, f64::max);
-        self.candidates.best.retain(|h| h.log >= top - NEGLIGIBLE);
-        self.candidates
+        let logs = self.found.best.iter().map(|c| c.log);
+        let top = logs.fold(f64::NEG_INFINITY, f64::max);
+        self.found.best.retain(|c| c.log >= top - NEGLIGIBLE);
+        self.found
     }
 }
 
-/// What is left of an observation beside a leaf, in the directions of a lens.
+/// An observation less an exemplar's pose, and the exemplar's step, along the axes of a noisy covariance.
 #[derive(Default)]
 pub struct ExemplarResidual {
-    /// Of the observation less the leaf's pose.
+    /// z of the residual.
     pub z: Vec<f32>,
-    /// Of the leaf's step.
+    /// z of the step.
     pub step: Vec<f32>,
     off: Vec<f32>,
 }
 
 impl ExemplarResidual {
-    /// Of one of a finest cell's leaves; `of_cell` is what is left beside the cell's mean, `y` (padded) the observation.
+    /// For an exemplar of a cluster; `cluster_z` is z of the observation less the cluster's mean, `y` (masked, padded) the
+    /// observation.
     pub fn set_exemplar(
         &mut self,
-        cluster_conditioned: &ConditionedCluster,
-        of_cell: &[f32],
-        opened: &ClusterExemplars,
+        cluster: &ConditionedCluster,
+        cluster_z: &[f32],
+        exemplars: &ClusterExemplars,
         y: &[f32],
         exemplar: usize,
     ) {
-        let (noisy, pose) = (&cluster_conditioned.noisy, opened.pose(exemplar));
-        if noisy.uses_eigenvectors() {
-            // A coordinate that is missing counts as the cell's mean here: what stands there makes no difference.
-            noisy.shift(of_cell, opened.code(exemplar), y, pose, &mut self.z);
-            noisy.step_coordinates(opened.step_coordinates(exemplar), &mut self.step);
+        if cluster.noisy.uses_eigenvectors() {
+            // A missing coordinate counts as the cluster's mean here: with infinite noise its value does not matter.
+            self.z.clear();
+            let shifted = cluster_z.iter().zip(exemplars.eigen_pose(exemplar));
+            self.z.extend(shifted.map(|(z, e)| z - e));
+            self.step.clear();
+            let step = &exemplars.eigen_step(exemplar)[..cluster_z.len()];
+            self.step.extend_from_slice(step);
+            if let Some(last) = cluster.noisy.shared_axis() {
+                let squared_length = simd::distance(y, exemplars.pose(exemplar));
+                cluster
+                    .noisy
+                    .complete_shared_axis(squared_length, &mut self.z);
+                self.step[last..].fill(0.0);
+            }
         } else {
             self.off.clear();
-            self.off.extend(y.iter().zip(pose).map(|(y, x)| y - x));
-            noisy.project(&self.off, &mut self.z);
-            noisy.project(opened.step(exemplar), &mut self.step);
+            let residual = y.iter().zip(exemplars.pose(exemplar));
+            self.off.extend(residual.map(|(y, x)| y - x));
+            cluster.noisy.project(&self.off, &mut self.z);
+            cluster
+                .noisy
+                .project(exemplars.step(exemplar), &mut self.step);
         }
     }
 }
