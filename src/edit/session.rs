@@ -146,7 +146,7 @@ mod tests {
             session.pin(name, position);
         }
         let mut target = at(&session, "lwrist");
-        let arm = distance(target, at(&session, "lelbow"));
+        let arm = distance(target, at(&session, "lradius"));
         for _ in 0..10 {
             let before = at(&session, "lwrist");
             target[1] += 1.0;
@@ -157,7 +157,7 @@ mod tests {
         for (name, position) in feet {
             assert!(distance(position, at(&session, name)) <= 0.05, "{name}");
         }
-        let length = distance(at(&session, "lwrist"), at(&session, "lelbow"));
+        let length = distance(at(&session, "lwrist"), at(&session, "lradius"));
         assert!((length - arm).abs() <= 0.3, "{length} {arm}");
         assert!(session.drag("nose", [0.0; 3]).solve().is_err());
         session.release("nose").drag("lwrist", [f64::NAN; 3]);
