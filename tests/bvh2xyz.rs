@@ -71,7 +71,7 @@ fn ends_stand_under_the_bones_own_names() {
 fn the_custom_is_stated_once_and_units_and_axes_are_turned() {
     run(&[], FILE)
         .success()
-        .stderr(contains("taken as cm, y up").count(1));
+        .stderr(contains("assuming cm and y up").count(1));
     run(&["-q"], FILE)
         .success()
         .stderr(predicate::str::is_empty());

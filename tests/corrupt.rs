@@ -162,7 +162,7 @@ fn gaps_need_a_rate_room_and_a_length() {
     let bare = "a.x,a.y,a.z\n".to_string() + &"1,2,3\n".repeat(31);
     let gaps = ["--gaps", "1", "--length", "0.5"];
     let said = corrupt(&gaps, &bare).failure().code(1);
-    said.stderr(contains("standard input: has no time column").and(contains("--fps")));
+    said.stderr(contains("standard input: has no column time").and(contains("--fps")));
     let text = out(&[&gaps[..], &["--fps", "10"]].concat(), &bare);
     assert_eq!(text.lines().filter(|l| *l == ",,").count(), 5);
 

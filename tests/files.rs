@@ -239,7 +239,7 @@ fn what_was_never_seen_stays_missing_in_codes() {
     let lines: Vec<&str> = back.lines().collect();
     assert_eq!((lines[2], lines[4]), (",,,,,", "0,0,0,0,0,0"));
     let torn = "atom1,coef1,rms\n,5,0\n";
-    assert!(fails("decode", &["-m", &model], torn.as_bytes(), 1).contains("no columns atom1"));
+    assert!(fails("decode", &["-m", &model], torn.as_bytes(), 1).contains("atom1 is empty"));
     let torn = "atom1,coef1,rms\n0,3,1\n0,2,\"1\n0,1,1\n";
     assert!(fails("decode", &["-m", &model], torn.as_bytes(), 1).contains("quote"));
     // Standard input is no place for both.
