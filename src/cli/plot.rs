@@ -1,4 +1,4 @@
-//! What `plot` does around the library: tables become figures, names become bones, a CSV file becomes a table of text.
+//! The inputs of `plot`: pose tables with statuses, bones by name, and a table of text.
 
 use super::args::InputArgs;
 use super::input::{RowStream, open};
@@ -112,7 +112,7 @@ impl PlotTable {
     }
 }
 
-/// The status a row tells of a point; a point without such a column was observed.
+/// The status of a point in a row; a point without such a column is observed.
 fn status(file: &str, row: &Row, column: Option<usize>) -> Result<Status> {
     let Some(cell) = column.and_then(|c| row.cells.get(c)) else {
         return Ok(Status::Observed);
@@ -140,7 +140,7 @@ pub fn name_of(path: &Path) -> String {
     name.into_owned()
 }
 
-/// Where the takes and the cuts in them begin; `rate` is that of takes whose times tell none.
+/// The runs of a table; `rate` is that of takes without a rate of their own.
 pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
     let (takes, rates, mut take) = (poses.takes(), poses.rates(), 0);
     let run = |range: Range<usize>| {
@@ -223,7 +223,7 @@ mod tests {
             .iter()
             .map(|run| (run.name, run.first, run.rate))
             .collect();
-        // A cut begins with each long step, and one frame alone tells no rate.
+        // A run begins at each long step; a single frame has no rate.
         let want = [
             ("a", 0, 10.0),
             ("a", 6, 10.0),

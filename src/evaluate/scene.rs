@@ -1,4 +1,4 @@
-//! What the pictures are made of: figures that move over the same frames, and what is said beside them.
+//! A scene to draw: figures over the same frames, with title, notes and table.
 //!
 //! [`figure::svg`](super::figure::svg) and [`player::page`](super::player::page) draw the same [`Scene`].
 
@@ -6,10 +6,10 @@ pub use crate::pose::Status;
 use crate::{Error, Result};
 use ndarray::ArrayView2;
 
-/// One take or table: the same points over the same frames as its neighbours in the scene.
+/// One take or table. All figures of a scene have the same points and frames.
 #[derive(Debug, Clone, Copy)]
 pub struct Figure<'a> {
-    /// What it is called in the picture: "truth", "damaged", "restored".
+    /// The caption, such as "truth", "damaged" or "restored".
     pub name: &'a str,
     /// Frames x (3 x points): x, y, z of each point in centimetres, right-handed, y up.
     /// A point is missing where one of its three is not finite (or beyond 100 km); an axis that is missing
@@ -19,7 +19,15 @@ pub struct Figure<'a> {
     pub status: Option<ArrayView2<'a, Status>>,
 }
 
-/// A stretch of consecutive frames: a take, or what lies between two cuts in one.
+impl<'a> Figure<'a> {
+    /// A figure without statuses.
+    pub fn new(name: &'a str, xyz: ArrayView2<'a, f64>) -> Figure<'a> {
+        let status = None;
+        Figure { name, xyz, status }
+    }
+}
+
+/// A range of consecutive frames: a take, or what lies between two cuts in one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run<'a> {
     /// The take's name.
@@ -43,7 +51,7 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// What is drawn: one or more figures over the same frames.
+/// One or more figures over the same frames.
 #[derive(Debug, Clone, Default)]
 pub struct Scene<'a> {
     /// The heading.
@@ -59,17 +67,17 @@ pub struct Scene<'a> {
     pub figures: Vec<Figure<'a>>,
     /// Where runs begin, in rising order, the first at frame 0; empty: one run from time 0.
     pub runs: &'a [Run<'a>],
-    /// A word beside the name of each figure (the page only); may be shorter than the list of figures.
+    /// A note beside the name of each figure (page only); may be shorter than the list of figures.
     pub notes: &'a [String],
-    /// The figure that is drawn faintly behind every other one (the page only).
+    /// The figure that is drawn faintly behind each other one (page only).
     pub behind: Option<usize>,
     /// The frame that the page opens with, counted from 0.
     pub start: usize,
     /// A sentence below the heading.
     pub note: Option<&'a str>,
-    /// A table below the figures (the page only).
+    /// A table below the figures (page only).
     pub table: Option<Table>,
-    /// Whom the data is owed to; the last line.
+    /// The credit line for the data, at the end.
     pub credit: Option<&'a str>,
 }
 
@@ -99,8 +107,11 @@ impl Scene<'_> {
         }
     }
 
-    /// Fails on what could not be drawn: a rate that is none, bones between no points,
-    /// figures of different shapes, runs out of order, a table's row longer than its header.
+    /// Checks that the scene can be drawn.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a rate that is not above 0, a bone without its points, figures of different shapes, runs out of
+    /// order, or a table row longer than the header.
     pub fn check(&self) -> Result<()> {
         let usage = |what: String| Err(Error::usage(what));
         let points = self.points.len();
@@ -173,11 +184,7 @@ mod tests {
     fn each_rule_has_its_message() {
         let names = ["a".to_string(), "b".to_string()];
         let xyz = Array2::<f64>::zeros((3, 6));
-        let figure = Figure {
-            name: "f",
-            xyz: xyz.view(),
-            status: None,
-        };
+        let figure = Figure::new("f", xyz.view());
         let good = Scene {
             points: &names,
             rate: 60.0,
@@ -215,11 +222,7 @@ mod tests {
             "2 points",
         );
         let short = Array2::<f64>::zeros((2, 6));
-        let other = Figure {
-            name: "g",
-            xyz: short.view(),
-            status: None,
-        };
+        let other = Figure::new("g", short.view());
         fails(
             Scene {
                 figures: vec![figure, other],
@@ -294,11 +297,7 @@ mod tests {
     fn frames_are_spread_from_first_to_last() {
         let names = ["a".to_string()];
         let xyz = Array2::<f64>::zeros((10, 3));
-        let figure = Figure {
-            name: "f",
-            xyz: xyz.view(),
-            status: None,
-        };
+        let figure = Figure::new("f", xyz.view());
         let scene = Scene {
             points: &names,
             rate: 60.0,

@@ -1,9 +1,9 @@
-//! What a picture must know of a scene before it draws: sides of the body, ground, size, heading.
+//! Geometry of a scene that every drawing needs: sides of the body, ground, size and heading.
 
 use super::scene::{Scene, Status};
 
-/// What is farther than this from the origin (cm) cannot be drawn and counts as missing: 100 km.
-const FARTHEST: f64 = 1e7;
+/// Points farther than this from the origin (cm, 100 km) count as missing.
+const MAX_COORDINATE: f64 = 1e7;
 
 /// The side of the body that a point or bone is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,7 +13,7 @@ pub(super) enum Side {
     Right,
 }
 
-/// What is derived from a scene once.
+/// The geometry of a scene, computed once.
 pub(super) struct SceneGeometry<'s, 'a> {
     scene: &'s Scene<'a>,
     /// Figures x axes: whether the axis is missing throughout, and so drawn as zero.
@@ -51,7 +51,7 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
         let boxes: Vec<[[f64; 2]; 3]> = (0..scene.frames())
             .filter_map(|t| geometry.extent(t))
             .collect();
-        // The lowest hundredth, not the minimum: one stray point must not lift the figure off the grid.
+        // The 1% quantile, not the minimum: one outlier must not move the ground.
         let lows = boxes.iter().map(|b| b[1][0]).collect();
         geometry.ground = quantile(lows, 0.01).unwrap_or(0.0);
         let diagonal = |b: &[[f64; 2]; 3]| {
@@ -73,7 +73,10 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
                 place[axis] = xyz[[frame, 3 * point + axis]];
             }
         }
-        place.iter().all(|v| v.abs() <= FARTHEST).then_some(place)
+        place
+            .iter()
+            .all(|v| v.abs() <= MAX_COORDINATE)
+            .then_some(place)
     }
 
     /// The status of a point that is there.
@@ -106,7 +109,7 @@ impl<'s, 'a> SceneGeometry<'s, 'a> {
         extent
     }
 
-    /// The horizontal middle (x, z) of the reference figure in a frame: the medians, which a stray point hardly moves.
+    /// The horizontal middle (x, z) of the reference figure in a frame: the medians, which an outlier hardly moves.
     pub fn middle(&self, frame: usize) -> Option<[f64; 2]> {
         let points = 0..self.scene.points.len();
         let seen: Vec<[f64; 3]> = points
@@ -266,11 +269,7 @@ mod tests {
     fn a_body_that_faces_z_is_seen_looking_to_the_right() {
         let points = names(&["lfoot", "rfoot"]);
         let xyz = array![[10.0, 0.0, 0.0, -10.0, 0.0, 0.0]]; // y up: left of +z is +x
-        let figure = Figure {
-            name: "",
-            xyz: xyz.view(),
-            status: None,
-        };
+        let figure = Figure::new("", xyz.view());
         let scene = Scene {
             points: &points,
             rate: 1.0,
@@ -313,14 +312,10 @@ mod tests {
     }
 
     #[test]
-    fn a_stray_point_leaves_the_middle_where_it_is() {
+    fn an_outlier_does_not_move_the_middle() {
         let points = names(&["a", "b", "c"]);
         let xyz = array![[1.0, 0.0, 5.0, 2.0, 0.0, 6.0, 9e4, 0.0, 9e4]];
-        let figure = Figure {
-            name: "",
-            xyz: xyz.view(),
-            status: None,
-        };
+        let figure = Figure::new("", xyz.view());
         let scene = Scene {
             points: &points,
             rate: 1.0,
@@ -334,11 +329,7 @@ mod tests {
     fn an_axis_missing_throughout_is_drawn_flat() {
         let points = names(&["a"]);
         let xyz = array![[1.0, 2.0, f64::NAN], [f64::NAN, 2.0, f64::NAN]];
-        let figure = Figure {
-            name: "",
-            xyz: xyz.view(),
-            status: None,
-        };
+        let figure = Figure::new("", xyz.view());
         let scene = Scene {
             points: &points,
             rate: 1.0,

@@ -1,4 +1,4 @@
-//! Reading the arrays of models, checked; and models that are their training poses.
+//! Checked arrays of models, and models that consist of their training poses.
 
 use crate::io::Model;
 use crate::prior::OpenOptions;
@@ -28,7 +28,7 @@ pub(super) fn rows<'a>(
     Ok(array)
 }
 
-/// The typical poses, or where the model has none, some of its own.
+/// The representative poses of a model, or evenly spaced ones of `own` if it has none: (k, D), cm.
 pub(super) fn typical_or(
     model: &Model,
     own: ArrayView2<'_, f32>,
@@ -42,11 +42,11 @@ pub(super) fn typical_or(
     Ok(own.select(Axis(0), &some).mapv(f64::from))
 }
 
-/// Opens a model that is its training poses: `poses` (n, D), and its tuning.
+/// Opens a model that consists of its training poses `poses` (n, D), at its tuned settings.
 ///
 /// # Errors
 /// Data: no such array, a wrong shape, numbers that are not finite.
-pub(super) fn of_poses(
+pub(super) fn open_exemplars(
     model: &Model,
     options: &OpenOptions,
     source: &str,
@@ -62,11 +62,11 @@ pub(super) fn of_poses(
     ))
 }
 
-/// Makes such a model, and finds the settings that are for the caller to write into it.
+/// Makes such a model and tunes it; the caller writes the tuning into the model.
 ///
 /// # Errors
 /// Data: no poses to learn from.
-pub(super) fn learn_poses(
+pub(super) fn train_exemplars(
     kind: &str,
     poses: &TrainingSet,
     options: &TrainOptions,

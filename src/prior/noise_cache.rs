@@ -1,15 +1,15 @@
-//! What was made for the noise patterns met before: frames of a take share a few.
+//! A cache by noise pattern. The frames of a take share a few patterns.
 
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// What was made, by the bits of the noise. Clones share it.
+/// Values by the bits of the variances. Clones share one cache.
 pub struct NoiseCache<T>(Arc<Mutex<HashMap<Vec<u64>, Arc<T>>>>);
 
 impl<T> NoiseCache<T> {
-    /// What was made for this noise; made now where it was not. With `most` patterns remembered, the next starts anew.
-    /// All who ask share one: what it works out later is worked out once.
+    /// The value of this noise pattern, made now unless it is cached. A full cache (`most` patterns) is emptied first.
+    /// Callers share one value, so lazily computed parts of it are computed once.
     pub fn get(&self, noise: &[f64], most: usize, make: impl FnOnce() -> T) -> Arc<T> {
         let key: Vec<u64> = noise.iter().map(|n| n.to_bits()).collect();
         let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -50,10 +50,10 @@ mod tests {
 
     #[test]
     fn a_pattern_is_made_once_until_there_are_too_many() {
-        let met = NoiseCache::default();
+        let cache = NoiseCache::default();
         let mut count = 0;
         let mut ask = |noise: &[f64]| {
-            *met.get(noise, 2, || {
+            *cache.get(noise, 2, || {
                 count += 1;
                 count
             })
@@ -68,12 +68,12 @@ mod tests {
 
     #[test]
     fn clones_and_threads_share_one() {
-        let met = NoiseCache::default();
-        let clone = met.clone();
-        let first = met.get(&[1.0], 4, || 1);
+        let cache = NoiseCache::default();
+        let clone = cache.clone();
+        let first = cache.get(&[1.0], 4, || 1);
         assert!(Arc::ptr_eq(&first, &clone.get(&[1.0], 4, || 2)));
         // Who is asked for it while it is made makes it too, and then all hold the first.
-        let slow = met.get(&[2.0], 4, || *clone.get(&[2.0], 4, || 3) + 1);
-        assert_eq!((*slow, *met.get(&[2.0], 4, || 9)), (3, 3));
+        let slow = cache.get(&[2.0], 4, || *clone.get(&[2.0], 4, || 3) + 1);
+        assert_eq!((*slow, *cache.get(&[2.0], 4, || 9)), (3, 3));
     }
 }

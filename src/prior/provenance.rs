@@ -1,10 +1,10 @@
-//! What a model's history keeps of how it came to be: the command, its flags, and its inputs by their digests.
+//! The history of a model: commands, flags, and digests of the inputs.
 
 use crate::io::model::HistoryEntry;
 use ndarray::ArrayView2;
 use sha2::{Digest, Sha256};
 
-/// The digest of poses that a model's history keeps: names and numbers, not files.
+/// The SHA-256 digest of poses (m, 3 J): of names and numbers, not of files.
 pub fn digest(points: &[String], xyz: ArrayView2<'_, f32>) -> String {
     let mut hash = Sha256::new();
     hash.update(points.join(",").as_bytes());
@@ -19,7 +19,7 @@ pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// A step for a model's history.
+/// An entry of a model's history.
 pub fn entry(command: &str, flags: &[(&str, String)], inputs: Vec<String>) -> HistoryEntry {
     HistoryEntry {
         command: command.into(),

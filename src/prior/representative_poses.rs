@@ -1,15 +1,18 @@
-//! A few typical poses, far apart, that headings are found with.
+//! A few training poses, far apart, from which placements start.
 
 use crate::Result;
 use crate::cluster;
 use ndarray::{Array2, ArrayView2, Axis};
 
-/// How many typical poses a model keeps to find headings with.
+/// Number of representative poses of a model.
 pub const TYPICAL: usize = 32;
-/// How many poses they are chosen from at most.
+/// Largest number of poses they are chosen from, evenly spaced.
 const TYPICAL_FROM: usize = 20_000;
 
-/// Poses nearest to the centres of a few clusters.
+/// The poses nearest to the centroids of 32 clusters: (k, D), cm.
+///
+/// # Errors
+/// Data: no poses.
 pub fn representative_poses(xyz: ArrayView2<'_, f32>) -> Result<Array2<f32>> {
     let step = xyz.nrows().div_ceil(TYPICAL_FROM).max(1);
     let some: Vec<usize> = (0..xyz.nrows()).step_by(step).collect();

@@ -1,4 +1,4 @@
-//! Pairs of points that keep their distance: bones, and whatever else is stiff, learnt from the poses themselves.
+//! Pairs of points at a rigid distance, such as the ends of a bone, learned from poses.
 //!
 //! A distance is rigid when it hardly changes *within* takes. Between takes it may: the lengths are the person's, so
 //! they are kept body by body, one row for all takes that agree. Pairs that others imply (the third side of a stretched
@@ -20,7 +20,7 @@ const ROUNDING: f64 = 1e-3;
 const SAME_BODY: f64 = 0.05;
 /// A pair whose gradient lies in the span of better ones but for this share is implied by them.
 const IMPLIED: f64 = 0.1;
-/// At most so many pairs, bodies, points and sampled frames.
+/// Largest numbers of pairs, bodies, points and sampled frames.
 const MOST: (usize, usize, usize, usize) = (96, 256, 128, 4000);
 
 /// Two points at a rigid distance.
@@ -218,7 +218,7 @@ impl RigidPairs {
     }
 }
 
-/// Some rows of each take, evenly spaced; takes of one frame tell nothing.
+/// Evenly spaced rows of each take; takes of a single frame are left out.
 fn sample(takes: &[Range<usize>]) -> Vec<Vec<usize>> {
     let most = (MOST.3 / takes.len().max(1)).max(8);
     let some = |t: &Range<usize>| {

@@ -43,7 +43,7 @@ use ndarray::{Array2, ArrayView2};
 pub trait Ask {
     /// The posterior with its covariance.
     fn full(&self, values: &[f64], variance: &[f64]) -> Posterior;
-    /// The same of observations in rows (n, 3 J).
+    /// The posteriors of observations in rows (n, 3 J), with their covariances.
     fn full_rows(
         &self,
         values: ArrayView2<'_, f64>,

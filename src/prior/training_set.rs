@@ -1,4 +1,7 @@
-//! Poses made ready for learning, and the model that comes of it.
+//! Training poses in the model's space, and how they are used.
+//!
+//! Complete poses are placed (root at the origin, no global rotation) and, in world space, given the bone lengths of the
+//! mean body; incomplete or unplaceable frames are left out and counted.
 
 use super::provenance::digest;
 use super::representative_poses::representative_poses;
@@ -11,7 +14,7 @@ use ndarray::{Array2, Axis};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Poses ready for learning.
+/// Training poses, ready for learning.
 #[derive(Debug, Clone)]
 pub struct TrainingSet {
     /// The points' names.
@@ -20,13 +23,13 @@ pub struct TrainingSet {
     pub xyz: Array2<f32>,
     /// The rows of each take, in time order.
     pub takes: Vec<Range<usize>>,
-    /// The bones they all have (world) or mostly have (body), where the points' bones are known.
+    /// The bone lengths of all poses (world) or of their mean (body); `None` if the points' bones are unknown.
     pub body: Option<Body>,
-    /// What they were placed by, in world space.
+    /// The anchor by which the poses were placed, in world space.
     pub anchor: Option<Anchor>,
-    /// Frames left out: some point was missing.
+    /// Number of frames left out because a point is missing.
     pub incomplete: usize,
-    /// Frames left out: their placement is not determined.
+    /// Number of frames left out because their placement is not determined.
     pub unplaced: usize,
 }
 

@@ -284,7 +284,7 @@ struct MethodJob<'a> {
 struct Restorer<'a> {
     prior: &'a dyn Prior,
     rigid: Option<&'a RigidModel>,
-    /// Whether the model must be told a noise variance under sparse noise, because it was not tuned to one.
+    /// Whether the model needs a noise variance under sparse noise, because it was not tuned to one.
     needs_variance: bool,
 }
 

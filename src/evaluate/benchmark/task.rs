@@ -72,7 +72,7 @@ pub struct PoseDamage<'a> {
     pub split: Split,
 }
 
-/// Damaged poses and what a model is told about the damage.
+/// Damaged poses and the noise variances that a method is given.
 #[derive(Debug, Clone)]
 pub struct DamagedPoses {
     /// (frames, 3 J), cm; NaN where missing.

@@ -32,7 +32,7 @@ pub struct Options {
     /// How frames and figures share the picture.
     pub layout: Layout,
     /// Where the viewer stands, in degrees: 0 at +z, 90 at +x. `None`: chosen so that the body,
-    /// if its points' names tell left from right, is seen from the side and a little from the front.
+    /// if its points' names define left and right, is seen from the side and a little from the front.
     pub azimuth: Option<f64>,
     /// How far the viewer looks down, in degrees: 0 is level, 90 straight from above.
     pub elevation: f64,
@@ -55,7 +55,10 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Fails on an angle that is none or a height out of range.
+    /// Checks the limits.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an angle or a height out of range.
     pub fn check(&self) -> Result<()> {
         if let Some(azimuth) = self.azimuth.filter(|a| !a.is_finite()) {
             return Err(Error::usage(format!("azimuth {azimuth} must be finite")));
@@ -79,7 +82,7 @@ impl Options {
 /// Draws chosen frames (counted from 0) of a scene as an SVG document.
 ///
 /// # Errors
-/// Usage, if [`Scene::check`] or [`Options::check`] fails or a frame is past the last.
+/// [`Error::Usage`] if [`Scene::check`] or [`Options::check`] fails, or a frame does not exist.
 pub fn svg(scene: &Scene<'_>, frames: &[usize], options: &Options) -> Result<String> {
     scene.check()?;
     options.check()?;
@@ -276,11 +279,7 @@ mod tests {
                     xyz: xyz.view(),
                     status: Some(status.view()),
                 },
-                Figure {
-                    name: "b",
-                    xyz: xyz.view(),
-                    status: None,
-                },
+                Figure::new("b", xyz.view()),
             ],
             runs: &runs,
             credit: Some("a & b < c"),
@@ -311,11 +310,7 @@ mod tests {
         all(|options| {
             well_formed(&svg(&nothing, &[], &options).unwrap());
             for xyz in [&none, &zero, &empty] {
-                let figure = Figure {
-                    name: "f",
-                    xyz: xyz.view(),
-                    status: None,
-                };
+                let figure = Figure::new("f", xyz.view());
                 let scene = Scene {
                     points: &one,
                     rate: 1.0,
@@ -335,11 +330,7 @@ mod tests {
         let mut torn = whole.clone();
         torn[[0, 3]] = f64::NAN;
         let count = |xyz: &Array2<f64>| {
-            let figure = Figure {
-                name: "f",
-                xyz: xyz.view(),
-                status: None,
-            };
+            let figure = Figure::new("f", xyz.view());
             let scene = Scene {
                 points: &points,
                 bones: &[(0, 1), (0, 2)],
@@ -358,13 +349,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_asked_must_exist() {
+    fn unknown_frames_and_bad_options_are_refused() {
         let (points, xyz) = (names(), motion(3));
-        let figure = Figure {
-            name: "f",
-            xyz: xyz.view(),
-            status: None,
-        };
+        let figure = Figure::new("f", xyz.view());
         let scene = Scene {
             points: &points,
             rate: 1.0,

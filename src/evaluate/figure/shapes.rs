@@ -81,7 +81,7 @@ pub fn dot([x, y]: [f64; 2], radius: f64, color: &str, status: Status) -> String
     }
 }
 
-/// Text in lines of about so many characters.
+/// Text broken into lines of at most `most` characters, if its words allow.
 pub fn wrapped(text: &str, most: f64) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -96,7 +96,7 @@ pub fn wrapped(text: &str, most: f64) -> Vec<String> {
     lines
 }
 
-/// Text of at most so many characters.
+/// Text shortened to at most `most` characters.
 pub fn shortened(text: &str, most: usize) -> String {
     if text.chars().count() <= most {
         return text.to_string();

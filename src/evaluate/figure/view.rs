@@ -1,4 +1,4 @@
-//! What is seen: which frames of which figures stand in which panel, and where a point of the world lies on the paper.
+//! The panels, and the projection from world coordinates to the picture.
 
 use super::{Layout, Picture};
 
@@ -75,14 +75,14 @@ impl Picture<'_, '_> {
             y * tilt_cos - near * tilt_sin,
             near * tilt_cos + y * tilt_sin,
         );
-        // What comes close to the eye is not let past it.
+        // A point near or behind the eye is enlarged at most four times.
         let enlarged = self
             .eye
             .map_or(1.0, |eye| eye / (eye - near).max(eye / 4.0));
         [right * enlarged, up * enlarged, near]
     }
 
-    /// The window that holds all but the farthest strays of all panels.
+    /// The window that holds all but the outermost 1/400 of the points on each side.
     pub fn window(&self, panels: &[Panel]) -> Window {
         let (mut across, mut up) = (Vec::new(), Vec::new());
         for panel in panels {
@@ -97,9 +97,12 @@ impl Picture<'_, '_> {
         across.sort_by(f64::total_cmp);
         up.sort_by(f64::total_cmp);
         let ends = |sorted: &[f64]| {
-            let stray = sorted.len() / 400;
-            let low = sorted.get(stray).copied().unwrap_or(0.0);
-            (low, sorted.iter().rev().nth(stray).copied().unwrap_or(low))
+            let outliers = sorted.len() / 400;
+            let low = sorted.get(outliers).copied().unwrap_or(0.0);
+            (
+                low,
+                sorted.iter().rev().nth(outliers).copied().unwrap_or(low),
+            )
         };
         let ((left, right), (low, high)) = (ends(&across), ends(&up));
         let room = ROOM + HEAD * self.geometry.size;

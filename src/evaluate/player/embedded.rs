@@ -4,9 +4,9 @@
 //! value (`-32768`: missing), or 32-bit floats (NaN: missing) where such a step would show. Statuses are run lengths,
 //! point by point.
 
-use crate::evaluate::html::base64;
 use crate::evaluate::scene::{Scene, Status};
 use crate::evaluate::scene_geometry::{SceneGeometry, Side};
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
 /// A step between neighbouring 16-bit values above this (cm) would be seen.
@@ -130,7 +130,7 @@ fn coordinates(values: &[f64], columns: usize) -> Value {
             .iter()
             .flat_map(|v| (*v as f32).to_le_bytes())
             .collect();
-        return json!({ "format": "f32", "data": base64(&bytes) });
+        return json!({ "format": "f32", "data": BASE64_STANDARD.encode(&bytes) });
     }
     let code = |(i, value): (usize, &f64)| {
         if value.is_nan() {
@@ -150,7 +150,7 @@ fn coordinates(values: &[f64], columns: usize) -> Value {
         .map(code)
         .flat_map(i16::to_le_bytes)
         .collect();
-    json!({ "format": "i16", "low": low, "step": steps, "data": base64(&bytes) })
+    json!({ "format": "i16", "low": low, "step": steps, "data": BASE64_STANDARD.encode(&bytes) })
 }
 
 /// Status and how often it follows itself, again and again.

@@ -6,10 +6,11 @@
 mod embedded;
 mod table;
 
-use crate::evaluate::html::{base64, escape, fill, script_json};
+use crate::evaluate::html::{escape, fill, script_json};
 use crate::evaluate::scene::Scene;
 use crate::evaluate::scene_geometry::SceneGeometry;
 use crate::{Error, Result};
+use base64::prelude::{BASE64_STANDARD, Engine};
 use embedded::{embedded, sparing};
 use sha2::{Digest, Sha256};
 
@@ -18,7 +19,7 @@ const PART: &str = include_str!("part.html");
 const KEYS: &str = include_str!("keys.html");
 const LINKS: &str = include_str!("links.html");
 const PAGE_STYLE: &str = concat!(include_str!("player.css"), include_str!("page.css"));
-/// What brings every player of a page to life.
+/// The script of all players of a page.
 pub(super) const SCRIPT: &str = concat!(
     include_str!("paper.js"),
     "\nfunction player(root, scene) {",
@@ -28,12 +29,12 @@ pub(super) const SCRIPT: &str = concat!(
     include_str!("start.js"),
 );
 
-/// What may be left out to keep the page small.
+/// How many frames are embedded.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
-    /// Embed every how manieth frame; `None`: as few are left out as the limit allows.
+    /// Embed one frame of every `every`; `None` for as many as the limit allows.
     pub every: Option<usize>,
-    /// The most bytes that the coordinates may take in the page, without `every`.
+    /// Largest size of the coordinates in the page, bytes, without `every`.
     pub limit: usize,
 }
 
@@ -47,7 +48,10 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Fails on zero.
+    /// Checks the limits.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for zero.
     pub fn check(&self) -> Result<()> {
         if self.every == Some(0) {
             return Err(Error::usage("every 0th frame: must be at least 1"));
@@ -62,9 +66,9 @@ impl Options {
 /// The page that plays a scene: HTML, complete in itself, the same bytes for the same scene.
 ///
 /// # Errors
-/// Usage, if [`Scene::check`] or [`Options::check`] fails.
+/// [`Error::Usage`] if [`Scene::check`] or [`Options::check`] fails.
 pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
-    let (player, remarks) = placed(scene, options, " data-alone")?;
+    let (player, remarks) = player_and_remarks(scene, options, " data-alone")?;
     let title = escape(if scene.title.is_empty() {
         "Motion"
     } else {
@@ -99,7 +103,7 @@ pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
 /// # Errors
 /// As [`page`].
 pub(super) fn part(scene: &Scene<'_>, options: &Options) -> Result<String> {
-    Ok(placed(scene, options, "")?.0)
+    Ok(player_and_remarks(scene, options, "")?.0)
 }
 
 /// The list of keys that all players of a page share.
@@ -107,8 +111,12 @@ pub(super) fn keys() -> String {
     fill(KEYS, &[("links", "")])
 }
 
-/// The player with its scene, and what must be admitted below it.
-fn placed(scene: &Scene<'_>, options: &Options, attributes: &str) -> Result<(String, String)> {
+/// The player with its scene, and the remarks below it.
+fn player_and_remarks(
+    scene: &Scene<'_>,
+    options: &Options,
+    attributes: &str,
+) -> Result<(String, String)> {
     scene.check()?;
     options.check()?;
     let geometry = SceneGeometry::of(scene);
@@ -121,7 +129,7 @@ fn placed(scene: &Scene<'_>, options: &Options, attributes: &str) -> Result<(Str
     Ok((fill(PART, &values), remarks(scene, &geometry, every)))
 }
 
-/// What the page must admit: frames left out, figures that are flat.
+/// Remarks on frames left out and on flat figures.
 fn remarks(scene: &Scene<'_>, geometry: &SceneGeometry<'_, '_>, every: usize) -> String {
     let mut said = Vec::new();
     if every > 1 {
@@ -143,7 +151,10 @@ fn remarks(scene: &Scene<'_>, geometry: &SceneGeometry<'_, '_>, every: usize) ->
 
 /// A source's hash as a content security policy wants it.
 pub(super) fn policy_hash(source: &str) -> String {
-    format!("sha256-{}", base64(&Sha256::digest(source.as_bytes())))
+    format!(
+        "sha256-{}",
+        BASE64_STANDARD.encode(Sha256::digest(source.as_bytes()))
+    )
 }
 
 #[cfg(test)]
@@ -172,32 +183,11 @@ mod tests {
         serde_json::from_str(after.split("</script").next().unwrap()).unwrap()
     }
 
-    fn unbase64(text: &str) -> Vec<u8> {
-        let value = |c: u8| match c {
-            b'A'..=b'Z' => c - b'A',
-            b'a'..=b'z' => c - b'a' + 26,
-            b'0'..=b'9' => c - b'0' + 52,
-            b'+' => 62,
-            _ => 63,
-        };
-        let padding = text.bytes().rev().take_while(|c| *c == b'=').count();
-        let mut bytes: Vec<u8> = text
-            .as_bytes()
-            .chunks(4)
-            .flat_map(|four| {
-                let word = four
-                    .iter()
-                    .fold(0u32, |w, c| w << 6 | u32::from(value(*c) & 63));
-                [(word >> 16) as u8, (word >> 8) as u8, word as u8]
-            })
-            .collect();
-        bytes.truncate(bytes.len() - padding);
-        bytes
-    }
-
     /// What the script decodes.
     fn decoded(figure: &Value, columns: usize) -> Vec<f64> {
-        let bytes = unbase64(figure["data"].as_str().unwrap());
+        let bytes = BASE64_STANDARD
+            .decode(figure["data"].as_str().unwrap())
+            .unwrap();
         if figure["format"] == "f32" {
             let read = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().unwrap()));
             return bytes.chunks(4).map(read).collect();
@@ -221,11 +211,7 @@ mod tests {
             let mut xyz = wave(50, 4, size);
             xyz[[3, 4]] = f64::NAN;
             xyz[[4, 0]] = f64::INFINITY;
-            let figure = Figure {
-                name: "f",
-                xyz: xyz.view(),
-                status: None,
-            };
+            let figure = Figure::new("f", xyz.view());
             let scene = Scene {
                 points: &points,
                 rate: 60.0,
@@ -344,11 +330,7 @@ mod tests {
             Array2::zeros((1, 3)),
             Array2::from_elem((3, 3), f64::NAN),
         ] {
-            let figure = Figure {
-                name: "f",
-                xyz: xyz.view(),
-                status: None,
-            };
+            let figure = Figure::new("f", xyz.view());
             let scene = Scene {
                 points: &points,
                 rate: 1.0,
@@ -370,11 +352,7 @@ mod tests {
     fn frames_are_left_out_to_keep_the_limit_and_the_page_says_so() {
         let points = names(10);
         let xyz = wave(1000, 10, 100.0);
-        let figure = Figure {
-            name: "f",
-            xyz: xyz.view(),
-            status: None,
-        };
+        let figure = Figure::new("f", xyz.view());
         let runs = [
             Run {
                 name: "a",
@@ -460,11 +438,7 @@ mod tests {
     fn the_same_scene_gives_the_same_bytes() {
         let points = names(5);
         let xyz = wave(300, 5, 80.0);
-        let figure = Figure {
-            name: "f",
-            xyz: xyz.view(),
-            status: None,
-        };
+        let figure = Figure::new("f", xyz.view());
         let scene = Scene {
             points: &points,
             rate: 60.0,

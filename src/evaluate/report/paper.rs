@@ -31,9 +31,16 @@ struct PaperData {
 
 /// A model by the paper's name and by that of the method here.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(from = "(String, String)")]
 pub(super) struct Model {
     pub name: String,
     pub method: String,
+}
+
+impl From<(String, String)> for Model {
+    fn from((name, method): (String, String)) -> Model {
+        Model { name, method }
+    }
 }
 
 /// The errors of one task for one subject (or `all`), one a model of the paper.

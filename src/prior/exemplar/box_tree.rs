@@ -1,4 +1,4 @@
-//! The nearest poses, exactly, by a tree, under any weighted distance over any of the coordinates.
+//! Exact nearest neighbors under any weighted distance over any subset of the coordinates, by a tree of boxes.
 //!
 //! The distance is d²(y, x) = Σ_o w_o (y_o − x_o)²: a weight of 0 leaves a coordinate out, so a pose with missing points
 //! is looked up as easily as a whole one. A tree of balls under one metric could not serve another; boxes can: where the
@@ -16,13 +16,13 @@ use crate::pose::PoseTransform;
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::BinaryHeap;
 
-/// Poses in a leaf: scanning them costs about what bounding their node does.
+/// Largest number of poses in a leaf: scanning them costs about as much as bounding their node.
 const LEAF: usize = 16;
 /// Relative slack put on bounds: far above the rounding of f64 sums, far below what matters.
 const SLACK: f64 = 1e-9;
-/// The same for coordinates along the axes, relative to the longest pose.
+/// Slack of bounds along the principal axes, relative to the largest coordinate.
 const ROUNDING: f64 = 1e-12;
-/// The principal axes are measured on so many poses at most.
+/// Largest number of poses from which the principal axes are computed.
 const MEASURED: usize = 20_000;
 
 /// A pose found.
@@ -61,7 +61,7 @@ pub struct BoxTree {
     nodes: Vec<Node>,
     /// Two rows a node, the least and the greatest of each coordinate: (2 nodes, D).
     boxes: Array2<f64>,
-    /// The same along the axes.
+    /// The boxes along the principal axes: (2 nodes, D).
     turned: Array2<f64>,
     /// The greatest number in `turned`.
     reach: f64,

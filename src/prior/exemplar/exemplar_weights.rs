@@ -1,30 +1,30 @@
-//! All training poses at once: how well each explains an observation, and what those that do say together.
+//! Weights of all training poses given an observation, and their weighted mean and covariance.
 
 use ndarray::linalg::general_mat_mul;
 use ndarray::{Array1, Array2, ArrayView1, ArrayView2, Axis};
 
 /// Poses of a density below e⁻²⁰ of the best's are left out: even a million of them weigh less than 1/400.
 const NEGLIGIBLE: f64 = 20.0;
-/// The covariance of the poses averaged leaves out those that weigh so much less than the heaviest.
+/// The covariance leaves out poses with less than this share of the largest weight.
 const LIGHT: f64 = 1e-5;
-/// It is made of so many poses at most: where the width is large nearly all have a weight. Measured with 10,500 poses of
-/// CMU's 01 and 02, whole takes held out: the error is the same to 0.2%.
+/// Largest number of poses in the covariance; with a large width nearly all poses have a weight. Measured with 10,500
+/// poses of CMU's 01 and 02, whole takes held out: the error is the same to 0.2%.
 const SAMPLE: usize = 2048;
 
-/// Poses made ready to be compared with.
+/// Training poses, centred for fast distances.
 #[derive(Debug)]
 pub struct ExemplarWeights {
-    /// What is subtracted before squares cancel: the mean pose.
+    /// The mean pose (D), subtracted so that squared distances cancel less.
     pub middle: Vec<f64>,
     /// x − middle, (n, D).
     pub rows: Array2<f32>,
-    /// The squares of these.
+    /// Their squares (n, D).
     squares: Array2<f32>,
     /// The greatest magnitude of each column of `rows`.
     reach: Vec<f64>,
 }
 
-/// The poses that explain an observation, and the normalised weight of each.
+/// The poses with a weight for an observation, and their normalized weights.
 pub struct Explained {
     rows: Vec<u32>,
     weights: Vec<f64>,

@@ -6,7 +6,7 @@
 //! (the inverse of the paper's lambda) is found on held-back poses. Chai and Hodgins cut C to its principal components;
 //! the small rest that is left here only makes the prior's own noise e I finer.
 //!
-//! The neighbours are exact, found by a tree; frames that follow one another start from the neighbours of the frame
+//! The neighbors are exact, found by a tree; frames that follow one another start from the neighbors of the frame
 //! before. Cost: the search, and O(k D² + o³) for the Gaussian of o observed coordinates.
 
 use super::box_tree::{BoxTree, Neighbor};
@@ -23,15 +23,15 @@ use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::sync::Arc;
 
 /// The neighbourhood's size in the paper (section 4.1).
-const NEIGHBOURS: usize = 100;
+const NEIGHBORS: usize = 100;
 /// v, cm²: about what a neighbour is off by. It matters only where coordinates differ in their noise.
 const OFF: f64 = 1.0;
-/// e, cm²: a millimetre's variance, so that neighbours that follow one another in time leave no direction impossible.
+/// e, cm²: a millimetre's variance, so that neighbors that follow one another in time leave no direction impossible.
 const FLOOR: f64 = 0.01;
-/// Frames answered one after another.
+/// Observations of one chunk; each search starts from the neighbors of the one before.
 const RUN: usize = 32;
 
-/// Training poses, the nearest of which make the Gaussian.
+/// The prior: a Gaussian of the training poses nearest to the observation.
 #[derive(Debug, Clone)]
 pub struct LocalPcaPrior {
     tree: Arc<BoxTree>,
@@ -47,7 +47,7 @@ impl LocalPcaPrior {
     /// # Errors
     /// Data: no such array, a wrong shape, numbers that are not finite.
     pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
-        model_arrays::of_poses(model, options, source, learnt)
+        model_arrays::open_exemplars(model, options, source, family)
     }
 
     fn new(tree: Arc<BoxTree>, typical: Arc<Array2<f64>>, inflation: f64) -> LocalPcaPrior {
@@ -57,12 +57,12 @@ impl LocalPcaPrior {
             inflation,
             typical,
         };
-        prior.variance = prior.usual();
+        prior.variance = prior.mean_variance();
         prior
     }
 
-    /// The mean variance of each coordinate in neighbourhoods all over the poses.
-    fn usual(&self) -> Vec<f64> {
+    /// The mean variance of each coordinate (D), cm², in neighborhoods spread over the poses.
+    fn mean_variance(&self) -> Vec<f64> {
         let poses = self.tree.poses();
         let (n, d) = poses.dim();
         let some = (0..n).step_by(n.div_ceil(20).max(1));
@@ -70,18 +70,18 @@ impl LocalPcaPrior {
         let mut count = 0;
         for row in some {
             let y: Vec<f64> = poses.row(row).iter().map(|v| f64::from(*v)).collect();
-            let near = self.tree.nearest(&y, &vec![1.0; d], NEIGHBOURS, &[]);
+            let near = self.tree.nearest(&y, &vec![1.0; d], NEIGHBORS, &[]);
             sum += &self.gaussian(&near).1.diag();
             count += 1;
         }
         (sum / f64::from(count.max(1))).to_vec()
     }
 
-    fn neighbours(&self, observation: &Observation<'_>, like: &[u32]) -> Vec<Neighbor> {
+    fn neighbors(&self, observation: &Observation<'_>, like: &[u32]) -> Vec<Neighbor> {
         let (y, noise) = (observation.values, observation.variance);
         let weight = |n: &f64| 1.0 / (n.max(0.0) + OFF);
         let weights: Vec<f64> = noise.iter().map(weight).collect();
-        self.tree.nearest(y, &weights, NEIGHBOURS, like)
+        self.tree.nearest(y, &weights, NEIGHBORS, like)
     }
 
     /// m and a (C + e I).
@@ -115,9 +115,9 @@ impl LocalPcaPrior {
         let noise: Vec<f64> = noise.iter().map(|n| n.max(EXACT_VARIANCE)).collect();
         let conditional = ConditionalGaussian::new(covariance.view(), &noise);
         let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
-        let told = conditional.mean(&rest);
+        let update = conditional.mean(&rest);
         Posterior {
-            mean: mean.iter().zip(told).map(|(m, t)| m + t).collect(),
+            mean: mean.iter().zip(update).map(|(m, t)| m + t).collect(),
             log_evidence: conditional.log_density(&rest),
             covariance: match want {
                 Want::Variances => Array2::default((0, 0)),
@@ -134,7 +134,7 @@ impl Prior for LocalPcaPrior {
     }
 
     fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
-        self.answer(observation, want, &self.neighbours(observation, &[]))
+        self.answer(observation, want, &self.neighbors(observation, &[]))
     }
 
     fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
@@ -142,7 +142,7 @@ impl Prior for LocalPcaPrior {
             let mut like: Vec<u32> = Vec::new();
             let run = batch[rows].iter();
             run.map(|(o, want)| {
-                let near = self.neighbours(o, &like);
+                let near = self.neighbors(o, &like);
                 like = near.iter().map(|n| n.index).collect();
                 self.answer(o, *want, &near)
             })
@@ -167,7 +167,7 @@ impl Prior for LocalPcaPrior {
 }
 
 /// The poses, at any inflation.
-fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> PriorFamily<'static> {
+fn family(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> PriorFamily<'static> {
     let tree = Arc::new(BoxTree::new(poses));
     let typical = Arc::new(typical);
     Box::new(move |setting: Setting| {
@@ -185,13 +185,13 @@ pub fn train(
     options: &TrainOptions,
     report: &mut dyn FnMut(&str),
 ) -> Result<Model> {
-    // BoxTree in time are far closer to each other than to what was observed: the best inflation may be large.
+    // Neighbors in time are far closer to each other than to the observation: the best inflation may be large.
     let grid = Grid {
         inflation: vec![0.5, 1.0, 2.5, 6.0, 12.0, 40.0, 150.0],
         ..Grid::default()
     };
     let (mut model, tuning) =
-        model_arrays::learn_poses("lpca", poses, options, &grid, learnt, report)?;
+        model_arrays::train_exemplars("lpca", poses, options, &grid, family, report)?;
     tuning.write(&mut model);
     Ok(model)
 }

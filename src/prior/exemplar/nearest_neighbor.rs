@@ -1,7 +1,9 @@
-//! The one training pose that is nearest to what was observed.
+//! The training pose nearest to the observation.
 //!
-//! x = argmin_n Σ_o (y_o − x_no)² / (R_o + h²) over the observed coordinates o with noise variances R_o. It is believed to
-//! be off by h², the mean squared error a coordinate of poses held back from the training: one number for each task.
+//! x = argmin_n Σ_o (y_o − x_no)² / (R_o + h²) over the observed coordinates o with noise variances R_o. Its
+//! variance is h², the mean squared error per coordinate of held-out poses: one number for each task.
+//!
+//! Cost: one search of [`BoxTree`]. The answer is never better than the nearest training pose.
 
 use super::box_tree::BoxTree;
 use crate::Result;
@@ -15,12 +17,12 @@ use crate::prior::{OpenOptions, Posterior, Prior, Want};
 use ndarray::{Array2, ArrayView2};
 use std::sync::Arc;
 
-/// h² while the error is measured, asf²: it matters only where coordinates differ in their noise.
+/// h² while the error is measured, asf². It matters only if coordinates differ in their noise.
 const FIRST: f64 = 0.1;
-/// Observations answered one after another, each starting from the pose before.
+/// Observations of one chunk; each search starts from the answer before.
 const RUN: usize = 64;
 
-/// Training poses, one of which is the answer.
+/// The prior: the nearest training pose.
 #[derive(Debug, Clone)]
 pub struct NearestNeighborPrior {
     tree: Arc<BoxTree>,
@@ -36,7 +38,7 @@ impl NearestNeighborPrior {
     /// # Errors
     /// Data: no such array, a wrong shape, numbers that are not finite.
     pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
-        model_arrays::of_poses(model, options, source, learnt)
+        model_arrays::open_exemplars(model, options, source, family)
     }
 
     fn new(tree: Arc<BoxTree>, typical: Arc<Array2<f64>>, width: f64) -> NearestNeighborPrior {
@@ -121,8 +123,8 @@ impl Prior for NearestNeighborPrior {
     }
 }
 
-/// The poses, believed to be off by any h².
-fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> PriorFamily<'static> {
+/// The prior at any width h².
+fn family(poses: ArrayView2<'_, f32>, typical: Array2<f64>) -> PriorFamily<'static> {
     let tree = Arc::new(BoxTree::new(poses));
     let typical = Arc::new(typical);
     Box::new(move |setting: Setting| {
@@ -150,14 +152,14 @@ pub fn train(
         complete: vec![0.0],
     };
     let (mut model, mut tuning) =
-        model_arrays::learn_poses("nearest", poses, options, &grid, learnt, report)?;
-    measured(&mut tuning);
+        model_arrays::train_exemplars("nearest", poses, options, &grid, family, report)?;
+    set_widths(&mut tuning);
     tuning.write(&mut model);
     Ok(model)
 }
 
-/// Puts the errors measured in the place of the one they were measured with.
-fn measured(tuning: &mut Tuning) {
+/// Replaces the provisional width by the measured errors.
+fn set_widths(tuning: &mut Tuning) {
     let chosen = &mut tuning.chosen;
     for tried in &tuning.curve {
         let setting = match tried.task {

@@ -5,9 +5,8 @@
 //! R_o; h² is the one parameter, the width of a pose, found on held-back poses. It is the posterior mean where every pose
 //! is a training pose (h² = 0) and so next to unbeatable where the test poses' neighbours in time were trained on.
 //!
-//! An average lies inside the poses averaged. The second kind, `nlm-linear`, takes the step from it to what was observed
-//! that the weighted covariance C = Σ_n p_n (x_n − x)(x_n − x)ᵀ tells: x + C_:o (C_oo + R)⁻¹ (y_o − x_o), local linear
-//! regression. Measured where six joints are seen without noise, on random frames: 20 times less error.
+//! An average lies inside the convex hull of the poses. The second kind, `nlm-linear`, adds local linear regression by
+//! the weighted covariance C = Σ_n p_n (x_n − x)(x_n − x)ᵀ: x + C_:o (C_oo + R)⁻¹ (y_o − x_o). Measured where six joints are seen without noise, on random frames: 20 times less error.
 //!
 //! Cost: with n poses of D numbers, 2 n D multiplications an observation as one product in f32 where observations share
 //! their noise, twice that otherwise. Squared distances from such a product cancel; poses that may matter are computed
@@ -31,18 +30,18 @@ const TILE: usize = 32;
 /// The widths tried: h², asf².
 const WIDTHS: [f64; 11] = [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2];
 
-/// The same where the step to what was observed is taken.
+/// The widths tried for `nlm-linear`: h², asf².
 const WIDTHS_LINEAR: [f64; 7] = [0.03, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0];
-/// The kind that takes it.
+/// The kind with local linear regression.
 const LINEAR: &str = "nlm-linear";
-/// The least variance in that step, cm²: the poses averaged may all be one.
+/// Ridge of the regression, cm²: a single pose may have all the weight.
 const FINEST: f64 = 1e-4;
 
-/// All training poses, softly the nearest of them.
+/// The prior: a weighted average of all training poses.
 #[derive(Debug, Clone)]
 pub struct NlmPrior {
     poses: Arc<ExemplarWeights>,
-    /// Whether the step to the observation is taken.
+    /// Whether the average is corrected by local linear regression.
     linear: bool,
     /// h², cm².
     width: f64,
@@ -57,8 +56,8 @@ impl NlmPrior {
     /// Data: no such array, a wrong shape, numbers that are not finite.
     pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
         let linear = model.meta.kind == LINEAR;
-        model_arrays::of_poses(model, options, source, |poses, typical| {
-            learnt(poses, typical, linear)
+        model_arrays::open_exemplars(model, options, source, |poses, typical| {
+            family(poses, typical, linear)
         })
     }
 
@@ -110,38 +109,38 @@ impl NlmPrior {
         explained: &Explained,
         want: Want,
     ) -> Posterior {
-        let cloud = &*self.poses;
-        let mut mean = cloud.average(explained);
+        let exemplars = &*self.poses;
+        let mut mean = exemplars.average(explained);
         let observed = weights.iter().filter(|w| **w > 0.0);
         let constant: f64 = observed
             .map(|w| (2.0 * std::f64::consts::PI / w).ln())
             .sum();
-        let log_evidence = explained.log - 0.5 * constant - (cloud.rows.nrows() as f64).ln();
+        let log_evidence = explained.log - 0.5 * constant - (exemplars.rows.nrows() as f64).ln();
         if want == Want::Mean {
             if self.linear {
-                let mut covariance = cloud.covariance(explained, &mean);
+                let mut covariance = exemplars.covariance(explained, &mean);
                 covariance.diag_mut().mapv_inplace(|v| v + FINEST);
                 mean = most_probable(mean, covariance.view(), y, noise);
             }
             return Posterior {
-                mean: cloud.uncentred(mean),
+                mean: exemplars.uncentred(mean),
                 log_evidence,
                 ..Posterior::default()
             };
         }
-        let mut covariance = cloud.covariance(explained, &mean);
+        let mut covariance = exemplars.covariance(explained, &mean);
         if self.linear {
             covariance.diag_mut().mapv_inplace(|v| v + FINEST);
             let noise: Vec<f64> = noise.iter().map(|n| n.max(FINEST)).collect();
             let conditional = ConditionalGaussian::new(covariance.view(), &noise);
             let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
-            let told = conditional.mean(&rest);
-            mean.iter_mut().zip(told).for_each(|(m, t)| *m += t);
+            let update = conditional.mean(&rest);
+            mean.iter_mut().zip(update).for_each(|(m, t)| *m += t);
             covariance = conditional.covariance(covariance.view());
         } else {
             covariance.diag_mut().mapv_inplace(|v| v + self.width);
         }
-        Posterior::full(cloud.uncentred(mean), covariance, log_evidence)
+        Posterior::full(exemplars.uncentred(mean), covariance, log_evidence)
     }
 }
 
@@ -165,10 +164,10 @@ impl Prior for NlmPrior {
 
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         let poses = self.poses.rows.mapv(f64::from) + ArrayView1::from(&self.poses.middle);
-        let cloud = ExemplarWeights::new(map.apply_rows(poses.view()).view());
+        let exemplars = ExemplarWeights::new(map.apply_rows(poses.view()).view());
         let typical = map.apply_rows(self.typical.view());
         Box::new(NlmPrior::new(
-            Arc::new(cloud),
+            Arc::new(exemplars),
             Arc::new(typical),
             self.width,
             self.linear,
@@ -176,14 +175,14 @@ impl Prior for NlmPrior {
     }
 }
 
-/// The poses, at any width.
-fn learnt(poses: ArrayView2<'_, f32>, typical: Array2<f64>, linear: bool) -> PriorFamily<'static> {
-    let cloud = Arc::new(ExemplarWeights::new(poses.mapv(f64::from).view()));
+/// The prior at any width h².
+fn family(poses: ArrayView2<'_, f32>, typical: Array2<f64>, linear: bool) -> PriorFamily<'static> {
+    let exemplars = Arc::new(ExemplarWeights::new(poses.mapv(f64::from).view()));
     let typical = Arc::new(typical);
     Box::new(move |setting: Setting| {
         let width = setting.inflation * ASF2;
-        let (cloud, typical) = (cloud.clone(), typical.clone());
-        Box::new(NlmPrior::new(cloud, typical, width, linear))
+        let (exemplars, typical) = (exemplars.clone(), typical.clone());
+        Box::new(NlmPrior::new(exemplars, typical, width, linear))
     })
 }
 
@@ -213,9 +212,9 @@ pub fn train(
             complete: vec![0.0],
         }
     };
-    let learn = |poses: ArrayView2<'_, f32>, typical| learnt(poses, typical, linear);
+    let learn = |poses: ArrayView2<'_, f32>, typical| family(poses, typical, linear);
     let (mut model, tuning) =
-        model_arrays::learn_poses(kind, poses, options, &grid, learn, report)?;
+        model_arrays::train_exemplars(kind, poses, options, &grid, learn, report)?;
     tuning.write(&mut model);
     Ok(model)
 }
@@ -228,22 +227,22 @@ mod tests {
     use glam::DVec3;
     use ndarray::{Axis, s};
 
-    fn cloud(n: usize) -> Array2<f64> {
+    fn exemplars(n: usize) -> Array2<f64> {
         Array2::from_shape_fn((n, 9), |(t, c)| {
             50.0 + 20.0 * ((t as f64) * 0.05 + c as f64).sin() + ((t * 7 + c * 3) % 5) as f64
         })
     }
 
     fn prior(n: usize, width: f64) -> NlmPrior {
-        let poses = cloud(n);
+        let poses = exemplars(n);
         let typical = poses.slice(s![..n.min(3), ..]).to_owned();
-        let cloud = Arc::new(ExemplarWeights::new(poses.view()));
-        NlmPrior::new(cloud, Arc::new(typical), width, false)
+        let exemplars = Arc::new(ExemplarWeights::new(poses.view()));
+        NlmPrior::new(exemplars, Arc::new(typical), width, false)
     }
 
     /// The definition, in f64.
     fn plain(n: usize, width: f64, y: &[f64], noise: &[f64]) -> (Vec<f64>, Array2<f64>, f64) {
-        let poses = cloud(n);
+        let poses = exemplars(n);
         let o: Vec<usize> = (0..9).filter(|c| noise[*c].is_finite()).collect();
         let log = |t: usize| -> f64 {
             let each = o.iter().map(|&c| {
@@ -308,7 +307,7 @@ mod tests {
     fn the_step_to_what_was_observed_is_that_of_the_poses_own_gaussian() {
         let mut prior = prior(300, 1e6);
         prior.linear = true;
-        let poses = cloud(300);
+        let poses = exemplars(300);
         let mean = poses.mean_axis(Axis(0)).unwrap();
         let centred = &poses - &mean;
         let covariance = centred.t().dot(&centred) / 300.0;
@@ -317,12 +316,12 @@ mod tests {
         let y = poses.row(17).to_vec();
         let conditional = ConditionalGaussian::new(covariance.view(), &noise);
         let rest: Vec<f64> = y.iter().zip(&mean).map(|(y, m)| y - m).collect();
-        let told = conditional.mean(&rest);
+        let update = conditional.mean(&rest);
         let belief = prior.full(&y, &noise);
         let row = |v: &[f64]| Array2::from_shape_fn((1, 9), |(_, c)| v[c]);
         let means = prior.mean_rows(row(&y).view(), row(&noise).view());
         for c in 0..9 {
-            assert!((belief.mean[c] - mean[c] - told[c]).abs() <= 0.05);
+            assert!((belief.mean[c] - mean[c] - update[c]).abs() <= 0.05);
             assert!((belief.mean[c] - means[[0, c]]).abs() <= 1e-6);
         }
     }
@@ -330,7 +329,7 @@ mod tests {
     #[test]
     fn batches_and_threads_change_no_bit() {
         let prior = prior(500, 0.3);
-        let y = cloud(100) + 0.7;
+        let y = exemplars(100) + 0.7;
         let mut noise = Array2::from_elem((100, 9), 2.0);
         noise.slice_mut(s![40..60, 3..6]).fill(f64::INFINITY);
         noise.slice_mut(s![70.., 1]).fill(0.1);
@@ -360,7 +359,7 @@ mod tests {
     fn turned_poses_are_answered_turned() {
         let prior = prior(200, 0.5);
         let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
-        let y = cloud(30).slice(s![20..21, ..]).to_owned() + 0.3;
+        let y = exemplars(30).slice(s![20..21, ..]).to_owned() + 0.3;
         let noise = [1.0; 9];
         let here = prior.full(&y.row(0).to_vec(), &noise);
         let turned = map.apply_rows(y.view()).row(0).to_vec();

@@ -1,4 +1,5 @@
-//! Clustered Gaussians (the paper's CG): k-means into 20 clusters, a Gaussian each; the most likely one answers alone.
+//! Clustered Gaussians (the paper's CG): k-means into 20 clusters, with a Gaussian each.
+//! The posterior is that of the most likely Gaussian alone.
 
 use super::em::{clusters, weights};
 use super::single::RIDGE;
@@ -6,9 +7,9 @@ use super::{MixtureKind, MixtureParams, Readout, Style};
 use crate::Result;
 use ndarray::{Array2, ArrayView2};
 
-/// The paper's number.
+/// Number of clusters, from the paper.
 const CLUSTERS: usize = 20;
-/// Poses a cluster has at least on average: with fewer training poses there are fewer clusters.
+/// Smallest mean number of poses per cluster; fewer training poses give fewer clusters.
 const LEAST: usize = 20;
 
 /// The kind `clustered`.

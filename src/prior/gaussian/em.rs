@@ -1,13 +1,13 @@
-//! Expectation maximization for mixtures of Gaussians of any kind.
+//! Expectation maximization for mixtures of Gaussians (Dempster, Laird and Rubin 1977).
 //!
 //! ```text
 //! E:  r_ij = w_j N(x_i; m_j, C_j) / Σ_l w_l N(x_i; m_l, C_l), in logarithms
 //! M:  n_j = Σ_i r_ij,  w_j = n_j / n,  m_j = Σ_i r_ij x_i / n_j,  S_j = Σ_i r_ij (x_i − m_j)(x_i − m_j)ᵀ / n_j
 //! ```
 //!
-//! What is made of the moments S_j (a full covariance, factors and a diagonal) is the caller's. The likelihood cannot
-//! fall while that raises the expected one (Dempster, Laird and Rubin 1977), but for rounding and floors under variances.
-//! Cost of a round: n K D² for E, and about n D² for M, as nearly every pose belongs to one component.
+//! x_i (D) are n poses, cm; K components. The caller turns the moments S_j (D, D) into covariances: full ones, or factors
+//! and a diagonal. The likelihood cannot fall as long as that raises the expected one, except by rounding and by floors
+//! under variances. Cost of a round: n K D² for E, and about n D² for M, as nearly every pose belongs to one component.
 
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::parallel;
@@ -15,30 +15,30 @@ use crate::{Result, cluster};
 use ndarray::{Array1, Array2, ArrayView2, Axis, s};
 use std::f64::consts::PI;
 
-/// At most so many chunks: each has sums of its own.
+/// Largest number of parallel chunks; each has sums of its own.
 const CHUNKS: usize = 32;
-/// Poses a chunk at least.
+/// Fewest poses of a chunk.
 const CHUNK: usize = 2048;
-/// A pose with a smaller share in a component is not counted there.
-const NO_SHARE: f64 = 1e-10;
-/// Variances below are rounding, cm².
+/// A responsibility below this is taken for 0.
+const MIN_RESPONSIBILITY: f64 = 1e-10;
+/// Smallest variance, cm²: smaller ones are rounding.
 const FLOOR: f64 = 1e-9;
 
 /// A Gaussian of a mixture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gaussian {
-    /// Its share, above 0.
+    /// w_j, above 0.
     pub weight: f64,
-    /// (D).
+    /// m_j (D), cm.
     pub mean: Array1<f64>,
-    /// (D, D), positive definite.
+    /// C_j (D, D), cm², positive definite.
     pub covariance: Array2<f64>,
 }
 
-/// What an M step is made of.
+/// The moments of a component, from which the M step makes its Gaussian.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Moments {
-    /// n_j: how many poses the component has.
+    /// n_j: the sum of its responsibilities.
     pub count: f64,
     /// m_j (D).
     pub mean: Array1<f64>,
@@ -46,12 +46,12 @@ pub struct Moments {
     pub covariance: Array2<f64>,
 }
 
-/// When to stop.
+/// When EM stops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stop {
-    /// At most so many rounds.
+    /// Largest number of rounds.
     pub rounds: usize,
-    /// When a round raises the mean log likelihood of a pose by less, nats.
+    /// Smallest gain of the mean log likelihood per pose, nats: a round that gains less is the last.
     pub gain: f64,
 }
 
@@ -64,7 +64,7 @@ impl Default for Stop {
     }
 }
 
-/// A mixture that was fitted.
+/// A fitted mixture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
     /// The components.
@@ -262,7 +262,7 @@ fn share_of(
     mean: &Array1<f64>,
 ) -> (f64, Array1<f64>, Array2<f64>) {
     let own: Vec<usize> = (0..x.nrows())
-        .filter(|&i| shares[[i, j]] > NO_SHARE)
+        .filter(|&i| shares[[i, j]] > MIN_RESPONSIBILITY)
         .collect();
     let away = x.select(Axis(0), &own) - mean;
     let mut shared = away.clone();

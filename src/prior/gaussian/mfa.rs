@@ -7,9 +7,9 @@
 //! ```
 //!
 //! L_j (D, q) is the analyser's, the diagonal Ψ is common to all, S_j the moments of the E step (`em`). Each round takes
-//! several such steps with the same shares: they cost little beside the E step, and none lowers the likelihood. Started
-//! from k-means with each cluster's principal components. Neither the posing paper nor Ghahramani and Hinton (1996) name sizes that fit every
-//! set; these are near what full Gaussians of as many components can hold.
+//! several such steps with the same responsibilities: they cost little beside the E step, and none lowers the
+//! likelihood. EM starts from k-means, with each cluster's principal components. The sizes are ours: neither the posing
+//! paper nor Ghahramani and Hinton name any.
 
 use super::em::{self, Fitted, Gaussian, Moments, Stop, clusters, weights};
 use super::single::RIDGE;
@@ -18,13 +18,13 @@ use crate::Result;
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis, concatenate, s};
 
-/// How many analysers.
+/// Number of analysers.
 const ANALYSERS: usize = 20;
-/// Factors of each.
+/// Factors of each analyser.
 const FACTORS: usize = 10;
-/// Poses an analyser has at least on average: with fewer training poses there are fewer analysers.
+/// Smallest mean number of poses per analyser; fewer training poses give fewer analysers.
 const LEAST: usize = 30;
-/// Steps of factor analysis with the same shares.
+/// Factor-analysis steps per EM round, with the same responsibilities.
 const STEPS: usize = 10;
 
 /// The kind `mfa`.
@@ -41,7 +41,7 @@ fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     Ok(fit(xyz, (ANALYSERS, FACTORS), seed, Stop::default())?.0)
 }
 
-/// Fits so many analysers of so many factors (at most) to poses (n, D); and how it went.
+/// Fits a mixture of `analysers` factor analysers with at most `factors` factors each to poses (n, D); returns the EM run, too.
 pub fn fit(
     xyz: ArrayView2<'_, f32>,
     (analysers, factors): (usize, usize),
@@ -55,16 +55,16 @@ pub fn fit(
     Ok((analysers.parts(&fitted.mixture), fitted))
 }
 
-/// L_j and Ψ as EM goes.
+/// L_j and Ψ between EM rounds.
 struct Analysers {
-    /// L_jᵀ (q, D), one an analyser.
+    /// L_jᵀ (q, D) of each analyser, cm.
     loadings: Vec<Array2<f64>>,
     /// Ψ (D), cm².
     noise: Array1<f64>,
 }
 
 impl Analysers {
-    /// Each cluster's principal components, and what they leave.
+    /// Each cluster's leading principal components, and the mean variance outside them.
     fn start(moments: &[Moments], factors: usize) -> Analysers {
         let d = moments.first().map_or(0, |m| m.mean.len());
         let mut noise = Array1::<f64>::zeros(d);
@@ -82,7 +82,7 @@ impl Analysers {
         Analysers { loadings, noise }
     }
 
-    /// Some steps of factor analysis on these moments; the components that come of it.
+    /// The M step: factor analysis on these moments. Returns the components.
     fn update(&mut self, moments: &[Moments]) -> Vec<Gaussian> {
         let weights = weights(moments);
         for _ in 0..STEPS {
@@ -115,7 +115,7 @@ impl Analysers {
     }
 }
 
-/// One step for one analyser: L is updated; its diag(S − L B S) is answered.
+/// One factor-analysis step of one analyser: updates L, returns diag(S − L B S).
 fn step(loading: &mut Array2<f64>, noise: &Array1<f64>, s: &Array2<f64>) -> Array1<f64> {
     // L here is Lᵀ (q, D): whitened = Lᵀ Ψ⁻¹.
     let whitened = &*loading / noise;

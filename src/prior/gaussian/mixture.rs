@@ -1,7 +1,7 @@
-//! A mixture of Gaussians with full covariances, fitted by EM from k-means, each shrunk towards what they share.
+//! A mixture of Gaussians with full covariances, fitted by EM from k-means, each covariance shrunk towards that of all poses.
 //!
 //! C_j = 0.7 S_j + 0.3 S, with S_j as EM left it and S the covariance of all poses: twenty covariances of 69 coordinates
-//! say too much about motion like the training takes, and too little about any other.
+//! overfit the training takes.
 
 use super::em::{self, Gaussian, Moments, Stop, clusters, weights};
 use super::single::{self, RIDGE};
@@ -11,9 +11,9 @@ use ndarray::{Array2, ArrayView2};
 
 /// The number of Gaussians.
 const COMPONENTS: usize = 20;
-/// Poses a component has at least on average: with fewer training poses there are fewer components.
+/// Smallest mean number of poses per component; fewer training poses give fewer components.
 const LEAST: usize = 50;
-/// How much of S_j is kept.
+/// Share of S_j that is kept.
 const OWN: f64 = 0.7;
 
 /// The kind `mixture`.
@@ -32,7 +32,7 @@ fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
     Ok(shrunk(&fitted.mixture, &single::of(xyz).1, OWN))
 }
 
-/// The components, `own` of each one's covariance kept, the rest of it `whole`.
+/// The components with their covariances shrunk: `own` C_j + (1 − `own`) `whole`.
 fn shrunk(mixture: &[Gaussian], whole: &Array2<f64>, own: f64) -> MixtureParams {
     let mut means = Array2::zeros((mixture.len(), whole.ncols()));
     let (mut weights, mut covariances) = (Vec::new(), Vec::new());

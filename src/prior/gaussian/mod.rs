@@ -1,4 +1,4 @@
-//! Weighted GaussianMixturePrior over poses: what the parametric rivals have in common.
+//! Gaussian mixture priors: what PCA, the single Gaussian, the clustered Gaussians and the mixtures share.
 //!
 //! ```text
 //! p(x) = Σ_j w_j N(x; m_j, C_j),   y = x + noise of variances R
@@ -6,11 +6,13 @@
 //! m_j|y = m_j + C_j,:o (C_j,oo + R_o)⁻¹ (y_o − m_jo)                   C_j|y = C_j − C_j,:o (C_j,oo + R_o)⁻¹ C_j,o:
 //! ```
 //!
-//! The answer is the average over j, with the covariance within and between; or, as clustered GaussianMixturePrior are published,
-//! the most likely j's alone. A model that explains a pose but in part (PCA) has a second variance, U_j, that counts
-//! as noise of what is observed and is never estimated.
+//! x (D) is the pose, cm; m_j (D) and C_j (D, D), cm², the K components with weights w_j; o are the observed coordinates.
+//! The posterior is moment-matched over all j, or that of the most likely j alone, as clustered Gaussians are published
+//! ([`Readout`]). A model that explains a pose only in part (PCA) has a second variance U_j (D), cm², which counts as
+//! noise of the observed coordinates and is never estimated.
 //!
-//! Cost of an answer: K D² and, for each new pattern of noise, K D³ once; a few patterns are remembered.
+//! Cost: K D² per posterior, and K D³ once for each new noise pattern; recent patterns are cached. The posterior is poor
+//! for motion unlike the training poses: far from all means the most similar component is chosen by its tails.
 
 pub mod clustered;
 pub mod em;
@@ -36,28 +38,28 @@ use std::sync::Arc;
 
 pub use mixture_params::{MixtureParams, roots};
 
-/// Frames that one task answers.
+/// Observations per parallel chunk.
 const CHUNK: usize = 32;
-/// So many conditionings are remembered in all (about 110 kB each).
-const MOST_MET: usize = 640;
-/// A component with less weight has no say.
-const NO_SAY: f64 = 1e-9;
+/// Conditioned components kept in the cache (about 110 kB each).
+const MAX_CACHED: usize = 640;
+/// Components with less posterior weight are left out.
+const MIN_WEIGHT: f64 = 1e-9;
 
-/// How the components make an answer.
+/// How the components' posteriors are combined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Readout {
-    /// The average by evidence.
+    /// The average, weighted by evidence.
     Average,
-    /// The most likely component's alone.
+    /// The posterior of the most likely component.
     Best,
 }
 
-/// How a kind uses its GaussianMixturePrior.
+/// How a kind uses its Gaussians.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Style {
-    /// How the components make an answer.
+    /// How the components' posteriors are combined.
     pub answer: Readout,
-    /// Whether what the factors leave is estimated, too, or stays the mean.
+    /// Whether the part of a pose outside the factors is estimated. If not, it stays the mean (PCA).
     pub estimates_rest: bool,
 }
 
@@ -65,25 +67,25 @@ pub struct Style {
 struct Component {
     log_weight: f64,
     mean: Vec<f64>,
-    /// C_j, or what of it is estimated.
+    /// C_j (D, D), or its estimated part, cm².
     covariance: Array2<f64>,
-    /// U_j: what is not.
+    /// U_j (D): the part that is not estimated, cm².
     unexplained: Vec<f64>,
 }
 
-/// The prior: GaussianMixturePrior at one inflation.
+/// A Gaussian mixture prior at one inflation of its covariances.
 #[derive(Debug, Clone)]
 pub struct GaussianMixturePrior {
     components: Vec<Component>,
     answer: Readout,
     variance: Vec<f64>,
     typical: Array2<f64>,
-    /// One a component.
+    /// The components, conditioned on the observed coordinates of a noise pattern.
     conditionals: NoiseCache<Vec<ConditionalGaussian>>,
 }
 
 impl GaussianMixturePrior {
-    /// The GaussianMixturePrior with their covariances `inflation` times as large; `typical` (t, D).
+    /// The mixture with its covariances multiplied by `inflation`; `typical` (t, D) are its representative poses, cm.
     pub fn new(
         parts: &MixtureParams,
         style: Style,
@@ -128,12 +130,12 @@ impl GaussianMixturePrior {
             ConditionalGaussian::new(c.covariance.view(), &noise)
         };
         let all = || self.components.iter().map(condition).collect();
-        let most = (MOST_MET / self.components.len().max(1)).max(1);
+        let most = (MAX_CACHED / self.components.len().max(1)).max(1);
         self.conditionals.get(noise, most, all)
     }
 
-    /// The components that have a say, each with its weight and its mean; and the log evidence.
-    fn said(
+    /// Index, weight and posterior mean of each component above [`MIN_WEIGHT`]; and the log evidence, nats.
+    fn component_means(
         &self,
         y: &[f64],
         conditionals: &[ConditionalGaussian],
@@ -151,23 +153,23 @@ impl GaussianMixturePrior {
             Readout::Average => (logs[j] - best).exp() / sum,
             Readout::Best => f64::from(u8::from(j == winner)),
         };
-        let said = all()
+        let component_means = all()
             .enumerate()
-            .filter(|(j, _)| weight(*j) > NO_SAY || *j == winner);
-        let said = said.map(|(j, (c, given))| {
-            let told = given.mean(&rest(c));
-            let mean = c.mean.iter().zip(told).map(|(m, t)| m + t).collect();
+            .filter(|(j, _)| weight(*j) > MIN_WEIGHT || *j == winner);
+        let component_means = component_means.map(|(j, (c, given))| {
+            let update = given.mean(&rest(c));
+            let mean = c.mean.iter().zip(update).map(|(m, t)| m + t).collect();
             (j, weight(j), mean)
         });
-        (said.collect(), best + sum.ln())
+        (component_means.collect(), best + sum.ln())
     }
 }
 
-/// The weighted mean of what was said.
-fn average(said: &[(usize, f64, Vec<f64>)], width: usize) -> Vec<f64> {
+/// The weighted mean of the components' posterior means.
+fn average(component_means: &[(usize, f64, Vec<f64>)], width: usize) -> Vec<f64> {
     let mut out = vec![0.0; width];
-    let sum: f64 = said.iter().map(|(_, w, _)| w).sum();
-    for (_, w, mean) in said {
+    let sum: f64 = component_means.iter().map(|(_, w, _)| w).sum();
+    for (_, w, mean) in component_means {
         out.iter_mut()
             .zip(mean)
             .for_each(|(o, m)| *o += w / sum * m);
@@ -175,7 +177,7 @@ fn average(said: &[(usize, f64, Vec<f64>)], width: usize) -> Vec<f64> {
     out
 }
 
-/// The variance of each coordinate where all the others are known, and what is not explained: Σ w_j / (C_j⁻¹)_ii + U_j.
+/// The variance of each coordinate given all others, cm²: Σ w_j (1 / (C_j⁻¹)_ii + U_j).
 fn alone(components: &[Component]) -> Vec<f64> {
     let mut out = vec![0.0; components.first().map_or(0, |c| c.mean.len())];
     for c in components {
@@ -199,10 +201,11 @@ impl Prior for GaussianMixturePrior {
 
     fn posterior(&self, observation: &Observation<'_>, want: Want) -> Posterior {
         let conditionals = self.conditionals(observation.variance);
-        let (said, log_evidence) = self.said(observation.values, &conditionals);
+        let (component_means, log_evidence) =
+            self.component_means(observation.values, &conditionals);
         let d = self.variance.len();
-        let mean = average(&said, d);
-        let sum: f64 = said.iter().map(|(_, w, _)| w).sum();
+        let mean = average(&component_means, d);
+        let sum: f64 = component_means.iter().map(|(_, w, _)| w).sum();
         match want {
             Want::Mean => Posterior {
                 mean,
@@ -211,7 +214,7 @@ impl Prior for GaussianMixturePrior {
             },
             Want::Variances => {
                 let mut variance = vec![0.0; d];
-                for (j, w, own) in &said {
+                for (j, w, own) in &component_means {
                     let unexplained = &self.components[*j].unexplained;
                     for (i, v) in variance.iter_mut().enumerate() {
                         let away = own[i] - mean[i];
@@ -228,7 +231,7 @@ impl Prior for GaussianMixturePrior {
             }
             Want::Covariance | Want::CovarianceBelow(_) => {
                 let mut covariance = Array2::zeros((d, d));
-                for (j, w, own) in &said {
+                for (j, w, own) in &component_means {
                     let c = &self.components[*j];
                     covariance
                         .scaled_add(w / sum, &conditionals[*j].covariance(c.covariance.view()));
@@ -380,13 +383,13 @@ mod tests {
                 .enumerate()
                 .for_each(|(k, &i)| a[[k, k]] += noise[i]);
             let r: Array1<f64> = o.iter().map(|&i| y[i] - mean[i]).collect();
-            let (log, told) = solved(&a, &r, &r);
+            let (log, update) = solved(&a, &r, &r);
             let mut left = c.clone();
             for i in 0..6 {
                 let gain = solved(&a, &r, &rows.column(i).to_owned()).1;
                 left.row_mut(i).scaled_add(-1.0, &gain.dot(&rows));
             }
-            each.push((parts.weights[j] * log.exp(), mean + told.dot(&rows), left));
+            each.push((parts.weights[j] * log.exp(), mean + update.dot(&rows), left));
         }
         let total: f64 = each.iter().map(|e| e.0).sum();
         let mut mean = Array1::<f64>::zeros(6);
@@ -414,17 +417,17 @@ mod tests {
             let prior = prior(AVERAGE, inflation);
             for noise in &noises {
                 let (mean, covariance, evidence) = by_the_book(inflation, &y, noise);
-                let told = prior.full(&y, noise);
+                let update = prior.full(&y, noise);
                 let near = |a: f64, b: f64| (a - b).abs() <= 1e-8;
-                assert!(told.mean.iter().zip(&mean).all(|(a, b)| near(*a, *b)));
-                let mut each = told.covariance.iter().zip(&covariance);
+                assert!(update.mean.iter().zip(&mean).all(|(a, b)| near(*a, *b)));
+                let mut each = update.covariance.iter().zip(&covariance);
                 assert!(each.all(|(a, b)| near(*a, *b)));
-                assert!(near(told.log_evidence, evidence));
+                assert!(near(update.log_evidence, evidence));
                 let seen = Observation {
                     values: &y,
                     variance: noise,
                 };
-                assert_eq!(prior.posterior(&seen, Want::Mean).mean, told.mean);
+                assert_eq!(prior.posterior(&seen, Want::Mean).mean, update.mean);
                 let posterior = prior.posterior(&seen, Want::Variances);
                 let mut each = posterior.variance.iter().zip(covariance.diag());
                 assert!(each.all(|(a, b)| near(*a, *b)));
@@ -490,9 +493,9 @@ mod tests {
             let all = pool
                 .unwrap()
                 .install(|| prior.full_rows(y.view(), noise.view()));
-            for (i, told) in all.iter().enumerate() {
+            for (i, update) in all.iter().enumerate() {
                 let alone = prior.full(&y.row(i).to_vec(), &noise.row(i).to_vec());
-                assert_eq!(*told, alone);
+                assert_eq!(*update, alone);
             }
         }
     }

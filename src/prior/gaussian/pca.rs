@@ -5,15 +5,15 @@
 //! ```
 //!
 //! U (D, q) and Λ are the leading eigenvectors and eigenvalues of the covariance, σ² the mean of the other eigenvalues
-//! (Tipping and Bishop 1999). As published, the answer lies in the subspace: m + U c, with c given what is observed; e is
-//! noise of the observed, and stays its mean. The stated variance has σ² in it.
+//! (Tipping and Bishop 1999). As published, the posterior mean lies in the subspace: m + U c, with c given the observed
+//! coordinates. e is noise of the observed coordinates and is not estimated; the posterior variance includes σ².
 
 use super::em::moments_of;
 use super::{MixtureKind, MixtureParams, Readout, Style, roots};
 use crate::Result;
 use ndarray::{Array2, ArrayView2, Axis, s};
 
-/// The share of the eigenvalues' sum that is kept.
+/// Share of the eigenvalues' sum that is kept.
 const ENERGY: f64 = 0.9;
 
 /// The kind `pca`.
@@ -39,7 +39,7 @@ fn learn(xyz: ArrayView2<'_, f32>, _seed: u64) -> Result<MixtureParams> {
     })
 }
 
-/// How many of the falling eigenvalues are kept, at least one, and the mean of those that are not.
+/// The number of leading eigenvalues kept, at least one, and the mean of the others, cm².
 fn cut(energies: &[f64]) -> (usize, f64) {
     let total: f64 = energies.iter().sum();
     let (mut kept, mut sum) = (0, 0.0);

@@ -1,4 +1,5 @@
-//! One Gaussian: the mean and the covariance of the training poses. The answer is its posterior mean (the MAP pose).
+//! One Gaussian: the mean and the covariance of the training poses. Its posterior mean is
+//! the MAP pose. Cost and limits: see [`super`].
 
 use super::em::moments_of;
 use super::{MixtureKind, MixtureParams, Readout, Style};
@@ -6,7 +7,7 @@ use crate::Result;
 use crate::prior::tuning::ASF2;
 use ndarray::{Array2, ArrayView2, Axis};
 
-/// Added to every variance, cm²: what never varies in training (the root of poses in body space) may vary a little.
+/// Ridge added to every variance, cm². Without it coordinates that never vary (the root in body space) have none.
 pub const RIDGE: f64 = 1e-3 * ASF2;
 
 /// The kind `gaussian`.

@@ -6,10 +6,10 @@ use crate::prior::model_arrays;
 use crate::{Error, Place, Result};
 use ndarray::{Array1, Array2};
 
-/// A model with more active poses than this takes more memory than poses are worth: (M, M) numbers.
+/// Largest number of active poses M; the kernel matrix is (M, M).
 const MOST_ACTIVE: usize = 4000;
 
-/// Into a model.
+/// Stores the learned process in a model.
 pub fn write(learned: &Learned, model: &mut Model) {
     let row = |v: &[f64]| Array2::from_shape_fn((1, v.len()), |(_, c)| v[c] as f32);
     let poses = &learned.poses + &Array1::from(learned.mean.clone());
@@ -23,7 +23,7 @@ pub fn write(learned: &Learned, model: &mut Model) {
     details.insert("noise".into(), learned.noise.into());
 }
 
-/// Of a model, checked; `source` is for messages.
+/// Reads and checks the arrays of a model; `source` names it in messages.
 pub fn read(model: &Model, source: &str) -> Result<Learned> {
     let width = 3 * model.meta.points.len();
     let place = |part: &str| Place::file(source).part(part);

@@ -16,22 +16,22 @@ use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::collections::VecDeque;
 
-/// Poses used at most, drawn evenly.
+/// Largest number of training poses, evenly spaced.
 const MOST: usize = 2000;
-/// Active poses.
+/// Number of active poses M.
 const ACTIVE: usize = 150;
-/// Dimensions of the latent space: the paper's authors use 2 to 5.
+/// Dimensions L of the latent space; the paper's authors use 2 to 5.
 const LATENT: usize = 3;
 /// Steps of the gradient method.
 const STEPS: usize = 100;
 /// ε, cm².
 const STILL: f64 = 1e-3;
-/// The least ν: below it K is not sound.
+/// Smallest ν: below it K is numerically singular.
 const LEAST_NOISE: f64 = 1e-4;
-/// Pairs of steps that L-BFGS remembers.
+/// Steps that L-BFGS remembers.
 const REMEMBERED: usize = 8;
 
-/// What is learnt.
+/// A learned process.
 #[derive(Debug, Clone)]
 pub(super) struct Learned {
     /// Active poses about the mean, (M, D).
@@ -251,7 +251,7 @@ pub(super) fn minimise(
     (value, x)
 }
 
-/// −H g, H being what the pairs tell of the inverse Hessian.
+/// −H g, with H the L-BFGS estimate of the inverse Hessian from the pairs.
 fn two_loops(gradient: &[f64], pairs: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec<f64> {
     let mut q: Vec<f64> = gradient.iter().map(|g| -g).collect();
     let mut factors = Vec::with_capacity(pairs.len());

@@ -31,11 +31,11 @@ use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
 use process::Process;
 use std::sync::Arc;
 
-/// Active points that the search starts from.
+/// Active points from which the minimization starts.
 const STARTS: usize = 2;
-/// Steps of each search.
+/// Steps of each minimization.
 const STEPS: usize = 15;
-/// Frames answered by one task.
+/// Observations per parallel chunk.
 const RUN: usize = 16;
 
 /// A scaled GPLVM of poses.
@@ -67,7 +67,7 @@ impl GplvmPrior {
         Ok(TunedPrior::new(
             tuned,
             options.task,
-            &learnt(process, typical),
+            &family(process, typical),
         ))
     }
 
@@ -153,16 +153,16 @@ impl Prior for GplvmPrior {
         };
         for c in 0..d {
             let own = self.inflation * process.scales[c] * p.variance;
-            let (mut told, mut left) = (0.0, own);
+            let (mut update, mut left) = (0.0, own);
             if noise[c].is_finite() {
                 let sum = own + noise[c].max(EXACT_VARIANCE);
                 let rest = y[c] - p.f[c];
-                told = own / sum * rest;
+                update = own / sum * rest;
                 left = own * (noise[c].max(EXACT_VARIANCE) / sum);
                 posterior.log_evidence -=
                     0.5 * (rest * rest / sum + (2.0 * std::f64::consts::PI * sum).ln());
             }
-            posterior.mean[c] += p.f[c] + told;
+            posterior.mean[c] += p.f[c] + update;
             posterior.variance[c] = left;
         }
         if matches!(want, Want::Covariance | Want::CovarianceBelow(_)) {
@@ -196,7 +196,7 @@ impl Prior for GplvmPrior {
     }
 }
 
-fn learnt(process: Process, typical: Array2<f64>) -> PriorFamily<'static> {
+fn family(process: Process, typical: Array2<f64>) -> PriorFamily<'static> {
     let (process, typical) = (Arc::new(process), Arc::new(typical));
     Box::new(move |setting: Setting| {
         let (process, typical) = (process.clone(), typical.clone());
@@ -226,7 +226,7 @@ pub fn train(
     let learn = |kept: &TrainingSet| {
         let learned = learn::learn(kept.xyz.view(), &mut |_| {});
         let process = Process::new(&learned).ok_or_else(unsound)?;
-        Ok(learnt(process, Array2::zeros((0, 0))))
+        Ok(family(process, Array2::zeros((0, 0))))
     };
     tune(poses, options, &grid, &learn, report)?.write(&mut model);
     let learned = learn::learn(poses.xyz.view(), report);

@@ -83,7 +83,7 @@ impl Process {
         }
     }
 
-    /// Of poses that went through `map`.
+    /// The process of poses that went through `map`.
     pub fn mapped(&self, map: &PoseTransform) -> Process {
         let scales = Array2::from_diag(&Array1::from(self.scales.clone()));
         let mut mean = vec![0.0; self.mean.len()];

@@ -2,7 +2,7 @@
 //!
 //! On top of the published estimate A x, the model may carry the covariance S of the training poses' residuals y − A x.
 //! Then the pose answered is A x + S_:o (S_oo + R)⁻¹ (y_o − (A x)_o): what three atoms cannot say, and what neighbouring
-//! coordinates tell about each other, is not lost. [`OpenOptions::published`] answers A x alone, as the paper does.
+//! coordinates imply about each other, is not lost. [`OpenOptions::published`] answers A x alone, as the paper does.
 
 mod model;
 
@@ -20,10 +20,10 @@ use std::sync::Arc;
 
 pub use model::{joined_model, sparse_model, train};
 
-/// Variance a coordinate of a model that does not tell what it leaves unexplained, cm².
+/// Residual variance of a coordinate for models that state none, cm².
 const UNKNOWN_RESIDUAL: f64 = 1.0;
 
-/// A dictionary, and what its codes leave.
+/// The prior: a dictionary, and the covariance of the residuals of its codes.
 #[derive(Debug, Clone)]
 pub struct SparseCodingPrior {
     dictionary: Dictionary,
@@ -55,7 +55,7 @@ pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
     Dictionary::from_rows(atoms.view()).map_err(|e| wrong(e.to_string()))
 }
 
-/// So many conditionings are remembered (40 kB each).
+/// Conditioned residual covariances kept in the cache (40 kB each).
 const MOST_MET: usize = 64;
 /// The dictionary as one noise pattern sees it may be of so many numbers, 128 MiB, with what searches add. Of larger ones
 /// the dictionary is coded with as it is.

@@ -1,4 +1,4 @@
-//! What priors are tuned on: training poses held back, damaged for each task.
+//! Held-out training poses, damaged for each task: the data of the tuning.
 
 use super::{ASF2, Task};
 use crate::numeric::parallel;
@@ -11,16 +11,16 @@ use rand::seq::SliceRandom;
 use rand_distr::StandardNormal;
 use std::ops::Range;
 
-/// The share of the training poses that is held back.
+/// Share of the training poses that is held out.
 const SHARE: f64 = 0.2;
-/// At most so many held-back poses are restored for a setting; half as many where each has its own noise.
-const MOST_TESTED: usize = 600;
-/// Stretches that takes are cut into where there are too few to hold back whole ones.
+/// Largest number of held-out poses restored per setting; half as many if each has its own noise.
+const MAX_TESTED: usize = 600;
+/// Number of stretches into which the takes are cut if they are too few to hold out whole ones.
 const STRETCHES: usize = 20;
-/// The share of points that sparse noise hits (section 4.2).
+/// Share of the points that sparse noise hits (section 4.2).
 const HIT: f64 = 0.2;
 
-/// The poses kept, and some of those held back, evenly spaced.
+/// Splits the poses: those kept as a training set, and at most [`MAX_TESTED`] held-out ones, evenly spaced (m, 3 J).
 pub fn hold_back(poses: &TrainingSet, how: HoldBack, seed: u64) -> (TrainingSet, Array2<f64>) {
     let n = poses.xyz.nrows();
     let mut held = vec![false; n];
@@ -64,7 +64,7 @@ pub fn hold_back(poses: &TrainingSet, how: HoldBack, seed: u64) -> (TrainingSet,
         anchor: poses.anchor.clone(),
         ..*poses
     };
-    let step = tested.len().div_ceil(MOST_TESTED).max(1);
+    let step = tested.len().div_ceil(MAX_TESTED).max(1);
     let some: Vec<usize> = tested.into_iter().step_by(step).collect();
     (part, poses.xyz.select(Axis(0), &some).mapv(f64::from))
 }
@@ -80,7 +80,7 @@ fn stretches(takes: &[Range<usize>], length: usize) -> Vec<Range<usize>> {
     takes.iter().flat_map(cut).collect()
 }
 
-/// Poses, the same damaged for a task, and the noise that is told: (m, 3 J) each.
+/// True poses, damaged poses and stated variances of a task: (m, 3 J) each.
 pub fn damaged(
     held: &Array2<f64>,
     points: &[String],
@@ -92,9 +92,9 @@ pub fn damaged(
     let step = if task == Task::Treated { 2 } else { 1 };
     let truth = held.slice(ndarray::s![..;step, ..]).to_owned();
     let mut y = truth.clone();
-    let mut told = Array2::zeros(truth.dim());
+    let mut stated = Array2::zeros(truth.dim());
     let hidden = hidden(points, seed);
-    for (mut y, mut told) in y.rows_mut().into_iter().zip(told.rows_mut()) {
+    for (mut y, mut stated) in y.rows_mut().into_iter().zip(stated.rows_mut()) {
         for p in 0..points.len() {
             let hit = match task {
                 Task::Dense => true,
@@ -105,7 +105,7 @@ pub fn damaged(
                 if hit {
                     y[c] += ASF_UNIT_CM * generator.sample::<f64, _>(StandardNormal);
                 }
-                told[c] = match task {
+                stated[c] = match task {
                     Task::Dense => ASF2,
                     Task::Sparse => 0.0,
                     Task::Complete if hidden[p] => f64::INFINITY,
@@ -116,10 +116,10 @@ pub fn damaged(
             }
         }
     }
-    (truth, y, told)
+    (truth, y, stated)
 }
 
-/// The points that completion does not see: all but the paper's six, or three in four where those are not there.
+/// The points that are missing in completion: all but the paper's six, or a random three in four if those are absent.
 fn hidden(points: &[String], seed: u64) -> Vec<bool> {
     if let Some(seen) = joints::paper_six_of(points) {
         return (0..points.len()).map(|p| !seen.contains(&p)).collect();

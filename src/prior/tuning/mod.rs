@@ -1,6 +1,6 @@
 //! The weight between a prior and what is observed (the paper's lambda), found on poses held back from the training.
 //!
-//! A prior's covariance is multiplied by an **inflation** (1 / lambda in the paper's (1)), and where the noise is not told
+//! A prior's covariance is multiplied by an **inflation** (1 / lambda in the paper's (1)), and where the noise is unknown
 //! an equal noise of every coordinate is assumed. Both are searched task by task on a grid, as the paper says, and beyond
 //! its edges where that is better, on a part of the *training* poses that the prior under test did not learn from; test
 //! poses are never seen. The whole curve is kept ([`Tuning::curve`]) and goes into the model ([`Tuning::write`]).
@@ -37,12 +37,12 @@ pub enum Task {
     Sparse,
     /// Some coordinates are missing, the others without noise.
     Complete,
-    /// Noise on a few points that were found: every coordinate's noise is told, and used as it is.
+    /// Noise on a few known points: the stated variance of each coordinate is used as it is.
     Treated,
 }
 
 impl Task {
-    /// All of them.
+    /// All tasks.
     pub const ALL: [Task; 4] = [Task::Dense, Task::Sparse, Task::Complete, Task::Treated];
 
     /// `dense`, `sparse`, `complete`, `treated`.
@@ -68,32 +68,32 @@ impl Task {
     }
 }
 
-/// What is tuned.
+/// The tuned parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
     /// What the prior's covariance is multiplied by: 1 / lambda. A kind without a covariance takes it for its own width.
     pub inflation: f64,
-    /// The least noise assumed of an observed coordinate, cm²: told noise below it counts as this much.
+    /// The smallest variance assumed of an observed coordinate, cm²; smaller stated variances are raised to it.
     pub noise: f64,
 }
 
 impl Setting {
-    /// The noise that is reckoned with where `told` is told.
-    pub fn noise_of(&self, told: f64) -> f64 {
-        told.max(self.noise)
+    /// The variance that is assumed if `stated` is stated, cm².
+    pub fn noise_of(&self, stated: f64) -> f64 {
+        stated.max(self.noise)
     }
 }
 
 /// The setting of each task.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TaskSettings {
-    /// Of [`Task::Dense`].
+    /// The setting of [`Task::Dense`].
     pub dense: Setting,
-    /// Of [`Task::Sparse`].
+    /// The setting of [`Task::Sparse`].
     pub sparse: Setting,
-    /// Of [`Task::Complete`].
+    /// The setting of [`Task::Complete`].
     pub complete: Setting,
-    /// Of [`Task::Treated`].
+    /// The setting of [`Task::Treated`].
     pub treated: Setting,
 }
 
@@ -160,7 +160,7 @@ impl TaskSettings {
     }
 }
 
-/// A setting that was tried.
+/// A setting that was tried, and its error.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Trial {
     /// On which task.
@@ -173,7 +173,7 @@ pub struct Trial {
     pub mse: f64,
 }
 
-/// What the search found.
+/// The result of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Tuning {
     /// The best setting of each task.

@@ -6,12 +6,12 @@ use crate::Result;
 use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::{Prior, Want, posterior_rows};
 
-/// Beyond an edge of the grid the next value is so many times as far.
-const STRIDE: f64 = 2.0;
-/// It is looked for there as long as the error falls by this share,
-const WORTH: f64 = 2e-3;
-/// and so many times at most.
-const MOST_STRIDES: usize = 12;
+/// Factor to the next value beyond an edge of the grid.
+const STEP_FACTOR: f64 = 2.0;
+/// Smallest relative fall of the error with which the search goes on beyond an edge.
+const MIN_GAIN: f64 = 2e-3;
+/// Largest number of steps beyond the grid.
+const MAX_STEPS: usize = 12;
 
 /// The settings that are tried first: every inflation with every noise of the task. An axis of one value stays there.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,11 +37,11 @@ impl Default for Grid {
 
 impl Grid {
     fn settings(&self, task: Task) -> Vec<Setting> {
-        let told = [0.0];
+        let stated = [0.0];
         let noises = match task {
             Task::Sparse => &self.sparse[..],
             Task::Complete => &self.complete[..],
-            Task::Dense | Task::Treated => &told[..],
+            Task::Dense | Task::Treated => &stated[..],
         };
         let with = |&inflation: &f64| noises.iter().map(move |&noise| (inflation, noise));
         let all = self.inflation.iter().flat_map(with);
@@ -76,13 +76,13 @@ pub fn tune<'a>(
     let learnt = learn(&kept)?;
     for task in Task::ALL {
         report(&format!("tunes for the task {}", task.name()));
-        let (truth, y, told) = damaged(&held, &kept.points, task, options.seed);
+        let (truth, y, stated) = damaged(&held, &kept.points, task, options.seed);
         let mut prior: Option<(f64, Box<dyn Prior>)> = None;
         let (chosen, tried) = search(grid.settings(task), &mut |setting| {
             let made = prior.take().filter(|(i, _)| *i == setting.inflation);
             let (_, prior) =
                 prior.insert(made.unwrap_or_else(|| (setting.inflation, learnt(setting))));
-            let noise = told.mapv(|n| setting.noise_of(n));
+            let noise = stated.mapv(|n| setting.noise_of(n));
             let answers = posterior_rows(&**prior, y.view(), noise.view(), Want::Mean);
             let means = answers.iter().flat_map(|a| &a.mean);
             let squares = means.zip(&truth).map(|(m, t)| (m - t) * (m - t));
@@ -112,7 +112,7 @@ fn search(
         tried.iter().fold(start, better)
     };
     let mut best = least(&tried);
-    for _ in 0..MOST_STRIDES {
+    for _ in 0..MAX_STEPS {
         let next = beyond(&tried, best.0);
         if next.is_empty() {
             break;
@@ -120,7 +120,7 @@ fn search(
         tried.extend(next.into_iter().map(|s| (s, error(s))));
         let before = best.1;
         best = least(&tried);
-        if !(best.1 < before * (1.0 - WORTH)) {
+        if !(best.1 < before * (1.0 - MIN_GAIN)) {
             break;
         }
     }
@@ -133,8 +133,8 @@ fn beyond(tried: &[(Setting, f64)], best: Setting) -> Vec<Setting> {
         let at = of(&best);
         let all = || tried.iter().map(|(s, _)| of(s));
         match (all().any(|v| v < at), all().any(|v| v > at)) {
-            (true, false) => Some(at * STRIDE),
-            (false, true) => Some(at / STRIDE),
+            (true, false) => Some(at * STEP_FACTOR),
+            (false, true) => Some(at / STEP_FACTOR),
             _ => None,
         }
     };
@@ -186,7 +186,7 @@ mod tests {
             let (found, tried) = search(grid(), &mut bowl(i, n));
             let near = |a: f64, b: f64| (a / b - 1.0).abs() <= 1e-9;
             assert!(near(found.inflation, i.exp2()) && near(found.noise, 0.1 * n.exp2()));
-            assert!(tried.len() <= 9 + 3 * MOST_STRIDES);
+            assert!(tried.len() <= 9 + 3 * MAX_STEPS);
         }
     }
 
@@ -194,7 +194,7 @@ mod tests {
     fn what_makes_no_difference_or_has_no_end_is_not_looked_for_long() {
         assert_eq!(search(grid(), &mut |_| 1.0).1.len(), 9 + 3);
         let (_, tried) = search(grid(), &mut |s| 1.0 / s.inflation);
-        assert!(tried.len() <= 9 + 3 * MOST_STRIDES);
+        assert!(tried.len() <= 9 + 3 * MAX_STEPS);
         let nan = search(grid(), &mut |_| f64::NAN);
         assert_eq!(nan.0, grid()[0]);
     }

@@ -1,4 +1,4 @@
-//! A tuned prior in use.
+//! A prior that uses the setting of each observation's task.
 
 use super::{PriorFamily, Task, TaskSettings};
 use crate::pose::{Observation, PoseTransform};
@@ -6,22 +6,22 @@ use crate::prior::{Posterior, Prior, Reconstruction, Want};
 use ndarray::ArrayView2;
 use std::sync::Arc;
 
-/// A prior at each task's setting: the one that an observation is answered with is chosen by how it looks.
+/// A prior at each task's setting; the task of an observation is found from its variances ([`Task::of`]).
 #[derive(Clone)]
 pub struct TunedPrior {
     tuned: TaskSettings,
     fixed: Option<Task>,
-    /// In the order of [`Task::ALL`]; those of one inflation are one.
+    /// In the order of [`Task::ALL`]; tasks with the same inflation share one prior.
     priors: [Arc<dyn Prior>; 4],
 }
 
 impl TunedPrior {
-    /// From what was learnt, and the settings; `fixed` is the task whatever an observation looks like.
-    pub fn new(tuned: TaskSettings, fixed: Option<Task>, learnt: &PriorFamily<'_>) -> TunedPrior {
+    /// Makes the priors of all settings; `fixed` is the task of every observation.
+    pub fn new(tuned: TaskSettings, fixed: Option<Task>, family: &PriorFamily<'_>) -> TunedPrior {
         TunedPrior {
             tuned,
             fixed,
-            priors: shared(tuned, &|i| learnt(tuned.get(Task::ALL[i]))),
+            priors: shared(tuned, &|i| family(tuned.get(Task::ALL[i]))),
         }
     }
 
