@@ -94,8 +94,14 @@ pub mod evaluate;
 pub mod io;
 pub mod numeric;
 pub mod pose;
+pub mod prelude;
 pub mod prior;
 pub mod restore;
 pub mod sparse;
 
 pub use error::{Error, Place, Result};
+
+/// The examples of the README compile.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

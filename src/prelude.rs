@@ -1,0 +1,34 @@
+//! The names that most programs need: `use posing::prelude::*;`
+//!
+//! ```
+//! use posing::prelude::*;
+//! # fn main() -> Result<()> {
+//! # let folder = tempfile::tempdir().unwrap();
+//! # let whole = folder.path().join("whole.csv");
+//! # let asf = Asf::open(concat!(env!("CARGO_MANIFEST_DIR"), "/testdata/cmu/07/07.asf"))?;
+//! # let mut take = Amc::open(concat!(env!("CARGO_MANIFEST_DIR"), "/testdata/cmu/07/07_01.amc"), &asf)?.to_poses(120.0)?.slice(0..60);
+//! # let wrist = take.points.iter().position(|p| p == "lwrist").unwrap();
+//! # take.xyz.slice_mut(ndarray::s![20..30, 3 * wrist..3 * wrist + 3]).fill(f64::NAN);
+//! # let walk = Table::from_poses(take);
+//! let model = Model::builtin()?;
+//! // let walk = Table::open("walk.csv")?;
+//! let options = Complete { max_gap: Some(0.5), ..Default::default() };
+//! let done = Restorer::new(&model).complete(&walk, &options)?;
+//! assert_eq!((done.filled(), done.rejected()), (10, 0));
+//! done.table().save(&whole)?;
+//! # Ok(())
+//! # }
+//! ```
+
+pub use crate::cluster::KMeans;
+pub use crate::edit::Session;
+pub use crate::evaluate::Score;
+pub use crate::io::{Amc, Asf, Bvh, Model, Table};
+pub use crate::pose::{Body, Observation, Poses, Skeleton, Space};
+pub use crate::prior::{
+    self, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want,
+};
+pub use crate::restore::ik::SkeletonFit;
+pub use crate::restore::{Complete, Denoise, Restoration, Restorer};
+pub use crate::sparse::{Dictionary, Encoder, Ksvd, Omp, SparseCodes};
+pub use crate::{Error, Result};
