@@ -100,8 +100,3 @@ pub mod restore;
 pub mod sparse;
 
 pub use error::{Error, Place, Result};
-
-/// The examples of the README compile.
-#[cfg(doctest)]
-#[doc = include_str!("../README.md")]
-struct Readme;

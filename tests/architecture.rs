@@ -196,7 +196,7 @@ fn a_broken_arrow_is_seen() {
         1
     );
     assert_eq!(
-        broken("restore/x.rs", "let t = crate::io::Table::default();").len(),
+        broken("restore/x.rs", "let t = crate::io::Amc::default();").len(),
         1
     );
     assert_eq!(broken("cellar/x.rs", "").len(), 1);

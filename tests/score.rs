@@ -58,7 +58,7 @@ fn points_are_matched_by_name_and_missing_ones_counted() {
     assert_eq!(r["by_point"][1]["mse"], 4.0 / 9.0);
     assert_eq!(r["bones"]["by_bone"][0]["truth"], 5.0);
     let said = score(&[], &files, "").success();
-    said.stderr(contains("left out 1 of its points"))
+    said.stderr(contains("ignored 1 points that"))
         .stdout(contains("still missing: 1 of 21"));
 }
 
@@ -142,7 +142,7 @@ fn bad_inputs_are_told() {
     let less = dir.file("less.csv", "root.x,root.y,root.z\n0,0,0\n");
     let head = dir.file("head.csv", "root.x,root.y,root.z\n");
     let dash = Path::new("-");
-    let lacks = "less.csv: has no point \"lhipjoint\"";
+    let lacks = "less.csv: lacks the point \"lhipjoint\" of";
     score(&[], &[&truth, &less], "")
         .code(1)
         .stderr(contains(lacks));

@@ -123,7 +123,7 @@ fn missing_points_hold_and_the_count_of_frames_stays() {
         .amc(damaged.join("\n").as_bytes(), &[])
         .success()
         .stderr(contains("7 frames had missing points"))
-        .stderr(contains("4 frames did not place the root"));
+        .stderr(contains("4 frames could not place the root"));
     let back = numbers(&dir.xyz(
         std::str::from_utf8(&run.get_output().stdout).unwrap(),
         JOINTS,
@@ -179,7 +179,7 @@ fn faults_are_one_line() {
     dir.amc(two.as_bytes(), &["--take", "b"]).success();
     dir.amc(b"root.x,root.y,root.z\n,,\n", &[])
         .success()
-        .stderr(contains("no point is there to fit"));
+        .stderr(contains("no point to fit; writing the rest pose"));
     let seen = dir
         .amc(b"root.x,root.y,root.z,z.x,z.y,z.z\n1,2,3,4,5,6\n", &["-q"])
         .success();

@@ -219,7 +219,7 @@ mod tests {
         let three = load(odd(&FRAME.repeat(3)), false).unwrap();
         assert_eq!(three.motion.nrows(), 3);
         assert!(
-            three.notes[0].contains("says 2 frames and holds 3"),
+            three.notes[0].contains("announces 2 frames but has 3"),
             "{:?}",
             three.notes
         );
