@@ -111,7 +111,7 @@ fn code(source: &str) -> String {
     source.lines().map(|l| line(l) + "\n").collect()
 }
 
-/// What follows each `crate::`: the words named, a group `{a, b::c}` taken apart.
+/// The paths after each `crate::`; groups such as `{a, b::{c, d}}` give one path for each member.
 fn named(source: &str) -> Vec<String> {
     let mut found = Vec::new();
     for (at, _) in source.match_indices("crate::") {
@@ -119,32 +119,28 @@ fn named(source: &str) -> Vec<String> {
         if source[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_') {
             continue;
         }
-        let rest = &source[at + "crate::".len()..];
-        match rest.strip_prefix('{') {
-            Some(group) => {
-                let (mut depth, mut word) = (0, String::new());
-                for c in group.chars() {
-                    match c {
-                        '{' => depth += 1,
-                        '}' if depth == 0 => break,
-                        '}' => depth -= 1,
-                        ',' if depth == 0 => found.push(std::mem::take(&mut word)),
-                        _ => {}
-                    }
-                    if !c.is_whitespace() && (c != ',' || depth > 0) {
-                        word.push(c);
-                    }
-                }
-                found.push(word);
-            }
-            None => {
-                let path = |c: char| c.is_alphanumeric() || "_:".contains(c);
-                found.push(rest.chars().take_while(|c| path(*c)).collect());
-            }
+        members("", &source[at + "crate::".len()..], &mut found);
+    }
+    found
+}
+
+/// Adds the paths at the start of `rest`, each after `prefix`; returns how many bytes they take.
+fn members(prefix: &str, rest: &str, found: &mut Vec<String>) -> usize {
+    let is_path = |c: char| c.is_alphanumeric() || "_:".contains(c);
+    let length = rest.find(|c| !is_path(c)).unwrap_or(rest.len());
+    let path = format!("{prefix}{}", &rest[..length]);
+    let Some(group) = rest[length..].strip_prefix('{') else {
+        found.extend(Some(path).filter(|p| !p.is_empty()));
+        return length;
+    };
+    let mut at = 0;
+    while at < group.len() && !group[at..].starts_with('}') {
+        match group[at..].starts_with(is_path) || group[at..].starts_with('{') {
+            true => at += members(&path, &group[at..], found),
+            false => at += group[at..].chars().next().map_or(1, char::len_utf8),
         }
     }
-    found.retain(|path| !path.is_empty());
-    found
+    length + at + 2
 }
 
 fn broken(name: &str, source: &str) -> Vec<String> {
@@ -205,8 +201,11 @@ fn a_broken_arrow_is_seen() {
             "prior/x.rs",
             "use crate::io::{Model};\nuse crate::io::Model;"
         )
-        .len()
-            <= 1
+        .is_empty()
+    );
+    assert_eq!(
+        broken("prior/x.rs", "use crate::{Error, io::{Model, csv}};").len(),
+        1
     );
     assert!(
         broken(

@@ -357,7 +357,7 @@ pub fn run(
 pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
     fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (name, text) in files {
-        crate::io::output::write_file(&folder.join(name), text.as_bytes())?;
+        crate::io::output::write_file(folder.join(name), text.as_bytes())?;
     }
     Ok(())
 }

@@ -60,7 +60,7 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
         }
         (Some(wanted), _) => {
             let what = match names.is_empty() {
-                true => format!("has no column take; leave --take out"),
+                true => "has no column take; leave --take out".to_string(),
                 false => format!("has no take \"{wanted}\"; it has {}", listed()),
             };
             Err(Error::data(Place::file(name), what))

@@ -1,11 +1,11 @@
 //! Spikes: points that leave their path for some frames. No part of a body jumps away and back, so no model is needed.
 //!
 //! 1. Between two frames, a before and b after, a point moves on a straight line, but for A h² a b / 2 if its
-//! acceleration is at most A (h seconds a frame), and for the noise. A point that agrees with too few pairs of its
-//! neighbors in time is a spike.
+//!    acceleration is at most A (h seconds a frame), and for the noise. A point that agrees with too few pairs of its
+//!    neighbors in time is a spike.
 //! 2. The remaining points are on the cubic through two neighbors on either side, but for S h⁴ a b c d / 24 if the
-//! fourth derivative of the path is at most S. The point with the largest deviation nearby is a spike, until none is
-//! left.
+//!    fourth derivative of the path is at most S. The point with the largest deviation nearby is a spike, until none is
+//!    left.
 //! 3. Spikes after which the path does not continue as before are none: the point jumped and stays where it is.
 
 use crate::numeric::parallel;
