@@ -189,7 +189,7 @@ fn a_broken_arrow_is_seen() {
             "use crate::{Error, cluster::{Kmeans, Tree}, pose::Poses};"
         )
         .len(),
-        1
+        2
     );
     assert_eq!(
         broken("restore/x.rs", "let t = crate::io::Amc::default();").len(),

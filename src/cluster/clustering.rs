@@ -20,7 +20,7 @@ pub struct Clustering {
     pub iterations: usize,
     /// Whether that run (in a tree, every one) met the tolerance before its iterations were used up.
     pub converged: bool,
-    /// The tree, where [`KMeans::branch`] asked for one.
+    /// The tree, where `KMeans::branch` asked for one.
     pub tree: Option<Tree>,
 }
 

@@ -48,7 +48,7 @@ impl Table {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Io`]: the file cannot be read. [`Error::Data`]: no table; the place has the line and the column.
+    /// `Error::Io`: the file cannot be read. `Error::Data`: no table; the place has the line and the column.
     pub fn open(path: impl AsRef<Path>) -> Result<Table> {
         let options = ReadOptions {
             cells: true,
@@ -112,7 +112,7 @@ impl Table {
     /// the commands write: a cell whose text reads as the number in [`Table::poses`] keeps its text.
     ///
     /// # Errors
-    /// [`Error::Io`]: the file cannot be written.
+    /// `Error::Io`: the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let format = TableFormat::of_path(&path);
         let mut writer = TableWriter::new(Output::file(path)?, format, &self.columns, &[])?;

@@ -163,7 +163,7 @@ pub fn rotation_zyx(tau: DVec3) -> DMat3 {
     DMat3::from_rotation_z(tau.z) * DMat3::from_rotation_y(tau.y) * DMat3::from_rotation_x(tau.x)
 }
 
-/// dR/dτx = Rz Ry Rx [ex]×, dR/dτy = Rz Ry [ey]× Rx, dR/dτz = [ez]× R.
+/// dR/dτx = Rz Ry Rx \[ex\]×, dR/dτy = Rz Ry \[ey\]× Rx, dR/dτz = \[ez\]× R.
 pub fn rotation_zyx_derivatives(tau: DVec3) -> [DMat3; 3] {
     let (x, y, z) = (
         DMat3::from_rotation_x(tau.x),

@@ -2,7 +2,7 @@
 //!
 //! Each frame is an observation whose seen coordinates are exact and whose others have infinite variance; the restored frame
 //! fills the missing points. In a take, outliers count as missing, the model is adapted to the take's body, and the
-//! estimates are made continuous over each gap ([`super::gap_interpolation`]).
+//! estimates are made continuous over each gap (`gap_interpolation`).
 
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
 use super::gap_interpolation::{Corrections, Gap, find_gaps, smooth_filled};

@@ -5,12 +5,12 @@
 //!
 //! The path of a take:
 //!
-//! 1. [`Restorer`] opens the model, binds it to the table's points and walks the takes ([`restored_frames`]).
+//! 1. [`Restorer`] opens the model, binds it to the table's points and walks the takes (`restored_frames`).
 //! 2. [`outliers`] finds spikes, adapts the model to the body ([`body_adaptation`]) and finds the other outliers.
-//! 3. [`denoise`] smooths each coordinate over time ([`kalman_smoother`]); [`complete`] takes seen values for exact.
+//! 3. [`denoise`] smooths each coordinate over time (`kalman_smoother`); [`complete`] takes seen values for exact.
 //! 4. [`FrameRestorer`] restores each frame: [`placement`] finds rotation and shift, the prior gives the posterior in the
 //!    model's space, [`rigid`] projects it onto the known distances.
-//! 5. [`gap_interpolation`] makes the estimates continuous over the gaps of [`complete`].
+//! 5. `gap_interpolation` makes the estimates continuous over the gaps of [`complete`].
 //! 6. [`Restoration`] holds the values in the table's order, with a status for each point.
 //!
 //! [`ik`] fits the joint angles of a skeleton to restored points.

@@ -107,7 +107,7 @@ pub fn split(splits: &[Split]) -> Option<Split> {
     whole.or(splits.first()).copied()
 }
 
-/// The methods that are drawn: the first [`MAX_METHODS`], with a named size or sparsity after the others.
+/// The methods that are drawn: the first `MAX_METHODS`, with a named size or sparsity after the others.
 pub fn shown_methods(methods: &[Method]) -> Vec<&str> {
     let (sweeps, plain): (Vec<&str>, Vec<&str>) = methods
         .iter()

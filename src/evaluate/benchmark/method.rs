@@ -198,7 +198,7 @@ impl TrainedModel {
 /// Trains or takes the model that some methods share: methods with equal recipes.
 ///
 /// # Errors
-/// As [`registry::train`] and [`prior::open`].
+/// As `registry::train` and [`prior::open`].
 pub fn train(
     methods: &[&Method],
     poses: &TrainingSet,

@@ -227,7 +227,7 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(
-            e.contains("frame 2 (2 of 10 values) after 1 whole") && e.contains("--keep-whole"),
+            e.contains("frame 2 (2 of 10 values) after 1 complete") && e.contains("--keep-whole"),
             "{e}"
         );
         assert_eq!(

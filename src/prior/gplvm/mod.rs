@@ -7,7 +7,7 @@
 //!
 //! f(x) = Yᵀ K⁻¹ k(x),  σ²(x) = 1 + ν − k(x)ᵀ K⁻¹ k(x),  y_c ~ N(f_c(x), σ²(x) / w_c²)
 //!
-//! Learning ([`learn`]) finds latent points, γ, ν and w. An observation is answered by the latent point that
+//! Learning (`learn`) finds latent points, γ, ν and w. An observation is answered by the latent point that
 //! minimises, with s_c = a σ²(x) / w_c² and noise R_o,
 //!
 //! ½ Σ_o [(y_o − f_o(x))² / (s_o + R_o)] + ½ D ln σ²(x) + ½ |x|²

@@ -8,12 +8,12 @@
 //! ```
 //!
 //! The scales (w, c, i) are there because priors are too sure of unseen poses. The noise R of an outlier comes from
-//! its worst distances and from where the prior expects it ([`rescoring::raise_outlier_variances`]). The assignments
+//! its worst distances and from where the prior expects it (`rescoring::raise_outlier_variances`). The assignments
 //! of large weight go to the prior, whose log evidence, tempered, replaces the sum. Those of small weight follow from
 //! N(m, P). The result is their weighted average.
 //!
 //! Where many points are undecided, as under noise on all points, the hidden points leave the prior too little. All
-//! points are then scored once more, each without its own observation ([`rescoring::rescore`]), and those still
+//! points are then scored once more, each without its own observation (`rescoring::rescore`), and those still
 //! undecided are hidden again.
 //!
 //! Cost: one posterior for each assignment of large weight and one more; up to three more where many are undecided.

@@ -1,6 +1,6 @@
 //! Outliers of a take: points that cannot be where they were measured.
 //!
-//! 1. [`trajectory`] finds spikes: points that leave their path for some frames. No model is needed.
+//! 1. `trajectory` finds spikes: points that leave their path for some frames. No model is needed.
 //! 2. The model is adapted to the body that the other points show. Rigid distances then say which frames hold outliers
 //!    ([`super::rigid::noise_floor`]), each frame together with its neighbours.
 //! 3. In those frames distances and the prior say which points are outliers ([`frame_posterior`]).
@@ -39,7 +39,7 @@ const CHUNK: usize = 8;
 pub struct Outliers {
     /// All outliers of each frame.
     pub points: Vec<Vec<usize>>,
-    /// Those that [`trajectory`] found: their path says where they should have been.
+    /// Those that `trajectory` found: their path says where they should have been.
     pub spikes: Vec<Vec<usize>>,
 }
 

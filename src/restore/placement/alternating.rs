@@ -9,7 +9,7 @@
 //! without a rotation prior W, damped Gauss-Newton with one. The code keeps its support where a new one would be
 //! worse, so the objective never rises. The problem is not convex: starting placements come from fitting
 //! representative poses to the points, so a rotated observation gives the rotated result. Where a prior gives the
-//! gradient of its evidence ([`Prior::evidence_gradient`]), [`super::evidence`] maximizes that instead.
+//! gradient of its evidence ([`Prior::evidence_gradient`]), `evidence` maximizes that instead.
 
 use super::evidence::{self, Ascent};
 use crate::pose::Observation;
