@@ -58,7 +58,7 @@ fn points_are_matched_by_name_and_missing_ones_counted() {
     assert_eq!(r["by_point"][1]["mse"], 4.0 / 9.0);
     assert_eq!(r["bones"]["by_bone"][0]["truth"], 5.0);
     let said = score(&[], &files, "").success();
-    said.stderr(contains("ignored 1 points that"))
+    said.stderr(contains("ignored 1 point that"))
         .stdout(contains("still missing: 1 of 21"));
 }
 

@@ -68,8 +68,9 @@ fn work(args: &Args) -> Result<Outcome> {
     let mut tables = AlignedTables::open(&inputs)?;
     for (name, count) in tables.left_out().filter(|(_, count)| *count > 0) {
         let truth = args.truth.display();
+        let noun = if count == 1 { "point" } else { "points" };
         messages::info(&format!(
-            "{name}: ignored {count} points that {truth} does not have"
+            "{name}: ignored {count} {noun} that {truth} does not have"
         ));
     }
     let mut runs = RunDetector::default();

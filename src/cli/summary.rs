@@ -83,7 +83,9 @@ impl RunSummary {
             ));
         }
         if self.counts.rejected > 0 {
-            messages::info(&format!("ignored {} outliers", self.counts.rejected));
+            let count = self.counts.rejected;
+            let noun = if count == 1 { "outlier" } else { "outliers" };
+            messages::info(&format!("ignored {count} {noun}"));
         }
         if self.counts.novel > 0 {
             let which = if status {

@@ -203,24 +203,6 @@ pub fn row_dots(rows: &[f32], stride: usize, x: &[f32], out: &mut [f32]) {
     )
 }
 
-/// The same of the rows that are named.
-pub fn row_dots_of(
-    rows: &[f32],
-    stride: usize,
-    which: impl Iterator<Item = usize>,
-    x: &[f32],
-    out: &mut [f32],
-) {
-    dispatch8(
-        #[inline(always)]
-        || {
-            for (i, out) in which.zip(out) {
-                *out = dot_here(&rows[i * stride..][..x.len()], x);
-            }
-        },
-    )
-}
-
 /// Σ wₖ aₖ bₖ of rows with each other: the lower triangle, (n, n) by rows. Rows are `stride` apart and read as far as the
 /// weights (padded) go.
 pub fn weighted_products(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
@@ -285,18 +267,6 @@ const TILE: usize = 4;
 /// `out` = Σᵢ wᵢ rowᵢ; rows are `stride` apart and read as far as `out` goes.
 pub fn combine(rows: &[f32], stride: usize, weights: &[f32], out: &mut [f32]) {
     combine_each(rows.chunks_exact(stride).zip(weights), out);
-}
-
-/// The same of the rows that are named.
-pub fn combine_of(
-    rows: &[f32],
-    stride: usize,
-    which: impl Iterator<Item = usize> + Clone,
-    weights: &[f32],
-    out: &mut [f32],
-) {
-    let each = which.map(|i| &rows[i * stride..(i + 1) * stride]);
-    combine_each(each.zip(weights), out);
 }
 
 fn combine_each<'a>(rows: impl Iterator<Item = (&'a [f32], &'a f32)> + Clone, out: &mut [f32]) {

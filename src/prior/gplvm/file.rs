@@ -1,6 +1,6 @@
 //! A scaled GPLVM in a model file.
 
-use super::learn::Learned;
+use super::process::Learned;
 use crate::io::Model;
 use crate::prior::model_arrays;
 use crate::{Error, Place, Result};

@@ -11,7 +11,7 @@
 //! The active poses are the centres of a greedy cover: each is the pose farthest from those before, so that rare poses
 //! are kept. Cost: O(M³ + M² D) a step.
 
-use super::process::kernel;
+use super::process::{Learned, kernel};
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
 use std::collections::VecDeque;
@@ -30,23 +30,6 @@ const STILL: f64 = 1e-3;
 const LEAST_NOISE: f64 = 1e-4;
 /// Steps that L-BFGS remembers.
 const REMEMBERED: usize = 8;
-
-/// A learned process.
-#[derive(Debug, Clone)]
-pub(super) struct Learned {
-    /// Active poses about the mean, (M, D).
-    pub poses: Array2<f64>,
-    /// (M, L).
-    pub latent: Array2<f64>,
-    /// γ.
-    pub gamma: f64,
-    /// ν.
-    pub noise: f64,
-    /// 1 / w_c², cm².
-    pub scales: Vec<f64>,
-    /// The mean pose.
-    pub mean: Vec<f64>,
-}
 
 /// Learns from poses (n, D), n above 0.
 pub(super) fn learn(xyz: ArrayView2<'_, f32>, report: &mut dyn FnMut(&str)) -> Learned {

@@ -1,9 +1,25 @@
 //! The Gaussian process from latent points to poses: what it predicts at a point, and how that changes with it.
 
-use super::learn::Learned;
 use crate::numeric::linalg::symmetric_eigen;
 use crate::pose::PoseTransform;
 use ndarray::{Array1, Array2, ArrayView2};
+
+/// A learned process.
+#[derive(Debug, Clone)]
+pub(super) struct Learned {
+    /// Active poses about the mean, (M, D).
+    pub poses: Array2<f64>,
+    /// (M, L).
+    pub latent: Array2<f64>,
+    /// γ.
+    pub gamma: f64,
+    /// ν.
+    pub noise: f64,
+    /// 1 / w_c², cm².
+    pub scales: Vec<f64>,
+    /// The mean pose.
+    pub mean: Vec<f64>,
+}
 
 /// What predictions need.
 #[derive(Debug)]

@@ -1,4 +1,4 @@
-//! BallTree met as a scan meets them: the same sums in the same order, the same keys.
+//! Scores of a leaf's atoms, summed in the order of a dense scan, so that both find the same atom.
 
 use super::ball_tree::{LEAF, Lanes, NO_ATOM};
 use super::micro_gemm::{Products, vectors, vectors_mut};
@@ -6,7 +6,7 @@ use super::panel_kernel::{FLOOR, add_product};
 use super::single_search::{Kept, Sweep};
 use pulp::Simd;
 
-/// BallTree that are met side by side: a sum is a chain, and several of them need not wait for one another.
+/// Leaves whose scores are summed side by side: their chains of additions do not wait for each other.
 const AT_ONCE: usize = 2;
 
 /// The best of the atoms met so far.
