@@ -4,7 +4,6 @@
 //! times differ between runs and stand in a file of their own.
 
 mod examples;
-mod findings;
 pub mod paper;
 mod tables;
 
@@ -28,6 +27,8 @@ const STYLE: &str = concat!(
     include_str!("../player/player.css"),
     include_str!("report.css")
 );
+/// Elements and tables, for the scripts of both pages.
+const HELPERS: &str = include_str!("helpers.js");
 /// The script that draws tables and charts, after that of the players.
 const CHARTS: &str = include_str!("report.js");
 
@@ -53,7 +54,7 @@ impl BenchmarkReport<'_> {
     /// # Errors
     /// [`Error::Usage`] if the example poses cannot be damaged or drawn.
     pub fn html(&self) -> Result<String> {
-        let script = format!("{}\n{CHARTS}", player::SCRIPT);
+        let script = format!("{}\n{HELPERS}\n{CHARTS}", player::SCRIPT);
         let values = [
             ("facts", escape(&self.facts())),
             ("duplicates", self.duplicates_list()),
@@ -232,7 +233,7 @@ mod tests {
     #[test]
     fn the_content_policy_names_the_page_sources() {
         let page = page();
-        let script = format!("{}\n{CHARTS}", player::SCRIPT);
+        let script = format!("{}\n{HELPERS}\n{CHARTS}", player::SCRIPT);
         for source in [STYLE, &script] {
             assert!(page.contains(&player::policy_hash(source)) && page.contains(source));
             assert!(!source.to_lowercase().contains("</s"));

@@ -1,35 +1,13 @@
-"use strict";
 // Draws the report's tables and charts from the JSON in the page. Nothing is fetched.
 
-const report = JSON.parse(document.getElementById("results").textContent);
-const TASKS = { dense: "Dense noise", sparse: "Sparse noise", complete: "Completion" };
 const SPLITS = {
   frames: ["Random frames", "The paper's split: a test frame has its neighbours in time in the training half. Frames are alike, so these intervals are too narrow."],
   takes: ["Takes held out", "No model was trained on a tested take."],
   subjects: ["Subjects held out", "No model was trained on a tested subject."],
 };
 
-// ---- elements and numbers ----
-
-/** Sets attributes and appends children: elements or text. */
-function fill(node, attributes, children) {
-  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
-  node.append(...children);
-  return node;
-}
-const html = (tag, attributes = {}, ...children) => fill(document.createElement(tag), attributes, children);
 const SVG = emptySvg().namespaceURI;
 const svg = (tag, attributes = {}, ...children) => fill(document.createElementNS(SVG, tag), attributes, children);
-
-/** Three significant digits, at most six decimals. */
-function short(value) {
-  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  const digits = 2 - Math.floor(Math.log10(Math.max(Math.abs(value), 1e-5)));
-  return value.toFixed(Math.min(6, Math.max(0, digits)));
-}
-const range = ([low, high]) => `${short(low)} to ${short(high)}`;
-const plural = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
-const unique = list => [...new Set(list)];
 
 // ---- axes and charts ----
 
@@ -111,7 +89,7 @@ function dictionary(name) {
 /** The six models with the lowest geometric mean error have colours, the same in all charts. */
 const colours = (() => {
   const logs = new Map();
-  for (const row of report.summary) logs.set(row.model, [...(logs.get(row.model) || []), Math.log(Math.max(row.mse, 1e-12))]);
+  for (const row of results.summary) logs.set(row.model, [...(logs.get(row.model) || []), Math.log(Math.max(row.mse, 1e-12))]);
   const mean = list => list.reduce((a, b) => a + b) / list.length;
   let models = [...logs.keys()];
   if (models.some(m => !m.includes(":"))) models = models.filter(m => !m.includes(":"));
@@ -145,12 +123,12 @@ function errorChart(task, rows) {
 
 function jointChart(task, rows) {
   rows = coloured(rows);
-  const rms = mse => Math.sqrt(Math.max(mse, 0)) * report.asf_cm, left = 112, step = 15;
+  const rms = mse => Math.sqrt(Math.max(mse, 0)) * results.asf_cm, left = 112, step = 15;
   const most = Math.max(.1, ...rows.flatMap(r => r.by_joint.filter(Number.isFinite).map(rms)));
-  const axis = linearAxis(most, left, 410), height = 20 + step * report.points.length;
+  const axis = linearAxis(most, left, 410), height = 20 + step * results.points.length;
   const chart = new Chart(TASKS[task], "RMS error of a coordinate by joint, cm", 420, height);
   chart.gridX(axis, 14, height);
-  report.points.forEach((point, j) => {
+  results.points.forEach((point, j) => {
     const y = 20 + step * (j + .4);
     chart.name(left - 8, y, point);
     // The best model is drawn last, on top.
@@ -164,7 +142,7 @@ function calibrationChart(task, rows) {
   rows = coloured(rows).filter(r => r.within.length);
   if (!rows.length) return null;
   const x = { at: v => 48 + 300 * v, ticks: [0, .25, .5, .75, 1] }, y = { at: v => 310 - 300 * v, ticks: x.ticks };
-  const percent = v => `${Math.round(100 * v)}%`, levels = report.gaussian_within;
+  const percent = v => `${Math.round(100 * v)}%`, levels = results.gaussian_within;
   const chart = new Chart(TASKS[task], "calibration", 420, 336);
   chart.gridX(x, 10, 310, 326, percent);
   chart.gridY(y, 48, 348, percent);
@@ -214,7 +192,7 @@ function tuningChart(model, cells) {
   const curves = cells.map(({ task, tuning }) => {
     const best = new Map();
     for (const { inflation, mse } of tuning.curve || [])
-      if (Number.isFinite(mse)) best.set(inflation, Math.min(mse / report.asf_cm ** 2, best.get(inflation) ?? Infinity));
+      if (Number.isFinite(mse)) best.set(inflation, Math.min(mse / results.asf_cm ** 2, best.get(inflation) ?? Infinity));
     return { task, chosen: tuning.chosen, best: [...best].sort((a, b) => a[0] - b[0]) };
   }).filter(curve => curve.best.length);
   const points = curves.flatMap(curve => curve.best), left = 44, right = 232, top = 8, bottom = 132;
@@ -231,22 +209,13 @@ function tuningChart(model, cells) {
       chart.dot((ring ? "hollow " : "") + style, x.at(inflation), y.at(mse), ring ? 5 : 2.2);
     }
     if (!curve.chosen) continue;
-    const noise = curve.chosen.noise > 0 ? `, noise ${short(curve.chosen.noise / report.asf_cm ** 2)} asf²` : "";
+    const noise = curve.chosen.noise > 0 ? `, noise ${short(curve.chosen.noise / results.asf_cm ** 2)} asf²` : "";
     chosen.push(`${curve.task} ${curve.chosen.inflation}${noise}`);
   }
   return chart.figure(html("p", { class: "legend" }, chosen.join(" · ")));
 }
 
 // ---- the page ----
-
-function table(head, rows) {
-  const cells = (tag, list) => list.map(c => c instanceof Node ? c : html(tag, {}, c));
-  return html("div", { class: "wide" }, html("table", {},
-    html("thead", {}, ...head.map(line => html("tr", {}, ...cells("th", line)))),
-    html("tbody", {}, ...rows.map(line => html("tr", {}, ...cells("td", line))))));
-}
-const named = (tag, text) => html(tag, { class: "name" }, text);
-const pale = text => html("td", { class: "pale" }, text);
 
 /** A heading, a sentence and the charts; nothing where there is no chart. */
 function chartGroup(heading, sentence, charts) {
@@ -258,7 +227,7 @@ const heading = row => SPLITS[row.split][0] + (row.base_asf ? `, ${row.base_asf.
 
 function lowestErrors() {
   let before = "";
-  const rows = report.summary.filter(r => r.best).map(row => {
+  const rows = results.summary.filter(r => r.best).map(row => {
     const name = heading(row), shown = name === before ? "" : name;
     before = name;
     const [ratio, interval] = row.to_best_other
@@ -288,7 +257,7 @@ function splitSection(id, rows) {
   const bySize = n => [`${n.kind}${n.sparsity ? `, ${n.sparsity} a pose` : ""}`, n.atoms];
   const bySparsity = n => [`${n.kind}${n.atoms ? `, ${n.atoms} atoms` : ""}`, n.sparsity];
   const sweepNote = "MSE in asf², both axes logarithmic. Solid: test poses with 95% intervals; dashed: training poses.";
-  const tuned = report.tuning.filter(c => c.split === split && c.base_asf === base_asf);
+  const tuned = results.tuning.filter(c => c.split === split && c.base_asf === base_asf);
   const tuning = unique(tuned.map(c => c.model)).map(m => tuningChart(m, tuned.filter(c => c.model === m))).filter(Boolean);
   return html("section", { id }, html("h2", {}, heading(rows[0])), html("p", {}, SPLITS[split][1]), errorTable(rows, tasks),
     html("p", {}, `${plural(most(r => r.seeds.length), "seed")}, ${most(r => r.frames)} test poses from ${most(r => r.units)} different ${split === "frames" ? "frames" : "takes"}, over which the 95% intervals are drawn. Training MSE: the same error on poses of the training part. The lowest error of each task is marked.`),
@@ -298,12 +267,12 @@ function splitSection(id, rows) {
     ...chartGroup("Error by joint", "RMS error of a coordinate on test poses, cm.", each(jointChart)),
     ...chartGroup("Calibration", "Vertical: the share of coordinates within 0.25 to 3 of the standard deviations that the model states. Horizontal: the share of a Gaussian. On the dashed line the stated deviations are right; below it they are too small, above it too large. Exact and constant coordinates do not count.", each(calibrationChart)),
     ...(tuning.length ? [html("details", {}, html("summary", {}, "How the models were tuned"),
-      html("p", {}, `Each model's covariance is multiplied by an inflation (1 / λ, or the width of the model's own kernel), and where the noise is unknown an equal noise is assumed for each coordinate. Both are chosen by task on training poses that are held back; test poses are never used. Vertical: MSE of the held-back poses in asf² with the best noise; horizontal: inflation; both logarithmic. The ring marks the choice. Seed ${report.tuning[0].seed}; results.json holds the other seeds and each noise.`),
+      html("p", {}, `Each model's covariance is multiplied by an inflation (1 / λ, or the width of the model's own kernel), and where the noise is unknown an equal noise is assumed for each coordinate. Both are chosen by task on training poses that are held back; test poses are never used. Vertical: MSE of the held-back poses in asf² with the best noise; horizontal: inflation; both logarithmic. The ring marks the choice. Seed ${results.tuning[0].seed}; results.json holds the other seeds and each noise.`),
       legend(Object.keys(TASKS).map((t, i) => ["k" + i, t])), html("div", { class: "charts small" }, ...tuning))] : []));
 }
 
 const groups = [];
-for (const row of report.summary) {
+for (const row of results.summary) {
   const last = groups.at(-1);
   if (last && last[0].split === row.split && last[0].base_asf === row.base_asf) last.push(row); else groups.push([row]);
 }
