@@ -53,8 +53,6 @@ fn a_small_evaluation_says_what_it_found_in_three_ways() {
     assert_eq!(dir.read("out/results.csv").lines().count(), 1 + 36 + 18);
     assert_eq!(dir.read("out/times.csv").lines().count(), 1 + 36);
     assert_eq!(dir.read("out/cells.jsonl").lines().count(), 36);
-    // Both models' estimates for the page's figures: a pose in three tasks, two from two dimensions, part of a take.
-    assert_eq!(dir.read("out/examples.jsonl").lines().count(), 2);
     let page = dir.read("out/report.html");
     assert_eq!(page.matches("<div class=\"player\">").count(), 6);
     assert!(page.contains("Split takes, seed 0.") && page.len() < 1_000_000);

@@ -3,9 +3,9 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, lengths, list, plan, sources};
+use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, sources};
 use posing::cli::{Outcome, run, streams};
-use posing::evaluate::benchmark::{Benchmark, Dataset, summary};
+use posing::evaluate::benchmark::{Benchmark, Dataset};
 use posing::evaluate::report::BenchmarkReport;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -40,37 +40,8 @@ struct Args {
     /// Read settings from a TOML file; flags override them
     #[arg(long, value_name = "FILE.toml")]
     config: Option<PathBuf>,
-    /// Comma-separated models to train: kinds of prior-train, and ksvd and ksvd-omp, K-SVD as published; a dictionary takes
-    /// :n=ATOMS and :k=SPARSITY (default: all)
-    #[arg(long, value_name = "LIST", value_parser = list)]
-    models: Option<::std::vec::Vec<String>>,
-    /// Trained model to test as it is; may be repeated
-    #[arg(short = 'm', long = "model", value_name = "MODEL.npz")]
-    given: Vec<PathBuf>,
-    /// Comma-separated tasks: dense, sparse, complete (default: all)
-    #[arg(long, value_name = "LIST", value_parser = list)]
-    tasks: Option<::std::vec::Vec<String>>,
-    /// Comma-separated splits: frames, takes, subjects (default: all that the takes allow)
-    #[arg(long, value_name = "LIST", value_parser = list)]
-    splits: Option<::std::vec::Vec<String>>,
-    /// Number of seeds; each has its own split, training and damage (default: 5)
-    #[arg(long, value_name = "N")]
-    seeds: Option<u64>,
-    /// First seed (default: 0)
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
-    /// Largest number of test frames per split, and of training frames that are scored (default: 800)
-    #[arg(long, value_name = "N")]
-    frames: Option<usize>,
-    /// Comma-separated standard deviations of extra noise on every clean coordinate, in cm or with a unit (default: 0)
-    #[arg(long, value_name = "LIST", value_parser = lengths)]
-    base: Option<::std::vec::Vec<f64>>,
-    /// Comma-separated joints that are visible in the task complete (default: the paper's six)
-    #[arg(long, value_name = "LIST", value_parser = list)]
-    observe: Option<::std::vec::Vec<String>>,
-    /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished results there
-    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
-    output: Option<PathBuf>,
+    #[command(flatten)]
+    benchmark: BenchmarkArgs,
     /// Run nothing; compare the finished run in RUN (a DIR of -o) with the paper's Tables 1 to 4, and write tables.html and
     /// tables.csv into DIR. May be repeated: the run with most subjects gives Table 1, runs of one subject Tables 2 to 4
     #[arg(long, value_name = "RUN", help_heading = "Output", requires = "output", conflicts_with_all = ["config", "fresh"])]
@@ -88,39 +59,23 @@ fn main() -> ExitCode {
 
 fn work(args: Args) -> Result<Outcome> {
     args.common.apply()?;
-    if let (false, Some(folder)) = (args.paper.is_empty(), &args.output) {
+    if let (false, Some(folder)) = (args.paper.is_empty(), &args.benchmark.output) {
         benchmark::write_paper_tables(&args.paper, folder)?;
         return Ok(Outcome::Done);
     }
-    let asked = BenchmarkArgs {
-        models: args.models,
-        files: args.given,
-        tasks: args.tasks,
-        splits: args.splits,
-        seeds: args.seeds,
-        seed: args.seed,
-        frames: args.frames,
-        base: args.base,
-        observe: args.observe,
-        output: args.output,
+    let plan = args.benchmark.or_file(args.config.as_deref())?;
+    let settings = plan.settings()?;
+    settings.check()?;
+    let tables = match args.table.files.as_slice() {
+        [] => &plan.tables,
+        files => files,
     };
-    let plan = plan(asked, args.table.files.clone(), args.config.as_deref())?;
-    plan.settings.check()?;
-    let data = Dataset::new(&sources(&args.table, &plan.tables)?, &plan.subjects)?;
-    let bench = Benchmark::new(&data, plan.settings)?;
-    benchmark::report_exclusions(&bench, &data);
+    let data = Dataset::new(&sources(&args.table, tables)?, &plan.subjects)?;
+    let bench = Benchmark::new(&data, settings)?;
+    benchmark::report_exclusions(&bench);
     let open = |folder: &PathBuf| ResultCache::open(folder, args.fresh);
     let cache = plan.output.as_ref().map(open).transpose()?;
-    let (results, examples) = benchmark::run(&bench, cache)?;
-    let summary = summary::summarize(&results);
-    let report = BenchmarkReport {
-        dataset: &data,
-        settings: bench.settings(),
-        duplicates: bench.duplicates(),
-        results: &results,
-        summary: &summary,
-        examples: &examples,
-    };
+    let report = BenchmarkReport::new(&bench, benchmark::run(&bench, cache)?);
     if let Some(folder) = &plan.output {
         benchmark::write_results(folder, &report)?;
     }

@@ -1,156 +1,173 @@
-//! What `evaluate` does around the library: flags and TOML file in one, tables and models, the work file, the bar.
+//! `evaluate` around the library: its flags and TOML file, its tables and models, the cache of results, the progress bar.
 
 use super::args::{InputArgs, parse_length};
 use super::progress::Progress;
 use super::{input, messages};
-use crate::evaluate::benchmark::config::Length;
 use crate::evaluate::benchmark::dataset::SourceTable;
-use crate::evaluate::benchmark::examples::ExampleSet;
-use crate::evaluate::benchmark::leakage::Provenance;
-use crate::evaluate::benchmark::method::{ModelSource, PretrainedModel};
-use crate::evaluate::benchmark::runner::{CachedResults, Event};
-use crate::evaluate::benchmark::{
-    Benchmark, BenchmarkResult, Config, Method, Settings, Split, Task,
-};
+use crate::evaluate::benchmark::runner::{Event, Results};
+use crate::evaluate::benchmark::{Benchmark, BenchmarkResult, Method, Settings, Split, Task};
 use crate::evaluate::report::BenchmarkReport;
 use crate::evaluate::report::paper::{Comparison, FinishedRun};
-use crate::prior;
-use crate::prior::provenance::hex;
 use crate::{Error, Place, Result};
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
+use clap::Args;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// No results.json is larger.
 const LARGEST_RESULTS: u64 = 1 << 30;
 /// No TOML file is larger.
 const LARGEST_CONFIG: u64 = 1 << 20;
 
-/// What was asked for by flags; each that is absent is what the TOML file says, else the default.
-#[derive(Debug, Default)]
+/// What is run: flags of `evaluate`, or the keys of its TOML file.
+#[derive(Debug, Clone, Default, PartialEq, Args, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct BenchmarkArgs {
-    /// `--models`
-    pub models: Option<Vec<String>>,
-    /// `-m`
-    pub files: Vec<PathBuf>,
-    /// `--tasks`
-    pub tasks: Option<Vec<String>>,
-    /// `--splits`
-    pub splits: Option<Vec<String>>,
-    /// `--seeds`
+    /// Comma-separated models to train: kinds of prior-train, and ksvd and ksvd-omp, K-SVD as published; a dictionary takes
+    /// :n=ATOMS and :k=SPARSITY (default: all)
+    #[arg(long, value_name = "LIST", value_parser = list)]
+    pub models: Option<::std::vec::Vec<String>>,
+    /// Trained model to test as it is; may be repeated
+    #[arg(short = 'm', long = "model", value_name = "MODEL.npz")]
+    pub model_files: Vec<PathBuf>,
+    /// Comma-separated tasks: dense, sparse, complete (default: all)
+    #[arg(long, value_name = "LIST", value_parser = list)]
+    pub tasks: Option<::std::vec::Vec<String>>,
+    /// Comma-separated splits: frames, takes, subjects (default: all that the takes allow)
+    #[arg(long, value_name = "LIST", value_parser = list)]
+    pub splits: Option<::std::vec::Vec<String>>,
+    /// Number of seeds; each has its own split, training and damage (default: 5)
+    #[arg(long, value_name = "N")]
     pub seeds: Option<u64>,
-    /// `--seed`
+    /// First seed (default: 0)
+    #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// `--frames`
+    /// Largest number of test frames per split, and of training frames that are scored (default: 800)
+    #[arg(long, value_name = "N")]
     pub frames: Option<usize>,
-    /// `--base`, cm
-    pub base: Option<Vec<f64>>,
-    /// `--observe`
-    pub observe: Option<Vec<String>>,
-    /// `-o`
+    /// Comma-separated standard deviations of extra noise on every clean coordinate, in cm or with a unit (default: 0)
+    #[arg(long, value_name = "LIST", value_parser = lengths)]
+    #[serde(deserialize_with = "lengths_of_file")]
+    pub base: Option<::std::vec::Vec<f64>>,
+    /// Comma-separated joints that are visible in the task complete (default: the paper's six)
+    #[arg(long, value_name = "LIST", value_parser = list)]
+    pub observe: Option<::std::vec::Vec<String>>,
+    /// Write results.csv, results.json, report.html and times.csv into DIR, and cache finished results there
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
     pub output: Option<PathBuf>,
-}
-
-/// What is to be done.
-pub struct BenchmarkPlan {
-    /// The settings.
-    pub settings: Settings,
-    /// Tables to read.
+    /// Tables of poses; in the file only.
+    #[arg(skip)]
     pub tables: Vec<PathBuf>,
-    /// Whose each take is, where its name does not say.
+    /// The subject of a take, where the take's name does not begin with it; in the file only.
+    #[arg(skip)]
     pub subjects: BTreeMap<String, String>,
-    /// Where results go.
-    pub output: Option<PathBuf>,
 }
 
-/// Joins flags, tables and the TOML file.
-pub fn plan(
-    asked: BenchmarkArgs,
-    tables: Vec<PathBuf>,
-    config: Option<&Path>,
-) -> Result<BenchmarkPlan> {
-    let (file, folder) = match config {
-        Some(path) => (read_config(path)?, path.parent().unwrap_or(Path::new(""))),
-        None => (Config::default(), Path::new("")),
-    };
-    let place = |name: &String| folder.join(name);
-    let usual = Settings::default();
-    let named = asked.models.or(file.models);
-    let mut models = asked.files;
-    if models.is_empty() {
-        models.extend(file.model_files.iter().flatten().map(place));
+impl BenchmarkArgs {
+    /// Parses a TOML file; `name` names the file in messages.
+    ///
+    /// # Errors
+    /// [`Error::Data`] with file and line, also for an unknown key.
+    pub fn parse(text: &str, name: &str) -> Result<BenchmarkArgs> {
+        toml::from_str(text).map_err(|e| {
+            let at = e.span().map_or(0, |s| s.start.min(text.len()));
+            let line = 1 + text[..at].matches('\n').count();
+            let what: Vec<&str> = e.message().lines().collect();
+            Error::data(Place::line(name, line as u64), what.join(" "))
+        })
     }
-    // Where files are given and nothing is named, they alone are compared.
-    let named = match named {
-        Some(named) => named,
-        None if !models.is_empty() => Vec::new(),
-        None => Method::default_names(),
-    };
-    let mut methods: Vec<Method> = named
-        .iter()
-        .map(|n| Method::parse(n))
-        .collect::<Result<_>>()?;
-    for path in &models {
-        methods.push(given(path)?);
+
+    /// These flags, and what the TOML file says where a flag is absent. The file's paths are relative to its folder.
+    ///
+    /// # Errors
+    /// As [`BenchmarkArgs::parse`], or if the file cannot be read.
+    pub fn or_file(self, path: Option<&Path>) -> Result<BenchmarkArgs> {
+        let Some(path) = path else {
+            return Ok(self);
+        };
+        let input = input::open(path)?;
+        let name = input.name.clone();
+        let text = String::from_utf8(input.read_all(LARGEST_CONFIG)?)
+            .map_err(|_| Error::data(Place::file(&name), "is not a TOML file: it is not UTF-8"))?;
+        let file = BenchmarkArgs::parse(&text, &name)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let within = |names: Vec<PathBuf>| names.iter().map(|name| folder.join(name)).collect();
+        Ok(BenchmarkArgs {
+            models: self.models.or(file.models),
+            model_files: match self.model_files.is_empty() {
+                true => within(file.model_files),
+                false => self.model_files,
+            },
+            tasks: self.tasks.or(file.tasks),
+            splits: self.splits.or(file.splits),
+            seeds: self.seeds.or(file.seeds),
+            seed: self.seed.or(file.seed),
+            frames: self.frames.or(file.frames),
+            base: self.base.or(file.base),
+            observe: self.observe.or(file.observe),
+            output: self.output.or(file.output.map(|name| folder.join(name))),
+            tables: within(file.tables),
+            subjects: file.subjects,
+        })
     }
-    let list = |names: Option<Vec<String>>| names.unwrap_or_default();
-    let tasks = list(asked.tasks.or(file.tasks));
-    let tasks: Vec<Task> = tasks
-        .iter()
-        .map(|t| Task::parse(t))
-        .collect::<Result<_>>()?;
-    let splits = list(asked.splits.or(file.splits));
-    let base = match (asked.base, file.base) {
-        (Some(base), _) => base,
-        (None, Some(base)) => base.iter().map(length).collect::<Result<_>>()?,
-        (None, None) => usual.base,
-    };
-    let tables = match tables.is_empty() {
-        true => file.tables.iter().flatten().map(place).collect(),
-        false => tables,
-    };
-    let output = asked.output.or(file.output.as_ref().map(place));
-    Ok(BenchmarkPlan {
-        settings: Settings {
-            methods,
-            tasks: if tasks.is_empty() { usual.tasks } else { tasks },
-            splits: splits
-                .iter()
-                .map(|s| Split::parse(s))
-                .collect::<Result<_>>()?,
-            seeds: asked.seeds.or(file.seeds).unwrap_or(usual.seeds),
-            first_seed: asked.seed.or(file.seed).unwrap_or(usual.first_seed),
-            frames: asked.frames.or(file.frames).unwrap_or(usual.frames),
-            base,
-            observe: asked.observe.or(file.observe).unwrap_or(usual.observe),
-            examples: output.is_some(),
-        },
-        tables,
-        subjects: file.subjects,
-        output,
-    })
+
+    /// The settings of the run; reads the model files.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an unknown name, or as [`Method::pretrained`].
+    pub fn settings(&self) -> Result<Settings> {
+        // Model files without names of models are compared alone.
+        let named = match &self.models {
+            Some(named) => named.clone(),
+            None if !self.model_files.is_empty() => Vec::new(),
+            None => Method::default_names(),
+        };
+        let named = named.iter().map(|n| Method::parse(n));
+        let methods = named.chain(self.model_files.iter().map(|f| pretrained(f)));
+        let tasks = self.tasks.iter().flatten().map(|t| Task::parse(t));
+        let tasks: Vec<Task> = tasks.collect::<Result<_>>()?;
+        let splits = self.splits.iter().flatten().map(|s| Split::parse(s));
+        let default = Settings::default();
+        Ok(Settings {
+            methods: methods.collect::<Result<_>>()?,
+            tasks: if tasks.is_empty() {
+                default.tasks
+            } else {
+                tasks
+            },
+            splits: splits.collect::<Result<_>>()?,
+            seeds: self.seeds.unwrap_or(default.seeds),
+            first_seed: self.seed.unwrap_or(default.first_seed),
+            frames: self.frames.unwrap_or(default.frames),
+            base: self.base.clone().unwrap_or(default.base),
+            observe: self.observe.clone().unwrap_or(default.observe),
+            examples: self.output.is_some(),
+        })
+    }
 }
 
-fn read_config(path: &Path) -> Result<Config> {
-    let input = input::open(path)?;
-    let name = input.name.clone();
-    let bytes = input.read_all(LARGEST_CONFIG)?;
-    let text = String::from_utf8(bytes)
-        .map_err(|_| Error::data(Place::file(&name), "is not a TOML file: it is not UTF-8"))?;
-    Config::parse(&text, &name)
-}
-
-/// A length of the TOML file, cm.
-fn length(length: &Length) -> Result<f64> {
-    match length {
-        Length::Number(v) => Ok(*v),
-        Length::Text(t) => parse_length(t).map_err(|e| Error::usage(format!("base \"{t}\": {e}"))),
+/// Lengths in a TOML file, cm: `"0.05asf"`, or a number of centimetres.
+fn lengths_of_file<'de, D: Deserializer<'de>>(
+    file: D,
+) -> std::result::Result<Option<Vec<f64>>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Length {
+        Number(f64),
+        Text(String),
     }
+    let parse = |length: Length| match length {
+        Length::Number(v) => Ok(v),
+        Length::Text(t) => parse_length(&t).map_err(|e| D::Error::custom(format!("\"{t}\": {e}"))),
+    };
+    Vec::<Length>::deserialize(file)?
+        .into_iter()
+        .map(parse)
+        .collect::<std::result::Result<_, _>>()
+        .map(Some)
 }
 
 /// The name of a file without folder and last extension.
@@ -160,42 +177,15 @@ fn stem(path: &Path) -> String {
 }
 
 /// A model file as a method.
-fn given(path: &Path) -> Result<Method> {
+fn pretrained(path: &Path) -> Result<Method> {
     let model = input::open_model(path)?;
     let source = path.display().to_string();
-    if model.meta.space != "body" {
-        let what = "is a model in world space; evaluate compares models in body space (train it with --space body)";
-        return Err(Error::data(Place::file(&source), what));
-    }
-    let choice = prior::OpenOptions::default();
-    let prior = Arc::from(prior::open(&model, &choice, &source)?);
-    let width = 3 * model.meta.points.len();
-    let history = model.meta.history.iter();
-    let provenance = Provenance {
-        digests: history.flat_map(|e| e.inputs.clone()).collect(),
-        poses: (model.arrays().map(|(_, a)| a))
-            .filter(|a| a.ncols() == width)
-            .map(|a| a.floats().into_owned())
-            .collect(),
-    };
-    if provenance.digests.is_empty() {
+    if model.meta.history.iter().all(|e| e.inputs.is_empty()) {
         messages::info(&format!(
             "{source}: has no digests of its training data; overlap with test takes is detected only from poses it stores"
         ));
     }
-    Ok(Method {
-        name: stem(path),
-        source: ModelSource::Pretrained(PretrainedModel {
-            digest: hex(&Sha256::digest(model.to_bytes()?)),
-            source,
-            prior,
-            points: model.meta.points.clone(),
-            tuning: model.meta.details.get("tuning").cloned(),
-            provenance,
-        }),
-        choice,
-        treated: false,
-    })
+    Method::pretrained(stem(path), source, model)
 }
 
 /// Reads the tables, each by itself.
@@ -222,29 +212,30 @@ pub fn sources(flags: &InputArgs, tables: &[PathBuf]) -> Result<Vec<SourceTable>
     tables.iter().map(read).collect()
 }
 
-/// A line of a work file.
+/// A line of the cache.
 #[derive(Serialize, Deserialize)]
 struct CacheLine<T> {
     key: String,
-    #[serde(alias = "cell")]
-    done: T,
+    #[serde(rename = "done", alias = "cell")]
+    result: T,
 }
 
-/// A file that finished things are kept in, a line of JSON each.
-struct CacheFile {
+/// The file `cells.jsonl` of a run's folder: finished results, a line of JSON each, from which the next run goes on.
+pub struct ResultCache {
     path: PathBuf,
     file: File,
+    results: Results,
 }
 
-impl CacheFile {
-    /// Opens it, or starts it; `fresh` forgets what it holds. A last line that a kill has cut off is taken away.
+impl ResultCache {
+    /// Opens the file, or creates it with its folder; `fresh` discards its content. An incomplete last line, left by a
+    /// killed run, is removed.
     ///
     /// # Errors
-    /// A line that is not what it should be, with its number.
-    fn open<T: DeserializeOwned>(
-        path: PathBuf,
-        fresh: bool,
-    ) -> Result<(CacheFile, BTreeMap<String, T>)> {
+    /// A line that is not a result, with its number.
+    pub fn open(folder: &Path, fresh: bool) -> Result<ResultCache> {
+        fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let path = folder.join("cells.jsonl");
         let fail = |e| Error::io(&path, e);
         let text = match fs::read(&path) {
             Ok(bytes) if !fresh => bytes,
@@ -255,15 +246,15 @@ impl CacheFile {
             .iter()
             .rposition(|b| *b == b'\n')
             .map_or(0, |at| at + 1);
-        let mut finished = BTreeMap::new();
+        let mut results = Results::new();
         let lines = text[..whole].split(|b| *b == b'\n');
         for (i, line) in lines.enumerate().filter(|(_, l)| !l.is_empty()) {
-            let line: CacheLine<T> = serde_json::from_slice(line).map_err(|e| {
+            let line: CacheLine<BenchmarkResult> = serde_json::from_slice(line).map_err(|e| {
                 let name = path.display().to_string();
                 let what = format!("is not a cached result ({e}); remove the file, or use --fresh");
                 Error::data(Place::line(name, i as u64 + 1), what)
             })?;
-            finished.insert(line.key, line.done);
+            results.insert(line.key, line.result);
         }
         let mut options = OpenOptions::new();
         let file = options
@@ -272,64 +263,34 @@ impl CacheFile {
             .open(&path)
             .map_err(fail)?;
         file.set_len(whole as u64).map_err(fail)?;
-        Ok((CacheFile { path, file }, finished))
+        Ok(ResultCache {
+            path,
+            file,
+            results,
+        })
     }
 
-    fn keep<T: Serialize>(&mut self, key: &str, done: &T) -> Result<()> {
+    fn append(&mut self, key: &str, result: &BenchmarkResult) -> Result<()> {
         let key = key.into();
-        let line = serde_json::to_vec(&CacheLine { key, done });
-        let mut text = line.map_err(|e| Error::usage(e.to_string()))?;
-        text.push(b'\n');
-        let write = self.file.write_all(&text);
+        let line = serde_json::to_string(&CacheLine { key, result });
+        let line = line.map_err(|e| Error::usage(e.to_string()))? + "\n";
+        let write = self.file.write_all(line.as_bytes());
         write.map_err(|e| Error::io(&self.path, e))
     }
 }
 
-/// What a run keeps in its folder, so that the next one goes on from there.
-pub struct ResultCache {
-    cells: CacheFile,
-    examples: CacheFile,
-    finished: CachedResults,
-}
-
-impl ResultCache {
-    /// Opens `cells.jsonl` and `examples.jsonl` in a folder, which is made where it is absent; `fresh` forgets what they
-    /// hold.
-    ///
-    /// # Errors
-    /// A line that is not what it should be, with its number.
-    pub fn open(folder: &Path, fresh: bool) -> Result<ResultCache> {
-        fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        let (cells, done) = CacheFile::open(folder.join("cells.jsonl"), fresh)?;
-        let (examples, shown) = CacheFile::open(folder.join("examples.jsonl"), fresh)?;
-        let finished = CachedResults {
-            results: done,
-            examples: shown,
-        };
-        Ok(ResultCache {
-            cells,
-            examples,
-            finished,
-        })
-    }
-}
-
-/// Runs the bench with a bar; what is finished goes to the work files.
-pub fn run(
-    bench: &Benchmark<'_>,
-    mut work: Option<ResultCache>,
-) -> Result<(Vec<BenchmarkResult>, ExampleSet)> {
-    let finished = work.as_mut().map(|w| std::mem::take(&mut w.finished));
-    let finished = finished.unwrap_or_default();
+/// Runs the benchmark with a progress bar; finished results go to the cache.
+pub fn run(bench: &Benchmark<'_>, mut cache: Option<ResultCache>) -> Result<Vec<BenchmarkResult>> {
+    let cached = cache.as_mut().map(|c| std::mem::take(&mut c.results));
+    let cached = cached.unwrap_or_default();
     let total = bench.cases().len();
-    let had = total - bench.remaining(&finished);
-    if had > 0 {
-        messages::info(&format!("{had} of {total} results found in the cache"));
+    let mut done = total - bench.remaining(&cached);
+    if done > 0 {
+        messages::info(&format!("{done} of {total} results found in the cache"));
     }
     let bar = Progress::new("evaluate", total as u64);
-    bar.set(had as u64);
-    let mut done = had as u64;
-    bench.run(&finished, &mut |event| {
+    bar.set(done as u64);
+    bench.run(cached, &mut |event| {
         match event {
             Event::Training { model, split, seed } => {
                 let words = format!("{model}, {} {seed}", split.name());
@@ -338,14 +299,9 @@ pub fn run(
             }
             Event::Result { key, result } => {
                 done += 1;
-                bar.set(done);
-                if let Some(work) = &mut work {
-                    work.cells.keep(key, result)?;
-                }
-            }
-            Event::Examples { key, examples } => {
-                if let Some(work) = &mut work {
-                    work.examples.keep(key, examples)?;
+                bar.set(done as u64);
+                if let Some(cache) = &mut cache {
+                    cache.append(key, result)?;
                 }
             }
         }
@@ -362,21 +318,9 @@ pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
     Ok(())
 }
 
-/// Reads the results of finished runs, each a folder that [`write()`] has written.
-pub fn finished(folders: &[PathBuf]) -> Result<Vec<FinishedRun>> {
-    let read = |folder: &PathBuf| {
-        let path = folder.join("results.json");
-        let input = input::open(&path)?;
-        let source = input.name.clone();
-        let bytes = input.read_all(LARGEST_RESULTS)?;
-        let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
-        FinishedRun::parse(&bytes, &name.unwrap_or_else(|| ".".into()), &source)
-    };
-    folders.iter().map(read).collect()
-}
-
 /// Says which frames and splits are left out, and which takes stay together.
-pub fn report_exclusions(bench: &Benchmark, data: &crate::evaluate::benchmark::Dataset) {
+pub fn report_exclusions(bench: &Benchmark) {
+    let data = bench.dataset();
     if data.incomplete > 0 {
         messages::info(&format!(
             "{} frames skipped: missing points",
@@ -413,7 +357,14 @@ pub fn write_results(folder: &Path, report: &BenchmarkReport) -> Result<()> {
 /// # Errors
 /// When a run cannot be read, or a file cannot be written.
 pub fn write_paper_tables(runs: &[PathBuf], folder: &Path) -> Result<()> {
-    let runs = finished(runs)?;
+    let read = |folder: &PathBuf| {
+        let input = input::open(&folder.join("results.json"))?;
+        let source = input.name.clone();
+        let bytes = input.read_all(LARGEST_RESULTS)?;
+        let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
+        FinishedRun::parse(&bytes, &name.unwrap_or_else(|| ".".into()), &source)
+    };
+    let runs: Vec<FinishedRun> = runs.iter().map(read).collect::<Result<_>>()?;
     let comparison = Comparison::new(&runs)?;
     let files = [
         ("tables.csv", comparison.csv()),
@@ -423,7 +374,7 @@ pub fn write_paper_tables(runs: &[PathBuf], folder: &Path) -> Result<()> {
 }
 
 /// Reads a comma-separated list.
-pub fn list(text: &str) -> std::result::Result<Vec<String>, String> {
+fn list(text: &str) -> std::result::Result<Vec<String>, String> {
     let names: Vec<String> = text.split(',').map(|n| n.trim().to_string()).collect();
     match names.iter().any(String::is_empty) {
         true => Err("expected names with commas between them".into()),
@@ -432,6 +383,44 @@ pub fn list(text: &str) -> std::result::Result<Vec<String>, String> {
 }
 
 /// Reads a comma-separated list of lengths, cm.
-pub fn lengths(text: &str) -> std::result::Result<Vec<f64>, String> {
+fn lengths(text: &str) -> std::result::Result<Vec<f64>, String> {
     text.split(',').map(|t| parse_length(t.trim())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_parsed() {
+        let text = "tables = [\"01.csv\"]\nmodels = [\"sparse\", \"ksvd:n=500\"]\nseeds = 3\nbase = [0, \"0.05asf\"]\n[subjects]\nwalk = \"anna\"\n";
+        let config = BenchmarkArgs::parse(text, "x.toml").unwrap();
+        assert_eq!(config.seeds, Some(3));
+        assert_eq!(
+            config.base,
+            Some(vec![0.0, parse_length("0.05asf").unwrap()])
+        );
+        assert_eq!(config.subjects["walk"], "anna");
+        assert_eq!(
+            BenchmarkArgs::parse("", "x").unwrap(),
+            BenchmarkArgs::default()
+        );
+    }
+
+    #[test]
+    fn unknown_keys_and_wrong_values_are_refused_with_file_and_line() {
+        for (text, line, part) in [
+            ("seeds = 3\nsplit = [\"takes\"]\n", 2, "split"),
+            ("\n\nseeds = \"x\"\n", 3, "u64"),
+            ("seeds = 1\nseeds = 2\n", 2, "duplicate"),
+            ("seeds = \n", 1, ""),
+            ("[more]\nx = 1", 1, "more"),
+        ] {
+            let e = BenchmarkArgs::parse(text, "x.toml").unwrap_err();
+            let said = e.to_string();
+            assert!(said.starts_with(&format!("x.toml:{line}: ")), "{said}");
+            assert!(said.contains(part) && said.lines().count() == 1, "{said}");
+            assert_eq!(e.exit_code(), 1);
+        }
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::error_stats::ErrorStats;
 use super::score::ScoreReport;
+use super::text_table::aligned;
 use std::fmt::{self, Write};
 
 /// Columns of text, the first to the left, the others to the right.
@@ -25,27 +26,6 @@ impl Grid {
     /// A line of text between the rows.
     fn line(&mut self, text: &str) {
         self.rows.push(vec![text.to_string()]);
-    }
-
-    fn text(&self) -> String {
-        let full = || self.rows.iter().filter(|r| r.len() > 1);
-        let columns = full().map(Vec::len).max().unwrap_or(0);
-        let width = |c: usize| full().map(|r| r[c].chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..columns).map(width).collect();
-        let mut out = String::new();
-        for row in &self.rows {
-            let mut line = String::new();
-            for (c, cell) in row.iter().enumerate() {
-                // Writing to memory cannot fail.
-                let _ = match (c, row.len()) {
-                    (0, 1) => write!(line, "{cell}"),
-                    (0, _) => write!(line, "{cell:<0$}", widths[0]),
-                    _ => write!(line, "  {cell:>0$}", widths[c]),
-                };
-            }
-            let _ = writeln!(out, "{}", line.trim_end());
-        }
-        out
     }
 }
 
@@ -117,7 +97,7 @@ fn text(report: &ScoreReport) -> String {
     for point in &report.by_point {
         grid.errors(&point.point, &point.errors);
     }
-    out.push_str(&grid.text());
+    out.push_str(&aligned(&grid.rows));
     bones(&mut out, report);
     accelerations(&mut out, report);
     out
@@ -191,7 +171,8 @@ fn accelerations(out: &mut String, report: &ScoreReport) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ScoreAccumulator, ScoredFrame};
+    use super::super::frame::ScoredFrame;
+    use super::super::score::ScoreAccumulator;
     use super::*;
 
     #[test]

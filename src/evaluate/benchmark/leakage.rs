@@ -5,6 +5,7 @@
 //! within d, so that few pairs are compared.
 
 use super::dataset::Dataset;
+use crate::io::Model;
 use crate::numeric::parallel;
 use crate::pose::joints;
 use ndarray::{Array2, ArrayView1, ArrayView2};
@@ -141,6 +142,20 @@ pub struct Provenance {
 }
 
 impl Provenance {
+    /// What a model says.
+    pub fn of(model: &Model) -> Provenance {
+        let arrays = model.arrays().map(|(_, a)| a);
+        let width = 3 * model.meta.points.len();
+        Provenance {
+            digests: (model.meta.history.iter())
+                .flat_map(|e| e.inputs.clone())
+                .collect(),
+            poses: (arrays.filter(|a| a.ncols() == width))
+                .map(|a| a.floats().into_owned())
+                .collect(),
+        }
+    }
+
     /// The indices of takes that the model was trained from: their digest is in the history or a pose is stored.
     pub fn takes(&self, data: &Dataset) -> Vec<usize> {
         let mut known: Vec<usize> = (0..data.takes.len())
@@ -163,11 +178,6 @@ impl Provenance {
         known.sort_unstable();
         known.dedup();
         known
-    }
-
-    /// Whether the file says nothing, so that leakage cannot be detected.
-    pub fn is_silent(&self) -> bool {
-        self.digests.is_empty() && self.poses.is_empty()
     }
 }
 
@@ -354,6 +364,6 @@ mod tests {
             poses: vec![Array2::zeros((2, 69)), Array2::zeros((1, 3)), kept],
         };
         assert_eq!(by_pose.takes(&data), [2]);
-        assert!(Provenance::default().is_silent() && Provenance::default().takes(&data).is_empty());
+        assert!(Provenance::default().takes(&data).is_empty());
     }
 }

@@ -3,8 +3,10 @@
 use super::dataset::Dataset;
 use super::leakage::Provenance;
 use super::splits::Split;
-use super::task::{DamagedPoses, Task};
+use super::task::{DamagedPoses, SPARSE_MEAN_VARIANCE, Task};
+use crate::io::Model;
 use crate::numeric::parallel;
+use crate::prior::provenance::hex;
 use crate::prior::{
     self, HoldBack, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want,
 };
@@ -14,6 +16,7 @@ use crate::sparse::{Ksvd, SelectionRule};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
 use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -24,35 +27,25 @@ const MAX_ATOMS: usize = 1000;
 /// Poses restored at a time; fixed, so that the number of threads changes nothing.
 const BATCH: usize = 100;
 
-/// A trained model read from a file.
-#[derive(Clone)]
-pub struct PretrainedModel {
-    /// The file's name, for messages.
-    pub source: String,
-    /// The SHA-256 of the file, part of the keys of cached results.
-    pub digest: String,
-    /// The opened model.
-    pub prior: Arc<dyn Prior>,
-    /// The names of the model's points.
-    pub points: Vec<String>,
-    /// The tuning record in the model's details.
-    pub tuning: Option<Value>,
-    /// What the file says of its training poses.
-    pub provenance: Provenance,
-}
-
 /// Where a model comes from.
 #[derive(Clone)]
 pub enum ModelSource {
     /// Trained on the training part: a kind of `prior-train`, or `sparse`, a K-SVD dictionary of this many atoms.
     Kind {
-        /// The kind's name.
-        kind: String,
+        /// The kind.
+        kind: Kind,
         /// The number of atoms of a `sparse` model; `None` for the default.
         atoms: Option<usize>,
     },
     /// Read from a file.
-    Pretrained(PretrainedModel),
+    Pretrained {
+        /// The file's name, for messages.
+        source: String,
+        /// The SHA-256 of the file, part of the keys of cached results.
+        digest: String,
+        /// The model.
+        model: Arc<Model>,
+    },
 }
 
 /// A method: one row of the tables.
@@ -100,12 +93,13 @@ impl Method {
             _ => {}
         }
         let is_sparse = ["sparse", "ksvd", "ksvd-omp"].contains(&kind);
-        if !is_sparse && !Kind::ALL.iter().any(|k| k.name() == kind) {
+        let kind = if is_sparse { "sparse" } else { kind };
+        let kind: Kind = kind.parse().map_err(|_| {
             let known = Method::default_names().join(", ");
-            return Err(Error::usage(format!(
+            Error::usage(format!(
                 "--models {name}: expected one of {known} (or a file after -m)"
-            )));
-        }
+            ))
+        })?;
         let mut atoms = None;
         for part in parts {
             let number = |text: &str| {
@@ -128,12 +122,32 @@ impl Method {
         }
         Ok(Method {
             name: name.into(),
-            source: ModelSource::Kind {
-                kind: if is_sparse { "sparse" } else { kind }.into(),
-                atoms,
-            },
+            source: ModelSource::Kind { kind, atoms },
             choice,
             treated,
+        })
+    }
+
+    /// A model that was read from a file; `source` names the file in messages.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if the model is in world space or cannot be opened.
+    pub fn pretrained(name: String, source: String, model: Model) -> Result<Method> {
+        if model.meta.space != "body" {
+            let what = "is a model in world space; evaluate compares models in body space (train it with --space body)";
+            return Err(Error::data(Place::file(&source), what));
+        }
+        let choice = OpenOptions::default();
+        prior::open(&model, &choice, &source)?;
+        Ok(Method {
+            name,
+            source: ModelSource::Pretrained {
+                source,
+                digest: hex(&Sha256::digest(model.to_bytes()?)),
+                model: Arc::new(model),
+            },
+            choice,
+            treated: false,
         })
     }
 
@@ -141,7 +155,7 @@ impl Method {
     pub fn recipe(&self) -> String {
         match &self.source {
             ModelSource::Kind { kind, atoms } => format!("{kind} {atoms:?}"),
-            ModelSource::Pretrained(pretrained) => format!("file {}", pretrained.digest),
+            ModelSource::Pretrained { digest, .. } => format!("file {digest}"),
         }
     }
 
@@ -150,14 +164,14 @@ impl Method {
     /// # Errors
     /// [`Error::Data`] that names the model and the take.
     pub fn check_provenance(&self, dataset: &Dataset) -> Result<()> {
-        let ModelSource::Pretrained(pretrained) = &self.source else {
+        let ModelSource::Pretrained { source, model, .. } = &self.source else {
             return Ok(());
         };
-        let fail = |what: String| Err(Error::data(Place::file(&pretrained.source), what));
-        if pretrained.points != dataset.points {
+        let fail = |what: String| Err(Error::data(Place::file(source), what));
+        if model.meta.points != dataset.points {
             return fail("is a model whose points differ from the tables'".into());
         }
-        let known = pretrained.provenance.takes(dataset);
+        let known = Provenance::of(model).takes(dataset);
         if let Some(first) = known.first() {
             let more = match known.len() - 1 {
                 0 => String::new(),
@@ -172,21 +186,81 @@ impl Method {
     }
 }
 
-/// A trained model, opened once for each method that shares it.
+/// A model for a split and seed. Methods with equal recipes share it.
 pub struct TrainedModel {
-    /// The opened model of each method, in the methods' order.
-    pub priors: Vec<Arc<dyn Prior>>,
+    model: Arc<Model>,
     /// Seconds that training took; `None` for a pretrained model.
     pub seconds: Option<f64>,
-    /// The tuning record in the model's details. A tuned model assumes a noise of its own where the variance is unknown;
-    /// any other must be given one.
-    pub tuning: Option<Value>,
 }
 
 impl TrainedModel {
+    /// Trains the model of a method, or takes the pretrained one.
+    ///
+    /// # Errors
+    /// As [`Kind::train`].
+    pub fn train(
+        method: &Method,
+        poses: &TrainingSet,
+        split: Split,
+        seed: u64,
+    ) -> Result<TrainedModel> {
+        let began = Instant::now();
+        let model = match &method.source {
+            ModelSource::Pretrained { model, .. } => {
+                return Ok(TrainedModel {
+                    model: model.clone(),
+                    seconds: None,
+                });
+            }
+            ModelSource::Kind {
+                kind: Kind::Sparse,
+                atoms,
+            } => {
+                let atoms = atoms.unwrap_or(MAX_ATOMS.min(poses.xyz.nrows().div_ceil(4)));
+                let ksvd = Ksvd {
+                    atoms,
+                    seed,
+                    ..Ksvd::default()
+                };
+                sparse_coding::train(poses, &ksvd, &mut |_| Ok(()))?
+            }
+            ModelSource::Kind { kind, .. } => {
+                // Poses for tuning are held back as the test poses are.
+                let hold_back = match split {
+                    Split::Frames => HoldBack::Frames,
+                    Split::Takes | Split::Subjects => HoldBack::Takes,
+                };
+                kind.train(poses, &TrainOptions { seed, hold_back })?
+            }
+        };
+        Ok(TrainedModel {
+            model: Arc::new(model),
+            seconds: Some(began.elapsed().as_secs_f64()),
+        })
+    }
+
+    /// The model in the form that a method uses; `rigid` are the rigid distances of a treated method.
+    ///
+    /// # Errors
+    /// As [`prior::open`].
+    pub fn open<'r>(&self, method: &Method, rigid: Option<&'r RigidModel>) -> Result<Restorer<'r>> {
+        let rigid = rigid.filter(|_| method.treated);
+        Ok(Restorer {
+            prior: prior::open(&self.model, &method.choice, &method.name)?,
+            rigid,
+            needs_variance: rigid.is_none() && self.tuning().is_none(),
+        })
+    }
+
+    /// The tuning record. A tuned model assumes a noise of its own where the variance is unknown; any other must be given
+    /// one.
+    fn tuning(&self) -> Option<&Value> {
+        self.model.meta.details.get("tuning")
+    }
+
     /// The tuning of one task: the chosen setting and the curve.
     pub fn tuning_of(&self, task: Task) -> Option<Value> {
-        let all = self.tuning.as_ref()?;
+        let all = self.tuning()?;
         let curve = all.get("curve").and_then(Value::as_array);
         let own = |tried: &&Value| tried.get("task").and_then(Value::as_str) == Some(task.name());
         let curve: Vec<Value> = curve.into_iter().flatten().filter(own).cloned().collect();
@@ -195,90 +269,41 @@ impl TrainedModel {
     }
 }
 
-/// Trains or takes the model that some methods share: methods with equal recipes.
-///
-/// # Errors
-/// As `registry::train` and [`prior::open`].
-pub fn train(
-    methods: &[&Method],
-    poses: &TrainingSet,
-    split: Split,
-    seed: u64,
-) -> Result<TrainedModel> {
-    let began = Instant::now();
-    let (kind, atoms) = match methods.first().map(|m| &m.source) {
-        Some(ModelSource::Kind { kind, atoms }) => (kind, *atoms),
-        Some(ModelSource::Pretrained(pretrained)) => {
-            return Ok(TrainedModel {
-                priors: methods.iter().map(|_| pretrained.prior.clone()).collect(),
-                seconds: None,
-                tuning: pretrained.tuning.clone(),
-            });
-        }
-        None => {
-            return Ok(TrainedModel {
-                priors: Vec::new(),
-                seconds: None,
-                tuning: None,
-            });
-        }
-    };
-    let model = if kind == "sparse" {
-        let atoms = atoms.unwrap_or(MAX_ATOMS.min(poses.xyz.nrows().div_ceil(4)));
-        let ksvd = Ksvd {
-            atoms,
-            seed,
-            ..Ksvd::default()
-        };
-        sparse_coding::train(poses, &ksvd, &mut |_| Ok(()))?
-    } else {
-        let options = TrainOptions {
-            seed,
-            // Poses for tuning are held back as the test poses are.
-            hold_back: match split {
-                Split::Frames => HoldBack::Frames,
-                Split::Takes | Split::Subjects => HoldBack::Takes,
-            },
-        };
-        kind.parse::<Kind>()?.train(poses, &options)?
-    };
-    let seconds = Some(began.elapsed().as_secs_f64());
-    let open = |m: &&Method| prior::open(&model, &m.choice, &m.name).map(Arc::from);
-    let priors = methods.iter().map(open).collect::<Result<_>>()?;
-    let tuning = model.meta.details.get("tuning").cloned();
-    Ok(TrainedModel {
-        priors,
-        seconds,
-        tuning,
-    })
+/// A trained model in the form that one method uses.
+pub struct Restorer<'r> {
+    prior: Box<dyn Prior>,
+    rigid: Option<&'r RigidModel>,
+    /// Whether the model needs a noise variance under sparse noise, because it was not tuned to one.
+    needs_variance: bool,
 }
 
-/// Restores damaged poses, with outliers detected and rigid distances kept if `rigid` is pretrained. Returns the posteriors
-/// and the seconds that restoring took on one thread.
-pub fn restore(
-    prior: &dyn Prior,
-    rigid: Option<&RigidModel>,
-    damaged: &DamagedPoses,
-) -> (Vec<Posterior>, f64) {
-    let parts = parallel::map_chunks(damaged.y.nrows(), BATCH, |range| {
-        let part = |a: &Array2<f64>| a.slice(s![range.clone(), ..]).to_owned();
-        // The value of a missing coordinate is never read; zero keeps NaN out of sums.
-        let y = part(&damaged.y).mapv(|v| if v.is_nan() { 0.0 } else { v });
-        let variance = part(&damaged.variance);
-        let began = Instant::now();
-        let posteriors = parallel::single_threaded(|| match rigid {
-            Some(rigid) => {
-                // All poses of a task have the same variances.
-                let mode = OutlierMode::for_noise(&variance.row(0).to_vec());
-                let restored = rigid.restore(prior, y.view(), variance.view(), mode);
-                restored.into_iter().map(|r| r.posterior).collect()
-            }
-            None => posterior_rows(prior, y.view(), variance.view(), Want::Variances),
+impl Restorer<'_> {
+    /// The posteriors of damaged poses, and the seconds that restoring took on one thread.
+    pub fn restore(&self, task: Task, damaged: &DamagedPoses) -> (Vec<Posterior>, f64) {
+        let extra = match task {
+            Task::Sparse if self.needs_variance => SPARSE_MEAN_VARIANCE,
+            _ => 0.0,
+        };
+        let parts = parallel::map_chunks(damaged.y.nrows(), BATCH, |range| {
+            let part = |a: &Array2<f64>| a.slice(s![range.clone(), ..]).to_owned();
+            // The value of a missing coordinate is never read; zero keeps NaN out of sums.
+            let y = part(&damaged.y).mapv(|v| if v.is_nan() { 0.0 } else { v });
+            let variance = part(&damaged.variance) + extra;
+            let began = Instant::now();
+            let posteriors = parallel::single_threaded(|| match self.rigid {
+                Some(rigid) => {
+                    // All poses of a task have the same variances.
+                    let mode = OutlierMode::for_noise(&variance.row(0).to_vec());
+                    let restored = rigid.restore(&*self.prior, y.view(), variance.view(), mode);
+                    restored.into_iter().map(|r| r.posterior).collect()
+                }
+                None => posterior_rows(&*self.prior, y.view(), variance.view(), Want::Variances),
+            });
+            (posteriors, began.elapsed().as_secs_f64())
         });
-        (posteriors, began.elapsed().as_secs_f64())
-    });
-    let seconds = parts.iter().map(|p| p.1).sum();
-    (parts.into_iter().flat_map(|p| p.0).collect(), seconds)
+        let seconds = parts.iter().map(|p| p.1).sum();
+        (parts.into_iter().flat_map(|p| p.0).collect(), seconds)
+    }
 }
 
 #[cfg(test)]
@@ -321,22 +346,22 @@ mod tests {
         let data = takes(&[("01_01", 60), ("01_02", 60)]);
         let rows: Vec<usize> = (0..120).collect();
         let poses = data.training(&rows).unwrap();
-        let methods = ["sparse:n=20", "ksvd:n=20"].map(|n| Method::parse(n).unwrap());
-        let all: Vec<&Method> = methods.iter().collect();
-        let ready = train(&all, &poses, Split::Takes, 1).unwrap();
-        assert!(ready.priors.len() == 2 && ready.seconds.is_some());
-        let damaged = DamagedPoses {
-            y: data.rows(&rows),
-            variance: Array2::from_elem((120, 69), 1.0),
-        };
-        let (answers, _) = restore(&*ready.priors[0], None, &damaged);
+        let [sparse, ksvd] = ["sparse:n=20", "ksvd:n=20"].map(|n| Method::parse(n).unwrap());
+        let model = TrainedModel::train(&sparse, &poses, Split::Takes, 1).unwrap();
+        assert!(model.seconds.is_some() && model.open(&ksvd, None).is_ok());
+        let restorer = model.open(&sparse, None).unwrap();
+        let mut damaged = DamagedPoses::undamaged(&data, &rows);
+        damaged.variance.fill(1.0);
+        let (answers, _) = restorer.restore(Task::Dense, &damaged);
         assert_eq!(answers.len(), 120);
         // A batch gives the same posteriors as single poses.
         let one = crate::pose::Observation {
             values: &damaged.y.row(101).to_vec(),
             variance: &[1.0; 69],
         };
-        let one = ready.priors[0].posterior(&one, Want::Variances);
-        assert_eq!(answers[101], one);
+        assert_eq!(
+            answers[101],
+            restorer.prior.posterior(&one, Want::Variances)
+        );
     }
 }

@@ -7,21 +7,21 @@
 //! All poses are in body space: root at the origin, no global rotation. Errors are mean squares of a coordinate in asf²
 //! (1 asf = 5.644 cm), the paper's measure, beside the RMS in centimetres.
 
-pub mod config;
 pub mod dataset;
 pub mod examples;
 pub mod leakage;
 pub mod method;
 pub mod result;
 pub mod runner;
+pub mod settings;
 pub mod splits;
 pub mod summary;
 pub mod task;
 
-pub use config::{Config, Settings};
 pub use dataset::Dataset;
 pub use method::Method;
 pub use result::BenchmarkResult;
 pub use runner::Benchmark;
+pub use settings::Settings;
 pub use splits::{Partition, Split};
 pub use task::Task;

@@ -1,18 +1,17 @@
 //! Runs all cases in parallel. Results of an earlier run that are handed in are used again.
 
-use super::config::Settings;
 use super::dataset::Dataset;
-use super::examples::{self, ExamplePoses, ExampleSet, MethodExamples};
+use super::examples::{ExampleKind, ExamplePoses};
 use super::leakage::{DuplicateTake, find_duplicates};
-use super::method::{Method, ModelSource, TrainedModel, restore, train};
+use super::method::{Method, ModelSource, Restorer, TrainedModel};
 use super::result::{BenchmarkResult, Case, Measurement, measure, varying_coordinates};
+use super::settings::Settings;
 use super::splits::{Partition, Split};
-use super::task::{DamagedPoses, PoseDamage, SPARSE_MEAN_VARIANCE, Task};
-use crate::prior::Prior;
+use super::task::{PoseDamage, Task};
+use crate::pose::ASF_UNIT_CM;
 use crate::prior::{provenance::hex, training_set::TrainingSet};
 use crate::restore::RigidModel;
 use crate::{Error, Place, Result};
-use ndarray::Array2;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
@@ -37,33 +36,22 @@ pub enum Event<'a> {
         /// The result.
         result: &'a BenchmarkResult,
     },
-    /// The examples of a method are finished.
-    Examples {
-        /// The key of method, dataset and settings, to be stored with the examples.
-        key: &'a str,
-        /// The examples.
-        examples: &'a MethodExamples,
-    },
 }
 
 /// Called for each event of a run; an error ends the run.
 pub type Observer<'a> = dyn FnMut(&Event<'_>) -> Result<()> + Send + 'a;
 
-/// Results of an earlier run, by their keys.
-#[derive(Debug, Clone, Default)]
-pub struct CachedResults {
-    /// Results of cases.
-    pub results: BTreeMap<String, BenchmarkResult>,
-    /// Examples of methods.
-    pub examples: BTreeMap<String, MethodExamples>,
-}
+/// Results by the keys of their cases.
+pub type Results = BTreeMap<String, BenchmarkResult>;
 
 /// A dataset with settings that can be run on it.
 pub struct Benchmark<'a> {
     dataset: &'a Dataset,
+    dataset_digest: String,
     settings: Settings,
     duplicates: Vec<DuplicateTake>,
     skipped_splits: Vec<String>,
+    example_poses: Option<ExamplePoses>,
 }
 
 impl<'a> Benchmark<'a> {
@@ -92,23 +80,33 @@ impl<'a> Benchmark<'a> {
         for method in &settings.methods {
             method.check_provenance(dataset)?;
         }
-        let unknown = settings
-            .observe
-            .iter()
-            .find(|n| !dataset.points.contains(n));
+        let mut observe = settings.observe.iter();
+        let unknown = observe.find(|n| !dataset.points.contains(n));
         if let (Some(name), true) = (unknown, settings.tasks.contains(&Task::Complete)) {
             let what = format!("--observe: the takes have no point \"{name}\"");
             return Err(Error::usage(what));
         }
+        let example_split = ExamplePoses::split(&settings.splits).filter(|_| settings.examples);
+        let mut example_poses = None;
         for &split in &settings.splits {
-            Partition::draw(dataset, &duplicates, split, settings.first_seed)?;
+            let first = Partition::draw(dataset, &duplicates, split, settings.first_seed)?;
+            if example_split == Some(split) {
+                example_poses = Some(ExamplePoses::choose(dataset, &first));
+            }
         }
         Ok(Benchmark {
             dataset,
+            dataset_digest: dataset.digest(),
             settings,
             duplicates,
             skipped_splits,
+            example_poses,
         })
+    }
+
+    /// The poses.
+    pub fn dataset(&self) -> &Dataset {
+        self.dataset
     }
 
     /// The settings, with the splits that are run.
@@ -124,6 +122,11 @@ impl<'a> Benchmark<'a> {
     /// Splits that the dataset does not allow, each with the reason.
     pub fn skipped_splits(&self) -> &[String] {
         &self.skipped_splits
+    }
+
+    /// The poses that the report draws, if examples are asked for.
+    pub fn example_poses(&self) -> Option<&ExamplePoses> {
+        self.example_poses.as_ref()
     }
 
     /// All cases, in the order of the tables.
@@ -143,94 +146,100 @@ impl<'a> Benchmark<'a> {
     }
 
     /// The number of cases without a cached result.
-    pub fn remaining(&self, cache: &CachedResults) -> usize {
-        let digest = self.dataset.digest();
+    pub fn remaining(&self, cache: &Results) -> usize {
         let cases = self.cases();
-        let missing = |case: &&Case| self.cached(cache, case, &digest).is_none();
-        cases.iter().filter(missing).count()
+        cases.iter().filter(|c| !self.is_cached(cache, c)).count()
     }
 
-    /// Runs all cases without a cached result. Returns the results of all, in the order of [`Benchmark::cases`], and the
-    /// examples.
+    /// Runs all cases without a cached result. Returns the results of all, in the order of [`Benchmark::cases`].
     ///
     /// Each model is trained once for all tasks, models in parallel, splits and seeds one after another. The numbers do
     /// not depend on the number of threads; run times do.
     ///
     /// # Errors
     /// As training and the observer; [`Error::Data`] if a method returns a number that is not finite.
-    pub fn run(
-        &self,
-        cache: &CachedResults,
-        observer: &mut Observer<'_>,
-    ) -> Result<(Vec<BenchmarkResult>, ExampleSet)> {
-        let run = Run {
-            benchmark: self,
-            cache,
-            digest: self.dataset.digest(),
-            finished: Mutex::default(),
-            observer: Mutex::new(observer),
-        };
-        let mut example_poses = None;
+    pub fn run(&self, cache: Results, observer: &mut Observer<'_>) -> Result<Vec<BenchmarkResult>> {
+        let mut results = cache;
+        let observer = Mutex::new(observer);
         for &split in &self.settings.splits {
             for seed in self.settings.seeds() {
-                let has_examples =
-                    self.example_split() == Some(split) && seed == self.settings.first_seed;
-                let jobs = run.pending_jobs(split, seed, has_examples);
-                if jobs.is_empty() && !has_examples {
+                let pending = self.pending(&results, split, seed);
+                if pending.is_empty() {
                     continue;
                 }
                 let partition = Partition::draw(self.dataset, &self.duplicates, split, seed)?;
-                if has_examples {
-                    example_poses = Some(ExamplePoses::choose(self.dataset, &partition));
-                }
-                if jobs.is_empty() {
-                    continue;
-                }
                 let training = self.dataset.training(partition.train())?;
                 let part = TrainingPart {
+                    benchmark: self,
                     varying: varying_coordinates(training.xyz.view()),
                     training,
                     partition,
-                    example_poses: example_poses.as_ref(),
+                    observer: &observer,
                 };
-                let done: Vec<Result<()>> = jobs
-                    .par_iter()
-                    .map(|job| run.train_and_measure(&part, job))
-                    .collect();
-                done.into_iter().collect::<Result<()>>()?;
+                let jobs = pending.par_iter().map(|jobs| part.train_and_measure(jobs));
+                let done: Vec<Result<Results>> = jobs.collect();
+                for finished in done {
+                    results.extend(finished?);
+                }
             }
         }
-        run.collect(example_poses)
+        let take = |case: Case| {
+            let result = results.remove(&self.key(&case));
+            result.ok_or_else(|| Error::usage(format!("a case of {} was not run", case.model)))
+        };
+        self.cases().into_iter().map(take).collect()
     }
 
-    /// The split whose examples are kept; `None` if no examples are asked for.
-    fn example_split(&self) -> Option<Split> {
-        let splits = &self.settings.splits;
-        self.settings
-            .examples
-            .then(|| examples::split(splits))
-            .flatten()
+    /// The cases of a split and seed that have no result, by method, and the methods by the model they share.
+    fn pending(&self, results: &Results, split: Split, seed: u64) -> Vec<Vec<Job<'_>>> {
+        let mut cases = self.cases();
+        cases.retain(|c| c.split == split && c.seed == seed && !self.is_cached(results, c));
+        let mut jobs: Vec<(String, Vec<Job<'_>>)> = Vec::new();
+        for method in &self.settings.methods {
+            let own = cases.iter().filter(|c| c.model == method.name);
+            let own: Vec<Case> = own.cloned().collect();
+            if own.is_empty() {
+                continue;
+            }
+            let recipe = method.recipe();
+            match jobs.iter_mut().find(|(r, _)| *r == recipe) {
+                Some((_, methods)) => methods.push((method, own)),
+                None => jobs.push((recipe, vec![(method, own)])),
+            }
+        }
+        jobs.into_iter().map(|(_, methods)| methods).collect()
     }
 
-    /// A cached result. One whose content does not fit its key is not used: files can be changed.
-    fn cached<'c>(
-        &self,
-        cache: &'c CachedResults,
-        case: &Case,
-        dataset_digest: &str,
-    ) -> Option<&'c BenchmarkResult> {
-        let result = cache.results.get(&self.key(case, dataset_digest))?;
-        let is_sound = result.case == *case && result.is_sound(self.dataset.points.len());
-        is_sound.then_some(result)
+    /// Whether a case has a result. One whose content does not fit its key does not count: files can be changed.
+    fn is_cached(&self, results: &Results, case: &Case) -> bool {
+        let result = results.get(&self.key(case));
+        result.is_some_and(|r| {
+            let lacks_examples = self.has_examples(case) && r.examples.is_none();
+            r.case == *case && r.is_sound(self.dataset.points.len()) && !lacks_examples
+        })
+    }
+
+    /// Whether the examples of a case are drawn.
+    fn has_examples(&self, case: &Case) -> bool {
+        let poses = self.example_poses.as_ref();
+        poses.is_some_and(|p| p.split == case.split && p.seed == case.seed)
+            && self.base_of(case) == self.settings.base[0]
+    }
+
+    /// The base noise of a case, cm.
+    fn base_of(&self, case: &Case) -> f64 {
+        let mut base = self.settings.base.iter().copied();
+        let own = base.find(|b| b / ASF_UNIT_CM == case.base_asf);
+        own.unwrap_or(0.0)
     }
 
     /// The key of a case with this dataset and these settings.
-    fn key(&self, case: &Case, dataset_digest: &str) -> String {
+    fn key(&self, case: &Case) -> String {
         let method = self.settings.methods.iter().find(|m| m.name == case.model);
         let recipe = method.map(|m| format!("{} {:?} {}", m.recipe(), m.choice, m.treated));
         let content = (
             env!("CARGO_PKG_VERSION"),
-            dataset_digest,
+            &self.dataset_digest,
             case,
             recipe,
             self.settings.frames,
@@ -238,238 +247,103 @@ impl<'a> Benchmark<'a> {
         );
         hex(&Sha256::digest(format!("{content:?}").as_bytes()))
     }
-
-    /// The key of a method's examples with this dataset and these settings.
-    fn example_key(&self, method: &Method, split: Split, dataset_digest: &str) -> String {
-        let recipe = format!("{} {:?} {}", method.recipe(), method.choice, method.treated);
-        let content = (
-            (env!("CARGO_PKG_VERSION"), "example", dataset_digest),
-            (&method.name, recipe, split, self.settings.first_seed),
-            (&self.settings.observe, &self.settings.tasks),
-        );
-        hex(&Sha256::digest(format!("{content:?}").as_bytes()))
-    }
 }
 
-/// One call of [`Benchmark::run`].
-struct Run<'b, 'o, 'f> {
-    benchmark: &'b Benchmark<'b>,
-    cache: &'b CachedResults,
-    /// The digest of the dataset.
-    digest: String,
-    finished: Mutex<CachedResults>,
-    observer: Mutex<&'o mut Observer<'f>>,
-}
+/// A method and its pending cases.
+type Job<'a> = (&'a Method, Vec<Case>);
 
 /// The training part of a split, shared by all models.
-struct TrainingPart<'a> {
+struct TrainingPart<'a, 'o, 'f> {
+    benchmark: &'a Benchmark<'a>,
     partition: Partition,
     training: TrainingSet,
     /// Coordinates that differ between training poses.
     varying: Vec<bool>,
-    /// The example poses, once their split has come.
-    example_poses: Option<&'a ExamplePoses>,
+    observer: &'a Mutex<&'o mut Observer<'f>>,
 }
 
-/// The pending cases of a method.
-struct MethodJob<'a> {
-    method: &'a Method,
-    /// Base noise (cm) and case.
-    cases: Vec<(f64, Case)>,
-    /// Whether the method's examples are pending.
-    examples: bool,
-}
-
-/// A trained model in the form that one method uses.
-struct Restorer<'a> {
-    prior: &'a dyn Prior,
-    rigid: Option<&'a RigidModel>,
-    /// Whether the model needs a noise variance under sparse noise, because it was not tuned to one.
-    needs_variance: bool,
-}
-
-impl Restorer<'_> {
-    /// The variance added to that of each coordinate, cm².
-    fn extra_variance(&self, task: Task) -> f64 {
-        match task {
-            Task::Sparse if self.needs_variance => SPARSE_MEAN_VARIANCE,
-            _ => 0.0,
-        }
-    }
-}
-
-impl Run<'_, '_, '_> {
-    /// The pending cases of a split and seed, grouped by the model they share.
-    fn pending_jobs(&self, split: Split, seed: u64, has_examples: bool) -> Vec<Vec<MethodJob<'_>>> {
-        let settings = &self.benchmark.settings;
-        let shown = examples::shown_methods(&settings.methods);
-        let mut jobs: Vec<(String, Vec<MethodJob<'_>>)> = Vec::new();
-        for method in &settings.methods {
-            let mut cases = Vec::new();
-            for &base in &settings.base {
-                for task in settings.tasks_at(base) {
-                    let case = Case::new(&method.name, split, seed, task, base);
-                    if self
-                        .benchmark
-                        .cached(self.cache, &case, &self.digest)
-                        .is_none()
-                    {
-                        cases.push((base, case));
-                    }
-                }
-            }
-            let key = || self.benchmark.example_key(method, split, &self.digest);
-            let examples = has_examples
-                && shown.contains(&method.name.as_str())
-                && !self.cache.examples.contains_key(&key());
-            if cases.is_empty() && !examples {
-                continue;
-            }
-            let recipe = method.recipe();
-            let job = MethodJob {
-                method,
-                cases,
-                examples,
-            };
-            match jobs.iter_mut().find(|(r, _)| *r == recipe) {
-                Some((_, methods)) => methods.push(job),
-                None => jobs.push((recipe, vec![job])),
-            }
-        }
-        jobs.into_iter().map(|(_, methods)| methods).collect()
-    }
-
+impl TrainingPart<'_, '_, '_> {
     /// Trains the model that some methods share and runs their cases.
-    fn train_and_measure(&self, part: &TrainingPart<'_>, jobs: &[MethodJob<'_>]) -> Result<()> {
-        let methods: Vec<&Method> = jobs.iter().map(|j| j.method).collect();
-        let Some(first) = methods.first() else {
-            return Ok(());
+    fn train_and_measure(&self, jobs: &[Job<'_>]) -> Result<Results> {
+        let mut results = Results::new();
+        let Some((first, _)) = jobs.first() else {
+            return Ok(results);
         };
-        let (split, seed) = (part.partition.split(), part.partition.seed());
-        if !matches!(first.source, ModelSource::Pretrained(_)) {
+        let (split, seed) = (self.partition.split(), self.partition.seed());
+        if !matches!(first.source, ModelSource::Pretrained { .. }) {
             let model = &first.name;
             self.notify(&Event::Training { model, split, seed })?;
         }
-        let model = train(&methods, &part.training, split, seed)?;
-        let rigid = methods.iter().any(|m| m.treated);
+        let model = TrainedModel::train(first, &self.training, split, seed)?;
+        let treated = jobs.iter().any(|(method, _)| method.treated);
         let rigid =
-            rigid.then(|| RigidModel::learn(part.training.xyz.view(), &part.training.takes));
-        for (job, prior) in jobs.iter().zip(&model.priors) {
-            let rigid = rigid.as_ref().filter(|_| job.method.treated);
-            let restorer = Restorer {
-                prior: &**prior,
-                rigid,
-                needs_variance: rigid.is_none() && model.tuning.is_none(),
-            };
-            if let Some(poses) = part.example_poses.filter(|_| job.examples) {
-                self.restore_examples(poses, job.method, &restorer)?;
-            }
-            for (base, case) in &job.cases {
-                self.run_case(part, &model, &restorer, *base, case)?;
+            treated.then(|| RigidModel::learn(self.training.xyz.view(), &self.training.takes));
+        for (method, cases) in jobs {
+            let restorer = model.open(method, rigid.as_ref())?;
+            for case in cases {
+                let result = self.run_case(&model, &restorer, case)?;
+                let key = self.benchmark.key(case);
+                self.notify(&Event::Result {
+                    key: &key,
+                    result: &result,
+                })?;
+                results.insert(key, result);
             }
         }
-        Ok(())
-    }
-
-    fn restore_examples(
-        &self,
-        poses: &ExamplePoses,
-        method: &Method,
-        restorer: &Restorer<'_>,
-    ) -> Result<()> {
-        let examples = poses.restored(
-            self.benchmark.dataset,
-            &self.benchmark.settings,
-            &method.name,
-            &|task| restorer.extra_variance(task),
-            &|damaged| restore(restorer.prior, restorer.rigid, damaged).0,
-        )?;
-        let key = self
-            .benchmark
-            .example_key(method, poses.split, &self.digest);
-        self.notify(&Event::Examples {
-            key: &key,
-            examples: &examples,
-        })?;
-        self.finished().examples.insert(key, examples);
-        Ok(())
+        Ok(results)
     }
 
     fn run_case(
         &self,
-        part: &TrainingPart<'_>,
         model: &TrainedModel,
         restorer: &Restorer<'_>,
-        base: f64,
         case: &Case,
-    ) -> Result<()> {
-        let test_rows = part.partition.some_test(self.benchmark.settings.frames);
-        let (test, seconds) = self.measure(part, restorer, &test_rows, base, case)?;
-        let is_trained = model.seconds.is_some();
-        let training = match is_trained {
-            false => None,
-            true => {
-                let rows = part.partition.some_train(test_rows.len());
-                let training = self.measure(part, restorer, &rows, base, case)?.0;
-                // Only the mean is used: one unit a frame would fill the file.
-                Some(Measurement {
-                    units: Vec::new(),
-                    ..training
-                })
-            }
-        };
-        let result = BenchmarkResult {
+    ) -> Result<BenchmarkResult> {
+        let test_rows = self.partition.some_test(self.benchmark.settings.frames);
+        let (test, seconds) = self.measure(restorer, &test_rows, case)?;
+        let mut training = None;
+        if model.seconds.is_some() {
+            let rows = self.partition.some_train(test_rows.len());
+            // Only the mean is used: one unit a frame would fill the file.
+            training = Some(Measurement {
+                units: Vec::new(),
+                ..self.measure(restorer, &rows, case)?.0
+            });
+        }
+        let poses = self.benchmark.example_poses.as_ref();
+        let poses = poses.filter(|_| self.benchmark.has_examples(case));
+        let examples = poses.map(|poses| self.examples(poses, restorer, case.task));
+        Ok(BenchmarkResult {
             case: case.clone(),
-            training_frames: is_trained.then(|| part.training.xyz.nrows()),
+            training_frames: model.seconds.map(|_| self.training.xyz.nrows()),
             tuning: model.tuning_of(case.task),
+            examples: examples.transpose()?,
             seconds_per_pose: seconds / test.frames.max(1) as f64,
             test,
             training,
             seconds_training: model.seconds,
-        };
-        let key = self.benchmark.key(case, &self.digest);
-        self.notify(&Event::Result {
-            key: &key,
-            result: &result,
-        })?;
-        self.finished().results.insert(key, result);
-        Ok(())
+        })
     }
 
     /// Damages poses, restores them and compares them with the truth. Returns also the seconds of restoring.
     fn measure(
         &self,
-        part: &TrainingPart<'_>,
         restorer: &Restorer<'_>,
         rows: &[usize],
-        base: f64,
         case: &Case,
     ) -> Result<(Measurement, f64)> {
-        let dataset = self.benchmark.dataset;
-        let truth: Array2<f64> = dataset.rows(rows);
-        let damage = PoseDamage {
-            task: case.task,
-            points: &dataset.points,
-            observe: &self.benchmark.settings.observe,
-            base,
-            seed: case.seed,
-            split: case.split,
-        };
-        let mut damaged: DamagedPoses = damage.apply(&truth, rows)?;
-        damaged.variance += restorer.extra_variance(case.task);
-        let (estimates, seconds) = restore(restorer.prior, restorer.rigid, &damaged);
+        let (dataset, settings) = (self.benchmark.dataset, &self.benchmark.settings);
         let (split, task) = (case.split, case.task);
-        let truth = truth.view();
-        let varying = &part.varying;
-        match measure(
-            dataset,
-            (split, task),
-            rows,
-            truth,
-            &damaged,
-            &estimates,
-            varying,
-        ) {
+        let damage = PoseDamage {
+            task,
+            observe: &settings.observe,
+            base: self.benchmark.base_of(case),
+            seed: case.seed,
+            split,
+        };
+        let damaged = damage.apply(dataset, rows)?;
+        let (estimates, seconds) = restorer.restore(task, &damaged);
+        match measure(dataset, (split, task), &damaged, &estimates, &self.varying) {
             Some(measurement) => Ok((measurement, seconds)),
             None => {
                 let what = format!(
@@ -483,42 +357,31 @@ impl Run<'_, '_, '_> {
         }
     }
 
-    fn notify(&self, event: &Event<'_>) -> Result<()> {
-        (self.observer.lock().unwrap_or_else(PoisonError::into_inner))(event)
-    }
-
-    fn finished(&self) -> std::sync::MutexGuard<'_, CachedResults> {
-        self.finished.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// New and cached results together.
-    fn collect(self, poses: Option<ExamplePoses>) -> Result<(Vec<BenchmarkResult>, ExampleSet)> {
-        let (benchmark, digest) = (self.benchmark, &self.digest);
-        let finished = self
-            .finished
-            .into_inner()
-            .unwrap_or_else(PoisonError::into_inner);
-        let find = |case: Case| {
-            let new = finished.results.get(&benchmark.key(&case, digest));
-            let found = new.or_else(|| benchmark.cached(self.cache, &case, digest));
-            found
-                .cloned()
-                .ok_or_else(|| Error::usage(format!("a case of {} was not run", case.model)))
-        };
-        let results = benchmark
-            .cases()
-            .into_iter()
-            .map(find)
-            .collect::<Result<_>>()?;
-        let mut methods = Vec::new();
-        if let Some(poses) = &poses {
-            for method in &benchmark.settings.methods {
-                let key = benchmark.example_key(method, poses.split, digest);
-                let new = finished.examples.get(&key);
-                let found = new.or_else(|| self.cache.examples.get(&key));
-                methods.extend(found.filter(|e| e.model == method.name).cloned());
+    /// The restored example poses of a task, by the name of their kind.
+    fn examples(
+        &self,
+        poses: &ExamplePoses,
+        restorer: &Restorer<'_>,
+        task: Task,
+    ) -> Result<BTreeMap<String, Vec<Vec<f64>>>> {
+        let mut all = BTreeMap::new();
+        for kind in ExampleKind::of(task) {
+            let observe = &self.benchmark.settings.observe;
+            let damaged = poses.damaged(self.benchmark.dataset, observe, kind)?;
+            let (estimates, _) = restorer.restore(task, &damaged);
+            let rounded = |v: &f64| (v * 100.0).round() / 100.0;
+            let estimates = estimates.iter();
+            let estimates: Vec<Vec<f64>> = estimates
+                .map(|e| e.mean.iter().map(rounded).collect())
+                .collect();
+            if estimates.iter().flatten().all(|v| v.is_finite()) {
+                all.insert(kind.name().into(), estimates);
             }
         }
-        Ok((results, ExampleSet { poses, methods }))
+        Ok(all)
+    }
+
+    fn notify(&self, event: &Event<'_>) -> Result<()> {
+        (self.observer.lock().unwrap_or_else(PoisonError::into_inner))(event)
     }
 }

@@ -5,7 +5,7 @@
 //! tested by several seeds is therefore one unit, and models are compared on equal draws. Consecutive frames are alike, so
 //! intervals under `frames` are too narrow.
 
-use super::result::{BenchmarkResult, Case, Measurement, ONE_AND_TWO_SD, ResampledUnit};
+use super::result::{BenchmarkResult, Case, Measurement, ResampledUnit};
 use super::splits::Split;
 use super::task::Task;
 use crate::numeric::parallel;
@@ -52,13 +52,6 @@ pub struct SummaryRow {
     pub best: bool,
     /// The error divided by that of the best other method, with the interval of the ratio.
     pub to_best_other: Option<(f64, Interval)>,
-}
-
-impl SummaryRow {
-    /// The shares of coordinates within one and two standard deviations.
-    pub fn within_one_two(&self) -> [Option<f64>; 2] {
-        ONE_AND_TWO_SD.map(|i| self.within.get(i).copied())
-    }
 }
 
 /// Averages over seeds. Results must be grouped by split, base noise, task and method, as
@@ -215,6 +208,7 @@ fn interval_of(mut values: Vec<f64>) -> Interval {
 #[cfg(test)]
 pub(in crate::evaluate) mod tests {
     use super::*;
+    use crate::evaluate::benchmark::result::ONE_AND_TWO_SD;
     use rand_distr::StandardNormal;
 
     /// A result with `units` units of one frame each and errors near `mse`.
@@ -246,6 +240,7 @@ pub(in crate::evaluate) mod tests {
             }),
             test,
             tuning: None,
+            examples: None,
             seconds_per_pose: 1e-3,
             seconds_training: Some(1.0),
         }
@@ -291,7 +286,7 @@ pub(in crate::evaluate) mod tests {
         let (ratio, interval) = rows[1].to_best_other.unwrap();
         assert!((ratio - 0.8).abs() <= 1e-9 && (interval[1] - interval[0]).abs() <= 1e-9);
         assert!((rows[0].training_mse.unwrap() - rows[0].mse / 2.0).abs() <= 1e-12);
-        assert_eq!(rows[0].within_one_two(), [Some(0.24), Some(0.56)]);
+        assert_eq!(ONE_AND_TWO_SD.map(|i| rows[0].within[i]), [0.24, 0.56]);
         assert!(super::summarize(&[]).is_empty());
     }
 

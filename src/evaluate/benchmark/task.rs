@@ -1,5 +1,6 @@
 //! The paper's three tasks (section 4): the damage to a clean pose, and the noise variance that a method is given.
 
+use super::dataset::Dataset;
 use super::splits::Split;
 use crate::evaluate::corruption::Corruption;
 use crate::numeric::parallel;
@@ -60,8 +61,6 @@ pub const SPARSE_MEAN_VARIANCE: f64 = SPARSE_SHARE * ASF_UNIT_CM * ASF_UNIT_CM;
 pub struct PoseDamage<'a> {
     /// The task.
     pub task: Task,
-    /// The names of the J points.
-    pub points: &'a [String],
     /// The points that [`Task::Complete`] keeps.
     pub observe: &'a [String],
     /// Standard deviation of the base noise on coordinates that the task leaves clean, cm; 0 is none.
@@ -75,6 +74,10 @@ pub struct PoseDamage<'a> {
 /// Damaged poses and the noise variances that a method is given.
 #[derive(Debug, Clone)]
 pub struct DamagedPoses {
+    /// The poses' rows in the dataset.
+    pub rows: Vec<usize>,
+    /// The clean poses: (frames, 3 J), cm.
+    pub truth: Array2<f64>,
     /// (frames, 3 J), cm; NaN where missing.
     pub y: Array2<f64>,
     /// (frames, 3 J), cm²: 0 is exact, infinity missing.
@@ -82,11 +85,11 @@ pub struct DamagedPoses {
 }
 
 impl PoseDamage<'_> {
-    /// Damages poses (frames, 3 J), cm; `rows` are their rows in the dataset.
+    /// Damages some rows of a dataset.
     ///
     /// # Errors
     /// [`Error::Usage`] if an observed point does not exist.
-    pub fn apply(&self, truth: &Array2<f64>, rows: &[usize]) -> Result<DamagedPoses> {
+    pub fn apply(&self, data: &Dataset, rows: &[usize]) -> Result<DamagedPoses> {
         let stream = 16 + 8 * self.split as u64 + self.task as u64;
         let mut seeds = parallel::rng(self.seed, stream);
         let (hit_seed, base_seed) = (seeds.next_u64(), seeds.next_u64());
@@ -98,27 +101,26 @@ impl PoseDamage<'_> {
             seed: hit_seed,
             ..Corruption::default()
         };
-        let hits = hits.check(self.points)?;
+        let hits = hits.check(&data.points)?;
         let base = Corruption {
             dense: self.base,
             seed: base_seed,
             ..Corruption::default()
         };
-        let base = base.check(self.points)?;
-        let mut y = truth.clone();
-        let mut variance = Array2::zeros(truth.dim());
-        for (i, (clean, row)) in truth.rows().into_iter().zip(rows).enumerate() {
-            let mut hit = clean.to_vec();
-            hits.apply(*row as u64, &mut hit);
-            let mut based = clean.to_vec();
-            base.apply(*row as u64, &mut based);
+        let base = base.check(&data.points)?;
+        let mut damaged = DamagedPoses::undamaged(data, rows);
+        for (i, &row) in rows.iter().enumerate() {
+            let clean = damaged.truth.row(i).to_vec();
+            let (mut hit, mut based) = (clean.clone(), clean.clone());
+            hits.apply(row as u64, &mut hit);
+            base.apply(row as u64, &mut based);
             for c in 0..hit.len() {
                 let untouched = hit[c] == clean[c];
-                y[[i, c]] = if untouched { based[c] } else { hit[c] };
-                variance[[i, c]] = self.variance(hit[c].is_nan());
+                damaged.y[[i, c]] = if untouched { based[c] } else { hit[c] };
+                damaged.variance[[i, c]] = self.variance(hit[c].is_nan());
             }
         }
-        Ok(DamagedPoses { y, variance })
+        Ok(damaged)
     }
 
     fn noise_of(&self, task: Task) -> f64 {
@@ -136,22 +138,38 @@ impl PoseDamage<'_> {
     }
 }
 
+impl DamagedPoses {
+    /// Rows of a dataset as they are, known exactly.
+    pub fn undamaged(data: &Dataset, rows: &[usize]) -> DamagedPoses {
+        let truth = data.rows(rows);
+        DamagedPoses {
+            rows: rows.to_vec(),
+            y: truth.clone(),
+            variance: Array2::zeros(truth.dim()),
+            truth,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::dataset::tests::takes;
     use super::*;
-    use crate::pose::joints::{PAPER_SIX, cmu_names};
+    use crate::pose::joints::PAPER_SIX;
 
+    /// Frames of a take with all coordinates 1.
     fn damaged(task: Task, base: f64, seed: u64, rows: &[usize]) -> DamagedPoses {
-        let (points, observe) = (cmu_names(), PAPER_SIX.map(String::from));
+        let mut data = takes(&[("01_01", 400)]);
+        data.xyz.fill(1.0);
+        let observe = PAPER_SIX.map(String::from);
         let damage = PoseDamage {
             task,
-            points: &points,
             observe: &observe,
             base,
             seed,
             split: Split::Takes,
         };
-        damage.apply(&Array2::ones((rows.len(), 69)), rows).unwrap()
+        damage.apply(&data, rows).unwrap()
     }
 
     #[test]
@@ -216,14 +234,13 @@ mod tests {
     fn an_unknown_joint_is_named() {
         let damage = PoseDamage {
             task: Task::Complete,
-            points: &["root".to_string()],
-            observe: &["lwrist".to_string()],
+            observe: &["tail".to_string()],
             base: 0.0,
             seed: 0,
             split: Split::Frames,
         };
-        let e = damage.apply(&Array2::zeros((1, 3)), &[0]).unwrap_err();
-        assert!(e.to_string().contains("lwrist"), "{e}");
+        let e = damage.apply(&takes(&[("01_01", 1)]), &[0]).unwrap_err();
+        assert!(e.to_string().contains("tail"), "{e}");
         assert!(Task::parse("jump").is_err());
     }
 }

@@ -6,7 +6,7 @@ use super::tables::short;
 use crate::Result;
 use crate::evaluate::benchmark::dataset::Dataset;
 use crate::evaluate::benchmark::examples::{ExampleKind, ExamplePoses};
-use crate::evaluate::benchmark::task::Task;
+use crate::evaluate::benchmark::task::{DamagedPoses, Task};
 use crate::evaluate::html::escape;
 use crate::evaluate::player;
 use crate::evaluate::scene::{Figure, Scene, Status};
@@ -15,35 +15,37 @@ use ndarray::{Array2, ArrayView2, Axis};
 use std::fmt::Write;
 use std::ops::Range;
 
+/// Largest number of models in a figure, those with the lowest errors.
+const MAX_MODELS: usize = 24;
+
 /// The poses of one kind of example: (frames, 3 J) each, cm.
 struct Restored {
-    truth: Array2<f64>,
-    damaged: Array2<f64>,
+    damaged: DamagedPoses,
     /// (frames, J): points that sparse noise has changed.
     changed: Option<Array2<Status>>,
     /// Estimates by model, the model with the lowest error first.
     estimates: Vec<(String, Array2<f64>)>,
 }
 
-/// The figures as HTML; empty without examples.
+/// The figures as HTML; empty if no task has examples.
 ///
 /// # Errors
 /// As [`ExamplePoses::damaged`] and [`player::page`].
-pub fn figures(report: &BenchmarkReport<'_>) -> Result<String> {
+pub fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Result<String> {
     let mut out = String::new();
-    let Some(poses) = &report.examples.poses else {
-        return Ok(out);
-    };
-    let kinds = ExampleKind::of(&report.settings.tasks);
+    let (dataset, settings) = (report.dataset(), report.benchmark.settings());
+    let kinds: Vec<ExampleKind> = (settings.tasks.iter())
+        .flat_map(|task| ExampleKind::of(*task))
+        .collect();
     if let Some(&row) = poses.pose_rows.first() {
-        let place = frame_name(report.dataset, row);
+        let place = frame_name(dataset, row);
         let _ = write!(
             out,
             "<h3>One pose under all models</h3><p>{place}, as in the paper's figure 3.</p>"
         );
         for kind in kinds.iter().filter(|k| matches!(k, ExampleKind::Pose(_))) {
             let restored = Restored::new(report, poses, *kind)?;
-            restored.draw(&mut out, report, 0..1, damage_text(*kind), 1.0)?;
+            restored.draw(&mut out, dataset, 0..1, damage_text(*kind), 1.0)?;
         }
     }
     if kinds.contains(&ExampleKind::Planar) {
@@ -53,8 +55,8 @@ pub fn figures(report: &BenchmarkReport<'_>) -> Result<String> {
         );
         let restored = Restored::new(report, poses, ExampleKind::Planar)?;
         for (i, &row) in poses.pose_rows.iter().enumerate() {
-            let caption = format!("{}. ", frame_name(report.dataset, row));
-            restored.draw(&mut out, report, i..i + 1, &caption, 1.0)?;
+            let caption = format!("{}. ", frame_name(dataset, row));
+            restored.draw(&mut out, dataset, i..i + 1, &caption, 1.0)?;
         }
     }
     if let (Some(&row), true) = (poses.take_rows.first(), kinds.contains(&ExampleKind::Take)) {
@@ -62,13 +64,13 @@ pub fn figures(report: &BenchmarkReport<'_>) -> Result<String> {
         let _ = write!(
             out,
             "<h3>A take completed by all models</h3><p>{} and on, {frames} frames, {:.1} s: the paper's figure 6. Each frame is \
-             completed by itself from {}. The take is the test take that looks most like a run or a walk.</p>",
-            frame_name(report.dataset, row),
+             completed by itself from {}. The take is the longest of the test takes.</p>",
+            frame_name(dataset, row),
             frames as f64 / poses.rate,
-            escape(&report.settings.observe.join(", ")),
+            escape(&settings.observe.join(", ")),
         );
         let restored = Restored::new(report, poses, ExampleKind::Take)?;
-        restored.draw(&mut out, report, 0..frames, "", poses.rate)?;
+        restored.draw(&mut out, dataset, 0..frames, "", poses.rate)?;
     }
     Ok(out)
 }
@@ -100,31 +102,41 @@ impl Restored {
         poses: &ExamplePoses,
         kind: ExampleKind,
     ) -> Result<Restored> {
-        let (truth, damaged) = poses.damaged(report.dataset, report.settings, kind)?;
+        let observe = &report.benchmark.settings().observe;
+        let damaged = poses.damaged(report.dataset(), observe, kind)?;
+        let (truth, shape) = (&damaged.truth, damaged.truth.dim());
         let changed = (kind == ExampleKind::Pose(Task::Sparse)).then(|| {
-            Array2::from_shape_fn((truth.nrows(), truth.ncols() / 3), |(t, p)| {
+            Array2::from_shape_fn((shape.0, shape.1 / 3), |(t, p)| {
                 match (3 * p..3 * p + 3).any(|c| damaged.y[[t, c]] != truth[[t, c]]) {
                     true => Status::Changed,
                     false => Status::Observed,
                 }
             })
         });
-        let task = kind.task();
         let error = |model: &str| {
             let own = report
                 .summary
                 .iter()
-                .find(|r| r.model == model && r.split == poses.split && r.task == task);
+                .find(|r| r.model == model && r.split == poses.split && r.task == kind.task());
             own.map_or(f64::INFINITY, |r| r.mse)
         };
-        let estimates = report.examples.methods.iter();
-        let mut estimates: Vec<(String, Array2<f64>)> = estimates
-            .filter_map(|e| Some((e.model.clone(), e.poses(kind, truth.dim())?)))
-            .collect();
+        let restored = report.results.iter().filter_map(|result| {
+            let case = &result.case;
+            let is_own =
+                (case.split, case.seed, case.task) == (poses.split, poses.seed, kind.task());
+            let rows = result
+                .examples
+                .as_ref()
+                .filter(|_| is_own)?
+                .get(kind.name())?;
+            let array = Array2::from_shape_vec(shape, rows.concat()).ok()?;
+            Some((case.model.clone(), array))
+        });
+        let mut estimates: Vec<(String, Array2<f64>)> = restored.collect();
         estimates.sort_by(|a, b| error(&a.0).total_cmp(&error(&b.0)));
+        estimates.truncate(MAX_MODELS);
         Ok(Restored {
-            truth,
-            damaged: damaged.y,
+            damaged,
             changed,
             estimates,
         })
@@ -134,28 +146,29 @@ impl Restored {
     fn draw(
         &self,
         out: &mut String,
-        report: &BenchmarkReport<'_>,
+        dataset: &Dataset,
         frames: Range<usize>,
         caption: &str,
         rate: f64,
     ) -> Result<()> {
-        let points = &report.dataset.points;
+        let points = &dataset.points;
         let parents = joints::parents_by_name(points).into_iter().enumerate();
         let bones: Vec<(usize, usize)> = parents.filter_map(|(c, p)| Some((p?, c))).collect();
-        let cut = |a: &Array2<f64>| a.slice_axis(Axis(0), frames.clone().into()).to_owned();
-        let (truth, damaged) = (cut(&self.truth), cut(&self.damaged));
+        let rows = || frames.clone().into();
+        let truth = self.damaged.truth.slice_axis(Axis(0), rows());
+        let damaged = self.damaged.y.slice_axis(Axis(0), rows());
         let changed = self.changed.as_ref();
-        let changed = changed.map(|c| c.slice_axis(Axis(0), frames.clone().into()));
-        let estimates: Vec<Array2<f64>> = self.estimates.iter().map(|(_, e)| cut(e)).collect();
+        let changed = changed.map(|c| c.slice_axis(Axis(0), rows()));
         let figure = |name, xyz, status| Figure { name, xyz, status };
         let mut figures = vec![
-            figure("truth", truth.view(), None),
-            figure("input", damaged.view(), changed),
+            figure("truth", truth, None),
+            figure("input", damaged, changed),
         ];
         let mut notes = vec![String::new(); 2];
-        for ((model, _), estimate) in self.estimates.iter().zip(&estimates) {
-            figures.push(figure(model, estimate.view(), None));
-            notes.push(format!("{} cm", short(rms(estimate.view(), truth.view()))));
+        for (model, estimate) in &self.estimates {
+            let estimate = estimate.slice_axis(Axis(0), rows());
+            figures.push(figure(model, estimate, None));
+            notes.push(format!("{} cm", short(rms(estimate, truth))));
         }
         let scene = Scene {
             points,
@@ -176,7 +189,7 @@ impl Restored {
             "<figure class=\"poses\">{}<figcaption>{caption}The truth is drawn faintly behind each estimate; the number is the RMS \
              error of a coordinate here. The model with the lowest error on all test poses comes first.{play} Drag to turn.\
              </figcaption></figure>",
-            player::part(&scene, &player::Options::default())?
+            player::part(&scene)?
         );
         Ok(())
     }

@@ -271,6 +271,11 @@ function splitSection(id, rows) {
       legend(Object.keys(TASKS).map((t, i) => ["k" + i, t])), html("div", { class: "charts small" }, ...tuning))] : []));
 }
 
+document.getElementById("facts").textContent = `${plural(results.takes, "take")} of ${plural(results.subjects, "subject")}, ${plural(results.frames, "frame")}; ${plural(results.seeds, "seed")}, at most ${results.test_frames} test frames each.`;
+if (results.duplicates.length) document.getElementById("duplicates").append(
+  html("p", {}, "Takes that share poses stay on one side of every split by takes or subjects:"),
+  html("ul", {}, ...results.duplicates.map(text => html("li", {}, text))));
+
 const groups = [];
 for (const row of results.summary) {
   const last = groups.at(-1);

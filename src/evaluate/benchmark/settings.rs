@@ -1,75 +1,15 @@
-//! The settings of a benchmark, and the TOML file that holds them.
+//! The settings of a benchmark.
 
 use super::method::Method;
 use super::splits::Split;
 use super::task::Task;
 use crate::pose::{ASF_UNIT_CM, joints};
-use crate::{Error, Place, Result};
-use serde::Deserialize;
-use std::collections::BTreeMap;
+use crate::{Error, Result};
 
 /// Largest number of seeds of a run.
 const MAX_SEEDS: u64 = 10_000;
 /// Largest base noise, asf. More would be a task of its own.
 const MAX_BASE: f64 = 10.0;
-
-/// A length in a TOML file: `"0.05asf"`, or a number of centimetres.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(untagged)]
-pub enum Length {
-    /// A length with or without a unit.
-    Text(String),
-    /// Centimetres.
-    Number(f64),
-}
-
-/// The content of the TOML file; every key may be absent.
-#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Config {
-    /// Tables of poses, relative to the file's folder.
-    pub tables: Option<Vec<String>>,
-    /// Methods by name.
-    pub models: Option<Vec<String>>,
-    /// Trained models, relative to the file's folder.
-    pub model_files: Option<Vec<String>>,
-    /// dense, sparse, complete.
-    pub tasks: Option<Vec<String>>,
-    /// frames, takes, subjects.
-    pub splits: Option<Vec<String>>,
-    /// The number of seeds.
-    pub seeds: Option<u64>,
-    /// The first seed.
-    pub seed: Option<u64>,
-    /// Test frames a split, at most.
-    pub frames: Option<usize>,
-    /// Base noise on clean coordinates.
-    pub base: Option<Vec<Length>>,
-    /// The points that completion observes.
-    pub observe: Option<Vec<String>>,
-    /// The folder for results, relative to the file's folder.
-    pub output: Option<String>,
-    /// The subject of a take, where the take's name does not begin with it.
-    pub subjects: BTreeMap<String, String>,
-}
-
-impl Config {
-    /// Parses the text; `name` names the file in messages.
-    ///
-    /// # Errors
-    /// [`Error::Data`] with file and line, also for an unknown key.
-    pub fn parse(text: &str, name: &str) -> Result<Config> {
-        toml::from_str(text).map_err(|e| {
-            let at = e.span().map_or(0, |s| s.start.min(text.len()));
-            let line = 1 + text.as_bytes()[..at]
-                .iter()
-                .filter(|b| **b == b'\n')
-                .count();
-            let what: Vec<&str> = e.message().lines().collect();
-            Error::data(Place::line(name, line as u64), what.join(" "))
-        })
-    }
-}
 
 /// The settings of a run; [`Settings::check`] has the limits.
 #[derive(Clone)]
@@ -174,34 +114,6 @@ impl Settings {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_file_is_parsed() {
-        let text = "tables = [\"01.csv\"]\nmodels = [\"sparse\", \"ksvd:n=500\"]\nseeds = 3\nbase = [0, \"0.05asf\"]\n[subjects]\nwalk = \"anna\"\n";
-        let config = Config::parse(text, "x.toml").unwrap();
-        assert_eq!(config.seeds, Some(3));
-        let base = [Length::Number(0.0), Length::Text("0.05asf".into())];
-        assert_eq!(config.base, Some(base.to_vec()));
-        assert_eq!(config.subjects["walk"], "anna");
-        assert_eq!(Config::parse("", "x").unwrap(), Config::default());
-    }
-
-    #[test]
-    fn unknown_keys_and_wrong_values_are_refused_with_file_and_line() {
-        for (text, line, part) in [
-            ("seeds = 3\nsplit = [\"takes\"]\n", 2, "split"),
-            ("\n\nseeds = \"x\"\n", 3, "u64"),
-            ("seeds = 1\nseeds = 2\n", 2, "duplicate"),
-            ("seeds = \n", 1, ""),
-            ("[more]\nx = 1", 1, "more"),
-        ] {
-            let e = Config::parse(text, "x.toml").unwrap_err();
-            let said = e.to_string();
-            assert!(said.starts_with(&format!("x.toml:{line}: ")), "{said}");
-            assert!(said.contains(part) && said.lines().count() == 1, "{said}");
-            assert_eq!(e.exit_code(), 1);
-        }
-    }
 
     #[test]
     fn limits_are_named() {
