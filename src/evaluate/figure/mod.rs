@@ -1,7 +1,7 @@
 //! Stick figures as SVG, for papers and reports: chosen frames, side by side or in one trail.
 //!
 //! One view serves every panel: a right-handed frame with y up is turned by the azimuth about y, tilted
-//! by the elevation, and (if asked) drawn in mild perspective. The same scene gives the same bytes.
+//! by the elevation, and drawn by parallel rays. The same scene gives the same bytes.
 
 mod body;
 mod legend;
@@ -36,10 +36,6 @@ pub struct Options {
     pub azimuth: Option<f64>,
     /// How far the viewer looks down, in degrees: 0 is level, 90 straight from above.
     pub elevation: f64,
-    /// Mild perspective instead of parallel rays.
-    pub perspective: bool,
-    /// The height of a panel, in pixels: 40 to 4000.
-    pub height: f64,
 }
 
 impl Default for Options {
@@ -48,8 +44,6 @@ impl Default for Options {
             layout: Layout::Grid,
             azimuth: None,
             elevation: 12.0,
-            perspective: false,
-            height: 230.0,
         }
     }
 }
@@ -58,7 +52,7 @@ impl Options {
     /// Checks the limits.
     ///
     /// # Errors
-    /// [`Error::Usage`] for an angle or a height out of range.
+    /// [`Error::Usage`] for an angle out of range.
     pub fn check(&self) -> Result<()> {
         if let Some(azimuth) = self.azimuth.filter(|a| !a.is_finite()) {
             return Err(Error::usage(format!("azimuth {azimuth} must be finite")));
@@ -67,12 +61,6 @@ impl Options {
             let elevation = self.elevation;
             return Err(Error::usage(format!(
                 "elevation {elevation} must be from -90 to 90"
-            )));
-        }
-        if !(40.0..=4000.0).contains(&self.height) {
-            let height = self.height;
-            return Err(Error::usage(format!(
-                "panel height {height} must be from 40 to 4000"
             )));
         }
         Ok(())
@@ -99,13 +87,14 @@ pub fn svg(scene: &Scene<'_>, frames: &[usize], options: &Options) -> Result<Str
             .azimuth
             .unwrap_or_else(|| geometry.azimuth())
             .to_radians(),
-        eye: options.perspective.then_some(5.0 * geometry.size),
         geometry,
         options,
     };
     Ok(picture.draw(frames))
 }
 
+/// The height of a panel (px).
+const HEIGHT: f64 = 230.0;
 /// Pixels left and right of the panels, between two columns, below the last row.
 const EDGE: f64 = 18.0;
 const BETWEEN: f64 = 10.0;
@@ -118,7 +107,6 @@ struct Picture<'s, 'a> {
     geometry: SceneGeometry<'s, 'a>,
     options: &'s Options,
     azimuth: f64,
-    eye: Option<f64>,
 }
 
 impl Picture<'_, '_> {
@@ -126,7 +114,7 @@ impl Picture<'_, '_> {
         let panels = self.panels(frames);
         let window = self.window(&panels);
         let (across, up) = (window.right - window.left, window.high - window.low);
-        let scale = (self.options.height / up).min(WIDEST / across);
+        let scale = (HEIGHT / up).min(WIDEST / across);
         let (wide, tall) = (across * scale, up * scale);
         let rows = panels.iter().map(|p| p.row + 1).max().unwrap_or(0);
         let columns = panels.iter().map(|p| p.column + 1).max().unwrap_or(0);
@@ -237,13 +225,10 @@ mod tests {
 
     fn all(mut check: impl FnMut(Options)) {
         for layout in [Layout::Grid, Layout::Overlaid, Layout::Trail] {
-            for perspective in [false, true] {
-                check(Options {
-                    layout,
-                    perspective,
-                    ..Options::default()
-                });
-            }
+            check(Options {
+                layout,
+                ..Options::default()
+            });
         }
     }
 
@@ -386,14 +371,6 @@ mod tests {
                 ..Options::default()
             },
             "from -90 to 90",
-        );
-        fails(
-            &[0],
-            Options {
-                height: 0.0,
-                ..Options::default()
-            },
-            "40 to 4000",
         );
     }
 }

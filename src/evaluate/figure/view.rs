@@ -75,11 +75,7 @@ impl Picture<'_, '_> {
             y * tilt_cos - near * tilt_sin,
             near * tilt_cos + y * tilt_sin,
         );
-        // A point near or behind the eye is enlarged at most four times.
-        let enlarged = self
-            .eye
-            .map_or(1.0, |eye| eye / (eye - near).max(eye / 4.0));
-        [right * enlarged, up * enlarged, near]
+        [right, up, near]
     }
 
     /// The window that holds all but the outermost 1/400 of the points on each side.

@@ -1,28 +1,24 @@
 //! The scene as JSON that the player's script reads.
 //!
-//! Coordinates are base64 of little-endian numbers, frame after frame: 16-bit steps between a column's least and greatest
-//! value (`-32768`: missing), or 32-bit floats (NaN: missing) where such a step would show. Statuses are run lengths,
-//! point by point.
+//! Coordinates are base64 of little-endian 32-bit floats, frame after frame; NaN is missing. Statuses are run lengths, point
+//! by point.
 
 use crate::evaluate::scene::{Scene, Status};
 use crate::evaluate::scene_geometry::{SceneGeometry, Side};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
-/// A step between neighbouring 16-bit values above this (cm) would be seen.
-const COARSEST: f64 = 0.05;
-/// The 16-bit value of what is missing.
-pub const MISSING: i16 = i16::MIN;
+/// Largest size of the coordinates in a page, bytes of base64.
+const LIMIT: usize = 24_000_000;
 
-/// The smallest step through the frames that keeps the coordinates' base64 within the limit.
-pub fn sparing(scene: &Scene<'_>, limit: usize) -> usize {
-    let figures = scene.figures.len() as u128;
-    let a_frame = figures * scene.points.len() as u128 * 3 * 2 * 4 / 3;
-    let most = (limit as u128)
-        .checked_div(a_frame)
-        .unwrap_or(u128::MAX)
+/// The smallest step through the frames that keeps the coordinates within [`LIMIT`].
+pub fn sparing(scene: &Scene<'_>) -> usize {
+    let bytes_per_frame = scene.figures.len() * scene.points.len() * 3 * 4 * 4 / 3;
+    let most = LIMIT
+        .checked_div(bytes_per_frame)
+        .unwrap_or(usize::MAX)
         .max(1);
-    (scene.frames() as u128).div_ceil(most).max(1) as usize
+    scene.frames().div_ceil(most).max(1)
 }
 
 /// Everything the script reads.
@@ -82,75 +78,23 @@ fn embedded_figure(
     kept: &[usize],
     figure: usize,
 ) -> Value {
-    let columns = 3 * scene.points.len();
-    let mut values = Vec::with_capacity(kept.len() * columns);
+    let points = 0..scene.points.len();
+    let mut bytes = Vec::with_capacity(kept.len() * points.len() * 12);
     for frame in kept {
-        for point in 0..scene.points.len() {
-            values.extend(geometry.at(figure, *frame, point).unwrap_or([f64::NAN; 3]));
+        for point in points.clone() {
+            let place = geometry.at(figure, *frame, point);
+            let place = place.unwrap_or([f64::NAN; 3]).map(|v| v as f32);
+            bytes.extend(place.into_iter().flat_map(f32::to_le_bytes));
         }
     }
-    let mut coded = coordinates(&values, columns);
-    coded["name"] = json!(scene.figures[figure].name);
-    coded["note"] = json!(scene.notes.get(figure));
-    coded["status"] = match scene.figures[figure].status {
-        Some(_) => (0..scene.points.len())
-            .map(|point| run_lengths(kept.iter().map(|t| geometry.status(figure, *t, point))))
-            .collect(),
-        None => Value::Null,
-    };
-    coded
-}
-
-/// Rows of `columns` values as base64, and how to read it. NaN is missing.
-fn coordinates(values: &[f64], columns: usize) -> Value {
-    let mut low = vec![f64::INFINITY; columns];
-    let mut high = vec![f64::NEG_INFINITY; columns];
-    for (i, value) in values.iter().enumerate() {
-        // min and max pass over NaN.
-        low[i % columns] = low[i % columns].min(*value);
-        high[i % columns] = high[i % columns].max(*value);
-    }
-    let low: Vec<f64> = low
-        .iter()
-        .map(|v| {
-            if v.is_finite() {
-                rounded(*v - 0.0005)
-            } else {
-                0.0
-            }
-        })
-        .collect();
-    let steps: Vec<f64> = (0..columns)
-        .map(|c| ((high[c] - low[c]) / 65534.0).max(0.0))
-        // Rounded up to a short decimal, so that the greatest value stays in range.
-        .map(|step| (step * 1e8).ceil() / 1e8)
-        .collect();
-    if steps.iter().any(|step| *step > COARSEST) {
-        let bytes: Vec<u8> = values
-            .iter()
-            .flat_map(|v| (*v as f32).to_le_bytes())
-            .collect();
-        return json!({ "format": "f32", "data": BASE64_STANDARD.encode(&bytes) });
-    }
-    let code = |(i, value): (usize, &f64)| {
-        if value.is_nan() {
-            return MISSING;
-        }
-        let (low, step) = (low[i % columns], steps[i % columns]);
-        let steps = if step > 0.0 {
-            ((value - low) / step).round().clamp(0.0, 65534.0)
-        } else {
-            0.0
-        };
-        (steps - 32767.0) as i16
-    };
-    let bytes: Vec<u8> = values
-        .iter()
-        .enumerate()
-        .map(code)
-        .flat_map(i16::to_le_bytes)
-        .collect();
-    json!({ "format": "i16", "low": low, "step": steps, "data": BASE64_STANDARD.encode(&bytes) })
+    let statuses = |point| run_lengths(kept.iter().map(|t| geometry.status(figure, *t, point)));
+    let has_statuses = scene.figures[figure].status.is_some();
+    json!({
+        "name": scene.figures[figure].name,
+        "note": scene.notes.get(figure),
+        "data": BASE64_STANDARD.encode(&bytes),
+        "status": has_statuses.then(|| points.map(statuses).collect::<Value>()),
+    })
 }
 
 /// Status and how often it follows itself, again and again.
@@ -174,6 +118,21 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluate::scene::Figure;
+
+    #[test]
+    fn a_long_scene_keeps_every_few_frames() {
+        let points = vec![String::new(); 100];
+        let xyz = ndarray::Array2::zeros((30_000, 300));
+        let scene = Scene {
+            points: &points,
+            figures: vec![Figure::new("f", xyz.view())],
+            ..Scene::default()
+        };
+        // 1,600 bytes a frame: 15,000 frames fit.
+        assert_eq!(sparing(&scene), 2);
+        assert_eq!(sparing(&Scene::default()), 1);
+    }
 
     #[test]
     fn statuses_are_run_lengths() {

@@ -29,46 +29,13 @@ pub(super) const SCRIPT: &str = concat!(
     include_str!("start.js"),
 );
 
-/// How many frames are embedded.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Options {
-    /// Embed one frame of every `every`; `None` for as many as the limit allows.
-    pub every: Option<usize>,
-    /// Largest size of the coordinates in the page, bytes, without `every`.
-    pub limit: usize,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Options {
-            every: None,
-            limit: 12_000_000,
-        }
-    }
-}
-
-impl Options {
-    /// Checks the limits.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for zero.
-    pub fn check(&self) -> Result<()> {
-        if self.every == Some(0) {
-            return Err(Error::usage("every 0th frame: must be at least 1"));
-        }
-        if self.limit == 0 {
-            return Err(Error::usage("a limit of 0 bytes: must be at least 1"));
-        }
-        Ok(())
-    }
-}
-
-/// The page that plays a scene: HTML, complete in itself, the same bytes for the same scene.
+/// The page that plays a scene: HTML, complete in itself, the same bytes for the same scene. It has one frame of every
+/// `every`; `None`: as many as 24 MB of coordinates allow.
 ///
 /// # Errors
-/// [`Error::Usage`] if [`Scene::check`] or [`Options::check`] fails.
-pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
-    let (player, remarks) = player_and_remarks(scene, options, " data-alone")?;
+/// [`Error::Usage`] if [`Scene::check`] fails, or `every` is 0.
+pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
+    let (player, remarks) = player_and_remarks(scene, every, " data-alone")?;
     let title = escape(if scene.title.is_empty() {
         "Motion"
     } else {
@@ -102,8 +69,8 @@ pub fn page(scene: &Scene<'_>, options: &Options) -> Result<String> {
 ///
 /// # Errors
 /// As [`page`].
-pub(super) fn part(scene: &Scene<'_>, options: &Options) -> Result<String> {
-    Ok(player_and_remarks(scene, options, "")?.0)
+pub(super) fn part(scene: &Scene<'_>) -> Result<String> {
+    Ok(player_and_remarks(scene, None, "")?.0)
 }
 
 /// The list of keys that all players of a page share.
@@ -114,15 +81,15 @@ pub(super) fn keys() -> String {
 /// The player with its scene, and the remarks below it.
 fn player_and_remarks(
     scene: &Scene<'_>,
-    options: &Options,
+    every: Option<usize>,
     attributes: &str,
 ) -> Result<(String, String)> {
     scene.check()?;
-    options.check()?;
+    if every == Some(0) {
+        return Err(Error::usage("every 0th frame: must be at least 1"));
+    }
     let geometry = SceneGeometry::of(scene);
-    let every = options
-        .every
-        .unwrap_or_else(|| sparing(scene, options.limit));
+    let every = every.unwrap_or_else(|| sparing(scene));
     let kept: Vec<usize> = (0..scene.frames()).step_by(every).collect();
     let data = script_json(&embedded(scene, &geometry, &kept, every));
     let values = [("attributes", attributes), ("scene", &data)];
@@ -159,7 +126,6 @@ pub(super) fn policy_hash(source: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::embedded::MISSING;
     use super::*;
     use crate::evaluate::scene::{Figure, Run, Status, Table};
     use ndarray::Array2;
@@ -183,53 +149,38 @@ mod tests {
         serde_json::from_str(after.split("</script").next().unwrap()).unwrap()
     }
 
-    /// What the script decodes.
-    fn decoded(figure: &Value, columns: usize) -> Vec<f64> {
-        let bytes = BASE64_STANDARD
-            .decode(figure["data"].as_str().unwrap())
-            .unwrap();
-        if figure["format"] == "f32" {
-            let read = |b: &[u8]| f64::from(f32::from_le_bytes(b.try_into().unwrap()));
-            return bytes.chunks(4).map(read).collect();
+    /// A scene of one figure.
+    fn scene<'a>(points: &'a [String], xyz: &'a Array2<f64>) -> Scene<'a> {
+        Scene {
+            points,
+            rate: 60.0,
+            figures: vec![Figure::new("f", xyz.view())],
+            ..Scene::default()
         }
-        let read = |(i, b): (usize, &[u8])| match i16::from_le_bytes(b.try_into().unwrap()) {
-            MISSING => f64::NAN,
-            q => {
-                let of = |name: &str| figure[name][i % columns].as_f64().unwrap();
-                of("low") + (f64::from(q) + 32767.0) * of("step")
-            }
-        };
-        bytes.chunks(2).enumerate().map(read).collect()
+    }
+
+    /// What the script decodes.
+    fn decoded(figure: &Value) -> Vec<f32> {
+        let bytes = BASE64_STANDARD.decode(figure["data"].as_str().unwrap());
+        let read = |b: &[u8]| f32::from_le_bytes(b.try_into().unwrap());
+        bytes.unwrap().chunks(4).map(read).collect()
     }
 
     #[test]
     fn missing_stays_missing_and_the_rest_stays_put() {
         let points = names(4);
-        for (size, format, tolerance) in
-            [(200.0, "i16", 0.01), (5e4, "f32", 0.01), (0.0, "i16", 1e-3)]
-        {
-            let mut xyz = wave(50, 4, size);
-            xyz[[3, 4]] = f64::NAN;
-            xyz[[4, 0]] = f64::INFINITY;
-            let figure = Figure::new("f", xyz.view());
-            let scene = Scene {
-                points: &points,
-                rate: 60.0,
-                figures: vec![figure],
-                ..Scene::default()
-            };
-            let page = page(&scene, &Options::default()).unwrap();
-            let figure = &data(&page)["figures"][0];
-            assert_eq!(figure["format"], format);
-            let back = decoded(figure, 12);
-            assert_eq!(back.len(), 600);
-            for (i, (back, value)) in back.iter().zip(xyz.iter()).enumerate() {
-                let (frame, point) = (i / 12, i % 12 / 3);
-                if (frame, point) == (3, 1) || (frame, point) == (4, 0) {
-                    assert!(back.is_nan(), "the whole point is missing");
-                } else {
-                    assert!((back - value).abs() <= tolerance, "{back} {value}");
-                }
+        let mut xyz = wave(50, 4, 200.0);
+        xyz[[3, 4]] = f64::NAN;
+        xyz[[4, 0]] = f64::INFINITY;
+        let page = page(&scene(&points, &xyz), None).unwrap();
+        let back = decoded(&data(&page)["figures"][0]);
+        assert_eq!(back.len(), 600);
+        for (i, (back, value)) in back.iter().zip(&xyz).enumerate() {
+            let (frame, point) = (i / 12, i % 12 / 3);
+            // One missing coordinate makes the whole point missing.
+            match (frame, point) {
+                (3, 1) | (4, 0) => assert!(back.is_nan()),
+                _ => assert_eq!(*back, *value as f32),
             }
         }
     }
@@ -267,7 +218,7 @@ mod tests {
             credit: Some(hostile),
             ..Scene::default()
         };
-        let page = page(&scene, &Options::default()).unwrap();
+        let page = page(&scene, None).unwrap();
         assert_eq!(
             page.matches("<script").count(),
             2,
@@ -291,7 +242,7 @@ mod tests {
                 rate: 1.0,
                 ..Scene::default()
             },
-            &Options::default(),
+            None,
         )
         .unwrap();
         for loading in [
@@ -321,131 +272,51 @@ mod tests {
             rate: 1.0,
             ..Scene::default()
         };
-        assert_eq!(
-            data(&page(&nothing, &Options::default()).unwrap())["frames"],
-            0
-        );
+        assert_eq!(data(&page(&nothing, None).unwrap())["frames"], 0);
         for xyz in [
             Array2::zeros((0, 3)),
             Array2::zeros((1, 3)),
             Array2::from_elem((3, 3), f64::NAN),
         ] {
-            let figure = Figure::new("f", xyz.view());
-            let scene = Scene {
-                points: &points,
-                rate: 1.0,
-                figures: vec![figure],
-                ..Scene::default()
-            };
-            let page = page(&scene, &Options::default()).unwrap();
+            let page = page(&scene(&points, &xyz), None).unwrap();
             let data = data(&page);
             assert_eq!(data["frames"], xyz.nrows());
-            assert_eq!(decoded(&data["figures"][0], 3).len(), xyz.len());
-            assert!(
-                !page.contains("null,null"),
-                "no number of the page is missing"
-            );
+            assert_eq!(decoded(&data["figures"][0]).len(), xyz.len());
+            // No number of the page is missing.
+            assert!(!page.contains("null,null"));
         }
     }
 
     #[test]
-    fn frames_are_left_out_to_keep_the_limit_and_the_page_says_so() {
+    fn every_few_frames_are_embedded_and_the_page_says_so() {
         let points = names(10);
         let xyz = wave(1000, 10, 100.0);
-        let figure = Figure::new("f", xyz.view());
-        let runs = [
-            Run {
-                name: "a",
-                first: 0,
-                time: 0.0,
-                rate: 60.0,
-            },
-            Run {
-                name: "short",
-                first: 499,
-                time: 7.0,
-                rate: 60.0,
-            },
-            Run {
-                name: "b",
-                first: 500,
-                time: 1.0,
-                rate: 60.0,
-            },
-        ];
-        let scene = Scene {
-            points: &points,
+        let run = |name, first, time| Run {
+            name,
+            first,
+            time,
             rate: 60.0,
-            figures: vec![figure],
+        };
+        let runs = [run("a", 0, 0.0), run("short", 499, 7.0), run("b", 500, 1.0)];
+        let scene = Scene {
             runs: &runs,
-            ..Scene::default()
+            ..scene(&points, &xyz)
         };
-        let whole = page(&scene, &Options::default()).unwrap();
-        assert_eq!(
-            (&data(&whole)["every"], &data(&whole)["frames"]),
-            (&json!(1), &json!(1000))
-        );
+        let whole = page(&scene, None).unwrap();
+        assert_eq!(data(&whole)["every"], 1);
+        assert_eq!(data(&whole)["frames"], 1000);
         assert!(!whole.contains("to keep this page small"));
-        let small = page(
-            &scene,
-            &Options {
-                limit: 20_000,
-                ..Options::default()
-            },
-        )
-        .unwrap();
-        let data_of_small = data(&small);
-        assert!(data_of_small["figures"][0]["data"].as_str().unwrap().len() <= 20_000);
-        assert_eq!(data_of_small["every"], 4);
-        assert_eq!(data_of_small["rate"], 15.0);
+        assert_eq!(whole, page(&scene, None).unwrap());
+        let small = page(&scene, Some(4)).unwrap();
+        let embedded = data(&small);
         assert_eq!(
-            data_of_small["runs"],
-            json!([["a", 0, 0.0, 15.0], ["b", 125, 1.0, 15.0]])
+            (&embedded["every"], &embedded["frames"]),
+            (&json!(4), &json!(250))
         );
+        assert_eq!(embedded["rate"], 15.0);
+        let runs = json!([["a", 0, 0.0, 15.0], ["b", 125, 1.0, 15.0]]);
+        assert_eq!(embedded["runs"], runs);
         assert!(small.contains("One frame of every 4 is shown (there are 1000)"));
-        let tenth = page(
-            &scene,
-            &Options {
-                every: Some(10),
-                ..Options::default()
-            },
-        )
-        .unwrap();
-        assert_eq!(data(&tenth)["frames"], 100);
-        assert!(
-            page(
-                &scene,
-                &Options {
-                    every: Some(0),
-                    ..Options::default()
-                }
-            )
-            .is_err()
-        );
-        assert!(
-            page(
-                &scene,
-                &Options {
-                    limit: 0,
-                    ..Options::default()
-                }
-            )
-            .is_err()
-        );
-    }
-
-    #[test]
-    fn the_same_scene_gives_the_same_bytes() {
-        let points = names(5);
-        let xyz = wave(300, 5, 80.0);
-        let figure = Figure::new("f", xyz.view());
-        let scene = Scene {
-            points: &points,
-            rate: 60.0,
-            figures: vec![figure],
-            ..Scene::default()
-        };
-        let first = page(&scene, &Options::default()).unwrap();
-        assert_eq!(first, page(&scene, &Options::default()).unwrap());
+        assert!(page(&scene, Some(0)).is_err());
     }
 }

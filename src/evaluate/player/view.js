@@ -9,13 +9,8 @@ const points = scene.points.length, frames = scene.frames;
 function decode(figure) {
   const text = atob(figure.data), bytes = new Uint8Array(text.length);
   for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
-  const columns = 3 * points, xyz = new Float32Array(frames * columns);
-  const read = new DataView(bytes.buffer);
-  for (let i = 0; i < xyz.length; i++) {
-    if (figure.format === "f32") { xyz[i] = read.getFloat32(4 * i, true); continue; }
-    const q = read.getInt16(2 * i, true), column = i % columns;
-    xyz[i] = q === -32768 ? NaN : figure.low[column] + (q + 32767) * figure.step[column];
-  }
+  const xyz = new Float32Array(3 * frames * points), read = new DataView(bytes.buffer);
+  for (let i = 0; i < xyz.length; i++) xyz[i] = read.getFloat32(4 * i, true);
   return xyz;
 }
 
