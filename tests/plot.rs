@@ -61,14 +61,14 @@ fn tables_drawn_together_must_fit() {
     for (other, said) in [
         (
             "root.x,root.y,root.z\n1,2,3\n1,2,3\n1,2,3\n",
-            "no point lfemur",
+            "no point \"lfemur\"",
         ),
         (
             "lfemur.x,lfemur.y,lfemur.z,root.x,root.y,root.z\n1,2,3,4,5,6\n",
             "1 frames",
         ),
-        (&TABLE.replace("w,", "v,"), "of take v"),
-        (&TABLE.replace("w,0.2", "w,0.25"), "at 0.25 s"),
+        (&TABLE.replace("w,", "v,"), "take v in frame"),
+        (&TABLE.replace("w,0.2", "w,0.25"), "time 0.25 in frame"),
         (
             &TABLE.replace("unknown", "lost"),
             "\"lost\" is not a status",

@@ -2,21 +2,15 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::input::check_single_stdin;
-use posing::cli::plot::{PlotTable, bones, name_of, runs, text_table};
+use posing::cli::input::{check_single_stdin, or_stdin};
+use posing::cli::plot::{PlotFormat, PlotTable, SvgArgs, bones, name_of, runs, text_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
-use posing::evaluate::figure::{self, Layout};
 use posing::evaluate::player;
 use posing::evaluate::scene::{Figure, Scene};
 use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
-
-/// Frames that are drawn where nothing is said.
-const SPREAD: usize = 6;
-/// More frames than this make an SVG that nothing opens.
-const MOST_DRAWN: usize = 500;
 
 /// Draw poses as SVG, or as an HTML page that plays them
 ///
@@ -50,31 +44,8 @@ struct Args {
     /// Credit line of the data, at the end
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
-    /// Comma-separated frames to draw, counted from 0 (default: six, evenly spaced)
-    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "SVG")]
-    frames: Vec<usize>,
-    /// Draw the figures on top of each other
-    #[arg(long, conflicts_with = "trail", help_heading = "SVG")]
-    overlaid: bool,
-    /// Draw all frames in one panel, at their positions in the world
-    #[arg(long, help_heading = "SVG")]
-    trail: bool,
-    /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side)
-    #[arg(
-        long,
-        value_name = "DEGREES",
-        allow_negative_numbers = true,
-        help_heading = "SVG"
-    )]
-    azimuth: Option<f64>,
-    /// Angle at which the viewer looks down, in degrees (default: 12)
-    #[arg(
-        long,
-        value_name = "DEGREES",
-        allow_negative_numbers = true,
-        help_heading = "SVG"
-    )]
-    elevation: Option<f64>,
+    #[command(flatten)]
+    svg: SvgArgs,
     /// CSV file to show below the figures, such as scores
     #[arg(long, value_name = "CSV", help_heading = "Page")]
     table: Option<PathBuf>,
@@ -92,17 +63,9 @@ struct Args {
     output: Option<PathBuf>,
     /// Output format (default: by FILE's extension)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
-    to: Option<To>,
+    to: Option<PlotFormat>,
     #[command(flatten)]
     common: CommonArgs,
-}
-
-#[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
-enum To {
-    /// Picture of some frames
-    Svg,
-    /// Self-contained page that plays all frames
-    Html,
 }
 
 fn main() -> ExitCode {
@@ -111,12 +74,16 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
-    let to = format(args)?;
-    let files = match args.input.files.as_slice() {
-        [] => &[PathBuf::from("-")][..],
-        files => files,
-    };
-    check_single_stdin(files)?;
+    let to = PlotFormat::new(args.to, args.output.as_deref())?;
+    // A flag of the other format is refused rather than ignored.
+    if let (PlotFormat::Html, Some(flag)) = (to, args.svg.given()) {
+        return Err(Error::usage(format!("{flag} is for an SVG only")));
+    }
+    if let (PlotFormat::Svg, Some(_)) = (to, &args.table) {
+        return Err(Error::usage("--table is for a page only"));
+    }
+    let files = or_stdin(&args.input.files);
+    check_single_stdin(&files)?;
     let names: Vec<String> = match args.names.len() {
         0 => files.iter().map(|f| name_of(f)).collect(),
         n if n == files.len() => args.names.clone(),
@@ -125,17 +92,7 @@ fn work(args: &Args) -> Result<Outcome> {
             return Err(Error::usage(what));
         }
     };
-    let mut drawn: Vec<PlotTable> = Vec::new();
-    for file in files {
-        let mut table = PlotTable::read(&InputArgs {
-            files: vec![file.clone()],
-            ..args.input.clone()
-        })?;
-        if let Some(first) = drawn.first() {
-            table.match_to(first)?;
-        }
-        drawn.push(table);
-    }
+    let drawn = PlotTable::read_all(&args.input, &files)?;
     let clock = drawn.iter().find(|d| d.poses.time.is_some());
     let clock = &clock.unwrap_or(&drawn[0]).poses;
     let Some(rate) = args.input.rate(clock)? else {
@@ -151,8 +108,7 @@ fn work(args: &Args) -> Result<Outcome> {
         xyz: table.poses.xyz.view(),
         status: table.status.as_ref().map(|s| s.view()),
     });
-    let caption = args.caption.as_str();
-    let table = args.table.as_ref().map(|t| text_table(t, caption));
+    let table = args.table.as_ref().map(|t| text_table(t, &args.caption));
     let scene = Scene {
         title: &args.title,
         points: &clock.points,
@@ -166,74 +122,9 @@ fn work(args: &Args) -> Result<Outcome> {
         ..Scene::default()
     };
     let text = match to {
-        To::Svg => svg(args, &scene)?,
-        To::Html => {
-            let options = player::Options {
-                every: args.every,
-                ..player::Options::default()
-            };
-            player::page(&scene, &options)?
-        }
+        PlotFormat::Svg => args.svg.draw(&scene, args.every)?,
+        PlotFormat::Html => player::page(&scene, args.every)?,
     };
     write_bytes(args.output.as_deref(), text.as_bytes(), false)?;
     Ok(Outcome::Done)
-}
-
-/// What `--to` or the file's name says; a flag of the other format is refused rather than passed over.
-fn format(args: &Args) -> Result<To> {
-    let ending = args.output.as_ref().and_then(|p| p.extension());
-    let ending = ending.map(|e| e.to_string_lossy().to_lowercase());
-    let to = match (args.to, ending.as_deref()) {
-        (Some(to), _) => to,
-        (None, Some("svg")) => To::Svg,
-        (None, Some("html" | "htm")) => To::Html,
-        _ => {
-            let what = "choose a format: -o FILE.svg, -o FILE.html, or --to svg|html";
-            return Err(Error::usage(what));
-        }
-    };
-    let picture = [
-        ("--frames", !args.frames.is_empty()),
-        ("--overlaid", args.overlaid),
-        ("--trail", args.trail),
-        ("--azimuth", args.azimuth.is_some()),
-        ("--elevation", args.elevation.is_some()),
-    ];
-    let page = [("--table", args.table.is_some())];
-    let (others, only) = match to {
-        To::Svg => (&page[..], "a page"),
-        To::Html => (&picture[..], "an SVG"),
-    };
-    match others.iter().find(|(_, given)| *given) {
-        Some((flag, _)) => Err(Error::usage(format!("{flag} is for {only} only"))),
-        None => Ok(to),
-    }
-}
-
-fn svg(args: &Args, scene: &Scene<'_>) -> Result<String> {
-    let frames = match args.every {
-        Some(0) => return Err(Error::usage("--every 0: must be at least 1")),
-        Some(every) => (0..scene.frames()).step_by(every).collect(),
-        None if args.frames.is_empty() => scene.spread(SPREAD),
-        None => args.frames.clone(),
-    };
-    if frames.len() > MOST_DRAWN {
-        let what = format!(
-            "{} frames in one SVG; at most {MOST_DRAWN} are possible, see --every",
-            frames.len()
-        );
-        return Err(Error::usage(what));
-    }
-    let defaults = figure::Options::default();
-    let options = figure::Options {
-        layout: match (args.overlaid, args.trail) {
-            (true, _) => Layout::Overlaid,
-            (_, true) => Layout::Trail,
-            _ => Layout::Grid,
-        },
-        azimuth: args.azimuth,
-        elevation: args.elevation.unwrap_or(defaults.elevation),
-        ..defaults
-    };
-    figure::svg(scene, &frames, &options)
 }

@@ -1,12 +1,13 @@
 //! Compares poses with the truth.
 
 use clap::Parser;
-use posing::cli::aligned_tables::AlignedTables;
 use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
+use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
-use posing::evaluate::{RunDetector, ScoreAccumulator, ScoredFrame};
-use posing::pose::Poses;
+use posing::evaluate::Score;
+use posing::evaluate::aligned_frames::point_order;
+use posing::io::Table;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -16,8 +17,7 @@ use std::process::ExitCode;
 /// Prints, in total and for each point, the number of coordinates, their mean squared error (MSE) and its root (RMS), the
 /// mean distance of a point and the largest error of a coordinate; then the errors and variation of bone lengths, and
 /// accelerations (jitter raises them above the truth's). The frames must be the same; points are matched by name.
-/// Coordinates missing in TRUTH are left out; those missing in RESULT are counted as still missing. Memory is constant;
-/// the first 1024 frames of a take give its rate.
+/// Coordinates missing in TRUTH are left out; those missing in RESULT are counted as still missing.
 #[derive(Parser)]
 #[command(
     name = "score",
@@ -65,31 +65,40 @@ fn work(args: &Args) -> Result<Outcome> {
         .flatten()
         .map(|f| table(args, f))
         .collect();
-    let mut tables = AlignedTables::open(&inputs)?;
-    for (name, count) in tables.left_out().filter(|(_, count)| *count > 0) {
-        let truth = args.truth.display();
-        let noun = if count == 1 { "point" } else { "points" };
-        messages::info(&format!(
-            "{name}: ignored {count} {noun} that {truth} does not have"
+    check_single_stdin(inputs.iter().flat_map(|t| &t.files))?;
+    let tables = inputs.iter().map(|input| read_table(input, true, false));
+    let tables: Vec<Table> = tables.collect::<Result<_>>()?;
+    let truth = &tables[0];
+    if truth.poses.frames() == 0 {
+        return Err(Error::data(
+            Place::file(&truth.name),
+            "has no frames to compare",
         ));
     }
-    let mut runs = RunDetector::default();
-    let mut scores = ScoreAccumulator::new(tables.points(), args.damaged.is_some());
-    let rate = |take: &Poses| inputs[0].rate(take);
-    tables.for_each_with_rate(rate, |step, rate| {
-        scores.add(&ScoredFrame {
-            truth: &step.xyz[0],
-            result: &step.xyz[1],
-            damaged: step.xyz.get(2).map(Vec::as_slice),
-            starts_run: runs.starts(step.time, &step.take, rate),
-            rate,
-        });
-    })?;
-    if scores.frames() == 0 {
-        let place = Place::file(args.truth.display().to_string());
-        return Err(Error::data(place, "has no frames to compare"));
+    for other in &tables[1..] {
+        point_order(&truth.poses, &other.poses).map_err(|what| {
+            let what = format!(
+                "{what} as in {}; tables to compare must have the same frames",
+                truth.name
+            );
+            Error::data(Place::file(&other.name), what)
+        })?;
+        let more = other.poses.points.len() - truth.poses.points.len();
+        if more > 0 {
+            let noun = if more == 1 { "point" } else { "points" };
+            let (name, truth) = (&other.name, &truth.name);
+            messages::info(&format!(
+                "{name}: ignored {more} {noun} that {truth} does not have"
+            ));
+        }
     }
-    let report = scores.finish(args.units.name(), args.units.centimetres());
+    let score = Score::new(&truth.poses, &tables[1].poses)?;
+    let rates = inputs[0].rates(score.clock())?;
+    let mut score = score.with_rates(rates);
+    if let Some(damaged) = tables.get(2) {
+        score = score.by_gap(&damaged.poses)?;
+    }
+    let report = score.finish_in(args.units.name(), args.units.centimetres());
     let mut out = report.to_string();
     if args.json {
         out = serde_json::to_string(&report).map_err(|e| Error::usage(e.to_string()))? + "\n";

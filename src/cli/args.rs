@@ -197,21 +197,33 @@ impl InputArgs {
 
     /// The rate of a table: from its times, or from `--fps`; they must not contradict each other.
     pub fn rate(&self, poses: &Poses) -> Result<Option<f64>> {
-        match (poses.rate(), self.fps) {
-            (Some(_), Some(flag)) if poses.is_consistent_with_rate(timed(poses), flag) => {
-                Ok(Some(flag))
-            }
+        let timed = 0..poses.time.as_ref().map_or(0, Vec::len);
+        self.rate_of(poses, timed, poses.rate())
+    }
+
+    /// The rate of each take: from its times, or from `--fps`; they must not contradict each other.
+    pub fn rates(&self, poses: &Poses) -> Result<Vec<Option<f64>>> {
+        let takes = poses.takes().into_iter().zip(poses.rates());
+        takes
+            .map(|(take, own)| self.rate_of(poses, take, own))
+            .collect()
+    }
+
+    /// The rate of some frames whose times give the rate `own`.
+    fn rate_of(
+        &self,
+        poses: &Poses,
+        frames: Range<usize>,
+        own: Option<f64>,
+    ) -> Result<Option<f64>> {
+        match (own, self.fps) {
+            (Some(_), Some(flag)) if poses.is_consistent_with_rate(frames, flag) => Ok(Some(flag)),
             (Some(table), Some(flag)) => Err(Error::usage(format!(
                 "--fps {flag} contradicts the table's times ({table} frames per second); leave --fps out"
             ))),
             (table, flag) => Ok(table.or(flag)),
         }
     }
-}
-
-/// The frames that have a time.
-fn timed(poses: &Poses) -> Range<usize> {
-    0..poses.time.as_ref().map_or(0, Vec::len)
 }
 
 /// A rate: above zero.

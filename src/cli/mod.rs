@@ -1,6 +1,5 @@
 //! The parts that commands share: the wrapper around `main`, flags, input and output, progress, manual pages.
 
-pub mod aligned_tables;
 pub mod args;
 pub mod benchmark;
 pub mod code_table;
@@ -8,6 +7,7 @@ pub mod commands;
 pub mod completions;
 pub mod ik;
 pub mod input;
+pub mod ksvd;
 pub mod launcher;
 pub mod manual;
 pub mod messages;
@@ -18,7 +18,6 @@ mod signals;
 pub mod split;
 pub mod streams;
 mod summary;
-pub mod take_gaps;
 pub mod training;
 
 use crate::Result;

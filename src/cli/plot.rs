@@ -1,19 +1,129 @@
-//! The inputs of `plot`: pose tables with statuses, bones by name, and a table of text.
+//! `plot` around the library: pose tables with statuses, bones by name, a table of text, the flags of an SVG.
 
 use super::args::InputArgs;
 use super::input::{RowStream, open};
-use crate::evaluate::scene::{Run, Status, Table};
+use crate::evaluate::aligned_frames::point_order;
+use crate::evaluate::figure::{self, Layout};
+use crate::evaluate::scene::{Run, Scene, Status, Table};
 use crate::io::{PosesBuilder, Row};
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Times that differ by no more are the same, in seconds: other tools round them.
-const SAME_TIME: f64 = 1e-4;
 /// A table of text is small.
 const TABLE_LIMIT: u64 = 1 << 20;
+
+/// Frames that are drawn by default.
+const SPREAD: usize = 6;
+/// The largest number of frames in an SVG that viewers still open.
+const MOST_DRAWN: usize = 500;
+
+/// The format of a drawing.
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+pub enum PlotFormat {
+    /// Picture of some frames
+    Svg,
+    /// Self-contained page that plays all frames
+    Html,
+}
+
+impl PlotFormat {
+    /// The format of `--to`, else that of the file's name.
+    ///
+    /// # Errors
+    /// Usage: neither gives a format.
+    pub fn new(to: Option<PlotFormat>, output: Option<&Path>) -> Result<PlotFormat> {
+        let extension = output.and_then(Path::extension);
+        let extension = extension.map(|e| e.to_string_lossy().to_lowercase());
+        match (to, extension.as_deref()) {
+            (Some(to), _) => Ok(to),
+            (None, Some("svg")) => Ok(PlotFormat::Svg),
+            (None, Some("html" | "htm")) => Ok(PlotFormat::Html),
+            _ => {
+                let what = "choose a format: -o FILE.svg, -o FILE.html, or --to svg|html";
+                Err(Error::usage(what))
+            }
+        }
+    }
+}
+
+/// The flags of an SVG.
+#[derive(Debug, Clone, clap::Args)]
+pub struct SvgArgs {
+    /// Comma-separated frames to draw, counted from 0 (default: six, evenly spaced)
+    #[arg(long, value_name = "LIST", value_delimiter = ',', help_heading = "SVG")]
+    pub frames: Vec<usize>,
+    /// Draw the figures on top of each other
+    #[arg(long, conflicts_with = "trail", help_heading = "SVG")]
+    pub overlaid: bool,
+    /// Draw all frames in one panel, at their positions in the world
+    #[arg(long, help_heading = "SVG")]
+    pub trail: bool,
+    /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side)
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        allow_negative_numbers = true,
+        help_heading = "SVG"
+    )]
+    pub azimuth: Option<f64>,
+    /// Angle at which the viewer looks down, in degrees (default: 12)
+    #[arg(
+        long,
+        value_name = "DEGREES",
+        allow_negative_numbers = true,
+        help_heading = "SVG"
+    )]
+    pub elevation: Option<f64>,
+}
+
+impl SvgArgs {
+    /// The first of these flags that is given.
+    pub fn given(&self) -> Option<&'static str> {
+        let all = [
+            ("--frames", !self.frames.is_empty()),
+            ("--overlaid", self.overlaid),
+            ("--trail", self.trail),
+            ("--azimuth", self.azimuth.is_some()),
+            ("--elevation", self.elevation.is_some()),
+        ];
+        all.into_iter()
+            .find_map(|(flag, given)| given.then_some(flag))
+    }
+
+    /// Draws the frames of `--frames`, or every few, or six.
+    ///
+    /// # Errors
+    /// Usage: too many frames, or as [`figure::svg`].
+    pub fn draw(&self, scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
+        let frames = match every {
+            Some(0) => return Err(Error::usage("--every 0: must be at least 1")),
+            Some(every) => (0..scene.frames()).step_by(every).collect(),
+            None if self.frames.is_empty() => scene.spread(SPREAD),
+            None => self.frames.clone(),
+        };
+        if frames.len() > MOST_DRAWN {
+            let what = format!(
+                "{} frames in one SVG; at most {MOST_DRAWN} are possible, see --every",
+                frames.len()
+            );
+            return Err(Error::usage(what));
+        }
+        let defaults = figure::Options::default();
+        let options = figure::Options {
+            layout: match (self.overlaid, self.trail) {
+                (true, _) => Layout::Overlaid,
+                (_, true) => Layout::Trail,
+                _ => Layout::Grid,
+            },
+            azimuth: self.azimuth,
+            elevation: self.elevation.unwrap_or(defaults.elevation),
+        };
+        figure::svg(scene, &frames, &options)
+    }
+}
 
 /// A pose table as it is drawn.
 pub struct PlotTable {
@@ -26,8 +136,27 @@ pub struct PlotTable {
 }
 
 impl PlotTable {
+    /// Reads a table a file; all must have the same points, frames, takes and times.
+    ///
+    /// # Errors
+    /// Data: a file is no table, has no frames, or differs from the first.
+    pub fn read_all(flags: &InputArgs, files: &[PathBuf]) -> Result<Vec<PlotTable>> {
+        let mut tables: Vec<PlotTable> = Vec::new();
+        for file in files {
+            let mut table = PlotTable::read(&InputArgs {
+                files: vec![file.clone()],
+                ..flags.clone()
+            })?;
+            if let Some(first) = tables.first() {
+                table.match_to(first)?;
+            }
+            tables.push(table);
+        }
+        Ok(tables)
+    }
+
     /// Reads the table of one file, or of standard input.
-    pub fn read(input: &InputArgs) -> Result<PlotTable> {
+    fn read(input: &InputArgs) -> Result<PlotTable> {
         let mut stream = RowStream::open(input, true, true)?;
         let columns = stream.columns().clone();
         let file = stream.name().to_string();
@@ -64,49 +193,22 @@ impl PlotTable {
         })
     }
 
-    /// Puts the points in the order of `first`, after asking that both have the same points, frames, takes and times.
-    pub fn match_to(&mut self, first: &PlotTable) -> Result<()> {
-        let fail = |what: String| {
-            let what =
-                format!("{what}; tables drawn together must have the same points and frames");
-            Err(Error::data(Place::file(self.file.clone()), what))
-        };
-        let (mine, theirs) = (&self.poses, &first.poses);
-        if mine.frames() != theirs.frames() {
-            let (count, wanted) = (mine.frames(), theirs.frames());
-            return fail(format!("{count} frames, {} has {wanted}", first.file));
-        }
-        let mut order = Vec::new();
-        for point in &theirs.points {
-            match mine.points.iter().position(|p| p == point) {
-                Some(at) => order.push(at),
-                None => return fail(format!("has no point {point}, which {} has", first.file)),
-            }
-        }
-        if let Some(more) = mine.points.iter().find(|p| !theirs.points.contains(p)) {
-            return fail(format!("has a point {more}, which {} lacks", first.file));
-        }
-        if let (Some(a), Some(b)) = (&mine.take, &theirs.take)
-            && let Some(i) = (0..a.len()).find(|&i| a[i] != b[i])
-        {
-            let (a, b) = (&a[i], &b[i]);
-            return fail(format!(
-                "frame {i} is of take {a}, in {} of {b}",
-                first.file
-            ));
-        }
-        if let (Some(a), Some(b)) = (&mine.time, &theirs.time)
-            && let Some(i) = (0..a.len()).find(|&i| (a[i] - b[i]).abs() > SAME_TIME)
-        {
-            let (a, b) = (a[i], b[i]);
-            return fail(format!("frame {i} is at {a} s, in {} at {b} s", first.file));
-        }
+    /// Puts the points in the order of `first`.
+    fn match_to(&mut self, first: &PlotTable) -> Result<()> {
+        let order = point_order(&first.poses, &self.poses);
+        let order = order.and_then(|order| match order.len() == self.poses.points.len() {
+            true => Ok(order),
+            false => Err("has more points".into()),
+        });
+        let order = order.map_err(|what| {
+            let rule = "tables drawn together must have the same points and frames";
+            let what = format!("{what} as in {}; {rule}", first.file);
+            Error::data(Place::file(&self.file), what)
+        })?;
         let columns: Vec<usize> = order.iter().flat_map(|&p| 3 * p..3 * p + 3).collect();
         self.poses.xyz = self.poses.xyz.select(ndarray::Axis(1), &columns);
-        self.status = self
-            .status
-            .as_ref()
-            .map(|s| s.select(ndarray::Axis(1), &order));
+        let status = self.status.as_ref();
+        self.status = status.map(|s| s.select(ndarray::Axis(1), &order));
         self.poses.points.clone_from(&first.poses.points);
         Ok(())
     }

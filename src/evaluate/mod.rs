@@ -1,5 +1,6 @@
 //! Damage to clean poses, scores of restored ones, figures, and the benchmark that compares models.
 
+pub mod aligned_frames;
 pub mod benchmark;
 pub mod corruption;
 pub mod error_breakdown;
@@ -15,6 +16,6 @@ pub mod scene;
 mod scene_geometry;
 pub mod score;
 mod score_report;
+mod text_table;
 
-pub use frame::{RunDetector, ScoredFrame};
-pub use score::{Score, ScoreAccumulator, ScoreReport};
+pub use score::{Score, ScoreReport};

@@ -3,9 +3,8 @@
 //! Let t be a coordinate of the truth, r of the result, d of the damaged table that the result was made from. Over a set
 //! of coordinates, MSE = mean of (r - t)², as in the paper's tables (there in asf²). A coordinate that is missing in t does
 //! not count. One that is missing in r counts as still missing and is in no mean.
-//!
-//! [`Score`] compares whole tables; [`ScoreAccumulator`] takes one frame at a time and needs constant memory.
 
+use super::aligned_frames::point_order;
 use super::error_breakdown::{BreakdownSums, ErrorBreakdown};
 use super::error_stats::{ErrorStats, ErrorSums, point};
 use super::frame::ScoredFrame;
@@ -14,9 +13,6 @@ use crate::pose::Poses;
 use crate::{Error, Result};
 use ndarray::Array2;
 use serde::Serialize;
-
-/// Times that differ by no more are equal, seconds: other tools round times.
-const EQUAL_TIME: f64 = 1e-4;
 
 /// The result of a score. Lengths are in `units`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -83,6 +79,8 @@ pub struct Score<'a> {
     damaged: Option<Array2<f64>>,
     /// The table with times: the truth if it has any.
     clock: &'a Poses,
+    /// Frames a second of each take.
+    rates: Vec<Option<f64>>,
 }
 
 impl<'a> Score<'a> {
@@ -94,12 +92,24 @@ impl<'a> Score<'a> {
         if truth.frames() == 0 {
             return Err(Error::usage("the truth has no frames to compare"));
         }
+        let clock = if truth.time.is_some() { truth } else { result };
         Ok(Score {
             truth,
             result: aligned(truth, result, "result")?,
             damaged: None,
-            clock: if truth.time.is_some() { truth } else { result },
+            clock,
+            rates: clock.rates(),
         })
+    }
+
+    /// The table whose takes and times count: the truth if it has times, else the result.
+    pub fn clock(&self) -> &'a Poses {
+        self.clock
+    }
+
+    /// Replaces the frames a second of each take, by default [`Poses::rates`] of [`Score::clock`].
+    pub fn with_rates(self, rates: Vec<Option<f64>>) -> Score<'a> {
+        Score { rates, ..self }
     }
 
     /// Also reports errors by what `damaged` lacks, by the length of its gaps, and by what it observes.
@@ -115,60 +125,40 @@ impl<'a> Score<'a> {
 
     /// The report, in centimetres.
     pub fn finish(&self) -> ScoreReport {
+        self.finish_in("cm", 1.0)
+    }
+
+    /// The report, with lengths in a unit of `centimetres`.
+    pub fn finish_in(&self, unit: &str, centimetres: f64) -> ScoreReport {
         let mut sums = ScoreAccumulator::new(&self.truth.points, self.damaged.is_some());
         let starts: Vec<usize> = self.clock.runs().iter().map(|run| run.start).collect();
         let frame = |xyz: &Array2<f64>, t: usize| xyz.row(t).to_vec();
-        for (take, rate) in self.clock.takes().into_iter().zip(self.clock.rates()) {
+        for (take, rate) in self.clock.takes().into_iter().zip(&self.rates) {
             for t in take {
                 sums.add(&ScoredFrame {
                     truth: &frame(&self.truth.xyz, t),
                     result: &frame(&self.result, t),
                     damaged: self.damaged.as_ref().map(|d| frame(d, t)).as_deref(),
                     starts_run: starts.binary_search(&t).is_ok(),
-                    rate,
+                    rate: *rate,
                 });
             }
         }
-        sums.finish("cm", 1.0)
+        sums.finish(unit, centimetres)
     }
 }
 
 /// The coordinates of `other` in the order of the truth's points.
 fn aligned(truth: &Poses, other: &Poses, name: &str) -> Result<Array2<f64>> {
-    let fail = |what: String| Err(Error::usage(format!("the {name} {what}")));
-    if truth.frames() != other.frames() {
-        let (frames, wanted) = (other.frames(), truth.frames());
-        return fail(format!("has {frames} frames, the truth has {wanted}"));
-    }
-    if let (Some(a), Some(b)) = (&truth.take, &other.take)
-        && let Some(t) = (0..a.len()).find(|&t| a[t] != b[t])
-    {
-        return fail(format!(
-            "has take {} in frame {t}, the truth has {}",
-            b[t], a[t]
-        ));
-    }
-    if let (Some(a), Some(b)) = (&truth.time, &other.time)
-        && let Some(t) = (0..a.len()).find(|&t| (a[t] - b[t]).abs() > EQUAL_TIME)
-    {
-        return fail(format!(
-            "has time {} in frame {t}, the truth has {}",
-            b[t], a[t]
-        ));
-    }
-    let mut columns = Vec::with_capacity(3 * truth.points.len());
-    for point in &truth.points {
-        match other.points.iter().position(|p| p == point) {
-            Some(p) => columns.extend(3 * p..3 * p + 3),
-            None => return fail(format!("has no point \"{point}\"")),
-        }
-    }
+    let order = point_order(truth, other);
+    let order = order.map_err(|what| Error::usage(format!("the {name} {what}")))?;
+    let columns: Vec<usize> = order.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
     Ok(other.xyz.select(ndarray::Axis(1), &columns))
 }
 
-/// A score of frames that come one at a time.
+/// The sums behind a [`ScoreReport`].
 #[derive(Debug, Clone)]
-pub struct ScoreAccumulator {
+pub(super) struct ScoreAccumulator {
     points: Vec<String>,
     rates: Vec<f64>,
     frames: u64,
@@ -214,11 +204,6 @@ impl ScoreAccumulator {
         if let (Some(sums), Some(damaged)) = (&mut self.damage, frame.damaged) {
             sums.add(frame, damaged);
         }
-    }
-
-    /// The number of frames added.
-    pub fn frames(&self) -> u64 {
-        self.frames
     }
 
     /// The report, with lengths in a unit of `centimetres`.
@@ -317,50 +302,40 @@ mod tests {
     }
 
     #[test]
-    fn whole_tables_score_as_frame_by_frame() {
-        let poses = |points: &[&str], xyz| Poses {
-            points: points.iter().map(|p| p.to_string()).collect(),
-            xyz,
-            time: Some(
-                (0..6)
-                    .map(|t| f64::from(t) * 0.1 + if t < 3 { 0.0 } else { 5.0 })
-                    .collect(),
-            ),
+    fn points_are_matched_by_name_and_runs_and_rates_come_from_the_clock() {
+        let time = |t: i32| f64::from(t) * 0.1 + if t < 3 { 0.0 } else { 5.0 };
+        let xyz = Array2::from_shape_fn((6, 6), |(t, c)| ((t * t * 7 + c * 5) % 11) as f64);
+        let truth = Poses {
+            points: names(2),
+            xyz: xyz.clone(),
+            time: Some((0..6).map(time).collect()),
             take: None,
         };
-        let xyz = Array2::from_shape_fn((6, 6), |(t, c)| ((t * t * 7 + c * 5) % 11) as f64);
-        let truth = poses(&["a", "b"], xyz.clone());
         // The result has the points in another order, and one more.
         let mut other = Array2::zeros((6, 9));
         for c in 0..3 {
             other.column_mut(c).assign(&xyz.column(c + 3));
             other.column_mut(6 + c).assign(&(&xyz.column(c) + 1.0));
         }
+        let result = Poses {
+            points: ["p1", "more", "p0"].map(String::from).to_vec(),
+            xyz: other,
+            ..Poses::default()
+        };
         let mut damaged = truth.clone();
         damaged.xyz[[4, 0]] = f64::NAN;
-        let result = poses(&["b", "more", "a"], other);
-        let report = Score::new(&truth, &result)
+        let score = Score::new(&truth, &result)
             .unwrap()
             .by_gap(&damaged)
-            .unwrap()
-            .finish();
-        let mut sums = ScoreAccumulator::new(&truth.points, true);
-        for t in 0..6 {
-            let mut result = truth.frame(t).to_vec();
-            result[..3].iter_mut().for_each(|v| *v += 1.0);
-            sums.add(&ScoredFrame {
-                truth: &truth.frame(t).to_vec(),
-                result: &result,
-                damaged: Some(&damaged.frame(t).to_vec()),
-                starts_run: t == 0 || t == 3,
-                rate: Some(10.0),
-            });
-        }
-        assert_eq!(report, sums.finish("cm", 1.0));
-        assert_eq!(
-            (report.rate, report.by_point[0].errors.mse),
-            (Some(10.0), Some(1.0))
-        );
+            .unwrap();
+        let report = score.finish();
+        assert_eq!((report.frames, report.rate), (6, Some(10.0)));
+        let mse = [0, 1].map(|p| report.by_point[p].errors.mse);
+        assert_eq!(mse, [Some(1.0), Some(0.0)]);
+        // Two runs of three frames have an acceleration each of six coordinates.
+        assert_eq!(report.accelerations.unwrap().count, 2 * 6);
+        assert_eq!(report.damaged.unwrap().by_gap[0].gaps, 1);
+        assert_eq!(score.with_rates(vec![None]).finish().accelerations, None);
     }
 
     #[test]
@@ -379,7 +354,7 @@ mod tests {
             assert!(good.by_gap(&other).unwrap_err().to_string().contains(part));
         };
         says(table(1, 3), "has no point \"p1\"");
-        says(table(2, 2), "has 2 frames, the truth has 3");
+        says(table(2, 2), "has 2 frames, not 3");
         says(
             Poses {
                 time: Some(vec![0.0, 1.0, 2.1]),

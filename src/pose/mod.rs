@@ -15,7 +15,7 @@ pub use body::Body;
 pub use kinematics::Space;
 pub use observation::Observation;
 pub use placement::Anchor;
-pub use poses::{KnownRates, Poses, Status};
+pub use poses::{Poses, Status};
 pub use similarity::{Similarity, fit_similarity};
 pub use skeleton::{Bone, Channel, Dof, Skeleton};
 pub use transform::PoseTransform;

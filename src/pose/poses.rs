@@ -68,11 +68,15 @@ impl Poses {
         let takes = self.takes();
         let mut longest: Vec<usize> = (0..takes.len()).collect();
         longest.sort_by_key(|&take| std::cmp::Reverse(takes[take].len()));
-        let (mut rates, mut met) = (vec![None; takes.len()], KnownRates::default());
+        let (mut rates, mut known) = (vec![None; takes.len()], Vec::new());
         for take in longest {
-            let own = self.rate_within(takes[take].clone());
-            let allows = |rate| self.is_consistent_with_rate(takes[take].clone(), rate);
-            rates[take] = own.map(|own| met.reconcile(own, allows));
+            let Some(own) = self.rate_within(takes[take].clone()) else {
+                continue;
+            };
+            let allows = |rate: &f64| self.is_consistent_with_rate(takes[take].clone(), *rate);
+            let rate = known.iter().copied().find(allows).unwrap_or(own);
+            known.push(rate);
+            rates[take] = Some(rate);
         }
         rates
     }
@@ -124,21 +128,6 @@ impl Poses {
     /// Whether frame `i` and the one before it belong to the same take.
     fn same_take(&self, i: usize) -> bool {
         self.take.as_ref().is_none_or(|t| t[i] == t[i - 1])
-    }
-}
-
-/// The rates of the takes seen so far.
-#[derive(Debug, Default)]
-pub struct KnownRates(Vec<f64>);
-
-impl KnownRates {
-    /// The rate of a take with the estimated rate `own`: the first known rate that `allows` accepts, else `own`.
-    pub fn reconcile(&mut self, own: f64, allows: impl Fn(f64) -> bool) -> f64 {
-        let met = self.0.iter().copied().find(|rate| allows(*rate));
-        met.unwrap_or_else(|| {
-            self.0.push(own);
-            own
-        })
     }
 }
 
