@@ -1,14 +1,15 @@
 //! Damages poses on purpose, for tests.
 
 use clap::Parser;
+use ndarray::ArrayView1;
 use posing::cli::args::{
     CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_length, parse_positive,
 };
-use posing::cli::input::RowStream;
-use posing::cli::streams::create_table;
-use posing::cli::take_gaps::TakeGaps;
-use posing::cli::{Outcome, run};
+use posing::cli::input::{RowStream, read_table};
+use posing::cli::streams::{create_table, write_table};
+use posing::cli::{Outcome, messages, run};
 use posing::evaluate::corruption::Corruption;
+use posing::evaluate::gap_injection::GapInjection;
 use posing::io::{Row, parse_point_names};
 use posing::{Error, Place, Result};
 use std::process::ExitCode;
@@ -16,8 +17,7 @@ use std::process::ExitCode;
 /// Add noise, outliers or gaps to poses, for tests
 ///
 /// Damage is applied in the order --dense, --sparse, --keep and --drop, --gaps. Missing values stay missing, unchanged
-/// cells keep their text, and the same seed gives the same damage. Memory is constant; with --gaps, one take is held at
-/// a time.
+/// cells keep their text, and the same seed gives the same damage. Memory is constant, except with --gaps.
 #[derive(Parser)]
 #[command(
     name = "corrupt",
@@ -82,35 +82,52 @@ fn work(args: &Args) -> Result<Outcome> {
         },
         seed: args.seed.seed,
     };
+    match args.gaps.zip(args.length) {
+        Some((count, seconds)) => {
+            let gaps = GapInjection {
+                count,
+                seconds,
+                points: args.points,
+                seed: args.seed.seed,
+            };
+            with_gaps(args, &corruption, &gaps)?;
+        }
+        None => frame_by_frame(args, &corruption)?,
+    }
+    Ok(Outcome::Done)
+}
+
+/// Damages frames as they come: constant memory.
+fn frame_by_frame(args: &Args, corruption: &Corruption) -> Result<()> {
     let mut rows = RowStream::open(&args.table, false, true)?;
     let corruptor = corruption.check(&rows.columns().points)?;
-    let gaps = args.gaps.zip(args.length);
-    if gaps.is_some() && rows.columns().time.is_none() && args.table.fps.is_none() {
-        let what = "has no column time; give the frame rate with --fps";
-        return Err(Error::data(Place::file(rows.name()), what));
-    }
     let mut sink = create_table(&args.out, rows.columns(), &[])?;
-    let mut takes = gaps.map(|(count, seconds)| TakeGaps {
-        count,
-        seconds,
-        points: args.points,
-        seed: args.seed.seed,
-        input: &args.table,
-        take: Default::default(),
-    });
     let (mut row, mut frame) = (Row::default(), 0);
     while rows.read(&mut row)? {
         let mut xyz = row.xyz.clone();
         corruptor.apply(frame, &mut xyz);
         frame += 1;
-        match &mut takes {
-            None => sink.write(&row, &xyz, &[])?,
-            Some(takes) => takes.push(&row, xyz, &rows, &mut sink)?,
-        }
+        sink.write(&row, &xyz, &[])?;
     }
-    if let Some(mut takes) = takes {
-        takes.finish(&rows, &mut sink)?;
+    sink.finish()
+}
+
+/// Damages a whole table, and then each of its takes by gaps.
+fn with_gaps(args: &Args, corruption: &Corruption, gaps: &GapInjection) -> Result<()> {
+    let table = read_table(&args.table, false, true)?;
+    let corruptor = corruption.check(&table.columns.points)?;
+    if table.columns.time.is_none() && args.table.fps.is_none() {
+        let what = "has no column time; give the frame rate with --fps";
+        return Err(Error::data(Place::file(&table.name), what));
     }
-    sink.finish()?;
-    Ok(Outcome::Done)
+    let rates = args.table.rates(&table.poses)?;
+    let mut poses = table.poses.clone();
+    for (frame, mut row) in (0..).zip(poses.xyz.rows_mut()) {
+        let mut xyz = row.to_vec();
+        corruptor.apply(frame, &mut xyz);
+        row.assign(&ArrayView1::from(&xyz));
+    }
+    let skipped = &mut |what: &str| messages::info(&format!("{}: {what}", table.name));
+    gaps.inject(&mut poses, &rates, &table.name, skipped)?;
+    write_table(&args.out, &table, poses.xyz.view(), &[], |_| Vec::new())
 }

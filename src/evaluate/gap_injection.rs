@@ -2,47 +2,34 @@
 
 use super::corruption::Stream;
 use crate::pose::Poses;
-use crate::{Error, Result};
+use crate::{Error, Place, Result};
 use ndarray::{ArrayView2, s};
 use rand::Rng;
 use std::ops::Range;
 
-/// The gaps to inject into a take.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct GapInjection {
-    /// The number of gaps, at least 1.
-    pub count: usize,
-    /// Consecutive frames of a gap, at least 1.
-    pub frames: usize,
-    /// Points of a gap, at least 1.
-    pub points: usize,
-    /// The seed.
-    pub seed: u64,
-}
-
 /// A gap: these points are missing in these frames.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Gap {
+struct Gap {
     /// Consecutive frames of one run.
-    pub frames: Range<usize>,
+    frames: Range<usize>,
     /// The points' indices, ascending.
-    pub points: Vec<usize>,
+    points: Vec<usize>,
 }
 
-/// The result of [`GapInjection::inject`].
+/// The gaps of a take.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct InjectedGaps {
+struct InjectedGaps {
     /// The gaps; fewer than asked for if no more fit.
-    pub gaps: Vec<Gap>,
+    gaps: Vec<Gap>,
     /// The frames of the take's longest run. No gap fits if it is shorter than a gap.
-    pub longest: usize,
+    longest: usize,
 }
 
 /// How many frames last `seconds` at `rate` frames a second: the nearest whole number.
 ///
 /// # Errors
 /// [`Error::Usage`] when that is none.
-pub fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
+fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
     let frames = (seconds * rate).round();
     if frames.is_nan() || frames < 1.0 {
         return Err(Error::usage(format!(
@@ -53,19 +40,76 @@ pub fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
     Ok(frames as usize)
 }
 
+/// Gaps of a length in time, in each take of a table.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GapInjection {
+    /// The number of gaps in each take, at least 1.
+    pub count: usize,
+    /// The length of a gap, seconds.
+    pub seconds: f64,
+    /// Points of a gap, at least 1.
+    pub points: usize,
+    /// The seed.
+    pub seed: u64,
+}
+
 impl GapInjection {
-    /// Injects the gaps of take number `index`: coordinates in a gap become NaN.
+    /// Injects the gaps into each take; `rates` are the takes' frames a second. Calls `skipped` with each take that gets no
+    /// gap, and why.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a number is 0 or a take has fewer points than a gap; [`Error::Data`] if the gaps of a take do not
+    /// fit, or no take is as long as a gap.
+    pub fn inject(
+        &self,
+        poses: &mut Poses,
+        rates: &[Option<f64>],
+        table: &str,
+        skipped: &mut dyn FnMut(&str),
+    ) -> Result<()> {
+        let fail = |what: String| Err(Error::data(Place::file(table), what));
+        let (takes, mut with_gaps) = (poses.takes(), 0);
+        for (index, (range, rate)) in takes.iter().zip(rates).enumerate() {
+            let name = poses.take.as_ref().map(|names| &names[range.start]);
+            let name = name.map_or("the table".into(), |name| format!("take \"{name}\""));
+            let Some(rate) = rate else {
+                skipped(&format!("{name} gets no gap: its times give no frame rate"));
+                continue;
+            };
+            let frames = frames_in(self.seconds, *rate)?;
+            let mut take = poses.slice(range.clone());
+            let injected = self.inject_take(&mut take, frames, index as u64)?;
+            let (fit, longest) = (injected.gaps.len(), injected.longest);
+            if longest < frames {
+                skipped(&format!(
+                    "{name} gets no gap: its longest run has {longest} frames, a gap has {frames}"
+                ));
+                continue;
+            }
+            if fit < self.count {
+                return fail(format!(
+                    "{name}: only {fit} of {} gaps of {frames} frames in {} points fit; use fewer --gaps, a shorter --length or fewer --points",
+                    self.count, self.points
+                ));
+            }
+            poses.xyz.slice_mut(s![range.clone(), ..]).assign(&take.xyz);
+            with_gaps += 1;
+        }
+        match with_gaps == 0 && !takes.is_empty() {
+            true => fail("no take is as long as a gap; use a shorter --length".into()),
+            false => Ok(()),
+        }
+    }
+
+    /// Injects gaps of `frames` consecutive frames into take number `index`: coordinates in a gap become NaN.
     ///
     /// A gap lies within one run. Its points are observed in all its frames and in the frames before and after, so that two
     /// gaps of a point never touch and the first and last frame of a run keep their values. Only if no run is longer than a
     /// gap by two frames may a gap reach the ends of a run. All places left are equally likely. Time and memory are linear in
     /// the size of the take.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] if a number is 0 or the take has fewer points than a gap.
-    pub fn inject(&self, take: &mut Poses, index: u64) -> Result<InjectedGaps> {
+    fn inject_take(&self, take: &mut Poses, frames: usize, index: u64) -> Result<InjectedGaps> {
         let (asked, points) = (self.points, take.points.len());
-        if self.count == 0 || self.frames == 0 {
+        if self.count == 0 || frames == 0 {
             return Err(Error::usage("--gaps and --length: expected at least one"));
         }
         if asked == 0 || asked > points {
@@ -75,7 +119,7 @@ impl GapInjection {
         }
         let runs = take.runs();
         let mut random = Stream::Gaps.generator(self.seed, index);
-        let gaps = self.choose(take.xyz.view(), &runs, &mut random);
+        let gaps = self.choose(take.xyz.view(), &runs, frames, &mut random);
         for gap in &gaps {
             for &point in &gap.points {
                 let hidden = s![gap.frames.clone(), 3 * point..3 * point + 3];
@@ -90,9 +134,10 @@ impl GapInjection {
         &self,
         xyz: ArrayView2<'_, f64>,
         runs: &[Range<usize>],
+        frames: usize,
         random: &mut impl Rng,
     ) -> Vec<Gap> {
-        let mut starts = FreeStarts::new(self, xyz, runs);
+        let mut starts = FreeStarts::new(xyz, runs, frames, self.points);
         let mut gaps = Vec::new();
         while gaps.len() < self.count && !starts.open.is_empty() {
             let start = starts.open[random.random_range(0..starts.open.len())];
@@ -104,7 +149,7 @@ impl GapInjection {
             points.sort_unstable();
             starts.occupy(start, &points);
             gaps.push(Gap {
-                frames: start..start + self.frames,
+                frames: start..start + frames,
                 points,
             });
         }
@@ -129,25 +174,31 @@ struct FreeStarts {
 }
 
 impl FreeStarts {
-    fn new(gaps: &GapInjection, xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> FreeStarts {
+    /// For gaps of `length` frames in `needed` points.
+    fn new(
+        xyz: ArrayView2<'_, f64>,
+        runs: &[Range<usize>],
+        length: usize,
+        needed: usize,
+    ) -> FreeStarts {
         let (frames, points) = (xyz.nrows(), xyz.ncols() / 3);
         let mut starts = FreeStarts {
-            frames: gaps.frames,
-            needed: gaps.points,
+            frames: length,
+            needed,
             points,
             free: Vec::new(),
             left: Vec::new(),
             open: Vec::new(),
             slot: Vec::new(),
         };
-        if runs.iter().all(|r| r.len() < gaps.frames) {
+        if runs.iter().all(|r| r.len() < length) {
             return starts;
         }
         starts.free = vec![false; frames * points];
         starts.left = vec![0; frames];
         starts.slot = vec![None; frames];
-        let margin = usize::from(runs.iter().any(|r| r.len() - 1 > gaps.frames));
-        for run in runs.iter().filter(|r| r.len() >= gaps.frames + 2 * margin) {
+        let margin = usize::from(runs.iter().any(|r| r.len() - 1 > length));
+        for run in runs.iter().filter(|r| r.len() >= length + 2 * margin) {
             for point in 0..points {
                 starts.free_in_run(xyz, run, margin, point);
             }
@@ -229,10 +280,11 @@ mod tests {
         }
     }
 
+    /// Gaps at one frame a second.
     fn gaps(count: usize, frames: usize, points: usize) -> GapInjection {
         GapInjection {
             count,
-            frames,
+            seconds: frames as f64,
             points,
             seed: 1,
         }
@@ -241,7 +293,11 @@ mod tests {
     /// Injects into a copy.
     fn inject(what: &GapInjection, take: &Poses) -> (InjectedGaps, Poses) {
         let mut take = take.clone();
-        (what.inject(&mut take, 0).unwrap(), take)
+        (
+            what.inject_take(&mut take, what.seconds as usize, 0)
+                .unwrap(),
+            take,
+        )
     }
 
     /// Lengths of the stretches in which a coordinate is missing.
@@ -261,7 +317,7 @@ mod tests {
             count in 1usize..6, frames in 1usize..12, points in 1usize..5, seed in 0u64..1000
         ) {
             let whole = poses(150, 9);
-            let what = GapInjection { count, frames, points, seed };
+            let what = GapInjection { seed, ..gaps(count, frames, points) };
             let (laid, take) = inject(&what, &whole);
             prop_assert_eq!(&inject(&what, &whole).0, &laid);
             prop_assert_eq!(laid.gaps.len(), count);
@@ -279,7 +335,7 @@ mod tests {
     #[test]
     fn each_take_has_different_gaps() {
         let what = gaps(2, 6, 1);
-        let laid = |index| what.inject(&mut poses(60, 9), index).unwrap().gaps;
+        let laid = |index| what.inject_take(&mut poses(60, 9), 6, index).unwrap().gaps;
         assert_eq!(laid(3), laid(3));
         assert_ne!(laid(3), laid(4));
     }
@@ -370,7 +426,7 @@ mod tests {
     #[test]
     fn limits_are_named() {
         let says = |g: GapInjection, part: &str| {
-            let e = g.inject(&mut poses(9, 3), 0).unwrap_err();
+            let e = g.inject_take(&mut poses(9, 3), 1, 0).unwrap_err();
             assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
         };
         says(gaps(0, 1, 1), "--gaps");
