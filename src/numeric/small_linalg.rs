@@ -46,10 +46,15 @@ pub fn factorise(a: &mut [f64], n: usize) {
 
 /// z ← L⁻¹ z, with L as [`factorise`] leaves it.
 pub fn forward(a: &[f64], n: usize, z: &mut [f64]) {
-    for i in 0..n {
-        let known = dot(&a[i * n..i * n + i], &z[..i]);
-        z[i] = (z[i] - known) / a[i * n + i];
-    }
+    dispatch8(
+        #[inline(always)]
+        || {
+            for i in 0..n {
+                let known = dot(&a[i * n..i * n + i], &z[..i]);
+                z[i] = (z[i] - known) / a[i * n + i];
+            }
+        },
+    );
 }
 
 /// z ← L⁻ᵀ z.

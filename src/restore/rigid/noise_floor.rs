@@ -31,6 +31,10 @@ const SLABS: [(f64, f64); 4] = [
 /// Least number of distances that determine a noise floor.
 const FEWEST: usize = 6;
 
+/// Deviation of a distance, in standard deviations, up to which no outlier is suspected: there an outlier's density is
+/// below a clean point's.
+const MOST_CLEAN: f64 = 2.5;
+
 /// The noise of most points of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseFloor {
@@ -116,18 +120,28 @@ impl DistanceDensities {
         }
     }
 
-    /// Log likelihoods of the distances `seen` by the `squares` of all deviations: with any outliers, and with none.
-    /// `sums` is scratch.
-    fn logs(&self, seen: &[usize], squares: &[f64], sums: &mut Vec<f64>) -> (f64, f64) {
+    /// Log likelihood of the distances `seen` with any outliers, by the `squares` of all deviations. `sums` is scratch.
+    fn log_likelihood(&self, seen: &[usize], squares: &[f64], sums: &mut Vec<f64>) -> f64 {
         sums.clear();
         sums.resize(squares.len(), 0.0);
         for (heights, rates) in &self.parts {
             simd::add_decays(heights, rates, squares, sums);
         }
-        let whatever = seen.iter().map(|&k| sums[k].max(f64::MIN_POSITIVE));
+        log_product(seen.iter().map(|&k| sums[k].max(f64::MIN_POSITIVE)))
+    }
+
+    /// Whether a distance deviates by more than `sds` standard deviations of a distance with clean ends.
+    fn is_any_beyond(&self, sds: f64, seen: &[usize], squares: &[f64]) -> bool {
         let rates = &self.parts[0].1;
-        let clean = seen.iter().map(|&k| self.clean[k] - rates[k] * squares[k]);
-        (log_product(whatever), clean.sum())
+        seen.iter()
+            .any(|&k| 2.0 * rates[k] * squares[k] > sds * sds)
+    }
+
+    /// Log likelihood of the distances `seen` without outliers.
+    fn log_likelihood_of_clean(&self, seen: &[usize], squares: &[f64]) -> f64 {
+        let rates = &self.parts[0].1;
+        let logs = seen.iter().map(|&k| self.clean[k] - rates[k] * squares[k]);
+        logs.sum()
     }
 }
 
@@ -164,12 +178,20 @@ impl NoiseFloorSearch {
             for &(k, d) in &seen {
                 squares[k] = (d - lengths.mean[k]).powi(2);
             }
-            for (sd, of) in BASES.into_iter().zip(noise_floors) {
-                let (whatever, clean) = of.logs(&which, &squares, &mut sums);
-                if share + whatever > with.0 {
-                    with = (share + whatever, (!bodies.is_stranger(at)).then_some(sd));
+            let of_clean = |d: &DistanceDensities| d.log_likelihood_of_clean(&which, &squares);
+            let clean: Vec<f64> = noise_floors.iter().map(of_clean).collect();
+            let best = clean.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            without = without.max(share + best);
+            // Outliers explain what noise would have to: with them the noise is no larger than without. Where no distance
+            // deviates much, there are none.
+            let largest = clean.iter().rposition(|c| *c == best).unwrap_or(0);
+            let is_clean = !noise_floors[largest].is_any_beyond(MOST_CLEAN, &which, &squares);
+            let tried = if is_clean { largest } else { 0 }..=largest;
+            for (sd, densities) in BASES[tried.clone()].iter().zip(&noise_floors[tried]) {
+                let log = share + densities.log_likelihood(&which, &squares, &mut sums);
+                if log > with.0 {
+                    with = (log, (!bodies.is_stranger(at)).then_some(*sd));
                 }
-                without = without.max(share + clean);
             }
         }
         Some(NoiseFloor {
@@ -191,7 +213,9 @@ mod tests {
         let squares = [1e-3, 40.0, 2e4, 1.0];
         let all = DistanceDensities::of(variances.into_iter());
         // The last distance is not seen.
-        let (whatever, clean) = all.logs(&[0, 1, 2], &squares, &mut Vec::new());
+        let seen = [0, 1, 2];
+        let whatever = all.log_likelihood(&seen, &squares, &mut Vec::new());
+        let clean = all.log_likelihood_of_clean(&seen, &squares);
         let each = variances.iter().zip(squares).take(3);
         let one = each.clone().map(|(v, x)| DistanceDensity::of(*v).log(x));
         let want: f64 = one.sum();
