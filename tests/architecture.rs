@@ -113,15 +113,78 @@ fn code(source: &str) -> String {
 
 /// The paths after each `crate::`; groups such as `{a, b::{c, d}}` give one path for each member.
 fn named(source: &str) -> Vec<String> {
+    named_after("crate::", source)
+}
+
+/// The paths after each `root`, such as `crate::`, that begins a path.
+fn named_after(root: &str, source: &str) -> Vec<String> {
     let mut found = Vec::new();
-    for (at, _) in source.match_indices("crate::") {
-        // `$crate::` counts, `mycrate::` does not.
-        if source[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_') {
+    for (at, _) in source.match_indices(root) {
+        // `$crate::` counts; `mycrate::` and `super::super::` (from its second half) do not.
+        if source[..at].ends_with(|c: char| c.is_alphanumeric() || "_:".contains(c)) {
             continue;
         }
-        members("", &source[at + "crate::".len()..], &mut found);
+        members("", &source[at + root.len()..], &mut found);
     }
     found
+}
+
+/// The module of a file: `restore/placement/mod.rs` is `["restore", "placement"]`.
+fn module(name: &str) -> Vec<&str> {
+    let mut parts: Vec<&str> = name.trim_end_matches(".rs").split('/').collect();
+    if parts.last().is_some_and(|p| ["mod", "lib"].contains(p)) {
+        parts.pop();
+    }
+    parts
+}
+
+/// For each file the files that it names, those of its own children aside: a parent and the children that it shows are one.
+fn imports(sources: &[(String, String)]) -> Vec<Vec<usize>> {
+    let modules: Vec<Vec<&str>> = sources.iter().map(|(name, _)| module(name)).collect();
+    let file_of = |path: &[&str]| {
+        (0..=path.len())
+            .rev()
+            .find_map(|n| modules.iter().position(|m| m == &path[..n]))
+    };
+    let of = |(at, (_, source)): (usize, &(String, String))| {
+        let own = &modules[at];
+        let mut paths: Vec<String> = named(source);
+        for ups in 1..=own.len() {
+            let root = "super::".repeat(ups);
+            let above = own[..own.len() - ups].join("::");
+            let below = named_after(&root, source).into_iter();
+            // A longer chain of `super::` is found from each of its links; only its whole counts.
+            let below = below.filter(|p| !p.starts_with("super"));
+            paths.extend(below.map(|p| format!("{above}::{p}")));
+        }
+        let mut files: Vec<usize> = paths
+            .iter()
+            .filter_map(|p| {
+                let parts: Vec<&str> = p.split("::").filter(|s| !s.is_empty()).collect();
+                file_of(&parts)
+            })
+            .filter(|&to| to != at && !modules[to].starts_with(own))
+            .collect();
+        files.sort_unstable();
+        files.dedup();
+        files
+    };
+    sources.iter().enumerate().map(of).collect()
+}
+
+/// The files that can be reached from themselves.
+fn in_circles(imports: &[Vec<usize>]) -> Vec<usize> {
+    let reaches_itself = |from: usize| {
+        let mut seen = vec![false; imports.len()];
+        let mut open = imports[from].clone();
+        while let Some(at) = open.pop() {
+            if !std::mem::replace(&mut seen[at], true) {
+                open.extend(&imports[at]);
+            }
+        }
+        seen[from]
+    };
+    (0..imports.len()).filter(|&f| reaches_itself(f)).collect()
 }
 
 /// Adds the paths at the start of `rest`, each after `prefix`; returns how many bytes they take.
@@ -214,6 +277,38 @@ fn a_broken_arrow_is_seen() {
         )
         .is_empty()
     );
+}
+
+#[test]
+fn no_file_imports_a_file_that_imports_it_back() {
+    let sources: Vec<(String, String)> = sources()
+        .into_iter()
+        .filter(|(name, _)| !name.starts_with("bin/"))
+        .collect();
+    let circles = in_circles(&imports(&sources));
+    let names: Vec<&str> = circles.iter().map(|&f| sources[f].0.as_str()).collect();
+    assert!(names.is_empty(), "in a circle: {}", names.join(", "));
+}
+
+#[test]
+fn a_circle_is_seen() {
+    let file = |name: &str, source: &str| (name.to_string(), source.to_string());
+    let sources = [
+        file("a/mod.rs", "mod b; mod c; use b::B; use super::d::D;"),
+        file("a/b.rs", "use super::{A, c::C};"),
+        file("a/c.rs", "use crate::a::b::B;"),
+        file("d.rs", "use crate::{Error, e::{E, F}};"),
+        file("e.rs", "fn f() { super::a::g() }"),
+        file("lib.rs", "pub mod a;"),
+    ];
+    assert_eq!(in_circles(&imports(&sources)), [0, 1, 2, 3, 4]);
+    let sources = [
+        file("a/mod.rs", "mod b; use b::B;"),
+        file("a/b.rs", "use super::A; use crate::d::D;"),
+        file("d.rs", "use crate::Error;"),
+        file("lib.rs", "pub mod a;"),
+    ];
+    assert!(in_circles(&imports(&sources)).is_empty());
 }
 
 #[test]

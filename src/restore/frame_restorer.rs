@@ -56,7 +56,13 @@ impl<'a> FrameRestorer<'a> {
         let seen = observation(y, noise);
         if self.anchor.is_some() && seen.is_partial() {
             let known = self.placement_by_whole_points(seen);
-            return orthographic::restore(self.prior, seen, self.solver, known);
+            let (posterior, placement) =
+                orthographic::restore(self.prior, seen, self.solver, known)?;
+            return Some(RestoredFrame {
+                mean: posterior.mean,
+                sd: point_sd(&posterior.variance),
+                placement,
+            });
         }
         Some(self.restore_placed(seen, &self.solve_placement(seen)?))
     }

@@ -4,17 +4,25 @@
 //! i I + R_z at each scale grows by three rows a point, so each step of the beam costs O(n²) for n coordinates.
 
 use super::frame_state::FrameState;
-use super::leave_one_out::SCALES;
 use super::rigid_likelihood::log_odds;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::log_sum;
 use crate::prior::Posterior;
-use crate::restore::rigid::distances::base_of;
+use crate::restore::rigid::distances::{MIN_OUTLIER_VARIANCE, base_of};
 
-/// Assignments in the beam, and in the result.
-const WIDTH: (usize, usize) = (16, 8);
+/// How wrong a prior may be: weight, factor of its variance, variance added (cm²).
+const SCALES: [(f64, f64, f64); 4] = [
+    (0.4, 1.0, 0.01 * MIN_OUTLIER_VARIANCE),
+    (0.3, 4.0, 0.05 * MIN_OUTLIER_VARIANCE),
+    (0.2, 16.0, 0.2 * MIN_OUTLIER_VARIANCE),
+    (0.1, 64.0, 0.5 * MIN_OUTLIER_VARIANCE),
+];
+/// Assignments in the beam.
+const WIDTH: usize = 16;
+/// Most assignments that are kept.
+const MOST_KEPT: usize = 8;
 /// Assignments of a smaller weight relative to the largest are dropped.
-const LEAST: f64 = 0.02;
+const LEAST: f64 = 0.05;
 
 /// Which of the undecided points are outliers.
 #[derive(Debug, Clone)]
@@ -24,7 +32,16 @@ pub struct Assignment {
     /// One for each undecided point.
     pub corrupt: Vec<bool>,
     /// The part of the log weight that comes from the prior odds and the distances.
-    pub noise_variance: f64,
+    pub log_distances: f64,
+}
+
+impl Assignment {
+    /// The assignment of a frame without undecided points.
+    pub const NOTHING_UNDECIDED: Assignment = Assignment {
+        weight: 1.0,
+        corrupt: Vec::new(),
+        log_distances: 0.0,
+    };
 }
 
 /// One value for each scale.
@@ -107,7 +124,7 @@ impl Hypothesis {
                 block: Default::default(),
                 white: Default::default(),
                 log: self.log,
-                more: self.more + self.noise_variance(frame, p, corrupt),
+                more: self.more + self.log_distances(frame, p, corrupt),
             };
             for axis in 0..3 {
                 next.add(
@@ -124,7 +141,7 @@ impl Hypothesis {
     }
 
     /// Log odds and distances of the next point.
-    fn noise_variance(&self, frame: &FrameState, p: usize, corrupt: bool) -> f64 {
+    fn log_distances(&self, frame: &FrameState, p: usize, corrupt: bool) -> f64 {
         if corrupt {
             return log_odds();
         }
@@ -196,7 +213,7 @@ fn products(a: &[Scaled], b: &[Scaled]) -> Scaled {
 }
 
 /// The likely assignments of the undecided points, the largest weight first.
-pub fn likely(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
+pub fn likely_assignments(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
     let mut beam = vec![Hypothesis::of_nothing()];
     let mut rows: Vec<[Vec<Scaled>; 3]> = Vec::new();
     for _ in &frame.undecided {
@@ -206,18 +223,18 @@ pub fn likely(frame: &FrameState, expected: &Posterior) -> Vec<Assignment> {
     let mut out: Vec<Assignment> = (beam.into_iter())
         .map(|h| Assignment {
             weight: (h.score() - best).exp(),
-            noise_variance: h.more,
+            log_distances: h.more,
             corrupt: h.assigned,
         })
         .filter(|a| a.weight >= LEAST)
-        .take(WIDTH.1)
+        .take(MOST_KEPT)
         .collect();
     if out.is_empty() {
         // A prior without a finite expectation: the decision by the distances stands.
         out.push(Assignment {
             weight: 1.0,
             corrupt: frame.undecided.iter().map(|p| frame.corrupt[*p]).collect(),
-            noise_variance: 0.0,
+            log_distances: 0.0,
         });
     }
     let total: f64 = out.iter().map(|a| a.weight).sum();
@@ -243,7 +260,7 @@ fn widened(
         },
     );
     next.sort_by(|a, b| b.1.score.total_cmp(&a.1.score));
-    next.truncate(WIDTH.0);
+    next.truncate(WIDTH);
     let mut left: Vec<usize> = vec![0; beam.len()];
     next.iter().for_each(|(i, _)| left[*i] += 1);
     let mut beam: Vec<Option<Hypothesis>> = beam.into_iter().map(Some).collect();

@@ -55,26 +55,18 @@ impl FrameState {
         self.y.len() / 3
     }
 
-    /// Decides by the distances and the log odds of each point (−∞: not an outlier). The [`MOST`] least certain points
-    /// are undecided; the others are what they more likely are.
-    pub fn judge(&mut self, unary: &[f64]) {
-        self.likelihood.corrupt = self.likelihood.marginals(unary);
-        self.decide();
-        if self.undecided.len() > MOST {
-            let q = &self.likelihood.corrupt;
-            self.undecided
-                .sort_by(|a, b| (q[*a] - 0.5).abs().total_cmp(&(q[*b] - 0.5).abs()));
-            self.undecided.truncate(MOST);
-            self.undecided.sort_unstable();
-        }
-    }
-
+    /// Decides by the distances. The [`MOST`] least certain points are undecided; the others are what they more likely are.
     fn decide(&mut self) {
         let q = &self.likelihood.corrupt;
         self.corrupt = q.iter().map(|q| *q > 0.5).collect();
         self.undecided = (0..q.len())
             .filter(|&p| q[p] > SURE && q[p] < 1.0 - SURE)
             .collect();
+        let from_even = |p: &usize| (q[*p] - 0.5).abs();
+        self.undecided
+            .sort_by(|a, b| from_even(a).total_cmp(&from_even(b)));
+        self.undecided.truncate(MOST);
+        self.undecided.sort_unstable();
     }
 
     /// Noise variances under an assignment. Without one, undecided points are missing, and outliers have at least the
@@ -120,26 +112,28 @@ impl FrameState {
     }
 }
 
-/// The prior's posteriors of some frames at once.
-pub fn expected_by_prior(
+/// The prior's posteriors of `count` frames: the values and noise variances of each.
+pub fn expected_by_prior<'a>(
     prior: &dyn Prior,
-    rows: &[usize],
-    of: impl Fn(usize) -> (Vec<f64>, Vec<f64>),
+    count: usize,
+    frame: impl Fn(usize) -> (&'a Vec<f64>, Vec<f64>),
 ) -> Vec<Posterior> {
-    if rows.is_empty() {
+    if count == 0 {
         return Vec::new();
     }
     let d = prior.residual_variance().len();
-    let (mut y, mut noise) = (
-        Array2::zeros((rows.len(), d)),
-        Array2::zeros((rows.len(), d)),
-    );
-    for (i, row) in rows.iter().enumerate() {
-        let (a, b) = of(*row);
+    let mut y = Array2::zeros((count, d));
+    let mut noise = Array2::zeros((count, d));
+    for i in 0..count {
+        let (values, variances) = frame(i);
         for c in 0..d {
             // Missing values are never read; 0 keeps them finite.
-            y[[i, c]] = if a[c].is_finite() { a[c] } else { 0.0 };
-            noise[[i, c]] = b[c];
+            y[[i, c]] = if values[c].is_finite() {
+                values[c]
+            } else {
+                0.0
+            };
+            noise[[i, c]] = variances[c];
         }
     }
     posterior_rows(prior, y.view(), noise.view(), Want::Covariance)

@@ -9,7 +9,6 @@ mod assignment;
 pub mod frame_posterior;
 mod frame_state;
 mod leave_one_out;
-mod rescoring;
 pub mod rigid_likelihood;
 mod trajectory;
 

@@ -10,7 +10,7 @@
 //! y are the observed points (cm), W a rotation prior. Levenberg-Marquardt steps δ (rotation, radians) and ε (shift,
 //! cm) move y to Rᵀ (exp(−δ) (y − c − ε) + c − t), with c the center of the observed points.
 
-use super::alternating::{PlacementSolution, PlacementSolver};
+use super::{PlacementSolution, PlacementSolver};
 use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Observation;
 use crate::pose::Similarity;

@@ -8,22 +8,23 @@
 //! rotated in place of the points: for fixed R the code of the rotated atoms is P1a; for fixed x, (R, t) follow by
 //! damped Gauss-Newton. The scale is that of the code, as atoms pass through the origin.
 
-use super::alternating::PlacementSolver;
+use super::PlacementSolver;
+use crate::numeric::linalg::cholesky_solve;
 use crate::pose::Observation;
 use crate::pose::rotation::from_rotation_vector;
 use crate::pose::{PoseTransform, Similarity};
-use crate::prior::{Prior, Reconstruction, Want};
-use crate::restore::frame_restorer::{RestoredFrame, point_sd};
+use crate::prior::{Posterior, Prior, Reconstruction, Want};
 use glam::{DMat3, DVec3};
+use ndarray::{Array1, Array2};
 
-/// Restores a frame with partly observed points, from a `known` placement or else from representative poses. `None`
-/// with fewer than four points.
+/// The posterior of a frame with partly observed points, in world axes, and its placement: from a `known` one or else from
+/// representative poses. `None` with fewer than four points.
 pub fn restore(
     prior: &dyn Prior,
     seen: Observation<'_>,
     solver: &PlacementSolver,
     known: Option<Similarity>,
-) -> Option<RestoredFrame> {
+) -> Option<(Posterior, Similarity)> {
     let count = seen
         .variance
         .chunks_exact(3)
@@ -65,16 +66,14 @@ pub fn restore(
         values: &moved,
         variance: seen.variance,
     };
-    let posterior = turned.posterior_given(&moved_observation, &fit, Want::Variances);
-    Some(RestoredFrame {
-        mean: shifted(&posterior.mean, shift),
-        sd: point_sd(&posterior.variance),
-        placement: Similarity {
-            rotation,
-            shift,
-            scale: 1.0,
-        },
-    })
+    let mut posterior = turned.posterior_given(&moved_observation, &fit, Want::Variances);
+    posterior.mean = shifted(&posterior.mean, shift);
+    let placement = Similarity {
+        rotation,
+        shift,
+        scale: 1.0,
+    };
+    Some((posterior, placement))
 }
 
 /// Shifts all points.
@@ -153,8 +152,8 @@ fn place(
     let mut value = cost(turn, t);
     let mut damping = 1e-3;
     for _ in 0..15 {
-        let mut normal = [[0.0; 6]; 6];
-        let mut gradient = [0.0; 6];
+        let mut normal = Array2::zeros((6, 6));
+        let mut gradient = Array1::zeros(6);
         for &(i, y, w) in coordinates {
             let x = turn * DVec3::from_slice(&pose[3 * (i / 3)..]);
             let axis = DVec3::AXES[i % 3];
@@ -165,14 +164,15 @@ fn place(
             for a in 0..6 {
                 gradient[a] += w * row[a] * rest;
                 for b in 0..6 {
-                    normal[a][b] += w * row[a] * row[b];
+                    normal[[a, b]] += w * row[a] * row[b];
                 }
             }
         }
-        for (a, row) in normal.iter_mut().enumerate() {
-            row[a] += damping * row[a] + 1e-9;
-        }
-        let step = solve6(normal, gradient);
+        let mut diagonal = normal.diag_mut();
+        diagonal.mapv_inplace(|v| v + damping * v + 1e-9);
+        let Some(step) = cholesky_solve(normal, gradient) else {
+            break;
+        };
         let next_turn = from_rotation_vector(-DVec3::new(step[0], step[1], step[2])) * turn;
         let next_t = t - DVec3::new(step[3], step[4], step[5]);
         let next = cost(next_turn, next_t);
@@ -191,24 +191,6 @@ fn place(
         }
     }
     (turn * rotation, t)
-}
-
-/// Solves a symmetric positive definite 6 x 6 system by elimination.
-fn solve6(mut a: [[f64; 6]; 6], mut b: [f64; 6]) -> [f64; 6] {
-    for i in 0..6 {
-        for r in i + 1..6 {
-            let factor = a[r][i] / a[i][i];
-            for c in i..6 {
-                a[r][c] -= factor * a[i][c];
-            }
-            b[r] -= factor * b[i];
-        }
-    }
-    for i in (0..6).rev() {
-        let known: f64 = (i + 1..6).map(|c| a[i][c] * b[c]).sum();
-        b[i] = (b[i] - known) / a[i][i];
-    }
-    b
 }
 
 /// Starting placements: the best scaled orthographic view of each representative pose, the best fits first.

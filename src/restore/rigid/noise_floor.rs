@@ -31,10 +31,6 @@ const SLABS: [(f64, f64); 4] = [
 /// Least number of distances that determine a noise floor.
 const FEWEST: usize = 6;
 
-/// Deviation of a distance, in standard deviations, up to which no outlier is suspected: there an outlier's density is
-/// below a clean point's.
-const MOST_CLEAN: f64 = 2.5;
-
 /// The noise of most points of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseFloor {
@@ -130,13 +126,6 @@ impl DistanceDensities {
         log_product(seen.iter().map(|&k| sums[k].max(f64::MIN_POSITIVE)))
     }
 
-    /// Whether a distance deviates by more than `sds` standard deviations of a distance with clean ends.
-    fn is_any_beyond(&self, sds: f64, seen: &[usize], squares: &[f64]) -> bool {
-        let rates = &self.parts[0].1;
-        seen.iter()
-            .any(|&k| 2.0 * rates[k] * squares[k] > sds * sds)
-    }
-
     /// Log likelihood of the distances `seen` without outliers.
     fn log_likelihood_of_clean(&self, seen: &[usize], squares: &[f64]) -> f64 {
         let rates = &self.parts[0].1;
@@ -182,12 +171,9 @@ impl NoiseFloorSearch {
             let clean: Vec<f64> = noise_floors.iter().map(of_clean).collect();
             let best = clean.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             without = without.max(share + best);
-            // Outliers explain what noise would have to: with them the noise is no larger than without. Where no distance
-            // deviates much, there are none.
+            // Outliers explain what noise would have to: with them the noise is no larger than without.
             let largest = clean.iter().rposition(|c| *c == best).unwrap_or(0);
-            let is_clean = !noise_floors[largest].is_any_beyond(MOST_CLEAN, &which, &squares);
-            let tried = if is_clean { largest } else { 0 }..=largest;
-            for (sd, densities) in BASES[tried.clone()].iter().zip(&noise_floors[tried]) {
+            for (sd, densities) in BASES.iter().zip(noise_floors).take(largest + 1) {
                 let log = share + densities.log_likelihood(&which, &squares, &mut sums);
                 if log > with.0 {
                     with = (log, (!bodies.is_stranger(at)).then_some(*sd));
