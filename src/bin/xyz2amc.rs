@@ -10,7 +10,7 @@ use posing::cli::{Outcome, run};
 use posing::io::{Amc, Asf};
 use posing::pose::Poses;
 use posing::restore::ik::SkeletonFit;
-use posing::restore::take::one_take;
+use posing::cli::one_take::one_take;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -10,7 +10,7 @@ use posing::io::SkeletonFile;
 use posing::pose::rotation::{Axis, parse_order};
 
 use posing::restore::ik::{SkeletonFit, estimate_skeleton};
-use posing::restore::take::one_take;
+use posing::cli::one_take::one_take;
 use posing::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -11,6 +11,7 @@ pub mod ksvd;
 pub mod launcher;
 pub mod manual;
 pub mod messages;
+pub mod one_take;
 pub mod plot;
 pub mod progress;
 pub mod restoring;

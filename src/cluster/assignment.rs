@@ -176,7 +176,7 @@ fn assign_tile(
         f32::INFINITY,
         |least, (_, &x)| if x < least { x } else { least },
     );
-    // With the nearest neighbour's distance added the ball holds the second-nearest centroid of
+    // With the nearest neighbor's distance added the ball holds the second-nearest centroid of
     // every pose, so that l is as good as without a ball.
     let radius = 2.0 * widest * (1.0 + SLACK) + f64::from(nearest) * (1.0 + 1e-5);
     let limit = radius as f32 * (1.0 + f32::EPSILON);

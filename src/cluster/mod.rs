@@ -76,13 +76,13 @@ mod testdata {
 
     /// `count` tight heaps far from each other; pose i is of heap i modulo `count`.
     pub fn blobs(n: usize, d: usize, count: usize, seed: u64) -> Array2<f32> {
-        let centres = noise(count, d, seed) * 100.0;
+        let centers = noise(count, d, seed) * 100.0;
         let mut poses = noise(n, d, seed + 1);
         poses
             .rows_mut()
             .into_iter()
             .enumerate()
-            .for_each(|(i, mut row)| row += &centres.row(i % count));
+            .for_each(|(i, mut row)| row += &centers.row(i % count));
         poses
     }
 

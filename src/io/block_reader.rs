@@ -22,7 +22,7 @@ const CAREFUL: RangeInclusive<u32> = 8..=1000;
 pub(super) trait BlockFormat: Sync {
     /// The parsed records of a piece.
     type Records: Default + Send;
-    /// What the parser must know at the start of a piece.
+    /// State that the parser needs at the start of a piece.
     type Start: Copy + Send + Sync;
 
     /// The end of the first record that ends behind `from`, and the start of the next piece there.

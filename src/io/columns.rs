@@ -8,14 +8,14 @@ use crate::pose::joints;
 use crate::{Error, Place, Result};
 use std::collections::{HashMap, HashSet};
 
-/// What the columns of a table mean.
+/// The meaning of a table's columns.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Columns {
     /// Every column's name in the file's order; empty for NPY, which has none.
     pub names: Vec<String>,
     /// The points' names.
     pub points: Vec<String>,
-    /// For each point the columns of x, y and z; `None` for a z that a table of 2-D points lacks.
+    /// The columns of x, y and z of each point; `None` for a z that a table of 2-D points lacks.
     pub coordinates: Vec<[Option<usize>; 3]>,
     /// The column of the take's name.
     pub take: Option<usize>,

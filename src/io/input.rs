@@ -81,7 +81,7 @@ impl Input {
         self.kind
     }
 
-    /// All remaining bytes, at most `limit`.
+    /// Reads the remaining bytes, at most `limit`.
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: more than `limit` bytes.

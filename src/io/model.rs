@@ -74,7 +74,7 @@ pub struct Meta {
     /// know.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     steps: BTreeMap<String, f32>,
-    /// What else the kind wants to know.
+    /// Other facts that the kind needs.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub details: Map<String, Value>,
     /// How it was made: never threads, paths or dates.
@@ -131,9 +131,9 @@ impl From<&BodyMeta> for Body {
 /// A model: what it is, and its arrays.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// What it is.
+    /// The kind of model.
     pub meta: Meta,
-    /// By name; vectors have one column.
+    /// Arrays by name; vectors have one column.
     arrays: BTreeMap<String, Matrix>,
 }
 

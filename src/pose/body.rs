@@ -11,7 +11,7 @@ use ndarray::ArrayView2;
 pub struct Body {
     /// The point each point hangs on; `None` for roots.
     pub parents: Vec<Option<usize>>,
-    /// From parent to point, centimetres; NaN where unknown or where there is no parent.
+    /// Bone lengths from parent to point, centimetres; NaN where unknown or where there is no parent.
     pub lengths: Vec<f64>,
 }
 
@@ -74,7 +74,7 @@ impl Body {
         }
     }
 
-    /// For each bone its length in `other` over its length here. Bones that either body does not know take the
+    /// Ratio of each bone's length in `other` to its length here. Bones that either body does not know take the
     /// median of the known ratios, or 1 when there is none.
     pub fn ratios_to(&self, other: &Body) -> Vec<f64> {
         let ratio = |k: usize| other.lengths[k] / self.lengths[k];

@@ -130,7 +130,7 @@ pub fn cmu_names() -> Vec<String> {
     CMU.iter().map(|s| s.to_string()).collect()
 }
 
-/// For each name its parent among the same names, by CMU's hierarchy.
+/// The parent of each name among the same names, by CMU's hierarchy.
 ///
 /// Bones that the names leave out are bridged: without `lhipjoint`, the parent of `lfemur` is `root`.
 /// `None` for the root, for names CMU does not know and for those with no ancestor in the list.

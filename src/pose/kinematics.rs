@@ -1,4 +1,4 @@
-//! From the values of a frame to the places of the joints, and how the places change with the values.
+//! Forward kinematics: positions of the joints by the values of a frame, and their derivatives.
 //!
 //! Letters: `q` the values of a frame (radians and centimetres, [`Skeleton::dof_count`] of them); `C` a bone's own
 //! axes; `M = R_n … R_1` its rotations, the first named turning first; `L = C M C⁻¹`; `G` the bone's global rotation,
@@ -46,12 +46,12 @@ impl Skeleton {
         out
     }
 
-    /// As [`Skeleton::posture`], into an old posture, without allocating.
+    /// [`Skeleton::posture`] into an old posture, without allocating.
     pub fn posture_into(&self, q: &[f64], out: &mut Posture) {
         self.posture_where(|_| true, q, out);
     }
 
-    /// As [`Skeleton::posture_into`] for the bones that are `wanted`, which must want their parents, too (see
+    /// [`Skeleton::posture_into`] for the bones that are `wanted`, which must want their parents, too (see
     /// [`Skeleton::ancestors`]); the others stand at the origin.
     pub fn posture_of_bones(&self, wanted: &[bool], q: &[f64], out: &mut Posture) {
         self.posture_where(|i| wanted[i], q, out);

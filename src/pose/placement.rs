@@ -19,7 +19,7 @@ const CMU_PELVIS: [(&str, [f64; 3], f64); 4] = [
 /// A pose within this angle of the model's frame, its root at the origin, is in place already.
 const IN_PLACE: f64 = 0.26;
 
-/// What a pose is placed by.
+/// The points that place a pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Anchor {
     /// The point at the model's origin, if there is one.
@@ -46,7 +46,7 @@ impl Anchor {
         })
     }
 
-    /// All points, by a mean pose of 3 J numbers.
+    /// An anchor of all points, by a mean pose (3 J, cm).
     pub fn mean(pose: &[f64]) -> Anchor {
         let points = pose.chunks_exact(3).map(DVec3::from_slice).enumerate();
         Anchor {

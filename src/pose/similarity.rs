@@ -49,7 +49,7 @@ impl Similarity {
     }
 }
 
-/// What is free in a fit besides the rotation.
+/// The parameters of a fit besides the rotation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TransformKind {
     /// Nothing: both sets share their origin and scale.
@@ -63,7 +63,7 @@ pub enum TransformKind {
 /// The fit of [`fit_similarity`].
 #[derive(Debug, Clone, Copy)]
 pub struct SimilarityFit {
-    /// What carries `from` onto `to`.
+    /// The transform of `from` onto `to`.
     pub similarity: Similarity,
     /// Sum of weighted squared distances left, cm².
     pub error: f64,

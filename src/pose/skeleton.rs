@@ -4,7 +4,7 @@ use super::rotation::Axis;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 
-/// What one value of a frame does to its bone.
+/// The motion of a bone that one value of a frame gives.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Channel {
     /// Moves the bone along an axis of its own frame, in centimetres.
@@ -36,16 +36,16 @@ impl Channel {
 /// One degree of freedom.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dof {
-    /// What the value does.
+    /// The motion that the value gives.
     pub channel: Channel,
     /// The range it may have (radians or centimetres), where the file gives one.
     pub limits: Option<(f64, f64)>,
-    /// What is added to the file's value (the root's own position and orientation; else 0).
+    /// Offset added to the file's value (the root's own position and orientation; else 0).
     pub offset: f64,
 }
 
 impl Dof {
-    /// Without limits and offset.
+    /// A degree of freedom without limits and offset.
     pub fn free(channel: Channel) -> Dof {
         Dof {
             channel,
@@ -62,7 +62,7 @@ pub struct Bone {
     pub name: String,
     /// The index of the bone it starts from; `None` for the root alone.
     pub parent: Option<usize>,
-    /// From its start to its end in the rest pose, global axes, centimetres. Zero for the root.
+    /// Vector from the bone's start to its end in the rest pose, global axes, centimetres. Zero for the root.
     pub offset: DVec3,
     /// The axes of its own frame `C` in global coordinates; its motion is `L = C M C⁻¹`.
     pub axis: DMat3,
@@ -79,7 +79,7 @@ pub struct Skeleton {
     rest: Vec<RestFrame>,
 }
 
-/// What of a bone is the same in every posture.
+/// The parts of a bone's transform that are the same in every posture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct RestFrame {
     /// `C⁻¹`.
@@ -144,11 +144,11 @@ impl Skeleton {
     pub fn bones(&self) -> &[Bone] {
         &self.bones
     }
-    /// What is the same in every posture, a bone each.
+    /// The fixed parts of the transforms, one for each bone.
     pub(super) fn rest(&self) -> &[RestFrame] {
         &self.rest
     }
-    /// For each bone whether a joint of `joints` depends on it.
+    /// Whether each bone is an ancestor of a joint of `joints`, or that joint itself.
     pub fn ancestors(&self, joints: &[usize]) -> Vec<bool> {
         let mut above = vec![false; self.bones.len()];
         for &joint in joints {

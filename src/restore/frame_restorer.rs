@@ -26,7 +26,7 @@ pub struct RestoredFrame {
     pub mean: Vec<f64>,
     /// Standard deviation of a coordinate of each point (J), cm.
     pub sd: Vec<f64>,
-    /// From the model's space to the world.
+    /// Transform from the model's space to the world.
     pub placement: Similarity,
 }
 

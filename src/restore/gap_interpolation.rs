@@ -66,7 +66,7 @@ fn gaps_of(seen: &Array2<f64>, run: &Range<usize>) -> Vec<Gap> {
     gaps
 }
 
-/// What to add to the estimate of a point in a gap.
+/// Correction of the estimate of a point in a gap.
 #[derive(Debug, Clone, Copy)]
 pub struct Correction {
     /// cm, in world directions.

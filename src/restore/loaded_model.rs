@@ -105,7 +105,7 @@ impl LoadedModel {
             .with_lengths_from(frames, noise)
     }
 
-    /// As [`LoadedModel::adapt`], but the rigid distances stay those of the model's own body.
+    /// Adapts the prior alone; the rigid distances stay those of the model's own body.
     pub fn adapt_prior(&self, frames: ArrayView2<'_, f64>, noise: f64) -> AdaptedModel<'_> {
         let map = (self.body.as_ref())
             .map(|body| body_adaptation::map_to(body, frames, noise, &self.mirror));

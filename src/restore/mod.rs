@@ -30,7 +30,6 @@ pub mod restoration;
 mod restored_frames;
 mod restorer;
 pub mod rigid;
-pub mod take;
 
 pub use complete::Complete;
 pub use denoise::Denoise;

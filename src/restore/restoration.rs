@@ -127,7 +127,7 @@ impl<'t> Restoration<'t> {
         table
     }
 
-    /// What became of a point of the table. A point that the model does not know is observed, or unknown where missing.
+    /// Status and standard deviation of a point of the table. A point that the model does not know is observed, or unknown where missing.
     pub fn status(&self, frame: usize, point: usize) -> Status {
         self.status[frame * self.points() + point]
     }
@@ -153,7 +153,7 @@ impl<'t> Restoration<'t> {
         self.counts.rejected
     }
 
-    /// All counts.
+    /// Counts of a restoration.
     pub fn counts(&self) -> &RestorationCounts {
         &self.counts
     }

@@ -7,7 +7,7 @@ use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
 
-/// What restores the frames of a table: [`super::Complete`] or [`super::Denoise`].
+/// A method that restores the frames of a table: [`super::Complete`] or [`super::Denoise`].
 pub trait Method {
     /// Restores each frame of `xyz` (frames, 3 J; cm, NaN missing) by itself.
     fn frames(&self, bound: &BoundModel<'_>, xyz: ArrayView2<'_, f64>) -> RestoredFrames;

@@ -78,7 +78,7 @@ impl<'m> Restorer<'m> {
         self.complete_with(table, options, &|_| {})
     }
 
-    /// As [`Restorer::complete`]; `progress` is called with numbers of frames that are finished.
+    /// [`Restorer::complete`] with progress: `progress` is called with numbers of frames that are finished.
     ///
     /// # Errors
     /// As [`Restorer::complete`].
@@ -106,7 +106,7 @@ impl<'m> Restorer<'m> {
         self.denoise_with(table, options, &|_| {})
     }
 
-    /// As [`Restorer::denoise`]; `progress` is called with numbers of frames that are finished.
+    /// [`Restorer::denoise`] with progress: `progress` is called with numbers of frames that are finished.
     ///
     /// # Errors
     /// As [`Restorer::denoise`].

@@ -23,7 +23,7 @@ pub(super) struct FrameFormat<'a> {
 struct Bone<'a> {
     name: &'a [u8],
     values: Range<usize>,
-    /// Of each value whether it is an angle.
+    /// Whether each value is an angle.
     angles: Vec<bool>,
 }
 
@@ -37,9 +37,9 @@ pub(super) struct Frames {
     pub(super) values: Vec<f64>,
     /// The number on the last number line.
     pub(super) next: u64,
-    /// For each bone the frame that named it last, counted from 1 in the piece.
+    /// The frame that named each bone last, counted from 1 in the piece.
     seen: Vec<u64>,
-    /// For each bone the bone that followed it last time, because takes keep their order. The last entry stands for the
+    /// The bone that followed each bone last time, because takes keep their order. The last entry stands for the
     /// start of a frame.
     follower: Vec<usize>,
 }

@@ -189,14 +189,14 @@ pub struct AmcReader<'a> {
     seen: Vec<bool>,
 }
 
-/// What one line of a take is.
+/// A line of a take.
 enum Line {
     Number(u64),
     Bone(usize),
     Nothing,
 }
 
-/// What a line of values was found to be; a wrong count may be the take's cut off end.
+/// A faulty line of values; a wrong count may be the take's cut off end.
 enum Fault {
     Cut(Error),
     Wrong(Error),

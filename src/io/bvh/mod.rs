@@ -40,7 +40,7 @@ pub struct Joint {
     pub name: String,
     /// The index of the parent joint, which comes before this one; `None` for the first alone.
     pub parent: Option<usize>,
-    /// From the parent joint to this one, in the parent's frame, centimetres.
+    /// Vector from the parent joint to this one, in the parent's frame, centimetres.
     pub offset: DVec3,
     /// The channels in the file's order.
     pub channels: Vec<Channel>,
@@ -57,7 +57,7 @@ pub struct Bvh {
     pub frame_time: f64,
     /// (frames, channels), radians and centimetres.
     pub motion: Array2<f64>,
-    /// What the reader found odd in the file, a line each.
+    /// Warnings of the reader, a line each.
     pub notes: Vec<String>,
 }
 

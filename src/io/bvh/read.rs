@@ -520,7 +520,7 @@ impl<'a> Tokens<'a> {
         word
     }
 
-    /// What is left of the line, up to a brace: a name may have spaces.
+    /// The rest of the line, up to a brace: a name may have spaces.
     fn rest_of_line(&mut self) -> &'a str {
         let rest = &self.text[self.at..];
         let end = rest.find(['\n', '\r', '{', '}']).unwrap_or(rest.len());

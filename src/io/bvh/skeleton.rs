@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashMap;
 
-/// What the points of a table of this hierarchy are.
+/// The points of a table of this hierarchy.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BvhPoints {
     /// Joints, and End Sites as NAME_end.
@@ -25,9 +25,9 @@ pub enum BvhPoints {
 pub struct BvhSkeleton {
     /// Its kinematics.
     pub skeleton: Skeleton,
-    /// For each channel of a frame the value of the skeleton it is; `None` for one that does not move here.
+    /// The skeleton's value of each channel of a frame; `None` for one that does not move here.
     pub channels: Vec<Option<usize>>,
-    /// What a channel without a value holds: its OFFSET.
+    /// The number that a channel without a value holds: its OFFSET.
     pub still: Vec<f64>,
     origins: Vec<(String, usize)>,
     ends: Vec<(String, usize)>,
@@ -217,7 +217,7 @@ impl BvhTemplate {
         })
     }
 
-    /// For each name of a table's points the bone at whose end the point is.
+    /// The bone whose end each named point of a table is.
     pub fn bones_of(&self, names: &[String]) -> Vec<Option<usize>> {
         let points = self.skeleton.points(self.skeleton.points_among(names));
         let find = |n: &String| points.iter().find(|p| p.0 == *n).map(|p| p.1);

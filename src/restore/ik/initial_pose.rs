@@ -16,12 +16,12 @@ const NO_LENGTH: f64 = 1e-9;
 /// A joint that a bone carries: the target and its place from the bone's start in the rest posture.
 type Carried = (usize, DVec3);
 
-/// What each bone carries, found once for a skeleton and its targets.
+/// The targets that each bone carries, found once for a skeleton and its targets.
 pub struct InitialPose<'a> {
     skeleton: &'a Skeleton,
-    /// By bone: targets that turn with it.
+    /// Targets that turn with each bone.
     direct: Vec<Vec<Carried>>,
-    /// By bone: targets that turn with the next bones that turn at all.
+    /// Targets that turn with the next turning bones below each bone.
     indirect: Vec<Vec<Carried>>,
 }
 

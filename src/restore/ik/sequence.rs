@@ -15,9 +15,9 @@ use ndarray::{Array2, ArrayView2};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// What holds the values that the joints leave open to the frame before, cm² a squared radian.
+/// Weight that holds the values that the joints leave open to the frame before, cm² a squared radian.
 const PREVIOUS_WEIGHT: f64 = 1e-4;
-/// What draws them to the rest posture: so little that it takes a hundred frames.
+/// Weight that draws them to the rest posture: so little that it takes a hundred frames.
 const REST_WEIGHT: f64 = 1e-6;
 /// A noisy take's share of its mean squared misfit: one centimetre of noise is about 0.4 radians of twist.
 const NOISE_WEIGHT: f64 = 5.0;
@@ -139,7 +139,7 @@ pub fn fit_sequence(
     Ok(out)
 }
 
-/// What is carried from frame to frame.
+/// The state carried from frame to frame.
 struct SequenceFitter<'a> {
     skeleton: &'a Skeleton,
     joints: &'a [usize],
@@ -169,7 +169,7 @@ struct FrameSolution {
 }
 
 impl<'a> SequenceFitter<'a> {
-    /// At rest.
+    /// A fitter that starts from the rest posture.
     fn new(
         skeleton: &'a Skeleton,
         joints: &'a [usize],
@@ -235,7 +235,7 @@ impl<'a> SequenceFitter<'a> {
         self.targets.chunks_exact(3).filter(there).count()
     }
 
-    /// Follows the next frame; counts in `out` what there is to say of it.
+    /// Follows the next frame; counts it in `out`.
     fn solve_frame(&mut self, y: &[f64], out: &mut SequenceFit) {
         self.bones.normalize(y, &mut self.targets);
         let seen = self.observed_count();
@@ -319,7 +319,7 @@ impl<'a> SequenceFitter<'a> {
         self.q = best.q;
     }
 
-    /// From one start, held to the frame before and the rest posture.
+    /// Solves a frame from one start, held to the frame before and the rest posture.
     fn solve(&mut self, mut q: Vec<f64>, previous_weight: f64, rest_weight: f64) -> FrameSolution {
         let regularization = Regularization {
             previous: &self.q,

@@ -38,7 +38,7 @@ impl Default for IkSettings {
     }
 }
 
-/// What holds the values that the joints leave open.
+/// Regularization of the values that the joints leave open.
 #[derive(Debug, Clone, Copy)]
 pub struct Regularization<'a> {
     /// r: the frame before.

@@ -59,7 +59,7 @@ struct Hypothesis {
     more: f64,
 }
 
-/// What the next point adds to a hypothesis.
+/// The extension of a hypothesis by the next point.
 struct Next {
     score: f64,
     corrupt: bool,
@@ -85,7 +85,7 @@ impl Hypothesis {
         log_sum(&self.log) + self.more
     }
 
-    /// What the next point adds, clean and outlier. Its rows before its own three values go to `rows`.
+    /// Extensions by the next point as clean and as outlier. Its rows before its own three values go to `rows`.
     #[inline(always)]
     fn next(
         &self,

@@ -2,7 +2,7 @@
 //!
 //! 1. `trajectory` finds spikes: points that leave their path for some frames. No model is needed.
 //! 2. The model is adapted to the body that the other points show. Rigid distances then say which frames hold outliers
-//!    ([`super::rigid::noise_floor`]), each frame together with its neighbours.
+//!    ([`super::rigid::noise_floor`]), each frame together with its neighbors.
 //! 3. In those frames distances and the prior say which points are outliers ([`frame_posterior`]).
 
 mod assignment;
@@ -36,9 +36,9 @@ const CHUNK: usize = 8;
 
 /// The outliers of a take.
 pub struct Outliers {
-    /// All outliers of each frame.
+    /// Outliers of each frame, spikes included.
     pub points: Vec<Vec<usize>>,
-    /// Those that `trajectory` found: their path says where they should have been.
+    /// Spikes of each frame, found by `trajectory`: the path says where the point should have been.
     pub spikes: Vec<Vec<usize>>,
 }
 

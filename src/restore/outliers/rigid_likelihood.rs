@@ -271,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn how_far_off_a_point_is_is_not_told_by_corrupt_neighbours() {
+    fn how_far_off_a_point_is_is_not_told_by_corrupt_neighbors() {
         // Points 2 and 3 both deviate; their mutual distance is nearly right.
         let (pairs, pose) = chain();
         let lengths = &BodyMixture::of(&pairs).all[0].1;

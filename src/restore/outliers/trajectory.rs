@@ -24,7 +24,7 @@ const LEAST: f64 = 1.5;
 /// Standard deviations of noise that are allowed for.
 const SURE: f64 = 5.0;
 /// Neighbors on each side, and how far away they may be in seconds; at least as many frames.
-const NEIGHBOURS: usize = 3;
+const NEIGHBORS: usize = 3;
 const REACH: f64 = 0.05;
 /// A point that agrees with fewer than one in this many pairs of neighbors is a spike.
 const AGREE: usize = 3;
@@ -43,7 +43,7 @@ pub fn spikes(
     rate: f64,
     noise: &[f64],
 ) -> Vec<Vec<usize>> {
-    let reach = ((REACH * rate) as usize).max(NEIGHBOURS);
+    let reach = ((REACH * rate) as usize).max(NEIGHBORS);
     let of_points = parallel::map_chunks(noise.len(), 1, |points| {
         let p = points.start;
         let at = |t: usize| DVec3::new(xyz[[t, 3 * p]], xyz[[t, 3 * p + 1]], xyz[[t, 3 * p + 2]]);
@@ -74,7 +74,7 @@ pub fn spikes(
 /// The nearest frames on one side, on the stack: there are many.
 #[derive(Default)]
 struct Near {
-    frames: [usize; NEIGHBOURS],
+    frames: [usize; NEIGHBORS],
     count: usize,
 }
 
@@ -97,7 +97,7 @@ impl Deref for Near {
     }
 }
 
-/// All pairs of some frames.
+/// Pairs of frames, each with each.
 fn pairs(frames: &[usize]) -> impl Iterator<Item = (usize, usize)> {
     let each = frames.iter().enumerate();
     each.flat_map(|(k, a)| frames[k + 1..].iter().map(move |b| (*a, *b)))
@@ -153,8 +153,8 @@ impl Path {
 
     /// Whether neither side of some spikes leads to the other; one frame of either side may be off.
     fn jumps(&self, first: usize, end: usize, spikes: &[bool]) -> bool {
-        let before = &self.neighbours(first, spikes)[0];
-        let after = &self.neighbours(end - 1, spikes)[1];
+        let before = &self.neighbors(first, spikes)[0];
+        let after = &self.neighbors(end - 1, spikes)[1];
         let leads = |from: &[usize], to: &[usize]| {
             pairs(from).any(|(a, b)| to.iter().any(|t| self.is_on_line(*t, (a, b), MOST_LONG)))
         };
@@ -184,7 +184,7 @@ impl Path {
         if !self.places[t].is_finite() || spikes[t] {
             return 0.0;
         }
-        let [before, after] = self.neighbours(t, spikes);
+        let [before, after] = self.neighbors(t, spikes);
         let ([a, b, ..], [c, d, ..]) = (&before[..], &after[..]) else {
             return 0.0;
         };
@@ -207,8 +207,8 @@ impl Path {
         if !self.places[t].is_finite() {
             return false;
         }
-        let [before, after] = self.neighbours(t, spikes);
-        let seen = self.neighbours(t, &[]);
+        let [before, after] = self.neighbors(t, spikes);
+        let seen = self.neighbors(t, &[]);
         match [seen[0].len(), seen[1].len()] {
             [0, _] => return self.is_loose(t, &after),
             [_, 0] => return self.is_loose(t, &before),
@@ -230,7 +230,7 @@ impl Path {
         self.agrees(b, a, c) && pairs(near).all(|(i, j)| !self.agrees(t, i, j))
     }
 
-    /// As `is_loose`, for the frame beside the end of a run. The end itself may be off: it has to be a known spike, or
+    /// `is_loose` for the frame beside the end of a run. The end itself may be off: it has to be a known spike, or
     /// to agree with the others.
     fn is_loose_beside(&self, t: usize, end: usize, near: &[usize], spikes: &[bool]) -> bool {
         let is_known = || spikes[end] || pairs(near).any(|(i, j)| self.agrees(end, i, j));
@@ -238,7 +238,7 @@ impl Path {
     }
 
     /// The nearest frames before and after `t` that are seen and not in `spikes`, the nearest first.
-    fn neighbours(&self, t: usize, spikes: &[bool]) -> [Near; 2] {
+    fn neighbors(&self, t: usize, spikes: &[bool]) -> [Near; 2] {
         let is_spike = |i: usize| spikes.get(i).is_some_and(|is| *is);
         let counts = |i: &usize| self.places[*i].is_finite() && !is_spike(*i);
         let from = t.saturating_sub(self.reach);
@@ -254,7 +254,7 @@ impl Path {
         self.is_on_line(t, (i, j), MOST)
     }
 
-    /// As `agrees`, within the acceleration `most`.
+    /// `agrees`, within the acceleration `most`.
     fn is_on_line(&self, t: usize, (i, j): (usize, usize), most: f64) -> bool {
         let [a, b] = [i, j].map(|i| i as f64 - t as f64);
         let share = a / (a - b);

@@ -36,11 +36,11 @@ const MOST_DAMPED: f64 = 1e6;
 
 /// How a search ended.
 pub enum Ascent {
-    /// At a maximum.
+    /// Ended at a maximum.
     Top(PlacementSolution),
     /// Close to a known maximum.
     SameTop,
-    /// At its start: the prior gives no gradient.
+    /// Not begun: the prior gives no gradient.
     Flat,
 }
 
@@ -56,7 +56,7 @@ pub fn maximize(
     let climber = EvidenceProblem {
         prior,
         seen,
-        centre: centre(seen),
+        center: center(seen),
         noise,
     };
     let cost = |at: &Similarity| 0.5 * solver.prior_cost(at, &start);
@@ -133,7 +133,7 @@ struct EvidenceProblem<'a> {
     prior: &'a dyn Prior,
     seen: Observation<'a>,
     noise: Vec<f64>,
-    centre: DVec3,
+    center: DVec3,
 }
 
 impl EvidenceProblem<'_> {
@@ -148,9 +148,9 @@ impl EvidenceProblem<'_> {
             if !self.noise[3 * p].is_finite() {
                 continue;
             }
-            let from_centre = DVec3::from_slice(&self.seen.values[3 * p..]) - self.centre;
+            let from_center = DVec3::from_slice(&self.seen.values[3 * p..]) - self.center;
             for (k, axis) in DVec3::AXES.into_iter().enumerate() {
-                let turned = -(to_model * axis.cross(from_centre));
+                let turned = -(to_model * axis.cross(from_center));
                 let shifted = -(to_model * axis);
                 moves[k][3 * p..3 * p + 3].copy_from_slice(&turned.to_array());
                 moves[3 + k][3 * p..3 * p + 3].copy_from_slice(&shifted.to_array());
@@ -164,9 +164,9 @@ impl EvidenceProblem<'_> {
     }
 
     fn is_near(&self, a: &Similarity, b: &Similarity) -> bool {
-        let centre = |s: &Similarity| s.rotation.transpose() * (self.centre - s.shift);
+        let center = |s: &Similarity| s.rotation.transpose() * (self.center - s.shift);
         angle_between(&a.rotation, &b.rotation) < SAME_TOP.0
-            && (centre(a) - centre(b)).length() < SAME_TOP.1
+            && (center(a) - center(b)).length() < SAME_TOP.1
     }
 
     fn moved(&self, from: &Similarity, step: &[f64; 6]) -> Similarity {
@@ -174,14 +174,14 @@ impl EvidenceProblem<'_> {
         let shift = DVec3::from_slice(&step[3..]);
         Similarity {
             rotation: turn * from.rotation,
-            shift: turn * (from.shift - self.centre) + self.centre + shift,
+            shift: turn * (from.shift - self.center) + self.center + shift,
             ..*from
         }
     }
 }
 
 /// The center of the whole points.
-fn centre(seen: Observation<'_>) -> DVec3 {
+fn center(seen: Observation<'_>) -> DVec3 {
     let points = seen
         .values
         .chunks_exact(3)

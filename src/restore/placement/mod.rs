@@ -47,7 +47,7 @@ impl Default for PlacementSolver {
 /// A solution of P1.
 #[derive(Debug, Clone)]
 pub struct PlacementSolution {
-    /// From the model's space to the world.
+    /// Transform from the model's space to the world.
     pub placement: Similarity,
     /// The code in the model's space, with objective (7) without the rotation prior; `None` where evidence was
     /// maximized.

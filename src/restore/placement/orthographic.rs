@@ -207,14 +207,14 @@ fn starts(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<(DMat3, 
             )
         })
         .collect();
-    let centre = planar.iter().map(|(_, y)| *y).sum::<DVec3>() / planar.len().max(1) as f64;
+    let center = planar.iter().map(|(_, y)| *y).sum::<DVec3>() / planar.len().max(1) as f64;
     let mut found = Vec::new();
     for typical in prior.representative_poses().rows() {
         let at = |j: usize| DVec3::new(typical[3 * j], typical[3 * j + 1], typical[3 * j + 2]);
         let middle = planar.iter().map(|(j, _)| at(*j)).sum::<DVec3>() / planar.len().max(1) as f64;
         let (mut spread, mut cross) = (DMat3::IDENTITY * 1e-3, DMat3::ZERO);
         for (j, y) in &planar {
-            let (x, y) = (at(*j) - middle, *y - centre);
+            let (x, y) = (at(*j) - middle, *y - center);
             spread += DMat3::from_cols(x * x.x, x * x.y, x * x.z);
             cross += DMat3::from_cols(y * x.x, y * x.y, y * x.z);
         }
@@ -236,10 +236,10 @@ fn starts(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<(DMat3, 
             .iter()
             .map(|(j, y)| {
                 let p = rotation * (at(*j) - middle) * scale;
-                (DVec3::new(p.x, p.y, 0.0) - (*y - centre)).length_squared()
+                (DVec3::new(p.x, p.y, 0.0) - (*y - center)).length_squared()
             })
             .sum();
-        found.push((rest, rotation, centre - rotation * middle * scale));
+        found.push((rest, rotation, center - rotation * middle * scale));
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     found

@@ -68,7 +68,7 @@ struct DistanceDensity {
 }
 
 impl DistanceDensity {
-    /// By the variance of the distance with clean ends, cm².
+    /// The density of a distance whose variance with clean ends is `variance`, cm².
     fn of(variance: f64) -> DistanceDensity {
         let clean = (1.0 - OUTLIER_SHARE).powi(2);
         let part = |s: usize| match s {
@@ -103,7 +103,7 @@ struct DistanceDensities {
 }
 
 impl DistanceDensities {
-    /// By the variance of each distance with clean ends, cm².
+    /// The densities of distances, by their variances with clean ends, cm².
     fn of(variances: impl Iterator<Item = f64>) -> DistanceDensities {
         let each: Vec<DistanceDensity> = variances.map(DistanceDensity::of).collect();
         let part = |s: usize| {
@@ -139,7 +139,7 @@ impl DistanceDensities {
 pub struct NoiseFloorSearch(Vec<Vec<DistanceDensities>>);
 
 impl NoiseFloorSearch {
-    /// For the lengths of these bodies.
+    /// A search over the lengths of `bodies`.
     pub fn of(bodies: &BodyMixture) -> NoiseFloorSearch {
         let under = |l: &Lengths, sd: f64| {
             DistanceDensities::of(l.variance.iter().map(|v| v + 2.0 * sd * sd))
