@@ -5,12 +5,12 @@ use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
+use posing::cli::one_take::one_take;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, run};
 use posing::io::{Amc, Asf};
 use posing::pose::Poses;
 use posing::restore::ik::SkeletonFit;
-use posing::cli::one_take::one_take;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

@@ -9,8 +9,8 @@ use posing::cli::{Outcome, messages, run};
 use posing::io::SkeletonFile;
 use posing::pose::rotation::{Axis, parse_order};
 
-use posing::restore::ik::{SkeletonFit, estimate_skeleton};
 use posing::cli::one_take::one_take;
+use posing::restore::ik::{SkeletonFit, estimate_skeleton};
 use posing::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
