@@ -156,15 +156,20 @@ mod tests {
         (0..count).map(|i| format!("p{i}")).collect()
     }
 
+    fn corruption(change: impl Fn(&mut Corruption)) -> Corruption {
+        let mut what = Corruption::default();
+        change(&mut what);
+        what
+    }
+
     fn damaged(what: &Corruption, frames: u64, points: usize) -> Vec<Vec<f64>> {
         let corruptor = what.check(&names(points)).unwrap();
-        (0..frames)
-            .map(|f| {
-                let mut xyz = vec![0.0; 3 * points];
-                corruptor.apply(f, &mut xyz);
-                xyz
-            })
-            .collect()
+        let frame = |f| {
+            let mut xyz = vec![0.0; 3 * points];
+            corruptor.apply(f, &mut xyz);
+            xyz
+        };
+        (0..frames).map(frame).collect()
     }
 
     /// Mean and standard deviation.
@@ -178,136 +183,78 @@ mod tests {
     #[test]
     fn dense_noise_has_the_standard_deviation_asked_for() {
         for sd in [0.5, 5.644] {
-            let what = Corruption {
-                dense: sd,
-                ..Corruption::default()
-            };
-            let all = damaged(&what, 2000, 23).concat();
+            let all = damaged(&corruption(|c| c.dense = sd), 2000, 23).concat();
             let n = all.len() as f64;
             let (mean, found) = moments(&all);
             // Six standard errors of each estimate.
             assert!(mean.abs() <= 6.0 * sd / n.sqrt(), "{mean}");
             assert!((found - sd).abs() <= 6.0 * sd / (2.0 * n).sqrt(), "{found}");
-            // Neighbouring frames and coordinates are not alike.
-            let r = all.windows(2).map(|w| w[0] * w[1]).sum::<f64>() / (n * sd * sd);
-            let s = all.windows(70).map(|w| w[0] * w[69]).sum::<f64>() / (n * sd * sd);
-            assert!(
-                r.abs() <= 6.0 / n.sqrt() && s.abs() <= 6.0 / n.sqrt(),
-                "{r} {s}"
-            );
+            // Neighbouring coordinates and frames are uncorrelated.
+            for lag in [1, 69] {
+                let products = all.windows(lag + 1).map(|w| w[0] * w[lag]);
+                let r = products.sum::<f64>() / (n * sd * sd);
+                assert!(r.abs() <= 6.0 / n.sqrt(), "{r}");
+            }
         }
     }
 
     #[test]
     fn sparse_noise_hits_its_share_of_whole_points() {
         for share in [0.0, 0.2, 0.7, 1.0] {
-            let what = Corruption {
-                sparse: 2.0,
-                share,
-                ..Corruption::default()
-            };
-            let all = damaged(&what, 1000, 23);
-            let points: Vec<&[f64]> = all.iter().flat_map(|f| f.chunks_exact(3)).collect();
-            let hit: Vec<&[f64]> = points
-                .iter()
-                .copied()
-                .filter(|p| p.iter().any(|v| *v != 0.0))
-                .collect();
-            assert!(hit.iter().all(|p| p.iter().all(|v| *v != 0.0)));
+            let what = corruption(|c| (c.sparse, c.share) = (2.0, share));
+            let all = damaged(&what, 1000, 23).concat();
+            let (points, _) = all.as_chunks::<3>();
+            let hit = points.iter().filter(|p| **p != [0.0; 3]);
+            let hit: Vec<[f64; 3]> = hit.copied().collect();
+            assert!(hit.iter().flatten().all(|v| *v != 0.0));
             let n = points.len() as f64;
             let off = (hit.len() as f64 / n - share).abs();
             assert!(off <= 6.0 * (share * (1.0 - share) / n).sqrt(), "{off}");
             if share > 0.0 {
-                let (_, sd) = moments(&hit.concat());
+                let (_, sd) = moments(hit.as_flattened());
                 assert!((sd - 2.0).abs() <= 0.1, "{sd}");
             }
         }
     }
 
     #[test]
-    fn a_seed_repeats_and_another_does_not() {
-        let what = |seed| Corruption {
-            dense: 1.0,
-            sparse: 3.0,
-            seed,
-            ..Corruption::default()
-        };
-        assert_eq!(damaged(&what(7), 20, 5), damaged(&what(7), 20, 5));
-        assert_ne!(damaged(&what(7), 20, 5), damaged(&what(8), 20, 5));
-    }
-
-    #[test]
-    fn kinds_of_damage_do_not_shift_each_other() {
-        let dense = Corruption {
-            dense: 1.0,
-            ..Corruption::default()
-        };
-        let both = Corruption {
-            sparse: 3.0,
-            ..dense.clone()
-        };
-        let (a, b) = (damaged(&dense, 50, 23), damaged(&both, 50, 23));
-        let same = a
-            .concat()
-            .iter()
-            .zip(b.concat())
-            .filter(|(x, y)| **x == *y)
-            .count();
+    fn noise_depends_on_seed_kind_frame_and_coordinate_only() {
+        let dense = corruption(|c| c.dense = 1.0);
+        let both = corruption(|c| (c.dense, c.sparse) = (1.0, 3.0));
+        let all = damaged(&both, 50, 23);
+        assert_eq!(all, damaged(&both, 50, 23));
+        assert_ne!(
+            all,
+            damaged(&corruption(|c| (c.dense, c.seed) = (1.0, 8)), 50, 23)
+        );
+        // Sparse noise leaves the dense noise of the points that it spares.
+        let (a, b) = (damaged(&dense, 50, 23).concat(), all.concat());
+        let same = a.iter().zip(b).filter(|(x, y)| **x == *y).count();
         assert!(same as f64 >= 0.7 * 50.0 * 69.0, "{same}");
-    }
-
-    #[test]
-    fn missing_stays_missing_and_shifts_nothing() {
-        let what = Corruption {
-            dense: 1.0,
-            sparse: 1.0,
-            ..Corruption::default()
-        };
-        let corruptor = what.check(&names(3)).unwrap();
+        // A missing value stays missing and shifts no noise.
+        let corruptor = both.check(&names(3)).unwrap();
         let (mut whole, mut holed) = (vec![1.0; 9], vec![1.0; 9]);
         holed[4] = f64::NAN;
         corruptor.apply(3, &mut whole);
         corruptor.apply(3, &mut holed);
-        for i in 0..9 {
-            assert!(if i == 4 {
-                holed[i].is_nan()
-            } else {
-                holed[i] == whole[i]
-            });
-        }
+        assert!(holed[4].is_nan());
+        (whole[4], holed[4]) = (0.0, 0.0);
+        assert_eq!(whole, holed);
     }
 
     #[test]
     fn points_are_kept_and_dropped_by_name() {
-        let seen = |what: Corruption| -> Vec<bool> {
+        let seen = |keep: Option<&[&str]>, drop: &[&str]| -> Vec<bool> {
+            let list = |l: &[&str]| l.iter().map(|s| s.to_string()).collect::<Vec<_>>();
+            let what = corruption(|c| (c.keep, c.drop) = (keep.map(list), list(drop)));
             let frame = &damaged(&what, 1, 4)[0];
             frame.chunks_exact(3).map(|p| p[0] == 0.0).collect()
         };
-        let list = |l: &[&str]| l.iter().map(|s| s.to_string()).collect::<Vec<_>>();
-        let keep = Some(list(&["p1", "p3"]));
-        let drop = list(&["p3"]);
-        let base = Corruption::default;
-        assert_eq!(seen(base()), [true; 4]);
+        assert_eq!(seen(None, &[]), [true; 4]);
+        assert_eq!(seen(Some(&["p1", "p3"]), &[]), [false, true, false, true]);
+        assert_eq!(seen(None, &["p3"]), [true, true, true, false]);
         assert_eq!(
-            seen(Corruption {
-                keep: keep.clone(),
-                ..base()
-            }),
-            [false, true, false, true]
-        );
-        assert_eq!(
-            seen(Corruption {
-                drop: drop.clone(),
-                ..base()
-            }),
-            [true, true, true, false]
-        );
-        assert_eq!(
-            seen(Corruption {
-                keep,
-                drop,
-                ..base()
-            }),
+            seen(Some(&["p1", "p3"]), &["p3"]),
             [false, true, false, false]
         );
     }
@@ -320,56 +267,21 @@ mod tests {
         corruptor.apply(0, &mut xyz);
         assert_eq!(xyz.map(f64::to_bits), before);
         // The largest noise leaves the largest number finite.
-        let what = Corruption {
-            dense: MAX_NOISE,
-            ..Corruption::default()
-        };
-        what.check(&names(1)).unwrap().apply(0, &mut xyz);
+        let most = corruption(|c| c.dense = MAX_NOISE).check(&names(1));
+        most.unwrap().apply(0, &mut xyz);
         assert!(xyz[1].is_finite());
     }
 
     #[test]
     fn limits_are_named() {
-        let says = |what: Corruption, part: &str| {
-            let e = what.check(&names(6)).unwrap_err();
-            assert_eq!(e.exit_code(), 2);
-            assert!(e.to_string().contains(part), "{e}");
+        let says = |change: &dyn Fn(&mut Corruption), part: &str| {
+            let e = corruption(change).check(&names(6)).unwrap_err();
+            assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
         };
-        let base = Corruption::default;
-        says(
-            Corruption {
-                dense: f64::NAN,
-                ..base()
-            },
-            "--dense",
-        );
-        says(
-            Corruption {
-                sparse: -1.0,
-                ..base()
-            },
-            "--sparse",
-        );
-        says(
-            Corruption {
-                share: 1.5,
-                ..base()
-            },
-            "--share",
-        );
-        says(
-            Corruption {
-                keep: Some(vec!["x".into()]),
-                ..base()
-            },
-            "no point \"x\"",
-        );
-        says(
-            Corruption {
-                drop: vec!["x".into()],
-                ..base()
-            },
-            "--drop",
-        );
+        says(&|c| c.dense = f64::NAN, "--dense");
+        says(&|c| c.sparse = -1.0, "--sparse");
+        says(&|c| c.share = 1.5, "--share");
+        says(&|c| c.keep = Some(vec!["x".into()]), "no point \"x\"");
+        says(&|c| c.drop = vec!["x".into()], "--drop");
     }
 }

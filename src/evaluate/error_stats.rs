@@ -1,5 +1,6 @@
 //! Running sums of errors, coordinate by coordinate.
 
+use ndarray::ArrayView1;
 use serde::Serialize;
 
 /// Errors of a set of coordinates. Lengths are in the unit of the report; `None` if nothing was compared.
@@ -20,7 +21,7 @@ pub struct ErrorStats {
 }
 
 /// The sums behind [`ErrorStats`], in centimetres.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ErrorSums {
     coordinates: u64,
     missing: u64,
@@ -89,8 +90,8 @@ pub(super) fn mean(sum: f64, count: u64) -> Option<f64> {
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Point `i` of a frame.
-pub(super) fn point(xyz: &[f64], i: usize) -> [f64; 3] {
+/// Point `i` of a frame (3 J).
+pub(super) fn point(xyz: ArrayView1<'_, f64>, i: usize) -> [f64; 3] {
     [xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]]
 }
 

@@ -6,7 +6,6 @@ pub mod corruption;
 pub mod error_breakdown;
 pub mod error_stats;
 pub mod figure;
-mod frame;
 pub mod gap_injection;
 mod html;
 pub mod motion_quality;

@@ -1,9 +1,10 @@
 //! Motion quality: how constant bone lengths are, and how large accelerations (jitter).
 
 use super::error_stats::mean;
-use super::frame::ScoredFrame;
 use crate::pose::joints::parents_by_name;
+use ndarray::{ArrayView1, ArrayView2};
 use serde::Serialize;
+use std::ops::Range;
 
 /// Lengths of the bones that the points' names define (CMU's), in the unit of the report.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -53,7 +54,7 @@ pub struct Accelerations {
 }
 
 /// Mean and summed squared deviations of a series, by Welford's recurrence.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 struct RunningVariance {
     count: u64,
     mean: f64,
@@ -69,62 +70,50 @@ impl RunningVariance {
     }
 }
 
-/// The sums behind [`BoneLengths`].
-#[derive(Debug, Clone)]
-pub(super) struct BoneLengthSums {
-    /// Point, parent, lengths of truth and result, summed squared differences.
-    bones: Vec<(usize, usize, [RunningVariance; 2], f64)>,
-}
-
-impl BoneLengthSums {
-    pub(super) fn new(points: &[String]) -> BoneLengthSums {
-        let parents = parents_by_name(points).into_iter().enumerate();
-        let bone = |(point, parent): (usize, Option<usize>)| {
-            parent.map(|parent| (point, parent, Default::default(), 0.0))
-        };
-        BoneLengthSums {
-            bones: parents.filter_map(bone).collect(),
-        }
-    }
-
-    pub(super) fn add(&mut self, truth: &[f64], result: &[f64]) {
-        for (point, parent, lengths, squares) in &mut self.bones {
-            let [t, r] = [truth, result].map(|xyz| distance(xyz, *point, *parent));
-            if !t.is_nan() && !r.is_nan() {
-                lengths[0].add(t);
-                lengths[1].add(r);
-                *squares += (r - t) * (r - t);
-            }
-        }
-    }
-
-    /// `None` without a known bone.
-    pub(super) fn finish(&self, points: &[String], unit: f64) -> Option<BoneLengths> {
-        if self.bones.is_empty() {
-            return None;
-        }
+impl BoneLengths {
+    /// The bones of two tables (frames, 3 J); lengths in a unit of `unit` centimetres. `None` without a known bone.
+    pub(super) fn of(
+        points: &[String],
+        truth: ArrayView2<'_, f64>,
+        result: ArrayView2<'_, f64>,
+        unit: f64,
+    ) -> Option<BoneLengths> {
         let root = |squares: f64, count: u64| mean(squares, count).map(|v| v.sqrt() / unit);
         let (mut count, mut sums) = (0, [0.0; 3]);
         let mut by_bone = Vec::new();
-        for (point, parent, [truth, result], squares) in &self.bones {
-            count += truth.count;
-            sums[0] += squares;
-            sums[1] += truth.squares;
-            sums[2] += result.squares;
+        for (point, parent) in parents_by_name(points).into_iter().enumerate() {
+            let Some(parent) = parent else {
+                continue;
+            };
+            let [mut of_truth, mut of_result] = [RunningVariance::default(); 2];
+            let mut squares = 0.0;
+            for (truth, result) in truth.rows().into_iter().zip(result.rows()) {
+                let [t, r] = [truth, result].map(|xyz| distance(xyz, point, parent));
+                if !t.is_nan() && !r.is_nan() {
+                    of_truth.add(t);
+                    of_result.add(r);
+                    squares += (r - t) * (r - t);
+                }
+            }
+            count += of_truth.count;
+            for (sum, own) in (sums.iter_mut()).zip([squares, of_truth.squares, of_result.squares])
+            {
+                *sum += own;
+            }
             let length = |s: &RunningVariance| (s.count > 0).then(|| s.mean / unit);
             by_bone.push(BoneLength {
-                point: points[*point].clone(),
-                parent: points[*parent].clone(),
-                frames: truth.count,
-                truth: length(truth),
-                result: length(result),
-                truth_sd: root(truth.squares, truth.count),
-                result_sd: root(result.squares, result.count),
-                rms_difference: root(*squares, truth.count),
+                point: points[point].clone(),
+                parent: points[parent].clone(),
+                frames: of_truth.count,
+                truth: length(&of_truth),
+                result: length(&of_result),
+                truth_sd: root(of_truth.squares, of_truth.count),
+                result_sd: root(of_result.squares, of_truth.count),
+                rms_difference: root(squares, of_truth.count),
             });
         }
         let [rms_difference, truth_sd, result_sd] = sums.map(|s| root(s, count));
-        Some(BoneLengths {
+        (!by_bone.is_empty()).then_some(BoneLengths {
             rms_difference,
             truth_sd,
             result_sd,
@@ -133,55 +122,42 @@ impl BoneLengthSums {
     }
 }
 
-fn distance(xyz: &[f64], a: usize, b: usize) -> f64 {
+fn distance(xyz: ArrayView1<'_, f64>, a: usize, b: usize) -> f64 {
     let squared = |axis: usize| (xyz[3 * a + axis] - xyz[3 * b + axis]).powi(2);
     (squared(0) + squared(1) + squared(2)).sqrt()
 }
 
-/// The sums behind [`Accelerations`].
-#[derive(Debug, Clone, Default)]
-pub(super) struct AccelerationSums {
-    /// Truth and result of the last two frames of the run, newest last.
-    last: Vec<[Vec<f64>; 2]>,
-    count: u64,
-    /// Squared accelerations of truth, result and error.
-    squares: [f64; 3],
-}
-
-impl AccelerationSums {
-    /// Adds a frame of a take with `rate` frames a second.
-    pub(super) fn add(&mut self, frame: &ScoredFrame<'_>, rate: f64) {
-        let (truth, result) = (frame.truth, frame.result);
-        if frame.starts_run {
-            self.last.clear();
-        }
-        if self.last.len() < 2 {
-            self.last.push([truth.to_vec(), result.to_vec()]);
-            return;
-        }
-        let second = |new: f64, which: usize, i: usize| {
-            (new - 2.0 * self.last[1][which][i] + self.last[0][which][i]) * rate * rate
-        };
-        for (i, (&t, &r)) in truth.iter().zip(result).enumerate() {
-            let (t, r) = (second(t, 0, i), second(r, 1, i));
-            if !t.is_nan() && !r.is_nan() {
-                self.count += 1;
-                for (sum, v) in self.squares.iter_mut().zip([t, r, r - t]) {
-                    *sum += v * v;
+impl Accelerations {
+    /// The second differences of two tables (frames, 3 J) within `runs` of consecutive frames, each with its frames a
+    /// second; lengths in a unit of `unit` centimetres.
+    pub(super) fn of(
+        truth: ArrayView2<'_, f64>,
+        result: ArrayView2<'_, f64>,
+        runs: &[(Range<usize>, Option<f64>)],
+        unit: f64,
+    ) -> Accelerations {
+        let (mut count, mut squares) = (0, [0.0; 3]);
+        for (run, rate) in runs {
+            let Some(rate) = rate else {
+                continue;
+            };
+            for t in run.start + 2..run.end {
+                for c in 0..truth.ncols() {
+                    let [truth, result] = [truth, result]
+                        .map(|x| (x[[t, c]] - 2.0 * x[[t - 1, c]] + x[[t - 2, c]]) * rate * rate);
+                    if !truth.is_nan() && !result.is_nan() {
+                        count += 1;
+                        for (sum, v) in squares.iter_mut().zip([truth, result, result - truth]) {
+                            *sum += v * v;
+                        }
+                    }
                 }
             }
         }
-        self.last.swap(0, 1);
-        for (kept, new) in self.last[1].iter_mut().zip([truth, result]) {
-            kept.copy_from_slice(new);
-        }
-    }
-
-    pub(super) fn finish(&self, unit: f64) -> Accelerations {
-        let root = |s: f64| mean(s, self.count).map(|v| v.sqrt() / unit);
-        let [truth, result, difference] = self.squares.map(root);
+        let root = |s: f64| mean(s, count).map(|v| v.sqrt() / unit);
+        let [truth, result, difference] = squares.map(root);
         Accelerations {
-            count: self.count,
+            count,
             truth,
             result,
             difference,
@@ -192,60 +168,50 @@ impl AccelerationSums {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn names(list: &[&str]) -> Vec<String> {
-        list.iter().map(|s| s.to_string()).collect()
-    }
+    use ndarray::{Array2, array};
 
     #[test]
     fn bones_vary_and_differ() {
-        let points = names(&["lfemur", "root", "tail"]);
-        let mut sums = BoneLengthSums::new(&points);
-        for (frame, longer) in [0.0, 2.0].into_iter().enumerate() {
-            let shift = frame as f64;
-            let truth = [3.0 + shift, 4.0, 0.0, shift, 0.0, 0.0, 9.0, 9.0, 9.0];
-            let mut result = truth;
-            result[0] = shift;
-            result[1] = 5.0 + longer;
-            sums.add(&truth, &result);
-        }
-        sums.add(&[f64::NAN; 9], &[0.0; 9]);
-        let bones = sums.finish(&points, 1.0).unwrap();
+        let points = ["lfemur", "root", "tail"].map(String::from);
+        let nan = f64::NAN;
+        let truth = array![
+            [3.0, 4.0, 0.0, 0.0, 0.0, 0.0, 9.0, 9.0, 9.0],
+            [4.0, 4.0, 0.0, 1.0, 0.0, 0.0, 9.0, 9.0, 9.0],
+            [nan, nan, nan, nan, nan, nan, nan, nan, nan]
+        ];
+        let mut result = truth.clone();
+        result[[0, 0]] = 0.0;
+        result[[0, 1]] = 5.0;
+        result[[1, 0]] = 1.0;
+        result[[1, 1]] = 7.0;
+        result.row_mut(2).fill(0.0);
+        let bones = BoneLengths::of(&points, truth.view(), result.view(), 1.0).unwrap();
         assert_eq!(bones.by_bone.len(), 1);
         let bone = &bones.by_bone[0];
         assert_eq!(
-            (bone.point.as_str(), bone.parent.as_str(), bone.frames),
+            (&*bone.point, &*bone.parent, bone.frames),
             ("lfemur", "root", 2)
         );
         assert_eq!((bone.truth, bone.result), (Some(5.0), Some(6.0)));
         assert_eq!((bone.truth_sd, bone.result_sd), (Some(0.0), Some(1.0)));
         assert!((bones.rms_difference.unwrap() - 2f64.sqrt()).abs() <= 1e-12);
-        assert!(
-            BoneLengthSums::new(&names(&["a", "b"]))
-                .finish(&names(&["a", "b"]), 1.0)
-                .is_none()
+        let unknown = ["a", "b", "c"].map(String::from);
+        assert_eq!(
+            BoneLengths::of(&unknown, truth.view(), result.view(), 1.0),
+            None
         );
     }
 
     #[test]
     fn a_parabola_has_one_acceleration() {
         let (rate, g) = (50.0, 981.0);
-        let mut sums = AccelerationSums::default();
-        for i in 0..40 {
-            let t = i as f64 / rate;
-            let y = -0.5 * g * t * t;
-            let frame = ScoredFrame {
-                truth: &[0.0, y, 0.0],
-                result: &[0.0, y / 2.0, f64::NAN],
-                damaged: None,
-                starts_run: i == 0,
-                rate: Some(rate),
-            };
-            sums.add(&frame, rate);
-        }
-        let a = sums.finish(1.0);
+        let y = |i: usize| -0.5 * g * (i as f64 / rate).powi(2);
+        let truth = Array2::from_shape_fn((40, 3), |(i, c)| if c == 1 { y(i) } else { 0.0 });
+        let mut result = &truth / 2.0;
+        result.column_mut(2).fill(f64::NAN);
+        let a = Accelerations::of(truth.view(), result.view(), &[(0..40, Some(rate))], 1.0);
         assert_eq!(a.count, 2 * 38);
-        // Of two coordinates one falls.
+        // One of two coordinates falls.
         assert!((a.truth.unwrap() - g / 2f64.sqrt()).abs() <= 1e-6 * g);
         assert!((a.result.unwrap() - g / 8f64.sqrt()).abs() <= 1e-6 * g);
         assert!((a.difference.unwrap() - g / 8f64.sqrt()).abs() <= 1e-6 * g);
@@ -253,20 +219,13 @@ mod tests {
 
     #[test]
     fn a_jump_between_runs_is_no_acceleration() {
-        let mut sums = AccelerationSums::default();
-        for i in 0..8 {
-            let x = if i < 4 { 0.0 } else { 1000.0 };
-            let frame = ScoredFrame {
-                truth: &[x; 3],
-                result: &[x; 3],
-                damaged: None,
-                starts_run: i == 0 || i == 4,
-                rate: Some(120.0),
-            };
-            sums.add(&frame, 120.0);
-        }
-        assert_eq!(sums.finish(1.0).truth, Some(0.0));
-        assert_eq!(sums.count, 2 * 2 * 3);
-        assert_eq!(AccelerationSums::default().finish(1.0).truth, None);
+        let x = Array2::from_shape_fn((8, 3), |(i, _)| if i < 4 { 0.0 } else { 1000.0 });
+        let runs = [(0..4, Some(120.0)), (4..8, Some(120.0))];
+        let a = Accelerations::of(x.view(), x.view(), &runs, 1.0);
+        assert_eq!((a.truth, a.count), (Some(0.0), 2 * 2 * 3));
+        assert_eq!(
+            Accelerations::of(x.view(), x.view(), &[(0..8, None)], 1.0).truth,
+            None
+        );
     }
 }

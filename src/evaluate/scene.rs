@@ -176,134 +176,74 @@ impl Scene<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use ndarray::Array2;
 
+    pub fn names(list: &[&str]) -> Vec<String> {
+        list.iter().map(|name| name.to_string()).collect()
+    }
+
+    /// A scene of one figure at 60 frames a second.
+    pub fn scene<'a>(points: &'a [String], xyz: &'a Array2<f64>) -> Scene<'a> {
+        Scene {
+            points,
+            rate: 60.0,
+            figures: vec![Figure::new("f", xyz.view())],
+            ..Scene::default()
+        }
+    }
+
+    /// A run at 60 frames a second.
+    pub fn run(name: &str, first: usize, time: f64) -> Run<'_> {
+        Run {
+            name,
+            first,
+            time,
+            rate: 60.0,
+        }
+    }
+
+    fn fails<'a>(good: &Scene<'a>, change: impl Fn(&mut Scene<'a>), part: &str) {
+        let mut scene = good.clone();
+        scene.check().unwrap();
+        change(&mut scene);
+        let e = scene.check().unwrap_err();
+        assert!(e.to_string().contains(part) && e.exit_code() == 2, "{e}");
+    }
+
     #[test]
     fn each_rule_has_its_message() {
-        let names = ["a".to_string(), "b".to_string()];
-        let xyz = Array2::<f64>::zeros((3, 6));
-        let figure = Figure::new("f", xyz.view());
-        let good = Scene {
-            points: &names,
-            rate: 60.0,
-            figures: vec![figure],
-            ..Scene::default()
-        };
-        assert!(good.check().is_ok());
-
-        let fails = |scene: Scene<'_>, with: &str| {
-            let error = scene.check().unwrap_err();
-            assert!(error.to_string().contains(with), "{error}");
-            assert_eq!(error.exit_code(), 2);
-        };
-        for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            fails(
-                Scene {
-                    rate,
-                    ..good.clone()
-                },
-                "above 0",
-            );
-        }
-        fails(
-            Scene {
-                behind: Some(1),
-                ..good.clone()
-            },
-            "to stand behind",
-        );
-        fails(
-            Scene {
-                bones: &[(0, 2)],
-                ..good.clone()
-            },
-            "2 points",
-        );
-        let short = Array2::<f64>::zeros((2, 6));
-        let other = Figure::new("g", short.view());
-        fails(
-            Scene {
-                figures: vec![figure, other],
-                ..good.clone()
-            },
-            "figure g",
-        );
+        let points = names(&["a", "b"]);
+        let (xyz, short) = (Array2::zeros((3, 6)), Array2::zeros((2, 6)));
         let status = Array2::from_elem((3, 1), Status::Observed);
-        let other = Figure {
-            status: Some(status.view()),
-            ..figure
-        };
-        fails(
-            Scene {
-                figures: vec![other],
-                ..good.clone()
-            },
-            "statuses",
-        );
-        let late = [Run {
-            name: "",
-            first: 1,
-            time: 0.0,
-            rate: 60.0,
-        }];
-        fails(
-            Scene {
-                runs: &late,
-                ..good.clone()
-            },
-            "begin at frame 0",
-        );
-        let still = [Run {
-            first: 0,
-            rate: 0.0,
-            ..late[0]
-        }];
-        fails(
-            Scene {
-                runs: &still,
-                ..good.clone()
-            },
-            "rate",
-        );
-        let timeless = [Run {
-            name: "t",
-            first: 0,
-            time: f64::NAN,
-            rate: 60.0,
-        }];
-        fails(
-            Scene {
-                runs: &timeless,
-                ..good.clone()
-            },
-            "finite",
-        );
+        let (late, timeless) = ([run("", 1, 0.0)], [run("", 0, f64::NAN)]);
+        let mut still = [run("", 0, 0.0)];
+        still[0].rate = 0.0;
+        let good = scene(&points, &xyz);
+        for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            fails(&good, |s| s.rate = rate, "above 0");
+        }
+        fails(&good, |s| s.runs = &still, "above 0");
+        fails(&good, |s| s.behind = Some(1), "to stand behind");
+        fails(&good, |s| s.bones = &[(0, 2)], "2 points");
+        let other = Figure::new("g", short.view());
+        fails(&good, |s| s.figures.push(other), "figure g");
+        let status = Some(status.view());
+        fails(&good, |s| s.figures[0].status = status, "statuses");
+        fails(&good, |s| s.runs = &late, "begin at frame 0");
+        fails(&good, |s| s.runs = &timeless, "finite");
         let table = Table {
             rows: vec![vec!["1".into()]],
             ..Table::default()
         };
-        fails(
-            Scene {
-                table: Some(table),
-                ..good
-            },
-            "1 cells",
-        );
+        fails(&good, |s| s.table = Some(table.clone()), "1 cells");
     }
 
     #[test]
     fn frames_are_spread_from_first_to_last() {
-        let names = ["a".to_string()];
-        let xyz = Array2::<f64>::zeros((10, 3));
-        let figure = Figure::new("f", xyz.view());
-        let scene = Scene {
-            points: &names,
-            rate: 60.0,
-            figures: vec![figure],
-            ..Scene::default()
-        };
+        let (points, xyz) = (names(&["a"]), Array2::zeros((10, 3)));
+        let scene = scene(&points, &xyz);
         assert_eq!(scene.spread(4), [0, 3, 6, 9]);
         assert_eq!(scene.spread(1), [0]);
         assert_eq!(scene.spread(99).len(), 10);
@@ -312,34 +252,13 @@ mod tests {
 
     #[test]
     fn a_frame_knows_its_take_and_time() {
-        let runs = [
-            Run {
-                name: "a",
-                first: 0,
-                time: 1.0,
-                rate: 2.0,
-            },
-            Run {
-                name: "b",
-                first: 4,
-                time: 0.0,
-                rate: 4.0,
-            },
-        ];
+        let (points, xyz) = (names(&["a"]), Array2::zeros((10, 3)));
+        let runs = [run("a", 0, 1.0), run("b", 4, 0.0)];
         let scene = Scene {
-            rate: 2.0,
             runs: &runs,
-            ..Scene::default()
+            ..scene(&points, &xyz)
         };
-        assert_eq!(scene.moment(3), ("a", 2.5));
-        assert_eq!(scene.moment(5), ("b", 0.25));
-    }
-
-    #[test]
-    fn statuses_read_back() {
-        for status in Status::ALL {
-            assert_eq!(Status::from_name(status.name()), Some(status));
-        }
-        assert_eq!(Status::from_name("fine"), None);
+        assert_eq!(scene.moment(3), ("a", 1.05));
+        assert_eq!(scene.moment(7), ("b", 0.05));
     }
 }

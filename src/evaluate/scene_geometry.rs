@@ -1,6 +1,7 @@
 //! Geometry of a scene that every drawing needs: sides of the body, ground, size and heading.
 
 use super::scene::{Scene, Status};
+use std::collections::HashSet;
 
 /// Points farther than this from the origin (cm, 100 km) count as missing.
 const MAX_COORDINATE: f64 = 1e7;
@@ -199,30 +200,38 @@ fn bare(name: &str) -> &str {
     name.rsplit(':').next().unwrap_or(name)
 }
 
-/// Left and right by name: `l...` has a twin `r...`, `Left...` a twin `Right...`, `..._l` a twin `..._r`.
+/// Beginnings and ends of names that tell left from right.
+const STARTS: [[&str; 2]; 5] = [
+    ["Left", "Right"],
+    ["left", "right"],
+    ["LEFT", "RIGHT"],
+    ["l", "r"],
+    ["L", "R"],
+];
+const ENDS: [[&str; 2]; 4] = [["_l", "_r"], ["_L", "_R"], [".l", ".r"], [".L", ".R"]];
+
+/// Left and right by name: a point `l...` is left if there is a point `r...`, and so on.
 fn sides(points: &[String]) -> Vec<Side> {
-    use std::collections::HashSet;
-    const TWINS: [(&str, &str); 3] = [("Left", "Right"), ("left", "right"), ("LEFT", "RIGHT")];
-    const LETTERS: [(&str, &str); 2] = [("l", "r"), ("L", "R")];
-    const ENDS: [(&str, &str); 4] = [("_l", "_r"), ("_L", "_R"), (".l", ".r"), (".L", ".R")];
     let known: HashSet<&str> = points.iter().map(|name| bare(name)).collect();
-    let has_twin = |name: &str, flip: bool| {
-        let pair = |(l, r): (&'static str, &'static str)| if flip { (r, l) } else { (l, r) };
-        let starts = TWINS
-            .into_iter()
-            .chain(LETTERS)
-            .map(pair)
-            .any(|(own, other)| {
-                name.strip_prefix(own)
-                    .is_some_and(|rest| known.contains(format!("{other}{rest}").as_str()))
-            });
-        let ends = ENDS.into_iter().map(pair).any(|(own, other)| {
-            name.strip_suffix(own)
-                .is_some_and(|rest| known.contains(format!("{rest}{other}").as_str()))
+    // Whether the name with the mark `own` replaced by the other side's is known.
+    let has_twin = |name: &str, own: usize| {
+        let starts = STARTS.iter().filter_map(|pair| {
+            Some(format!(
+                "{}{}",
+                pair[1 - own],
+                name.strip_prefix(pair[own])?
+            ))
         });
-        starts || ends
+        let ends = ENDS.iter().filter_map(|pair| {
+            Some(format!(
+                "{}{}",
+                name.strip_suffix(pair[own])?,
+                pair[1 - own]
+            ))
+        });
+        starts.chain(ends).any(|twin| known.contains(&*twin))
     };
-    let side = |name: &str| match (has_twin(name, false), has_twin(name, true)) {
+    let side = |name: &str| match (has_twin(name, 0), has_twin(name, 1)) {
         (true, false) => Side::Left,
         (false, true) => Side::Right,
         _ => Side::Middle,
@@ -239,44 +248,26 @@ fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scene::tests::{names, scene};
     use super::*;
     use crate::evaluate::scene::Figure;
     use ndarray::{Array2, array};
 
-    fn names(list: &[&str]) -> Vec<String> {
-        list.iter().map(|name| name.to_string()).collect()
-    }
-
     #[test]
     fn sides_need_a_twin() {
         use Side::*;
-        let points = names(&[
-            "root",
-            "lfoot",
-            "rfoot",
-            "lowerback",
-            "m:LeftArm",
-            "m:RightArm",
-        ]);
+        let points = "root lfoot rfoot lowerback m:LeftArm m:RightArm".split(' ');
+        let points = names(&points.collect::<Vec<_>>());
         assert_eq!(sides(&points), [Middle, Left, Right, Middle, Left, Right]);
-        assert_eq!(
-            sides(&names(&["hand_l", "hand_r", "rest"])),
-            [Left, Right, Middle]
-        );
+        let points = names(&["hand_l", "hand_r", "rest"]);
+        assert_eq!(sides(&points), [Left, Right, Middle]);
     }
 
     #[test]
     fn a_body_that_faces_z_is_seen_looking_to_the_right() {
         let points = names(&["lfoot", "rfoot"]);
         let xyz = array![[10.0, 0.0, 0.0, -10.0, 0.0, 0.0]]; // y up: left of +z is +x
-        let figure = Figure::new("", xyz.view());
-        let scene = Scene {
-            points: &points,
-            rate: 1.0,
-            figures: vec![figure],
-            ..Scene::default()
-        };
-        let azimuth = SceneGeometry::of(&scene).azimuth();
+        let azimuth = SceneGeometry::of(&scene(&points, &xyz)).azimuth();
         assert!((azimuth + 55.0).abs() <= 1e-9, "{azimuth}");
         // From there the screen's right is (cos, -sin) of the azimuth in (x, z): +z points right.
         assert!(-azimuth.to_radians().sin() > 0.0);
@@ -291,18 +282,8 @@ mod tests {
         let mut torn = whole.clone();
         torn[[0, 0]] = f64::NAN;
         torn.column_mut(1).fill(-50.0);
-        let figure = |xyz| Figure {
-            name: "",
-            xyz,
-            status: None,
-        };
-        let figures = vec![figure(torn.view()), figure(whole.view())];
-        let scene = Scene {
-            points: &points,
-            rate: 1.0,
-            figures,
-            ..Scene::default()
-        };
+        let mut scene = scene(&points, &torn);
+        scene.figures.push(Figure::new("g", whole.view()));
         let geometry = SceneGeometry::of(&scene);
         assert_eq!(
             (geometry.reference, geometry.ground, geometry.size),
@@ -315,13 +296,7 @@ mod tests {
     fn an_outlier_does_not_move_the_middle() {
         let points = names(&["a", "b", "c"]);
         let xyz = array![[1.0, 0.0, 5.0, 2.0, 0.0, 6.0, 9e4, 0.0, 9e4]];
-        let figure = Figure::new("", xyz.view());
-        let scene = Scene {
-            points: &points,
-            rate: 1.0,
-            figures: vec![figure],
-            ..Scene::default()
-        };
+        let scene = scene(&points, &xyz);
         assert_eq!(SceneGeometry::of(&scene).middle(0), Some([2.0, 6.0]));
     }
 
@@ -329,13 +304,7 @@ mod tests {
     fn an_axis_missing_throughout_is_drawn_flat() {
         let points = names(&["a"]);
         let xyz = array![[1.0, 2.0, f64::NAN], [f64::NAN, 2.0, f64::NAN]];
-        let figure = Figure::new("", xyz.view());
-        let scene = Scene {
-            points: &points,
-            rate: 1.0,
-            figures: vec![figure],
-            ..Scene::default()
-        };
+        let scene = scene(&points, &xyz);
         let geometry = SceneGeometry::of(&scene);
         assert_eq!(geometry.at(0, 0, 0), Some([1.0, 2.0, 0.0]));
         assert_eq!(geometry.at(0, 1, 0), None);

@@ -5,14 +5,14 @@
 //! not count. One that is missing in r counts as still missing and is in no mean.
 
 use super::aligned_frames::point_order;
-use super::error_breakdown::{BreakdownSums, ErrorBreakdown};
+use super::error_breakdown::ErrorBreakdown;
 use super::error_stats::{ErrorStats, ErrorSums, point};
-use super::frame::ScoredFrame;
-use super::motion_quality::{AccelerationSums, Accelerations, BoneLengthSums, BoneLengths};
+use super::motion_quality::{Accelerations, BoneLengths};
 use crate::pose::Poses;
 use crate::{Error, Result};
 use ndarray::Array2;
 use serde::Serialize;
+use std::ops::Range;
 
 /// The result of a score. Lengths are in `units`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -129,22 +129,60 @@ impl<'a> Score<'a> {
     }
 
     /// The report, with lengths in a unit of `centimetres`.
-    pub fn finish_in(&self, unit: &str, centimetres: f64) -> ScoreReport {
-        let mut sums = ScoreAccumulator::new(&self.truth.points, self.damaged.is_some());
-        let starts: Vec<usize> = self.clock.runs().iter().map(|run| run.start).collect();
-        let frame = |xyz: &Array2<f64>, t: usize| xyz.row(t).to_vec();
-        for (take, rate) in self.clock.takes().into_iter().zip(&self.rates) {
-            for t in take {
-                sums.add(&ScoredFrame {
-                    truth: &frame(&self.truth.xyz, t),
-                    result: &frame(&self.result, t),
-                    damaged: self.damaged.as_ref().map(|d| frame(d, t)).as_deref(),
-                    starts_run: starts.binary_search(&t).is_ok(),
-                    rate: *rate,
-                });
+    pub fn finish_in(&self, units: &str, centimetres: f64) -> ScoreReport {
+        let (points, unit) = (&self.truth.points, centimetres);
+        let (truth, result) = (self.truth.xyz.view(), self.result.view());
+        let mut all = ErrorSums::default();
+        let mut by_point = vec![ErrorSums::default(); points.len()];
+        for (truth, result) in truth.rows().into_iter().zip(result.rows()) {
+            for (i, sums) in by_point.iter_mut().enumerate() {
+                let mut one = ErrorSums::default();
+                one.add(point(truth, i), point(result, i), [true; 3]);
+                sums.merge(&one);
+                all.merge(&one);
             }
         }
-        sums.finish(unit, centimetres)
+        let mut rates = Vec::new();
+        for rate in self.rates.iter().flatten() {
+            if !rates.contains(rate) {
+                rates.push(*rate);
+            }
+        }
+        let runs = self.timed_runs();
+        let named = points.iter().zip(&by_point);
+        ScoreReport {
+            units: units.to_string(),
+            frames: self.truth.frames() as u64,
+            points: points.len(),
+            rate: match rates[..] {
+                [rate] => Some(rate),
+                _ => None,
+            },
+            all: all.errors(unit),
+            by_point: named
+                .map(|(point, sums)| PointErrors {
+                    point: point.clone(),
+                    errors: sums.errors(unit),
+                })
+                .collect(),
+            bones: BoneLengths::of(points, truth, result, unit),
+            accelerations: (!rates.is_empty())
+                .then(|| Accelerations::of(truth, result, &runs, unit)),
+            damaged: (self.damaged.as_ref())
+                .map(|d| ErrorBreakdown::of(truth, result, d.view(), &runs, unit)),
+            rates,
+        }
+    }
+
+    /// The runs of consecutive frames, each with the rate of its take.
+    fn timed_runs(&self) -> Vec<(Range<usize>, Option<f64>)> {
+        let takes = self.clock.takes();
+        let rate = |run: &Range<usize>| {
+            let take = takes.partition_point(|take| take.end <= run.start);
+            self.rates.get(take).copied().flatten()
+        };
+        let runs = self.clock.runs().into_iter();
+        runs.map(|run| (run.clone(), rate(&run))).collect()
     }
 }
 
@@ -156,111 +194,44 @@ fn aligned(truth: &Poses, other: &Poses, name: &str) -> Result<Array2<f64>> {
     Ok(other.xyz.select(ndarray::Axis(1), &columns))
 }
 
-/// The sums behind a [`ScoreReport`].
-#[derive(Debug, Clone)]
-pub(super) struct ScoreAccumulator {
-    points: Vec<String>,
-    rates: Vec<f64>,
-    frames: u64,
-    all: ErrorSums,
-    by_point: Vec<ErrorSums>,
-    damage: Option<BreakdownSums>,
-    bones: BoneLengthSums,
-    accelerations: AccelerationSums,
-}
-
-impl ScoreAccumulator {
-    /// A score of frames with these points. `has_damaged`: each frame will have its damaged pose.
-    pub fn new(points: &[String], has_damaged: bool) -> ScoreAccumulator {
-        ScoreAccumulator {
-            points: points.to_vec(),
-            rates: Vec::new(),
-            frames: 0,
-            all: ErrorSums::default(),
-            by_point: vec![ErrorSums::default(); points.len()],
-            damage: has_damaged.then(|| BreakdownSums::new(points.len())),
-            bones: BoneLengthSums::new(points),
-            accelerations: AccelerationSums::default(),
-        }
-    }
-
-    /// Adds a frame.
-    pub fn add(&mut self, frame: &ScoredFrame<'_>) {
-        self.frames += 1;
-        for (i, sums) in self.by_point.iter_mut().enumerate() {
-            let [truth, result] = [frame.truth, frame.result].map(|xyz| point(xyz, i));
-            let mut one = ErrorSums::default();
-            one.add(truth, result, [true; 3]);
-            sums.merge(&one);
-            self.all.merge(&one);
-        }
-        self.bones.add(frame.truth, frame.result);
-        if let Some(rate) = frame.rate {
-            if !self.rates.contains(&rate) {
-                self.rates.push(rate);
-            }
-            self.accelerations.add(frame, rate);
-        }
-        if let (Some(sums), Some(damaged)) = (&mut self.damage, frame.damaged) {
-            sums.add(frame, damaged);
-        }
-    }
-
-    /// The report, with lengths in a unit of `centimetres`.
-    pub fn finish(self, units: &str, centimetres: f64) -> ScoreReport {
-        let unit = centimetres;
-        let is_timed = !self.rates.is_empty();
-        let named = self.points.iter().zip(&self.by_point);
-        ScoreReport {
-            units: units.to_string(),
-            frames: self.frames,
-            points: self.points.len(),
-            rate: match self.rates[..] {
-                [rate] => Some(rate),
-                _ => None,
-            },
-            all: self.all.errors(unit),
-            by_point: named
-                .map(|(point, sums)| PointErrors {
-                    point: point.clone(),
-                    errors: sums.errors(unit),
-                })
-                .collect(),
-            bones: self.bones.finish(&self.points, unit),
-            accelerations: is_timed.then(|| self.accelerations.finish(unit)),
-            damaged: self.damage.map(|sums| sums.finish(unit, is_timed)),
-            rates: self.rates,
-        }
-    }
-}
-
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
+    use ndarray::array;
 
     fn names(count: usize) -> Vec<String> {
         (0..count).map(|i| format!("p{i}")).collect()
     }
 
-    fn frame<'a>(truth: &'a [f64], result: &'a [f64]) -> ScoredFrame<'a> {
-        ScoredFrame {
-            truth,
-            result,
-            damaged: None,
-            starts_run: false,
-            rate: None,
+    /// A table of points `p0`, `p1`, … at `rate` frames a second.
+    pub fn table(xyz: Array2<f64>, rate: Option<f64>) -> Poses {
+        let frames = xyz.nrows();
+        Poses {
+            points: names(xyz.ncols() / 3),
+            xyz,
+            time: rate.map(|rate| (0..frames).map(|t| t as f64 / rate).collect()),
+            take: None,
         }
     }
 
     #[test]
     fn all_and_by_point() {
-        let mut s = ScoreAccumulator::new(&names(2), false);
-        s.add(&frame(&[0.0; 6], &[1.0, 1.0, 1.0, 2.0, 2.0, f64::NAN]));
-        s.add(&frame(
-            &[0.0, 0.0, 0.0, f64::NAN, f64::NAN, f64::NAN],
-            &[1.0; 6],
-        ));
-        let r = s.finish("cm", 1.0);
+        let nan = f64::NAN;
+        let truth = table(
+            array![
+                [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+                [0.0, 0.0, 0.0, nan, nan, nan]
+            ],
+            None,
+        );
+        let result = table(
+            array![
+                [1.0, 1.0, 1.0, 2.0, 2.0, nan],
+                [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+            ],
+            None,
+        );
+        let r = Score::new(&truth, &result).unwrap().finish();
         assert_eq!((r.frames, r.points), (2, 2));
         assert_eq!((r.all.coordinates, r.all.still_missing), (8, 1));
         assert_eq!(r.all.mse, Some((6.0 + 8.0) / 8.0));
@@ -271,7 +242,8 @@ mod tests {
 
     #[test]
     fn nothing_compared_gives_no_number() {
-        let r = ScoreAccumulator::new(&names(1), true).finish("asf", 5.0);
+        let truth = table(array![[f64::NAN; 3]], None);
+        let r = Score::new(&truth, &truth).unwrap().finish_in("asf", 5.0);
         assert_eq!((r.all.mse, r.all.max), (None, None));
         let json = serde_json::to_string(&r).unwrap();
         assert!(json.contains("\"mse\":null") && json.contains("\"units\":\"asf\""));
@@ -279,18 +251,13 @@ mod tests {
 
     #[test]
     fn units_scale_every_length() {
-        let score = |unit| {
-            let mut s = ScoreAccumulator::new(&names(1), false);
-            for i in 0..5 {
-                let x = f64::from(i * i);
-                s.add(&ScoredFrame {
-                    rate: Some(10.0),
-                    ..frame(&[x; 3], &[2.0 * x; 3])
-                });
-            }
-            s.finish("u", unit)
-        };
-        let (one, five) = (score(1.0), score(5.0));
+        let squares = Array2::from_shape_fn((5, 3), |(t, _)| (t * t) as f64);
+        let (truth, result) = (
+            table(squares.clone(), Some(10.0)),
+            table(2.0 * squares, None),
+        );
+        let score = Score::new(&truth, &result).unwrap();
+        let (one, five) = (score.finish(), score.finish_in("u", 5.0));
         let close = |a: Option<f64>, b: Option<f64>, by: f64| {
             assert!((a.unwrap() / b.unwrap() - by).abs() <= 1e-12);
         };

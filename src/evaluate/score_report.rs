@@ -171,23 +171,31 @@ fn accelerations(out: &mut String, report: &ScoreReport) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame::ScoredFrame;
-    use super::super::score::ScoreAccumulator;
+    use super::super::score::{Score, tests::table};
     use super::*;
+    use ndarray::{Array2, array};
 
     #[test]
     fn columns_line_up_and_missing_values_are_counted() {
-        let points = ["root", "lhipjoint"].map(String::from);
-        let mut s = ScoreAccumulator::new(&points, true);
-        s.add(&ScoredFrame {
-            truth: &[0.0; 6],
-            result: &[1.0, 1.0, 1.0, 0.0, 0.0, f64::NAN],
-            damaged: Some(&[0.0, 0.0, 0.0, f64::NAN, f64::NAN, f64::NAN]),
-            starts_run: true,
-            rate: Some(120.0),
-        });
-        let text = text(&s.finish("cm", 1.0));
-        assert!(text.starts_with("1 frames, 2 points, 120 frames/s\nstill missing: 1 of 6"));
+        let nan = f64::NAN;
+        let mut truth = table(Array2::zeros((2, 6)), Some(120.0));
+        truth.points = ["root", "lhipjoint"].map(String::from).to_vec();
+        let mut result = truth.clone();
+        result
+            .xyz
+            .row_mut(1)
+            .assign(&array![1.0, 1.0, 1.0, 0.0, 0.0, nan]);
+        let mut damaged = truth.clone();
+        damaged
+            .xyz
+            .row_mut(1)
+            .assign(&array![0.0, 0.0, 0.0, nan, nan, nan]);
+        let score = Score::new(&truth, &result)
+            .unwrap()
+            .by_gap(&damaged)
+            .unwrap();
+        let text = text(&score.finish());
+        assert!(text.starts_with("2 frames, 2 points, 120 frames/s\nstill missing: 1 of 12"));
         let ends: Vec<usize> = text
             .lines()
             .filter(|l| l.starts_with("all") || l.starts_with("was missing"))

@@ -186,7 +186,8 @@ role=\"img\" font-family=\"system-ui, 'Segoe UI', Helvetica, Arial, sans-serif\"
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::scene::{Figure, Run, Status};
+    use crate::evaluate::scene::tests::{names, run, scene};
+    use crate::evaluate::scene::{Figure, Status};
     use ndarray::Array2;
 
     /// Whether every tag is closed in its turn and every attribute quoted; the tags seen are counted.
@@ -211,10 +212,8 @@ mod tests {
         seen
     }
 
-    fn names() -> Vec<String> {
-        ["root", "lfoot", "rfoot", "head", "a<b>&\"'"]
-            .map(String::from)
-            .to_vec()
+    fn points() -> Vec<String> {
+        names(&["root", "lfoot", "rfoot", "head", "a<b>&\"'"])
     }
 
     fn motion(frames: usize) -> Array2<f64> {
@@ -234,42 +233,22 @@ mod tests {
 
     #[test]
     fn hostile_names_leave_it_well_formed_and_self_contained() {
-        let (points, mut xyz) = (names(), motion(6));
+        let (points, mut xyz) = (points(), motion(6));
         xyz[[0, 3]] = f64::NAN;
         xyz[[1, 4]] = f64::INFINITY;
         xyz[[2, 5]] = 1e300;
         let status = Array2::from_shape_fn((6, 5), |(t, p)| Status::ALL[(t + p) % 5]);
-        let runs = [
-            Run {
-                name: "<a \u{1}",
-                first: 0,
-                time: 0.0,
-                rate: 30.0,
-            },
-            Run {
-                name: "b",
-                first: 3,
-                time: 0.0,
-                rate: 30.0,
-            },
-        ];
-        let scene = Scene {
+        let runs = [run("<a \u{1}", 0, 0.0), run("b", 3, 0.0)];
+        let mut scene = Scene {
             title: "</svg><script>alert(1)</script> {{body}}",
-            points: &points,
             bones: &[(0, 1), (0, 2), (0, 3), (4, 4)],
-            rate: 30.0,
-            figures: vec![
-                Figure {
-                    name: "</text>",
-                    xyz: xyz.view(),
-                    status: Some(status.view()),
-                },
-                Figure::new("b", xyz.view()),
-            ],
             runs: &runs,
             credit: Some("a & b < c"),
-            ..Scene::default()
+            ..scene(&points, &xyz)
         };
+        scene.figures[0].name = "</text>";
+        scene.figures[0].status = Some(status.view());
+        scene.figures.push(Figure::new("b", xyz.view()));
         all(|options| {
             let drawn = svg(&scene, &scene.spread(4), &options).unwrap();
             assert!(well_formed(&drawn) > 40);
@@ -295,13 +274,7 @@ mod tests {
         all(|options| {
             well_formed(&svg(&nothing, &[], &options).unwrap());
             for xyz in [&none, &zero, &empty] {
-                let figure = Figure::new("f", xyz.view());
-                let scene = Scene {
-                    points: &one,
-                    rate: 1.0,
-                    figures: vec![figure],
-                    ..Scene::default()
-                };
+                let scene = scene(&one, xyz);
                 let drawn = svg(&scene, &scene.spread(2), &options).unwrap();
                 well_formed(&drawn);
                 assert!(!drawn.contains("NaN") && !drawn.contains("inf"));
@@ -311,17 +284,13 @@ mod tests {
 
     #[test]
     fn missing_points_and_their_bones_are_left_out() {
-        let (points, whole) = (names(), motion(1));
+        let (points, whole) = (points(), motion(1));
         let mut torn = whole.clone();
         torn[[0, 3]] = f64::NAN;
         let count = |xyz: &Array2<f64>| {
-            let figure = Figure::new("f", xyz.view());
             let scene = Scene {
-                points: &points,
                 bones: &[(0, 1), (0, 2)],
-                rate: 1.0,
-                figures: vec![figure],
-                ..Scene::default()
+                ..scene(&points, xyz)
             };
             let drawn = svg(&scene, &[0], &Options::default()).unwrap();
             (
@@ -335,42 +304,17 @@ mod tests {
 
     #[test]
     fn unknown_frames_and_bad_options_are_refused() {
-        let (points, xyz) = (names(), motion(3));
-        let figure = Figure::new("f", xyz.view());
-        let scene = Scene {
-            points: &points,
-            rate: 1.0,
-            figures: vec![figure],
-            ..Scene::default()
+        let (points, xyz) = (points(), motion(3));
+        let scene = scene(&points, &xyz);
+        let fails = |frames: &[usize], change: &dyn Fn(&mut Options), part: &str| {
+            let mut options = Options::default();
+            change(&mut options);
+            let e = svg(&scene, frames, &options).unwrap_err();
+            assert!(e.to_string().contains(part), "{e}");
         };
-        let fails = |frames: &[usize], options: Options, with: &str| {
-            let error = svg(&scene, frames, &options).unwrap_err().to_string();
-            assert!(error.contains(with), "{error}");
-        };
-        fails(&[3], Options::default(), "there are 3");
-        fails(
-            &[0],
-            Options {
-                azimuth: Some(f64::NAN),
-                ..Options::default()
-            },
-            "azimuth",
-        );
-        fails(
-            &[0],
-            Options {
-                elevation: 91.0,
-                ..Options::default()
-            },
-            "from -90 to 90",
-        );
-        fails(
-            &[0],
-            Options {
-                elevation: f64::NAN,
-                ..Options::default()
-            },
-            "from -90 to 90",
-        );
+        fails(&[3], &|_| (), "there are 3");
+        fails(&[0], &|o| o.azimuth = Some(f64::NAN), "azimuth");
+        fails(&[0], &|o| o.elevation = 91.0, "from -90 to 90");
+        fails(&[0], &|o| o.elevation = f64::NAN, "from -90 to 90");
     }
 }

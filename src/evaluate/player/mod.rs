@@ -127,7 +127,8 @@ pub(super) fn policy_hash(source: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::scene::{Figure, Run, Status, Table};
+    use crate::evaluate::scene::tests::{run, scene};
+    use crate::evaluate::scene::{Status, Table};
     use ndarray::Array2;
     use serde_json::{Value, json};
 
@@ -147,16 +148,6 @@ mod tests {
             .split_once("<script type=\"application/json\">")
             .unwrap();
         serde_json::from_str(after.split("</script").next().unwrap()).unwrap()
-    }
-
-    /// A scene of one figure.
-    fn scene<'a>(points: &'a [String], xyz: &'a Array2<f64>) -> Scene<'a> {
-        Scene {
-            points,
-            rate: 60.0,
-            figures: vec![Figure::new("f", xyz.view())],
-            ..Scene::default()
-        }
     }
 
     /// What the script decodes.
@@ -191,33 +182,22 @@ mod tests {
         let points = vec![hostile.to_string()];
         let xyz = wave(2, 1, 1.0);
         let status = Array2::from_elem((2, 1), Status::Inferred);
-        let runs = [Run {
-            name: hostile,
-            first: 0,
-            time: 0.0,
-            rate: 60.0,
-        }];
+        let runs = [run(hostile, 0, 0.0)];
         let table = Table {
             caption: hostile.into(),
             header: vec![hostile.into(), "n".into()],
             rows: vec![vec![hostile.into()], vec![hostile.into(), "1.5".into()]],
         };
-        let scene = Scene {
+        let mut scene = Scene {
             title: hostile,
-            points: &points,
-            bones: &[],
-            rate: 60.0,
-            figures: vec![Figure {
-                name: hostile,
-                xyz: xyz.view(),
-                status: Some(status.view()),
-            }],
             runs: &runs,
             note: Some(hostile),
             table: Some(table),
             credit: Some(hostile),
-            ..Scene::default()
+            ..scene(&points, &xyz)
         };
+        scene.figures[0].name = hostile;
+        scene.figures[0].status = Some(status.view());
         let page = page(&scene, None).unwrap();
         assert_eq!(
             page.matches("<script").count(),
@@ -291,12 +271,6 @@ mod tests {
     fn every_few_frames_are_embedded_and_the_page_says_so() {
         let points = names(10);
         let xyz = wave(1000, 10, 100.0);
-        let run = |name, first, time| Run {
-            name,
-            first,
-            time,
-            rate: 60.0,
-        };
         let runs = [run("a", 0, 0.0), run("short", 499, 7.0), run("b", 500, 1.0)];
         let scene = Scene {
             runs: &runs,
