@@ -2,18 +2,17 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs};
+use posing::cli::cluster::{KMeansArgs, SplitFolder};
 use posing::cli::progress::Progress;
-use posing::cli::split::SplitFolder;
 use posing::cli::streams;
 use posing::cli::{Outcome, input, messages, run};
-use posing::cluster::{Clustering, KMeans, KMeansProgress};
+use posing::cluster::KMeansProgress;
 use posing::io::Model;
-use posing::io::Table;
 use posing::io::csv::{AddedColumn, After};
 use posing::io::model::check_point_count;
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Group poses by hierarchical k-means
@@ -30,15 +29,8 @@ use std::process::ExitCode;
 struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Number of clusters, at most the number of poses
-    #[arg(short, long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
-    k: u32,
-    /// Split clusters into B at a time, as a tree, 2 or more; much faster for large K
-    #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(2..))]
-    branch: Option<u32>,
-    /// Number of runs from different starts; the best is kept
-    #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    restarts: u32,
+    #[command(flatten)]
+    kmeans: KMeansArgs,
     /// Write the centroids to a model file
     #[arg(long, value_name = "CENTROIDS.npz")]
     save: Option<PathBuf>,
@@ -61,7 +53,7 @@ fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let split = args.split.as_deref().map(|folder| SplitFolder {
         folder,
-        parts: args.k as usize,
+        parts: args.kmeans.k as usize,
         out: &args.out,
     });
     match &split {
@@ -81,8 +73,8 @@ fn work(args: &Args) -> Result<Outcome> {
         );
         return Err(Error::data(Place::file(&table.name), what));
     }
-    let kmeans = KMeans::from(args);
-    let bar = Progress::new("cluster", u64::from(args.k));
+    let kmeans = args.kmeans.kmeans(args.seed.seed);
+    let bar = Progress::new("cluster", u64::from(args.kmeans.k));
     let clustering = kmeans.fit_with_progress(poses.view(), &mut |update| match update {
         KMeansProgress::Seeds { seeds, .. } => bar.set(*seeds as u64),
         KMeansProgress::Split { leaves } => bar.set(*leaves as u64),
@@ -98,7 +90,13 @@ fn work(args: &Args) -> Result<Outcome> {
         messages::info("stopped before k-means converged");
     }
     if let Some(path) = &args.save {
-        save(args, &table, &clustering, poses.view(), path)?;
+        let points = &table.columns.points;
+        let mut model = Model::new("centroids", points, "body");
+        model.insert("centroids", clustering.centroids.mapv(|v| v as f32));
+        let flags = args.kmeans.history(args.seed.seed);
+        let inputs = vec![digest(points, poses.view())];
+        model.meta.history.push(entry("cluster", &flags, inputs));
+        streams::write_bytes(Some(path), &model.to_bytes()?, true)?;
     }
     match &split {
         Some(split) => split.write(&table, &clustering.labels)?,
@@ -110,42 +108,7 @@ fn work(args: &Args) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-impl From<&Args> for KMeans {
-    fn from(args: &Args) -> KMeans {
-        KMeans {
-            k: args.k as usize,
-            seed: args.seed.seed,
-            restarts: args.restarts as usize,
-            branch: args.branch.map(|b| b as usize),
-            ..KMeans::default()
-        }
-    }
-}
-
 /// The column that the table gets.
 fn added() -> [AddedColumn; 1] {
     [AddedColumn::new("cluster", After::All)]
-}
-
-fn save(
-    args: &Args,
-    table: &Table,
-    clustering: &Clustering,
-    poses: ndarray::ArrayView2<'_, f32>,
-    path: &Path,
-) -> Result<()> {
-    let mut model = Model::new("centroids", &table.columns.points, "body");
-    model.insert("centroids", clustering.centroids.mapv(|v| v as f32));
-    let mut flags = vec![
-        ("k", args.k.to_string()),
-        ("seed", args.seed.seed.to_string()),
-        ("restarts", args.restarts.to_string()),
-    ];
-    flags.extend(args.branch.map(|b| ("branch", b.to_string())));
-    model.meta.history.push(entry(
-        "cluster",
-        &flags,
-        vec![digest(&table.columns.points, poses)],
-    ));
-    streams::write_bytes(Some(path), &model.to_bytes()?, true)
 }

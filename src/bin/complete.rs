@@ -2,8 +2,8 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, Space, parse_positive};
-use posing::cli::restoring::{self, ModelFlags, StatusFlag};
+use posing::cli::args::{CommonArgs, parse_positive};
+use posing::cli::restoring::{RestoringArgs, Task, restore};
 use posing::cli::{Outcome, run};
 use posing::io::parse_point_names;
 use posing::restore::Complete;
@@ -25,10 +25,6 @@ use std::process::ExitCode;
     after_help = "Examples:\n  posing complete walk.csv > whole.csv\n  posing complete --status --max-gap 0.5 -o whole.csv walk.csv\n  posing complete --observe lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > from-six.csv"
 )]
 struct Args {
-    #[command(flatten)]
-    input: InputArgs,
-    #[command(flatten)]
-    model: ModelFlags,
     /// Comma-separated points to use; all others count as missing
     #[arg(long, value_name = "LIST")]
     observe: Option<String>,
@@ -38,16 +34,8 @@ struct Args {
     /// Also replace outliers by their estimate
     #[arg(long)]
     overwrite_observed: bool,
-    /// Restore each frame by itself, without its neighbours, in constant memory
-    #[arg(long)]
-    per_frame: bool,
     #[command(flatten)]
-    status: StatusFlag,
-    /// Space of the table's poses
-    #[arg(long, value_enum, default_value = "world")]
-    space: Space,
-    #[command(flatten)]
-    out: OutputArgs,
+    restoring: RestoringArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -63,17 +51,8 @@ fn work(args: &Args) -> Result<Outcome> {
         max_gap: args.max_gap,
         overwrite_outliers: args.overwrite_observed,
         observe,
-        fps: args.input.fps,
-        per_frame: args.per_frame,
+        fps: args.restoring.input.fps,
+        per_frame: args.restoring.per_frame,
     };
-    restoring::complete(
-        &restoring::Task {
-            input: &args.input,
-            out: &args.out,
-            model: &args.model,
-            world: args.space == Space::World,
-            status: args.status.status,
-        },
-        &options,
-    )
+    restore(&args.restoring, &Task::Complete(options))
 }

@@ -66,8 +66,7 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let noise = args.dense.is_some() || args.sparse.is_some();
-    let hiding = args.keep.is_some() || args.drop.is_some();
-    if !noise && !hiding && args.gaps.is_none() {
+    if !noise && args.keep.is_none() && args.drop.is_none() && args.gaps.is_none() {
         let what = "nothing to do; give --dense, --sparse, --keep, --drop or --gaps";
         return Err(Error::usage(what));
     }
@@ -76,10 +75,7 @@ fn work(args: &Args) -> Result<Outcome> {
         sparse: args.sparse.unwrap_or(0.0),
         share: args.share,
         keep: args.keep.as_deref().map(parse_point_names).transpose()?,
-        drop: match &args.drop {
-            Some(list) => parse_point_names(list)?,
-            None => Vec::new(),
-        },
+        drop: (args.drop.as_deref().map(parse_point_names).transpose()?).unwrap_or_default(),
         seed: args.seed.seed,
     };
     match args.gaps.zip(args.length) {

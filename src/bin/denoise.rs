@@ -2,8 +2,8 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, Space, parse_length};
-use posing::cli::restoring::{self, ModelFlags, StatusFlag};
+use posing::cli::args::{CommonArgs, parse_length};
+use posing::cli::restoring::{RestoringArgs, Task, restore};
 use posing::cli::{Outcome, run};
 use posing::restore::Denoise;
 use std::process::ExitCode;
@@ -23,10 +23,6 @@ use std::process::ExitCode;
     after_help = "Examples:\n  posing denoise noisy.csv > clean.csv\n  posing denoise --noise 0.5cm --fill --status -o clean.csv noisy.csv\n  posing denoise --per-frame -m dict.npz --sparsity 3 --published -o clean.npy poses.npy"
 )]
 struct Args {
-    #[command(flatten)]
-    input: InputArgs,
-    #[command(flatten)]
-    model: ModelFlags,
     /// Standard deviation of the noise of a coordinate, outliers aside, in cm or with a unit (0.5cm, 1asf); auto: estimated
     /// from the data. Over 1 cm, single frames are not searched for outliers
     #[arg(long, value_name = "CM|auto", default_value = "auto", value_parser = parse_noise)]
@@ -37,16 +33,8 @@ struct Args {
     /// Also fill missing points
     #[arg(long)]
     fill: bool,
-    /// Restore each frame by itself, without its neighbours, in constant memory
-    #[arg(long)]
-    per_frame: bool,
     #[command(flatten)]
-    status: StatusFlag,
-    /// Space of the table's poses
-    #[arg(long, value_enum, default_value = "world")]
-    space: Space,
-    #[command(flatten)]
-    out: OutputArgs,
+    restoring: RestoringArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -80,17 +68,8 @@ fn work(args: &Args) -> Result<Outcome> {
         noise: args.noise.0,
         outliers: args.outliers == Outliers::Auto,
         fill: args.fill,
-        fps: args.input.fps,
-        per_frame: args.per_frame,
+        fps: args.restoring.input.fps,
+        per_frame: args.restoring.per_frame,
     };
-    restoring::denoise(
-        &restoring::Task {
-            input: &args.input,
-            out: &args.out,
-            model: &args.model,
-            world: args.space == Space::World,
-            status: args.status.status,
-        },
-        &options,
-    )
+    restore(&args.restoring, &Task::Denoise(options))
 }

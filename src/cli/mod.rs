@@ -2,6 +2,7 @@
 
 pub mod args;
 pub mod benchmark;
+pub mod cluster;
 pub mod code_table;
 pub mod commands;
 pub mod completions;
@@ -16,7 +17,6 @@ pub mod plot;
 pub mod progress;
 pub mod restoring;
 mod signals;
-pub mod split;
 pub mod streams;
 mod summary;
 pub mod training;

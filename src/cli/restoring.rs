@@ -1,6 +1,6 @@
 //! What `denoise` and `complete` share: the model, tables in and out, frames in batches or takes whole, statuses.
 
-use super::args::{InputArgs, OutputArgs, PursuitFlag};
+use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
 use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
 use super::progress::Progress;
 use super::streams::{create_table, write_table};
@@ -20,24 +20,24 @@ const BATCH: usize = 512;
 
 /// Which model, and how it is used.
 #[derive(Debug, Clone, Args)]
-pub struct ModelFlags {
+struct ModelFlags {
     /// Model file (default: the built-in model)
     #[arg(short, long, value_name = "MODEL.npz", help_heading = "Model")]
-    pub model: Option<PathBuf>,
+    model: Option<PathBuf>,
     /// For a dictionary: largest number of atoms per pose, 1 to 1000; auto: as in training
     #[arg(long, value_name = "K|auto", default_value = "auto", value_parser = parse_sparsity, help_heading = "Model")]
-    pub sparsity: Sparsity,
+    sparsity: Sparsity,
     /// For a dictionary: rule that selects the next atom
     #[arg(long, value_enum, default_value = "oomp", help_heading = "Model")]
-    pub pursuit: PursuitFlag,
+    pursuit: PursuitFlag,
     /// Restore as published: by the sparse code or the posterior alone, without error model, rigid distances and outliers
     #[arg(long, help_heading = "Model")]
-    pub published: bool,
+    published: bool,
 }
 
 /// How many atoms a pose.
 #[derive(Debug, Clone, Copy)]
-pub struct Sparsity(Option<usize>);
+struct Sparsity(Option<usize>);
 
 fn parse_sparsity(text: &str) -> std::result::Result<Sparsity, String> {
     match text.parse::<usize>() {
@@ -47,101 +47,119 @@ fn parse_sparsity(text: &str) -> std::result::Result<Sparsity, String> {
     }
 }
 
-/// Whether statuses are written.
+/// Flags of `denoise` and `complete`.
 #[derive(Debug, Clone, Args)]
-pub struct StatusFlag {
+pub struct RestoringArgs {
+    /// The tables.
+    #[command(flatten)]
+    pub input: InputArgs,
+    #[command(flatten)]
+    model: ModelFlags,
+    /// Restore each frame by itself, without its neighbours, in constant memory
+    #[arg(long)]
+    pub per_frame: bool,
     /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown) and NAME.sd (standard deviation, cm) for
     /// each point; unlike for each frame (novelty of its pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
-    pub status: bool,
+    status: bool,
+    /// Space of the table's poses
+    #[arg(long, value_enum, default_value = "world")]
+    space: Space,
+    #[command(flatten)]
+    out: OutputArgs,
 }
 
-/// One run of either command.
-pub struct Task<'a> {
-    /// Where poses come from.
-    pub input: &'a InputArgs,
-    /// Where they go.
-    pub out: &'a OutputArgs,
-    /// The model.
-    pub model: &'a ModelFlags,
-    /// Whether poses stand anywhere in the world.
-    pub world: bool,
-    /// Whether statuses are written.
-    pub status: bool,
+/// What is done to the poses.
+#[derive(Debug, Clone)]
+pub enum Task {
+    /// Missing points are estimated.
+    Complete(Complete),
+    /// Noise and outliers are removed.
+    Denoise(Denoise),
 }
 
-/// Completes a table.
-pub fn complete(task: &Task<'_>, options: &Complete) -> Result<Outcome> {
-    if options.per_frame && options.max_gap.is_some() {
-        return Err(Error::usage(
-            "--max-gap needs times and cannot be used with --per-frame",
-        ));
+impl Task {
+    fn name(&self) -> &'static str {
+        match self {
+            Task::Complete(_) => "complete",
+            Task::Denoise(_) => "denoise",
+        }
     }
-    let mut summary = RunSummary::new(options.max_gap.is_some());
-    let observe = |columns: &Columns| check_observed(columns, options.observe.as_deref());
-    if options.per_frame {
-        frame_by_frame(task, true, observe, &mut summary, |restorer, table| {
-            restorer.complete(table, options)
-        })?;
-    } else {
-        take_by_take(
-            task,
-            true,
-            observe,
-            &mut summary,
-            |restorer, table, progress| restorer.complete_with(table, options, progress),
-        )?;
+
+    /// Whether a table of 2-D points is accepted.
+    fn planar(&self) -> bool {
+        matches!(self, Task::Complete(_))
     }
-    summary.report("left empty: too few points visible", task.status);
-    Ok(Outcome::Done)
+
+    fn max_gap(&self) -> Option<f64> {
+        match self {
+            Task::Complete(options) => options.max_gap,
+            Task::Denoise(_) => None,
+        }
+    }
+
+    /// Fails where `--observe` names a point that the table lacks.
+    fn check(&self, points: &[String]) -> Result<()> {
+        let Task::Complete(options) = self else {
+            return Ok(());
+        };
+        let mut names = options.observe.iter().flatten();
+        match names.find(|n| !points.contains(n)) {
+            Some(name) => Err(Error::usage(format!(
+                "--observe {name}: the table has no point of this name"
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// Restores a table; `progress` is called with the number of frames finished since its last call.
+    fn restore<'t>(
+        &self,
+        restorer: &Restorer<'_>,
+        table: &'t Table,
+        progress: &(dyn Fn(usize) + Sync),
+    ) -> Result<Restoration<'t>> {
+        match self {
+            Task::Complete(options) => restorer.complete_with(table, options, progress),
+            Task::Denoise(options) => restorer.denoise_with(table, options, progress),
+        }
+    }
 }
 
-/// Denoises a table.
-pub fn denoise(task: &Task<'_>, options: &Denoise) -> Result<Outcome> {
-    let mut summary = RunSummary::default();
-    let check = |_: &Columns| Ok(());
-    if options.per_frame {
-        frame_by_frame(task, false, check, &mut summary, |restorer, table| {
-            restorer.denoise(table, options)
-        })?;
-    } else {
-        take_by_take(
-            task,
-            false,
-            check,
-            &mut summary,
-            |restorer, table, progress| restorer.denoise_with(table, options, progress),
-        )?;
+/// Restores the tables that the flags name.
+pub fn restore(args: &RestoringArgs, task: &Task) -> Result<Outcome> {
+    check_single_stdin_with(&args.input, &args.model.model)?;
+    let mut summary = RunSummary::new(task.max_gap().is_some());
+    match (args.per_frame, task.max_gap()) {
+        (true, Some(_)) => {
+            let what = "--max-gap needs times and cannot be used with --per-frame";
+            return Err(Error::usage(what));
+        }
+        (true, None) => frame_by_frame(args, task, &mut summary)?,
+        (false, _) => take_by_take(args, task, &mut summary)?,
     }
-    summary.report("left unchanged: too few points visible", task.status);
+    let left = match task {
+        Task::Complete(_) => "left empty: too few points visible",
+        Task::Denoise(_) => "left unchanged: too few points visible",
+    };
+    summary.report(left, args.status);
     Ok(Outcome::Done)
 }
 
 /// Restores a whole table, and shows progress.
-fn take_by_take(
-    task: &Task<'_>,
-    planar: bool,
-    check: impl Fn(&Columns) -> Result<()>,
-    summary: &mut RunSummary,
-    restore: impl for<'t> Fn(
-        &Restorer<'_>,
-        &'t Table,
-        &(dyn Fn(usize) + Sync),
-    ) -> Result<Restoration<'t>>,
-) -> Result<()> {
-    check_single_stdin_with(task.input, &task.model.model)?;
-    let table = read_table(task.input, planar, true)?;
-    check(&table.columns)?;
-    let added = status_columns(task.status, &table.columns);
-    task.out.format().check_added(&added)?;
-    let (model, name) = task.model.open()?;
-    let restorer = task.restorer(&model, &name, &table.columns)?;
-    if task.input.rate(&table.poses)?.is_none() {
+fn take_by_take(args: &RestoringArgs, task: &Task, summary: &mut RunSummary) -> Result<()> {
+    let table = read_table(&args.input, task.planar(), true)?;
+    task.check(&table.columns.points)?;
+    let added = status_columns(args.status, &table.columns);
+    args.out.format().check_added(&added)?;
+    let (model, name) = args.model.open()?;
+    let restorer = args.restorer(&model, &name, &table.columns)?;
+    if args.input.rate(&table.poses)?.is_none() {
         let lack = match table.poses.time {
             Some(_) => "the table's times give no frame rate",
             None => "the table has no time",
         };
-        if summary.max_gap {
+        if task.max_gap().is_some() {
             let what = format!("--max-gap needs a frame rate, but {lack}; give it with --fps");
             return Err(Error::usage(what));
         }
@@ -149,36 +167,26 @@ fn take_by_take(
             "{lack}: restoring each frame by itself (--fps sets the frame rate)"
         ));
     }
-    let bar = Progress::new(
-        if planar { "complete" } else { "denoise" },
-        table.poses.frames() as u64,
-    );
+    let bar = Progress::new(task.name(), table.poses.frames() as u64);
     let finished = AtomicU64::new(0);
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
-    let restored = restore(&restorer, &table, &progress)?;
+    let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
     summary.add(restored.counts());
-    write_table(task.out, &table, restored.xyz(), &added, |t| {
-        status_cells(task.status, &restored, t, table.columns.points.len())
+    write_table(&args.out, &table, restored.xyz(), &added, |t| {
+        status_cells(args.status, &restored, t, table.columns.points.len())
     })
 }
 
 /// Restores frames in batches as they come: constant memory.
-fn frame_by_frame(
-    task: &Task<'_>,
-    planar: bool,
-    check: impl Fn(&Columns) -> Result<()>,
-    summary: &mut RunSummary,
-    restore: impl for<'t> Fn(&Restorer<'_>, &'t Table) -> Result<Restoration<'t>>,
-) -> Result<()> {
-    check_single_stdin_with(task.input, &task.model.model)?;
-    let mut stream = RowStream::open(task.input, planar, true)?;
+fn frame_by_frame(args: &RestoringArgs, task: &Task, summary: &mut RunSummary) -> Result<()> {
+    let mut stream = RowStream::open(&args.input, task.planar(), true)?;
     let columns = stream.columns().clone();
-    check(&columns)?;
-    let (model, name) = task.model.open()?;
-    let restorer = task.restorer(&model, &name, &columns)?;
-    let added = status_columns(task.status, &columns);
-    let mut sink = create_table(task.out, &columns, &added)?;
+    task.check(&columns.points)?;
+    let (model, name) = args.model.open()?;
+    let restorer = args.restorer(&model, &name, &columns)?;
+    let added = status_columns(args.status, &columns);
+    let mut sink = create_table(&args.out, &columns, &added)?;
     for batch in 0.. {
         let mut rows = Vec::with_capacity(BATCH);
         let mut row = Row::default();
@@ -198,12 +206,12 @@ fn frame_by_frame(
         table.poses = builder.finish();
         if batch == 0 {
             // The last batch may be a few frames, whose rounded times may seem to contradict the rate.
-            task.input.rate(&table.poses)?;
+            args.input.rate(&table.poses)?;
         }
-        let restored = restore(&restorer, &table)?;
+        let restored = task.restore(&restorer, &table, &|_| ())?;
         summary.add(restored.counts());
         for (t, row) in rows.iter().enumerate() {
-            let cells = status_cells(task.status, &restored, t, columns.points.len());
+            let cells = status_cells(args.status, &restored, t, columns.points.len());
             sink.write(row, &restored.xyz().row(t).to_vec(), &cells)?;
         }
     }
@@ -220,7 +228,7 @@ impl ModelFlags {
     }
 }
 
-impl Task<'_> {
+impl RestoringArgs {
     /// What restores tables with such columns.
     fn restorer<'m>(
         &self,
@@ -242,7 +250,7 @@ impl Task<'_> {
             ));
         }
         let mut restorer = Restorer::new(model).with_options(options).named(name);
-        if !self.world {
+        if self.space == Space::Body {
             restorer = restorer.in_body_space();
         }
         restorer.check(&columns.points)?;
@@ -267,16 +275,5 @@ fn report_unknown_points(points: &[String], known: &[String]) {
         _ => messages::info(&format!(
             "{count} points are not in the model and stay unchanged {names}"
         )),
-    }
-}
-
-/// Fails where `--observe` names a point that the table lacks.
-fn check_observed(columns: &Columns, observe: Option<&[String]>) -> Result<()> {
-    let mut names = observe.into_iter().flatten();
-    match names.find(|n| !columns.points.contains(n)) {
-        Some(name) => Err(Error::usage(format!(
-            "--observe {name}: the table has no point of this name"
-        ))),
-        None => Ok(()),
     }
 }

@@ -1,10 +1,49 @@
-//! One table a cluster, in a folder.
+//! `cluster` around the library: its flags, and a folder with one table a cluster.
 
 use super::args::OutputArgs;
 use super::streams::create_table;
+use crate::cluster::KMeans;
 use crate::io::{Row, Table, TableFormat};
 use crate::{Error, Place, Result};
 use std::path::{Path, PathBuf};
+
+/// The flags of k-means.
+#[derive(Debug, Clone, clap::Args)]
+pub struct KMeansArgs {
+    /// Number of clusters, at most the number of poses
+    #[arg(short, long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    pub k: u32,
+    /// Split clusters into B at a time, as a tree, 2 or more; much faster for large K
+    #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(2..))]
+    pub branch: Option<u32>,
+    /// Number of runs from different starts; the best is kept
+    #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub restarts: u32,
+}
+
+impl KMeansArgs {
+    /// The parameters of k-means.
+    pub fn kmeans(&self, seed: u64) -> KMeans {
+        KMeans {
+            k: self.k as usize,
+            seed,
+            restarts: self.restarts as usize,
+            branch: self.branch.map(|b| b as usize),
+            ..KMeans::default()
+        }
+    }
+
+    /// The flags that change numbers, for a model's history.
+    pub fn history(&self, seed: u64) -> Vec<(&'static str, String)> {
+        let mut flags = vec![
+            ("k", self.k.to_string()),
+            ("seed", seed.to_string()),
+            ("restarts", self.restarts.to_string()),
+        ];
+        flags.extend(self.branch.map(|b| ("branch", b.to_string())));
+        flags
+    }
+}
 
 /// A folder of parts, `0.csv` to `K-1.csv` or `.npy`; numbers are padded with zeros to one width.
 pub struct SplitFolder<'a> {
