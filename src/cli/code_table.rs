@@ -5,15 +5,13 @@ use super::messages;
 use crate::io::text::{push_f32, push_f64, push_integer};
 use crate::io::{Output, Row};
 use crate::numeric::parallel;
-use crate::sparse::{Encoder, SearchStrategy, SparseCodes};
+use crate::sparse::{Encoder, SparseCodes};
 use crate::{Error, Result};
 use ndarray::Array2;
 use std::ops::Range;
 
 /// Poses that all threads encode together: the more there are, the more alike are neighbors in the search order.
-const LARGE_BATCH: usize = 1 << 13;
-/// Poses that one thread encodes by the Gram matrix, which gains nothing from larger batches.
-const SMALL_BATCH: usize = 480;
+const BATCH: usize = 1 << 13;
 /// Lines that one thread writes at a time.
 const LINES: usize = 256;
 
@@ -29,32 +27,19 @@ pub fn write(
 ) -> Result<()> {
     let header: Vec<String> = (1..=sparsity).map(|k| format!("atom{k},coef{k}")).collect();
     output.write(format!("{},rms\n", header.join(",")).as_bytes())?;
-    let by_gram = encoder.strategy(LARGE_BATCH) == SearchStrategy::Gram;
-    let size = if by_gram { SMALL_BATCH } else { LARGE_BATCH };
-    let mut batches = PoseBatches::new(stream, size);
-    let mut first = batches.next()?;
-    if let Some(poses) = &first {
+    let mut batches = PoseBatches {
+        stream,
+        pending_error: None,
+    };
+    if let Some(poses) = batches.next()? {
         messages::debug(&format!("search: {}", encoder.strategy(poses.nrows())));
-    }
-    let all_by_gram = encoder.strategy(size) == SearchStrategy::Gram;
-    if let Some(poses) = first.take_if(|p| !all_by_gram || p.nrows() < size) {
-        // By all threads: a short input is one batch, and the first one builds the search index for the others.
+        // By itself: the first batch builds the search index for the others.
         output.write(&encoded_lines(encoder, sparsity, &poses)?)?;
     }
-    let ahead = match by_gram {
-        true => 2 * rayon::current_num_threads() + 1,
-        false => 2,
-    };
     parallel::ordered_pipeline(
-        ahead,
-        || match first.take() {
-            Some(poses) => Ok(Some(poses)),
-            None => batches.next(),
-        },
-        |poses| match by_gram {
-            true => parallel::single_threaded(|| encoded_lines(encoder, sparsity, &poses)),
-            false => encoded_lines(encoder, sparsity, &poses),
-        },
+        2,
+        || batches.next(),
+        |poses| encoded_lines(encoder, sparsity, &poses),
         |lines| output.write(&lines),
     )
 }
@@ -62,29 +47,20 @@ pub fn write(
 /// The poses of a stream in batches.
 struct PoseBatches<'a> {
     stream: RowStream<'a>,
-    size: usize,
     /// An error of reading that is returned after the poses before it.
     pending_error: Option<Error>,
 }
 
-impl<'a> PoseBatches<'a> {
-    fn new(stream: RowStream<'a>, size: usize) -> Self {
-        PoseBatches {
-            stream,
-            size,
-            pending_error: None,
-        }
-    }
-
-    /// Up to `size` poses (poses, coordinates); none at the end.
+impl PoseBatches<'_> {
+    /// Up to [`BATCH`] poses (poses, coordinates); none at the end.
     fn next(&mut self) -> Result<Option<Array2<f32>>> {
         if let Some(error) = self.pending_error.take() {
             return Err(error);
         }
         let width = self.stream.columns().width();
-        let mut values = Vec::with_capacity(self.size.min(SMALL_BATCH) * width);
+        let mut values = Vec::new();
         let mut row = Row::default();
-        while values.len() < self.size * width {
+        while values.len() < BATCH * width {
             match self.stream.read(&mut row) {
                 Ok(true) => values.extend(row.xyz.iter().map(|v| *v as f32)),
                 Ok(false) => break,
