@@ -3,19 +3,25 @@
 use super::args::{InputArgs, parse_length};
 use super::progress::Progress;
 use super::{input, messages};
-use crate::evaluate::benchmark::dataset::SourceTable;
+use crate::evaluate::benchmark::leakage::Provenance;
+use crate::evaluate::benchmark::method::{ModelSource, PretrainedModel};
 use crate::evaluate::benchmark::runner::{Event, Results};
 use crate::evaluate::benchmark::{Benchmark, BenchmarkResult, Method, Settings, Split, Task};
 use crate::evaluate::report::BenchmarkReport;
 use crate::evaluate::report::paper::{Comparison, FinishedRun};
+use crate::pose::Poses;
+use crate::prior::provenance::hex;
+use crate::prior::{self, OpenOptions};
 use crate::{Error, Place, Result};
 use clap::Args;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
+use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// No results.json is larger.
 const LARGEST_RESULTS: u64 = 1 << 30;
@@ -180,34 +186,51 @@ fn stem(path: &Path) -> String {
 fn pretrained(path: &Path) -> Result<Method> {
     let model = input::open_model(path)?;
     let source = path.display().to_string();
-    if model.meta.history.iter().all(|e| e.inputs.is_empty()) {
+    if model.meta.space != "body" {
+        let what = "is a model in world space; evaluate compares models in body space (train it with --space body)";
+        return Err(Error::data(Place::file(&source), what));
+    }
+    let choice = OpenOptions::default();
+    let width = 3 * model.meta.points.len();
+    let arrays = model
+        .arrays()
+        .map(|(_, a)| a)
+        .filter(|a| a.ncols() == width);
+    let history = model.meta.history.iter();
+    let provenance = Provenance {
+        digests: history.flat_map(|e| e.inputs.clone()).collect(),
+        poses: arrays.map(|a| a.floats().into_owned()).collect(),
+    };
+    if provenance.digests.is_empty() {
         messages::info(&format!(
             "{source}: has no digests of its training data; overlap with test takes is detected only from poses it stores"
         ));
     }
-    Method::pretrained(stem(path), source, model)
+    let pretrained = PretrainedModel {
+        digest: hex(&Sha256::digest(model.to_bytes()?)),
+        prior: Arc::from(prior::open(&model, &choice, &source)?),
+        source,
+        points: model.meta.points.clone(),
+        tuning: model.meta.details.get("tuning").cloned(),
+        provenance,
+    };
+    Ok(Method {
+        name: stem(path),
+        source: ModelSource::Pretrained(pretrained),
+        choice,
+        treated: false,
+    })
 }
 
 /// Reads the tables, each by itself.
-pub fn sources(flags: &InputArgs, tables: &[PathBuf]) -> Result<Vec<SourceTable>> {
-    input::check_single_stdin(tables)?;
-    let standard_input = [PathBuf::from("-")];
-    let tables = if tables.is_empty() {
-        &standard_input
-    } else {
-        tables
-    };
+pub fn sources(flags: &InputArgs, tables: &[PathBuf]) -> Result<Vec<(String, Poses)>> {
+    let tables = input::or_stdin(tables);
+    input::check_single_stdin(&tables)?;
     let read = |path: &PathBuf| {
-        let one = InputArgs {
-            files: vec![path.clone()],
-            ..flags.clone()
-        };
-        let table = input::read_table(&one, false, false)?;
-        Ok(SourceTable {
-            name: table.name,
-            label: stem(path),
-            poses: table.poses,
-        })
+        let mut table = input::read_table(&flags.with_files(vec![path.clone()]), false, false)?;
+        let frames = table.poses.frames();
+        (table.poses.take).get_or_insert_with(|| vec![stem(path).into(); frames]);
+        Ok((table.name, table.poses))
     };
     tables.iter().map(read).collect()
 }
@@ -256,8 +279,7 @@ impl ResultCache {
             })?;
             results.insert(line.key, line.result);
         }
-        let mut options = OpenOptions::new();
-        let file = options
+        let file = File::options()
             .create(true)
             .append(true)
             .open(&path)
@@ -318,22 +340,22 @@ pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
     Ok(())
 }
 
-/// Says which frames and splits are left out, and which takes stay together.
+/// Reports which frames and splits are left out, and which takes stay together.
 pub fn report_exclusions(bench: &Benchmark) {
-    let data = bench.dataset();
+    let data = bench.dataset;
     if data.incomplete > 0 {
         messages::info(&format!(
             "{} frames skipped: missing points",
             data.incomplete
         ));
     }
-    for twin in bench.duplicates() {
+    for twin in &bench.duplicates {
         messages::info(&format!(
             "{} stays on the same side of every split",
             twin.describe(data)
         ));
     }
-    for what in bench.skipped_splits() {
+    for what in &bench.skipped_splits {
         messages::info(&format!("left out: {what}"));
     }
 }

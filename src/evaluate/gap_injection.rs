@@ -165,8 +165,6 @@ struct FreeStarts {
     points: usize,
     /// (frames, points): whether a gap of this point may start here.
     free: Vec<bool>,
-    /// The number of free points at each start.
-    left: Vec<usize>,
     /// The starts at which enough points are free.
     open: Vec<usize>,
     /// The index of each start in `open`.
@@ -187,7 +185,6 @@ impl FreeStarts {
             needed,
             points,
             free: Vec::new(),
-            left: Vec::new(),
             open: Vec::new(),
             slot: Vec::new(),
         };
@@ -195,7 +192,6 @@ impl FreeStarts {
             return starts;
         }
         starts.free = vec![false; frames * points];
-        starts.left = vec![0; frames];
         starts.slot = vec![None; frames];
         let margin = usize::from(runs.iter().any(|r| r.len() - 1 > length));
         for run in runs.iter().filter(|r| r.len() >= length + 2 * margin) {
@@ -204,7 +200,7 @@ impl FreeStarts {
             }
         }
         for start in 0..frames {
-            if starts.left[start] >= starts.needed {
+            if starts.free_points(start).len() >= needed {
                 starts.slot[start] = Some(starts.open.len());
                 starts.open.push(start);
             }
@@ -228,7 +224,6 @@ impl FreeStarts {
             if seen >= window {
                 let start = frame + 1 - window + margin;
                 self.free[start * self.points + point] = true;
-                self.left[start] += 1;
             }
         }
     }
@@ -240,15 +235,12 @@ impl FreeStarts {
 
     /// Closes every start from which a gap of these points would overlap or touch the one at `start`.
     fn occupy(&mut self, start: usize, points: &[usize]) {
-        let last = (start + self.frames).min(self.left.len() - 1);
+        let last = (start + self.frames).min(self.slot.len() - 1);
         for near in start.saturating_sub(self.frames)..=last {
             for &point in points {
-                let free = &mut self.free[near * self.points + point];
-                if std::mem::take(free) {
-                    self.left[near] -= 1;
-                }
+                self.free[near * self.points + point] = false;
             }
-            if self.left[near] < self.needed {
+            if self.free_points(near).len() < self.needed {
                 self.close(near);
             }
         }
@@ -278,6 +270,10 @@ mod tests {
             time: None,
             take: None,
         }
+    }
+
+    fn seeded(seed: u64, gaps: GapInjection) -> GapInjection {
+        GapInjection { seed, ..gaps }
     }
 
     /// Gaps at one frame a second.
@@ -317,7 +313,7 @@ mod tests {
             count in 1usize..6, frames in 1usize..12, points in 1usize..5, seed in 0u64..1000
         ) {
             let whole = poses(150, 9);
-            let what = GapInjection { seed, ..gaps(count, frames, points) };
+            let what = seeded(seed, gaps(count, frames, points));
             let (laid, take) = inject(&what, &whole);
             prop_assert_eq!(&inject(&what, &whole).0, &laid);
             prop_assert_eq!(laid.gaps.len(), count);
@@ -347,13 +343,7 @@ mod tests {
         let time = |i: usize| i as f64 / 10.0 + if i < 15 { 0.0 } else { 9.0 };
         take.time = Some((0..40).map(time).collect());
         for seed in 0..50 {
-            let (laid, _) = inject(
-                &GapInjection {
-                    seed,
-                    ..gaps(2, 6, 1)
-                },
-                &take,
-            );
+            let (laid, _) = inject(&seeded(seed, gaps(2, 6, 1)), &take);
             assert_eq!((laid.gaps.len(), laid.longest), (2, 25));
             for gap in &laid.gaps {
                 let inside = |r: Range<usize>| gap.frames.start > r.start && gap.frames.end < r.end;
@@ -367,13 +357,7 @@ mod tests {
         let take = poses(12, 2);
         let mut starts = [0; 12];
         for seed in 0..8000 {
-            let (laid, _) = inject(
-                &GapInjection {
-                    seed,
-                    ..gaps(1, 3, 1)
-                },
-                &take,
-            );
+            let (laid, _) = inject(&seeded(seed, gaps(1, 3, 1)), &take);
             starts[laid.gaps[0].frames.start] += 1;
         }
         assert!(starts[0] == 0 && starts[9..] == [0; 3]);
@@ -400,13 +384,7 @@ mod tests {
         take.xyz.column_mut(4).fill(f64::NAN);
         take.xyz[[10, 0]] = f64::NAN;
         for seed in 0..100 {
-            let (laid, _) = inject(
-                &GapInjection {
-                    seed,
-                    ..gaps(1, 5, 1)
-                },
-                &take,
-            );
+            let (laid, _) = inject(&seeded(seed, gaps(1, 5, 1)), &take);
             let gap = &laid.gaps[0];
             assert_eq!(gap.points, [0]);
             assert!(gap.frames.end < 10 || gap.frames.start > 11, "{gap:?}");

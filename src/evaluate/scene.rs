@@ -47,7 +47,7 @@ pub struct Table {
     pub caption: String,
     /// The heads of the columns.
     pub header: Vec<String>,
-    /// The rows; one shorter than the header is filled up with empty cells, cells past it are an error.
+    /// The rows, each as long as the header.
     pub rows: Vec<Vec<String>>,
 }
 
@@ -110,8 +110,8 @@ impl Scene<'_> {
     /// Checks that the scene can be drawn.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a rate that is not above 0, a bone without its points, figures of different shapes, runs out of
-    /// order, or a table row longer than the header.
+    /// [`Error::Usage`] for a rate that is not above 0, a bone without its points, figures of different shapes, or runs
+    /// out of order.
     pub fn check(&self) -> Result<()> {
         let usage = |what: String| Err(Error::usage(what));
         let points = self.points.len();
@@ -161,15 +161,6 @@ impl Scene<'_> {
                 "run {}: its time {} must be finite",
                 run.name, run.time
             ));
-        }
-        if let Some(table) = &self.table {
-            let columns = table.header.len();
-            if let Some(row) = table.rows.iter().find(|row| row.len() > columns) {
-                return usage(format!(
-                    "table: a row of {} cells, {columns} heads",
-                    row.len()
-                ));
-            }
         }
         Ok(())
     }
@@ -233,11 +224,6 @@ pub(super) mod tests {
         fails(&good, |s| s.figures[0].status = status, "statuses");
         fails(&good, |s| s.runs = &late, "begin at frame 0");
         fails(&good, |s| s.runs = &timeless, "finite");
-        let table = Table {
-            rows: vec![vec!["1".into()]],
-            ..Table::default()
-        };
-        fails(&good, |s| s.table = Some(table.clone()), "1 cells");
     }
 
     #[test]

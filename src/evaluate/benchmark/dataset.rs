@@ -15,17 +15,6 @@ use std::sync::Arc;
 /// Largest distance of a root from the origin along an axis, cm: the rounding of a table.
 const MAX_ROOT_OFFSET: f64 = 0.01;
 
-/// A table of poses with its name.
-#[derive(Debug)]
-pub struct SourceTable {
-    /// The file's name, for messages.
-    pub name: String,
-    /// The take's name if the table has no column `take`.
-    pub label: String,
-    /// The poses, cm.
-    pub poses: Poses,
-}
-
 /// A take.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Take {
@@ -55,14 +44,15 @@ pub struct Dataset {
 }
 
 impl Dataset {
-    /// Joins tables. The subject of a take is given by `subjects`, else by the part of its name before the first `_`.
+    /// Joins tables, each with its name. A table without takes is one take with the table's name. The subject of a take is given by `subjects`,
+    /// else by the part of its name before the first `_`.
     ///
     /// # Errors
     /// [`Error::Data`] for tables with different points, a take in two tables, poses that are not in body space, or no
     /// complete frame; [`Error::Usage`] without a table.
-    pub fn new(sources: &[SourceTable], subjects: &BTreeMap<String, String>) -> Result<Dataset> {
-        let points = match sources.first() {
-            Some(first) => first.poses.points.clone(),
+    pub fn new(tables: &[(String, Poses)], subjects: &BTreeMap<String, String>) -> Result<Dataset> {
+        let points = match tables.first() {
+            Some((_, first)) => first.points.clone(),
             None => return Err(Error::usage("no table of poses given")),
         };
         let mut data = Dataset {
@@ -72,30 +62,28 @@ impl Dataset {
             incomplete: 0,
         };
         let (mut rows, mut seen) = (Vec::new(), BTreeMap::new());
-        for source in sources {
-            if source.poses.points != data.points {
-                let what = format!("has points that differ from those of {}", sources[0].name);
-                return Err(Error::data(Place::file(&source.name), what));
+        for (table, poses) in tables {
+            if poses.points != data.points {
+                let what = format!("has points that differ from those of {}", tables[0].0);
+                return Err(Error::data(Place::file(table), what));
             }
-            for range in source.poses.takes() {
-                let name = match &source.poses.take {
-                    Some(takes) => takes[range.start].to_string(),
-                    None => source.label.clone(),
-                };
-                if let Some(before) = seen.insert(name.clone(), source.name.clone()) {
+            for range in poses.takes() {
+                let name = poses.take.as_ref().map(|takes| &*takes[range.start]);
+                let name = name.unwrap_or(table).to_string();
+                if let Some(before) = seen.insert(name.clone(), table) {
                     let what = format!(
                         "take {name} appears again, after {before}; rename one, or leave it out"
                     );
-                    return Err(Error::data(Place::file(&source.name), what));
+                    return Err(Error::data(Place::file(table), what));
                 }
-                data.add(source, range, name, subjects, &mut rows)?;
+                data.add((table, poses), range, name, subjects, &mut rows)?;
             }
         }
         let width = 3 * data.points.len();
         let frames = rows.len() / width.max(1);
         if frames == 0 {
             return Err(Error::data(
-                Place::file(&sources[0].name),
+                Place::file(&tables[0].0),
                 "has no frame without missing points",
             ));
         }
@@ -110,7 +98,7 @@ impl Dataset {
     /// Adds the complete frames of one take to `rows`.
     fn add(
         &mut self,
-        source: &SourceTable,
+        (table, poses): (&str, &Poses),
         range: Range<usize>,
         name: String,
         subjects: &BTreeMap<String, String>,
@@ -120,7 +108,7 @@ impl Dataset {
         let root = self.points.iter().position(|p| p == "root");
         let start = rows.len() / width.max(1);
         for t in range.clone() {
-            let frame = source.poses.frame(t);
+            let frame = poses.frame(t);
             if frame.iter().any(|v| !(*v as f32).is_finite()) {
                 self.incomplete += 1;
                 continue;
@@ -129,7 +117,7 @@ impl Dataset {
                 && (0..3).any(|a| frame[3 * root + a].abs() > MAX_ROOT_OFFSET)
             {
                 let what = "has a root away from the origin; evaluate needs body space (posing amc2xyz --space body)";
-                let place = Place::file(&source.name).part(format!("take {name}"));
+                let place = Place::file(table).part(format!("take {name}"));
                 return Err(Error::data(place, what));
             }
             rows.extend(frame.iter().map(|v| *v as f32));
@@ -141,7 +129,7 @@ impl Dataset {
                 subject: subjects.get(&name).cloned().unwrap_or(before),
                 name,
                 rows: start..end,
-                rate: source.poses.rate_within(range),
+                rate: poses.rate_within(range),
                 digest: String::new(),
             });
         }
@@ -214,7 +202,7 @@ pub(in crate::evaluate) mod tests {
         Dataset::new(&[source(list)], &BTreeMap::new()).unwrap()
     }
 
-    pub fn source(list: &[(&str, usize)]) -> SourceTable {
+    pub fn source(list: &[(&str, usize)]) -> (String, Poses) {
         let frames = list.iter().map(|l| l.1).sum();
         let mut xyz = Array2::zeros((frames, 69));
         let (mut take, mut t) = (Vec::new(), 0);
@@ -241,16 +229,13 @@ pub(in crate::evaluate) mod tests {
                 t += 1;
             }
         }
-        SourceTable {
-            name: "walks.csv".into(),
-            label: "walks".into(),
-            poses: Poses {
-                points: joints::cmu_names(),
-                xyz,
-                time: None,
-                take: Some(take),
-            },
-        }
+        let poses = Poses {
+            points: joints::cmu_names(),
+            xyz,
+            time: None,
+            take: Some(take),
+        };
+        ("walks.csv".into(), poses)
     }
 
     #[test]
@@ -269,7 +254,7 @@ pub(in crate::evaluate) mod tests {
     #[test]
     fn a_mapping_names_subjects_and_incomplete_frames_are_left_out() {
         let mut source = source(&[("walk", 5), ("run", 5)]);
-        source.poses.xyz[[1, 30]] = f64::NAN;
+        source.1.xyz[[1, 30]] = f64::NAN;
         let map = BTreeMap::from([("run".to_string(), "anna".to_string())]);
         let data = Dataset::new(&[source], &map).unwrap();
         assert_eq!(data.subjects(), ["anna", "walk"]);
@@ -278,8 +263,8 @@ pub(in crate::evaluate) mod tests {
 
     #[test]
     fn unusable_tables_are_refused_in_one_line() {
-        let says = |sources: Vec<SourceTable>, part: &str| {
-            let e = Dataset::new(&sources, &BTreeMap::new())
+        let says = |tables: Vec<(String, Poses)>, part: &str| {
+            let e = Dataset::new(&tables, &BTreeMap::new())
                 .unwrap_err()
                 .to_string();
             assert!(e.contains(part) && e.lines().count() == 1, "{e}");
@@ -287,13 +272,13 @@ pub(in crate::evaluate) mod tests {
         says(vec![], "no table");
         says(vec![source(&[("a", 2)]), source(&[("a", 2)])], "again");
         let mut other = source(&[("b", 2)]);
-        other.poses.points[3] = "tail".into();
+        other.1.points[3] = "tail".into();
         says(vec![source(&[("a", 2)]), other], "points that differ");
         let mut world = source(&[("a", 2)]);
-        world.poses.xyz[[1, 1]] = 90.0;
+        world.1.xyz[[1, 1]] = 90.0;
         says(vec![world], "body space");
         let mut empty = source(&[("a", 2)]);
-        empty.poses.xyz.fill(f64::NAN);
+        empty.1.xyz.fill(f64::NAN);
         says(vec![empty], "no frame without missing points");
         says(vec![source(&[])], "no frame without missing points");
     }

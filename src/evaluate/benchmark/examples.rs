@@ -82,7 +82,7 @@ impl ExamplePoses {
 
     /// Chooses two test poses at random, from different takes if there are two, and the middle of the longest test take.
     pub fn choose(data: &Dataset, partition: &Partition) -> ExamplePoses {
-        let mut rows = partition.test().to_vec();
+        let mut rows = partition.test.clone();
         let take_of = |row: &usize| &data.takes[data.take_of(*row)];
         let longest = rows.iter().map(take_of).max_by_key(|t| t.rows.len());
         let (mut take_rows, mut rate) = (Vec::new(), RATE);
@@ -94,12 +94,12 @@ impl ExamplePoses {
             take_rows = (0..count).map(|i| from + i * every).collect();
             rate = captured / every as f64;
         }
-        rows.shuffle(&mut parallel::rng(partition.seed(), 5));
+        rows.shuffle(&mut parallel::rng(partition.seed, 5));
         let other = |row: &&usize| take_of(row) != take_of(&rows[0]);
         let second = rows.iter().find(other).or(rows.get(1));
         ExamplePoses {
-            split: partition.split(),
-            seed: partition.seed(),
+            split: partition.split,
+            seed: partition.seed,
             pose_rows: rows.first().into_iter().chain(second).copied().collect(),
             take_rows,
             rate,
@@ -160,13 +160,13 @@ mod tests {
                 let poses = ExamplePoses::choose(&data, &part);
                 assert_eq!(poses, ExamplePoses::choose(&data, &part));
                 assert_eq!(poses.pose_rows.len(), 2);
-                assert!(poses.pose_rows.iter().all(|r| part.test().contains(r)));
+                assert!(poses.pose_rows.iter().all(|r| part.test.contains(r)));
                 let take = data.take_of(poses.take_rows[0]);
                 assert!(poses.take_rows.len() <= TAKE_FRAMES);
                 assert!(poses.take_rows.iter().all(|r| data.take_of(*r) == take));
                 assert!(poses.take_rows.windows(2).all(|w| w[1] == w[0] + 2));
                 if split != Split::Frames {
-                    assert!(poses.take_rows.iter().all(|r| part.test().contains(r)));
+                    assert!(poses.take_rows.iter().all(|r| part.test.contains(r)));
                 }
             }
         }

@@ -5,7 +5,6 @@
 //! within d, so that few pairs are compared.
 
 use super::dataset::Dataset;
-use crate::io::Model;
 use crate::numeric::parallel;
 use crate::pose::joints;
 use ndarray::{Array2, ArrayView1, ArrayView2};
@@ -132,7 +131,7 @@ fn duplicates_of(
     twins
 }
 
-/// What a model file says of its training poses.
+/// What a model file contains of its training poses.
 #[derive(Debug, Clone, Default)]
 pub struct Provenance {
     /// Digests in the model's history: of all training poses and of each take.
@@ -142,20 +141,6 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// What a model says.
-    pub fn of(model: &Model) -> Provenance {
-        let arrays = model.arrays().map(|(_, a)| a);
-        let width = 3 * model.meta.points.len();
-        Provenance {
-            digests: (model.meta.history.iter())
-                .flat_map(|e| e.inputs.clone())
-                .collect(),
-            poses: (arrays.filter(|a| a.ncols() == width))
-                .map(|a| a.floats().into_owned())
-                .collect(),
-        }
-    }
-
     /// The indices of takes that the model was trained from: their digest is in the history or a pose is stored.
     pub fn takes(&self, data: &Dataset) -> Vec<usize> {
         let mut known: Vec<usize> = (0..data.takes.len())
@@ -165,14 +150,10 @@ impl Provenance {
         for poses in self.poses.iter().filter(|p| p.ncols() == data.xyz.ncols()) {
             for pose in poses.rows() {
                 // Rows of zeros or ones are parameters, not poses.
-                if pose.iter().filter(|v| v.abs() > 1.0).count() * 2 < pose.len() {
-                    continue;
+                if pose.iter().filter(|v| v.abs() > 1.0).count() * 2 >= pose.len() {
+                    let pose = pose.to_vec();
+                    known.extend(index.near(&pose, STORED_RMS).map(|row| data.take_of(row)));
                 }
-                known.extend(
-                    index
-                        .near(&pose.to_vec(), STORED_RMS)
-                        .map(|r| data.take_of(r)),
-                );
             }
         }
         known.sort_unstable();
@@ -272,7 +253,6 @@ impl Mirror {
 
 #[cfg(test)]
 mod tests {
-    use super::super::dataset::SourceTable;
     use super::super::dataset::tests::{source, takes};
     use super::*;
     use ndarray::{Axis, s};
@@ -282,20 +262,12 @@ mod tests {
     /// Two takes, and a third made from the first.
     fn with(change: impl Fn(&Dataset, Array2<f64>) -> Array2<f64>) -> Dataset {
         let mut source = source(&[("01_01", 60), ("02_01", 50)]);
-        let data = Dataset::new(&[clone(&source)], &BTreeMap::new()).unwrap();
-        let third = change(&data, source.poses.xyz.slice(s![..60, ..]).to_owned());
-        let names = source.poses.take.as_mut().unwrap();
+        let data = Dataset::new(std::slice::from_ref(&source), &BTreeMap::new()).unwrap();
+        let third = change(&data, source.1.xyz.slice(s![..60, ..]).to_owned());
+        let names = source.1.take.as_mut().unwrap();
         names.extend((0..third.nrows()).map(|_| Arc::from("03_01")));
-        source.poses.xyz.append(Axis(0), third.view()).unwrap();
+        source.1.xyz.append(Axis(0), third.view()).unwrap();
         Dataset::new(&[source], &BTreeMap::new()).unwrap()
-    }
-
-    fn clone(s: &SourceTable) -> SourceTable {
-        SourceTable {
-            name: s.name.clone(),
-            label: s.label.clone(),
-            poses: s.poses.clone(),
-        }
     }
 
     fn found(data: &Dataset) -> Vec<(usize, usize, DuplicateEvidence)> {
@@ -353,17 +325,14 @@ mod tests {
     #[test]
     fn training_takes_are_known_by_digest_or_by_a_stored_pose() {
         let data = takes(&[("01_01", 30), ("01_02", 30), ("02_01", 30)]);
-        let by_digest = Provenance {
-            digests: vec!["ff".into(), data.takes[1].digest.clone()],
-            poses: vec![],
+        let takes = |digest: &str, poses: Array2<f32>| {
+            let digests = vec!["ff".into(), digest.into()];
+            let poses = vec![Array2::zeros((1, 3)), poses];
+            Provenance { digests, poses }.takes(&data)
         };
-        assert_eq!(by_digest.takes(&data), [1]);
-        let kept = data.xyz.slice(s![65..67, ..]).to_owned();
-        let by_pose = Provenance {
-            digests: vec!["ff".into()],
-            poses: vec![Array2::zeros((2, 69)), Array2::zeros((1, 3)), kept],
-        };
-        assert_eq!(by_pose.takes(&data), [2]);
-        assert!(Provenance::default().takes(&data).is_empty());
+        let parameters = || Array2::zeros((2, 69));
+        assert_eq!(takes(&data.takes[1].digest, parameters()), [1]);
+        assert_eq!(takes("fe", data.xyz.slice(s![65..67, ..]).to_owned()), [2]);
+        assert!(takes("fe", parameters()).is_empty());
     }
 }

@@ -4,9 +4,7 @@ use super::dataset::Dataset;
 use super::leakage::Provenance;
 use super::splits::Split;
 use super::task::{DamagedPoses, SPARSE_MEAN_VARIANCE, Task};
-use crate::io::Model;
 use crate::numeric::parallel;
-use crate::prior::provenance::hex;
 use crate::prior::{
     self, HoldBack, Kind, OpenOptions, Posterior, Prior, TrainOptions, TrainingSet, Want,
 };
@@ -16,7 +14,6 @@ use crate::sparse::{Ksvd, SelectionRule};
 use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -26,6 +23,23 @@ pub const TREATED: &str = "+treated";
 const MAX_ATOMS: usize = 1000;
 /// Poses restored at a time; fixed, so that the number of threads changes nothing.
 const BATCH: usize = 100;
+
+/// A trained model read from a file.
+#[derive(Clone)]
+pub struct PretrainedModel {
+    /// The file's name, for messages.
+    pub source: String,
+    /// The SHA-256 of the file, part of the keys of cached results.
+    pub digest: String,
+    /// The opened model.
+    pub prior: Arc<dyn Prior>,
+    /// The names of the model's points.
+    pub points: Vec<String>,
+    /// The tuning record in the model's details.
+    pub tuning: Option<Value>,
+    /// What the file contains of its training poses.
+    pub provenance: Provenance,
+}
 
 /// Where a model comes from.
 #[derive(Clone)]
@@ -38,14 +52,7 @@ pub enum ModelSource {
         atoms: Option<usize>,
     },
     /// Read from a file.
-    Pretrained {
-        /// The file's name, for messages.
-        source: String,
-        /// The SHA-256 of the file, part of the keys of cached results.
-        digest: String,
-        /// The model.
-        model: Arc<Model>,
-    },
+    Pretrained(PretrainedModel),
 }
 
 /// A method: one row of the tables.
@@ -77,12 +84,6 @@ impl Method {
     /// # Errors
     /// [`Error::Usage`] for an unknown name.
     pub fn parse(name: &str) -> Result<Method> {
-        // The default model's kind was called `blocks` before.
-        let former = name.strip_prefix("blocks");
-        let name = &match former.filter(|rest| rest.is_empty() || *rest == TREATED) {
-            Some(rest) => format!("multiscale{rest}"),
-            None => name.to_string(),
-        };
         let treated = name.ends_with(TREATED);
         let mut parts = name.strip_suffix(TREATED).unwrap_or(name).split(':');
         let kind = parts.next().unwrap_or_default();
@@ -128,34 +129,11 @@ impl Method {
         })
     }
 
-    /// A model that was read from a file; `source` names the file in messages.
-    ///
-    /// # Errors
-    /// [`Error::Data`] if the model is in world space or cannot be opened.
-    pub fn pretrained(name: String, source: String, model: Model) -> Result<Method> {
-        if model.meta.space != "body" {
-            let what = "is a model in world space; evaluate compares models in body space (train it with --space body)";
-            return Err(Error::data(Place::file(&source), what));
-        }
-        let choice = OpenOptions::default();
-        prior::open(&model, &choice, &source)?;
-        Ok(Method {
-            name,
-            source: ModelSource::Pretrained {
-                source,
-                digest: hex(&Sha256::digest(model.to_bytes()?)),
-                model: Arc::new(model),
-            },
-            choice,
-            treated: false,
-        })
-    }
-
     /// Identifies how the model is made; methods with equal recipes share one model.
     pub fn recipe(&self) -> String {
         match &self.source {
             ModelSource::Kind { kind, atoms } => format!("{kind} {atoms:?}"),
-            ModelSource::Pretrained { digest, .. } => format!("file {digest}"),
+            ModelSource::Pretrained(pretrained) => format!("file {}", pretrained.digest),
         }
     }
 
@@ -164,14 +142,14 @@ impl Method {
     /// # Errors
     /// [`Error::Data`] that names the model and the take.
     pub fn check_provenance(&self, dataset: &Dataset) -> Result<()> {
-        let ModelSource::Pretrained { source, model, .. } = &self.source else {
+        let ModelSource::Pretrained(pretrained) = &self.source else {
             return Ok(());
         };
-        let fail = |what: String| Err(Error::data(Place::file(source), what));
-        if model.meta.points != dataset.points {
+        let fail = |what: String| Err(Error::data(Place::file(&pretrained.source), what));
+        if pretrained.points != dataset.points {
             return fail("is a model whose points differ from the tables'".into());
         }
-        let known = Provenance::of(model).takes(dataset);
+        let known = pretrained.provenance.takes(dataset);
         if let Some(first) = known.first() {
             let more = match known.len() - 1 {
                 0 => String::new(),
@@ -186,30 +164,35 @@ impl Method {
     }
 }
 
-/// A model for a split and seed. Methods with equal recipes share it.
+/// A model for a split and seed, opened once for each method that shares it.
 pub struct TrainedModel {
-    model: Arc<Model>,
+    /// The opened model of each method, in the methods' order.
+    pub priors: Vec<Arc<dyn Prior>>,
     /// Seconds that training took; `None` for a pretrained model.
     pub seconds: Option<f64>,
+    /// The tuning record. A tuned model assumes a noise of its own where the variance is unknown; any other must be given
+    /// one.
+    tuning: Option<Value>,
 }
 
 impl TrainedModel {
-    /// Trains the model of a method, or takes the pretrained one.
+    /// Trains the model of some methods with equal recipes, or takes the pretrained one.
     ///
     /// # Errors
-    /// As [`Kind::train`].
+    /// As [`Kind::train`] and [`prior::open`].
     pub fn train(
-        method: &Method,
+        methods: &[&Method],
         poses: &TrainingSet,
         split: Split,
         seed: u64,
     ) -> Result<TrainedModel> {
         let began = Instant::now();
-        let model = match &method.source {
-            ModelSource::Pretrained { model, .. } => {
+        let model = match &methods[0].source {
+            ModelSource::Pretrained(pretrained) => {
                 return Ok(TrainedModel {
-                    model: model.clone(),
+                    priors: vec![pretrained.prior.clone(); methods.len()],
                     seconds: None,
+                    tuning: pretrained.tuning.clone(),
                 });
             }
             ModelSource::Kind {
@@ -233,34 +216,31 @@ impl TrainedModel {
                 kind.train(poses, &TrainOptions { seed, hold_back })?
             }
         };
+        let seconds = Some(began.elapsed().as_secs_f64());
+        let open = |m: &&Method| prior::open(&model, &m.choice, &m.name).map(Arc::from);
         Ok(TrainedModel {
-            model: Arc::new(model),
-            seconds: Some(began.elapsed().as_secs_f64()),
+            priors: methods.iter().map(open).collect::<Result<_>>()?,
+            seconds,
+            tuning: model.meta.details.get("tuning").cloned(),
         })
     }
 
-    /// The model in the form that a method uses; `rigid` are the rigid distances of a treated method.
-    ///
-    /// # Errors
-    /// As [`prior::open`].
-    pub fn open<'r>(&self, method: &Method, rigid: Option<&'r RigidModel>) -> Result<Restorer<'r>> {
-        let rigid = rigid.filter(|_| method.treated);
-        Ok(Restorer {
-            prior: prior::open(&self.model, &method.choice, &method.name)?,
+    /// Restores with the opened model of a method; `rigid` are the rigid distances of a treated method.
+    pub fn restorer<'r>(
+        &self,
+        prior: &'r dyn Prior,
+        rigid: Option<&'r RigidModel>,
+    ) -> Restorer<'r> {
+        Restorer {
+            prior,
             rigid,
-            needs_variance: rigid.is_none() && self.tuning().is_none(),
-        })
-    }
-
-    /// The tuning record. A tuned model assumes a noise of its own where the variance is unknown; any other must be given
-    /// one.
-    fn tuning(&self) -> Option<&Value> {
-        self.model.meta.details.get("tuning")
+            needs_variance: rigid.is_none() && self.tuning.is_none(),
+        }
     }
 
     /// The tuning of one task: the chosen setting and the curve.
     pub fn tuning_of(&self, task: Task) -> Option<Value> {
-        let all = self.tuning()?;
+        let all = self.tuning.as_ref()?;
         let curve = all.get("curve").and_then(Value::as_array);
         let own = |tried: &&Value| tried.get("task").and_then(Value::as_str) == Some(task.name());
         let curve: Vec<Value> = curve.into_iter().flatten().filter(own).cloned().collect();
@@ -271,7 +251,7 @@ impl TrainedModel {
 
 /// A trained model in the form that one method uses.
 pub struct Restorer<'r> {
-    prior: Box<dyn Prior>,
+    prior: &'r dyn Prior,
     rigid: Option<&'r RigidModel>,
     /// Whether the model needs a noise variance under sparse noise, because it was not tuned to one.
     needs_variance: bool,
@@ -294,10 +274,10 @@ impl Restorer<'_> {
                 Some(rigid) => {
                     // All poses of a task have the same variances.
                     let mode = OutlierMode::for_noise(&variance.row(0).to_vec());
-                    let restored = rigid.restore(&*self.prior, y.view(), variance.view(), mode);
+                    let restored = rigid.restore(self.prior, y.view(), variance.view(), mode);
                     restored.into_iter().map(|r| r.posterior).collect()
                 }
-                None => posterior_rows(&*self.prior, y.view(), variance.view(), Want::Variances),
+                None => posterior_rows(self.prior, y.view(), variance.view(), Want::Variances),
             });
             (posteriors, began.elapsed().as_secs_f64())
         });
@@ -347,9 +327,9 @@ mod tests {
         let rows: Vec<usize> = (0..120).collect();
         let poses = data.training(&rows).unwrap();
         let [sparse, ksvd] = ["sparse:n=20", "ksvd:n=20"].map(|n| Method::parse(n).unwrap());
-        let model = TrainedModel::train(&sparse, &poses, Split::Takes, 1).unwrap();
-        assert!(model.seconds.is_some() && model.open(&ksvd, None).is_ok());
-        let restorer = model.open(&sparse, None).unwrap();
+        let model = TrainedModel::train(&[&sparse, &ksvd], &poses, Split::Takes, 1).unwrap();
+        assert!(model.priors.len() == 2 && model.seconds.is_some());
+        let restorer = model.restorer(&*model.priors[0], None);
         let mut damaged = DamagedPoses::undamaged(&data, &rows);
         damaged.variance.fill(1.0);
         let (answers, _) = restorer.restore(Task::Dense, &damaged);

@@ -46,12 +46,17 @@ pub type Results = BTreeMap<String, BenchmarkResult>;
 
 /// A dataset with settings that can be run on it.
 pub struct Benchmark<'a> {
-    dataset: &'a Dataset,
+    /// The poses.
+    pub dataset: &'a Dataset,
+    /// The settings, with the splits that are run.
+    pub settings: Settings,
+    /// Takes that share poses; they stay on one side of a split.
+    pub duplicates: Vec<DuplicateTake>,
+    /// Splits that the dataset does not allow, each with the reason.
+    pub skipped_splits: Vec<String>,
+    /// The poses that the report draws, if examples are asked for.
+    pub example_poses: Option<ExamplePoses>,
     dataset_digest: String,
-    settings: Settings,
-    duplicates: Vec<DuplicateTake>,
-    skipped_splits: Vec<String>,
-    example_poses: Option<ExamplePoses>,
 }
 
 impl<'a> Benchmark<'a> {
@@ -104,31 +109,6 @@ impl<'a> Benchmark<'a> {
         })
     }
 
-    /// The poses.
-    pub fn dataset(&self) -> &Dataset {
-        self.dataset
-    }
-
-    /// The settings, with the splits that are run.
-    pub fn settings(&self) -> &Settings {
-        &self.settings
-    }
-
-    /// Takes that share poses; they stay on one side of a split.
-    pub fn duplicates(&self) -> &[DuplicateTake] {
-        &self.duplicates
-    }
-
-    /// Splits that the dataset does not allow, each with the reason.
-    pub fn skipped_splits(&self) -> &[String] {
-        &self.skipped_splits
-    }
-
-    /// The poses that the report draws, if examples are asked for.
-    pub fn example_poses(&self) -> Option<&ExamplePoses> {
-        self.example_poses.as_ref()
-    }
-
     /// All cases, in the order of the tables.
     pub fn cases(&self) -> Vec<Case> {
         let mut all = Vec::new();
@@ -168,7 +148,7 @@ impl<'a> Benchmark<'a> {
                     continue;
                 }
                 let partition = Partition::draw(self.dataset, &self.duplicates, split, seed)?;
-                let training = self.dataset.training(partition.train())?;
+                let training = self.dataset.training(&partition.train)?;
                 let part = TrainingPart {
                     benchmark: self,
                     varying: varying_coordinates(training.xyz.view()),
@@ -269,17 +249,18 @@ impl TrainingPart<'_, '_, '_> {
         let Some((first, _)) = jobs.first() else {
             return Ok(results);
         };
-        let (split, seed) = (self.partition.split(), self.partition.seed());
-        if !matches!(first.source, ModelSource::Pretrained { .. }) {
+        let (split, seed) = (self.partition.split, self.partition.seed);
+        if !matches!(first.source, ModelSource::Pretrained(_)) {
             let model = &first.name;
             self.notify(&Event::Training { model, split, seed })?;
         }
-        let model = TrainedModel::train(first, &self.training, split, seed)?;
+        let methods: Vec<&Method> = jobs.iter().map(|(method, _)| *method).collect();
+        let model = TrainedModel::train(&methods, &self.training, split, seed)?;
         let treated = jobs.iter().any(|(method, _)| method.treated);
         let rigid =
             treated.then(|| RigidModel::learn(self.training.xyz.view(), &self.training.takes));
-        for (method, cases) in jobs {
-            let restorer = model.open(method, rigid.as_ref())?;
+        for ((method, cases), prior) in jobs.iter().zip(&model.priors) {
+            let restorer = model.restorer(&**prior, rigid.as_ref().filter(|_| method.treated));
             for case in cases {
                 let result = self.run_case(&model, &restorer, case)?;
                 let key = self.benchmark.key(case);

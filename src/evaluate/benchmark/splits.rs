@@ -1,4 +1,4 @@
-//! Training part and test part: three ways to divide the poses, each checked for leakage.
+//! Training part and test part: three ways to divide the poses without leakage.
 
 use super::dataset::Dataset;
 use super::leakage::DuplicateTake;
@@ -63,15 +63,18 @@ impl Split {
     }
 }
 
-/// Training rows and test rows of a split.
-///
-/// [`Partition::verified`] is the only constructor, so that every partition is checked for leakage.
+/// Training rows and test rows of a split: no row is on both sides; under `takes` and `subjects` also no take and no duplicate
+/// of a take, under `subjects` also no subject.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Partition {
-    split: Split,
-    seed: u64,
-    train: Vec<usize>,
-    test: Vec<usize>,
+    /// The split.
+    pub split: Split,
+    /// The seed.
+    pub seed: u64,
+    /// Training rows, ascending.
+    pub train: Vec<usize>,
+    /// Test rows, ascending.
+    pub test: Vec<usize>,
 }
 
 impl Partition {
@@ -108,66 +111,6 @@ impl Partition {
             }
         }
         let (test, train) = (0..frames).partition(|&r| tested[r]);
-        Partition::verified(data, twins, split, seed, train, test)
-    }
-
-    /// Checks that no row is on both sides, under `takes` and `subjects` also no take and no duplicate of a take, under
-    /// `subjects` also no subject. Rows must ascend.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] that names the row, take or subject on both sides.
-    pub fn verified(
-        data: &Dataset,
-        twins: &[DuplicateTake],
-        split: Split,
-        seed: u64,
-        train: Vec<usize>,
-        test: Vec<usize>,
-    ) -> Result<Partition> {
-        let ascends = |rows: &[usize]| rows.windows(2).all(|w| w[0] < w[1]);
-        let inside = |rows: &[usize]| rows.last().is_none_or(|&r| r < data.xyz.nrows());
-        if ![&train, &test].iter().all(|r| ascends(r) && inside(r)) {
-            return Err(Error::usage("the rows of a split must ascend"));
-        }
-        if train.is_empty() || test.is_empty() {
-            return Err(Error::usage("a split needs training poses and test poses"));
-        }
-        let leak = |what: String| {
-            let split = split.name();
-            Err(Error::usage(format!(
-                "{what} is in both the training and the test part, which the split {split} forbids"
-            )))
-        };
-        if let Some(row) = test.iter().find(|r| train.binary_search(r).is_ok()) {
-            let take = &data.takes[data.take_of(*row)];
-            let frame = row - take.rows.start + 1;
-            return leak(format!("frame {frame} of take {}", take.name));
-        }
-        if split != Split::Frames {
-            let learnt = sides(data, &train);
-            let tested = sides(data, &test);
-            for (k, take) in data.takes.iter().enumerate() {
-                if learnt[k] && tested[k] {
-                    return leak(format!("take {}", take.name));
-                }
-            }
-            for twin in twins {
-                let apart = |a: usize, b: usize| learnt[a] && tested[b];
-                if apart(twin.a, twin.b) || apart(twin.b, twin.a) {
-                    return leak(twin.describe(data));
-                }
-            }
-            if split == Split::Subjects {
-                let of = |side: &[bool]| -> Vec<&str> {
-                    let takes = data.takes.iter().zip(side).filter(|(_, s)| **s);
-                    takes.map(|(t, _)| t.subject.as_str()).collect()
-                };
-                let learnt = of(&learnt);
-                if let Some(both) = of(&tested).into_iter().find(|s| learnt.contains(s)) {
-                    return leak(format!("subject {both}"));
-                }
-            }
-        }
         Ok(Partition {
             split,
             seed,
@@ -176,22 +119,6 @@ impl Partition {
         })
     }
 
-    /// The split.
-    pub fn split(&self) -> Split {
-        self.split
-    }
-    /// The seed.
-    pub fn seed(&self) -> u64 {
-        self.seed
-    }
-    /// Training rows, ascending.
-    pub fn train(&self) -> &[usize] {
-        &self.train
-    }
-    /// Test rows, ascending.
-    pub fn test(&self) -> &[usize] {
-        &self.test
-    }
     /// At most `count` of the test rows, chosen at random, ascending.
     pub fn some_test(&self, count: usize) -> Vec<usize> {
         some(&self.test, count, self.seed, 3)
@@ -208,13 +135,6 @@ fn some(rows: &[usize], count: usize, seed: u64, stream: u64) -> Vec<usize> {
     let mut chosen = rand::seq::index::sample(&mut random, rows.len(), amount).into_vec();
     chosen.sort_unstable();
     chosen.into_iter().map(|i| rows[i]).collect()
-}
-
-/// Whether each take has a row among these.
-fn sides(data: &Dataset, rows: &[usize]) -> Vec<bool> {
-    let mut side = vec![false; data.takes.len()];
-    rows.iter().for_each(|&r| side[data.take_of(r)] = true);
-    side
 }
 
 /// The group of each take: takes that share poses have the same group, named by its first take.
@@ -293,6 +213,7 @@ mod tests {
     use super::super::dataset::tests::takes;
     use super::super::leakage::DuplicateEvidence;
     use super::*;
+    use std::collections::BTreeSet;
 
     fn data() -> Dataset {
         let mut list = Vec::new();
@@ -312,79 +233,54 @@ mod tests {
             let draw = |seed| Partition::draw(&data, &[], split, seed).unwrap();
             for seed in 0..8 {
                 let part = draw(seed);
-                let mut all = [part.train(), part.test()].concat();
+                let mut all = [&part.train[..], &part.test].concat();
                 all.sort_unstable();
                 assert_eq!(all, (0..data.xyz.nrows()).collect::<Vec<_>>());
                 assert_eq!(part, draw(seed));
                 let some = part.some_test(5);
-                assert!(some.len() == 5 && some.iter().all(|r| part.test().contains(r)));
-                assert_eq!(part.some_test(10_000), part.test());
+                assert!(some.len() == 5 && some.iter().all(|r| part.test.contains(r)));
+                assert_eq!(part.some_test(10_000), part.test);
             }
             assert_ne!(draw(0), draw(1), "{split:?}");
         }
         let half = Partition::draw(&data, &[], Split::Frames, 3).unwrap();
-        assert_eq!(half.test().len(), data.xyz.nrows() / 2);
+        assert_eq!(half.test.len(), data.xyz.nrows() / 2);
+    }
+
+    /// Whether each take has a row among these.
+    fn sides(data: &Dataset, rows: &[usize]) -> Vec<bool> {
+        let mut side = vec![false; data.takes.len()];
+        rows.iter().for_each(|&r| side[data.take_of(r)] = true);
+        side
     }
 
     #[test]
     fn takes_and_subjects_are_held_out_whole() {
         let data = data();
+        let mut held = Vec::new();
         for seed in 0..8 {
             let part = Partition::draw(&data, &[], Split::Takes, seed).unwrap();
-            let tested = sides(&data, part.test());
+            let [learnt, tested] = [&part.train, &part.test].map(|rows| sides(&data, rows));
+            assert!(learnt.iter().zip(&tested).all(|(l, t)| l != t));
             let count = |subject: &str| {
                 let both = data.takes.iter().zip(&tested);
                 both.filter(|(t, s)| t.subject == subject && **s).count()
             };
             assert_eq!(["01", "02", "05", "07"].map(count), [2, 2, 0, 1]);
-        }
-        let held = |seed| {
             let part = Partition::draw(&data, &[], Split::Subjects, seed).unwrap();
-            let tested = sides(&data, part.test());
-            let at = tested.iter().position(|t| *t).unwrap();
-            data.takes[at].subject.clone()
-        };
-        let mut all: Vec<String> = (0..4).map(held).collect();
-        all.sort();
-        assert_eq!(all, data.subjects());
-    }
-
-    #[test]
-    fn a_training_take_in_the_test_part_is_refused() {
-        let data = data();
-        let says =
-            |split, train: Vec<usize>, test: Vec<usize>, twins: &[DuplicateTake], part: &str| {
-                let e = Partition::verified(&data, twins, split, 0, train, test).unwrap_err();
-                assert!(e.to_string().contains(part), "{e}");
-                assert_eq!(e.to_string().lines().count(), 1);
+            let subjects = |rows| -> BTreeSet<&str> {
+                let takes = data.takes.iter().zip(sides(&data, rows));
+                takes
+                    .filter_map(|(t, s)| s.then_some(&*t.subject))
+                    .collect()
             };
-        // The first take has rows 0 to 5, the second 6 to 12.
-        says(
-            Split::Takes,
-            vec![0, 1, 2],
-            vec![3, 4, 7],
-            &[],
-            "take 01_00",
-        );
-        says(Split::Subjects, vec![0, 1], vec![7, 8], &[], "subject 01");
-        says(
-            Split::Frames,
-            vec![0, 1],
-            vec![1, 2],
-            &[],
-            "frame 2 of take",
-        );
-        let twin = DuplicateTake {
-            a: 0,
-            b: 1,
-            evidence: DuplicateEvidence::Mirrored,
-            share: 1.0,
-        };
-        says(Split::Takes, vec![0, 1], vec![7, 8], &[twin], "01_00");
-        says(Split::Takes, vec![], vec![7], &[], "needs training poses");
-        says(Split::Takes, vec![2, 1], vec![7], &[], "ascend");
-        says(Split::Takes, vec![1], vec![70_000], &[], "ascend");
-        Partition::verified(&data, &[], Split::Frames, 0, vec![0, 2], vec![1]).unwrap();
+            let (learnt, tested) = (subjects(&part.train), subjects(&part.test));
+            assert!(learnt.is_disjoint(&tested) && tested.len() == 1);
+            held.extend(tested.into_iter().filter(|_| seed < 4));
+        }
+        // Consecutive seeds hold out every subject once.
+        held.sort_unstable();
+        assert_eq!(held, data.subjects());
     }
 
     #[test]
@@ -398,12 +294,11 @@ mod tests {
         };
         // A take of 01 equals one of 02 and one of 07.
         let twins = [twin(0, 8), twin(8, 12)];
-        for seed in 0..10 {
-            let part = Partition::draw(&data, &twins, Split::Takes, seed).unwrap();
-            let tested = sides(&data, part.test());
+        for (seed, split) in (0..10).flat_map(|s| [(s, Split::Takes), (s, Split::Subjects)]) {
+            let part = Partition::draw(&data, &twins, split, seed).unwrap();
+            let [learnt, tested] = [&part.train, &part.test].map(|rows| sides(&data, rows));
+            assert!(learnt.iter().zip(&tested).all(|(l, t)| l != t));
             assert!(tested[0] == tested[8] && tested[8] == tested[12]);
-            // Drawing verifies subjects: 01, 02 and 07 are joined here.
-            Partition::draw(&data, &twins, Split::Subjects, seed).unwrap();
         }
     }
 

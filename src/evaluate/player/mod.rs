@@ -186,7 +186,7 @@ mod tests {
         let table = Table {
             caption: hostile.into(),
             header: vec![hostile.into(), "n".into()],
-            rows: vec![vec![hostile.into()], vec![hostile.into(), "1.5".into()]],
+            rows: vec![vec![hostile.into(), "1.5".into()]; 2],
         };
         let mut scene = Scene {
             title: hostile,

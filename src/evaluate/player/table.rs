@@ -8,18 +8,15 @@ pub fn html(table: &Table) -> String {
     let number =
         |text: &str| text.trim_end_matches(['%', ' ']).parse::<f64>().is_ok() || text == "–";
     // A column is set flush right if it holds numbers only.
-    let flush: Vec<bool> = (0..table.header.len())
-        .map(|c| {
-            let cells = || {
-                table
-                    .rows
-                    .iter()
-                    .filter_map(|row| row.get(c))
-                    .filter(|cell| !cell.is_empty())
-            };
-            cells().count() > 0 && cells().all(|cell| number(cell))
-        })
-        .collect();
+    let is_flush = |c: usize| {
+        let mut cells = table
+            .rows
+            .iter()
+            .map(|row| &row[c])
+            .filter(|cell| !cell.is_empty());
+        cells.clone().count() > 0 && cells.all(|cell| number(cell))
+    };
+    let flush: Vec<bool> = (0..table.header.len()).map(is_flush).collect();
     let class = |c: usize| if flush[c] { " class=\"number\"" } else { "" };
     let mut out = String::from("<div class=\"scores\"><table>\n");
     if !table.caption.is_empty() {
@@ -36,8 +33,7 @@ pub fn html(table: &Table) -> String {
     out.push_str("</tr></thead>\n<tbody>\n");
     for row in &table.rows {
         out.push_str("<tr>");
-        for c in 0..table.header.len() {
-            let cell = row.get(c).map(String::as_str).unwrap_or_default();
+        for (c, cell) in row.iter().enumerate() {
             out.push_str(&format!("<td{}>{}</td>", class(c), escape(cell)));
         }
         out.push_str("</tr>\n");

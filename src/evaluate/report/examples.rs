@@ -33,7 +33,7 @@ struct Restored {
 /// As [`ExamplePoses::damaged`] and [`player::page`].
 pub fn figures(report: &BenchmarkReport<'_>, poses: &ExamplePoses) -> Result<String> {
     let mut out = String::new();
-    let (dataset, settings) = (report.dataset(), report.benchmark.settings());
+    let (dataset, settings) = (report.dataset(), &report.benchmark.settings);
     let kinds: Vec<ExampleKind> = (settings.tasks.iter())
         .flat_map(|task| ExampleKind::of(*task))
         .collect();
@@ -102,7 +102,7 @@ impl Restored {
         poses: &ExamplePoses,
         kind: ExampleKind,
     ) -> Result<Restored> {
-        let observe = &report.benchmark.settings().observe;
+        let observe = &report.benchmark.settings.observe;
         let damaged = poses.damaged(report.dataset(), observe, kind)?;
         let (truth, shape) = (&damaged.truth, damaged.truth.dim());
         let changed = (kind == ExampleKind::Pose(Task::Sparse)).then(|| {

@@ -51,7 +51,7 @@ impl<'a> BenchmarkReport<'a> {
     }
 
     fn dataset(&self) -> &Dataset {
-        self.benchmark.dataset()
+        self.benchmark.dataset
     }
 
     /// The HTML page.
@@ -75,7 +75,7 @@ impl<'a> BenchmarkReport<'a> {
 
     /// What the page's script draws: the size of the run, the summary, and the tuning curves of the first seed.
     fn page_data(&self) -> serde_json::Value {
-        let (data, settings) = (self.dataset(), self.benchmark.settings());
+        let (data, settings) = (self.dataset(), &self.benchmark.settings);
         let tuning: Vec<serde_json::Value> = self
             .results
             .iter()
@@ -89,7 +89,7 @@ impl<'a> BenchmarkReport<'a> {
             })
             .collect();
         let describe = |twin: &DuplicateTake| twin.describe(data).trim_end_matches(',').to_string();
-        let duplicates = self.benchmark.duplicates().iter().map(describe);
+        let duplicates = self.benchmark.duplicates.iter().map(describe);
         json!({
             "takes": data.takes.len(), "subjects": data.subjects().len(), "frames": data.xyz.nrows(),
             "seeds": settings.seeds, "test_frames": settings.frames, "duplicates": duplicates.collect::<Vec<_>>(),
@@ -100,7 +100,7 @@ impl<'a> BenchmarkReport<'a> {
 
     /// The figures of restored poses; empty without examples.
     fn examples_section(&self) -> Result<String> {
-        let Some(poses) = self.benchmark.example_poses() else {
+        let Some(poses) = &self.benchmark.example_poses else {
             return Ok(String::new());
         };
         let figures = examples::figures(self, poses)?;
@@ -138,7 +138,7 @@ mod tests {
         };
         let observe = settings.observe.clone();
         let benchmark = Benchmark::new(&dataset, settings).unwrap();
-        let poses = benchmark.example_poses().unwrap();
+        let poses = benchmark.example_poses.as_ref().unwrap();
         let mut results = Vec::new();
         for task in Task::ALL {
             let example = |kind: ExampleKind| {

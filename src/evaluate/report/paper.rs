@@ -12,7 +12,7 @@ use crate::evaluate::html::{fill, script_json};
 use crate::evaluate::player;
 use crate::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
@@ -26,27 +26,9 @@ pub struct FinishedRun {
     /// The run's name, for captions.
     #[serde(skip)]
     name: String,
-    settings: RunSettings,
-    data: RunData,
+    settings: Value,
+    data: Value,
     summary: Vec<SummaryRow>,
-}
-
-#[derive(Debug, Clone, Deserialize, Serialize)]
-struct RunSettings {
-    seeds: Vec<u64>,
-    frames: usize,
-}
-
-#[derive(Debug, Clone, Deserialize, Serialize)]
-struct RunData {
-    frames: usize,
-    takes: Vec<RunTake>,
-}
-
-#[derive(Debug, Clone, Deserialize, Serialize)]
-struct RunTake {
-    subject: String,
-    rate: Option<f64>,
 }
 
 impl FinishedRun {
@@ -66,7 +48,18 @@ impl FinishedRun {
     }
 
     fn subjects(&self) -> BTreeSet<&str> {
-        self.data.takes.iter().map(|t| &*t.subject).collect()
+        let takes = self.data["takes"].as_array();
+        takes
+            .into_iter()
+            .flatten()
+            .filter_map(|t| t["subject"].as_str())
+            .collect()
+    }
+
+    /// The subject of a run of one subject.
+    fn single(&self) -> Option<&str> {
+        let subjects = self.subjects();
+        (subjects.len() == 1).then(|| subjects.first().copied())?
     }
 }
 
@@ -129,22 +122,20 @@ impl<'a> Comparison<'a> {
         let tables: PrintedTables =
             toml::from_str(DATA).map_err(|e| Error::usage(e.to_string()))?;
         let (single, several): (Vec<&FinishedRun>, Vec<&FinishedRun>) =
-            runs.iter().partition(|r| r.subjects().len() == 1);
+            runs.iter().partition(|r| r.single().is_some());
         let mut columns = tables.columns;
-        for run in &single {
+        for subject in single.iter().filter_map(|r| r.single()) {
             for (table, task) in (2..).zip(Task::ALL) {
-                let subject = run.data.takes[0].subject.clone();
                 if !columns
                     .iter()
                     .any(|c| c.table == table && c.subject == subject)
                 {
-                    let (errors, measured) = (Vec::new(), Vec::new());
                     columns.push(Column {
                         table,
                         task,
-                        subject,
-                        errors,
-                        measured,
+                        subject: subject.into(),
+                        errors: Vec::new(),
+                        measured: Vec::new(),
                     });
                 }
             }
@@ -152,7 +143,7 @@ impl<'a> Comparison<'a> {
         columns.sort_by_key(|c| c.table);
         let largest = several.into_iter().max_by_key(|r| r.subjects().len());
         for column in &mut columns {
-            let own = |r: &&FinishedRun| r.data.takes[0].subject == column.subject;
+            let own = |r: &&FinishedRun| r.single() == Some(&column.subject);
             let run = match column.table {
                 1 => largest,
                 _ => single.iter().copied().find(own),
@@ -243,7 +234,7 @@ mod tests {
             }
         }
         let take = |subject: &&str| json!({"subject": subject, "rate": 120.0});
-        let takes: Vec<serde_json::Value> = subjects.iter().map(take).collect();
+        let takes: Vec<Value> = subjects.iter().map(take).collect();
         let results = json!({
             "settings": {"seeds": [0], "frames": 30},
             "data": {"frames": 100, "takes": takes},

@@ -20,14 +20,14 @@ impl BenchmarkReport<'_> {
     /// # Errors
     /// None that the types do not already exclude.
     pub fn json(&self) -> Result<String> {
-        let (data, settings) = (self.dataset(), self.benchmark.settings());
+        let (data, settings) = (self.dataset(), &self.benchmark.settings);
         let name = |take: usize| &data.takes[take].name;
         let takes = data.takes.iter().map(|t| {
             json!({
                 "take": t.name, "subject": t.subject, "frames": t.rows.len(), "rate": t.rate, "digest": t.digest,
             })
         });
-        let twins = self.benchmark.duplicates().iter().map(|t| {
+        let twins = self.benchmark.duplicates.iter().map(|t| {
             json!({
                 "take": name(t.b), "of": name(t.a), "found_by": t.evidence, "share": t.share,
             })
