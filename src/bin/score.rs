@@ -1,7 +1,7 @@
 //! Compares poses with the truth.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, Units, parse_rate};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages, run};
@@ -9,7 +9,7 @@ use posing::evaluate::Score;
 use posing::evaluate::aligned_frames::point_order;
 use posing::io::Table;
 use posing::{Error, Place, Result};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Compare poses with the truth
@@ -63,7 +63,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let inputs: Vec<InputArgs> = files
         .into_iter()
         .flatten()
-        .map(|f| table(args, f))
+        .map(|file| InputArgs::plain(vec![file.clone()], args.fps, &args.joints))
         .collect();
     check_single_stdin(inputs.iter().flat_map(|t| &t.files))?;
     let tables = inputs.iter().map(|input| read_table(input, true, false));
@@ -105,15 +105,4 @@ fn work(args: &Args) -> Result<Outcome> {
     }
     write_bytes(args.output.as_deref(), out.as_bytes(), false)?;
     Ok(Outcome::Done)
-}
-
-/// How one file is read.
-fn table(args: &Args, file: &Path) -> InputArgs {
-    InputArgs {
-        files: vec![file.to_path_buf()],
-        fps: args.fps,
-        joints: args.joints.clone(),
-        units: Units::Cm,
-        up: Up::Y,
-    }
 }

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, Units, parse_rate};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::one_take::one_take;
@@ -63,13 +63,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain([&args.asf]))?;
     let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
-    let input = InputArgs {
-        files: args.files.clone(),
-        fps: args.fps,
-        joints: args.joints.clone(),
-        units: Units::Cm,
-        up: Up::Y,
-    };
+    let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
     let table = read_table(&input, false, false)?;
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let rate = input.rate(&poses)?;

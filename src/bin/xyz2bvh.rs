@@ -81,13 +81,7 @@ fn work(args: &Args) -> Result<Outcome> {
         .as_ref()
         .map(|p| skeleton_file(args, p))
         .transpose()?;
-    let input = InputArgs {
-        files: args.files.clone(),
-        fps: args.fps,
-        joints: args.joints.clone(),
-        units: Units::Cm,
-        up: Up::Y,
-    };
+    let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
     let table = read_table(&input, false, false)?;
     let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
     let Some(rate) = input.rate(&poses)? else {

@@ -26,7 +26,7 @@ pub struct CommonArgs {
 }
 
 impl CommonArgs {
-    /// Sets the threads and the loudness; called once, first.
+    /// Sets the number of threads and the verbosity; called once, first.
     pub fn apply(&self) -> Result<()> {
         messages::set_verbosity(self.quiet, self.verbose);
         if let Some(threads) = self.threads {
@@ -35,7 +35,7 @@ impl CommonArgs {
                     "--threads {threads}: expected 1 to 4096"
                 )));
             }
-            // Fails only when a pool is there already, and then nothing is lost but speed.
+            // Fails only if there is a pool already, which costs nothing but speed.
             let _ = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .build_global();
@@ -140,7 +140,7 @@ impl Up {
     }
 }
 
-/// Where poses come from.
+/// The input tables of a command.
 #[derive(Debug, Clone, Args)]
 pub struct InputArgs {
     /// Pose tables, CSV or NPY; - or nothing: standard input
@@ -173,7 +173,26 @@ pub struct InputArgs {
 }
 
 impl InputArgs {
-    /// How the library is to read it.
+    /// Tables in centimetres, y up.
+    pub fn plain(files: Vec<PathBuf>, fps: Option<f64>, joints: &Option<String>) -> InputArgs {
+        InputArgs {
+            files,
+            fps,
+            joints: joints.clone(),
+            units: Units::Cm,
+            up: Up::Y,
+        }
+    }
+
+    /// The flags for other files.
+    pub fn with_files(&self, files: Vec<PathBuf>) -> InputArgs {
+        InputArgs {
+            files,
+            ..self.clone()
+        }
+    }
+
+    /// The options of the library's reader.
     pub fn options(&self, planar: bool, cells: bool) -> Result<ReadOptions> {
         let joints = self.joints.as_deref().map(parse_point_names).transpose()?;
         Ok(ReadOptions {
@@ -183,7 +202,7 @@ impl InputArgs {
         })
     }
 
-    /// Carries a frame to centimetres, y up; whether that changed it.
+    /// Converts a frame to centimetres, y up; returns whether that changed it.
     pub fn convert(&self, xyz: &mut [f64]) -> bool {
         if self.units == Units::Cm && self.up == Up::Y {
             return false;
@@ -242,7 +261,7 @@ pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// Where a table goes.
+/// The output table of a command.
 #[derive(Debug, Clone, Args)]
 pub struct OutputArgs {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
@@ -263,7 +282,7 @@ pub enum Format {
 }
 
 impl OutputArgs {
-    /// What `--to` says, else what the file's name says, else CSV.
+    /// The format of `--to`, else that of the file's name, else CSV.
     pub fn format(&self) -> TableFormat {
         match (self.to, &self.output) {
             (Some(Format::Csv), _) | (None, None) => TableFormat::Csv,
@@ -273,7 +292,7 @@ impl OutputArgs {
     }
 }
 
-/// The space poses are worked on in.
+/// The space in which poses are restored or learnt.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Space {
     /// Move each pose to the model's space and back
@@ -292,7 +311,7 @@ impl Space {
     }
 }
 
-/// The pursuit that finds the atoms of a pose.
+/// The rule by which a pursuit selects the next atom.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PursuitFlag {
     /// Optimized orthogonal matching pursuit, the more accurate
@@ -318,7 +337,7 @@ impl PursuitFlag {
     }
 }
 
-/// Where randomness starts.
+/// The seed of a command.
 #[derive(Debug, Clone, Args)]
 pub struct SeedArgs {
     /// Seed of the random numbers; the same seed gives the same result

@@ -49,7 +49,7 @@ impl KMeansArgs {
 pub struct SplitFolder<'a> {
     /// The folder.
     pub folder: &'a Path,
-    /// How many parts.
+    /// The number of parts.
     pub parts: usize,
     /// The format of the parts.
     pub out: &'a OutputArgs,
@@ -65,7 +65,7 @@ impl SplitFolder<'_> {
         format!("{part:0width$}.{extension}")
     }
 
-    /// Fails where the folder holds parts of another split, which would pass for parts of this one.
+    /// Fails if the folder has parts of another split, which would be mistaken for parts of this one.
     ///
     /// # Errors
     /// When there are such files, or the folder cannot be read.

@@ -17,7 +17,7 @@ pub enum Shell {
     Fish,
 }
 
-/// What a completion script has to know of a command.
+/// The parts of a command that a completion script needs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Outline {
     /// The command's name.

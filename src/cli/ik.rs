@@ -11,7 +11,7 @@ use crate::{Error, Place, Result};
 /// The number of names that a message lists.
 const LISTED: usize = 8;
 
-/// Says where a take's times jump, which `format` has no word for.
+/// Reports jumps of a take's times, which `format` cannot express.
 pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
     let jumps = poses.runs().len().saturating_sub(1);
     if jumps > 0 {
@@ -26,7 +26,7 @@ pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
     }
 }
 
-/// Fits `skeleton` to the take of a table named `table`; an error that says `no_joint` where no point is a joint.
+/// Fits `skeleton` to the take of a table named `table`; `no_joint` is the error if no point is a joint.
 pub fn fit<'a>(
     skeleton: &SkeletonFit<'a>,
     poses: &Poses,

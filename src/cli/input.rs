@@ -1,4 +1,4 @@
-//! What the commands read: files or standard input, tables row by row or whole, models.
+//! The input of commands: files or standard input, tables row by row or whole, models.
 
 use super::args::InputArgs;
 use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
@@ -22,28 +22,24 @@ pub fn open_model(path: &Path) -> Result<Model> {
     Model::read(open(path)?)
 }
 
-/// Fails where two things would be read from standard input.
+/// Fails if two of the paths are standard input (`-`).
 pub fn check_single_stdin<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.into_iter().filter(|p| *p == Path::new("-")).count() {
         0 | 1 => Ok(()),
-        _ => Err(Error::usage("standard input (-) is given more than once")),
+        _ => Err(Error::usage(
+            "standard input (-) is needed more than once; use files for the others",
+        )),
     }
 }
 
-/// Fails where a table and another file would both be read from standard input, which is where a table without a name
-/// comes from.
+/// Fails if a table and another file would both be read from standard input, the input of a table without files.
 pub fn check_single_stdin_with<'a>(
     table: &'a InputArgs,
     others: impl IntoIterator<Item = &'a PathBuf>,
 ) -> Result<()> {
-    let unnamed = usize::from(table.files.is_empty());
-    let named = table.files.iter().chain(others);
-    match named.filter(|p| *p == Path::new("-")).count() + unnamed {
-        0 | 1 => Ok(()),
-        _ => Err(Error::usage(
-            "standard input (-) is needed twice; use a file for one of them",
-        )),
-    }
+    let mut paths = or_stdin(&table.files);
+    paths.extend(others.into_iter().cloned());
+    check_single_stdin(&paths)
 }
 
 /// Rows of several tables with the same columns, one after another.
@@ -52,9 +48,8 @@ pub struct RowStream<'a> {
     planar: bool,
     cells: bool,
     rest: std::vec::IntoIter<PathBuf>,
-    /// What the file being read is called as a take.
+    /// The take's name of the file being read, and of those before it.
     take: Arc<str>,
-    /// What those before it were called.
     takes: Vec<Arc<str>>,
     reader: RowReader,
     columns: Columns,
@@ -81,7 +76,7 @@ impl<'a> RowStream<'a> {
         })
     }
 
-    /// What the columns mean.
+    /// The columns of the tables.
     pub fn columns(&self) -> &Columns {
         &self.columns
     }
@@ -99,11 +94,6 @@ impl<'a> RowStream<'a> {
             name.push('\'');
         }
         self.take = name.into();
-    }
-
-    /// What the file being read is called as a take, where nothing in it tells.
-    fn take_of_file(&self) -> Arc<str> {
-        self.take.clone()
     }
 
     /// The next frame, in centimetres, y up; `false` at the end of the last file.
@@ -125,7 +115,7 @@ impl<'a> RowStream<'a> {
     }
 }
 
-/// The files named, or standard input (`-`) where none is.
+/// The files, or standard input (`-`) if there are none.
 pub fn or_stdin(files: &[PathBuf]) -> Vec<PathBuf> {
     match files {
         [] => vec![PathBuf::from("-")],
@@ -146,12 +136,12 @@ pub fn read_table(flags: &InputArgs, planar: bool, cells: bool) -> Result<Table>
     let name = stream.name().to_string();
     let (mut builder, mut kept, mut row) =
         (PosesBuilder::new(&columns), Vec::new(), Row::default());
-    // Where neither takes nor times tell how frames hang together, each file is a take.
-    let is_telling = columns.take.is_some() || columns.time.is_some() || flags.files.len() < 2;
+    // Without takes and times, each of several files is a take.
+    let has_takes = columns.take.is_some() || columns.time.is_some() || flags.files.len() < 2;
     let mut files: Vec<Arc<str>> = Vec::new();
     while stream.read(&mut row)? {
-        if !is_telling {
-            files.push(stream.take_of_file());
+        if !has_takes {
+            files.push(stream.take.clone());
         }
         builder.push(&row);
         if cells {
@@ -159,7 +149,7 @@ pub fn read_table(flags: &InputArgs, planar: bool, cells: bool) -> Result<Table>
         }
     }
     let mut poses = builder.finish();
-    if !is_telling {
+    if !has_takes {
         poses.take = Some(files);
     }
     Ok(Table {

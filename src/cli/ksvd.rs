@@ -155,7 +155,7 @@ impl KsvdArgs {
     }
 }
 
-/// A training run: what it learns from, and where it leaves its traces.
+/// A training run with its checkpoint and log.
 pub struct TrainingRun<'a> {
     /// The parameters.
     pub ksvd: &'a Ksvd,
@@ -163,18 +163,18 @@ pub struct TrainingRun<'a> {
     pub poses: ArrayView2<'a, f32>,
     /// (v, D).
     pub validation: Option<ArrayView2<'a, f32>>,
-    /// Says which run a checkpoint belongs to.
+    /// Identifies poses and flags: a checkpoint of another run is refused.
     pub digest: String,
-    /// How many atoms are asked for, where a number is.
+    /// The number of atoms, if known before training.
     pub atoms: Option<usize>,
-    /// Where the state is kept.
+    /// The file of the checkpoint.
     pub checkpoint: Option<&'a Path>,
-    /// Where each iteration leaves a line of JSON.
+    /// The file that gets a line of JSON per iteration.
     pub log: Option<&'a Path>,
 }
 
 impl TrainingRun<'_> {
-    /// Trains, from the checkpoint if there is one, else from what `start` gives.
+    /// Trains from the checkpoint if there is one, else from the dictionary that `start` returns.
     pub fn train(&self, start: impl FnOnce() -> Result<Dictionary>) -> Result<TrainingState> {
         let resumed = self.resume()?;
         let mut log = self.open_log(resumed.is_some())?;

@@ -1,4 +1,4 @@
-//! The launcher's way to the other commands: where their binaries are, and what those print about themselves.
+//! The launcher's access to the other commands: their binaries, manual pages and outlines.
 
 use super::completions::Outline;
 use super::{commands, manual, streams};

@@ -1,4 +1,4 @@
-//! Words to the user, on standard error, one line each, with the command's name before them.
+//! Messages on standard error: one line each, after the command's name.
 
 use std::io::Write;
 use std::sync::OnceLock;
@@ -8,7 +8,7 @@ static NAME: OnceLock<String> = OnceLock::new();
 /// 0 quiet, 1 as usual, 2 verbose.
 static LEVEL: AtomicU8 = AtomicU8::new(1);
 
-/// The name that stands before every line.
+/// Sets the name that begins every line.
 pub fn set_name(name: &str) {
     let _ = NAME.set(name.to_string());
 }
@@ -32,30 +32,30 @@ pub fn is_quiet() -> bool {
     LEVEL.load(Ordering::Relaxed) == 0
 }
 
-/// Text from files may hold line ends and escapes: they are not for a terminal, and a message is one line.
+/// Replaces control characters, which text from files may contain: a message is one line without terminal escapes.
 fn visible(text: &str) -> String {
     text.replace(char::is_control, "\u{fffd}")
 }
 
 fn line(text: &str) {
     let name = NAME.get().map_or("posing", String::as_str);
-    // Nowhere is left to tell that telling failed.
+    // A failure to write to standard error cannot be reported.
     let _ = writeln!(std::io::stderr(), "{name}: {}", visible(text));
 }
 
-/// Why the command failed: always said.
+/// Prints why the command failed, at every verbosity.
 pub fn error(text: &str) {
     line(text);
 }
 
-/// What the user should know of a run that goes on; silenced by `-q`.
+/// Prints a message about a run that goes on, unless `-q` is given.
 pub fn info(text: &str) {
     if LEVEL.load(Ordering::Relaxed) >= 1 {
         line(text);
     }
 }
 
-/// What only `-v` shows.
+/// Prints a message if `-v` is given.
 pub fn debug(text: &str) {
     if LEVEL.load(Ordering::Relaxed) >= 2 {
         line(text);

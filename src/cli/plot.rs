@@ -143,10 +143,7 @@ impl PlotTable {
     pub fn read_all(flags: &InputArgs, files: &[PathBuf]) -> Result<Vec<PlotTable>> {
         let mut tables: Vec<PlotTable> = Vec::new();
         for file in files {
-            let mut table = PlotTable::read(&InputArgs {
-                files: vec![file.clone()],
-                ..flags.clone()
-            })?;
+            let mut table = PlotTable::read(&flags.with_files(vec![file.clone()]))?;
             if let Some(first) = tables.first() {
                 table.match_to(first)?;
             }

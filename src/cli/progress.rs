@@ -7,7 +7,7 @@ use std::io::IsTerminal;
 pub struct Progress(ProgressBar);
 
 impl Progress {
-    /// A bar over `steps` steps; `what` says of what.
+    /// A bar of `steps` steps with the label `what`.
     pub fn new(what: &str, steps: u64) -> Progress {
         if super::messages::is_quiet() || !std::io::stderr().is_terminal() {
             return Progress(ProgressBar::hidden());
@@ -18,11 +18,11 @@ impl Progress {
         bar.set_message(what.to_string());
         Progress(bar)
     }
-    /// Shows that `done` steps are done.
+    /// Sets the number of finished steps.
     pub fn set(&self, done: u64) {
         self.0.set_position(done);
     }
-    /// Shows other words.
+    /// Changes the label.
     pub fn set_message(&self, what: String) {
         self.0.set_message(what);
     }

@@ -1,15 +1,15 @@
-//! What `denoise` and `complete` share: the model, tables in and out, frames in batches or takes whole, statuses.
+//! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of frames.
 
 use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
 use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
 use super::progress::Progress;
 use super::streams::{create_table, write_table};
-use super::summary::{RunSummary, status_cells, status_columns};
+use super::summary::{report, status_cells, status_columns};
 use super::{Outcome, messages};
 use crate::io::text::excerpt;
 use crate::io::{Columns, Model, PosesBuilder, Row, Table};
 use crate::prior::OpenOptions;
-use crate::restore::{Complete, Denoise, Restoration, Restorer};
+use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
 use crate::{Error, Result};
 use clap::Args;
 use std::path::PathBuf;
@@ -129,25 +129,24 @@ impl Task {
 /// Restores the tables that the flags name.
 pub fn restore(args: &RestoringArgs, task: &Task) -> Result<Outcome> {
     check_single_stdin_with(&args.input, &args.model.model)?;
-    let mut summary = RunSummary::new(task.max_gap().is_some());
-    match (args.per_frame, task.max_gap()) {
+    let counts = match (args.per_frame, task.max_gap()) {
         (true, Some(_)) => {
             let what = "--max-gap needs times and cannot be used with --per-frame";
             return Err(Error::usage(what));
         }
-        (true, None) => frame_by_frame(args, task, &mut summary)?,
-        (false, _) => take_by_take(args, task, &mut summary)?,
-    }
+        (true, None) => frame_by_frame(args, task)?,
+        (false, _) => take_by_take(args, task)?,
+    };
     let left = match task {
         Task::Complete(_) => "left empty: too few points visible",
         Task::Denoise(_) => "left unchanged: too few points visible",
     };
-    summary.report(left, args.status);
+    report(&counts, left, args.status, task.max_gap().is_some());
     Ok(Outcome::Done)
 }
 
 /// Restores a whole table, and shows progress.
-fn take_by_take(args: &RestoringArgs, task: &Task, summary: &mut RunSummary) -> Result<()> {
+fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> {
     let table = read_table(&args.input, task.planar(), true)?;
     task.check(&table.columns.points)?;
     let added = status_columns(args.status, &table.columns);
@@ -172,14 +171,14 @@ fn take_by_take(args: &RestoringArgs, task: &Task, summary: &mut RunSummary) -> 
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
-    summary.add(restored.counts());
     write_table(&args.out, &table, restored.xyz(), &added, |t| {
         status_cells(args.status, &restored, t, table.columns.points.len())
-    })
+    })?;
+    Ok(restored.counts().clone())
 }
 
 /// Restores frames in batches as they come: constant memory.
-fn frame_by_frame(args: &RestoringArgs, task: &Task, summary: &mut RunSummary) -> Result<()> {
+fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> {
     let mut stream = RowStream::open(&args.input, task.planar(), true)?;
     let columns = stream.columns().clone();
     task.check(&columns.points)?;
@@ -187,6 +186,7 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task, summary: &mut RunSummary) -
     let restorer = args.restorer(&model, &name, &columns)?;
     let added = status_columns(args.status, &columns);
     let mut sink = create_table(&args.out, &columns, &added)?;
+    let mut counts = RestorationCounts::default();
     for batch in 0.. {
         let mut rows = Vec::with_capacity(BATCH);
         let mut row = Row::default();
@@ -209,13 +209,14 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task, summary: &mut RunSummary) -
             args.input.rate(&table.poses)?;
         }
         let restored = task.restore(&restorer, &table, &|_| ())?;
-        summary.add(restored.counts());
+        counts.add(restored.counts());
         for (t, row) in rows.iter().enumerate() {
             let cells = status_cells(args.status, &restored, t, columns.points.len());
             sink.write(row, &restored.xyz().row(t).to_vec(), &cells)?;
         }
     }
-    sink.finish()
+    sink.finish()?;
+    Ok(counts)
 }
 
 impl ModelFlags {
@@ -259,7 +260,7 @@ impl RestoringArgs {
     }
 }
 
-/// Says which points the model does not know.
+/// Reports the points that are not in the model.
 fn report_unknown_points(points: &[String], known: &[String]) {
     let unknown: Vec<String> = (points.iter().filter(|p| !known.contains(p)))
         .map(|p| excerpt(p))

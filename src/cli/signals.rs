@@ -1,4 +1,4 @@
-//! Signals that end the process: what is half written goes with it.
+//! Removal of unfinished output files when a signal ends the process.
 
 use crate::io::output::remove_unfinished_files;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -6,7 +6,7 @@ use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 use std::sync::Once;
 
-/// Watches for them from now on. The process ends as it would have without.
+/// Handles SIGINT and SIGTERM from now on: unfinished files are removed, then the process ends as by default.
 pub fn watch() {
     static WATCHING: Once = Once::new();
     WATCHING.call_once(|| {
@@ -23,7 +23,7 @@ pub fn watch() {
     });
 }
 
-/// Whether whoever started the process wants it to go on, as a shell does with what runs behind it. (Linux tells.)
+/// Whether the process was started with the signal ignored, as shells do for background jobs. Known on Linux only.
 fn is_ignored(signal: i32) -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|l| l.strip_prefix("SigIgn:"));

@@ -1,4 +1,4 @@
-//! What the commands write: files that appear when complete, standard output, tables on either.
+//! The output of commands: files that appear when complete, or standard output.
 
 use super::args::OutputArgs;
 use crate::io::csv::AddedColumn;
@@ -45,7 +45,7 @@ pub fn create_table(
     TableWriter::new(output, format, columns, added)
 }
 
-/// Writes a whole table whose numbers became `xyz`; `added` gives each frame's added cells.
+/// Writes a whole table with the coordinates `xyz` (frames, 3 J); `cells` gives the added cells of a frame.
 pub fn write_table(
     args: &OutputArgs,
     table: &Table,

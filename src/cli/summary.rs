@@ -1,4 +1,4 @@
-//! What `denoise` and `complete` tell of what they did: columns of the table, and lines at the end.
+//! The report of `denoise` and `complete`: status columns of the table, and messages at the end.
 
 use super::messages;
 use crate::io::Columns;
@@ -52,64 +52,42 @@ fn number(value: f64) -> String {
     String::from_utf8(text).unwrap_or_default()
 }
 
-/// What is said at the end.
-#[derive(Default)]
-pub struct RunSummary {
-    counts: RestorationCounts,
-    /// Whether gaps may be left for their length.
-    pub max_gap: bool,
-}
-
-impl RunSummary {
-    /// Nothing counted yet.
-    pub fn new(max_gap: bool) -> RunSummary {
-        RunSummary {
-            max_gap,
-            ..RunSummary::default()
-        }
-    }
-
-    /// Adds the counts of a restoration.
-    pub fn add(&mut self, counts: &RestorationCounts) {
-        self.counts.add(counts);
-    }
-
-    /// Says what was counted; `too_little` is what too little was seen for, `status` whether it stands in the table too.
-    pub fn report(&self, too_little: &str, status: bool) {
-        if self.counts.too_little > 0 {
-            messages::info(&format!(
-                "{} of {} frames {too_little}",
-                self.counts.too_little, self.counts.frames
-            ));
-        }
-        if self.counts.rejected > 0 {
-            let count = self.counts.rejected;
-            let noun = if count == 1 { "outlier" } else { "outliers" };
-            messages::info(&format!("ignored {count} {noun}"));
-        }
-        if self.counts.novel > 0 {
-            let which = if status {
-                "the column unlike"
-            } else {
-                "--status"
-            };
-            messages::info(&format!(
-                "{} of {} frames have a pose unlike all training poses ({which} shows by how much)",
-                self.counts.novel, self.counts.frames
-            ));
-        }
-        if self.max_gap && self.counts.unfilled > 0 {
-            messages::info(&format!("{} points left empty", self.counts.unfilled));
-        }
-        messages::debug(&format!(
-            "{} frames, {} points filled",
-            self.counts.frames, self.counts.filled
+/// Reports the counts of a restoration. `too_little`: the fate of frames in which too few points are visible; `status`:
+/// whether the table has status columns; `max_gap`: whether long gaps are left empty.
+pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_gap: bool) {
+    if counts.too_little > 0 {
+        messages::info(&format!(
+            "{} of {} frames {too_little}",
+            counts.too_little, counts.frames
         ));
-        if self.counts.mean_noise() > 0.0 {
-            messages::debug(&format!(
-                "noise {:.3} cm per coordinate",
-                self.counts.mean_noise()
-            ));
-        }
+    }
+    if counts.rejected > 0 {
+        let count = counts.rejected;
+        let noun = if count == 1 { "outlier" } else { "outliers" };
+        messages::info(&format!("ignored {count} {noun}"));
+    }
+    if counts.novel > 0 {
+        let which = if status {
+            "the column unlike"
+        } else {
+            "--status"
+        };
+        messages::info(&format!(
+            "{} of {} frames have a pose unlike all training poses ({which} shows by how much)",
+            counts.novel, counts.frames
+        ));
+    }
+    if max_gap && counts.unfilled > 0 {
+        messages::info(&format!("{} points left empty", counts.unfilled));
+    }
+    messages::debug(&format!(
+        "{} frames, {} points filled",
+        counts.frames, counts.filled
+    ));
+    if counts.mean_noise() > 0.0 {
+        messages::debug(&format!(
+            "noise {:.3} cm per coordinate",
+            counts.mean_noise()
+        ));
     }
 }

@@ -1,23 +1,20 @@
 //! Training poses as `ksvd-train` and `prior-train` read them, and the size of a multi-scale mixture.
 
+use super::args::InputArgs;
 use super::{input, messages};
 use crate::pose::Space;
 use crate::prior::{Kind, TrainingSet, multiscale};
 use crate::{Error, Result};
 use std::path::PathBuf;
 
-/// Reads training poses from files, placed as those of `like` if given; says how many frames are skipped.
+/// Reads training poses from files, placed as those of `like` if given; reports the number of skipped frames.
 pub fn ready(
-    flags: &super::args::InputArgs,
+    flags: &InputArgs,
     files: Vec<PathBuf>,
     world: bool,
     like: Option<&TrainingSet>,
 ) -> Result<TrainingSet> {
-    let flags = super::args::InputArgs {
-        files,
-        ..flags.clone()
-    };
-    let table = input::read_table(&flags, false, false)?;
+    let table = input::read_table(&flags.with_files(files), false, false)?;
     let ready = match like {
         Some(like) => like.comparable(&table.poses, &table.name)?,
         None => {
