@@ -176,6 +176,11 @@ impl ActiveSet {
         self.left
     }
 
+    /// The direction q_i (D) of the i-th atom taken.
+    pub fn direction(&self, i: usize) -> &[f64] {
+        &self.q[i * self.residual.len()..][..self.d]
+    }
+
     /// The newest direction q_k (D) and the signal's part along it.
     pub fn newest(&self) -> (&[f64], f64) {
         let (stride, k) = (self.residual.len(), self.support.len() - 1);

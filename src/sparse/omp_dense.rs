@@ -48,15 +48,6 @@ impl<'a> DenseOmp<'a> {
         }
     }
 
-    /// A state that does not use the Gram matrix.
-    #[cfg(test)]
-    pub fn of_scans(dictionary: &'a Dictionary, rule: SelectionRule, poses: usize) -> Self {
-        DenseOmp {
-            gram: None,
-            ..DenseOmp::new(dictionary, rule, poses)
-        }
-    }
-
     /// Codes the poses that `fits` were started on, with at most `sparsity` atoms each.
     pub fn code(&mut self, fits: &mut [ActiveSet], sparsity: usize) {
         let full = AtomBudget::of(self.dictionary, sparsity);

@@ -1,85 +1,70 @@
-//! A ball tree over the atoms. A leaf holds 8 atoms that are near one another; a ball around its center bounds their scores.
+//! A ball tree over the atoms. A leaf holds 16 atoms that are near one another; a ball around its center bounds their scores.
+//! Inner balls hold 16 balls of the layer below.
 //!
-//! Atoms are stored by their PCA coordinates first (see [`super::pca_projection`]), because a search reads those first. Inner
-//! balls hold 8 balls of the layer below.
+//! The tree stores the atoms' PCA coordinates only (see [`super::pca_projection`]): they decide for almost all atoms.
 
-use super::cost_model::PruningStats;
-use super::pca_projection::{
-    CENTRE, CENTRE_PARTS, LEVELS, PART, PARTS, PcaProjection, Projected, ROUNDING,
-};
+use super::pca_projection::{COORDINATES, LEADING, PcaProjection, Projected, ROUNDING};
 use crate::numeric::parallel;
 use ndarray::ArrayView2;
 
 /// The number of atoms in a leaf, and of balls in an inner ball.
-pub const LEAF: usize = 8;
-/// The largest number of groups of eight balls in the top layer; a search visits all of them.
-const TOP: usize = 16;
+pub const LEAF: usize = 16;
+/// The largest number of groups of balls in the top layer; a search visits all of them.
+const TOP: usize = 8;
 /// Marks an empty place in a leaf.
 pub const NO_ATOM: u32 = u32::MAX;
-
-/// Cost of multiplying a row in a dense scan relative to a tree search, measured: in a search a row serves fewer poses.
-const WORTH: f64 = 0.4;
 /// The largest number of atoms from which a split is computed.
 const SPLIT_SAMPLE: usize = 1024;
 /// Branches of more atoms than this are split in parallel.
 const LARGE: usize = 4096;
-/// A ball within this distance of the span of the chosen atoms is always visited: its atoms have a small remainder there,
-/// which rounding distorts.
-pub const NEAR: f32 = 0.03;
-/// Beyond this distance of the span rounding hardly matters.
-pub const FAR: f32 = 0.15;
 
-/// One number for each atom of a leaf, or for each of eight balls.
+/// One number for each atom of a leaf, or for each ball of a group.
 #[derive(Debug, Clone, Copy)]
-#[repr(C, align(32))]
+#[repr(C, align(64))]
 pub struct Lanes(pub [f32; LEAF]);
 
 impl Lanes {
     pub const ZERO: Lanes = Lanes([0.0; LEAF]);
 }
 
-/// A leaf: eight atoms.
+/// What a search reads first of a leaf.
 #[derive(Clone)]
 pub struct Leaf {
-    pub heads: [[Lanes; PART]; PARTS],
-    /// Norms of the atoms beyond each of [`LEVELS`].
-    pub tails: [Lanes; LEVELS.len()],
+    /// The first PCA coordinates, a row each.
+    pub leading: [Lanes; LEADING],
+    /// Upper bounds of the atoms' norms beyond them.
+    pub beyond: Lanes,
+}
+
+/// The rest of a leaf.
+#[derive(Clone)]
+pub struct LeafDetails {
+    /// The other PCA coordinates, a row each.
+    pub others: [Lanes; COORDINATES - LEADING],
+    /// Upper bounds of the atoms' norms beyond all coordinates.
+    pub beyond: Lanes,
     pub atoms: [u32; LEAF],
 }
 
-impl Leaf {
-    /// The PCA coordinates up to the first of [`LEVELS`].
-    pub fn first_parts(&self) -> &[[Lanes; PART]] {
-        &self.heads[..LEVELS[0]]
-    }
-}
-
-/// Eight balls, each around one leaf or around eight balls of the layer below. m is a center.
+/// A group of balls, each around one leaf or around a group of the layer below. m is a center.
 #[derive(Clone)]
 pub struct Balls {
-    pub heads: [[Lanes; PART]; CENTRE_PARTS],
+    /// The first PCA coordinates of m, a row each; the others are 0.
+    pub centers: [Lanes; LEADING],
     /// |m|²; infinite for an empty place.
     pub norms: Lanes,
     /// All atoms of the ball are within this distance of m.
     pub radii: Lanes,
-    /// (radius + [`NEAR`])².
-    pub near: Lanes,
-    /// (radius + [`FAR`])².
-    pub far: Lanes,
 }
 
 /// The ball tree over all atoms of a dictionary.
 pub struct BallTree {
     pub basis: PcaProjection,
     pub leaves: Vec<Leaf>,
-    /// (leaves, D): the full atoms of each leaf, a row of lanes per coordinate.
-    pub whole: Vec<Lanes>,
-    /// Layer 0 has a ball for each leaf; each further layer has a ball for eight balls of the layer before. The last is the
+    pub details: Vec<LeafDetails>,
+    /// Layer 0 has a ball for each leaf; each further layer has a ball for each group of the layer before. The last is the
     /// top.
     pub layers: Vec<Vec<Balls>>,
-    /// The leaf of each atom.
-    places: Vec<u32>,
-    pub tally: PruningStats,
 }
 
 impl BallTree {
@@ -87,12 +72,12 @@ impl BallTree {
     pub fn new(atoms: ArrayView2<'_, f32>) -> BallTree {
         let basis = PcaProjection::of(atoms);
         let n = atoms.nrows();
-        let heads = basis.heads(atoms);
-        let order = in_order(&heads);
-        let leaves: Vec<Leaf> =
-            parallel::map_chunks(n, LEAF, |places| leaf(&order[places], &heads));
+        let projected = basis.project_all(atoms);
+        let order = in_order(&projected);
+        let leaves = parallel::map_chunks(n, LEAF, |places| leaf(&order[places], &projected));
+        let (leaves, details) = leaves.into_iter().unzip();
         let layer = |atoms: usize| -> Vec<Balls> {
-            let balls = parallel::map_chunks(n, atoms, |places| ball(&order[places], &heads));
+            let balls = parallel::map_chunks(n, atoms, |places| ball(&order[places], &projected));
             balls.chunks(LEAF).map(beside).collect()
         };
         let (mut layers, mut atoms_each) = (vec![layer(LEAF)], LEAF);
@@ -100,58 +85,31 @@ impl BallTree {
             atoms_each *= LEAF;
             layers.push(layer(atoms_each));
         }
-        let whole = parallel::map_chunks(n, LEAF, |places| whole(&order[places], atoms)).concat();
-        let mut places = vec![0; n];
-        for (place, atom) in order.iter().enumerate() {
-            places[*atom as usize] = (place / LEAF) as u32;
-        }
         BallTree {
             basis,
             leaves,
-            whole,
+            details,
             layers,
-            places,
-            tally: PruningStats::new(WORTH),
         }
-    }
-
-    /// The number of coordinates of an atom, D.
-    pub fn width(&self) -> usize {
-        self.whole.len() / self.leaves.len().max(1)
-    }
-
-    /// The number of rows of lanes that a dense scan multiplies in a step.
-    pub fn scan(&self) -> usize {
-        self.whole.len()
-    }
-
-    /// The balls of the top layer.
-    pub fn top(&self) -> &[Balls] {
-        self.layers.last().map_or(&[], |layer| layer)
-    }
-
-    /// The leaf of an atom. Leaves near each other have numbers near each other.
-    pub fn place(&self, atom: u32) -> u32 {
-        self.places[atom as usize]
     }
 }
 
 /// Returns the atoms in an order in which neighbors are near one another.
-pub fn in_order(heads: &[Projected]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..heads.len() as u32).collect();
-    split(&mut order, heads);
+fn in_order(projected: &[Projected]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..projected.len() as u32).collect();
+    split(&mut order, projected);
     order
 }
 
-/// Splits atoms at the median of their coordinate along the direction of largest variance, recursively, down to eight.
-fn split(order: &mut [u32], heads: &[Projected]) {
+/// Splits atoms at the median of their coordinate along the direction of largest variance, recursively, down to leaves.
+fn split(order: &mut [u32], projected: &[Projected]) {
     if order.len() <= LEAF {
         return;
     }
-    let widest = widest(order, heads);
+    let widest = widest(order, projected);
     let at = |atom: &u32| -> f32 {
-        let head = heads[*atom as usize].centre();
-        head.iter().zip(&widest).map(|(h, w)| h * w).sum()
+        let point = projected[*atom as usize].leading();
+        point.iter().zip(&widest).map(|(p, w)| p * w).sum()
     };
     let mut placed: Vec<(f32, u32)> = order.iter().map(|a| (at(a), *a)).collect();
     let half = (order.len() / 2).next_multiple_of(LEAF);
@@ -163,29 +121,29 @@ fn split(order: &mut [u32], heads: &[Projected]) {
     let (low, high) = order.split_at_mut(half);
     match large {
         true => {
-            rayon::join(|| split(low, heads), || split(high, heads));
+            rayon::join(|| split(low, projected), || split(high, projected));
         }
         false => {
-            split(low, heads);
-            split(high, heads);
+            split(low, projected);
+            split(high, projected);
         }
     }
 }
 
 /// The direction of largest variance of the PCA coordinates, approximately: a few steps of the power method.
-fn widest(order: &[u32], heads: &[Projected]) -> [f32; CENTRE] {
+fn widest(order: &[u32], projected: &[Projected]) -> [f32; LEADING] {
     let some = order.iter().step_by(order.len().div_ceil(SPLIT_SAMPLE));
-    let rows: Vec<&[f32]> = some.map(|a| heads[*a as usize].centre()).collect();
-    let mean: [f32; CENTRE] =
+    let rows: Vec<&[f32; LEADING]> = some.map(|a| projected[*a as usize].leading()).collect();
+    let mean: [f32; LEADING] =
         std::array::from_fn(|k| rows.iter().map(|r| r[k]).sum::<f32>() / rows.len() as f32);
-    let mut spread = [[0.0f32; CENTRE]; CENTRE];
+    let mut spread = [[0.0f32; LEADING]; LEADING];
     for row in rows {
-        let apart: [f32; CENTRE] = std::array::from_fn(|k| row[k] - mean[k]);
+        let apart: [f32; LEADING] = std::array::from_fn(|k| row[k] - mean[k]);
         for (line, a) in spread.iter_mut().zip(apart) {
             line.iter_mut().zip(apart).for_each(|(s, b)| *s += a * b);
         }
     }
-    let longest = (0..CENTRE).max_by(|a, b| spread[*a][*a].total_cmp(&spread[*b][*b]));
+    let longest = (0..LEADING).max_by(|a, b| spread[*a][*a].total_cmp(&spread[*b][*b]));
     let mut widest = spread[longest.unwrap_or(0)];
     for _ in 0..8 {
         let longest = widest.iter().fold(f32::MIN_POSITIVE, |m, w| m.max(w.abs()));
@@ -195,74 +153,58 @@ fn widest(order: &[u32], heads: &[Projected]) -> [f32; CENTRE] {
     widest
 }
 
-fn leaf(atoms: &[u32], heads: &[Projected]) -> Leaf {
+fn leaf(atoms: &[u32], projected: &[Projected]) -> (Leaf, LeafDetails) {
     let mut leaf = Leaf {
-        heads: [[Lanes::ZERO; PART]; PARTS],
-        tails: [Lanes::ZERO; LEVELS.len()],
+        leading: [Lanes::ZERO; LEADING],
+        beyond: Lanes::ZERO,
+    };
+    let mut details = LeafDetails {
+        others: [Lanes::ZERO; COORDINATES - LEADING],
+        beyond: Lanes::ZERO,
         atoms: [NO_ATOM; LEAF],
     };
     for (lane, atom) in atoms.iter().enumerate() {
-        let head = &heads[*atom as usize];
-        let rows = leaf.heads.as_flattened_mut().iter_mut();
-        rows.zip(head.along.as_flattened())
-            .for_each(|(row, h)| row.0[lane] = *h);
-        (leaf.tails.iter_mut().zip(head.beyond)).for_each(|(row, t)| row.0[lane] = t);
-        leaf.atoms[lane] = *atom;
+        let of = &projected[*atom as usize];
+        let rows = leaf.leading.iter_mut().chain(&mut details.others);
+        rows.zip(of.coordinates)
+            .for_each(|(row, c)| row.0[lane] = c);
+        leaf.beyond.0[lane] = of.beyond[0];
+        details.beyond.0[lane] = of.beyond[1];
+        details.atoms[lane] = *atom;
     }
-    leaf
-}
-
-/// The full atoms of a leaf, a row of lanes per coordinate.
-fn whole(some: &[u32], atoms: ArrayView2<'_, f32>) -> Vec<Lanes> {
-    let mut rows = vec![Lanes::ZERO; atoms.ncols()];
-    for (lane, atom) in some.iter().enumerate() {
-        for (row, a) in rows.iter_mut().zip(atoms.row(*atom as usize)) {
-            row.0[lane] = *a;
-        }
-    }
-    rows
+    (leaf, details)
 }
 
 struct Ball {
-    centre: [f32; CENTRE],
+    center: [f32; LEADING],
     radius: f64,
 }
 
-/// The ball around the mean of some atoms' PCA coordinates; the norms beyond those coordinates count for its radius.
-fn ball(atoms: &[u32], heads: &[Projected]) -> Ball {
-    let heads = || atoms.iter().map(|a| &heads[*a as usize]);
-    let centre: [f32; CENTRE] =
-        std::array::from_fn(|k| heads().map(|h| h.centre()[k]).sum::<f32>() / atoms.len() as f32);
-    let squared = heads().map(|h| {
-        let apart = h
-            .centre()
-            .iter()
-            .zip(centre)
-            .map(|(a, c)| f64::from(a - c).powi(2));
-        apart.sum::<f64>() + f64::from(h.beyond_centre()).powi(2)
+/// The ball around the mean of some atoms' leading coordinates; the norms beyond those coordinates count for its radius.
+fn ball(atoms: &[u32], projected: &[Projected]) -> Ball {
+    let points = || atoms.iter().map(|a| &projected[*a as usize]);
+    let center: [f32; LEADING] =
+        std::array::from_fn(|k| points().map(|p| p.leading()[k]).sum::<f32>() / atoms.len() as f32);
+    let squared = points().map(|p| {
+        let apart = (p.leading().iter().zip(center)).map(|(a, c)| f64::from(a - c).powi(2));
+        apart.sum::<f64>() + f64::from(p.beyond[0]).powi(2)
     });
     let radius = squared.fold(0.0, f64::max).sqrt() * (1.0 + ROUNDING) + ROUNDING;
-    Ball { centre, radius }
+    Ball { center, radius }
 }
 
 fn beside(balls: &[Ball]) -> Balls {
     let mut all = Balls {
-        heads: [[Lanes::ZERO; PART]; CENTRE_PARTS],
+        centers: [Lanes::ZERO; LEADING],
         norms: Lanes([f32::INFINITY; LEAF]),
         radii: Lanes::ZERO,
-        near: Lanes::ZERO,
-        far: Lanes::ZERO,
     };
     for (lane, ball) in balls.iter().enumerate() {
-        let rows = all.heads.as_flattened_mut().iter_mut();
-        rows.zip(ball.centre).for_each(|(row, c)| row.0[lane] = c);
-        let norm: f64 = ball.centre.iter().map(|c| f64::from(*c).powi(2)).sum();
+        let rows = all.centers.iter_mut().zip(ball.center);
+        rows.for_each(|(row, c)| row.0[lane] = c);
+        let norm: f64 = ball.center.iter().map(|c| f64::from(*c).powi(2)).sum();
         all.norms.0[lane] = norm as f32;
         all.radii.0[lane] = ball.radius as f32;
-        for (row, gap) in [(&mut all.near, NEAR), (&mut all.far, FAR)] {
-            let reach = ball.radius + f64::from(gap) + ROUNDING;
-            row.0[lane] = (reach * reach + 10.0 * ROUNDING) as f32;
-        }
     }
     all
 }

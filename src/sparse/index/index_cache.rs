@@ -7,8 +7,6 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// The ball tree is built for this many poses: building it costs what as many dense scans cost.
 const WORTH_TREE: usize = 1024;
-/// A pose that is coded alone counts as this many, since it shares its scan with no other.
-pub const ALONE: usize = 16;
 /// The ball tree serves poses of up to this many coordinates: the cost of its basis grows with their square.
 const MOST_NUMBERS: usize = 384;
 
@@ -59,13 +57,8 @@ impl IndexCache {
 
     /// Whether the ball tree pays off for this many more poses of `d` coordinates.
     pub fn wants_tree(&self, poses: usize, d: usize) -> bool {
-        match self.tree.get() {
-            Some(tree) => !tree.tally.is_useless(),
-            None => {
-                let all = self.coded.load(Ordering::Relaxed).saturating_add(poses);
-                self.gram.is_none() && all >= WORTH_TREE && d <= MOST_NUMBERS
-            }
-        }
+        let all = self.coded.load(Ordering::Relaxed).saturating_add(poses);
+        self.gram.is_none() && all >= WORTH_TREE && d <= MOST_NUMBERS
     }
 
     /// The ball tree over the atoms (n, D), built by the first caller; `None` while another thread builds it.

@@ -18,24 +18,15 @@
 //! to the bit, by bounds. Of few atoms [`gram`] keeps the products with one another, and [`gram_omp`] uses them.
 
 mod argmax;
-mod ball_bound;
 mod ball_tree;
-mod branch_and_bound;
-mod cost_model;
-mod exact_score;
 mod gram;
 mod gram_omp;
 mod index_cache;
 mod lane_argmax;
-mod leaf_products;
-mod micro_gemm;
 mod packed_atoms;
 mod panel_kernel;
 mod pca_projection;
-mod query;
-mod score_bound;
-mod single_search;
-mod top_balls;
+mod tree_search;
 
 use super::SelectionRule;
 use crate::numeric::simd;
@@ -46,13 +37,12 @@ use panel_kernel::{Next, PanelKernel, State, Step};
 use pulp::{Simd, WithSimd};
 
 pub use ball_tree::BallTree;
-pub use branch_and_bound::{BranchAndBound, DIRECTIONS, Query, SearchResult, TOGETHER};
 pub use gram::{LazyGram, Term, products};
 pub use gram_omp::GramOmp;
-pub use index_cache::{ALONE, IndexCache};
+pub use index_cache::IndexCache;
 pub use packed_atoms::PackedAtoms;
 pub use panel_kernel::UNSEEN;
-pub use query::OmpQuery;
+pub use tree_search::{MOST_ATOMS, TreeSearch};
 
 /// What is kept for a tile of poses: c and e of each pose and atom, and the best atom of each pose.
 pub struct DenseScan<'a> {

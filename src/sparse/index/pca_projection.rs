@@ -1,29 +1,21 @@
 //! Projection on the atoms' principal directions, with the norm of the remainder.
 //!
 //! Poses fill few dimensions. With p(a) the first K PCA coordinates of an atom and t(a) the norm of the rest, Cauchy-Schwarz
-//! bounds its product with any direction q:
+//! bounds its product with any vector v:
 //!
 //! ```text
-//! |<a, q>| <= |<p(a), p(q)>| + t(a) t(q)
+//! |<a, v>| <= |<p(a), p(v)>| + t(a) t(v)
 //! ```
 
 use crate::numeric::parallel;
 use crate::numeric::simd;
 use ndarray::{Array2, ArrayView2, Axis, s};
-use pulp::{Simd, WithSimd};
 use rand::Rng;
 
-/// The number of coordinates in a part; bounds are tested after whole parts.
-pub const PART: usize = 8;
-/// The number of parts of an atom, and of a ball's center.
-pub const PARTS: usize = HEAD / PART;
-pub const CENTRE_PARTS: usize = CENTRE / PART;
-/// The number of coordinates of an atom, and of a ball's center: more do not separate balls better, which are wider than
-/// that.
-pub const HEAD: usize = 32;
-pub const CENTRE: usize = 16;
-/// The numbers of parts after which bounds are tested.
-pub const LEVELS: [usize; 3] = [CENTRE_PARTS, 3, PARTS];
+/// The number of PCA coordinates of an atom.
+pub const COORDINATES: usize = 32;
+/// The number of PCA coordinates of a ball's center. More do not separate balls better, which are wider than that.
+pub const LEADING: usize = 16;
 /// Added to norms that serve as upper bounds: more than the rounding of numbers up to 1 to single precision.
 pub const ROUNDING: f64 = 1e-6;
 /// The largest number of atoms from which the basis is computed.
@@ -31,129 +23,23 @@ const SAMPLE: usize = 4_096;
 /// Steps of the orthogonal iteration.
 const ITERATIONS: usize = 6;
 
-/// A vector's PCA coordinates, and upper bounds of its norm beyond each of [`LEVELS`].
+/// The PCA coordinates of a vector, and upper bounds of its norm beyond them.
 #[derive(Clone, Copy)]
 pub struct Projected {
-    pub along: [[f32; PART]; PARTS],
-    pub beyond: [f32; LEVELS.len()],
+    pub coordinates: [f32; COORDINATES],
+    /// Beyond the first [`LEADING`] coordinates, and beyond all of them.
+    pub beyond: [f32; 2],
 }
 
 impl Projected {
-    /// The coordinates that a ball's center has.
-    pub fn centre(&self) -> &[f32] {
-        &self.along.as_flattened()[..CENTRE]
-    }
-
-    /// Upper bound of the norm beyond them.
-    pub fn beyond_centre(&self) -> f32 {
-        self.beyond[0]
+    /// The first [`LEADING`] coordinates.
+    pub fn leading(&self) -> &[f32; LEADING] {
+        self.coordinates.first_chunk().expect("LEADING is smaller")
     }
 }
 
-/// A vector's PCA coordinates and squared norm, in double precision.
-#[derive(Clone, Copy)]
-pub struct Turned {
-    along: [f64; HEAD],
-    squared: f64,
-}
-
-impl Turned {
-    /// The zero vector.
-    pub const NONE: Turned = Turned {
-        along: [0.0; HEAD],
-        squared: 0.0,
-    };
-
-    /// Subtracts `times` another vector; `squared` is the squared norm of the result.
-    pub fn less(&mut self, times: f64, other: &Turned, squared: f64) {
-        (self.along.iter_mut().zip(&other.along)).for_each(|(a, b)| *a -= times * b);
-        self.squared = squared;
-    }
-
-    /// The coordinates in single precision, and the bounds of the rest.
-    pub fn head(&self) -> Projected {
-        let mut left = self.squared;
-        let mut beyond = [0.0; LEVELS.len()];
-        let mut from = 0;
-        for (beyond, to) in beyond.iter_mut().zip(LEVELS) {
-            let to = to * PART;
-            left -= self.along[from..to].iter().map(|a| a * a).sum::<f64>();
-            // 1e-13 is more than the rounding of the difference, some D 2^-53.
-            *beyond = ((left.max(0.0) + 1e-13).sqrt() * (1.0 + ROUNDING)) as f32;
-            from = to;
-        }
-        let part = |p: usize| std::array::from_fn(|k| self.along[p * PART + k] as f32);
-        Projected {
-            along: std::array::from_fn(part),
-            beyond,
-        }
-    }
-}
-
-/// Multiplies a vector by the basis.
-struct Turn<'a> {
-    basis: &'a [[f64; HEAD]],
-    vector: &'a [f64],
-    turned: &'a mut Turned,
-}
-
-impl WithSimd for Turn<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match S::F64_LANES {
-            8 => self.go::<S, 4>(simd),
-            4 => self.go::<S, 8>(simd),
-            2 => self.go::<S, 16>(simd),
-            _ => self.go::<S, HEAD>(simd),
-        }
-    }
-}
-
-impl Turn<'_> {
-    /// V SIMD vectors hold [`HEAD`] numbers.
-    #[inline(always)]
-    fn go<S: Simd, const V: usize>(self, simd: S) {
-        // Two sums of each coordinate, because one would wait for its own latency.
-        let mut sums = [[simd.splat_f64s(0.0); V]; 2];
-        let (rows, last) = self.basis.as_chunks::<2>();
-        let (values, rest) = self.vector.as_chunks::<2>();
-        for (rows, values) in rows.iter().zip(values) {
-            for i in 0..2 {
-                add(simd, &rows[i], values[i], &mut sums[i]);
-            }
-        }
-        for (row, value) in last.iter().zip(rest) {
-            add(simd, row, *value, &mut sums[0]);
-        }
-        let along = S::as_mut_simd_f64s(&mut self.turned.along).0;
-        for v in 0..V {
-            along[v] = simd.add_f64s(sums[0][v], sums[1][v]);
-        }
-        let (eights, rest) = self.vector.as_chunks::<8>();
-        let mut squares = [0.0; 8];
-        for eight in eights {
-            for l in 0..8 {
-                squares[l] += eight[l] * eight[l];
-            }
-        }
-        let rest: f64 = rest.iter().map(|v| v * v).sum();
-        self.turned.squared = squares.iter().sum::<f64>() + rest;
-    }
-}
-
-/// Adds a row times a value.
-#[inline(always)]
-fn add<S: Simd, const V: usize>(simd: S, row: &[f64; HEAD], value: f64, sums: &mut [S::f64s; V]) {
-    let (row, by) = (S::as_simd_f64s(row).0, simd.splat_f64s(value));
-    for v in 0..V {
-        sums[v] = simd.mul_add_e_f64s(row[v], by, sums[v]);
-    }
-}
-
-/// (D, [`HEAD`]): orthonormal principal directions in columns; 0 beyond the atoms' rank.
-pub struct PcaProjection(Vec<[f64; HEAD]>);
+/// (D, [`COORDINATES`]): orthonormal principal directions in columns; 0 beyond the atoms' rank.
+pub struct PcaProjection(Vec<[f64; COORDINATES]>);
 
 impl PcaProjection {
     /// The principal directions of atoms (n, D), without centering.
@@ -173,44 +59,66 @@ impl PcaProjection {
         PcaProjection(orthogonal_iteration(&moment))
     }
 
-    /// The PCA coordinates of atoms (n, D).
-    pub fn heads(&self, atoms: ArrayView2<'_, f32>) -> Vec<Projected> {
+    /// Projects atoms (n, D).
+    pub fn project_all(&self, atoms: ArrayView2<'_, f32>) -> Vec<Projected> {
         parallel::map_chunks(atoms.nrows(), 1024, |rows| {
             let mut atom = vec![0.0; atoms.ncols()];
             let mut of = |i| {
                 (atom.iter_mut().zip(atoms.row(i))).for_each(|(to, a)| *to = f64::from(*a));
-                self.turned(&atom).head()
+                self.project(&atom)
             };
             rows.map(&mut of).collect::<Vec<_>>()
         })
         .concat()
     }
 
-    /// The PCA coordinates of a vector (D).
-    pub fn turned(&self, vector: &[f64]) -> Turned {
-        let mut turned = Turned::NONE;
-        simd::dispatch_widest(Turn {
-            basis: &self.0,
-            vector,
-            turned: &mut turned,
-        });
-        turned
+    /// Projects a vector (D) of norm at most 1.
+    pub fn project(&self, vector: &[f64]) -> Projected {
+        simd::dispatch8(
+            #[inline(always)]
+            || {
+                let mut along = [0.0; COORDINATES];
+                for (row, value) in self.0.iter().zip(vector) {
+                    for k in 0..COORDINATES {
+                        along[k] += row[k] * value;
+                    }
+                }
+                let squared: f64 = vector.iter().map(|v| v * v).sum();
+                let (leading, others) = along.split_at(LEADING);
+                let after_leading = squared - sum_of_squares(leading);
+                Projected {
+                    coordinates: along.map(|a| a as f32),
+                    beyond: [after_leading, after_leading - sum_of_squares(others)].map(upper_norm),
+                }
+            },
+        )
     }
 }
 
-/// [`HEAD`] orthonormal vectors near the leading eigenvectors of a symmetric matrix, in columns; 0 beyond its rank. Their
-/// accuracy affects only the speed. (LAPACK would be exact, but loading it takes 4 ms.)
-fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; HEAD]> {
+#[inline(always)]
+fn sum_of_squares(values: &[f64]) -> f64 {
+    values.iter().map(|v| v * v).sum()
+}
+
+/// Upper bound of a norm, of which the square was found as a difference: 1e-13 is more than its rounding, some D 2^-53.
+#[inline(always)]
+fn upper_norm(squared: f64) -> f32 {
+    ((squared.max(0.0) + 1e-13).sqrt() * (1.0 + ROUNDING)) as f32
+}
+
+/// [`COORDINATES`] orthonormal vectors near the leading eigenvectors of a symmetric matrix, in columns; 0 beyond its rank.
+/// Their accuracy affects only the speed. (LAPACK would be exact, but loading it takes 4 ms.)
+fn orthogonal_iteration(matrix: &Array2<f64>) -> Vec<[f64; COORDINATES]> {
     let d = matrix.nrows();
     // Random, because a start along a coordinate that is 0 in all atoms, or equal to another, would be lost.
     let mut random = parallel::rng(0, 0);
     let start = |_| random.random::<f64>() - 0.5;
-    let mut vectors = Array2::from_shape_fn((HEAD.min(d), d), start);
+    let mut vectors = Array2::from_shape_fn((COORDINATES.min(d), d), start);
     for _ in 0..ITERATIONS {
         vectors = vectors.dot(matrix);
         orthonormalise(&mut vectors);
     }
-    let mut columns = vec![[0.0; HEAD]; d];
+    let mut columns = vec![[0.0; COORDINATES]; d];
     for (k, vector) in vectors.outer_iter().enumerate() {
         (columns.iter_mut().zip(vector)).for_each(|(column, v)| column[k] = *v);
     }
@@ -241,9 +149,9 @@ mod tests {
     use crate::sparse::testdata::random;
 
     #[test]
-    fn heads_hold_all_of_few_dimensions_whatever_the_coordinates_are() {
+    fn coordinates_hold_all_of_few_dimensions_whatever_the_basis_of_the_poses() {
         // Poses like those of a skeleton: three coordinates that are always 0, and others that are the same point's twice.
-        let (few, mix) = (random(400, HEAD, 1), random(HEAD, 60, 2));
+        let (few, mix) = (random(400, COORDINATES, 1), random(COORDINATES, 60, 2));
         let mut atoms = few.dot(&mix);
         atoms.slice_mut(s![.., ..3]).fill(0.0);
         for k in 3..23 {
@@ -256,8 +164,8 @@ mod tests {
         }
         let basis = PcaProjection::of(atoms.mapv(|v| v as f32).view());
         for atom in atoms.rows() {
-            let head = basis.turned(&atom.to_vec()).head();
-            assert!(head.beyond[LEVELS.len() - 1] <= 1e-3, "{:?}", head.beyond);
+            let beyond = basis.project(&atom.to_vec()).beyond[1];
+            assert!(beyond <= 1e-3, "{beyond}");
         }
     }
 }
