@@ -32,11 +32,6 @@ pub fn dispatch8<R>(f: impl FnOnce() -> R) -> R {
     of_eight().dispatch(f)
 }
 
-/// Runs a job on the widest vectors that serve [`LANES`] numbers side by side.
-pub fn dispatch8_job<J: WithSimd>(job: J) -> J::Output {
-    of_eight().dispatch(job)
-}
-
 /// Runs a job on the widest vectors there are.
 pub fn dispatch_widest<J: WithSimd>(job: J) -> J::Output {
     static ARCH: OnceLock<pulp::Arch> = OnceLock::new();

@@ -1,173 +1,176 @@
-//! The best atom of those met so far.
+//! The best of many atoms: the one with the largest key c² / e, in each lane of a vector and then of all.
+//!
+//! Atoms come in any order, so whether the next is better cannot be predicted: lanes need no branch. Keys are compared by
+//! products, so that nothing waits for a division; by rounding, two keys that differ by 1e-7 may change places.
 
-use super::packed_atoms::PLACES;
-use super::panel_kernel::any;
+use super::packed_atoms::Wide;
 use pulp::Simd;
 
-/// An atom is as good as its key: c² / e, rounded to f32. It is sought without a division: below this share of the key there
-/// is nothing better.
-const NEARLY: f32 = 1.0 - 1e-6;
-
-/// The best atom for a pose: that with the largest key, the first of equals.
-#[derive(Debug, Clone, Copy)]
-pub struct Best {
-    key: f32,
-    /// No smaller share of e than this, as c², can make a larger key.
-    enough: f32,
-    atom: u32,
+/// The best atom in each lane.
+#[derive(Clone, Copy)]
+pub struct LaneArgmax<S: Simd> {
+    /// c²
+    over: S::f32s,
+    /// e
+    under: S::f32s,
+    /// Exact: no dictionary has 2^24 atoms.
+    atoms: S::f32s,
 }
 
-impl Best {
-    /// None yet.
-    pub const NONE: Best = Best {
-        key: 0.0,
-        enough: 0.0,
-        atom: 0,
-    };
-
-    /// An atom that is known to be the best.
-    pub fn of(atom: u32) -> Best {
-        Best {
-            key: f32::INFINITY,
-            enough: f32::INFINITY,
-            atom,
+impl<S: Simd> LaneArgmax<S> {
+    /// No atom yet.
+    #[inline(always)]
+    pub fn none(simd: S) -> Self {
+        LaneArgmax {
+            over: simd.splat_f32s(0.0),
+            under: simd.splat_f32s(1.0),
+            atoms: simd.splat_f32s(0.0),
         }
     }
 
-    /// Meets atoms with c² = `over` and e = `under`, `from` the first of them; atoms are met in their order.
+    /// Compares atoms, one per lane, with the best so far. Of equal atoms of a lane the first to be compared stays. A NaN, for an
+    /// atom that is excluded, never wins.
     #[inline(always)]
-    pub fn meet<S: Simd, const V: usize>(
-        &mut self,
-        simd: S,
-        from: u32,
-        over: [S::f32s; V],
-        under: [S::f32s; V],
-    ) {
-        let enough = simd.splat_f32s(self.enough);
-        // Loops, not closures: those are not always inlined, and then have no vectors.
-        let mut perhaps = simd.greater_than_f32s(over[0], simd.mul_f32s(enough, under[0]));
-        for v in 1..V {
-            let bar = simd.mul_f32s(enough, under[v]);
-            perhaps = simd.or_m32s(perhaps, simd.greater_than_f32s(over[v], bar));
-        }
-        // Seldom, after the first few atoms.
-        if any::<S>(perhaps) {
-            self.compare(simd, from, over, under);
-        }
+    pub fn compare(&mut self, simd: S, over: S::f32s, under: S::f32s, atoms: S::f32s) {
+        let (new, old) = (
+            simd.mul_f32s(over, self.under),
+            simd.mul_f32s(self.over, under),
+        );
+        let more = simd.greater_than_f32s(new, old);
+        self.over = simd.select_f32s(more, over, self.over);
+        self.under = simd.select_f32s(more, under, self.under);
+        self.atoms = simd.select_f32s(more, atoms, self.atoms);
     }
 
+    /// The best atom of all lanes, the first of equal ones; `None` if no key is above 0.
     #[inline(always)]
-    fn compare<S: Simd, const V: usize>(
-        &mut self,
-        simd: S,
-        from: u32,
-        over: [S::f32s; V],
-        under: [S::f32s; V],
-    ) {
-        let mut keys = over;
-        let mut most = simd.splat_f32s(self.key);
+    pub fn best<const V: usize>(simd: S, lanes: [Self; V]) -> Option<u32> {
+        let mut keys = [simd.splat_f32s(0.0); V];
+        let mut most = simd.splat_f32s(0.0);
         for v in 0..V {
-            keys[v] = simd.div_f32s(over[v], under[v]);
-            // What is no number, of an atom that is taken, is not more.
-            most = simd.select_f32s(simd.greater_than_f32s(keys[v], most), keys[v], most);
+            keys[v] = simd.div_f32s(lanes[v].over, lanes[v].under);
+            most = simd.max_f32s(most, keys[v]);
         }
         let most = simd.reduce_max_f32s(most);
-        if most > self.key {
-            self.key = most;
-            let places = S::as_simd_f32s(&PLACES.0).0;
-            let (all, mut first) = (simd.splat_f32s(most), simd.splat_f32s(f32::INFINITY));
-            for v in 0..V {
-                let is_it = simd.equal_f32s(keys[v], all);
-                let place = simd.select_f32s(is_it, places[v], first);
-                first = simd.min_f32s(first, place);
-            }
-            self.atom = from + simd.reduce_min_f32s(first) as u32;
-            // Of numbers below the normal ones a share is not told so well.
-            self.enough = match most > 1e-30 {
-                true => most * NEARLY,
-                false => 0.0,
-            };
+        if most <= 0.0 {
+            return None;
+        }
+        let (most, none) = (simd.splat_f32s(most), simd.splat_f32s(f32::INFINITY));
+        let mut first = none;
+        for v in 0..V {
+            let is_best = simd.equal_f32s(keys[v], most);
+            first = simd.min_f32s(first, simd.select_f32s(is_best, lanes[v].atoms, none));
+        }
+        Some(simd.reduce_min_f32s(first) as u32)
+    }
+}
+
+/// A [`LaneArgmax`] in memory.
+#[derive(Debug, Clone, Copy)]
+pub struct StoredArgmax {
+    over: Wide,
+    under: Wide,
+    atoms: Wide,
+}
+
+impl StoredArgmax {
+    /// No atom yet.
+    pub const NONE: StoredArgmax = StoredArgmax {
+        over: Wide::of(0.0),
+        under: Wide::of(1.0),
+        atoms: Wide::of(0.0),
+    };
+
+    /// Loads it into vectors.
+    #[inline(always)]
+    pub fn load<S: Simd>(&self) -> LaneArgmax<S> {
+        LaneArgmax {
+            over: self.over.first::<S>(),
+            under: self.under.first::<S>(),
+            atoms: self.atoms.first::<S>(),
         }
     }
 
-    /// Which it is; `None` where nothing is along any atom.
-    pub fn atom(&self) -> Option<u32> {
-        (self.key > 0.0).then_some(self.atom)
+    /// Stores it.
+    #[inline(always)]
+    pub fn store<S: Simd>(&mut self, lanes: LaneArgmax<S>) {
+        *self.over.first_mut::<S>() = lanes.over;
+        *self.under.first_mut::<S>() = lanes.under;
+        *self.atoms.first_mut::<S>() = lanes.atoms;
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::packed_atoms::WIDTH;
+    use super::super::packed_atoms::{PLACES, Row, WIDTH};
     use super::*;
     use crate::numeric::parallel;
-    use pulp::{Scalar, Scalar256b, Scalar512b, WithSimd};
+    use crate::numeric::simd::dispatch_widest;
+    use pulp::{Scalar, Scalar128b, Scalar256b, Scalar512b, WithSimd};
     use rand::Rng;
 
-    /// Two panels, one after the other.
-    struct Met<'a>([(&'a [f32; WIDTH], &'a [f32; WIDTH]); 2]);
+    /// c² and e of panels, through memory.
+    struct Compare<'a>(&'a [(Row, Row)]);
 
-    impl Met<'_> {
-        fn by<S: Simd, const V: usize>(self, simd: S) -> Option<u32> {
-            let mut best = Best::NONE;
-            for (panel, (over, under)) in (0..).zip(self.0) {
-                let of = |all: &[f32; WIDTH]| -> [S::f32s; V] {
-                    let all = S::as_simd_f32s(&all[..]).0;
-                    std::array::from_fn(|v| all[v])
-                };
-                best.meet(simd, panel * WIDTH as u32, of(over), of(under));
-            }
-            best.atom()
-        }
-    }
-
-    impl WithSimd for Met<'_> {
+    impl WithSimd for Compare<'_> {
         type Output = Option<u32>;
 
         #[inline(always)]
         fn with_simd<S: Simd>(self, simd: S) -> Option<u32> {
-            match S::F32_LANES {
-                16 => self.by::<S, 4>(simd),
-                8 => self.by::<S, 8>(simd),
-                4 => self.by::<S, 16>(simd),
-                _ => self.by::<S, WIDTH>(simd),
+            let mut stored = StoredArgmax::NONE;
+            for (panel, (over, under)) in self.0.iter().enumerate() {
+                let [over, under, places] =
+                    [over, under, &PLACES].map(|row| S::as_simd_f32s(&row.0).0);
+                let from = simd.splat_f32s((panel * WIDTH) as f32);
+                let mut lanes = stored.load::<S>();
+                for v in 0..over.len() {
+                    lanes.compare(simd, over[v], under[v], simd.add_f32s(from, places[v]));
+                }
+                stored.store(lanes);
             }
+            LaneArgmax::best(simd, [stored.load::<S>()])
+        }
+    }
+
+    fn best(panels: &[(Row, Row)]) -> Option<u32> {
+        let best = dispatch_widest(Compare(panels));
+        assert_eq!(Compare(panels).with_simd(Scalar), best);
+        assert_eq!(Compare(panels).with_simd(Scalar128b), best);
+        assert_eq!(Compare(panels).with_simd(Scalar256b), best);
+        assert_eq!(Compare(panels).with_simd(Scalar512b), best);
+        best
+    }
+
+    #[test]
+    fn the_largest_ratio_wins_on_vectors_of_any_width() {
+        let mut random = parallel::rng(5, 0);
+        for round in 0..50 {
+            let mut row = |from: f32| Row(std::array::from_fn(|_| from + random.random::<f32>()));
+            let mut panels: Vec<(Row, Row)> = (0..5).map(|_| (row(0.0), row(0.1))).collect();
+            // An atom that is excluded, and one that is not observed.
+            panels[round % 5].0.0[round % WIDTH] = f32::NAN;
+            panels[round % 3].1.0[round % 7] = f32::INFINITY;
+            let keys = panels.iter().flat_map(|(over, under)| {
+                let both = over.0.iter().zip(&under.0);
+                both.map(|(o, u)| f64::from(*o) / f64::from(*u))
+            });
+            let keys = (0..).zip(keys).filter(|(_, key)| !key.is_nan());
+            let want = keys.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i);
+            assert_eq!(best(&panels), want);
         }
     }
 
     #[test]
-    fn the_first_of_the_best_is_found_on_vectors_of_any_width() {
-        let mut generator = parallel::rng(1, 0);
-        for round in 0..500 {
-            let mut over = [[0.0f32; WIDTH]; 2];
-            let mut under = [[1.0f32; WIDTH]; 2];
-            // Many equal keys, atoms that are taken, and ones that are not seen.
-            over.as_flattened_mut().iter_mut().for_each(|o| {
-                *o = match generator.random_range(0..5) {
-                    0 => f32::NAN,
-                    1 => 0.0,
-                    _ => generator.random_range(0..4) as f32 * 1e-3,
-                }
-            });
-            under
-                .as_flattened_mut()
-                .iter_mut()
-                .for_each(|u| *u = [1.0, 0.5, 1e-6, f32::INFINITY][generator.random_range(0..4)]);
-            if round == 0 {
-                over = [[f32::NAN; WIDTH]; 2];
-            }
-            let keys = over.as_flattened().iter().zip(under.as_flattened());
-            let mut want = (0.0, None);
-            for (atom, key) in (0u32..).zip(keys.map(|(o, u)| o / u)) {
-                if key > want.0 {
-                    want = (key, Some(atom));
-                }
-            }
-            let met = || Met([(&over[0], &under[0]), (&over[1], &under[1])]);
-            assert_eq!(crate::numeric::simd::dispatch_widest(met()), want.1);
-            assert_eq!(met().with_simd(Scalar), want.1);
-            assert_eq!(met().with_simd(Scalar256b), want.1);
-            assert_eq!(met().with_simd(Scalar512b), want.1);
+    fn the_first_of_equal_atoms_wins_and_nothing_is_no_atom() {
+        let none = (Row::ZERO, Row([1.0; WIDTH]));
+        assert_eq!(best(&[none, none]), None);
+        let mut panels = [none; 4];
+        for (panel, lane) in [(3, 2), (1, 40), (2, 7), (1, 41)] {
+            panels[panel].0.0[lane] = 0.5;
         }
+        assert_eq!(best(&panels), Some(WIDTH as u32 + 40));
+        panels[3].0.0 = [f32::NAN; WIDTH];
+        panels[1].0.0 = [f32::NAN; WIDTH];
+        assert_eq!(best(&panels), Some(2 * WIDTH as u32 + 7));
     }
 }

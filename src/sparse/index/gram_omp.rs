@@ -1,7 +1,7 @@
 //! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
 
-use super::lane_argmax::{Ahead, best};
-use super::packed_atoms::{Row, WIDTH};
+use super::argmax::LaneArgmax;
+use super::packed_atoms::{PLACES, Row, WIDTH};
 use super::panel_kernel::{self, Next, Optimised, Plain, Use, Vectors};
 use super::{DenseScan, PackedAtoms, SelectionRule, Term};
 use crate::numeric::simd;
@@ -95,7 +95,8 @@ impl Follow<'_> {
     #[inline(always)]
     fn go<S: Simd, U: Use, const VECTORS: usize>(self, simd: S) {
         let part = simd.splat_f32s(self.part);
-        let mut ahead = [Ahead::none(simd); VECTORS];
+        let places = vectors::<S>(&PLACES);
+        let mut best = [LaneArgmax::none(simd); VECTORS];
         let correlations = self.correlations.iter_mut().step_by(self.stride);
         for (panel, (c, e)) in correlations.zip(self.remainders).enumerate() {
             let mut products = [simd.splat_f32s(0.0); VECTORS];
@@ -105,6 +106,7 @@ impl Follow<'_> {
                     products[v] = panel_kernel::add_product(simd, weight, row[v], products[v]);
                 }
             }
+            let panel = simd.splat_f32s((panel * WIDTH) as f32);
             for v in 0..VECTORS {
                 let state = Vectors {
                     c: panel_kernel::vector::<S>(c, v),
@@ -112,11 +114,11 @@ impl Follow<'_> {
                     floor: None,
                 };
                 if let Some((over, under)) = U::meet(simd, products[v], part, state) {
-                    ahead[v].meet(simd, panel, over, under);
+                    best[v].compare(simd, over, under, simd.add_f32s(panel, places[v]));
                 }
             }
         }
-        *self.best = best(simd, ahead);
+        *self.best = LaneArgmax::best(simd, best);
     }
 }
 

@@ -22,7 +22,6 @@ mod ball_tree;
 mod gram;
 mod gram_omp;
 mod index_cache;
-mod lane_argmax;
 mod packed_atoms;
 mod panel_kernel;
 mod pca_projection;
@@ -30,8 +29,7 @@ mod tree_search;
 
 use super::SelectionRule;
 use crate::numeric::simd;
-use argmax::Best;
-use lane_argmax::Leading;
+use argmax::{LaneArgmax, StoredArgmax};
 use packed_atoms::{Row, WIDTH};
 use panel_kernel::{Next, PanelKernel, State, Step};
 use pulp::{Simd, WithSimd};
@@ -58,8 +56,7 @@ pub struct DenseScan<'a> {
     pub directions: Vec<f32>,
     /// −<q, r>, one a pose.
     pub parts: Vec<f32>,
-    best: Vec<Best>,
-    leading: Vec<Leading>,
+    best: Vec<StoredArgmax>,
     used: Used,
     /// e is 1 of all atoms, whatever is kept.
     fresh: bool,
@@ -76,8 +73,7 @@ impl<'a> DenseScan<'a> {
             floors: Vec::new(),
             directions: vec![0.0; poses * panels.width()],
             parts: vec![0.0; poses],
-            best: vec![Best::NONE; poses],
-            leading: vec![Leading::NONE; poses],
+            best: vec![StoredArgmax::NONE; poses],
             used: Used::default(),
             fresh: true,
         }
@@ -104,12 +100,8 @@ impl<'a> DenseScan<'a> {
 
     /// Finds each pose's best atom for the residuals in place of the directions.
     pub fn first(&mut self) {
-        self.best.fill(Best::NONE);
-        self.leading.fill(Leading::NONE);
+        self.best.fill(StoredArgmax::NONE);
         self.each(Step::First, None);
-        if self.floors.is_empty() {
-            simd::dispatch_widest(Lead(self));
-        }
     }
 
     /// Brings c and e up to date, if they are needed any more (`last`), and finds each pose's best atom.
@@ -119,7 +111,7 @@ impl<'a> DenseScan<'a> {
             self.remainders.resize(self.correlations.len(), Row::ZERO);
             self.fresh &= last;
         }
-        self.best.fill(Best::NONE);
+        self.best.fill(StoredArgmax::NONE);
         self.each(Step::Next(Next { rule, fresh, last }), None);
     }
 
@@ -147,14 +139,13 @@ impl<'a> DenseScan<'a> {
                     floors: &mut self.floors[floors],
                 },
                 best: &mut self.best,
-                leading: &mut self.leading,
             });
         }
     }
 
     /// The best atom of a pose, if there is one.
     pub fn best(&self, pose: usize) -> Option<u32> {
-        self.best[pose].atom()
+        simd::dispatch_widest(Reduce(&self.best[pose]))
     }
 
     /// A pose is not to take an atom any more.
@@ -170,38 +161,15 @@ impl<'a> DenseScan<'a> {
     }
 }
 
-/// Each pose's best atom is that which leads by c².
-struct Lead<'s, 'a>(&'s mut DenseScan<'a>);
+/// The best atom of all lanes.
+struct Reduce<'a>(&'a StoredArgmax);
 
-impl WithSimd for Lead<'_, '_> {
-    type Output = ();
+impl WithSimd for Reduce<'_> {
+    type Output = Option<u32>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match S::F32_LANES {
-            16 => self.go::<S, 4>(simd),
-            8 => self.go::<S, 8>(simd),
-            4 => self.go::<S, 16>(simd),
-            _ => self.go::<S, WIDTH>(simd),
-        }
-    }
-}
-
-impl Lead<'_, '_> {
-    #[inline(always)]
-    fn go<S: Simd, const V: usize>(self, simd: S) {
-        let scan = self.0;
-        for (pose, (best, leading)) in scan.best.iter_mut().zip(&scan.leading).enumerate() {
-            let atom = leading.atom(simd, |panel| {
-                let mut keys = [simd.splat_f32s(0.0); V];
-                let c = S::as_simd_f32s(&scan.correlations[panel * scan.poses + pose].0).0;
-                for v in 0..V {
-                    keys[v] = simd.mul_f32s(c[v], c[v]);
-                }
-                keys
-            });
-            *best = atom.map_or(Best::NONE, Best::of);
-        }
+    fn with_simd<S: Simd>(self, simd: S) -> Option<u32> {
+        LaneArgmax::best(simd, [self.0.load::<S>()])
     }
 }
 

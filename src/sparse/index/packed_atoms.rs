@@ -27,14 +27,17 @@ pub const PLACES: Row = {
 };
 
 /// The number of lanes of the widest SIMD vectors.
-pub const MOST: usize = 16;
+const MOST: usize = 16;
 /// One number for each lane of the widest SIMD vectors.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Wide(pub [f32; MOST]);
 
 impl Wide {
-    pub const ZERO: Wide = Wide([0.0; MOST]);
+    /// The same number in all lanes.
+    pub const fn of(value: f32) -> Wide {
+        Wide([value; MOST])
+    }
 
     /// The first SIMD vector.
     #[inline(always)]

@@ -5,9 +5,8 @@
 //! that cannot fuse (x86 before AVX2) rounds otherwise.
 
 use super::super::SelectionRule;
-use super::argmax::Best;
-use super::lane_argmax::Leading;
-use super::packed_atoms::{Row, WIDTH};
+use super::argmax::StoredArgmax;
+use super::packed_atoms::{PLACES, Row, WIDTH};
 use pulp::{Simd, WithSimd};
 
 /// What is left of an atom counts as at least this share of its squared norm. Below it the difference of f32 numbers
@@ -54,9 +53,8 @@ pub struct PanelKernel<'a> {
     pub parts: &'a [f32],
     /// The state, one row a pose.
     pub state: State<'a>,
-    pub best: &'a mut [Best],
-    /// In its place where nothing but c² is compared.
-    pub leading: &'a mut [Leading],
+    /// The best atom of each pose so far.
+    pub best: &'a mut [StoredArgmax],
 }
 
 /// What is kept for a panel: one row a pose.
@@ -151,11 +149,12 @@ impl PanelKernel<'_> {
         for at in (0..WIDTH / lanes).step_by(VECTORS) {
             let tile =
                 products::<S, U, POSES, VECTORS>(simd, (self.atoms, self.used), directions, at);
+            let places = &S::as_simd_f32s(&PLACES.0).0[at..at + VECTORS];
+            let panel = simd.splat_f32s((self.panel * WIDTH) as f32);
             for (p, products) in tile.into_iter().enumerate() {
                 let pose = from + p;
                 let part = simd.splat_f32s(self.parts[pose]);
-                let mut over = [simd.splat_f32s(0.0); VECTORS];
-                let mut under = [simd.splat_f32s(1.0); VECTORS];
+                let mut best = self.best[pose].load::<S>();
                 for (v, product) in products.into_iter().enumerate() {
                     let c = &mut self.state.correlations[pose];
                     let e = self.state.remainders.get_mut(pose);
@@ -165,16 +164,11 @@ impl PanelKernel<'_> {
                         e: e.map(|e| vector::<S>(e, at + v)),
                         floor: floor.map(|f| vector::<S>(f, at + v)),
                     };
-                    if let Some(key) = U::meet(simd, product, part, state) {
-                        (over[v], under[v]) = key;
+                    if let Some((over, under)) = U::meet(simd, product, part, state) {
+                        best.compare(simd, over, under, simd.add_f32s(panel, places[v]));
                     }
                 }
-                let from = self.panel * WIDTH + at * lanes;
-                match U::COMPARED {
-                    Compared::Not => {}
-                    Compared::Squares => self.leading[pose].meet(simd, self.panel, over),
-                    Compared::Ratios => self.best[pose].meet(simd, from as u32, over, under),
-                }
+                self.best[pose].store(best);
             }
         }
     }
@@ -212,16 +206,6 @@ fn products<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
     sums
 }
 
-/// Whether any lane of a mask is true. (pulp 0.22's `first_true` asks lane by lane, and counts AVX-512's from the wrong end.)
-#[inline(always)]
-pub fn any<S: Simd>(mask: S::m32s) -> bool {
-    let mut all = 0;
-    for byte in pulp::bytemuck::bytes_of(&mask) {
-        all |= byte;
-    }
-    all != 0
-}
-
 /// a b + c: fused wherever that is an instruction.
 #[inline(always)]
 pub fn add_product<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
@@ -239,23 +223,10 @@ pub struct Vectors<'a, S: Simd> {
     pub floor: Option<&'a mut S::f32s>,
 }
 
-/// How atoms are compared.
-#[derive(Clone, Copy)]
-pub enum Compared {
-    /// They are not.
-    Not,
-    /// By c² alone.
-    Squares,
-    /// By c² / e.
-    Ratios,
-}
-
 /// What is done with a vector of products; gives c² and e where atoms are compared.
 pub trait Use {
     /// Atoms and directions are squared.
     const SQUARED: bool = false;
-    /// How atoms are compared.
-    const COMPARED: Compared = Compared::Ratios;
 
     fn meet<S: Simd>(
         simd: S,
@@ -269,7 +240,6 @@ struct Norms;
 
 impl Use for Norms {
     const SQUARED: bool = true;
-    const COMPARED: Compared = Compared::Not;
 
     #[inline(always)]
     fn meet<S: Simd>(
@@ -291,11 +261,6 @@ impl Use for Norms {
 struct First<const UNIT: bool>;
 
 impl<const UNIT: bool> Use for First<UNIT> {
-    const COMPARED: Compared = match UNIT {
-        true => Compared::Squares,
-        false => Compared::Ratios,
-    };
-
     #[inline(always)]
     fn meet<S: Simd>(
         simd: S,
