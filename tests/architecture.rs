@@ -13,7 +13,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("sparse", &["pose", "numeric"]),
     ("metric", &["pose", "numeric"]),
     ("body", &["pose", "numeric"]),
-    // A prior is made from a model, a restoration changes a table: of io these two may name `IO_TYPES` only.
+    // A prior is made from a model, a restoration changes a table: of io some rooms may name `IO_TYPES` only.
     (
         "prior",
         &[
@@ -29,7 +29,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     (
         "evaluate",
         &[
-            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore",
+            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore", "io",
         ],
     ),
     (
@@ -54,6 +54,7 @@ const IO_TYPES: &[(&str, &[&str])] = &[
         "restore",
         &["io::Model", "io::model", "io::Table", "io::Bvh", "io::bvh"],
     ),
+    ("evaluate", &["io::Model"]),
     ("edit", &["io::Model"]),
 ];
 
