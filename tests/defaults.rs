@@ -6,6 +6,7 @@ use common::command;
 use posing::cluster::KMeans;
 use posing::evaluate::benchmark::Settings;
 use posing::evaluate::corruption::Corruption;
+use posing::evaluate::figure;
 use posing::prior::{Kind, OpenOptions, TrainOptions};
 use posing::restore::Denoise;
 use posing::sparse::{Ksvd, Omp, SelectionRule};
@@ -47,6 +48,10 @@ fn library() -> BTreeMap<(&'static str, &'static str), String> {
         (("ksvd-train", "--seed"), ksvd.seed.to_string()),
         (("ksvd-train", "--sparsity"), ksvd.sparsity.to_string()),
         (
+            ("plot", "--elevation"),
+            figure::Options::default().elevation.to_string(),
+        ),
+        (
             ("prior-train", "--hold-back"),
             format!("{:?}", TrainOptions::default().hold_back).to_lowercase(),
         ),
@@ -70,19 +75,24 @@ fn library() -> BTreeMap<(&'static str, &'static str), String> {
 fn stated(command_name: &str) -> BTreeMap<String, String> {
     let done = command(command_name).arg("--help").assert().success();
     let help = String::from_utf8(done.get_output().stdout.clone()).unwrap();
-    // Folded lines are joined; a flag's entry lasts up to the next flag.
-    let words: Vec<&str> = help.split_whitespace().collect();
-    let mut found = BTreeMap::new();
+    // A flag's entry begins a line, its text stands further to the right and may be folded.
+    let mut words: Vec<(&str, &str)> = Vec::new();
     let mut flag = "";
-    for pair in words.windows(2) {
-        let is_entry =
-            |w: &str| help.contains(&format!("\n      {w}")) || help.contains(&format!(", {w} "));
-        if pair[0].starts_with("--") && is_entry(pair[0]) {
-            flag = pair[0];
+    for line in help.lines() {
+        let text = line.trim_start();
+        if text.starts_with('-') && line.len() - text.len() <= 6 {
+            flag = text
+                .split_whitespace()
+                .find(|w| w.starts_with("--"))
+                .unwrap_or("");
         }
-        if ["(default:", "[default:"].contains(&pair[0]) {
-            let value = pair[1].trim_end_matches([')', ']', ';', ',']);
-            found.insert(flag.to_string(), value.to_string());
+        words.extend(text.split_whitespace().map(|word| (flag, word)));
+    }
+    let mut found = BTreeMap::new();
+    for pair in words.windows(2) {
+        if ["(default:", "[default:"].contains(&pair[0].1) {
+            let value = pair[1].1.trim_end_matches([')', ']', ';', ',']);
+            found.insert(pair[0].0.to_string(), value.to_string());
         }
     }
     found
