@@ -29,7 +29,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     (
         "evaluate",
         &[
-            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore", "io",
+            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore",
         ],
     ),
     (
@@ -54,7 +54,6 @@ const IO_TYPES: &[(&str, &[&str])] = &[
         "restore",
         &["io::Model", "io::model", "io::Table", "io::Bvh", "io::bvh"],
     ),
-    ("evaluate", &["io::Model"]),
     ("edit", &["io::Model"]),
 ];
 
