@@ -4,7 +4,7 @@ use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, OutputArgs, Units, parse_rate};
 use posing::cli::input::{check_single_stdin, open, or_stdin, take_name};
 use posing::cli::streams::create_table;
-use posing::cli::{Outcome, messages, run};
+use posing::cli::{messages, run};
 use posing::io::amc::{AmcFrames, AmcReader};
 use posing::io::{Asf, Columns, Row, TableWriter, parse_point_names};
 use posing::pose::kinematics::Space;
@@ -65,7 +65,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let takes = or_stdin(&args.takes);
     check_single_stdin(takes.iter().chain([&args.asf]))?;
@@ -77,8 +77,7 @@ fn work(args: &Args) -> Result<Outcome> {
     for take in &takes {
         convert(args, &asf, &joints, take, &mut sink)?;
     }
-    sink.finish()?;
-    Ok(Outcome::Done)
+    sink.finish()
 }
 
 fn joints(asf: &Asf, args: &Args) -> Result<Vec<usize>> {

@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate};
 use posing::cli::input::{open, take_name};
 use posing::cli::streams::write_table;
-use posing::cli::{Outcome, messages, run};
+use posing::cli::{messages, run};
 use posing::io::bvh::{BvhPoints, BvhSkeleton};
 use posing::io::{Bvh, Table};
 use posing::{Error, Place, Result};
@@ -53,7 +53,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let path = args.file.clone().unwrap_or_else(|| PathBuf::from("-"));
     let input = open(&path)?;
@@ -83,7 +83,7 @@ fn work(args: &Args) -> Result<Outcome> {
     write_table(&args.out, &table, table.poses.xyz.view(), &[], |_| {
         Vec::new()
     })?;
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// Frames a second: the file's Frame Time, or `--fps` where that is zero.

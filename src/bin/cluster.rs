@@ -5,7 +5,7 @@ use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs};
 use posing::cli::cluster::{KMeansArgs, SplitFolder};
 use posing::cli::progress::Progress;
 use posing::cli::streams;
-use posing::cli::{Outcome, input, messages, run};
+use posing::cli::{input, messages, run};
 use posing::cluster::KMeansProgress;
 use posing::io::Model;
 use posing::io::csv::{AddedColumn, After};
@@ -49,7 +49,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let split = args.split.as_deref().map(|folder| SplitFolder {
         folder,
@@ -105,7 +105,7 @@ fn work(args: &Args) -> Result<Outcome> {
             streams::write_table(&args.out, &table, table.poses.xyz.view(), &added(), label)?;
         }
     }
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// The column that the table gets.

@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, parse_positive};
 use posing::cli::restoring::{RestoringArgs, Task, restore};
-use posing::cli::{Outcome, run};
+use posing::cli::run;
 use posing::io::parse_point_names;
 use posing::restore::Complete;
 use std::process::ExitCode;
@@ -44,7 +44,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let observe = args.observe.as_deref().map(parse_point_names).transpose()?;
     let options = Complete {

@@ -7,7 +7,7 @@ use posing::cli::args::{
 };
 use posing::cli::input::{RowStream, read_table};
 use posing::cli::streams::{create_table, write_table};
-use posing::cli::{Outcome, messages, run};
+use posing::cli::{messages, run};
 use posing::evaluate::corruption::Corruption;
 use posing::evaluate::gap_injection::GapInjection;
 use posing::io::{Row, parse_point_names};
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let noise = args.dense.is_some() || args.sparse.is_some();
     if !noise && args.keep.is_none() && args.drop.is_none() && args.gaps.is_none() {
@@ -90,7 +90,7 @@ fn work(args: &Args) -> Result<Outcome> {
         }
         None => frame_by_frame(args, &corruption)?,
     }
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// Damages frames as they come: constant memory.

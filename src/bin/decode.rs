@@ -3,8 +3,8 @@
 use clap::Parser;
 use posing::cli::args::{CommonArgs, OutputArgs};
 use posing::cli::input::{check_single_stdin, open, open_model};
+use posing::cli::run;
 use posing::cli::streams::create_table;
-use posing::cli::{Outcome, run};
 use posing::io::text::parse_number;
 use posing::io::{Columns, Row};
 use posing::prior::sparse_coding::dictionary;
@@ -39,7 +39,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     check_single_stdin([&args.file, &args.model])?;
     let model = open_model(&args.model)?;
@@ -119,6 +119,5 @@ fn work(args: &Args) -> Result<Outcome> {
             &[],
         )?;
     }
-    sink.finish()?;
-    Ok(Outcome::Done)
+    sink.finish()
 }

@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, parse_length};
 use posing::cli::restoring::{RestoringArgs, Task, restore};
-use posing::cli::{Outcome, run};
+use posing::cli::run;
 use posing::restore::Denoise;
 use std::process::ExitCode;
 
@@ -62,7 +62,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let options = Denoise {
         noise: args.noise.0,

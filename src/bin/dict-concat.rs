@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, parse_positive};
-use posing::cli::{Outcome, input, messages, run, streams};
+use posing::cli::{input, messages, run, streams};
 use posing::io::Model;
 use posing::prior::provenance::{digest, entry};
 use posing::prior::sparse_coding::dictionary;
@@ -42,7 +42,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     input::check_single_stdin(&args.dictionaries)?;
     let models = args
@@ -80,8 +80,7 @@ fn work(args: &Args) -> Result<Outcome> {
         &joined.dictionary,
         entry("dict-concat", &flags, inputs),
     )?;
-    streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;
-    Ok(Outcome::Done)
+    streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)
 }
 
 /// Parts must be of the same kind, points and space.

@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, PursuitFlag};
 use posing::cli::input::{RowStream, check_single_stdin_with, open_model};
 use posing::cli::streams::open_output;
-use posing::cli::{Outcome, code_table, run};
+use posing::cli::{code_table, run};
 use posing::prior::sparse_coding::dictionary;
 use posing::sparse::{Encoder, Omp};
 use posing::{Error, Place, Result};
@@ -45,7 +45,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     check_single_stdin_with(&args.input, [&args.model])?;
     let model = open_model(&args.model)?;
@@ -61,8 +61,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let encoder = Encoder::new(&dictionary, Omp::from(args))?;
     let mut output = open_output(args.output.as_deref(), false)?;
     code_table::write(stream, &encoder, args.sparsity as usize, &mut output)?;
-    output.finish()?;
-    Ok(Outcome::Done)
+    output.finish()
 }
 
 impl From<&Args> for Omp {

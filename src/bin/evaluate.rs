@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, sources};
-use posing::cli::{Outcome, run, streams};
+use posing::cli::{run, streams};
 use posing::evaluate::benchmark::{Benchmark, Dataset};
 use posing::evaluate::report::BenchmarkReport;
 use std::path::PathBuf;
@@ -57,11 +57,11 @@ fn main() -> ExitCode {
     run(|args: Args| work(args))
 }
 
-fn work(args: Args) -> Result<Outcome> {
+fn work(args: Args) -> Result<()> {
     args.common.apply()?;
     if let (false, Some(folder)) = (args.paper.is_empty(), &args.benchmark.output) {
         benchmark::write_paper_tables(&args.paper, folder)?;
-        return Ok(Outcome::Done);
+        return Ok(());
     }
     let plan = args.benchmark.or_file(args.config.as_deref())?;
     let settings = plan.settings()?;
@@ -79,6 +79,5 @@ fn work(args: Args) -> Result<Outcome> {
     if let Some(folder) = &plan.output {
         benchmark::write_results(folder, &report)?;
     }
-    streams::write_bytes(None, report.text().as_bytes(), false)?;
-    Ok(Outcome::Done)
+    streams::write_bytes(None, report.text().as_bytes(), false)
 }

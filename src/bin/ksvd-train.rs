@@ -5,7 +5,7 @@ use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
 use posing::cli::ksvd::{KsvdArgs, TrainingRun};
 use posing::cli::training::ready;
-use posing::cli::{Outcome, input, messages, run, streams};
+use posing::cli::{input, messages, run, streams};
 use posing::prior::provenance::{digest, entry};
 use posing::prior::sparse_coding::sparse_model;
 use posing::sparse::Dictionary;
@@ -45,7 +45,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let (own, seed) = (&args.training, args.seed.seed);
     input::check_single_stdin_with(&args.input, own.init.iter().chain(&own.valid))?;
@@ -85,6 +85,5 @@ fn work(args: &Args) -> Result<Outcome> {
     let step = entry("ksvd-train", &flags, poses.digests());
     model.meta.history.push(step);
     streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;
-    training.finish()?;
-    Ok(Outcome::Done)
+    training.finish()
 }

@@ -2,7 +2,7 @@
 
 use clap::{Parser, Subcommand};
 use posing::cli::args::CommonArgs;
-use posing::cli::{Outcome, input, run, streams};
+use posing::cli::{input, run, streams};
 use posing::io::Model;
 use posing::{Error, Result};
 use std::path::PathBuf;
@@ -49,7 +49,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     match &args.what {
         What::Info { model, json } => {
@@ -68,7 +68,7 @@ fn work(args: &Args) -> Result<Outcome> {
             streams::write_bytes(Some(output), &Model::builtin()?.to_bytes()?, true)?
         }
     }
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// The meta data, and the shape of each array.

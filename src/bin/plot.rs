@@ -5,7 +5,7 @@ use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::input::{check_single_stdin, or_stdin};
 use posing::cli::plot::{PlotFormat, PlotTable, SvgArgs, bones, name_of, runs, text_table};
 use posing::cli::streams::write_bytes;
-use posing::cli::{Outcome, messages, run};
+use posing::cli::{messages, run};
 use posing::evaluate::player;
 use posing::evaluate::scene::{Figure, Scene};
 use posing::{Error, Result};
@@ -72,7 +72,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let to = PlotFormat::new(args.to, args.output.as_deref())?;
     // A flag of the other format is refused rather than ignored.
@@ -125,6 +125,5 @@ fn work(args: &Args) -> Result<Outcome> {
         PlotFormat::Svg => args.svg.draw(&scene, args.every)?,
         PlotFormat::Html => player::page(&scene, args.every)?,
     };
-    write_bytes(args.output.as_deref(), text.as_bytes(), false)?;
-    Ok(Outcome::Done)
+    write_bytes(args.output.as_deref(), text.as_bytes(), false)
 }

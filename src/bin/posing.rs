@@ -5,7 +5,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use posing::cli::commands::{self, COMMANDS};
 use posing::cli::completions::{self, Shell};
 use posing::cli::launcher::{binary, open_page, outline, output_of};
-use posing::cli::{Outcome, manual, messages, run, streams};
+use posing::cli::{manual, messages, run, streams};
 use posing::{Error, Result};
 use std::os::unix::process::CommandExt;
 use std::process::{Command, ExitCode};
@@ -82,7 +82,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(args))
 }
 
-fn work(args: Args) -> Result<Outcome> {
+fn work(args: Args) -> Result<()> {
     let text = match args.request {
         None | Some(Request::Help { command: None }) => {
             Args::command().render_help().to_string().into_bytes()
@@ -91,7 +91,7 @@ fn work(args: Args) -> Result<Outcome> {
             command: Some(name),
         }) => {
             open_page(&name)?;
-            return Ok(Outcome::Done);
+            return Ok(());
         }
         Some(Request::Man { command }) => output_of(&command, manual::MAN)?,
         Some(Request::Completions { shell, command }) => {
@@ -112,6 +112,5 @@ fn work(args: Args) -> Result<Outcome> {
                 .into_bytes()
         }
     };
-    streams::write_bytes(None, &text, false)?;
-    Ok(Outcome::Done)
+    streams::write_bytes(None, &text, false)
 }

@@ -5,7 +5,7 @@ use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
 use posing::cli::progress::Progress;
 use posing::cli::training::{MultiscaleArgs, ready};
-use posing::cli::{Outcome, messages, run, streams};
+use posing::cli::{messages, run, streams};
 use posing::prior::multiscale;
 use posing::prior::provenance::entry;
 use posing::prior::tuning::Tuning;
@@ -75,7 +75,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let kind: Kind = args.kind.parse()?;
     let world = args.space == Space::World;
@@ -120,6 +120,5 @@ fn work(args: &Args) -> Result<Outcome> {
     flags.extend(args.size.leaves.map(|n| ("leaves", n.to_string())));
     let step = entry("prior-train", &flags, poses.digests());
     model.meta.history.push(step);
-    streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)?;
-    Ok(Outcome::Done)
+    streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)
 }

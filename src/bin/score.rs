@@ -4,9 +4,9 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, Units, parse_rate};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::streams::write_bytes;
-use posing::cli::{Outcome, messages, run};
+use posing::cli::{messages, run};
 use posing::evaluate::Score;
-use posing::evaluate::aligned_frames::point_order;
+use posing::evaluate::frames::point_order;
 use posing::io::Table;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -57,7 +57,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let files = [Some(&args.truth), Some(&args.result), args.damaged.as_ref()];
     let inputs: Vec<InputArgs> = files
@@ -103,6 +103,5 @@ fn work(args: &Args) -> Result<Outcome> {
     if args.json {
         out = serde_json::to_string(&report).map_err(|e| Error::usage(e.to_string()))? + "\n";
     }
-    write_bytes(args.output.as_deref(), out.as_bytes(), false)?;
-    Ok(Outcome::Done)
+    write_bytes(args.output.as_deref(), out.as_bytes(), false)
 }

@@ -6,8 +6,8 @@ use posing::cli::args::{CommonArgs, InputArgs, Units, parse_rate};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::one_take::one_take;
+use posing::cli::run;
 use posing::cli::streams::write_bytes;
-use posing::cli::{Outcome, run};
 use posing::io::{Amc, Asf};
 use posing::pose::Poses;
 use posing::restore::ik::SkeletonFit;
@@ -58,7 +58,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain([&args.asf]))?;
@@ -72,8 +72,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let skeleton = SkeletonFit::new(&asf.skeleton).limits(args.limits);
     let fitted = fit(&skeleton, &poses, &table.name, &no_joint)?;
     let take = Amc::from_values(&asf, first_number(&poses, rate), fitted.values());
-    write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
-    Ok(Outcome::Done)
+    write_bytes(args.output.as_deref(), &take.to_bytes(), false)
 }
 
 /// The first frame's number: 1 + time * rate where that is a whole number, else 1.

@@ -5,7 +5,7 @@ use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
-use posing::cli::{Outcome, messages, run};
+use posing::cli::{messages, run};
 use posing::io::SkeletonFile;
 use posing::pose::rotation::{Axis, parse_order};
 
@@ -71,7 +71,7 @@ fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
     parse_order(text).ok_or_else(|| "expected the three axes in some order, such as ZYX".into())
 }
 
-fn work(args: &Args) -> Result<Outcome> {
+fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain(&args.skeleton))?;
@@ -103,8 +103,7 @@ fn work(args: &Args) -> Result<Outcome> {
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
     let bvh = fitted.to_bvh_with(order, args.up.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimetres());
-    write_bytes(args.output.as_deref(), &text, false)?;
-    Ok(Outcome::Done)
+    write_bytes(args.output.as_deref(), &text, false)
 }
 
 fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {

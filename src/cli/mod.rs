@@ -26,20 +26,9 @@ use clap::{CommandFactory, FromArgMatches};
 use std::io::Write;
 use std::process::ExitCode;
 
-/// How a command ended that did not fail.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outcome {
-    /// Finished (exit 0).
-    Done,
-    /// Finished, and found something that the caller has to look at (exit 3).
-    Findings,
-}
-
 /// Parses the arguments, runs `work` and returns the exit code: 0 done (a closed standard output included), 1 bad data,
-/// 2 wrong usage, 3 finished with findings.
-pub fn run<A: CommandFactory + FromArgMatches>(
-    work: impl FnOnce(A) -> Result<Outcome>,
-) -> ExitCode {
+/// 2 wrong usage.
+pub fn run<A: CommandFactory + FromArgMatches>(work: impl FnOnce(A) -> Result<()>) -> ExitCode {
     let command = manual::typed(A::command());
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
@@ -55,8 +44,7 @@ pub fn run<A: CommandFactory + FromArgMatches>(
         Err(e) => return parse_failure(&typed, &e),
     };
     match work(args) {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::Findings) => ExitCode::from(3),
+        Ok(()) => ExitCode::SUCCESS,
         Err(e) if e.is_closed_pipe() => ExitCode::SUCCESS,
         Err(e) => {
             messages::error(&e.to_string());

@@ -2,8 +2,8 @@
 
 use super::args::InputArgs;
 use super::input::{RowStream, open};
-use crate::evaluate::aligned_frames::point_order;
 use crate::evaluate::figure::{self, Layout};
+use crate::evaluate::frames::{point_order, timed_runs};
 use crate::evaluate::scene::{Run, Scene, Status, Table};
 use crate::io::{PosesBuilder, Row};
 use crate::pose::{Poses, joints};
@@ -162,12 +162,12 @@ impl PlotTable {
             columns.names.iter().position(|name| *name == wanted)
         };
         let status_columns: Vec<Option<usize>> = columns.points.iter().map(status_of).collect();
-        let told = status_columns.iter().any(Option::is_some);
+        let has_status = status_columns.iter().any(Option::is_some);
         let (mut builder, mut row) = (PosesBuilder::new(&columns), Row::default());
         let mut statuses = Vec::new();
         while stream.read(&mut row)? {
             builder.push(&row);
-            if told {
+            if has_status {
                 for column in &status_columns {
                     statuses.push(status(&file, &row, *column)?);
                 }
@@ -178,7 +178,7 @@ impl PlotTable {
             return Err(Error::data(Place::file(file), "has no frames to draw"));
         }
         let shape = (poses.frames(), poses.points.len());
-        let status = if told {
+        let status = if has_status {
             Array2::from_shape_vec(shape, statuses).ok()
         } else {
             None
@@ -241,24 +241,19 @@ pub fn name_of(path: &Path) -> String {
 
 /// The runs of a table; `rate` is that of takes without a rate of their own.
 pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
-    let (takes, rates, mut take) = (poses.takes(), poses.rates(), 0);
-    let run = |range: Range<usize>| {
-        while takes[take].end <= range.start {
-            take += 1;
-        }
-        Run {
-            name: poses.take.as_ref().map_or("", |t| &t[range.start]),
-            first: range.start,
-            time: poses.time.as_ref().map_or(0.0, |t| t[range.start]),
-            rate: rates[take].unwrap_or(rate),
-        }
+    let run = |(range, own): (Range<usize>, Option<f64>)| Run {
+        name: poses.take.as_ref().map_or("", |t| &t[range.start]),
+        first: range.start,
+        time: poses.time.as_ref().map_or(0.0, |t| t[range.start]),
+        rate: own.unwrap_or(rate),
     };
-    poses.runs().into_iter().map(run).collect()
+    let runs = timed_runs(poses, &poses.rates());
+    runs.into_iter().map(run).collect()
 }
 
-/// The pairs of points to join: `a-b,c-d`, or by CMU's hierarchy where nothing is said.
-pub fn bones(said: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)>> {
-    let Some(said) = said else {
+/// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of CMU's hierarchy.
+pub fn bones(list: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)>> {
+    let Some(list) = list else {
         let parents = joints::parents_by_name(points);
         let known = parents.iter().enumerate();
         return Ok(known.filter_map(|(i, p)| p.map(|p| (p, i))).collect());
@@ -273,7 +268,7 @@ pub fn bones(said: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)
                 Error::usage(format!("--bones: \"{pair}\" {what}"))
             })
     };
-    said.split(',').map(|pair| bone(pair.trim())).collect()
+    list.split(',').map(|pair| bone(pair.trim())).collect()
 }
 
 /// Reads a small CSV file that is shown as it is.

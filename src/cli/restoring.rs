@@ -2,10 +2,10 @@
 
 use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
 use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
+use super::messages;
 use super::progress::Progress;
 use super::streams::{create_table, write_table};
 use super::summary::{report, status_cells, status_columns};
-use super::{Outcome, messages};
 use crate::io::text::excerpt;
 use crate::io::{Columns, Model, PosesBuilder, Row, Table};
 use crate::prior::OpenOptions;
@@ -127,7 +127,7 @@ impl Task {
 }
 
 /// Restores the tables that the flags name.
-pub fn restore(args: &RestoringArgs, task: &Task) -> Result<Outcome> {
+pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
     check_single_stdin_with(&args.input, &args.model.model)?;
     let counts = match (args.per_frame, task.max_gap()) {
         (true, Some(_)) => {
@@ -142,7 +142,7 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<Outcome> {
         Task::Denoise(_) => "left unchanged: too few points visible",
     };
     report(&counts, left, args.status, task.max_gap().is_some());
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// Restores a whole table, and shows progress.

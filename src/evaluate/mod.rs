@@ -1,11 +1,11 @@
 //! Damage to clean poses, scores of restored ones, figures, and the benchmark that compares models.
 
-pub mod aligned_frames;
 pub mod benchmark;
 pub mod corruption;
 pub mod error_breakdown;
 pub mod error_stats;
 pub mod figure;
+pub mod frames;
 pub mod gap_injection;
 mod html;
 pub mod motion_quality;

@@ -4,15 +4,14 @@
 //! of coordinates, MSE = mean of (r - t)², as in the paper's tables (there in asf²). A coordinate that is missing in t does
 //! not count. One that is missing in r counts as still missing and is in no mean.
 
-use super::aligned_frames::point_order;
 use super::error_breakdown::ErrorBreakdown;
 use super::error_stats::{ErrorStats, ErrorSums, point};
+use super::frames::{point_order, timed_runs};
 use super::motion_quality::{Accelerations, BoneLengths};
 use crate::pose::Poses;
 use crate::{Error, Result};
 use ndarray::Array2;
 use serde::Serialize;
-use std::ops::Range;
 
 /// The result of a score. Lengths are in `units`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -148,7 +147,7 @@ impl<'a> Score<'a> {
                 rates.push(*rate);
             }
         }
-        let runs = self.timed_runs();
+        let runs = timed_runs(self.clock, &self.rates);
         let named = points.iter().zip(&by_point);
         ScoreReport {
             units: units.to_string(),
@@ -172,17 +171,6 @@ impl<'a> Score<'a> {
                 .map(|d| ErrorBreakdown::of(truth, result, d.view(), &runs, unit)),
             rates,
         }
-    }
-
-    /// The runs of consecutive frames, each with the rate of its take.
-    fn timed_runs(&self) -> Vec<(Range<usize>, Option<f64>)> {
-        let takes = self.clock.takes();
-        let rate = |run: &Range<usize>| {
-            let take = takes.partition_point(|take| take.end <= run.start);
-            self.rates.get(take).copied().flatten()
-        };
-        let runs = self.clock.runs().into_iter();
-        runs.map(|run| (run.clone(), rate(&run))).collect()
     }
 }
 

@@ -5,28 +5,16 @@ use super::score::ScoreReport;
 use super::text_table::aligned;
 use std::fmt::{self, Write};
 
-/// Columns of text, the first to the left, the others to the right.
-#[derive(Default)]
-struct Grid {
-    rows: Vec<Vec<String>>,
-}
-
-impl Grid {
-    fn errors(&mut self, name: impl Into<String>, errors: &ErrorStats) {
-        let mut row = vec![name.into(), errors.coordinates.to_string()];
-        let numbers = [errors.mse, errors.rms, errors.mean_distance, errors.max];
-        row.extend(numbers.map(number));
-        row.push(match errors.still_missing {
-            0 => String::new(),
-            n => n.to_string(),
-        });
-        self.rows.push(row);
-    }
-
-    /// A line of text between the rows.
-    fn line(&mut self, text: &str) {
-        self.rows.push(vec![text.to_string()]);
-    }
+/// The cells of a line of errors.
+fn line(name: impl Into<String>, errors: &ErrorStats) -> Vec<String> {
+    let mut row = vec![name.into(), errors.coordinates.to_string()];
+    let numbers = [errors.mse, errors.rms, errors.mean_distance, errors.max];
+    row.extend(numbers.map(number));
+    row.push(match errors.still_missing {
+        0 => String::new(),
+        n => n.to_string(),
+    });
+    row
 }
 
 /// Four decimals, four significant digits below 0.001 and from a million on, `-` for no value.
@@ -75,7 +63,6 @@ fn text(report: &ScoreReport) -> String {
         );
     }
     out.push('\n');
-    let mut grid = Grid::default();
     let heads = [
         "",
         "coordinates",
@@ -90,20 +77,18 @@ fn text(report: &ScoreReport) -> String {
     for head in &mut heads[3..6] {
         *head = format!("{head} {unit}");
     }
-    grid.rows.push(heads.to_vec());
-    grid.errors("all", &report.all);
-    damage(&mut grid, report);
-    grid.line("");
-    for point in &report.by_point {
-        grid.errors(&point.point, &point.errors);
-    }
-    out.push_str(&aligned(&grid.rows));
+    let mut rows = vec![heads.to_vec(), line("all", &report.all)];
+    damage(&mut rows, report);
+    rows.push(vec![String::new()]);
+    let by_point = report.by_point.iter();
+    rows.extend(by_point.map(|p| line(&p.point, &p.errors)));
+    out.push_str(&aligned(&rows));
     bones(&mut out, report);
     accelerations(&mut out, report);
     out
 }
 
-fn damage(grid: &mut Grid, report: &ScoreReport) {
+fn damage(rows: &mut Vec<Vec<String>>, report: &ScoreReport) {
     let Some(damage) = &report.damaged else {
         return;
     };
@@ -112,20 +97,20 @@ fn damage(grid: &mut Grid, report: &ScoreReport) {
     } else {
         "s"
     };
-    grid.errors("the damaged table", &damage.before);
-    grid.errors("was missing", &damage.missing);
+    rows.push(line("the damaged table", &damage.before));
+    rows.push(line("was missing", &damage.missing));
     for bin in damage.by_gap.iter().filter(|b| b.gaps > 0) {
         let limit = match bin.up_to {
             Some(up_to) => format!("<= {up_to} {unit}"),
             None => format!("> {} {unit}", bin.longer_than),
         };
         let word = if bin.gaps == 1 { "gap" } else { "gaps" };
-        grid.errors(format!("  {} {word} {limit}", bin.gaps), &bin.errors);
+        rows.push(line(format!("  {} {word} {limit}", bin.gaps), &bin.errors));
     }
-    grid.errors("was observed", &damage.observed);
-    grid.errors("  was off the truth", &damage.corrupted);
-    grid.errors("  was right", &damage.intact);
-    grid.errors("  is changed", &damage.changed);
+    rows.push(line("was observed", &damage.observed));
+    rows.push(line("  was off the truth", &damage.corrupted));
+    rows.push(line("  was right", &damage.intact));
+    rows.push(line("  is changed", &damage.changed));
 }
 
 fn bones(out: &mut String, report: &ScoreReport) {

@@ -183,7 +183,7 @@ pub fn measure(
             }
             sum += error * error;
             out.by_joint[c / 3] += error * error;
-            // An exactly observed coordinate says nothing of calibration; under sparse noise none is known to be exact.
+            // Exactly observed coordinates do not count for calibration; under sparse noise none is known to be exact.
             if (task == Task::Sparse || damaged.variance[[i, c]] > 0.0) && varying[c] {
                 out.coordinates += 1;
                 let off = error.abs() / variance.max(EXACT_VARIANCE).sqrt();

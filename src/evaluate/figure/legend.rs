@@ -15,9 +15,9 @@ impl Picture<'_, '_> {
             return String::new();
         };
         let word = if wide > 125.0 { "frame " } else { "" };
-        let told = |t: usize| format!("{word}{t} · {:.2} s", self.scene.moment(t).1);
+        let label = |t: usize| format!("{word}{t} · {:.2} s", self.scene.moment(t).1);
         let between = |a: String, b: String| if a == b { a } else { format!("{a} → {b}") };
-        let mut lines = vec![between(told(*first), told(*last))];
+        let mut lines = vec![between(label(*first), label(*last))];
         if self.scene.runs.len() > 1 {
             let take = |t: usize| self.scene.moment(t).0.to_string();
             let takes = between(take(*first), take(*last));

@@ -125,8 +125,8 @@ impl Picture<'_, '_> {
             74.0
         };
         let drawn = columns as f64 * (wide + BETWEEN) - BETWEEN;
-        let told = self.scene.title.chars().count() as f64 * 8.6;
-        let width = 2.0 * EDGE + drawn.max(told.min(WIDEST)).max(400.0);
+        let title_width = self.scene.title.chars().count() as f64 * 8.6;
+        let width = 2.0 * EDGE + drawn.max(title_width.min(WIDEST)).max(400.0);
         let row_height = tall + 24.0;
         let foot = FOOT + if self.scene.runs.len() > 1 { 15.0 } else { 0.0 };
         let credit = wrapped(

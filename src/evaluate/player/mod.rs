@@ -98,20 +98,21 @@ fn player_and_remarks(
 
 /// Remarks on frames left out and on flat figures.
 fn remarks(scene: &Scene<'_>, geometry: &SceneGeometry<'_, '_>, every: usize) -> String {
-    let mut said = Vec::new();
+    let mut remarks = Vec::new();
     if every > 1 {
         let count = scene.frames();
-        said.push(format!(
+        remarks.push(format!(
             "One frame of every {every} is shown (there are {count}), to keep this page small."
         ));
     }
     for (figure, of) in scene.figures.iter().enumerate() {
         let flat = geometry.flat_axes(figure);
         if !flat.is_empty() {
-            said.push(format!("{} has no {flat}: it is drawn flat.", of.name));
+            remarks.push(format!("{} has no {flat}: it is drawn flat.", of.name));
         }
     }
-    said.iter()
+    remarks
+        .iter()
         .map(|text| format!("<p class=\"remarks\">{}</p>\n", escape(text)))
         .collect()
 }

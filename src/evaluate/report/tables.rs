@@ -266,9 +266,9 @@ mod tests {
     #[test]
     fn numbers_are_short() {
         let all = [12.345, 0.19449, 0.0, 3.8e-3, 1234.6, 2.5e-7, f64::NAN];
-        let said = [
+        let expected = [
             "12.3", "0.194", "0.000000", "0.00380", "1235", "0.000000", "NaN",
         ];
-        assert_eq!(all.map(short), said);
+        assert_eq!(all.map(short), expected);
     }
 }

@@ -1,7 +1,8 @@
-//! Whether two tables have the same frames, and where the points of one are in the other.
+//! The frames of tables that belong together: their points in one order, their runs and rates.
 
 use crate::pose::Poses;
-use std::fmt::{Debug, Display};
+use std::fmt::Display;
+use std::ops::Range;
 
 /// Times that differ by no more are equal, seconds: other tools round times.
 const EQUAL_TIME: f64 = 1e-4;
@@ -27,7 +28,7 @@ pub fn point_order(first: &Poses, other: &Poses) -> Result<Vec<usize>, String> {
 }
 
 /// An error at the first frame in which two columns differ, if both tables have the column.
-fn differs<T: Display + Debug>(
+fn differs<T: Display>(
     what: &str,
     first: &Option<Vec<T>>,
     other: &Option<Vec<T>>,
@@ -41,4 +42,14 @@ fn differs<T: Display + Debug>(
         Some((t, (a, b))) => Err(format!("has {what} {b} in frame {t}, not {a}")),
         None => Ok(()),
     }
+}
+
+/// The runs of consecutive frames, each with the frames a second of its take; `rates` are those of the takes.
+pub fn timed_runs(clock: &Poses, rates: &[Option<f64>]) -> Vec<(Range<usize>, Option<f64>)> {
+    let takes = clock.takes();
+    let timed = |run: Range<usize>| {
+        let take = takes.partition_point(|take| take.end <= run.start);
+        (run, rates.get(take).copied().flatten())
+    };
+    clock.runs().into_iter().map(timed).collect()
 }
