@@ -21,6 +21,7 @@ mod testdata;
 pub mod training_set;
 pub mod tuning;
 
+use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
 use crate::sparse::SelectionRule;
 use ndarray::{Array2, ArrayView2};
@@ -31,6 +32,9 @@ pub use training_set::{HoldBack, TrainOptions, TrainingSet};
 pub use tuning::Task;
 
 pub use crate::numeric::gaussian::EXACT_VARIANCE;
+
+/// Observations of a batch that one thread answers at a time.
+const CHUNK: usize = 32;
 
 /// How a model is used. A prior ignores the options that its kind does not know.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -48,7 +52,7 @@ pub struct OpenOptions {
 }
 
 /// How much of a posterior to compute; each costs more than the one before.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Want {
     /// The mean.
     Mean,
@@ -56,8 +60,6 @@ pub enum Want {
     Variances,
     /// The mean, the variances and the full covariance.
     Covariance,
-    /// The full covariance if the variances add up to less than this, cm²; else a prior may return the variances only.
-    CovarianceBelow(f64),
 }
 
 /// The posterior of a pose given an observation, N(mean, covariance), and the evidence of the observation.
@@ -82,11 +84,6 @@ impl Posterior {
             covariance,
             log_evidence,
         }
-    }
-
-    /// Whether the full covariance was computed.
-    pub fn has_covariance(&self) -> bool {
-        !self.covariance.is_empty()
     }
 }
 
@@ -125,10 +122,9 @@ pub trait Prior: Send + Sync {
     /// The posteriors of many observations, in order. Observations that follow one another in time or share their
     /// variances may cost less together; each result equals that of [`posterior`](Prior::posterior).
     fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
-        batch
-            .iter()
-            .map(|(o, want)| self.posterior(o, *want))
-            .collect()
+        let one = |i: usize| self.posterior(&batch[i].0, batch[i].1);
+        let chunks = parallel::map_chunks(batch.len(), CHUNK, |rows| rows.map(one).collect());
+        chunks.into_iter().flat_map(|c: Vec<Posterior>| c).collect()
     }
 
     /// The closest pose of the model to an observation; never worse than the support of `previous`, refitted.
@@ -177,8 +173,11 @@ pub trait Prior: Send + Sync {
         None
     }
 
-    /// A few training poses, far apart, to start placements from: (k, 3 J), cm.
-    fn representative_poses(&self) -> ArrayView2<'_, f64>;
+    /// A few training poses, far apart, to start placements from: (k, 3 J), cm. A prior that is opened from a model has at
+    /// least one; the default is none.
+    fn representative_poses(&self) -> ArrayView2<'_, f64> {
+        ArrayView2::from(&[[]; 0] as &[[f64; 0]])
+    }
 
     /// The prior of poses that went through `map`.
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior>;

@@ -170,9 +170,10 @@ impl Kind {
                     Ok(())
                 })
             }
-            Kind::Nearest => nearest_neighbor::train(poses, options, report),
-            Kind::Nlm | Kind::NlmLinear => nlm::train(self.name(), poses, options, report),
-            Kind::LocalPca => local_pca::train(poses, options, report),
+            Kind::Nearest => nearest_neighbor::KIND.train(poses, options, report),
+            Kind::Nlm => nlm::KIND.train(poses, options, report),
+            Kind::NlmLinear => nlm::LINEAR_KIND.train(poses, options, report),
+            Kind::LocalPca => local_pca::KIND.train(poses, options, report),
             Kind::Gplvm => gplvm::train(poses, options, report),
             Kind::Pca => pca::KIND.train(poses, options, report),
             Kind::Gaussian => single::KIND.train(poses, options, report),
@@ -222,11 +223,10 @@ pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<Box<dy
     Ok(match kind {
         Kind::Multiscale => Box::new(multiscale::MultiscaleMixture::from_model(model, source)?),
         Kind::Sparse => Box::new(SparseCodingPrior::from_model(model, options, source)?),
-        Kind::Nearest => Box::new(nearest_neighbor::NearestNeighborPrior::open(
-            model, options, source,
-        )?),
-        Kind::Nlm | Kind::NlmLinear => Box::new(nlm::NlmPrior::open(model, options, source)?),
-        Kind::LocalPca => Box::new(local_pca::LocalPcaPrior::open(model, options, source)?),
+        Kind::Nearest => Box::new(nearest_neighbor::KIND.open(model, options, source)?),
+        Kind::Nlm => Box::new(nlm::KIND.open(model, options, source)?),
+        Kind::NlmLinear => Box::new(nlm::LINEAR_KIND.open(model, options, source)?),
+        Kind::LocalPca => Box::new(local_pca::KIND.open(model, options, source)?),
         Kind::Gplvm => Box::new(gplvm::GplvmPrior::open(model, options, source)?),
         Kind::Pca => Box::new(pca::KIND.open(model, options, source)?),
         Kind::Gaussian => Box::new(single::KIND.open(model, options, source)?),
@@ -239,6 +239,11 @@ pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<Box<dy
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pose::PoseTransform;
+    use crate::pose::rotation::from_rotation_vector;
+    use crate::prior::testdata::Ask;
+    use glam::DVec3;
+    use ndarray::{Array2, s};
 
     #[test]
     fn names_are_read_back() {
@@ -248,5 +253,122 @@ mod tests {
         assert_eq!("blocks".parse::<Kind>().unwrap(), Kind::default());
         let e = "walrus".parse::<Kind>().unwrap_err().to_string();
         assert!(e.contains("walrus") && e.contains("nlm-linear"), "{e}");
+    }
+
+    /// Three points on closed curves, in three takes.
+    fn poses() -> TrainingSet {
+        TrainingSet {
+            points: ["a", "b", "c"].map(String::from).to_vec(),
+            xyz: Array2::from_shape_fn((120, 9), |(t, c)| {
+                let phase = t as f32 * 0.11;
+                20.0 * (phase + c as f32).sin() + 5.0 * (2.3 * phase + (c * c) as f32).cos()
+            }),
+            takes: vec![0..50, 50..80, 80..120],
+            body: None,
+            anchor: None,
+            incomplete: 0,
+            unplaced: 0,
+        }
+    }
+
+    fn trained(kind: Kind) -> Model {
+        kind.train(&poses(), &TrainOptions::default()).unwrap()
+    }
+
+    fn opened(model: &Model) -> Box<dyn Prior> {
+        open(model, &OpenOptions::default(), "m").unwrap()
+    }
+
+    /// Observations with noise and gaps, and one of nothing.
+    fn observed() -> (Array2<f64>, Array2<f64>) {
+        let mut noise = Array2::from_elem((40, 9), 1.0);
+        noise.slice_mut(s![10..20, 3..6]).fill(f64::INFINITY);
+        noise.slice_mut(s![25.., 1]).fill(0.1);
+        noise.row_mut(39).fill(f64::INFINITY);
+        (poses().xyz.slice(s![..40, ..]).mapv(f64::from) + 0.4, noise)
+    }
+
+    #[test]
+    fn files_batches_and_threads_change_no_bit() {
+        let (y, noise) = observed();
+        for kind in Kind::ALL {
+            let pool = |n| {
+                rayon::ThreadPoolBuilder::new()
+                    .num_threads(n)
+                    .build()
+                    .unwrap()
+            };
+            let model = pool(1).install(|| trained(kind));
+            let bytes = model.to_bytes().unwrap();
+            let again = pool(3).install(|| trained(kind)).to_bytes().unwrap();
+            assert!(bytes == again, "{kind}");
+            let prior = opened(&model);
+            let read = opened(&Model::from_bytes(bytes, "m").unwrap());
+            let all = pool(3).install(|| read.full_rows(y.view(), noise.view()));
+            for (i, posterior) in all.iter().enumerate() {
+                let alone = prior.full(&y.row(i).to_vec(), &noise.row(i).to_vec());
+                assert_eq!(*posterior, alone, "{kind}");
+                assert!(
+                    alone
+                        .mean
+                        .iter()
+                        .chain(&alone.covariance)
+                        .all(|v| v.is_finite())
+                );
+            }
+            let none = Array2::zeros((0, 9));
+            assert!(prior.full_rows(none.view(), none.view()).is_empty());
+        }
+    }
+
+    #[test]
+    fn rotated_poses_have_rotated_posteriors() {
+        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
+        let (y, noise) = observed();
+        let rotated = map.apply_rows(y.view());
+        for kind in Kind::ALL {
+            // These weigh each axis of the space by a variance of its own.
+            if matches!(kind, Kind::Gplvm | Kind::Sparse) {
+                continue;
+            }
+            let prior = opened(&trained(kind));
+            let mapped = prior.mapped(&map);
+            // Whole points are missing, and those seen have equal noise.
+            for i in [5, 15] {
+                let (here, there) = (y.row(i).to_vec(), rotated.row(i).to_vec());
+                let noise = noise.row(i).to_vec();
+                let (here, there) = (prior.full(&here, &noise), mapped.full(&there, &noise));
+                let mut mean = vec![0.0; 9];
+                map.apply(&here.mean, &mut mean);
+                let near = |a: f64, b: f64| (a - b).abs() <= 1e-2;
+                assert!(
+                    mean.iter().zip(&there.mean).all(|(a, b)| near(*a, *b)),
+                    "{kind}"
+                );
+                let covariance = map.apply_covariance(here.covariance.view());
+                let mut both = covariance.iter().zip(&there.covariance);
+                assert!(both.all(|(a, b)| near(*a, *b)), "{kind}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_damaged_array_is_an_error_that_names_it() {
+        for kind in Kind::ALL {
+            let model = trained(kind);
+            for (name, _) in model
+                .arrays()
+                .filter(|(name, _)| !name.starts_with("rigid"))
+            {
+                let mut broken = model.clone();
+                let mut array = model.get(name).unwrap().into_owned();
+                array[[0, 0]] = f32::NAN;
+                broken.insert(name, array);
+                let Err(e) = open(&broken, &OpenOptions::default(), "m") else {
+                    panic!("{kind}: {name}")
+                };
+                assert!(e.to_string().starts_with(&format!("m: {name}")), "{e}");
+            }
+        }
     }
 }

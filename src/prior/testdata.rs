@@ -1,39 +1,4 @@
-//! Made poses for the tests of the parametric rivals, the same in any language: what scikit-learn makes of them stands in
-//! the tests as figures. They come from version 1.9.1 and
-//!
-//! ```python
-//! import math, numpy as np
-//! from sklearn.decomposition import PCA, FactorAnalysis
-//! from sklearn.mixture import GaussianMixture
-//!
-//! def normal(n, d, seed):
-//!     x, out = seed, np.zeros((n, d))
-//!     for i in range(n):
-//!         for c in range(d):
-//!             out[i, c] = -6.0
-//!             for _ in range(12):
-//!                 x = x * 16807 % 2147483647
-//!                 out[i, c] += x / 2147483647
-//!     return out
-//!
-//! loading = np.array([[4 * math.sin(1 + 8 * k + c) for c in range(9)] for k in range(2)])
-//! factors = normal(600, 2, 1) @ loading + normal(600, 9, 2) * (0.5 + 0.1 * np.arange(9))
-//! factors = factors.astype(np.float32).astype(float)
-//! blobs = normal(900, 6, 3)
-//! for i, x in enumerate(blobs):
-//!     j, c = i % 3, np.arange(6)
-//!     x[:] = x * (1 + j) * (1 + 0.2 * c) + 12 * np.sin(3 * j + c)
-//!     x[1] += 0.8 * x[0]
-//! blobs = blobs.astype(np.float32).astype(float)
-//!
-//! fa = FactorAnalysis(2, tol=1e-9, max_iter=10000, svd_method="lapack").fit(factors)
-//! print(fa.score(factors), fa.noise_variance_)
-//! pca = PCA(0.9, svd_solver="full").fit(factors)
-//! print(pca.explained_variance_ * 599 / 600, pca.explained_variance_ratio_.sum())  # divided by n, as here
-//! ridge = 1e-3 * (2.54 / 0.45) ** 2
-//! gmm = GaussianMixture(3, reg_covar=ridge, tol=1e-9, max_iter=1000, n_init=5, random_state=0).fit(blobs)
-//! print(gmm.score(blobs), GaussianMixture(1, reg_covar=ridge).fit(blobs).score(blobs))
-//! ```
+//! Made poses and short questions for the tests of priors.
 
 use super::{Posterior, Prior, Want, posterior_rows};
 use crate::pose::Observation;

@@ -141,10 +141,7 @@ impl BoxTree {
 
     /// The `k` nearest (all when there are fewer), nearest first; `weights` of 0 or less leave coordinates out, whose
     /// `y` is not read.
-    ///
-    /// `like` are rows that may be near, such as the answer for the frame before: with k or more of them the search
-    /// starts from their distances. The answer does not depend on them.
-    pub fn nearest(&self, y: &[f64], weights: &[f64], k: usize, like: &[u32]) -> Vec<Neighbor> {
+    pub fn nearest(&self, y: &[f64], weights: &[f64], k: usize) -> Vec<Neighbor> {
         let k = k.min(self.poses.nrows());
         if k == 0 {
             return Vec::new();
@@ -174,7 +171,6 @@ impl BoxTree {
             slack,
             k,
         };
-        query.limit = query.farthest(like);
         query.descend(0, query.bound(0));
         query.found.into_sorted_vec()
     }
@@ -188,20 +184,6 @@ impl BoxTree {
 }
 
 impl Query<'_> {
-    /// The greatest distance of k different rows `like`; infinite when they are fewer.
-    fn farthest(&self, like: &[u32]) -> f64 {
-        let mut rows: Vec<u32> = like.to_vec();
-        rows.sort_unstable();
-        rows.dedup();
-        rows.retain(|r| (*r as usize) < self.tree.poses.nrows());
-        if rows.len() < self.k {
-            return f64::INFINITY;
-        }
-        let mut distances: Vec<f64> = rows.iter().map(|r| self.distance(*r as usize)).collect();
-        distances.sort_unstable_by(f64::total_cmp);
-        distances[self.k - 1]
-    }
-
     /// No pose of the node is nearer than this.
     fn bound(&self, node: usize) -> f64 {
         let (low, high) = (self.boxes.row(2 * node), self.boxes.row(2 * node + 1));
@@ -377,7 +359,6 @@ mod tests {
             let d = 9;
             let tree = BoxTree::new(curves(n, d, seed).view());
             let mut g = parallel::rng(seed, 1);
-            let mut before = Vec::new();
             for _ in 0..3 {
                 let mut y: Vec<f64> = (0..d).map(|c| {
                     let at = if n > 0 { f64::from(tree.poses[[n / 2, c]]) } else { 0.0 };
@@ -390,56 +371,9 @@ mod tests {
                     _ => 0.0,
                 }).collect();
                 (0..d).filter(|c| weights[*c] <= 0.0).for_each(|c| y[c] = f64::NAN);
-                let found = tree.nearest(&y, &weights, k, &before);
+                let found = tree.nearest(&y, &weights, k);
                 prop_assert_eq!(&found, &brute(&tree, &y, &weights, k));
-                before = found.iter().map(|f| f.index).collect();
             }
         }
-    }
-
-    #[test]
-    fn every_pose_stands_in_one_leaf_inside_its_boxes() {
-        let poses = curves(777, 12, 5);
-        let tree = BoxTree::new(poses.view());
-        let mut rows: Vec<Vec<u32>> = tree
-            .poses
-            .rows()
-            .into_iter()
-            .map(|r| r.iter().map(|v| v.to_bits()).collect())
-            .collect();
-        let mut want: Vec<Vec<u32>> = poses
-            .rows()
-            .into_iter()
-            .map(|r| r.iter().map(|v| v.to_bits()).collect())
-            .collect();
-        rows.sort();
-        want.sort();
-        assert_eq!(rows, want);
-        let leaves: usize = tree
-            .nodes
-            .iter()
-            .filter(|n| n.second == 0)
-            .map(|n| (n.end - n.first) as usize)
-            .sum();
-        assert_eq!(leaves, 777);
-    }
-
-    #[test]
-    fn hints_that_are_wrong_do_no_harm() {
-        let tree = BoxTree::new(curves(200, 6, 2).view());
-        let y = vec![1.0; 6];
-        let plain = tree.nearest(&y, &[1.0; 6], 5, &[]);
-        assert_eq!(
-            plain,
-            tree.nearest(&y, &[1.0; 6], 5, &[7, 7, 7, 7, 9_999, 0])
-        );
-        assert_eq!(
-            plain,
-            tree.nearest(&y, &[1.0; 6], 5, &[10, 20, 30, 40, 50, 60])
-        );
-        let same = BoxTree::new(Array2::zeros((50, 6)).view());
-        let found = same.nearest(&y, &[1.0; 6], 60, &[]);
-        assert_eq!(found.len(), 50);
-        assert!(found.windows(2).all(|w| w[0].index < w[1].index));
     }
 }

@@ -12,17 +12,14 @@
 //! their noise, twice that otherwise. Squared distances from such a product cancel; poses that may matter are computed
 //! again in f64, so that answers do not depend on how observations are batched.
 
+use super::ExemplarKind;
 use super::exemplar_weights::{ExemplarWeights, Explained};
-use crate::Result;
-use crate::io::Model;
 use crate::numeric::gaussian::{ConditionalGaussian, most_probable};
 use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
-use crate::prior::model_arrays;
-use crate::prior::training_set::{TrainOptions, TrainingSet};
-use crate::prior::tuning::{ASF2, Grid, PriorFamily, Setting, TunedPrior};
-use crate::prior::{OpenOptions, Posterior, Prior, Want};
-use ndarray::{Array2, ArrayView1, ArrayView2};
+use crate::prior::tuning::{ASF2, Grid, PriorFamily};
+use crate::prior::{Posterior, Prior, Want};
+use ndarray::{ArrayView1, ArrayView2};
 use std::sync::Arc;
 
 /// Observations scored together.
@@ -32,10 +29,38 @@ const WIDTHS: [f64; 11] = [1e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6
 
 /// The widths tried for `nlm-linear`: h², asf².
 const WIDTHS_LINEAR: [f64; 7] = [0.03, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0];
-/// The kind with local linear regression.
-const LINEAR: &str = "nlm-linear";
 /// Ridge of the regression, cm²: a single pose may have all the weight.
 const FINEST: f64 = 1e-4;
+
+/// The kind `nlm`; an inflation of 1 is a width h² of 1 asf².
+pub const KIND: ExemplarKind = ExemplarKind {
+    name: "nlm",
+    // The width is added to the noise, so that assuming noise as well would say the same twice.
+    grid: || Grid {
+        inflation: WIDTHS.to_vec(),
+        sparse: vec![0.0],
+        complete: vec![0.0],
+    },
+    prior: |poses| prior(poses, false),
+    adjust: |_| (),
+};
+
+/// The kind `nlm-linear`.
+pub const LINEAR_KIND: ExemplarKind = ExemplarKind {
+    name: "nlm-linear",
+    grid: || Grid {
+        inflation: WIDTHS_LINEAR.to_vec(),
+        sparse: vec![0.05 * ASF2, 0.2 * ASF2, 0.8 * ASF2],
+        complete: vec![1e-5 * ASF2, 1e-3 * ASF2, 1e-2 * ASF2, 0.1 * ASF2],
+    },
+    prior: |poses| prior(poses, true),
+    adjust: |_| (),
+};
+
+fn prior(poses: ArrayView2<'_, f32>, linear: bool) -> PriorFamily {
+    let exemplars = Arc::new(ExemplarWeights::new(poses.mapv(f64::from).view()));
+    Box::new(move |inflation| Box::new(NlmPrior::new(exemplars.clone(), inflation * ASF2, linear)))
+}
 
 /// The prior: a weighted average of all training poses.
 #[derive(Debug, Clone)]
@@ -46,33 +71,15 @@ pub struct NlmPrior {
     /// h², cm².
     width: f64,
     variance: Vec<f64>,
-    typical: Arc<Array2<f64>>,
 }
 
 impl NlmPrior {
-    /// From a model of kind `nlm` or `nlm-linear`: `poses` (n, D), and its tuning; an inflation of 1 is a width h² of 1 asf².
-    ///
-    /// # Errors
-    /// Data: no such array, a wrong shape, numbers that are not finite.
-    pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
-        let linear = model.meta.kind == LINEAR;
-        model_arrays::open_exemplars(model, options, source, |poses, typical| {
-            family(poses, typical, linear)
-        })
-    }
-
-    fn new(
-        poses: Arc<ExemplarWeights>,
-        typical: Arc<Array2<f64>>,
-        width: f64,
-        linear: bool,
-    ) -> NlmPrior {
+    fn new(poses: Arc<ExemplarWeights>, width: f64, linear: bool) -> NlmPrior {
         NlmPrior {
             variance: vec![width; poses.middle.len()],
             poses,
             linear,
             width,
-            typical,
         }
     }
 
@@ -158,74 +165,18 @@ impl Prior for NlmPrior {
         tiles.into_iter().flatten().collect()
     }
 
-    fn representative_poses(&self) -> ArrayView2<'_, f64> {
-        self.typical.view()
-    }
-
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         let poses = self.poses.rows.mapv(f64::from) + ArrayView1::from(&self.poses.middle);
         let exemplars = ExemplarWeights::new(map.apply_rows(poses.view()).view());
-        let typical = map.apply_rows(self.typical.view());
-        Box::new(NlmPrior::new(
-            Arc::new(exemplars),
-            Arc::new(typical),
-            self.width,
-            self.linear,
-        ))
+        Box::new(NlmPrior::new(Arc::new(exemplars), self.width, self.linear))
     }
-}
-
-/// The prior at any width h².
-fn family(poses: ArrayView2<'_, f32>, typical: Array2<f64>, linear: bool) -> PriorFamily<'static> {
-    let exemplars = Arc::new(ExemplarWeights::new(poses.mapv(f64::from).view()));
-    let typical = Arc::new(typical);
-    Box::new(move |setting: Setting| {
-        let width = setting.inflation * ASF2;
-        let (exemplars, typical) = (exemplars.clone(), typical.clone());
-        Box::new(NlmPrior::new(exemplars, typical, width, linear))
-    })
-}
-
-/// Makes a model of kind `nlm` or `nlm-linear`: the poses, and the width of each task.
-///
-/// # Errors
-/// Data: no poses to learn from.
-pub fn train(
-    kind: &str,
-    poses: &TrainingSet,
-    options: &TrainOptions,
-    report: &mut dyn FnMut(&str),
-) -> Result<Model> {
-    let linear = kind == LINEAR;
-    let asf = |v: &[f64]| v.iter().map(|v| v * ASF2).collect();
-    let grid = if linear {
-        Grid {
-            inflation: WIDTHS_LINEAR.to_vec(),
-            sparse: asf(&[0.05, 0.2, 0.8]),
-            complete: asf(&[1e-5, 1e-3, 1e-2, 0.1]),
-        }
-    } else {
-        Grid {
-            inflation: WIDTHS.to_vec(),
-            // The width is added to the noise, so that assuming noise as well would say the same twice.
-            sparse: vec![0.0],
-            complete: vec![0.0],
-        }
-    };
-    let learn = |poses: ArrayView2<'_, f32>, typical| family(poses, typical, linear);
-    let (mut model, tuning) =
-        model_arrays::train_exemplars(kind, poses, options, &grid, learn, report)?;
-    tuning.write(&mut model);
-    Ok(model)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::pose::rotation::from_rotation_vector;
     use crate::prior::testdata::Ask;
-    use glam::DVec3;
-    use ndarray::{Axis, s};
+    use ndarray::{Array2, Axis};
 
     fn exemplars(n: usize) -> Array2<f64> {
         Array2::from_shape_fn((n, 9), |(t, c)| {
@@ -234,10 +185,11 @@ mod tests {
     }
 
     fn prior(n: usize, width: f64) -> NlmPrior {
-        let poses = exemplars(n);
-        let typical = poses.slice(s![..n.min(3), ..]).to_owned();
-        let exemplars = Arc::new(ExemplarWeights::new(poses.view()));
-        NlmPrior::new(exemplars, Arc::new(typical), width, false)
+        NlmPrior::new(
+            Arc::new(ExemplarWeights::new(exemplars(n).view())),
+            width,
+            false,
+        )
     }
 
     /// The definition, in f64.
@@ -324,63 +276,5 @@ mod tests {
             assert!((belief.mean[c] - mean[c] - update[c]).abs() <= 0.05);
             assert!((belief.mean[c] - means[[0, c]]).abs() <= 1e-6);
         }
-    }
-
-    #[test]
-    fn batches_and_threads_change_no_bit() {
-        let prior = prior(500, 0.3);
-        let y = exemplars(100) + 0.7;
-        let mut noise = Array2::from_elem((100, 9), 2.0);
-        noise.slice_mut(s![40..60, 3..6]).fill(f64::INFINITY);
-        noise.slice_mut(s![70.., 1]).fill(0.1);
-        let singly: Vec<Posterior> = (0..100)
-            .map(|i| prior.full(&y.row(i).to_vec(), &noise.row(i).to_vec()))
-            .collect();
-        for threads in [1, 2, 7] {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            let (all, means) = pool.install(|| {
-                (
-                    prior.full_rows(y.view(), noise.view()),
-                    prior.mean_rows(y.view(), noise.view()),
-                )
-            });
-            assert_eq!(all, singly);
-            let each = means.rows().into_iter().zip(&all);
-            assert!(each.into_iter().all(|(m, b)| m.to_vec() == b.mean));
-        }
-        let none = Array2::zeros((0, 9));
-        assert!(prior.full_rows(none.view(), none.view()).is_empty());
-    }
-
-    #[test]
-    fn turned_poses_are_answered_turned() {
-        let prior = prior(200, 0.5);
-        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
-        let y = exemplars(30).slice(s![20..21, ..]).to_owned() + 0.3;
-        let noise = [1.0; 9];
-        let here = prior.full(&y.row(0).to_vec(), &noise);
-        let turned = map.apply_rows(y.view()).row(0).to_vec();
-        let there = prior.mapped(&map).full(&turned, &noise);
-        let mut want = vec![0.0; 9];
-        map.apply(&here.mean, &mut want);
-        assert!(
-            there
-                .mean
-                .iter()
-                .zip(&want)
-                .all(|(a, b)| (a - b).abs() <= 1e-3)
-        );
-        let want = map.apply_covariance(here.covariance.view());
-        assert!(
-            there
-                .covariance
-                .iter()
-                .zip(&want)
-                .all(|(a, b)| (a - b).abs() <= 1e-3)
-        );
-        assert!((there.log_evidence - here.log_evidence).abs() <= 1e-3);
     }
 }

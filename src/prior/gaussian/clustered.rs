@@ -89,8 +89,7 @@ mod tests {
     #[test]
     fn the_likeliest_alone_answers() {
         let parts = learn(apart().slice(s![..40, ..]), 0).unwrap();
-        let typical = parts.means.clone();
-        let all = GaussianMixturePrior::new(&parts, KIND.style, 1.0, typical.view());
+        let all = GaussianMixturePrior::new(&parts, KIND.style, 1.0);
         let far = usize::from(parts.means[[1, 0]] > 50.0);
         let one = MixtureParams {
             weights: vec![1.0],
@@ -101,7 +100,7 @@ mod tests {
                 .to_owned(),
             rest: parts.rest.slice(s![far..=far, ..]).to_owned(),
         };
-        let one = GaussianMixturePrior::new(&one, KIND.style, 1.0, typical.view());
+        let one = GaussianMixturePrior::new(&one, KIND.style, 1.0);
         // Nearer to the far one, though both have a say in it.
         let (y, noise) = ([55.0; 6], [900.0; 6]);
         assert_eq!(all.full(&y, &noise).mean, one.full(&y, &noise).mean);

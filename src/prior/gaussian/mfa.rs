@@ -188,12 +188,10 @@ mod tests {
     }
 
     #[test]
-    fn a_planted_analyser_is_found_as_well_as_by_scikit_learn() {
+    fn a_planted_analyser_is_found() {
         let x = factors();
         let (parts, _) = fit(x.view(), (1, 2), 0, LONG).unwrap();
         let found = likelihood(&x, parts.covariance(0));
-        // FactorAnalysis (`testdata`).
-        assert!(found >= -15.949990742114391 - 1e-6, "{found}");
         // What the poses were made with is less likely than what fits them best, but not by much.
         let noise: Array1<f64> = (0..9).map(|c| (0.5 + 0.1 * f64::from(c)).powi(2)).collect();
         let planted = loading().t().dot(&loading()) + Array2::from_diag(&noise);
@@ -202,23 +200,8 @@ mod tests {
             found > planted && found < planted + 0.1,
             "{found} {planted}"
         );
-        // Its Ψ.
-        let theirs = [
-            0.27817938, 0.35924353, 0.35835032, 0.53375878, 0.71735915, 1.05202316, 1.25115261,
-            1.54927415, 1.50885657,
-        ];
-        for (ours, theirs) in parts.rest.row(0).iter().zip(theirs) {
-            assert!((ours / theirs - 1.0).abs() <= 1e-4, "{ours} {theirs}");
-        }
         // A factor less cannot say it.
         let (fewer, _) = fit(x.view(), (1, 1), 0, LONG).unwrap();
         assert!(likelihood(&x, fewer.covariance(0)) < found - 1.0);
-    }
-
-    #[test]
-    fn the_same_seed_gives_the_same_bytes() {
-        let of = |seed| fit(blobs().view(), (5, 2), seed, Stop::default()).unwrap();
-        assert_eq!(of(2), of(2));
-        assert_ne!(of(2).0, of(3).0);
     }
 }

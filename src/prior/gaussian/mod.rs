@@ -27,19 +27,15 @@ use crate::Result;
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::numeric::linalg::symmetric_eigen;
-use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
-use crate::prior::model_arrays;
 use crate::prior::training_set::{TrainOptions, TrainingSet};
-use crate::prior::tuning::{Grid, PriorFamily, TaskSettings, TunedPrior, tune};
+use crate::prior::tuning::{Grid, PriorFamily, TunedPrior, tune};
 use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::sync::Arc;
 
 pub use mixture_params::{MixtureParams, roots};
 
-/// Observations per parallel chunk.
-const CHUNK: usize = 32;
 /// Conditioned components kept in the cache (about 110 kB each).
 const MAX_CACHED: usize = 640;
 /// Components with less posterior weight are left out.
@@ -79,19 +75,13 @@ pub struct GaussianMixturePrior {
     components: Vec<Component>,
     answer: Readout,
     variance: Vec<f64>,
-    typical: Array2<f64>,
     /// The components, conditioned on the observed coordinates of a noise pattern.
     conditionals: NoiseCache<Vec<ConditionalGaussian>>,
 }
 
 impl GaussianMixturePrior {
-    /// The mixture with its covariances multiplied by `inflation`; `typical` (t, D) are its representative poses, cm.
-    pub fn new(
-        parts: &MixtureParams,
-        style: Style,
-        inflation: f64,
-        typical: ArrayView2<'_, f64>,
-    ) -> GaussianMixturePrior {
+    /// The mixture with its covariances multiplied by `inflation`.
+    pub fn new(parts: &MixtureParams, style: Style, inflation: f64) -> GaussianMixturePrior {
         let component = |j: usize| {
             let (covariance, unexplained) = if style.estimates_rest {
                 (parts.covariance(j), vec![0.0; parts.means.ncols()])
@@ -106,19 +96,14 @@ impl GaussianMixturePrior {
             }
         };
         let components = (0..parts.len()).map(component).collect();
-        GaussianMixturePrior::of(components, style.answer, typical.to_owned())
+        GaussianMixturePrior::of(components, style.answer)
     }
 
-    fn of(
-        components: Vec<Component>,
-        answer: Readout,
-        typical: Array2<f64>,
-    ) -> GaussianMixturePrior {
+    fn of(components: Vec<Component>, answer: Readout) -> GaussianMixturePrior {
         GaussianMixturePrior {
             variance: alone(&components),
             components,
             answer,
-            typical,
             conditionals: NoiseCache::default(),
         }
     }
@@ -229,7 +214,7 @@ impl Prior for GaussianMixturePrior {
                     ..Posterior::default()
                 }
             }
-            Want::Covariance | Want::CovarianceBelow(_) => {
+            Want::Covariance => {
                 let mut covariance = Array2::zeros((d, d));
                 for (j, w, own) in &component_means {
                     let c = &self.components[*j];
@@ -245,20 +230,6 @@ impl Prior for GaussianMixturePrior {
                 Posterior::full(mean, covariance, log_evidence)
             }
         }
-    }
-
-    fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
-        let chunks = parallel::map_chunks(batch.len(), CHUNK, |rows| {
-            let chunk = batch[rows].iter();
-            chunk
-                .map(|(o, want)| self.posterior(o, *want))
-                .collect::<Vec<_>>()
-        });
-        chunks.into_iter().flatten().collect()
-    }
-
-    fn representative_poses(&self) -> ArrayView2<'_, f64> {
-        self.typical.view()
     }
 
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
@@ -277,8 +248,7 @@ impl Prior for GaussianMixturePrior {
             }
         };
         let components = self.components.iter().map(carried).collect();
-        let typical = map.apply_rows(self.typical.view());
-        Box::new(GaussianMixturePrior::of(components, self.answer, typical))
+        Box::new(GaussianMixturePrior::of(components, self.answer))
     }
 }
 
@@ -293,16 +263,9 @@ pub struct MixtureKind {
 }
 
 impl MixtureKind {
-    fn family<'a>(&self, params: MixtureParams, typical: ArrayView2<'a, f64>) -> PriorFamily<'a> {
+    fn family(&self, params: MixtureParams) -> PriorFamily {
         let style = self.style;
-        Box::new(move |setting| {
-            Box::new(GaussianMixturePrior::new(
-                &params,
-                style,
-                setting.inflation,
-                typical,
-            ))
-        })
+        Box::new(move |inflation| Box::new(GaussianMixturePrior::new(&params, style, inflation)))
     }
 
     /// Trains a model: tuned on held-out poses, then learnt from all of them.
@@ -316,11 +279,8 @@ impl MixtureKind {
         report: &mut dyn FnMut(&str),
     ) -> Result<Model> {
         let mut model = poses.model(self.name)?;
-        let typical = model.array("typical", self.name)?.mapv(f64::from);
-        let tried = |part: &TrainingSet| {
-            let params = (self.learn)(part.xyz.view(), options.seed)?;
-            Ok(self.family(params, typical.view()))
-        };
+        let tried =
+            |part: &TrainingSet| Ok(self.family((self.learn)(part.xyz.view(), options.seed)?));
         tune(poses, options, &Grid::default(), &tried, report)?.write(&mut model);
         report("learns from all poses");
         (self.learn)(poses.xyz.view(), options.seed)?.write(&mut model);
@@ -333,11 +293,7 @@ impl MixtureKind {
     /// Data: arrays that are missing, of the wrong shape or not finite.
     pub fn open(&self, model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
         let params = MixtureParams::read(model, source)?;
-        let means = params.means.mapv(|v| v as f32);
-        let typical = model_arrays::typical_or(model, means.view(), source)?;
-        let tuned = TaskSettings::read(model, source)?;
-        let family = self.family(params, typical.view());
-        Ok(TunedPrior::new(tuned, options.task, &family))
+        TunedPrior::open(model, options, source, &self.family(params))
     }
 }
 
@@ -346,9 +302,7 @@ mod tests {
     use super::mixture_params::three;
     use super::*;
     use crate::numeric::linalg::cholesky_solve;
-    use crate::pose::rotation::from_rotation_vector;
-    use crate::prior::testdata::{Ask, normal};
-    use glam::DVec3;
+    use crate::prior::testdata::Ask;
     use ndarray::{Array1, Axis, s};
     use std::f64::consts::PI;
 
@@ -358,7 +312,7 @@ mod tests {
     };
 
     fn prior(style: Style, inflation: f64) -> GaussianMixturePrior {
-        GaussianMixturePrior::new(&three(), style, inflation, three().means.view())
+        GaussianMixturePrior::new(&three(), style, inflation)
     }
 
     /// log N(r; 0, A) and A⁻¹ b.
@@ -452,7 +406,7 @@ mod tests {
             factors: parts.factors.slice(s![..2, ..]).to_owned(),
             rest: Array2::zeros((1, 6)),
         };
-        let alone = GaussianMixturePrior::new(&alone, AVERAGE, 1.0, parts.means.view());
+        let alone = GaussianMixturePrior::new(&alone, AVERAGE, 1.0);
         let noise: Vec<f64> = parts.rest.row(0).iter().map(|r| r + 0.3).collect();
         let y = parts.means.row(0).to_vec();
         let y: Vec<f64> = y.iter().map(|v| v + 0.5).collect();
@@ -467,36 +421,6 @@ mod tests {
             assert!((got.mean[c] - want.mean[c]).abs() <= 1e-9);
             let variance = want.covariance[[c, c]] + parts.rest[[0, c]];
             assert!((got.covariance[[c, c]] - variance).abs() <= 1e-9);
-        }
-    }
-
-    #[test]
-    fn turned_poses_are_answered_turned() {
-        let prior = prior(AVERAGE, 1.5);
-        let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.4, -1.0, 0.2)));
-        let y = [1.0, -2.0, 0.5, 3.0, 0.0, -1.0];
-        let (mut turned, mut want) = (vec![0.0; 6], vec![0.0; 6]);
-        map.apply(&y, &mut turned);
-        map.apply(&prior.full(&y, &[0.7; 6]).mean, &mut want);
-        let got = prior.mapped(&map).full(&turned, &[0.7; 6]).mean;
-        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() <= 1e-9));
-    }
-
-    #[test]
-    fn batches_and_threads_change_no_bit() {
-        let prior = prior(AVERAGE, 1.0);
-        let y = normal(70, 6, 13) * 3.0;
-        let mut noise = Array2::from_elem((70, 6), 1.0);
-        noise.slice_mut(s![30..50, 2..4]).fill(f64::INFINITY);
-        for threads in [1, 2, 7] {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            let all = pool
-                .unwrap()
-                .install(|| prior.full_rows(y.view(), noise.view()));
-            for (i, update) in all.iter().enumerate() {
-                let alone = prior.full(&y.row(i).to_vec(), &noise.row(i).to_vec());
-                assert_eq!(*update, alone);
-            }
         }
     }
 }

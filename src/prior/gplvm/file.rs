@@ -27,24 +27,20 @@ pub fn write(learned: &Learned, model: &mut Model) {
 pub fn read(model: &Model, source: &str) -> Result<Learned> {
     let width = 3 * model.meta.points.len();
     let place = |part: &str| Place::file(source).part(part);
-    let active = model_arrays::rows(model, "active", width, source)?.mapv(f64::from);
-    let latent = model.array("latent", source)?;
-    let latent = model_arrays::rows(model, "latent", latent.ncols(), source)?.mapv(f64::from);
-    if latent.nrows() != active.nrows() || latent.ncols() == 0 || active.nrows() > MOST_ACTIVE {
-        let what = format!(
-            "has {} rows, expected one for each of {} poses, at most {MOST_ACTIVE}",
-            latent.nrows(),
-            active.nrows()
-        );
+    let array = |name: &str, rows, columns| {
+        let array = model_arrays::array(model, name, (rows, columns), source);
+        array.map(|a| a.mapv(f64::from))
+    };
+    let active = array("active", None, Some(width))?;
+    let latent = array("latent", Some(active.nrows()), None)?;
+    if latent.ncols() == 0 || active.nrows() > MOST_ACTIVE {
+        let what = format!("has no columns, or more than {MOST_ACTIVE} rows");
         return Err(Error::data(place("latent"), what));
     }
-    let scales: Vec<f64> = model_arrays::rows(model, "scales", width, source)?
-        .row(0)
-        .mapv(f64::from)
-        .to_vec();
-    let mean = model_arrays::rows(model, "mean", width, source)?
-        .row(0)
-        .mapv(f64::from);
+    let scales = array("scales", Some(1), Some(width))?
+        .into_raw_vec_and_offset()
+        .0;
+    let mean = array("mean", Some(1), Some(width))?.row(0).to_owned();
     let number = |name: &str| -> Result<f64> {
         let value = model
             .meta

@@ -20,14 +20,12 @@ mod learn;
 mod process;
 
 use crate::io::Model;
-use crate::numeric::parallel;
 use crate::pose::{Observation, PoseTransform};
-use crate::prior::model_arrays;
 use crate::prior::training_set::{TrainOptions, TrainingSet};
-use crate::prior::tuning::{Grid, PriorFamily, Setting, TaskSettings, TunedPrior, tune};
+use crate::prior::tuning::{ASF2, Grid, PriorFamily, TunedPrior, tune};
 use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Want};
 use crate::{Error, Place, Result};
-use ndarray::{Array1, Array2, ArrayView1, ArrayView2};
+use ndarray::{Array1, Array2, ArrayView1};
 use process::Process;
 use std::sync::Arc;
 
@@ -35,8 +33,6 @@ use std::sync::Arc;
 const STARTS: usize = 2;
 /// Steps of each minimization.
 const STEPS: usize = 15;
-/// Observations per parallel chunk.
-const RUN: usize = 16;
 
 /// A scaled GPLVM of poses.
 #[derive(Debug, Clone)]
@@ -45,7 +41,6 @@ pub struct GplvmPrior {
     /// a, the inverse of the paper's weight of the prior.
     inflation: f64,
     variance: Vec<f64>,
-    typical: Arc<Array2<f64>>,
 }
 
 impl GplvmPrior {
@@ -56,28 +51,20 @@ impl GplvmPrior {
     /// Data: no such array or number, a wrong shape, numbers that are not finite or out of range.
     pub fn open(model: &Model, options: &OpenOptions, source: &str) -> Result<TunedPrior> {
         let learned = file::read(model, source)?;
-        let active = model_arrays::rows(model, "active", 3 * model.meta.points.len(), source)?;
-        let typical = model_arrays::typical_or(model, active.view(), source)?;
-        let tuned = TaskSettings::read(model, source)?;
         let unsound = || {
             let what = "its kernel matrix is not positive definite; train the model again";
             Error::data(Place::file(source).part("latent"), what)
         };
         let process = Process::new(&learned).ok_or_else(unsound)?;
-        Ok(TunedPrior::new(
-            tuned,
-            options.task,
-            &family(process, typical),
-        ))
+        TunedPrior::open(model, options, source, &family(process))
     }
 
-    fn new(process: Arc<Process>, typical: Arc<Array2<f64>>, inflation: f64) -> GplvmPrior {
+    fn new(process: Arc<Process>, inflation: f64) -> GplvmPrior {
         let own = process.noise.max(1e-6) * inflation;
         GplvmPrior {
             variance: process.scales.iter().map(|s| s * own).collect(),
             process,
             inflation,
-            typical,
         }
     }
 
@@ -165,43 +152,22 @@ impl Prior for GplvmPrior {
             posterior.mean[c] += p.f[c] + update;
             posterior.variance[c] = left;
         }
-        if matches!(want, Want::Covariance | Want::CovarianceBelow(_)) {
+        if want == Want::Covariance {
             posterior.covariance = Array2::from_diag(&ArrayView1::from(&posterior.variance));
         }
         posterior
     }
 
-    fn posterior_batch(&self, batch: &[(Observation<'_>, Want)]) -> Vec<Posterior> {
-        let runs = parallel::map_chunks(batch.len(), RUN, |rows| {
-            let run = batch[rows].iter();
-            run.map(|(o, want)| self.posterior(o, *want))
-                .collect::<Vec<_>>()
-        });
-        runs.into_iter().flatten().collect()
-    }
-
-    fn representative_poses(&self) -> ArrayView2<'_, f64> {
-        self.typical.view()
-    }
-
     /// Poses are carried as they are; the variance of a coordinate becomes the diagonal of the carried covariance.
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
-        let process = self.process.mapped(map);
-        let typical = map.apply_rows(self.typical.view());
-        Box::new(GplvmPrior::new(
-            Arc::new(process),
-            Arc::new(typical),
-            self.inflation,
-        ))
+        let process = Arc::new(self.process.mapped(map));
+        Box::new(GplvmPrior::new(process, self.inflation))
     }
 }
 
-fn family(process: Process, typical: Array2<f64>) -> PriorFamily<'static> {
-    let (process, typical) = (Arc::new(process), Arc::new(typical));
-    Box::new(move |setting: Setting| {
-        let (process, typical) = (process.clone(), typical.clone());
-        Box::new(GplvmPrior::new(process, typical, setting.inflation))
-    })
+fn family(process: Process) -> PriorFamily {
+    let process = Arc::new(process);
+    Box::new(move |inflation| Box::new(GplvmPrior::new(process.clone(), inflation)))
 }
 
 /// Makes a model of kind `sik`, and finds the weight of each task.
@@ -220,13 +186,13 @@ pub fn train(
     let mut model = poses.model("sik")?;
     let grid = Grid {
         inflation: vec![0.3, 1.0, 3.0],
-        sparse: [0.2].map(|v| v * crate::prior::tuning::ASF2).to_vec(),
-        complete: [1e-2, 0.1].map(|v| v * crate::prior::tuning::ASF2).to_vec(),
+        sparse: vec![0.2 * ASF2],
+        complete: vec![1e-2 * ASF2, 0.1 * ASF2],
     };
     let learn = |kept: &TrainingSet| {
         let learned = learn::learn(kept.xyz.view(), &mut |_| {});
         let process = Process::new(&learned).ok_or_else(unsound)?;
-        Ok(family(process, Array2::zeros((0, 0))))
+        Ok(family(process))
     };
     tune(poses, options, &grid, &learn, report)?.write(&mut model);
     let learned = learn::learn(poses.xyz.view(), report);
@@ -252,12 +218,7 @@ mod tests {
 
     fn prior(n: usize) -> GplvmPrior {
         let learned = learn::learn(poses(n).view(), &mut |_| {});
-        let typical = poses(3).mapv(f64::from);
-        GplvmPrior::new(
-            Arc::new(Process::new(&learned).unwrap()),
-            Arc::new(typical),
-            1.0,
-        )
+        GplvmPrior::new(Arc::new(Process::new(&learned).unwrap()), 1.0)
     }
 
     #[test]
@@ -299,24 +260,10 @@ mod tests {
     }
 
     #[test]
-    fn one_pose_nothing_seen_and_batches() {
-        let one = prior(1);
-        let belief = one.full(&[f64::NAN; 9], &[f64::INFINITY; 9]);
+    fn one_pose_is_the_answer_to_nothing_seen() {
+        let belief = prior(1).full(&[f64::NAN; 9], &[f64::INFINITY; 9]);
         let want = poses(1);
         assert!((0..9).all(|c| (belief.mean[c] - f64::from(want[[0, c]])).abs() <= 1e-3));
-        let prior = prior(30);
-        let y = poses(50).mapv(f64::from) + 0.5;
-        let noise = Array2::from_elem(y.dim(), 1.0);
-        for threads in [1, 2, 7] {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build()
-                .unwrap();
-            let all = pool.install(|| prior.full_rows(y.view(), noise.view()));
-            for (i, belief) in all.iter().enumerate() {
-                assert_eq!(*belief, prior.full(&y.row(i).to_vec(), &[1.0; 9]));
-            }
-        }
     }
 
     #[test]
@@ -325,8 +272,7 @@ mod tests {
             scales: vec![2.0; 9],
             ..learn::learn(poses(30).view(), &mut |_| {})
         };
-        let typical = Arc::new(poses(3).mapv(f64::from));
-        let prior = GplvmPrior::new(Arc::new(Process::new(&learned).unwrap()), typical, 1.0);
+        let prior = GplvmPrior::new(Arc::new(Process::new(&learned).unwrap()), 1.0);
         let map = PoseTransform::Rotate(from_rotation_vector(DVec3::new(0.2, -0.8, 0.3)));
         let y = (poses(90).mapv(f64::from) + 0.3).row(20).to_vec();
         let (mut turned, mut want) = (vec![0.0; 9], vec![0.0; 9]);

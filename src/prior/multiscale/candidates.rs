@@ -14,9 +14,15 @@ pub struct Candidate {
     pub cluster: usize,
     /// The exemplar among the cluster's; `None` for the cluster itself.
     pub exemplar: Option<usize>,
-    /// For a cluster, the place of its scale among those of the level; for an exemplar, the place of its sub-mixture among
-    /// the active ones.
-    pub at: usize,
+    /// Its sub-mixture's place in the part.
+    pub sub_mixture: usize,
+}
+
+impl Candidate {
+    /// Where it stands among all components.
+    pub fn place(&self) -> (usize, Option<usize>, usize) {
+        (self.cluster, self.exemplar, self.sub_mixture)
+    }
 }
 
 /// A cluster that was evaluated.
@@ -48,16 +54,6 @@ pub struct Candidates {
 }
 
 impl Candidates {
-    /// Room for a part with padded rows of that length.
-    pub fn with_capacity(components: usize, clusters: usize, stride: usize) -> Candidates {
-        Candidates {
-            best: Vec::with_capacity(components),
-            clusters: Vec::with_capacity(clusters),
-            zs: Vec::with_capacity(clusters * stride),
-            ..Candidates::default()
-        }
-    }
-
     /// For a part that is not evaluated.
     pub fn none() -> Candidates {
         Candidates {
@@ -97,12 +93,10 @@ impl Candidates {
         weights
     }
 
-    /// Places in [`best`](Candidates::best), sorted by cluster, exemplar and scale.
+    /// Places in [`best`](Candidates::best), sorted by cluster, exemplar and sub-mixture.
     pub fn by_cluster(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.best.len()).collect();
-        order.sort_unstable_by_key(|&i| {
-            (self.best[i].cluster, self.best[i].exemplar, self.best[i].at)
-        });
+        order.sort_unstable_by_key(|&i| self.best[i].place());
         order
     }
 }

@@ -1,10 +1,9 @@
 //! One level of clusters: a mean, a covariance and a proportion of the training poses each.
 
 use super::eigen_covariance::EigenCovariance;
-use crate::io::model::Matrix;
 use crate::numeric::simd::{self, distances};
 use crate::pose::PoseTransform;
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, Axis, s};
 use std::sync::{Arc, OnceLock};
 
 /// The K clusters of one level, of one part with d coordinates.
@@ -20,65 +19,66 @@ pub struct ClusterLevel {
     pub log_proportions: Vec<f64>,
     /// The mean over the clusters of each coordinate's variance, cm².
     pub within: Vec<f64>,
-    /// The covariances as a model file keeps them.
-    pub stored: StoredCovariances,
+    /// The covariances as a model file keeps them, before any transform.
+    pub stored: Arc<StoredCovariances>,
     /// The clusters before the last transform, and the transform.
     origin: Option<(Arc<ClusterLevel>, Arc<PoseTransform>)>,
     /// The covariances that were asked for; clones share them.
     covariances: Arc<Vec<OnceLock<Arc<EigenCovariance>>>>,
 }
 
-/// The covariances of K clusters; clones share packed numbers.
+/// The covariances of K clusters as a model file keeps them.
 #[derive(Debug, Clone)]
 pub struct StoredCovariances {
     /// The eigenvectors of each, one a column, (K d, d).
-    pub directions: Matrix,
+    pub directions: Array2<f32>,
     /// The standard deviation along each, cm, (K, d).
-    pub deviations: Matrix,
+    pub deviations: Array2<f32>,
 }
 
 impl StoredCovariances {
     /// Stores decompositions of d coordinates.
     pub fn of(covariances: &[EigenCovariance], d: usize) -> StoredCovariances {
         let k = covariances.len();
-        let directions =
-            Array2::from_shape_fn((k * d, d), |(i, j)| covariances[i / d].row(i % d)[j]);
-        let deviations =
-            Array2::from_shape_fn((k, d), |(c, i)| covariances[c].values[i].sqrt() as f32);
         StoredCovariances {
-            directions: directions.into(),
-            deviations: deviations.into(),
+            directions: Array2::from_shape_fn((k * d, d), |(i, j)| {
+                covariances[i / d].row(i % d)[j]
+            }),
+            deviations: Array2::from_shape_fn((k, d), |(c, i)| {
+                covariances[c].values[i].sqrt() as f32
+            }),
         }
+    }
+
+    /// The mean over the clusters, in these proportions, of each coordinate's variance (d), cm².
+    pub fn mean_variances(&self, log_proportions: &[f64]) -> Vec<f64> {
+        let mut mean = vec![0.0; self.deviations.ncols()];
+        for (cluster, log) in log_proportions.iter().enumerate() {
+            let variances = self.get(cluster).diagonal();
+            let both = mean.iter_mut().zip(variances);
+            both.for_each(|(m, v)| *m += log.exp() * v);
+        }
+        mean
     }
 
     fn get(&self, cluster: usize) -> EigenCovariance {
         let d = self.deviations.ncols();
-        let (mut directions, mut deviations) = (Vec::with_capacity(d * d), Vec::with_capacity(d));
-        (self.directions).extend_with(cluster * d..(cluster + 1) * d, &mut directions);
-        (self.deviations).extend_with(cluster..cluster + 1, &mut deviations);
-        EigenCovariance::from_parts(&directions, &deviations)
+        let directions = self
+            .directions
+            .slice(s![cluster * d..(cluster + 1) * d, ..]);
+        EigenCovariance::from_parts(directions, self.deviations.row(cluster))
     }
 }
 
 impl ClusterLevel {
-    /// Clusters of the part with these coordinates. `within` is worked out from the covariances where it is not given.
+    /// Clusters of the part with these coordinates.
     pub fn new(
         full_means: Array2<f64>,
         log_proportions: Vec<f64>,
-        stored: StoredCovariances,
-        within: Option<Vec<f64>>,
+        stored: Arc<StoredCovariances>,
+        within: Vec<f64>,
         coordinates: &[usize],
     ) -> ClusterLevel {
-        let mean_variances = || {
-            let mut within = vec![0.0; coordinates.len()];
-            for (cluster, log) in log_proportions.iter().enumerate() {
-                let variances = stored.get(cluster).diagonal();
-                let both = within.iter_mut().zip(variances);
-                both.for_each(|(w, v)| *w += log.exp() * v);
-            }
-            within
-        };
-        let within = within.unwrap_or_else(mean_variances);
         let means = full_means.select(Axis(1), coordinates);
         let means = means.as_standard_layout().into_owned();
         ClusterLevel {
@@ -134,15 +134,17 @@ impl ClusterLevel {
                 self.log_proportions.clone(),
                 self.stored.clone(),
                 // Good enough to rank clusters by: bodies differ less than poses.
-                Some(self.within.clone()),
+                self.within.clone(),
                 coordinates,
             )
         }
     }
 
-    /// Σ w (y − mean)² of every cluster, into `out`; `y` and `w` are padded.
-    pub fn distances(&self, y: &[f32], w: &[f32], out: &mut Vec<f32>) {
-        distances(&self.single_means, y, w, out);
+    /// Σ w (y − mean)² of every cluster; `y` and `w` are padded.
+    pub fn distances(&self, y: &[f32], w: &[f32]) -> Vec<f32> {
+        let mut out = Vec::new();
+        distances(&self.single_means, y, w, &mut out);
+        out
     }
 }
 

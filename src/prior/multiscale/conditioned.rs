@@ -77,7 +77,7 @@ impl ConditionedPart {
             let noisy =
                 NoisyCovariance::new(&covariance, &self.noise, &self.observed, &self.pattern);
             Box::new(ConditionedCluster {
-                precisions: noisy.precisions(part.scales(level)),
+                precisions: noisy.precisions(part.scales(Some(level))),
                 exemplar_precisions: OnceLock::new(),
                 noisy,
             })
@@ -87,7 +87,7 @@ impl ConditionedPart {
     /// The precisions for the exemplars of a cluster of the finest level.
     pub fn exemplar_precisions(&self, part: &PartMixture, cluster: usize) -> &ScaledPrecisions {
         let conditioned = self.cluster(part, part.levels.len() - 1, cluster);
-        let make = || conditioned.noisy.precisions(part.exemplar_scales());
+        let make = || conditioned.noisy.precisions(part.scales(None));
         conditioned.exemplar_precisions.get_or_init(make)
     }
 }

@@ -6,7 +6,7 @@
 use crate::numeric::linalg::symmetric_eigen;
 use crate::numeric::simd::{padded, weighted_products};
 use glam::{DMat3, DVec3};
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2, Axis};
 
 /// A covariance of d coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,11 +35,16 @@ impl EigenCovariance {
 
     /// Puts a covariance together from eigenvectors (d, d), one a column, of any length above 0, and the standard deviation
     /// √λ along each (d), cm.
-    pub fn from_parts(directions: &[f32], deviations: &[f32]) -> EigenCovariance {
-        let d = deviations.len();
-        let scales = scales(directions, d);
-        let values = deviations.iter().map(|v| variance(*v)).collect();
-        EigenCovariance::with(values, |i, k| f64::from(directions[i * d + k]) * scales[k])
+    pub fn from_parts(
+        directions: ArrayView2<'_, f32>,
+        deviations: ArrayView1<'_, f32>,
+    ) -> EigenCovariance {
+        let directions = directions.mapv(f64::from);
+        let squared_lengths = (&directions * &directions).sum_axis(Axis(0));
+        let scales = squared_lengths.mapv(|n| 1.0 / n.max(MIN_VARIANCE).sqrt());
+        let variance = |deviation: &f32| f64::from(*deviation).powi(2).max(MIN_VARIANCE);
+        let values = deviations.iter().map(variance).collect();
+        EigenCovariance::with(values, |i, k| directions[[i, k]] * scales[k])
     }
 
     fn with(values: Vec<f64>, vectors: impl Fn(usize, usize) -> f64) -> EigenCovariance {
@@ -108,19 +113,14 @@ impl EigenCovariance {
         &self.vectors[i * self.stride..(i + 1) * self.stride]
     }
 
-    /// The diagonal of U diag(`values`) Uᵀ; missing values count as 0.
-    pub fn diagonal_of(&self, values: &[f64]) -> Vec<f64> {
+    /// The variance of each coordinate.
+    pub fn diagonal(&self) -> Vec<f64> {
         (0..self.d)
             .map(|i| {
-                let terms = self.row(i).iter().zip(values);
+                let terms = self.row(i).iter().zip(&self.values);
                 terms.map(|(u, l)| f64::from(u * u) * l).sum()
             })
             .collect()
-    }
-
-    /// The variance of each coordinate.
-    pub fn diagonal(&self) -> Vec<f64> {
-        self.diagonal_of(&self.values)
     }
 
     /// Adds U diag(`values`) Uᵀ to `out` (d, d), in single precision; missing values count as 0.
@@ -146,27 +146,10 @@ impl EigenCovariance {
     }
 }
 
-/// λ for a standard deviation, cm².
-fn variance(deviation: f32) -> f64 {
-    f64::from(deviation).powi(2).max(MIN_VARIANCE)
-}
-
-/// The factors that make each column of `directions` (d, d) a unit vector.
-fn scales(directions: &[f32], d: usize) -> Vec<f64> {
-    let mut norms = vec![0.0; d];
-    for row in directions.chunks_exact(d.max(1)) {
-        let both = norms.iter_mut().zip(row);
-        both.for_each(|(n, v)| *n += f64::from(*v).powi(2));
-    }
-    norms
-        .iter()
-        .map(|n| 1.0 / n.max(MIN_VARIANCE).sqrt())
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ndarray::Array1;
 
     #[test]
     fn eigenvectors_give_the_covariance_back() {
@@ -178,9 +161,9 @@ mod tests {
         let mut spread = Array2::zeros((6, 6));
         basis.add_spread(&basis.values, &mut spread);
         assert!(near(&spread));
-        let directions: Vec<f32> = (0..36).map(|at| 0.5 * basis.row(at / 6)[at % 6]).collect();
-        let deviations: Vec<f32> = basis.values.iter().map(|v| v.sqrt() as f32).collect();
-        let again = EigenCovariance::from_parts(&directions, &deviations);
+        let directions = Array2::from_shape_fn((6, 6), |(i, k)| 0.5 * basis.row(i)[k]);
+        let deviations: Array1<f32> = basis.values.iter().map(|v| v.sqrt() as f32).collect();
+        let again = EigenCovariance::from_parts(directions.view(), deviations.view());
         assert!(basis.values.is_sorted_by(|a, b| a >= b));
         assert!(near(&again.covariance()));
         let diagonal = again.diagonal();

@@ -12,7 +12,6 @@
 
 use super::conditioned::ConditionedPart;
 use super::part_mixture::PartMixture;
-use super::scaled_precision::Scratch;
 use crate::numeric::simd;
 use crate::prior::EvidenceGradient;
 
@@ -37,50 +36,28 @@ impl PartMixture {
         }
         let directions: Vec<Vec<f32>> = directions.iter().map(|d| conditioned.masked(d)).collect();
         let responsibilities = candidates.responsibilities();
-        let mut scratch = Scratch::default();
         let (best, order) = (&candidates.best, candidates.by_cluster());
         for of_cluster in order.chunk_by(|a, b| best[*a].cluster == best[*b].cluster) {
             let place = best[of_cluster[0]].cluster;
             let cluster = candidates.clusters[place];
-            let mean = self.levels[cluster.level].mean(cluster.index);
             let conditioned_cluster = conditioned.cluster(self, cluster.level, cluster.index);
             let (noisy, precisions) = (&conditioned_cluster.noisy, &conditioned_cluster.precisions);
             let residual = candidates.z(place, conditioned_cluster);
-            // Along the axis that eigenvectors share z is a length, no projection: that part of a form is what is left of
-            // the vectors' product.
-            let shared_axis = noisy.shared_axis();
-            let shared_precision = shared_axis.map_or(0.0, |last| {
-                let each = of_cluster.iter();
-                let precision = |c: &usize| {
-                    responsibilities[*c] as f32 * precisions.diagonal(best[*c].at)[last]
-                };
-                each.map(precision).sum()
-            });
-            let mut off = conditioned.masked(y);
-            off.iter_mut().zip(mean).for_each(|(o, m)| *o -= *m as f32);
             let mut projected = vec![Vec::new(); n];
             for (direction, z) in directions.iter().zip(&mut projected) {
                 noisy.project(direction, z);
-                shared_axis.into_iter().for_each(|last| z[last] = 0.0);
             }
             for i in 0..n {
                 // Σ ρ S d_i along the axes.
                 let mut product = vec![0.0; residual.len()];
                 for &candidate in of_cluster {
-                    let (at, weight) = (best[candidate].at, responsibilities[candidate]);
-                    precisions.add_product(at, &projected[i], weight, &mut scratch, &mut product);
+                    let at = precisions.at(self.sub_mixtures[best[candidate].sub_mixture].scale);
+                    let weight = responsibilities[candidate];
+                    precisions.add_product(at, &projected[i], weight, &mut product);
                 }
-                let form = |vector: &[f32], z: &[f32]| {
-                    let mut form = simd::dot(&product, z);
-                    if shared_axis.is_some() {
-                        let left = simd::dot(&directions[i], vector) - simd::dot(&projected[i], z);
-                        form += shared_precision * left;
-                    }
-                    f64::from(form)
-                };
-                out.gradient[i] -= form(&off, residual);
-                for (j, (direction, z)) in directions.iter().zip(&projected).enumerate() {
-                    out.curvature[i * n + j] += form(direction, z);
+                out.gradient[i] -= f64::from(simd::dot(&product, residual));
+                for (j, z) in projected.iter().enumerate() {
+                    out.curvature[i * n + j] += f64::from(simd::dot(&product, z));
                 }
             }
         }

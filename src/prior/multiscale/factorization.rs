@@ -4,7 +4,7 @@ use super::MultiscaleMixture;
 use super::candidates::Candidates;
 use super::conditioned::ConditionedPart;
 use super::posterior::{Moments, add_outer};
-use super::search::{ComponentSearch, SearchScratch};
+use super::search::ComponentSearch;
 use crate::numeric::parallel;
 use crate::numeric::small_linalg::{add, log_sum};
 use std::sync::Arc;
@@ -83,10 +83,8 @@ impl MultiscaleMixture {
         let parts = parts.zip(self.needed_parts(&self.log_factorization_weights, MIN_PRIOR_WEIGHT));
         let searches: Vec<Option<ComponentSearch<'_>>> = parallel::map_each(
             parts.collect(),
-            SearchScratch::default,
-            |scratch, (((part, conditioned), y), needed)| {
-                needed.then(|| part.search(conditioned, y, scratch))
-            },
+            || (),
+            |(), (((part, conditioned), y), needed)| needed.then(|| part.search(conditioned, y)),
         );
         let evidence = |search: &Option<ComponentSearch<'_>>| {
             search
@@ -97,10 +95,10 @@ impl MultiscaleMixture {
         let needed = self.needed_parts(&self.tempered(&by_clusters), least);
         let candidates: Vec<Candidates> = parallel::map_each(
             searches.into_iter().zip(needed).collect(),
-            SearchScratch::default,
-            |scratch, (search, needed)| match search {
+            || (),
+            |(), (search, needed)| match search {
                 Some(mut search) if needed => {
-                    search.evaluate_exemplars(scratch);
+                    search.evaluate_exemplars();
                     search.finish()
                 }
                 _ => Candidates::none(),

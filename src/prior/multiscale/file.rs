@@ -8,7 +8,7 @@
 //! | `means.P.L` | (K, 3 J) | the mean poses of the clusters of part P at level L |
 //! | `directions.P.L` | (K d, d) | the eigenvectors of their covariances: d rows a cluster, one a column |
 //! | `deviations.P.L` | (K, d) | the standard deviation along each, cm |
-//! | `within.P.L` | (1, d) | the variance of each coordinate within the clusters, cm²; worked out from the above where it is missing |
+//! | `within.P.L` | (1, d) | the variance of each coordinate within the clusters, cm² |
 //! | `shares.P.L` | (K, 1) | the log of their proportions of the poses |
 //! | `weights` | (sub-mixtures, P) | the log weight of each sub-mixture |
 //! | `ways` | (F, 1) | the log weight of each factorization into parts |
@@ -25,8 +25,8 @@ use super::novelty::NoveltyDetector;
 use super::part_mixture::PartMixture;
 use super::settings::TrainSettings;
 use crate::io::Model;
-use crate::io::model::Matrix;
 use crate::pose::joints;
+use crate::prior::model_arrays;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, CowArray, Ix2};
 use rayon::prelude::*;
@@ -45,27 +45,20 @@ pub fn write(
     model: &mut Model,
 ) -> Result<()> {
     let column = |v: Vec<f32>| Array2::from_shape_vec((v.len(), 1), v).unwrap_or_default();
-    model.insert_quantized("poses", &mixture.poses.xyz());
-    let mut labels = Array2::zeros((mixture.poses.len(), mixture.parts.len()));
+    model.insert_quantized("poses", mixture.poses.xyz());
+    let mut labels = Array2::zeros((mixture.poses.xyz().nrows(), mixture.parts.len()));
     for (p, part) in mixture.parts.iter().enumerate() {
         for (row, label) in part.exemplars.labels().into_iter().enumerate() {
             labels[[row, p]] = label as f32;
         }
         for (l, clusters) in part.levels.iter().enumerate() {
-            let (directions, deviations) =
-                (&clusters.stored.directions, &clusters.stored.deviations);
+            let stored = &clusters.stored;
             model.insert_quantized(
                 &format!("means.{p}.{l}"),
                 &clusters.full_means.mapv(|v| v as f32),
             );
-            model.insert_quantized(
-                &format!("directions.{p}.{l}"),
-                &directions.floats().into_owned(),
-            );
-            model.insert(
-                &format!("deviations.{p}.{l}"),
-                deviations.floats().into_owned(),
-            );
+            model.insert_quantized(&format!("directions.{p}.{l}"), &stored.directions);
+            model.insert(&format!("deviations.{p}.{l}"), stored.deviations.clone());
             let within = Array2::from_shape_fn((1, clusters.within.len()), |(_, i)| {
                 clusters.within[i] as f32
             });
@@ -79,7 +72,7 @@ pub fn write(
     model.insert("takes", column(ends.collect()));
     let levels = mixture.parts[0].sub_mixtures.len();
     let weights = Array2::from_shape_fn((levels, mixture.parts.len()), |(l, p)| {
-        mixture.parts[p].log_weights[l] as f32
+        mixture.parts[p].sub_mixtures[l].log_weight as f32
     });
     model.insert("weights", weights);
     let factorizations = mixture.log_factorization_weights.iter().map(|v| *v as f32);
@@ -113,27 +106,27 @@ impl MultiscaleMixture {
             .map_err(|e| Error::data(Place::file(source).part("meta"), e.to_string()))?;
         let body = joints::body_parts(&model.meta.points);
         let width = 3 * model.meta.points.len();
-        let poses = file.matrix("poses", None, Some(width))?;
+        let poses = file.array("poses", None, Some(width))?;
         let takes = file.takes(poses.nrows())?;
-        let labels = file.matrix("labels", Some(poses.nrows()), Some(body.parts.len()))?;
+        let labels = file.array("labels", Some(poses.nrows()), Some(body.parts.len()))?;
         let count = settings.sub_mixtures(settings.clusters.len()).len();
         let weights = file.array("weights", Some(count), Some(body.parts.len()))?;
-        let poses = Arc::new(ExemplarPoses::new(poses.clone(), takes));
+        let poses = Arc::new(ExemplarPoses::new(poses.into_owned(), takes));
         let part = |(p, coordinates): (usize, Vec<usize>)| -> Result<PartMixture> {
             let levels: Vec<ClusterLevel> = (0..settings.clusters.len())
                 .map(|l| file.clusters(p, l, &coordinates))
                 .collect::<Result<_>>()?;
             let finest = levels.last().map_or(0, ClusterLevel::len);
             // Above 0, or cut off there: rounded.
-            let labels = (0..labels.nrows()).map(|row| (labels.at(row, p) + 0.5) as u32);
-            let labels: Vec<u32> = labels.collect();
+            let labels = labels.column(p).mapv(|label| (label + 0.5) as u32).to_vec();
             if labels.iter().any(|l| *l as usize >= finest) {
                 return Err(file.wrong("labels", "names a cluster that does not exist"));
             }
             let sub_mixtures = settings.sub_mixtures(levels.len());
             let mut part =
                 PartMixture::new(coordinates, levels, poses.clone(), &labels, sub_mixtures);
-            part.set_log_weights(weights.column(p).iter().map(|w| f64::from(*w)).collect());
+            part.set_log_weights(weights.column(p).iter().map(|w| f64::from(*w)));
+            part.leave_out_light();
             Ok(part)
         };
         let parts: Vec<Result<PartMixture>> =
@@ -161,36 +154,17 @@ impl ModelFile<'_> {
         Error::data(Place::file(self.source).part(name), what)
     }
 
-    /// An array of finite numbers as it is stored; `None` allows any number of rows or columns.
-    fn matrix(&self, name: &str, rows: Option<usize>, columns: Option<usize>) -> Result<&Matrix> {
-        let array = self.model.matrix(name, self.source)?;
-        let (n, d) = array.dim();
-        if n == 0 || rows.is_some_and(|r| r != n) || columns.is_some_and(|c| c != d) {
-            let shown = |v: Option<usize>| v.map_or("some".into(), |v| v.to_string());
-            let what = format!(
-                "has the shape ({n}, {d}), expected ({}, {})",
-                shown(rows),
-                shown(columns)
-            );
-            return Err(self.wrong(name, &what));
-        }
-        if !array.is_finite() {
-            return Err(self.wrong(name, "holds a value that is not finite"));
-        }
-        Ok(array)
-    }
-
-    /// An array of finite numbers in single precision; `None` allows any number of rows or columns.
+    /// An array of finite numbers; `None` allows any number of rows or columns.
     fn array(
         &self,
         name: &str,
         rows: Option<usize>,
         columns: Option<usize>,
     ) -> Result<CowArray<'_, f32, Ix2>> {
-        Ok(self.matrix(name, rows, columns)?.floats())
+        model_arrays::array(self.model, name, (rows, columns), self.source)
     }
 
-    /// Older models have no threshold.
+    /// Without takes to hold out there was no threshold.
     fn novelty(&self) -> Result<NoveltyDetector> {
         if self.model.get("limit").is_none() {
             return Ok(NoveltyDetector::default());
@@ -218,26 +192,20 @@ impl ModelFile<'_> {
         let full_means = self.array(&format!("means.{part}.{level}"), None, Some(width))?;
         let full_means = full_means.mapv(f64::from);
         let k = full_means.nrows();
-        let directions =
-            self.matrix(&format!("directions.{part}.{level}"), Some(k * d), Some(d))?;
-        let deviations = self.matrix(&format!("deviations.{part}.{level}"), Some(k), Some(d))?;
-        let shares = self.array(&format!("shares.{part}.{level}"), Some(k), Some(1))?;
-        let shares = shares.iter().map(|v| f64::from(*v)).collect();
-        let name = format!("within.{part}.{level}");
-        let within = match self.model.get(&name) {
-            Some(_) => Some(self.array(&name, Some(1), Some(d))?),
-            None => None,
+        let array = |what: &str, rows, columns| {
+            self.array(&format!("{what}.{part}.{level}"), Some(rows), Some(columns))
         };
-        let within = within.map(|w| w.iter().map(|v| f64::from(*v).max(MIN_VARIANCE)).collect());
+        let numbers = |array: CowArray<'_, f32, Ix2>| array.iter().map(|v| f64::from(*v)).collect();
         let stored = StoredCovariances {
-            directions: directions.clone(),
-            deviations: deviations.clone(),
+            directions: array("directions", k * d, d)?.into_owned(),
+            deviations: array("deviations", k, d)?.into_owned(),
         };
+        let within: Vec<f64> = numbers(array("within", 1, d)?);
         Ok(ClusterLevel::new(
             full_means,
-            shares,
-            stored,
-            within,
+            numbers(array("shares", k, 1)?),
+            stored.into(),
+            within.into_iter().map(|v| v.max(MIN_VARIANCE)).collect(),
             coordinates,
         ))
     }

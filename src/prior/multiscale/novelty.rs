@@ -46,7 +46,7 @@ impl HeldOutPoses {
     /// `whole` was learnt without the takes of `poses` (n, 3 J), cm.
     pub fn new(mut whole: PartMixture, poses: Array2<f32>) -> HeldOutPoses {
         // Only clusters are evaluated, after all folds: exemplars would fill the memory until then.
-        let none = ExemplarPoses::new(Array2::zeros((0, poses.ncols())).into(), Vec::new());
+        let none = ExemplarPoses::new(Array2::zeros((0, poses.ncols())), Vec::new());
         whole.exemplars = Exemplars::new(Arc::new(none), &[], 0);
         HeldOutPoses { whole, poses }
     }
@@ -60,7 +60,8 @@ impl HeldOutPoses {
     /// The log evidence of each pose with these log weights of the sub-mixtures.
     fn evidences(&self, log_weights: &[f64]) -> Vec<f64> {
         let mut whole = self.whole.clone();
-        whole.set_log_weights(log_weights.to_vec());
+        whole.set_log_weights(log_weights.iter().copied());
+        whole.leave_out_light();
         let detector = NoveltyDetector::default();
         let of = |row: usize| {
             let pose = self.poses.row(row);

@@ -5,37 +5,20 @@ use super::exemplars::{ClusterExemplars, ExemplarPoses, Exemplars};
 use crate::pose::PoseTransform;
 use std::sync::Arc;
 
-/// Sub-mixtures of less weight than this are not evaluated.
+/// Sub-mixtures of less weight than this are not worth evaluating.
 const MIN_WEIGHT: f64 = 2e-3;
 
-/// Components that share a weight: those of one level, at one scale of their covariances.
+/// Components that share a weight: those of one level, or the exemplars, at one scale of their covariances.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum SubMixture {
-    /// The clusters of a level.
-    Clusters {
-        /// The level: 0 is the coarsest.
-        level: usize,
-        /// The factor a of every covariance.
-        scale: f64,
-    },
-    /// The exemplars.
-    Exemplars {
-        /// The factor a of the covariance of the exemplar's finest cluster.
-        scale: f64,
-        /// The factor b of the outer product of the exemplar's step.
-        step_scale: f64,
-    },
-}
-
-/// A sub-mixture that is evaluated.
-#[derive(Debug, Clone, Copy)]
-pub struct ActiveSubMixture {
-    /// Its place in [`PartMixture::sub_mixtures`].
-    pub index: usize,
-    /// Its scale's place in [`PartMixture::scales`].
-    pub scale_index: usize,
-    /// b; 0 for clusters.
+pub struct SubMixture {
+    /// The level of the clusters, 0 the coarsest; `None` for exemplars.
+    pub level: Option<usize>,
+    /// The factor a of every covariance (an exemplar's is that of its finest cluster).
+    pub scale: f64,
+    /// The factor b of the outer product of an exemplar's step; 0 for clusters.
     pub step_scale: f64,
+    /// The log weight.
+    pub log_weight: f64,
 }
 
 /// The mixture of one part.
@@ -47,18 +30,12 @@ pub struct PartMixture {
     pub levels: Vec<ClusterLevel>,
     /// The exemplars, by the clusters of the finest level.
     pub exemplars: Exemplars,
-    /// All sub-mixtures.
+    /// The sub-mixtures.
     pub sub_mixtures: Vec<SubMixture>,
-    /// The log weight of each sub-mixture.
-    pub log_weights: Vec<f64>,
-    /// The sub-mixtures of each level that are evaluated; behind them those of the exemplars.
-    active: Vec<Vec<ActiveSubMixture>>,
-    /// Their scales, each once.
-    scales: Vec<Vec<f64>>,
 }
 
 impl PartMixture {
-    /// A mixture with equal weights. `labels` gives the finest cluster of each exemplar.
+    /// `labels` gives the finest cluster of each exemplar.
     pub fn new(
         coordinates: Vec<usize>,
         levels: Vec<ClusterLevel>,
@@ -67,47 +44,29 @@ impl PartMixture {
         sub_mixtures: Vec<SubMixture>,
     ) -> PartMixture {
         let finest = levels.last().map_or(0, ClusterLevel::len);
-        let equal = vec![-(sub_mixtures.len() as f64).ln(); sub_mixtures.len()];
-        let mut part = PartMixture {
+        PartMixture {
             exemplars: Exemplars::new(poses, labels, finest),
-            log_weights: Vec::new(),
-            active: Vec::new(),
-            scales: Vec::new(),
             sub_mixtures,
             levels,
             coordinates,
-        };
-        part.set_log_weights(equal);
-        part
+        }
     }
 
-    /// Sets the log weights. Sub-mixtures of little weight are not evaluated, except those of the coarsest level, which
-    /// explain any pose.
-    pub fn set_log_weights(&mut self, log_weights: Vec<f64>) {
-        self.active = vec![Vec::new(); self.levels.len() + 1];
-        self.scales = vec![Vec::new(); self.levels.len() + 1];
-        for (index, (sub_mixture, log)) in self.sub_mixtures.iter().zip(&log_weights).enumerate() {
-            let (level, scale, step_scale) = match *sub_mixture {
-                SubMixture::Clusters { level, scale } => (level, scale, 0.0),
-                SubMixture::Exemplars { scale, step_scale } => {
-                    (self.levels.len(), scale, step_scale)
-                }
-            };
-            if level > 0 && log.exp() < MIN_WEIGHT {
-                continue;
-            }
-            let scales = &mut self.scales[level];
-            let scale_index = scales.iter().position(|s| *s == scale).unwrap_or_else(|| {
-                scales.push(scale);
-                scales.len() - 1
-            });
-            self.active[level].push(ActiveSubMixture {
-                index,
-                scale_index,
-                step_scale,
-            });
-        }
-        self.log_weights = log_weights;
+    /// The log weight of each sub-mixture.
+    pub fn log_weights(&self) -> Vec<f64> {
+        self.sub_mixtures.iter().map(|s| s.log_weight).collect()
+    }
+
+    /// Sets the log weight of each sub-mixture.
+    pub fn set_log_weights(&mut self, log_weights: impl IntoIterator<Item = f64>) {
+        let both = self.sub_mixtures.iter_mut().zip(log_weights);
+        both.for_each(|(s, log)| s.log_weight = log);
+    }
+
+    /// Leaves out sub-mixtures of little weight, except those of the coarsest level, which explain any pose.
+    pub fn leave_out_light(&mut self) {
+        self.sub_mixtures
+            .retain(|s| s.level == Some(0) || s.log_weight.exp() >= MIN_WEIGHT);
     }
 
     /// The part of poses transformed by `map`; `poses` are the transformed exemplars.
@@ -122,9 +81,7 @@ impl PartMixture {
 
     /// The exemplars of a cluster of the finest level.
     pub fn exemplars_of(&self, cluster: usize) -> &ClusterExemplars {
-        let covariance = || self.finest().covariance(cluster, &self.coordinates);
-        let mean = self.finest().mean(cluster);
-        (self.exemplars).open(cluster, &self.coordinates, mean, covariance)
+        self.exemplars.of_cluster(cluster, &self.coordinates)
     }
 
     /// The finest level.
@@ -132,27 +89,23 @@ impl PartMixture {
         &self.levels[self.levels.len() - 1]
     }
 
-    /// The sub-mixtures of a level that are evaluated.
-    pub fn active(&self, level: usize) -> &[ActiveSubMixture] {
-        &self.active[level]
+    /// The sub-mixtures of a level, or (`None`) of the exemplars, each with its place among all.
+    pub fn sub_mixtures_of(
+        &self,
+        level: Option<usize>,
+    ) -> impl Iterator<Item = (usize, &SubMixture)> {
+        let all = self.sub_mixtures.iter().enumerate();
+        all.filter(move |(_, s)| s.level == level)
     }
 
-    /// The sub-mixtures of the exemplars that are evaluated.
-    pub fn active_exemplars(&self) -> &[ActiveSubMixture] {
-        &self.active[self.levels.len()]
-    }
-
-    /// The scales at which a level's clusters are evaluated. Clusters of the finest level may be evaluated for the sake of
-    /// their exemplars only: then there is one scale, 1.
-    pub fn scales(&self, level: usize) -> Vec<f64> {
-        match &self.scales[level][..] {
-            [] => vec![1.0],
-            scales => scales.to_vec(),
+    /// The scales of these sub-mixtures, equal neighbors once. Without any it is 1: the clusters of the finest level are
+    /// evaluated for their exemplars' sake, too.
+    pub fn scales(&self, level: Option<usize>) -> Vec<f64> {
+        let mut scales: Vec<f64> = self.sub_mixtures_of(level).map(|(_, s)| s.scale).collect();
+        scales.dedup();
+        if scales.is_empty() {
+            scales.push(1.0);
         }
-    }
-
-    /// The scales at which exemplars are evaluated.
-    pub fn exemplar_scales(&self) -> Vec<f64> {
-        self.scales[self.levels.len()].clone()
+        scales
     }
 }

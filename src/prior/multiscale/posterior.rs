@@ -17,7 +17,7 @@ use super::candidates::{Candidate, Candidates};
 use super::conditioned::{ConditionedCluster, ConditionedPart};
 use super::noisy_covariance::WeightedScale;
 use super::part_mixture::PartMixture;
-use super::scaled_precision::Scratch;
+use super::scaled_precision::ScaledPrecisions;
 use super::search::ExemplarResidual;
 use crate::numeric::simd;
 use crate::numeric::small_linalg::add;
@@ -82,7 +82,6 @@ struct PosteriorSum<'a> {
     /// The residual of the last exemplar, and which that is (cluster, exemplar).
     residual: ExemplarResidual,
     last_exemplar: Option<(usize, usize)>,
-    scratch: Scratch,
 }
 
 impl PartMixture {
@@ -109,7 +108,6 @@ impl PartMixture {
             order: candidates.by_cluster(),
             residual: ExemplarResidual::default(),
             last_exemplar: None,
-            scratch: Scratch::default(),
             part: self,
             conditioned,
             candidates,
@@ -129,6 +127,20 @@ impl<'a> PosteriorSum<'a> {
         (self.conditioned).cluster(self.part, cluster.level, cluster.index)
     }
 
+    /// The precisions of a candidate's cluster or exemplar, and the place of its scale.
+    fn precisions(&self, candidate: &Candidate) -> (&'a ScaledPrecisions, usize) {
+        let conditioned = self.conditioned(candidate.cluster);
+        let precisions = match candidate.exemplar {
+            None => &conditioned.precisions,
+            Some(_) => {
+                let index = self.candidates.clusters[candidate.cluster].index;
+                self.conditioned.exemplar_precisions(self.part, index)
+            }
+        };
+        let scale = self.part.sub_mixtures[candidate.sub_mixture].scale;
+        (precisions, precisions.at(scale))
+    }
+
     /// Each cluster of the candidates, with the range of its candidates in the order.
     fn clusters(&self) -> Vec<(usize, Range<usize>)> {
         let best = &self.candidates.best;
@@ -145,46 +157,33 @@ impl<'a> PosteriorSum<'a> {
     fn add(&mut self, candidate: usize, weight: f64, term: &mut MeanTerm, with_step: bool) {
         let candidate = self.candidates.best[candidate];
         let conditioned = self.conditioned(candidate.cluster);
-        let z = self.candidates.z(candidate.cluster, conditioned);
         let cluster = self.candidates.clusters[candidate.cluster];
-        let scratch = &mut self.scratch;
+        let (precisions, at) = self.precisions(&candidate);
+        let scale = precisions.scales[at];
         let Some(exemplar) = candidate.exemplar else {
-            let precisions = &conditioned.precisions;
-            add(
-                &mut term.base,
-                weight,
-                self.part.levels[cluster.level].mean(cluster.index),
-            );
-            let scaled = weight * precisions.scales[candidate.at];
-            precisions.add_product(candidate.at, z, scaled, scratch, &mut term.product);
+            let mean = self.part.levels[cluster.level].mean(cluster.index);
+            add(&mut term.base, weight, mean);
+            let z = self.candidates.z(candidate.cluster, conditioned);
+            precisions.add_product(at, z, weight * scale, &mut term.product);
             return;
         };
         let exemplars = self.part.exemplars_of(cluster.index);
-        if self.last_exemplar != Some((candidate.cluster, exemplar)) {
-            self.last_exemplar = Some((candidate.cluster, exemplar));
+        let place = Some((candidate.cluster, exemplar));
+        if self.last_exemplar != place {
+            self.last_exemplar = place;
             self.residual
-                .set_exemplar(conditioned, z, exemplars, &self.y, exemplar);
+                .set(&conditioned.noisy, exemplars, &self.y, exemplar);
         }
-        let precisions = self
-            .conditioned
-            .exemplar_precisions(self.part, cluster.index);
-        let sub_mixture = self.part.active_exemplars()[candidate.at];
-        let (at, step_scale) = (sub_mixture.scale_index, sub_mixture.step_scale);
-        let scale = precisions.scales[at];
+        let residual = &self.residual;
         add_single(&mut term.base, weight, exemplars.pose(exemplar));
-        precisions.add_product(
-            at,
-            &self.residual.z,
-            weight * scale,
-            scratch,
-            &mut term.product,
-        );
+        precisions.add_product(at, &residual.z, weight * scale, &mut term.product);
+        let step_scale = self.part.sub_mixtures[candidate.sub_mixture].step_scale;
         if step_scale > 0.0 {
-            let mut product = vec![0.0; self.residual.step.len()];
-            precisions.add_product(at, &self.residual.step, scale, scratch, &mut product);
+            let mut product = vec![0.0; residual.step.len()];
+            precisions.add_product(at, &residual.step, scale, &mut product);
             let form = |z: &[f32]| f64::from(simd::dot(&product, z)) / scale;
-            let variance = step_scale / (1.0 + step_scale * form(&self.residual.step));
-            let distance = weight * variance * form(&self.residual.z);
+            let variance = step_scale / (1.0 + step_scale * form(&residual.step));
+            let distance = weight * variance * form(&residual.z);
             add_single(&mut term.base, distance, exemplars.step(exemplar));
             let both = term.product.iter_mut().zip(&product);
             both.for_each(|(p, s)| *p -= distance as f32 * s);
@@ -227,18 +226,7 @@ impl<'a> PosteriorSum<'a> {
             let mut weights: Vec<WeightedScale<'_>> = Vec::new();
             for &candidate in &self.order[candidates.clone()] {
                 let responsibility = self.responsibilities[candidate] / total;
-                let candidate = self.candidates.best[candidate];
-                let (precisions, at) = match candidate.exemplar {
-                    None => (&conditioned.precisions, candidate.at),
-                    Some(_) => {
-                        let index = self.candidates.clusters[*cluster].index;
-                        let precisions = self.conditioned.exemplar_precisions(self.part, index);
-                        (
-                            precisions,
-                            self.part.active_exemplars()[candidate.at].scale_index,
-                        )
-                    }
-                };
+                let (precisions, at) = self.precisions(&self.candidates.best[candidate]);
                 let same = |w: &&mut WeightedScale<'_>| std::ptr::eq(w.0, precisions) && w.1 == at;
                 match weights.iter_mut().find(same) {
                     Some(weight) => weight.2 += responsibility,

@@ -39,22 +39,23 @@ pub struct ScaledPrecisions {
     factors: Vec<Vec<f64>>,
 }
 
-/// Buffers kept from one residual to the next.
+/// rᵀ S r, vᵀ S r and vᵀ S v at each scale, and buffers that serve one exemplar after another.
 #[derive(Debug, Default)]
-pub struct Scratch {
-    forms: Vec<f32>,
-    scaled: Vec<f32>,
-    dots: Vec<f32>,
+pub struct StepForms {
+    /// The three forms of each scale.
+    pub forms: Vec<[f64; 3]>,
+    single: Vec<[f32; 3]>,
+    scratch: Vec<f32>,
     white: Vec<f64>,
     white_step: Vec<f64>,
 }
 
 impl ScaledPrecisions {
-    /// Precisions s = 1 / (a λ + `base`) along axes of the variances λ; the last axis counts `shared` times. `log_constant` is what does not depend on the
-    /// scale: −½ (observed coordinates) log 2π, and log |W| where residuals are whitened by W first.
+    /// Precisions s = 1 / (a λ + `base`) along axes of the variances λ (`values`). `log_constant` is what does not depend on
+    /// the scale: −½ (observed coordinates) log 2π, and log |W| where residuals are whitened by W first.
     pub fn new(
         scales: Vec<f64>,
-        (values, shared): (&[f64], usize),
+        values: &[f64],
         base: f64,
         exceptions: &Arc<Exceptions>,
         log_constant: f64,
@@ -71,9 +72,6 @@ impl ScaledPrecisions {
                 .zip(values)
                 .for_each(|(s, l)| *s = precision(l) as f32);
             let mut log = log_constant + 0.5 * log_product(values.iter().map(precision));
-            if let (true, Some(last)) = (shared > 1, values.last()) {
-                log += 0.5 * (shared - 1) as f64 * precision(last).ln();
-            }
             if c > 0 {
                 let factor = exceptions.factor(row);
                 log -= log_product((0..c).map(|i| factor[i * c + i]));
@@ -96,79 +94,50 @@ impl ScaledPrecisions {
         &self.diagonals[at * self.stride..(at + 1) * self.stride]
     }
 
-    /// log N(r; 0, a C_oo + R) at each scale, from z of the residual; into `out`.
-    pub fn log_evidences(&self, z: &[f32], scratch: &mut Scratch, out: &mut Vec<f64>) {
-        let Scratch {
-            forms,
-            scaled,
-            dots,
-            white,
-            ..
-        } = scratch;
-        forms.resize(self.scales.len(), 0.0);
-        weighted_rows(&self.diagonals, z, z, forms);
-        out.clear();
-        for (at, form) in forms.iter().enumerate() {
-            self.whiten(at, z, (scaled, dots), white);
-            out.push(self.log_normalizers[at] - 0.5 * (f64::from(*form) - dot(white, white)));
-        }
+    /// The place of a scale.
+    pub fn at(&self, scale: f64) -> usize {
+        self.scales.iter().position(|s| *s == scale).unwrap_or(0)
     }
 
-    /// rᵀ S r, vᵀ S r and vᵀ S v at each scale, from z of a residual r and of a step v; into `out`.
-    pub fn step_forms(
-        &self,
-        z: &[f32],
-        step: &[f32],
-        scratch: &mut Scratch,
-        out: &mut Vec<[f64; 3]>,
-    ) {
-        let Scratch {
-            scaled,
-            dots,
-            white,
-            white_step,
-            ..
-        } = scratch;
-        let mut forms = [[0.0; 3]; MAX_SCALES];
-        let forms = &mut forms[..self.scales.len()];
-        simd::weighted_forms(&self.diagonals, z, step, |_| true, forms);
-        out.clear();
-        for (at, form) in forms.iter().enumerate() {
+    /// log N(r; 0, a C_oo + R) at each scale, from z of the residual.
+    pub fn log_evidences(&self, z: &[f32]) -> Vec<f64> {
+        let mut forms = vec![0.0; self.scales.len()];
+        weighted_rows(&self.diagonals, z, z, &mut forms);
+        let (mut scratch, mut white) = (Vec::new(), Vec::new());
+        let each = forms.into_iter().enumerate();
+        each.map(|(at, form)| {
+            self.whiten(at, z, &mut scratch, &mut white);
+            self.log_normalizers[at] - 0.5 * (f64::from(form) - dot(&white, &white))
+        })
+        .collect()
+    }
+
+    /// Works out `out` from z of a residual r and of a step v.
+    pub fn step_forms(&self, z: &[f32], step: &[f32], out: &mut StepForms) {
+        out.single.resize(self.scales.len(), [0.0; 3]);
+        simd::weighted_forms(&self.diagonals, z, step, |_| true, &mut out.single);
+        let (scratch, r, v) = (&mut out.scratch, &mut out.white, &mut out.white_step);
+        out.forms.clear();
+        for (at, form) in out.single.iter().enumerate() {
             let [zz, vz, vv] = form.map(f64::from);
-            self.whiten(at, z, (scaled, dots), white);
-            self.whiten(at, step, (scaled, dots), white_step);
-            let corrected = [
-                dot(white, white),
-                dot(white_step, white),
-                dot(white_step, white_step),
-            ];
-            out.push([zz - corrected[0], vz - corrected[1], vv - corrected[2]]);
+            self.whiten(at, z, scratch, r);
+            self.whiten(at, step, scratch, v);
+            let corrected = [zz - dot(r, r), vz - dot(v, r), vv - dot(v, v)];
+            out.forms.push(corrected);
         }
     }
 
     /// log N(r; 0, a C_oo + R + b v vᵀ) at one scale, by the matrix determinant lemma and Sherman and Morrison's formula;
-    /// `forms` are those of [`step_forms`](ScaledPrecisions::step_forms), `b` at least 0.
+    /// the three forms are those of [`StepForms`], `b` at least 0.
     pub fn log_evidence_along_step(&self, at: usize, [zz, vz, vv]: [f64; 3], b: f64) -> f64 {
         let gain = b * vz * vz / (1.0 + b * vv);
         self.log_normalizers[at] - 0.5 * (zz - gain + (b * vv).ln_1p())
     }
 
     /// Adds `weight` times the axes' coordinates of S r at one scale to `out`, from z of the residual.
-    pub fn add_product(
-        &self,
-        at: usize,
-        z: &[f32],
-        weight: f64,
-        scratch: &mut Scratch,
-        out: &mut [f32],
-    ) {
-        let Scratch {
-            scaled,
-            dots,
-            white,
-            ..
-        } = scratch;
-        self.whiten(at, z, (scaled, dots), white);
+    pub fn add_product(&self, at: usize, z: &[f32], weight: f64, out: &mut [f32]) {
+        let (mut taken, mut white) = (Vec::new(), Vec::new());
+        self.whiten(at, z, &mut taken, &mut white);
         let s = self.diagonal(at).iter().zip(z);
         let weight = weight as f32;
         if white.is_empty() {
@@ -177,13 +146,18 @@ impl ScaledPrecisions {
                 .for_each(|(o, (s, z))| *o += weight * s * z);
             return;
         }
-        backward(&self.factors[at], white.len(), white);
-        dots.clear();
-        dots.extend(white.iter().map(|v| *v as f32));
-        combine(&self.exceptions.rows, self.stride, dots, scaled);
-        let both = out.iter_mut().zip(&*scaled);
+        let c = white.len();
+        backward(&self.factors[at], c, &mut white);
+        let white: Vec<f32> = white.iter().map(|v| *v as f32).collect();
+        combine(
+            &self.exceptions.rows,
+            self.stride,
+            &white,
+            &mut taken[..self.stride],
+        );
+        let both = out.iter_mut().zip(&taken);
         both.zip(s)
-            .for_each(|((o, c), (s, z))| *o += weight * s * (z - c));
+            .for_each(|((o, t), (s, z))| *o += weight * s * (z - t));
     }
 
     /// L⁻¹ E_c diag(s_a) of one scale, (c, stride); empty without exceptions.
@@ -203,24 +177,20 @@ impl ScaledPrecisions {
         wide.iter().map(|v| *v as f32).collect()
     }
 
-    /// L⁻¹ E_c diag(s_a) z into `out`; empty without exceptions.
-    fn whiten(
-        &self,
-        at: usize,
-        z: &[f32],
-        (scaled, dots): (&mut Vec<f32>, &mut Vec<f32>),
-        out: &mut Vec<f64>,
-    ) {
+    /// L⁻¹ E_c diag(s_a) z into `out`; empty without exceptions. `scratch` holds at least a padded row then.
+    fn whiten(&self, at: usize, z: &[f32], scratch: &mut Vec<f32>, out: &mut Vec<f64>) {
         out.clear();
         let Some(factor) = self.factors.get(at) else {
             return;
         };
-        scaled.clear();
-        scaled.extend(self.diagonal(at).iter().zip(z).map(|(s, z)| s * z));
-        dots.resize(self.exceptions.excess.len(), 0.0);
+        let c = self.exceptions.excess.len();
+        scratch.resize(self.stride + c, 0.0);
+        let (scaled, dots) = scratch.split_at_mut(self.stride);
+        let each = scaled.iter_mut().zip(self.diagonal(at)).zip(z);
+        each.for_each(|((scaled, s), z)| *scaled = s * z);
         row_dots(&self.exceptions.rows, self.stride, scaled, dots);
         out.extend(dots.iter().map(|v| f64::from(*v)));
-        forward(factor, out.len(), out);
+        forward(factor, c, out);
     }
 }
 
@@ -239,6 +209,3 @@ impl Exceptions {
         lower
     }
 }
-
-/// The largest number of scales at which exemplars can be evaluated.
-pub const MAX_SCALES: usize = 16;

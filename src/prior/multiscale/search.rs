@@ -7,20 +7,18 @@
 //! Cost: about 20 clusters and up to 128 exemplars a part, O(d²) a cluster and O(d) an exemplar.
 
 use super::candidates::{Candidate, Candidates, NEGLIGIBLE};
-use super::conditioned::{ConditionedCluster, ConditionedPart};
+use super::conditioned::ConditionedPart;
 use super::exemplars::ClusterExemplars;
-use super::part_mixture::{ActiveSubMixture, PartMixture};
-use super::scaled_precision::{ScaledPrecisions, Scratch};
-use super::top_k::TopK;
-use crate::numeric::simd::{self, padded};
+use super::noisy_covariance::NoisyCovariance;
+use super::part_mixture::PartMixture;
+use super::scaled_precision::{ScaledPrecisions, StepForms};
+use super::top_k::nearest;
 use crate::numeric::small_linalg::LogSum;
 
 /// At most this many components are kept.
 const MAX_CANDIDATES: usize = 96;
 /// At most this many clusters of a level are evaluated.
 const CLUSTERS_PER_LEVEL: usize = 5;
-/// Room for the clusters that are usually evaluated.
-const TYPICAL_CLUSTERS: usize = 20;
 /// Exemplars are evaluated of clusters at most this much (nats) below the best of the finest level.
 const OPEN_MARGIN: f64 = 6.0;
 /// Where most coordinates are observed, a level ends with the first cluster this much (nats) below the best.
@@ -38,16 +36,14 @@ impl PartMixture {
         &'a self,
         conditioned: &'a ConditionedPart,
         y: &'a [f64],
-        scratch: &mut SearchScratch,
     ) -> ComponentSearch<'a> {
-        self.search_clusters(conditioned, y, !self.active_exemplars().is_empty(), scratch)
+        let exemplars = self.sub_mixtures_of(None).next().is_some();
+        self.search_clusters(conditioned, y, exemplars)
     }
 
     /// The candidates among the clusters alone: good enough to place a pose.
     pub fn cluster_candidates(&self, conditioned: &ConditionedPart, y: &[f64]) -> Candidates {
-        let scratch = &mut SearchScratch::default();
-        self.search_clusters(conditioned, y, false, scratch)
-            .finish()
+        self.search_clusters(conditioned, y, false).finish()
     }
 
     fn search_clusters<'a>(
@@ -55,33 +51,19 @@ impl PartMixture {
         conditioned: &'a ConditionedPart,
         y: &'a [f64],
         exemplars: bool,
-        scratch: &mut SearchScratch,
     ) -> ComponentSearch<'a> {
         let mut search = ComponentSearch::new(self, conditioned, y);
         if conditioned.observes_any() {
             // The finest level first: what it explains much better makes the coarser ones short.
             for level in (0..self.levels.len()).rev() {
                 let needed = exemplars && level + 1 == self.levels.len();
-                if needed || !self.active(level).is_empty() {
-                    search.evaluate_level(level, scratch);
+                if needed || self.sub_mixtures_of(Some(level)).next().is_some() {
+                    search.evaluate_level(level);
                 }
             }
         }
         search
     }
-}
-
-/// Buffers kept from one search to the next.
-#[derive(Default)]
-pub struct SearchScratch {
-    nearest: TopK,
-    distances: Vec<f32>,
-    off: Vec<f32>,
-    z: Vec<f32>,
-    log_evidences: Vec<f64>,
-    forms: Vec<[f64; 3]>,
-    residual: ExemplarResidual,
-    products: Scratch,
 }
 
 /// A search under way.
@@ -107,7 +89,7 @@ pub struct ComponentSearch<'a> {
 struct OpenCluster<'a> {
     /// Its place among the evaluated clusters.
     place: usize,
-    conditioned: &'a ConditionedCluster,
+    noisy: &'a NoisyCovariance,
     exemplars: &'a ClusterExemplars,
     precisions: &'a ScaledPrecisions,
 }
@@ -127,9 +109,8 @@ impl<'a> ComponentSearch<'a> {
         conditioned: &'a ConditionedPart,
         y: &'a [f64],
     ) -> ComponentSearch<'a> {
-        let stride = padded(part.coordinates.len());
         ComponentSearch {
-            found: Candidates::with_capacity(MAX_CANDIDATES, TYPICAL_CLUSTERS, stride),
+            found: Candidates::default(),
             sums: vec![LogSum::default(); part.sub_mixtures.len()],
             worst: f64::NEG_INFINITY,
             best_cluster: f64::NEG_INFINITY,
@@ -142,49 +123,36 @@ impl<'a> ComponentSearch<'a> {
     }
 
     /// Evaluates the nearest clusters of one level at all its scales.
-    fn evaluate_level(&mut self, level: usize, scratch: &mut SearchScratch) {
+    fn evaluate_level(&mut self, level: usize) {
         let (part, conditioned) = (self.part, self.conditioned);
         let clusters = &part.levels[level];
-        let active = part.active(level);
-        scratch.off.clear();
-        scratch.off.resize(self.masked.len(), 0.0);
-        let weights = &conditioned.distance_weights[level];
-        clusters.distances(&self.masked, weights, &mut scratch.distances);
-        scratch.nearest.clear();
-        for (distance, log) in scratch.distances.iter().zip(&clusters.log_proportions) {
-            scratch.nearest.push(distance - 2.0 * *log as f32);
-        }
-        for (index, fade) in scratch.nearest.nearest(CLUSTERS_PER_LEVEL) {
+        let mut distances = clusters.distances(&self.masked, &conditioned.distance_weights[level]);
+        let both = distances.iter_mut().zip(&clusters.log_proportions);
+        both.for_each(|(distance, log)| *distance -= 2.0 * *log as f32);
+        let (mut off, mut z) = (vec![0.0; self.y.len()], Vec::new());
+        for (index, fade) in nearest(&distances, CLUSTERS_PER_LEVEL) {
             let cluster = conditioned.cluster(part, level, index);
             let residual = self.y.iter().zip(clusters.mean(index));
-            let off = scratch.off.iter_mut().zip(residual);
-            off.for_each(|(o, (y, m))| *o = (y - m) as f32);
-            cluster.noisy.project(&scratch.off, &mut scratch.z);
-            let logs = &mut scratch.log_evidences;
-            (cluster.precisions).log_evidences(&scratch.z, &mut scratch.products, logs);
+            let both = off.iter_mut().zip(residual);
+            both.for_each(|(o, (y, m))| *o = (y - m) as f32);
+            cluster.noisy.project(&off, &mut z);
+            let logs = cluster.precisions.log_evidences(&z);
             let log_proportion = clusters.log_proportions[index] + fade;
             let best = logs.iter().fold(f64::NEG_INFINITY, |best, log| {
                 best.max(log + log_proportion)
             });
             let place = self.found.clusters.len();
-            for sub_mixture in active {
-                let at = sub_mixture.scale_index;
-                let log = scratch.log_evidences[at] + log_proportion;
-                self.add(
+            for (sub_mixture, scale) in part.sub_mixtures_of(Some(level)) {
+                self.add(Candidate {
+                    log: logs[cluster.precisions.at(scale.scale)] + log_proportion,
+                    cluster: place,
+                    exemplar: None,
                     sub_mixture,
-                    Candidate {
-                        log,
-                        cluster: place,
-                        exemplar: None,
-                        at,
-                    },
-                );
-            }
-            self.found.push_cluster(level, index, best, &scratch.z);
-            // A finest cluster may be evaluated for its exemplars' sake alone.
-            if !active.is_empty() {
+                });
+                // A finest cluster may be evaluated for its exemplars' sake alone.
                 self.best_cluster = self.best_cluster.max(best);
             }
+            self.found.push_cluster(level, index, best, &z);
             // Further clusters are farther off; but where much is missing, being near says too little.
             if conditioned.observes_most() && best < self.best_cluster - CLUSTER_STOP_MARGIN {
                 break;
@@ -198,50 +166,44 @@ impl<'a> ComponentSearch<'a> {
             return 0.0;
         }
         let mut all = LogSum::default();
-        for (sum, weight) in self.sums.iter().zip(&self.part.log_weights) {
-            all.add(sum.log() + weight);
+        for (sum, sub_mixture) in self.sums.iter().zip(&self.part.sub_mixtures) {
+            all.add(sum.log() + sub_mixture.log_weight);
         }
         all.log()
     }
 
     /// Evaluates the nearest exemplars of the likely clusters.
-    pub fn evaluate_exemplars(&mut self, scratch: &mut SearchScratch) {
+    pub fn evaluate_exemplars(&mut self) {
         let part = self.part;
-        let active = part.active_exemplars();
-        if active.is_empty() {
+        if part.sub_mixtures_of(None).next().is_none() {
             return;
         }
         let open = self.likely_clusters();
-        let near = self.near_exemplars(&open, scratch);
+        let near = self.near_exemplars(&open);
         let log_proportion = -(part.exemplars.len() as f64).ln();
+        let mut residual = ExemplarResidual::default();
+        let mut step_forms = StepForms::default();
         for batch in near.chunks(EXEMPLAR_BATCH) {
             let mut best = f64::NEG_INFINITY;
             for near in batch {
                 let OpenCluster {
                     place,
-                    conditioned,
+                    noisy,
                     exemplars,
                     precisions,
                 } = open[near.open];
-                let residual = &mut scratch.residual;
-                let z = self.found.z(place, conditioned);
-                residual.set_exemplar(conditioned, z, exemplars, &self.masked, near.exemplar);
-                let forms = &mut scratch.forms;
-                precisions.step_forms(&residual.z, &residual.step, &mut scratch.products, forms);
-                for (at, sub_mixture) in active.iter().enumerate() {
-                    let scale = sub_mixture.scale_index;
-                    let log = precisions.log_evidence_along_step(
-                        scale,
-                        scratch.forms[scale],
-                        sub_mixture.step_scale,
-                    );
-                    let candidate = Candidate {
+                residual.set(noisy, exemplars, &self.masked, near.exemplar);
+                precisions.step_forms(&residual.z, &residual.step, &mut step_forms);
+                for (sub_mixture, s) in part.sub_mixtures_of(None) {
+                    let at = precisions.at(s.scale);
+                    let log =
+                        precisions.log_evidence_along_step(at, step_forms.forms[at], s.step_scale);
+                    best = best.max(self.add(Candidate {
                         log: log_proportion + near.fade + log,
                         cluster: place,
                         exemplar: Some(near.exemplar),
-                        at,
-                    };
-                    best = best.max(self.add(sub_mixture, candidate));
+                        sub_mixture,
+                    }));
                 }
             }
             // Further exemplars are farther off.
@@ -261,7 +223,7 @@ impl<'a> ComponentSearch<'a> {
         let likely = evaluated().filter(|(_, c)| c.best >= best - OPEN_MARGIN);
         let open = likely.map(|(place, cluster)| OpenCluster {
             place,
-            conditioned: conditioned.cluster(part, finest, cluster.index),
+            noisy: &conditioned.cluster(part, finest, cluster.index).noisy,
             exemplars: part.exemplars_of(cluster.index),
             precisions: conditioned.exemplar_precisions(part, cluster.index),
         });
@@ -269,23 +231,16 @@ impl<'a> ComponentSearch<'a> {
     }
 
     /// The nearest exemplars of the open clusters, the nearest first.
-    fn near_exemplars(
-        &self,
-        open: &[OpenCluster<'_>],
-        scratch: &mut SearchScratch,
-    ) -> Vec<NearExemplar> {
+    fn near_exemplars(&self, open: &[OpenCluster<'_>]) -> Vec<NearExemplar> {
         let weights = &self.conditioned.distance_weights[self.part.levels.len() - 1];
         let mut starts = vec![0];
-        scratch.nearest.clear();
+        let mut distances = Vec::new();
         for cluster in open {
-            (cluster.exemplars).distances(&self.masked, weights, &mut scratch.distances);
-            scratch
-                .distances
-                .iter()
-                .for_each(|d| scratch.nearest.push(*d));
-            starts.push(scratch.nearest.len());
+            distances.extend(cluster.exemplars.distances(&self.masked, weights));
+            starts.push(distances.len());
         }
-        let near = scratch.nearest.nearest(MAX_EXEMPLARS).map(|(place, fade)| {
+        let near = nearest(&distances, MAX_EXEMPLARS).into_iter();
+        let near = near.map(|(place, fade)| {
             let open = starts.partition_point(|s| *s <= place) - 1;
             NearExemplar {
                 fade,
@@ -298,9 +253,9 @@ impl<'a> ComponentSearch<'a> {
 
     /// Counts a component whose log evidence is given, and keeps it if it is among the best; returns the log of its weight
     /// times its evidence.
-    fn add(&mut self, sub_mixture: &ActiveSubMixture, candidate: Candidate) -> f64 {
-        self.sums[sub_mixture.index].add(candidate.log);
-        let log = candidate.log + self.part.log_weights[sub_mixture.index];
+    fn add(&mut self, candidate: Candidate) -> f64 {
+        self.sums[candidate.sub_mixture].add(candidate.log);
+        let log = candidate.log + self.part.sub_mixtures[candidate.sub_mixture].log_weight;
         self.best = self.best.max(log);
         if log > self.worst.max(self.best - NEGLIGIBLE) {
             self.found.best.push(Candidate { log, ..candidate });
@@ -315,11 +270,10 @@ impl<'a> ComponentSearch<'a> {
     fn trim(&mut self) {
         let best = &mut self.found.best;
         if best.len() > MAX_CANDIDATES {
-            let place = |c: &Candidate| (c.cluster, c.exemplar, c.at);
             best.select_nth_unstable_by(MAX_CANDIDATES - 1, |a, b| {
                 b.log
                     .total_cmp(&a.log)
-                    .then_with(|| place(a).cmp(&place(b)))
+                    .then_with(|| a.place().cmp(&b.place()))
             });
             best.truncate(MAX_CANDIDATES);
             self.worst = best[MAX_CANDIDATES - 1].log;
@@ -351,39 +305,18 @@ pub struct ExemplarResidual {
 }
 
 impl ExemplarResidual {
-    /// For an exemplar of a cluster; `cluster_z` is z of the observation less the cluster's mean, `y` (masked, padded) the
-    /// observation.
-    pub fn set_exemplar(
+    /// For an exemplar of a cluster, whose noisy covariance is given, and the observation `y` (masked, padded).
+    pub fn set(
         &mut self,
-        cluster: &ConditionedCluster,
-        cluster_z: &[f32],
+        noisy: &NoisyCovariance,
         exemplars: &ClusterExemplars,
         y: &[f32],
         exemplar: usize,
     ) {
-        if cluster.noisy.uses_eigenvectors() {
-            // A missing coordinate counts as the cluster's mean here: with infinite noise its value does not matter.
-            self.z.clear();
-            let shifted = cluster_z.iter().zip(exemplars.eigen_pose(exemplar));
-            self.z.extend(shifted.map(|(z, e)| z - e));
-            self.step.clear();
-            let step = &exemplars.eigen_step(exemplar)[..cluster_z.len()];
-            self.step.extend_from_slice(step);
-            if let Some(last) = cluster.noisy.shared_axis() {
-                let squared_length = simd::distance(y, exemplars.pose(exemplar));
-                cluster
-                    .noisy
-                    .complete_shared_axis(squared_length, &mut self.z);
-                self.step[last..].fill(0.0);
-            }
-        } else {
-            self.off.clear();
-            let residual = y.iter().zip(exemplars.pose(exemplar));
-            self.off.extend(residual.map(|(y, x)| y - x));
-            cluster.noisy.project(&self.off, &mut self.z);
-            cluster
-                .noisy
-                .project(exemplars.step(exemplar), &mut self.step);
-        }
+        let residual = y.iter().zip(exemplars.pose(exemplar));
+        self.off.clear();
+        self.off.extend(residual.map(|(y, x)| y - x));
+        noisy.project(&self.off, &mut self.z);
+        noisy.project(exemplars.step(exemplar), &mut self.step);
     }
 }

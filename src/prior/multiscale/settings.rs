@@ -1,7 +1,6 @@
 //! The settings of training a multi-scale mixture; the model file keeps them, since its scales are among them.
 
 use super::part_mixture::SubMixture;
-use super::scaled_precision::MAX_SCALES;
 use crate::pose::ASF_UNIT_CM;
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -85,12 +84,6 @@ impl TrainSettings {
                 "multiscale: scales, min_variance and temperature must be above 0",
             ));
         }
-        if self.exemplars.len() > MAX_SCALES {
-            return Err(Error::usage(format!(
-                "multiscale: exemplars at {} scales, at most {MAX_SCALES} are possible",
-                self.exemplars.len()
-            )));
-        }
         if !(0.0..=1.0).contains(&self.own_share) || self.folds == 0 {
             return Err(Error::usage(
                 "multiscale: own_share must be from 0 to 1, folds at least 1",
@@ -99,15 +92,21 @@ impl TrainSettings {
         Ok(())
     }
 
-    /// The sub-mixtures of a part with that many levels of clusters.
+    /// The sub-mixtures of a part with that many levels of clusters, of equal weights.
     pub(super) fn sub_mixtures(&self, levels: usize) -> Vec<SubMixture> {
+        let count = levels * self.scales.len() + self.exemplars.len();
+        let log_weight = -(count as f64).ln();
+        let sub_mixture = |level, (scale, step_scale)| SubMixture {
+            level,
+            scale,
+            step_scale,
+            log_weight,
+        };
         let level = |level| {
             let scales = self.scales.iter();
-            scales.map(move |&scale| SubMixture::Clusters { level, scale })
+            scales.map(move |&scale| sub_mixture(Some(level), (scale, 0.0)))
         };
-        let exemplars = self.exemplars.iter();
-        let exemplars =
-            exemplars.map(|&(scale, step_scale)| SubMixture::Exemplars { scale, step_scale });
+        let exemplars = self.exemplars.iter().map(|&e| sub_mixture(None, e));
         (0..levels).flat_map(level).chain(exemplars).collect()
     }
 }

@@ -78,7 +78,7 @@ pub fn train(
             part.set_log_weights(levels);
         }
         mixture.log_factorization_weights = factorizations;
-        mixture.novelty = NoveltyDetector::learn(&held_out, &mixture.parts[0].log_weights);
+        mixture.novelty = NoveltyDetector::learn(&held_out, &mixture.parts[0].log_weights());
     }
     Ok(mixture)
 }
@@ -209,7 +209,7 @@ impl KeptExemplars {
         let xyz = rows.xyz.select(Axis(0), &kept);
         KeptExemplars {
             rows: kept,
-            poses: Arc::new(ExemplarPoses::new(xyz.into(), takes)),
+            poses: Arc::new(ExemplarPoses::new(xyz, takes)),
         }
     }
 }
@@ -289,9 +289,16 @@ fn cluster_level(
     let covariances =
         parallel::map_chunks(k, 1, |c| EigenCovariance::of(covariances[c.start].view()));
     let log_proportion = |n: usize| (n.max(1) as f64 / m as f64).ln();
-    let log_proportions = members.iter().map(|r| log_proportion(r.len())).collect();
+    let log_proportions: Vec<f64> = members.iter().map(|r| log_proportion(r.len())).collect();
     let stored = StoredCovariances::of(&covariances, d);
-    ClusterLevel::new(full_means, log_proportions, stored, None, coordinates)
+    let within = stored.mean_variances(&log_proportions);
+    ClusterLevel::new(
+        full_means,
+        log_proportions,
+        stored.into(),
+        within,
+        coordinates,
+    )
 }
 
 /// The log weights of the sub-mixtures, by part, and of the factorizations.
@@ -362,11 +369,7 @@ fn expectation_maximization(
     poses: &[SubMixtureEvidences],
     steps: usize,
 ) -> LogWeights {
-    let mut levels: Vec<Vec<f64>> = mixture
-        .parts
-        .iter()
-        .map(|p| p.log_weights.clone())
-        .collect();
+    let mut levels: Vec<Vec<f64>> = mixture.parts.iter().map(PartMixture::log_weights).collect();
     let mut factorizations = mixture.log_factorization_weights.clone();
     for _ in 0..steps {
         let counts = levels.iter().map(|l| vec![PSEUDO_COUNT; l.len()]);

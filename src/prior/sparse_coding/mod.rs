@@ -9,6 +9,7 @@ mod model;
 use crate::io::Model;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::{Observation, PoseTransform};
+use crate::prior::model_arrays;
 use crate::prior::noise_cache::NoiseCache;
 use crate::prior::{EXACT_VARIANCE, OpenOptions, Posterior, Prior, Reconstruction, Want};
 use crate::sparse::{
@@ -74,35 +75,15 @@ impl SparseCodingPrior {
     ) -> Result<SparseCodingPrior> {
         let width = 3 * model.meta.points.len();
         let dictionary = dictionary(model, source)?;
-        let shaped = |name: &str, array: ArrayView2<'_, f32>, rows: Option<usize>| {
-            let (n, d) = array.dim();
-            if d != width || n == 0 || rows.is_some_and(|r| r != n) {
-                let what = format!("has the shape ({n}, {d}), expected {width} columns");
-                return Err(Error::data(Place::file(source).part(name), what));
-            }
-            if array.iter().any(|v| !v.is_finite()) {
-                return Err(Error::data(
-                    Place::file(source).part(name),
-                    "holds a value that is not finite",
-                ));
-            }
-            Ok(())
-        };
-        let residual = match model.get("residual") {
-            Some(array) => {
-                shaped("residual", array.view(), Some(width))?;
-                array.mapv(f64::from)
-            }
-            None => {
-                let rms = model.meta.training_rms.filter(|r| r.is_finite());
-                Array2::from_diag_elem(width, rms.map_or(UNKNOWN_RESIDUAL, |r| r * r))
-            }
+        let residual = if model.get("residual").is_some() {
+            let shape = (Some(width), Some(width));
+            model_arrays::array(model, "residual", shape, source)?.mapv(f64::from)
+        } else {
+            let rms = model.meta.training_rms.filter(|r| r.is_finite());
+            Array2::from_diag_elem(width, rms.map_or(UNKNOWN_RESIDUAL, |r| r * r))
         };
         let typical = match model.get("typical") {
-            Some(array) => {
-                shaped("typical", array.view(), None)?;
-                array.mapv(f64::from)
-            }
+            Some(_) => model_arrays::poses(model, "typical", source)?.mapv(f64::from),
             None => typical_of(&dictionary),
         };
         let sparsity = options.sparsity.or(model.meta.sparsity).unwrap_or(3).max(1);
@@ -343,7 +324,7 @@ impl Prior for SparseCodingPrior {
                     self.coefficient_variance(&weights, conditioned, &reconstruction.support);
                 posterior.variance = own.iter().zip(coefficients).map(|(v, c)| v + c).collect();
             }
-            Want::Covariance | Want::CovarianceBelow(_) => {
+            Want::Covariance => {
                 let mut covariance = match conditioned {
                     Some(conditional) => conditional.covariance(self.residual.view()),
                     None => self.residual.clone(),

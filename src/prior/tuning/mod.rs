@@ -124,7 +124,7 @@ impl TaskSettings {
         }
     }
 
-    fn set(&mut self, task: Task, setting: Setting) {
+    pub(super) fn set(&mut self, task: Task, setting: Setting) {
         match task {
             Task::Dense => self.dense = setting,
             Task::Sparse => self.sparse = setting,
@@ -201,8 +201,8 @@ impl Tuning {
     }
 }
 
-/// A prior that was learnt once and is used at any setting's *inflation* (its noise is [`Tuning`]'s own affair).
-pub type PriorFamily<'a> = Box<dyn Fn(Setting) -> Box<dyn Prior> + 'a>;
+/// What was learnt once, as a prior at any inflation.
+pub type PriorFamily = Box<dyn Fn(f64) -> Box<dyn Prior>>;
 
 #[cfg(test)]
 mod tests {

@@ -54,11 +54,11 @@ impl Grid {
 /// is tried on those held back.
 ///
 /// The damage is the same for every setting. Ties go to the setting named first.
-pub fn tune<'a>(
+pub fn tune(
     poses: &TrainingSet,
     options: &TrainOptions,
     grid: &Grid,
-    learn: &dyn Fn(&TrainingSet) -> Result<PriorFamily<'a>>,
+    learn: &dyn Fn(&TrainingSet) -> Result<PriorFamily>,
     report: &mut dyn FnMut(&str),
 ) -> Result<Tuning> {
     let (kept, held) = hold_back(poses, options.hold_back, options.seed);
@@ -80,8 +80,8 @@ pub fn tune<'a>(
         let mut prior: Option<(f64, Box<dyn Prior>)> = None;
         let (chosen, tried) = search(grid.settings(task), &mut |setting| {
             let made = prior.take().filter(|(i, _)| *i == setting.inflation);
-            let (_, prior) =
-                prior.insert(made.unwrap_or_else(|| (setting.inflation, learnt(setting))));
+            let (_, prior) = prior
+                .insert(made.unwrap_or_else(|| (setting.inflation, learnt(setting.inflation))));
             let noise = stated.mapv(|n| setting.noise_of(n));
             let answers = posterior_rows(&**prior, y.view(), noise.view(), Want::Mean);
             let means = answers.iter().flat_map(|a| &a.mean);

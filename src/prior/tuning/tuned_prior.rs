@@ -1,9 +1,12 @@
 //! A prior that uses the setting of each observation's task.
 
 use super::{PriorFamily, Task, TaskSettings};
+use crate::Result;
+use crate::io::Model;
 use crate::pose::{Observation, PoseTransform};
-use crate::prior::{Posterior, Prior, Reconstruction, Want};
-use ndarray::ArrayView2;
+use crate::prior::model_arrays;
+use crate::prior::{OpenOptions, Posterior, Prior, Reconstruction, Want};
+use ndarray::{Array2, ArrayView2};
 use std::sync::Arc;
 
 /// A prior at each task's setting; the task of an observation is found from its variances ([`Task::of`]).
@@ -13,16 +16,29 @@ pub struct TunedPrior {
     fixed: Option<Task>,
     /// In the order of [`Task::ALL`]; tasks with the same inflation share one prior.
     priors: [Arc<dyn Prior>; 4],
+    /// (k, 3 J), cm.
+    representative_poses: Array2<f64>,
 }
 
 impl TunedPrior {
-    /// Makes the priors of all settings; `fixed` is the task of every observation.
-    pub fn new(tuned: TaskSettings, fixed: Option<Task>, family: &PriorFamily<'_>) -> TunedPrior {
-        TunedPrior {
+    /// What was learnt, at the settings that training left in the model; `source` names it in messages.
+    ///
+    /// # Errors
+    /// Data: settings or representative poses that cannot be read.
+    pub fn open(
+        model: &Model,
+        options: &OpenOptions,
+        source: &str,
+        learned: &PriorFamily,
+    ) -> Result<TunedPrior> {
+        let tuned = TaskSettings::read(model, source)?;
+        let at = |i: usize| learned(tuned.get(Task::ALL[i]).inflation);
+        Ok(TunedPrior {
             tuned,
-            fixed,
-            priors: shared(tuned, &|i| family(tuned.get(Task::ALL[i]))),
-        }
+            fixed: options.task,
+            priors: shared(tuned, &at),
+            representative_poses: model_arrays::poses(model, "typical", source)?.mapv(f64::from),
+        })
     }
 
     fn task(&self, noise: &[f64]) -> Task {
@@ -127,7 +143,7 @@ impl Prior for TunedPrior {
     }
 
     fn representative_poses(&self) -> ArrayView2<'_, f64> {
-        self.priors[0].representative_poses()
+        self.representative_poses.view()
     }
 
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
@@ -135,6 +151,7 @@ impl Prior for TunedPrior {
             tuned: self.tuned,
             fixed: self.fixed,
             priors: shared(self.tuned, &|i| self.priors[i].mapped(map)),
+            representative_poses: map.apply_rows(self.representative_poses.view()),
         })
     }
 }

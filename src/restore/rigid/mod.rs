@@ -207,18 +207,11 @@ impl RigidModel {
                 }
             });
         }
-        // The covariance of a dense posterior that leaves much open is not used.
-        let wants = noise.rows().into_iter().map(|n| match n.to_vec() {
-            n if Task::of(&n) == Task::Dense => {
-                Want::CovarianceBelow(UNKNOWN * n.iter().sum::<f64>())
-            }
-            _ => Want::Covariance,
-        });
         let (y, noise) = (y.as_standard_layout(), noise.as_standard_layout());
         let rows = y.rows().into_iter().zip(noise.rows());
         let slices = rows.filter_map(|(y, noise)| y.to_slice().zip(noise.to_slice()));
         let seen = slices.map(|(values, variance)| Observation { values, variance });
-        let batch: Vec<(Observation<'_>, Want)> = seen.zip(wants).collect();
+        let batch: Vec<(Observation<'_>, Want)> = seen.map(|o| (o, Want::Covariance)).collect();
         let posteriors = prior.posterior_batch(&batch);
         let rows = batch.iter().zip(posteriors).collect();
         self.converge(
@@ -235,19 +228,18 @@ impl RigidModel {
                         seen.variance,
                     )
                 };
-                if !posterior.has_covariance() {
+                let dense = Task::of(seen.variance) == Task::Dense;
+                let known = known(posterior.variance.iter().sum(), seen.variance);
+                if dense && known == 0.0 {
                     let uncertainty = Uncertainty::Variances(&posterior.variance);
                     return keep(&posterior.mean, uncertainty).into();
                 }
                 let mut posterior = posterior.clone();
                 uncertainty::pin_exact(&mut posterior, seen.values, seen.variance);
                 let covariance = &posterior.covariance;
-                let uncertainty = match Task::of(seen.variance) {
-                    Task::Dense => Uncertainty::Settled(
-                        covariance,
-                        known(covariance.diag().sum(), seen.variance),
-                    ),
-                    _ => Uncertainty::Covariance(covariance, 0.5),
+                let uncertainty = match dense {
+                    true => Uncertainty::Settled(covariance, known),
+                    false => Uncertainty::Covariance(covariance, 0.5),
                 };
                 keep(&posterior.mean, uncertainty).into()
             },
@@ -325,11 +317,7 @@ mod tests {
             answer: Readout::Average,
             estimates_rest: true,
         };
-        let typical = mean.insert_axis(Axis(0));
-        (
-            rigid,
-            GaussianMixturePrior::new(&parts, style, 1.0, typical.view()),
-        )
+        (rigid, GaussianMixturePrior::new(&parts, style, 1.0))
     }
 
     /// Moves one point of each frame by about 6 cm; returns which.
