@@ -1,7 +1,7 @@
 //! Turns a BVH file into a table of joint positions.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate};
+use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate, value_name};
 use posing::cli::input::{open, take_name};
 use posing::cli::streams::write_table;
 use posing::cli::{messages, run};
@@ -65,8 +65,8 @@ fn work(args: &Args) -> Result<()> {
     if args.units.is_none() || args.up.is_none() {
         messages::info(&format!(
             "{name}: assuming {} and {} up; use --units and --up to change this",
-            unit.name(),
-            up.name()
+            value_name(unit),
+            value_name(up)
         ));
     }
     let rate = rate(args, &bvh, &name)?;

@@ -2,7 +2,7 @@
 
 use clap::{Parser, ValueEnum};
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space, value_name};
 use posing::cli::progress::Progress;
 use posing::cli::training::{MultiscaleArgs, ready};
 use posing::cli::{messages, run, streams};
@@ -80,9 +80,9 @@ fn work(args: &Args) -> Result<()> {
     let kind: Kind = args.kind.parse()?;
     let world = args.space == Space::World;
     let poses = ready(&args.input, args.input.files.clone(), world, None)?;
-    let (hold_back, held) = match args.hold_back {
-        HoldBackFlag::Takes => (HoldBack::Takes, "takes"),
-        HoldBackFlag::Frames => (HoldBack::Frames, "frames"),
+    let hold_back = match args.hold_back {
+        HoldBackFlag::Takes => HoldBack::Takes,
+        HoldBackFlag::Frames => HoldBack::Frames,
     };
     let options = TrainOptions {
         seed: args.seed.seed,
@@ -109,8 +109,8 @@ fn work(args: &Args) -> Result<()> {
     model.meta.credit.clone_from(&args.credit);
     let mut flags = vec![
         ("kind", args.kind.clone()),
-        ("hold-back", held.to_string()),
-        ("space", args.space.name().to_string()),
+        ("hold-back", value_name(args.hold_back)),
+        ("space", value_name(args.space)),
         ("seed", args.seed.seed.to_string()),
     ];
     if let Some(cells) = &args.size.cells {

@@ -1,7 +1,7 @@
 //! Compares poses with the truth.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, Units, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, Units, parse_rate, value_name};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{messages, run};
@@ -98,7 +98,7 @@ fn work(args: &Args) -> Result<()> {
     if let Some(damaged) = tables.get(2) {
         score = score.by_gap(&damaged.poses)?;
     }
-    let report = score.finish_in(args.units.name(), args.units.centimetres());
+    let report = score.finish_in(&value_name(args.units), args.units.centimetres());
     let mut out = report.to_string();
     if args.json {
         out = serde_json::to_string(&report).map_err(|e| Error::usage(e.to_string()))? + "\n";

@@ -44,6 +44,12 @@ impl CommonArgs {
     }
 }
 
+/// A value of a flag as a user types it.
+pub fn value_name(value: impl ValueEnum) -> String {
+    let value = value.to_possible_value();
+    value.map_or_else(String::new, |v| v.get_name().to_string())
+}
+
 /// Units of length in files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Units {
@@ -68,16 +74,6 @@ impl Units {
             Units::Mm => 0.1,
             Units::In => 2.54,
             Units::Asf => ASF_UNIT_CM,
-        }
-    }
-    /// The name a user types.
-    pub fn name(self) -> &'static str {
-        match self {
-            Units::Cm => "cm",
-            Units::M => "m",
-            Units::Mm => "mm",
-            Units::In => "in",
-            Units::Asf => "asf",
         }
     }
 }
@@ -108,14 +104,6 @@ pub enum Up {
 }
 
 impl Up {
-    /// The name a user types.
-    pub fn name(self) -> &'static str {
-        match self {
-            Up::X => "x",
-            Up::Y => "y",
-            Up::Z => "z",
-        }
-    }
     /// The rotation that carries the file's axes to y up.
     pub fn rotation(self) -> DMat3 {
         DMat3::from_cols_array_2d(
@@ -293,16 +281,6 @@ pub enum Space {
     Body,
 }
 
-impl Space {
-    /// The name a user types.
-    pub fn name(self) -> &'static str {
-        match self {
-            Space::World => "world",
-            Space::Body => "body",
-        }
-    }
-}
-
 /// The rule by which a pursuit selects the next atom.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum PursuitFlag {
@@ -318,13 +296,6 @@ impl PursuitFlag {
         match self {
             PursuitFlag::Oomp => SelectionRule::Oomp,
             PursuitFlag::Omp => SelectionRule::Omp,
-        }
-    }
-    /// The name a user types.
-    pub fn name(self) -> &'static str {
-        match self {
-            PursuitFlag::Oomp => "oomp",
-            PursuitFlag::Omp => "omp",
         }
     }
 }

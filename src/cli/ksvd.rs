@@ -1,6 +1,6 @@
 //! `ksvd-train` around the library: its flags, the log, the checkpoint, the progress bar.
 
-use super::args::{InputArgs, PursuitFlag, Space, parse_positive};
+use super::args::{InputArgs, PursuitFlag, Space, parse_positive, value_name};
 use super::progress::Progress;
 use super::{input, messages};
 use crate::io::input::ContentKind;
@@ -83,7 +83,7 @@ impl KsvdArgs {
         let name = input.name.clone();
         let dictionary = if input.kind() == ContentKind::Npz {
             let model = Model::read(input)?;
-            if model.meta.points != poses.points || model.meta.space != self.space.name() {
+            if model.meta.points != poses.points || model.meta.space != value_name(self.space) {
                 let what = "is a dictionary whose points or space differ from the training poses'";
                 return Err(Error::data(Place::file(&name), what));
             }
@@ -143,8 +143,8 @@ impl KsvdArgs {
         let mut flags = vec![
             ("sparsity", self.sparsity.to_string()),
             ("iterations", self.iterations.to_string()),
-            ("pursuit", self.pursuit.name().to_string()),
-            ("space", self.space.name().to_string()),
+            ("pursuit", value_name(self.pursuit)),
+            ("space", value_name(self.space)),
             ("seed", seed.to_string()),
         ];
         flags.extend(self.atoms.map(|n| ("atoms", n.to_string())));

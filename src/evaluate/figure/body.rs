@@ -89,13 +89,11 @@ impl Picture<'_, '_> {
         scale: f64,
     ) -> String {
         let count = self.scene.points.len();
-        let seen: Vec<Option<[f64; 3]>> = (0..count)
-            .map(|p| {
-                self.geometry
-                    .at(figure, frame, p)
-                    .map(|at| self.project(at, panel.middle))
-            })
-            .collect();
+        let view = |p| {
+            let place = self.geometry.at(figure, frame, p)?;
+            Some(self.project(place, panel.middle))
+        };
+        let seen: Vec<Option<[f64; 3]>> = (0..count).map(view).collect();
         let overlaid = panel.figures.len() > 1;
         // Overlaid figures are drawn thinner and thinner, so that the first still frames the last.
         let above = panel
@@ -119,16 +117,9 @@ impl Picture<'_, '_> {
         }
         for (p, view) in seen.iter().enumerate() {
             let Some(view) = view else { continue };
-            let head = self.geometry.head == Some(p);
-            let radius = if head {
-                HEAD * self.geometry.size * scale
-            } else {
-                thick * 0.72
-            };
-            let radius = if head {
-                radius + 1.5 * above as f64
-            } else {
-                radius
+            let radius = match self.geometry.head == Some(p) {
+                true => HEAD * self.geometry.size * scale + 1.5 * above as f64,
+                false => thick * 0.72,
             };
             let color = self.color(figure, self.geometry.sides[p]);
             let status = self.geometry.status(figure, frame, p);

@@ -97,17 +97,12 @@ fn embedded_figure(
     })
 }
 
-/// Status and how often it follows itself, again and again.
-fn run_lengths(statuses: impl Iterator<Item = Status>) -> Value {
-    let mut runs: Vec<[usize; 2]> = Vec::new();
-    for status in statuses {
-        let code = Status::ALL.iter().position(|s| *s == status).unwrap_or(0);
-        match runs.last_mut() {
-            Some([last, length]) if *last == code => *length += 1,
-            _ => runs.push([code, 1]),
-        }
-    }
-    json!(runs.concat())
+/// Run lengths: the index in [`Status::ALL`] and the length of each stretch of equal statuses, one after another.
+fn run_lengths(statuses: impl Iterator<Item = Status>) -> Vec<usize> {
+    let code = |status| Status::ALL.iter().position(|s| *s == status).unwrap_or(0);
+    let codes: Vec<usize> = statuses.map(code).collect();
+    let runs = codes.chunk_by(|a, b| a == b);
+    runs.flat_map(|run| [run[0], run.len()]).collect()
 }
 
 /// A thousandth of a centimetre, degree or second is enough for a picture.
@@ -137,10 +132,8 @@ mod tests {
     #[test]
     fn statuses_are_run_lengths() {
         use Status::*;
-        assert_eq!(
-            run_lengths([Observed, Observed, Inferred, Observed].into_iter()),
-            json!([0, 2, 2, 1, 0, 1])
-        );
-        assert_eq!(run_lengths([].into_iter()), json!([]));
+        let statuses = [Observed, Observed, Inferred, Observed];
+        assert_eq!(run_lengths(statuses.into_iter()), [0, 2, 2, 1, 0, 1]);
+        assert!(run_lengths([].into_iter()).is_empty());
     }
 }
