@@ -1,9 +1,9 @@
 //! Joining dictionaries that were learnt separately ("Combining dictionaries", section 5 of the paper).
 //!
-//! The atoms of all parts, one part after the other, are a dictionary already. What this adds is a look at how much the
-//! parts repeat each other, and, if wanted, the dropping of atoms too close to an earlier one. Coherence is |<a, b>|.
+//! The atoms of all parts follow one another. Optionally the coherence |<a, b>| of the parts is measured, and atoms too close
+//! to an earlier one are dropped.
 //!
-//! Cost: O(n D) to join; O(n^2 D) time by blocks and O(n D) memory for the look and for the pruning.
+//! Cost: O(n D) to join; O(n^2 D) time by blocks and O(n D) memory to measure and to drop.
 
 use super::{Dictionary, coherence};
 use crate::{Error, Result};
@@ -139,15 +139,12 @@ fn compare(parts: &[Dictionary]) -> Result<Vec<CoherenceStats>> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::testdata;
     use super::*;
-    use crate::numeric::parallel;
-    use ndarray::{Array2, array, s};
-    use rand::Rng;
+    use ndarray::{array, s};
 
     fn random(n: usize, d: usize, seed: u64) -> Dictionary {
-        let mut g = parallel::rng(seed, 0);
-        let rows = Array2::from_shape_fn((n, d), |_| g.random::<f32>() - 0.5);
-        Dictionary::from_rows(rows.view()).unwrap()
+        Dictionary::from_rows(testdata::random(n, d, seed).view()).unwrap()
     }
 
     #[test]

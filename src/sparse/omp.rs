@@ -207,18 +207,16 @@ mod tests {
             let w = random(1, 12, seed + 60)
                 .row(0)
                 .mapv(|v| if v < -0.3 { 0.0 } else { v + 1.0 });
-            let code =
-                encode_one(&with(4, SelectionRule::Oomp), &d, y.view(), Some(w.view())).unwrap();
-            for step in 0..4 {
-                let tried = (0..40u32).map(|a| {
-                    let support = [&code.atoms[..step], &[a]].concat();
-                    refit(&d, &support, y.view(), Some(w.view()))
-                        .unwrap()
-                        .squared_residual
-                });
-                let best = tried.fold(f64::MAX, f64::min);
-                let taken = refit(&d, &code.atoms[..=step], y.view(), Some(w.view())).unwrap();
-                assert!(taken.squared_residual <= best * (1.0 + 1e-4), "{step}");
+            // By dense scans, and by the Gram matrix.
+            for w in [Some(w.view()), None] {
+                let code = encode_one(&with(4, SelectionRule::Oomp), &d, y.view(), w).unwrap();
+                for step in 0..4 {
+                    let left = |support: &[u32]| refit(&d, support, y.view(), w).unwrap();
+                    let tried = (0..40u32).map(|a| left(&[&code.atoms[..step], &[a]].concat()));
+                    let best = tried.map(|c| c.squared_residual).fold(f64::MAX, f64::min);
+                    let taken = left(&code.atoms[..=step]).squared_residual;
+                    assert!(taken <= best * (1.0 + 1e-4), "{step}");
+                }
             }
         }
     }

@@ -25,7 +25,7 @@ pub(super) struct DenseOmp<'a> {
     gram: Option<&'a LazyGram>,
     rule: SelectionRule,
     scan: DenseScan<'a>,
-    follower: GramOmp,
+    gram_omp: GramOmp,
     /// Scratch: the newest direction as a combination of atoms.
     weights: Vec<f64>,
     terms: Vec<Term<'a>>,
@@ -42,7 +42,7 @@ impl<'a> DenseOmp<'a> {
             gram: index_cache.gram.as_ref(),
             rule,
             scan: DenseScan::new(panels, poses),
-            follower: GramOmp::new(panels),
+            gram_omp: GramOmp::new(panels),
             weights: Vec::new(),
             terms: Vec::new(),
         }
@@ -85,31 +85,31 @@ impl<'a> DenseOmp<'a> {
         self.scan.begin_weighted(&weights);
     }
 
-    /// Takes the atoms after the first scan, a scan of all poses a step.
+    /// Takes the atoms after the first scan, one scan of all poses per step.
     fn together(&mut self, fits: &mut [ActiveSet], full: AtomBudget) {
-        let mut last = false;
         for _ in 0..full.most + RETRIES {
-            self.take(fits, full, last);
-            let mut open = fits.iter().filter(|f| f.stop.is_none()).peekable();
-            if open.peek().is_none() {
+            self.take(fits, full);
+            if fits.iter().all(|f| f.stop.is_some()) {
                 break;
             }
-            last = open.all(|f| full.is_last(f));
-            self.scan.next(self.rule, last);
+            self.scan.next(self.rule);
         }
     }
 
-    /// Gives each pose its best atom, and makes the direction that this adds ready for the next scan. `last`: the scan
-    /// before was to be the last and kept nothing; where its atom is refused its direction is to be met again.
-    fn take(&mut self, fits: &mut [ActiveSet], full: AtomBudget, last: bool) {
+    /// Gives each pose its best atom, and sets the direction that this adds for the next scan.
+    fn take(&mut self, fits: &mut [ActiveSet], full: AtomBudget) {
         let d = self.dictionary.width();
         for (i, fit) in fits.iter_mut().enumerate() {
-            let (row, open) = (i * d..(i + 1) * d, fit.stop.is_none());
-            if open && self.push(i, fit, self.scan.best(i), full) {
+            let row = i * d..(i + 1) * d;
+            let best = self.scan.best(i);
+            if let Some(atom) = best {
+                self.scan.exclude(i, atom);
+            }
+            if fit.stop.is_none() && full.push(self.dictionary, fit, best) {
                 let (q, z) = fit.newest();
                 weigh(q, fit.root.as_deref(), &mut self.scan.directions[row]);
                 self.scan.parts[i] = -z as f32;
-            } else if !(open && last) {
+            } else {
                 self.scan.directions[row].fill(0.0);
                 self.scan.parts[i] = 0.0;
             }
@@ -122,34 +122,26 @@ impl<'a> DenseOmp<'a> {
         let firsts = open.filter_map(|i| self.scan.best(i)).collect();
         gram.prepare(self.panels, self.dictionary.flat(), firsts);
         for (i, fit) in fits.iter_mut().enumerate() {
-            self.follower.begin();
-            let (mut best, mut met) = (self.scan.best(i), true);
+            let mut best = self.scan.best(i);
+            self.gram_omp.start(&self.scan, i);
             for _ in 0..full.most + RETRIES {
-                if fit.stop.is_none() && self.push(i, fit, best, full) {
-                    met = false;
-                }
+                let pushed = fit.stop.is_none() && full.push(self.dictionary, fit, best);
                 if fit.stop.is_some() {
                     break;
                 }
-                let last = full.is_last(fit);
-                best = self.follow(i, fit, gram, (met, last));
-                met = !last;
+                if let Some(atom) = best {
+                    self.gram_omp.exclude(atom);
+                }
+                best = self.follow(pushed.then_some(&*fit), gram);
             }
         }
     }
 
-    /// A step of one pose; its newest direction has been `met` where the atom after it was refused.
-    fn follow(
-        &mut self,
-        pose: usize,
-        fit: &ActiveSet,
-        gram: &'a LazyGram,
-        (met, last): (bool, bool),
-    ) -> Option<u32> {
-        let how = (self.rule, last);
-        if met {
-            return self.follower.next(&mut self.scan, pose, (&[], 0.0), how);
-        }
+    /// The best atom of one pose after the newest direction of its active set; `None`: after no new direction.
+    fn follow(&mut self, fit: Option<&ActiveSet>, gram: &'a LazyGram) -> Option<u32> {
+        let Some(fit) = fit else {
+            return self.gram_omp.next(&[], 0.0, self.rule);
+        };
         let (panels, atoms) = (self.panels, self.dictionary.flat());
         let (q, z) = fit.newest();
         fit.newest_weights(&mut self.weights);
@@ -157,33 +149,13 @@ impl<'a> DenseOmp<'a> {
             let direction: Vec<f32> = q.iter().map(|v| *v as f32).collect();
             let row = &products(panels, &direction);
             let terms: [Term<'_>; 1] = [(1.0, row)];
-            return (self.follower).next(&mut self.scan, pose, (&terms, -z as f32), how);
+            return self.gram_omp.next(&terms, -z as f32, self.rule);
         }
         let terms = (self.weights.iter().zip(&fit.support))
             .map(|(w, atom)| (*w as f32, gram.row(panels, atoms, *atom)));
         self.terms.clear();
         self.terms.extend(terms);
-        (self.follower).next(&mut self.scan, pose, (&self.terms, -z as f32), how)
-    }
-
-    /// Gives a pose an atom, or finds in f64 that it depends on those taken: it is not to be looked at again either way.
-    fn push(
-        &mut self,
-        pose: usize,
-        fit: &mut ActiveSet,
-        atom: Option<u32>,
-        full: AtomBudget,
-    ) -> bool {
-        let Some(atom) = atom else {
-            fit.stop = Some(StopReason::Dependent);
-            return false;
-        };
-        self.scan.leave_out(pose, atom);
-        let pushed = fit.push(atom, self.dictionary.row(atom));
-        if fit.stop.is_none() && fit.support.len() == full.most {
-            fit.stop = Some(full.stop);
-        }
-        pushed
+        self.gram_omp.next(&self.terms, -z as f32, self.rule)
     }
 }
 
@@ -205,9 +177,17 @@ impl AtomBudget {
         AtomBudget { most, stop }
     }
 
-    /// Whether the next atom of a pose is its last.
-    fn is_last(self, fit: &ActiveSet) -> bool {
-        fit.support.len() + 1 == self.most
+    /// Gives a pose its best atom; `false` if there is none, or it depends on those taken.
+    pub fn push(self, dictionary: &Dictionary, fit: &mut ActiveSet, best: Option<u32>) -> bool {
+        let Some(atom) = best else {
+            fit.stop = Some(StopReason::Dependent);
+            return false;
+        };
+        let pushed = fit.push(atom, dictionary.row(atom));
+        if fit.stop.is_none() && fit.support.len() == self.most {
+            fit.stop = Some(self.stop);
+        }
+        pushed
     }
 }
 

@@ -30,15 +30,9 @@ impl<'a> IndexedOmp<'a> {
         self.search.start();
         self.excluded.clear();
         while fit.stop.is_none() && self.excluded.len() < budget.most + RETRIES {
-            let Some(atom) = self.search.best(fit, &self.excluded) else {
-                break;
-            };
-            self.excluded.push(atom);
-            let pushed = fit.push(atom, self.dictionary.row(atom));
-            if fit.stop.is_none() && fit.support.len() == budget.most {
-                fit.stop = Some(budget.stop);
-            }
-            if pushed && fit.stop.is_none() {
+            let best = self.search.best(fit, &self.excluded);
+            self.excluded.extend(best);
+            if budget.push(self.dictionary, fit, best) && fit.stop.is_none() {
                 self.search.add_direction(fit);
             }
         }

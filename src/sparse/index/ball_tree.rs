@@ -78,7 +78,7 @@ impl BallTree {
         let (leaves, details) = leaves.into_iter().unzip();
         let layer = |atoms: usize| -> Vec<Balls> {
             let balls = parallel::map_chunks(n, atoms, |places| ball(&order[places], &projected));
-            balls.chunks(LEAF).map(beside).collect()
+            balls.chunks(LEAF).map(group).collect()
         };
         let (mut layers, mut atoms_each) = (vec![layer(LEAF)], LEAF);
         while layers[layers.len() - 1].len() > TOP {
@@ -193,7 +193,8 @@ fn ball(atoms: &[u32], projected: &[Projected]) -> Ball {
     Ball { center, radius }
 }
 
-fn beside(balls: &[Ball]) -> Balls {
+/// The layout of a group of balls.
+fn group(balls: &[Ball]) -> Balls {
     let mut all = Balls {
         centers: [Lanes::ZERO; LEADING],
         norms: Lanes([f32::INFINITY; LEAF]),

@@ -5,8 +5,8 @@
 //! same combination of rows of the Gram matrix: k multiplications per atom, where a dense scan needs D (Rubinstein,
 //! Zibulevsky, Elad 2008).
 
-use super::packed_atoms::Row;
-use super::{DenseScan, PackedAtoms};
+use super::dense_scan::DenseScan;
+use super::packed_atoms::{PackedAtoms, Row};
 use crate::numeric::parallel;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -24,19 +24,19 @@ pub type Term<'a> = (f32, &'a [Row]);
 
 /// The rows of the Gram matrix; each is as long as all panels.
 pub struct LazyGram {
-    rows: Vec<OnceLock<Made>>,
+    rows: Vec<OnceLock<StoredRow>>,
     /// All rows before this one are computed, or about to be.
     begun: AtomicUsize,
 }
 
 /// A row, stored with those computed together: allocating row by row is slow.
-struct Made {
+struct StoredRow {
     rows: Arc<Vec<Row>>,
     from: usize,
     panels: usize,
 }
 
-impl Made {
+impl StoredRow {
     fn row(&self) -> &[Row] {
         &self.rows[self.from..][..self.panels]
     }
@@ -54,12 +54,12 @@ impl LazyGram {
 
     /// The products of an atom with all atoms. `atoms` (n, D) are those of `panels`.
     pub fn row(&self, panels: &PackedAtoms, atoms: &[f32], atom: u32) -> &[Row] {
-        let made = self.rows[atom as usize].get_or_init(|| Made {
-            rows: Arc::new(products(panels, of(panels, atoms, atom))),
+        let stored = self.rows[atom as usize].get_or_init(|| StoredRow {
+            rows: Arc::new(products(panels, row_of(panels, atoms, atom))),
             from: 0,
             panels: panels.iter().len(),
         });
-        made.row()
+        stored.row()
     }
 
     /// Computes all missing rows on all threads, but those that other threads compute already.
@@ -72,29 +72,30 @@ impl LazyGram {
         parallel::map_chunks_with(n, MANY, scan, |scan, _| {
             let from = self.begun.fetch_add(MANY, Ordering::Relaxed).min(n);
             let rows = from as u32..n.min(from + MANY) as u32;
-            self.make(scan, atoms, rows.collect());
+            self.compute(scan, atoms, rows.collect());
         });
     }
 
     /// Computes the missing rows of some atoms together, which is faster than one by one.
     pub fn prepare(&self, panels: &PackedAtoms, atoms: &[f32], some: Vec<u32>) {
-        if !some.iter().all(|a| self.is_made(*a)) {
-            self.make(&mut DenseScan::new(panels, TOGETHER), atoms, some);
+        if !some.iter().all(|a| self.is_stored(*a)) {
+            self.compute(&mut DenseScan::new(panels, TOGETHER), atoms, some);
         }
     }
 
-    fn is_made(&self, atom: u32) -> bool {
+    fn is_stored(&self, atom: u32) -> bool {
         self.rows[atom as usize].get().is_some()
     }
 
     /// Computes missing rows, as many at a time as the scan has poses.
-    fn make(&self, scan: &mut DenseScan<'_>, atoms: &[f32], mut some: Vec<u32>) {
-        some.retain(|a| !self.is_made(*a));
+    fn compute(&self, scan: &mut DenseScan<'_>, atoms: &[f32], mut some: Vec<u32>) {
+        some.retain(|a| !self.is_stored(*a));
         some.sort_unstable();
         some.dedup();
         for few in some.chunks(scan.poses()) {
-            let directions: Vec<&[f32]> = few.iter().map(|a| of(scan.panels, atoms, *a)).collect();
-            meet(scan, &directions.concat());
+            let directions: Vec<&[f32]> =
+                few.iter().map(|a| row_of(scan.panels, atoms, *a)).collect();
+            scan_directions(scan, &directions.concat());
             let panels = scan.panels.iter().len();
             let mut rows = Vec::with_capacity(few.len() * panels);
             (0..few.len()).for_each(|i| rows.extend(scan.of_pose(i)));
@@ -102,7 +103,7 @@ impl LazyGram {
             for (i, atom) in few.iter().enumerate() {
                 let rows = Arc::clone(&rows);
                 // If another thread was faster, its row has the same bits.
-                let _ = self.rows[*atom as usize].set(Made {
+                let _ = self.rows[*atom as usize].set(StoredRow {
                     rows,
                     from: i * panels,
                     panels,
@@ -112,7 +113,7 @@ impl LazyGram {
     }
 }
 
-fn of<'a>(panels: &PackedAtoms, atoms: &'a [f32], atom: u32) -> &'a [f32] {
+fn row_of<'a>(panels: &PackedAtoms, atoms: &'a [f32], atom: u32) -> &'a [f32] {
     let d = panels.width();
     &atoms[atom as usize * d..][..d]
 }
@@ -120,12 +121,12 @@ fn of<'a>(panels: &PackedAtoms, atoms: &'a [f32], atom: u32) -> &'a [f32] {
 /// The products of a direction (D) with all atoms.
 pub fn products(panels: &PackedAtoms, direction: &[f32]) -> Vec<Row> {
     let mut scan = DenseScan::new(panels, 1);
-    meet(&mut scan, direction);
+    scan_directions(&mut scan, direction);
     scan.correlations
 }
 
 /// Scans for some directions, D numbers each, at most as many as the scan has poses.
-fn meet(scan: &mut DenseScan<'_>, directions: &[f32]) {
+fn scan_directions(scan: &mut DenseScan<'_>, directions: &[f32]) {
     let (some, none) = scan.directions.split_at_mut(directions.len());
     some.copy_from_slice(directions);
     none.fill(0.0);

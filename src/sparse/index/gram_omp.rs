@@ -1,88 +1,83 @@
-//! The steps of one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the cache nearest.
+//! Steps of pursuit for one pose after its first, by rows of the Gram matrix: c and e of the pose stay in the nearest cache.
 
+use super::super::SelectionRule;
 use super::argmax::LaneArgmax;
-use super::packed_atoms::{PLACES, Row, WIDTH};
-use super::panel_kernel::{self, Next, Optimised, Plain, Use, Vectors};
-use super::{DenseScan, PackedAtoms, SelectionRule, Term};
+use super::dense_scan::DenseScan;
+use super::gram::Term;
+use super::packed_atoms::{PLACES, PackedAtoms, Row, WIDTH};
+use super::panel_kernel::{self, Optimised, Plain, Update, Vectors};
 use crate::numeric::simd;
 use pulp::{Simd, WithSimd};
 
-/// What is kept of the pose that is followed.
+/// c and e of all atoms for one pose, a row per panel; see [`super::dense_scan`].
 pub struct GramOmp {
+    correlations: Vec<Row>,
     remainders: Vec<Row>,
-    fresh: bool,
 }
 
 impl GramOmp {
-    /// Room for a pose.
+    /// A state for any pose.
     pub fn new(panels: &PackedAtoms) -> GramOmp {
+        let rows = vec![Row::ZERO; panels.iter().len()];
         GramOmp {
-            remainders: vec![Row::ZERO; panels.iter().len()],
-            fresh: true,
+            correlations: rows.clone(),
+            remainders: rows,
         }
     }
 
-    /// Begins with a pose that has its first correlations.
-    pub fn begin(&mut self) {
-        self.fresh = true;
+    /// Starts with the correlations that a dense scan has found for a pose.
+    pub fn start(&mut self, scan: &DenseScan<'_>, pose: usize) {
+        simd::dispatch8(
+            #[inline(always)]
+            || {
+                let rows = self.correlations.iter_mut().zip(scan.of_pose(pose));
+                rows.for_each(|(to, from)| *to = *from);
+                self.remainders.fill(Row([1.0; WIDTH]));
+            },
+        );
     }
 
-    /// A step of pose `pose` of a scan: the newest direction is the sum of `terms`, of which the residual had `−part`. Gives
-    /// the best atom, if there is one.
-    pub fn next(
-        &mut self,
-        scan: &mut DenseScan<'_>,
-        pose: usize,
-        (terms, part): (&[Term<'_>], f32),
-        (rule, last): (SelectionRule, bool),
-    ) -> Option<u32> {
-        let fresh = self.fresh;
-        self.fresh &= last;
-        let mut best = None;
-        simd::dispatch_widest(Follow {
-            step: Next { rule, fresh, last },
+    /// Excludes an atom.
+    pub fn exclude(&mut self, atom: u32) {
+        self.correlations[atom as usize / WIDTH].0[atom as usize % WIDTH] = f32::NAN;
+    }
+
+    /// The best atom after the newest direction, the sum of `terms`, along which the residual had `−part`.
+    pub fn next(&mut self, terms: &[Term<'_>], part: f32, rule: SelectionRule) -> Option<u32> {
+        simd::dispatch_widest(Step {
+            rule,
             terms,
             part,
-            correlations: &mut scan.correlations[pose..],
-            stride: scan.poses,
+            correlations: &mut self.correlations,
             remainders: &mut self.remainders,
-            best: &mut best,
-        });
-        best
+        })
     }
 }
 
-/// All panels for one pose.
-struct Follow<'a> {
-    step: Next,
+/// A step over all panels.
+struct Step<'a> {
+    rule: SelectionRule,
     terms: &'a [Term<'a>],
     part: f32,
-    /// The pose's rows are `stride` apart.
     correlations: &'a mut [Row],
-    stride: usize,
     remainders: &'a mut [Row],
-    best: &'a mut Option<u32>,
 }
 
-impl WithSimd for Follow<'_> {
-    type Output = ();
+impl WithSimd for Step<'_> {
+    type Output = Option<u32>;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        match (self.step.rule, self.step.fresh, self.step.last) {
-            (SelectionRule::Omp, _, false) => self.of_terms::<S, Plain<true, false>>(simd),
-            (SelectionRule::Omp, _, true) => self.of_terms::<S, Plain<true, true>>(simd),
-            (_, true, false) => self.of_terms::<S, Optimised<true, true, false>>(simd),
-            (_, true, true) => self.of_terms::<S, Optimised<true, true, true>>(simd),
-            (_, false, false) => self.of_terms::<S, Optimised<true, false, false>>(simd),
-            (_, false, true) => self.of_terms::<S, Optimised<true, false, true>>(simd),
+    fn with_simd<S: Simd>(self, simd: S) -> Option<u32> {
+        match self.rule {
+            SelectionRule::Omp => self.of_rule::<S, Plain<true>>(simd),
+            SelectionRule::Oomp => self.of_rule::<S, Optimised<true>>(simd),
         }
     }
 }
 
-impl Follow<'_> {
+impl Step<'_> {
     #[inline(always)]
-    fn of_terms<S: Simd, U: Use>(self, simd: S) {
+    fn of_rule<S: Simd, U: Update>(self, simd: S) -> Option<u32> {
         // So many vectors hold a panel's atoms.
         match S::F32_LANES {
             16 => self.go::<S, U, 4>(simd),
@@ -93,12 +88,12 @@ impl Follow<'_> {
     }
 
     #[inline(always)]
-    fn go<S: Simd, U: Use, const VECTORS: usize>(self, simd: S) {
+    fn go<S: Simd, U: Update, const VECTORS: usize>(self, simd: S) -> Option<u32> {
         let part = simd.splat_f32s(self.part);
         let places = vectors::<S>(&PLACES);
         let mut best = [LaneArgmax::none(simd); VECTORS];
-        let correlations = self.correlations.iter_mut().step_by(self.stride);
-        for (panel, (c, e)) in correlations.zip(self.remainders).enumerate() {
+        let rows = self.correlations.iter_mut().zip(self.remainders);
+        for (panel, (c, e)) in rows.enumerate() {
             let mut products = [simd.splat_f32s(0.0); VECTORS];
             for (weight, row) in self.terms {
                 let (weight, row) = (simd.splat_f32s(*weight), vectors::<S>(&row[panel]));
@@ -113,12 +108,12 @@ impl Follow<'_> {
                     e: Some(panel_kernel::vector::<S>(e, v)),
                     floor: None,
                 };
-                if let Some((over, under)) = U::meet(simd, products[v], part, state) {
+                if let Some((over, under)) = U::update(simd, products[v], part, state) {
                     best[v].compare(simd, over, under, simd.add_f32s(panel, places[v]));
                 }
             }
         }
-        *self.best = LaneArgmax::best(simd, best);
+        LaneArgmax::best(simd, best)
     }
 }
 

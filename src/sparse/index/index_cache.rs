@@ -1,6 +1,8 @@
 //! The search structures of a dictionary. Each is built when it is first used, and kept.
 
-use super::{BallTree, LazyGram, PackedAtoms};
+use super::ball_tree::BallTree;
+use super::gram::LazyGram;
+use super::packed_atoms::PackedAtoms;
 use ndarray::ArrayView2;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

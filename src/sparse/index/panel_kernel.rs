@@ -23,19 +23,8 @@ pub enum Step {
     Norms,
     /// c is the product itself.
     First,
-    /// c changes, and by the optimised rule e falls.
-    Next(Next),
-}
-
-/// A step after the first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Next {
-    /// How atoms are compared.
-    pub rule: SelectionRule,
-    /// e is 1 of all atoms, and not kept yet.
-    pub fresh: bool,
-    /// c and e are not needed any more.
-    pub last: bool,
+    /// c changes, and e falls by the optimised rule.
+    Next(SelectionRule),
 }
 
 /// One panel of atoms and all poses of a tile.
@@ -89,43 +78,19 @@ impl PanelKernel<'_> {
             Step::Norms => self.go::<S, Norms, POSES, VECTORS>(simd),
             Step::First if unit => self.go::<S, First<true>, POSES, VECTORS>(simd),
             Step::First => self.go::<S, First<false>, POSES, VECTORS>(simd),
-            Step::Next(next) => match (next.rule, unit, next.fresh, next.last) {
-                (SelectionRule::Omp, true, _, false) => {
-                    self.go::<S, Plain<true, false>, POSES, VECTORS>(simd)
-                }
-                (SelectionRule::Omp, true, _, true) => {
-                    self.go::<S, Plain<true, true>, POSES, VECTORS>(simd)
-                }
-                (SelectionRule::Omp, false, _, false) => {
-                    self.go::<S, Plain<false, false>, POSES, VECTORS>(simd)
-                }
-                (SelectionRule::Omp, false, _, true) => {
-                    self.go::<S, Plain<false, true>, POSES, VECTORS>(simd)
-                }
-                (_, true, true, false) => {
-                    self.go::<S, Optimised<true, true, false>, POSES, VECTORS>(simd)
-                }
-                (_, true, true, true) => {
-                    self.go::<S, Optimised<true, true, true>, POSES, VECTORS>(simd)
-                }
-                (_, true, false, false) => {
-                    self.go::<S, Optimised<true, false, false>, POSES, VECTORS>(simd)
-                }
-                (_, true, false, true) => {
-                    self.go::<S, Optimised<true, false, true>, POSES, VECTORS>(simd)
-                }
-                (_, false, _, false) => {
-                    self.go::<S, Optimised<false, false, false>, POSES, VECTORS>(simd)
-                }
-                (_, false, _, true) => {
-                    self.go::<S, Optimised<false, false, true>, POSES, VECTORS>(simd)
-                }
-            },
+            Step::Next(SelectionRule::Omp) if unit => {
+                self.go::<S, Plain<true>, POSES, VECTORS>(simd)
+            }
+            Step::Next(SelectionRule::Omp) => self.go::<S, Plain<false>, POSES, VECTORS>(simd),
+            Step::Next(SelectionRule::Oomp) if unit => {
+                self.go::<S, Optimised<true>, POSES, VECTORS>(simd)
+            }
+            Step::Next(SelectionRule::Oomp) => self.go::<S, Optimised<false>, POSES, VECTORS>(simd),
         }
     }
 
     #[inline(always)]
-    fn go<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(mut self, simd: S) {
+    fn go<S: Simd, U: Update, const POSES: usize, const VECTORS: usize>(mut self, simd: S) {
         let poses = self.best.len();
         let whole = poses - poses % POSES;
         for from in (0..whole).step_by(POSES) {
@@ -138,7 +103,7 @@ impl PanelKernel<'_> {
 
     /// `POSES` poses, `VECTORS` vectors of atoms at a time.
     #[inline(always)]
-    fn few<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
+    fn few<S: Simd, U: Update, const POSES: usize, const VECTORS: usize>(
         &mut self,
         simd: S,
         from: usize,
@@ -164,7 +129,7 @@ impl PanelKernel<'_> {
                         e: e.map(|e| vector::<S>(e, at + v)),
                         floor: floor.map(|f| vector::<S>(f, at + v)),
                     };
-                    if let Some((over, under)) = U::meet(simd, product, part, state) {
+                    if let Some((over, under)) = U::update(simd, product, part, state) {
                         best.compare(simd, over, under, simd.add_f32s(panel, places[v]));
                     }
                 }
@@ -181,7 +146,7 @@ pub fn vector<S: Simd>(row: &mut Row, v: usize) -> &mut S::f32s {
 
 /// The products of a few poses' directions with some vectors of atoms, from one on.
 #[inline(always)]
-fn products<S: Simd, U: Use, const POSES: usize, const VECTORS: usize>(
+fn products<S: Simd, U: Update, const POSES: usize, const VECTORS: usize>(
     simd: S,
     (atoms, used): (&[Row], &[u32]),
     directions: [&[f32]; POSES],
@@ -224,11 +189,11 @@ pub struct Vectors<'a, S: Simd> {
 }
 
 /// What is done with a vector of products; gives c² and e where atoms are compared.
-pub trait Use {
+pub trait Update {
     /// Atoms and directions are squared.
     const SQUARED: bool = false;
 
-    fn meet<S: Simd>(
+    fn update<S: Simd>(
         simd: S,
         product: S::f32s,
         part: S::f32s,
@@ -238,11 +203,11 @@ pub trait Use {
 
 struct Norms;
 
-impl Use for Norms {
+impl Update for Norms {
     const SQUARED: bool = true;
 
     #[inline(always)]
-    fn meet<S: Simd>(
+    fn update<S: Simd>(
         simd: S,
         product: S::f32s,
         _: S::f32s,
@@ -260,9 +225,9 @@ impl Use for Norms {
 /// `UNIT`: all atoms have norm 1.
 struct First<const UNIT: bool>;
 
-impl<const UNIT: bool> Use for First<UNIT> {
+impl<const UNIT: bool> Update for First<UNIT> {
     #[inline(always)]
-    fn meet<S: Simd>(
+    fn update<S: Simd>(
         simd: S,
         product: S::f32s,
         _: S::f32s,
@@ -276,21 +241,19 @@ impl<const UNIT: bool> Use for First<UNIT> {
     }
 }
 
-/// The plain rule. `UNIT`: all atoms have norm 1. `LAST`: c is not kept.
-pub struct Plain<const UNIT: bool, const LAST: bool>;
+/// The plain rule. `UNIT`: all atoms have norm 1.
+pub struct Plain<const UNIT: bool>;
 
-impl<const UNIT: bool, const LAST: bool> Use for Plain<UNIT, LAST> {
+impl<const UNIT: bool> Update for Plain<UNIT> {
     #[inline(always)]
-    fn meet<S: Simd>(
+    fn update<S: Simd>(
         simd: S,
         product: S::f32s,
         part: S::f32s,
         state: Vectors<'_, S>,
     ) -> Option<(S::f32s, S::f32s)> {
-        let c = add_product(simd, part, product, *state.c);
-        if !LAST {
-            *state.c = c;
-        }
+        *state.c = add_product(simd, part, product, *state.c);
+        let c = *state.c;
         Some((simd.mul_f32s(c, c), norm::<S, UNIT>(simd, state.e)))
     }
 }
@@ -303,33 +266,24 @@ fn norm<S: Simd, const UNIT: bool>(simd: S, e: Option<&mut S::f32s>) -> S::f32s 
     }
 }
 
-/// The optimised rule. `UNIT`: all atoms have norm 1. `FRESH`: e is 1 of all atoms, whatever is kept. `LAST`: c and e are
-/// not kept.
-pub struct Optimised<const UNIT: bool, const FRESH: bool, const LAST: bool>;
+/// The optimised rule. `UNIT`: all atoms have norm 1.
+pub struct Optimised<const UNIT: bool>;
 
-impl<const UNIT: bool, const FRESH: bool, const LAST: bool> Use for Optimised<UNIT, FRESH, LAST> {
+impl<const UNIT: bool> Update for Optimised<UNIT> {
     #[inline(always)]
-    fn meet<S: Simd>(
+    fn update<S: Simd>(
         simd: S,
         product: S::f32s,
         part: S::f32s,
         state: Vectors<'_, S>,
     ) -> Option<(S::f32s, S::f32s)> {
-        let c = add_product(simd, part, product, *state.c);
-        let kept = state.e?;
-        let before = match FRESH {
-            true => simd.splat_f32s(1.0),
-            false => *kept,
-        };
-        let e = add_product(simd, simd.neg_f32s(product), product, before);
-        if !LAST {
-            *state.c = c;
-            *kept = e;
-        }
+        let (c, e) = (state.c, state.e?);
+        *c = add_product(simd, part, product, *c);
+        *e = add_product(simd, simd.neg_f32s(product), product, *e);
         let floor = match UNIT {
             true => simd.splat_f32s(FLOOR),
             false => *state.floor?,
         };
-        Some((simd.mul_f32s(c, c), simd.max_f32s(e, floor)))
+        Some((simd.mul_f32s(*c, *c), simd.max_f32s(*e, floor)))
     }
 }
