@@ -7,6 +7,7 @@ use posing::cluster::KMeans;
 use posing::evaluate::benchmark::Settings;
 use posing::evaluate::corruption::Corruption;
 use posing::evaluate::figure;
+use posing::prior::multiscale::TrainSettings;
 use posing::prior::{Kind, OpenOptions, TrainOptions};
 use posing::restore::Denoise;
 use posing::sparse::{Ksvd, Omp, SelectionRule};
@@ -56,6 +57,10 @@ fn library() -> BTreeMap<(&'static str, &'static str), String> {
             format!("{:?}", TrainOptions::default().hold_back).to_lowercase(),
         ),
         (("prior-train", "--kind"), Kind::default().name().into()),
+        (
+            ("prior-train", "--leaves"),
+            TrainSettings::default().max_exemplars.to_string(),
+        ),
         (
             ("prior-train", "--seed"),
             TrainOptions::default().seed.to_string(),
