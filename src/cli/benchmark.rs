@@ -123,7 +123,7 @@ impl BenchmarkArgs {
     /// The settings of the run; reads the model files.
     ///
     /// # Errors
-    /// [`Error::Usage`] for an unknown name, or as [`Method::pretrained`].
+    /// [`Error::Usage`] for an unknown name or a file that cannot be read.
     pub fn settings(&self) -> Result<Settings> {
         // Model files without names of models are compared alone.
         let named = match &self.models {

@@ -174,7 +174,7 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
     write_table(&args.out, &table, restored.xyz(), &added, |t| {
         status_cells(args.status, &restored, t, table.columns.points.len())
     })?;
-    Ok(restored.counts().clone())
+    Ok(*restored.counts())
 }
 
 /// Restores frames in batches as they come: constant memory.

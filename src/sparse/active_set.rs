@@ -70,7 +70,8 @@ impl ActiveSet {
 
     /// Starts on a pose (D) with weights (D). Where a weight is 0 the pose may be NaN.
     ///
-    /// `Err` says what is wrong with the pose or the weights.
+    /// # Errors
+    /// The message: an observed number or a weight is not finite, or a weight is negative.
     pub fn start<T, W>(
         &mut self,
         pose: ArrayView1<T>,

@@ -125,7 +125,10 @@ pub fn moments_of(x: ArrayView2<'_, f32>, labels: &[u32], k: usize) -> Vec<Momen
     rows.iter().map(one).collect()
 }
 
-/// At most `k` clusters, fewer where a cluster would have less than `least` poses or poses are equal.
+/// Clusters poses (n, D) into at most `k`, fewer where a cluster would have less than `least` poses or poses are equal.
+///
+/// # Errors
+/// Those of [`cluster::KMeans::fit`].
 pub fn clusters(x: ArrayView2<'_, f32>, k: usize, least: usize, seed: u64) -> Result<Vec<Moments>> {
     let mut k = k.min(x.nrows() / least.max(1)).max(1);
     loop {

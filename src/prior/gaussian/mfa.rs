@@ -42,6 +42,9 @@ fn learn(xyz: ArrayView2<'_, f32>, seed: u64) -> Result<MixtureParams> {
 }
 
 /// Fits a mixture of `analysers` factor analysers with at most `factors` factors each to poses (n, D); returns the EM run, too.
+///
+/// # Errors
+/// Those of clustering, which the fit starts from.
 pub fn fit(
     xyz: ArrayView2<'_, f32>,
     (analysers, factors): (usize, usize),

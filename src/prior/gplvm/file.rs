@@ -24,6 +24,9 @@ pub fn write(learned: &Learned, model: &mut Model) {
 }
 
 /// Reads and checks the arrays of a model; `source` names it in messages.
+///
+/// # Errors
+/// [`Error::Data`]: an array or a number is missing, of a wrong shape or not finite.
 pub fn read(model: &Model, source: &str) -> Result<Learned> {
     let width = 3 * model.meta.points.len();
     let place = |part: &str| Place::file(source).part(part);

@@ -39,6 +39,9 @@ pub const KIND: &str = "multiscale";
 const FORMER_KIND: &str = "blocks";
 
 /// Writes a mixture into a model.
+///
+/// # Errors
+/// [`Error::Usage`]: the settings cannot be written as JSON.
 pub fn write(
     mixture: &MultiscaleMixture,
     settings: &TrainSettings,

@@ -66,8 +66,11 @@ const MOST_TOGETHER: usize = 1 << 27;
 const LEAST_MET: usize = 4;
 
 impl SparseCodingPrior {
-    /// From the arrays of a model of kind `sparse`: `atoms` (n, D), and where they are there `residual` (D, D) and
-    /// `typical` (k, D).
+    /// Makes a prior of a model of kind `sparse`, from its arrays `atoms` (n, D), and where they are there `residual` (D, D)
+    /// and `typical` (k, D).
+    ///
+    /// # Errors
+    /// [`Error::Data`]: an array is missing, of a wrong shape or not finite. [`Error::Usage`]: options out of range.
     pub fn from_model(
         model: &Model,
         options: &OpenOptions,
@@ -429,6 +432,9 @@ fn typical_of(dictionary: &Dictionary) -> Array2<f64> {
 }
 
 /// The covariance of the residuals y − A x of coded poses (m, D), uncentred, cm².
+///
+/// # Errors
+/// Those of [`SparseCodes::decode`].
 pub fn residual_covariance(
     dictionary: &Dictionary,
     poses: ArrayView2<'_, f32>,

@@ -54,6 +54,9 @@ impl Grid {
 /// is tried on those held back.
 ///
 /// The damage is the same for every setting. Ties go to the setting named first.
+///
+/// # Errors
+/// Those of `learn`.
 pub fn tune(
     poses: &TrainingSet,
     options: &TrainOptions,

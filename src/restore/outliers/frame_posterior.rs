@@ -8,7 +8,7 @@
 //! ```
 //!
 //! The scales (w, c, i) are there because priors are too sure of unseen poses. The noise R of an outlier comes from
-//! its worst distances and from where the prior expects it ([`raise_outlier_variances`]). The prior is asked again
+//! its worst distances and from where the prior expects it (`leave_one_out`). The prior is asked again
 //! under each likely assignment; its log evidence, tempered, replaces the sum. The result is the weighted average.
 //!
 //! Cost: one posterior for each likely assignment, and one more.
