@@ -10,8 +10,8 @@ use crate::{Error, Result};
 use ndarray::Array2;
 use std::ops::Range;
 
-/// Poses that all threads encode together: the more there are, the more alike are neighbors in the search order.
-const BATCH: usize = 1 << 13;
+/// Poses that all threads encode together, while the next are read: enough for the first batch to build the search index.
+const BATCH: usize = 1 << 10;
 /// Lines that one thread writes at a time.
 const LINES: usize = 256;
 
@@ -58,7 +58,7 @@ impl PoseBatches<'_> {
             return Err(error);
         }
         let width = self.stream.columns().width();
-        let mut values = Vec::new();
+        let mut values = Vec::with_capacity(BATCH * width);
         let mut row = Row::default();
         while values.len() < BATCH * width {
             match self.stream.read(&mut row) {
