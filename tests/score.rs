@@ -125,7 +125,10 @@ fn frames_must_be_the_same() {
         }
     };
     says(&TRUTH.replace("w,0.2", "w,0.25"), ".csv: has time 0.2");
-    says(&TRUTH.replace("w,0.2", "v,0.2"), "in frame 2, not");
+    says(
+        &TRUTH.replace("w,0.2", "v,0.2"),
+        "in frame 2 (counted from 0), not",
+    );
     says(&TRUTH.replace("w,0.3,0,0,0,,,\n", ""), "frames, not");
     // A time that was rounded is the same.
     let other = dir.file("other.csv", TRUTH.replace("w,0.2", "w,0.20001"));

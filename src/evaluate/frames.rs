@@ -39,7 +39,9 @@ fn differs<T: Display>(
     };
     let mut frames = first.iter().zip(other).enumerate();
     match frames.find(|(_, (a, b))| !equal(a, b)) {
-        Some((t, (a, b))) => Err(format!("has {what} {b} in frame {t}, not {a}")),
+        Some((t, (a, b))) => Err(format!(
+            "has {what} {b} in frame {t} (counted from 0), not {a}"
+        )),
         None => Ok(()),
     }
 }

@@ -19,8 +19,7 @@ use crate::{Error, Place, Result};
 use ndarray::{ArrayView1, ArrayView2, Axis};
 use std::fmt;
 
-/// The largest number of poses in one task of the ball tree: poses of a task share what is read, but their active sets should
-/// stay in the cache.
+/// The largest number of poses in one task of the ball tree: their active sets should stay in the cache.
 const LARGEST_TASK: usize = 512;
 /// The smallest number of poses in one task of the ball tree.
 const SMALLEST_TASK: usize = 64;
@@ -53,9 +52,10 @@ impl fmt::Display for SearchStrategy {
 /// Codes poses with one dictionary.
 ///
 /// An encoder keeps its working memory from call to call. The codes of a pose do not depend on the number of threads. Where
-/// atoms are equally good within rounding, they can depend on the search strategy, and so on how many poses are coded. Memory per thread: 4 to 12 bytes for each atom and each of 60 poses. The
-/// dictionary keeps its search structures: up to 16 MiB for the Gram matrix, or about 40 numbers per atom for the ball
-/// tree.
+/// atoms are equally good within rounding, they can depend on the search strategy, and so on how many poses are coded.
+///
+/// Memory per thread: 4 to 12 bytes for each atom and each of 60 poses. The dictionary keeps its search structures: up to
+/// 16 MiB for the Gram matrix, or about 40 numbers per atom for the ball tree.
 ///
 /// ```
 /// use ndarray::array;

@@ -37,6 +37,8 @@ pub struct ScaledPrecisions {
     exceptions: Arc<Exceptions>,
     /// L of each scale, (c, c), lower triangle by rows.
     factors: Vec<Vec<f64>>,
+    /// L⁻¹ E_c diag(s_a) of each scale, (c, stride); none unless kept.
+    corrections: Vec<Vec<f32>>,
 }
 
 /// rᵀ S r, vᵀ S r and vᵀ S v at each scale, and buffers that serve one exemplar after another.
@@ -86,7 +88,16 @@ impl ScaledPrecisions {
             log_normalizers,
             exceptions: exceptions.clone(),
             factors,
+            corrections: Vec::new(),
         }
+    }
+
+    /// Keeps the corrections, which saves a solve a residual and pays off for many of them.
+    pub fn keep_corrections(mut self) -> ScaledPrecisions {
+        self.corrections = (0..self.factors.len())
+            .map(|at| self.correction(at))
+            .collect();
+        self
     }
 
     /// s_a of one scale.
@@ -186,6 +197,11 @@ impl ScaledPrecisions {
         let c = self.exceptions.excess.len();
         scratch.resize(self.stride + c, 0.0);
         let (scaled, dots) = scratch.split_at_mut(self.stride);
+        if let Some(correction) = self.corrections.get(at) {
+            row_dots(correction, self.stride, z, dots);
+            out.extend(dots.iter().map(|v| f64::from(*v)));
+            return;
+        }
         let each = scaled.iter_mut().zip(self.diagonal(at)).zip(z);
         each.for_each(|((scaled, s), z)| *scaled = s * z);
         row_dots(&self.exceptions.rows, self.stride, scaled, dots);

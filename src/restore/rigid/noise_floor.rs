@@ -31,6 +31,9 @@ const SLABS: [(f64, f64); 4] = [
 /// Least number of distances that determine a noise floor.
 const FEWEST: usize = 6;
 
+/// A body less likely than the best so far by this many nats is not tried with other noise floors.
+const HOPELESS: f64 = 20.0;
+
 /// The noise of most points of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NoiseFloor {
@@ -160,6 +163,7 @@ impl NoiseFloorSearch {
             return None;
         }
         let (mut with, mut without) = ((f64::NEG_INFINITY, None), f64::NEG_INFINITY);
+        let mut likeliest = 0;
         let which: Vec<usize> = seen.iter().map(|(k, _)| *k).collect();
         // Squares of distances that are not seen are never read.
         let (mut squares, mut sums) = (vec![0.0; pairs.pairs.len()], Vec::new());
@@ -173,10 +177,19 @@ impl NoiseFloorSearch {
             without = without.max(share + best);
             // Outliers explain what noise would have to: with them the noise is no larger than without.
             let largest = clean.iter().rposition(|c| *c == best).unwrap_or(0);
-            for (sd, densities) in BASES.iter().zip(noise_floors).take(largest + 1) {
-                let log = share + densities.log_likelihood(&which, &squares, &mut sums);
+            let mut log = |base: usize| {
+                let densities: &DistanceDensities = &noise_floors[base];
+                share + densities.log_likelihood(&which, &squares, &mut sums)
+            };
+            // Most bodies are so unlikely at the best noise floor so far that no other makes up for it.
+            if log(likeliest) < with.0 - HOPELESS {
+                continue;
+            }
+            for base in 0..=largest {
+                let log = log(base);
                 if log > with.0 {
-                    with = (log, (!bodies.is_stranger(at)).then_some(*sd));
+                    with = (log, (!bodies.is_stranger(at)).then_some(BASES[base]));
+                    likeliest = base;
                 }
             }
         }
