@@ -87,10 +87,7 @@ impl ConditionedPart {
     /// The precisions for the exemplars of a cluster of the finest level.
     pub fn exemplar_precisions(&self, part: &PartMixture, cluster: usize) -> &ScaledPrecisions {
         let conditioned = self.cluster(part, part.levels.len() - 1, cluster);
-        let make = || {
-            let precisions = conditioned.noisy.precisions(part.scales(None));
-            precisions.keep_corrections()
-        };
+        let make = || conditioned.noisy.precisions(part.scales(None));
         conditioned.exemplar_precisions.get_or_init(make)
     }
 }

@@ -7,13 +7,13 @@
 //! ```
 //!
 //! The second term is the correction (Woodbury) for the coordinates c whose noise exceeds the others' by δ; E_c are their
-//! rows of the axes. [`noisy_covariance`](super::noisy_covariance) says what T is.
+//! rows of the axes. It is kept as K = L⁻¹ E_c diag(s_a), so that S_a = T (diag(s_a) − Kᵀ K) Tᵀ.
+//! [`noisy_covariance`](super::noisy_covariance) says what T is.
 //!
-//! Cost: a scale takes O(c² n + c³) once, then O(c n + c²) a residual.
+//! Cost: a scale takes O(c² n + c³) once, then O(c n) a residual.
 
-use crate::numeric::simd::{self, combine, row_dots, weighted_products, weighted_rows};
-use crate::numeric::small_linalg::{backward, dot, factorise, forward, log_product};
-use std::sync::Arc;
+use crate::numeric::simd::{self, row_dots, weighted_products, weighted_rows};
+use crate::numeric::small_linalg::{factorise, log_product};
 
 /// Rows of the axes for the coordinates with more noise than the rest.
 #[derive(Debug, Clone, Default)]
@@ -34,10 +34,7 @@ pub struct ScaledPrecisions {
     stride: usize,
     /// log N(0; 0, a C_oo + R) of each scale, nats.
     log_normalizers: Vec<f64>,
-    exceptions: Arc<Exceptions>,
-    /// L of each scale, (c, c), lower triangle by rows.
-    factors: Vec<Vec<f64>>,
-    /// L⁻¹ E_c diag(s_a) of each scale, (c, stride); none unless kept.
+    /// K of each scale, (c, stride); none without exceptions.
     corrections: Vec<Vec<f32>>,
 }
 
@@ -47,9 +44,8 @@ pub struct StepForms {
     /// The three forms of each scale.
     pub forms: Vec<[f64; 3]>,
     single: Vec<[f32; 3]>,
-    scratch: Vec<f32>,
-    white: Vec<f64>,
-    white_step: Vec<f64>,
+    white: Vec<f32>,
+    white_step: Vec<f32>,
 }
 
 impl ScaledPrecisions {
@@ -59,7 +55,7 @@ impl ScaledPrecisions {
         scales: Vec<f64>,
         values: &[f64],
         base: f64,
-        exceptions: &Arc<Exceptions>,
+        exceptions: &Exceptions,
         log_constant: f64,
     ) -> ScaledPrecisions {
         let (stride, c) = (simd::padded(values.len()), exceptions.excess.len());
@@ -67,7 +63,7 @@ impl ScaledPrecisions {
         let log_constant = log_constant - 0.5 * log_product(finite);
         let mut diagonals = vec![0.0; scales.len() * stride];
         let mut log_normalizers = Vec::with_capacity(scales.len());
-        let mut factors = Vec::new();
+        let mut corrections = Vec::new();
         for (a, row) in scales.iter().zip(diagonals.chunks_exact_mut(stride)) {
             let precision = |l: &f64| 1.0 / (a * l + base);
             row.iter_mut()
@@ -77,7 +73,7 @@ impl ScaledPrecisions {
             if c > 0 {
                 let factor = exceptions.factor(row);
                 log -= log_product((0..c).map(|i| factor[i * c + i]));
-                factors.push(factor);
+                corrections.push(exceptions.correction(row, &factor));
             }
             log_normalizers.push(log);
         }
@@ -86,18 +82,8 @@ impl ScaledPrecisions {
             diagonals,
             stride,
             log_normalizers,
-            exceptions: exceptions.clone(),
-            factors,
-            corrections: Vec::new(),
+            corrections,
         }
-    }
-
-    /// Keeps the corrections, which saves a solve a residual and pays off for many of them.
-    pub fn keep_corrections(mut self) -> ScaledPrecisions {
-        self.corrections = (0..self.factors.len())
-            .map(|at| self.correction(at))
-            .collect();
-        self
     }
 
     /// s_a of one scale.
@@ -114,10 +100,10 @@ impl ScaledPrecisions {
     pub fn log_evidences(&self, z: &[f32]) -> Vec<f64> {
         let mut forms = vec![0.0; self.scales.len()];
         weighted_rows(&self.diagonals, z, z, &mut forms);
-        let (mut scratch, mut white) = (Vec::new(), Vec::new());
+        let mut white = Vec::new();
         let each = forms.into_iter().enumerate();
         each.map(|(at, form)| {
-            self.whiten(at, z, &mut scratch, &mut white);
+            self.whiten(at, z, &mut white);
             self.log_normalizers[at] - 0.5 * (f64::from(form) - dot(&white, &white))
         })
         .collect()
@@ -127,12 +113,12 @@ impl ScaledPrecisions {
     pub fn step_forms(&self, z: &[f32], step: &[f32], out: &mut StepForms) {
         out.single.resize(self.scales.len(), [0.0; 3]);
         simd::weighted_forms(&self.diagonals, z, step, |_| true, &mut out.single);
-        let (scratch, r, v) = (&mut out.scratch, &mut out.white, &mut out.white_step);
+        let (r, v) = (&mut out.white, &mut out.white_step);
         out.forms.clear();
         for (at, form) in out.single.iter().enumerate() {
             let [zz, vz, vv] = form.map(f64::from);
-            self.whiten(at, z, scratch, r);
-            self.whiten(at, step, scratch, v);
+            self.whiten(at, z, r);
+            self.whiten(at, step, v);
             let corrected = [zz - dot(r, r), vz - dot(v, r), vv - dot(v, v)];
             out.forms.push(corrected);
         }
@@ -147,70 +133,49 @@ impl ScaledPrecisions {
 
     /// Adds `weight` times the axes' coordinates of S r at one scale to `out`, from z of the residual.
     pub fn add_product(&self, at: usize, z: &[f32], weight: f64, out: &mut [f32]) {
-        let (mut taken, mut white) = (Vec::new(), Vec::new());
-        self.whiten(at, z, &mut taken, &mut white);
-        let s = self.diagonal(at).iter().zip(z);
         let weight = weight as f32;
-        if white.is_empty() {
-            out.iter_mut()
-                .zip(s)
-                .for_each(|(o, (s, z))| *o += weight * s * z);
-            return;
-        }
-        let c = white.len();
-        backward(&self.factors[at], c, &mut white);
-        let white: Vec<f32> = white.iter().map(|v| *v as f32).collect();
-        combine(
-            &self.exceptions.rows,
-            self.stride,
-            &white,
-            &mut taken[..self.stride],
-        );
-        let both = out.iter_mut().zip(&taken);
-        both.zip(s)
-            .for_each(|((o, t), (s, z))| *o += weight * s * (z - t));
-    }
-
-    /// L⁻¹ E_c diag(s_a) of one scale, (c, stride); empty without exceptions.
-    pub fn correction(&self, at: usize) -> Vec<f32> {
-        let Some(factor) = self.factors.get(at) else {
-            return Vec::new();
-        };
-        let mut wide = Vec::with_capacity(self.exceptions.rows.len());
-        for row in self.exceptions.rows.chunks_exact(self.stride) {
-            wide.extend(
-                row.iter()
-                    .zip(self.diagonal(at))
-                    .map(|(e, s)| f64::from(e * s)),
-            );
-        }
-        simd::forward(factor, &mut wide, self.stride);
-        wide.iter().map(|v| *v as f32).collect()
-    }
-
-    /// L⁻¹ E_c diag(s_a) z into `out`; empty without exceptions. `scratch` holds at least a padded row then.
-    fn whiten(&self, at: usize, z: &[f32], scratch: &mut Vec<f32>, out: &mut Vec<f64>) {
-        out.clear();
-        let Some(factor) = self.factors.get(at) else {
-            return;
-        };
-        let c = self.exceptions.excess.len();
-        scratch.resize(self.stride + c, 0.0);
-        let (scaled, dots) = scratch.split_at_mut(self.stride);
+        let both = out.iter_mut().zip(self.diagonal(at).iter().zip(z));
+        both.for_each(|(o, (s, z))| *o += weight * s * z);
+        let mut white = Vec::new();
+        self.whiten(at, z, &mut white);
         if let Some(correction) = self.corrections.get(at) {
-            row_dots(correction, self.stride, z, dots);
-            out.extend(dots.iter().map(|v| f64::from(*v)));
-            return;
+            for (row, w) in correction.chunks_exact(self.stride).zip(&white) {
+                let both = out.iter_mut().zip(row);
+                both.for_each(|(o, k)| *o -= weight * w * k);
+            }
         }
-        let each = scaled.iter_mut().zip(self.diagonal(at)).zip(z);
-        each.for_each(|((scaled, s), z)| *scaled = s * z);
-        row_dots(&self.exceptions.rows, self.stride, scaled, dots);
-        out.extend(dots.iter().map(|v| f64::from(*v)));
-        forward(factor, c, out);
+    }
+
+    /// K of one scale, (c, stride); empty without exceptions.
+    pub fn correction(&self, at: usize) -> &[f32] {
+        self.corrections.get(at).map_or(&[], |k| k)
+    }
+
+    /// K z into `out`; empty without exceptions.
+    fn whiten(&self, at: usize, z: &[f32], out: &mut Vec<f32>) {
+        let correction = self.correction(at);
+        out.resize(correction.len() / self.stride.max(1), 0.0);
+        row_dots(correction, self.stride, z, out);
     }
 }
 
+/// Σ aᵢ bᵢ in double precision.
+fn dot(a: &[f32], b: &[f32]) -> f64 {
+    let both = a.iter().zip(b);
+    both.map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
+}
+
 impl Exceptions {
+    /// K of one scale, whose s_a (`diagonal`) and L (`factor`) are given.
+    fn correction(&self, diagonal: &[f32], factor: &[f64]) -> Vec<f32> {
+        let mut wide = Vec::with_capacity(self.rows.len());
+        for row in self.rows.chunks_exact(diagonal.len().max(1)) {
+            wide.extend(row.iter().zip(diagonal).map(|(e, s)| f64::from(e * s)));
+        }
+        simd::forward(factor, &mut wide, diagonal.len());
+        wide.iter().map(|v| *v as f32).collect()
+    }
+
     /// L of one scale, whose s_a are given.
     fn factor(&self, diagonal: &[f32]) -> Vec<f64> {
         let c = self.excess.len();
