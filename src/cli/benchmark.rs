@@ -89,7 +89,7 @@ impl BenchmarkArgs {
     /// These flags, and what the TOML file says where a flag is absent. The file's paths are relative to its folder.
     ///
     /// # Errors
-    /// As [`BenchmarkArgs::parse`], or if the file cannot be read.
+    /// See [`BenchmarkArgs::parse`]; also if the file cannot be read.
     pub fn or_file(self, path: Option<&Path>) -> Result<BenchmarkArgs> {
         let Some(path) = path else {
             return Ok(self);

@@ -20,7 +20,7 @@ pub enum Split {
 }
 
 impl Split {
-    /// All splits.
+    /// Every split.
     pub const ALL: [Split; 3] = [Split::Frames, Split::Takes, Split::Subjects];
 
     /// The name a user types.

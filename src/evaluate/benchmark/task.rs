@@ -27,7 +27,7 @@ pub enum Task {
 }
 
 impl Task {
-    /// All tasks.
+    /// Every task.
     pub const ALL: [Task; 3] = [Task::Dense, Task::Sparse, Task::Complete];
 
     /// The name a user types.
