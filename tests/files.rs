@@ -320,8 +320,9 @@ fn a_signal_leaves_nothing_half_written() {
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
     assert_eq!(count(), 1);
-    let kill = std::process::Command::new("kill")
-        .arg(child.id().to_string())
+    // The shell's own `kill`: small systems have no program of that name.
+    let kill = std::process::Command::new("sh")
+        .args(["-c", &format!("kill {}", child.id())])
         .status();
     assert!(kill.unwrap().success());
     assert_eq!(child.wait().unwrap().signal(), Some(15));
