@@ -1,9 +1,10 @@
 //! bvh2xyz: BVH files of any exporter as a pose table.
 
+mod common;
+
 use assert_cmd::Command;
 use predicates::prelude::*;
 use predicates::str::contains;
-use std::path::Path;
 
 const FILE: &str = "HIERARCHY\nROOT hips\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT leg\n {\n OFFSET 0 -40 0\n CHANNELS 3 Zrotation Xrotation Yrotation\n End Site\n {\n OFFSET 0 -10 0\n }\n }\n JOINT arm\n {\n OFFSET 20 30 0\n CHANNELS 3 Zrotation Xrotation Yrotation\n End Site\n {\n OFFSET 15 0 0\n }\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.008333\n1 2 3 90 0 0 0 0 0 0 0 0\n1 2 3 0 0 0 0 90 0 0 0 0\n";
 
@@ -113,11 +114,9 @@ fn faults_are_one_line_with_place_and_remedy() {
 
 #[test]
 fn files_of_many_exporters_are_read_whole() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/formats/bvh");
-    if !folder.exists() {
-        eprintln!("skipped: no {}", folder.display());
+    let Some(folder) = common::shared("data/formats/bvh") else {
         return;
-    }
+    };
     let files = [
         ("11_01", 598, 57),
         ("AV_8Walk_Meredith_HVHA_Rep1", 1064, 30),

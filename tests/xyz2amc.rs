@@ -1,5 +1,7 @@
 //! xyz2amc: a table solved for a skeleton's own degrees of freedom.
 
+mod common;
+
 use assert_cmd::Command;
 use predicates::str::contains;
 use std::path::{Path, PathBuf};
@@ -192,14 +194,12 @@ fn faults_are_one_line() {
 
 #[test]
 fn real_takes_come_back() {
-    let cmu = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/cmu");
-    if !cmu.exists() {
-        eprintln!("skipped: no {}", cmu.display());
-        return;
-    }
     for (subject, name) in [("09", "09_06"), ("02", "02_03"), ("08", "08_04")] {
-        let asf = cmu.join(subject).join(format!("{subject}.asf"));
-        let amc = cmu.join(subject).join(format!("{name}.amc"));
+        let file = |name: String| common::cmu(&format!("{subject}/{name}"));
+        let files = (file(format!("{subject}.asf")), file(format!("{name}.amc")));
+        let (Some(asf), Some(amc)) = files else {
+            continue;
+        };
         let xyz = |path: &Path| {
             let run = command("amc2xyz")
                 .args(["--fps", "120", "--asf"])

@@ -1,8 +1,9 @@
 //! xyz2bvh: a pose table as BVH, in the bone convention that other programs expect.
 
+mod common;
+
 use assert_cmd::Command;
 use predicates::str::contains;
-use std::path::Path;
 
 fn xyz2bvh(flags: &[&str], table: &str) -> assert_cmd::assert::Assert {
     Command::new(env!("CARGO_BIN_EXE_xyz2bvh"))
@@ -230,25 +231,15 @@ fn faults_are_one_line() {
 
 #[test]
 fn real_takes_come_back() {
-    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    if !shared.exists() {
-        eprintln!("skipped: no {}", shared.display());
-        return;
-    }
     for (subject, name) in [("09", "09_06"), ("02", "02_02"), ("43", "43_01")] {
-        let file = |f: &str| {
-            shared
-                .join("cmu")
-                .join(subject)
-                .join(f)
-                .to_str()
-                .unwrap()
-                .to_string()
+        let file = |name: String| {
+            let path = common::cmu(&format!("{subject}/{name}"))?;
+            Some(path.to_str().unwrap().to_string())
         };
-        let (asf, amc) = (
-            file(&format!("{subject}.asf")),
-            file(&format!("{name}.amc")),
-        );
+        let files = (file(format!("{subject}.asf")), file(format!("{name}.amc")));
+        let (Some(asf), Some(amc)) = files else {
+            continue;
+        };
         let run = Command::new(env!("CARGO_BIN_EXE_amc2xyz"))
             .args(["--fps", "120", "--asf", &asf, &amc])
             .assert();
@@ -268,7 +259,9 @@ fn real_takes_come_back() {
         "test_freebvh",
         "test_mocapbank",
     ] {
-        let path = shared.join(format!("formats/bvh/{name}.bvh"));
+        let Some(path) = common::shared(&format!("data/formats/bvh/{name}.bvh")) else {
+            continue;
+        };
         let table = bvh2xyz(&[path.to_str().unwrap()], "");
         let bvh = text(xyz2bvh(&["--skeleton", path.to_str().unwrap()], &table));
         let far = farthest(&table, &bvh2xyz(&[], &bvh));
