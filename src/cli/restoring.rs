@@ -98,17 +98,11 @@ impl Task {
         }
     }
 
-    /// Fails where `--observe` names a point that the table lacks.
+    /// Checks the options against the points of the table.
     fn check(&self, points: &[String]) -> Result<()> {
-        let Task::Complete(options) = self else {
-            return Ok(());
-        };
-        let mut names = options.observe.iter().flatten();
-        match names.find(|n| !points.contains(n)) {
-            Some(name) => Err(Error::usage(format!(
-                "--observe {name}: the table has no point of this name"
-            ))),
-            None => Ok(()),
+        match self {
+            Task::Complete(options) => options.check(points),
+            Task::Denoise(_) => Ok(()),
         }
     }
 

@@ -11,6 +11,7 @@ use super::outliers::{Outliers, remove};
 use super::restored_frames::{BoundModel, Method, RestoredFrames};
 use crate::numeric::parallel;
 use crate::pose::{Observation, Status};
+use crate::{Error, Result};
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
@@ -32,6 +33,21 @@ pub struct Complete {
     pub fps: Option<f64>,
     /// Restores each frame by itself, without its neighbors in time.
     pub per_frame: bool,
+}
+
+impl Complete {
+    /// Checks the options against the points of a table.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a point to observe is not among `points`.
+    pub fn check(&self, points: &[String]) -> Result<()> {
+        match self.observe.iter().flatten().find(|n| !points.contains(n)) {
+            Some(name) => Err(Error::usage(format!(
+                "observe {name}: the table has no point of this name"
+            ))),
+            None => Ok(()),
+        }
+    }
 }
 
 impl Method for Complete {

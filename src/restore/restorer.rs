@@ -88,7 +88,8 @@ impl<'m> Restorer<'m> {
         options: &Complete,
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
-        let hidden = hidden_columns(&table.poses, options.observe.as_deref())?;
+        options.check(&table.poses.points)?;
+        let hidden = hidden_columns(&table.poses, options.observe.as_deref());
         let rate = rate(table, options.fps, options.per_frame)?;
         if rate.is_none() && options.max_gap.is_some() {
             let what = "a longest gap needs a frame rate, and the table's times give none";
@@ -207,17 +208,12 @@ fn rate(table: &Table, fps: Option<f64>, per_frame: bool) -> Result<Option<f64>>
 }
 
 /// The columns of points that are not in `observe`.
-fn hidden_columns(poses: &Poses, observe: Option<&[String]>) -> Result<Vec<usize>> {
+fn hidden_columns(poses: &Poses, observe: Option<&[String]>) -> Vec<usize> {
     let Some(observe) = observe else {
-        return Ok(Vec::new());
+        return Vec::new();
     };
-    if let Some(name) = observe.iter().find(|n| !poses.points.contains(n)) {
-        return Err(Error::usage(format!(
-            "--observe {name}: the table has no point of this name"
-        )));
-    }
     let hidden = (0..poses.points.len()).filter(|&p| !observe.contains(&poses.points[p]));
-    Ok(hidden.flat_map(|p| 3 * p..3 * p + 3).collect())
+    hidden.flat_map(|p| 3 * p..3 * p + 3).collect()
 }
 
 fn hide(mut xyz: Array2<f64>, columns: &[usize]) -> Array2<f64> {
