@@ -1,7 +1,7 @@
 //! Decompositions by LAPACK: the only file that names `ndarray_linalg`.
 
 use ndarray::{Array1, Array2};
-use ndarray_linalg::{Eigh, FactorizeCInto, SolveC, UPLO};
+use ndarray_linalg::{CholeskyInto, Diag, Eigh, FactorizeCInto, SolveC, SolveTriangular, UPLO};
 
 /// Keeps LAPACK to the thread that calls it: matrices here are small and the cores are at work on others. Threads of its
 /// own would only wait for each other, and they wait by spinning.
@@ -33,6 +33,37 @@ pub fn cholesky_solve(a: Array2<f64>, b: Array1<f64>) -> Option<Array1<f64>> {
     x.iter().all(|v| v.is_finite()).then_some(x)
 }
 
+/// The Cholesky factor L of a symmetric positive definite matrix A (n, n) = L Lᵀ.
+#[derive(Debug, Clone)]
+pub struct Cholesky(Array2<f64>);
+
+impl Cholesky {
+    /// Factors `a`, of which the lower triangle is read. `None` when it is not positive definite or not finite.
+    pub fn new(a: Array2<f64>) -> Option<Cholesky> {
+        if a.nrows() != a.ncols() || a.is_empty() || !a.iter().all(|v| v.is_finite()) {
+            return None;
+        }
+        on_one_thread();
+        a.cholesky_into(UPLO::Lower).ok().map(Cholesky)
+    }
+
+    /// L⁻¹ `b`, for b (n, m).
+    pub fn half_solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
+        (self.0)
+            .solve_triangular(UPLO::Lower, Diag::NonUnit, b)
+            .ok()
+    }
+
+    /// A⁻¹ `b`, for b (n, m).
+    pub fn solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
+        let half = self.half_solve(b)?;
+        let upper = self.0.t().to_owned();
+        upper
+            .solve_triangular(UPLO::Upper, Diag::NonUnit, &half)
+            .ok()
+    }
+}
+
 /// Eigenvalues in rising order and unit eigenvectors in columns of a symmetric matrix (n, n), of which the lower
 /// triangle is read. `None` when it is not square, not finite, or LAPACK gives up.
 pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
@@ -61,6 +92,24 @@ mod tests {
             let got = cholesky_solve(a.clone(), a.dot(&x)).unwrap();
             assert!((&got - &x).iter().all(|e| e.abs() <= 1e-14));
         }
+    }
+
+    #[test]
+    fn a_factor_solves_for_many_columns() {
+        let a = array![[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]];
+        let x = array![[1.0, 2.0], [-2.0, 0.0], [0.25, 1.0]];
+        let factor = Cholesky::new(a.clone()).unwrap();
+        let b = a.dot(&x);
+        let got = factor.solve(&b).unwrap();
+        assert!((&got - &x).iter().all(|e| e.abs() <= 1e-14));
+        // |L⁻¹ b|² = bᵀ A⁻¹ b.
+        let half = factor.half_solve(&b).unwrap();
+        assert!(
+            (half.t().dot(&half) - b.t().dot(&x))
+                .iter()
+                .all(|e| e.abs() <= 1e-12)
+        );
+        assert!(Cholesky::new(array![[1.0, 2.0], [2.0, 1.0]]).is_none());
     }
 
     #[test]

@@ -3,5 +3,6 @@
 pub mod gaussian;
 pub mod linalg;
 pub mod parallel;
+pub mod pchip;
 pub mod simd;
 pub mod small_linalg;

@@ -48,11 +48,27 @@ impl Anchor {
 
     /// An anchor of all points, by a mean pose (3 J, cm).
     pub fn mean(pose: &[f64]) -> Anchor {
-        let points = pose.chunks_exact(3).map(DVec3::from_slice).enumerate();
+        Anchor::of_points(pose, &(0..pose.len() / 3).collect::<Vec<_>>())
+    }
+
+    /// An anchor of some points of a mean pose (3 J, cm).
+    pub fn of_points(pose: &[f64], points: &[usize]) -> Anchor {
+        let at = |&i: &usize| (i, DVec3::from_slice(&pose[3 * i..3 * i + 3]), 1.0);
         Anchor {
             root: None,
-            points: points.map(|(i, p)| (i, p, 1.0)).collect(),
+            points: points.iter().map(at).collect(),
         }
+    }
+
+    /// The anchor without points that turn against the others.
+    pub fn rigid_only(mut self) -> Anchor {
+        self.points.retain(|(.., weight)| *weight >= 1.0);
+        self
+    }
+
+    /// The points that place a pose.
+    pub fn points(&self) -> impl Iterator<Item = usize> {
+        self.points.iter().map(|p| p.0)
     }
 
     /// The placement of a pose of 3 J numbers: what carries the model's space to where the pose stands.

@@ -179,6 +179,11 @@ pub trait Prior: Send + Sync {
         ArrayView2::from(&[[]; 0] as &[[f64; 0]])
     }
 
+    /// The training poses (n, 3 J), cm, if the model keeps them.
+    fn training_poses(&self) -> Option<Array2<f64>> {
+        None
+    }
+
     /// The prior of poses that went through `map`.
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior>;
 }

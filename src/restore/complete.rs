@@ -4,21 +4,20 @@
 //! fills the missing points. In a take, outliers count as missing, the model is adapted to the take's body, and the
 //! estimates are made continuous over each gap (`gap_interpolation`).
 
+use super::frame_fill::FrameFill;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
-use super::gap_interpolation::{Corrections, Gap, find_gaps, smooth_filled};
+use super::gap::{FilledGap, Gap, GapFiller, find_gaps};
+use super::loaded_model::AdaptedModel;
 use super::noise_estimation::exact_noise;
-use super::outliers::{Outliers, remove};
-use super::restored_frames::{BoundModel, Method, RestoredFrames};
+use super::outliers::{find_outliers, remove};
+use super::restored_frames::{BoundModel, Method, RestoredFrames, Take};
 use crate::numeric::parallel;
-use crate::pose::{Observation, Status};
+use crate::pose::{Similarity, Status};
 use crate::{Error, Result};
-use ndarray::{Array2, ArrayView2, s};
-use std::ops::Range;
+use ndarray::{ArrayView2, s};
 
 /// Frames of one parallel task.
 const CHUNK: usize = 8;
-/// Up to this length, seconds, a point seen in part is better interpolated over time than estimated from the part.
-const BRIEF: f64 = 0.25;
 
 /// How to complete.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -51,7 +50,8 @@ impl Complete {
 }
 
 impl Method for Complete {
-    fn frames(&self, bound: &BoundModel<'_>, xyz: ArrayView2<'_, f64>) -> RestoredFrames {
+    fn frames(&self, bound: &BoundModel<'_>, table: ArrayView2<'_, f64>) -> RestoredFrames {
+        let xyz = bound.gather(table);
         let estimates = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
             let estimate = |t: usize| {
                 let y = xyz.row(t).to_vec();
@@ -70,69 +70,160 @@ impl Method for Complete {
             };
             range.map(estimate).collect::<Vec<_>>()
         });
-        let mut out = RestoredFrames::of(xyz.to_owned());
+        let mut out = RestoredFrames::of(xyz);
         for (t, (estimate, novelty)) in estimates.into_iter().flatten().enumerate() {
-            fill(bound, &mut out, t, &estimate, &[], None);
+            fill(bound, &mut out, t, &estimate);
             out.novelty[t] = novelty;
         }
-        out
+        bound.scatter(table, &out)
     }
 
     fn take(
         &self,
-        bound: &BoundModel<'_>,
-        xyz: ArrayView2<'_, f64>,
-        runs: &[Range<usize>],
-        rate: f64,
+        bound: Option<&BoundModel<'_>>,
+        take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> RestoredFrames {
-        let (outliers, adapted) = Outliers::find(bound.model, xyz, runs, rate, None);
-        let outliers = outliers.points;
-        let restorer = adapted.rigid_restorer();
-        let mut seen = xyz.to_owned();
-        remove(&mut seen, &outliers);
-        let partial = brief_partial_points(&seen, runs, rate);
-        remove(&mut seen, &partial);
-        let gaps = find_gaps(&seen, runs);
-        let estimates = estimate_frames(bound, &restorer, &seen, done);
-        let found: Vec<Option<&RestoredFrame>> = estimates.iter().map(Estimate::found).collect();
-        let corrections = Corrections::new(&restorer, &seen, &found, &gaps, rate);
-        let mut out = RestoredFrames::of(xyz.to_owned());
-        for (t, estimate) in estimates.iter().enumerate() {
-            fill(
-                bound,
-                &mut out,
-                t,
-                estimate,
-                &outliers[t],
-                Some(&corrections),
-            );
+        let (outliers, adapted) = find_outliers(bound, take, None);
+        let mut captured = take.xyz.to_owned();
+        remove(&mut captured, &outliers.points);
+        let gaps = find_gaps(captured.view(), take.runs);
+        let mut out = RestoredFrames::captured(take.xyz);
+        let filled = fill_gaps(bound, adapted.as_ref(), take, captured.view(), &gaps, done);
+        for (gap, filled) in gaps.iter().zip(&filled) {
+            put(&mut out, take.xyz, gap, filled.as_ref());
         }
-        smooth_filled(&mut out, &seen, &gaps, runs, rate);
-        keep(&mut out, xyz, &partial);
-        out.novelty = parallel::map_chunks(found.len(), CHUNK, |range| {
-            let of = |t: usize| {
-                found[t].map_or(f64::NAN, |f| {
-                    novelty(&restorer, &out.xyz.row(t).to_vec(), f)
-                })
-            };
-            range.map(of).collect::<Vec<_>>()
-        })
-        .concat();
+        out.too_little = count_unknown(&out);
+        if let Some((bound, adapted)) = bound.zip(adapted.as_ref()) {
+            out.novelty = novelty_of_filled(bound, &adapted.rigid_restorer(), &out);
+        }
+        self.put_back(&mut out, take, &outliers.points, &gaps);
+        out
+    }
+}
+
+impl Complete {
+    /// Puts back the outliers that are to stay, and empties gaps that are too long.
+    fn put_back(
+        &self,
+        out: &mut RestoredFrames,
+        take: &Take<'_>,
+        outliers: &[Vec<usize>],
+        gaps: &[Gap],
+    ) {
         if !self.overwrite_outliers {
-            // Their estimates were needed until here, to smooth their neighbors with.
             for (t, points) in outliers.iter().enumerate() {
                 for i in points.iter().flat_map(|p| 3 * p..3 * p + 3) {
-                    out.xyz[[t, i]] = xyz[[t, i]];
+                    out.xyz[[t, i]] = take.xyz[[t, i]];
                 }
             }
         }
         if let Some(longest) = self.max_gap {
-            let is_long = |g: &&Gap| g.frames.len() as f64 / rate > longest * (1.0 + 1e-9);
-            empty_gaps(&mut out, xyz, gaps.iter().filter(is_long));
+            let is_long = |g: &&Gap| g.frames.len() as f64 / take.rate > longest * (1.0 + 1e-9);
+            empty_gaps(out, take.xyz, gaps.iter().filter(is_long));
         }
-        out
     }
+}
+
+/// Fills the gaps of `captured` (frames, 3 J, in the table's order): by the frames around them, else by the model.
+pub fn fill_gaps(
+    bound: Option<&BoundModel<'_>>,
+    adapted: Option<&AdaptedModel<'_>>,
+    take: &Take<'_>,
+    captured: ArrayView2<'_, f64>,
+    gaps: &[Gap],
+    done: &(dyn Fn(usize) + Sync),
+) -> Vec<Option<FilledGap>> {
+    let both = bound.zip(adapted);
+    let poses = both.and_then(|(bound, adapted)| {
+        Some(bound.scatter_rows(adapted.training_poses()?.view(), take.names.len()))
+    });
+    let filler = GapFiller {
+        names: take.names,
+        captured,
+        runs: take.runs,
+        rate: take.rate,
+        others: poses.as_ref().map(|p| p.view()),
+    };
+    let mut filled = filler.fill(gaps, done);
+    let Some((bound, adapted)) = both else {
+        return filled;
+    };
+    let left: Vec<usize> = (0..gaps.len())
+        .filter(|&k| filled[k].is_none() && bound.in_model(gaps[k].point).is_some())
+        .collect();
+    let of_model = |&k: &usize| Gap {
+        point: bound.in_model(gaps[k].point).unwrap_or_default(),
+        ..gaps[k].clone()
+    };
+    let restorer = adapted.rigid_restorer();
+    let seen = bound.gather(captured);
+    let model = FrameFill {
+        restorer: &restorer,
+        seen: seen.view(),
+        rate: take.rate,
+    };
+    let frames = model.fill(&left.iter().map(of_model).collect::<Vec<_>>(), done);
+    left.into_iter()
+        .zip(frames)
+        .for_each(|(k, f)| filled[k] = f);
+    filled
+}
+
+/// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay. Outliers are rejected.
+pub fn put(
+    out: &mut RestoredFrames,
+    xyz: ArrayView2<'_, f64>,
+    gap: &Gap,
+    filled: Option<&FilledGap>,
+) {
+    let p = gap.point;
+    for (k, t) in gap.frames.clone().enumerate() {
+        let is_measured = (3 * p..3 * p + 3).all(|i| xyz[[t, i]].is_finite());
+        let status = match (is_measured, filled) {
+            (true, _) => Status::Rejected,
+            (false, Some(_)) => Status::Inferred,
+            (false, None) => Status::Unknown,
+        };
+        let sd = filled.map_or(f64::NAN, |f| f.variance[k].sqrt());
+        out.set(t, p, status, sd);
+        let Some(filled) = filled else { continue };
+        out.set_method(t, p, Some(filled.method));
+        for axis in 0..3 {
+            if is_measured || xyz[[t, 3 * p + axis]].is_nan() {
+                out.xyz[[t, 3 * p + axis]] = filled.xyz[[k, axis]];
+            }
+        }
+    }
+}
+
+/// The number of frames with a point that stays unknown.
+fn count_unknown(out: &RestoredFrames) -> usize {
+    let is_unknown = |t: usize| (0..out.points()).any(|p| out.of_point(t, p).0 == Status::Unknown);
+    (0..out.xyz.nrows()).filter(|t| is_unknown(*t)).count()
+}
+
+/// The novelty of each frame in which something was filled, nats.
+fn novelty_of_filled(
+    bound: &BoundModel<'_>,
+    restorer: &FrameRestorer<'_>,
+    out: &RestoredFrames,
+) -> Vec<f64> {
+    let poses = bound.gather(out.xyz.view());
+    parallel::map_chunks(poses.nrows(), CHUNK, |range| {
+        let of = |t: usize| {
+            let is_filled =
+                |p: usize| matches!(out.of_point(t, p).0, Status::Inferred | Status::Rejected);
+            let pose = poses.row(t).to_vec();
+            let is_judged = (0..out.points()).any(is_filled) && pose.iter().all(|v| v.is_finite());
+            match is_judged {
+                true => restorer.novelty(&pose, &Similarity::IDENTITY),
+                false => f64::NAN,
+            }
+        };
+        range.map(of).collect::<Vec<_>>()
+    })
+    .concat()
 }
 
 /// The estimate of a frame.
@@ -152,29 +243,6 @@ impl Estimate {
     }
 }
 
-/// The estimates of all frames of a take.
-fn estimate_frames(
-    bound: &BoundModel<'_>,
-    restorer: &FrameRestorer<'_>,
-    seen: &Array2<f64>,
-    done: &(dyn Fn(usize) + Sync),
-) -> Vec<Estimate> {
-    let parts = parallel::map_chunks(seen.nrows(), CHUNK, |range| {
-        let estimate = |t: usize| {
-            let y = seen.row(t).to_vec();
-            if bound.is_complete(&y) {
-                return Estimate::NotNeeded;
-            }
-            let found = restorer.restore(&y, &exact_noise(&y, &[]));
-            found.map_or(Estimate::TooLittleSeen, Estimate::Found)
-        };
-        let part: Vec<Estimate> = range.clone().map(estimate).collect();
-        done(range.len());
-        part
-    });
-    parts.into_iter().flatten().collect()
-}
-
 /// Novelty of a completed frame, nats. What the frame still lacks is taken from the estimate.
 fn novelty(restorer: &FrameRestorer<'_>, frame: &[f64], found: &RestoredFrame) -> f64 {
     let all = frame.iter().zip(&found.mean);
@@ -184,60 +252,29 @@ fn novelty(restorer: &FrameRestorer<'_>, frame: &[f64], found: &RestoredFrame) -
     restorer.novelty(&pose, &found.placement)
 }
 
-/// Fills the missing points and the `outliers` of a frame from its estimate, and sets their statuses.
-fn fill(
-    bound: &BoundModel<'_>,
-    out: &mut RestoredFrames,
-    t: usize,
-    estimate: &Estimate,
-    outliers: &[usize],
-    corrections: Option<&Corrections>,
-) {
+/// Fills the missing points of a frame from its estimate, and sets their statuses.
+fn fill(bound: &BoundModel<'_>, out: &mut RestoredFrames, t: usize, estimate: &Estimate) {
     let mut is_incomplete = false;
     for p in (0..out.points()).filter(|&p| bound.in_table(p).is_some()) {
         let missing: Vec<usize> = (3 * p..3 * p + 3)
             .filter(|&i| out.xyz[[t, i]].is_nan())
             .collect();
-        let is_outlier = outliers.contains(&p);
-        if missing.is_empty() && !is_outlier {
+        if missing.is_empty() {
             continue;
         }
         // A model of another unit of length may overflow: what is not finite is no estimate.
         let is_finite = |f: &&RestoredFrame| f.mean[3 * p..3 * p + 3].iter().all(|v| v.is_finite());
         let Some(found) = estimate.found().filter(is_finite) else {
             is_incomplete = true;
-            let status = match missing.is_empty() {
-                true => Status::Rejected,
-                false => Status::Unknown,
-            };
-            out.set(t, p, status, f64::NAN);
+            out.set(t, p, Status::Unknown, f64::NAN);
             continue;
         };
-        let correction = corrections.map(|c| c.at(t, p));
-        let sd = found.sd[p] * correction.map_or(1.0, |c| c.sd_factor);
-        let status = match is_outlier {
-            true => Status::Rejected,
-            false => Status::Inferred,
-        };
-        out.set(t, p, status, sd);
-        for axis in 0..3 {
-            let i = 3 * p + axis;
-            if is_outlier || missing.contains(&i) {
-                out.xyz[[t, i]] = found.mean[i] + correction.map_or(0.0, |c| c.shift[axis]);
-            }
-        }
+        out.set(t, p, Status::Inferred, found.sd[p]);
+        missing
+            .iter()
+            .for_each(|&i| out.xyz[[t, i]] = found.mean[i]);
     }
     out.too_little += usize::from(is_incomplete && !matches!(estimate, Estimate::NotNeeded));
-}
-
-/// Puts back the coordinates of `xyz` that were seen of the given points of each frame.
-fn keep(out: &mut RestoredFrames, xyz: ArrayView2<'_, f64>, points: &[Vec<usize>]) {
-    for (t, points) in points.iter().enumerate() {
-        let coordinates = points.iter().flat_map(|p| 3 * p..3 * p + 3);
-        for i in coordinates.filter(|&i| xyz[[t, i]].is_finite()) {
-            out.xyz[[t, i]] = xyz[[t, i]];
-        }
-    }
 }
 
 /// Leaves gaps empty. A frame of which nothing is left filled has no novelty.
@@ -255,6 +292,7 @@ fn empty_gaps<'a>(
             }
             out.xyz.slice_mut(s![t, columns.clone()]).assign(&captured);
             out.set(t, gap.point, Status::Unknown, f64::NAN);
+            out.set_method(t, gap.point, None);
         }
     }
     for t in 0..out.xyz.nrows() {
@@ -264,29 +302,4 @@ fn empty_gaps<'a>(
             out.novelty[t] = f64::NAN;
         }
     }
-}
-
-/// The points of each frame that are seen in part, for a short time between frames where they are seen whole: interpolation
-/// over time is more accurate there than an estimate from the part, and cheaper.
-fn brief_partial_points(seen: &Array2<f64>, runs: &[Range<usize>], rate: f64) -> Vec<Vec<usize>> {
-    let partial: Vec<Vec<usize>> = (seen.rows().into_iter())
-        .map(|row| {
-            let y = row.to_vec();
-            let noise = exact_noise(&y, &[]);
-            let seen = Observation {
-                values: &y,
-                variance: &noise,
-            };
-            seen.removable_partial_points()
-        })
-        .collect();
-    let mut brief = vec![Vec::new(); partial.len()];
-    for gap in find_gaps(seen, runs) {
-        let is_between = gap.before.is_some() && gap.after.is_some();
-        if is_between && gap.frames.len() as f64 <= BRIEF * rate {
-            let here = gap.frames.filter(|&t| partial[t].contains(&gap.point));
-            here.for_each(|t| brief[t].push(gap.point));
-        }
-    }
-    brief
 }

@@ -4,18 +4,19 @@
 //! distances and the prior. In a take, spikes and outliers are removed first; a Kalman smoother then removes the noise that
 //! neighboring frames reveal, and each smoothed frame is an observation with the variances that the smoother left.
 
-use super::complete::Complete;
+use super::adaptive_smoothing::smooth_path;
+use super::complete::{fill_gaps, put};
 use super::frame_restorer::{FrameRestorer, RestoredFrame, displacement};
-use super::kalman_smoother;
+use super::gap::{FilledGap, Gap, find_gaps};
 use super::loaded_model::LoadedModel;
 use super::noise_estimation;
-use super::outliers::{LIKELY, Outliers, remove};
-use super::restored_frames::{BoundModel, Method, RestoredFrames};
+use super::outliers::{LIKELY, Outliers, find_outliers, remove};
+use super::restored_frames::{BoundModel, Method, RestoredFrames, Take};
 use crate::numeric::parallel;
 use crate::pose::{Observation, Status};
 use crate::prior::EXACT_VARIANCE;
-use ndarray::{Array2, ArrayView2, s};
-use std::ops::Range;
+use glam::DVec3;
+use ndarray::{Array1, Array2, ArrayView2, s};
 
 /// Up to this noise of a smoothed coordinate, cm, a take shows its body's lengths well enough to hold poses to them.
 const MEASURES_LENGTHS: f64 = 0.3;
@@ -23,6 +24,16 @@ const MEASURES_LENGTHS: f64 = 0.3;
 const UNKNOWN_NOISE: f64 = 2.0;
 /// A point that moves by no more, cm, is unchanged.
 const UNCHANGED: f64 = 1e-9;
+/// The variance of a coordinate about the model's answer that the noise is weighed against, cm².
+const MODEL_VARIANCE: f64 = 0.04;
+/// The share of the noise's variance that trembles in the model's answers.
+const ANSWERS_NOISE: f64 = 0.02;
+/// The noise variance that motion without any reads as, cm².
+const MOTION_VARIANCE: f64 = 2e-4;
+/// The least noise variance that a path is smoothed by, cm².
+const LEAST_VARIANCE: f64 = 1e-8;
+/// An outlier this many standard deviations from where it is expected is none.
+const FORGIVEN: f64 = 3.0;
 /// Frames of one parallel task.
 const CHUNK: usize = 8;
 
@@ -54,58 +65,246 @@ impl Default for Denoise {
 }
 
 impl Method for Denoise {
-    fn frames(&self, bound: &BoundModel<'_>, xyz: ArrayView2<'_, f64>) -> RestoredFrames {
+    fn frames(&self, bound: &BoundModel<'_>, table: ArrayView2<'_, f64>) -> RestoredFrames {
+        let xyz = bound.gather(table);
         let estimates = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
             range
                 .map(|t| self.frame(bound.model, xyz.slice(s![t..t + 1, ..])))
                 .collect::<Vec<_>>()
         });
-        gather(xyz, estimates.into_iter().flatten(), self.fill)
+        let out = gather(xyz.view(), estimates.into_iter().flatten(), self.fill);
+        bound.scatter(table, &out)
     }
 
     fn take(
         &self,
-        bound: &BoundModel<'_>,
-        xyz: ArrayView2<'_, f64>,
-        runs: &[Range<usize>],
-        rate: f64,
+        bound: Option<&BoundModel<'_>>,
+        take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> RestoredFrames {
-        let model = bound.model;
-        let outliers = match self.outliers {
-            true => Outliers::find(model, xyz, runs, rate, self.noise).0,
-            false => Outliers::none(xyz.nrows()),
+        let (mut outliers, adapted) = match self.outliers {
+            true => find_outliers(bound, take, self.noise),
+            false => (Outliers::none(take.xyz.nrows()), None),
         };
-        let mut clean = xyz.to_owned();
-        remove(&mut clean, &outliers.points);
-        let noise = noise_estimation::by_point(model, clean.view(), runs, self.noise);
-        let typical = noise.iter().sum::<f64>() / noise.len().max(1) as f64;
-        let smoothed = Smoothed::new(&clean, runs, rate, &noise, &outliers.spikes);
-        let seen = smoothed.mean_where_seen(&clean);
-        let noise_left = smoothed.noise_left(&clean);
+        let mut smoothed = Smoothed::new(bound, take, &outliers.points, self.noise);
+        if outliers.points != outliers.spikes {
+            let gaps = find_gaps(smoothed.mean.view(), take.runs);
+            let of_outliers = outliers.gaps(&gaps);
+            let seen = smoothed.mean.view();
+            let filled = fill_gaps(bound, adapted.as_ref(), take, seen, &of_outliers, &|_| ());
+            if forgive(
+                &mut outliers,
+                take.xyz,
+                &smoothed.noise,
+                &of_outliers,
+                &filled,
+            ) {
+                smoothed = Smoothed::new(bound, take, &outliers.points, self.noise);
+            }
+        }
+        let mut out = RestoredFrames::captured(take.xyz);
+        out.noise = smoothed.noise.iter().sum::<f64>() / smoothed.noise.len().max(1) as f64;
+        let answers = bound.map(|b| Answers::new(b, &smoothed, take, done));
+        put_denoised(&mut out, take, &smoothed, answers.as_ref());
+        self.put_filled(&mut out, bound, take, &outliers);
+        out
+    }
+}
+
+impl Denoise {
+    /// Fills the outliers, and with [`Denoise::fill`] what was missing too.
+    fn put_filled(
+        &self,
+        out: &mut RestoredFrames,
+        bound: Option<&BoundModel<'_>>,
+        take: &Take<'_>,
+        outliers: &Outliers,
+    ) {
+        let mut seen = out.xyz.clone();
+        remove(&mut seen, &outliers.points);
+        let gaps = find_gaps(seen.view(), take.runs);
+        let gaps = match self.fill {
+            true => gaps,
+            false => outliers.gaps(&gaps),
+        };
+        if gaps.is_empty() {
+            return;
+        }
+        let adapted = bound.map(|b| b.model.adapt(b.gather(seen.view()).view(), 0.0));
+        let filled = fill_gaps(bound, adapted.as_ref(), take, seen.view(), &gaps, &|_| ());
+        for (gap, filled) in gaps.iter().zip(&filled) {
+            put(out, take.xyz, gap, filled.as_ref());
+        }
+    }
+}
+
+/// Takes outliers for good that are where the rest of the take expects them: within three standard deviations of what was filled
+/// in. Returns whether there were any.
+fn forgive(
+    outliers: &mut Outliers,
+    xyz: ArrayView2<'_, f64>,
+    noise: &[f64],
+    gaps: &[Gap],
+    filled: &[Option<FilledGap>],
+) -> bool {
+    let mut is_any = false;
+    for (gap, filled) in gaps.iter().zip(filled) {
+        let Some(filled) = filled else { continue };
+        for (k, t) in gap.frames.clone().enumerate() {
+            let p = gap.point;
+            let off = |axis: usize| (xyz[[t, 3 * p + axis]] - filled.xyz[[k, axis]]).powi(2);
+            let expected = 3.0 * (filled.variance[k] + noise[p] * noise[p]);
+            let is_spike = outliers.spikes[t].contains(&p);
+            if !is_spike && (0..3).map(off).sum::<f64>() <= FORGIVEN * FORGIVEN * expected {
+                outliers.points[t].retain(|q| *q != p);
+                is_any = true;
+            }
+        }
+    }
+    is_any
+}
+
+/// The model's answers for the smoothed frames of a take, in the table's order of points.
+struct Answers {
+    /// (frames, 3 J), cm; NaN where the model says nothing.
+    mean: Array2<f64>,
+    /// (frames x J), cm.
+    sd: Vec<f64>,
+    /// Nats, one a frame.
+    novelty: Vec<f64>,
+    too_little: usize,
+}
+
+impl Answers {
+    fn new(
+        bound: &BoundModel<'_>,
+        smoothed: &Smoothed,
+        take: &Take<'_>,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> Answers {
+        let model = bound.model;
+        let seen = bound.gather(smoothed.mean.view());
+        let variance = bound.gather(smoothed.variance.view());
         let adapted = model.adapt_prior(seen.view(), 0.0);
-        let adapted = adapted.with_lengths_from(seen.view(), noise_left);
+        let adapted = adapted.with_lengths_from(seen.view(), smoothed.noise_left());
         // Lengths measured through noise are all too long: keeping them would do more harm than good.
-        let keeps_lengths = adapted.is_own_body() || noise_left <= MEASURES_LENGTHS;
+        let keeps_lengths = adapted.is_own_body() || smoothed.noise_left() <= MEASURES_LENGTHS;
         let restorer = match keeps_lengths {
             true => adapted.rigid_restorer(),
             false => adapted.restorer(),
         };
-        let estimates = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
-            let estimate = |t: usize| {
-                let (mean, variance) = (smoothed.mean.row(t), smoothed.variance.row(t));
-                let found = restore_smoothed(&restorer, &mean.to_vec(), &variance.to_vec());
-                Estimate::new(&restorer, found, outliers.points[t].clone(), typical)
+        let found = parallel::map_chunks(seen.nrows(), CHUNK, |range| {
+            let restore = |t: usize| {
+                let noise: Vec<f64> = (seen.row(t).iter().zip(variance.row(t)))
+                    .map(|(y, v)| if y.is_finite() { *v } else { f64::INFINITY })
+                    .collect();
+                restore_smoothed(&restorer, &seen.row(t).to_vec(), &noise)
             };
-            let part: Vec<Estimate> = range.clone().map(estimate).collect();
+            let part: Vec<_> = range.clone().map(restore).collect();
             done(range.len());
             part
         });
-        let mut out = gather(xyz, estimates.into_iter().flatten(), false);
-        if self.fill {
-            fill(bound, &mut out, runs, rate);
+        let found: Vec<Option<RestoredFrame>> = found.into_iter().flatten().collect();
+        let novelty = |f: &RestoredFrame| restorer.novelty(&f.mean, &f.placement);
+        let offsets = personal_offsets(&seen, &found);
+        let points = take.names.len();
+        let mut out = Answers {
+            mean: Array2::from_elem(take.xyz.dim(), f64::NAN),
+            sd: vec![f64::NAN; take.xyz.nrows() * points],
+            novelty: (found.iter())
+                .map(|f| f.as_ref().map_or(f64::NAN, novelty))
+                .collect(),
+            too_little: found.iter().filter(|f| f.is_none()).count(),
+        };
+        for (t, found) in found.iter().enumerate() {
+            let Some(found) = found else { continue };
+            for (p, offset) in offsets.iter().enumerate() {
+                let Some(column) = bound.in_table(p) else {
+                    continue;
+                };
+                let mean = DVec3::from_slice(&found.mean[3 * p..]);
+                let mean = mean + found.placement.rotation * *offset;
+                (0..3).for_each(|axis| out.mean[[t, 3 * column + axis]] = mean[axis]);
+                out.sd[t * points + column] = found.sd[p];
+            }
         }
+        out.smooth(take, &smoothed.noise);
         out
+    }
+
+    /// Smooths the answers over time: what is left of the noise trembles in them.
+    fn smooth(&mut self, take: &Take<'_>, noise: &[f64]) {
+        let columns = parallel::map_chunks(noise.len(), 1, |range| {
+            let p = range.start;
+            let path = [0, 1, 2].map(|axis| self.mean.column(3 * p + axis).to_vec());
+            let views = [&path[0][..], &path[1][..], &path[2][..]];
+            let r = (ANSWERS_NOISE * noise[p] * noise[p]).max(LEAST_VARIANCE);
+            smooth_path(views, take.runs, r, 1.0 / take.rate)
+        });
+        for (i, smooth) in columns.into_iter().flatten().enumerate() {
+            self.mean.column_mut(i).assign(&Array1::from(smooth.mean));
+        }
+    }
+}
+
+/// By how much a person's points are elsewhere than the model has them (J; cm, in the model's directions): the mean over the frames
+/// of what was `seen` (frames, 3 J) less what was `found`.
+fn personal_offsets(seen: &Array2<f64>, found: &[Option<RestoredFrame>]) -> Vec<DVec3> {
+    let mut sums = vec![(DVec3::ZERO, 0.0); seen.ncols() / 3];
+    for (row, found) in seen.outer_iter().zip(found) {
+        let Some(found) = found else { continue };
+        let row = row.to_vec();
+        for (p, (sum, count)) in sums.iter_mut().enumerate() {
+            let off = DVec3::from_slice(&row[3 * p..]) - DVec3::from_slice(&found.mean[3 * p..]);
+            if off.is_finite() {
+                *sum += found.placement.rotation.transpose() * off;
+                *count += 1.0;
+            }
+        }
+    }
+    (sums.into_iter())
+        .map(|(sum, count)| sum / f64::max(count, 1.0))
+        .collect()
+}
+
+/// Puts smoothed points, drawn to the model's answers by as much as they are noisy, in place.
+fn put_denoised(
+    out: &mut RestoredFrames,
+    take: &Take<'_>,
+    smoothed: &Smoothed,
+    answers: Option<&Answers>,
+) {
+    if let Some(answers) = answers {
+        out.novelty.clone_from(&answers.novelty);
+        out.too_little = answers.too_little;
+    }
+    let points = out.points();
+    for t in 0..take.xyz.nrows() {
+        for p in 0..points {
+            if (3 * p..3 * p + 3).any(|i| smoothed.mean[[t, i]].is_nan()) {
+                continue;
+            }
+            let r = smoothed.noise[p] * smoothed.noise[p];
+            let answer = answers.filter(|a| a.mean[[t, 3 * p]].is_finite());
+            let share = if answer.is_some() {
+                r / (r + MODEL_VARIANCE)
+            } else {
+                0.0
+            };
+            let mut moved = 0.0;
+            for i in 3 * p..3 * p + 3 {
+                let answer = answer.map_or(0.0, |a| share * a.mean[[t, i]]);
+                out.xyz[[t, i]] = (1.0 - share) * smoothed.mean[[t, i]] + answer;
+                moved += (out.xyz[[t, i]] - take.xyz[[t, i]]).powi(2);
+            }
+            let sd = smoothed.variance[[t, 3 * p]].sqrt();
+            let sd = answer.map_or(sd, |a| (1.0 - share) * sd + share * a.sd[t * points + p]);
+            let status = match moved <= UNCHANGED * UNCHANGED {
+                true => Status::Observed,
+                false => Status::Changed,
+            };
+            out.set(t, p, status, sd);
+        }
     }
 }
 
@@ -193,85 +392,71 @@ fn restore_smoothed(
     Some(found)
 }
 
-/// Completes the denoised points of a take.
-fn fill(bound: &BoundModel<'_>, out: &mut RestoredFrames, runs: &[Range<usize>], rate: f64) {
-    let filled = Complete::default().take(bound, out.xyz.view(), runs, rate, &|_| {});
-    for t in 0..out.xyz.nrows() {
-        for p in 0..out.points() {
-            if out.of_point(t, p).0 == Status::Unknown {
-                let (status, sd) = filled.of_point(t, p);
-                out.set(t, p, status, sd);
-            }
-        }
-        if filled.novelty[t].is_finite() {
-            out.novelty[t] = filled.novelty[t];
-        }
-    }
-    out.xyz = filled.xyz;
+/// A measured noise variance less what motion without noise reads as, cm²: a clean take stays as it is.
+fn beyond_motion(r: f64) -> f64 {
+    r * r / (r + MOTION_VARIANCE)
 }
 
-/// The smoothed coordinates of a take.
+/// The paths of a take, smoothed point by point, in the table's order of points.
 struct Smoothed {
-    /// (frames, 3 J), cm.
+    /// (frames, 3 J), cm; NaN where a point is missing or an outlier.
     mean: Array2<f64>,
-    /// cm²; infinite where the smoother says no more than the model.
+    /// (frames, 3 J), cm².
     variance: Array2<f64>,
+    /// The noise of each point (J), cm.
+    noise: Vec<f64>,
 }
 
 impl Smoothed {
-    /// Smooths each coordinate of `clean` by itself; `noise` is that of each point, cm. A missing coordinate is left to the
-    /// model, but for `spikes`, whose path is known.
     fn new(
-        clean: &Array2<f64>,
-        runs: &[Range<usize>],
-        rate: f64,
-        noise: &[f64],
-        spikes: &[Vec<usize>],
+        bound: Option<&BoundModel<'_>>,
+        take: &Take<'_>,
+        outliers: &[Vec<usize>],
+        noise: Option<f64>,
     ) -> Smoothed {
-        let columns = parallel::map_chunks(clean.ncols(), 1, |range| {
-            let column = clean.column(range.start);
-            let r = (noise[range.start / 3].powi(2)).max(EXACT_VARIANCE);
-            let (mut mean, mut variance) = (column.to_vec(), vec![f64::INFINITY; column.len()]);
-            for run in runs {
-                let series = column.slice(s![run.clone()]).to_vec();
-                let is_seen = series.iter().any(|v| v.is_finite());
-                let smooth = kalman_smoother::smooth(&series, r, 1.0 / rate);
-                for (k, t) in run.clone().enumerate() {
-                    if series[k].is_finite() {
-                        mean[t] = smooth.mean[k];
-                        variance[t] = smooth.variance[k].clamp(EXACT_VARIANCE, r);
-                    } else if is_seen && spikes[t].contains(&(range.start / 3)) {
-                        mean[t] = smooth.mean[k];
-                        variance[t] = smooth.variance[k].max(EXACT_VARIANCE);
+        let mut clean = take.xyz.to_owned();
+        remove(&mut clean, outliers);
+        let noise = noise_estimation::of_table(bound, clean.view(), take.runs, noise);
+        let columns = parallel::map_chunks(noise.len(), 1, |range| {
+            let p = range.start;
+            let path = [0, 1, 2].map(|axis| clean.column(3 * p + axis).to_vec());
+            let views = [&path[0][..], &path[1][..], &path[2][..]];
+            let r = beyond_motion(noise[p] * noise[p]).max(LEAST_VARIANCE);
+            let mut smooth = smooth_path(views, take.runs, r, 1.0 / take.rate);
+            for (path, smooth) in path.iter().zip(&mut smooth) {
+                for t in 0..path.len() {
+                    if path[t].is_nan() {
+                        (smooth.mean[t], smooth.variance[t]) = (f64::NAN, f64::NAN);
+                    } else if smooth.mean[t].is_nan() {
+                        // Seen in part: there is no path to smooth.
+                        (smooth.mean[t], smooth.variance[t]) = (path[t], r);
                     }
+                    smooth.variance[t] = smooth.variance[t].min(r);
                 }
             }
-            (mean, variance)
+            smooth
         });
-        let (mut mean, mut variance) = (clean.clone(), clean.clone());
-        for (i, (m, v)) in columns.into_iter().enumerate() {
-            mean.column_mut(i).assign(&ndarray::Array1::from(m));
-            variance.column_mut(i).assign(&ndarray::Array1::from(v));
+        let mut out = Smoothed {
+            mean: clean.clone(),
+            variance: clean,
+            noise,
+        };
+        for (i, smooth) in columns.into_iter().flatten().enumerate() {
+            out.mean.column_mut(i).assign(&Array1::from(smooth.mean));
+            (out.variance.column_mut(i)).assign(&Array1::from(smooth.variance));
         }
-        Smoothed { mean, variance }
-    }
-
-    /// The mean of the coordinates that are not missing in `clean`.
-    fn mean_where_seen(&self, clean: &Array2<f64>) -> Array2<f64> {
-        let mut out = self.mean.clone();
-        out.zip_mut_with(clean, |m, c| {
-            if c.is_nan() {
-                *m = f64::NAN;
-            }
-        });
+        out.variance.mapv_inplace(|v| v.max(EXACT_VARIANCE));
         out
     }
 
     /// Standard deviation of the noise that smoothing leaves, cm.
-    fn noise_left(&self, clean: &Array2<f64>) -> f64 {
-        let all = clean.iter().zip(&self.variance);
-        let known = (all.filter(|(c, v)| c.is_finite() && v.is_finite())).map(|(_, v)| v);
-        let (sum, n) = known.fold((0.0, 0usize), |(s, n), v| (s + v, n + 1));
+    fn noise_left(&self) -> f64 {
+        let known = self
+            .mean
+            .iter()
+            .zip(&self.variance)
+            .filter(|(m, _)| m.is_finite());
+        let (sum, n) = known.fold((0.0, 0usize), |(s, n), (_, v)| (s + v, n + 1));
         (sum / n.max(1) as f64).sqrt()
     }
 }

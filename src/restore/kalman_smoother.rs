@@ -1,4 +1,4 @@
-//! Noise over time: an estimate of its size, and a smoother.
+//! The Kalman smoother of a path.
 //!
 //! Each coordinate y_t (cm) is that of a point of constant velocity, but for white acceleration of density q (cm²/s³),
 //! measured with noise variance r (cm²):
@@ -7,25 +7,7 @@
 //! x_{t+1} = [1 h; 0 1] x_t + N(0, q [h³/3 h²/2; h²/2 h]),   y_t = [1 0] x_t + N(0, r)      h seconds a frame
 //! ```
 //!
-//! A Kalman filter and a Rauch-Tung-Striebel smoother solve it; q maximizes the likelihood on a grid.
-
-/// Standard deviation of a series' noise, from its third differences: motion hardly has any, white noise has √20 times
-/// its own. The lower quartile of their sizes is robust: spikes in a fifth of the frames, each of which spoils four
-/// differences, do not count. `None` with fewer than eight differences.
-pub fn noise_of(series: &[f64]) -> Option<f64> {
-    let mut sizes: Vec<f64> = series
-        .windows(4)
-        .map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs())
-        .filter(|d| d.is_finite())
-        .collect();
-    if sizes.len() < 8 {
-        return None;
-    }
-    let at = sizes.len() / 4;
-    let quartile = *sizes.select_nth_unstable_by(at, f64::total_cmp).1;
-    // The lower quartile of |N(0, 1)| is 0.3186.
-    Some(quartile / 0.3186 / 20f64.sqrt())
-}
+//! A Kalman filter and a Rauch-Tung-Striebel smoother solve it. Its mean is a cubic smoothing spline of strength r / q.
 
 /// A smoothed series, with a value at every frame, measured or not.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,30 +18,14 @@ pub struct Smoothed {
     pub variance: Vec<f64>,
 }
 
-/// Densities of white acceleration tried, cm²/s³: from a body at rest to a punch.
-const DENSITIES: [f64; 9] = [1e2, 1e3, 1e4, 3e4, 1e5, 3e5, 1e6, 1e7, 1e8];
-
-/// Smooths one coordinate of a run: `series` in cm, NaN where missing; noise variance `r`, cm²; `step` seconds a
-/// frame.
-pub fn smooth(series: &[f64], r: f64, step: f64) -> Smoothed {
-    let likelihood = |q: f64| filter(series, r, step, q).log_likelihood;
-    let best = DENSITIES
-        .into_iter()
-        .max_by(|a, b| likelihood(*a).total_cmp(&likelihood(*b)));
-    backward(
-        &filter(series, r, step, best.unwrap_or(1e5)),
-        step,
-        best.unwrap_or(1e5),
-    )
+/// Smooths one coordinate of a run: `series` in cm, NaN where missing; noise variance `r`, cm²; `step` seconds a frame;
+/// density `q` of white acceleration, cm²/s³.
+pub fn smooth(series: &[f64], r: f64, step: f64, q: f64) -> Smoothed {
+    backward(&filter(series, r, step, q), step, q)
 }
 
 /// Mean (position, velocity) and covariance (pp, pv, vv).
 type State = ([f64; 2], [f64; 3]);
-
-struct Filtered {
-    states: Vec<State>,
-    log_likelihood: f64,
-}
 
 fn predict((m, p): State, h: f64, q: f64) -> State {
     let mean = [m[0] + h * m[1], m[1]];
@@ -71,7 +37,7 @@ fn predict((m, p): State, h: f64, q: f64) -> State {
     (mean, covariance)
 }
 
-fn filter(series: &[f64], r: f64, h: f64, q: f64) -> Filtered {
+fn filter(series: &[f64], r: f64, h: f64, q: f64) -> Vec<State> {
     let first = series
         .iter()
         .copied()
@@ -80,7 +46,6 @@ fn filter(series: &[f64], r: f64, h: f64, q: f64) -> Filtered {
     // Initially anywhere near the first value, at up to some meters a second.
     let mut state: State = ([first, 0.0], [1e4, 0.0, 1e5]);
     let mut states = Vec::with_capacity(series.len());
-    let mut log_likelihood = 0.0;
     for (i, &y) in series.iter().enumerate() {
         if i > 0 {
             state = predict(state, h, q);
@@ -89,7 +54,6 @@ fn filter(series: &[f64], r: f64, h: f64, q: f64) -> Filtered {
             let (m, p) = state;
             let s = p[0] + r;
             let rest = y - m[0];
-            log_likelihood -= 0.5 * (s.ln() + rest * rest / s);
             let gain = [p[0] / s, p[1] / s];
             state = (
                 [m[0] + gain[0] * rest, m[1] + gain[1] * rest],
@@ -102,21 +66,18 @@ fn filter(series: &[f64], r: f64, h: f64, q: f64) -> Filtered {
         }
         states.push(state);
     }
-    Filtered {
-        states,
-        log_likelihood,
-    }
+    states
 }
 
-fn backward(filtered: &Filtered, h: f64, q: f64) -> Smoothed {
-    let n = filtered.states.len();
+fn backward(states: &[State], h: f64, q: f64) -> Smoothed {
+    let n = states.len();
     let mut out = Smoothed {
         mean: vec![0.0; n],
         variance: vec![0.0; n],
     };
     let mut later: Option<State> = None;
     for i in (0..n).rev() {
-        let (m, p) = filtered.states[i];
+        let (m, p) = states[i];
         let state = match later {
             None => (m, p),
             Some((lm, lp)) => {
@@ -172,21 +133,10 @@ mod tests {
     }
 
     #[test]
-    fn noise_is_measured() {
-        // A quartile of 2,400 differences, four of which share each frame, is right to about 6%.
-        for sd in [0.05, 1.0, 5.6] {
-            let got = noise_of(&noisy(sd, 2400).1).unwrap();
-            assert!((got / sd - 1.0).abs() <= 0.15, "{sd}: {got}");
-        }
-        assert!(noise_of(&noisy(0.0, 2400).1).unwrap() <= 0.01);
-        assert!(noise_of(&[1.0; 7]).is_none());
-    }
-
-    #[test]
     fn smoothing_takes_most_of_the_noise_and_knows_how_sure_it_is() {
         let (truth, mut seen) = noisy(5.0, 600);
         seen[200..230].fill(f64::NAN);
-        let out = smooth(&seen, 25.0, 1.0 / 120.0);
+        let out = smooth(&seen, 25.0, 1.0 / 120.0, 1e4);
         let error = |range: std::ops::Range<usize>| {
             let n = range.len() as f64;
             (range.map(|i| (out.mean[i] - truth[i]).powi(2)).sum::<f64>() / n).sqrt()
@@ -202,8 +152,8 @@ mod tests {
 
     #[test]
     fn short_and_empty_series() {
-        assert!(smooth(&[], 1.0, 0.01).mean.is_empty());
-        assert_eq!(smooth(&[f64::NAN; 3], 1.0, 0.01).mean.len(), 3);
-        assert!((smooth(&[5.0], 1e-9, 0.01).mean[0] - 5.0).abs() <= 1e-6);
+        assert!(smooth(&[], 1.0, 0.01, 1e5).mean.is_empty());
+        assert_eq!(smooth(&[f64::NAN; 3], 1.0, 0.01, 1e5).mean.len(), 3);
+        assert!((smooth(&[5.0], 1e-9, 0.01, 1e5).mean[0] - 5.0).abs() <= 1e-6);
     }
 }

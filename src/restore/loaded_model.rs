@@ -9,7 +9,7 @@ use crate::Result;
 use crate::io::Model;
 use crate::pose::{Anchor, Body, PoseTransform, joints};
 use crate::prior::{self, OpenOptions, Prior};
-use ndarray::{ArrayView1, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
 
 /// A body whose bones differ from the model's by no more than this share is taken for the model's.
@@ -164,6 +164,15 @@ impl<'a> AdaptedModel<'a> {
         );
         self.rigid = Cow::Owned(self.model.rigid.mapped(from, to, length_sd));
         self
+    }
+
+    /// The training poses (n, 3 J) as the body would take them, cm; `None` where the model keeps none, or not in the pelvis's
+    /// frame.
+    pub fn training_poses(&self) -> Option<Array2<f64>> {
+        let prior = self.prior.as_deref().unwrap_or(&*self.model.prior);
+        let anchor = self.model.anchor.as_ref();
+        anchor.filter(|a| a.root.is_some())?;
+        prior.training_poses()
     }
 
     /// Restores frames with the prior alone, no rigid distance kept.

@@ -8,18 +8,21 @@
 //! 1. [`Restorer`] opens the model, binds it to the table's points and walks the takes (`restored_frames`).
 //! 2. [`outliers`] finds spikes, adapts the model to the body ([`body_adaptation`]) and finds the other outliers.
 //! 3. [`denoise`] smooths each coordinate over time (`kalman_smoother`); [`complete`] takes seen values for exact.
-//! 4. [`FrameRestorer`] restores each frame: [`placement`] finds rotation and shift, the prior gives the posterior in the
-//!    model's space, [`rigid`] projects it onto the known distances.
-//! 5. `gap_interpolation` makes the estimates continuous over the gaps of [`complete`].
+//! 4. [`gap`] fills gaps from the frames around them, [`FrameRestorer`] restores each frame where these say nothing:
+//!    [`placement`] finds rotation and shift, the prior gives the posterior in the model's space, [`rigid`] projects it onto
+//!    the known distances.
+//! 5. `frame_fill` makes the restored frames continuous over the gaps of [`complete`].
 //! 6. [`Restoration`] holds the values in the table's order, with a status for each point.
 //!
 //! [`ik`] fits the joint angles of a skeleton to restored points.
 
+mod adaptive_smoothing;
 pub mod body_adaptation;
 pub mod complete;
 pub mod denoise;
+mod frame_fill;
 pub mod frame_restorer;
-mod gap_interpolation;
+mod gap;
 pub mod ik;
 mod kalman_smoother;
 mod loaded_model;
@@ -34,6 +37,7 @@ pub mod rigid;
 pub use complete::Complete;
 pub use denoise::Denoise;
 pub use frame_restorer::{FrameRestorer, RestoredFrame};
+pub use gap::FillMethod;
 pub use restoration::{Restoration, RestorationCounts};
 pub use restorer::Restorer;
 pub use rigid::{Corrected, OutlierMode, RigidModel};

@@ -1,7 +1,7 @@
 //! How noisy a capture is: by the motion of its points, or by what the model leaves of a frame.
 
-use super::kalman_smoother;
 use super::loaded_model::LoadedModel;
+use super::restored_frames::BoundModel;
 use super::rigid::noise_floor::NoiseFloor;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
@@ -77,8 +77,82 @@ pub fn of_frame(restorer: &super::FrameRestorer<'_>, y: &[f64]) -> f64 {
     (2.0 * mean).max(0.0).sqrt()
 }
 
+/// Standard deviation of a series' noise, from its third differences: motion hardly has any, white noise has √20 times
+/// its own. The lower quartile of their sizes is robust: spikes in a fifth of the frames, each of which spoils four
+/// differences, do not count. `None` with fewer than eight differences.
+pub fn noise_of(series: &[f64]) -> Option<f64> {
+    let squares = series.windows(4).map(|w| third_difference(w).powi(2));
+    // The lower quartile of χ² with one degree of freedom is 0.1015.
+    of_squares(squares.collect(), 0.1015)
+}
+
+/// [`noise_of`] for the three coordinates of a path together, whichever way the axes point.
+pub fn noise_of_path(path: [&[f64]; 3]) -> Option<f64> {
+    let square = |t: usize| {
+        path.iter()
+            .map(|s| third_difference(&s[t..t + 4]).powi(2))
+            .sum()
+    };
+    let squares = (0..path[0].len().saturating_sub(3)).map(square);
+    // That with three is 1.2125.
+    of_squares(squares.collect(), 1.2125)
+}
+
+fn third_difference(w: &[f64]) -> f64 {
+    w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]
+}
+
+/// The standard deviation behind squared third differences, the lower quartile of which is `quartile` variances.
+fn of_squares(mut squares: Vec<f64>, quartile: f64) -> Option<f64> {
+    squares.retain(|d| d.is_finite());
+    if squares.len() < 8 {
+        return None;
+    }
+    let at = squares.len() / 4;
+    let found = *squares.select_nth_unstable_by(at, f64::total_cmp).1;
+    Some((found / quartile / 20.0).sqrt())
+}
+
+/// Standard deviation of a coordinate of each point (J) by third differences over time, cm ([`noise_of`]). `None`
+/// for a point that is never seen long enough.
+pub fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<f64>> {
+    let of_column = |i: usize| {
+        // Runs are joined by a missing value, which no difference crosses.
+        let series: Vec<f64> = runs
+            .iter()
+            .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain([f64::NAN]))
+            .collect();
+        noise_of(&series)
+    };
+    let of_point = |p: usize| {
+        let found: Vec<f64> = (3 * p..3 * p + 3).filter_map(of_column).collect();
+        (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
+    };
+    (0..xyz.ncols() / 3).map(of_point).collect()
+}
+
+/// [`by_point`] for a table: without a model, points that are never seen long enough take the median of the others.
+pub fn of_table(
+    bound: Option<&BoundModel<'_>>,
+    xyz: ArrayView2<'_, f64>,
+    runs: &[Range<usize>],
+    given: Option<f64>,
+) -> Vec<f64> {
+    if let Some(noise) = given {
+        return vec![noise; xyz.ncols() / 3];
+    }
+    let measured = from_time(xyz, runs);
+    let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
+    if let Some(bound) = bound.filter(|_| known.is_empty()) {
+        known = by_point(bound.model, bound.gather(xyz).view(), runs, None);
+    }
+    known.sort_by(f64::total_cmp);
+    let median = known.get(known.len() / 2).copied().unwrap_or(0.0);
+    measured.into_iter().map(|m| m.unwrap_or(median)).collect()
+}
+
 /// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences over time
-/// ([`kalman_smoother::noise_of`]). A point that is never seen long enough takes the median of the others; where there is
+/// ([`noise_of`]). A point that is never seen long enough takes the median of the others; where there is
 /// none, the model measures some frames.
 pub fn by_point(
     model: &LoadedModel,
@@ -86,24 +160,10 @@ pub fn by_point(
     runs: &[Range<usize>],
     given: Option<f64>,
 ) -> Vec<f64> {
-    let points = xyz.ncols() / 3;
     if let Some(noise) = given {
-        return vec![noise; points];
+        return vec![noise; xyz.ncols() / 3];
     }
-    let of_column = |i: usize| {
-        // Runs are joined by a missing value, which no difference crosses.
-        let series: Vec<f64> = runs
-            .iter()
-            .flat_map(|r| r.clone().map(|t| xyz[[t, i]]).chain([f64::NAN]))
-            .collect();
-        kalman_smoother::noise_of(&series)
-    };
-    let measured: Vec<Option<f64>> = (0..points)
-        .map(|p| {
-            let found: Vec<f64> = (3 * p..3 * p + 3).filter_map(of_column).collect();
-            (!found.is_empty()).then(|| found.iter().sum::<f64>() / found.len() as f64)
-        })
-        .collect();
+    let measured = from_time(xyz, runs);
     let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
     if known.is_empty() {
         let model = model.unadapted();
@@ -116,4 +176,32 @@ pub fn by_point(
     known.sort_by(f64::total_cmp);
     let median = known.get(known.len() / 2).copied().unwrap_or(0.0);
     measured.into_iter().map(|m| m.unwrap_or(median)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_distr::{Distribution, StandardNormal};
+
+    #[test]
+    fn noise_is_measured() {
+        let mut generator = crate::numeric::parallel::rng(3, 0);
+        let mut noisy = |sd: f64| -> Vec<f64> {
+            let swing = |i: usize| 40.0 * (i as f64 / 120.0 * 4.0).sin();
+            let noise = |g: &mut _| -> f64 { StandardNormal.sample(g) };
+            (0..2400)
+                .map(|i| swing(i) + sd * noise(&mut generator))
+                .collect()
+        };
+        // A quartile of 2,400 differences, four of which share each frame, is right to about 6%.
+        for sd in [0.05, 1.0, 5.6] {
+            let got = noise_of(&noisy(sd)).unwrap();
+            assert!((got / sd - 1.0).abs() <= 0.15, "{sd}: {got}");
+        }
+        assert!(noise_of(&noisy(0.0)).unwrap() <= 0.01);
+        assert!(noise_of(&[1.0; 7]).is_none());
+        let [x, y, z] = [0, 1, 2].map(|_| noisy(0.7));
+        let got = noise_of_path([&x, &y, &z]).unwrap();
+        assert!((got / 0.7 - 1.0).abs() <= 0.1, "{got}");
+    }
 }

@@ -1,11 +1,12 @@
 //! The result of restoring a table: its values in the table's order of points, and what became of each point.
 
-use super::restored_frames::{BoundModel, RestoredFrames};
+use super::gap::FillMethod;
+use super::restored_frames::RestoredFrames;
 use crate::io::Table;
 use crate::pose::Status;
 use ndarray::{Array2, ArrayView2};
 
-/// Numbers of frames and points by what became of them. Points that the model does not know are not counted.
+/// Numbers of frames and points by what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct RestorationCounts {
     /// Frames.
@@ -51,6 +52,7 @@ pub struct Restoration<'t> {
     status: Vec<Status>,
     /// (frames x points).
     sd: Vec<f64>,
+    method: Vec<Option<FillMethod>>,
     novelty: Vec<f64>,
     counts: RestorationCounts,
 }
@@ -71,6 +73,7 @@ impl<'t> Restoration<'t> {
         }
         Restoration {
             sd: vec![f64::NAN; status.len()],
+            method: vec![None; status.len()],
             novelty: vec![f64::NAN; xyz.nrows()],
             counts: RestorationCounts::default(),
             source,
@@ -80,7 +83,7 @@ impl<'t> Restoration<'t> {
     }
 
     /// Puts restored frames in place, from frame `first` on. Where no value was found the table's stays.
-    pub(super) fn add(&mut self, bound: &BoundModel<'_>, first: usize, restored: &RestoredFrames) {
+    pub(super) fn add(&mut self, first: usize, restored: &RestoredFrames) {
         let (frames, points) = (restored.xyz.nrows(), self.points());
         self.counts.add(&RestorationCounts {
             frames,
@@ -90,20 +93,16 @@ impl<'t> Restoration<'t> {
             ..RestorationCounts::default()
         });
         self.novelty[first..first + frames].copy_from_slice(&restored.novelty);
-        for p in 0..restored.points() {
-            let Some(column) = bound.in_table(p) else {
-                continue;
-            };
-            for t in 0..frames {
-                for axis in 0..3 {
-                    let value = restored.xyz[[t, 3 * p + axis]];
-                    if value.is_finite() {
-                        self.xyz[[first + t, 3 * column + axis]] = value;
-                    }
+        for t in 0..frames {
+            for p in 0..points {
+                let is_filled = (3 * p..3 * p + 3).all(|i| restored.xyz[[t, i]].is_finite());
+                for i in (3 * p..3 * p + 3).filter(|_| is_filled) {
+                    self.xyz[[first + t, i]] = restored.xyz[[t, i]];
                 }
                 let (status, sd) = restored.of_point(t, p);
-                let at = (first + t) * points + column;
+                let at = (first + t) * points + p;
                 (self.status[at], self.sd[at]) = (status, sd);
+                self.method[at] = restored.method(t, p);
                 self.counts.filled += usize::from(status == Status::Inferred);
                 self.counts.rejected += usize::from(status == Status::Rejected);
                 self.counts.unfilled += usize::from(status == Status::Unknown);
@@ -135,6 +134,11 @@ impl<'t> Restoration<'t> {
     /// Standard deviation of a coordinate of a point, cm; NaN where unknown.
     pub fn sd(&self, frame: usize, point: usize) -> f64 {
         self.sd[frame * self.points() + point]
+    }
+
+    /// How a missing point was filled; `None` where it was not, or the frame was restored by itself.
+    pub fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
+        self.method[frame * self.points() + point]
     }
 
     /// Novelty of a frame's pose, nats: 0 for a pose like those of the training set; NaN where the model has no threshold or

@@ -20,7 +20,7 @@ use super::denoise::Denoise;
 use super::frame_restorer::FrameRestorer;
 use super::loaded_model::LoadedModel;
 use super::restoration::Restoration;
-use super::restored_frames::{BoundModel, Method};
+use super::restored_frames::{BoundModel, Method, Take};
 use crate::io::Model;
 use crate::io::Table;
 use crate::pose::Poses;
@@ -162,14 +162,10 @@ impl<'m> Restorer<'m> {
     ) -> Result<Restoration<'t>> {
         let poses = &table.poses;
         let bound = self.bind(&poses.points)?;
-        let gathered = |frames: Range<usize>| {
-            let rows = poses.xyz.slice(s![frames, ..]).to_owned();
-            bound.gather(hide(rows, hidden).view())
-        };
         let mut out = Restoration::new(table);
         let Some(rate) = rate else {
-            let xyz = gathered(0..poses.frames());
-            out.add(&bound, 0, &method.frames(&bound, xyz.view()));
+            let xyz = hide(poses.xyz.to_owned(), hidden);
+            out.add(0, &method.frames(&bound, xyz.view()));
             return Ok(out);
         };
         let runs = poses.runs();
@@ -181,10 +177,14 @@ impl<'m> Restorer<'m> {
                 .take_while(|r| r.end <= frames.end)
                 .map(|r| r.start - frames.start..r.end - frames.start)
                 .collect();
-            let xyz = gathered(frames.clone());
-            let rate = own.unwrap_or(rate);
-            let restored = method.take(&bound, xyz.view(), &runs, rate, progress);
-            out.add(&bound, frames.start, &restored);
+            let xyz = hide(poses.xyz.slice(s![frames.clone(), ..]).to_owned(), hidden);
+            let take = Take {
+                names: &poses.points,
+                xyz: xyz.view(),
+                runs: &runs,
+                rate: own.unwrap_or(rate),
+            };
+            out.add(frames.start, &method.take(Some(&bound), &take, progress));
         }
         Ok(out)
     }

@@ -57,6 +57,14 @@ impl ExemplarPoses {
         &self.xyz
     }
 
+    /// Copies of all poses (N, 3 J), cm, transformed or not.
+    pub fn all(&self) -> Array2<f64> {
+        match &self.mapped {
+            Some(MappedPoses { origin, map, .. }) => map.apply_rows(origin.all().view()),
+            None => self.xyz.mapv(f64::from),
+        }
+    }
+
     /// A pose (3 J), cm.
     fn pose(&self, row: usize) -> ArrayView1<'_, f32> {
         let Some(MappedPoses { origin, map, poses }) = &self.mapped else {

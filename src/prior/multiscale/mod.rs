@@ -212,6 +212,10 @@ impl Prior for MultiscaleMixture {
         self.representative_poses.view()
     }
 
+    fn training_poses(&self) -> Option<Array2<f64>> {
+        Some(self.poses.all())
+    }
+
     fn mapped(&self, map: &PoseTransform) -> Box<dyn Prior> {
         if map.is_identity() {
             return Box::new(self.clone());

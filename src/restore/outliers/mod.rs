@@ -13,8 +13,10 @@ pub mod rigid_likelihood;
 mod trajectory;
 
 use crate::numeric::parallel;
+use crate::restore::gap::Gap;
 use crate::restore::loaded_model::{AdaptedModel, LoadedModel};
 use crate::restore::noise_estimation::{self, rounded};
+use crate::restore::restored_frames::{BoundModel, Take};
 use ndarray::{Array2, ArrayView2, s};
 use std::ops::Range;
 
@@ -49,6 +51,13 @@ impl Outliers {
             points: vec![Vec::new(); frames],
             spikes: vec![Vec::new(); frames],
         }
+    }
+
+    /// The parts of gaps in which their points are outliers, not missing.
+    pub fn gaps(&self, gaps: &[Gap]) -> Vec<Gap> {
+        let is_outlier =
+            |gap: &&Gap| (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point));
+        gaps.iter().filter(is_outlier).cloned().collect()
     }
 
     /// The outliers of a take (frames, 3 J; cm), and the model adapted to its body. `runs` are ranges of consecutive frames,
@@ -89,6 +98,36 @@ impl Outliers {
         }
         (Outliers { points, spikes }, adapted)
     }
+}
+
+/// The outliers of a take in the table's order of points, and the model adapted to the take's body. Without a model, and for
+/// points that it does not know, only spikes are found.
+pub fn find_outliers<'m>(
+    bound: Option<&BoundModel<'m>>,
+    take: &Take<'_>,
+    noise: Option<f64>,
+) -> (Outliers, Option<AdaptedModel<'m>>) {
+    let (xyz, runs, rate) = (take.xyz, take.runs, take.rate);
+    let by_point = noise_estimation::from_time(xyz, runs);
+    let by_point: Vec<f64> = by_point
+        .iter()
+        .map(|n| noise.or(*n).unwrap_or(0.0))
+        .collect();
+    let mut spikes = trajectory::spikes(xyz, runs, rate, &by_point);
+    let Some(bound) = bound else {
+        let points = spikes.clone();
+        return (Outliers { points, spikes }, None);
+    };
+    let found = Outliers::find(bound.model, bound.gather(xyz).view(), runs, rate, noise);
+    let (of_model, adapted) = (found.0, found.1);
+    let mut points = bound.to_table(&of_model.points);
+    let of_model = bound.to_table(&of_model.spikes);
+    for t in 0..xyz.nrows() {
+        spikes[t].retain(|p| bound.in_model(*p).is_none());
+        points[t].extend(&spikes[t]);
+        spikes[t].extend(&of_model[t]);
+    }
+    (Outliers { points, spikes }, Some(adapted))
 }
 
 /// Makes the given points of each frame missing.

@@ -1,0 +1,159 @@
+//! Gaps filled by the model frame by frame, where too few frames around them show the point: one that is never seen, or a take
+//! of a few frames.
+//!
+//! Each frame is answered by itself. At a gap's ends the point is seen, so the error of the answer is known there: it is answered
+//! once more with the gap's points hidden. The error is carried into the gap as a ramp, and fades from a single end. Noise that is
+//! the model's own, from frame to frame, is smoothed away.
+
+use super::adaptive_smoothing::smooth_path;
+use super::frame_restorer::{FrameRestorer, RestoredFrame};
+use super::gap::{FillMethod, FilledGap, Gap};
+use super::noise_estimation::{exact_noise, noise_of_path};
+use crate::numeric::parallel;
+use glam::DVec3;
+use ndarray::{Array2, ArrayView2};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Frames of one parallel task.
+const CHUNK: usize = 8;
+/// Seconds after which e⁻¹ of an error is left where a gap has one end.
+const FADES: f64 = 0.25;
+
+/// The model's answers for the frames of a take.
+pub struct FrameFill<'a> {
+    /// Restores frames of the take's body.
+    pub restorer: &'a FrameRestorer<'a>,
+    /// What counts as seen, in the model's order of points (frames, 3 J), cm; NaN missing.
+    pub seen: ArrayView2<'a, f64>,
+    /// Frames a second.
+    pub rate: f64,
+}
+
+/// (frame, points hidden there)
+type Key = (usize, Vec<usize>);
+
+impl FrameFill<'_> {
+    /// Fills gaps, whose points are the model's. `None` for a gap in which a frame shows too little.
+    pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
+        let answers = self.answers(gaps, done);
+        gaps.iter()
+            .map(|gap| self.fill_gap(gap, &answers))
+            .collect()
+    }
+
+    /// The answers for all frames of gaps, and for the frames at their ends with what is missing beside hidden.
+    fn answers(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> BTreeMap<Key, RestoredFrame> {
+        let inside = gaps
+            .iter()
+            .flat_map(|g| g.frames.clone())
+            .map(|t| (t, Vec::new()));
+        let keys: BTreeSet<Key> = gaps
+            .iter()
+            .flat_map(|g| self.ends(g))
+            .chain(inside)
+            .collect();
+        let keys: Vec<Key> = keys.into_iter().collect();
+        let found = parallel::map_chunks(keys.len(), CHUNK, |range| {
+            done(range.len());
+            let answer = |(t, hidden): &Key| {
+                let y = self.seen.row(*t).to_vec();
+                self.restorer.restore(&y, &exact_noise(&y, hidden))
+            };
+            keys[range].iter().map(answer).collect::<Vec<_>>()
+        });
+        let found = found.into_iter().flatten();
+        keys.iter()
+            .cloned()
+            .zip(found)
+            .filter_map(|(k, f)| Some((k, f?)))
+            .collect()
+    }
+
+    /// The frames at a gap's ends, with the points that are missing in the gap's frame beside each.
+    fn ends(&self, gap: &Gap) -> Vec<Key> {
+        let missing = |t: usize| {
+            let is_missing = |p: &usize| (3 * p..3 * p + 3).any(|i| self.seen[[t, i]].is_nan());
+            (0..self.seen.ncols() / 3).filter(is_missing).collect()
+        };
+        let before = gap.before.map(|b| (b, missing(gap.frames.start)));
+        let after = gap.after.map(|a| (a, missing(gap.frames.end - 1)));
+        before.into_iter().chain(after).collect()
+    }
+
+    fn fill_gap(&self, gap: &Gap, answers: &BTreeMap<Key, RestoredFrame>) -> Option<FilledGap> {
+        let at = |values: &[f64]| DVec3::from_slice(&values[3 * gap.point..]);
+        let errors: Vec<(f64, DVec3)> = (self.ends(gap).into_iter())
+            .filter_map(|key| {
+                let answer = answers.get(&key)?;
+                let truth = at(&self.seen.row(key.0).to_vec());
+                Some((key.0 as f64, truth - at(&answer.mean)))
+            })
+            .filter(|(_, error)| error.is_finite())
+            .collect();
+        let mut xyz = Array2::zeros((gap.frames.len(), 3));
+        let mut variance = Vec::with_capacity(gap.frames.len());
+        for (k, t) in gap.frames.clone().enumerate() {
+            let answer = answers.get(&(t, Vec::new()))?;
+            let mean = at(&answer.mean);
+            if !mean.is_finite() {
+                return None;
+            }
+            (0..3).for_each(|axis| xyz[[k, axis]] = mean[axis]);
+            variance.push(answer.sd[gap.point].powi(2));
+        }
+        self.smooth(&mut xyz);
+        for (k, t) in gap.frames.clone().enumerate() {
+            let (shift, share) = carried(&errors, t as f64, self.rate);
+            (0..3).for_each(|axis| xyz[[k, axis]] += shift[axis]);
+            variance[k] *= share;
+        }
+        Some(FilledGap {
+            xyz,
+            variance,
+            method: FillMethod::Model,
+        })
+    }
+
+    /// Smooths a path (frames, 3) by the noise that it shows.
+    fn smooth(&self, xyz: &mut Array2<f64>) {
+        let path = [0, 1, 2].map(|axis| xyz.column(axis).to_vec());
+        let views = [&path[0][..], &path[1][..], &path[2][..]];
+        if let Some(noise) = noise_of_path(views).filter(|n| *n > 0.0) {
+            let run = 0..path[0].len();
+            let smooth = smooth_path(views, &[run], noise * noise, 1.0 / self.rate);
+            for (mut column, smooth) in xyz.columns_mut().into_iter().zip(smooth) {
+                column.assign(&ndarray::Array1::from(smooth.mean));
+            }
+        }
+    }
+}
+
+/// The error at frame `t` by those at the ends, and the share of the variance that is left.
+fn carried(errors: &[(f64, DVec3)], t: f64, rate: f64) -> (DVec3, f64) {
+    match errors {
+        [(a, before), (b, after)] => {
+            let u = (t - a) / (b - a);
+            (*before * (1.0 - u) + *after * u, 4.0 * u * (1.0 - u))
+        }
+        [(end, error)] => {
+            let left = (-(t - end).abs() / rate / FADES).exp();
+            (*error * left, 1.0 - left * left)
+        }
+        _ => (DVec3::ZERO, 1.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_carried_from_both_ends_or_fade_from_one() {
+        let ends = [(9.0, DVec3::X), (19.0, DVec3::Y)];
+        let (middle, share) = carried(&ends, 14.0, 100.0);
+        assert_eq!((middle, share), (DVec3::new(0.5, 0.5, 0.0), 1.0));
+        let (near, share) = carried(&ends[..1], 10.0, 100.0);
+        assert!((near.x - (-0.04f64).exp()).abs() <= 1e-12 && share < 0.1);
+        assert_eq!(carried(&[], 3.0, 100.0), (DVec3::ZERO, 1.0));
+    }
+}

@@ -1,0 +1,169 @@
+//! The estimates of a gap's points: those of each process of the regression, and PCHIP over time.
+//!
+//! What a regression misses at the gap's ends is known there; it is carried into the gap by the mean of a ramp and of PCHIP,
+//! and where the gap has one end only, it fades within [`FADES`].
+
+use super::regression::Regression;
+use crate::numeric::pchip::pchip;
+use ndarray::{Array2, ArrayView2};
+use std::ops::Range;
+
+/// Seconds on either side of a gap that interpolation over time looks at.
+const REACH: f64 = 1.0 / 6.0;
+/// Seconds on either side that the regression's errors are taken from.
+const ERROR_REACH: f64 = 1.0 / 12.0;
+/// Seconds after which e⁻¹ of an error is left where a gap has one end.
+const FADES: f64 = 0.25;
+
+/// The points that are to be estimated together, in one or more gaps.
+pub struct Targets<'a> {
+    /// What they are regressed on.
+    pub regression: &'a Regression<'a>,
+    /// The captured table (frames, 3 J), world space.
+    pub captured: ArrayView2<'a, f64>,
+    /// The targets' columns: three each.
+    pub columns: &'a [usize],
+}
+
+/// The estimates for some frames of a gap, in the regression's frame of reference.
+#[derive(Debug, Clone)]
+pub struct Estimates {
+    /// One (frames, 3 T) a process; then that of PCHIP, if the gap has two ends.
+    pub means: Vec<Array2<f64>>,
+    /// (frames, 3 T), cm²: the mean of the processes that know time.
+    pub variance: Array2<f64>,
+}
+
+/// A gap and the frames in it that are asked for.
+#[derive(Debug, Clone)]
+pub struct Question {
+    /// The frames that are not known.
+    pub gap: Range<usize>,
+    /// Those of them to estimate, in order.
+    pub asked: Vec<usize>,
+}
+
+impl Targets<'_> {
+    /// The estimates for several gaps at once; none of their frames is learnt from. `None` where there is nothing to learn from.
+    pub fn estimates(&self, questions: &[Question]) -> Option<Vec<Estimates>> {
+        let gaps: Vec<Range<usize>> = questions.iter().map(|q| q.gap.clone()).collect();
+        let beside: Vec<Vec<usize>> = gaps.iter().map(|g| self.beside(g, &gaps)).collect();
+        let frames = |k: usize| questions[k].asked.iter().chain(&beside[k]).copied();
+        let asked: Vec<usize> = (0..gaps.len()).flat_map(frames).collect();
+        let predictions = self.regression.predict(&gaps, &asked)?;
+        let timed: Vec<bool> = (self.regression.kernels().iter())
+            .map(|k| k.time > 0.0)
+            .collect();
+        let mut first = 0;
+        let mut out = Vec::new();
+        for (question, beside) in questions.iter().zip(&beside) {
+            let (n, m) = (question.asked.len(), beside.len());
+            let rows = |all: &Array2<f64>, from: usize, count: usize| {
+                all.slice(ndarray::s![first + from..first + from + count, ..])
+                    .to_owned()
+            };
+            let mut means: Vec<Array2<f64>> = (predictions.iter())
+                .map(|p| {
+                    let errors = self.known(beside) - rows(&p.mean, n, m);
+                    rows(&p.mean, 0, n) + self.bridge(question, beside, &errors)
+                })
+                .collect();
+            means.extend(self.over_time(question, &gaps));
+            let mut variance = Array2::zeros((n, self.columns.len()));
+            let known = predictions.iter().zip(&timed).filter(|(_, timed)| **timed);
+            known
+                .clone()
+                .for_each(|(p, _)| variance += &rows(&p.variance, 0, n));
+            variance /= known.count().max(1) as f64;
+            out.push(Estimates { means, variance });
+            first += n + m;
+        }
+        Some(out)
+    }
+
+    /// The targets in complete frames, (frames, 3 T).
+    fn known(&self, frames: &[usize]) -> Array2<f64> {
+        self.regression.own.targets.select(ndarray::Axis(0), frames)
+    }
+
+    /// Complete frames next to a gap, in order, none in any gap.
+    fn beside(&self, gap: &Range<usize>, gaps: &[Range<usize>]) -> Vec<usize> {
+        let is_known =
+            |t: &usize| self.regression.complete[*t] && !gaps.iter().any(|g| g.contains(t));
+        self.around(gap, ERROR_REACH).filter(is_known).collect()
+    }
+
+    /// Frames of the gap's run around it, up to some seconds away; at least one on each side.
+    fn around(&self, gap: &Range<usize>, seconds: f64) -> impl Iterator<Item = usize> + use<> {
+        let all = self.regression.seconds;
+        let reach = seconds.max(1.01 / self.regression.rate) * (1.0 + 1e-9);
+        let start = all.partition_point(|s| *s < all[gap.start] - reach);
+        let end = all.partition_point(|s| *s <= all[gap.end - 1] + reach);
+        (start..gap.start).chain(gap.end..end)
+    }
+
+    /// Errors that are known beside a gap, carried to the asked frames (n, 3 T).
+    fn bridge(&self, question: &Question, beside: &[usize], errors: &Array2<f64>) -> Array2<f64> {
+        let seconds = self.regression.seconds;
+        let at: Vec<f64> = question.asked.iter().map(|&t| seconds[t]).collect();
+        let x: Vec<f64> = beside.iter().map(|&t| seconds[t]).collect();
+        let before = beside.partition_point(|t| *t < question.gap.start);
+        let ends = (
+            before.checked_sub(1),
+            (before < beside.len()).then_some(before),
+        );
+        let mut out = Array2::zeros((at.len(), errors.ncols()));
+        for (c, mut column) in out.columns_mut().into_iter().enumerate() {
+            let e = errors.column(c).to_vec();
+            let carried: Vec<f64> = match ends {
+                (Some(a), Some(b)) => {
+                    let smooth = pchip(&x, &e, &at);
+                    let ramp = |t: &f64| e[a] + (e[b] - e[a]) * (t - x[a]) / (x[b] - x[a]);
+                    at.iter()
+                        .zip(smooth)
+                        .map(|(t, s)| 0.5 * (ramp(t) + s))
+                        .collect()
+                }
+                (Some(k), None) | (None, Some(k)) => at
+                    .iter()
+                    .map(|t| e[k] * (-(t - x[k]).abs() / FADES).exp())
+                    .collect(),
+                (None, None) => continue,
+            };
+            column.iter_mut().zip(carried).for_each(|(o, v)| *o = v);
+        }
+        out
+    }
+
+    /// PCHIP in world space between the frames around a gap, in the frame of reference; `None` where the gap lacks an end.
+    fn over_time(&self, question: &Question, gaps: &[Range<usize>]) -> Option<Array2<f64>> {
+        let seconds = self.regression.seconds;
+        let at: Vec<f64> = question.asked.iter().map(|&t| seconds[t]).collect();
+        let mut out = Array2::zeros((at.len(), self.columns.len()));
+        for (c, &column) in self.columns.iter().enumerate() {
+            let is_seen = |t: &usize| {
+                self.captured[[*t, column]].is_finite() && !gaps.iter().any(|g| g.contains(t))
+            };
+            let around: Vec<usize> = self.around(&question.gap, REACH).filter(is_seen).collect();
+            let before = around.partition_point(|t| *t < question.gap.start);
+            if before == 0 || before == around.len() {
+                return None;
+            }
+            let x: Vec<f64> = around.iter().map(|&t| seconds[t]).collect();
+            let y: Vec<f64> = around.iter().map(|&t| self.captured[[t, column]]).collect();
+            let values = pchip(&x, &y, &at);
+            out.column_mut(c)
+                .iter_mut()
+                .zip(values)
+                .for_each(|(o, v)| *o = v);
+        }
+        for (t, mut row) in question.asked.iter().zip(out.outer_iter_mut()) {
+            let placement = self.regression.own.placements[*t]?;
+            for c in (0..row.len()).step_by(3) {
+                let local = placement.undo([row[c], row[c + 1], row[c + 2]].into());
+                (row[c], row[c + 1], row[c + 2]) = (local.x, local.y, local.z);
+            }
+        }
+        Some(out)
+    }
+}

@@ -1,0 +1,553 @@
+//! Gaps of a take filled from the frames around them.
+//!
+//! A gap is a point that is missing for some frames on end. Short gaps are filled before long ones, whose neighbors they then
+//! are:
+//!
+//! 1. Gaps of about the same frames are one question. The points that are seen all through it are its predictors; they also
+//!    give the frame of reference (`local_poses`).
+//! 2. `regression` learns the missing points from the predictors: from the take's own frames, from a model's training poses,
+//!    and over time. `estimates` adds what is known at the ends, and PCHIP.
+//! 3. `weights` simulates gaps of the same length where the take is known, and mixes the estimates by their errors.
+//! 4. Where nothing can be learnt, `path` interpolates each point over time, if its path is smooth enough.
+//! 5. `rigid_distances` holds what was filled to the distances that are rigid in this take.
+//!
+//! Nothing here knows a body: any points will do.
+
+mod estimates;
+mod local_poses;
+mod path;
+mod regression;
+mod rigid_distances;
+mod weights;
+
+use crate::numeric::parallel;
+use estimates::Targets;
+use local_poses::LocalPoses;
+use ndarray::{Array2, ArrayView2, s};
+use regression::{OtherPoses, Regression};
+use rigid_distances::TakeDistances;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// The variance of a measured coordinate, cm².
+const MEASURED: f64 = 1e-10;
+/// Complete frames that a gap's points can be learnt from, at least; fewer where a model knows the points.
+const FEWEST_FRAMES: usize = 30;
+const FEWEST_WITH_OTHERS: usize = 8;
+/// Training poses of a model that are placed for one question, at most.
+const MOST_PLACED: usize = 3000;
+/// Predictors, at most: those at the steadiest distances.
+const MOST_PREDICTORS: usize = 40;
+/// Frames with all predictors, as a share of those with the targets: predictors that are missing more often are left out.
+const SHARE_COMPLETE: f64 = 0.5;
+/// Gaps whose lengths are within this factor are filled at the same time.
+const WAVE: usize = 4;
+/// In a take with more gaps of under [`WAVE`] frames than this, such gaps are interpolated over time: there are too many to learn
+/// each, and the path is nearly as good.
+const FLOOD: usize = 200;
+/// Seconds on either side of a gap that are learnt from.
+const WINDOW: f64 = 25.0;
+/// Seconds between two runs: what is further apart than anything.
+const BREAK: f64 = 1e6;
+/// A gap filled mostly by interpolation is called that.
+const MOSTLY: f64 = 0.5;
+
+/// A point that is missing for some frames on end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gap {
+    pub point: usize,
+    pub frames: Range<usize>,
+    /// The frame before, where the point is seen.
+    pub before: Option<usize>,
+    /// The frame after, where the point is seen.
+    pub after: Option<usize>,
+}
+
+/// How a point was filled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FillMethod {
+    /// By the other points, as the take and the model's training poses relate them.
+    Regression,
+    /// By its own path.
+    Interpolation,
+    /// By the model, frame by frame.
+    Model,
+}
+
+impl FillMethod {
+    /// Its name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            FillMethod::Regression => "regression",
+            FillMethod::Interpolation => "pchip",
+            FillMethod::Model => "model",
+        }
+    }
+}
+
+/// A filled gap.
+#[derive(Debug, Clone)]
+pub struct FilledGap {
+    /// (frames, 3), cm.
+    pub xyz: Array2<f64>,
+    /// Variance of a coordinate in each frame, cm².
+    pub variance: Vec<f64>,
+    pub method: FillMethod,
+}
+
+/// The gaps of `seen` (frames, 3 J; NaN missing) within its `runs` of consecutive frames.
+pub fn find_gaps(seen: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Gap> {
+    runs.iter().flat_map(|run| gaps_of(seen, run)).collect()
+}
+
+fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
+    let mut gaps = Vec::new();
+    for point in 0..seen.ncols() / 3 {
+        let is_missing = |t: usize| (3 * point..3 * point + 3).any(|i| seen[[t, i]].is_nan());
+        let mut t = run.start;
+        while t < run.end {
+            if !is_missing(t) {
+                t += 1;
+                continue;
+            }
+            let start = t;
+            while t < run.end && is_missing(t) {
+                t += 1;
+            }
+            gaps.push(Gap {
+                point,
+                frames: start..t,
+                before: (start > run.start).then(|| start - 1),
+                after: (t < run.end).then_some(t),
+            });
+        }
+    }
+    gaps
+}
+
+/// A take whose gaps are filled.
+pub struct GapFiller<'a> {
+    /// The names of the points (J).
+    pub names: &'a [String],
+    /// (frames, 3 J), cm; NaN missing.
+    pub captured: ArrayView2<'a, f64>,
+    /// Ranges of consecutive frames.
+    pub runs: &'a [Range<usize>],
+    /// Frames a second.
+    pub rate: f64,
+    /// Training poses of a model in the pelvis's frame (n, 3 J), cm; points that the model does not know are NaN.
+    pub others: Option<ArrayView2<'a, f64>>,
+}
+
+impl GapFiller<'_> {
+    /// Fills `gaps`, which are those of the captured frames. `None` for a gap that cannot be filled: there is nothing to learn
+    /// from, and its path is not smooth enough.
+    pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
+        let mut known = self.captured.to_owned();
+        let seconds = self.seconds();
+        let mut filled: Vec<Option<FilledGap>> = vec![None; gaps.len()];
+        for wave in waves(gaps) {
+            let questions = questions(gaps, wave);
+            let is_flood = questions.len() > FLOOD;
+            let answers = parallel::map_chunks(questions.len(), 1, |range| {
+                done(1);
+                match is_flood {
+                    true => self.answer_brief(gaps, &questions[range.start], &known, &seconds),
+                    false => self.answer(gaps, &questions[range.start], &known, &seconds),
+                }
+            });
+            for (question, answers) in questions.iter().zip(answers) {
+                for (&gap, answer) in question.iter().zip(answers) {
+                    if let Some(answer) = &answer {
+                        put(&mut known, &gaps[gap], &answer.xyz);
+                    }
+                    filled[gap] = answer;
+                }
+            }
+        }
+        self.hold_distances(gaps, &mut filled, known);
+        filled
+    }
+
+    /// Seconds of each frame.
+    fn seconds(&self) -> Vec<f64> {
+        let mut seconds = vec![0.0; self.captured.nrows()];
+        for (k, run) in self.runs.iter().enumerate() {
+            run.clone()
+                .for_each(|t| seconds[t] = k as f64 * BREAK + t as f64 / self.rate);
+        }
+        seconds
+    }
+
+    /// Fills the gaps of one question.
+    fn answer(
+        &self,
+        gaps: &[Gap],
+        question: &[usize],
+        known: &Array2<f64>,
+        seconds: &[f64],
+    ) -> Vec<Option<FilledGap>> {
+        if let Some(answers) = self.regress(gaps, question, known, seconds) {
+            return answers.into_iter().map(Some).collect();
+        }
+        if question.len() > 1 {
+            let alone = |gap: &usize| self.answer(gaps, &[*gap], known, seconds);
+            return question.iter().flat_map(alone).collect();
+        }
+        vec![path::interpolate(
+            self.captured,
+            &gaps[question[0]],
+            self.rate,
+        )]
+    }
+
+    /// Fills the gaps of one question, brief ones over time where their paths allow it.
+    fn answer_brief(
+        &self,
+        gaps: &[Gap],
+        question: &[usize],
+        known: &Array2<f64>,
+        seconds: &[f64],
+    ) -> Vec<Option<FilledGap>> {
+        let by_path = |k: &usize| {
+            let gap = Some(&gaps[*k]).filter(|g| g.frames.len() < WAVE)?;
+            path::interpolate(self.captured, gap, self.rate)
+        };
+        let mut answers: Vec<Option<FilledGap>> = question.iter().map(by_path).collect();
+        let left: Vec<usize> = (0..question.len())
+            .filter(|i| answers[*i].is_none())
+            .collect();
+        if !left.is_empty() {
+            let gaps_left: Vec<usize> = left.iter().map(|i| question[*i]).collect();
+            let found = self.answer(gaps, &gaps_left, known, seconds);
+            left.into_iter()
+                .zip(found)
+                .for_each(|(i, f)| answers[i] = f);
+        }
+        answers
+    }
+
+    /// Fills the gaps of one question by what other points say. `None` where too little is known.
+    fn regress(
+        &self,
+        gaps: &[Gap],
+        question: &[usize],
+        known: &Array2<f64>,
+        seconds: &[f64],
+    ) -> Option<Vec<FilledGap>> {
+        let of = |k: &usize| &gaps[*k].frames;
+        let start = question.iter().map(|k| of(k).start).min()?;
+        let end = question.iter().map(|k| of(k).end).max()?;
+        let targets: Vec<usize> = question.iter().map(|k| gaps[*k].point).collect();
+        let around = self.window(&(start..end));
+        let gap = start - around.start..end - around.start;
+        let known = known.slice(s![around.clone(), ..]);
+        let captured = self.captured.slice(s![around.clone(), ..]);
+        let (predictors, frames) = self.predictors(known, captured, &targets, &gap)?;
+        let anchor = local_poses::anchor(self.names, known, &predictors, &frames)?;
+        let own = LocalPoses::new(&anchor, known, &predictors, &targets);
+        let mut complete = vec![false; own.placements.len()];
+        frames
+            .iter()
+            .for_each(|&t| complete[t] = own.is_complete(t));
+        let others = self.others(&anchor, &predictors, &targets);
+        let columns: Vec<usize> = targets.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+        let regression = Regression {
+            own: &own,
+            complete: &complete,
+            seconds: &seconds[around],
+            rate: self.rate,
+            others: others.as_ref(),
+        };
+        let found = weights::weigh(
+            &Targets {
+                regression: &regression,
+                captured,
+                columns: &columns,
+            },
+            &gap,
+        )?;
+        let mut filled = Vec::new();
+        for (k, index) in question.iter().enumerate() {
+            let frames = &gaps[*index].frames;
+            let mut xyz = Array2::zeros((frames.len(), 3));
+            let mut variance = Vec::with_capacity(frames.len());
+            for (i, t) in frames.clone().enumerate() {
+                let at = t - start;
+                let [x, y, z] = [0, 1, 2].map(|axis| found.mean[[at, 3 * k + axis]]);
+                let placed = own.placements[gap.start + at]?.apply([x, y, z].into());
+                (xyz[[i, 0]], xyz[[i, 1]], xyz[[i, 2]]) = (placed.x, placed.y, placed.z);
+                variance.push(found.variance.slice(s![at, 3 * k..3 * k + 3]).mean()?);
+            }
+            if !xyz.iter().all(|v| v.is_finite()) {
+                return None;
+            }
+            let method = match found.over_time[k] > MOSTLY {
+                true => FillMethod::Interpolation,
+                false => FillMethod::Regression,
+            };
+            filled.push(FilledGap {
+                xyz,
+                variance,
+                method,
+            });
+        }
+        Some(filled)
+    }
+
+    /// The frames around a gap that are learnt from.
+    fn window(&self, gap: &Range<usize>) -> Range<usize> {
+        let reach = (WINDOW * self.rate).ceil() as usize;
+        gap.start.saturating_sub(reach)..(gap.end + reach).min(self.captured.nrows())
+    }
+
+    /// The predictors of `targets` in a `gap` of `known`, and the frames in which all of both are known. `None` where either
+    /// are too few.
+    fn predictors(
+        &self,
+        known: ArrayView2<'_, f64>,
+        captured: ArrayView2<'_, f64>,
+        targets: &[usize],
+        gap: &Range<usize>,
+    ) -> Option<(Vec<usize>, Vec<usize>)> {
+        let is_known = |t: usize, p: usize| (3 * p..3 * p + 3).all(|i| known[[t, i]].is_finite());
+        let is_seen = |t: usize, p: usize| (3 * p..3 * p + 3).all(|i| captured[[t, i]].is_finite());
+        let frames: Vec<usize> = (0..known.nrows())
+            .filter(|&t| targets.iter().all(|p| is_seen(t, *p)))
+            .collect();
+        let of_model = |p: &usize| self.others.is_some_and(|o| o[[0, 3 * p]].is_finite());
+        let is_of_model = targets.iter().all(of_model);
+        let fewest = if is_of_model {
+            FEWEST_WITH_OTHERS
+        } else {
+            FEWEST_FRAMES
+        };
+        if frames.len() < fewest {
+            return None;
+        }
+        let lacking = |p: usize| frames.iter().filter(|t| !is_known(**t, p)).count();
+        let mut candidates: Vec<(usize, usize)> = (0..known.ncols() / 3)
+            .filter(|p| !targets.contains(p) && gap.clone().all(|t| is_known(t, *p)))
+            .map(|p| (lacking(p), p))
+            .filter(|(lacks, _)| *lacks < frames.len())
+            .collect();
+        candidates.sort_unstable();
+        let mut points: Vec<usize> = candidates.into_iter().map(|c| c.1).collect();
+        if is_of_model {
+            // Points that the model does not know would leave its training poses out.
+            let both: Vec<usize> = points.iter().copied().filter(|p| of_model(p)).collect();
+            if 2 * both.len() >= points.len() {
+                points = both;
+            }
+        }
+        let mut complete = frames.clone();
+        let mut kept: Vec<usize> = Vec::new();
+        for p in points {
+            let with: Vec<usize> = complete
+                .iter()
+                .copied()
+                .filter(|&t| is_known(t, p))
+                .collect();
+            if with.len() as f64 >= SHARE_COMPLETE * frames.len() as f64 {
+                complete = with;
+                kept.push(p);
+            }
+        }
+        if complete.len() < fewest {
+            return None;
+        }
+        if kept.len() > MOST_PREDICTORS {
+            kept = steadiest(known, &kept, targets, &complete);
+        }
+        kept.sort_unstable();
+        Some((kept, complete))
+    }
+
+    /// The model's training poses in the frame of reference of the predictors; `None` without a model, or where it does not
+    /// know all points.
+    fn others(
+        &self,
+        anchor: &crate::pose::Anchor,
+        predictors: &[usize],
+        targets: &[usize],
+    ) -> Option<OtherPoses> {
+        let others = self.others.filter(|o| o.nrows() > 1)?;
+        let mut points = predictors.iter().chain(targets);
+        if !points.all(|p| others[[0, 3 * p]].is_finite()) {
+            return None;
+        }
+        let poses = match anchor.root {
+            Some(_) => LocalPoses::in_place(others, predictors, targets),
+            None => {
+                let step = others.nrows().div_ceil(MOST_PLACED) as isize;
+                LocalPoses::new(anchor, others.slice(s![..;step, ..]), predictors, targets)
+            }
+        };
+        Some(OtherPoses::new(poses))
+    }
+
+    /// Holds what was filled to the rigid distances of the take; `known` are all its frames.
+    fn hold_distances(
+        &self,
+        gaps: &[Gap],
+        filled: &mut [Option<FilledGap>],
+        mut known: Array2<f64>,
+    ) {
+        // frame -> gaps that are filled there
+        let mut frames: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (k, gap) in gaps
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| filled[*k].is_some())
+        {
+            (gap.frames.clone()).for_each(|t| frames.entry(t).or_default().push(k));
+        }
+        let mut points: Vec<usize> = frames.values().flatten().map(|k| gaps[*k].point).collect();
+        points.sort_unstable();
+        points.dedup();
+        let distances = TakeDistances::measure(self.captured, &points);
+        let frames: Vec<(usize, Vec<usize>)> = frames.into_iter().collect();
+        let held = parallel::map_chunks(frames.len(), 16, |range| {
+            let hold = |(t, here): &(usize, Vec<usize>)| {
+                let points: Vec<usize> = here.iter().map(|k| gaps[*k].point).collect();
+                let mut frame = known.row(*t).to_vec();
+                let mut variance = Vec::with_capacity(3 * here.len());
+                for k in here {
+                    let Some(filled) = &filled[*k] else { continue };
+                    for i in 3 * gaps[*k].point..3 * gaps[*k].point + 3 {
+                        // What was measured of a point seen in part stays.
+                        let measured = self.captured[[*t, i]];
+                        let is_measured = measured.is_finite();
+                        variance.push(match is_measured {
+                            true => MEASURED,
+                            false => filled.variance[t - gaps[*k].frames.start],
+                        });
+                        if is_measured {
+                            frame[i] = measured;
+                        }
+                    }
+                }
+                distances.hold(&mut frame, &points, &mut variance);
+                (frame, variance)
+            };
+            frames[range].iter().map(hold).collect::<Vec<_>>()
+        });
+        for ((t, here), (frame, variance)) in frames.iter().zip(held.into_iter().flatten()) {
+            known
+                .row_mut(*t)
+                .iter_mut()
+                .zip(frame)
+                .for_each(|(k, f)| *k = f);
+            for (k, variance) in here.iter().zip(variance.chunks_exact(3)) {
+                let gap = &gaps[*k];
+                if let Some(filled) = &mut filled[*k] {
+                    filled.variance[t - gap.frames.start] = variance.iter().sum::<f64>() / 3.0;
+                    let columns = s![*t, 3 * gap.point..3 * gap.point + 3];
+                    (filled.xyz.row_mut(t - gap.frames.start)).assign(&known.slice(columns));
+                }
+            }
+        }
+    }
+}
+
+/// Puts filled values in place.
+fn put(known: &mut Array2<f64>, gap: &Gap, xyz: &Array2<f64>) {
+    let columns = 3 * gap.point..3 * gap.point + 3;
+    known.slice_mut(s![gap.frames.clone(), columns]).assign(xyz);
+}
+
+/// The gaps by length, shortest first: what is filled in one wave is known in the next.
+fn waves(gaps: &[Gap]) -> Vec<Vec<usize>> {
+    let mut waves: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for (k, gap) in gaps.iter().enumerate() {
+        waves
+            .entry(gap.frames.len().ilog(WAVE))
+            .or_default()
+            .push(k);
+    }
+    waves.into_values().collect()
+}
+
+/// The gaps of one wave, those of about the same frames together.
+fn questions(gaps: &[Gap], mut wave: Vec<usize>) -> Vec<Vec<usize>> {
+    wave.sort_by_key(|k| (gaps[*k].frames.start, gaps[*k].frames.end));
+    let mut questions: Vec<Vec<usize>> = Vec::new();
+    for k in wave {
+        let frames = &gaps[k].frames;
+        let slack = frames.len() / WAVE;
+        let is_alike = |question: &Vec<usize>| {
+            let first = &gaps[question[0]];
+            frames.start.abs_diff(first.frames.start) <= slack
+                && frames.end.abs_diff(first.frames.end) <= slack
+                && question.iter().all(|q| gaps[*q].point != gaps[k].point)
+        };
+        match questions.iter_mut().rev().take(64).find(|q| is_alike(q)) {
+            Some(question) => question.push(k),
+            None => questions.push(vec![k]),
+        }
+    }
+    questions
+}
+
+/// The predictors whose distances to the targets vary least.
+fn steadiest(
+    known: ArrayView2<'_, f64>,
+    predictors: &[usize],
+    targets: &[usize],
+    frames: &[usize],
+) -> Vec<usize> {
+    let step = frames.len().div_ceil(50);
+    let frames: Vec<usize> = frames.iter().copied().step_by(step).collect();
+    let variance = |a: usize, b: usize| {
+        let lengths = frames.iter().map(|&t| {
+            let square =
+                |axis: usize| (known[[t, 3 * a + axis]] - known[[t, 3 * b + axis]]).powi(2);
+            (0..3).map(square).sum::<f64>().sqrt()
+        });
+        let (n, sum, squares) =
+            lengths.fold((0.0, 0.0, 0.0), |(n, s, q), l| (n + 1.0, s + l, q + l * l));
+        squares / n - (sum / n) * (sum / n)
+    };
+    let mut ranked: Vec<(f64, usize)> = (predictors.iter())
+        .map(|&p| {
+            let least = targets
+                .iter()
+                .map(|&q| variance(p, q))
+                .fold(f64::INFINITY, f64::min);
+            (least, p)
+        })
+        .collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    ranked.truncate(MOST_PREDICTORS);
+    ranked.into_iter().map(|r| r.1).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gaps_are_found_with_their_ends() {
+        let mut xyz = Array2::<f64>::zeros((6, 6));
+        xyz[[0, 1]] = f64::NAN;
+        xyz[[2, 4]] = f64::NAN;
+        xyz[[3, 3]] = f64::NAN;
+        xyz[[5, 5]] = f64::NAN;
+        let gap = |point, frames: Range<usize>, before, after| Gap {
+            point,
+            frames,
+            before,
+            after,
+        };
+        assert_eq!(
+            gaps_of(xyz.view(), &(0..6)),
+            [
+                gap(0, 0..1, None, Some(1)),
+                gap(1, 2..4, Some(1), Some(4)),
+                gap(1, 5..6, Some(4), None)
+            ]
+        );
+        // The edge of a run is an end like that of the take.
+        assert_eq!(gaps_of(xyz.view(), &(3..6))[0], gap(1, 3..4, None, Some(4)));
+    }
+}

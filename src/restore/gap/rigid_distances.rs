@@ -1,0 +1,197 @@
+//! Filled points held to the distances that the take itself shows to be rigid: bones, and markers of one segment.
+//!
+//! The estimates of a frame's missing points, x ~ N(m, P) with P diagonal, are updated by the measured distances d = |a − b|
+//! with variances v, by an iterated extended Kalman update:
+//!
+//! ```text
+//! x ← m + P Hᵀ (H P Hᵀ + V)⁻¹ (d − g(x) − H (m − x))      g(x) the distances at x, H their Jacobian
+//! ```
+
+use crate::numeric::linalg::Cholesky;
+use glam::DVec3;
+use ndarray::{Array2, ArrayView2, Axis};
+
+/// Standard deviation of a rigid distance over the take, at most, cm.
+const RIGID: f64 = 0.1;
+/// Frames that distances are measured in: at least, and at most.
+const FEWEST_FRAMES: usize = 10;
+const MOST_FRAMES: usize = 400;
+/// Rigid distances of one point, the most rigid first.
+const MOST_PAIRS: usize = 8;
+/// Missing points of a frame that are solved together, at most.
+const MOST_POINTS: usize = 24;
+/// Variance added to that of a distance, cm².
+const LEAST_VARIANCE: f64 = 1e-4;
+const ITERATIONS: usize = 5;
+
+/// A rigid distance between two points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Pair {
+    points: [usize; 2],
+    /// cm.
+    length: f64,
+    /// cm².
+    variance: f64,
+}
+
+/// The rigid distances of a take.
+pub struct TakeDistances(Vec<Pair>);
+
+impl TakeDistances {
+    /// Measures the distances of `points` to all points in `xyz` (frames, 3 J; NaN missing).
+    pub fn measure(xyz: ArrayView2<'_, f64>, points: &[usize]) -> TakeDistances {
+        let count = xyz.ncols() / 3;
+        let step = xyz.nrows().div_ceil(MOST_FRAMES).max(1);
+        let frames: Vec<Vec<DVec3>> = (0..xyz.nrows())
+            .step_by(step)
+            .map(|t| (0..count).map(|p| position(xyz, t, p)).collect())
+            .collect();
+        let mut pairs = Vec::new();
+        for &a in points {
+            let mut own: Vec<Pair> = (0..count)
+                .filter(|b| *b != a)
+                .filter_map(|b| measure(&frames, a, b))
+                .collect();
+            own.sort_by(|a, b| a.variance.total_cmp(&b.variance));
+            own.truncate(MOST_PAIRS);
+            pairs.extend(own);
+        }
+        pairs.sort_by_key(|p| p.points);
+        pairs.dedup_by_key(|p| p.points);
+        TakeDistances(pairs)
+    }
+
+    /// Moves the missing `points` of a frame (3 J, all that is known filled in) to where their distances are right; `variance`
+    /// is that of each of their coordinates, cm², and becomes what is left of it. What else the frame lacks may be NaN.
+    pub fn hold(&self, frame: &mut [f64], points: &[usize], variance: &mut [f64]) {
+        let together = points.len() <= MOST_POINTS;
+        let place = |p: usize| points.iter().position(|q| *q == p);
+        let at = |frame: &[f64], p: usize| DVec3::from_slice(&frame[3 * p..3 * p + 3]);
+        let pairs: Vec<(&Pair, [Option<usize>; 2])> = (self.0.iter())
+            .map(|pair| (pair, pair.points.map(place)))
+            .filter(|(pair, places)| {
+                let missing = places.iter().flatten().count();
+                let is_known = pair.points.iter().all(|p| at(frame, *p).is_finite());
+                is_known && (missing == 1 || missing == 2 && together)
+            })
+            .collect();
+        if pairs.is_empty() {
+            return;
+        }
+        let mean: Vec<DVec3> = points.iter().map(|p| at(frame, *p)).collect();
+        // −2 log of the density, but for a constant.
+        let objective = |frame: &[f64]| {
+            let moved = points.iter().zip(&mean).enumerate().map(|(k, (p, m))| {
+                let off = at(frame, *p) - *m;
+                (0..3)
+                    .map(|axis| off[axis].powi(2) / variance[3 * k + axis])
+                    .sum::<f64>()
+            });
+            let missed = pairs.iter().map(|(pair, _)| {
+                let apart = at(frame, pair.points[0]) - at(frame, pair.points[1]);
+                (apart.length() - pair.length).powi(2) / pair.variance
+            });
+            moved.sum::<f64>() + missed.sum::<f64>()
+        };
+        let before = frame.to_vec();
+        let mut explained = vec![0.0; variance.len()];
+        for _ in 0..ITERATIONS {
+            let mut jacobian = Array2::<f64>::zeros((pairs.len(), 3 * points.len()));
+            let mut rest = Array2::<f64>::zeros((pairs.len(), 1));
+            for (k, (pair, places)) in pairs.iter().enumerate() {
+                let apart = at(frame, pair.points[0]) - at(frame, pair.points[1]);
+                let length = apart.length().max(1e-9);
+                rest[[k, 0]] = pair.length - length;
+                for (place, sign) in places.iter().zip([1.0, -1.0]) {
+                    let Some(i) = *place else { continue };
+                    let direction = sign * apart / length;
+                    rest[[k, 0]] -= direction.dot(mean[i] - at(frame, points[i]));
+                    for axis in 0..3 {
+                        jacobian[[k, 3 * i + axis]] = direction[axis];
+                    }
+                }
+            }
+            let mut weighted = jacobian.clone();
+            for (c, mut column) in weighted.columns_mut().into_iter().enumerate() {
+                column *= variance[c];
+            }
+            let mut gain = weighted.dot(&jacobian.t());
+            (pairs.iter().enumerate()).for_each(|(k, (p, _))| gain[[k, k]] += p.variance);
+            let factor = Cholesky::new(gain);
+            let both = factor.and_then(|f| Some((f.solve(&rest)?, f.half_solve(&weighted)?)));
+            let Some((solved, half)) = both else { break };
+            explained = half
+                .map_axis(Axis(0), |column| column.dot(&column))
+                .to_vec();
+            let change = weighted.t().dot(&solved);
+            for (i, p) in points.iter().enumerate() {
+                for axis in 0..3 {
+                    frame[3 * p + axis] = mean[i][axis] + change[[3 * i + axis, 0]];
+                }
+            }
+        }
+        // Far from the distances the iteration may run away.
+        if !(objective(frame) <= objective(&before)) {
+            frame.copy_from_slice(&before);
+            return;
+        }
+        (variance.iter_mut().zip(explained)).for_each(|(v, e)| *v = (*v - e).max(1e-3 * *v));
+    }
+}
+
+fn position(xyz: ArrayView2<'_, f64>, t: usize, p: usize) -> DVec3 {
+    DVec3::new(xyz[[t, 3 * p]], xyz[[t, 3 * p + 1]], xyz[[t, 3 * p + 2]])
+}
+
+/// The distance of two points, if it is rigid.
+fn measure(frames: &[Vec<DVec3>], a: usize, b: usize) -> Option<Pair> {
+    let lengths: Vec<f64> = (frames.iter())
+        .map(|f| (f[a] - f[b]).length())
+        .filter(|l| l.is_finite())
+        .collect();
+    if lengths.len() < FEWEST_FRAMES {
+        return None;
+    }
+    let n = lengths.len() as f64;
+    let length = lengths.iter().sum::<f64>() / n;
+    let variance = lengths.iter().map(|l| (l - length).powi(2)).sum::<f64>() / n;
+    (variance <= RIGID * RIGID && length > 10.0 * RIGID).then_some(Pair {
+        points: [a.min(b), a.max(b)],
+        length,
+        variance: variance + LEAST_VARIANCE,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_point_is_moved_to_its_distances() {
+        // Point 2 stands 3 cm above point 0 and 5 cm from point 1, wherever they are.
+        let xyz = Array2::from_shape_fn((60, 9), |(t, c)| {
+            let shift = [(t as f64 * 0.1).sin(), t as f64 * 0.2, 0.0][c % 3];
+            [0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 3.0, 0.0][c] + shift
+        });
+        let distances = TakeDistances::measure(xyz.view(), &[2]);
+        assert_eq!(distances.0.len(), 2);
+        let mut frame = xyz.row(10).to_vec();
+        let truth = frame.clone();
+        frame[6] += 0.3;
+        frame[7] -= 0.4;
+        distances.hold(&mut frame, &[2], &mut [1.0; 3]);
+        let off = (6..9)
+            .map(|i| (frame[i] - truth[i]).abs())
+            .fold(0.0, f64::max);
+        assert!(off <= 0.01, "{off}");
+        // A sure point hardly moves, and unknown ends count for nothing.
+        let mut frame = truth.clone();
+        frame[6] += 0.3;
+        distances.hold(&mut frame, &[2], &mut [1e-9; 3]);
+        assert!((frame[6] - truth[6] - 0.3).abs() <= 1e-3);
+        frame[0] = f64::NAN;
+        frame[3] = f64::NAN;
+        distances.hold(&mut frame, &[2], &mut [1.0; 3]);
+        assert!((frame[6] - truth[6] - 0.3).abs() <= 1e-3);
+    }
+}

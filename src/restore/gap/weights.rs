@@ -1,0 +1,265 @@
+//! What each estimate of a gap is worth, by gaps of the same length simulated where the take is known.
+//!
+//! ```text
+//! w = argmin wᵀ G w + .1 g |w − w₀|²,   w ≥ 0,  Σ w = 1;     used is (w + w₀) / 2
+//! ```
+//!
+//! G is the Gram matrix of the estimates' errors in the simulated gaps, g the median of its diagonal, w₀ the plain mean of the
+//! processes and, in long gaps, the conditional alone. The variance of the weighted estimate is that of the processes times the factor that the errors
+//! show.
+
+use super::estimates::{Estimates, Question, Targets};
+use super::regression::spread;
+use crate::numeric::linalg::cholesky_solve;
+use ndarray::{Array1, Array2, s};
+use std::ops::Range;
+
+/// Simulated gaps, at most.
+const SIMULATED: usize = 4;
+/// A simulated gap and what is left to learn from: together at least this many lengths of it.
+const ROOM: f64 = 2.5;
+/// Frames of a simulated gap at which errors are measured.
+const KNOTS: usize = 12;
+/// Seconds that a simulated gap with one end hides beyond it.
+const BEYOND: f64 = 1.0;
+/// Up to this length, seconds, PCHIP counts half where nothing can be simulated.
+const BRIEF: f64 = 0.1;
+/// Seconds of a gap from which on the conditional weighs half as much as a process in w₀: it is steady, but knows no details.
+const CONDITIONAL_SECONDS: f64 = 0.5;
+/// How strongly w is held to w₀.
+const SHRINKAGE: f64 = 0.1;
+/// The variance that errors show, over that of the processes, and how many simulated gaps that is worth.
+const USUAL_FACTOR: f64 = 0.7;
+const USUAL_COUNT: f64 = 3.0;
+
+/// The estimate of a gap.
+pub struct Weighed {
+    /// (frames, 3 T), in the regression's frame of reference, cm.
+    pub mean: Array2<f64>,
+    /// (frames, 3 T), cm².
+    pub variance: Array2<f64>,
+    /// The share of PCHIP over time of each target (T).
+    pub over_time: Vec<f64>,
+}
+
+/// Weighs the estimates of `gap`. `None` where there is nothing to learn from.
+pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
+    let asked = gap.clone().collect();
+    let gap = gap.clone();
+    let estimates = targets
+        .estimates(&[Question {
+            gap: gap.clone(),
+            asked,
+        }])?
+        .pop()?;
+    let simulated = simulate(targets, &gap, estimates.means.len());
+    let processes = targets.regression.kernels().len();
+    let seconds = gap.len() as f64 / targets.regression.rate;
+    let points = targets.columns.len() / 3;
+    let mut out = Weighed {
+        mean: Array2::zeros(estimates.variance.dim()),
+        variance: estimates.variance.clone(),
+        over_time: Vec::new(),
+    };
+    for point in 0..points {
+        let columns = s![.., 3 * point..3 * point + 3];
+        let plain = plain_weights(processes, seconds, estimates.means.len());
+        let (weights, factor) = match &simulated {
+            Some(simulated) => simulated.judge(point, &plain),
+            None if seconds <= BRIEF => {
+                // Time says as much as all else.
+                let time =
+                    Array1::from_shape_fn(plain.len(), |k| f64::from(u8::from(k > processes)));
+                (
+                    if time.sum() > 0.0 {
+                        (plain + time) / 2.0
+                    } else {
+                        plain
+                    },
+                    USUAL_FACTOR,
+                )
+            }
+            None => (plain, USUAL_FACTOR),
+        };
+        for (w, mean) in weights.iter().zip(&estimates.means) {
+            out.mean
+                .slice_mut(columns)
+                .scaled_add(*w, &mean.slice(columns));
+        }
+        out.variance.slice_mut(columns).mapv_inplace(|v| v * factor);
+        out.over_time.push(weights.iter().skip(processes + 1).sum());
+    }
+    Some(out)
+}
+
+/// w₀ for a gap of some seconds: the `processes` weigh the same, the conditional up to as much the longer the gap, PCHIP nothing.
+fn plain_weights(processes: usize, seconds: f64, estimates: usize) -> Array1<f64> {
+    let conditional = seconds / (seconds + CONDITIONAL_SECONDS);
+    let of = |k: usize| match k {
+        _ if k < processes => 1.0,
+        _ if k == processes => conditional,
+        _ => 0.0,
+    };
+    Array1::from_shape_fn(estimates, of) / (processes as f64 + conditional)
+}
+
+/// Simulated gaps: what was estimated in them, and the truth.
+struct Simulated {
+    estimates: Vec<Estimates>,
+    truth: Vec<Array2<f64>>,
+}
+
+/// Simulates gaps like `gap`; `estimates` is how many the true one has. `None` where the take has no room for two.
+fn simulate(targets: &Targets<'_>, gap: &Range<usize>, estimates: usize) -> Option<Simulated> {
+    let regression = targets.regression;
+    let ends = ends(regression.complete, gap);
+    let (length, beyond) = (gap.len(), (BEYOND * regression.rate).ceil() as usize);
+    let starts = starts(regression.complete, regression.seconds, gap);
+    let room = regression.complete.iter().filter(|c| **c).count() as f64 / (ROOM * length as f64);
+    let count = SIMULATED.min(room as usize);
+    let mut chosen: Vec<usize> = Vec::new();
+    for k in 0..count {
+        let at = (2 * k + 1) * starts.len() / (2 * count);
+        if let Some(&start) = starts.get(at)
+            && chosen.iter().all(|c| start.abs_diff(*c) > length + 2)
+        {
+            chosen.push(start);
+        }
+    }
+    if chosen.len() < 2 {
+        return None;
+    }
+    let last = regression.complete.len();
+    let question = |&start: &usize| {
+        let own = start..start + length;
+        let asked = spread(&own, KNOTS);
+        // A gap with one end is simulated with its other end out of reach.
+        let gap = match ends {
+            (true, false) => start..(own.end + beyond).min(last),
+            (false, true) => start.saturating_sub(beyond)..own.end,
+            _ => own,
+        };
+        Question { gap, asked }
+    };
+    let questions: Vec<Question> = chosen.iter().map(question).collect();
+    let found = targets.estimates(&questions)?;
+    let both = found.into_iter().zip(questions);
+    let (estimates, truth): (Vec<_>, Vec<_>) = both
+        .filter(|(found, _)| found.means.len() >= estimates)
+        .map(|(found, q)| {
+            (
+                found,
+                regression.own.targets.select(ndarray::Axis(0), &q.asked),
+            )
+        })
+        .unzip();
+    (estimates.len() >= 2).then_some(Simulated { estimates, truth })
+}
+
+/// Whether a gap has complete frames right before and after it.
+fn ends(complete: &[bool], gap: &Range<usize>) -> (bool, bool) {
+    let is_complete = |t: Option<usize>| t.and_then(|t| complete.get(t)).is_some_and(|c| *c);
+    (
+        is_complete(gap.start.checked_sub(1)),
+        is_complete(Some(gap.end)),
+    )
+}
+
+/// Where a gap as long as `gap` can be simulated: in complete frames of one run, with one on either side, clear of `gap`.
+fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>) -> Vec<usize> {
+    let mut since = 0;
+    let mut starts = Vec::new();
+    for t in 0..complete.len() {
+        let is_new_run = t > 0 && seconds[t] - seconds[t - 1] > 1e3;
+        if !complete[t] {
+            since = t + 1;
+        } else if is_new_run {
+            since = t;
+        }
+        if t + 1 >= since + gap.len() + 2 {
+            let start = t - gap.len();
+            if start + gap.len() + 2 < gap.start || start > gap.end + 2 {
+                starts.push(start);
+            }
+        }
+    }
+    starts
+}
+
+impl Simulated {
+    /// The weights of the estimates of a point, and the factor of its variance.
+    fn judge(&self, point: usize, plain: &Array1<f64>) -> (Array1<f64>, f64) {
+        let columns = s![.., 3 * point..3 * point + 3];
+        let errors: Vec<Array1<f64>> = (0..plain.len())
+            .map(|k| {
+                let both = self.estimates.iter().zip(&self.truth);
+                both.flat_map(|(e, truth)| {
+                    (&e.means[k].slice(columns) - &truth.slice(columns)).into_iter()
+                })
+                .collect()
+            })
+            .collect();
+        let n = errors[0].len() as f64;
+        let gram = Array2::from_shape_fn((plain.len(), plain.len()), |(a, b)| {
+            errors[a].dot(&errors[b]) / n
+        });
+        let weights = (best_weights(&gram, plain) + plain) / 2.0;
+        let mut error = Array1::<f64>::zeros(errors[0].len());
+        weights
+            .iter()
+            .zip(&errors)
+            .for_each(|(w, e)| error.scaled_add(*w, e));
+        let variance = self
+            .estimates
+            .iter()
+            .flat_map(|e| e.variance.slice(columns).to_owned().into_iter());
+        let ratio = error
+            .iter()
+            .zip(variance)
+            .map(|(e, v)| e * e / v.max(1e-12))
+            .sum::<f64>()
+            / n;
+        let count = self.estimates.len() as f64;
+        let factor = (count * ratio + USUAL_COUNT * USUAL_FACTOR) / (count + USUAL_COUNT);
+        (weights, factor)
+    }
+}
+
+/// argmin wᵀ G w + .1 g |w − w₀|² over weights that are not negative and add up to 1: the best of the solutions on each set of
+/// estimates, which are few.
+fn best_weights(gram: &Array2<f64>, plain: &Array1<f64>) -> Array1<f64> {
+    let k = plain.len();
+    let mut diagonal: Vec<f64> = gram.diag().to_vec();
+    diagonal.sort_by(f64::total_cmp);
+    let hold = SHRINKAGE * diagonal[k / 2];
+    let mut a = gram.clone();
+    a.diag_mut().mapv_inplace(|v| v + hold + 1e-12);
+    let linear = plain * hold;
+    let objective = |w: &Array1<f64>| w.dot(&a.dot(w)) - 2.0 * linear.dot(w);
+    let mut best = (objective(plain), plain.clone());
+    for set in 1u32..1 << k {
+        let members: Vec<usize> = (0..k).filter(|i| set >> i & 1 == 1).collect();
+        let pick = |v: &Array1<f64>| v.select(ndarray::Axis(0), &members);
+        let sub = Array2::from_shape_fn((members.len(), members.len()), |(i, j)| {
+            a[[members[i], members[j]]]
+        });
+        // A w = c + λ 1 with Σ w = 1.
+        let ones = Array1::ones(members.len());
+        let (Some(u), Some(v)) = (
+            cholesky_solve(sub.clone(), pick(&linear)),
+            cholesky_solve(sub, ones),
+        ) else {
+            continue;
+        };
+        let found = &u + &(&v * ((1.0 - u.sum()) / v.sum()));
+        if found.iter().all(|w| *w >= 0.0) {
+            let mut w = Array1::zeros(k);
+            members.iter().zip(&found).for_each(|(m, f)| w[*m] = *f);
+            let value = objective(&w);
+            if value < best.0 {
+                best = (value, w);
+            }
+        }
+    }
+    best.1
+}
