@@ -284,7 +284,7 @@ fn other_columns_and_points_are_carried_along() {
     }
     let status = run("complete", &["-q", "--status"], &more);
     let (points, _unlike) = status.lines().nth(1).unwrap().rsplit_once(',').unwrap();
-    assert!(points.ends_with("1e2,,003,unknown,"), "{status}");
+    assert!(points.ends_with("1e2,,003,unknown,,"), "{status}");
 }
 
 #[test]

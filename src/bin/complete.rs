@@ -7,6 +7,7 @@ use posing::cli::restoring::{RestoringArgs, Task, restore};
 use posing::cli::run;
 use posing::io::parse_point_names;
 use posing::restore::Complete;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 /// Fill gaps and missing points
@@ -34,6 +35,9 @@ struct Args {
     /// Also replace outliers by their estimate
     #[arg(long)]
     overwrite_observed: bool,
+    /// Write a list of all gaps to FILE: where each is, how it was filled, how sure that is. JSON if FILE ends in .json
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     restoring: RestoringArgs,
     #[command(flatten)]
@@ -54,5 +58,8 @@ fn work(args: &Args) -> Result<()> {
         fps: args.restoring.input.fps,
         per_frame: args.restoring.per_frame,
     };
-    restore(&args.restoring, &Task::Complete(options))
+    restore(
+        &args.restoring,
+        &Task::Complete(options, args.report.clone()),
+    )
 }

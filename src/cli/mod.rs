@@ -6,6 +6,7 @@ pub mod cluster;
 pub mod code_table;
 pub mod commands;
 pub mod completions;
+mod gap_report;
 pub mod ik;
 pub mod input;
 pub mod ksvd;

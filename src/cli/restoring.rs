@@ -1,6 +1,7 @@
 //! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of frames.
 
 use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
+use super::gap_report;
 use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
 use super::messages;
 use super::progress::Progress;
@@ -12,7 +13,7 @@ use crate::prior::OpenOptions;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
 use crate::{Error, Result};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Frames worked on at a time where each is answered by itself: enough for many threads, little memory.
@@ -24,6 +25,9 @@ struct ModelFlags {
     /// Model file (default: the built-in model)
     #[arg(short, long, value_name = "MODEL.npz", help_heading = "Model")]
     model: Option<PathBuf>,
+    /// Use no model: learn from the take's own frames alone. Takes any points
+    #[arg(long = "self", conflicts_with_all = ["model", "per_frame"], help_heading = "Model")]
+    take_alone: bool,
     /// For a dictionary: largest number of atoms per pose, 1 to 1000; auto: as in training
     #[arg(long, value_name = "K|auto", default_value = "auto", value_parser = parse_sparsity, help_heading = "Model")]
     sparsity: Sparsity,
@@ -58,8 +62,8 @@ pub struct RestoringArgs {
     /// Restore each frame by itself, without its neighbours, in constant memory
     #[arg(long)]
     pub per_frame: bool,
-    /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown) and NAME.sd (standard deviation, cm) for
-    /// each point; unlike for each frame (novelty of its pose in nats; 0: like the training poses)
+    /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd (standard deviation, cm) and
+    /// NAME.method (how it was filled: regression, pchip, model) for each point; unlike for each frame (novelty of its pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,
     /// Space of the table's poses
@@ -72,8 +76,8 @@ pub struct RestoringArgs {
 /// What is done to the poses.
 #[derive(Debug, Clone)]
 pub enum Task {
-    /// Missing points are estimated.
-    Complete(Complete),
+    /// Missing points are estimated, and a report of the gaps is written to a file.
+    Complete(Complete, Option<PathBuf>),
     /// Noise and outliers are removed.
     Denoise(Denoise),
 }
@@ -81,19 +85,27 @@ pub enum Task {
 impl Task {
     fn name(&self) -> &'static str {
         match self {
-            Task::Complete(_) => "complete",
+            Task::Complete(..) => "complete",
             Task::Denoise(_) => "denoise",
         }
     }
 
     /// Whether a table of 2-D points is accepted.
     fn planar(&self) -> bool {
-        matches!(self, Task::Complete(_))
+        matches!(self, Task::Complete(..))
     }
 
     fn max_gap(&self) -> Option<f64> {
         match self {
-            Task::Complete(options) => options.max_gap,
+            Task::Complete(options, _) => options.max_gap,
+            Task::Denoise(_) => None,
+        }
+    }
+
+    /// The file of the report of gaps.
+    fn report(&self) -> Option<&Path> {
+        match self {
+            Task::Complete(_, report) => report.as_deref(),
             Task::Denoise(_) => None,
         }
     }
@@ -101,7 +113,7 @@ impl Task {
     /// Checks the options against the points of the table.
     fn check(&self, points: &[String]) -> Result<()> {
         match self {
-            Task::Complete(options) => options.check(points),
+            Task::Complete(options, _) => options.check(points),
             Task::Denoise(_) => Ok(()),
         }
     }
@@ -114,7 +126,7 @@ impl Task {
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
         match self {
-            Task::Complete(options) => restorer.complete_with(table, options, progress),
+            Task::Complete(options, _) => restorer.complete_with(table, options, progress),
             Task::Denoise(options) => restorer.denoise_with(table, options, progress),
         }
     }
@@ -128,11 +140,15 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
             let what = "--max-gap needs times and cannot be used with --per-frame";
             return Err(Error::usage(what));
         }
+        (true, None) if task.report().is_some() => {
+            let what = "--report lists gaps in time and cannot be used with --per-frame";
+            return Err(Error::usage(what));
+        }
         (true, None) => frame_by_frame(args, task)?,
         (false, _) => take_by_take(args, task)?,
     };
     let left = match task {
-        Task::Complete(_) => "left empty: too few points visible",
+        Task::Complete(..) => "left empty: too few points visible",
         Task::Denoise(_) => "left unchanged: too few points visible",
     };
     report(&counts, left, args.status, task.max_gap().is_some());
@@ -145,8 +161,8 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
     task.check(&table.columns.points)?;
     let added = status_columns(args.status, &table.columns);
     args.out.format().check_added(&added)?;
-    let (model, name) = args.model.open()?;
-    let restorer = args.restorer(&model, &name, &table.columns)?;
+    let model = args.model.open()?;
+    let restorer = args.restorer(model.as_ref(), &table.columns)?;
     if args.input.rate(&table.poses)?.is_none() {
         let lack = match table.poses.time {
             Some(_) => "the table's times give no frame rate",
@@ -165,6 +181,9 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
     let restored = task.restore(&restorer, &table, &progress)?;
     drop(bar);
+    if let Some(path) = task.report() {
+        gap_report::write(path, &restored)?;
+    }
     write_table(&args.out, &table, restored.xyz(), &added, |t| {
         status_cells(args.status, &restored, t, table.columns.points.len())
     })?;
@@ -176,8 +195,8 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     let mut stream = RowStream::open(&args.input, task.planar(), true)?;
     let columns = stream.columns().clone();
     task.check(&columns.points)?;
-    let (model, name) = args.model.open()?;
-    let restorer = args.restorer(&model, &name, &columns)?;
+    let model = args.model.open()?;
+    let restorer = args.restorer(model.as_ref(), &columns)?;
     let added = status_columns(args.status, &columns);
     let mut sink = create_table(&args.out, &columns, &added)?;
     let mut counts = RestorationCounts::default();
@@ -214,11 +233,12 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
 }
 
 impl ModelFlags {
-    /// The model that the flags name, and its name in messages.
-    fn open(&self) -> Result<(Model, String)> {
+    /// The model that the flags name, and its name in messages; `None` for no model.
+    fn open(&self) -> Result<Option<(Model, String)>> {
         Ok(match &self.model {
-            Some(path) => (open_model(path)?, path.display().to_string()),
-            None => (Model::builtin()?, "the built-in model".to_string()),
+            _ if self.take_alone => None,
+            Some(path) => Some((open_model(path)?, path.display().to_string())),
+            None => Some((Model::builtin()?, "the built-in model".to_string())),
         })
     }
 }
@@ -227,10 +247,12 @@ impl RestoringArgs {
     /// What restores tables with such columns.
     fn restorer<'m>(
         &self,
-        model: &'m Model,
-        name: &str,
+        model: Option<&'m (Model, String)>,
         columns: &Columns,
     ) -> Result<Restorer<'m>> {
+        let Some((model, name)) = model else {
+            return Ok(Restorer::without_model());
+        };
         let options = OpenOptions {
             sparsity: self.model.sparsity.0,
             rule: self.model.pursuit.rule(),
@@ -265,10 +287,10 @@ fn report_unknown_points(points: &[String], known: &[String]) {
     match count {
         0 => {}
         1 => messages::info(&format!(
-            "1 point is not in the model and stays unchanged {names}"
+            "1 point is not in the model: only its take restores it {names}"
         )),
         _ => messages::info(&format!(
-            "{count} points are not in the model and stay unchanged {names}"
+            "{count} points are not in the model: only their takes restore them {names}"
         )),
     }
 }

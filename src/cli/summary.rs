@@ -16,6 +16,7 @@ pub fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
         [
             AddedColumn::new(format!("{n}.status"), After::Point(p)),
             AddedColumn::new(format!("{n}.sd"), After::Point(p)),
+            AddedColumn::new(format!("{n}.method"), After::Point(p)),
         ]
     });
     of_points
@@ -35,7 +36,12 @@ pub fn status_cells(
     }
     let of_point = |p: usize| {
         let sd = (restored.sd(t, p) * 1e4).round() / 1e4;
-        [restored.status(t, p).name().to_string(), number(sd)]
+        let method = restored.method(t, p).map_or("", |m| m.name());
+        [
+            restored.status(t, p).name().to_string(),
+            number(sd),
+            method.to_string(),
+        ]
     };
     // Rounded up, so that only 0 is 0.
     let novelty = (restored.novelty(t) * 10.0).ceil() / 10.0;

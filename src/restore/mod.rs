@@ -38,6 +38,6 @@ pub use complete::Complete;
 pub use denoise::Denoise;
 pub use frame_restorer::{FrameRestorer, RestoredFrame};
 pub use gap::FillMethod;
-pub use restoration::{Restoration, RestorationCounts};
+pub use restoration::{Restoration, RestorationCounts, RestoredGap};
 pub use restorer::Restorer;
 pub use rigid::{Corrected, OutlierMode, RigidModel};

@@ -1,10 +1,12 @@
 //! The result of restoring a table: its values in the table's order of points, and what became of each point.
 
-use super::gap::FillMethod;
+use super::gap::{FillMethod, Gap, find_gaps};
 use super::restored_frames::RestoredFrames;
 use crate::io::Table;
 use crate::pose::Status;
+use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
+use std::ops::Range;
 
 /// Numbers of frames and points by what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -41,6 +43,21 @@ impl RestorationCounts {
     pub fn mean_noise(&self) -> f64 {
         self.noise / self.frames.max(1) as f64
     }
+}
+
+/// A gap of a restored table: a point that was missing for some frames on end.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RestoredGap {
+    /// The point.
+    pub point: usize,
+    /// The frames, counted over the table.
+    pub frames: Range<usize>,
+    /// How most of its frames were filled; `None` if they were not.
+    pub method: Option<FillMethod>,
+    /// Standard deviation of a coordinate, cm: the root mean square over the filled frames; NaN where none was.
+    pub sd: f64,
+    /// The longest way from one frame to the next, the frames at both ends included, cm; NaN where none was filled.
+    pub longest_step: f64,
 }
 
 /// A restored table.
@@ -139,6 +156,45 @@ impl<'t> Restoration<'t> {
     /// How a missing point was filled; `None` where it was not, or the frame was restored by itself.
     pub fn method(&self, frame: usize, point: usize) -> Option<FillMethod> {
         self.method[frame * self.points() + point]
+    }
+
+    /// The gaps of the table that was restored, in the order of their first frames.
+    pub fn gaps(&self) -> Vec<RestoredGap> {
+        let mut gaps = find_gaps(self.source.poses.xyz.view(), &self.source.poses.runs());
+        gaps.sort_by_key(|g| (g.frames.start, g.point));
+        gaps.iter().map(|gap| self.restored_gap(gap)).collect()
+    }
+
+    fn restored_gap(&self, gap: &Gap) -> RestoredGap {
+        let point = gap.point;
+        let at = |t: usize| DVec3::from_slice(&self.xyz.row(t).to_vec()[3 * point..]);
+        let steps = (gap.before.unwrap_or(gap.frames.start)
+            ..gap.after.map_or(gap.frames.end, |a| a + 1))
+            .collect::<Vec<_>>();
+        let longest = steps
+            .windows(2)
+            .map(|w| (at(w[1]) - at(w[0])).length())
+            .fold(f64::NAN, f64::max);
+        let variances = gap.frames.clone().map(|t| self.sd(t, point).powi(2));
+        let known: Vec<f64> = variances.filter(|v| v.is_finite()).collect();
+        let methods: Vec<FillMethod> = gap
+            .frames
+            .clone()
+            .filter_map(|t| self.method(t, point))
+            .collect();
+        let count = |m: FillMethod| methods.iter().filter(|x| **x == m).count();
+        RestoredGap {
+            point,
+            frames: gap.frames.clone(),
+            method: methods.iter().copied().max_by_key(|m| count(*m)),
+            sd: (known.iter().sum::<f64>() / known.len() as f64).sqrt(),
+            longest_step: longest,
+        }
+    }
+
+    /// The table that was restored.
+    pub fn source(&self) -> &'t Table {
+        self.source
     }
 
     /// Novelty of a frame's pose, nats: 0 for a pose like those of the training set; NaN where the model has no threshold or

@@ -61,7 +61,7 @@ impl<'a> BoundModel<'a> {
             let listed =
                 |list: &[String]| list.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
             let what = format!(
-                "the table has none of the model's points ({}, …); it has {}; convert the names, or train a model with prior-train",
+                "the table has none of the model's points ({}, …); it has {}; convert the names, train a model with prior-train, or use --self: the take's own frames alone",
                 listed(known),
                 listed(points)
             );

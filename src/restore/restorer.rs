@@ -30,9 +30,10 @@ use ndarray::{Array2, s};
 use std::ops::Range;
 use std::sync::OnceLock;
 
-/// Restores tables with one model, which is opened at the first table.
+/// Restores tables with one model, which is opened at the first table, or with none.
 pub struct Restorer<'m> {
-    model: &'m Model,
+    /// `None`: by the takes themselves.
+    model: Option<&'m Model>,
     options: OpenOptions,
     name: String,
     world: bool,
@@ -42,6 +43,15 @@ pub struct Restorer<'m> {
 impl<'m> Restorer<'m> {
     /// Restores poses that stand anywhere in the world.
     pub fn new(model: &'m Model) -> Restorer<'m> {
+        Restorer::with(Some(model))
+    }
+
+    /// Restores takes of any points by their own frames and by time alone; single frames cannot be restored.
+    pub fn without_model() -> Restorer<'m> {
+        Restorer::with(None)
+    }
+
+    fn with(model: Option<&'m Model>) -> Restorer<'m> {
         Restorer {
             model,
             options: OpenOptions::default(),
@@ -124,9 +134,12 @@ impl<'m> Restorer<'m> {
     /// Restores single frames, in the model's order of points and for the model's own body.
     ///
     /// # Errors
-    /// [`Error::Data`] if the model cannot be opened.
+    /// [`Error::Data`] if the model cannot be opened, [`Error::Usage`] if there is none.
     pub fn frame_restorer(&self) -> Result<FrameRestorer<'_>> {
-        Ok(self.loaded()?.frame_restorer())
+        match self.model {
+            Some(model) => Ok(self.loaded(model)?.frame_restorer()),
+            None => Err(no_model()),
+        }
     }
 
     /// Opens the model and binds it to a table of `points`, which restoring does too.
@@ -137,17 +150,20 @@ impl<'m> Restorer<'m> {
         self.bind(points).map(drop)
     }
 
-    /// The opened model, bound to a table of `points`.
-    fn bind(&self, points: &[String]) -> Result<BoundModel<'_>> {
-        BoundModel::new(self.loaded()?, &self.model.meta.points, &self.name, points)
+    /// The opened model, bound to a table of `points`; `None` without a model.
+    fn bind(&self, points: &[String]) -> Result<Option<BoundModel<'_>>> {
+        let bind = |model: &'m Model| {
+            BoundModel::new(self.loaded(model)?, &model.meta.points, &self.name, points)
+        };
+        self.model.map(bind).transpose()
     }
 
     /// The opened model.
-    fn loaded(&self) -> Result<&LoadedModel> {
+    fn loaded(&self, model: &Model) -> Result<&LoadedModel> {
         if let Some(loaded) = self.loaded.get() {
             return Ok(loaded);
         }
-        let loaded = LoadedModel::new(self.model, &self.options, &self.name, self.world)?;
+        let loaded = LoadedModel::new(model, &self.options, &self.name, self.world)?;
         Ok(self.loaded.get_or_init(|| loaded))
     }
 
@@ -165,7 +181,8 @@ impl<'m> Restorer<'m> {
         let mut out = Restoration::new(table);
         let Some(rate) = rate else {
             let xyz = hide(poses.xyz.to_owned(), hidden);
-            out.add(0, &method.frames(&bound, xyz.view()));
+            let bound = bound.as_ref().ok_or_else(no_model)?;
+            out.add(0, &method.frames(bound, xyz.view()));
             return Ok(out);
         };
         let runs = poses.runs();
@@ -184,10 +201,17 @@ impl<'m> Restorer<'m> {
                 runs: &runs,
                 rate: own.unwrap_or(rate),
             };
-            out.add(frames.start, &method.take(Some(&bound), &take, progress));
+            out.add(frames.start, &method.take(bound.as_ref(), &take, progress));
         }
         Ok(out)
     }
+}
+
+/// What to say where only a model would do.
+fn no_model() -> Error {
+    Error::usage(
+        "without a model only whole takes can be restored: a frame by itself says nothing of what it lacks (--fps sets a table's frame rate)",
+    )
 }
 
 /// The frame rate of a table: `fps`, else by its times. `None` where each frame is restored by itself.

@@ -1,0 +1,90 @@
+//! The report of `complete`: every gap of a table, as text or JSON.
+
+use crate::io::Output;
+use crate::restore::{Restoration, RestoredGap};
+use crate::{Error, Result};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::Path;
+
+/// One gap.
+#[derive(Serialize)]
+struct Line<'a> {
+    /// The take, if the table names its takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    take: Option<&'a str>,
+    point: &'a str,
+    /// The first frame, counted from 0 within the take.
+    first_frame: usize,
+    frames: usize,
+    /// How it was filled; none: it was not.
+    method: &'a str,
+    /// Standard deviation of a coordinate, cm.
+    sd: Option<f64>,
+    /// cm.
+    longest_step: Option<f64>,
+}
+
+/// Writes the gaps of a restoration to a file: JSON where its name ends in .json, else aligned text.
+pub fn write(path: &Path, restored: &Restoration<'_>) -> Result<()> {
+    let takes = restored.source().poses.takes();
+    let gaps = restored.gaps();
+    let lines: Vec<Line<'_>> = gaps.iter().map(|g| line(restored, &takes, g)).collect();
+    let text = match path.extension().is_some_and(|e| e == "json") {
+        true => {
+            serde_json::to_string_pretty(&lines).map_err(|e| Error::usage(e.to_string()))? + "\n"
+        }
+        false => text(&lines),
+    };
+    let mut out = Output::file(path)?;
+    out.write(text.as_bytes())?;
+    out.finish()
+}
+
+fn line<'a>(
+    restored: &Restoration<'a>,
+    takes: &[std::ops::Range<usize>],
+    gap: &RestoredGap,
+) -> Line<'a> {
+    let poses = &restored.source().poses;
+    let start = gap.frames.start;
+    let first = takes
+        .iter()
+        .find(|t| t.contains(&start))
+        .map_or(0, |t| t.start);
+    let rounded = |v: f64| v.is_finite().then_some((v * 1e4).round() / 1e4);
+    Line {
+        take: poses.take.as_ref().map(|t| &*t[start]),
+        point: &poses.points[gap.point],
+        first_frame: start - first,
+        frames: gap.frames.len(),
+        method: gap.method.map_or("none", |m| m.name()),
+        sd: rounded(gap.sd),
+        longest_step: rounded(gap.longest_step),
+    }
+}
+
+fn text(lines: &[Line<'_>]) -> String {
+    let width = |of: &dyn Fn(&Line<'_>) -> usize| lines.iter().map(of).max().unwrap_or(0).max(5);
+    let take = width(&|l| l.take.unwrap_or("-").chars().count());
+    let point = width(&|l| l.point.chars().count());
+    let mut out = format!(
+        "{:<take$}  {:<point$}  {:>11}  {:>6}  {:<10}  {:>8}  {:>16}\n",
+        "take", "point", "first frame", "frames", "method", "sd, cm", "longest step, cm"
+    );
+    let number = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{v:.3}"));
+    for l in lines {
+        let _ = writeln!(
+            out,
+            "{:<take$}  {:<point$}  {:>11}  {:>6}  {:<10}  {:>8}  {:>16}",
+            l.take.unwrap_or("-"),
+            l.point,
+            l.first_frame,
+            l.frames,
+            l.method,
+            number(l.sd),
+            number(l.longest_step)
+        );
+    }
+    out
+}
