@@ -39,6 +39,9 @@ struct Args {
     common: CommonArgs,
 }
 
+/// Noise of a coordinate, at most, cm.
+const MOST_NOISE: f64 = 1000.0;
+
 #[derive(Clone, Copy)]
 struct Noise(Option<f64>);
 
@@ -46,7 +49,12 @@ fn parse_noise(text: &str) -> std::result::Result<Noise, String> {
     if text == "auto" {
         Ok(Noise(None))
     } else {
-        parse_length(text).map(|n| Noise(Some(n)))
+        match parse_length(text)? {
+            n if n <= MOST_NOISE => Ok(Noise(Some(n))),
+            _ => Err(format!(
+                "expected at most {MOST_NOISE} cm: no body is larger"
+            )),
+        }
     }
 }
 

@@ -8,13 +8,14 @@ use std::path::Path;
 /// The size of the buffers, in bytes.
 const BUFFER: usize = 1 << 16;
 /// The number of bytes by which a format is recognised.
-const MAGIC: usize = 6;
+const MAGIC: usize = 20;
 
 /// An opened input, decompressed, with the name its messages use.
 pub struct Input {
     /// The path as the user wrote it, or `standard input`.
     pub name: String,
     kind: ContentKind,
+    first: Vec<u8>,
     reader: Box<dyn BufRead>,
 }
 
@@ -66,14 +67,25 @@ impl Input {
         } else {
             let reader = Box::new(BufReader::with_capacity(BUFFER, stream));
             let kind = kind_of(&first);
-            return Ok(Input { name, kind, reader });
+            return Ok(Input {
+                name,
+                kind,
+                first,
+                reader,
+            });
         };
         let (first, stream) = start(stream).map_err(fail)?;
         Ok(Input {
             kind: kind_of(&first),
+            first,
             reader: Box::new(BufReader::with_capacity(BUFFER, stream)),
             name,
         })
+    }
+
+    /// The first bytes: 20, or all where there are fewer.
+    pub fn first_bytes(&self) -> &[u8] {
+        &self.first
     }
 
     /// The kind of content.

@@ -10,6 +10,7 @@ pub mod input;
 mod matrix;
 pub mod model;
 pub mod npy;
+mod other_formats;
 pub mod output;
 mod row;
 mod skeleton_file;

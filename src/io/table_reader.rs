@@ -4,6 +4,7 @@ use super::columns::Columns;
 use super::csv::CsvReader;
 use super::input::{ContentKind, Input};
 use super::npy::NpyReader;
+use super::other_formats::recognized;
 use super::row::{ReadOptions, Row};
 use crate::{Error, Place, Result};
 
@@ -24,6 +25,9 @@ impl RowReader {
         match input.kind() {
             ContentKind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
             ContentKind::Text => {
+                if let Some(what) = recognized(input.first_bytes()) {
+                    return Err(Error::data(Place::file(input.name), what));
+                }
                 CsvReader::new(input, options).map(|r| RowReader::Csv(Box::new(r)))
             }
             ContentKind::Empty => Err(Error::data(
