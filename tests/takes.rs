@@ -172,7 +172,10 @@ fn files_of_other_formats_are_told_what_they_are() {
     ] {
         let said = common::fails("complete", &[], file, 1);
         assert_eq!(said.trim().lines().count(), 1, "{said}");
-        assert!(said.contains(word) && said.contains("standard input"), "{said}");
+        assert!(
+            said.contains(word) && said.contains("standard input"),
+            "{said}"
+        );
     }
     common::fails("denoise", &["--noise", "1e300"], b"", 2);
 }

@@ -72,6 +72,15 @@ pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_ga
         let noun = if count == 1 { "outlier" } else { "outliers" };
         messages::info(&format!("ignored {count} {noun}"));
     }
+    match counts.takes_alone {
+        0 => {}
+        1 => messages::info(
+            "the model knows no poses like most of the take's: restored from its own frames alone",
+        ),
+        n => messages::info(&format!(
+            "the model knows no poses like most of those of {n} takes: restored from their own frames alone"
+        )),
+    }
     if counts.novel > 0 {
         let which = if status {
             "the column unlike"

@@ -8,7 +8,7 @@ use std::path::Path;
 /// The size of the buffers, in bytes.
 const BUFFER: usize = 1 << 16;
 /// The number of bytes by which a format is recognised.
-const MAGIC: usize = 20;
+const MAGIC: usize = 12;
 
 /// An opened input, decompressed, with the name its messages use.
 pub struct Input {
@@ -83,7 +83,7 @@ impl Input {
         })
     }
 
-    /// The first bytes: 20, or all where there are fewer.
+    /// The first bytes: 12, or all where there are fewer.
     pub fn first_bytes(&self) -> &[u8] {
         &self.first
     }

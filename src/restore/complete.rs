@@ -89,7 +89,9 @@ impl Method for Complete {
         remove(&mut captured, &outliers.points);
         let gaps = find_gaps(captured.view(), take.runs);
         let mut out = RestoredFrames::captured(take.xyz);
-        let filled = fill_gaps(bound, adapted.as_ref(), take, captured.view(), &gaps, done);
+        out.take_alone = !is_known(bound, adapted.as_ref(), captured.view());
+        let known = adapted.as_ref().filter(|_| !out.take_alone);
+        let filled = fill_gaps(bound, known, take, captured.view(), &gaps, done);
         for (gap, filled) in gaps.iter().zip(&filled) {
             put(&mut out, take.xyz, gap, filled.as_ref());
         }
@@ -123,6 +125,17 @@ impl Complete {
             empty_gaps(out, take.xyz, gaps.iter().filter(is_long));
         }
     }
+}
+
+/// Whether the model, if there is one, knows poses like those of the captured frames (frames, 3 J, in the table's order). If not, the
+/// take is restored alone.
+pub fn is_known(
+    bound: Option<&BoundModel<'_>>,
+    adapted: Option<&AdaptedModel<'_>>,
+    captured: ArrayView2<'_, f64>,
+) -> bool {
+    let both = bound.zip(adapted);
+    both.is_none_or(|(bound, adapted)| adapted.knows(bound.gather(captured).view()))
 }
 
 /// Fills the gaps of `captured` (frames, 3 J, in the table's order): by the frames around them, else by the model.

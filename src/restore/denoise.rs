@@ -5,7 +5,7 @@
 //! neighboring frames reveal, and each smoothed frame is an observation with the variances that the smoother left.
 
 use super::adaptive_smoothing::smooth_path;
-use super::complete::{fill_gaps, put};
+use super::complete::{fill_gaps, is_known, put};
 use super::frame_restorer::{FrameRestorer, RestoredFrame, displacement};
 use super::gap::{FilledGap, Gap, find_gaps};
 use super::loaded_model::LoadedModel;
@@ -104,6 +104,10 @@ impl Method for Denoise {
         }
         let mut out = RestoredFrames::captured(take.xyz);
         out.noise = smoothed.noise.iter().sum::<f64>() / smoothed.noise.len().max(1) as f64;
+        let seen = smoothed.mean.view();
+        let fresh = bound.map(|b| b.model.adapt_prior(b.gather(seen).view(), 0.0));
+        out.take_alone = !is_known(bound, fresh.as_ref(), seen);
+        let bound = bound.filter(|_| !out.take_alone);
         let answers = bound.map(|b| Answers::new(b, &smoothed, take, done));
         put_denoised(&mut out, take, &smoothed, answers.as_ref());
         self.put_filled(&mut out, bound, take, &outliers);

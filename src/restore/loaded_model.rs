@@ -7,13 +7,17 @@ use super::rigid::RigidModel;
 use super::rigid::noise_floor::NoiseFloor;
 use crate::Result;
 use crate::io::Model;
-use crate::pose::{Anchor, Body, PoseTransform, joints};
+use crate::numeric::parallel;
+use crate::pose::{Anchor, Body, PoseTransform, Similarity, joints};
 use crate::prior::{self, OpenOptions, Prior};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
 
 /// A body whose bones differ from the model's by no more than this share is taken for the model's.
 const SAME_BODY: f64 = 0.002;
+
+/// Frames by which a model is judged to know a take.
+const JUDGED_FRAMES: usize = 50;
 
 /// A pose model in memory.
 pub struct LoadedModel {
@@ -173,6 +177,19 @@ impl<'a> AdaptedModel<'a> {
         let anchor = self.model.anchor.as_ref();
         anchor.filter(|a| a.root.is_some())?;
         prior.training_poses()
+    }
+
+    /// Whether at most half of the complete frames of a take (frames, 3 J; cm) are unlike all training poses.
+    pub fn knows(&self, take: ArrayView2<'_, f64>) -> bool {
+        let is_complete = |t: &usize| take.row(*t).iter().all(|v| v.is_finite());
+        let complete: Vec<usize> = (0..take.nrows()).filter(is_complete).collect();
+        let step = complete.len().div_ceil(JUDGED_FRAMES).max(1);
+        let restorer = self.restorer();
+        let judged = parallel::map_chunks(complete.len().div_ceil(step), 1, |range| {
+            let pose = take.row(complete[range.start * step]).to_vec();
+            restorer.novelty(&pose, &Similarity::IDENTITY) > 0.0
+        });
+        2 * judged.iter().filter(|is_novel| **is_novel).count() <= judged.len()
     }
 
     /// Restores frames with the prior alone, no rigid distance kept.

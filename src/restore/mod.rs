@@ -8,7 +8,7 @@
 //! 1. [`Restorer`] opens the model, binds it to the table's points and walks the takes (`restored_frames`).
 //! 2. [`outliers`] finds spikes, adapts the model to the body ([`body_adaptation`]) and finds the other outliers.
 //! 3. [`denoise`] smooths each coordinate over time (`kalman_smoother`); [`complete`] takes seen values for exact.
-//! 4. [`gap`] fills gaps from the frames around them, [`FrameRestorer`] restores each frame where these say nothing:
+//! 4. `gap` fills gaps from the frames around them, [`FrameRestorer`] restores each frame where these say nothing:
 //!    [`placement`] finds rotation and shift, the prior gives the posterior in the model's space, [`rigid`] projects it onto
 //!    the known distances.
 //! 5. `frame_fill` makes the restored frames continuous over the gaps of [`complete`].

@@ -17,6 +17,8 @@ pub struct RestorationCounts {
     pub too_little: usize,
     /// Frames whose restored pose has a novelty above 0.
     pub novel: usize,
+    /// Takes restored without the model, as it knows no poses like most of theirs.
+    pub takes_alone: usize,
     /// Missing points that were filled.
     pub filled: usize,
     /// Outliers.
@@ -33,6 +35,7 @@ impl RestorationCounts {
         self.frames += other.frames;
         self.too_little += other.too_little;
         self.novel += other.novel;
+        self.takes_alone += other.takes_alone;
         self.filled += other.filled;
         self.rejected += other.rejected;
         self.unfilled += other.unfilled;
@@ -105,6 +108,7 @@ impl<'t> Restoration<'t> {
         self.counts.add(&RestorationCounts {
             frames,
             too_little: restored.too_little,
+            takes_alone: usize::from(restored.take_alone),
             novel: restored.novelty.iter().filter(|n| **n > 0.0).count(),
             noise: restored.noise * frames as f64,
             ..RestorationCounts::default()

@@ -152,6 +152,8 @@ pub struct RestoredFrames {
     sd: Vec<f64>,
     /// How each missing point was filled (frames x J).
     method: Vec<Option<FillMethod>>,
+    /// Whether the model knows so little of the take that it was restored without.
+    pub take_alone: bool,
     /// Frames with too little seen to restore them.
     pub too_little: usize,
     /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
@@ -171,6 +173,7 @@ impl RestoredFrames {
             status: vec![Status::Observed; count],
             sd: vec![EXACT_VARIANCE.sqrt(); count],
             method: vec![None; count],
+            take_alone: false,
             too_little: 0,
             noise: 0.0,
         }
