@@ -179,3 +179,15 @@ fn files_of_other_formats_are_told_what_they_are() {
     }
     common::fails("denoise", &["--noise", "1e300"], b"", 2);
 }
+
+#[test]
+fn an_outlier_beside_a_gap_is_replaced_and_the_gap_stays_without_fill() {
+    let truth = body(400);
+    let mut damaged = hide(&truth, &[4], 200..210);
+    damaged.rows[210][3 * 4] += 30.0;
+    let quiet = Numbers::read(&run("denoise", &["-q", "--self"], &damaged.write()));
+    assert_eq!(quiet.missing(), 30);
+    assert!((quiet.rows[210][12] - truth.rows[210][12]).abs() <= 3.0);
+    let whole = run("denoise", &["-q", "--self", "--fill"], &damaged.write());
+    assert_eq!(Numbers::read(&whole).missing(), 0);
+}

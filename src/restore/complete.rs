@@ -2,7 +2,7 @@
 //!
 //! Each frame is an observation whose seen coordinates are exact and whose others have infinite variance; the restored frame
 //! fills the missing points. In a take, outliers count as missing, the model is adapted to the take's body, and the
-//! estimates are made continuous over each gap (`gap_interpolation`).
+//! gaps are filled from the frames around them (`gap`), else by the model frame by frame (`frame_fill`).
 
 use super::frame_fill::FrameFill;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
@@ -93,7 +93,7 @@ impl Method for Complete {
         let known = adapted.as_ref().filter(|_| !out.take_alone);
         let filled = fill_gaps(bound, known, take, captured.view(), &gaps, done);
         for (gap, filled) in gaps.iter().zip(&filled) {
-            put(&mut out, take.xyz, gap, filled.as_ref());
+            put(&mut out, take.xyz, gap, filled.as_ref(), false);
         }
         out.too_little = count_unknown(&out);
         if let Some((bound, adapted)) = bound.zip(adapted.as_ref()) {
@@ -183,16 +183,21 @@ pub fn fill_gaps(
     filled
 }
 
-/// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay. Outliers are rejected.
+/// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay. Outliers are rejected; where
+/// `outliers_only`, missing points stay missing.
 pub fn put(
     out: &mut RestoredFrames,
     xyz: ArrayView2<'_, f64>,
     gap: &Gap,
     filled: Option<&FilledGap>,
+    outliers_only: bool,
 ) {
     let p = gap.point;
     for (k, t) in gap.frames.clone().enumerate() {
         let is_measured = (3 * p..3 * p + 3).all(|i| xyz[[t, i]].is_finite());
+        if outliers_only && !is_measured {
+            continue;
+        }
         let status = match (is_measured, filled) {
             (true, _) => Status::Rejected,
             (false, Some(_)) => Status::Inferred,

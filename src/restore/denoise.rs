@@ -137,7 +137,7 @@ impl Denoise {
         let adapted = bound.map(|b| b.model.adapt(b.gather(seen.view()).view(), 0.0));
         let filled = fill_gaps(bound, adapted.as_ref(), take, seen.view(), &gaps, &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
-            put(out, take.xyz, gap, filled.as_ref());
+            put(out, take.xyz, gap, filled.as_ref(), !self.fill);
         }
     }
 }

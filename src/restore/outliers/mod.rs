@@ -53,7 +53,7 @@ impl Outliers {
         }
     }
 
-    /// The parts of gaps in which their points are outliers, not missing.
+    /// The gaps with a frame in which the point is an outlier; in others it may be missing.
     pub fn gaps(&self, gaps: &[Gap]) -> Vec<Gap> {
         let is_outlier =
             |gap: &&Gap| (gap.frames.clone()).any(|t| self.points[t].contains(&gap.point));
