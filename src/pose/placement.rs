@@ -4,7 +4,7 @@
 //! and, where one of those is missing, the lower back; for other points it is a rigid fit to the mean pose.
 
 use super::rotation::angle_between;
-use super::similarity::{Similarity, SimilarityFit, TransformKind, fit_similarity};
+use super::similarity::{Similarity, TransformKind, fit_similarity};
 use glam::{DMat3, DVec3};
 
 /// Where CMU's hip joints and lower back stand in the root's frame: means over the database's skeletons, cm.
@@ -75,30 +75,34 @@ impl Anchor {
     ///
     /// `None` when the points that the pose shows do not determine it. A pose in place already gets the identity.
     pub fn place(&self, pose: &[f64]) -> Option<Similarity> {
+        let fitted = self.fit(pose)?;
+        let is_at_origin = self.root.is_some() && fitted.shift.length() <= 1e-6;
+        let is_in_place =
+            is_at_origin && angle_between(&fitted.rotation, &DMat3::IDENTITY) <= IN_PLACE;
+        Some(if is_in_place {
+            Similarity::IDENTITY
+        } else {
+            fitted
+        })
+    }
+
+    /// As [`Anchor::place`], but a pose in place is fitted like any other: frames of a take that turns through there stay
+    /// continuous.
+    pub fn fit(&self, pose: &[f64]) -> Option<Similarity> {
         let at = |i: usize| DVec3::from_slice(&pose[3 * i..3 * i + 3]);
         let seen = || self.points.iter().filter(|(i, ..)| at(*i).is_finite());
-        let pairs = seen().map(|&(i, place, weight)| (place, at(i), weight));
-        let SimilarityFit {
-            mut similarity,
-            determined,
-            ..
-        } = fit_similarity(pairs, TransformKind::Rigid)?;
-        if let Some(root) = self.root.map(at).filter(|r| r.is_finite()) {
-            // The root's own place is exact; the turn is about it.
-            let pairs = seen().map(|&(i, place, weight)| (place, at(i) - root, weight));
-            let turn = fit_similarity(pairs, TransformKind::Rotation)?;
-            if root.length() <= 1e-6
-                && angle_between(&turn.similarity.rotation, &DMat3::IDENTITY) <= IN_PLACE
-            {
-                return turn.determined.then_some(Similarity::IDENTITY);
-            }
-            similarity = Similarity {
-                shift: root,
-                ..turn.similarity
-            };
-            return turn.determined.then_some(similarity);
-        }
-        determined.then_some(similarity)
+        let Some(root) = self.root.map(at).filter(|r| r.is_finite()) else {
+            let pairs = seen().map(|&(i, place, weight)| (place, at(i), weight));
+            let fit = fit_similarity(pairs, TransformKind::Rigid)?;
+            return fit.determined.then_some(fit.similarity);
+        };
+        // The root's own place is exact; the turn is about it.
+        let pairs = seen().map(|&(i, place, weight)| (place, at(i) - root, weight));
+        let turn = fit_similarity(pairs, TransformKind::Rotation)?;
+        turn.determined.then_some(Similarity {
+            shift: root,
+            ..turn.similarity
+        })
     }
 }
 
@@ -145,6 +149,14 @@ mod tests {
         let anchor = Anchor::pelvis(&cmu_names()).unwrap();
         assert_eq!(anchor.place(&pose()), Some(Similarity::IDENTITY));
         assert!(Anchor::pelvis(&["root".to_string()]).is_none());
+        // A small turn counts as in place, but is fitted where frames are compared.
+        let turn = from_rotation_vector(DVec3::Y * 0.1);
+        let turned: Vec<f64> = (pose().chunks_exact(3))
+            .flat_map(|p| (turn * DVec3::from_slice(p)).to_array())
+            .collect();
+        assert_eq!(anchor.place(&turned), Some(Similarity::IDENTITY));
+        let fitted = anchor.fit(&turned).unwrap();
+        assert!(angle_between(&fitted.rotation, &turn) <= 1e-9);
     }
 
     #[test]

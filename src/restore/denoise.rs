@@ -8,7 +8,7 @@ use super::adaptive_smoothing::smooth_path;
 use super::complete::{fill_gaps, is_known, put};
 use super::frame_restorer::{FrameRestorer, RestoredFrame, displacement};
 use super::gap::{FilledGap, Gap, find_gaps};
-use super::loaded_model::LoadedModel;
+use super::loaded_model::{AdaptedModel, LoadedModel};
 use super::noise_estimation;
 use super::outliers::{LIKELY, Outliers, find_outliers, remove};
 use super::restored_frames::{BoundModel, Method, RestoredFrames, Take};
@@ -105,12 +105,16 @@ impl Method for Denoise {
         let mut out = RestoredFrames::captured(take.xyz);
         out.noise = smoothed.noise.iter().sum::<f64>() / smoothed.noise.len().max(1) as f64;
         let seen = smoothed.mean.view();
-        let fresh = bound.map(|b| b.model.adapt_prior(b.gather(seen).view(), 0.0));
-        out.take_alone = !is_known(bound, fresh.as_ref(), seen);
-        let bound = bound.filter(|_| !out.take_alone);
-        let answers = bound.map(|b| Answers::new(b, &smoothed, take, done));
+        let adapted = bound.map(|b| {
+            let seen = b.gather(seen);
+            let adapted = b.model.adapt_prior(seen.view(), 0.0);
+            adapted.with_lengths_from(seen.view(), smoothed.noise_left())
+        });
+        out.take_alone = !is_known(bound, adapted.as_ref(), seen);
+        let model = bound.zip(adapted.as_ref()).filter(|_| !out.take_alone);
+        let answers = model.map(|(b, adapted)| Answers::new(b, adapted, &smoothed, take, done));
         put_denoised(&mut out, take, &smoothed, answers.as_ref());
-        self.put_filled(&mut out, bound, take, &outliers);
+        self.put_filled(&mut out, model, take, &outliers);
         out
     }
 }
@@ -120,7 +124,7 @@ impl Denoise {
     fn put_filled(
         &self,
         out: &mut RestoredFrames,
-        bound: Option<&BoundModel<'_>>,
+        model: Option<(&BoundModel<'_>, &AdaptedModel<'_>)>,
         take: &Take<'_>,
         outliers: &Outliers,
     ) {
@@ -134,8 +138,8 @@ impl Denoise {
         if gaps.is_empty() {
             return;
         }
-        let adapted = bound.map(|b| b.model.adapt(b.gather(seen.view()).view(), 0.0));
-        let filled = fill_gaps(bound, adapted.as_ref(), take, seen.view(), &gaps, &|_| ());
+        let (bound, adapted) = model.unzip();
+        let filled = fill_gaps(bound, adapted, take, seen.view(), &gaps, &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
             put(out, take.xyz, gap, filled.as_ref(), !self.fill);
         }
@@ -182,15 +186,13 @@ struct Answers {
 impl Answers {
     fn new(
         bound: &BoundModel<'_>,
+        adapted: &AdaptedModel<'_>,
         smoothed: &Smoothed,
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> Answers {
-        let model = bound.model;
         let seen = bound.gather(smoothed.mean.view());
         let variance = bound.gather(smoothed.variance.view());
-        let adapted = model.adapt_prior(seen.view(), 0.0);
-        let adapted = adapted.with_lengths_from(seen.view(), smoothed.noise_left());
         // Lengths measured through noise are all too long: keeping them would do more harm than good.
         let keeps_lengths = adapted.is_own_body() || smoothed.noise_left() <= MEASURES_LENGTHS;
         let restorer = match keeps_lengths {
@@ -420,7 +422,10 @@ impl Smoothed {
     ) -> Smoothed {
         let mut clean = take.xyz.to_owned();
         remove(&mut clean, outliers);
-        let noise = noise_estimation::of_table(bound, clean.view(), take.runs, noise);
+        let in_model = bound.map(|b| b.gather(clean.view()));
+        let model = bound.zip(in_model.as_ref());
+        let model = model.map(|(b, in_model)| (b.model, in_model.view()));
+        let noise = noise_estimation::by_point(model, clean.view(), take.runs, noise);
         let columns = parallel::map_chunks(noise.len(), 1, |range| {
             let p = range.start;
             let path = [0, 1, 2].map(|axis| clean.column(3 * p + axis).to_vec());

@@ -1,7 +1,6 @@
 //! How noisy a capture is: by the motion of its points, or by what the model leaves of a frame.
 
 use super::loaded_model::LoadedModel;
-use super::restored_frames::BoundModel;
 use super::rigid::noise_floor::NoiseFloor;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
@@ -131,31 +130,11 @@ pub fn from_time(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> Vec<Option<
     (0..xyz.ncols() / 3).map(of_point).collect()
 }
 
-/// [`by_point`] for a table: without a model, points that are never seen long enough take the median of the others.
-pub fn of_table(
-    bound: Option<&BoundModel<'_>>,
-    xyz: ArrayView2<'_, f64>,
-    runs: &[Range<usize>],
-    given: Option<f64>,
-) -> Vec<f64> {
-    if let Some(noise) = given {
-        return vec![noise; xyz.ncols() / 3];
-    }
-    let measured = from_time(xyz, runs);
-    let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
-    if let Some(bound) = bound.filter(|_| known.is_empty()) {
-        known = by_point(bound.model, bound.gather(xyz).view(), runs, None);
-    }
-    known.sort_by(f64::total_cmp);
-    let median = known.get(known.len() / 2).copied().unwrap_or(0.0);
-    measured.into_iter().map(|m| m.unwrap_or(median)).collect()
-}
-
-/// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences over time
-/// ([`noise_of`]). A point that is never seen long enough takes the median of the others; where there is
-/// none, the model measures some frames.
+/// Standard deviation of a coordinate of each point (J), cm: `given`, or from third differences over time ([`noise_of`]). A point
+/// that is never seen long enough takes the median of the others; where there is none, `model` measures some frames, given
+/// beside it in its own order of points.
 pub fn by_point(
-    model: &LoadedModel,
+    model: Option<(&LoadedModel, ArrayView2<'_, f64>)>,
     xyz: ArrayView2<'_, f64>,
     runs: &[Range<usize>],
     given: Option<f64>,
@@ -165,12 +144,12 @@ pub fn by_point(
     }
     let measured = from_time(xyz, runs);
     let mut known: Vec<f64> = measured.iter().flatten().copied().collect();
-    if known.is_empty() {
+    if let Some((model, in_model)) = model.filter(|_| known.is_empty()) {
         let model = model.unadapted();
-        let step = xyz.nrows().div_ceil(SAMPLED_FRAMES).max(1);
-        known = (0..xyz.nrows())
+        let step = in_model.nrows().div_ceil(SAMPLED_FRAMES).max(1);
+        known = (0..in_model.nrows())
             .step_by(step)
-            .map(|t| of_frame(&model.restorer(), &xyz.row(t).to_vec()))
+            .map(|t| of_frame(&model.restorer(), &in_model.row(t).to_vec()))
             .collect();
     }
     known.sort_by(f64::total_cmp);

@@ -158,7 +158,7 @@ pub struct RestoredFrames {
     pub too_little: usize,
     /// Standard deviation of the noise that was assumed, cm; the mean over the frames.
     pub noise: f64,
-    /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::unlike`]. NaN where the model has no threshold
+    /// Novelty of each frame's pose, nats (frames); see [`crate::prior::Prior::novelty`]. NaN where the model has no threshold
     /// or the frame is not restored.
     pub novelty: Vec<f64>,
 }

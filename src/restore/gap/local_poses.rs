@@ -41,7 +41,7 @@ impl LocalPoses {
             for i in predictors.iter().flat_map(|p| 3 * p..3 * p + 3) {
                 only[i] = row[i];
             }
-            let placement = anchor.place(&only);
+            let placement = anchor.fit(&only);
             if let Some(placement) = &placement {
                 let to = |mut out: ndarray::ArrayViewMut1<'_, f64>, points: &[usize]| {
                     for (k, p) in points.iter().enumerate() {
@@ -110,7 +110,7 @@ pub fn anchor(
         for &t in complete.iter().step_by(step) {
             let pose = xyz.row(t).to_vec();
             let mut local = pose.clone();
-            anchor.place(&pose)?.undo_pose(&pose, &mut local);
+            anchor.fit(&pose)?.undo_pose(&pose, &mut local);
             sum.iter_mut().zip(&local).for_each(|(s, v)| *s += v);
             count += 1.0;
         }

@@ -11,7 +11,7 @@
 //! 4. Where nothing can be learnt, `path` interpolates each point over time, if its path is smooth enough.
 //! 5. `rigid_distances` holds what was filled to the distances that are rigid in this take.
 //!
-//! Nothing here knows a body: any points will do.
+//! Any points will do; a body is known only by its pelvis, whose frame of reference a model's training poses share.
 
 mod estimates;
 mod local_poses;
@@ -55,7 +55,9 @@ const MOSTLY: f64 = 0.5;
 /// A point that is missing for some frames on end.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gap {
+    /// The point.
     pub point: usize,
+    /// The frames in which it is missing.
     pub frames: Range<usize>,
     /// The frame before, where the point is seen.
     pub before: Option<usize>,
@@ -92,6 +94,7 @@ pub struct FilledGap {
     pub xyz: Array2<f64>,
     /// Variance of a coordinate in each frame, cm².
     pub variance: Vec<f64>,
+    /// How it was filled.
     pub method: FillMethod,
 }
 

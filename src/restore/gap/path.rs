@@ -1,6 +1,6 @@
 //! A gap filled by the point's own path: PCHIP, where the path is smooth enough.
 //!
-//! As in commercial practice, a spline is refused where going straight on from one end misses the other by more than 4 cm.
+//! A path is smooth enough where going straight on from one end misses the other by at most 4 cm, as in commercial practice.
 
 use super::{FillMethod, FilledGap, Gap};
 use crate::numeric::pchip::pchip;

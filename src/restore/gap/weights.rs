@@ -5,8 +5,8 @@
 //! ```
 //!
 //! G is the Gram matrix of the estimates' errors in the simulated gaps, g the median of its diagonal, w₀ the plain mean of the
-//! processes and, in long gaps, the conditional alone. The variance of the weighted estimate is that of the processes times the factor that the errors
-//! show.
+//! processes and, in long gaps, the conditional alone. The variance of the weighted estimate is that of the processes times
+//! the factor that the errors show.
 
 use super::estimates::{Estimates, Question, Targets};
 use super::regression::spread;

@@ -17,7 +17,7 @@ use crate::restore::gap::Gap;
 use crate::restore::loaded_model::{AdaptedModel, LoadedModel};
 use crate::restore::noise_estimation::{self, rounded};
 use crate::restore::restored_frames::{BoundModel, Take};
-use ndarray::{Array2, ArrayView2, s};
+use ndarray::{Array2, ArrayView2, Axis, s};
 use std::ops::Range;
 
 /// Least noise of a clean point, cm.
@@ -71,7 +71,7 @@ impl Outliers {
     ) -> (Outliers, AdaptedModel<'m>) {
         let mut spikes: Vec<Vec<usize>> = vec![Vec::new(); xyz.nrows()];
         let mut clean = xyz.to_owned();
-        let mut by_point = noise_estimation::by_point(model, xyz, runs, noise);
+        let mut by_point = noise_estimation::by_point(Some((model, xyz)), xyz, runs, noise);
         for _ in 0..ROUNDS {
             let before = spikes.clone();
             let found = trajectory::spikes(xyz, runs, rate, &by_point);
@@ -86,7 +86,8 @@ impl Outliers {
             }
             clean.assign(&xyz);
             remove(&mut clean, &spikes);
-            by_point = noise_estimation::by_point(model, clean.view(), runs, noise);
+            by_point =
+                noise_estimation::by_point(Some((model, clean.view())), clean.view(), runs, noise);
         }
         // The median: the noise of a single point may be meaningless.
         by_point.sort_by(f64::total_cmp);
@@ -107,27 +108,35 @@ pub fn find_outliers<'m>(
     take: &Take<'_>,
     noise: Option<f64>,
 ) -> (Outliers, Option<AdaptedModel<'m>>) {
-    let (xyz, runs, rate) = (take.xyz, take.runs, take.rate);
-    let by_point = noise_estimation::from_time(xyz, runs);
-    let by_point: Vec<f64> = by_point
-        .iter()
-        .map(|n| noise.or(*n).unwrap_or(0.0))
-        .collect();
-    let mut spikes = trajectory::spikes(xyz, runs, rate, &by_point);
+    let is_foreign = |p: &usize| bound.is_none_or(|b| b.in_model(*p).is_none());
+    let foreign: Vec<usize> = (0..take.names.len()).filter(is_foreign).collect();
+    let spikes = spikes_of(take, &foreign, noise);
     let Some(bound) = bound else {
         let points = spikes.clone();
         return (Outliers { points, spikes }, None);
     };
-    let found = Outliers::find(bound.model, bound.gather(xyz).view(), runs, rate, noise);
-    let (of_model, adapted) = (found.0, found.1);
-    let mut points = bound.to_table(&of_model.points);
-    let of_model = bound.to_table(&of_model.spikes);
-    for t in 0..xyz.nrows() {
-        spikes[t].retain(|p| bound.in_model(*p).is_none());
-        points[t].extend(&spikes[t]);
-        spikes[t].extend(&of_model[t]);
-    }
-    (Outliers { points, spikes }, Some(adapted))
+    let xyz = bound.gather(take.xyz);
+    let (found, adapted) = Outliers::find(bound.model, xyz.view(), take.runs, take.rate, noise);
+    let both = |of_model: &[Vec<usize>]| {
+        let mut all = bound.to_table(of_model);
+        all.iter_mut().zip(&spikes).for_each(|(a, s)| a.extend(s));
+        all
+    };
+    let outliers = Outliers {
+        points: both(&found.points),
+        spikes: both(&found.spikes),
+    };
+    (outliers, Some(adapted))
+}
+
+/// The spikes of some points of a take, frame by frame.
+fn spikes_of(take: &Take<'_>, points: &[usize], noise: Option<f64>) -> Vec<Vec<usize>> {
+    let columns: Vec<usize> = points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+    let xyz = take.xyz.select(Axis(1), &columns);
+    let noise = noise_estimation::by_point(None, xyz.view(), take.runs, noise);
+    let spikes = trajectory::spikes(xyz.view(), take.runs, take.rate, &noise);
+    let named = |found: Vec<usize>| found.into_iter().map(|p| points[p]).collect();
+    spikes.into_iter().map(named).collect()
 }
 
 /// Makes the given points of each frame missing.
