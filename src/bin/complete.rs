@@ -12,10 +12,10 @@ use std::process::ExitCode;
 
 /// Fill gaps and missing points
 ///
-/// Fills empty cells with the estimate of a pose model. Measured values are not changed. Rigid distances, such as bone
-/// lengths, are kept. In a take (a table with times, or with --fps) the estimate joins the measured path at both ends
-/// of a gap; without times, each frame is filled by itself. A frame with too few visible points stays as it is and is
-/// counted.
+/// Fills empty cells. Measured values are not changed. In a take (a table with times, or with --fps) a gap is learnt from the
+/// points that are seen, by the take's own frames, a pose model's training poses and time; what is filled joins the measured
+/// path at both ends and keeps distances that are rigid in the take, such as bone lengths. Without times, a pose model fills
+/// each frame by itself. A frame in which too little is seen keeps empty cells and is counted.
 ///
 /// Outliers are ignored: points of a take that jump off their path and back, or that break rigid distances. They keep
 /// their values; --status marks them as rejected.

@@ -8,7 +8,7 @@ use super::frame_fill::FrameFill;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
 use super::gap::{FilledGap, Gap, GapFiller, find_gaps};
 use super::loaded_model::AdaptedModel;
-use super::noise_estimation::exact_noise;
+use super::noise_estimation::{exact_noise, typical_noise};
 use super::outliers::{find_outliers, remove};
 use super::restored_frames::{BoundModel, Method, RestoredFrames, Take};
 use crate::numeric::parallel;
@@ -89,7 +89,8 @@ impl Method for Complete {
         remove(&mut captured, &outliers.points);
         let gaps = find_gaps(captured.view(), take.runs);
         let mut out = RestoredFrames::captured(take.xyz);
-        out.take_alone = !is_known(bound, adapted.as_ref(), captured.view());
+        let noise = typical_noise(captured.view(), take.runs);
+        out.take_alone = !is_known(bound, adapted.as_ref(), captured.view(), noise);
         let known = adapted.as_ref().filter(|_| !out.take_alone);
         let filled = fill_gaps(bound, known, take, captured.view(), &gaps, done);
         for (gap, filled) in gaps.iter().zip(&filled) {
@@ -127,15 +128,16 @@ impl Complete {
     }
 }
 
-/// Whether the model, if there is one, knows poses like those of the captured frames (frames, 3 J, in the table's order). If not, the
-/// take is restored alone.
+/// Whether the model, if there is one, knows poses like those of the captured frames (frames, 3 J, in the table's order) with
+/// `noise` (cm). If not, the take is restored alone.
 pub fn is_known(
     bound: Option<&BoundModel<'_>>,
     adapted: Option<&AdaptedModel<'_>>,
     captured: ArrayView2<'_, f64>,
+    noise: f64,
 ) -> bool {
     let both = bound.zip(adapted);
-    both.is_none_or(|(bound, adapted)| adapted.knows(bound.gather(captured).view()))
+    both.is_none_or(|(bound, adapted)| adapted.knows(bound.gather(captured).view(), noise))
 }
 
 /// Fills the gaps of `captured` (frames, 3 J, in the table's order): by the frames around them, else by the model.

@@ -110,7 +110,7 @@ impl Method for Denoise {
             let adapted = b.model.adapt_prior(seen.view(), 0.0);
             adapted.with_lengths_from(seen.view(), smoothed.noise_left())
         });
-        out.take_alone = !is_known(bound, adapted.as_ref(), seen);
+        out.take_alone = !is_known(bound, adapted.as_ref(), seen, smoothed.noise_left());
         let model = bound.zip(adapted.as_ref()).filter(|_| !out.take_alone);
         let answers = model.map(|(b, adapted)| Answers::new(b, adapted, &smoothed, take, done));
         put_denoised(&mut out, take, &smoothed, answers.as_ref());

@@ -18,6 +18,8 @@ const SAME_BODY: f64 = 0.002;
 
 /// Frames by which a model is judged to know a take.
 const JUDGED_FRAMES: usize = 50;
+/// Noise under which that can be judged, cm.
+const JUDGED_NOISE: f64 = 0.3;
 
 /// A pose model in memory.
 pub struct LoadedModel {
@@ -179,8 +181,12 @@ impl<'a> AdaptedModel<'a> {
         prior.training_poses()
     }
 
-    /// Whether at most half of the complete frames of a take (frames, 3 J; cm) are unlike all training poses.
-    pub fn knows(&self, take: ArrayView2<'_, f64>) -> bool {
+    /// Whether at most half of the complete frames of a take (frames, 3 J; cm) are unlike all training poses. Under more than a
+    /// little `noise` (standard deviation of a coordinate, cm) every pose is unlike them, which says nothing: then it counts as known.
+    pub fn knows(&self, take: ArrayView2<'_, f64>, noise: f64) -> bool {
+        if noise > JUDGED_NOISE {
+            return true;
+        }
         let is_complete = |t: &usize| take.row(*t).iter().all(|v| v.is_finite());
         let complete: Vec<usize> = (0..take.nrows()).filter(is_complete).collect();
         let step = complete.len().div_ceil(JUDGED_FRAMES).max(1);

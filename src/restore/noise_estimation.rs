@@ -152,9 +152,18 @@ pub fn by_point(
             .map(|t| of_frame(&model.restorer(), &in_model.row(t).to_vec()))
             .collect();
     }
-    known.sort_by(f64::total_cmp);
-    let median = known.get(known.len() / 2).copied().unwrap_or(0.0);
+    let median = median(known);
     measured.into_iter().map(|m| m.unwrap_or(median)).collect()
+}
+
+/// The median over the points of a take of what [`from_time`] measures, cm; 0 where it measures none.
+pub fn typical_noise(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> f64 {
+    median(from_time(xyz, runs).into_iter().flatten().collect())
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
