@@ -229,7 +229,7 @@ fn a_frame_without_points_stays_unknown_and_is_counted() {
         .unwrap();
     let said = String::from_utf8_lossy(&out.stderr);
     assert!(out.status.success(), "{said}");
-    assert!(said.contains("1 of 20 frames left empty"), "{said}");
+    assert!(said.contains("1 of 20 frames keep empty cells"), "{said}");
     let answer = Numbers::read(std::str::from_utf8(&out.stdout).unwrap());
     assert!(answer.rows[0].iter().all(|v| v.is_nan()));
     assert_eq!(answer.missing(), 69);
