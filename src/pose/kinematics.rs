@@ -97,43 +97,57 @@ impl Skeleton {
         }
     }
 
-    /// How the joint of each bone in `joints` moves with each value: rows 3·joint + coordinate, columns values,
-    /// centimetres a radian or a centimetre. `out` is row-major, `3 * joints.len()` by [`Skeleton::dof_count`].
-    pub fn jacobian(&self, q: &[f64], posture: &Posture, joints: &[usize], out: &mut Vec<f64>) {
-        let columns = self.dof_count();
+    /// How each value moves what it moves, at the posture of the values `q`.
+    pub fn dof_motions(&self, q: &[f64], posture: &Posture, out: &mut Vec<DofMotion>) {
         out.clear();
-        out.resize(3 * joints.len() * columns, 0.0);
         for (i, bone) in self.bones().iter().enumerate() {
-            let before = bone
-                .parent
-                .map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
-            let range = self.dofs_of(i);
+            let before = (bone.parent).map_or(DMat3::IDENTITY, |p| posture.rotations[p]);
+            let own = &q[self.dofs_of(i)];
             for (n, dof) in bone.dofs.iter().enumerate() {
                 // The rotations named after this one still turn its axis.
                 let mut later = DMat3::IDENTITY;
-                for (d, &value) in bone.dofs[n + 1..]
-                    .iter()
-                    .zip(&q[range.start + n + 1..range.end])
-                {
+                for (d, &value) in bone.dofs[n + 1..].iter().zip(&own[n + 1..]) {
                     if let Channel::Rotate(axis) = d.channel {
                         later = axis.rotation(value + d.offset) * later;
                     }
                 }
-                for (row, &joint) in joints.iter().enumerate() {
-                    if !self.descends_from(joint, i) {
-                        continue;
+                out.push(match dof.channel {
+                    Channel::Rotate(axis) => DofMotion::Turn {
+                        axis: before * (bone.axis * (later * axis.unit())),
+                        about: posture.starts[i],
+                    },
+                    Channel::Translate(axis) => {
+                        DofMotion::Slide(before * (bone.axis * axis.unit()))
                     }
-                    let motion = match dof.channel {
-                        Channel::Rotate(axis) => (before * (bone.axis * (later * axis.unit())))
-                            .cross(posture.ends[joint] - posture.starts[i]),
-                        Channel::Translate(axis) => before * (bone.axis * axis.unit()),
-                        Channel::Length => posture.rotations[i] * self.rest()[i].direction,
-                    };
-                    for c in 0..3 {
-                        out[(3 * row + c) * columns + range.start + n] = motion[c];
+                    Channel::Length => {
+                        DofMotion::Slide(posture.rotations[i] * self.rest()[i].direction)
                     }
-                }
+                });
             }
+        }
+    }
+}
+
+/// How a value moves the ends of its own bone and of those below it.
+#[derive(Debug, Clone, Copy)]
+pub enum DofMotion {
+    /// A turn about an axis of unit length through a point, radians.
+    Turn {
+        /// The axis.
+        axis: DVec3,
+        /// A point on it, centimetres.
+        about: DVec3,
+    },
+    /// A shift, centimetres a centimetre.
+    Slide(DVec3),
+}
+
+impl DofMotion {
+    /// The derivative of the place of what is at `place` by the value: a column of the Jacobian.
+    pub fn derivative(&self, place: DVec3) -> DVec3 {
+        match *self {
+            DofMotion::Turn { axis, about } => axis.cross(place - about),
+            DofMotion::Slide(along) => along,
         }
     }
 }
@@ -194,14 +208,13 @@ mod tests {
     }
 
     #[test]
-    fn the_jacobian_is_the_derivative() {
+    fn motions_are_the_derivatives() {
         let s = arm();
         let q: Vec<f64> = (0..s.dof_count())
             .map(|i| 0.3 * (i as f64 * 1.7).sin())
             .collect();
-        let joints = [0, 1, 2, 3];
-        let mut j = Vec::new();
-        s.jacobian(&q, &s.posture(&q), &joints, &mut j);
+        let (posture, mut motions) = (s.posture(&q), Vec::new());
+        s.dof_motions(&q, &posture, &mut motions);
         let h = 1e-6;
         for d in 0..s.dof_count() {
             let moved = |by: f64| {
@@ -210,16 +223,11 @@ mod tests {
                 s.posture(&q).ends
             };
             let (plus, minus) = (moved(h), moved(-h));
-            for (row, &joint) in joints.iter().enumerate() {
+            let bone = (0..4).find(|&b| s.dofs_of(b).contains(&d)).unwrap();
+            for joint in (0..4).filter(|&j| s.descends_from(j, bone)) {
                 let want = (plus[joint] - minus[joint]) / (2.0 * h);
-                for c in 0..3 {
-                    let got = j[(3 * row + c) * s.dof_count() + d];
-                    assert!(
-                        (got - want[c]).abs() <= 1e-7,
-                        "{d} {joint} {c}: {got} {}",
-                        want[c]
-                    );
-                }
+                let got = motions[d].derivative(posture.ends[joint]);
+                assert!((got - want).length() <= 1e-7, "{d} {joint}: {got} {want}");
             }
         }
     }

@@ -2,7 +2,9 @@
 //!
 //! Each bone turns so that the joints it carries rigidly come as near as they can to where they are wanted, given the
 //! bones above it. A ball joint with one such joint is free to twist: it takes the twist that brings the next joints
-//! nearest. For skeletons of ball joints alone, whose bones have their lengths (Algorithm 1), this is the solution.
+//! nearest, as far as they are bent enough to tell, and else keeps the twist of the frame before: a neck that nods through
+//! straight must not spin. For skeletons of ball joints alone, whose bones have their lengths (Algorithm 1), this is the
+//! solution.
 
 use crate::pose::kinematics::Posture;
 use crate::pose::rotation::{Axis, decompose, nearest_equivalent_angle, shortest_arc};
@@ -12,6 +14,11 @@ use glam::{DMat3, DVec3};
 
 /// Shorter than this (centimetres) a bone has no direction.
 const NO_LENGTH: f64 = 1e-9;
+/// What holds a bone's twist to the frame before, and to that of its parent, against the next joints, as shares of its squared
+/// length. A neck bent by ten degrees has .03, an elbow at a right angle .3. The second is for straight limbs: it takes a
+/// hundred frames.
+const TWIST_HELD: f64 = 0.1;
+const TWIST_REST: f64 = 0.001;
 
 /// A joint that a bone carries: the target and its place from the bone's start in the rest posture.
 type Carried = (usize, DVec3);
@@ -92,7 +99,7 @@ impl<'a> InitialPose<'a> {
             if i == 0 {
                 self.place_root(&direct, &indirect, q);
             }
-            let (start, _) = self.local(i, q, before, above);
+            let (start, held) = self.local(i, q, before, above);
             let arms = |pairs: &[(DVec3, DVec3)]| -> Vec<(DVec3, DVec3)> {
                 pairs
                     .iter()
@@ -105,7 +112,9 @@ impl<'a> InitialPose<'a> {
                 // Hidden joints: the bone holds its values unless it carries none by its nature.
                 Some(_) if direct_arms.is_empty() && !self.has_no_lever(i) => {}
                 Some(order) => {
-                    if let Some(global) = ball_rotation(&direct_arms, &indirect_arms, &before) {
+                    if let Some(global) =
+                        ball_rotation(&direct_arms, &indirect_arms, &before, &held)
+                    {
                         self.set_ball_joint(i, order, &before, &global, q);
                     }
                 }
@@ -223,10 +232,11 @@ impl<'a> InitialPose<'a> {
                 }
                 let inner = inner * bone.axis.transpose();
                 let outer = *before * bone.axis * outer;
-                let pairs = arms
-                    .iter()
-                    .map(|&(v, y)| (inner * v, outer.transpose() * y));
-                if let Some(angle) = best_angle(axis.unit(), pairs, 0.0) {
+                let mut twist = Twist::default();
+                for &(v, y) in arms {
+                    twist.add(axis.unit(), inner * v, outer.transpose() * y, 1.0);
+                }
+                if let Some(angle) = twist.angle() {
                     q[n] = nearest_equivalent_angle(angle - bone.dofs[n].offset, q[n]);
                 }
             }
@@ -245,11 +255,13 @@ fn ball_axes(channels: impl Iterator<Item = Channel>) -> Option<[Axis; 3]> {
     axes.try_into().ok()
 }
 
-/// The global rotation of a ball joint that carries `direct` arms to where they are seen, and `indirect` ones near it.
+/// The global rotation of a ball joint that carries `direct` arms to where they are seen, and `indirect` ones near it. Without a
+/// turn of its own it would stand as its parent does, `before`; with the values of the frame before it would stand as `held`.
 fn ball_rotation(
     direct: &[(DVec3, DVec3)],
     indirect: &[(DVec3, DVec3)],
     before: &DMat3,
+    held: &DMat3,
 ) -> Option<DMat3> {
     let fit = |pairs: &[(DVec3, DVec3)]| {
         fit_similarity(
@@ -266,30 +278,44 @@ fn ball_rotation(
     let &(v, y) = main
         .iter()
         .max_by(|a, b| a.0.length_squared().total_cmp(&b.0.length_squared()))?;
-    // The shortest way from how the bone would stand if it did not move, then a twist about itself.
-    let rotation = shortest_arc(*before * v, y)? * *before;
+    // The shortest way from where the bone stood, then a twist about itself.
+    let rotation = shortest_arc(*held * v, y)? * *held;
     if direct.is_empty() {
         return Some(rotation);
     }
     let axis = y.normalize();
-    let pairs = indirect.iter().map(|&(s, seen)| {
+    let mut twist = Twist::default();
+    for &(s, seen) in indirect {
         // What lies beyond the bone's end, seen from there.
-        (rotation * (s - v), seen - y)
-    });
-    // Nearly straight joints say little about the twist: they are outvoted by none, which is a hundredth of the bone.
-    let none = 0.01 * v.length_squared();
-    let twist = best_angle(axis, pairs, none).unwrap_or(0.0);
-    Some(DMat3::from_axis_angle(axis, twist) * rotation)
+        twist.add(axis, rotation * (s - v), seen - y, 1.0);
+    }
+    let aside = rotation * (v.normalize().any_orthonormal_vector() * v.length());
+    twist.add(axis, aside, aside, TWIST_HELD);
+    if let Some(arc) = shortest_arc(*before * v, y) {
+        let rest = arc * *before * (rotation.transpose() * aside);
+        twist.add(axis, aside, rest, TWIST_REST);
+    }
+    Some(DMat3::from_axis_angle(axis, twist.angle().unwrap_or(0.0)) * rotation)
 }
 
-/// The angle about `axis` that carries each first vector nearest to its second; `still` votes for no turn at all.
-fn best_angle(axis: DVec3, pairs: impl Iterator<Item = (DVec3, DVec3)>, still: f64) -> Option<f64> {
-    let (mut sin, mut cos) = (0.0, still);
-    for (a, b) in pairs {
-        cos += b.dot(a) - b.dot(axis) * a.dot(axis);
-        sin += b.dot(axis.cross(a));
+/// The angle about an axis that carries vectors nearest to others.
+#[derive(Default)]
+struct Twist {
+    sin: f64,
+    cos: f64,
+}
+
+impl Twist {
+    /// Asks for the turn about `axis` that carries `a` to `b`.
+    fn add(&mut self, axis: DVec3, a: DVec3, b: DVec3, weight: f64) {
+        self.cos += weight * (b.dot(a) - b.dot(axis) * a.dot(axis));
+        self.sin += weight * b.dot(axis.cross(a));
     }
-    (sin.hypot(cos) > 1e-12).then(|| sin.atan2(cos))
+
+    /// Radians; `None` where nothing tells.
+    fn angle(&self) -> Option<f64> {
+        (self.sin.hypot(self.cos) > 1e-12).then(|| self.sin.atan2(self.cos))
+    }
 }
 
 #[cfg(test)]

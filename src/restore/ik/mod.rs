@@ -7,6 +7,7 @@ pub mod sequence;
 pub mod skeleton_estimation;
 mod skeleton_fit;
 pub mod solver;
+mod tree_cholesky;
 
 pub use skeleton_estimation::estimate_skeleton;
 pub use skeleton_fit::{FittedTake, SkeletonFit};

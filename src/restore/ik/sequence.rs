@@ -21,6 +21,8 @@ const PREVIOUS_WEIGHT: f64 = 1e-4;
 const REST_WEIGHT: f64 = 1e-6;
 /// A noisy take's share of its mean squared misfit: one centimetre of noise is about 0.4 radians of twist.
 const NOISE_WEIGHT: f64 = 5.0;
+/// How often the first frame follows itself.
+const FIRST_FRAME_ROUNDS: usize = 100;
 /// A root-mean-square misfit (centimetres a joint) below which nothing is searched for.
 const FITS: f64 = 1e-4;
 
@@ -217,7 +219,10 @@ impl<'a> SequenceFitter<'a> {
         self.bones.normalize(y, &mut self.targets);
         let far = self.settings.restarts.saturating_mul(4);
         let mut q = self.rest.clone();
-        self.initial_pose.apply(&self.targets, &mut q);
+        // The twist of each bone follows the frame before, here itself: settle it before it can be seen to move.
+        for _ in 0..FIRST_FRAME_ROUNDS {
+            self.initial_pose.apply(&self.targets, &mut q);
+        }
         let mut best = self.solve(q, 0.0, 1e-4);
         self.restart(&mut best, far, 0.0, 1e-4, FITS);
         if self.settings.solve.limits {

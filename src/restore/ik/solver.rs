@@ -7,15 +7,18 @@
 //! open (the twist of a straight arm, how the spine's twist is shared) without pulling what they do determine: at
 //! 1e-4 cm² a squared radian an angle with a lever of 5 cm gives way by a hundred thousandth of its step.
 //!
-//! A step costs O(Σ depth² + n³ / 3) for n free values. P2 is not convex: the answer is a local minimum near the start.
+//! A step costs O(n depth²) for n free values. P2 is not convex: the answer is a local minimum near the start.
 
-use crate::numeric::linalg::cholesky_solve;
+use super::tree_cholesky::solve_tree;
 use crate::pose::Skeleton;
-use crate::pose::kinematics::Posture;
-use ndarray::{Array1, Array2};
+use crate::pose::kinematics::{DofMotion, Posture};
+use glam::DVec3;
 
-/// The most values a skeleton may have: the normal equations are dense.
+/// The most values a skeleton may have: the normal equations are stored as a full matrix.
 pub const MAX_DOFS: usize = 1200;
+
+/// Ends when a step lowers E by less than this share of it: noise leaves an E that no step removes.
+const RELATIVE_TOLERANCE: f64 = 1e-4;
 
 /// When a solution counts as found.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,14 +75,24 @@ pub struct IkSolver<'a> {
     limits: Vec<(f64, f64)>,
     /// Whether each value is an angle.
     angle: Vec<bool>,
-    /// The values that can move each joint.
+    /// The values that can move each joint, from the root on.
     affecting_dofs: Vec<Vec<usize>>,
+    /// The value that moves all that each value moves, and comes just before it.
+    dof_parents: Vec<Option<usize>>,
     posture: Posture,
-    jacobian: Vec<f64>,
+    motions: Vec<DofMotion>,
+    /// The columns of the Jacobian that move one joint, from the root on.
+    columns: Vec<(usize, DVec3)>,
     trial: Vec<f64>,
     /// Where each value stands in the system being solved.
     place: Vec<Option<usize>>,
     free: Vec<usize>,
+    /// The nearest value above each in the system being solved.
+    parents: Vec<Option<usize>>,
+    /// The system being solved, `JᵀJ + A + B` (lower triangle) and half the gradient of E, and what a step makes of them.
+    normal: Vec<f64>,
+    gradient: Vec<f64>,
+    factor: Vec<f64>,
 }
 
 impl<'a> IkSolver<'a> {
@@ -92,6 +105,7 @@ impl<'a> IkSolver<'a> {
                 dofs.extend(skeleton.dofs_of(bone));
                 at = bones[bone].parent;
             }
+            dofs.sort_unstable();
             dofs
         });
         let all = || bones.iter().flat_map(|b| &b.dofs);
@@ -106,11 +120,17 @@ impl<'a> IkSolver<'a> {
             },
             angle: all().map(|d| d.channel.is_angle()).collect(),
             affecting_dofs: affecting_dofs.collect(),
+            dof_parents: dof_parents(skeleton),
             posture: Posture::default(),
-            jacobian: Vec::new(),
+            motions: Vec::new(),
+            columns: Vec::new(),
             trial: Vec::new(),
             place: Vec::new(),
             free: Vec::new(),
+            parents: Vec::new(),
+            normal: Vec::new(),
+            gradient: Vec::new(),
+            factor: Vec::new(),
         }
     }
 
@@ -179,13 +199,14 @@ impl<'a> IkSolver<'a> {
         };
         let mut damping = 1e-6;
         while !out.converged && out.iterations < self.settings.iterations {
-            let Some((normal, gradient)) = self.normal_equations(targets, regularization, q) else {
+            if !self.set_normal_equations(targets, regularization, q) {
                 break;
-            };
-            // Steps that do not lower E are tried again, shorter.
+            }
+            // Steps that do not lower E are tried again, shorter; the step after one of them starts from what did.
+            let mut relax = 0.1;
             loop {
                 out.iterations += 1;
-                let moved = self.step(&normal, &gradient, damping, q);
+                let moved = self.step(damping, q);
                 if moved == Some(false) {
                     out.converged = true;
                     break;
@@ -197,16 +218,17 @@ impl<'a> IkSolver<'a> {
                 };
                 let better = e < energy;
                 if better {
-                    out.converged = energy - e <= self.settings.tolerance + 1e-7 * e;
+                    out.converged = energy - e <= self.settings.tolerance + RELATIVE_TOLERANCE * e;
                     q.copy_from_slice(&trial);
                     (energy, misfit) = (e, m);
-                    damping = (damping * 0.1).max(1e-12);
+                    damping = (damping * relax).max(1e-12);
                 }
                 self.trial = trial;
                 if better {
                     break;
                 }
                 damping = (damping * 10.0).max(1e-3);
+                relax = 0.5;
                 // Nothing gets better even a hair's breadth away: this is a minimum, to rounding.
                 if damping > 1e8 || out.iterations >= self.settings.iterations {
                     out.converged = damping > 1e8 || e - energy <= self.settings.tolerance;
@@ -243,41 +265,47 @@ impl<'a> IkSolver<'a> {
         for (at, &i) in self.free.iter().enumerate() {
             self.place[i] = Some(at);
         }
+        let above = |i: usize| std::iter::successors(self.dof_parents[i], |&i| self.dof_parents[i]);
+        let parent = |&i: &usize| above(i).find_map(|k| self.place[k]);
+        self.parents = self.free.iter().map(parent).collect();
     }
 
-    /// `JᵀJ + A + B` (lower triangle) and half the gradient of E. `None` when something is not finite.
-    fn normal_equations(
+    /// Sets the normal equations at `q`. `false` when something is not finite.
+    fn set_normal_equations(
         &mut self,
         targets: &[f64],
         regularization: &Regularization,
         q: &[f64],
-    ) -> Option<(Array2<f64>, Array1<f64>)> {
+    ) -> bool {
         self.skeleton.posture_into(q, &mut self.posture);
         self.skeleton
-            .jacobian(q, &self.posture, self.joints, &mut self.jacobian);
+            .dof_motions(q, &self.posture, &mut self.motions);
         let n = self.free.len();
-        let columns = self.angle.len();
-        let (mut normal, mut gradient) = (vec![0.0; n * n], Array1::zeros(n));
+        let (mut normal, mut gradient) = (
+            std::mem::take(&mut self.normal),
+            std::mem::take(&mut self.gradient),
+        );
+        normal.clear();
+        normal.resize(n * n, 0.0);
+        gradient.clear();
+        gradient.resize(n, 0.0);
         for (t, y) in targets.chunks_exact(3).enumerate() {
-            if !y.iter().all(|v| v.is_finite()) {
+            let end = self.posture.ends[self.joints[t]];
+            let residual = end - DVec3::from_slice(y);
+            if !residual.is_finite() {
                 continue;
             }
-            for c in 0..3 {
-                let residual = self.posture.ends[self.joints[t]][c] - y[c];
-                let row = &self.jacobian[(3 * t + c) * columns..][..columns];
-                for &i in &self.affecting_dofs[t] {
-                    let (Some(a), v) = (self.place[i], row[i]) else {
-                        continue;
-                    };
-                    if v == 0.0 {
-                        continue;
-                    }
-                    gradient[a] += v * residual;
-                    for &k in &self.affecting_dofs[t] {
-                        if let Some(b) = self.place[k].filter(|&b| b <= a) {
-                            normal[a * n + b] += v * row[k];
-                        }
-                    }
+            self.columns.clear();
+            for &i in &self.affecting_dofs[t] {
+                if let Some(a) = self.place[i] {
+                    self.columns.push((a, self.motions[i].derivative(end)));
+                }
+            }
+            for (m, &(a, v)) in self.columns.iter().enumerate() {
+                gradient[a] += v.dot(residual);
+                let row = &mut normal[a * n..][..=a];
+                for &(b, w) in &self.columns[..=m] {
+                    row[b] += v.dot(w);
                 }
             }
         }
@@ -290,39 +318,36 @@ impl<'a> IkSolver<'a> {
             gradient[a] += before * (q[i] - regularization.previous[i])
                 + rest * (q[i] - regularization.rest[i]);
         }
-        if !gradient.iter().all(|v: &f64| v.is_finite()) {
-            return None;
-        }
-        Some((Array2::from_shape_vec((n, n), normal).ok()?, gradient))
+        (self.normal, self.gradient) = (normal, gradient);
+        self.gradient.iter().all(|v| v.is_finite())
     }
 
     /// Sets the next trial values: whether anything moves, or `None` when the system cannot be solved.
-    fn step(
-        &mut self,
-        normal: &Array2<f64>,
-        gradient: &Array1<f64>,
-        damping: f64,
-        q: &[f64],
-    ) -> Option<bool> {
-        let mut normal = normal.clone();
-        let mut gradient = gradient.clone();
+    fn step(&mut self, damping: f64, q: &[f64]) -> Option<bool> {
+        let n = self.free.len();
+        let mut normal = std::mem::take(&mut self.factor);
+        normal.clone_from(&self.normal);
+        let mut step = self.gradient.clone();
         for (a, &i) in self.free.iter().enumerate() {
             // The floor damps what no target moves: cm² a squared radian.
-            normal[[a, a]] += damping * (normal[[a, a]] + 1e-3);
+            normal[a * n + a] += damping * (normal[a * n + a] + 1e-3);
             // At a limit that the step would cross: stay there.
             let held = self.limits.get(i).is_some_and(|&(low, high)| {
-                (q[i] <= low && gradient[a] > 0.0) || (q[i] >= high && gradient[a] < 0.0)
+                (q[i] <= low && step[a] > 0.0) || (q[i] >= high && step[a] < 0.0)
             });
             if held {
-                for b in 0..self.free.len() {
-                    normal[[a, b]] = 0.0;
-                    normal[[b, a]] = 0.0;
+                for b in 0..n {
+                    normal[a.max(b) * n + a.min(b)] = 0.0;
                 }
-                normal[[a, a]] = 1.0;
-                gradient[a] = 0.0;
+                normal[a * n + a] = 1.0;
+                step[a] = 0.0;
             }
         }
-        let step = cholesky_solve(normal, gradient)?;
+        let solved = solve_tree(&mut normal, &self.parents, &mut step);
+        self.factor = normal;
+        if !solved {
+            return None;
+        }
         // No joint turns by more than a radian a step: beyond that the linear model says nothing.
         let longest = self
             .free
@@ -350,12 +375,28 @@ impl<'a> IkSolver<'a> {
     }
 }
 
+/// The value that comes just before each on the way from the root.
+fn dof_parents(skeleton: &Skeleton) -> Vec<Option<usize>> {
+    let bones = skeleton.bones();
+    let mut parents = Vec::with_capacity(skeleton.dof_count());
+    let mut last: Vec<Option<usize>> = Vec::with_capacity(bones.len());
+    for (bone, b) in bones.iter().enumerate() {
+        let mut above = b.parent.and_then(|p| last[p]);
+        for i in skeleton.dofs_of(bone) {
+            parents.push(above);
+            above = Some(i);
+        }
+        last.push(above);
+    }
+    parents
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::pose::rotation::{Axis, compose, parse_order};
     use crate::pose::{Bone, Channel, Dof};
-    use glam::{DMat3, DVec3};
+    use glam::DMat3;
 
     fn dof(channel: Channel, limits: Option<(f64, f64)>) -> Dof {
         Dof {
