@@ -3,6 +3,8 @@
 mod common;
 
 use common::{Numbers, command, run, take, thin};
+use predicates::prelude::*;
+use predicates::str::contains;
 
 const SIX: [&str; 6] = [
     "lclavicle",
@@ -101,14 +103,112 @@ fn another_axis_up_has_the_same_answer() {
     let Some(walk) = walk(30) else { return };
     let damaged = Numbers::read(&gappy(&walk));
     let plain = Numbers::read(&run("complete", &["-q"], &damaged.write()));
-    // The table comes out as tables are: y up.
     for (up, turned) in [
         ("z", damaged.map(|[x, y, z]| [x, -z, y])),
         ("x", damaged.map(|[x, y, z]| [y, -x, z])),
     ] {
-        let answer = run("complete", &["-q", "--up", up], &turned.write());
-        close(&Numbers::read(&answer), &plain, 0.1);
+        let y_up = run(
+            "complete",
+            &["-q", "--up", up, "--out-up", "y"],
+            &turned.write(),
+        );
+        close(&Numbers::read(&y_up), &plain, 0.1);
+        // Without a wish the table comes out as it came in.
+        let own = run("complete", &["-q", "--up", up], &turned.write());
+        let back = Numbers::read(&own).map(|[x, y, z]| match up {
+            "z" => [x, z, -y],
+            _ => [-y, x, z],
+        });
+        close(&back, &plain, 0.1);
     }
+}
+
+#[test]
+fn a_table_in_metres_stays_one_and_bodies_of_no_size_are_refused() {
+    let Some(walk) = walk(60) else { return };
+    let damaged = Numbers::read(&gappy(&walk));
+    let metres = damaged.map(|p| p.map(|v| v / 100.0)).write();
+    let plain = Numbers::read(&run("complete", &["-q", "--status"], &damaged.write()));
+    let in_metres = run("complete", &["-q", "--status", "--units", "m"], &metres);
+    let answer = Numbers::read(&in_metres);
+    close(&answer.map(|p| p.map(|v| 100.0 * v)), &plain, 1e-3);
+    let sd = (answer.names.iter())
+        .position(|n| n == "lfemur.sd")
+        .unwrap();
+    for (m, cm) in answer.cells.iter().zip(&plain.cells) {
+        let [m, cm] = [m, cm].map(|row| row[sd].parse::<f64>().unwrap());
+        assert!(
+            (100.0 * m - cm).abs() <= 1e-3 + 0.01 * cm,
+            "{m} m for {cm} cm"
+        );
+    }
+    // Measured cells keep their text; deviations that a table brings are converted with it.
+    let columns = metres.lines().next().unwrap().split(',').count();
+    for (before, after) in metres.lines().skip(1).zip(
+        run("complete", &["-q", "--units", "m"], &metres)
+            .lines()
+            .skip(1),
+    ) {
+        let cells = before.split(',').zip(after.split(','));
+        assert!(cells.clone().all(|(b, a)| b.is_empty() || a == b));
+        assert_eq!(cells.count(), columns);
+    }
+    let again = run(
+        "complete",
+        &["-q", "--units", "m", "--out-units", "cm"],
+        &in_metres,
+    );
+    let again = Numbers::read(&again);
+    let text = |table: &Numbers| table.cells[30][sd].parse::<f64>().unwrap();
+    assert!((text(&again) - 100.0 * text(&answer)).abs() <= 1e-9);
+    command("complete")
+        .write_stdin(metres.clone())
+        .assert()
+        .code(1)
+        .stderr(contains("--units").and(contains("foot to head")));
+    run("complete", &["-q", "--force"], &metres);
+}
+
+#[test]
+fn joints_of_a_bvh_are_matched_with_the_bone_ends_of_the_model() {
+    let Some(walk) = walk(120) else { return };
+    let bvh = run("xyz2bvh", &["-q"], &walk);
+    let starts = run("bvh2xyz", &["-q"], &bvh);
+    let damaged = run(
+        "corrupt",
+        &["-q", "--gaps", "3", "--length", "0.3", "--points", "2"],
+        &starts,
+    );
+    let said = command("complete")
+        .write_stdin(damaged.clone())
+        .assert()
+        .success();
+    let said = String::from_utf8_lossy(&said.get_output().stderr).into_owned();
+    assert!(
+        said.contains("starts of bones") && !said.contains("not in the model"),
+        "{said}"
+    );
+    let filled = Numbers::read(&run("complete", &["-q"], &damaged));
+    close(&filled, &Numbers::read(&starts), 2.0);
+    assert_eq!(
+        run("complete", &["-q", "--bones", "starts"], &damaged),
+        run("complete", &["-q"], &damaged)
+    );
+    // Noise: the model and the rigid distances help the starts as they do the ends.
+    let noisy = run("corrupt", &["-q", "--dense", "2"], &starts);
+    let [clean, noisy] = [run("denoise", &["-q"], &noisy), noisy].map(|t| Numbers::read(&t));
+    let off = |table: &Numbers| {
+        let truth = Numbers::read(&starts);
+        let far = table.rows.iter().zip(&truth.rows);
+        far.flat_map(|(a, b)| a.iter().zip(b))
+            .map(|(a, b)| (a - b).powi(2))
+            .sum::<f64>()
+    };
+    assert!(
+        off(&clean) <= 0.15 * off(&noisy),
+        "{}",
+        off(&clean) / off(&noisy)
+    );
 }
 
 #[test]

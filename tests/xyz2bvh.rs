@@ -3,6 +3,8 @@
 mod common;
 
 use assert_cmd::Command;
+use common::Numbers;
+use predicates::prelude::*;
 use predicates::str::contains;
 
 fn xyz2bvh(flags: &[&str], table: &str) -> assert_cmd::assert::Assert {
@@ -111,6 +113,22 @@ fn walk(frames: usize) -> String {
     table
 }
 
+/// A person in two frames.
+fn tall() -> String {
+    let row = "0,90,0,10,82,0,12,44,0,12,4,0,12,2,14,0,125,0,0,150,0";
+    let names = [
+        "root",
+        "lhipjoint",
+        "lfemur",
+        "ltibia",
+        "lfoot",
+        "thorax",
+        "head",
+    ];
+    let header: Vec<String> = names.iter().map(|n| format!("{n}.x,{n}.y,{n}.z")).collect();
+    format!("time,{}\n0,{row}\n0.1,{row}\n", header.join(","))
+}
+
 #[test]
 fn a_measured_skeleton_stands_where_the_table_does() {
     let table = walk(150);
@@ -197,6 +215,69 @@ fn missing_points_hold_and_the_count_of_frames_stays() {
     }
 }
 
+/// Three joints in a row, the last without an End Site.
+const LEAF: &str = "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n\
+    JOINT b\n{\nOFFSET 0 10 0\nCHANNELS 3 Zrotation Xrotation Yrotation\nJOINT c\n{\nOFFSET 0 5 1\n\
+    CHANNELS 3 Zrotation Xrotation Yrotation\n}\n}\n}\nMOTION\nFrames: 2\nFrame Time: 0.04\n";
+
+#[test]
+fn a_last_joint_without_an_end_site_goes_round() {
+    let frames = "0 90 0 10 20 30 5 6 7 0 0 0\n0 91 0 11 20 30 5 7 7 0 0 0\n";
+    let file = format!("{LEAF}{frames}");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("leaf.bvh");
+    std::fs::write(&path, &file).unwrap();
+    let skeleton = ["--skeleton", path.to_str().unwrap()];
+    for flags in [&[][..], &["--ends"]] {
+        let table = bvh2xyz(flags, &file);
+        let back = text(xyz2bvh(&skeleton, &table));
+        assert!(
+            farthest(&table, &bvh2xyz(flags, &back)) <= 1e-4,
+            "{flags:?}"
+        );
+    }
+    // A single frame keeps the file's rate.
+    let one = LEAF.replace("Frames: 2", "Frames: 1") + "0 90 0 10 20 30 5 6 7 0 0 0\n";
+    let back = text(xyz2bvh(&skeleton, &bvh2xyz(&[], &one)));
+    assert_eq!(motion(&back).1, 0.04);
+}
+
+#[test]
+fn a_neck_that_nods_through_straight_does_not_spin() {
+    let mut table = String::from("time,root.x,root.y,root.z");
+    let names = [
+        "lhipjoint",
+        "rhipjoint",
+        "thorax",
+        "lowerneck",
+        "upperneck",
+        "head",
+    ];
+    names
+        .iter()
+        .for_each(|n| table += &format!(",{n}.x,{n}.y,{n}.z"));
+    let frames = 200;
+    for t in 0..frames {
+        // The head swings forth and back, a little to the side: the plane of the bend turns by half a turn in a few frames.
+        let (nod, side) = (0.15 * (t as f64 * 0.05).sin(), 0.004);
+        let still = [
+            [0., 90., 0.],
+            [10., 82., 0.],
+            [-10., 82., 0.],
+            [0., 125., 0.],
+            [0., 133., 0.],
+        ];
+        let upper = [side * 8.0, 141.0, 4.0 * nod];
+        let head = [side * 24.0, 150.0, 4.0 * nod + 9.0 * nod];
+        let all = still.into_iter().chain([upper, head]).flatten();
+        let row: Vec<String> = all.map(|v: f64| v.to_string()).collect();
+        table += &format!("\n{},{}", t as f64 / 120.0, row.join(","));
+    }
+    let (rows, _) = motion(&text(xyz2bvh(&["--order", "YZX"], &(table + "\n"))));
+    assert_eq!(rows.len(), frames);
+    assert!(jump(&rows) <= 15.0, "{} degrees in a frame", jump(&rows));
+}
+
 #[test]
 fn faults_are_one_line() {
     let anonymous = "time,a.x,a.y,a.z\n0,1,2,3\n0.1,1,2,3\n";
@@ -223,6 +304,12 @@ fn faults_are_one_line() {
         .stderr(contains("several takes (w, v)"));
     let (rows, _) = motion(&text(xyz2bvh(&["--take", "v"], &two)));
     assert_eq!(rows.len(), 3);
+    let small: String = Numbers::read(&tall()).map(|p| p.map(|v| v / 100.0)).write();
+    xyz2bvh(&[], &small)
+        .code(1)
+        .stderr(contains("--units").and(contains("--force")));
+    xyz2bvh(&["--force"], &small).success();
+    xyz2bvh(&[], &tall()).success();
     xyz2bvh(&["--order", "XYX"], &walk(1)).code(2);
     xyz2bvh(&["--skeleton", "/nowhere"], &walk(1))
         .code(1)

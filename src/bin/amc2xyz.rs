@@ -1,12 +1,14 @@
 //! Turns ASF/AMC takes into a table of joint positions.
 
 use clap::{Parser, ValueEnum};
-use posing::cli::args::{CommonArgs, OutputArgs, Units, parse_rate};
+use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
 use posing::cli::input::{check_single_stdin, open, or_stdin, take_name};
-use posing::cli::streams::create_table;
+use posing::cli::streams::{TableSink, create_table};
+use posing::cli::units::TableUnits;
+use posing::cli::units::Units;
 use posing::cli::{messages, run};
 use posing::io::amc::{AmcFrames, AmcReader};
-use posing::io::{Asf, Columns, Row, TableWriter, parse_point_names};
+use posing::io::{Asf, Columns, Row, parse_point_names};
 use posing::pose::kinematics::Space;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -73,7 +75,12 @@ fn work(args: &Args) -> Result<()> {
     let joints = joints(&asf, args)?;
     let bones = asf.skeleton.bones();
     let names = joints.iter().map(|&j| bones[j].name.clone()).collect();
-    let mut sink = create_table(&args.out, &Columns::for_points(names, true, true), &[])?;
+    let mut sink = create_table(
+        &args.out,
+        TableUnits::CM_Y,
+        &Columns::for_points(names, true, true),
+        &[],
+    )?;
     for take in &takes {
         convert(args, &asf, &joints, take, &mut sink)?;
     }
@@ -98,7 +105,7 @@ fn convert(
     asf: &Asf,
     joints: &[usize],
     take: &Path,
-    sink: &mut TableWriter,
+    sink: &mut TableSink,
 ) -> Result<()> {
     let space = match args.space {
         SpaceFlag::World => Space::World,
@@ -116,7 +123,7 @@ fn convert(
         let poses = xyz.chunks_exact(3 * joints.len());
         for (&number, xyz) in frames.numbers.iter().zip(poses) {
             row.time = Some((number as f64 - 1.0) / args.fps);
-            sink.write(&row, xyz, &[])?;
+            sink.write(&mut row, xyz, &[])?;
         }
     }
     if let Some(number) = reader.dropped {

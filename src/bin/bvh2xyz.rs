@@ -1,9 +1,11 @@
 //! Turns a BVH file into a table of joint positions.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, OutputArgs, Units, Up, parse_rate, value_name};
+use posing::cli::args::{CommonArgs, OutputArgs, parse_rate, value_name};
 use posing::cli::input::{open, take_name};
 use posing::cli::streams::write_table;
+use posing::cli::units::TableUnits;
+use posing::cli::units::{Units, Up};
 use posing::cli::{messages, run};
 use posing::io::bvh::{BvhPoints, BvhSkeleton};
 use posing::io::{Bvh, Table};
@@ -80,9 +82,14 @@ fn work(args: &Args) -> Result<()> {
     let take: Arc<str> = take_name(&path).into();
     poses.take = Some(vec![take; poses.frames()]);
     let table = Table::from_poses(poses);
-    write_table(&args.out, &table, table.poses.xyz.view(), &[], |_| {
-        Vec::new()
-    })?;
+    write_table(
+        &args.out,
+        TableUnits::CM_Y,
+        &table,
+        table.poses.xyz.view(),
+        &[],
+        |_| Vec::new(),
+    )?;
     Ok(())
 }
 

@@ -52,6 +52,7 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let split = args.split.as_deref().map(|folder| SplitFolder {
+        input: args.input.table_units(),
         folder,
         parts: args.kmeans.k as usize,
         out: &args.out,
@@ -102,7 +103,14 @@ fn work(args: &Args) -> Result<()> {
         Some(split) => split.write(&table, &clustering.labels)?,
         None => {
             let label = |t: usize| vec![clustering.labels[t].to_string()];
-            streams::write_table(&args.out, &table, table.poses.xyz.view(), &added(), label)?;
+            streams::write_table(
+                &args.out,
+                args.input.table_units(),
+                &table,
+                table.poses.xyz.view(),
+                &added(),
+                label,
+            )?;
         }
     }
     Ok(())

@@ -2,11 +2,10 @@
 
 use clap::Parser;
 use ndarray::ArrayView1;
-use posing::cli::args::{
-    CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_length, parse_positive,
-};
+use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_positive};
 use posing::cli::input::{RowStream, read_table};
 use posing::cli::streams::{create_table, write_table};
+use posing::cli::units::parse_length;
 use posing::cli::{messages, run};
 use posing::evaluate::corruption::Corruption;
 use posing::evaluate::gap_injection::GapInjection;
@@ -97,13 +96,13 @@ fn work(args: &Args) -> Result<()> {
 fn frame_by_frame(args: &Args, corruption: &Corruption) -> Result<()> {
     let mut rows = RowStream::open(&args.table, false, true)?;
     let corruptor = corruption.check(&rows.columns().points)?;
-    let mut sink = create_table(&args.out, rows.columns(), &[])?;
+    let mut sink = create_table(&args.out, args.table.table_units(), rows.columns(), &[])?;
     let (mut row, mut frame) = (Row::default(), 0);
     while rows.read(&mut row)? {
         let mut xyz = row.xyz.clone();
         corruptor.apply(frame, &mut xyz);
         frame += 1;
-        sink.write(&row, &xyz, &[])?;
+        sink.write(&mut row, &xyz, &[])?;
     }
     sink.finish()
 }
@@ -125,5 +124,12 @@ fn with_gaps(args: &Args, corruption: &Corruption, gaps: &GapInjection) -> Resul
     }
     let skipped = &mut |what: &str| messages::info(&format!("{}: {what}", table.name));
     gaps.inject(&mut poses, &rates, &table.name, skipped)?;
-    write_table(&args.out, &table, poses.xyz.view(), &[], |_| Vec::new())
+    write_table(
+        &args.out,
+        args.table.table_units(),
+        &table,
+        poses.xyz.view(),
+        &[],
+        |_| Vec::new(),
+    )
 }

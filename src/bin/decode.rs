@@ -5,6 +5,7 @@ use posing::cli::args::{CommonArgs, OutputArgs};
 use posing::cli::input::{check_single_stdin, open, open_model};
 use posing::cli::run;
 use posing::cli::streams::create_table;
+use posing::cli::units::TableUnits;
 use posing::io::text::parse_number;
 use posing::io::{Columns, Row};
 use posing::prior::sparse_coding::dictionary;
@@ -65,7 +66,7 @@ fn work(args: &Args) -> Result<()> {
         ));
     }
     let columns = Columns::for_points(model.meta.points.clone(), false, false);
-    let mut sink = create_table(&args.out, &columns, &[])?;
+    let mut sink = create_table(&args.out, TableUnits::CM_Y, &columns, &[])?;
     for record in reader.records() {
         let record = record.map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
         let line = record.position().map_or(0, csv::Position::line);
@@ -111,7 +112,7 @@ fn work(args: &Args) -> Result<()> {
             false => dictionary.combine(&atoms, &coefficients).to_vec(),
         };
         sink.write(
-            &Row {
+            &mut Row {
                 xyz: pose.clone(),
                 ..Row::default()
             },

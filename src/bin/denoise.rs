@@ -2,9 +2,10 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, parse_length};
+use posing::cli::args::CommonArgs;
 use posing::cli::restoring::{RestoringArgs, Task, restore};
 use posing::cli::run;
+use posing::cli::units::parse_length;
 use posing::restore::Denoise;
 use std::process::ExitCode;
 

@@ -1,9 +1,10 @@
 //! Compares poses with the truth.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, Units, parse_rate, value_name};
+use posing::cli::args::{CommonArgs, InputArgs, parse_rate, value_name};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::streams::write_bytes;
+use posing::cli::units::Units;
 use posing::cli::{messages, run};
 use posing::evaluate::Score;
 use posing::evaluate::frames::point_order;

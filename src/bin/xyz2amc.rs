@@ -2,12 +2,13 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs, Units, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::one_take::one_take;
 use posing::cli::run;
 use posing::cli::streams::write_bytes;
+use posing::cli::units::Units;
 use posing::io::{Amc, Asf};
 use posing::pose::Poses;
 use posing::restore::ik::SkeletonFit;

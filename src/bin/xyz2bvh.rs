@@ -1,12 +1,16 @@
 //! Turns a pose table into a BVH file.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, Units, Up, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::body_size::check_body_size;
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
+use posing::cli::units::{Units, Up};
 use posing::cli::{messages, run};
 use posing::io::SkeletonFile;
+use posing::pose::BonePoints;
+use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::rotation::{Axis, parse_order};
 
 use posing::cli::one_take::one_take;
@@ -44,6 +48,9 @@ struct Args {
     /// Respect the skeleton's joint limits, which captured motion often exceeds
     #[arg(long)]
     limits: bool,
+    /// Go on with a body that is smaller or larger than people are
+    #[arg(long)]
+    force: bool,
     /// Take to write, if the table has several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
@@ -83,11 +90,24 @@ fn work(args: &Args) -> Result<()> {
         .transpose()?;
     let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
     let table = read_table(&input, false, false)?;
-    let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
-    let Some(rate) = input.rate(&poses)? else {
+    let mut poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    // A single frame has no rate of its own: it keeps that of the file it goes back to.
+    let of_file = |file: &SkeletonFile| match file {
+        SkeletonFile::Bvh(template) if poses.frames() == 1 => template.rate(),
+        _ => None,
+    };
+    let Some(rate) = (input.rate(&poses)?).or_else(|| given.as_ref().and_then(of_file)) else {
         let what = format!("{}: has no frame rate; give it with --fps", table.name);
         return Err(Error::usage(what));
     };
+    let points = BonePoints::of(&poses.points, poses.xyz.view());
+    if !args.force {
+        let remedy = "tables are read as centimetres: convert it (as posing complete --units m --out-units cm does)";
+        check_body_size(&poses, points, &table.name, remedy)?;
+    }
+    if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
+        poses.points = bone_ends_of_starts(&poses.points);
+    }
     report_time_jumps(&poses, &table.name, "a BVH");
     let estimated;
     let skeleton = match &given {

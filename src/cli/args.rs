@@ -1,13 +1,13 @@
 //! Flags that several commands share.
 
 use super::messages;
+use super::units::{TableUnits, Units, Up};
 use crate::io::TableFormat;
 use crate::io::{ReadOptions, parse_point_names};
-use crate::pose::{ASF_UNIT_CM, Poses};
+use crate::pose::Poses;
 use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
-use glam::DMat3;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -50,76 +50,6 @@ pub fn value_name(value: impl ValueEnum) -> String {
     value.map_or_else(String::new, |v| v.get_name().to_string())
 }
 
-/// Units of length in files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Units {
-    /// Centimetres
-    Cm,
-    /// Metres
-    M,
-    /// Millimetres
-    Mm,
-    /// Inches
-    In,
-    /// Raw units of CMU's ASF files, 5.644 cm
-    Asf,
-}
-
-impl Units {
-    /// Centimetres in one unit.
-    pub fn centimetres(self) -> f64 {
-        match self {
-            Units::Cm => 1.0,
-            Units::M => 100.0,
-            Units::Mm => 0.1,
-            Units::In => 2.54,
-            Units::Asf => ASF_UNIT_CM,
-        }
-    }
-}
-
-/// A length with or without a unit: `3`, `3cm`, `1asf`, `0.02m`; centimetres when none is named.
-pub fn parse_length(text: &str) -> std::result::Result<f64, String> {
-    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
-    let unit = match &text[digits.len()..] {
-        "" => Units::Cm,
-        name => Units::from_str(name, true)
-            .map_err(|_| format!("unknown unit \"{name}\"; use cm, m, mm, in or asf"))?,
-    };
-    match digits.parse::<f64>().map(|v| v * unit.centimetres()) {
-        Ok(v) if v.is_finite() && v >= 0.0 => Ok(v),
-        _ => Err("expected a length such as 3, 3cm or 1asf".into()),
-    }
-}
-
-/// The axis that points up in a file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Up {
-    /// X is up
-    X,
-    /// Y is up, as in pose tables
-    Y,
-    /// Z is up
-    Z,
-}
-
-impl Up {
-    /// The rotation that carries the file's axes to y up.
-    pub fn rotation(self) -> DMat3 {
-        DMat3::from_cols_array_2d(
-            &[[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]].map(|axis| self.to_y(axis)),
-        )
-    }
-    /// Turns a point of the file into one with y up (right-handed both).
-    pub fn to_y(self, p: [f64; 3]) -> [f64; 3] {
-        match self {
-            Up::X => [-p[1], p[0], p[2]],
-            Up::Y => p,
-            Up::Z => [p[0], p[2], -p[1]],
-        }
-    }
-}
-
 /// The input tables of a command.
 #[derive(Debug, Clone, Args)]
 pub struct InputArgs {
@@ -132,7 +62,7 @@ pub struct InputArgs {
     /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     pub joints: Option<String>,
-    /// Unit of length of the input; output is in centimetres
+    /// Unit of length of the input
     #[arg(
         long,
         value_enum,
@@ -141,7 +71,7 @@ pub struct InputArgs {
         help_heading = "Input"
     )]
     pub units: Units,
-    /// Axis of the input that points up; output is y up
+    /// Axis of the input that points up
     #[arg(
         long,
         value_enum,
@@ -182,16 +112,12 @@ impl InputArgs {
         })
     }
 
-    /// Converts a frame to centimetres, y up; returns whether that changed it.
-    pub fn convert(&self, xyz: &mut [f64]) -> bool {
-        if self.units == Units::Cm && self.up == Up::Y {
-            return false;
+    /// The unit and the axis of the input.
+    pub fn table_units(&self) -> TableUnits {
+        TableUnits {
+            unit: self.units,
+            up: self.up,
         }
-        let scale = self.units.centimetres();
-        for p in xyz.chunks_exact_mut(3) {
-            p.copy_from_slice(&self.up.to_y([p[0] * scale, p[1] * scale, p[2] * scale]));
-        }
-        true
     }
 
     /// The rate of a table: from its times, or from `--fps`; they must not contradict each other.
@@ -250,6 +176,12 @@ pub struct OutputArgs {
     /// Output format (default: by FILE's extension, else csv)
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     pub to: Option<Format>,
+    /// Unit of length of the output (default: that of an input table, else cm)
+    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
+    pub out_units: Option<Units>,
+    /// Axis of the output that points up (default: that of an input table, else y)
+    #[arg(long, value_enum, value_name = "AXIS", help_heading = "Output")]
+    pub out_up: Option<Up>,
 }
 
 /// Formats of a table.
@@ -268,6 +200,14 @@ impl OutputArgs {
             (Some(Format::Csv), _) | (None, None) => TableFormat::Csv,
             (Some(Format::Npy), _) => TableFormat::Npy,
             (None, Some(path)) => TableFormat::of_path(path),
+        }
+    }
+
+    /// The unit and the axis of the output, given those of the input table.
+    pub fn table_units(&self, input: TableUnits) -> TableUnits {
+        TableUnits {
+            unit: self.out_units.unwrap_or(input.unit),
+            up: self.out_up.unwrap_or(input.up),
         }
     }
 }
@@ -306,35 +246,4 @@ pub struct SeedArgs {
     /// Seed of the random numbers; the same seed gives the same result
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Shared")]
     pub seed: u64,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lengths_have_units() {
-        assert_eq!(parse_length("3"), Ok(3.0));
-        assert_eq!(parse_length("2m"), Ok(200.0));
-        assert!((parse_length("1asf").unwrap() - 5.644).abs() <= 1e-3);
-        for bad in ["", "x", "3ft", "-1", "inf", "nan", "1e308m"] {
-            assert!(parse_length(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn up_axes_turn_to_y() {
-        for up in [Up::X, Up::Y, Up::Z] {
-            let unit = match up {
-                Up::X => [1.0, 0.0, 0.0],
-                Up::Y => [0.0, 1.0, 0.0],
-                Up::Z => [0.0, 0.0, 1.0],
-            };
-            assert_eq!(up.to_y(unit)[1], 1.0);
-            // Right-handed stays right-handed: e1 x e2 = e3.
-            let [a, b, c] = [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]]
-                .map(|e| glam::DVec3::from_array(up.to_y(e)));
-            assert_eq!(a.cross(b), c);
-        }
-    }
 }

@@ -1,7 +1,8 @@
 //! `evaluate` around the library: its flags and TOML file, its tables and models, the cache of results, the progress bar.
 
-use super::args::{InputArgs, parse_length};
+use super::args::InputArgs;
 use super::progress::Progress;
+use super::units::parse_length;
 use super::{input, messages};
 use crate::evaluate::benchmark::leakage::Provenance;
 use crate::evaluate::benchmark::method::{ModelSource, PretrainedModel};

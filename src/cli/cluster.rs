@@ -2,6 +2,7 @@
 
 use super::args::OutputArgs;
 use super::streams::create_table;
+use super::units::TableUnits;
 use crate::cluster::KMeans;
 use crate::io::{Row, Table, TableFormat};
 use crate::{Error, Place, Result};
@@ -53,6 +54,8 @@ pub struct SplitFolder<'a> {
     pub parts: usize,
     /// The format of the parts.
     pub out: &'a OutputArgs,
+    /// The units of the table.
+    pub input: TableUnits,
 }
 
 impl SplitFolder<'_> {
@@ -104,12 +107,13 @@ impl SplitFolder<'_> {
         for (part, members) in members.into_iter().enumerate() {
             let out = OutputArgs {
                 output: Some(PathBuf::from(self.folder).join(self.name(part))),
-                to: self.out.to,
+                ..self.out.clone()
             };
-            let mut sink = create_table(&out, &table.columns, &[])?;
+            let mut sink = create_table(&out, self.input, &table.columns, &[])?;
             for frame in members {
                 table.row_into(frame, &mut row);
-                sink.write(&row, &row.xyz, &[])?;
+                let xyz = row.xyz.clone();
+                sink.write(&mut row, &xyz, &[])?;
             }
             sink.finish()?;
         }

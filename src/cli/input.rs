@@ -110,7 +110,7 @@ impl<'a> RowStream<'a> {
                 return Err(Error::data(Place::file(self.reader.name()), what));
             }
         }
-        row.converted = self.flags.convert(&mut row.xyz);
+        self.flags.table_units().read(&mut row.xyz);
         Ok(true)
     }
 }
@@ -157,6 +157,5 @@ pub fn read_table(flags: &InputArgs, planar: bool, cells: bool) -> Result<Table>
         columns,
         poses,
         cells: kept,
-        converted: row.converted,
     })
 }

@@ -2,6 +2,7 @@
 
 pub mod args;
 pub mod benchmark;
+pub mod body_size;
 pub mod cluster;
 pub mod code_table;
 pub mod commands;
@@ -21,6 +22,7 @@ mod signals;
 pub mod streams;
 mod summary;
 pub mod training;
+pub mod units;
 
 use crate::Result;
 use clap::{CommandFactory, FromArgMatches};

@@ -1,6 +1,7 @@
 //! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of frames.
 
 use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
+use super::body_size::check_body_size;
 use super::gap_report;
 use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
 use super::messages;
@@ -8,11 +9,13 @@ use super::progress::Progress;
 use super::streams::{create_table, write_table};
 use super::summary::{report, status_cells, status_columns};
 use crate::io::text::excerpt;
-use crate::io::{Columns, Model, PosesBuilder, Row, Table};
+use crate::io::{Model, PosesBuilder, Row, Table};
+use crate::pose::BonePoints;
 use crate::prior::OpenOptions;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
 use crate::{Error, Result};
-use clap::Args;
+use clap::{Args, ValueEnum};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -66,11 +69,27 @@ pub struct RestoringArgs {
     /// NAME.method (how it was filled: regression, pchip, model) for each point; unlike for each frame (novelty of its pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,
+    /// Where points stand on the bones they are named after: starts, as the joints of BVH files, or ends, as the joints of
+    /// CMU and of the built-in model (default: by names and lengths)
+    #[arg(long, value_enum, value_name = "starts|ends", help_heading = "Input")]
+    bones: Option<BonesFlag>,
+    /// Go on with a body that is smaller or larger than people are
+    #[arg(long, help_heading = "Input")]
+    force: bool,
     /// Space of the table's poses
     #[arg(long, value_enum, default_value = "world")]
     space: Space,
     #[command(flatten)]
     out: OutputArgs,
+}
+
+/// Where points stand on their bones.
+#[derive(Debug, Clone, Copy, PartialEq, ValueEnum)]
+enum BonesFlag {
+    /// Where the bone of the point's name starts
+    Starts,
+    /// Where it ends
+    Ends,
 }
 
 /// What is done to the poses.
@@ -162,7 +181,7 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
     let added = status_columns(args.status, &table.columns);
     args.out.format().check_added(&added)?;
     let model = args.model.open()?;
-    let restorer = args.restorer(model.as_ref(), &table.columns)?;
+    let restorer = args.restorer(model.as_ref(), &table)?;
     if args.input.rate(&table.poses)?.is_none() {
         let lack = match table.poses.time {
             Some(_) => "the table's times give no frame rate",
@@ -176,6 +195,7 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
             "{lack}: restoring each frame by itself (--fps sets the frame rate)"
         ));
     }
+    let units = args.out.table_units(args.input.table_units());
     let bar = Progress::new(task.name(), table.poses.frames() as u64);
     let finished = AtomicU64::new(0);
     let progress = |n: usize| bar.set(finished.fetch_add(n as u64, Ordering::Relaxed) + n as u64);
@@ -184,9 +204,21 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
     if let Some(path) = task.report() {
         gap_report::write(path, &restored)?;
     }
-    write_table(&args.out, &table, restored.xyz(), &added, |t| {
-        status_cells(args.status, &restored, t, table.columns.points.len())
-    })?;
+    write_table(
+        &args.out,
+        args.input.table_units(),
+        &table,
+        restored.xyz(),
+        &added,
+        |t| {
+            status_cells(
+                args.status.then_some(units),
+                &restored,
+                t,
+                table.columns.points.len(),
+            )
+        },
+    )?;
     Ok(*restored.counts())
 }
 
@@ -196,9 +228,10 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     let columns = stream.columns().clone();
     task.check(&columns.points)?;
     let model = args.model.open()?;
-    let restorer = args.restorer(model.as_ref(), &columns)?;
+    let mut restorer = None;
     let added = status_columns(args.status, &columns);
-    let mut sink = create_table(&args.out, &columns, &added)?;
+    let mut sink = create_table(&args.out, args.input.table_units(), &columns, &added)?;
+    let units = args.out.table_units(args.input.table_units());
     let mut counts = RestorationCounts::default();
     for batch in 0.. {
         let mut rows = Vec::with_capacity(BATCH);
@@ -221,10 +254,19 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
             // The last batch may be a few frames, whose rounded times may seem to contradict the rate.
             args.input.rate(&table.poses)?;
         }
-        let restored = task.restore(&restorer, &table, &|_| ())?;
+        if restorer.is_none() {
+            restorer = Some(args.restorer(model.as_ref(), &table)?);
+        }
+        let Some(restorer) = &restorer else { break };
+        let restored = task.restore(restorer, &table, &|_| ())?;
         counts.add(restored.counts());
-        for (t, row) in rows.iter().enumerate() {
-            let cells = status_cells(args.status, &restored, t, columns.points.len());
+        for (t, row) in rows.iter_mut().enumerate() {
+            let cells = status_cells(
+                args.status.then_some(units),
+                &restored,
+                t,
+                columns.points.len(),
+            );
             sink.write(row, &restored.xyz().row(t).to_vec(), &cells)?;
         }
     }
@@ -244,12 +286,26 @@ impl ModelFlags {
 }
 
 impl RestoringArgs {
-    /// What restores tables with such columns.
+    /// What restores tables like this one, which may be the first frames of a longer one.
     fn restorer<'m>(
         &self,
         model: Option<&'m (Model, String)>,
-        columns: &Columns,
+        table: &Table,
     ) -> Result<Restorer<'m>> {
+        let poses = &table.poses;
+        let points = match self.bones {
+            Some(BonesFlag::Starts) => BonePoints::Starts,
+            Some(BonesFlag::Ends) => BonePoints::Ends,
+            None => BonePoints::of(&poses.points, poses.xyz.view()),
+        };
+        if !self.force {
+            check_body_size(
+                poses,
+                points,
+                &table.name,
+                "give the table's unit with --units (m, mm, in)",
+            )?;
+        }
         let Some((model, name)) = model else {
             return Ok(Restorer::without_model());
         };
@@ -270,8 +326,13 @@ impl RestoringArgs {
         if self.space == Space::Body {
             restorer = restorer.in_body_space();
         }
-        restorer.check(&columns.points)?;
-        report_unknown_points(&columns.points, &model.meta.points);
+        restorer = restorer.with_bone_points(points);
+        match restorer.model_names(poses)? {
+            Cow::Borrowed(names) => report_unknown_points(names, &model.meta.points),
+            Cow::Owned(_) => messages::info(
+                "the points are the starts of bones, as in BVH files: matched with the bone ends of the model (--bones says otherwise)",
+            ),
+        }
         Ok(restorer)
     }
 }

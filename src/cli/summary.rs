@@ -1,6 +1,8 @@
 //! The report of `denoise` and `complete`: status columns of the table, and messages at the end.
 
 use super::messages;
+use super::streams::significant;
+use super::units::{TableUnits, Units};
 use crate::io::Columns;
 use crate::io::csv::{AddedColumn, After};
 use crate::io::text::push_f64;
@@ -24,22 +26,25 @@ pub fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
         .collect()
 }
 
-/// The cells of these columns for one frame of `points` points.
+/// The cells of these columns for one frame of `points` points; none without the `units` of the output.
 pub fn status_cells(
-    status: bool,
+    units: Option<TableUnits>,
     restored: &Restoration<'_>,
     t: usize,
     points: usize,
 ) -> Vec<String> {
-    if !status {
+    let Some(units) = units else {
         return Vec::new();
-    }
+    };
     let of_point = |p: usize| {
         let sd = (restored.sd(t, p) * 1e4).round() / 1e4;
         let method = restored.method(t, p).map_or("", |m| m.name());
         [
             restored.status(t, p).name().to_string(),
-            number(sd),
+            match units.unit {
+                Units::Cm => number(sd),
+                _ => significant(units.length(sd)),
+            },
             method.to_string(),
         ]
     };

@@ -14,7 +14,7 @@ pub struct Row {
     pub take: Option<Arc<str>>,
     /// The text of the cells; empty for NPY, or where it was not kept.
     pub cells: Cells,
-    /// Whether the coordinates were converted (units, up axis), so that the text of the cells no longer holds.
+    /// Whether the coordinates are of another unit or axis than the text of the cells.
     pub converted: bool,
 }
 

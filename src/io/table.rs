@@ -24,8 +24,6 @@ pub struct Table {
     pub poses: Poses,
     /// The cells as they stood, a row each, if they were kept; else empty.
     pub cells: Vec<Cells>,
-    /// Whether the numbers were converted (units, up axis), so that the cells no longer say the same.
-    pub converted: bool,
 }
 
 impl Table {
@@ -78,7 +76,6 @@ impl Table {
             columns,
             poses: builder.finish(),
             cells,
-            converted: false,
         })
     }
 
@@ -143,7 +140,7 @@ impl Table {
             Some(cells) => row.cells.copy_from(cells),
             None => row.cells.clear(),
         }
-        row.converted = self.converted;
+        row.converted = false;
     }
 }
 

@@ -3,6 +3,7 @@
 //! Carrying a pose from one body to another, `y'ₖ = y'ₚ + rₖ (yₖ − yₚ)` with rₖ the ratio of the lengths, is linear in
 //! the pose. So a whole dictionary can be carried to the captured body, whatever joints are missing there.
 
+use super::joints::{CMU, parents_by_name};
 use glam::DVec3;
 use ndarray::ArrayView2;
 
@@ -100,6 +101,24 @@ impl Body {
             }
         }
     }
+}
+
+/// The sum of the median bone lengths from a foot over the hips to the head, cm, for points with CMU's names (bone ends); `None`
+/// where a foot, a hip and the head are not all among them, or no frame shows a bone of each.
+pub fn stature(names: &[String], xyz: ArrayView2<'_, f64>) -> Option<f64> {
+    let find = |name: &str| names.iter().position(|n| n == name);
+    let head = find(CMU[14])?;
+    find(CMU[1]).or(find(CMU[5])).or(find(CMU[0]))?;
+    let body = Body::measure(&parents_by_name(names), xyz);
+    let up = |from: usize| {
+        std::iter::successors(Some(from), |&k| body.parents[k])
+            .map(|k| body.lengths[k])
+            .filter(|l| l.is_finite())
+            .sum::<f64>()
+    };
+    let feet = [find(CMU[4]), find(CMU[8])].into_iter().flatten().map(up);
+    let leg = feet.fold(0.0, f64::max);
+    (leg > 0.0 && up(head) > 0.0).then(|| leg + up(head))
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The spine: points, skeletons, poses, rotations, kinematics. No I/O, no flags.
 
 pub mod body;
+pub mod bone_points;
 pub mod joints;
 pub mod kinematics;
 pub mod observation;
@@ -12,6 +13,7 @@ pub mod skeleton;
 pub mod transform;
 
 pub use body::Body;
+pub use bone_points::BonePoints;
 pub use kinematics::Space;
 pub use observation::Observation;
 pub use placement::Anchor;

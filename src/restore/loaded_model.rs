@@ -8,7 +8,7 @@ use super::rigid::noise_floor::NoiseFloor;
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::parallel;
-use crate::pose::{Anchor, Body, PoseTransform, Similarity, joints};
+use crate::pose::{Anchor, Body, BonePoints, PoseTransform, Similarity, joints};
 use crate::prior::{self, OpenOptions, Prior};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
@@ -26,6 +26,8 @@ pub struct LoadedModel {
     prior: Box<dyn Prior>,
     /// The root's frame, in world space.
     anchor: Option<Anchor>,
+    /// Where its points stand on their bones.
+    bone_points: BonePoints,
     /// The model's bones, in world space.
     body: Option<Body>,
     /// The other of each left-right pair of points.
@@ -59,8 +61,10 @@ impl LoadedModel {
             None => Anchor::mean(&prior.representative_poses().row(0).to_vec()),
         });
         let body = (model.meta.body.as_ref().filter(|_| world)).map(Body::from);
+        let bone_points = BonePoints::of(names, prior.representative_poses());
         Ok(LoadedModel {
             prior,
+            bone_points,
             anchor,
             body,
             mirror: (0..names.len())
@@ -70,6 +74,11 @@ impl LoadedModel {
             unknown_body: rigid.for_unknown_body(),
             rigid,
         })
+    }
+
+    /// Where its points stand on their bones.
+    pub fn bone_points(&self) -> BonePoints {
+        self.bone_points
     }
 
     /// The number of points.

@@ -23,10 +23,12 @@ use super::restoration::Restoration;
 use super::restored_frames::{BoundModel, Method, Take};
 use crate::io::Model;
 use crate::io::Table;
-use crate::pose::Poses;
+use crate::pose::bone_points::bone_ends_of_starts;
+use crate::pose::{BonePoints, Poses};
 use crate::prior::OpenOptions;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
+use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::OnceLock;
 
@@ -37,6 +39,7 @@ pub struct Restorer<'m> {
     options: OpenOptions,
     name: String,
     world: bool,
+    bone_points: Option<BonePoints>,
     loaded: OnceLock<LoadedModel>,
 }
 
@@ -57,6 +60,7 @@ impl<'m> Restorer<'m> {
             options: OpenOptions::default(),
             name: "the model".to_string(),
             world: true,
+            bone_points: None,
             loaded: OnceLock::new(),
         }
     }
@@ -76,6 +80,12 @@ impl<'m> Restorer<'m> {
     /// Restores poses that stand in body space: root at the origin, no global rotation, the model's body.
     pub fn in_body_space(mut self) -> Restorer<'m> {
         self.world = false;
+        self
+    }
+
+    /// Says where the points of the tables stand on their bones; without it, that is told by [`BonePoints::of`].
+    pub fn with_bone_points(mut self, points: BonePoints) -> Restorer<'m> {
+        self.bone_points = Some(points);
         self
     }
 
@@ -142,12 +152,25 @@ impl<'m> Restorer<'m> {
         }
     }
 
-    /// Opens the model and binds it to a table of `points`, which restoring does too.
+    /// The names by which the model knows the points of `poses`: their own, or where they are the starts of bones and the model
+    /// has ends, those of the bones that end there.
     ///
     /// # Errors
-    /// [`Error::Data`] if the model cannot be opened, or none of its points is among `points`.
-    pub fn check(&self, points: &[String]) -> Result<()> {
-        self.bind(points).map(drop)
+    /// [`Error::Data`] if the model cannot be opened, or has none of these points.
+    pub fn model_names<'p>(&self, poses: &'p Poses) -> Result<Cow<'p, [String]>> {
+        let Some(model) = self.model else {
+            return Ok(Cow::Borrowed(&poses.points));
+        };
+        let table = self.bone_points;
+        let table = table.unwrap_or_else(|| BonePoints::of(&poses.points, poses.xyz.view()));
+        let names = match (table, self.loaded(model)?.bone_points()) {
+            (BonePoints::Starts, BonePoints::Ends) => {
+                Cow::Owned(bone_ends_of_starts(&poses.points))
+            }
+            _ => Cow::Borrowed(&poses.points[..]),
+        };
+        self.bind(&names)?;
+        Ok(names)
     }
 
     /// The opened model, bound to a table of `points`; `None` without a model.
@@ -177,7 +200,8 @@ impl<'m> Restorer<'m> {
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
         let poses = &table.poses;
-        let bound = self.bind(&poses.points)?;
+        let names = self.model_names(poses)?;
+        let bound = self.bind(&names)?;
         let mut out = Restoration::new(table);
         let Some(rate) = rate else {
             let xyz = hide(poses.xyz.to_owned(), hidden);
@@ -196,7 +220,7 @@ impl<'m> Restorer<'m> {
                 .collect();
             let xyz = hide(poses.xyz.slice(s![frames.clone(), ..]).to_owned(), hidden);
             let take = Take {
-                names: &poses.points,
+                names: &names,
                 xyz: xyz.view(),
                 runs: &runs,
                 rate: own.unwrap_or(rate),

@@ -171,17 +171,6 @@ impl BvhSkeleton {
         }
     }
 
-    /// Which points a table with these names holds: joints if an End Site is among them (or there are none to be
-    /// among them), else ends of bones.
-    pub fn points_among(&self, names: &[String]) -> BvhPoints {
-        let sites = &self.origins[self.ends.len()..];
-        if sites.is_empty() || sites.iter().any(|(site, _)| names.contains(site)) {
-            BvhPoints::Origins
-        } else {
-            BvhPoints::Ends
-        }
-    }
-
     /// A frame's channels as the skeleton's values.
     pub fn values(&self, frame: &[f64], q: &mut [f64]) {
         for (value, channel) in frame.iter().zip(&self.channels) {
@@ -201,6 +190,8 @@ impl BvhSkeleton {
 #[derive(Debug, Clone)]
 pub struct BvhTemplate {
     joints: Vec<Joint>,
+    /// Frames a second of the file's motion.
+    rate: Option<f64>,
     /// The kinematics of the joints; bones keep their lengths.
     pub skeleton: BvhSkeleton,
 }
@@ -213,15 +204,27 @@ impl BvhTemplate {
     pub fn new(bvh: Bvh, turn: DMat3) -> Result<BvhTemplate> {
         Ok(BvhTemplate {
             skeleton: BvhSkeleton::new(&bvh.joints, turn, false)?,
+            rate: bvh.rate(),
             joints: bvh.joints,
         })
     }
 
-    /// The bone whose end each named point of a table is.
-    pub fn bones_of(&self, names: &[String]) -> Vec<Option<usize>> {
-        let points = self.skeleton.points(self.skeleton.points_among(names));
+    /// Frames a second of the file's own motion; `None` where its Frame Time is zero.
+    pub fn rate(&self) -> Option<f64> {
+        self.rate
+    }
+
+    /// The bone whose end each point of a table is, by name.
+    pub fn bones_of(&self, names: &[String], which: BvhPoints) -> Vec<Option<usize>> {
+        let points = self.skeleton.points(which);
         let find = |n: &String| points.iter().find(|p| p.0 == *n).map(|p| p.1);
         names.iter().map(find).collect()
+    }
+
+    /// Whether an End Site is among the points of a table, which then holds joints.
+    pub fn has_end_site_among(&self, names: &[String]) -> bool {
+        let sites = &self.skeleton.origins[self.joints.len()..];
+        sites.iter().any(|(site, _)| names.contains(site))
     }
 
     /// The template with another motion: `values` (frames, degrees of freedom of the skeleton; radians and

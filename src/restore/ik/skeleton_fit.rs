@@ -1,11 +1,12 @@
 //! A skeleton fitted to a take, from poses to a motion file.
 
+use super::bone_normalization::BoneNormalizer;
 use super::correspondence::{Correspondence, match_points};
 use super::sequence::{SequenceFit, SequenceSettings, fit_sequence};
 use crate::io::Bvh;
-use crate::io::bvh::BvhTemplate;
+use crate::io::bvh::{BvhPoints, BvhTemplate};
 use crate::pose::rotation::Axis;
-use crate::pose::{Poses, Skeleton};
+use crate::pose::{Body, Poses, Skeleton};
 use crate::{Error, Result};
 use glam::DMat3;
 use ndarray::ArrayView2;
@@ -74,7 +75,7 @@ impl<'a> SkeletonFit<'a> {
         let names = &poses.points;
         let bones: Vec<Option<usize>> = match self.target {
             Target::Skeleton(skeleton) => names.iter().map(|n| skeleton.find(n)).collect(),
-            Target::Template(template) => template.bones_of(names),
+            Target::Template(template) => bones_of_template(template, poses),
         };
         match_points(poses, &bones)
     }
@@ -111,6 +112,28 @@ impl<'a> SkeletonFit<'a> {
             points: matched.names,
             rate: poses.rate(),
         })
+    }
+}
+
+/// The bone of a BVH file whose end each point is, by name. Joints and bone ends have the same names, End Sites apart: where a table
+/// holds no End Site, it is what its lengths fit better.
+fn bones_of_template(template: &BvhTemplate, poses: &Poses) -> Vec<Option<usize>> {
+    let bones = |which| template.bones_of(&poses.points, which);
+    let (origins, ends) = (bones(BvhPoints::Origins), bones(BvhPoints::Ends));
+    let misfit = |bones: &[Option<usize>]| {
+        let matched = match_points(poses, bones);
+        let own = BoneNormalizer::for_skeleton(&template.skeleton.skeleton, &matched.joints);
+        let measured = Body::measure(own.parents(), matched.xyz.view());
+        let apart = own.lengths().iter().zip(&measured.lengths);
+        apart
+            .map(|(a, b)| (a - b).abs())
+            .filter(|d| d.is_finite())
+            .sum::<f64>()
+    };
+    if template.has_end_site_among(&poses.points) || misfit(&origins) < misfit(&ends) {
+        origins
+    } else {
+        ends
     }
 }
 

@@ -1,0 +1,34 @@
+//! A body of an absurd size is a table in another unit.
+
+use crate::pose::body::stature;
+use crate::pose::bone_points::bone_ends_of_starts;
+use crate::pose::{BonePoints, Poses};
+use crate::{Error, Place, Result};
+
+/// The statures of people, from the foot along the bones to the head, cm.
+const PEOPLE: std::ops::RangeInclusive<f64> = 80.0..=260.0;
+
+/// Fails where the body of a table named `name`, which was read as centimetres, is not of a person's size. Points that lack a head,
+/// hips or feet by CMU's names are not judged. `remedy` tells how to name the unit.
+///
+/// # Errors
+/// [`Error::Data`], naming the remedy.
+pub fn check_body_size(poses: &Poses, points: BonePoints, name: &str, remedy: &str) -> Result<()> {
+    let renamed;
+    let names = match points {
+        BonePoints::Ends => &poses.points,
+        BonePoints::Starts => {
+            renamed = bone_ends_of_starts(&poses.points);
+            &renamed
+        }
+    };
+    match stature(names, poses.xyz.view()) {
+        Some(cm) if !PEOPLE.contains(&cm) => {
+            let what = format!(
+                "the body measures {cm:.3} cm from foot to head, which no person does; {remedy}, or go on with --force"
+            );
+            Err(Error::data(Place::file(name), what))
+        }
+        _ => Ok(()),
+    }
+}
