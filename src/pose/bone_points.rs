@@ -35,7 +35,7 @@ impl BonePoints {
     /// Tells from names and lengths, for CMU's names: starts, if there are points NAME_end, or if points whose bones start
     /// together are at one place. Of other names nothing is known, and they count as ends. `xyz`: (frames, 3 J), NaN missing.
     pub fn of(names: &[String], xyz: ArrayView2<'_, f64>) -> BonePoints {
-        let is_end = |n: &String| n.strip_suffix("_end").is_some_and(|n| is_bone(n));
+        let is_end = |n: &String| n.strip_suffix("_end").is_some_and(is_bone);
         if names.iter().any(is_end) || siblings_are_together(names, xyz) {
             BonePoints::Starts
         } else {
