@@ -191,3 +191,26 @@ fn an_outlier_beside_a_gap_is_replaced_and_the_gap_stays_without_fill() {
     let whole = run("denoise", &["-q", "--self", "--fill"], &damaged.write());
     assert_eq!(Numbers::read(&whole).missing(), 0);
 }
+
+#[test]
+fn a_jump_of_the_whole_body_is_a_cut() {
+    let mut table = body(400);
+    for row in &mut table.rows[200..] {
+        row.iter_mut().for_each(|v| *v += 40.0);
+    }
+    // A gap that begins at the cut joins what follows, not what was before.
+    let damaged = hide(&table, &[3], 200..230);
+    let run = command("complete")
+        .arg("--self")
+        .write_stdin(damaged.write())
+        .assert()
+        .success();
+    let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    assert!(said.contains("jumps once"), "{said}");
+    let filled = Numbers::read(std::str::from_utf8(&run.get_output().stdout).unwrap());
+    assert_eq!(filled.missing(), 0);
+    let off = filled.far(&table).0;
+    assert!(off <= 0.5, "{off} cm");
+    let clean = Numbers::read(&common::run("denoise", &["-q", "--self"], &table.write()));
+    assert!(clean.far(&table).0 <= 0.2, "{} cm", clean.far(&table).0);
+}

@@ -77,6 +77,13 @@ pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_ga
         let noun = if count == 1 { "outlier" } else { "outliers" };
         messages::info(&format!("ignored {count} {noun}"));
     }
+    match counts.cuts {
+        0 => {}
+        1 => messages::info("the whole body jumps once: taken for a cut, nothing is joined across"),
+        n => messages::info(&format!(
+            "the whole body jumps {n} times: taken for cuts, nothing is joined across"
+        )),
+    }
     match counts.takes_alone {
         0 => {}
         1 => messages::info(

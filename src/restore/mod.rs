@@ -19,6 +19,7 @@
 mod adaptive_smoothing;
 pub mod body_adaptation;
 pub mod complete;
+mod cuts;
 pub mod denoise;
 mod frame_fill;
 pub mod frame_restorer;

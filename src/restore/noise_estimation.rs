@@ -161,7 +161,7 @@ pub fn typical_noise(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> f64 {
     median(from_time(xyz, runs).into_iter().flatten().collect())
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+pub fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }

@@ -19,6 +19,8 @@ pub struct RestorationCounts {
     pub novel: usize,
     /// Takes restored without the model, as it knows no poses like most of theirs.
     pub takes_alone: usize,
+    /// Jumps of a whole body, across which nothing was restored.
+    pub cuts: usize,
     /// Missing points that were filled.
     pub filled: usize,
     /// Outliers.
@@ -36,6 +38,7 @@ impl RestorationCounts {
         self.too_little += other.too_little;
         self.novel += other.novel;
         self.takes_alone += other.takes_alone;
+        self.cuts += other.cuts;
         self.filled += other.filled;
         self.rejected += other.rejected;
         self.unfilled += other.unfilled;
@@ -129,6 +132,10 @@ impl<'t> Restoration<'t> {
                 self.counts.unfilled += usize::from(status == Status::Unknown);
             }
         }
+    }
+
+    pub(super) fn count_cuts(&mut self, cuts: usize) {
+        self.counts.cuts += cuts;
     }
 
     fn points(&self) -> usize {

@@ -16,6 +16,7 @@
 //! ```
 
 use super::complete::Complete;
+use super::cuts::split_at_cuts;
 use super::denoise::Denoise;
 use super::frame_restorer::FrameRestorer;
 use super::loaded_model::LoadedModel;
@@ -218,12 +219,16 @@ impl<'m> Restorer<'m> {
                 .take_while(|r| r.end <= frames.end)
                 .map(|r| r.start - frames.start..r.end - frames.start)
                 .collect();
+            let rate = own.unwrap_or(rate);
+            let uncut = runs.len();
+            let runs = split_at_cuts(poses.xyz.slice(s![frames.clone(), ..]), &runs, rate);
+            out.count_cuts(runs.len() - uncut);
             let xyz = hide(poses.xyz.slice(s![frames.clone(), ..]).to_owned(), hidden);
             let take = Take {
                 names: &names,
                 xyz: xyz.view(),
                 runs: &runs,
-                rate: own.unwrap_or(rate),
+                rate,
             };
             out.add(frames.start, &method.take(bound.as_ref(), &take, progress));
         }

@@ -1,0 +1,155 @@
+//! Cuts in a take: frames at which the whole body jumps and stays. What was joined there are two captures, and nothing is
+//! interpolated across.
+
+use super::noise_estimation::median;
+use glam::DVec3;
+use ndarray::ArrayView2;
+use std::ops::Range;
+
+/// Largest acceleration of a body, cm/s²: that of a heel that strikes the ground, and one that lasts for some frames.
+const MOST: f64 = 2e4;
+const MOST_LONG: f64 = 5e3;
+/// Least jump, cm, and least jump in medians of what the points of the take do otherwise.
+const LEAST: f64 = 5.0;
+const UNUSUAL: f64 = 5.0;
+/// Share of the points that jump, and how many of them there must be.
+const SHARE: f64 = 0.8;
+const POINTS: usize = 3;
+/// A body that is back within so many seconds, or frames, was never gone: all of its points were measured wrongly.
+const BACK: f64 = 0.05;
+const BACK_FRAMES: usize = 3;
+
+/// The runs of a take (frames, 3 J; cm, NaN missing) divided where the body jumps. `rate`: frames a second.
+pub fn split_at_cuts(
+    xyz: ArrayView2<'_, f64>,
+    runs: &[Range<usize>],
+    rate: f64,
+) -> Vec<Range<usize>> {
+    let jumps = Jumps::new(xyz, runs, rate);
+    let back = ((BACK * rate) as usize).max(BACK_FRAMES);
+    let mut out = Vec::new();
+    for run in runs {
+        let mut start = run.start;
+        let mut t = run.start + 1;
+        while t < run.end {
+            if jumps.is_jump(t - 1, t, run) {
+                let until = run.end.min(t + back + 1);
+                match (t + 1..until).find(|&s| !jumps.is_jump(t - 1, s, run)) {
+                    Some(returned) => t = returned,
+                    None => {
+                        out.push(start..t);
+                        start = t;
+                    }
+                }
+            }
+            t += 1;
+        }
+        out.push(start..run.end);
+    }
+    out
+}
+
+struct Jumps<'a> {
+    xyz: ArrayView2<'a, f64>,
+    /// Seconds a frame.
+    step: f64,
+    /// What the points do usually, cm.
+    usual: f64,
+}
+
+impl<'a> Jumps<'a> {
+    fn new(xyz: ArrayView2<'a, f64>, runs: &[Range<usize>], rate: f64) -> Jumps<'a> {
+        let mut jumps = Jumps {
+            xyz,
+            step: 1.0 / rate,
+            usual: 0.0,
+        };
+        let mut all = Vec::new();
+        for run in runs {
+            for t in run.start + 1..run.end {
+                all.extend(jumps.deviations(t - 1, t, run));
+            }
+        }
+        jumps.usual = median(all);
+        jumps
+    }
+
+    fn at(&self, t: usize, p: usize) -> DVec3 {
+        DVec3::new(
+            self.xyz[[t, 3 * p]],
+            self.xyz[[t, 3 * p + 1]],
+            self.xyz[[t, 3 * p + 2]],
+        )
+    }
+
+    /// How far the points that are seen in frames a < b are from where their velocity leads, before a or after b, cm: the lesser.
+    fn deviations<'s>(
+        &'s self,
+        a: usize,
+        b: usize,
+        run: &'s Range<usize>,
+    ) -> impl Iterator<Item = f64> + 's {
+        let points = 0..self.xyz.ncols() / 3;
+        points.filter_map(move |p| {
+            let moved = self.at(b, p) - self.at(a, p);
+            let before = (a > run.start).then(|| self.at(a, p) - self.at(a - 1, p));
+            let after = (b + 1 < run.end).then(|| self.at(b + 1, p) - self.at(b, p));
+            let known = [before, after].into_iter().flatten();
+            let off = (known.filter(|v| v.is_finite()))
+                .map(|v| (moved - v * (b - a) as f64).length())
+                .reduce(f64::min);
+            Some(off.unwrap_or(moved.length())).filter(|d| d.is_finite())
+        })
+    }
+
+    /// Whether the body as a whole cannot have moved from where it is in frame a to where it is in b.
+    fn is_jump(&self, a: usize, b: usize, run: &Range<usize>) -> bool {
+        let seconds = (b - a) as f64 * self.step;
+        let acceleration = if b - a == 1 { MOST } else { MOST_LONG };
+        let most = LEAST.max(UNUSUAL * self.usual) + acceleration * seconds * seconds;
+        let all: Vec<f64> = self.deviations(a, b, run).collect();
+        let far = all.iter().filter(|d| **d > most).count();
+        all.len() >= POINTS && far as f64 >= SHARE * all.len() as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    /// Five points that swing, 100 frames a second.
+    fn swing(frames: usize) -> Array2<f64> {
+        Array2::from_shape_fn((frames, 15), |(t, i)| {
+            60.0 * (0.05 * t as f64 + i as f64).sin() + 10.0 * i as f64
+        })
+    }
+
+    fn of(xyz: &Array2<f64>) -> Vec<Range<usize>> {
+        let all = 0..xyz.nrows();
+        split_at_cuts(xyz.view(), std::slice::from_ref(&all), 100.0)
+    }
+
+    #[test]
+    fn a_body_that_jumps_and_stays_starts_a_run() {
+        let mut xyz = swing(100);
+        xyz.slice_mut(ndarray::s![40.., ..])
+            .mapv_inplace(|v| v + 30.0);
+        xyz.slice_mut(ndarray::s![99.., ..])
+            .mapv_inplace(|v| v + 30.0);
+        assert_eq!(of(&xyz), [0..40, 40..99, 99..100]);
+    }
+
+    #[test]
+    fn one_that_comes_back_a_fast_one_and_a_point_alone_do_not() {
+        let mut xyz = swing(100);
+        xyz.slice_mut(ndarray::s![40..43, ..])
+            .mapv_inplace(|v| v + 30.0);
+        xyz.slice_mut(ndarray::s![70.., ..6])
+            .mapv_inplace(|v| v + 30.0);
+        assert_eq!(of(&xyz), [0..100]);
+        // A stop within a frame, at 10 m/s.
+        let fast = Array2::from_shape_fn((100, 15), |(t, i)| 10.0 * t.min(50) as f64 + i as f64);
+        assert_eq!(of(&fast), [0..100]);
+    }
+}
