@@ -8,7 +8,7 @@ use posing::evaluate::benchmark::Settings;
 use posing::evaluate::corruption::Corruption;
 use posing::evaluate::figure;
 use posing::prior::multiscale::TrainSettings;
-use posing::prior::{Kind, OpenOptions, TrainOptions};
+use posing::prior::{OpenOptions, TrainOptions};
 use posing::restore::Denoise;
 use posing::sparse::{Ksvd, Omp, SelectionRule};
 use std::collections::BTreeMap;
@@ -56,7 +56,6 @@ fn library() -> BTreeMap<(&'static str, &'static str), String> {
             ("prior-train", "--hold-back"),
             format!("{:?}", TrainOptions::default().hold_back).to_lowercase(),
         ),
-        (("prior-train", "--kind"), Kind::default().name().into()),
         (
             ("prior-train", "--leaves"),
             TrainSettings::default().max_exemplars.to_string(),

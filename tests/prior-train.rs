@@ -91,3 +91,35 @@ fn a_few_poses_are_enough() {
         assert!(worst.is_finite() && worst <= 5.0, "{kind}: {worst} cm");
     }
 }
+
+#[test]
+fn a_thousand_points_are_learnt_and_filled() {
+    let columns: Vec<String> = (0..1000).map(|p| format!("p{p}.x,p{p}.y,p{p}.z")).collect();
+    let mut table = format!("time,{}", columns.join(","));
+    for t in 0..20 {
+        table += &format!("\n{}", t as f64 / 100.0);
+        for c in 0..3000 {
+            let rest = 40.0 * (1.7 * f64::from(c)).sin();
+            table += &format!(",{:.4}", rest + 5.0 * (0.1 * t as f64 + f64::from(c)).sin());
+        }
+    }
+    table.push('\n');
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("many.npz");
+    let said = command("prior-train")
+        .args(["-o", text(&path)])
+        .write_stdin(table.clone())
+        .assert()
+        .success();
+    let said = String::from_utf8_lossy(&said.get_output().stderr).into_owned();
+    assert!(
+        said.contains("1000 points") && said.contains("nlm"),
+        "{said}"
+    );
+    let gaps = ["-q", "--gaps", "1", "--length", "0.03", "--points", "30"];
+    let damaged = run("corrupt", &gaps, &table);
+    let filled = run("complete", &["-q", "-m", text(&path)], &damaged);
+    let [truth, filled] = [&table, &filled].map(|t| common::Numbers::read(t));
+    assert_eq!(filled.missing(), 0);
+    assert!(filled.far(&truth).0 <= 0.5, "{} cm", filled.far(&truth).0);
+}

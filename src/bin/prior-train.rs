@@ -27,9 +27,9 @@ use std::process::ExitCode;
 struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Kind of model
-    #[arg(long, value_name = "KIND", default_value = Kind::default().name(), value_parser = kinds())]
-    kind: String,
+    /// Kind of model (default: multiscale, or nlm for more than 250 points, for which it would take too long)
+    #[arg(long, value_name = "KIND", value_parser = kinds())]
+    kind: Option<String>,
     /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale holds out both
     #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
     hold_back: HoldBackFlag,
@@ -77,9 +77,20 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let kind: Kind = args.kind.parse()?;
     let world = args.space == Space::World;
     let poses = ready(&args.input, args.input.files.clone(), world, None)?;
+    let kind: Kind = match &args.kind {
+        Some(name) => name.parse()?,
+        None => Kind::for_points(poses.points.len()),
+    };
+    if args.kind.is_none() && kind != Kind::default() {
+        messages::info(&format!(
+            "{} points are too many for the kind {}: training {}; --kind says otherwise",
+            poses.points.len(),
+            Kind::default().name(),
+            kind.name()
+        ));
+    }
     let hold_back = match args.hold_back {
         HoldBackFlag::Takes => HoldBack::Takes,
         HoldBackFlag::Frames => HoldBack::Frames,
@@ -108,7 +119,7 @@ fn work(args: &Args) -> Result<()> {
     }
     model.meta.credit.clone_from(&args.credit);
     let mut flags = vec![
-        ("kind", args.kind.clone()),
+        ("kind", kind.name().to_string()),
         ("hold-back", value_name(args.hold_back)),
         ("space", value_name(args.space)),
         ("seed", args.seed.seed.to_string()),

@@ -43,7 +43,19 @@ pub enum Kind {
     Mixture,
 }
 
+/// The most points for which a covariance of all coordinates is learnt without being asked for.
+const MOST_POINTS: usize = 250;
+
 impl Kind {
+    /// The kind that is best for poses of so many points: the cost of [`Kind::Multiscale`] is the cube of their number.
+    pub fn for_points(points: usize) -> Kind {
+        if points <= MOST_POINTS {
+            Kind::Multiscale
+        } else {
+            Kind::Nlm
+        }
+    }
+
     /// All kinds, the default first.
     pub const ALL: [Kind; 12] = [
         Kind::Multiscale,
