@@ -176,6 +176,7 @@ pub fn fill_gaps(
     let model = FrameFill {
         restorer: &restorer,
         seen: seen.view(),
+        runs: take.runs,
         rate: take.rate,
     };
     let frames = model.fill(&left.iter().map(of_model).collect::<Vec<_>>(), done);

@@ -3,21 +3,25 @@
 //!
 //! Each frame is answered by itself. At a gap's ends the point is seen, so the error of the answer is known there: it is answered
 //! once more with the gap's points hidden. The error is carried into the gap as a ramp, and fades from a single end. Noise that is
-//! the model's own, from frame to frame, is smoothed away.
+//! the model's own, from frame to frame, is smoothed away; where the answers jump from one pose to another, as much as it takes for
+//! a path that a body can follow.
 
 use super::adaptive_smoothing::smooth_path;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
-use super::gap::{FillMethod, FilledGap, Gap};
+use super::gap::{FillMethod, FilledGap, Gap, MotionLimits};
 use super::noise_estimation::{exact_noise, noise_of_path};
 use crate::numeric::parallel;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
 
 /// Frames of one parallel task.
 const CHUNK: usize = 8;
 /// Seconds after which e⁻¹ of an error is left where a gap has one end.
 const FADES: f64 = 0.25;
+/// Noise that is assumed, cm, as long as the answers are no path that a body can follow.
+const STRONGER: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// The model's answers for the frames of a take.
 pub struct FrameFill<'a> {
@@ -25,6 +29,8 @@ pub struct FrameFill<'a> {
     pub restorer: &'a FrameRestorer<'a>,
     /// What counts as seen, in the model's order of points (frames, 3 J), cm; NaN missing.
     pub seen: ArrayView2<'a, f64>,
+    /// Ranges of consecutive frames.
+    pub runs: &'a [Range<usize>],
     /// Frames a second.
     pub rate: f64,
 }
@@ -36,8 +42,9 @@ impl FrameFill<'_> {
     /// Fills gaps, whose points are the model's. `None` for a gap in which a frame shows too little.
     pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
         let answers = self.answers(gaps, done);
+        let limits = MotionLimits::measure(self.seen, self.runs, gaps);
         gaps.iter()
-            .map(|gap| self.fill_gap(gap, &answers))
+            .map(|gap| self.fill_gap(gap, &answers, &limits))
             .collect()
     }
 
@@ -80,7 +87,12 @@ impl FrameFill<'_> {
         before.into_iter().chain(after).collect()
     }
 
-    fn fill_gap(&self, gap: &Gap, answers: &BTreeMap<Key, RestoredFrame>) -> Option<FilledGap> {
+    fn fill_gap(
+        &self,
+        gap: &Gap,
+        answers: &BTreeMap<Key, RestoredFrame>,
+        limits: &MotionLimits,
+    ) -> Option<FilledGap> {
         let at = |values: &[f64]| DVec3::from_slice(&values[3 * gap.point..]);
         let errors: Vec<(f64, DVec3)> = (self.ends(gap).into_iter())
             .filter_map(|key| {
@@ -101,24 +113,41 @@ impl FrameFill<'_> {
             (0..3).for_each(|axis| xyz[[k, axis]] = mean[axis]);
             variance.push(answer.sd[gap.point].powi(2));
         }
-        self.smooth(&mut xyz);
+        let mut shifts = Vec::with_capacity(gap.frames.len());
         for (k, t) in gap.frames.clone().enumerate() {
             let (shift, share) = carried(&errors, t as f64, self.rate);
-            (0..3).for_each(|axis| xyz[[k, axis]] += shift[axis]);
+            shifts.push(shift);
             variance[k] *= share;
         }
-        Some(FilledGap {
-            xyz,
-            variance,
-            method: FillMethod::Model,
-        })
+        let measured = noise_of_path(
+            [0, 1, 2]
+                .map(|axis| xyz.column(axis).to_vec())
+                .each_ref()
+                .map(|c| &c[..]),
+        );
+        let noises = [measured.unwrap_or(0.0)].into_iter().chain(STRONGER);
+        let smoothed = noises.map(|noise| {
+            let mut xyz = xyz.clone();
+            self.smooth(&mut xyz, noise);
+            for (mut row, shift) in xyz.rows_mut().into_iter().zip(&shifts) {
+                (0..3).for_each(|axis| row[axis] += shift[axis]);
+            }
+            FilledGap {
+                xyz,
+                variance: variance.clone(),
+                method: FillMethod::Model,
+            }
+        });
+        smoothed
+            .into_iter()
+            .find(|f| limits.allow(self.seen, gap, f))
     }
 
-    /// Smooths a path (frames, 3) by the noise that it shows.
-    fn smooth(&self, xyz: &mut Array2<f64>) {
-        let path = [0, 1, 2].map(|axis| xyz.column(axis).to_vec());
-        let views = [&path[0][..], &path[1][..], &path[2][..]];
-        if let Some(noise) = noise_of_path(views).filter(|n| *n > 0.0) {
+    /// Smooths a path (frames, 3) with so much noise, cm.
+    fn smooth(&self, xyz: &mut Array2<f64>, noise: f64) {
+        if noise > 0.0 {
+            let path = [0, 1, 2].map(|axis| xyz.column(axis).to_vec());
+            let views = [&path[0][..], &path[1][..], &path[2][..]];
             let run = 0..path[0].len();
             let smooth = smooth_path(views, &[run], noise * noise, 1.0 / self.rate);
             for (mut column, smooth) in xyz.columns_mut().into_iter().zip(smooth) {

@@ -15,6 +15,7 @@
 
 mod estimates;
 mod local_poses;
+mod motion_limits;
 mod path;
 mod regression;
 mod rigid_distances;
@@ -22,7 +23,9 @@ mod weights;
 
 use crate::numeric::parallel;
 use estimates::Targets;
+use glam::DVec3;
 use local_poses::LocalPoses;
+pub use motion_limits::MotionLimits;
 use ndarray::{Array2, ArrayView2, s};
 use regression::{OtherPoses, Regression};
 use rigid_distances::TakeDistances;
@@ -148,23 +151,30 @@ impl GapFiller<'_> {
     pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
         let mut known = self.captured.to_owned();
         let seconds = self.seconds();
+        let limits = MotionLimits::measure(self.captured, self.runs, gaps);
         let mut filled: Vec<Option<FilledGap>> = vec![None; gaps.len()];
         for wave in waves(gaps) {
-            let questions = questions(gaps, wave);
-            let is_flood = questions.len() > FLOOD;
-            let answers = parallel::map_chunks(questions.len(), 1, |range| {
-                done(1);
-                match is_flood {
-                    true => self.answer_brief(gaps, &questions[range.start], &known, &seconds),
-                    false => self.answer(gaps, &questions[range.start], &known, &seconds),
-                }
-            });
-            for (question, answers) in questions.iter().zip(answers) {
-                for (&gap, answer) in question.iter().zip(answers) {
-                    if let Some(answer) = &answer {
-                        put(&mut known, &gaps[gap], &answer.xyz);
+            let mut open = wave;
+            // What is filled is known to the gaps for which too little was: they are asked again as long as that helps.
+            loop {
+                let answers = self.ask(gaps, &open, &known, &seconds, done);
+                let count = open.len();
+                for (gap, answer) in answers {
+                    if !limits.allow(self.captured, &gaps[gap], &answer) {
+                        continue;
                     }
-                    filled[gap] = answer;
+                    put(&mut known, &gaps[gap], &answer.xyz);
+                    filled[gap] = Some(answer);
+                }
+                open.retain(|gap| filled[*gap].is_none());
+                if open.is_empty() || open.len() == count {
+                    break;
+                }
+            }
+            for gap in open {
+                filled[gap] = path::interpolate(self.captured, &gaps[gap], self.rate);
+                if let Some(answer) = &filled[gap] {
+                    put(&mut known, &gaps[gap], &answer.xyz);
                 }
             }
         }
@@ -182,52 +192,52 @@ impl GapFiller<'_> {
         seconds
     }
 
-    /// Fills the gaps of one question.
+    /// Those of the gaps `open` that can be filled by what other points say, and brief ones of a flood over time.
+    fn ask(
+        &self,
+        gaps: &[Gap],
+        open: &[usize],
+        known: &Array2<f64>,
+        seconds: &[f64],
+        done: &(dyn Fn(usize) + Sync),
+    ) -> Vec<(usize, FilledGap)> {
+        let questions = questions(gaps, open.to_vec());
+        let is_flood = questions.len() > FLOOD;
+        let answers = parallel::map_chunks(questions.len(), 1, |range| {
+            done(1);
+            let (mut found, mut left) = (Vec::new(), Vec::new());
+            for &k in &questions[range.start] {
+                let by_path = is_flood && gaps[k].frames.len() < WAVE;
+                let path = by_path.then(|| path::interpolate(self.captured, &gaps[k], self.rate));
+                match path.flatten() {
+                    Some(filled) => found.push((k, filled)),
+                    None => left.push(k),
+                }
+            }
+            found.extend(self.answer(gaps, &left, known, seconds));
+            found
+        });
+        answers.into_iter().flatten().collect()
+    }
+
+    /// Fills the gaps of one question by what other points say, together or else each alone, if enough is known.
     fn answer(
         &self,
         gaps: &[Gap],
         question: &[usize],
         known: &Array2<f64>,
         seconds: &[f64],
-    ) -> Vec<Option<FilledGap>> {
+    ) -> Vec<(usize, FilledGap)> {
         if let Some(answers) = self.regress(gaps, question, known, seconds) {
-            return answers.into_iter().map(Some).collect();
+            return question.iter().copied().zip(answers).collect();
         }
-        if question.len() > 1 {
-            let alone = |gap: &usize| self.answer(gaps, &[*gap], known, seconds);
-            return question.iter().flat_map(alone).collect();
+        match question {
+            [_, _, ..] => {
+                let alone = |gap: &usize| self.answer(gaps, &[*gap], known, seconds);
+                question.iter().flat_map(alone).collect()
+            }
+            _ => Vec::new(),
         }
-        vec![path::interpolate(
-            self.captured,
-            &gaps[question[0]],
-            self.rate,
-        )]
-    }
-
-    /// Fills the gaps of one question, brief ones over time where their paths allow it.
-    fn answer_brief(
-        &self,
-        gaps: &[Gap],
-        question: &[usize],
-        known: &Array2<f64>,
-        seconds: &[f64],
-    ) -> Vec<Option<FilledGap>> {
-        let by_path = |k: &usize| {
-            let gap = Some(&gaps[*k]).filter(|g| g.frames.len() < WAVE)?;
-            path::interpolate(self.captured, gap, self.rate)
-        };
-        let mut answers: Vec<Option<FilledGap>> = question.iter().map(by_path).collect();
-        let left: Vec<usize> = (0..question.len())
-            .filter(|i| answers[*i].is_none())
-            .collect();
-        if !left.is_empty() {
-            let gaps_left: Vec<usize> = left.iter().map(|i| question[*i]).collect();
-            let found = self.answer(gaps, &gaps_left, known, seconds);
-            left.into_iter()
-                .zip(found)
-                .for_each(|(i, f)| answers[i] = f);
-        }
-        answers
     }
 
     /// Fills the gaps of one question by what other points say. `None` where too little is known.
@@ -272,15 +282,29 @@ impl GapFiller<'_> {
         )?;
         let mut filled = Vec::new();
         for (k, index) in question.iter().enumerate() {
-            let frames = &gaps[*index].frames;
+            let (frames, point) = (&gaps[*index].frames, gaps[*index].point);
+            let place = |t: usize| {
+                let at = t - start;
+                let [x, y, z] = [0, 1, 2].map(|axis| found.mean[[at, 3 * k + axis]]);
+                Some(own.placements[gap.start + at]?.apply(DVec3::new(x, y, z)))
+            };
+            // Where the gap is shorter than the question, its own ends are among what was asked.
+            let error = |t: usize| {
+                let seen = self.captured.slice(s![t, 3 * point..3 * point + 3]);
+                let error = DVec3::new(seen[0], seen[1], seen[2]) - place(t)?;
+                Some(error).filter(|e| e.is_finite())
+            };
+            let before = (frames.start > start).then(|| error(frames.start - 1));
+            let after = (frames.end < end).then(|| error(frames.end));
+            let [before, after] = [before, after].map(|e| e.flatten().unwrap_or_default());
             let mut xyz = Array2::zeros((frames.len(), 3));
             let mut variance = Vec::with_capacity(frames.len());
             for (i, t) in frames.clone().enumerate() {
-                let at = t - start;
-                let [x, y, z] = [0, 1, 2].map(|axis| found.mean[[at, 3 * k + axis]]);
-                let placed = own.placements[gap.start + at]?.apply([x, y, z].into());
+                let share = (i + 1) as f64 / (frames.len() + 1) as f64;
+                let placed = place(t)? + before.lerp(after, share);
                 (xyz[[i, 0]], xyz[[i, 1]], xyz[[i, 2]]) = (placed.x, placed.y, placed.z);
-                variance.push(found.variance.slice(s![at, 3 * k..3 * k + 3]).mean()?);
+                let columns = s![t - start, 3 * k..3 * k + 3];
+                variance.push(found.variance.slice(columns).mean()?);
             }
             if !xyz.iter().all(|v| v.is_finite()) {
                 return None;
@@ -329,8 +353,13 @@ impl GapFiller<'_> {
             return None;
         }
         let lacking = |p: usize| frames.iter().filter(|t| !is_known(**t, p)).count();
+        // At the gap's ends, too: what the regression misses there is carried into the gap.
+        let is_end = |t: &usize| frames.binary_search(t).is_ok();
+        let before = gap.start.checked_sub(1).filter(is_end);
+        let after = Some(gap.end).filter(is_end);
+        let asked: Vec<usize> = gap.clone().chain(before).chain(after).collect();
         let mut candidates: Vec<(usize, usize)> = (0..known.ncols() / 3)
-            .filter(|p| !targets.contains(p) && gap.clone().all(|t| is_known(t, *p)))
+            .filter(|p| !targets.contains(p) && asked.iter().all(|t| is_known(*t, *p)))
             .map(|p| (lacking(p), p))
             .filter(|(lacks, _)| *lacks < frames.len())
             .collect();
