@@ -274,7 +274,7 @@ fn points_seen_in_part_among_whole_ones_are_filled_and_what_was_seen_of_them_sta
     let truth = Numbers::read(&walk);
     let damaged = truth.lacking_parts().write();
     let table = Numbers::read(&damaged);
-    for (flags, most) in [(&["-q"][..], 0.21), (&["-q", "--per-frame"], 1.0)] {
+    for (flags, most) in [(&["-q"][..], 0.25), (&["-q", "--per-frame"], 1.0)] {
         let filled = Numbers::read(&run("complete", flags, &damaged));
         for (row, seen) in filled.rows.iter().zip(&table.rows) {
             let mut pairs = row.iter().zip(seen);

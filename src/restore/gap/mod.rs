@@ -157,24 +157,23 @@ impl GapFiller<'_> {
             let mut open = wave;
             // What is filled is known to the gaps for which too little was: they are asked again as long as that helps.
             loop {
-                let answers = self.ask(gaps, &open, &known, &seconds, done);
                 let count = open.len();
-                for (gap, answer) in answers {
-                    if !limits.allow(self.captured, &gaps[gap], &answer) {
-                        continue;
-                    }
+                let mut answers = self.ask(gaps, &open, &known, &seconds, done);
+                answers.retain(|(gap, answer)| limits.allow(self.captured, &gaps[*gap], answer));
+                let is_open = |gap: &&usize| answers.iter().all(|(g, _)| g != *gap);
+                let by_path = |gap: &usize| {
+                    let path = path::interpolate(self.captured, &gaps[*gap], self.rate);
+                    Some((*gap, path?))
+                };
+                let paths: Vec<(usize, FilledGap)> =
+                    open.iter().filter(is_open).filter_map(by_path).collect();
+                for (gap, answer) in answers.into_iter().chain(paths) {
                     put(&mut known, &gaps[gap], &answer.xyz);
                     filled[gap] = Some(answer);
                 }
                 open.retain(|gap| filled[*gap].is_none());
                 if open.is_empty() || open.len() == count {
                     break;
-                }
-            }
-            for gap in open {
-                filled[gap] = path::interpolate(self.captured, &gaps[gap], self.rate);
-                if let Some(answer) = &filled[gap] {
-                    put(&mut known, &gaps[gap], &answer.xyz);
                 }
             }
         }
@@ -353,13 +352,8 @@ impl GapFiller<'_> {
             return None;
         }
         let lacking = |p: usize| frames.iter().filter(|t| !is_known(**t, p)).count();
-        // At the gap's ends, too: what the regression misses there is carried into the gap.
-        let is_end = |t: &usize| frames.binary_search(t).is_ok();
-        let before = gap.start.checked_sub(1).filter(is_end);
-        let after = Some(gap.end).filter(is_end);
-        let asked: Vec<usize> = gap.clone().chain(before).chain(after).collect();
         let mut candidates: Vec<(usize, usize)> = (0..known.ncols() / 3)
-            .filter(|p| !targets.contains(p) && asked.iter().all(|t| is_known(*t, *p)))
+            .filter(|p| !targets.contains(p) && gap.clone().all(|t| is_known(t, *p)))
             .map(|p| (lacking(p), p))
             .filter(|(lacks, _)| *lacks < frames.len())
             .collect();

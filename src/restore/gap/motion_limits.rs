@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// How much more than it is seen to do a point may do in a gap, and what is allowed beside: cm a frame, cm.
-const MORE: f64 = 1.5;
-const LEAST_STEP: f64 = 1.0;
-const LEAST_DISTANCE: f64 = 5.0;
+const MORE: f64 = 2.0;
+const LEAST_STEP: f64 = 3.0;
+const LEAST_DISTANCE: f64 = 10.0;
 /// Frames that tell what a point does.
 const FEWEST: usize = 10;
 /// Frames and other points that distances are measured in.
@@ -119,9 +119,9 @@ mod tests {
             limits.allow(xyz.view(), &gap, &filled)
         };
         assert!(allows(truth.clone()));
-        assert!(!allows(&truth * 2.0));
+        assert!(!allows(&truth * 3.0));
         let mut jump = truth;
-        jump[[5, 0]] -= 15.0;
+        jump[[5, 0]] -= 15.0; // more than 3 + 2 · 2 cm
         assert!(!allows(jump));
     }
 }

@@ -24,8 +24,6 @@ const KNOTS: usize = 12;
 const BEYOND: f64 = 1.0;
 /// Up to this length, seconds, PCHIP counts half where nothing can be simulated.
 const BRIEF: f64 = 0.1;
-/// Seconds by which the weight of time is halved where nothing tells it.
-const TIME_FADES: f64 = 0.4;
 /// Seconds of a gap from which on the conditional weighs half as much as a process in w₀: it is steady, but knows no details.
 const CONDITIONAL_SECONDS: f64 = 0.5;
 /// How strongly w is held to w₀.
@@ -68,16 +66,20 @@ pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
         let plain = plain_weights(processes, seconds, estimates.means.len());
         let (weights, factor) = match &simulated {
             Some(simulated) => simulated.judge(point, &plain),
-            None => {
+            None if seconds <= BRIEF => {
+                // Time says as much as all else.
                 let time =
                     Array1::from_shape_fn(plain.len(), |k| f64::from(u8::from(k > processes)));
-                let share = if time.sum() > 0.0 {
-                    time_share(seconds)
-                } else {
-                    0.0
-                };
-                (plain * (1.0 - share) + time * share, USUAL_FACTOR)
+                (
+                    if time.sum() > 0.0 {
+                        (plain + time) / 2.0
+                    } else {
+                        plain
+                    },
+                    USUAL_FACTOR,
+                )
             }
+            None => (plain, USUAL_FACTOR),
         };
         for (w, mean) in weights.iter().zip(&estimates.means) {
             out.mean
@@ -88,11 +90,6 @@ pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
         out.over_time.push(weights.iter().skip(processes + 1).sum());
     }
     Some(out)
-}
-
-/// The weight of interpolation over time where no simulated gap tells it: in a brief gap time says as much as all else.
-fn time_share(seconds: f64) -> f64 {
-    0.5 * (BRIEF + TIME_FADES) / (seconds.max(BRIEF) + TIME_FADES)
 }
 
 /// w₀ for a gap of some seconds: the `processes` weigh the same, the conditional up to as much the longer the gap, PCHIP nothing.
