@@ -17,13 +17,13 @@ use std::sync::Arc;
 /// Convert a BVH file to a pose table
 ///
 /// Writes a pose table in centimetres, y up: one row per frame, three columns per joint, End Sites as NAME_end. A joint
-/// is the start of its bone; the built-in model and xyz2bvh expect the end: use --ends for them. Position channels
+/// is the start of its bone, unless --ends is given; denoise, complete and xyz2bvh tell which. Position channels
 /// replace the OFFSET. BVH files state no unit and no up axis; the default is centimetres, y up.
 #[derive(Parser)]
 #[command(
     name = "bvh2xyz",
     version,
-    after_help = "Examples:\n  posing bvh2xyz walk.bvh > walk.csv\n  posing bvh2xyz --ends walk.bvh | posing denoise | posing xyz2bvh --skeleton walk.bvh -o clean.bvh\n  posing bvh2xyz --units m --up z from-blender.bvh | posing plot -o walk.html"
+    after_help = "Examples:\n  posing bvh2xyz walk.bvh > walk.csv\n  posing bvh2xyz walk.bvh | posing denoise | posing xyz2bvh --skeleton walk.bvh -o clean.bvh\n  posing bvh2xyz --units m --up z from-blender.bvh | posing plot -o walk.html"
 )]
 struct Args {
     /// BVH file; - or nothing: standard input

@@ -22,14 +22,14 @@ use std::process::ExitCode;
 /// Convert a pose table to a BVH file
 ///
 /// Scales each pose to the skeleton's bone lengths and solves for the joint angles by inverse kinematics. A point is the
-/// end of the bone of the same name. In the BVH file, joint NAME is the start of bone NAME and rotates it; the last bone
+/// end of the bone of the same name, or its start where names and lengths say so, as in the tables of bvh2xyz. In the BVH file, joint NAME is the start of bone NAME and rotates it; the last bone
 /// of a chain ends in an End Site. Bones without a point keep their rest pose. Standard error reports the mean and
 /// largest distance between points and joints.
 #[derive(Parser)]
 #[command(
     name = "xyz2bvh",
     version,
-    after_help = "Examples:\n  posing xyz2bvh -o walk.bvh walk.csv\n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\n  posing bvh2xyz --ends old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh"
+    after_help = "Examples:\n  posing xyz2bvh -o walk.bvh walk.csv\n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\n  posing bvh2xyz old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh"
 )]
 struct Args {
     /// Pose tables, CSV or NPY; - or nothing: standard input
