@@ -167,6 +167,18 @@ fn a_table_in_metres_stays_one_and_bodies_of_no_size_are_refused() {
         .code(1)
         .stderr(contains("--units").and(contains("foot to head")));
     run("complete", &["-q", "--force"], &metres);
+    // Noise makes bones longer, not bodies; a small second take, or a late one, is found.
+    let noisy = run("corrupt", &["-q", "--dense", "10"], &walk);
+    run("denoise", &["-q"], &noisy);
+    let (head, rows) = metres.split_once('\n').unwrap();
+    let empty = |t: i32| format!("{}{}\n", f64::from(t - 600) / 30.0, ",".repeat(columns - 1));
+    let empty: String = (0..600).map(empty).collect();
+    command("denoise")
+        .args(["--per-frame"])
+        .write_stdin(format!("{head}\n{empty}{rows}"))
+        .assert()
+        .code(1)
+        .stderr(contains("too small"));
 }
 
 #[test]

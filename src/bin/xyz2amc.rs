@@ -3,6 +3,7 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::one_take::one_take;
@@ -10,7 +11,9 @@ use posing::cli::run;
 use posing::cli::streams::write_bytes;
 use posing::cli::units::Units;
 use posing::io::{Amc, Asf};
+use posing::pose::BonePoints;
 use posing::pose::Poses;
+use posing::pose::bone_points::bone_ends_of_starts;
 use posing::restore::ik::SkeletonFit;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -36,6 +39,9 @@ struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Go on with a body that is smaller or larger than people are
+    #[arg(long)]
+    force: bool,
     /// Take to write, if the table has several
     #[arg(long, value_name = "NAME")]
     take: Option<String>,
@@ -66,7 +72,14 @@ fn work(args: &Args) -> Result<()> {
     let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
     let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
     let table = read_table(&input, false, false)?;
-    let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let mut poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let points = BonePoints::of(&poses.points, poses.xyz.view());
+    if !args.force {
+        check_body_size(&poses, points, &table.name, IN_CENTIMETRES)?;
+    }
+    if points == BonePoints::Starts {
+        poses.points = bone_ends_of_starts(&poses.points);
+    }
     let rate = input.rate(&poses)?;
     report_time_jumps(&poses, &table.name, "an AMC file");
     let no_joint = format!("no point has the name of a bone in {}", args.asf.display());

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
-use posing::cli::body_size::check_body_size;
+use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
@@ -102,8 +102,7 @@ fn work(args: &Args) -> Result<()> {
     };
     let points = BonePoints::of(&poses.points, poses.xyz.view());
     if !args.force {
-        let remedy = "tables are read as centimetres: convert it (as posing complete --units m --out-units cm does)";
-        check_body_size(&poses, points, &table.name, remedy)?;
+        check_body_size(&poses, points, &table.name, IN_CENTIMETRES)?;
     }
     if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
         poses.points = bone_ends_of_starts(&poses.points);

@@ -10,7 +10,7 @@ use super::streams::{create_table, write_table};
 use super::summary::{report, status_cells, status_columns};
 use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
-use crate::pose::BonePoints;
+use crate::pose::{BonePoints, Poses};
 use crate::prior::OpenOptions;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
 use crate::{Error, Result};
@@ -65,7 +65,7 @@ pub struct RestoringArgs {
     /// Restore each frame by itself, without its neighbours, in constant memory
     #[arg(long)]
     pub per_frame: bool,
-    /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd (standard deviation, cm) and
+    /// Add columns: NAME.status (observed, changed, inferred, rejected, unknown), NAME.sd (standard deviation, in the unit of the output) and
     /// NAME.method (how it was filled: regression, pchip, model) for each point; unlike for each frame (novelty of its pose in nats; 0: like the training poses)
     #[arg(long, help_heading = "Output")]
     status: bool,
@@ -239,7 +239,7 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
         while rows.len() < BATCH && stream.read(&mut row)? {
             rows.push(std::mem::take(&mut row));
         }
-        if rows.is_empty() {
+        if rows.is_empty() && batch > 0 {
             break;
         }
         let mut table = Table {
@@ -254,11 +254,22 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
             // The last batch may be a few frames, whose rounded times may seem to contradict the rate.
             args.input.rate(&table.poses)?;
         }
-        if restorer.is_none() {
-            restorer = Some(args.restorer(model.as_ref(), &table)?);
+        // Frames in which nothing is seen tell nothing of where points stand.
+        let is_seen = table.poses.xyz.iter().any(|v| v.is_finite());
+        let own = match &restorer {
+            Some(_) => None,
+            None => Some(args.restorer(model.as_ref(), &table)?),
+        };
+        if restorer.is_some() && !args.force {
+            args.check_body(&table)?;
         }
-        let Some(restorer) = &restorer else { break };
-        let restored = task.restore(restorer, &table, &|_| ())?;
+        let Some(current) = own.as_ref().or(restorer.as_ref()) else {
+            break;
+        };
+        let restored = task.restore(current, &table, &|_| ())?;
+        if is_seen {
+            restorer = own.or(restorer);
+        }
         counts.add(restored.counts());
         for (t, row) in rows.iter_mut().enumerate() {
             let cells = status_cells(
@@ -286,6 +297,22 @@ impl ModelFlags {
 }
 
 impl RestoringArgs {
+    /// Where the points of a table stand on their bones.
+    fn bone_points(&self, poses: &Poses) -> BonePoints {
+        match self.bones {
+            Some(BonesFlag::Starts) => BonePoints::Starts,
+            Some(BonesFlag::Ends) => BonePoints::Ends,
+            None => BonePoints::of(&poses.points, poses.xyz.view()),
+        }
+    }
+
+    /// Fails where the body is of no person's size.
+    fn check_body(&self, table: &Table) -> Result<()> {
+        let remedy = "give the table's unit with --units (m, mm, in, asf)";
+        let points = self.bone_points(&table.poses);
+        check_body_size(&table.poses, points, &table.name, remedy)
+    }
+
     /// What restores tables like this one, which may be the first frames of a longer one.
     fn restorer<'m>(
         &self,
@@ -293,18 +320,9 @@ impl RestoringArgs {
         table: &Table,
     ) -> Result<Restorer<'m>> {
         let poses = &table.poses;
-        let points = match self.bones {
-            Some(BonesFlag::Starts) => BonePoints::Starts,
-            Some(BonesFlag::Ends) => BonePoints::Ends,
-            None => BonePoints::of(&poses.points, poses.xyz.view()),
-        };
+        let points = self.bone_points(poses);
         if !self.force {
-            check_body_size(
-                poses,
-                points,
-                &table.name,
-                "give the table's unit with --units (m, mm, in)",
-            )?;
+            self.check_body(table)?;
         }
         let Some((model, name)) = model else {
             return Ok(Restorer::without_model());

@@ -79,9 +79,9 @@ pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_ga
     }
     match counts.cuts {
         0 => {}
-        1 => messages::info("the whole body jumps once: taken for a cut, nothing is joined across"),
+        1 => messages::info("the whole body jumps once: taken as a cut, nothing is joined across"),
         n => messages::info(&format!(
-            "the whole body jumps {n} times: taken for cuts, nothing is joined across"
+            "the whole body jumps {n} times: taken as cuts, nothing is joined across"
         )),
     }
     match counts.takes_alone {

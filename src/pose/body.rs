@@ -103,9 +103,10 @@ impl Body {
     }
 }
 
-/// The sum of the median bone lengths from a foot over the hips to the head, cm, for points with CMU's names (bone ends); `None`
+/// The sum of the median bone lengths from a foot over the hips to the head, cm, for points with CMU's names (bone ends) and `noise` of
+/// this standard deviation on each coordinate, cm; `None`
 /// where a foot, a hip and the head are not all among them, or no frame shows a bone of each.
-pub fn stature(names: &[String], xyz: ArrayView2<'_, f64>) -> Option<f64> {
+pub fn stature(names: &[String], xyz: ArrayView2<'_, f64>, noise: f64) -> Option<f64> {
     let find = |name: &str| names.iter().position(|n| n == name);
     let head = find(CMU[14])?;
     find(CMU[1]).or(find(CMU[5])).or(find(CMU[0]))?;
@@ -114,6 +115,8 @@ pub fn stature(names: &[String], xyz: ArrayView2<'_, f64>) -> Option<f64> {
         std::iter::successors(Some(from), |&k| body.parents[k])
             .map(|k| body.lengths[k])
             .filter(|l| l.is_finite())
+            // Noise makes a bone longer: the mean square is L² + 6 σ².
+            .map(|l| (l * l - 6.0 * noise * noise).max(0.25 * l * l).sqrt())
             .sum::<f64>()
     };
     let feet = [find(CMU[4]), find(CMU[8])].into_iter().flatten().map(up);

@@ -32,9 +32,12 @@ pub fn split_at_cuts(
         let mut start = run.start;
         let mut t = run.start + 1;
         while t < run.end {
-            if jumps.is_jump(t - 1, t, run) {
+            // Dropouts are usual at cuts: the last frame that shows enough of the body counts.
+            let seen = (start.max(t.saturating_sub(back + 1))..t).rev();
+            let before = seen.clone().find(|&a| jumps.is_jump(a, t, run).is_some());
+            if let Some(a) = before.filter(|&a| jumps.is_jump(a, t, run) == Some(true)) {
                 let until = run.end.min(t + back + 1);
-                match (t + 1..until).find(|&s| !jumps.is_jump(t - 1, s, run)) {
+                match (t + 1..until).find(|&s| jumps.is_jump(a, s, run) == Some(false)) {
                     Some(returned) => t = returned,
                     None => {
                         out.push(start..t);
@@ -102,14 +105,15 @@ impl<'a> Jumps<'a> {
         })
     }
 
-    /// Whether the body as a whole cannot have moved from where it is in frame a to where it is in b.
-    fn is_jump(&self, a: usize, b: usize, run: &Range<usize>) -> bool {
+    /// Whether the body as a whole cannot have moved from where it is in frame a to where it is in b; `None` where they show too
+    /// little of it.
+    fn is_jump(&self, a: usize, b: usize, run: &Range<usize>) -> Option<bool> {
         let seconds = (b - a) as f64 * self.step;
         let acceleration = if b - a == 1 { MOST } else { MOST_LONG };
         let most = LEAST.max(UNUSUAL * self.usual) + acceleration * seconds * seconds;
         let all: Vec<f64> = self.deviations(a, b, run).collect();
         let far = all.iter().filter(|d| **d > most).count();
-        all.len() >= POINTS && far as f64 >= SHARE * all.len() as f64
+        (all.len() >= POINTS).then_some(far as f64 >= SHARE * all.len() as f64)
     }
 }
 
@@ -138,6 +142,10 @@ mod tests {
         xyz.slice_mut(ndarray::s![99.., ..])
             .mapv_inplace(|v| v + 30.0);
         assert_eq!(of(&xyz), [0..40, 40..99, 99..100]);
+        // A dropout at the cut, and one behind it.
+        xyz.slice_mut(ndarray::s![39..40, ..]).fill(f64::NAN);
+        xyz.slice_mut(ndarray::s![42..43, ..]).fill(f64::NAN);
+        assert_eq!(of(&xyz), [0..40, 40..99, 99..100]);
     }
 
     #[test]
@@ -147,9 +155,9 @@ mod tests {
             .mapv_inplace(|v| v + 30.0);
         xyz.slice_mut(ndarray::s![70.., ..6])
             .mapv_inplace(|v| v + 30.0);
-        assert_eq!(of(&xyz), [0..100]);
+        assert_eq!(of(&xyz), std::slice::from_ref(&(0..100)));
         // A stop within a frame, at 10 m/s.
         let fast = Array2::from_shape_fn((100, 15), |(t, i)| 10.0 * t.min(50) as f64 + i as f64);
-        assert_eq!(of(&fast), [0..100]);
+        assert_eq!(of(&fast), std::slice::from_ref(&(0..100)));
     }
 }

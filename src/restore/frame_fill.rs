@@ -12,7 +12,7 @@ use super::gap::{FillMethod, FilledGap, Gap, MotionLimits};
 use super::noise_estimation::{exact_noise, noise_of_path};
 use crate::numeric::parallel;
 use glam::DVec3;
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView2, s};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
@@ -42,7 +42,7 @@ impl FrameFill<'_> {
     /// Fills gaps, whose points are the model's. `None` for a gap in which a frame shows too little.
     pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
         let answers = self.answers(gaps, done);
-        let limits = MotionLimits::measure(self.seen, self.runs, gaps);
+        let limits = MotionLimits::measure(self.seen, self.runs, self.rate, gaps);
         gaps.iter()
             .map(|gap| self.fill_gap(gap, &answers, &limits))
             .collect()
@@ -94,13 +94,13 @@ impl FrameFill<'_> {
         limits: &MotionLimits,
     ) -> Option<FilledGap> {
         let at = |values: &[f64]| DVec3::from_slice(&values[3 * gap.point..]);
-        let errors: Vec<(f64, DVec3)> = (self.ends(gap).into_iter())
+        // What was answered at the gap's ends, and the error there.
+        let ends: Vec<(usize, DVec3, DVec3)> = (self.ends(gap).into_iter())
             .filter_map(|key| {
-                let answer = answers.get(&key)?;
-                let truth = at(&self.seen.row(key.0).to_vec());
-                Some((key.0 as f64, truth - at(&answer.mean)))
+                let answer = at(&answers.get(&key)?.mean);
+                let error = at(&self.seen.row(key.0).to_vec()) - answer;
+                error.is_finite().then_some((key.0, answer, error))
             })
-            .filter(|(_, error)| error.is_finite())
             .collect();
         let mut xyz = Array2::zeros((gap.frames.len(), 3));
         let mut variance = Vec::with_capacity(gap.frames.len());
@@ -113,34 +113,58 @@ impl FrameFill<'_> {
             (0..3).for_each(|axis| xyz[[k, axis]] = mean[axis]);
             variance.push(answer.sd[gap.point].powi(2));
         }
-        let mut shifts = Vec::with_capacity(gap.frames.len());
+        let errors: Vec<(f64, DVec3)> = ends.iter().map(|e| (e.0 as f64, e.2)).collect();
         for (k, t) in gap.frames.clone().enumerate() {
-            let (shift, share) = carried(&errors, t as f64, self.rate);
-            shifts.push(shift);
-            variance[k] *= share;
+            variance[k] *= carried(&errors, t as f64, self.rate).1;
         }
-        let measured = noise_of_path(
-            [0, 1, 2]
-                .map(|axis| xyz.column(axis).to_vec())
-                .each_ref()
-                .map(|c| &c[..]),
-        );
-        let noises = [measured.unwrap_or(0.0)].into_iter().chain(STRONGER);
-        let smoothed = noises.map(|noise| {
-            let mut xyz = xyz.clone();
-            self.smooth(&mut xyz, noise);
-            for (mut row, shift) in xyz.rows_mut().into_iter().zip(&shifts) {
-                (0..3).for_each(|axis| row[axis] += shift[axis]);
-            }
-            FilledGap {
-                xyz,
-                variance: variance.clone(),
-                method: FillMethod::Model,
-            }
-        });
-        smoothed
-            .into_iter()
-            .find(|f| limits.allow(self.seen, gap, f))
+        let path = [0, 1, 2].map(|axis| xyz.column(axis).to_vec());
+        let measured = noise_of_path([&path[0][..], &path[1][..], &path[2][..]]).unwrap_or(0.0);
+        let with_noise = |noise: f64| self.joined(gap, &xyz, &ends, noise);
+        let filled = |xyz: Array2<f64>, noise: f64| FilledGap {
+            xyz,
+            variance: variance.iter().map(|v| v + noise * noise).collect(),
+            method: FillMethod::Model,
+        };
+        let plain = filled(with_noise(measured), 0.0);
+        if limits.allow(self.seen, gap, &plain) {
+            return Some(plain);
+        }
+        let mut stronger = STRONGER
+            .iter()
+            .map(|&noise| filled(with_noise(noise), noise));
+        let followed = stronger.find(|f| limits.allow(self.seen, gap, f));
+        Some(followed.unwrap_or(plain))
+    }
+
+    /// The answers for a gap (frames, 3), smoothed with those at its ends, and joined to what is seen there. An end: the frame, its
+    /// answer, and the answer's error.
+    fn joined(
+        &self,
+        gap: &Gap,
+        answers: &Array2<f64>,
+        ends: &[(usize, DVec3, DVec3)],
+        noise: f64,
+    ) -> Array2<f64> {
+        let n = answers.nrows();
+        let first = usize::from(ends.iter().any(|e| e.0 < gap.frames.start));
+        let row_of = |t: usize| if t < gap.frames.start { 0 } else { first + n };
+        let mut path = Array2::zeros((n + ends.len(), 3));
+        path.slice_mut(s![first..first + n, ..]).assign(answers);
+        for (t, answer, _) in ends {
+            (0..3).for_each(|axis| path[[row_of(*t), axis]] = answer[axis]);
+        }
+        self.smooth(&mut path, noise);
+        let error = |&(t, answer, error): &(usize, DVec3, DVec3)| {
+            let smooth = DVec3::from_array([0, 1, 2].map(|axis| path[[row_of(t), axis]]));
+            (t as f64, answer + error - smooth)
+        };
+        let errors: Vec<(f64, DVec3)> = ends.iter().map(error).collect();
+        let mut xyz = path.slice(s![first..first + n, ..]).to_owned();
+        for (k, t) in gap.frames.clone().enumerate() {
+            let (shift, _) = carried(&errors, t as f64, self.rate);
+            (0..3).for_each(|axis| xyz[[k, axis]] += shift[axis]);
+        }
+        xyz
     }
 
     /// Smooths a path (frames, 3) with so much noise, cm.

@@ -151,7 +151,7 @@ impl GapFiller<'_> {
     pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
         let mut known = self.captured.to_owned();
         let seconds = self.seconds();
-        let limits = MotionLimits::measure(self.captured, self.runs, gaps);
+        let limits = MotionLimits::measure(self.captured, self.runs, self.rate, gaps);
         let mut filled: Vec<Option<FilledGap>> = vec![None; gaps.len()];
         for wave in waves(gaps) {
             let mut open = wave;

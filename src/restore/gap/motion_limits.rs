@@ -7,9 +7,9 @@ use ndarray::ArrayView2;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// How much more than it is seen to do a point may do in a gap, and what is allowed beside: cm a frame, cm.
+/// How much more than it is seen to do a point may do in a gap; what any point may do: cm/s, and cm beside.
 const MORE: f64 = 2.0;
-const LEAST_STEP: f64 = 3.0;
+const ANY_SPEED: f64 = 800.0;
 const LEAST_DISTANCE: f64 = 10.0;
 /// Frames that tell what a point does.
 const FEWEST: usize = 10;
@@ -18,7 +18,11 @@ const FRAMES: usize = 300;
 const OTHERS: usize = 50;
 
 /// The limits of the points that have gaps.
-pub struct MotionLimits(BTreeMap<usize, PointLimits>);
+pub struct MotionLimits {
+    points: BTreeMap<usize, PointLimits>,
+    /// The step that any point may make, cm.
+    any_step: f64,
+}
 
 struct PointLimits {
     /// The longest step from one frame to the next, cm; infinite where the point is seen too little to say.
@@ -28,10 +32,11 @@ struct PointLimits {
 }
 
 impl MotionLimits {
-    /// Measures them in a take (frames, 3 J), cm.
+    /// Measures them in a take (frames, 3 J; cm) of `rate` frames a second.
     pub fn measure(
         captured: ArrayView2<'_, f64>,
         runs: &[Range<usize>],
+        rate: f64,
         gaps: &[Gap],
     ) -> MotionLimits {
         let points: BTreeMap<usize, ()> = gaps.iter().map(|g| (g.point, ())).collect();
@@ -56,16 +61,19 @@ impl MotionLimits {
                 },
             )
         };
-        MotionLimits(points.into_iter().map(limits).collect())
+        MotionLimits {
+            points: points.into_iter().map(limits).collect(),
+            any_step: ANY_SPEED / rate,
+        }
     }
 
     /// Whether a filled gap stays within its point's limits.
     pub fn allow(&self, captured: ArrayView2<'_, f64>, gap: &Gap, filled: &FilledGap) -> bool {
-        let Some(limits) = self.0.get(&gap.point) else {
+        let Some(limits) = self.points.get(&gap.point) else {
             return true;
         };
         let path = |k: usize| at(filled.xyz.view(), k, 0);
-        let step = LEAST_STEP + MORE * limits.step;
+        let step = self.any_step.max(MORE * limits.step);
         (1..filled.xyz.nrows()).all(|k| path(k).distance(path(k - 1)) <= step)
             && gap.frames.clone().enumerate().all(|(k, t)| {
                 limits.distances.iter().all(|&(other, most)| {
@@ -109,7 +117,12 @@ mod tests {
             before: Some(39),
             after: Some(50),
         };
-        let limits = MotionLimits::measure(xyz.view(), &[0..100], std::slice::from_ref(&gap));
+        let limits = MotionLimits::measure(
+            xyz.view(),
+            std::slice::from_ref(&(0..100)),
+            120.0,
+            std::slice::from_ref(&gap),
+        );
         let allows = |path: Array2<f64>| {
             let filled = FilledGap {
                 xyz: path,
@@ -121,7 +134,7 @@ mod tests {
         assert!(allows(truth.clone()));
         assert!(!allows(&truth * 3.0));
         let mut jump = truth;
-        jump[[5, 0]] -= 15.0; // more than 3 + 2 · 2 cm
+        jump[[5, 0]] -= 15.0; // more than 800 / 120 cm
         assert!(!allows(jump));
     }
 }
