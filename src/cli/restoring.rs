@@ -234,22 +234,10 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     let units = args.out.table_units(args.input.table_units());
     let mut counts = RestorationCounts::default();
     for batch in 0.. {
-        let mut rows = Vec::with_capacity(BATCH);
-        let mut row = Row::default();
-        while rows.len() < BATCH && stream.read(&mut row)? {
-            rows.push(std::mem::take(&mut row));
-        }
+        let (mut rows, table) = next_batch(&mut stream)?;
         if rows.is_empty() && batch > 0 {
             break;
         }
-        let mut table = Table {
-            name: stream.name().to_string(),
-            columns: columns.clone(),
-            ..Table::default()
-        };
-        let mut builder = PosesBuilder::new(&columns);
-        rows.iter().for_each(|row| builder.push(row));
-        table.poses = builder.finish();
         if batch == 0 {
             // The last batch may be a few frames, whose rounded times may seem to contradict the rate.
             args.input.rate(&table.poses)?;
@@ -283,6 +271,25 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     }
     sink.finish()?;
     Ok(counts)
+}
+
+/// The next frames of a stream, as they were read and as a table; none at its end.
+fn next_batch(stream: &mut RowStream<'_>) -> Result<(Vec<Row>, Table)> {
+    let mut rows = Vec::with_capacity(BATCH);
+    let mut row = Row::default();
+    while rows.len() < BATCH && stream.read(&mut row)? {
+        rows.push(std::mem::take(&mut row));
+    }
+    let columns = stream.columns().clone();
+    let mut builder = PosesBuilder::new(&columns);
+    rows.iter().for_each(|row| builder.push(row));
+    let table = Table {
+        name: stream.name().to_string(),
+        poses: builder.finish(),
+        columns,
+        ..Table::default()
+    };
+    Ok((rows, table))
 }
 
 impl ModelFlags {

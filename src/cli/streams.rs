@@ -41,8 +41,9 @@ pub struct TableSink {
     units: TableUnits,
     /// Whether the cells that were read are of another unit or axis.
     converted: bool,
-    /// The columns of standard deviations that were read, and what their numbers are multiplied by.
+    /// The columns of standard deviations that were read in another unit.
     deviations: Vec<usize>,
+    /// The factor that converts them.
     scale: f64,
 }
 

@@ -86,7 +86,7 @@ impl Anchor {
         })
     }
 
-    /// As [`Anchor::place`], but a pose in place is fitted like any other: frames of a take that turns through there stay
+    /// Places a pose like [`Anchor::place`], but fits one that is in place too: frames of a take that turns through there stay
     /// continuous.
     pub fn fit(&self, pose: &[f64]) -> Option<Similarity> {
         let at = |i: usize| DVec3::from_slice(&pose[3 * i..3 * i + 3]);
