@@ -156,7 +156,7 @@ pub fn by_point(
     measured.into_iter().map(|m| m.unwrap_or(median)).collect()
 }
 
-/// The median over the points of a take of what [`from_time`] measures, cm; 0 where it measures none.
+/// The median over the points of a take of the noise that third differences over time measure, cm; 0 where it measures none.
 pub fn typical_noise(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> f64 {
     median(from_time(xyz, runs).into_iter().flatten().collect())
 }
