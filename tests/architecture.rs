@@ -29,7 +29,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     (
         "evaluate",
         &[
-            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore",
+            "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore", "io",
         ],
     ),
     (
@@ -54,6 +54,8 @@ const IO_TYPES: &[(&str, &[&str])] = &[
         "restore",
         &["io::Model", "io::model", "io::Table", "io::Bvh", "io::bvh"],
     ),
+    // What is tested restores tables with a model.
+    ("evaluate", &["io::Model", "io::Table"]),
     ("edit", &["io::Model"]),
 ];
 

@@ -294,3 +294,72 @@ fn what_cannot_be_run_is_said_in_a_line() {
     let said = fails("evaluate", &["-q", &world], b"", 1);
     assert!(said.contains("posing amc2xyz --space body"), "{said}");
 }
+
+/// The take of a subject that lies in testdata, in world space.
+fn world(subject: &str, take: &str) -> String {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("testdata/cmu/{subject}"));
+    let asf = folder.join(format!("{subject}.asf"));
+    let amc = folder.join(format!("{take}.amc"));
+    let (asf, amc) = (asf.to_str().unwrap(), amc.to_str().unwrap());
+    run("amc2xyz", &["--asf", asf, "--fps", "120", amc], "")
+}
+
+#[test]
+fn takes_are_tested_by_gaps_and_noise_beside_simple_methods() {
+    let dir = Folder::new();
+    let walk = dir.file("world07.csv", &world("07", "07_01"));
+    let running = dir.file("world09.csv", &world("09", "09_06"));
+    let out = dir.name("takes");
+    let small = [
+        "takes",
+        "-q",
+        "--gaps",
+        "4",
+        "--lengths",
+        "0.2,end",
+        "--points",
+        "1,3",
+        "--noise",
+        "0,1",
+        "-o",
+        &out,
+    ];
+    let said = run("evaluate", &[&small[..], &[&walk, &running]].concat(), "");
+    let csv = dir.read("takes/takes.csv");
+    // Four methods in four cells of gaps, three at three levels of noise.
+    assert_eq!(csv.lines().count(), 1 + 16 + 9);
+    let rms = |row: &str| -> f64 {
+        let line = csv.lines().find(|l| l.starts_with(row));
+        line.unwrap().split(',').nth(8).unwrap().parse().unwrap()
+    };
+    for points in ["1", "3"] {
+        let error = |method: &str| rms(&format!("gaps,0.2,{points},,,{method},"));
+        assert!(error("posing") < error("linear"), "{said}");
+    }
+    assert!(
+        rms("noise,,,0,1,posing,") < 0.05 && rms("noise,,,1,1,posing,") < 0.6,
+        "{said}"
+    );
+    let page = dir.read("takes/report.html");
+    assert!(page.contains("<polyline") && page.contains("models of the other subjects"));
+    for outside in ["http:", "https:", "src=", "@import", "{{"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    let alone = |threads: &str| {
+        let flags = [
+            "takes",
+            "-q",
+            "--self",
+            "--gaps",
+            "2",
+            "--lengths",
+            "0.2",
+            "--threads",
+            threads,
+        ];
+        run("evaluate", &[&flags[..], &[&walk, &running]].concat(), "")
+    };
+    assert_eq!(alone("1"), alone("3"));
+    let said = fails("evaluate", &["takes", &walk], b"", 2);
+    assert!(said.contains("--self"), "{said}");
+}

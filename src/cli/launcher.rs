@@ -23,7 +23,10 @@ pub fn binary(name: &str) -> Result<PathBuf> {
         folder.join(name),
         folder.join("../libexec/posing").join(name),
     ];
-    let missing = || Error::io(&places[0], std::io::ErrorKind::NotFound.into());
+    let missing = || {
+        let what = "is not there: the program of each command belongs beside posing (make install puts them there)";
+        Error::data(Place::file(places[0].display().to_string()), what)
+    };
     places
         .iter()
         .find(|path| path.is_file())

@@ -7,6 +7,7 @@ pub mod cluster;
 pub mod code_table;
 pub mod commands;
 pub mod completions;
+pub mod evaluate_takes;
 mod gap_report;
 pub mod ik;
 pub mod input;

@@ -167,7 +167,7 @@ pub fn restore(args: &RestoringArgs, task: &Task) -> Result<()> {
         (false, _) => take_by_take(args, task)?,
     };
     let left = match task {
-        Task::Complete(..) => "keep empty cells: too little is seen there",
+        Task::Complete(..) => "keep empty cells: too little is known there",
         Task::Denoise(_) => "are left unchanged by the model: too little is seen there",
     };
     report(&counts, left, args.status, task.max_gap().is_some());

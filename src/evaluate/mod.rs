@@ -15,6 +15,7 @@ pub mod scene;
 mod scene_geometry;
 pub mod score;
 mod score_report;
+pub mod takes;
 mod text_table;
 
 pub use score::{Score, ScoreReport};

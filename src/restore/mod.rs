@@ -39,6 +39,7 @@ pub use complete::Complete;
 pub use denoise::Denoise;
 pub use frame_restorer::{FrameRestorer, RestoredFrame};
 pub use gap::FillMethod;
+pub(crate) use gap::{LocalPoses, local_anchor};
 pub use noise_estimation::typical_noise;
 pub use restoration::{Restoration, RestorationCounts, RestoredGap};
 pub use restorer::Restorer;

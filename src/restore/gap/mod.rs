@@ -24,7 +24,7 @@ mod weights;
 use crate::numeric::parallel;
 use estimates::Targets;
 use glam::DVec3;
-use local_poses::LocalPoses;
+pub(crate) use local_poses::{LocalPoses, anchor as local_anchor};
 pub use motion_limits::MotionLimits;
 use ndarray::{Array2, ArrayView2, s};
 use regression::{OtherPoses, Regression};
@@ -256,7 +256,7 @@ impl GapFiller<'_> {
         let known = known.slice(s![around.clone(), ..]);
         let captured = self.captured.slice(s![around.clone(), ..]);
         let (predictors, frames) = self.predictors(known, captured, &targets, &gap)?;
-        let anchor = local_poses::anchor(self.names, known, &predictors, &frames)?;
+        let anchor = local_anchor(self.names, known, &predictors, &frames)?;
         let own = LocalPoses::new(&anchor, known, &predictors, &targets);
         let mut complete = vec![false; own.placements.len()];
         frames

@@ -6,7 +6,7 @@
 //!
 //! G is the Gram matrix of the estimates' errors in the simulated gaps, g the median of its diagonal, w₀ the plain mean of the
 //! processes and, in long gaps, the conditional alone. The variance of the weighted estimate is that of the processes times
-//! the factor that the errors show.
+//! a factor: the geometric mean of what the errors show and of the usual one.
 
 use super::estimates::{Estimates, Question, Targets};
 use super::regression::spread;
@@ -14,6 +14,8 @@ use crate::numeric::linalg::cholesky_solve;
 use ndarray::{Array1, Array2, s};
 use std::ops::Range;
 
+/// Gaps are simulated at the first of these parts of the true length of which the take has room for two.
+const SHORTER: [usize; 4] = [1, 2, 4, 8];
 /// Simulated gaps, at most.
 const SIMULATED: usize = 4;
 /// A simulated gap and what is left to learn from: together at least this many lengths of it.
@@ -28,9 +30,13 @@ const BRIEF: f64 = 0.1;
 const CONDITIONAL_SECONDS: f64 = 0.5;
 /// How strongly w is held to w₀.
 const SHRINKAGE: f64 = 0.1;
-/// The variance that errors show, over that of the processes, and how many simulated gaps that is worth.
-const USUAL_FACTOR: f64 = 0.7;
-const USUAL_COUNT: f64 = 3.0;
+/// The variance that errors usually show, over that of the processes, and how many simulated gaps that is worth.
+const USUAL_FACTOR: f64 = 0.75;
+const USUAL_COUNT: f64 = 1.0;
+/// What is added to it for each second of a gap of which only the take's own frames tell: the longer, the more it lacks them.
+const OWN_FACTOR: f64 = 1.2;
+/// Errors of simulated gaps show no less than this.
+const LEAST_FACTOR: f64 = 1e-6;
 
 /// The estimate of a gap.
 pub struct Weighed {
@@ -56,6 +62,10 @@ pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
     let processes = targets.regression.kernels().len();
     let seconds = gap.len() as f64 / targets.regression.rate;
     let points = targets.columns.len() / 3;
+    let usual = match targets.regression.others {
+        Some(_) => USUAL_FACTOR,
+        None => USUAL_FACTOR + OWN_FACTOR * seconds,
+    };
     let mut out = Weighed {
         mean: Array2::zeros(estimates.variance.dim()),
         variance: estimates.variance.clone(),
@@ -65,7 +75,7 @@ pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
         let columns = s![.., 3 * point..3 * point + 3];
         let plain = plain_weights(processes, seconds, estimates.means.len());
         let (weights, factor) = match &simulated {
-            Some(simulated) => simulated.judge(point, &plain),
+            Some(simulated) => simulated.judge(point, processes, &plain, usual),
             None if seconds <= BRIEF => {
                 // Time says as much as all else.
                 let time =
@@ -76,10 +86,10 @@ pub fn weigh(targets: &Targets<'_>, gap: &Range<usize>) -> Option<Weighed> {
                     } else {
                         plain
                     },
-                    USUAL_FACTOR,
+                    usual,
                 )
             }
-            None => (plain, USUAL_FACTOR),
+            None => (plain, usual),
         };
         for (w, mean) in weights.iter().zip(&estimates.means) {
             out.mean
@@ -107,14 +117,29 @@ fn plain_weights(processes: usize, seconds: f64, estimates: usize) -> Array1<f64
 struct Simulated {
     estimates: Vec<Estimates>,
     truth: Vec<Array2<f64>>,
+    /// How many times as long the true gap is.
+    longer: f64,
 }
 
-/// Simulates gaps like `gap`; `estimates` is how many the true one has. `None` where the take has no room for two.
+/// Simulates gaps like `gap`, or shorter ones where the take has no room for two; `estimates` is how many the true one has.
+/// `None` where it has no room for these either.
 fn simulate(targets: &Targets<'_>, gap: &Range<usize>, estimates: usize) -> Option<Simulated> {
+    let lengths = SHORTER.map(|part| gap.len() / part);
+    let mut lengths = lengths.into_iter().filter(|l| *l > 0);
+    lengths.find_map(|length| simulate_length(targets, gap, length, estimates))
+}
+
+/// Simulates gaps of `length` frames with the ends of `gap`. `None` where the take has no room for two.
+fn simulate_length(
+    targets: &Targets<'_>,
+    gap: &Range<usize>,
+    length: usize,
+    estimates: usize,
+) -> Option<Simulated> {
     let regression = targets.regression;
     let ends = ends(regression.complete, gap);
-    let (length, beyond) = (gap.len(), (BEYOND * regression.rate).ceil() as usize);
-    let starts = starts(regression.complete, regression.seconds, gap);
+    let beyond = (BEYOND * regression.rate).ceil() as usize;
+    let starts = starts(regression.complete, regression.seconds, gap, length);
     let room = regression.complete.iter().filter(|c| **c).count() as f64 / (ROOM * length as f64);
     let count = SIMULATED.min(room as usize);
     let mut chosen: Vec<usize> = Vec::new();
@@ -153,7 +178,12 @@ fn simulate(targets: &Targets<'_>, gap: &Range<usize>, estimates: usize) -> Opti
             )
         })
         .unzip();
-    (estimates.len() >= 2).then_some(Simulated { estimates, truth })
+    let longer = gap.len() as f64 / length as f64;
+    (estimates.len() >= 2).then_some(Simulated {
+        estimates,
+        truth,
+        longer,
+    })
 }
 
 /// Whether a gap has complete frames right before and after it.
@@ -165,8 +195,8 @@ fn ends(complete: &[bool], gap: &Range<usize>) -> (bool, bool) {
     )
 }
 
-/// Where a gap as long as `gap` can be simulated: in complete frames of one run, with one on either side, clear of `gap`.
-fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>) -> Vec<usize> {
+/// Where a gap of `length` frames can be simulated: in complete frames of one run, with one on either side, clear of `gap`.
+fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>, length: usize) -> Vec<usize> {
     let mut since = 0;
     let mut starts = Vec::new();
     for t in 0..complete.len() {
@@ -176,9 +206,9 @@ fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>) -> Vec<usize> 
         } else if is_new_run {
             since = t;
         }
-        if t + 1 >= since + gap.len() + 2 {
-            let start = t - gap.len();
-            if start + gap.len() + 2 < gap.start || start > gap.end + 2 {
+        if t + 1 >= since + length + 2 {
+            let start = t - length;
+            if start + length + 2 < gap.start || start > gap.end + 2 {
                 starts.push(start);
             }
         }
@@ -187,14 +217,27 @@ fn starts(complete: &[bool], seconds: &[f64], gap: &Range<usize>) -> Vec<usize> 
 }
 
 impl Simulated {
-    /// The weights of the estimates of a point, and the factor of its variance.
-    fn judge(&self, point: usize, plain: &Array1<f64>) -> (Array1<f64>, f64) {
+    /// The weights of the estimates of a point, and the factor of its variance, which is `usual` where little is simulated.
+    fn judge(
+        &self,
+        point: usize,
+        processes: usize,
+        plain: &Array1<f64>,
+        usual: f64,
+    ) -> (Array1<f64>, f64) {
         let columns = s![.., 3 * point..3 * point + 3];
         let errors: Vec<Array1<f64>> = (0..plain.len())
             .map(|k| {
                 let both = self.estimates.iter().zip(&self.truth);
+                // The error of interpolation grows with the square of the length.
+                let scale = if k > processes {
+                    self.longer.powi(2)
+                } else {
+                    1.0
+                };
                 both.flat_map(|(e, truth)| {
-                    (&e.means[k].slice(columns) - &truth.slice(columns)).into_iter()
+                    let error = (&e.means[k].slice(columns) - &truth.slice(columns)) * scale;
+                    error.into_iter()
                 })
                 .collect()
             })
@@ -220,8 +263,8 @@ impl Simulated {
             .sum::<f64>()
             / n;
         let count = self.estimates.len() as f64;
-        let factor = (count * ratio + USUAL_COUNT * USUAL_FACTOR) / (count + USUAL_COUNT);
-        (weights, factor)
+        let logs = count * ratio.max(LEAST_FACTOR).ln() + USUAL_COUNT * usual.ln();
+        (weights, (logs / (count + USUAL_COUNT)).exp())
     }
 }
 
