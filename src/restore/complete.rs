@@ -161,9 +161,23 @@ pub fn fill_gaps(
         others: poses.as_ref().map(|p| p.view()),
     };
     let mut filled = filler.fill(gaps, done);
-    let Some((bound, adapted)) = both else {
-        return filled;
-    };
+    if let Some((bound, adapted)) = both {
+        fill_by_model(bound, adapted, take, captured, gaps, &mut filled, done);
+    }
+    filler.hold_distances(gaps, &mut filled);
+    filled
+}
+
+/// Fills the gaps that are left by the model, frame by frame.
+fn fill_by_model(
+    bound: &BoundModel<'_>,
+    adapted: &AdaptedModel<'_>,
+    take: &Take<'_>,
+    captured: ArrayView2<'_, f64>,
+    gaps: &[Gap],
+    filled: &mut [Option<FilledGap>],
+    done: &(dyn Fn(usize) + Sync),
+) {
     let left: Vec<usize> = (0..gaps.len())
         .filter(|&k| filled[k].is_none() && bound.in_model(gaps[k].point).is_some())
         .collect();
@@ -183,7 +197,6 @@ pub fn fill_gaps(
     left.into_iter()
         .zip(frames)
         .for_each(|(k, f)| filled[k] = f);
-    filled
 }
 
 /// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay. Outliers are rejected; where

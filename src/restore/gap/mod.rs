@@ -3,13 +3,14 @@
 //! A gap is a point that is missing for some frames on end. Short gaps are filled before long ones, whose neighbors they then
 //! are:
 //!
+//! 0. A point that rests on either side of a short gap, as a planted foot does, rests in it (`path`).
 //! 1. Gaps of about the same frames are one question. The points that are seen all through it are its predictors; they also
 //!    give the frame of reference (`local_poses`).
 //! 2. `regression` learns the missing points from the predictors: from the take's own frames, from a model's training poses,
 //!    and over time. `estimates` adds what is known at the ends, and PCHIP.
 //! 3. `weights` simulates gaps of the same length where the take is known, and mixes the estimates by their errors.
 //! 4. Where nothing can be learnt, `path` interpolates each point over time, if its path is smooth enough.
-//! 5. `rigid_distances` holds what was filled to the distances that are rigid in this take.
+//! 5. `rigid_distances` holds what was filled, by a model too, to the distances that are rigid in this take.
 //!
 //! Any points will do; a body is known only by its pelvis, whose frame of reference a model's training poses share.
 
@@ -146,15 +147,21 @@ pub struct GapFiller<'a> {
 }
 
 impl GapFiller<'_> {
-    /// Fills `gaps`, which are those of the captured frames. `None` for a gap that cannot be filled: there is nothing to learn
+    /// Fills `gaps`, which are those of the captured frames; [`GapFiller::hold_distances`] comes after. `None` for a gap that cannot be filled: there is nothing to learn
     /// from, and its path is not smooth enough.
     pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
         let mut known = self.captured.to_owned();
         let seconds = self.seconds();
         let limits = MotionLimits::measure(self.captured, self.runs, self.rate, gaps);
         let mut filled: Vec<Option<FilledGap>> = vec![None; gaps.len()];
-        for wave in waves(gaps) {
-            let mut open = wave;
+        for (gap, filled) in gaps.iter().zip(&mut filled) {
+            *filled = path::interpolate_rest(self.captured, gap, self.rate);
+            if let Some(rest) = filled {
+                put(&mut known, gap, &rest.xyz);
+            }
+        }
+        for mut open in waves(gaps) {
+            open.retain(|gap| filled[*gap].is_none());
             // What is filled is known to the gaps for which too little was: they are asked again as long as that helps.
             loop {
                 let count = open.len();
@@ -177,7 +184,6 @@ impl GapFiller<'_> {
                 }
             }
         }
-        self.hold_distances(gaps, &mut filled, known);
         filled
     }
 
@@ -412,13 +418,14 @@ impl GapFiller<'_> {
         Some(OtherPoses::new(poses))
     }
 
-    /// Holds what was filled to the rigid distances of the take; `known` are all its frames.
-    fn hold_distances(
-        &self,
-        gaps: &[Gap],
-        filled: &mut [Option<FilledGap>],
-        mut known: Array2<f64>,
-    ) {
+    /// Holds what was filled, by this or otherwise, to the rigid distances of the take.
+    pub fn hold_distances(&self, gaps: &[Gap], filled: &mut [Option<FilledGap>]) {
+        let mut known = self.captured.to_owned();
+        for (gap, filled) in gaps.iter().zip(filled.iter()) {
+            if let Some(filled) = filled {
+                put(&mut known, gap, &filled.xyz);
+            }
+        }
         // frame -> gaps that are filled there
         let mut frames: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (k, gap) in gaps

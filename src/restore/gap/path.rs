@@ -11,6 +11,14 @@ use std::ops::Range;
 const REACH: f64 = 1.0 / 6.0;
 /// How far going straight on may miss, cm.
 const MISS: f64 = 4.0;
+/// A point is at rest where it strays no further than this, cm, for so many seconds.
+const REST: f64 = 1.0;
+const REST_SECONDS: f64 = 0.1;
+/// A point at rest on either side of a gap of no more seconds is taken to rest all through it, if it is no further away, cm.
+const RESTS_SECONDS: f64 = 0.5;
+const RESTS_WITHIN: f64 = 2.0;
+/// Standard deviation of a coordinate in the middle of such a gap, cm.
+const RESTS_SD: f64 = 0.2;
 /// Simulated gaps that the deviation is measured in.
 const SIMULATED: usize = 20;
 
@@ -26,18 +34,37 @@ pub fn interpolate(captured: ArrayView2<'_, f64>, gap: &Gap, rate: f64) -> Optio
     if track.miss(before, after)? > MISS {
         return None;
     }
-    let xyz = track.interpolated(&gap.frames)?;
     let middle = track.simulated_variance(gap.frames.len());
-    let n = gap.frames.len() as f64;
-    let variance = (0..gap.frames.len()).map(|k| {
-        let u = (k as f64 + 1.0) / (n + 1.0);
-        middle * (4.0 * u * (1.0 - u)).powi(2)
-    });
-    Some(FilledGap {
-        variance: variance.collect(),
-        xyz,
-        method: FillMethod::Interpolation,
-    })
+    track.filled(gap, middle)
+}
+
+/// Fills `gap` where its point rests on either side, such as a foot that is planted: by its path. `None` where it moves.
+pub fn interpolate_rest(captured: ArrayView2<'_, f64>, gap: &Gap, rate: f64) -> Option<FilledGap> {
+    let (before, after) = (gap.before?, gap.after?);
+    let track = Track {
+        captured,
+        point: gap.point,
+        reach: ((REACH * rate).ceil() as usize).max(2),
+    };
+    let rests = (REST_SECONDS * rate).ceil() as usize;
+    let stays = |from: usize, frames: Range<usize>, within: f64| {
+        let from = track.seen_at(from)?;
+        let near = |t: usize| {
+            let at = track.seen_at(t)?;
+            let square = (0..3)
+                .map(|axis| (at[axis] - from[axis]).powi(2))
+                .sum::<f64>();
+            (square <= within * within).then_some(())
+        };
+        frames.map(near).collect::<Option<()>>()
+    };
+    if gap.frames.len() as f64 > RESTS_SECONDS * rate || after + rests >= captured.nrows() {
+        return None;
+    }
+    stays(before, before.checked_sub(rests)?..before, REST)?;
+    stays(after, after + 1..after + rests + 1, REST)?;
+    stays(before, after..after + 1, RESTS_WITHIN)?;
+    track.filled(gap, RESTS_SD * RESTS_SD)
 }
 
 /// The path of one point.
@@ -49,6 +76,20 @@ struct Track<'a> {
 }
 
 impl Track<'_> {
+    /// A gap filled by PCHIP; `middle` is the variance of a coordinate in its middle, cm².
+    fn filled(&self, gap: &Gap, middle: f64) -> Option<FilledGap> {
+        let n = gap.frames.len() as f64;
+        let variance = (0..gap.frames.len()).map(|k| {
+            let u = (k as f64 + 1.0) / (n + 1.0);
+            middle * (4.0 * u * (1.0 - u)).powi(2)
+        });
+        Some(FilledGap {
+            variance: variance.collect(),
+            xyz: self.interpolated(&gap.frames)?,
+            method: FillMethod::Interpolation,
+        })
+    }
+
     fn is_seen(&self, t: usize) -> bool {
         self.seen_at(t).is_some()
     }

@@ -1,7 +1,7 @@
 //! Filled points held to the distances that the take itself shows to be rigid: bones, and markers of one segment.
 //!
 //! The estimates of a frame's missing points, x ~ N(m, P) with P diagonal, are updated by the measured distances d = |a − b|
-//! with variances v, by an iterated extended Kalman update:
+//! with variances v, by an iterated extended Kalman update, whose steps are halved until they help:
 //!
 //! ```text
 //! x ← m + P Hᵀ (H P Hᵀ + V)⁻¹ (d − g(x) − H (m − x))      g(x) the distances at x, H their Jacobian
@@ -22,7 +22,11 @@ const MOST_PAIRS: usize = 8;
 const MOST_POINTS: usize = 24;
 /// Variance added to that of a distance, cm².
 const LEAST_VARIANCE: f64 = 1e-4;
-const ITERATIONS: usize = 5;
+/// Steps, at most, and how often one is halved until it helps.
+const STEPS: usize = 15;
+const HALVINGS: usize = 4;
+/// Steps that lower −2 log of the density by less are the last.
+const CONVERGED: f64 = 1e-6;
 
 /// A rigid distance between two points.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,9 +97,9 @@ impl TakeDistances {
             });
             moved.sum::<f64>() + missed.sum::<f64>()
         };
-        let before = frame.to_vec();
-        let mut explained = vec![0.0; variance.len()];
-        for _ in 0..ITERATIONS {
+        let mut reached = objective(frame);
+        let mut explained = None;
+        for _ in 0..STEPS {
             let mut jacobian = Array2::<f64>::zeros((pairs.len(), 3 * points.len()));
             let mut rest = Array2::<f64>::zeros((pairs.len(), 1));
             for (k, (pair, places)) in pairs.iter().enumerate() {
@@ -120,21 +124,31 @@ impl TakeDistances {
             let factor = Cholesky::new(gain);
             let both = factor.and_then(|f| Some((f.solve(&rest)?, f.half_solve(&weighted)?)));
             let Some((solved, half)) = both else { break };
-            explained = half
-                .map_axis(Axis(0), |column| column.dot(&column))
-                .to_vec();
             let change = weighted.t().dot(&solved);
-            for (i, p) in points.iter().enumerate() {
-                for axis in 0..3 {
-                    frame[3 * p + axis] = mean[i][axis] + change[[3 * i + axis, 0]];
+            let here: Vec<DVec3> = points.iter().map(|p| at(frame, *p)).collect();
+            let stepped = |share: f64| {
+                let mut moved = frame.to_vec();
+                for (i, p) in points.iter().enumerate() {
+                    let full = DVec3::from_array([0, 1, 2].map(|a| change[[3 * i + a, 0]]));
+                    let to = here[i].lerp(mean[i] + full, share);
+                    moved[3 * p..3 * p + 3].copy_from_slice(&to.to_array());
                 }
+                moved
+            };
+            let halved = (0..HALVINGS).map(|k| stepped(0.5_f64.powi(k as i32)));
+            let lower = halved
+                .map(|f| (objective(&f), f))
+                .find(|(o, _)| *o < reached);
+            let Some((found, moved)) = lower else { break };
+            frame.copy_from_slice(&moved);
+            explained = Some(half.map_axis(Axis(0), |column| column.dot(&column)));
+            let is_converged = reached - found < CONVERGED;
+            reached = found;
+            if is_converged {
+                break;
             }
         }
-        // Far from the distances the iteration may run away.
-        if !(objective(frame) <= objective(&before)) {
-            frame.copy_from_slice(&before);
-            return;
-        }
+        let Some(explained) = explained else { return };
         (variance.iter_mut().zip(explained)).for_each(|(v, e)| *v = (*v - e).max(1e-3 * *v));
     }
 }
