@@ -28,6 +28,12 @@ posing amc2xyz --asf 09.asf --fps 120 --space body -o run.csv 09_06.amc
 cut_takes() { awk -F, -v OFS=, -v s="$1" 'NR > 1 { $1 = s "_0" 1 + (NR > 60) } NR == 1 || NR % 8 < 4' "$2"; }
 for s in 01 02 07; do cut_takes $s poses.csv > $s.csv; done
 cut_takes 09 run.csv > my-takes.csv
+cp truth.csv mine.csv
+posing amc2xyz --asf 09.asf --fps 120 09_06.amc | tail -n +2 | cat truth.csv - > two-people.csv
+for joint in Hip=root Chest=thorax Neck=lowerneck Head=head LShoulder=lclavicle LElbow=lhumerus LHand=lwrist LHip=lhipjoint LKnee=lfemur \
+  LFoot=ltibia RShoulder=rclavicle RElbow=rhumerus RHand=rwrist RHip=rhipjoint RKnee=rfemur RFoot=rtibia; do
+  echo "${joint%=*} = \"${joint#*=}\""
+done > joints.toml
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;
 
@@ -42,6 +48,10 @@ const SMALLER: &[(&str, &str)] = &[
     (
         "sparse,ksvd:n=500:k=5,ksvd-omp --tasks",
         "sparse:n=20,ksvd:n=20:k=5 --seeds 1 --frames 20 --tasks",
+    ),
+    (
+        "evaluate takes -o",
+        "evaluate takes --gaps 1 --lengths 0.1 --points 1 --noise 1 -o",
     ),
     (
         "evaluate --splits takes -m mine.npz",

@@ -44,6 +44,7 @@ pub const COMMANDS: &[CommandEntry] = &[
     entry("prior-train", "Train a pose model", false),
     entry("encode", "Convert poses to sparse codes", false),
     entry("decode", "Convert sparse codes back to poses", false),
+    entry("gpd", "Describe poses by 1,683 geometric features", false),
     entry(
         "corrupt",
         "Add noise, outliers or gaps to poses, for tests",

@@ -8,6 +8,7 @@ pub mod code_table;
 pub mod commands;
 pub mod completions;
 pub mod evaluate_takes;
+pub mod feature_table;
 mod gap_report;
 pub mod ik;
 pub mod input;

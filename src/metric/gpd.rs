@@ -16,8 +16,10 @@
 //! The lines are the 15 limbs, the 5 lines from an end of the body to the joint two before it, and the 10 lines between two
 //! ends; the planes are those of trunk, arms and legs.
 //!
-//! Where a line has no length or a plane's corners are on a line, directions and normals are 0: angles with them are π/2, the
-//! distance from such a line is that from its point, the distance from such a plane is 0. What a missing joint determines is NaN.
+//! Where a line has no length its direction is 0: angles with it are π/2, and the distance from it is that from its point. A
+//! straight limb has no plane, and a nearly straight one has a plane that rounding turns: below a sine of .01 the normal's length
+//! falls from 1 to 0 as the limb straightens, so that angles with it go to π/2, and distances from the plane to 0, without a jump.
+//! What a missing joint determines is NaN.
 
 use super::body_frame::BodyFramePoses;
 use super::joint_map::{JOINTS, PARENTS, joint};
@@ -330,13 +332,23 @@ impl Frame {
         let to = |a: usize, b: usize| (joints[b] - joints[a]).normalize_or_zero_nan();
         Frame {
             lines: std::array::from_fn(|k| to(lines[k].0, lines[k].1)),
-            normals: PLANES.map(|[a, b, c]| to(a, b).cross(to(a, c)).normalize_or_zero_nan()),
+            normals: PLANES.map(|[a, b, c]| {
+                let normal = to(a, b).cross(to(a, c));
+                normal
+                    / if normal.is_nan() {
+                        f64::NAN
+                    } else {
+                        normal.length().max(STRAIGHT)
+                    }
+            }),
         }
     }
 }
 
-/// Sines below this are rounding: the corners of a plane are on a line.
-const COLLINEAR: f64 = 1e-9;
+/// A line that is shorter, body heights, has no direction.
+const POINT: f64 = 1e-9;
+/// The sine of the angle at a plane's first corner below which its normal fades.
+const STRAIGHT: f64 = 0.01;
 
 trait Normalized {
     /// The vector at unit length; 0 for one that is hardly any; NaN for NaN.
@@ -346,7 +358,7 @@ trait Normalized {
 impl Normalized for DVec3 {
     fn normalize_or_zero_nan(self) -> DVec3 {
         let length = self.length();
-        if length < COLLINEAR {
+        if length < POINT {
             DVec3::ZERO
         } else {
             self / length

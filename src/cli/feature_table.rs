@@ -1,0 +1,131 @@
+//! Tables of named numbers a frame, such as pose descriptors: CSV with the takes and times of the poses, or NPY.
+
+use super::messages;
+use super::streams::open_output;
+use crate::io::npy;
+use crate::io::text::{push_f32, push_f64};
+use crate::metric::JointMap;
+use crate::metric::body_frame::BodyFramePoses;
+use crate::numeric::parallel;
+use crate::pose::Poses;
+use crate::{Error, Place, Result};
+use ndarray::Array2;
+use std::path::Path;
+
+/// Frames whose lines one thread writes at a time.
+const LINES: usize = 64;
+/// Frames that are written together.
+const BATCH: usize = 4096;
+/// No joint map is larger.
+const LARGEST_MAP: u64 = 1 << 16;
+
+/// The joint map that `--map` names: `CMU`, or a TOML file.
+///
+/// # Errors
+/// As [`JointMap::parse`]; also if the file cannot be read.
+pub fn joint_map(name: &str) -> Result<JointMap> {
+    if name == "CMU" {
+        return Ok(JointMap::cmu());
+    }
+    let input = super::input::open(Path::new(name))?;
+    let source = input.name.clone();
+    let text = String::from_utf8(input.read_all(LARGEST_MAP)?)
+        .map_err(|_| Error::data(Place::file(&source), "is not a TOML file: it is not UTF-8"))?;
+    JointMap::parse(&text, &source)
+}
+
+/// The takes of a table in the body's own frame; `rates` are theirs.
+///
+/// # Errors
+/// [`Error::Data`] where joints are missing, or a take shows no body height.
+pub fn body_frames(
+    poses: &Poses,
+    rates: &[Option<f64>],
+    map: &JointMap,
+    name: &str,
+) -> Result<Vec<BodyFramePoses>> {
+    let takes = poses.takes().into_iter().zip(rates);
+    let place = |(range, rate): (std::ops::Range<usize>, &Option<f64>)| {
+        let take = poses.take.as_ref().map(|t| t[range.start].to_string());
+        BodyFramePoses::new(&poses.slice(range), *rate, map).map_err(|what| {
+            let place = Place::file(name);
+            Error::data(
+                match take {
+                    Some(take) => place.part(format!("take {take}")),
+                    None => place,
+                },
+                what,
+            )
+        })
+    };
+    takes.map(place).collect()
+}
+
+/// Writes a row a frame: its take and time, empty where the poses have none, then its `features` (frames, names).
+///
+/// # Errors
+/// When the output cannot be written.
+pub fn write(
+    output: Option<&Path>,
+    is_npy: bool,
+    poses: &Poses,
+    names: &[String],
+    features: &Array2<f32>,
+) -> Result<()> {
+    let mut out = open_output(output, is_npy)?;
+    if is_npy {
+        out.write(&npy::header_of(
+            "<f4",
+            &[features.nrows(), features.ncols()],
+        ))?;
+    } else {
+        // Always both, so that a feature has one place.
+        let head: Vec<&str> = ["take", "time"]
+            .into_iter()
+            .chain(names.iter().map(String::as_str))
+            .collect();
+        out.write(format!("{}\n", head.join(",")).as_bytes())?;
+    }
+    for start in (0..features.nrows()).step_by(BATCH) {
+        let count = BATCH.min(features.nrows() - start);
+        let rows = parallel::map_chunks(count, LINES, |range| {
+            let mut bytes = Vec::new();
+            for t in range.map(|k| start + k) {
+                match is_npy {
+                    true => bytes.extend(features.row(t).iter().flat_map(|v| v.to_le_bytes())),
+                    false => push_line(&mut bytes, poses, t, features),
+                }
+            }
+            bytes
+        });
+        rows.iter().try_for_each(|bytes| out.write(bytes))?;
+    }
+    out.finish()?;
+    messages::debug(&format!(
+        "{} frames, {} features",
+        features.nrows(),
+        names.len()
+    ));
+    Ok(())
+}
+
+fn push_line(out: &mut Vec<u8>, poses: &Poses, t: usize, features: &Array2<f32>) {
+    if let Some(take) = &poses.take {
+        let is_plain = !take[t].contains([',', '"', '\n', '\r']);
+        match is_plain {
+            true => out.extend(take[t].as_bytes()),
+            false => out.extend(format!("\"{}\"", take[t].replace('"', "\"\"")).as_bytes()),
+        }
+    }
+    out.push(b',');
+    if let Some(time) = &poses.time {
+        push_f64(out, time[t]);
+    }
+    for value in features.row(t) {
+        out.push(b',');
+        if value.is_finite() {
+            push_f32(out, *value);
+        }
+    }
+    out.push(b'\n');
+}
