@@ -2,6 +2,7 @@
 
 use super::args::InputArgs;
 use super::progress::Progress;
+use super::toml_file;
 use super::units::parse_length;
 use super::{input, messages};
 use crate::evaluate::benchmark::leakage::Provenance;
@@ -26,8 +27,6 @@ use std::sync::Arc;
 
 /// No results.json is larger.
 const LARGEST_RESULTS: u64 = 1 << 30;
-/// No TOML file is larger.
-const LARGEST_CONFIG: u64 = 1 << 20;
 
 /// What is run: flags of `evaluate`, or the keys of its TOML file.
 #[derive(Debug, Clone, Default, PartialEq, Args, Deserialize)]
@@ -74,32 +73,15 @@ pub struct BenchmarkArgs {
 }
 
 impl BenchmarkArgs {
-    /// Parses a TOML file; `name` names the file in messages.
-    ///
-    /// # Errors
-    /// [`Error::Data`] with file and line, also for an unknown key.
-    pub fn parse(text: &str, name: &str) -> Result<BenchmarkArgs> {
-        toml::from_str(text).map_err(|e| {
-            let at = e.span().map_or(0, |s| s.start.min(text.len()));
-            let line = 1 + text[..at].matches('\n').count();
-            let what: Vec<&str> = e.message().lines().collect();
-            Error::data(Place::line(name, line as u64), what.join(" "))
-        })
-    }
-
     /// These flags, and what the TOML file says where a flag is absent. The file's paths are relative to its folder.
     ///
     /// # Errors
-    /// See [`BenchmarkArgs::parse`]; also if the file cannot be read.
+    /// [`Error::Data`] with file and line, also for an unknown key; also if the file cannot be read.
     pub fn or_file(self, path: Option<&Path>) -> Result<BenchmarkArgs> {
         let Some(path) = path else {
             return Ok(self);
         };
-        let input = input::open(path)?;
-        let name = input.name.clone();
-        let text = String::from_utf8(input.read_all(LARGEST_CONFIG)?)
-            .map_err(|_| Error::data(Place::file(&name), "is not a TOML file: it is not UTF-8"))?;
-        let file = BenchmarkArgs::parse(&text, &name)?;
+        let (file, _): (BenchmarkArgs, String) = toml_file::read(path)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let within = |names: Vec<PathBuf>| names.iter().map(|name| folder.join(name)).collect();
         Ok(BenchmarkArgs {
@@ -417,7 +399,7 @@ mod tests {
     #[test]
     fn a_file_is_parsed() {
         let text = "tables = [\"01.csv\"]\nmodels = [\"sparse\", \"ksvd:n=500\"]\nseeds = 3\nbase = [0, \"0.05asf\"]\n[subjects]\nwalk = \"anna\"\n";
-        let config = BenchmarkArgs::parse(text, "x.toml").unwrap();
+        let config = toml_file::parse::<BenchmarkArgs>(text, "x.toml").unwrap();
         assert_eq!(config.seeds, Some(3));
         assert_eq!(
             config.base,
@@ -425,7 +407,7 @@ mod tests {
         );
         assert_eq!(config.subjects["walk"], "anna");
         assert_eq!(
-            BenchmarkArgs::parse("", "x").unwrap(),
+            toml_file::parse::<BenchmarkArgs>("", "x").unwrap(),
             BenchmarkArgs::default()
         );
     }
@@ -439,7 +421,7 @@ mod tests {
             ("seeds = \n", 1, ""),
             ("[more]\nx = 1", 1, "more"),
         ] {
-            let e = BenchmarkArgs::parse(text, "x.toml").unwrap_err();
+            let e = toml_file::parse::<BenchmarkArgs>(text, "x.toml").unwrap_err();
             let said = e.to_string();
             assert!(said.starts_with(&format!("x.toml:{line}: ")), "{said}");
             assert!(said.contains(part) && said.lines().count() == 1, "{said}");

@@ -2,6 +2,8 @@
 
 use super::messages;
 use super::streams::open_output;
+use super::toml_file;
+use crate::io::csv::push_cell;
 use crate::io::npy;
 use crate::io::text::{push_f32, push_f64};
 use crate::metric::JointMap;
@@ -16,22 +18,17 @@ use std::path::Path;
 const LINES: usize = 64;
 /// Frames that are written together.
 const BATCH: usize = 4096;
-/// No joint map is larger.
-const LARGEST_MAP: u64 = 1 << 16;
 
 /// The joint map that `--map` names: `CMU`, or a TOML file.
 ///
 /// # Errors
-/// As [`JointMap::parse`]; also if the file cannot be read.
+/// [`Error::Data`] if the file cannot be read, or a joint is missing or unknown.
 pub fn joint_map(name: &str) -> Result<JointMap> {
     if name == "CMU" {
         return Ok(JointMap::cmu());
     }
-    let input = super::input::open(Path::new(name))?;
-    let source = input.name.clone();
-    let text = String::from_utf8(input.read_all(LARGEST_MAP)?)
-        .map_err(|_| Error::data(Place::file(&source), "is not a TOML file: it is not UTF-8"))?;
-    JointMap::parse(&text, &source)
+    let (points, source) = toml_file::read(Path::new(name))?;
+    JointMap::new(points).map_err(|what| Error::data(Place::file(source), what))
 }
 
 /// The takes of a table in the body's own frame; `rates` are theirs.
@@ -111,11 +108,7 @@ pub fn write(
 
 fn push_line(out: &mut Vec<u8>, poses: &Poses, t: usize, features: &Array2<f32>) {
     if let Some(take) = &poses.take {
-        let is_plain = !take[t].contains([',', '"', '\n', '\r']);
-        match is_plain {
-            true => out.extend(take[t].as_bytes()),
-            false => out.extend(format!("\"{}\"", take[t].replace('"', "\"\"")).as_bytes()),
-        }
+        push_cell(out, take[t].as_bytes());
     }
     out.push(b',');
     if let Some(time) = &poses.time {

@@ -23,6 +23,7 @@ pub mod restoring;
 mod signals;
 pub mod streams;
 mod summary;
+mod toml_file;
 pub mod training;
 pub mod units;
 

@@ -5,6 +5,7 @@
 //! from a hip joint to its foot, added up.
 
 use super::joint_map::{JointMap, PARENTS, joint};
+use crate::numeric::median::median;
 use crate::pose::Poses;
 use glam::DVec3;
 use ndarray::{Array3, s};
@@ -96,11 +97,6 @@ fn height(frames: usize, at: impl Fn(usize, usize) -> DVec3) -> Option<f64> {
     Some(sum(&TALL)? + legs).filter(|h| *h > 0.0)
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
@@ -109,8 +105,7 @@ pub(super) mod tests {
 
     /// The map of tables whose points have the joints' own names.
     pub fn own_names() -> JointMap {
-        let lines = JOINTS.map(|j| format!("{j} = \"{j}\"\n"));
-        JointMap::parse(&lines.concat(), "own").unwrap()
+        JointMap::new(JOINTS.map(|j| (j.to_string(), j.to_string())).into()).unwrap()
     }
 
     /// A take of one pose, cm.

@@ -1,7 +1,5 @@
 //! The sixteen joints of the pose descriptor (Chen et al., Fig. 1), and which points of a table they are.
 
-use crate::{Error, Place, Result};
-use serde::Deserialize;
 use std::collections::BTreeMap;
 
 /// The joints, in the order in which arrays hold them.
@@ -76,17 +74,11 @@ impl JointMap {
         JointMap(CMU.map(String::from))
     }
 
-    /// Parses a TOML file of sixteen lines such as `LHand = "lwrist"`; `name` names the file in errors.
+    /// A map of each joint's name to that of its point, such as `LHand` to `lwrist`.
     ///
     /// # Errors
-    /// [`Error::Data`] if it is not TOML, or a joint is missing or unknown.
-    pub fn parse(text: &str, name: &str) -> Result<JointMap> {
-        #[derive(Deserialize)]
-        #[serde(transparent)]
-        struct File(BTreeMap<String, String>);
-        let fail = |what: String| Error::data(Place::file(name), what);
-        let File(mut points) = toml::from_str(text)
-            .map_err(|e| fail(e.message().lines().collect::<Vec<_>>().join(" ")))?;
+    /// The joints that are missing or unknown, as a phrase.
+    pub fn new(mut points: BTreeMap<String, String>) -> std::result::Result<JointMap, String> {
         let mut missing = Vec::new();
         let map = JOINTS.map(|joint| {
             points.remove(joint).unwrap_or_else(|| {
@@ -95,13 +87,13 @@ impl JointMap {
             })
         });
         if !missing.is_empty() {
-            return Err(fail(format!("has no point for {}", missing.join(", "))));
+            return Err(format!("has no point for {}", missing.join(", ")));
         }
         match points.keys().next() {
-            Some(unknown) => Err(fail(format!(
+            Some(unknown) => Err(format!(
                 "names a joint \"{unknown}\", which is none of {}",
                 JOINTS.join(", ")
-            ))),
+            )),
             None => Ok(JointMap(map)),
         }
     }
@@ -154,26 +146,16 @@ mod tests {
     }
 
     #[test]
-    fn a_file_names_all_joints_or_is_refused() {
-        let lines =
-            |f: &dyn Fn(&str) -> String| JOINTS.map(|j| format!("{j} = \"{}\"\n", f(j))).concat();
-        let whole = lines(&|j| format!("my{j}"));
-        let map = JointMap::parse(&whole, "map.toml").unwrap();
+    fn a_map_names_all_joints_and_no_other() {
+        let whole: BTreeMap<String, String> = JOINTS.map(|j| (j.into(), format!("my{j}"))).into();
         let names: Vec<String> = JOINTS.map(|j| format!("my{j}")).into();
-        assert_eq!(
-            map.find(&names).unwrap(),
-            [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15]
-        );
-        for (text, part) in [
-            (whole.replace("Head = ", "Haed = "), "Head"),
-            (whole.clone() + "Tail = \"x\"\n", "Tail"),
-            ("Hip".to_string(), ""),
-        ] {
-            let said = JointMap::parse(&text, "map.toml").unwrap_err().to_string();
-            assert!(
-                said.starts_with("map.toml") && said.contains(part),
-                "{said}"
-            );
-        }
+        let map = JointMap::new(whole.clone()).unwrap();
+        assert_eq!(map.find(&names).unwrap(), std::array::from_fn(|k| k));
+        let mut without = whole.clone();
+        without.remove("Head");
+        assert!(JointMap::new(without).unwrap_err().contains("Head"));
+        let mut with = whole;
+        with.insert("Tail".into(), "x".into());
+        assert!(JointMap::new(with).unwrap_err().contains("\"Tail\""));
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod gaussian;
 pub mod linalg;
+pub mod median;
 pub mod parallel;
 pub mod pchip;
 pub mod simd;

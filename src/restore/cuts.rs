@@ -1,7 +1,7 @@
 //! Cuts in a take: frames at which the whole body jumps and stays. What was joined there are two captures, and nothing is
 //! interpolated across.
 
-use super::noise_estimation::median;
+use crate::numeric::median::median;
 use glam::DVec3;
 use ndarray::ArrayView2;
 use std::ops::Range;
@@ -73,7 +73,7 @@ impl<'a> Jumps<'a> {
                 all.extend(jumps.deviations(t - 1, t, run));
             }
         }
-        jumps.usual = median(all);
+        jumps.usual = median(all).unwrap_or(0.0);
         jumps
     }
 

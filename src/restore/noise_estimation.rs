@@ -2,6 +2,7 @@
 
 use super::loaded_model::LoadedModel;
 use super::rigid::noise_floor::NoiseFloor;
+use crate::numeric::median::median;
 use crate::prior::EXACT_VARIANCE;
 use ndarray::ArrayView2;
 use std::ops::Range;
@@ -152,18 +153,13 @@ pub fn by_point(
             .map(|t| of_frame(&model.restorer(), &in_model.row(t).to_vec()))
             .collect();
     }
-    let median = median(known);
+    let median = median(known).unwrap_or(0.0);
     measured.into_iter().map(|m| m.unwrap_or(median)).collect()
 }
 
 /// The median over the points of a take of the noise that third differences over time measure, cm; 0 where it measures none.
 pub fn typical_noise(xyz: ArrayView2<'_, f64>, runs: &[Range<usize>]) -> f64 {
-    median(from_time(xyz, runs).into_iter().flatten().collect())
-}
-
-pub fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
+    median(from_time(xyz, runs).into_iter().flatten().collect()).unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Gaps of one length and number of points, filled and compared with what was cut out.
 
-use super::rivals::Hole;
+use super::rivals::{Hole, Moments};
 use super::stretches::{StretchWithGap, draw};
 use super::{ByMethod, RESTORED, TakesSettings, TestTakes, mean_square, rms};
 use crate::Result;
@@ -90,13 +90,13 @@ impl GapCell {
         }
     }
 
-    /// Fills the gaps in the takes of a subject; `others` are poses of other subjects in the pelvis's frame.
+    /// Fills the gaps in the takes of a subject; `others` are the moments of other subjects' poses in the pelvis's frame.
     pub(super) fn test(
         &mut self,
         takes: &TestTakes,
         subject: usize,
         restorer: &Restorer<'_>,
-        others: Option<ArrayView2<'_, f64>>,
+        others: Option<&Moments>,
     ) -> Result<()> {
         let own = |g: &&StretchWithGap| takes.takes[g.stretch.take].subject == subject;
         let own: Vec<StretchWithGap> = self.drawn.iter().filter(own).cloned().collect();
@@ -147,7 +147,7 @@ impl GapCell {
         hole: &Hole<'_>,
         restored: &Restoration<'_>,
         start: usize,
-        others: Option<ArrayView2<'_, f64>>,
+        others: Option<&Moments>,
     ) {
         let columns: Vec<usize> = gap.points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
         let cut =

@@ -16,9 +16,10 @@ use crate::prior::{Kind, TrainOptions, TrainingSet};
 use crate::restore::Restorer;
 use crate::{Error, Place, Result};
 pub use gaps::{GapCell, GapLength};
-use ndarray::{Array2, Axis};
+use ndarray::Axis;
 pub use noise::NoiseCell;
 pub use report::TakesReport;
+use rivals::Moments;
 
 /// Training poses a second, at most: poses closer in time tell nothing new.
 const TRAINING_RATE: f64 = 30.0;
@@ -171,7 +172,7 @@ impl TestTakes {
                 (None, TestedModel::Given(model)) => Restorer::new(model),
                 (None, _) => Restorer::without_model(),
             };
-            let poses = others.as_ref().map(|o| o.poses.view());
+            let poses = others.as_ref().and_then(|o| o.poses.as_ref());
             for (k, cell) in gaps.iter_mut().enumerate() {
                 tell("gaps", k);
                 cell.test(self, subject, &restorer, poses)?;
@@ -215,16 +216,15 @@ impl TestTakes {
         let kind = Kind::for_points(poses.points.len());
         Ok(OthersModel {
             model: kind.train(&poses, &TrainOptions::default())?,
-            poses: poses.xyz.mapv(f64::from),
+            poses: Moments::of(&poses.xyz.mapv(f64::from)),
         })
     }
 }
 
-/// A model, and the poses that it was trained on.
+/// A model, and the moments of the poses that it was trained on, in the pelvis's frame.
 struct OthersModel {
     model: Model,
-    /// (n, 3 J), cm, in the pelvis's frame.
-    poses: Array2<f64>,
+    poses: Option<Moments>,
 }
 
 impl TakesSettings {
@@ -305,6 +305,7 @@ fn rms(mse: &[f64]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ndarray::Array2;
 
     /// A chain of points that swings: whole seconds at 60 frames a second.
     pub fn swinging(subject: &str, seconds: usize, phase: f64) -> (String, Poses) {

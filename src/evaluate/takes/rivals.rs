@@ -69,9 +69,9 @@ impl Hole<'_> {
         out
     }
 
-    /// The conditional mean under one Gaussian of the take's own frames and, half and half, of `others` (poses in the
+    /// The conditional mean under one Gaussian of the take's own frames and, half and half, of `others` (of poses in the
     /// pelvis's frame), joined to both ends by a ramp. `None` where fewer than two frames are complete.
-    pub fn gaussian(&self, others: Option<ArrayView2<'_, f64>>) -> Option<Array2<f64>> {
+    pub fn gaussian(&self, others: Option<&Moments>) -> Option<Array2<f64>> {
         let is_seen = |t: usize, p: usize| self.xyz[[t, 3 * p]].is_finite();
         let predictors: Vec<usize> = (0..self.names.len())
             .filter(|p| !self.points.contains(p) && (0..self.xyz.nrows()).all(|t| is_seen(t, *p)))
@@ -92,13 +92,15 @@ impl Hole<'_> {
                 .map(|all| all.select(Axis(0), rows))
                 .ok()
         };
-        let (mut mean, mut covariance) = moments(&joined(&own, &complete)?)?;
+        let mut moments = Moments::of(&joined(&own, &complete)?)?;
         if let (Some(others), Some(_)) = (others, anchor.root) {
-            let others = LocalPoses::in_place(others, &predictors, self.points);
-            let rows: Vec<usize> = (0..others.predictors.nrows()).collect();
-            let (m, c) = moments(&joined(&others, &rows)?)?;
-            (mean, covariance) = ((mean + m) / 2.0, (covariance + c) / 2.0);
+            let points = predictors.iter().chain(self.points);
+            let columns: Vec<usize> = points.flat_map(|p| 3 * p..3 * p + 3).collect();
+            let others = others.select(&columns);
+            moments.mean = (moments.mean + others.mean) / 2.0;
+            moments.covariance = (moments.covariance + others.covariance) / 2.0;
         }
+        let Moments { mean, covariance } = moments;
         let n = own.predictors.ncols();
         let mut seen = covariance.slice(s![..n, ..n]).to_owned();
         seen.diag_mut().mapv_inplace(|v| v + RIDGE);
@@ -132,12 +134,34 @@ impl Hole<'_> {
     }
 }
 
-/// Mean and covariance of rows.
-fn moments(rows: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
-    let mean = rows.mean_axis(Axis(0))?;
-    let centred = rows - &mean;
-    let covariance = centred.t().dot(&centred) / (rows.nrows() as f64 - 1.0).max(1.0);
-    Some((mean, covariance))
+/// Mean and covariance of poses.
+#[derive(Debug, Clone)]
+pub(super) struct Moments {
+    /// cm.
+    mean: Array1<f64>,
+    /// cm².
+    covariance: Array2<f64>,
+}
+
+impl Moments {
+    /// Those of the rows (n, coordinates); `None` without rows.
+    pub fn of(rows: &Array2<f64>) -> Option<Moments> {
+        let mean = rows.mean_axis(Axis(0))?;
+        let centred = rows - &mean;
+        let covariance = centred.t().dot(&centred) / (rows.nrows() as f64 - 1.0).max(1.0);
+        Some(Moments { mean, covariance })
+    }
+
+    /// Those of some coordinates, in this order.
+    fn select(&self, columns: &[usize]) -> Moments {
+        Moments {
+            mean: self.mean.select(Axis(0), columns),
+            covariance: self
+                .covariance
+                .select(Axis(0), columns)
+                .select(Axis(1), columns),
+        }
+    }
 }
 
 /// A Butterworth low-pass filter of second order, run forwards and backwards over each stretch of known values, so that it has

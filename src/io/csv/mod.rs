@@ -4,7 +4,7 @@ mod block;
 mod records;
 mod writer;
 
-pub use writer::{AddedColumn, After, CsvFormat};
+pub use writer::{AddedColumn, After, CsvFormat, push_cell};
 
 use super::Input;
 use super::block_reader::{BLOCK, BlockReader};

@@ -187,8 +187,8 @@ fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
 }
 
-/// A cell, quoted where RFC 4180 wants it.
-fn push_cell(line: &mut Vec<u8>, cell: &[u8]) {
+/// Appends a cell, quoted where RFC 4180 wants it.
+pub fn push_cell(line: &mut Vec<u8>, cell: &[u8]) {
     if !cell
         .iter()
         .any(|b| matches!(b, b',' | b'"' | b'\n' | b'\r'))

@@ -1,6 +1,6 @@
 //! A gap filled by the point's own path: PCHIP, where the path is smooth enough.
 //!
-//! A path is smooth enough where going straight on from one end misses the other by at most 4 cm, as in commercial practice.
+//! A point that rests on either side of a short gap rests in it. Else a path is smooth enough where going straight on from one end misses the other by at most 4 cm, as in commercial practice.
 
 use super::{FillMethod, FilledGap, Gap};
 use crate::numeric::pchip::pchip;
@@ -26,11 +26,7 @@ const SIMULATED: usize = 20;
 /// smooth enough.
 pub fn interpolate(captured: ArrayView2<'_, f64>, gap: &Gap, rate: f64) -> Option<FilledGap> {
     let (before, after) = (gap.before?, gap.after?);
-    let track = Track {
-        captured,
-        point: gap.point,
-        reach: ((REACH * rate).ceil() as usize).max(2),
-    };
+    let track = Track::new(captured, gap.point, rate);
     if track.miss(before, after)? > MISS {
         return None;
     }
@@ -41,11 +37,7 @@ pub fn interpolate(captured: ArrayView2<'_, f64>, gap: &Gap, rate: f64) -> Optio
 /// Fills `gap` where its point rests on either side, such as a foot that is planted: by its path. `None` where it moves.
 pub fn interpolate_rest(captured: ArrayView2<'_, f64>, gap: &Gap, rate: f64) -> Option<FilledGap> {
     let (before, after) = (gap.before?, gap.after?);
-    let track = Track {
-        captured,
-        point: gap.point,
-        reach: ((REACH * rate).ceil() as usize).max(2),
-    };
+    let track = Track::new(captured, gap.point, rate);
     let rests = (REST_SECONDS * rate).ceil() as usize;
     let stays = |from: usize, frames: Range<usize>, within: f64| {
         let from = track.seen_at(from)?;
@@ -75,7 +67,15 @@ struct Track<'a> {
     reach: usize,
 }
 
-impl Track<'_> {
+impl<'a> Track<'a> {
+    fn new(captured: ArrayView2<'a, f64>, point: usize, rate: f64) -> Track<'a> {
+        Track {
+            captured,
+            point,
+            reach: ((REACH * rate).ceil() as usize).max(2),
+        }
+    }
+
     /// A gap filled by PCHIP; `middle` is the variance of a coordinate in its middle, cm².
     fn filled(&self, gap: &Gap, middle: f64) -> Option<FilledGap> {
         let n = gap.frames.len() as f64;
