@@ -6,7 +6,7 @@
 
 use super::frame_fill::FrameFill;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
-use super::gap::{FilledGap, Gap, GapFiller, find_gaps};
+use super::gap::{FilledGap, Gap, GapAnswers, GapFiller, find_gaps};
 use super::loaded_model::AdaptedModel;
 use super::noise_estimation::{exact_noise, typical_noise};
 use super::outliers::{find_outliers, remove};
@@ -160,26 +160,26 @@ pub fn fill_gaps(
         rate: take.rate,
         others: poses.as_ref().map(|p| p.view()),
     };
-    let mut filled = filler.fill(gaps, done);
+    let mut answers = filler.fill(gaps, done);
     if let Some((bound, adapted)) = both {
-        fill_by_model(bound, adapted, take, captured, gaps, &mut filled, done);
+        fill_by_model(bound, adapted, take, captured, gaps, &mut answers, done);
     }
-    filler.hold_distances(gaps, &mut filled);
-    filled
+    filler.hold_distances(gaps, &mut answers.filled);
+    answers.filled
 }
 
-/// Fills the gaps that are left by the model, frame by frame.
+/// Fills the gaps that are left by the model, frame by frame; one whose answer was refused, by what is surer of both.
 fn fill_by_model(
     bound: &BoundModel<'_>,
     adapted: &AdaptedModel<'_>,
     take: &Take<'_>,
     captured: ArrayView2<'_, f64>,
     gaps: &[Gap],
-    filled: &mut [Option<FilledGap>],
+    answers: &mut GapAnswers,
     done: &(dyn Fn(usize) + Sync),
 ) {
     let left: Vec<usize> = (0..gaps.len())
-        .filter(|&k| filled[k].is_none() && bound.in_model(gaps[k].point).is_some())
+        .filter(|&k| answers.filled[k].is_none() && bound.in_model(gaps[k].point).is_some())
         .collect();
     let of_model = |&k: &usize| Gap {
         point: bound.in_model(gaps[k].point).unwrap_or_default(),
@@ -194,9 +194,11 @@ fn fill_by_model(
         rate: take.rate,
     };
     let frames = model.fill(&left.iter().map(of_model).collect::<Vec<_>>(), done);
-    left.into_iter()
-        .zip(frames)
-        .for_each(|(k, f)| filled[k] = f);
+    let variance = |filled: &FilledGap| filled.variance.iter().sum::<f64>();
+    for (k, by_model) in left.into_iter().zip(frames) {
+        let both = by_model.into_iter().chain(answers.refused[k].take());
+        answers.filled[k] = both.min_by(|a, b| variance(a).total_cmp(&variance(b)));
+    }
 }
 
 /// Puts a filled gap in place; coordinates of `xyz` that were measured of a missing point stay. Outliers are rejected; where

@@ -132,6 +132,15 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
     gaps
 }
 
+/// What the frames around gaps say, a gap each.
+pub struct GapAnswers {
+    /// `None` for a gap that cannot be filled: there is nothing to learn from, or no body could follow the answer, and the
+    /// point's path is not smooth enough.
+    pub filled: Vec<Option<FilledGap>>,
+    /// The answers that no body could follow.
+    pub refused: Vec<Option<FilledGap>>,
+}
+
 /// A take whose gaps are filled.
 pub struct GapFiller<'a> {
     /// The names of the points (J).
@@ -147,13 +156,13 @@ pub struct GapFiller<'a> {
 }
 
 impl GapFiller<'_> {
-    /// Fills `gaps`, which are those of the captured frames; [`GapFiller::hold_distances`] comes after. `None` for a gap that cannot be filled: there is nothing to learn
-    /// from, and its path is not smooth enough.
-    pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> Vec<Option<FilledGap>> {
+    /// Fills `gaps`, which are those of the captured frames; [`GapFiller::hold_distances`] comes after.
+    pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> GapAnswers {
         let mut known = self.captured.to_owned();
         let seconds = self.seconds();
         let limits = MotionLimits::measure(self.captured, self.runs, self.rate, gaps);
         let mut filled: Vec<Option<FilledGap>> = vec![None; gaps.len()];
+        let mut refused = filled.clone();
         for (gap, filled) in gaps.iter().zip(&mut filled) {
             *filled = path::interpolate_rest(self.captured, gap, self.rate);
             if let Some(rest) = filled {
@@ -165,8 +174,12 @@ impl GapFiller<'_> {
             // What is filled is known to the gaps for which too little was: they are asked again as long as that helps.
             loop {
                 let count = open.len();
-                let mut answers = self.ask(gaps, &open, &known, &seconds, done);
-                answers.retain(|(gap, answer)| limits.allow(self.captured, &gaps[*gap], answer));
+                let answers = self.ask(gaps, &open, &known, &seconds, done);
+                let (answers, implausible): (Vec<_>, Vec<_>) = (answers.into_iter())
+                    .partition(|(gap, a)| limits.allow(self.captured, &gaps[*gap], a));
+                implausible
+                    .into_iter()
+                    .for_each(|(gap, answer)| refused[gap] = Some(answer));
                 let is_open = |gap: &&usize| answers.iter().all(|(g, _)| g != *gap);
                 let by_path = |gap: &usize| {
                     let path = path::interpolate(self.captured, &gaps[*gap], self.rate);
@@ -184,7 +197,7 @@ impl GapFiller<'_> {
                 }
             }
         }
-        filled
+        GapAnswers { filled, refused }
     }
 
     /// Seconds of each frame.

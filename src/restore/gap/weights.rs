@@ -16,6 +16,8 @@ use std::ops::Range;
 
 /// Gaps are simulated at the first of these parts of the true length of which the take has room for two.
 const SHORTER: [usize; 4] = [1, 2, 4, 8];
+/// Gaps of more seconds are simulated at their own length or not at all: what is best in short ones is not in long ones.
+const LONG: f64 = 0.5;
 /// Simulated gaps, at most.
 const SIMULATED: usize = 4;
 /// A simulated gap and what is left to learn from: together at least this many lengths of it.
@@ -121,11 +123,12 @@ struct Simulated {
     longer: f64,
 }
 
-/// Simulates gaps like `gap`, or shorter ones where the take has no room for two; `estimates` is how many the true one has.
+/// Simulates gaps like `gap`, or shorter ones where it is not long and the take has no room for two; `estimates` is how many the true one has.
 /// `None` where it has no room for these either.
 fn simulate(targets: &Targets<'_>, gap: &Range<usize>, estimates: usize) -> Option<Simulated> {
-    let lengths = SHORTER.map(|part| gap.len() / part);
-    let mut lengths = lengths.into_iter().filter(|l| *l > 0);
+    let is_long = gap.len() as f64 > LONG * targets.regression.rate;
+    let parts = if is_long { &SHORTER[..1] } else { &SHORTER };
+    let mut lengths = parts.iter().map(|part| gap.len() / part).filter(|l| *l > 0);
     lengths.find_map(|length| simulate_length(targets, gap, length, estimates))
 }
 
