@@ -11,7 +11,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("io", &["pose"]),
     ("cluster", &["pose", "numeric"]),
     ("sparse", &["pose", "numeric"]),
-    ("metric", &["pose", "numeric"]),
+    ("metric", &["pose", "numeric", "io"]),
     ("body", &["pose", "numeric"]),
     // A prior is made from a model, a restoration changes a table: of io some rooms may name `IO_TYPES` only.
     (
@@ -49,6 +49,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
 
 /// Rooms that know only some types of io: data that they are made from or turned into.
 const IO_TYPES: &[(&str, &[&str])] = &[
+    ("metric", &["io::Model"]),
     ("prior", &["io::Model", "io::model"]),
     (
         "restore",

@@ -46,6 +46,16 @@ pub const COMMANDS: &[CommandEntry] = &[
     entry("decode", "Convert sparse codes back to poses", false),
     entry("gpd", "Describe poses by 1,683 geometric features", false),
     entry(
+        "rdsr-train",
+        "Learn how alike poses are from labelled pairs",
+        false,
+    ),
+    entry(
+        "retrieve",
+        "Find the poses of a database that are most like given ones",
+        false,
+    ),
+    entry(
         "corrupt",
         "Add noise, outliers or gaps to poses, for tests",
         false,

@@ -16,6 +16,7 @@ pub mod ksvd;
 pub mod launcher;
 pub mod manual;
 pub mod messages;
+pub mod metric_takes;
 pub mod one_take;
 pub mod plot;
 pub mod progress;

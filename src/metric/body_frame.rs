@@ -18,6 +18,10 @@ pub struct BodyFramePoses {
     pub joints: Array3<f64>,
     /// The hip's height above the ground y = 0, body heights, a frame.
     pub hip_height: Vec<f64>,
+    /// The hip's place on the ground (x, z), body heights, a frame.
+    pub place: Vec<[f64; 2]>,
+    /// The yaw that was removed, radians, a frame: the turn about y that carries the body's x to that of the world.
+    pub yaw: Vec<f64>,
     /// Runs of consecutive frames.
     pub runs: Vec<Range<usize>>,
     /// Frames a second; `None` where the times give none.
@@ -42,9 +46,11 @@ impl BodyFramePoses {
             "shows no body height: no frame has both ends of each bone from the head to a foot",
         )?;
         let mut joints = Array3::zeros((frames, 16, 3));
+        let hip = |t: usize| at(t, joint::HIP) / height;
+        let across = |t: usize| at(t, joint::LHIP) - at(t, joint::RHIP);
         for t in 0..frames {
             let hip = at(t, joint::HIP);
-            let turn = without_yaw(at(t, joint::LHIP) - at(t, joint::RHIP));
+            let turn = without_yaw(across(t));
             for j in 0..16 {
                 let local = turn(at(t, j) - hip) / height;
                 (0..3).for_each(|axis| joints[[t, j, axis]] = local[axis]);
@@ -52,7 +58,9 @@ impl BodyFramePoses {
         }
         Ok(BodyFramePoses {
             joints,
-            hip_height: (0..frames).map(|t| at(t, joint::HIP).y / height).collect(),
+            hip_height: (0..frames).map(|t| hip(t).y).collect(),
+            place: (0..frames).map(|t| [hip(t).x, hip(t).z]).collect(),
+            yaw: (0..frames).map(|t| yaw(across(t))).collect(),
             runs: take.runs(),
             rate,
             height,
@@ -62,6 +70,12 @@ impl BodyFramePoses {
     /// The number of frames.
     pub fn frames(&self) -> usize {
         self.hip_height.len()
+    }
+
+    /// The run of consecutive frames that frame `t` is in.
+    pub fn run_of(&self, t: usize) -> Range<usize> {
+        let run = self.runs.iter().find(|run| run.contains(&t));
+        run.cloned().unwrap_or(t..t + 1)
     }
 
     /// Joints of a frame, body heights.
@@ -80,6 +94,11 @@ fn without_yaw(across: DVec3) -> impl Fn(DVec3) -> DVec3 {
         false => (1.0, 0.0),
     };
     move |v| DVec3::new(c * v.x + s * v.z, v.y, c * v.z - s * v.x)
+}
+
+/// The yaw of a body whose left hip joint lies in the direction `across` of the right one.
+fn yaw(across: DVec3) -> f64 {
+    (-across.z).atan2(across.x)
 }
 
 /// The bones from the head to the hip, and from the hip joints to the feet.

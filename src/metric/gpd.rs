@@ -208,6 +208,8 @@ static SHAPES: LazyLock<Shapes> = LazyLock::new(|| {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Gpd {
     families: Vec<Family>,
+    /// The orders of the derivatives in [`Family::JointKinetics`]: 1 velocity, 2 acceleration.
+    orders: &'static [usize],
 }
 
 impl Default for Gpd {
@@ -222,7 +224,27 @@ impl Gpd {
         let families = Family::ALL.into_iter().filter(|f| families.contains(f));
         Gpd {
             families: families.collect(),
+            orders: &[1, 2],
         }
+    }
+
+    /// The same families, without accelerations.
+    pub fn without_accelerations(self) -> Gpd {
+        Gpd {
+            orders: &[1],
+            ..self
+        }
+    }
+
+    /// The families, in order.
+    pub fn families(&self) -> &[Family] {
+        &self.families
+    }
+
+    /// The family of each feature.
+    pub fn feature_families(&self) -> Vec<Family> {
+        let of = |f: &Family| vec![*f; self.features(*f).len()];
+        self.families.iter().flat_map(of).collect()
     }
 
     /// Whether a frame's neighbours in time are needed.
@@ -233,7 +255,17 @@ impl Gpd {
     /// The names of the features, in order: without commas, such as `LL_a(LShoulder-LElbow:LElbow-LHand)` and
     /// `JJ_o(LHand:Head)_x`.
     pub fn names(&self) -> Vec<String> {
-        self.families.iter().flat_map(|f| f.features()).collect()
+        (self.families.iter().flat_map(|f| self.features(*f))).collect()
+    }
+
+    /// The names of a family's features.
+    fn features(&self, family: Family) -> Vec<String> {
+        let mut names = family.features();
+        names.truncate(match family {
+            Family::JointKinetics => names.len() / 2 * self.orders.len(),
+            _ => names.len(),
+        });
+        names
     }
 
     /// The features of each frame (frames, features). Without a rate the kinetics are NaN; velocities are central differences,
@@ -249,7 +281,8 @@ impl Gpd {
         Array2::from_shape_vec((poses.frames(), width), rows.concat()).unwrap_or_default()
     }
 
-    fn describe_frame(&self, poses: &BodyFramePoses, t: usize, out: &mut Vec<f32>) {
+    /// Appends the features of frame `t`, as [`Gpd::describe`] does.
+    pub(super) fn describe_frame(&self, poses: &BodyFramePoses, t: usize, out: &mut Vec<f32>) {
         let shapes = &*SHAPES;
         let joints = poses.frame(t);
         let frame = Frame::new(joints);
@@ -295,8 +328,8 @@ impl Gpd {
                         .map(|(a, b)| angle(frame.normals[*a], frame.normals[*b])),
                 ),
                 Family::JointKinetics => {
-                    for order in [1, 2] {
-                        let (joints, height) = derivative(poses, t, order);
+                    for order in self.orders {
+                        let (joints, height) = derivative(poses, t, *order);
                         push_coordinates(out, &joints, height);
                     }
                 }
@@ -368,11 +401,7 @@ fn derivative(poses: &BodyFramePoses, t: usize, order: usize) -> ([DVec3; 16], f
     let Some(rate) = poses.rate else {
         return ([DVec3::NAN; 16], f64::NAN);
     };
-    let run = match poses.runs.iter().find(|run| run.contains(&t)) {
-        Some(run) => run.clone(),
-        None => t..t + 1,
-    };
-    let weights = stencil(t, &run, order);
+    let weights = stencil(t, &poses.run_of(t), order);
     let mut joints = [DVec3::ZERO; 16];
     let mut height = 0.0;
     let scale = rate.powi(order as i32);
@@ -386,7 +415,7 @@ fn derivative(poses: &BodyFramePoses, t: usize, order: usize) -> ([DVec3; 16], f
 
 /// Frames and weights of a difference of first or second `order` at `t` within a run: central, one-sided at its ends; none
 /// where the run is too short.
-fn stencil(t: usize, run: &Range<usize>, order: usize) -> Vec<(usize, f64)> {
+pub(super) fn stencil(t: usize, run: &Range<usize>, order: usize) -> Vec<(usize, f64)> {
     let last = run.end - 1;
     match (order, run.len()) {
         (_, 1) | (2, 2) => Vec::new(),

@@ -98,6 +98,11 @@ impl JointMap {
         }
     }
 
+    /// The points, in the order of [`JOINTS`].
+    pub fn points(&self) -> &[String] {
+        &self.0
+    }
+
     /// The index of each joint among `points`.
     ///
     /// # Errors

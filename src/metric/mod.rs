@@ -7,9 +7,29 @@
 //! [`gpd`] describes the pose.
 
 pub mod body_frame;
+pub mod features;
+pub mod file;
+mod game;
 pub mod gpd;
 pub mod joint_map;
+mod local_pairs;
+pub mod nearest;
+mod orientation;
+pub mod pairs;
+pub mod pose_metric;
+pub mod rdsr;
+mod reduction;
+pub mod scaling;
+pub mod sparse_graph;
+mod stopwatch;
+pub mod trace_ratio;
+pub mod train;
 
 pub use body_frame::BodyFramePoses;
+pub use features::PoseFeatures;
 pub use gpd::{Family, Gpd};
 pub use joint_map::JointMap;
+pub use nearest::PoseDatabase;
+pub use pairs::{FrameRef, LabelledPair};
+pub use pose_metric::PoseMetric;
+pub use train::{TrainSettings, Trained, train};

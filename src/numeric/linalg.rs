@@ -1,6 +1,6 @@
 //! Decompositions by LAPACK: the only file that names `ndarray_linalg`.
 
-use ndarray::{Array1, Array2};
+use ndarray::{Array1, Array2, s};
 use ndarray_linalg::{CholeskyInto, Diag, Eigh, FactorizeCInto, SolveC, SolveTriangular, UPLO};
 
 /// Keeps LAPACK to the thread that calls it: matrices here are small and the cores are at work on others. Threads of its
@@ -77,6 +77,24 @@ pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
     a.eigh(UPLO::Lower).ok()
 }
 
+/// Solves A w = λ B w for symmetric A and positive definite B (n, n): λ in falling order, and w in columns scaled so that Wᵀ B W
+/// = I. `None` when B is not positive definite, a matrix is not finite, or LAPACK gives up.
+pub fn generalised_eigen(a: &Array2<f64>, b: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
+    let factor = Cholesky::new(b.clone())?;
+    // L⁻¹ A L⁻ᵀ has the same eigenvalues; its eigenvectors are Lᵀ w.
+    let half = factor.half_solve(a)?;
+    let whole = factor.half_solve(&half.reversed_axes().as_standard_layout().into_owned())?;
+    let (values, vectors) = symmetric_eigen(&((&whole + &whole.t()) / 2.0))?;
+    let upper = factor.0.t().as_standard_layout().into_owned();
+    let w = upper
+        .solve_triangular(UPLO::Upper, Diag::NonUnit, &vectors)
+        .ok()?;
+    Some((
+        values.slice(s![..;-1]).to_owned(),
+        w.slice(s![.., ..;-1]).to_owned(),
+    ))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,6 +110,19 @@ mod tests {
             let got = cholesky_solve(a.clone(), a.dot(&x)).unwrap();
             assert!((&got - &x).iter().all(|e| e.abs() <= 1e-14));
         }
+    }
+
+    #[test]
+    fn generalised_eigenvectors_are_of_unit_length_in_b() {
+        let a = array![[2.0, 0.3, -1.0], [0.3, 1.0, 0.2], [-1.0, 0.2, 3.0]];
+        let b = array![[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]];
+        let (values, w) = generalised_eigen(&a, &b).unwrap();
+        let unit = w.t().dot(&b).dot(&w) - Array2::<f64>::eye(3);
+        assert!(unit.iter().all(|v| v.abs() <= 1e-13));
+        let rest = a.dot(&w) - b.dot(&w) * &values;
+        assert!(rest.iter().all(|v| v.abs() <= 1e-13));
+        assert!(values[0] >= values[1] && values[1] >= values[2]);
+        assert!(generalised_eigen(&a, &-b).is_none());
     }
 
     #[test]

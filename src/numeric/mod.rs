@@ -5,5 +5,6 @@ pub mod linalg;
 pub mod median;
 pub mod parallel;
 pub mod pchip;
+pub mod product;
 pub mod simd;
 pub mod small_linalg;

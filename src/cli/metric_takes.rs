@@ -1,0 +1,204 @@
+//! Takes as distances of poses see them: named, in the body's own frame; and files of labelled pairs of their frames.
+
+use super::args::InputArgs;
+use super::feature_table::body_frames;
+use super::{input, messages};
+use crate::io::csv::push_cell;
+use crate::io::text::excerpt;
+use crate::metric::{BodyFramePoses, FrameRef, JointMap, LabelledPair, PoseMetric};
+use crate::pose::Poses;
+use crate::{Error, Place, Result};
+use ndarray::{Array2, Axis, concatenate};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+/// Named takes.
+pub struct MetricTakes {
+    /// The name of the table, for messages.
+    pub source: String,
+    /// The table.
+    pub poses: Poses,
+    /// The takes' names.
+    pub names: Vec<String>,
+    /// The takes.
+    pub takes: Vec<BodyFramePoses>,
+}
+
+/// Reads takes from `files`. A take that the tables do not name has the name of its file.
+///
+/// # Errors
+/// [`Error::Data`]: a table cannot be read, lacks joints, shows no body height, or has a take twice. [`Error::Usage`]: no frame
+/// rate, where `needs_rate`.
+pub fn read_takes(
+    flags: &InputArgs,
+    files: Vec<PathBuf>,
+    map: &JointMap,
+    needs_rate: bool,
+) -> Result<MetricTakes> {
+    let flags = flags.with_files(files);
+    let table = input::read_table(&flags, false, false)?;
+    let rates = flags.rates(&table.poses)?;
+    if needs_rate && rates.iter().any(Option::is_none) {
+        return Err(Error::usage(format!(
+            "{}: velocities and windows need a frame rate, and the table's times give none; give it with --fps",
+            table.name
+        )));
+    }
+    let takes = body_frames(&table.poses, &rates, map, &table.name)?;
+    let own = input::take_name(Path::new(&table.name));
+    let name = |start: usize| match &table.poses.take {
+        Some(takes) if !takes[start].is_empty() => takes[start].to_string(),
+        _ => own.clone(),
+    };
+    let names: Vec<String> = (table.poses.takes().iter())
+        .map(|range| name(range.start))
+        .collect();
+    let mut seen = HashMap::new();
+    for (k, name) in names.iter().enumerate() {
+        if seen.insert(name, k).is_some() {
+            let what = format!(
+                "has take \"{}\" in two places; give them two names",
+                excerpt(name)
+            );
+            return Err(Error::data(Place::file(&table.name), what));
+        }
+    }
+    report_rates(&rates, &table.name);
+    Ok(MetricTakes {
+        source: table.name,
+        poses: table.poses,
+        names,
+        takes,
+    })
+}
+
+/// Says that takes have several rates, which is no error: windows and velocities are in seconds.
+fn report_rates(rates: &[Option<f64>], source: &str) {
+    let mut rates: Vec<f64> = rates.iter().flatten().copied().collect();
+    rates.sort_by(f64::total_cmp);
+    if let (Some(least), Some(most)) = (rates.first(), rates.last())
+        && most - least > 1e-3 * most
+    {
+        messages::info(&format!(
+            "{source}: takes have {least} to {most} frames per second; they are compared by seconds"
+        ));
+    }
+}
+
+impl MetricTakes {
+    /// Every `every`-th frame of each take by a metric: which frames, and their vectors.
+    pub fn embed(&self, metric: &PoseMetric, every: usize) -> (Vec<FrameRef>, Array2<f32>) {
+        let mut rows = Vec::new();
+        let mut parts = Vec::new();
+        for (take, poses) in self.takes.iter().enumerate() {
+            let frames: Vec<usize> = (0..poses.frames()).step_by(every).collect();
+            parts.push(metric.embed_frames(poses, &frames));
+            rows.extend(frames.into_iter().map(|frame| FrameRef { take, frame }));
+        }
+        let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
+        (rows, concatenate(Axis(0), &views).unwrap_or_default())
+    }
+
+    /// Appends a frame's take and number as two cells.
+    pub fn push_frame(&self, out: &mut Vec<u8>, at: FrameRef) {
+        push_cell(out, self.names[at.take].as_bytes());
+        out.push(b',');
+        out.extend(at.frame.to_string().bytes());
+    }
+
+    /// Reads labelled pairs: `a_take,a_frame,b_take,b_frame,label`, label 1 alike, 0 not. Other columns are ignored. Where
+    /// `needs_labels` is false a pair without a label counts as alike.
+    ///
+    /// # Errors
+    /// [`Error::Data`], with the line: a column is missing, a take is unknown, a frame is out of range, a label is neither 0 nor
+    /// 1, or a pair is labelled both.
+    pub fn read_pairs(&self, path: &Path, needs_labels: bool) -> Result<Vec<LabelledPair>> {
+        let file = input::open(path)?;
+        let source = file.name.clone();
+        let mut reader = csv::ReaderBuilder::new()
+            .trim(csv::Trim::All)
+            .from_reader(file.into_reader());
+        let place = |line: Option<&csv::Position>| match line {
+            Some(position) => Place::line(&source, position.line()),
+            None => Place::file(&source),
+        };
+        let broken = |e: csv::Error| Error::data(place(e.position()), excerpt(&e.to_string()));
+        let head = reader.headers().map_err(broken)?.clone();
+        let column = |name: &str| head.iter().position(|h| h == name);
+        let needed = |name: &str| {
+            let what =
+                format!("has no column {name}; expected a_take,a_frame,b_take,b_frame,label");
+            column(name).ok_or_else(|| Error::data(Place::line(&source, 1), what))
+        };
+        let ends = [
+            (needed("a_take")?, needed("a_frame")?),
+            (needed("b_take")?, needed("b_frame")?),
+        ];
+        let label = match needs_labels {
+            true => Some(needed("label")?),
+            false => column("label"),
+        };
+        let takes: HashMap<&str, usize> = (self.names.iter().enumerate())
+            .map(|(k, name)| (name.as_str(), k))
+            .collect();
+        let mut pairs: Vec<LabelledPair> = Vec::new();
+        let mut lines = HashMap::new();
+        for record in reader.records() {
+            let record = record.map_err(broken)?;
+            let fail = |what: String| Error::data(place(record.position()), what);
+            let end =
+                |(take, frame): (usize, usize)| self.frame(&takes, &record[take], &record[frame]);
+            let pair = LabelledPair {
+                ends: [end(ends[0]).map_err(fail)?, end(ends[1]).map_err(fail)?],
+                is_alike: match label.map(|k| &record[k]) {
+                    Some("1") => true,
+                    Some("0") => false,
+                    Some("") | None if !needs_labels => true,
+                    other => {
+                        let other = excerpt(other.unwrap_or_default());
+                        return Err(fail(format!("has label \"{other}\"; expected 1 or 0")));
+                    }
+                },
+            };
+            let [a, b] = pair.ends;
+            let line = record.position().map_or(0, csv::Position::line);
+            if let Some((label, before)) = lines.insert((a.min(b), a.max(b)), (pair.is_alike, line))
+                && label != pair.is_alike
+            {
+                return Err(fail(format!(
+                    "contradicts line {before}: the same pair is labelled both 1 and 0"
+                )));
+            }
+            pairs.push(pair);
+        }
+        match pairs.is_empty() {
+            true => Err(Error::data(Place::file(&source), "has no pairs")),
+            false => Ok(pairs),
+        }
+    }
+
+    /// The frame that a line names.
+    fn frame(
+        &self,
+        takes: &HashMap<&str, usize>,
+        take: &str,
+        frame: &str,
+    ) -> std::result::Result<FrameRef, String> {
+        let index = *takes.get(take).ok_or_else(|| {
+            format!(
+                "names take \"{}\", which {} does not have",
+                excerpt(take),
+                self.source
+            )
+        })?;
+        let frames = self.takes[index].frames();
+        match frame.parse::<usize>() {
+            Ok(frame) if frame < frames => Ok(FrameRef { take: index, frame }),
+            _ => Err(format!(
+                "has frame \"{}\" of take {take}; expected 0 to {}",
+                excerpt(frame),
+                frames - 1
+            )),
+        }
+    }
+}

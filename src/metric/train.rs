@@ -1,0 +1,238 @@
+//! A metric from takes and labelled pairs of their frames.
+
+use super::body_frame::BodyFramePoses;
+use super::features::PoseFeatures;
+use super::joint_map::JointMap;
+use super::local_pairs::{Links, scatter_of_pairs};
+use super::pairs::{FrameRef, LabelledPair, contradiction};
+use super::pose_metric::{PoseMetric, Projection};
+use super::rdsr::{self, Criterion, RdsrSettings};
+use super::reduction;
+use super::scaling::ScalingRule;
+use super::stopwatch::Stopwatch;
+use super::trace_ratio::TraceRatioMethod;
+use crate::numeric::parallel;
+use crate::numeric::product::product;
+use ndarray::{Array2, ArrayView2, Axis};
+use rand::seq::index;
+use std::collections::BTreeSet;
+
+/// How a metric is learnt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Learner {
+    /// [`rdsr`].
+    Rdsr,
+    /// Nothing is learnt: the scaled features are compared.
+    L2,
+}
+
+/// Settings of the training.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrainSettings {
+    /// Which points the joints are.
+    pub map: JointMap,
+    /// What describes a pose.
+    pub features: PoseFeatures,
+    /// How features are scaled.
+    pub scaling: ScalingRule,
+    /// Seconds to the frames before and after that are described too; 0: none.
+    pub window: f64,
+    /// The method.
+    pub learner: Learner,
+    /// Settings of [`rdsr`]; other methods use its rank.
+    pub rdsr: RdsrSettings,
+    /// Poses without labels that are drawn from the takes, at most.
+    pub unlabelled: usize,
+    /// Seconds about a labelled frame for which the label holds; see [`super::local_pairs`].
+    pub reach: f64,
+    /// Whether features are reduced to principal components before learning, or only to their range.
+    pub is_reduced: bool,
+    /// The seed of the draw.
+    pub seed: u64,
+}
+
+impl TrainSettings {
+    /// The settings that do best on people who are not in the training takes.
+    pub fn new(map: JointMap) -> TrainSettings {
+        TrainSettings {
+            map,
+            features: PoseFeatures::Gpd,
+            scaling: ScalingRule::Balanced,
+            window: 0.2,
+            learner: Learner::Rdsr,
+            rdsr: RdsrSettings {
+                criterion: Criterion::RatioTrace,
+                rank: 50,
+                alpha: 1.0,
+                gamma: 0.05,
+                tolerance: 1e-4,
+                ridge: 0.1,
+            },
+            unlabelled: 5000,
+            reach: 1.0,
+            is_reduced: true,
+            seed: 0,
+        }
+    }
+
+    /// Whether takes need a frame rate.
+    pub fn needs_rate(&self) -> bool {
+        let has_reach = self.learner != Learner::L2 && self.reach > 0.0;
+        self.features.needs_rate() || self.window > 0.0 || has_reach
+    }
+
+    /// The paper's: all features of one frame, scaled by (38), the pairs as labelled, the ratio of traces. What the
+    /// paper leaves open is the ridge: 1e-6.
+    pub fn paper(map: JointMap) -> TrainSettings {
+        let default = TrainSettings::new(map);
+        TrainSettings {
+            features: PoseFeatures::GpdWithAccelerations,
+            scaling: ScalingRule::UnitLength,
+            window: 0.0,
+            reach: 0.0,
+            is_reduced: false,
+            rdsr: RdsrSettings {
+                criterion: Criterion::TraceRatio(TraceRatioMethod::Newton),
+                ridge: 1e-6,
+                ..default.rdsr
+            },
+            ..default
+        }
+    }
+}
+
+/// A metric, and how it came about.
+#[derive(Debug, Clone)]
+pub struct Trained {
+    /// The metric.
+    pub metric: PoseMetric,
+    /// Unlabelled poses.
+    pub unlabelled: usize,
+    /// Pairs of poses that were to be near.
+    pub near: usize,
+    /// The largest violation of optimality of the sparse graph, for a method that has one.
+    pub violation: Option<f64>,
+    /// Seconds of each step, by name, in order.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Learns a metric from takes and labelled pairs of their frames.
+///
+/// # Errors
+/// A phrase: no pair that the method needs, labels that contradict each other, no rate, or poses without variation.
+pub fn train(
+    takes: &[BodyFramePoses],
+    pairs: &[LabelledPair],
+    settings: &TrainSettings,
+) -> Result<Trained, String> {
+    check(takes, pairs, settings)?;
+    let mut clock = Stopwatch::default();
+    let labelled: BTreeSet<FrameRef> = pairs.iter().flat_map(|p| p.ends).collect();
+    let sample = match settings.unlabelled {
+        0 => labelled.iter().copied().collect(),
+        most => sample(takes, most, settings.seed),
+    };
+    let full = reduction::all_features(
+        &settings.map,
+        settings.features,
+        settings.scaling,
+        settings.window,
+        takes,
+        &sample,
+    )?;
+    clock.lap("features and scaling");
+    if settings.learner == Learner::L2 {
+        return Ok(Trained {
+            metric: full,
+            unlabelled: sample.len(),
+            near: 0,
+            violation: None,
+            seconds: clock.laps,
+        });
+    }
+    let basis = match settings.is_reduced {
+        true => reduction::principal(&full, takes, &sample)?,
+        false => reduction::range(&full, takes, &sample)?,
+    };
+    clock.lap("principal components");
+    let frames: Vec<usize> = takes.iter().map(BodyFramePoses::frames).collect();
+    let rates: Vec<f64> = takes.iter().map(|t| t.rate.unwrap_or(0.0)).collect();
+    let links = Links::new(pairs, &frames, &rates, settings.reach);
+    let linked = links.frames();
+    let poses = reduction::embed(&basis, takes, &linked).mapv(f64::from);
+    let near = links.pair(&linked, poses.view());
+    if near.is_empty() {
+        return Err("no labelled pair has all joints".into());
+    }
+    let alike = scatter_of_pairs(poses.view(), &near);
+    clock.lap("pairs");
+    let x = match settings.unlabelled {
+        0 => Array2::zeros((0, poses.ncols())),
+        _ => reduction::complete_rows(reduction::embed(&basis, takes, &sample).view())
+            .mapv(f64::from),
+    };
+    let x = if settings.is_reduced { centred(x) } else { x };
+    clock.lap("poses");
+    let learnt = rdsr::learn(x.view(), &alike, &settings.rdsr)?;
+    clock.laps.extend(learnt.seconds);
+    Ok(Trained {
+        metric: projected(&basis, learnt.w.view()),
+        unlabelled: x.nrows(),
+        near: near.len(),
+        violation: learnt.violation,
+        seconds: clock.laps,
+    })
+}
+
+fn check(
+    takes: &[BodyFramePoses],
+    pairs: &[LabelledPair],
+    settings: &TrainSettings,
+) -> Result<(), String> {
+    if let Some(k) = contradiction(pairs) {
+        return Err(format!("pair {} is labelled both 1 and 0", k + 1));
+    }
+    if settings.learner != Learner::L2 && !pairs.iter().any(|p| p.is_alike) {
+        return Err("no pair has label 1".into());
+    }
+    if settings.needs_rate() && takes.iter().any(|t| t.rate.is_none()) {
+        return Err("the poses have no frame rate, which velocities and windows need".into());
+    }
+    Ok(())
+}
+
+/// Frames of all takes, drawn at random without repetition, in order.
+fn sample(takes: &[BodyFramePoses], most: usize, seed: u64) -> Vec<FrameRef> {
+    let all: Vec<FrameRef> = (takes.iter().enumerate())
+        .flat_map(|(take, poses)| (0..poses.frames()).map(move |frame| FrameRef { take, frame }))
+        .collect();
+    let mut rng = parallel::rng(seed, 0);
+    let mut drawn = index::sample(&mut rng, all.len(), most.min(all.len())).into_vec();
+    drawn.sort_unstable();
+    drawn.into_iter().map(|k| all[k]).collect()
+}
+
+fn centred(x: Array2<f64>) -> Array2<f64> {
+    match x.mean_axis(Axis(0)) {
+        Some(mean) => x - &mean,
+        None => x,
+    }
+}
+
+/// The metric of `basis`, followed by W.
+fn projected(basis: &PoseMetric, w: ArrayView2<'_, f64>) -> PoseMetric {
+    let projection = match &basis.projection {
+        Projection::Matrix(m) => product(m.mapv(f64::from).view(), w),
+        Projection::Weights(weights) => {
+            let mut w = w.to_owned();
+            for (mut row, weight) in w.rows_mut().into_iter().zip(weights) {
+                row *= f64::from(*weight);
+            }
+            w
+        }
+    };
+    PoseMetric {
+        projection: Projection::Matrix(projection.mapv(|v| v as f32)),
+        ..basis.clone()
+    }
+}
