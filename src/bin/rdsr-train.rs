@@ -86,6 +86,20 @@ enum LearnerFlag {
     Rdsr,
     /// Nothing is learnt but the scaling of the features
     L2,
+    /// Weights of features or joints by least squares (Wang and Bodenheimer); needs both labels
+    Lms,
+    /// Features chosen by boosting (Chen et al. 2009); needs both labels
+    Boost,
+    /// Distance metric learning with side information (Xing et al.); needs both labels
+    Xing,
+    /// Semi-supervised discriminant analysis (Cai et al.); needs both labels
+    Sda,
+    /// Relevant component analysis (Bar-Hillel et al.)
+    Rca,
+    /// Large margin nearest neighbours (Weinberger and Saul); needs both labels
+    Lmnn,
+    /// Neighbourhood component analysis (Goldberger et al.)
+    Nca,
 }
 
 impl LearnerFlag {
@@ -93,6 +107,13 @@ impl LearnerFlag {
         match self {
             LearnerFlag::Rdsr => Learner::Rdsr,
             LearnerFlag::L2 => Learner::L2,
+            LearnerFlag::Lms => Learner::Lms,
+            LearnerFlag::Boost => Learner::Boost,
+            LearnerFlag::Xing => Learner::Xing,
+            LearnerFlag::Sda => Learner::Sda,
+            LearnerFlag::Rca => Learner::Rca,
+            LearnerFlag::Lmnn => Learner::Lmnn,
+            LearnerFlag::Nca => Learner::Nca,
         }
     }
 }
@@ -121,7 +142,7 @@ fn work(args: &Args) -> Result<()> {
     let settings = settings(args, map.clone());
     let needs_rate = settings.needs_rate();
     let takes = read_takes(&args.input, args.input.files.clone(), &map, needs_rate)?;
-    let pairs = takes.read_pairs(&args.pairs, true)?;
+    let pairs = takes.read_pairs(&args.pairs)?;
     let trained = train(&takes.takes, &pairs, &settings)
         .map_err(|what| Error::data(Place::file(&takes.source), what))?;
     report(&trained);
@@ -177,6 +198,9 @@ fn report(trained: &Trained) {
         messages::debug(&format!(
             "sparse graph: optimality violated by at most {violation:.1e}"
         ));
+    }
+    if trained.near == 0 {
+        return;
     }
     messages::info(&format!(
         "learnt from {} pairs of poses that are alike and {} poses without labels",

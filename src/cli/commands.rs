@@ -50,6 +50,7 @@ pub const COMMANDS: &[CommandEntry] = &[
         "Learn how alike poses are from labelled pairs",
         false,
     ),
+    entry("pose-distance", "Compute how alike poses are", false),
     entry(
         "retrieve",
         "Find the poses of a database that are most like given ones",

@@ -106,13 +106,25 @@ impl MetricTakes {
         out.extend(at.frame.to_string().bytes());
     }
 
-    /// Reads labelled pairs: `a_take,a_frame,b_take,b_frame,label`, label 1 alike, 0 not. Other columns are ignored. Where
-    /// `needs_labels` is false a pair without a label counts as alike.
+    /// Reads pairs, labelled or not, like [`MetricTakes::read_pairs`], and whether all have labels. A pair without a label
+    /// counts as alike.
+    ///
+    /// # Errors
+    /// Those of [`MetricTakes::read_pairs`].
+    pub fn read_pairs_to_compare(&self, path: &Path) -> Result<(Vec<LabelledPair>, bool)> {
+        self.read(path, false)
+    }
+
+    /// Reads labelled pairs: `a_take,a_frame,b_take,b_frame,label`, label 1 alike, 0 not. Other columns are ignored.
     ///
     /// # Errors
     /// [`Error::Data`], with the line: a column is missing, a take is unknown, a frame is out of range, a label is neither 0 nor
     /// 1, or a pair is labelled both.
-    pub fn read_pairs(&self, path: &Path, needs_labels: bool) -> Result<Vec<LabelledPair>> {
+    pub fn read_pairs(&self, path: &Path) -> Result<Vec<LabelledPair>> {
+        self.read(path, true).map(|(pairs, _)| pairs)
+    }
+
+    fn read(&self, path: &Path, needs_labels: bool) -> Result<(Vec<LabelledPair>, bool)> {
         let file = input::open(path)?;
         let source = file.name.clone();
         let mut reader = csv::ReaderBuilder::new()
@@ -143,19 +155,22 @@ impl MetricTakes {
             .collect();
         let mut pairs: Vec<LabelledPair> = Vec::new();
         let mut lines = HashMap::new();
+        let mut has_labels = label.is_some();
         for record in reader.records() {
             let record = record.map_err(broken)?;
             let fail = |what: String| Error::data(place(record.position()), what);
             let end =
                 |(take, frame): (usize, usize)| self.frame(&takes, &record[take], &record[frame]);
+            let label = label.map_or("", |k| &record[k]);
+            has_labels &= !label.is_empty();
             let pair = LabelledPair {
                 ends: [end(ends[0]).map_err(fail)?, end(ends[1]).map_err(fail)?],
-                is_alike: match label.map(|k| &record[k]) {
-                    Some("1") => true,
-                    Some("0") => false,
-                    Some("") | None if !needs_labels => true,
+                is_alike: match label {
+                    "1" => true,
+                    "0" => false,
+                    "" if !needs_labels => true,
                     other => {
-                        let other = excerpt(other.unwrap_or_default());
+                        let other = excerpt(other);
                         return Err(fail(format!("has label \"{other}\"; expected 1 or 0")));
                     }
                 },
@@ -173,7 +188,7 @@ impl MetricTakes {
         }
         match pairs.is_empty() {
             true => Err(Error::data(Place::file(&source), "has no pairs")),
-            false => Ok(pairs),
+            false => Ok((pairs, has_labels)),
         }
     }
 

@@ -6,7 +6,9 @@
 //! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes place, heading and size, and
 //! [`gpd`] describes the pose.
 
+pub mod baselines;
 pub mod body_frame;
+mod boost;
 pub mod features;
 pub mod file;
 mod game;
@@ -24,7 +26,9 @@ pub mod sparse_graph;
 mod stopwatch;
 pub mod trace_ratio;
 pub mod train;
+mod weights;
 
+pub use baselines::Baseline;
 pub use body_frame::BodyFramePoses;
 pub use features::PoseFeatures;
 pub use gpd::{Family, Gpd};

@@ -3,6 +3,7 @@
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
 use super::joint_map::JointMap;
+use super::learners::{TrainingPairs, lmnn, nca, rca, sda, xing};
 use super::local_pairs::{Links, scatter_of_pairs};
 use super::pairs::{FrameRef, LabelledPair, contradiction};
 use super::pose_metric::{PoseMetric, Projection};
@@ -11,6 +12,7 @@ use super::reduction;
 use super::scaling::ScalingRule;
 use super::stopwatch::Stopwatch;
 use super::trace_ratio::TraceRatioMethod;
+use super::weights::{self, WeightRule};
 use crate::numeric::parallel;
 use crate::numeric::product::product;
 use ndarray::{Array2, ArrayView2, Axis};
@@ -24,6 +26,20 @@ pub enum Learner {
     Rdsr,
     /// Nothing is learnt: the scaled features are compared.
     L2,
+    /// [`lms`](super::learners::lms): weights by least squares, on the scaled features.
+    Lms,
+    /// Features chosen by boosting.
+    Boost,
+    /// [`xing`].
+    Xing,
+    /// [`sda`].
+    Sda,
+    /// [`rca`].
+    Rca,
+    /// [`lmnn`].
+    Lmnn,
+    /// [`nca`].
+    Nca,
 }
 
 /// Settings of the training.
@@ -77,7 +93,7 @@ impl TrainSettings {
 
     /// Whether takes need a frame rate.
     pub fn needs_rate(&self) -> bool {
-        let has_reach = self.learner != Learner::L2 && self.reach > 0.0;
+        let has_reach = self.learner == Learner::Rdsr && self.reach > 0.0;
         self.features.needs_rate() || self.window > 0.0 || has_reach
     }
 
@@ -141,47 +157,186 @@ pub fn train(
         &sample,
     )?;
     clock.lap("features and scaling");
-    if settings.learner == Learner::L2 {
-        return Ok(Trained {
-            metric: full,
-            unlabelled: sample.len(),
-            near: 0,
-            violation: None,
-            seconds: clock.laps,
-        });
-    }
-    let basis = match settings.is_reduced {
-        true => reduction::principal(&full, takes, &sample)?,
-        false => reduction::range(&full, takes, &sample)?,
+    let training = Training {
+        takes,
+        pairs,
+        settings,
+        sample,
+        clock,
     };
-    clock.lap("principal components");
-    let frames: Vec<usize> = takes.iter().map(BodyFramePoses::frames).collect();
-    let rates: Vec<f64> = takes.iter().map(|t| t.rate.unwrap_or(0.0)).collect();
-    let links = Links::new(pairs, &frames, &rates, settings.reach);
-    let linked = links.frames();
-    let poses = reduction::embed(&basis, takes, &linked).mapv(f64::from);
-    let near = links.pair(&linked, poses.view());
-    if near.is_empty() {
-        return Err("no labelled pair has all joints".into());
+    match settings.learner {
+        Learner::L2 => Ok(training.finish(full, 0, None)),
+        Learner::Lms => training.weights(&full, WeightRule::LeastSquares),
+        Learner::Boost => training.weights(&full, WeightRule::Boosting),
+        _ => training.projection(&full),
     }
-    let alike = scatter_of_pairs(poses.view(), &near);
-    clock.lap("pairs");
-    let x = match settings.unlabelled {
-        0 => Array2::zeros((0, poses.ncols())),
-        _ => reduction::complete_rows(reduction::embed(&basis, takes, &sample).view())
-            .mapv(f64::from),
+}
+
+/// A training under way.
+struct Training<'a> {
+    takes: &'a [BodyFramePoses],
+    pairs: &'a [LabelledPair],
+    settings: &'a TrainSettings,
+    /// The poses without labels.
+    sample: Vec<FrameRef>,
+    clock: Stopwatch,
+}
+
+impl Training<'_> {
+    fn finish(self, metric: PoseMetric, near: usize, violation: Option<f64>) -> Trained {
+        Trained {
+            metric,
+            unlabelled: self.sample.len(),
+            near,
+            violation,
+            seconds: self.clock.laps,
+        }
+    }
+
+    /// A weight for each feature.
+    fn weights(mut self, full: &PoseMetric, rule: WeightRule) -> Result<Trained, String> {
+        let labelled = Labelled::new(self.takes, self.pairs, full, &[]);
+        let pairs = [labelled.alike.as_slice(), labelled.unlike.as_slice()].concat();
+        let is_alike: Vec<bool> = (0..pairs.len()).map(|k| k < labelled.alike.len()).collect();
+        self.clock.lap("pairs");
+        let metric = weights::learn(full, rule, labelled.vectors.view(), &pairs, &is_alike)?;
+        self.clock.lap("learning");
+        let near = labelled.alike.len();
+        Ok(self.finish(metric, near, None))
+    }
+
+    /// A projection, learnt among the directions in which poses vary.
+    fn projection(mut self, full: &PoseMetric) -> Result<Trained, String> {
+        let basis = match self.settings.is_reduced {
+            true => reduction::principal(full, self.takes, &self.sample)?,
+            false => reduction::range(full, self.takes, &self.sample)?,
+        };
+        self.clock.lap("principal components");
+        let (w, near, violation) = match self.settings.learner {
+            Learner::Rdsr => self.rdsr(&basis)?,
+            _ => self.rival(&basis)?,
+        };
+        Ok(self.finish(projected(&basis, w.view()), near, violation))
+    }
+
+    fn rdsr(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, usize, Option<f64>), String> {
+        let frames: Vec<usize> = self.takes.iter().map(BodyFramePoses::frames).collect();
+        let rates: Vec<f64> = self.takes.iter().map(|t| t.rate.unwrap_or(0.0)).collect();
+        let links = Links::new(self.pairs, &frames, &rates, self.settings.reach);
+        let linked = links.frames();
+        let poses = reduction::embed(basis, self.takes, &linked).mapv(f64::from);
+        let near = links.pair(&linked, poses.view());
+        if near.is_empty() {
+            return Err("no labelled pair has all joints".into());
+        }
+        let alike = scatter_of_pairs(poses.view(), &near);
+        self.clock.lap("pairs");
+        let x = match self.settings.unlabelled {
+            0 => Array2::zeros((0, poses.ncols())),
+            _ => self.unlabelled(basis),
+        };
+        let learnt = rdsr::learn(x.view(), &alike, &self.settings.rdsr)?;
+        self.clock.laps.extend(learnt.seconds);
+        Ok((learnt.w, near.len(), learnt.violation))
+    }
+
+    fn rival(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, usize, Option<f64>), String> {
+        let extra = match self.settings.unlabelled {
+            0 => &[][..],
+            _ => &self.sample[..],
+        };
+        let labelled = Labelled::new(self.takes, self.pairs, basis, extra);
+        let x = labelled.vectors.mapv(f64::from);
+        let pairs = TrainingPairs {
+            x: x.view(),
+            alike: &labelled.alike,
+            unlike: &labelled.unlike,
+        };
+        self.clock.lap("pairs");
+        let w = learn_rival(self.settings.learner, &pairs, self.settings.rdsr.rank)?;
+        self.clock.lap("learning");
+        Ok((w, labelled.alike.len(), None))
+    }
+
+    /// The unlabelled poses that are complete, in a basis (N, d). The paper's are not centred.
+    fn unlabelled(&self, basis: &PoseMetric) -> Array2<f64> {
+        let vectors = reduction::embed(basis, self.takes, &self.sample);
+        let x = reduction::complete_rows(vectors.view()).mapv(f64::from);
+        match x.mean_axis(Axis(0)) {
+            Some(mean) if self.settings.is_reduced => x - &mean,
+            _ => x,
+        }
+    }
+}
+
+fn learn_rival(
+    learner: Learner,
+    pairs: &TrainingPairs<'_>,
+    rank: usize,
+) -> Result<Array2<f64>, String> {
+    let xing = xing::Settings {
+        rank,
+        ..Default::default()
     };
-    let x = if settings.is_reduced { centred(x) } else { x };
-    clock.lap("poses");
-    let learnt = rdsr::learn(x.view(), &alike, &settings.rdsr)?;
-    clock.laps.extend(learnt.seconds);
-    Ok(Trained {
-        metric: projected(&basis, learnt.w.view()),
-        unlabelled: x.nrows(),
-        near: near.len(),
-        violation: learnt.violation,
-        seconds: clock.laps,
-    })
+    let sda = sda::Settings {
+        rank,
+        ..Default::default()
+    };
+    let rca = rca::Settings {
+        rank,
+        ..Default::default()
+    };
+    let lmnn = lmnn::Settings {
+        rank,
+        ..Default::default()
+    };
+    let nca = nca::Settings {
+        rank,
+        ..Default::default()
+    };
+    match learner {
+        Learner::Xing => xing::fit(pairs, &xing).map(|learnt| learnt.w),
+        Learner::Sda => sda::fit(pairs, &sda),
+        Learner::Lmnn => lmnn::fit(pairs, &lmnn).map(|learnt| learnt.w),
+        Learner::Nca => nca::fit(pairs, &nca).map(|learnt| learnt.w),
+        _ => rca::fit(pairs, &rca),
+    }
+}
+
+/// The vectors of labelled poses, and of others, with the pairs of their rows. Poses that lack joints are left out, and their pairs.
+struct Labelled {
+    vectors: Array2<f32>,
+    alike: Vec<[usize; 2]>,
+    unlike: Vec<[usize; 2]>,
+}
+
+impl Labelled {
+    fn new(
+        takes: &[BodyFramePoses],
+        pairs: &[LabelledPair],
+        metric: &PoseMetric,
+        others: &[FrameRef],
+    ) -> Labelled {
+        let ends = pairs.iter().flat_map(|p| p.ends);
+        let frames: BTreeSet<FrameRef> = ends.chain(others.iter().copied()).collect();
+        let frames: Vec<FrameRef> = frames.into_iter().collect();
+        let all = reduction::embed(metric, takes, &frames);
+        let is_complete = |k: &usize| all.row(*k).iter().all(|v| v.is_finite());
+        let kept: Vec<usize> = (0..frames.len()).filter(is_complete).collect();
+        let row = |end: FrameRef| {
+            let all = frames.binary_search(&end).ok()?;
+            kept.binary_search(&all).ok()
+        };
+        let rows = |is_alike: bool| {
+            let labelled = pairs.iter().filter(move |p| p.is_alike == is_alike);
+            labelled.filter_map(|p| Some([row(p.ends[0])?, row(p.ends[1])?]))
+        };
+        Labelled {
+            alike: rows(true).collect(),
+            unlike: rows(false).collect(),
+            vectors: all.select(Axis(0), &kept),
+        }
+    }
 }
 
 fn check(
@@ -210,13 +365,6 @@ fn sample(takes: &[BodyFramePoses], most: usize, seed: u64) -> Vec<FrameRef> {
     let mut drawn = index::sample(&mut rng, all.len(), most.min(all.len())).into_vec();
     drawn.sort_unstable();
     drawn.into_iter().map(|k| all[k]).collect()
-}
-
-fn centred(x: Array2<f64>) -> Array2<f64> {
-    match x.mean_axis(Axis(0)) {
-        Some(mean) => x - &mean,
-        None => x,
-    }
 }
 
 /// The metric of `basis`, followed by W.
