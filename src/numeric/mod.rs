@@ -1,9 +1,11 @@
 //! Numerics that every room above uses: LAPACK, small dense algebra, Gaussians, SIMD, deterministic parallelism.
 
 pub mod gaussian;
+pub mod lbfgs;
 pub mod linalg;
 pub mod median;
 pub mod parallel;
 pub mod pchip;
+pub mod product;
 pub mod simd;
 pub mod small_linalg;
