@@ -1,4 +1,4 @@
-//! Numerics that every room above uses: LAPACK, small dense algebra, Gaussians, SIMD, deterministic parallelism.
+//! Numerics that every room above uses: LAPACK, small dense algebra, L-BFGS, Gaussians, SIMD, deterministic parallelism.
 
 pub mod gaussian;
 pub mod lbfgs;
