@@ -29,7 +29,12 @@ struct Args {
     #[command(flatten)]
     input: InputArgs,
     /// Metric, by rdsr-train
-    #[arg(short, long, value_name = "METRIC.npz", required_unless_present = "baseline")]
+    #[arg(
+        short,
+        long,
+        value_name = "METRIC.npz",
+        required_unless_present = "baseline"
+    )]
     model: Option<PathBuf>,
     /// A published distance instead
     #[arg(long, value_name = "NAME", value_parser = baseline, conflicts_with = "model")]
@@ -44,7 +49,12 @@ struct Args {
     #[arg(long, conflicts_with = "pairs")]
     all: bool,
     /// For a baseline: which points the sixteen joints are: CMU, or a TOML file
-    #[arg(long, value_name = "CMU|FILE.toml", default_value = "CMU", help_heading = "Input")]
+    #[arg(
+        long,
+        value_name = "CMU|FILE.toml",
+        default_value = "CMU",
+        help_heading = "Input"
+    )]
     map: String,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
@@ -64,7 +74,11 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let model = args.model.as_ref().map(|path| open_metric(path)).transpose()?;
+    let model = args
+        .model
+        .as_ref()
+        .map(|path| open_metric(path))
+        .transpose()?;
     let (map, needs_rate) = match (&model, args.baseline) {
         (Some(metric), _) => (metric.map.clone(), metric.needs_rate()),
         (None, baseline) => (
@@ -78,7 +92,10 @@ fn work(args: &Args) -> Result<()> {
         None => match &args.input.files[..] {
             [a, b] => vec![read(vec![a.clone()])?, read(vec![b.clone()])?],
             files => {
-                let what = format!("expected two tables, A and B, or --pairs; {} given", files.len());
+                let what = format!(
+                    "expected two tables, A and B, or --pairs; {} given",
+                    files.len()
+                );
                 return Err(Error::usage(what));
             }
         },
@@ -101,7 +118,7 @@ fn open_metric(path: &Path) -> Result<PoseMetric> {
 fn learn_baseline(args: &Args, map: &JointMap, tables: &[MetricTakes]) -> Result<PoseMetric> {
     let baseline = args.baseline.unwrap_or(Baseline::Jcd);
     let labels = match &args.labels {
-        Some(path) => tables[0].read_pairs(path, true)?,
+        Some(path) => tables[0].read_pairs(path)?,
         None if baseline.is_learnt() => {
             return Err(Error::usage(format!(
                 "--baseline {} is learnt from labelled pairs; give them with --labels",
@@ -127,7 +144,12 @@ fn write_pairs(args: &Args, metric: &PoseMetric, takes: &MetricTakes, path: &Pat
     out.write(HEAD)?;
     for (pair, distance) in pairs.iter().zip(&distances) {
         let mut line = Vec::new();
-        push_row(&mut line, (takes, pair.ends[0]), (takes, pair.ends[1]), *distance);
+        push_row(
+            &mut line,
+            (takes, pair.ends[0]),
+            (takes, pair.ends[1]),
+            *distance,
+        );
         out.write(&line)?;
     }
     out.finish()?;

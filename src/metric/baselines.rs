@@ -175,8 +175,7 @@ mod tests {
         let mut raised = standing();
         raised[joint::LHAND] += DVec3::new(0.0, 16.0, 0.0);
         let frames = [standing(), standing(), standing(), raised, raised, raised];
-        let takes =
-            vec![BodyFramePoses::new(&take_of(&frames), Some(10.0), &own_names()).unwrap()];
+        let takes = vec![BodyFramePoses::new(&take_of(&frames), Some(10.0), &own_names()).unwrap()];
         let distance = |baseline: Baseline| {
             let metric = baseline.metric(&own_names(), &takes, &[]).unwrap();
             let vectors = metric.embed(&takes[0]);
@@ -189,7 +188,9 @@ mod tests {
         assert!((distance(Baseline::Jod) - 2.0 * (angle / 2.0).sin()).abs() < 1e-5);
         assert!((distance(Baseline::Wjod) - distance(Baseline::Jod)).abs() < 1e-6);
         assert!(distance(Baseline::Game) > 0.0);
-        let error = Baseline::Ljcd.metric(&own_names(), &takes, &[]).unwrap_err();
+        let error = Baseline::Ljcd
+            .metric(&own_names(), &takes, &[])
+            .unwrap_err();
         assert!(error.contains("label"), "{error}");
     }
 }

@@ -25,7 +25,10 @@ struct Stump {
 ///
 /// # Errors
 /// A phrase: one of the labels is missing.
-pub(super) fn choose(differences: ArrayView2<'_, f32>, is_alike: &[bool]) -> Result<Vec<bool>, String> {
+pub(super) fn choose(
+    differences: ArrayView2<'_, f32>,
+    is_alike: &[bool],
+) -> Result<Vec<bool>, String> {
     for (label, wanted) in [(1, true), (0, false)] {
         if !is_alike.contains(&wanted) {
             return Err(format!("boost needs pairs of label {label} too"));
@@ -57,7 +60,11 @@ pub(super) fn choose(differences: ArrayView2<'_, f32>, is_alike: &[bool]) -> Res
         let right = (stump.error.max(1e-9) / (1.0 - stump.error)).sqrt();
         for (k, weight) in weights.iter_mut().enumerate() {
             let called = differences[[k, stump.feature]] < stump.threshold;
-            *weight *= if called == is_alike[k] { right } else { 1.0 / right };
+            *weight *= if called == is_alike[k] {
+                right
+            } else {
+                1.0 / right
+            };
         }
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= total);
@@ -91,7 +98,11 @@ fn best_stump(
                 };
                 for (at, k) in orders[f].iter().enumerate() {
                     let weight = weights[*k as usize];
-                    error += if is_alike[*k as usize] { -weight } else { weight };
+                    error += if is_alike[*k as usize] {
+                        -weight
+                    } else {
+                        weight
+                    };
                     let next = orders[f].get(at + 1).map_or(f32::INFINITY, |k| value(*k));
                     if error < best.error && next > value(*k) {
                         best.error = error;

@@ -4,7 +4,7 @@
 //! Descriptor. IEEE TVCG 17 (11), 2011.
 //!
 //! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes place, heading and size, and
-//! [`gpd`] describes the pose.
+//! [`gpd`] describes the pose. [`learners`] learn a distance from pairs of poses that are labelled alike or unlike.
 
 pub mod baselines;
 pub mod body_frame;
@@ -14,6 +14,7 @@ pub mod file;
 mod game;
 pub mod gpd;
 pub mod joint_map;
+pub mod learners;
 mod local_pairs;
 pub mod nearest;
 mod orientation;

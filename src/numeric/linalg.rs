@@ -56,11 +56,13 @@ impl Cholesky {
 
     /// A⁻¹ `b`, for b (n, m).
     pub fn solve(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
-        let half = self.half_solve(b)?;
+        self.half_solve_transposed(&self.half_solve(b)?)
+    }
+
+    /// L⁻ᵀ `b`, for b (n, m).
+    pub fn half_solve_transposed(&self, b: &Array2<f64>) -> Option<Array2<f64>> {
         let upper = self.0.t().to_owned();
-        upper
-            .solve_triangular(UPLO::Upper, Diag::NonUnit, &half)
-            .ok()
+        upper.solve_triangular(UPLO::Upper, Diag::NonUnit, b).ok()
     }
 }
 
@@ -77,22 +79,22 @@ pub fn symmetric_eigen(a: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
     a.eigh(UPLO::Lower).ok()
 }
 
-/// Solves A w = λ B w for symmetric A and positive definite B (n, n): λ in falling order, and w in columns scaled so that Wᵀ B W
-/// = I. `None` when B is not positive definite, a matrix is not finite, or LAPACK gives up.
+/// The generalised eigenproblem A w = λ B w for a symmetric A and a symmetric positive definite B, both (n, n): the λ in
+/// falling order, and the w in columns, scaled so that Wᵀ B W = I. So Wᵀ A W holds the λ on its diagonal.
+///
+/// With B = L Lᵀ and w = L⁻ᵀ v it is the problem (L⁻¹ A L⁻ᵀ) v = λ v (Golub and Van Loan, Matrix Computations, 8.7).
+/// `None` when B is not positive definite, the shapes differ, or a value is not finite.
 pub fn generalised_eigen(a: &Array2<f64>, b: &Array2<f64>) -> Option<(Array1<f64>, Array2<f64>)> {
+    if a.dim() != b.dim() || !a.iter().all(|v| v.is_finite()) {
+        return None;
+    }
     let factor = Cholesky::new(b.clone())?;
-    // L⁻¹ A L⁻ᵀ has the same eigenvalues; its eigenvectors are Lᵀ w.
     let half = factor.half_solve(a)?;
-    let whole = factor.half_solve(&half.reversed_axes().as_standard_layout().into_owned())?;
-    let (values, vectors) = symmetric_eigen(&((&whole + &whole.t()) / 2.0))?;
-    let upper = factor.0.t().as_standard_layout().into_owned();
-    let w = upper
-        .solve_triangular(UPLO::Upper, Diag::NonUnit, &vectors)
-        .ok()?;
-    Some((
-        values.slice(s![..;-1]).to_owned(),
-        w.slice(s![.., ..;-1]).to_owned(),
-    ))
+    let whitened = factor.half_solve(&half.t().as_standard_layout().into_owned())?;
+    let (values, v) = symmetric_eigen(&whitened)?;
+    let w = factor.half_solve_transposed(&v.as_standard_layout().into_owned())?;
+    let falling = |w: Array2<f64>| w.slice(s![.., ..;-1]).as_standard_layout().into_owned();
+    Some((values.slice(s![..;-1]).to_owned(), falling(w)))
 }
 
 #[cfg(test)]
@@ -110,19 +112,6 @@ mod tests {
             let got = cholesky_solve(a.clone(), a.dot(&x)).unwrap();
             assert!((&got - &x).iter().all(|e| e.abs() <= 1e-14));
         }
-    }
-
-    #[test]
-    fn generalised_eigenvectors_are_of_unit_length_in_b() {
-        let a = array![[2.0, 0.3, -1.0], [0.3, 1.0, 0.2], [-1.0, 0.2, 3.0]];
-        let b = array![[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]];
-        let (values, w) = generalised_eigen(&a, &b).unwrap();
-        let unit = w.t().dot(&b).dot(&w) - Array2::<f64>::eye(3);
-        assert!(unit.iter().all(|v| v.abs() <= 1e-13));
-        let rest = a.dot(&w) - b.dot(&w) * &values;
-        assert!(rest.iter().all(|v| v.abs() <= 1e-13));
-        assert!(values[0] >= values[1] && values[1] >= values[2]);
-        assert!(generalised_eigen(&a, &-b).is_none());
     }
 
     #[test]
@@ -159,5 +148,22 @@ mod tests {
         assert!(values[0] <= values[1] && values[1] <= values[2]);
         let back = v.dot(&Array2::from_diag(&values)).dot(&v.t());
         assert!((&back - &a).iter().all(|e| e.abs() <= 1e-14));
+    }
+
+    #[test]
+    fn generalised_eigenvectors_are_white_under_b_and_diagonal_under_a() {
+        let a = array![[2.0, -1.0, 0.0], [-1.0, 2.0, 0.5], [0.0, 0.5, -3.0]];
+        let b = array![[4.0, 1.0, 0.5], [1.0, 3.0, 0.2], [0.5, 0.2, 2.0]];
+        let (values, w) = generalised_eigen(&a, &b).unwrap();
+        assert!(values[0] >= values[1] && values[1] >= values[2]);
+        let white = w.t().dot(&b).dot(&w) - Array2::<f64>::eye(3);
+        assert!(white.iter().all(|e| e.abs() <= 1e-14));
+        let rest = a.dot(&w) - b.dot(&w).dot(&Array2::from_diag(&values));
+        assert!(rest.iter().all(|e| e.abs() <= 1e-13));
+        let (one, w) = generalised_eigen(&array![[3.0]], &array![[4.0]]).unwrap();
+        assert!((one[0] - 0.75).abs() <= 1e-15 && (w[[0, 0]].abs() - 0.5).abs() <= 1e-15);
+        assert!(generalised_eigen(&a, &a).is_none());
+        assert!(generalised_eigen(&array![[f64::NAN]], &array![[1.0]]).is_none());
+        assert!(generalised_eigen(&array![[1.0]], &b).is_none());
     }
 }

@@ -1,6 +1,7 @@
-//! Numerics that every room above uses: LAPACK, small dense algebra, Gaussians, SIMD, deterministic parallelism.
+//! Numerics that every room above uses: LAPACK, small dense algebra, L-BFGS, Gaussians, SIMD, deterministic parallelism.
 
 pub mod gaussian;
+pub mod lbfgs;
 pub mod linalg;
 pub mod median;
 pub mod parallel;

@@ -20,7 +20,12 @@ pub fn product<T: LinalgScalar + Send + Sync>(
     }
 }
 
-/// `a` ᵀ `a` (k, k) of `a` (n, k).
+/// `a`ᵀ `b` (k, m) of `a` (n, k) and `b` (n, m).
+pub fn transposed_product(a: ArrayView2<'_, f64>, b: ArrayView2<'_, f64>) -> Array2<f64> {
+    product(a.t(), b)
+}
+
+/// `a`ᵀ `a` (k, k) of `a` (n, k).
 pub fn gram(a: ArrayView2<'_, f64>) -> Array2<f64> {
     product(a.t(), a)
 }

@@ -12,9 +12,9 @@
 //! are kept. Cost: O(M³ + M² D) a step.
 
 use super::process::{Learned, kernel};
+use crate::numeric::lbfgs::minimise;
 use crate::numeric::linalg::symmetric_eigen;
 use ndarray::{Array1, Array2, ArrayView2, Axis};
-use std::collections::VecDeque;
 
 /// Largest number of training poses, evenly spaced.
 const MOST: usize = 2000;
@@ -24,12 +24,12 @@ const ACTIVE: usize = 150;
 const LATENT: usize = 3;
 /// Steps of the gradient method.
 const STEPS: usize = 100;
+/// A step whose relative fall is at most this is the last.
+pub(super) const TOLERANCE: f64 = 1e-9;
 /// ε, cm².
 const STILL: f64 = 1e-3;
 /// Smallest ν: below it K is numerically singular.
 const LEAST_NOISE: f64 = 1e-4;
-/// Steps that L-BFGS remembers.
-const REMEMBERED: usize = 8;
 
 /// Learns from poses (n, D), n above 0.
 pub(super) fn learn(xyz: ArrayView2<'_, f32>, report: &mut dyn FnMut(&str)) -> Learned {
@@ -44,13 +44,14 @@ pub(super) fn learn(xyz: ArrayView2<'_, f32>, report: &mut dyn FnMut(&str)) -> L
     let mut start: Vec<f64> = latent.iter().copied().collect();
     start.extend([0.0, (0.01f64).ln()]);
     let mut count = 0;
-    let (_, end) = minimise(start, STEPS, &mut |theta| {
+    let end = minimise(start, STEPS, TOLERANCE, &mut |theta| {
         count += 1;
         if count % 50 == 0 {
             report(&format!("latent points: evaluation {count}"));
         }
         objective(theta, &poses)
-    });
+    })
+    .at;
     let (latent, gamma, noise) = unpack(&end, poses.nrows());
     let scales = scales_of(&poses, &latent, gamma, noise);
     Learned {
@@ -166,113 +167,9 @@ fn objective(theta: &[f64], poses: &Array2<f64>) -> (f64, Vec<f64>) {
     (value, gradient)
 }
 
-/// A function of some numbers with its gradient.
-type Objective<'a> = dyn FnMut(&[f64]) -> (f64, Vec<f64>) + 'a;
-
-/// Minimises by L-BFGS with backtracking (Nocedal and Wright 2006, algorithm 7.4): the least value met, and where.
-///
-/// Stops after `steps` steps, or where no step falls any further.
-pub(super) fn minimise(
-    mut x: Vec<f64>,
-    steps: usize,
-    objective: &mut Objective<'_>,
-) -> (f64, Vec<f64>) {
-    let (mut value, mut gradient) = objective(&x);
-    let mut pairs: VecDeque<(Vec<f64>, Vec<f64>)> = VecDeque::new();
-    for _ in 0..steps {
-        let mut direction = two_loops(&gradient, &pairs);
-        let mut slope = dot(&direction, &gradient);
-        if !(slope < 0.0) {
-            pairs.clear();
-            direction = gradient.iter().map(|g| -g).collect();
-            slope = dot(&direction, &gradient);
-        }
-        if !(slope < -1e-14 * (1.0 + value.abs())) {
-            break;
-        }
-        // Without curvature the first step is of unit length at most.
-        let mut step = if pairs.is_empty() {
-            (1.0 / (-slope).sqrt()).min(1.0)
-        } else {
-            1.0
-        };
-        let mut taken = None;
-        for _ in 0..25 {
-            let there: Vec<f64> = x
-                .iter()
-                .zip(&direction)
-                .map(|(x, d)| x + step * d)
-                .collect();
-            let (v, g) = objective(&there);
-            if v <= value + 1e-4 * step * slope {
-                taken = Some((there, v, g));
-                break;
-            }
-            step *= 0.4;
-        }
-        let Some((there, v, g)) = taken else {
-            if pairs.is_empty() {
-                break;
-            }
-            pairs.clear();
-            continue;
-        };
-        let moved: Vec<f64> = there.iter().zip(&x).map(|(a, b)| a - b).collect();
-        let bent: Vec<f64> = g.iter().zip(&gradient).map(|(a, b)| a - b).collect();
-        let fallen = value - v;
-        (x, value, gradient) = (there, v, g);
-        if dot(&moved, &bent) > 1e-12 * dot(&bent, &bent) {
-            pairs.push_back((moved, bent));
-            if pairs.len() > REMEMBERED {
-                pairs.pop_front();
-            }
-        }
-        if fallen <= 1e-9 * (1.0 + value.abs()) {
-            break;
-        }
-    }
-    (value, x)
-}
-
-/// −H g, with H the L-BFGS estimate of the inverse Hessian from the pairs.
-fn two_loops(gradient: &[f64], pairs: &VecDeque<(Vec<f64>, Vec<f64>)>) -> Vec<f64> {
-    let mut q: Vec<f64> = gradient.iter().map(|g| -g).collect();
-    let mut factors = Vec::with_capacity(pairs.len());
-    for (s, y) in pairs.iter().rev() {
-        let a = dot(s, &q) / dot(s, y);
-        q.iter_mut().zip(y).for_each(|(q, y)| *q -= a * y);
-        factors.push(a);
-    }
-    if let Some((s, y)) = pairs.back() {
-        let scale = dot(s, y) / dot(y, y);
-        q.iter_mut().for_each(|q| *q *= scale);
-    }
-    for ((s, y), a) in pairs.iter().zip(factors.into_iter().rev()) {
-        let b = dot(y, &q) / dot(s, y);
-        q.iter_mut().zip(s).for_each(|(q, s)| *q += (a - b) * s);
-    }
-    q
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_bent_valley_is_followed_to_its_end() {
-        let (value, x) = minimise(vec![-1.2, 1.0], 200, &mut |x| {
-            let (a, b) = (1.0 - x[0], x[1] - x[0] * x[0]);
-            let by = vec![-2.0 * a - 400.0 * x[0] * b, 200.0 * b];
-            (a * a + 100.0 * b * b, by)
-        });
-        assert!(value <= 1e-8 && (x[0] - 1.0).abs() <= 1e-3);
-        let (value, _) = minimise(vec![1.0], 10, &mut |_| (f64::NAN, vec![f64::NAN]));
-        assert!(value.is_nan());
-    }
 
     #[test]
     fn the_gradient_is_that_of_differences() {

@@ -20,6 +20,7 @@ mod learn;
 mod process;
 
 use crate::io::Model;
+use crate::numeric::lbfgs::{Minimum, minimise};
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::training_set::{TrainOptions, TrainingSet};
 use crate::prior::tuning::{ASF2, Grid, PriorFamily, TunedPrior, tune};
@@ -119,15 +120,17 @@ impl Prior for GplvmPrior {
         let noise = observation.variance;
         let y = observation.values.iter().zip(&process.mean);
         let y: Vec<f64> = y.map(|(y, m)| y - m).collect();
-        let mut best: Option<(f64, Vec<f64>)> = None;
+        let mut best: Option<Minimum> = None;
         for start in self.starts(&y, noise) {
             let x = process.latent.row(start).to_vec();
-            let found = learn::minimise(x, STEPS, &mut |x| self.objective(x, &y, noise));
-            if best.as_ref().is_none_or(|b| found.0 < b.0) {
+            let found = minimise(x, STEPS, learn::TOLERANCE, &mut |x| {
+                self.objective(x, &y, noise)
+            });
+            if best.as_ref().is_none_or(|b| found.value < b.value) {
                 best = Some(found);
             }
         }
-        let Some((_, x)) = best else {
+        let Some(Minimum { at: x, .. }) = best else {
             return Posterior::default();
         };
         let p = process.predict(&x);

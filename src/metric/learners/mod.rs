@@ -1,0 +1,274 @@
+//! Learners of a distance from labelled pairs of poses: the rivals of Chen et al. 2011, section 5.4, and later methods.
+//!
+//! All but [`lms`] learn a linear map W (d, r). The distance of two poses is the Euclidean one after the map (equations 10
+//! and 11): d²(x, y) = (x − y)ᵀ W Wᵀ (x − y). Only the ratios of distances matter; each learner states its own scale.
+//!
+//! | learner | labels | what it solves | paper |
+//! |---|---|---|---|
+//! | [`lms`] | both | least squares for weights, at least 0 | Wang and Bodenheimer 2003 |
+//! | [`xing`] | both | a concave problem over metrics | Xing, Ng, Jordan and Russell 2003 |
+//! | [`sda`] | both | a generalised eigenproblem | Cai, He and Han 2007 |
+//! | [`rca`] | alike | a generalised eigenproblem | Bar-Hillel, Hertz, Shental and Weinshall 2005 |
+//! | [`lmnn`] | both | gradient steps on W | Weinberger and Saul 2009 |
+//! | [`nca`] | alike | gradient steps on W | Goldberger, Roweis, Hinton and Salakhutdinov 2005 |
+//!
+//! Each gives the same result for the same input on any number of threads. Each takes seconds for some 6,000 poses of 200
+//! dimensions; reduce longer poses by principal components first.
+
+mod components;
+mod hinge;
+pub mod lmnn;
+pub mod lms;
+pub mod nca;
+mod neighbours;
+pub mod rca;
+mod scatter;
+pub mod sda;
+mod start;
+#[cfg(test)]
+mod testdata;
+pub mod xing;
+
+use ndarray::{Array2, ArrayView2};
+
+/// The number of directions that the learners keep by default; the paper's useful range is 30 to 90 (section 5.2).
+pub const RANK: usize = 50;
+
+/// The default ridge of [`rca`], [`sda`] and [`xing`]: the share of a matrix's mean diagonal that is added to its diagonal.
+///
+/// Fewer pairs than dimensions leave the matrix singular. Directions in which alike poses hardly differ would then win, be
+/// they noise or not; a ridge of a tenth keeps them from it.
+pub const RIDGE: f64 = 0.1;
+
+/// What a metric is learnt from.
+#[derive(Debug, Clone, Copy)]
+pub struct TrainingPairs<'a> {
+    /// Poses, labelled and not (n, d).
+    pub x: ArrayView2<'a, f64>,
+    /// Pairs of rows of `x` that are alike (label 1).
+    pub alike: &'a [[usize; 2]],
+    /// Pairs of rows of `x` that are not (label 0).
+    pub unlike: &'a [[usize; 2]],
+}
+
+/// What a learner found by steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Learnt {
+    /// The linear map W (d, r).
+    pub w: Array2<f64>,
+    /// Whether the steps came to an end before their limit; the learner's page says what that means.
+    pub converged: bool,
+}
+
+/// The labels that a learner cannot do without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Needs {
+    Alike,
+    Both,
+}
+
+impl TrainingPairs<'_> {
+    /// Refuses what `learner` cannot learn a map of `rank` directions from, as a phrase.
+    fn check(&self, learner: &str, needs: Needs, rank: usize) -> Result<(), String> {
+        let (n, d) = self.x.dim();
+        if rank == 0 {
+            return Err(format!("{learner} needs a rank of at least 1"));
+        }
+        if d == 0 {
+            return Err(format!("{learner} needs poses of at least 1 dimension"));
+        }
+        if self.alike.is_empty() {
+            return Err(format!("{learner} needs pairs of label 1"));
+        }
+        if needs == Needs::Both && self.unlike.is_empty() {
+            return Err(format!("{learner} needs pairs of label 0 too"));
+        }
+        let ends = self.alike.iter().chain(self.unlike).flatten();
+        if let Some(row) = ends.into_iter().find(|&&row| row >= n) {
+            return Err(format!("a pair names row {row}, but there are {n} poses"));
+        }
+        let bad = |row: usize| !self.x.row(row).iter().all(|v| v.is_finite());
+        match (0..n).find(|&row| bad(row)) {
+            Some(row) => Err(format!("row {row} holds a value that is not finite")),
+            None => Ok(()),
+        }
+    }
+
+    /// The rows that some pair names, in rising order, each once.
+    fn labelled(&self) -> Vec<usize> {
+        let ends = self.alike.iter().chain(self.unlike).flatten();
+        let mut rows: Vec<usize> = ends.copied().collect();
+        rows.sort_unstable();
+        rows.dedup();
+        rows
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::testdata::Planted;
+    use super::*;
+
+    /// All learners of a map, by name.
+    fn learn(name: &str, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Array2<f64>, String> {
+        match name {
+            "xing" => xing::fit(
+                pairs,
+                &xing::Settings {
+                    rank,
+                    ..Default::default()
+                },
+            )
+            .map(|l| l.w),
+            "sda" => sda::fit(
+                pairs,
+                &sda::Settings {
+                    rank,
+                    ..Default::default()
+                },
+            ),
+            "rca" => rca::fit(
+                pairs,
+                &rca::Settings {
+                    rank,
+                    ..Default::default()
+                },
+            ),
+            "lmnn" => lmnn::fit(
+                pairs,
+                &lmnn::Settings {
+                    rank,
+                    ..Default::default()
+                },
+            )
+            .map(|l| l.w),
+            _ => nca::fit(
+                pairs,
+                &nca::Settings {
+                    rank,
+                    ..Default::default()
+                },
+            )
+            .map(|l| l.w),
+        }
+    }
+
+    const NAMES: [&str; 5] = ["xing", "sda", "rca", "lmnn", "nca"];
+
+    #[test]
+    fn noise_is_suppressed_in_poses_never_seen() {
+        let data = Planted::new(3, 6);
+        let before = data.precision(&Array2::eye(9));
+        assert!(before <= 0.7, "{before}");
+        for name in NAMES {
+            let w = learn(name, &data.pairs(), 4).unwrap();
+            assert_eq!(w.dim(), (9, 4), "{name}");
+            let after = data.precision(&w);
+            assert!(after >= before + 0.2, "{name}: {after} after {before}");
+        }
+    }
+
+    #[test]
+    fn threads_and_repetition_change_nothing() {
+        let data = Planted::new(3, 4);
+        for name in NAMES {
+            let on = |threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+                pool.unwrap().install(|| learn(name, &data.pairs(), 3))
+            };
+            let once = on(1).unwrap();
+            assert_eq!(once, on(1).unwrap(), "{name}");
+            assert_eq!(once, on(2).unwrap(), "{name}");
+        }
+    }
+
+    #[test]
+    fn any_scale_and_place_of_the_poses_gives_the_same_neighbours() {
+        let mut data = Planted::new(3, 4);
+        let before: Vec<f64> = NAMES
+            .map(|n| data.precision(&learn(n, &data.pairs(), 3).unwrap()))
+            .into();
+        data.x.mapv_inplace(|v| 1e4 * v + 3e5);
+        for (name, before) in NAMES.iter().zip(before) {
+            let after = data.precision(&learn(name, &data.pairs(), 3).unwrap());
+            assert!((after - before).abs() <= 0.03, "{name}: {after}, {before}");
+        }
+    }
+
+    #[test]
+    fn one_dimension_and_too_high_a_rank_are_served() {
+        let data = Planted::new(1, 0);
+        for name in NAMES {
+            let w = learn(name, &data.pairs(), 50).unwrap();
+            assert!(w.dim() == (1, 1) && w[[0, 0]].abs() > 0.0, "{name}: {w}");
+        }
+        let data = Planted::new(2, 3);
+        for name in NAMES {
+            let w = learn(name, &data.pairs(), 50).unwrap();
+            assert_eq!(w.dim(), (5, 5), "{name}");
+            assert!(w.iter().all(|v| v.is_finite()), "{name}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_learnt_from_is_told() {
+        let data = Planted::new(2, 1);
+        let whole = data.pairs();
+        let told = |pairs: &TrainingPairs<'_>, rank: usize, phrase: &str, names: &[&str]| {
+            for name in names {
+                let told = learn(name, pairs, rank).unwrap_err();
+                assert!(told.contains(phrase), "{name}: {told}");
+            }
+        };
+        let none = TrainingPairs {
+            alike: &[],
+            ..whole
+        };
+        told(&none, 2, "needs pairs of label 1", &NAMES);
+        let none = TrainingPairs {
+            unlike: &[],
+            ..whole
+        };
+        told(
+            &none,
+            2,
+            "needs pairs of label 0 too",
+            &["xing", "sda", "lmnn"],
+        );
+        assert!(learn("rca", &none, 2).is_ok() && learn("nca", &none, 2).is_ok());
+        told(&whole, 0, "rank", &NAMES);
+        let beyond = TrainingPairs {
+            alike: &[[0, 9999]],
+            ..whole
+        };
+        told(&beyond, 2, "row 9999", &NAMES);
+        let mut bad = data.x.clone();
+        bad[[7, 1]] = f64::NAN;
+        told(
+            &TrainingPairs {
+                x: bad.view(),
+                ..whole
+            },
+            2,
+            "row 7",
+            &NAMES,
+        );
+        bad.fill(3.0);
+        told(
+            &TrainingPairs {
+                x: bad.view(),
+                ..whole
+            },
+            2,
+            "same",
+            &NAMES,
+        );
+        let narrow = bad.slice(ndarray::s![.., ..0]);
+        told(
+            &TrainingPairs { x: narrow, ..whole },
+            2,
+            "dimension",
+            &NAMES,
+        );
+    }
+}
