@@ -4,11 +4,12 @@
 //! Descriptor. IEEE TVCG 17 (11), 2011.
 //!
 //! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes place, heading and size, and
-//! [`gpd`] describes the pose.
+//! [`gpd`] describes the pose. [`pair_proposal`] proposes pairs of poses for people to label.
 
 pub mod body_frame;
 pub mod gpd;
 pub mod joint_map;
+pub mod pair_proposal;
 
 pub use body_frame::BodyFramePoses;
 pub use gpd::{Family, Gpd};
