@@ -46,6 +46,11 @@ pub const COMMANDS: &[CommandEntry] = &[
     entry("decode", "Convert sparse codes back to poses", false),
     entry("gpd", "Describe poses by 1,683 geometric features", false),
     entry(
+        "pair-label",
+        "Propose pairs of poses, and label them alike or not on a page",
+        false,
+    ),
+    entry(
         "corrupt",
         "Add noise, outliers or gaps to poses, for tests",
         false,

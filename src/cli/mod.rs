@@ -17,6 +17,7 @@ pub mod launcher;
 pub mod manual;
 pub mod messages;
 pub mod one_take;
+pub mod pair_label;
 pub mod plot;
 pub mod progress;
 pub mod restoring;
