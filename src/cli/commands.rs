@@ -57,6 +57,11 @@ pub const COMMANDS: &[CommandEntry] = &[
         false,
     ),
     entry(
+        "pair-label",
+        "Propose pairs of poses, and label them alike or not on a page",
+        false,
+    ),
+    entry(
         "corrupt",
         "Add noise, outliers or gaps to poses, for tests",
         false,

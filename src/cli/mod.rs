@@ -18,6 +18,7 @@ pub mod manual;
 pub mod messages;
 pub mod metric_takes;
 pub mod one_take;
+pub mod pair_label;
 pub mod plot;
 pub mod progress;
 pub mod restoring;

@@ -9,6 +9,7 @@ pub mod frames;
 pub mod gap_injection;
 mod html;
 pub mod motion_quality;
+pub mod pair_label;
 pub mod player;
 pub mod report;
 pub mod scene;

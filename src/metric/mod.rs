@@ -4,7 +4,9 @@
 //! Descriptor. IEEE TVCG 17 (11), 2011.
 //!
 //! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes place, heading and size, and
-//! [`gpd`] describes the pose. [`learners`] learn a distance from pairs of poses that are labelled alike or unlike.
+//! [`gpd`] describes the pose; [`features`] and [`scaling`] say what of it is compared. [`pair_proposal`] proposes pairs of poses for
+//! people to label, [`train`](mod@train) learns a distance from them by [`rdsr`] or one of the other [`learners`], and
+//! [`pose_metric`] is what was learnt. [`nearest`] searches with it; [`baselines`] are the distances to compare with.
 
 pub mod baselines;
 pub mod body_frame;
@@ -18,6 +20,7 @@ pub mod learners;
 mod local_pairs;
 pub mod nearest;
 mod orientation;
+pub mod pair_proposal;
 pub mod pairs;
 pub mod pose_metric;
 pub mod rdsr;

@@ -7,6 +7,7 @@ const MISSING = 5;
 const points = scene.points.length, frames = scene.frames;
 
 function decode(figure) {
+  if (figure.xyz) return figure.xyz;
   const text = atob(figure.data), bytes = new Uint8Array(text.length);
   for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
   const xyz = new Float32Array(3 * frames * points), read = new DataView(bytes.buffer);
