@@ -34,6 +34,9 @@ for joint in Hip=root Chest=thorax Neck=lowerneck Head=head LShoulder=lclavicle 
   LFoot=ltibia RShoulder=rclavicle RElbow=rhumerus RHand=rwrist RHip=rhipjoint RKnee=rfemur RFoot=rtibia; do
   echo "${joint%=*} = \"${joint#*=}\""
 done > joints.toml
+# Labelled pairs of the frames of poses.csv, and what is done in the takes of walk.csv, poses.csv and two-people.csv.
+{ echo a_take,a_frame,b_take,b_frame,label; for k in $(seq 30); do echo "07_01,$k,07_01,$((k + 100)),1"; echo "07_01,$k,07_01,$((k + 60)),0"; done; } > pairs.csv
+printf 'take,class,subject\n07_01,walk,07\n09_06,run,09\n' > classes.csv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;
 

@@ -1,5 +1,7 @@
 //! Escaping of text in HTML, XML and JSON inside a page, and templates.
 
+use std::fmt::Write;
+
 /// Text for an element or a quoted attribute, in HTML and in XML alike.
 ///
 /// Control characters are replaced: XML 1.0 forbids them even when escaped.
@@ -49,6 +51,30 @@ pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     }
     out.push_str(rest);
     out
+}
+
+/// Rows as an HTML table; the first is its head. A cell that ends in `*` is marked as the best.
+pub(super) fn table(rows: &[Vec<String>]) -> String {
+    let mut out = String::from("<div class=\"wide\"><table>");
+    for (i, row) in rows.iter().enumerate() {
+        out += "<tr>";
+        for (k, cell) in row.iter().enumerate() {
+            let tag = if i == 0 || k == 0 { "th" } else { "td" };
+            let best = if cell.ends_with('*') {
+                " class=\"best\""
+            } else {
+                ""
+            };
+            // Writing to memory cannot fail.
+            let _ = write!(
+                out,
+                "<{tag}{best}>{}</{tag}>",
+                escape(cell.trim_end_matches(['*', ' ']))
+            );
+        }
+        out += "</tr>";
+    }
+    out + "</table></div>"
 }
 
 #[cfg(test)]

@@ -35,8 +35,13 @@ pub(super) struct Links {
 impl Links {
     /// The links of the alike pairs among `pairs`; takes have `frames` at `rates`.
     pub fn new(pairs: &[LabelledPair], frames: &[usize], rates: &[f64], reach: f64) -> Links {
-        let around = |label: FrameRef| {
+        let around = |label: FrameRef, other: FrameRef| {
             let reach = (reach * rates[label.take]).round() as usize;
+            // Within one take the moments stay apart, or each pose would be its own nearest.
+            let reach = match label.take == other.take {
+                true => reach.min(label.frame.abs_diff(other.frame) / 4),
+                false => reach,
+            };
             let last = frames[label.take] - 1;
             Around {
                 label,
@@ -44,7 +49,8 @@ impl Links {
             }
         };
         let both = pairs.iter().filter(|p| p.is_alike).flat_map(|pair| {
-            let [a, b] = pair.ends.map(around);
+            let [a, b] = pair.ends;
+            let [a, b] = [around(a, b), around(b, a)];
             [[a.clone(), b.clone()], [b, a]]
         });
         Links {
@@ -145,6 +151,16 @@ mod tests {
         };
         assert_eq!(of(frame(0, 9)), frame(1, 12));
         assert!(scatter_of_pairs(x.view(), &near)[[0, 0]] > 0.0);
+        let one_take = [LabelledPair {
+            ends: [frame(0, 10), frame(0, 18)],
+            is_alike: true,
+        }];
+        let links = Links::new(&one_take, &[40], &[10.0], 1.0);
+        let frames = links.frames();
+        assert_eq!(frames.len(), 5 + 5);
+        let x = Array2::from_shape_fn((frames.len(), 1), |(k, _)| frames[k].frame as f64);
+        let found = links.pair(&frames, x.view());
+        assert!((found.iter()).all(|[a, b]| frames[*a].frame.abs_diff(frames[*b].frame) >= 4));
         let only = Links::new(&pairs, &[21, 40], &[10.0, 10.0], 0.0);
         let frames = only.frames();
         assert_eq!(frames, [frame(0, 10), frame(1, 12)]);

@@ -9,8 +9,11 @@
 //! [`pose_metric`] is what was learnt. [`nearest`] searches with it; [`baselines`] are the distances to compare with.
 
 pub mod baselines;
+pub mod blend;
+pub mod blend_test;
 pub mod body_frame;
 mod boost;
+pub mod clip;
 pub mod features;
 pub mod file;
 mod game;
@@ -30,6 +33,7 @@ pub mod sparse_graph;
 mod stopwatch;
 pub mod trace_ratio;
 pub mod train;
+pub mod transition;
 mod weights;
 
 pub use baselines::Baseline;

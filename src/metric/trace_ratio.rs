@@ -76,7 +76,7 @@ pub fn maximise(
             let largest = above.slice(s![above.len() - rank..]).sum();
             let smallest = below.slice(s![..rank]).sum();
             let mut upper = largest / smallest;
-            if !(upper >= lower) || !upper.is_finite() {
+            if !(upper.is_finite() && smallest > 0.0) {
                 return None;
             }
             while upper - lower > TOLERANCE * upper.abs() && steps < STEPS {

@@ -6,6 +6,7 @@
 mod body;
 mod legend;
 mod shapes;
+pub mod strip;
 mod view;
 
 use crate::evaluate::html::{escape, fill};

@@ -18,7 +18,7 @@ use super::player;
 use crate::Result;
 use crate::pose::ASF_UNIT_CM;
 use serde_json::json;
-pub(super) use tables::short;
+pub(super) use tables::{quoted, short};
 
 /// The page around tables, charts and figures.
 const PAGE: &str = include_str!("report.html");

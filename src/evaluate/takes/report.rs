@@ -2,7 +2,7 @@
 
 use super::{GapCell, NoiseCell, RESTORED};
 use crate::evaluate::benchmark::result::{ONE_AND_TWO_SD, SD_LEVELS};
-use crate::evaluate::html::{escape, fill};
+use crate::evaluate::html::{escape, fill, table};
 use crate::evaluate::player::policy_hash;
 use crate::evaluate::report::short;
 use crate::evaluate::text_table::aligned;
@@ -290,27 +290,4 @@ fn marked(errors: &[Option<f64>]) -> Vec<String> {
         None => "- ".into(),
     };
     errors.iter().map(cell).collect()
-}
-
-/// Rows as an HTML table; the first is its head.
-fn table(rows: &[Vec<String>]) -> String {
-    let mut out = String::from("<div class=\"wide\"><table>");
-    for (i, row) in rows.iter().enumerate() {
-        out += "<tr>";
-        for (k, cell) in row.iter().enumerate() {
-            let tag = if i == 0 || k == 0 { "th" } else { "td" };
-            let best = if cell.ends_with('*') {
-                " class=\"best\""
-            } else {
-                ""
-            };
-            let _ = write!(
-                out,
-                "<{tag}{best}>{}</{tag}>",
-                escape(cell.trim_end_matches(['*', ' ']))
-            );
-        }
-        out += "</tr>";
-    }
-    out + "</table></div>"
 }

@@ -1,0 +1,145 @@
+//! `evaluate metric` around the library: its flags, the classes of takes, its files.
+
+use super::args::InputArgs;
+use super::benchmark::write;
+use super::feature_table::joint_map;
+use super::metric_takes::{MetricTakes, read_takes};
+use super::progress::Progress;
+use super::take_classes;
+use super::{input, messages, streams};
+use crate::evaluate::metric::{ClassifiedTake, LabelRule, MetricSettings, TakeSet, test};
+use crate::metric::JointMap;
+use crate::metric::clip::Clip;
+use crate::metric::blend_test::ClipRange;
+use crate::{Error, Place, Result};
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+/// Steps of the progress bar.
+const STEPS: f64 = 1000.0;
+
+/// Flags of `evaluate metric`.
+#[derive(Debug, Clone, Args)]
+pub struct EvaluateMetricArgs {
+    #[command(flatten)]
+    input: InputArgs,
+    /// What is done in each take, and by whom: take,class,subject; without a subject it is the take's name up to the first _
+    #[arg(long, value_name = "CLASSES.csv")]
+    classes: PathBuf,
+    /// Comma-separated rules that label pairs: class, phase, blend
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = rule, default_value = "class,phase,blend")]
+    labels: Vec<LabelRule>,
+    /// Comma-separated subjects to test on (default: every second one)
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    test: Vec<String>,
+    /// Pairs of each label, to learn from and to test on
+    #[arg(long, value_name = "N", default_value_t = 500)]
+    pairs: usize,
+    /// Compare published distances only: no table of learners, ranks and numbers of poses
+    #[arg(long)]
+    short: bool,
+    /// Which points the sixteen joints are: CMU, or a TOML file
+    #[arg(
+        long,
+        value_name = "CMU|FILE.toml",
+        default_value = "CMU",
+        help_heading = "Input"
+    )]
+    map: String,
+    /// Seed of all random draws
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Also write metric.csv, metric.json and report.html into DIR
+    #[arg(short, long, value_name = "DIR", help_heading = "Output")]
+    output: Option<PathBuf>,
+}
+
+fn rule(text: &str) -> std::result::Result<LabelRule, String> {
+    let found = LabelRule::ALL.into_iter().find(|r| r.name() == text.trim());
+    found.ok_or_else(|| "expected class, phase or blend".into())
+}
+
+/// Tests distances of poses, and prints tables.
+///
+/// # Errors
+/// [`Error::Data`]: a file cannot be read, a take has no class, or there is nothing to learn from or to test on.
+pub fn evaluate_metric(args: &EvaluateMetricArgs) -> Result<()> {
+    input::check_single_stdin_with(&args.input, [&args.classes])?;
+    let map = joint_map(&args.map)?;
+    let takes = read_takes(&args.input, args.input.files.clone(), &map, true)?;
+    let source = takes.source.clone();
+    let fail = |what: String| Error::data(Place::file(&source), what);
+    let set = classified(takes, &args.classes, &map)?;
+    let subjects = set.subjects();
+    if let Some(unknown) = args.test.iter().find(|t| !subjects.contains(t)) {
+        let what = format!("--test {unknown}: the subjects are {}", subjects.join(", "));
+        return Err(Error::usage(what));
+    }
+    let settings = MetricSettings {
+        rules: args.labels.clone(),
+        tested: match args.test.is_empty() {
+            true => subjects.into_iter().skip(1).step_by(2).collect(),
+            false => args.test.clone(),
+        },
+        pairs: args.pairs,
+        seed: args.seed,
+        is_short: args.short,
+    };
+    let bar = Progress::new("evaluate metric", STEPS as u64);
+    let report = test(&set, &map, &settings, &mut |what, share| {
+        bar.set_message(what.to_string());
+        bar.set((STEPS * share) as u64);
+        messages::debug(what);
+    })
+    .map_err(fail)?;
+    drop(bar);
+    if let Some(folder) = &args.output {
+        write(
+            folder,
+            &[
+                ("metric.csv", report.csv()),
+                ("metric.json", report.json()),
+                ("report.html", report.html()),
+            ],
+        )?;
+    }
+    streams::write_bytes(None, report.text().as_bytes(), false)
+}
+
+/// Takes with their classes; takes without one are left out, and said so.
+fn classified(takes: MetricTakes, path: &Path, map: &JointMap) -> Result<TakeSet> {
+    let classes = take_classes::read(path)?;
+    let mut set = TakeSet::default();
+    let mut left_out = 0;
+    let ranges = takes.poses.takes().into_iter();
+    for ((range, name), body) in ranges.zip(&takes.names).zip(takes.takes) {
+        let Some(line) = classes.get(name) else {
+            left_out += 1;
+            continue;
+        };
+        let rate = body.rate.unwrap_or(1.0);
+        let clip = Clip::new(takes.poses.slice(range), rate, map)
+            .map_err(|what| Error::data(Place::file(&takes.source), what))?;
+        set.about.push(ClassifiedTake {
+            name: name.clone(),
+            class: line.class.clone(),
+            subject: line.subject().to_string(),
+        });
+        set.ranges.push(ClipRange::measure(&clip));
+        set.takes.push(body);
+        set.clips.push(clip);
+    }
+    if left_out > 0 {
+        messages::info(&format!(
+            "{left_out} takes are left out: {} gives them no class",
+            path.display()
+        ));
+    }
+    match set.about.is_empty() {
+        true => Err(Error::data(
+            Place::file(path.display().to_string()),
+            "gives no class to any take of the input",
+        )),
+        false => Ok(set),
+    }
+}

@@ -1,0 +1,195 @@
+//! How often distances of poses are right, on people that they have not learnt from: the paper's figures 4 to 8 and its Table 2.
+//!
+//! Takes have classes (what is done) and subjects. Distances learn from the takes of some subjects and are tested on the others.
+//! Labels come from rules in the place of people ([`LabelRule`]). With the rule `class` poses are retrieved across people, and a
+//! pose found is right when it is of the query's class; with the others, pairs are decided by the best threshold.
+
+mod labels;
+mod methods;
+mod pictures;
+mod report;
+mod score;
+mod takes;
+
+pub use labels::LabelRule;
+pub use methods::StepSeconds;
+pub use report::{Cell, MetricReport, Sheet};
+pub use score::{Precision, SCOPES};
+pub use takes::{ClassifiedTake, TakeSet};
+
+use crate::metric::{JointMap, LabelledPair, PoseMetric};
+use methods::{Method, Methods};
+
+/// What is tested.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MetricSettings {
+    /// The rules that label pairs.
+    pub rules: Vec<LabelRule>,
+    /// The subjects that distances are tested on; of the others they learn.
+    pub tested: Vec<String>,
+    /// Pairs of each label, to learn from and to test on.
+    pub pairs: usize,
+    /// The seed of all draws.
+    pub seed: u64,
+    /// Whether only the published distances are compared, not ranks, numbers of poses, and learners.
+    pub is_short: bool,
+}
+
+/// Poses found by two distances, drawn.
+const PICTURED: [&str; 2] = ["wjod", "gpd+rdsr"];
+
+/// Tests distances of poses. `progress` is called with what is being done, and how much of the whole is done, 0 to 1.
+///
+/// # Errors
+/// A phrase: no subject is left to learn from or to test on, or a rule finds no pairs.
+pub fn test(
+    set: &TakeSet,
+    map: &JointMap,
+    settings: &MetricSettings,
+    progress: &mut dyn FnMut(&str, f64),
+) -> Result<MetricReport, String> {
+    let [learnt, tested] = set.split(&settings.tested);
+    if learnt.takes.is_empty() || tested.takes.is_empty() {
+        return Err(format!(
+            "has takes of {}; distances learn from some subjects and are tested on others (--test names them)",
+            set.subjects().join(", ")
+        ));
+    }
+    let mut report = MetricReport {
+        learnt: learnt.subjects(),
+        tested: tested.subjects(),
+        takes: [learnt.takes.len(), tested.takes.len()],
+        ..MetricReport::default()
+    };
+    for (k, rule) in settings.rules.iter().enumerate() {
+        let mut trial = Trial::new(*rule, [&learnt, &tested], map, settings)?;
+        let share = |part: f64| (k as f64 + part) / settings.rules.len() as f64;
+        trial.run(settings, &mut |what, part| progress(what, share(part)))?;
+        report.sheets.extend(trial.sheets);
+        if report.seconds.is_empty() {
+            report.seconds = trial.seconds;
+        }
+        report.pictures.extend(trial.pictures);
+    }
+    Ok(report)
+}
+
+/// The tests of one rule.
+struct Trial<'a> {
+    rule: LabelRule,
+    learnt: &'a TakeSet,
+    tested: &'a TakeSet,
+    map: &'a JointMap,
+    /// Pairs to learn from, and to test on.
+    pairs: [Vec<LabelledPair>; 2],
+    sheets: Vec<Sheet>,
+    seconds: StepSeconds,
+    pictures: Option<String>,
+}
+
+impl<'a> Trial<'a> {
+    fn new(
+        rule: LabelRule,
+        [learnt, tested]: [&'a TakeSet; 2],
+        map: &'a JointMap,
+        settings: &MetricSettings,
+    ) -> Result<Trial<'a>, String> {
+        let pairs = [(learnt, 1), (tested, 2)].map(|(set, stream)| {
+            rule.label(set, settings.pairs, settings.seed.wrapping_mul(8) + stream)
+        });
+        if pairs.iter().any(Vec::is_empty) {
+            return Err(format!(
+                "gives no pairs of both labels by the rule {}: {}",
+                rule.name(),
+                rule.describe()
+            ));
+        }
+        Ok(Trial {
+            rule,
+            learnt,
+            tested,
+            map,
+            pairs,
+            sheets: Vec::new(),
+            seconds: Vec::new(),
+            pictures: None,
+        })
+    }
+
+    fn run(
+        &mut self,
+        settings: &MetricSettings,
+        progress: &mut dyn FnMut(&str, f64),
+    ) -> Result<(), String> {
+        let methods = Methods::new(self.map, self.rule.reach(), settings.seed);
+        let mut tables = vec![("distances (figures 5 and 8)", methods.distances())];
+        if !settings.is_short {
+            tables.push((
+                "features by learners (figure 6)",
+                methods.features_by_learners(),
+            ));
+            tables.push(("rank (figure 4)", methods.ranks()));
+            tables.push(("unlabelled poses (figure 7)", methods.unlabelled()));
+        }
+        let all = tables.iter().map(|(_, m)| m.len()).sum::<usize>() as f64;
+        let mut done = 0.0;
+        for (title, methods) in tables {
+            let mut sheet = Sheet {
+                title: format!("{}: {title}", self.rule.name()),
+                rule: self.rule,
+                head: self.columns(),
+                rows: Vec::new(),
+            };
+            let mut pictured = Vec::new();
+            for method in methods {
+                progress(
+                    &format!("{}: {}", self.rule.name(), method.name),
+                    done / all,
+                );
+                let cells = match self.fit(&method) {
+                    Ok(metric) => {
+                        let cells = self.score(&metric);
+                        if PICTURED.contains(&&*method.name) {
+                            pictured.push((method.name.clone(), metric));
+                        }
+                        cells
+                    }
+                    Err(why) => vec![Err(why)],
+                };
+                sheet.rows.push((method.name, cells));
+                done += 1.0;
+            }
+            self.sheets.push(sheet);
+            if self.rule == LabelRule::Class && !pictured.is_empty() {
+                self.pictures = Some(pictures::draw(&pictured, self.learnt, self.tested));
+            }
+        }
+        Ok(())
+    }
+
+    fn fit(&mut self, method: &Method) -> Result<PoseMetric, String> {
+        let (metric, seconds) = method.fit(self.map, &self.learnt.takes, &self.pairs[0])?;
+        if method.name == "gpd+rdsr" {
+            self.seconds = seconds;
+        }
+        Ok(metric)
+    }
+
+    fn columns(&self) -> Vec<String> {
+        match self.rule {
+            LabelRule::Class => SCOPES.map(|s| format!("{s} found")).into(),
+            _ => vec!["pairs".into()],
+        }
+    }
+
+    fn score(&self, metric: &PoseMetric) -> Vec<Cell> {
+        let none = || "nothing to judge".to_string();
+        match self.rule {
+            LabelRule::Class => {
+                let found = score::retrieval(metric, self.learnt, self.tested);
+                found.into_iter().map(|p| p.ok_or_else(none)).collect()
+            }
+            _ => vec![score::decisions(metric, self.tested, &self.pairs[1]).ok_or_else(none)],
+        }
+    }
+}

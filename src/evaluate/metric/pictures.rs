@@ -1,0 +1,78 @@
+//! Poses found by distances, drawn beside their queries.
+
+use super::takes::TakeSet;
+use crate::evaluate::figure::strip::{StripPose, strip};
+use crate::metric::{FrameRef, PoseDatabase, PoseMetric};
+use ndarray::{Axis, concatenate};
+
+/// Queries of one picture, and poses found for each.
+const QUERIES: usize = 4;
+const FOUND: usize = 8;
+/// One frame in so many is searched.
+const EVERY: usize = 6;
+
+/// For each distance, the poses of `searched` found for poses amid takes of `queries`, as SVG with headings.
+pub fn draw(metrics: &[(String, PoseMetric)], searched: &TakeSet, queries: &TakeSet) -> String {
+    let step = (queries.takes.len() / QUERIES).max(1);
+    let asked: Vec<FrameRef> = (0..queries.takes.len())
+        .step_by(step)
+        .take(QUERIES)
+        .map(|take| FrameRef {
+            take,
+            frame: queries.takes[take].frames() / 2,
+        })
+        .collect();
+    let mut out = String::new();
+    for (name, metric) in metrics {
+        let rows = rows(metric, searched, queries, &asked);
+        out += &format!(
+            "<h3>{}</h3><figure>{}</figure>",
+            crate::evaluate::html::escape(name),
+            strip(&rows)
+        );
+    }
+    out
+}
+
+fn rows(
+    metric: &PoseMetric,
+    searched: &TakeSet,
+    queries: &TakeSet,
+    asked: &[FrameRef],
+) -> Vec<Vec<StripPose>> {
+    let frames: Vec<Vec<usize>> = (searched.takes.iter())
+        .map(|t| (0..t.frames()).step_by(EVERY).collect())
+        .collect();
+    let parts: Vec<_> = (searched.takes.iter().zip(&frames))
+        .map(|(take, frames)| metric.embed_frames(take, frames))
+        .collect();
+    let at: Vec<FrameRef> = (frames.iter().enumerate())
+        .flat_map(|(take, frames)| {
+            frames.iter().map(move |frame| FrameRef {
+                take,
+                frame: *frame,
+            })
+        })
+        .collect();
+    let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
+    let database = PoseDatabase::new(
+        concatenate(Axis(0), &views).unwrap_or_default(),
+        metric.norm,
+    );
+    let pose = |set: &TakeSet, at: FrameRef, class: Option<&str>| StripPose {
+        joints: set.takes[at.take].frame(at.frame),
+        caption: set.about[at.take].class.clone(),
+        is_right: class.map(|class| set.about[at.take].class == class),
+    };
+    let row = |query: &FrameRef| {
+        let vector = metric.embed_frames(&queries.takes[query.take], &[query.frame]);
+        let found = database.nearest(vector.view(), FOUND, |_, _| true).concat();
+        let class = &queries.about[query.take].class;
+        let found = found.iter().map(|n| pose(searched, at[n.row], Some(class)));
+        [pose(queries, *query, None)]
+            .into_iter()
+            .chain(found)
+            .collect()
+    };
+    asked.iter().map(row).collect()
+}
