@@ -1,6 +1,7 @@
 //! How fast distances of poses are learnt, computed and searched, in this process: `make bench`. Median of three runs.
 
-use ndarray::{Array2, s};
+use ndarray::{Array2, Axis, s};
+use posing::io::npy;
 use posing::metric::baselines::Baseline;
 use posing::metric::pose_metric::Norm;
 use posing::metric::sparse_graph::SparseGraph;
@@ -8,11 +9,15 @@ use posing::metric::{BodyFramePoses, Gpd, JointMap, PoseDatabase};
 use posing::numeric::parallel;
 use posing::pose::Poses;
 use rand::Rng;
+use std::path::PathBuf;
 
 mod shared;
 
 const DATABASE: usize = 1_000_000;
 const DIMENSIONS: usize = 50;
+/// Poses of the sparse graph, and those that are dumped.
+const POSES: usize = 5000;
+const DUMPED: usize = 500;
 
 fn main() {
     println!("{} threads", rayon::current_num_threads());
@@ -87,29 +92,41 @@ fn search() {
     );
 }
 
-/// The sparse graph of 5,000 poses.
+/// The sparse graph of 5,000 poses, centred and of equal variances. With `--dump FOLDER` the poses and the weights of 500 of them
+/// are written as NPY, to be compared with other solvers.
 fn graph() {
     let bodies = bodies();
     let gpd = Gpd::default().without_accelerations();
-    let mut rows: Vec<_> = Vec::new();
-    for body in &bodies {
-        let described = gpd.describe(body).mapv(f64::from);
-        rows.extend(described.rows().into_iter().map(|r| r.to_owned()));
-    }
-    let step = rows.len() / 5000;
-    if step == 0 {
+    let described: Vec<_> = bodies
+        .iter()
+        .map(|b| gpd.describe(b).mapv(f64::from))
+        .collect();
+    let views: Vec<_> = described.iter().map(|d| d.view()).collect();
+    let Ok(all) = ndarray::concatenate(Axis(0), &views) else {
         return;
-    }
-    let chosen: Vec<_> = rows.iter().step_by(step).take(5000).collect();
-    let x = Array2::from_shape_fn((5000, chosen[0].len()), |(i, j)| chosen[i][j]);
-    let mean = x.mean_axis(ndarray::Axis(0)).expect("poses");
-    let spread = x
-        .std_axis(ndarray::Axis(0), 0.0)
-        .mapv(|s| if s > 1e-9 { s } else { 1.0 });
-    let x = (x - mean) / spread;
+    };
+    let step = (all.nrows() / POSES).max(1);
+    let x = all.slice(s![..;step, ..]).slice(s![..POSES, ..]).to_owned();
+    let spread = x.std_axis(Axis(0), 0.0);
+    let spread = spread.mapv(|s| if s > 1e-9 { s } else { 1.0 });
+    let x = (&x - &x.mean_axis(Axis(0)).expect("poses")) / spread;
     let products = x.dot(&x.t());
     for tolerance in [1e-4, 1e-6] {
         let took = seconds(|| SparseGraph::code(products.view(), 0.05, tolerance));
-        println!("sparse graph of 5,000 poses to {tolerance:.0e}: {took:.2} s");
+        println!("sparse graph of {POSES} poses to {tolerance:.0e}: {took:.2} s");
+    }
+    let dump = std::env::args().skip_while(|a| a != "--dump").nth(1);
+    if let Some(folder) = dump.map(PathBuf::from) {
+        let x = x.slice(s![..DUMPED, ..]);
+        let graph = SparseGraph::code(x.dot(&x.t()).view(), 0.05, 1e-6);
+        let mut weights = Array2::zeros((DUMPED, DUMPED));
+        for (i, row) in graph.weights.iter().enumerate() {
+            row.iter().for_each(|(j, w)| weights[[i, *j]] = *w);
+        }
+        for (name, array) in [("poses.npy", x), ("weights.npy", weights.view())] {
+            let mut bytes = npy::header_of("<f8", &[array.nrows(), array.ncols()]);
+            array.iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+            std::fs::write(folder.join(name), bytes).expect("a folder to write to");
+        }
     }
 }

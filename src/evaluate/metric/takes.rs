@@ -1,8 +1,8 @@
 //! Takes with classes and subjects, divided into those that metrics learn from and those that they are tested on.
 
 use crate::metric::BodyFramePoses;
-use crate::metric::clip::Clip;
 use crate::metric::blend_test::ClipRange;
+use crate::metric::clip::Clip;
 
 /// A take to learn from or to test on.
 #[derive(Debug, Clone)]
