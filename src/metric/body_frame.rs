@@ -96,8 +96,8 @@ fn without_yaw(across: DVec3) -> impl Fn(DVec3) -> DVec3 {
     move |v| DVec3::new(c * v.x + s * v.z, v.y, c * v.z - s * v.x)
 }
 
-/// The yaw of a body whose left hip joint lies in the direction `across` of the right one.
-fn yaw(across: DVec3) -> f64 {
+/// The yaw of a body whose left hip joint lies in the direction `across` of the right one, radians.
+pub(super) fn yaw(across: DVec3) -> f64 {
     (-across.z).atan2(across.x)
 }
 

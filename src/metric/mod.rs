@@ -4,9 +4,13 @@
 //! Descriptor. IEEE TVCG 17 (11), 2011.
 //!
 //! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes place, heading and size, and
-//! [`gpd`] describes the pose.
+//! [`gpd`] describes the pose. [`transition`] finds frames at which one clip can go over into another, [`blend`] joins the clips there,
+//! and [`blend_test`] tells whether the result moves as the clips do.
 
+pub mod blend;
+pub mod blend_test;
 pub mod body_frame;
+pub mod clip;
 pub mod features;
 pub mod file;
 mod game;
@@ -24,8 +28,12 @@ pub mod sparse_graph;
 mod stopwatch;
 pub mod trace_ratio;
 pub mod train;
+pub mod transition;
 
+pub use blend::Blend;
+pub use blend_test::{BlendQuality, ClipRange};
 pub use body_frame::BodyFramePoses;
+pub use clip::Clip;
 pub use features::PoseFeatures;
 pub use gpd::{Family, Gpd};
 pub use joint_map::JointMap;
@@ -33,3 +41,4 @@ pub use nearest::PoseDatabase;
 pub use pairs::{FrameRef, LabelledPair};
 pub use pose_metric::PoseMetric;
 pub use train::{TrainSettings, Trained, train};
+pub use transition::{Candidate, TransitionSearch};
