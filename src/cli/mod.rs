@@ -24,8 +24,10 @@ pub mod restoring;
 mod signals;
 pub mod streams;
 mod summary;
+mod take_pairs;
 mod toml_file;
 pub mod training;
+pub mod transition;
 pub mod units;
 
 use crate::Result;
