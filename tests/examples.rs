@@ -30,6 +30,9 @@ for s in 01 02 07; do cut_takes $s poses.csv > $s.csv; done
 cut_takes 09 run.csv > my-takes.csv
 cp truth.csv mine.csv
 posing amc2xyz --asf 09.asf --fps 120 09_06.amc | tail -n +2 | cat truth.csv - > two-people.csv
+awk -F, -v OFS=, 'NR > 160 { $1 = "rest" } 1' truth.csv > two-takes.csv
+{ echo a_take,a_frame,b_take,b_frame,label; for k in $(seq 10 10 150); do echo 07_01,$k,07_01,$((k + 135)),1; done; } > pairs.csv
+posing rdsr-train -q --unlabelled 100 --pairs pairs.csv -o metric.npz poses.csv
 for joint in Hip=root Chest=thorax Neck=lowerneck Head=head LShoulder=lclavicle LElbow=lhumerus LHand=lwrist LHip=lhipjoint LKnee=lfemur \
   LFoot=ltibia RShoulder=rclavicle RElbow=rhumerus RHand=rwrist RHip=rhipjoint RKnee=rfemur RFoot=rtibia; do
   echo "${joint%=*} = \"${joint#*=}\""

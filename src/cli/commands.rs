@@ -62,6 +62,11 @@ pub const COMMANDS: &[CommandEntry] = &[
         false,
     ),
     entry(
+        "transition",
+        "Find frames at which one take can go over into another",
+        false,
+    ),
+    entry(
         "corrupt",
         "Add noise, outliers or gaps to poses, for tests",
         false,

@@ -27,8 +27,10 @@ mod signals;
 pub mod streams;
 mod summary;
 pub mod take_classes;
+mod take_pairs;
 mod toml_file;
 pub mod training;
+pub mod transition;
 pub mod units;
 
 use crate::Result;

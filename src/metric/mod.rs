@@ -6,7 +6,8 @@
 //! [`joint_map`] finds sixteen joints among the points of any skeleton, [`body_frame`] removes place, heading and size, and
 //! [`gpd`] describes the pose; [`features`] and [`scaling`] say what of it is compared. [`pair_proposal`] proposes pairs of poses for
 //! people to label, [`train`](mod@train) learns a distance from them by [`rdsr`] or one of the other [`learners`], and
-//! [`pose_metric`] is what was learnt. [`nearest`] searches with it; [`baselines`] are the distances to compare with.
+//! [`pose_metric`] is what was learnt. [`nearest`] searches with it; [`baselines`] are the distances to compare with. [`transition`] finds frames at which one
+//! clip can go over into another, [`blend`] joins the clips there, and [`blend_test`] tells whether the result moves as the clips do.
 
 pub mod baselines;
 pub mod blend;
@@ -37,7 +38,10 @@ pub mod transition;
 mod weights;
 
 pub use baselines::Baseline;
+pub use blend::Blend;
+pub use blend_test::{BlendQuality, ClipRange};
 pub use body_frame::BodyFramePoses;
+pub use clip::Clip;
 pub use features::PoseFeatures;
 pub use gpd::{Family, Gpd};
 pub use joint_map::JointMap;
@@ -45,3 +49,4 @@ pub use nearest::PoseDatabase;
 pub use pairs::{FrameRef, LabelledPair};
 pub use pose_metric::PoseMetric;
 pub use train::{TrainSettings, Trained, train};
+pub use transition::{Candidate, TransitionSearch};

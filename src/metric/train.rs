@@ -59,7 +59,8 @@ pub struct TrainSettings {
     pub rdsr: RdsrSettings,
     /// Poses without labels that are drawn from the takes, at most.
     pub unlabelled: usize,
-    /// Seconds about a labelled frame for which the label holds; see [`super::local_pairs`].
+    /// Seconds about a labelled frame for which the label holds: poses within it are paired with their nearest; 0: the
+    /// labelled frames alone.
     pub reach: f64,
     /// Whether features are reduced to principal components before learning, or only to their range.
     pub is_reduced: bool,

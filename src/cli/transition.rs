@@ -1,0 +1,298 @@
+//! Transitions between the takes of a table: which pairs of takes, their candidate frames, whether these are good, the table
+//! of them, and the blended take.
+
+use super::args::{InputArgs, OutputArgs};
+use super::metric_takes::MetricTakes;
+use super::take_pairs::{check_rates, take_pairs};
+use super::{messages, streams};
+use crate::io::Table;
+use crate::io::text::{excerpt, push_f32};
+use crate::metric::transition::candidates;
+use crate::metric::{
+    Blend, BlendQuality, Candidate, Clip, ClipRange, FrameRef, PoseMetric, TransitionSearch,
+};
+use crate::numeric::parallel;
+use crate::{Error, Place, Result};
+use ndarray::Array2;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Seconds from frame to frame of transitions of a take into itself, at least.
+const LEAST_JUMP: f64 = 1.0;
+
+/// Which transitions are looked for.
+#[derive(Debug, Clone)]
+pub struct TransitionSettings {
+    /// The take that is left; `None`: each.
+    pub from: Option<String>,
+    /// The take that is entered; `None`: each.
+    pub to: Option<String>,
+    /// Whether takes also go over into themselves.
+    pub within: bool,
+    /// The frames of the one transition that is wanted, if it is known.
+    pub at: Option<[usize; 2]>,
+    /// Transitions of a pair of takes, at most.
+    pub most: usize,
+    /// Whether only good ones count.
+    pub is_good_only: bool,
+    /// Seconds between two transitions of a pair of takes, in one of the takes at least.
+    pub apart: f64,
+    /// Seconds of the cross-fade.
+    pub over: f64,
+}
+
+/// A candidate, and what its blend is like.
+#[derive(Debug, Clone, Copy)]
+pub struct Transition {
+    /// The take that is left, and the one that is entered.
+    pub takes: [usize; 2],
+    /// The frames, and their distance.
+    pub candidate: Candidate,
+    /// The blend against its limits.
+    pub quality: BlendQuality,
+}
+
+/// A take that is left or entered.
+struct End {
+    clip: Clip,
+    range: ClipRange,
+    /// Whether each frame can be the middle of a cross-fade.
+    can_fade: Vec<bool>,
+    /// The vectors of the frames by the metric; NaN for those that cannot.
+    vectors: Array2<f32>,
+}
+
+/// The transitions of a table's takes.
+pub struct Transitions<'a> {
+    takes: &'a MetricTakes,
+    metric: &'a PoseMetric,
+    settings: &'a TransitionSettings,
+    pairs: Vec<[usize; 2]>,
+    /// The takes of the pairs.
+    ends: BTreeMap<usize, End>,
+}
+
+impl<'a> Transitions<'a> {
+    /// Prepares the takes that the settings name.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there are no two takes, or takes of different rates. [`Error::Data`]: a take is not there, or no frame has
+    /// room for a cross-fade.
+    pub fn new(
+        takes: &'a MetricTakes,
+        metric: &'a PoseMetric,
+        settings: &'a TransitionSettings,
+    ) -> Result<Transitions<'a>> {
+        let [from, to] = [&settings.from, &settings.to].map(Option::as_deref);
+        let pairs = take_pairs(takes, from, to, settings.within)?;
+        if settings.at.is_some() && pairs.len() > 1 {
+            return Err(Error::usage(
+                "--at names frames of two takes; choose the takes with --from and --to",
+            ));
+        }
+        check_rates(takes, &pairs)?;
+        let used: BTreeSet<usize> = pairs.iter().flatten().copied().collect();
+        let ends = (used.into_iter())
+            .map(|take| Ok((take, End::new(takes, take, metric, settings)?)))
+            .collect::<Result<_>>()?;
+        let transitions = Transitions {
+            takes,
+            metric,
+            settings,
+            pairs,
+            ends,
+        };
+        transitions.check_room()?;
+        Ok(transitions)
+    }
+
+    /// Fails if no pair of takes has room for a cross-fade; names the takes that have none.
+    fn check_room(&self) -> Result<()> {
+        let has_room = |take: &usize| self.ends[take].can_fade.contains(&true);
+        let lacking: Vec<&usize> = self.ends.keys().filter(|k| !has_room(k)).collect();
+        let Some(first) = lacking.first() else {
+            return Ok(());
+        };
+        let what = format!(
+            "take {} shows all joints nowhere for the {} s of a cross-fade",
+            excerpt(&self.takes.names[**first]),
+            self.settings.over
+        );
+        if !self.pairs.iter().any(|pair| pair.iter().all(has_room)) {
+            let what = format!("{what}; shorten it with --over, or fill gaps with complete");
+            return Err(Error::data(Place::file(&self.takes.source), what));
+        }
+        let others = match lacking.len() - 1 {
+            0 => String::new(),
+            more => format!(", nor do {more} others"),
+        };
+        messages::info(&format!("{}: {what}{others}: left out", self.takes.source));
+        Ok(())
+    }
+
+    /// The transitions of all pairs of takes, those of a pair nearest first; or the one that is wanted.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the frames that are wanted have no room for a cross-fade.
+    pub fn find(&self) -> Result<Vec<Transition>> {
+        if let Some(frames) = self.settings.at {
+            return Ok(vec![self.wanted(self.pairs[0], frames)?]);
+        }
+        let found = parallel::map_chunks(self.pairs.len(), 1, |pairs| {
+            let found = pairs.map(|k| self.of_pair(self.pairs[k]));
+            found.collect::<Vec<_>>().concat()
+        });
+        Ok(found.concat())
+    }
+
+    /// The transitions of a pair of takes.
+    fn of_pair(&self, takes: [usize; 2]) -> Vec<Transition> {
+        let [a, b] = takes.map(|take| &self.ends[&take]);
+        let search = TransitionSearch {
+            most: self.settings.most,
+            apart: a.clip.frames_in(self.settings.apart),
+            least_jump: match takes[0] == takes[1] {
+                true => a.clip.frames_in(LEAST_JUMP),
+                false => 0,
+            },
+        };
+        let is_wanted = |candidate: &Candidate| {
+            !self.settings.is_good_only || self.transition(takes, *candidate).quality.is_good()
+        };
+        let vectors = [a.vectors.view(), b.vectors.view()];
+        let found = candidates(vectors, self.metric.norm, &search, is_wanted);
+        (found.into_iter())
+            .map(|candidate| self.transition(takes, candidate))
+            .collect()
+    }
+
+    /// The transition that is wanted.
+    fn wanted(&self, takes: [usize; 2], frames: [usize; 2]) -> Result<Transition> {
+        for (take, frame) in takes.into_iter().zip(frames) {
+            let can_fade = self.ends[&take].can_fade.get(frame);
+            if can_fade != Some(&true) {
+                return Err(Error::usage(format!(
+                    "--at: frame {frame} of take {} has no {} s before and after it that show all joints",
+                    excerpt(&self.takes.names[take]),
+                    self.settings.over / 2.0
+                )));
+            }
+        }
+        let [a, b] = [0, 1].map(|k| self.ends[&takes[k]].vectors.row(frames[k]));
+        let distance = self.metric.norm.distance(a, b);
+        Ok(self.transition(takes, Candidate { frames, distance }))
+    }
+
+    fn transition(&self, takes: [usize; 2], candidate: Candidate) -> Transition {
+        let blend = self.blend(takes, candidate.frames);
+        let quality = BlendQuality::measure(&blend, takes.map(|take| &self.ends[&take].range));
+        Transition {
+            takes,
+            candidate,
+            quality,
+        }
+    }
+
+    fn blend(&self, takes: [usize; 2], frames: [usize; 2]) -> Blend<'_> {
+        let clips = takes.map(|take| &self.ends[&take].clip);
+        Blend::new(clips, frames, clips[0].frames_in(self.settings.over / 2.0))
+    }
+
+    /// Writes `a_take,a_frame,b_take,b_frame,distance,bones,feet,acceleration,good`.
+    ///
+    /// # Errors
+    /// When the output cannot be written.
+    pub fn write(&self, output: Option<&Path>, found: &[Transition]) -> Result<()> {
+        let mut out = streams::open_output(output, false)?;
+        out.write(b"a_take,a_frame,b_take,b_frame,distance,bones,feet,acceleration,good\n")?;
+        for transition in found {
+            let mut line = Vec::new();
+            for (take, frame) in transition
+                .takes
+                .into_iter()
+                .zip(transition.candidate.frames)
+            {
+                self.takes.push_frame(&mut line, FrameRef { take, frame });
+                line.push(b',');
+            }
+            // A metric's window may reach beyond the cross-fade, to joints that are missing.
+            if transition.candidate.distance.is_finite() {
+                push_f32(&mut line, transition.candidate.distance);
+            }
+            let quality = transition.quality;
+            for share in [quality.bones, quality.feet, quality.acceleration] {
+                line.extend(format!(",{share:.3}").bytes());
+            }
+            line.extend(format!(",{}\n", u8::from(quality.is_good())).bytes());
+            out.write(&line)?;
+        }
+        out.finish()
+    }
+
+    /// Writes the nearest good transition of `found` as one take, or the nearest if none is good.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: nothing was found. When the output cannot be written.
+    pub fn write_blend(&self, found: &[Transition], input: &InputArgs, path: &Path) -> Result<()> {
+        let nearest = |is_good: bool| {
+            let wanted = found.iter().filter(|t| t.quality.is_good() == is_good);
+            wanted.min_by(|x, y| x.candidate.distance.total_cmp(&y.candidate.distance))
+        };
+        let chosen = nearest(true).or_else(|| nearest(false)).ok_or_else(|| {
+            Error::data(
+                Place::file(&self.takes.source),
+                "has no transition to blend",
+            )
+        })?;
+        let [a, b] = chosen.takes.map(|take| excerpt(&self.takes.names[take]));
+        let [i, j] = chosen.candidate.frames;
+        let verdict = match chosen.quality.is_good() {
+            true => "",
+            false => "; no transition is good, this is the nearest",
+        };
+        messages::info(&format!(
+            "blended frame {i} of {a} with frame {j} of {b}{verdict}"
+        ));
+        let name = chosen.takes.map(|take| self.takes.names[take].as_str());
+        let blend = self.blend(chosen.takes, chosen.candidate.frames);
+        let table = Table::from_poses(blend.poses(&name.join(">")));
+        let output = OutputArgs {
+            output: Some(path.to_path_buf()),
+            to: None,
+            out_units: None,
+            out_up: None,
+        };
+        let xyz = table.poses.xyz.view();
+        streams::write_table(&output, input.table_units(), &table, xyz, &[], |_| {
+            Vec::new()
+        })
+    }
+}
+
+impl End {
+    fn new(
+        takes: &MetricTakes,
+        take: usize,
+        metric: &PoseMetric,
+        settings: &TransitionSettings,
+    ) -> Result<End> {
+        let range = takes.poses.takes()[take].clone();
+        // Rates were checked.
+        let rate = takes.takes[take].rate.unwrap_or(0.0);
+        let clip = Clip::new(takes.poses.slice(range), rate, &metric.map)
+            .map_err(|what| Error::data(Place::file(&takes.source), what))?;
+        let can_fade = clip.can_fade(clip.frames_in(settings.over / 2.0));
+        let mut vectors = metric.embed(&takes.takes[take]);
+        for (mut row, can) in vectors.rows_mut().into_iter().zip(&can_fade) {
+            if !can {
+                row.fill(f32::NAN);
+            }
+        }
+        Ok(End {
+            range: ClipRange::measure(&clip),
+            clip,
+            can_fade,
+            vectors,
+        })
+    }
+}
