@@ -31,15 +31,16 @@ cut_takes 09 run.csv > my-takes.csv
 cp truth.csv mine.csv
 posing amc2xyz --asf 09.asf --fps 120 09_06.amc | tail -n +2 | cat truth.csv - > two-people.csv
 awk -F, -v OFS=, 'NR > 160 { $1 = "rest" } 1' truth.csv > two-takes.csv
-{ echo a_take,a_frame,b_take,b_frame,label; for k in $(seq 10 10 150); do echo 07_01,$k,07_01,$((k + 135)),1; done; } > pairs.csv
+# Labelled pairs of the frames of poses.csv.
+{ echo a_take,a_frame,b_take,b_frame,label; for k in $(seq 30); do echo "07_01,$k,07_01,$((k + 100)),1"; echo "07_01,$k,07_01,$((k + 60)),0"; done; } > pairs.csv
 posing rdsr-train -q --unlabelled 100 --pairs pairs.csv -o metric.npz poses.csv
 for joint in Hip=root Chest=thorax Neck=lowerneck Head=head LShoulder=lclavicle LElbow=lhumerus LHand=lwrist LHip=lhipjoint LKnee=lfemur \
   LFoot=ltibia RShoulder=rclavicle RElbow=rhumerus RHand=rwrist RHip=rhipjoint RKnee=rfemur RFoot=rtibia; do
   echo "${joint%=*} = \"${joint#*=}\""
 done > joints.toml
-# Labelled pairs of the frames of poses.csv, and what is done in the takes of walk.csv, poses.csv and two-people.csv.
-{ echo a_take,a_frame,b_take,b_frame,label; for k in $(seq 30); do echo "07_01,$k,07_01,$((k + 100)),1"; echo "07_01,$k,07_01,$((k + 60)),0"; done; } > pairs.csv
-printf 'take,class,subject\n07_01,walk,07\n09_06,run,09\n' > classes.csv
+# Four takes of each of two actions.
+awk -F, -v OFS=, 'NR == 1 || NR % 4 == 0 { if (NR > 1) { k = int(n[$1]++ / 9); $1 = $1 "_" (k > 3 ? 3 : k) } print }' two-people.csv > takes.csv
+{ echo take,class,subject; for k in 0 1 2 3; do echo "07_01_$k,walk,$k"; echo "09_06_$k,run,$k"; done; echo 07_01,walk,07; } > classes.csv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;
 
@@ -55,6 +56,7 @@ const SMALLER: &[(&str, &str)] = &[
         "sparse,ksvd:n=500:k=5,ksvd-omp --tasks",
         "sparse:n=20,ksvd:n=20:k=5 --seeds 1 --frames 20 --tasks",
     ),
+    ("evaluate metric", "evaluate metric --short --pairs 10"),
     (
         "evaluate takes -o",
         "evaluate takes --gaps 1 --lengths 0.1 --points 1 --noise 1 -o",

@@ -34,7 +34,7 @@ use std::process::ExitCode;
     name = "evaluate",
     version,
     args_conflicts_with_subcommands = true,
-    after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --config bench.toml\n  posing evaluate takes -o bench two-people.csv\n  posing evaluate metric --classes classes.csv two-people.csv",
+    after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --config bench.toml\n  posing evaluate takes -o bench two-people.csv\n  posing evaluate metric --classes classes.csv takes.csv",
     after_long_help = include_str!("../cli/evaluate_help.txt")
 )]
 struct Args {

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 #[command(
     name = "pose-distance",
     version,
-    after_help = "Examples:\n  posing pose-distance -m metric.npz walk.csv run.csv\n  posing pose-distance --baseline wjod --all walk.csv run.csv -o distances.csv\n  posing pose-distance -m metric.npz --pairs pairs.csv poses.csv\n  posing pose-distance --baseline ljcd --labels pairs.csv --pairs pairs.csv poses.csv"
+    after_help = "Examples:\n  posing pose-distance -m metric.npz truth.csv restored.csv\n  posing pose-distance --baseline wjod --all truth.csv restored.csv -o distances.csv\n  posing pose-distance -m metric.npz --pairs pairs.csv poses.csv\n  posing pose-distance --baseline ljcd --labels pairs.csv --pairs pairs.csv poses.csv"
 )]
 struct Args {
     #[command(flatten)]
@@ -42,7 +42,7 @@ struct Args {
     /// For a baseline that is learnt: labelled pairs of frames of the input
     #[arg(long, value_name = "PAIRS.csv", requires = "baseline")]
     labels: Option<PathBuf>,
-    /// Pairs of frames of the input: a_take,a_frame,b_take,b_frame[,label]
+    /// Pairs of frames of the input: a_take,a_frame,b_take,b_frame and perhaps label
     #[arg(long, value_name = "PAIRS.csv")]
     pairs: Option<PathBuf>,
     /// Each frame of A with each of B

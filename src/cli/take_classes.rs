@@ -36,7 +36,7 @@ pub fn read(path: &Path) -> Result<HashMap<String, TakeClass>> {
         .trim(csv::Trim::All)
         .from_reader(file.into_reader());
     let mut classes: HashMap<String, TakeClass> = HashMap::new();
-    let head = reader.headers().map(|h| h.clone());
+    let head = reader.headers().cloned();
     let head = head.map_err(|e| Error::data(Place::file(&source), excerpt(&e.to_string())))?;
     for name in ["take", "class"] {
         if !head.iter().any(|h| h == name) {
