@@ -39,7 +39,7 @@ for joint in Hip=root Chest=thorax Neck=lowerneck Head=head LShoulder=lclavicle 
   echo "${joint%=*} = \"${joint#*=}\""
 done > joints.toml
 # Four takes of each of two actions.
-awk -F, -v OFS=, 'NR == 1 || NR % 4 == 0 { if (NR > 1) { k = int(n[$1]++ / 9); $1 = $1 "_" (k > 3 ? 3 : k) } print }' two-people.csv > takes.csv
+awk -F, -v OFS=, 'NR == 1 || NR % 4 == 0 { if (NR > 1) { k = int(n[$1] / 9); n[$1] += 1; $1 = $1 "_" (k > 3 ? 3 : k) } print }' two-people.csv > takes.csv
 { echo take,class,subject; for k in 0 1 2 3; do echo "07_01_$k,walk,$k"; echo "09_06_$k,run,$k"; done; echo 07_01,walk,07; } > classes.csv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;

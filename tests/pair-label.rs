@@ -194,7 +194,7 @@ fn each_failure_is_one_clear_line() {
         "\"lwrist\" (LHand)",
     );
     let twice = table.clone() + walk.split_once('\n').unwrap().1;
-    says(&[], &twice, 1, "two takes are named \"07_01\"");
+    says(&[], &twice, 1, "has take \"07_01\" in two places");
     let untimed = |line: &str| line.splitn(3, ',').nth(2).unwrap().to_string();
     let untimed: Vec<String> = walk.lines().map(untimed).collect();
     says(&[], &untimed.join("\n"), 2, "--fps");

@@ -41,7 +41,7 @@ const PICTURED: [&str; 2] = ["wjod", "gpd+rdsr"];
 /// Tests distances of poses. `progress` is called with what is being done, and how much of the whole is done, 0 to 1.
 ///
 /// # Errors
-/// A phrase: no subject is left to learn from or to test on, or a rule finds no pairs.
+/// A phrase: no subject is left to learn from or to test on, or no rule finds pairs.
 pub fn test(
     set: &TakeSet,
     map: &JointMap,
@@ -62,7 +62,13 @@ pub fn test(
         ..MetricReport::default()
     };
     for (k, rule) in settings.rules.iter().enumerate() {
-        let mut trial = Trial::new(*rule, [&learnt, &tested], map, settings)?;
+        let mut trial = match Trial::new(*rule, [&learnt, &tested], map, settings) {
+            Ok(trial) => trial,
+            Err(why) => {
+                report.left_out.push(why);
+                continue;
+            }
+        };
         let share = |part: f64| (k as f64 + part) / settings.rules.len() as f64;
         trial.run(settings, &mut |what, part| progress(what, share(part)))?;
         report.sheets.extend(trial.sheets);
@@ -71,7 +77,10 @@ pub fn test(
         }
         report.pictures.extend(trial.pictures);
     }
-    Ok(report)
+    match report.sheets.is_empty() {
+        true => Err(report.left_out.join("; ")),
+        false => Ok(report),
+    }
 }
 
 /// The tests of one rule.
@@ -99,7 +108,7 @@ impl<'a> Trial<'a> {
         });
         if pairs.iter().any(Vec::is_empty) {
             return Err(format!(
-                "gives no pairs of both labels by the rule {}: {}",
+                "no pairs of both labels are found by the rule {} ({})",
                 rule.name(),
                 rule.describe()
             ));

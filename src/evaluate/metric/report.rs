@@ -43,6 +43,8 @@ pub struct MetricReport {
     pub takes: [usize; 2],
     /// Tables.
     pub sheets: Vec<Sheet>,
+    /// Why there are no tables for some rules.
+    pub left_out: Vec<String>,
     /// Seconds of each step of the training of the default distance.
     pub seconds: StepSeconds,
     /// Poses found, as HTML.
@@ -67,6 +69,9 @@ impl MetricReport {
             let _ = writeln!(out, "{}", sheet.title);
             out += &aligned(&sheet.lines());
             out.push('\n');
+        }
+        for why in &self.left_out {
+            let _ = writeln!(out, "Left out: {why}.\n");
         }
         if !self.seconds.is_empty() {
             out += "Seconds of a training step (Table 2)\n";
@@ -129,7 +134,7 @@ impl MetricReport {
             .collect();
         let value = json!({
             "learnt": self.learnt, "tested": self.tested, "takes": self.takes,
-            "tables": self.sheets.iter().map(sheet).collect::<Vec<_>>(), "seconds": seconds,
+            "left_out": self.left_out, "tables": self.sheets.iter().map(sheet).collect::<Vec<_>>(), "seconds": seconds,
         });
         format!("{value:#}\n")
     }
@@ -153,6 +158,13 @@ impl MetricReport {
                 "<section><h3>{}</h3>{}</section>",
                 escape(&sheet.title),
                 table(&sheet.lines())
+            );
+        }
+        for why in &self.left_out {
+            let _ = write!(
+                tables,
+                "<section><p>Left out: {}.</p></section>",
+                escape(why)
             );
         }
         let pictures: String = match self.pictures.is_empty() {
