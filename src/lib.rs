@@ -68,6 +68,7 @@
 //! | [`cluster`] | k-means, hierarchical k-means | `pose` |
 //! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, exact search over atoms | `pose` |
 //! | [`metric`] | geometric pose descriptors, how alike two poses are, pairs to label, transitions | `pose` |
+//! | [`body`] | body meshes: parts, pose and shape | `pose` |
 //! | [`prior`] | pose models behind one trait; a file or folder for each; a registry by name | `cluster`, `sparse` |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances, inverse kinematics | `prior` |
 //! | [`evaluate`] | corruption, scores, benchmark, report, figures, player, page of pairs to label | `restore` |
@@ -87,6 +88,7 @@
 //!
 //! `make test` runs all tests, `make bless` writes manual pages and expected outputs again, `make bench` measures speed.
 
+pub mod body;
 pub mod cli;
 pub mod cluster;
 pub mod edit;

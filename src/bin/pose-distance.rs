@@ -17,7 +17,7 @@ use std::process::ExitCode;
 /// each pair of --pairs among the frames of the input, in order. Frames count from 0 within their take. Where the pairs have
 /// labels, a message gives the best share of right decisions by one threshold. A pose that lacks a joint has an empty distance.
 ///
-/// Baselines: jod, wjod, ljod compare rotations of joints; jcd, wjcd, ljcd coordinates; jrf-lms distances of joints; rgf-boost
+/// Baselines: jod, wjod, ljod compare rotations of joints, fitted to points and so without the twist about a bone; jcd, wjcd, ljcd coordinates; jrf-lms distances of joints; rgf-boost
 /// chosen geometric features; game what game engines do. ljod, ljcd, jrf-lms and rgf-boost are learnt from --labels.
 #[derive(Parser)]
 #[command(
@@ -74,6 +74,8 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
+    let others = (args.model.iter()).chain(&args.labels).chain(&args.pairs);
+    input::check_single_stdin_with(&args.input, others)?;
     let model = args
         .model
         .as_ref()
@@ -153,12 +155,18 @@ fn write_pairs(args: &Args, metric: &PoseMetric, takes: &MetricTakes, path: &Pat
         out.write(&line)?;
     }
     out.finish()?;
-    let is_alike: Vec<bool> = pairs.iter().map(|p| p.is_alike).collect();
+    let judged = pairs.iter().zip(&distances).filter(|(_, d)| d.is_finite());
+    let (is_alike, distances): (Vec<bool>, Vec<f32>) =
+        judged.map(|(p, d)| (p.is_alike, *d)).unzip();
+    if is_alike.len() < pairs.len() {
+        let without = pairs.len() - is_alike.len();
+        messages::info(&format!("{without} pairs have no distance: joints missing"));
+    }
     if has_labels && let Some((precision, threshold)) = best_threshold(&distances, &is_alike) {
         messages::info(&format!(
             "{:.1}% of {} pairs are decided right by distances below {threshold:.4}",
             100.0 * precision,
-            pairs.len()
+            is_alike.len()
         ));
     }
     Ok(())

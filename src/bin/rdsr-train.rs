@@ -3,7 +3,7 @@
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs};
 use posing::cli::metric_takes::read_takes;
-use posing::cli::{feature_table, messages, run, streams};
+use posing::cli::{feature_table, input, messages, run, streams};
 use posing::metric::train::Learner;
 use posing::metric::{PoseFeatures, TrainSettings, Trained, train};
 use posing::prior::provenance::{digest, entry};
@@ -14,7 +14,8 @@ use std::process::ExitCode;
 /// Learn how alike poses are from labelled pairs
 ///
 /// Learns a metric, a distance of poses, from pairs of frames that are alike and from poses without labels (RDSR). retrieve,
-/// pose-distance and transition use it. Some 150 pairs are enough; pairs of label 1 alone are enough for rdsr, rca and l2.
+/// pose-distance and transition use it. On 287 takes of eleven actions, precision across people grew up to some 150 pairs; pairs of
+/// label 1 alone are enough for rdsr, rca, nca and l2.
 ///
 /// A label says that two takes show the same around two frames. Within --reach seconds of them, each pose is paired with the
 /// nearest poses of the takes that it is linked to. For labels that hold for one instant only, such as transitions, give a
@@ -50,7 +51,7 @@ struct Args {
     /// How the metric is learnt
     #[arg(long, value_enum, value_name = "METHOD", default_value = "rdsr")]
     learner: LearnerFlag,
-    /// Dimensions of the metric
+    /// Dimensions of the metric, for learners of a projection: all but l2, lms and boost [default: 50]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=2000))]
     rank: Option<u16>,
     /// For rdsr: weight of the pairs against the unlabelled poses [default: 1]
@@ -62,13 +63,14 @@ struct Args {
     /// For rdsr: share of the mean variance added to all directions [default: 0.1; with --paper 1e-6]
     #[arg(long, value_name = "R", value_parser = posing::cli::args::parse_positive)]
     ridge: Option<f64>,
-    /// Poses without labels to learn from, drawn from the input; 0: pairs alone
-    #[arg(long, value_name = "N", default_value_t = 5000)]
-    unlabelled: usize,
+    /// Poses without labels to learn from, drawn from the input, 0 to 20000 (8 N² bytes); 0: pairs alone
+    #[arg(long, value_name = "N", default_value_t = 5000, value_parser = clap::value_parser!(u32).range(..=20_000))]
+    unlabelled: u32,
     /// Seconds about a labelled frame for which its label holds [default: 1; with --paper 0]
     #[arg(long, value_name = "S", value_parser = seconds)]
     reach: Option<f64>,
-    /// The method as published: all features of one frame at unit length, ratio of traces, pairs as labelled
+    /// The method as published: all features of one frame at unit length, ratio of traces, pairs as labelled; finds poses
+    /// across people far worse
     #[arg(long, conflicts_with_all = ["features", "window", "learner", "reach"])]
     paper: bool,
     /// Output file
@@ -138,6 +140,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
+    input::check_single_stdin_with(&args.input, [&args.pairs])?;
     let map = feature_table::joint_map(&args.map)?;
     let settings = settings(args, map.clone());
     let needs_rate = settings.needs_rate();
@@ -180,7 +183,7 @@ fn settings(args: &Args, map: posing::metric::JointMap) -> TrainSettings {
     settings.learner = args.learner.learner();
     settings.window = args.window.unwrap_or(settings.window);
     settings.reach = args.reach.unwrap_or(settings.reach);
-    settings.unlabelled = args.unlabelled;
+    settings.unlabelled = args.unlabelled as usize;
     settings.seed = args.seed.seed;
     let rdsr = &mut settings.rdsr;
     rdsr.rank = args.rank.map_or(rdsr.rank, usize::from);
@@ -199,11 +202,21 @@ fn report(trained: &Trained) {
             "sparse graph: optimality violated by at most {violation:.1e}"
         ));
     }
-    if trained.near == 0 {
-        return;
+    if !trained.has_converged {
+        messages::debug("the steps of the learner ended at their limit");
     }
+    if trained.ignored > 0 {
+        messages::info(&format!(
+            "ignored {} pairs: joints missing",
+            trained.ignored
+        ));
+    }
+    let without = match trained.unlabelled {
+        0 => String::new(),
+        n => format!(", and {n} poses without labels"),
+    };
     messages::info(&format!(
-        "learnt from {} pairs of poses that are alike and {} poses without labels",
-        trained.near, trained.unlabelled
+        "learnt from {} pairs of label 1, {} of label 0{without}",
+        trained.alike, trained.unlike
     ));
 }

@@ -1,7 +1,6 @@
 //! Finds poses like given ones.
 
 use clap::Parser;
-use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::metric_takes::{MetricTakes, read_takes};
 use posing::cli::take_classes::{self, TakeClass};
@@ -10,6 +9,7 @@ use posing::evaluate::figure::strip::{StripPose, strip};
 use posing::io::text::push_f32;
 use posing::metric::nearest::Neighbour;
 use posing::metric::{FrameRef, PoseDatabase, PoseMetric};
+use posing::{Error, Result};
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -69,7 +69,16 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    input::check_single_stdin_with(&args.input, [&args.database, &args.model])?;
+    let others = [&args.database, &args.model]
+        .into_iter()
+        .chain(&args.classes);
+    input::check_single_stdin_with(&args.input, others)?;
+    if let Some(scope) = args.scope.iter().find(|s| **s > args.k) {
+        return Err(Error::usage(format!(
+            "--scope {scope} is above -k {}",
+            args.k
+        )));
+    }
     let model = input::open_model(&args.model)?;
     let metric = PoseMetric::from_model(&model, &args.model.display().to_string())?;
     let needs_rate = metric.needs_rate();

@@ -1,7 +1,7 @@
 //! Finds frames at which one take can go over into another, and blends takes there.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, parse_positive};
+use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::metric_takes::{MetricTakes, read_takes};
 use posing::cli::transition::{Transition, TransitionSettings, Transitions};
 use posing::cli::{feature_table, input, messages, run};
@@ -62,10 +62,10 @@ struct Args {
     #[arg(long, conflicts_with = "at")]
     good: bool,
     /// Seconds between two transitions, in one of the takes at least
-    #[arg(long, value_name = "S", default_value = "0.5", value_parser = parse_positive)]
+    #[arg(long, value_name = "S", default_value = "0.5", value_parser = seconds)]
     apart: f64,
     /// Seconds of the cross-fade
-    #[arg(long, value_name = "S", default_value = "0.3", value_parser = parse_positive)]
+    #[arg(long, value_name = "S", default_value = "0.3", value_parser = seconds)]
     over: f64,
     /// Write the blended take of the nearest good transition to FILE, CSV or NPY
     #[arg(long, value_name = "FILE", help_heading = "Output")]
@@ -82,6 +82,14 @@ fn frames(text: &str) -> std::result::Result<[usize; 2], String> {
     (text.split_once(','))
         .and_then(|(a, b)| Some([frame(a)?, frame(b)?]))
         .ok_or_else(|| "expected two frames such as 120,30".into())
+}
+
+/// Above 0 to 60 seconds.
+fn seconds(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v > 0.0 && v <= 60.0 => Ok(v),
+        _ => Err("expected seconds, above 0 to 60".into()),
+    }
 }
 
 fn main() -> ExitCode {

@@ -236,11 +236,6 @@ impl Gpd {
         }
     }
 
-    /// The families, in order.
-    pub fn families(&self) -> &[Family] {
-        &self.families
-    }
-
     /// The family of each feature.
     pub fn feature_families(&self) -> Vec<Family> {
         let of = |f: &Family| vec![*f; self.features(*f).len()];

@@ -1,8 +1,8 @@
 //! The nearest poses of a database, exactly.
 //!
-//! Squared distances |q|² + |x|² - 2 qᵀx come from products of blocks of queries and poses; of each block only what is nearer than
-//! the k-th so far is kept, and the kept distances are computed again from the differences, since the products cancel for poses
-//! close by. City-block distances are summed directly.
+//! Squared distances |q|² + |x|² - 2 qᵀx come from products of blocks of queries and poses, about the mean of the poses. Products are
+//! rounded, so each distance is known between two bounds; what may be among the k nearest by its lower bound is kept, and is
+//! compared by its differences at the end. City-block distances are summed directly.
 
 use super::pose_metric::Norm;
 use crate::numeric::parallel;
@@ -11,14 +11,18 @@ use ndarray::{Array1, Array2, ArrayView2, s};
 /// Queries and poses of one block.
 const QUERIES: usize = 32;
 const POSES: usize = 2048;
-/// Neighbours that are kept beyond those asked for, since distances by products are rounded.
-const SPARE: usize = 8;
+/// Half the distance of 1 to the next f32.
+const UNIT: f32 = f32::EPSILON / 2.0;
 
 /// Poses as vectors, to be searched.
 #[derive(Debug, Clone)]
 pub struct PoseDatabase {
     /// (poses, dimensions).
     vectors: Array2<f32>,
+    /// The vectors about their mean.
+    centred: Array2<f32>,
+    mean: Array1<f32>,
+    /// Their squared lengths.
     squares: Array1<f32>,
     norm: Norm,
 }
@@ -35,10 +39,13 @@ pub struct Neighbour {
 impl PoseDatabase {
     /// A database of vectors (poses, dimensions). Rows with NaN are never found.
     pub fn new(vectors: Array2<f32>, norm: Norm) -> PoseDatabase {
-        let squares = vectors.rows().into_iter().map(|v| v.dot(&v)).collect();
+        let mean = mean(&vectors);
+        let centred = &vectors - &mean;
         PoseDatabase {
+            squares: centred.rows().into_iter().map(|v| v.dot(&v)).collect(),
             vectors,
-            squares,
+            centred,
+            mean,
             norm,
         }
     }
@@ -58,7 +65,7 @@ impl PoseDatabase {
                 .collect();
         }
         let parts = parallel::map_chunks(queries.nrows(), QUERIES, |range| {
-            let mut best: Vec<Best> = range.clone().map(|_| Best::new(k + SPARE)).collect();
+            let mut best: Vec<Best> = range.clone().map(|_| Best::new(k)).collect();
             for start in (0..self.vectors.nrows()).step_by(POSES) {
                 self.scan(queries, range.clone(), start, &allowed, &mut best);
             }
@@ -78,7 +85,7 @@ impl PoseDatabase {
         allowed: &(impl Fn(usize, usize) -> bool + Sync),
     ) -> Vec<Neighbour> {
         let parts = parallel::map_chunks(self.vectors.nrows(), 8 * POSES, |rows| {
-            let mut best = vec![Best::new(k + SPARE)];
+            let mut best = vec![Best::new(k)];
             for start in rows.clone().step_by(POSES) {
                 self.scan(queries, q..q + 1, start, allowed, &mut best);
             }
@@ -97,25 +104,32 @@ impl PoseDatabase {
         best: &mut [Best],
     ) {
         let end = (start + POSES).min(self.vectors.nrows());
-        let block = self.vectors.slice(s![start..end, ..]);
-        let squares = self.squares.slice(s![start..end]);
-        let own = queries.slice(s![range.clone(), ..]);
-        let products = match self.norm {
-            Norm::Euclidean => own.dot(&block.t()),
-            Norm::City => Array2::from_shape_fn((range.len(), end - start), |(q, x)| {
-                self.norm.distance(own.row(q), block.row(x))
-            }),
-        };
-        for ((q, best), products) in range.zip(best).zip(products.rows()) {
-            for (x, (product, square)) in products.iter().zip(squares).enumerate() {
-                let key = match self.norm {
-                    // |q|² is the same for all.
-                    Norm::Euclidean => square - 2.0 * product,
-                    Norm::City => *product,
-                };
-                // NaN is never below the bound.
-                if key < best.bound && allowed(q, start + x) {
-                    best.offer(start + x, key);
+        match self.norm {
+            Norm::City => {
+                let block = self.vectors.slice(s![start..end, ..]);
+                for (q, best) in range.zip(best) {
+                    for (x, row) in block.rows().into_iter().enumerate() {
+                        let distance = self.norm.distance(queries.row(q), row);
+                        best.offer([distance; 2], start + x, |row| allowed(q, row));
+                    }
+                }
+            }
+            Norm::Euclidean => {
+                let own = &queries.slice(s![range.clone(), ..]) - &self.mean;
+                let products = own.dot(&self.centred.slice(s![start..end, ..]).t());
+                let squares = self.squares.slice(s![start..end]);
+                // The error of a sum of d products is at most that share of the lengths (Higham, Accuracy and Stability of
+                // Numerical Algorithms, 3.1); |q|² is the same for all, and left out.
+                let share = (self.vectors.ncols() + 4) as f32 * UNIT;
+                for (((q, best), own), products) in
+                    range.zip(best).zip(own.rows()).zip(products.rows())
+                {
+                    let slack = share * own.dot(&own);
+                    for (x, (product, square)) in products.iter().zip(squares).enumerate() {
+                        let key = square - 2.0 * product;
+                        let error = 2.0 * share * square + slack;
+                        best.offer([key - error, key + error], start + x, |row| allowed(q, row));
+                    }
                 }
             }
         }
@@ -126,14 +140,14 @@ impl PoseDatabase {
         &self,
         queries: ArrayView2<'_, f32>,
         q: usize,
-        rows: Vec<(f32, usize)>,
+        rows: Vec<Kept>,
         k: usize,
     ) -> Vec<Neighbour> {
         let distance = |row| self.norm.distance(queries.row(q), self.vectors.row(row));
         let mut found: Vec<Neighbour> = (rows.into_iter())
-            .map(|(_, row)| Neighbour {
-                row,
-                distance: distance(row),
+            .map(|kept| Neighbour {
+                row: kept.row,
+                distance: distance(kept.row),
             })
             .collect();
         found.sort_by(|a, b| (a.distance.total_cmp(&b.distance)).then(a.row.cmp(&b.row)));
@@ -142,11 +156,22 @@ impl PoseDatabase {
     }
 }
 
-/// The smallest keys so far, not in order.
+/// A pose that may be among the nearest, and the bounds of its key.
+#[derive(Debug, Clone, Copy)]
+struct Kept {
+    lower: f32,
+    upper: f32,
+    row: usize,
+}
+
+/// What may be among the `most` smallest keys so far, not in order.
 struct Best {
     most: usize,
+    /// No key above it can be among them.
     bound: f32,
-    kept: Vec<(f32, usize)>,
+    /// The length at which what is kept is thinned out.
+    full: usize,
+    kept: Vec<Kept>,
 }
 
 impl Best {
@@ -154,21 +179,43 @@ impl Best {
         Best {
             most,
             bound: f32::INFINITY,
-            kept: Vec::with_capacity(2 * most + 1),
+            full: 2 * most + 16,
+            kept: Vec::new(),
         }
     }
 
-    fn offer(&mut self, row: usize, key: f32) {
-        self.kept.push((key, row));
-        // Thinned out now and then, not at every offer.
-        if self.kept.len() >= 2 * self.most {
-            let order =
-                |a: &(f32, usize), b: &(f32, usize)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1));
-            self.kept.select_nth_unstable_by(self.most - 1, order);
-            self.kept.truncate(self.most);
-            self.bound = self.kept[self.most - 1].0;
+    fn offer(&mut self, [lower, upper]: [f32; 2], row: usize, allowed: impl Fn(usize) -> bool) {
+        // NaN is never below the bound.
+        if lower <= self.bound && allowed(row) {
+            self.kept.push(Kept { lower, upper, row });
+            if self.kept.len() >= self.full {
+                self.thin();
+            }
         }
     }
+
+    fn thin(&mut self) {
+        let by_upper = |a: &Kept, b: &Kept| a.upper.total_cmp(&b.upper);
+        let (_, last, _) = self.kept.select_nth_unstable_by(self.most - 1, by_upper);
+        let bound = last.upper;
+        self.kept.retain(|kept| kept.lower <= bound);
+        self.bound = bound;
+        // Where many poses are equally near, all are kept; thinning must not become the work.
+        self.full = 2 * self.kept.len().max(self.most) + 16;
+    }
+}
+
+/// The mean of the rows that are finite.
+fn mean(vectors: &Array2<f32>) -> Array1<f32> {
+    let mut sum = Array1::<f64>::zeros(vectors.ncols());
+    let mut count = 0.0;
+    for row in vectors.rows() {
+        if row.iter().all(|v| v.is_finite()) {
+            sum.zip_mut_with(&row, |s, v| *s += f64::from(*v));
+            count += 1.0;
+        }
+    }
+    sum.mapv(|s| (s / f64::max(count, 1.0)) as f32)
 }
 
 #[cfg(test)]
@@ -202,6 +249,21 @@ mod tests {
             let one = database.nearest(queries.slice(s![3..4, ..]), 10, |_, row| row % 50 != 3);
             assert_eq!(one[0], many[3]);
         }
+    }
+
+    #[test]
+    fn poses_that_hardly_differ_are_told_apart() {
+        // Far from the origin, and nearer to each other than products tell.
+        let poses = vectors(3000, 3).mapv(|v| 40.0 + 3e-4 * v);
+        let database = PoseDatabase::new(poses.clone(), Norm::Euclidean);
+        let found = database.nearest(poses.slice(s![..200, ..]), 1, |_, _| true);
+        for (q, found) in found.iter().enumerate() {
+            assert_eq!((found[0].row, found[0].distance), (q, 0.0));
+        }
+        let still = Array2::from_elem((3000, 7), 5.0);
+        let database = PoseDatabase::new(still.clone(), Norm::Euclidean);
+        let found = database.nearest(still.slice(s![..20, ..]), 2, |_, _| true);
+        assert!(found.iter().all(|f| f[0].row == 0 && f[1].row == 1));
     }
 
     #[test]

@@ -54,8 +54,6 @@ pub struct Rdsr {
     pub w: Array2<f64>,
     /// The largest violation of optimality of the sparse graph; `None` without unlabelled poses.
     pub violation: Option<f64>,
-    /// The ratio of traces.
-    pub ratio: f64,
     /// Seconds of each step, by name, in order.
     pub seconds: Vec<(&'static str, f64)>,
 }
@@ -74,11 +72,10 @@ pub fn learn(
     let rank = settings.rank.min(d);
     let failed = || "the poses do not vary, or are not finite".to_string();
     if x.nrows() == 0 {
-        let (values, vectors) = symmetric_eigen(alike).ok_or_else(failed)?;
+        let (_, vectors) = symmetric_eigen(alike).ok_or_else(failed)?;
         return Ok(Rdsr {
             w: vectors.slice(s![.., ..rank]).to_owned(),
             violation: None,
-            ratio: 1.0 / values.slice(s![..rank]).sum(),
             seconds: Vec::new(),
         });
     }
@@ -101,9 +98,7 @@ pub fn learn(
     }
     .ok_or_else(failed)?;
     clock.lap("optimum");
-    let trace = |m: &Array2<f64>| (m.dot(&w) * &w).sum();
     Ok(Rdsr {
-        ratio: trace(&a) / trace(&b),
         violation: Some(graph.violation),
         w,
         seconds: clock.laps,

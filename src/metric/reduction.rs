@@ -61,7 +61,7 @@ pub(super) fn all_features(
     let rows = complete_rows(embed(&metric(raw, 1), takes, frames).view());
     if rows.nrows() < 2 {
         return Err(format!(
-            "{} of {} poses show all joints; a metric is learnt from two or more",
+            "shows all joints in {} of {} poses; features are scaled by two or more",
             rows.nrows(),
             frames.len()
         ));

@@ -3,7 +3,7 @@
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
 use super::joint_map::JointMap;
-use super::learners::{TrainingPairs, lmnn, nca, rca, sda, xing};
+use super::learners::{Learnt, TrainingPairs, lmnn, nca, rca, sda, xing};
 use super::local_pairs::{Links, scatter_of_pairs};
 use super::pairs::{FrameRef, LabelledPair, contradiction};
 use super::pose_metric::{PoseMetric, Projection};
@@ -123,10 +123,17 @@ impl TrainSettings {
 pub struct Trained {
     /// The metric.
     pub metric: PoseMetric,
-    /// Unlabelled poses.
+    /// Poses without labels that it is learnt from, beyond the scaling of the features.
     pub unlabelled: usize,
-    /// Pairs of poses that were to be near.
-    pub near: usize,
+    /// Labelled pairs of label 1 and 0 that it is learnt from.
+    pub alike: usize,
+    /// See [`Trained::alike`].
+    pub unlike: usize,
+    /// Labelled pairs that lack joints.
+    pub ignored: usize,
+    /// Whether a learner that goes by steps came to an end before their limit, and the sparse graph is optimal within its
+    /// tolerance.
+    pub has_converged: bool,
     /// The largest violation of optimality of the sparse graph, for a method that has one.
     pub violation: Option<f64>,
     /// Seconds of each step, by name, in order.
@@ -166,7 +173,7 @@ pub fn train(
         clock,
     };
     match settings.learner {
-        Learner::L2 => Ok(training.finish(full, 0, None)),
+        Learner::L2 => Ok(training.finish(full, Used::default())),
         Learner::Lms => training.weights(&full, WeightRule::LeastSquares),
         Learner::Boost => training.weights(&full, WeightRule::Boosting),
         _ => training.projection(&full),
@@ -184,12 +191,15 @@ struct Training<'a> {
 }
 
 impl Training<'_> {
-    fn finish(self, metric: PoseMetric, near: usize, violation: Option<f64>) -> Trained {
+    fn finish(self, metric: PoseMetric, used: Used) -> Trained {
         Trained {
             metric,
-            unlabelled: self.sample.len(),
-            near,
-            violation,
+            unlabelled: used.unlabelled,
+            alike: used.alike,
+            unlike: used.unlike,
+            ignored: used.ignored,
+            has_converged: !used.stopped,
+            violation: used.violation,
             seconds: self.clock.laps,
         }
     }
@@ -202,8 +212,8 @@ impl Training<'_> {
         self.clock.lap("pairs");
         let metric = weights::learn(full, rule, labelled.vectors.view(), &pairs, &is_alike)?;
         self.clock.lap("learning");
-        let near = labelled.alike.len();
-        Ok(self.finish(metric, near, None))
+        let used = labelled.used(self.pairs);
+        Ok(self.finish(metric, used))
     }
 
     /// A projection, learnt among the directions in which poses vary.
@@ -213,14 +223,14 @@ impl Training<'_> {
             false => reduction::range(full, self.takes, &self.sample)?,
         };
         self.clock.lap("principal components");
-        let (w, near, violation) = match self.settings.learner {
+        let (w, used) = match self.settings.learner {
             Learner::Rdsr => self.rdsr(&basis)?,
             _ => self.rival(&basis)?,
         };
-        Ok(self.finish(projected(&basis, w.view()), near, violation))
+        Ok(self.finish(projected(&basis, w.view()), used))
     }
 
-    fn rdsr(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, usize, Option<f64>), String> {
+    fn rdsr(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used), String> {
         let frames: Vec<usize> = self.takes.iter().map(BodyFramePoses::frames).collect();
         let rates: Vec<f64> = self.takes.iter().map(|t| t.rate.unwrap_or(0.0)).collect();
         let links = Links::new(self.pairs, &frames, &rates, self.settings.reach);
@@ -238,10 +248,20 @@ impl Training<'_> {
         };
         let learnt = rdsr::learn(x.view(), &alike, &self.settings.rdsr)?;
         self.clock.laps.extend(learnt.seconds);
-        Ok((learnt.w, near.len(), learnt.violation))
+        let labelled = Labelled::new(self.takes, self.pairs, basis, &[]);
+        let used = Used {
+            unlike: 0,
+            unlabelled: x.nrows(),
+            violation: learnt.violation,
+            stopped: learnt
+                .violation
+                .is_some_and(|v| v > self.settings.rdsr.tolerance),
+            ..labelled.used(self.pairs)
+        };
+        Ok((learnt.w, used))
     }
 
-    fn rival(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, usize, Option<f64>), String> {
+    fn rival(&mut self, basis: &PoseMetric) -> Result<(Array2<f64>, Used), String> {
         let extra = match self.settings.unlabelled {
             0 => &[][..],
             _ => &self.sample[..],
@@ -254,9 +274,16 @@ impl Training<'_> {
             unlike: &labelled.unlike,
         };
         self.clock.lap("pairs");
-        let w = learn_rival(self.settings.learner, &pairs, self.settings.rdsr.rank)?;
+        let learner = self.settings.learner;
+        let learnt = learn_rival(learner, &pairs, self.settings.rdsr.rank)?;
         self.clock.lap("learning");
-        Ok((w, labelled.alike.len(), None))
+        let mut used = labelled.used(self.pairs);
+        used.stopped = !learnt.converged;
+        // The other learners see labelled poses alone.
+        if matches!(learner, Learner::Sda | Learner::Rca) {
+            used.unlabelled = extra.len();
+        }
+        Ok((learnt.w, used))
     }
 
     /// The unlabelled poses that are complete, in a basis (N, d). The paper's are not centred.
@@ -270,11 +297,8 @@ impl Training<'_> {
     }
 }
 
-fn learn_rival(
-    learner: Learner,
-    pairs: &TrainingPairs<'_>,
-    rank: usize,
-) -> Result<Array2<f64>, String> {
+fn learn_rival(learner: Learner, pairs: &TrainingPairs<'_>, rank: usize) -> Result<Learnt, String> {
+    let exact = |w: Array2<f64>| Learnt { w, converged: true };
     let xing = xing::Settings {
         rank,
         ..Default::default()
@@ -296,11 +320,11 @@ fn learn_rival(
         ..Default::default()
     };
     match learner {
-        Learner::Xing => xing::fit(pairs, &xing).map(|learnt| learnt.w),
-        Learner::Sda => sda::fit(pairs, &sda),
-        Learner::Lmnn => lmnn::fit(pairs, &lmnn).map(|learnt| learnt.w),
-        Learner::Nca => nca::fit(pairs, &nca).map(|learnt| learnt.w),
-        _ => rca::fit(pairs, &rca),
+        Learner::Xing => xing::fit(pairs, &xing),
+        Learner::Sda => sda::fit(pairs, &sda).map(exact),
+        Learner::Lmnn => lmnn::fit(pairs, &lmnn),
+        Learner::Nca => nca::fit(pairs, &nca),
+        _ => rca::fit(pairs, &rca).map(exact),
     }
 }
 
@@ -311,7 +335,28 @@ struct Labelled {
     unlike: Vec<[usize; 2]>,
 }
 
+/// What a training made use of.
+#[derive(Default)]
+struct Used {
+    alike: usize,
+    unlike: usize,
+    ignored: usize,
+    unlabelled: usize,
+    violation: Option<f64>,
+    stopped: bool,
+}
+
 impl Labelled {
+    fn used(&self, pairs: &[LabelledPair]) -> Used {
+        let (alike, unlike) = (self.alike.len(), self.unlike.len());
+        Used {
+            alike,
+            unlike,
+            ignored: pairs.len() - alike - unlike,
+            ..Used::default()
+        }
+    }
+
     fn new(
         takes: &[BodyFramePoses],
         pairs: &[LabelledPair],
@@ -370,16 +415,10 @@ fn sample(takes: &[BodyFramePoses], most: usize, seed: u64) -> Vec<FrameRef> {
 
 /// The metric of `basis`, followed by W.
 fn projected(basis: &PoseMetric, w: ArrayView2<'_, f64>) -> PoseMetric {
-    let projection = match &basis.projection {
-        Projection::Matrix(m) => product(m.mapv(f64::from).view(), w),
-        Projection::Weights(weights) => {
-            let mut w = w.to_owned();
-            for (mut row, weight) in w.rows_mut().into_iter().zip(weights) {
-                row *= f64::from(*weight);
-            }
-            w
-        }
+    let Projection::Matrix(basis_matrix) = &basis.projection else {
+        return basis.clone();
     };
+    let projection = product(basis_matrix.mapv(f64::from).view(), w);
     PoseMetric {
         projection: Projection::Matrix(projection.mapv(|v| v as f32)),
         ..basis.clone()

@@ -9,3 +9,4 @@ pub mod pchip;
 pub mod product;
 pub mod simd;
 pub mod small_linalg;
+pub mod sparse_cholesky;

@@ -125,6 +125,32 @@ pub fn from_rotation_vector(v: DVec3) -> DMat3 {
     DMat3::from_axis_angle(v / angle, angle)
 }
 
+/// The rotation vector of a rotation, 0 to π long, radians: the inverse of [`from_rotation_vector`].
+///
+/// The angle is found by its sine and cosine both, the axis near π from the symmetric part: an arc cosine loses half of the digits
+/// at both ends.
+pub fn rotation_vector(r: &DMat3) -> DVec3 {
+    let skew = DVec3::new(
+        r.y_axis.z - r.z_axis.y,
+        r.z_axis.x - r.x_axis.z,
+        r.x_axis.y - r.y_axis.x,
+    ) / 2.0;
+    let cosine = (r.x_axis.x + r.y_axis.y + r.z_axis.z - 1.0) / 2.0;
+    let angle = skew.length().atan2(cosine);
+    if cosine > -0.9 {
+        let sine = skew.length();
+        return skew * if sine > 1e-9 { angle / sine } else { 1.0 };
+    }
+    // (1 - cos) n nᵀ is the symmetric part less cos I; its longest column is the best seen.
+    let outer = (*r + r.transpose()) * 0.5 - DMat3::from_diagonal(DVec3::splat(cosine));
+    let columns = [outer.x_axis, outer.y_axis, outer.z_axis];
+    let longest = columns
+        .into_iter()
+        .max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let axis = longest.unwrap_or(DVec3::X).normalize_or(DVec3::X);
+    angle * if axis.dot(skew) < 0.0 { -axis } else { axis }
+}
+
 /// The angle between two rotations, 0 to pi.
 pub fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
     let d = a.transpose() * *b;
@@ -188,6 +214,40 @@ pub fn angles_zyx_between(start: &DMat3, now: &DMat3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_rotation_vector_is_given_back_at_0_and_at_pi_too() {
+        use std::f64::consts::PI;
+        for angle in [
+            0.0,
+            1e-12,
+            1e-7,
+            1e-3,
+            1.0,
+            2.5,
+            2.8,
+            PI - 1e-3,
+            PI - 1e-7,
+            PI,
+        ] {
+            for axis in [
+                DVec3::X,
+                DVec3::new(1.0, -2.0, 0.5),
+                DVec3::new(-1e-3, 1.0, 1.0),
+            ] {
+                let v = angle * axis.normalize();
+                let r = from_rotation_vector(v);
+                let found = rotation_vector(&r);
+                let back = from_rotation_vector(found);
+                assert!(back.abs_diff_eq(r, 1e-12), "{angle}: {found}");
+                let same = (found - v).length().min((found + v).length());
+                assert!(
+                    same <= 1e-9 && (angle == PI || (found - v).length() <= 1e-9),
+                    "{v} {found}"
+                );
+            }
+        }
+    }
 
     fn orders() -> Vec<[Axis; 3]> {
         ["xyz", "xzy", "yxz", "yzx", "zxy", "zyx"]

@@ -169,7 +169,8 @@ impl<'a> Trial<'a> {
                 done += 1.0;
             }
             self.sheets.push(sheet);
-            if self.rule == LabelRule::Class && !pictured.is_empty() {
+            // Of the first table: a later one has the default again.
+            if self.rule == LabelRule::Class && self.pictures.is_none() {
                 self.pictures = Some(pictures::draw(&pictured, self.learnt, self.tested));
             }
         }
@@ -178,7 +179,7 @@ impl<'a> Trial<'a> {
 
     fn fit(&mut self, method: &Method) -> Result<PoseMetric, String> {
         let (metric, seconds) = method.fit(self.map, &self.learnt.takes, &self.pairs[0])?;
-        if method.name == "gpd+rdsr" {
+        if method.name == "gpd+rdsr" && self.seconds.is_empty() {
             self.seconds = seconds;
         }
         Ok(metric)

@@ -191,7 +191,7 @@ fn nothing_near(takes: &[BodyFramePoses], rates: &[f64], rules: &PairRules) -> S
         false => format!("of different takes or {APART} s apart"),
     };
     format!(
-        "no two poses {where_from} are within {} cm; see --near",
+        "no two poses {where_from} that differ are within {} cm; see --near",
         rules.near
     )
 }

@@ -1,0 +1,142 @@
+//! How flesh follows the joints: the matrix Q of each triangle, from the rotations at the joints nearest to it.
+//!
+//! The twist of a joint is the rotation vector of R_aᵀ R_b, of its two parts. Each of the nine numbers of Q_k is an affine function
+//! of the twists of the joints nearest to the TRIANGLE, learnt by least squares from decomposed poses. (The paper takes the two
+//! joints nearest to the triangle's part, which errs by half as much again.)
+
+use super::template::Template;
+use crate::numeric::linalg::Cholesky;
+use crate::numeric::parallel;
+use crate::pose::rotation::rotation_vector;
+use glam::{DMat3, DVec3};
+use ndarray::{Array2, s};
+use std::collections::BTreeMap;
+
+/// Joints that a triangle follows.
+pub const NEAREST_JOINTS: usize = 4;
+/// The share of the mean diagonal that is added to the normal matrix.
+const RIDGE: f64 = 1e-4;
+
+/// Predicts the Q of all triangles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PoseModel {
+    /// The joints that each triangle follows (P, J), of [`Template::joints`].
+    pub joints: Vec<Vec<usize>>,
+    /// (P, 9 (3 J + 1)): for each number of Q, by columns, a factor for each twist's components, then the constant.
+    pub coefficients: Array2<f32>,
+}
+
+/// The twist of each joint.
+pub fn twists(template: &Template, rotations: &[DMat3]) -> Vec<DVec3> {
+    let twist = |parts: [usize; 2]| {
+        rotation_vector(&(rotations[parts[0]].transpose() * rotations[parts[1]]))
+    };
+    template.joints.iter().map(|j| twist(j.parts)).collect()
+}
+
+impl PoseModel {
+    /// Learns from poses: the rotations of the parts, and the Q of the triangles, of each. `nearest` joints are followed.
+    ///
+    /// # Errors
+    /// A phrase: there is no pose.
+    pub fn learn(
+        template: &Template,
+        poses: &[(Vec<DMat3>, Vec<DMat3>)],
+        nearest: usize,
+    ) -> Result<PoseModel, String> {
+        if poses.is_empty() {
+            return Err("a pose model is learnt from one pose or more; none is given".into());
+        }
+        let joints: Vec<Vec<usize>> = (template.faces.iter())
+            .map(|f| nearest_joints(template, f, nearest))
+            .collect();
+        let twists: Vec<Vec<DVec3>> = poses.iter().map(|(r, _)| twists(template, r)).collect();
+        let mut groups: BTreeMap<&[usize], Vec<usize>> = BTreeMap::new();
+        for (k, joints) in joints.iter().enumerate() {
+            groups.entry(joints).or_default().push(k);
+        }
+        let groups: Vec<(&[usize], Vec<usize>)> = groups.into_iter().collect();
+        let width = 3 * nearest.min(template.joints.len()) + 1;
+        let mut coefficients = Array2::zeros((template.faces.len(), 9 * width));
+        let learnt = parallel::map_chunks(groups.len(), 1, |range| {
+            groups[range]
+                .iter()
+                .map(|(joints, faces)| learn_group(joints, faces, &twists, poses))
+                .collect::<Vec<_>>()
+        });
+        for ((_, faces), learnt) in groups.iter().zip(learnt.into_iter().flatten()) {
+            // (width, 9 faces).
+            let learnt = learnt.ok_or("the rotations of the poses are not finite")?;
+            for (f, face) in faces.iter().enumerate() {
+                for entry in 0..9 {
+                    let column = learnt.slice(s![.., 9 * f + entry]).mapv(|v| v as f32);
+                    let to = s![*face, entry * width..(entry + 1) * width];
+                    coefficients.slice_mut(to).assign(&column);
+                }
+            }
+        }
+        Ok(PoseModel {
+            joints,
+            coefficients,
+        })
+    }
+
+    /// The Q of each triangle for rotations of the parts.
+    pub fn deformations(&self, template: &Template, rotations: &[DMat3]) -> Vec<DMat3> {
+        let twists = twists(template, rotations);
+        let width = self.coefficients.ncols() / 9;
+        let parts = parallel::map_chunks(self.joints.len(), 1024, |range| {
+            let mut out = Vec::with_capacity(range.len());
+            let mut inputs = vec![1.0; width];
+            for k in range {
+                for (to, joint) in inputs.chunks_exact_mut(3).zip(&self.joints[k]) {
+                    to.copy_from_slice(&twists[*joint].to_array());
+                }
+                let row = self.coefficients.row(k);
+                let row = row.as_slice().unwrap_or(&[]);
+                let mut q = [0.0; 9];
+                for (q, factors) in q.iter_mut().zip(row.chunks_exact(width)) {
+                    *q = factors
+                        .iter()
+                        .zip(&inputs)
+                        .map(|(f, x)| f64::from(*f) * x)
+                        .sum();
+                }
+                out.push(DMat3::from_cols_array(&q));
+            }
+            out
+        });
+        parts.concat()
+    }
+}
+
+fn nearest_joints(template: &Template, face: &[usize; 3], count: usize) -> Vec<usize> {
+    let middle = face.iter().map(|v| template.vertices[*v]).sum::<DVec3>() / 3.0;
+    let distance = |j: &usize| (template.joints[*j].at - middle).length();
+    let mut joints: Vec<usize> = (0..template.joints.len()).collect();
+    joints.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    joints.truncate(count);
+    joints.sort_unstable();
+    joints
+}
+
+/// The factors of the triangles that follow one set of joints (width, 9 triangles).
+fn learn_group(
+    joints: &[usize],
+    faces: &[usize],
+    twists: &[Vec<DVec3>],
+    poses: &[(Vec<DMat3>, Vec<DMat3>)],
+) -> Option<Array2<f64>> {
+    let width = 3 * joints.len() + 1;
+    let inputs = Array2::from_shape_fn((poses.len(), width), |(i, c)| match c + 1 == width {
+        true => 1.0,
+        false => twists[i][joints[c / 3]][c % 3],
+    });
+    let outputs = Array2::from_shape_fn((poses.len(), 9 * faces.len()), |(i, c)| {
+        poses[i].1[faces[c / 9]].to_cols_array()[c % 9]
+    });
+    let mut normal = inputs.t().dot(&inputs);
+    let ridge = RIDGE * normal.diag().sum() / width as f64;
+    normal.diag_mut().mapv_inplace(|v| v + ridge);
+    Cholesky::new(normal)?.solve(&inputs.t().dot(&outputs))
+}
