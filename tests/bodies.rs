@@ -24,7 +24,7 @@ fn numbers(archive: &mut zip::ZipArchive<std::fs::File>, name: &str, size: usize
     let number = |b: &[u8]| match *b {
         [a] => i64::from(a as i8),
         [a, b] => i64::from(i16::from_le_bytes([a, b])),
-        _ => i64::from(i32::from_le_bytes(b.try_into().unwrap())),
+        _ => unreachable!("integers of one or two bytes"),
     };
     bytes[head..].chunks_exact(size).map(number).collect()
 }
@@ -32,7 +32,7 @@ fn numbers(archive: &mut zip::ZipArchive<std::fs::File>, name: &str, size: usize
 fn bodies() -> Option<Bodies> {
     let path = common::shared("data/bodies/makehuman-40-people-40-poses.npz")?;
     let mut archive = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
-    let faces = numbers(&mut archive, "faces", 4);
+    let faces = numbers(&mut archive, "faces", 2);
     let parts: Vec<usize> = (numbers(&mut archive, "part", 1).iter())
         .map(|p| *p as usize)
         .collect();
