@@ -14,8 +14,9 @@ use std::process::ExitCode;
 /// Learn how alike poses are from labelled pairs
 ///
 /// Learns a metric, a distance of poses, from pairs of frames that are alike and from poses without labels (RDSR). retrieve,
-/// pose-distance and transition use it. On 287 takes of eleven actions, precision across people grew up to some 150 pairs; pairs of
-/// label 1 alone are enough for rdsr, rca, nca and l2.
+/// pose-distance and transition use it. More pairs help slowly: of ten poses found
+/// across people .881 were of the right action with 50 pairs, .887 with 150, .893 with 500 (HDM05). Pairs of label 1 alone are
+/// enough for rdsr, rca, nca and l2.
 ///
 /// A label says that two takes show the same around two frames. Within --reach seconds of them, each pose is paired with the
 /// nearest poses of the takes that it is linked to. For labels that hold for one instant only, such as transitions, give a

@@ -8,7 +8,7 @@ use crate::io::text::excerpt;
 use crate::metric::{BodyFramePoses, FrameRef, JointMap, LabelledPair, PoseMetric};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
-use ndarray::{Array2, Axis, concatenate};
+use ndarray::Array2;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
@@ -88,15 +88,7 @@ fn report_rates(rates: &[Option<f64>], source: &str) {
 impl MetricTakes {
     /// Every `every`-th frame of each take by a metric: which frames, and their vectors.
     pub fn embed(&self, metric: &PoseMetric, every: usize) -> (Vec<FrameRef>, Array2<f32>) {
-        let mut rows = Vec::new();
-        let mut parts = Vec::new();
-        for (take, poses) in self.takes.iter().enumerate() {
-            let frames: Vec<usize> = (0..poses.frames()).step_by(every).collect();
-            parts.push(metric.embed_frames(poses, &frames));
-            rows.extend(frames.into_iter().map(|frame| FrameRef { take, frame }));
-        }
-        let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
-        (rows, concatenate(Axis(0), &views).unwrap_or_default())
+        metric.embed_takes(&self.takes, |_| every)
     }
 
     /// Appends a frame's take and number as two cells.

@@ -3,6 +3,7 @@
 use super::body_frame::BodyFramePoses;
 use super::features::PoseFeatures;
 use super::joint_map::JointMap;
+use super::pairs::FrameRef;
 use super::scaling::Scaling;
 use crate::numeric::product::product;
 use ndarray::{Array2, ArrayView1, Axis, s};
@@ -112,6 +113,25 @@ impl PoseMetric {
             }
         }
         out
+    }
+
+    /// Some frames of each take, one after another: which they are, and their vectors. `step` says how many frames of a take lie
+    /// from one to the next, at least 1.
+    pub fn embed_takes(
+        &self,
+        takes: &[BodyFramePoses],
+        step: impl Fn(&BodyFramePoses) -> usize,
+    ) -> (Vec<FrameRef>, Array2<f32>) {
+        let (mut rows, mut parts) = (Vec::new(), Vec::new());
+        for (take, poses) in takes.iter().enumerate() {
+            let frames: Vec<usize> = (0..poses.frames()).step_by(step(poses)).collect();
+            parts.push(self.embed_frames(poses, &frames));
+            rows.extend(frames.into_iter().map(|frame| FrameRef { take, frame }));
+        }
+        let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
+        // All have the metric's dimensions.
+        let vectors = ndarray::concatenate(Axis(0), &views).unwrap_or_default();
+        (rows, vectors)
     }
 
     /// The scaled features of frames, multiplied with each part of the projection.

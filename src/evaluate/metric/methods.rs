@@ -95,14 +95,15 @@ impl Methods {
             window: 0.0,
             ..self.default.clone()
         };
+        let published = TrainSettings {
+            seed: self.default.seed,
+            ..TrainSettings::paper(self.map.clone())
+        };
         baselines
             .chain([
                 Method::trained("coordinates, one frame", coordinates(0.0)),
                 Method::trained("coordinates, window", coordinates(WINDOW)),
-                Method::trained(
-                    "gpd+rdsr as published",
-                    TrainSettings::paper(self.map.clone()),
-                ),
+                Method::trained("gpd+rdsr as published", published),
                 Method::trained("gpd+rdsr, one frame", one_frame),
                 self.default_method(),
             ])

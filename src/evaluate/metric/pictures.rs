@@ -1,15 +1,13 @@
 //! Poses found by distances, drawn beside their queries.
 
+use super::score;
 use super::takes::TakeSet;
 use crate::evaluate::figure::strip::{StripPose, strip};
 use crate::metric::{FrameRef, PoseDatabase, PoseMetric};
-use ndarray::{Axis, concatenate};
 
 /// Queries of one picture, and poses found for each.
 const QUERIES: usize = 4;
 const FOUND: usize = 8;
-/// One frame in so many is searched.
-const EVERY: usize = 6;
 
 /// For each distance, the poses of `searched` found for poses amid takes of `queries`, as SVG with headings.
 pub fn draw(metrics: &[(String, PoseMetric)], searched: &TakeSet, queries: &TakeSet) -> String {
@@ -40,25 +38,8 @@ fn rows(
     queries: &TakeSet,
     asked: &[FrameRef],
 ) -> Vec<Vec<StripPose>> {
-    let frames: Vec<Vec<usize>> = (searched.takes.iter())
-        .map(|t| (0..t.frames()).step_by(EVERY).collect())
-        .collect();
-    let parts: Vec<_> = (searched.takes.iter().zip(&frames))
-        .map(|(take, frames)| metric.embed_frames(take, frames))
-        .collect();
-    let at: Vec<FrameRef> = (frames.iter().enumerate())
-        .flat_map(|(take, frames)| {
-            frames.iter().map(move |frame| FrameRef {
-                take,
-                frame: *frame,
-            })
-        })
-        .collect();
-    let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
-    let database = PoseDatabase::new(
-        concatenate(Axis(0), &views).unwrap_or_default(),
-        metric.norm,
-    );
+    let (at, vectors) = metric.embed_takes(&searched.takes, score::step);
+    let database = PoseDatabase::new(vectors, metric.norm);
     let pose = |set: &TakeSet, at: FrameRef, class: Option<&str>| StripPose {
         joints: set.takes[at.take].frame(at.frame),
         caption: set.about[at.take].class.clone(),

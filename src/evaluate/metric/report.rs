@@ -114,7 +114,7 @@ impl MetricReport {
         out
     }
 
-    /// All results.
+    /// The tables, the seconds and the subjects as JSON.
     pub fn json(&self) -> String {
         let cell = |cell: &Cell| match cell {
             Ok(p) => json!({"precision": p.mean, "interval": p.interval, "takes": p.takes}),

@@ -2,9 +2,9 @@
 
 use super::takes::TakeSet;
 use crate::metric::pairs::best_threshold;
-use crate::metric::{FrameRef, LabelledPair, PoseDatabase, PoseMetric};
+use crate::metric::{BodyFramePoses, FrameRef, LabelledPair, PoseDatabase, PoseMetric};
 use crate::numeric::parallel;
-use ndarray::{Array2, Axis, concatenate};
+use ndarray::Array2;
 use rand::Rng;
 
 /// Poses that are asked for and searched, a second.
@@ -50,21 +50,17 @@ impl Precision {
     }
 }
 
-/// Every so many frames of each take as vectors.
+/// Frames of each take as vectors, [`RATE`] a second.
 fn embed(metric: &PoseMetric, set: &TakeSet) -> (Vec<FrameRef>, Array2<f32>) {
-    let mut rows = Vec::new();
-    let mut parts = Vec::new();
-    for (take, poses) in set.takes.iter().enumerate() {
-        let step = (poses.rate.unwrap_or(RATE) / RATE).round().max(1.0) as usize;
-        let frames: Vec<usize> = (0..poses.frames()).step_by(step).collect();
-        parts.push(metric.embed_frames(poses, &frames));
-        rows.extend(frames.into_iter().map(|frame| FrameRef { take, frame }));
-    }
-    let views: Vec<_> = parts.iter().map(|p| p.view()).collect();
-    (rows, concatenate(Axis(0), &views).unwrap_or_default())
+    metric.embed_takes(&set.takes, step)
 }
 
-/// The share of the poses found in the takes of other people that are of the query's class, at each of [`SCOPES`]: each take counts
+/// The frames of a take from one that is asked for, or searched, to the next.
+pub(super) fn step(take: &BodyFramePoses) -> usize {
+    (take.rate.unwrap_or(RATE) / RATE).round().max(1.0) as usize
+}
+
+/// The share of the poses found in `searched`, takes of other people than those of `queries`, that are of the query's class, at each of [`SCOPES`]: each take counts
 /// once.
 pub fn retrieval(
     metric: &PoseMetric,
@@ -75,9 +71,7 @@ pub fn retrieval(
     let (query_rows, query_vectors) = embed(metric, queries);
     let most = SCOPES[SCOPES.len() - 1];
     let found =
-        PoseDatabase::new(vectors, metric.norm).nearest(query_vectors.view(), most, |q, r| {
-            searched.about[rows[r].take].subject != queries.about[query_rows[q].take].subject
-        });
+        PoseDatabase::new(vectors, metric.norm).nearest(query_vectors.view(), most, |_, _| true);
     let precision = |scope: usize| {
         let mut takes = vec![(0.0, 0.0); queries.takes.len()];
         for (query, found) in query_rows.iter().zip(&found) {
