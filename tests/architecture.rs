@@ -12,7 +12,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
     ("cluster", &["pose", "numeric"]),
     ("sparse", &["pose", "numeric"]),
     ("metric", &["pose", "numeric", "io"]),
-    ("body", &["pose", "numeric"]),
+    ("body", &["pose", "numeric", "io"]),
     // A prior is made from a model, a restoration changes a table: of io some rooms may name `IO_TYPES` only.
     (
         "prior",
@@ -50,6 +50,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
 /// Rooms that know only some types of io: data that they are made from or turned into.
 const IO_TYPES: &[(&str, &[&str])] = &[
     ("metric", &["io::Model"]),
+    ("body", &["io::Model"]),
     ("prior", &["io::Model", "io::model"]),
     (
         "restore",

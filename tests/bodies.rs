@@ -2,70 +2,22 @@
 
 mod common;
 
-use glam::{DMat3, DVec3};
+#[path = "common/bodies.rs"]
+mod shared;
+
+use glam::DMat3;
 use posing::body::decomposition::{SMOOTHNESS, synthesise};
-use posing::body::pose_model::NEAREST_JOINTS;
+use posing::body::pose_model::Follows;
 use posing::body::{Decomposer, PoseModel, Template};
-use std::io::Read;
-
-/// The shared meshes, centimetres.
-struct Bodies {
-    poses: Vec<Vec<DVec3>>,
-    faces: Vec<[usize; 3]>,
-    parts: Vec<usize>,
-}
-
-/// The numbers of an array of the archive: little-endian integers of `size` bytes.
-fn numbers(archive: &mut zip::ZipArchive<std::fs::File>, name: &str, size: usize) -> Vec<i64> {
-    let mut bytes = Vec::new();
-    let mut entry = archive.by_name(&format!("{name}.npy")).unwrap();
-    entry.read_to_end(&mut bytes).unwrap();
-    let head = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    let number = |b: &[u8]| match *b {
-        [a] => i64::from(a as i8),
-        [a, b] => i64::from(i16::from_le_bytes([a, b])),
-        _ => unreachable!("integers of one or two bytes"),
-    };
-    bytes[head..].chunks_exact(size).map(number).collect()
-}
-
-fn bodies() -> Option<Bodies> {
-    let path = common::shared("data/bodies/makehuman-40-people-40-poses.npz")?;
-    let mut archive = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
-    let faces = numbers(&mut archive, "faces", 2);
-    let parts: Vec<usize> = (numbers(&mut archive, "part", 1).iter())
-        .map(|p| *p as usize)
-        .collect();
-    // Whole multiples of 50 micrometres.
-    let poses: Vec<DVec3> = (numbers(&mut archive, "poses", 2).chunks_exact(3))
-        .map(|c| 5e-3 * DVec3::new(c[0] as f64, c[1] as f64, c[2] as f64))
-        .collect();
-    Some(Bodies {
-        poses: poses.chunks_exact(parts.len()).map(<[_]>::to_vec).collect(),
-        faces: faces
-            .chunks_exact(3)
-            .map(|f| [f[0], f[1], f[2]].map(|v| v as usize))
-            .collect(),
-        parts,
-    })
-}
-
-/// The mean distance of vertices, mm, after their means are put together.
-fn error(found: &[DVec3], truth: &[DVec3]) -> f64 {
-    let n = truth.len() as f64;
-    let shift = (truth.iter().sum::<DVec3>() - found.iter().sum::<DVec3>()) / n;
-    let far = found
-        .iter()
-        .zip(truth)
-        .map(|(a, b)| (*a + shift - *b).length());
-    10.0 * far.sum::<f64>() / n
-}
+use shared::{errors, mean};
 
 #[test]
 fn poses_are_decomposed_and_predicted_from_their_rotations() {
-    let Some(bodies) = bodies() else {
+    let Some(path) = common::shared("data/bodies/makehuman-40-people-40-poses.npz") else {
         return common::skipped("bodies: ../shared/data/bodies is not there");
     };
+    let bodies = shared::read(&path);
+    let error = |a: &[_], b: &[_]| mean(&errors(a, b));
     let template = Template::new(bodies.poses[0].clone(), bodies.faces, bodies.parts).unwrap();
     assert_eq!((template.parts(), template.joints.len()), (16, 15));
     let decomposer = Decomposer::new(&template, SMOOTHNESS).unwrap();
@@ -76,13 +28,13 @@ fn poses_are_decomposed_and_predicted_from_their_rotations() {
             (rotations, q)
         })
         .collect();
-    let mean = |errors: Vec<f64>| errors.iter().sum::<f64>() / errors.len() as f64;
+    let mean = |errors: Vec<f64>| mean(&errors);
     let back = |k: usize| synthesise(&template, &decomposed[k].0, &decomposed[k].1);
     let exact = mean((0..40).map(|k| error(&back(k), &bodies.poses[k])).collect());
     // Every fourth pose is held out.
     let (test, train): (Vec<usize>, Vec<usize>) = (0..40).partition(|k| k % 4 == 1);
     let training: Vec<_> = train.iter().map(|k| decomposed[*k].clone()).collect();
-    let model = PoseModel::learn(&template, &training, NEAREST_JOINTS).unwrap();
+    let model = PoseModel::learn(&template, &training, Follows::default()).unwrap();
     let predicted = |k: &usize| {
         let rotations = &decomposed[*k].0;
         let q = model.deformations(&template, rotations);

@@ -4,12 +4,24 @@
 //! SIGGRAPH 2005.
 //!
 //! A [`template`] is a mesh in rigid parts; [`decomposition`] describes another mesh of its topology by a rotation a part and a matrix a
-//! triangle; [`pose_model`] predicts these matrices from the rotations at the joints.
+//! triangle; [`pose_model`] predicts these matrices from the rotations at the joints, [`shape_model`] what is left between people.
+//! [`body_model`] holds all of them, and makes meshes; [`train`](mod@train) learns it.
 
+pub mod body_model;
+pub mod completion;
 pub mod decomposition;
+pub mod file;
+pub mod fit;
+pub mod marker_model;
+pub mod part_finding;
 pub mod pose_model;
+pub mod shape_model;
 pub mod template;
+pub mod train;
 
+pub use body_model::BodyModel;
 pub use decomposition::Decomposer;
+pub use marker_model::{Marker, MarkerModel};
 pub use pose_model::PoseModel;
+pub use shape_model::ShapeModel;
 pub use template::Template;

@@ -12,10 +12,23 @@ use glam::{DMat3, DVec3};
 use ndarray::{Array2, s};
 use std::collections::BTreeMap;
 
-/// Joints that a triangle follows.
-pub const NEAREST_JOINTS: usize = 4;
+/// The joints that a triangle follows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Follows {
+    /// The joints nearest to the triangle: this many.
+    OfTriangle(usize),
+    /// The joints nearest to the middle of the triangle's part (the paper's two).
+    OfPart(usize),
+}
+
+impl Default for Follows {
+    fn default() -> Self {
+        Follows::OfTriangle(4)
+    }
+}
+
 /// The share of the mean diagonal that is added to the normal matrix.
-const RIDGE: f64 = 1e-4;
+const RIDGE: f64 = 1e-6;
 
 /// Predicts the Q of all triangles.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,37 +39,36 @@ pub struct PoseModel {
     pub coefficients: Array2<f32>,
 }
 
-/// The twist of each joint.
-pub fn twists(template: &Template, rotations: &[DMat3]) -> Vec<DVec3> {
-    let twist = |parts: [usize; 2]| {
-        rotation_vector(&(rotations[parts[0]].transpose() * rotations[parts[1]]))
-    };
-    template.joints.iter().map(|j| twist(j.parts)).collect()
+/// The twist of each joint, of its two parts.
+pub fn twists(joints: &[[usize; 2]], rotations: &[DMat3]) -> Vec<DVec3> {
+    let twist = |[a, b]: &[usize; 2]| rotation_vector(&(rotations[*a].transpose() * rotations[*b]));
+    joints.iter().map(twist).collect()
 }
 
 impl PoseModel {
-    /// Learns from poses: the rotations of the parts, and the Q of the triangles, of each. `nearest` joints are followed.
+    /// Learns from poses: the rotations of the parts, and the Q of the triangles, of each.
     ///
     /// # Errors
     /// A phrase: there is no pose.
     pub fn learn(
         template: &Template,
         poses: &[(Vec<DMat3>, Vec<DMat3>)],
-        nearest: usize,
+        follows: Follows,
     ) -> Result<PoseModel, String> {
         if poses.is_empty() {
             return Err("a pose model is learnt from one pose or more; none is given".into());
         }
-        let joints: Vec<Vec<usize>> = (template.faces.iter())
-            .map(|f| nearest_joints(template, f, nearest))
+        let joints = followed_joints(template, follows);
+        let twists: Vec<Vec<DVec3>> = poses
+            .iter()
+            .map(|(r, _)| twists(&template.joint_parts(), r))
             .collect();
-        let twists: Vec<Vec<DVec3>> = poses.iter().map(|(r, _)| twists(template, r)).collect();
         let mut groups: BTreeMap<&[usize], Vec<usize>> = BTreeMap::new();
         for (k, joints) in joints.iter().enumerate() {
             groups.entry(joints).or_default().push(k);
         }
         let groups: Vec<(&[usize], Vec<usize>)> = groups.into_iter().collect();
-        let width = 3 * nearest.min(template.joints.len()) + 1;
+        let width = 3 * joints[0].len() + 1;
         let mut coefficients = Array2::zeros((template.faces.len(), 9 * width));
         let learnt = parallel::map_chunks(groups.len(), 1, |range| {
             groups[range]
@@ -81,9 +93,19 @@ impl PoseModel {
         })
     }
 
+    /// What Q of triangle `k` is multiplied by each of its inputs: the components of its joints' twists, then 1.
+    pub fn terms(&self, k: usize) -> impl Iterator<Item = DMat3> + '_ {
+        let width = self.coefficients.ncols() / 9;
+        let term = move |t: usize| {
+            let entry = |e: usize| f64::from(self.coefficients[[k, e * width + t]]);
+            DMat3::from_cols_array(&std::array::from_fn(entry))
+        };
+        (0..width).map(term)
+    }
+
     /// The Q of each triangle for rotations of the parts.
     pub fn deformations(&self, template: &Template, rotations: &[DMat3]) -> Vec<DMat3> {
-        let twists = twists(template, rotations);
+        let twists = twists(&template.joint_parts(), rotations);
         let width = self.coefficients.ncols() / 9;
         let parts = parallel::map_chunks(self.joints.len(), 1024, |range| {
             let mut out = Vec::with_capacity(range.len());
@@ -110,8 +132,32 @@ impl PoseModel {
     }
 }
 
-fn nearest_joints(template: &Template, face: &[usize; 3], count: usize) -> Vec<usize> {
-    let middle = face.iter().map(|v| template.vertices[*v]).sum::<DVec3>() / 3.0;
+fn followed_joints(template: &Template, follows: Follows) -> Vec<Vec<usize>> {
+    let middle = |vertices: &mut dyn Iterator<Item = &usize>| {
+        let (sum, n) = vertices.fold((DVec3::ZERO, 0.0), |(sum, n), v| {
+            (sum + template.vertices[*v], n + 1.0)
+        });
+        sum / n
+    };
+    match follows {
+        Follows::OfTriangle(count) => (template.faces.iter())
+            .map(|f| nearest_joints(template, middle(&mut f.iter()), count))
+            .collect(),
+        Follows::OfPart(count) => {
+            let of_part = |part: usize| {
+                let mut corners = (template.faces.iter().zip(&template.face_parts))
+                    .filter(|(_, p)| **p == part)
+                    .flat_map(|(f, _)| f);
+                nearest_joints(template, middle(&mut corners), count)
+            };
+            let of_parts: Vec<Vec<usize>> = (0..template.parts()).map(of_part).collect();
+            let of_face = |p: &usize| of_parts[*p].clone();
+            template.face_parts.iter().map(of_face).collect()
+        }
+    }
+}
+
+fn nearest_joints(template: &Template, middle: DVec3, count: usize) -> Vec<usize> {
     let distance = |j: &usize| (template.joints[*j].at - middle).length();
     let mut joints: Vec<usize> = (0..template.joints.len()).collect();
     joints.sort_by(|a, b| distance(a).total_cmp(&distance(b)));

@@ -2,7 +2,7 @@
 
 use crate::numeric::sparse_cholesky::SparseCholesky;
 use glam::DVec3;
-use ndarray::Array2;
+use ndarray::{Array2, ArrayView2};
 use std::collections::HashMap;
 
 /// A template mesh, centimetres.
@@ -10,8 +10,11 @@ use std::collections::HashMap;
 pub struct Template {
     /// Vertices (V).
     pub vertices: Vec<DVec3>,
-    /// Triangles (P): indices of vertices.
+    /// Triangles (P): indices of vertices. Behind those of the surface come [`Template::bridges`] others.
     pub faces: Vec<[usize; 3]>,
+    /// Triangles that are not drawn: one from each loose piece of the surface (an eye, a nail) to the vertex of the largest
+    /// piece that is nearest to it, so that it goes where the body goes.
+    pub bridges: usize,
     /// The rigid part of each vertex, from 0.
     pub vertex_parts: Vec<usize>,
     /// The rigid part of each triangle: that of most of its corners.
@@ -24,8 +27,6 @@ pub struct Template {
     pub joints: Vec<Joint>,
     /// The least squares of edges (see [`Template::vertices_of`]).
     solver: SparseCholesky,
-    /// The component of each vertex, and how many there are.
-    components: (Vec<usize>, usize),
 }
 
 /// Where two parts meet.
@@ -38,13 +39,14 @@ pub struct Joint {
 }
 
 impl Template {
-    /// A template from vertices in centimetres, triangles, and the part of each vertex.
+    /// A template from vertices in centimetres, triangles, and the part of each vertex. Vertices are rounded to single precision, in
+    /// which files keep them, so that a template read again is the same.
     ///
     /// # Errors
     /// A phrase: sizes differ, a triangle names a vertex that is not there, or the parts do not hang together.
     pub fn new(
         vertices: Vec<DVec3>,
-        faces: Vec<[usize; 3]>,
+        mut faces: Vec<[usize; 3]>,
         vertex_parts: Vec<usize>,
     ) -> Result<Template, String> {
         if vertex_parts.len() != vertices.len() {
@@ -62,32 +64,57 @@ impl Template {
         if used.iter().any(|u| !u) {
             return Err("has vertices that no triangle holds".into());
         }
+        let vertices: Vec<DVec3> = (vertices.iter()).map(|v| v.as_vec3().as_dvec3()).collect();
+        let bridges = bridges(&vertices, &faces);
+        faces.extend(&bridges);
         let face_parts = faces
             .iter()
             .map(|f| most(f.map(|v| vertex_parts[v])))
             .collect();
         let neighbours = neighbours(&faces);
-        let components = components(vertices.len(), &faces);
-        let solver = edge_solver(vertices.len(), &faces, &components)
-            .ok_or("has vertices that are not finite")?;
+        let solver =
+            edge_solver(vertices.len(), &faces).ok_or("has vertices that are not finite")?;
         let mut template = Template {
             edges: edges_of(&vertices, &faces),
             vertices,
             faces,
+            bridges: bridges.len(),
             vertex_parts,
             face_parts,
             neighbours,
             joints: Vec::new(),
             solver,
-            components,
         };
         template.joints = template.spanning_tree()?;
         Ok(template)
     }
 
+    /// The triangles of the surface, without the bridges.
+    pub fn surface(&self) -> &[[usize; 3]] {
+        &self.faces[..self.faces.len() - self.bridges]
+    }
+
     /// The number of rigid parts.
     pub fn parts(&self) -> usize {
         self.joints.len() + 1
+    }
+
+    /// The part at the root of the tree of joints.
+    pub fn root(&self) -> usize {
+        self.joints.first().map_or(0, |j| j.parts[0])
+    }
+
+    /// The place of a body: the mean of the vertices of the root.
+    pub fn root_of(&self, vertices: &[DVec3]) -> DVec3 {
+        let root = self.root();
+        let own = (vertices.iter().zip(&self.vertex_parts)).filter(|(_, p)| **p == root);
+        let (sum, n) = own.fold((DVec3::ZERO, 0.0), |(sum, n), (v, _)| (sum + *v, n + 1.0));
+        sum / n
+    }
+
+    /// The two parts of each joint.
+    pub fn joint_parts(&self) -> Vec<[usize; 2]> {
+        self.joints.iter().map(|j| j.parts).collect()
     }
 
     /// The mean length of the edges, centimetres.
@@ -119,18 +146,17 @@ impl Template {
             }
         }
         let x = self.solver.solve(right.view());
-        let mut vertices: Vec<DVec3> = (x.rows().into_iter())
+        let vertices: Vec<DVec3> = (x.rows().into_iter())
             .map(|r| DVec3::new(r[0], r[1], r[2]))
             .collect();
-        let mut means = vec![(DVec3::ZERO, 0.0); self.components.1];
-        for (v, c) in vertices.iter().zip(&self.components.0) {
-            means[*c].0 += *v;
-            means[*c].1 += 1.0;
-        }
-        for (v, c) in vertices.iter_mut().zip(&self.components.0) {
-            *v -= means[*c].0 / means[*c].1;
-        }
-        vertices
+        let mean = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
+        vertices.into_iter().map(|v| v - mean).collect()
+    }
+
+    /// A⁻¹ `b` for b (V, m), where A is the normal matrix of the edges with 1 added at the first vertex, which holds it. For
+    /// columns of b that sum to zero it is the solution of the edges alone that leaves the first vertex where it is.
+    pub fn solve(&self, b: ArrayView2<'_, f64>) -> Array2<f64> {
+        self.solver.solve(b)
     }
 
     /// The tree of the longest borders between parts, from the part with most of them outwards.
@@ -215,8 +241,38 @@ fn neighbours(faces: &[[usize; 3]]) -> Vec<[usize; 2]> {
     pairs
 }
 
-/// The connected component of each vertex, and their number.
-fn components(vertices: usize, faces: &[[usize; 3]]) -> (Vec<usize>, usize) {
+/// A triangle from each piece of the surface that hangs on no other to the largest one.
+fn bridges(vertices: &[DVec3], faces: &[[usize; 3]]) -> Vec<[usize; 3]> {
+    let piece = pieces(vertices.len(), faces);
+    let count = piece.iter().max().map_or(0, |p| p + 1);
+    let mut members = vec![Vec::new(); count];
+    for (v, p) in piece.iter().enumerate() {
+        members[*p].push(v);
+    }
+    let Some(largest) = (0..count).rev().max_by_key(|p| members[*p].len()) else {
+        return Vec::new();
+    };
+    let bridge = |p: usize| {
+        let near = |v: &usize| {
+            let distance = |u: &&usize| (vertices[**u] - vertices[*v]).length_squared();
+            let u = (members[largest].iter())
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+                .copied()?;
+            Some((distance(&&u), u, *v))
+        };
+        let (_, u, v) = (members[p].iter().filter_map(near)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let face = faces.iter().find(|f| f.contains(&v))?;
+        let next = face.iter().find(|w| **w != v)?;
+        Some([u, v, *next])
+    };
+    (0..count)
+        .filter(|p| *p != largest)
+        .filter_map(bridge)
+        .collect()
+}
+
+/// The connected piece of the surface that each vertex is of, from 0.
+fn pieces(vertices: usize, faces: &[[usize; 3]]) -> Vec<usize> {
     let mut parent: Vec<usize> = (0..vertices).collect();
     fn root(parent: &mut [usize], mut v: usize) -> usize {
         while parent[v] != v {
@@ -238,17 +294,12 @@ fn components(vertices: usize, faces: &[[usize; 3]]) -> (Vec<usize>, usize) {
         let next = names.len();
         *names.entry(r).or_insert(next)
     });
-    let of: Vec<usize> = of.collect();
-    (of, names.len())
+    of.collect()
 }
 
-/// The normal matrix of the edges; of each component the first vertex is held, or it would be free to shift.
-fn edge_solver(
-    vertices: usize,
-    faces: &[[usize; 3]],
-    components: &(Vec<usize>, usize),
-) -> Option<SparseCholesky> {
-    let mut entries = Vec::with_capacity(6 * faces.len());
+/// The normal matrix of the edges; the first vertex is held, or all would be free to shift.
+fn edge_solver(vertices: usize, faces: &[[usize; 3]]) -> Option<SparseCholesky> {
+    let mut entries = Vec::with_capacity(6 * faces.len() + 1);
     for face in faces {
         for corner in &face[1..] {
             entries.push((face[0], face[0], 1.0));
@@ -256,12 +307,7 @@ fn edge_solver(
             entries.push((face[0], *corner, -1.0));
         }
     }
-    let mut held = vec![false; components.1];
-    for (v, c) in components.0.iter().enumerate() {
-        if !std::mem::replace(&mut held[*c], true) {
-            entries.push((v, v, 1.0));
-        }
-    }
+    entries.push((0, 0, 1.0));
     SparseCholesky::new(vertices, &entries)
 }
 
@@ -320,6 +366,23 @@ pub(super) mod tests {
         assert_eq!(joint.parts, [0, 1]);
         assert!(joint.at.x.abs() < 1e-9 && joint.at.y > 1.5 && joint.at.y < 3.5);
         assert_eq!(template.neighbours.len(), 3 * template.faces.len() / 2);
+    }
+
+    #[test]
+    fn a_loose_piece_goes_where_the_body_goes() {
+        let body = column(4);
+        let mut vertices = body.vertices.clone();
+        let eye = [[0.0, 3.5, 0.0], [0.2, 3.5, 0.0], [0.0, 3.7, 0.0]].map(DVec3::from_array);
+        vertices.extend(eye);
+        let mut faces = body.faces.clone();
+        faces.push([16, 17, 18]);
+        let parts = [body.vertex_parts.clone(), vec![1; 3]].concat();
+        let template = Template::new(vertices.clone(), faces, parts).unwrap();
+        assert_eq!(template.bridges, 1);
+        assert_eq!(template.surface().len(), body.faces.len() + 1);
+        let found = template.vertices_of(&template.edges);
+        let shift = vertices[0] - found[0];
+        assert!((vertices[17] - found[17] - shift).length() < 1e-9);
     }
 
     #[test]

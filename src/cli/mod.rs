@@ -2,6 +2,7 @@
 
 pub mod args;
 pub mod benchmark;
+pub mod body;
 pub mod body_size;
 pub mod cluster;
 pub mod code_table;
@@ -16,9 +17,12 @@ pub mod input;
 pub mod ksvd;
 pub mod launcher;
 pub mod manual;
+pub mod mesh_output;
 pub mod messages;
 pub mod metric_takes;
+pub mod number_table;
 pub mod one_take;
+mod pair_file;
 pub mod pair_label;
 pub mod plot;
 pub mod progress;

@@ -11,6 +11,7 @@ mod matrix;
 pub mod mesh;
 pub mod model;
 pub mod npy;
+pub mod npz;
 mod other_formats;
 pub mod output;
 mod row;

@@ -151,6 +151,18 @@ pub fn rotation_vector(r: &DMat3) -> DVec3 {
     angle * if axis.dot(skew) < 0.0 { -axis } else { axis }
 }
 
+/// How the rotation vector v of a rotation changes when the rotation is turned further by a small vector d in its own frame:
+/// log(exp(v) exp(d)) ≈ v + J d (the inverse of the right Jacobian). Finite up to and at a length of π.
+pub fn rotation_vector_jacobian(v: DVec3) -> DMat3 {
+    let angle = v.length();
+    let square = match angle < 1e-4 {
+        true => 1.0 / 12.0,
+        false => 1.0 / (angle * angle) - 1.0 / (2.0 * angle * (angle / 2.0).tan()),
+    };
+    let cross = cross_matrix(v);
+    DMat3::IDENTITY + cross * 0.5 + cross * cross * square
+}
+
 /// The angle between two rotations, 0 to pi.
 pub fn angle_between(a: &DMat3, b: &DMat3) -> f64 {
     let d = a.transpose() * *b;
@@ -214,6 +226,22 @@ pub fn angles_zyx_between(start: &DMat3, now: &DMat3) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_jacobian_of_a_rotation_vector_agrees_with_differences() {
+        let axis = DVec3::new(0.3, -0.8, 0.5).normalize();
+        for angle in [0.0, 1e-6, 0.4, 2.0, 3.1] {
+            let v = axis * angle;
+            let jacobian = rotation_vector_jacobian(v);
+            for d in [DVec3::X, DVec3::Y, DVec3::Z] {
+                let at = |h: f64| {
+                    rotation_vector(&(from_rotation_vector(v) * from_rotation_vector(d * h)))
+                };
+                let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
+                assert!((slope - jacobian * d).length() < 1e-6, "{angle}");
+            }
+        }
+    }
 
     #[test]
     fn a_rotation_vector_is_given_back_at_0_and_at_pi_too() {

@@ -77,6 +77,15 @@ impl MeshFormat {
         })
     }
 
+    /// The extension of its files.
+    pub fn extension(self) -> &'static str {
+        match self {
+            MeshFormat::Obj => "obj",
+            MeshFormat::Ply => "ply",
+            MeshFormat::Stl => "stl",
+        }
+    }
+
     fn of_extension(extension: &str) -> Option<MeshFormat> {
         match extension.to_ascii_lowercase().as_str() {
             "obj" => Some(MeshFormat::Obj),

@@ -1,0 +1,103 @@
+//! The whole model of a body: a template, how it follows its joints, and how people differ.
+
+use super::fit::{FitPrior, NOISE};
+use super::pose_model::{PoseModel, twists};
+use super::shape_model::ShapeModel;
+use super::template::Template;
+use crate::numeric::linalg::cholesky_solve;
+use crate::numeric::parallel;
+use crate::numeric::product::gram;
+use glam::{DMat3, DVec3};
+use ndarray::{Array1, Array2};
+
+/// The least standard deviation of a component of a twist, radians: a joint that no training pose turns may turn after all.
+const LEAST_DEVIATION: f64 = 0.2;
+
+/// A body whose pose and shape are learnt from meshes.
+#[derive(Debug, Clone)]
+pub struct BodyModel {
+    /// The mesh and its parts.
+    pub template: Template,
+    /// The matrix Q of each triangle, from the rotations.
+    pub pose: PoseModel,
+    /// The matrix S of each triangle, from the shape.
+    pub shape: ShapeModel,
+    /// The rotations of the parts in the poses that it was learnt from.
+    pub training_rotations: Vec<Vec<DMat3>>,
+    /// The names of the joints of a pose table that stand for parts: the part, and the point at its end.
+    pub joint_names: Vec<(usize, String)>,
+}
+
+impl BodyModel {
+    /// The vertices, about their mean, of a body with these rotations of its parts and this shape (numbers that are left out are 0).
+    ///
+    /// They minimise E_H(y) = Σ_k Σ_j |R_k S_k Q_k v̂_kj - (y_kj - y_k1)|².
+    pub fn synthesise(&self, rotations: &[DMat3], shape: &[f64]) -> Vec<DVec3> {
+        self.synthesise_shaped(rotations, &self.shape.matrices(shape))
+    }
+
+    /// [`BodyModel::synthesise`] with the S of [`ShapeModel::matrices`], for many poses of one shape.
+    pub fn synthesise_shaped(&self, rotations: &[DMat3], shape: &[DMat3]) -> Vec<DVec3> {
+        let q = self.pose.deformations(&self.template, rotations);
+        let edges = parallel::map_chunks(q.len(), 4096, |range| {
+            range
+                .map(|k| {
+                    let m = rotations[self.template.face_parts[k]] * shape[k] * q[k];
+                    self.template.edges[k].map(|e| m * e)
+                })
+                .collect::<Vec<_>>()
+        });
+        self.template.vertices_of(&edges.concat())
+    }
+
+    /// The first `count` numbers of the shape whose vertices are nearest to those of a mesh, given the rotations of its parts.
+    pub fn shape_of(&self, vertices: &[DVec3], rotations: &[DMat3], count: usize) -> Vec<f64> {
+        let count = count.min(self.shape.len());
+        let mean = self.synthesise(rotations, &[]);
+        let middle = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
+        let mut directions = Array2::zeros((3 * vertices.len(), count));
+        for (k, mut column) in directions.columns_mut().into_iter().enumerate() {
+            let mut unit = vec![0.0; count];
+            unit[k] = 1.0;
+            let moved = self.synthesise(rotations, &unit);
+            let difference = moved
+                .iter()
+                .zip(&mean)
+                .flat_map(|(a, b)| (*a - *b).to_array());
+            column
+                .iter_mut()
+                .zip(difference)
+                .for_each(|(to, v)| *to = v);
+        }
+        let left: Vec<f64> = (vertices.iter().zip(&mean))
+            .flat_map(|(v, m)| (*v - middle - *m).to_array())
+            .collect();
+        let right = directions.t().dot(&Array1::from(left));
+        cholesky_solve(gram(directions.view()), right).map_or(vec![0.0; count], |b| b.to_vec())
+    }
+
+    /// What is known of a pose and a shape before a marker is seen.
+    pub fn fit_prior(&self) -> FitPrior {
+        FitPrior {
+            twists: self.twist_prior(),
+            noise: NOISE,
+        }
+    }
+
+    /// The mean and the standard deviation of each component of the joints' twists in the training poses, radians.
+    pub fn twist_prior(&self) -> Vec<(DVec3, DVec3)> {
+        let poses: Vec<Vec<DVec3>> = (self.training_rotations.iter())
+            .map(|r| twists(&self.template.joint_parts(), r))
+            .collect();
+        let n = poses.len().max(1) as f64;
+        let prior = |j: usize| {
+            let mean = poses.iter().map(|p| p[j]).sum::<DVec3>() / n;
+            let square = |p: &Vec<DVec3>| (p[j] - mean) * (p[j] - mean);
+            let variance = poses.iter().map(square).sum::<DVec3>() / n;
+            let sd = DVec3::from_array(variance.to_array().map(f64::sqrt));
+            let sd = sd.max(DVec3::splat(LEAST_DEVIATION));
+            (mean, sd)
+        };
+        (0..self.template.joints.len()).map(prior).collect()
+    }
+}

@@ -1,0 +1,359 @@
+//! The pose and the shape of a body from markers on it.
+//!
+//! The full energy is E_H(y) + w_Z Σ |y_m - z_m|² over the vertices y, the rotations R and the shape β. For given R and β the best y
+//! is known in closed form. With r = P synth(R, β) - z what the markers miss, and K how they give when they are pulled (P A⁻¹ Pᵀ),
+//! what remains, less the model's disagreement with itself, is
+//!
+//! ```text
+//! rᵀ (I / w_Z + K)⁻¹ r,   with one shift of all markers free
+//! ```
+//!
+//! It is minimised over R and β by damped Gauss-Newton steps (Levenberg-Marquardt), every one of which lowers it, with weak priors
+//! on the twists of the joints and on β. The paper's block descent takes hundreds of rounds, and its energy rises between them.
+
+use super::marker_model::{MarkerModel, MarkerPositions};
+use crate::numeric::linalg::Cholesky;
+use crate::pose::rotation::{from_rotation_vector, rotation_vector_jacobian};
+use crate::pose::similarity::{TransformKind, fit_similarity};
+use glam::{DMat3, DVec3};
+use ndarray::{Array1, Array2, s};
+
+/// The weight w_Z of the markers against the edges.
+pub const MARKER_WEIGHT: f64 = 3.0;
+/// The standard deviation of a marker where none is told, centimetres a coordinate.
+pub const NOISE: f64 = 0.18;
+/// Markers that determine a pose at all.
+pub const FEWEST: usize = 4;
+const MOST_STEPS: usize = 60;
+/// A step that lowers the energy by less than this share is the last.
+const SMALL: f64 = 1e-8;
+
+/// What is known before any marker is seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FitPrior {
+    /// The mean and the standard deviation of each joint's twist, radians.
+    pub twists: Vec<(DVec3, DVec3)>,
+    /// The standard deviation of a marker, centimetres a coordinate: the larger, the more the priors count.
+    pub noise: f64,
+}
+
+/// A pose and a shape.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyState {
+    /// The rotation of each part.
+    pub rotations: Vec<DMat3>,
+    /// β.
+    pub shape: Vec<f64>,
+}
+
+/// What was fitted to one frame.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// The pose and the shape.
+    pub state: BodyState,
+    /// The energy, cm².
+    pub energy: f64,
+    /// The energy before the first and after each step that was taken.
+    pub energies: Vec<f64>,
+    /// What the predicted vertices are moved by, once the marker model's positions are known.
+    pub shift: DVec3,
+    /// The markers that were seen, and what pulls the completed surface there (the multipliers of the warp).
+    pub pulls: Vec<(usize, DVec3)>,
+    /// The root mean square distance of the predicted markers from those seen, centimetres.
+    pub rms: f64,
+}
+
+/// The markers of one frame.
+#[derive(Debug, Clone)]
+pub struct FitProblem<'a> {
+    model: &'a MarkerModel,
+    prior: &'a FitPrior,
+    seen: Vec<usize>,
+    targets: Vec<DVec3>,
+    /// (I / w_Z + K)⁻¹ for the markers seen, with one shift free.
+    weights: Array2<f64>,
+    /// What gives the best shift: -Σ_m s_m r_m.
+    shift: Array1<f64>,
+}
+
+/// The energy of a state, and what its derivatives need.
+struct Evaluation {
+    at: MarkerPositions,
+    /// Residual (seen, 3).
+    residual: Array2<f64>,
+    energy: f64,
+}
+
+impl<'a> FitProblem<'a> {
+    /// A problem of the markers that are not missing (`None`).
+    ///
+    /// # Errors
+    /// A phrase: there are fewer than [`FEWEST`] markers.
+    pub fn new(
+        model: &'a MarkerModel,
+        prior: &'a FitPrior,
+        markers: &[Option<DVec3>],
+    ) -> Result<FitProblem<'a>, String> {
+        let seen: Vec<usize> = (0..markers.len())
+            .filter(|m| markers[*m].is_some())
+            .collect();
+        if seen.len() < FEWEST {
+            return Err(format!(
+                "has {} markers, a body needs {FEWEST} or more",
+                seen.len()
+            ));
+        }
+        let mut stiff = Array2::from_shape_fn((seen.len(), seen.len()), |(i, j)| {
+            model.compliance[[seen[i], seen[j]]]
+        });
+        stiff.diag_mut().mapv_inplace(|v| v + 1.0 / MARKER_WEIGHT);
+        let inverse = Cholesky::new(stiff)
+            .and_then(|c| c.solve(&Array2::eye(seen.len())))
+            .ok_or("has markers whose weights are not finite")?;
+        let sums = inverse.sum_axis(ndarray::Axis(1));
+        let total = sums.sum();
+        let weights = Array2::from_shape_fn(inverse.dim(), |(i, j)| {
+            inverse[[i, j]] - sums[i] * sums[j] / total
+        });
+        Ok(FitProblem {
+            targets: markers.iter().flatten().copied().collect(),
+            shift: sums / total,
+            model,
+            prior,
+            seen,
+            weights,
+        })
+    }
+
+    /// Fits rotations, and the shape if the model has components. Without a start the pose begins from the rigid fit of all markers
+    /// and from that of the markers of each part, and the better end is kept.
+    pub fn solve(&self, start: Option<&BodyState>) -> Fit {
+        match start {
+            Some(start) => self.descend(start.clone()),
+            None => {
+                let fits = self.starts().into_iter().map(|s| self.descend(s));
+                let best = fits.min_by(|a, b| a.energy.total_cmp(&b.energy));
+                best.unwrap_or_else(|| self.descend(self.upright()))
+            }
+        }
+    }
+
+    fn upright(&self) -> BodyState {
+        BodyState {
+            rotations: vec![DMat3::IDENTITY; self.model.parts()],
+            shape: vec![0.0; self.model.components()],
+        }
+    }
+
+    /// The whole body turned, and each part turned where its own markers tell how.
+    fn starts(&self) -> Vec<BodyState> {
+        let upright = self.upright();
+        let rest = self.model.evaluate(&upright.rotations, &upright.shape);
+        let fit = |of: &dyn Fn(usize) -> bool| {
+            let pairs = (self.seen.iter().zip(&self.targets))
+                .filter(|(m, _)| of(**m))
+                .map(|(m, target)| (rest.positions[*m], *target, 1.0));
+            fit_similarity(pairs, TransformKind::Rigid)
+        };
+        let whole = fit(&|_| true).map_or(DMat3::IDENTITY, |f| f.similarity.rotation);
+        let count = |part: usize| {
+            let of = |m: &&usize| self.model.part_of(**m) == part;
+            self.seen.iter().filter(of).count()
+        };
+        let mut by_part = vec![whole; self.model.parts()];
+        // Parts without markers of their own go with the part nearer to the root, which stands before them.
+        let order = self.model.joints().iter().map(|j| (j[1], Some(j[0])));
+        let root = self.model.joints().first().map_or(0, |j| j[0]);
+        for (part, parent) in std::iter::once((root, None)).chain(order) {
+            let own = fit(&|m| self.model.part_of(m) == part);
+            by_part[part] = match (own, parent) {
+                (Some(own), _) if own.determined && count(part) >= 3 => own.similarity.rotation,
+                (_, Some(parent)) => by_part[parent],
+                _ => whole,
+            };
+        }
+        let state = |rotations| BodyState {
+            rotations,
+            shape: upright.shape.clone(),
+        };
+        vec![state(vec![whole; self.model.parts()]), state(by_part)]
+    }
+
+    fn descend(&self, mut state: BodyState) -> Fit {
+        let mut now = self.evaluate(&state);
+        let mut energies = vec![now.energy];
+        let mut damping = 1e-4;
+        for _ in 0..MOST_STEPS {
+            let (hessian, gradient) = self.normal_equations(&now, &state);
+            let mut fell = None;
+            while damping < 1e8 {
+                let step = damped_step(&hessian, &gradient, damping);
+                let next = step.map(|step| self.moved(&state, &step));
+                let next = next.map(|next| (self.evaluate(&next), next));
+                match next {
+                    Some((at, next)) if at.energy < now.energy => {
+                        fell = Some((at, next));
+                        break;
+                    }
+                    _ => damping *= 10.0,
+                }
+            }
+            let Some((at, next)) = fell else { break };
+            damping = (damping / 10.0).max(1e-10);
+            let gain = now.energy - at.energy;
+            (now, state) = (at, next);
+            energies.push(now.energy);
+            if gain < SMALL * now.energy {
+                break;
+            }
+        }
+        self.finish(state, &now, energies)
+    }
+
+    fn finish(&self, state: BodyState, now: &Evaluation, energies: Vec<f64>) -> Fit {
+        let shift = -self.shift.dot(&now.residual);
+        let pulls = self.weights.dot(&now.residual);
+        let pulls = self.seen.iter().zip(pulls.rows());
+        let left = (now.residual.rows().into_iter())
+            .map(|r| (0..3).map(|a| (r[a] + shift[a]).powi(2)).sum::<f64>());
+        Fit {
+            state,
+            energy: now.energy,
+            energies,
+            rms: (left.sum::<f64>() / self.seen.len() as f64).sqrt(),
+            shift: DVec3::new(shift[0], shift[1], shift[2]),
+            pulls: pulls
+                .map(|(m, p)| (*m, DVec3::new(p[0], p[1], p[2])))
+                .collect(),
+        }
+    }
+
+    fn evaluate(&self, state: &BodyState) -> Evaluation {
+        let at = self.model.evaluate(&state.rotations, &state.shape);
+        let residual = Array2::from_shape_fn((self.seen.len(), 3), |(i, a)| {
+            at.positions[self.seen[i]][a] - self.targets[i][a]
+        });
+        let data = (&residual * &self.weights.dot(&residual)).sum();
+        let twists: f64 = (at.twists.iter().zip(&self.prior.twists))
+            .map(|(t, (mean, sd))| ((*t - *mean) / *sd).length_squared())
+            .sum();
+        let shape: f64 = state.shape.iter().map(|b| b * b).sum();
+        Evaluation {
+            energy: data + self.prior_weight() * (twists + shape),
+            at,
+            residual,
+        }
+    }
+
+    fn prior_weight(&self) -> f64 {
+        MARKER_WEIGHT * self.prior.noise * self.prior.noise
+    }
+
+    /// Half of the energy's second derivatives by Gauss and Newton, and half of its gradient: three numbers a part (a small
+    /// rotation, in the world), then the shape.
+    fn normal_equations(&self, now: &Evaluation, state: &BodyState) -> (Array2<f64>, Array1<f64>) {
+        let parts = self.model.parts();
+        let n = 3 * parts + state.shape.len();
+        let (mut hessian, mut gradient) = (Array2::zeros((n, n)), Array1::zeros(n));
+        let turns = self.twist_derivatives(now, state);
+        let jacobian = self.jacobian(now, &turns, n);
+        for axis in 0..3 {
+            let rows = jacobian.slice(s![axis..;3, ..]);
+            let weighted = self.weights.dot(&rows);
+            hessian += &rows.t().dot(&weighted);
+            gradient += &weighted.t().dot(&now.residual.column(axis));
+        }
+        let weight = self.prior_weight();
+        for (j, [a, b]) in self.model.joints().iter().enumerate() {
+            let (mean, sd) = self.prior.twists[j];
+            let scale = DMat3::from_diagonal(sd.recip() * sd.recip() * weight);
+            let pull = turns[j].transpose() * (scale * (now.at.twists[j] - mean));
+            let square = turns[j].transpose() * scale * turns[j];
+            for r in 0..3 {
+                gradient[3 * b + r] += pull[r];
+                gradient[3 * a + r] -= pull[r];
+                for c in 0..3 {
+                    let v = square.col(c)[r];
+                    hessian[[3 * a + r, 3 * a + c]] += v;
+                    hessian[[3 * b + r, 3 * b + c]] += v;
+                    hessian[[3 * a + r, 3 * b + c]] -= v;
+                    hessian[[3 * b + r, 3 * a + c]] -= v;
+                }
+            }
+        }
+        for (k, beta) in state.shape.iter().enumerate() {
+            hessian[[3 * parts + k, 3 * parts + k]] += weight;
+            gradient[3 * parts + k] += weight * beta;
+        }
+        (hessian, gradient)
+    }
+
+    /// How each joint's twist changes when its second part is turned a little in the world; the first part turns it back.
+    fn twist_derivatives(&self, now: &Evaluation, state: &BodyState) -> Vec<DMat3> {
+        (self.model.joints().iter().zip(&now.at.twists))
+            .map(|([_, b], t)| rotation_vector_jacobian(*t) * state.rotations[*b].transpose())
+            .collect()
+    }
+
+    /// The derivatives of the markers seen (3 seen, n).
+    fn jacobian(&self, now: &Evaluation, turns: &[DMat3], n: usize) -> Array2<f64> {
+        let mut jacobian = Array2::zeros((3 * self.seen.len(), n));
+        for (i, m) in self.seen.iter().enumerate() {
+            let mut add = |column: usize, v: DVec3, sign: f64| {
+                for axis in 0..3 {
+                    jacobian[[3 * i + axis, column]] += sign * v[axis];
+                }
+            };
+            for (part, by_part) in now.at.by_part.iter().enumerate() {
+                for (axis, unit) in [DVec3::X, DVec3::Y, DVec3::Z].into_iter().enumerate() {
+                    add(3 * part + axis, unit.cross(by_part[*m]), 1.0);
+                }
+            }
+            for (j, [a, b]) in self.model.joints().iter().enumerate() {
+                let by = |c: usize| now.at.by_twist[3 * j + c][*m];
+                let by_turn = DMat3::from_cols(by(0), by(1), by(2)) * turns[j];
+                for axis in 0..3 {
+                    add(3 * b + axis, by_turn.col(axis), 1.0);
+                    add(3 * a + axis, by_turn.col(axis), -1.0);
+                }
+            }
+            for (k, by_shape) in now.at.by_shape.iter().enumerate() {
+                add(3 * now.at.by_part.len() + k, by_shape[*m], 1.0);
+            }
+        }
+        jacobian
+    }
+
+    fn moved(&self, state: &BodyState, step: &Array1<f64>) -> BodyState {
+        let parts = state.rotations.len();
+        let turn = |p: usize| DVec3::new(step[3 * p], step[3 * p + 1], step[3 * p + 2]);
+        BodyState {
+            rotations: (0..parts)
+                .map(|p| orthonormal(from_rotation_vector(turn(p)) * state.rotations[p]))
+                .collect(),
+            shape: (state.shape.iter().enumerate())
+                .map(|(k, b)| b + step[3 * parts + k])
+                .collect(),
+        }
+    }
+}
+
+/// The step that solves (H + damping · diag H) x = -g.
+fn damped_step(hessian: &Array2<f64>, gradient: &Array1<f64>, damping: f64) -> Option<Array1<f64>> {
+    let mut damped = hessian.clone();
+    damped
+        .diag_mut()
+        .mapv_inplace(|v| v * (1.0 + damping) + 1e-12);
+    let right = gradient.mapv(|v| -v).insert_axis(ndarray::Axis(1));
+    let step = Cholesky::new(damped)?.solve(&right)?;
+    step.iter()
+        .all(|v| v.is_finite())
+        .then(|| step.column(0).to_owned())
+}
+
+/// The rotation whose rounding errors have been taken off (one step of Gram and Schmidt).
+fn orthonormal(r: DMat3) -> DMat3 {
+    let x = r.x_axis.normalize_or(DVec3::X);
+    let y = (r.y_axis - x * x.dot(r.y_axis)).normalize_or(DVec3::Y);
+    DMat3::from_cols(x, y, x.cross(y))
+}

@@ -1,0 +1,210 @@
+//! What the commands of bodies share: models, meshes in centimetres, maps, tables of rotations and shapes.
+
+use super::input;
+use super::number_table::{self, NumberTable};
+use super::pair_file::PairFile;
+use super::units::TableUnits;
+use crate::body::file::part_name;
+use crate::body::{BodyModel, Marker};
+use crate::io::MeshSet;
+use crate::io::text::excerpt;
+use crate::pose::Poses;
+use crate::pose::rotation::{from_rotation_vector, rotation_vector};
+use crate::{Error, Place, Result};
+use glam::{DMat3, DVec3};
+use ndarray::Array2;
+use std::path::{Path, PathBuf};
+
+/// Opens a body model.
+///
+/// # Errors
+/// The file cannot be read, or is no body.
+pub fn open_body(path: &Path) -> Result<BodyModel> {
+    let model = input::open_model(path)?;
+    BodyModel::from_model(&model, &path.display().to_string())
+}
+
+/// Reads meshes in centimetres, y up, and checks that they can be bodies.
+///
+/// # Errors
+/// [`Error::Data`]: no sound meshes, other topology than the first, faces without area, or a size that no body has.
+pub fn read_meshes(paths: &[PathBuf], units: TableUnits) -> Result<MeshSet> {
+    let mut set = MeshSet::open(paths)?;
+    for k in 0..set.names.len() {
+        let mesh = set.mesh(k);
+        let place = || Place::file(&set.names[k]);
+        if mesh.faces.is_empty() {
+            return Err(Error::data(place(), "has no faces, expected a surface"));
+        }
+        let scale = units.unit.centimetres() / 100.0;
+        mesh.plausible_height(scale)
+            .map_err(|what| Error::data(place(), what))?;
+    }
+    let mut xyz = [0.0; 3];
+    for mut row in set.vertices.rows_mut() {
+        (0..3).for_each(|a| xyz[a] = f64::from(row[a]));
+        units.read(&mut xyz);
+        (0..3).for_each(|a| row[a] = xyz[a] as f32);
+    }
+    Ok(set)
+}
+
+/// The vertices of mesh `k` of a set.
+pub fn vertices(set: &MeshSet, k: usize) -> Vec<DVec3> {
+    let rows = set.vertices.index_axis(ndarray::Axis(0), k);
+    (rows.rows().into_iter())
+        .map(|r| DVec3::new(f64::from(r[0]), f64::from(r[1]), f64::from(r[2])))
+        .collect()
+}
+
+/// Reads which vertex each point is on (`point,vertex`); markers in the order of the file, and the names of their points.
+///
+/// # Errors
+/// [`Error::Data`], with the line: a vertex that is not there, or a point twice.
+pub fn read_marker_map(path: &Path, vertices: usize) -> Result<(Vec<String>, Vec<Marker>)> {
+    let file = PairFile::read(path, ["point", "vertex"])?;
+    let (mut names, mut markers): (Vec<String>, Vec<Marker>) = (Vec::new(), Vec::new());
+    for (line, point, vertex) in &file.rows {
+        if names.contains(point) {
+            let what = format!("puts the point \"{}\" on a second vertex", excerpt(point));
+            return Err(Error::data(Place::line(&file.name, *line), what));
+        }
+        names.push(point.clone());
+        markers.push(Marker::on(file.index(*line, vertex, "vertex", vertices)?));
+    }
+    Ok((names, markers))
+}
+
+/// The columns of the points `names` of a pose table.
+///
+/// # Errors
+/// [`Error::Data`]: the table lacks some of them.
+pub fn columns_of(poses: &Poses, names: &[String], source: &str) -> Result<Vec<usize>> {
+    let at = |name: &String| poses.points.iter().position(|p| p == name);
+    let missing: Vec<&str> = (names.iter())
+        .filter(|n| at(n).is_none())
+        .map(String::as_str)
+        .collect();
+    match missing.first() {
+        None => Ok(names.iter().filter_map(at).collect()),
+        Some(first) => {
+            let what = format!(
+                "lacks {} of the {} points of the map, the first is \"{}\"",
+                missing.len(),
+                names.len(),
+                excerpt(first)
+            );
+            Err(Error::data(Place::file(source), what))
+        }
+    }
+}
+
+/// The points at `columns` of a frame; `None` is missing.
+pub fn points_of(poses: &Poses, frame: usize, columns: &[usize]) -> Vec<Option<DVec3>> {
+    let row = poses.frame(frame);
+    let point = |c: &usize| DVec3::new(row[3 * c], row[3 * c + 1], row[3 * c + 2]);
+    (columns.iter().map(point))
+        .map(|p| p.is_finite().then_some(p))
+        .collect()
+}
+
+/// The columns of a table of rotations.
+fn rotation_columns(parts: usize) -> Vec<String> {
+    let of_part = |p| ["rx", "ry", "rz"].map(|a| format!("{}.{a}", part_name(p)));
+    let mut columns: Vec<String> = (0..parts).flat_map(of_part).collect();
+    columns.extend(["root.x", "root.y", "root.z"].map(String::from));
+    columns
+}
+
+/// Writes a table of rotations: of each frame the rotation vectors of the parts, radians, and the root, centimetres. A frame without
+/// an answer has empty cells.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_rotations(
+    path: &Path,
+    poses: &Poses,
+    parts: usize,
+    frames: &[Option<(Vec<DMat3>, DVec3)>],
+) -> Result<()> {
+    let columns = rotation_columns(parts);
+    let mut values = Array2::from_elem((frames.len(), columns.len()), f64::NAN);
+    for (frame, mut row) in frames.iter().zip(values.rows_mut()) {
+        if let Some((rotations, root)) = frame {
+            let vectors = rotations.iter().map(rotation_vector);
+            let numbers = vectors.chain([*root]).flat_map(|v| v.to_array());
+            row.iter_mut().zip(numbers).for_each(|(to, v)| *to = v);
+        }
+    }
+    number_table::write(path, poses, &columns, &values)
+}
+
+/// The rotations and roots of a table; the root is 0 where the table has none.
+pub struct RotationTable {
+    /// The table.
+    pub table: NumberTable,
+    /// The rotations of the parts, and the root, of each row.
+    pub frames: Vec<(Vec<DMat3>, DVec3)>,
+}
+
+/// Reads a table of rotations.
+///
+/// # Errors
+/// [`Error::Data`]: a part of the body has no columns, or a row lacks a number.
+pub fn read_rotations(path: &Path, parts: usize) -> Result<RotationTable> {
+    let table = number_table::read(path)?;
+    let at = |name: &String| table.columns.iter().position(|c| c == name);
+    let names = rotation_columns(parts);
+    let columns: Vec<Option<usize>> = names.iter().map(at).collect();
+    if let Some(k) = (0..3 * parts).find(|k| columns[*k].is_none()) {
+        let what = format!(
+            "has no column {}; the body has {parts} parts, three numbers each",
+            names[k]
+        );
+        return Err(Error::data(Place::line(&table.name, 1), what));
+    }
+    let mut frames = Vec::with_capacity(table.values.nrows());
+    for (t, row) in table.values.rows().into_iter().enumerate() {
+        let number = |k: usize| columns[k].map_or(0.0, |c| row[c]);
+        let vector = |k: usize| DVec3::new(number(k), number(k + 1), number(k + 2));
+        if let Some(k) = (0..names.len()).find(|k| number(*k).is_nan()) {
+            let what = format!("{} is empty", names[k]);
+            return Err(Error::data(Place::line(&table.name, t as u64 + 2), what));
+        }
+        let rotations = (0..parts).map(|p| from_rotation_vector(vector(3 * p)));
+        frames.push((rotations.collect(), vector(3 * parts)));
+    }
+    Ok(RotationTable { table, frames })
+}
+
+/// The shapes of a flag: numbers with commas between them, or a table `take,time,shape1,...`.
+///
+/// # Errors
+/// The table cannot be read or has no column shape1, or there are more numbers than the body has components.
+pub fn read_shapes(text: &str, components: usize) -> Result<Vec<Vec<f64>>> {
+    let list: Option<Vec<f64>> = text.split(',').map(|v| v.trim().parse().ok()).collect();
+    let shapes = match list.filter(|l| l.iter().all(|v| v.is_finite())) {
+        Some(list) => vec![list],
+        None => {
+            let table = number_table::read(Path::new(text))?;
+            let columns: Vec<usize> = (1..)
+                .map_while(|k| table.columns.iter().position(|c| *c == format!("shape{k}")))
+                .collect();
+            if columns.is_empty() {
+                let what = "has no column shape1";
+                return Err(Error::data(Place::line(&table.name, 1), what));
+            }
+            let row = |r: ndarray::ArrayView1<'_, f64>| {
+                let numbers = columns.iter().map(|c| r[*c]);
+                numbers.map(|v| if v.is_nan() { 0.0 } else { v }).collect()
+            };
+            table.values.rows().into_iter().map(row).collect()
+        }
+    };
+    match shapes.iter().map(Vec::len).max() {
+        Some(most) if most > components => Err(Error::usage(format!(
+            "--shape has {most} numbers, the body has {components} components"
+        ))),
+        _ => Ok(shapes),
+    }
+}

@@ -1,0 +1,118 @@
+//! Writing meshes as commands do: one file, an archive, or a folder of files.
+
+use super::units::TableUnits;
+use crate::io::npz::{NpzArray, NpzValues, npz_bytes};
+use crate::io::{Mesh, MeshFormat};
+use crate::{Error, Result};
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+
+/// Where meshes go, by the name of the output.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MeshOutput {
+    /// One mesh in a file.
+    File(PathBuf),
+    /// All meshes in an `.npz` archive.
+    Archive(PathBuf),
+    /// A file a mesh in a folder.
+    Folder(PathBuf, MeshFormat),
+}
+
+impl MeshOutput {
+    /// The output of a name: a folder if it ends in `/` or is one, else by the extension.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the extension is of no format of meshes.
+    pub fn of(path: &Path, format: MeshFormat) -> Result<MeshOutput> {
+        let ends_in_slash = path.as_os_str().as_encoded_bytes().last() == Some(&b'/');
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        if ends_in_slash || path.is_dir() {
+            return Ok(MeshOutput::Folder(path.to_path_buf(), format));
+        }
+        if extension.eq_ignore_ascii_case("npz") {
+            return Ok(MeshOutput::Archive(path.to_path_buf()));
+        }
+        match MeshFormat::of(path) {
+            Ok(_) => Ok(MeshOutput::File(path.to_path_buf())),
+            Err(_) => Err(Error::usage(format!(
+                "{}: expected a name that ends in .obj, .ply, .stl, .npz, or in / for a folder",
+                path.display()
+            ))),
+        }
+    }
+
+    /// Writes meshes of `faces`, vertices in centimetres, in the unit and axis `units`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: several meshes for one file. [`Error::Io`]: a file cannot be written.
+    pub fn write(
+        &self,
+        meshes: &[Vec<DVec3>],
+        faces: &[[usize; 3]],
+        units: TableUnits,
+    ) -> Result<()> {
+        match self {
+            MeshOutput::Archive(path) => {
+                let bytes =
+                    npz_bytes(&[vertex_array("vertices", meshes, units), face_array(faces)])?;
+                super::streams::write_bytes(Some(path), &bytes, true)
+            }
+            MeshOutput::File(path) => match meshes {
+                [one] => mesh(one, faces, units).save(path),
+                many => Err(Error::usage(format!(
+                    "{}: {} meshes do not go into one file; name a folder (ending in /) or an .npz",
+                    path.display(),
+                    many.len()
+                ))),
+            },
+            MeshOutput::Folder(path, format) => {
+                std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
+                let digits = meshes.len().saturating_sub(1).to_string().len().max(4);
+                for (k, vertices) in meshes.iter().enumerate() {
+                    let name = format!("{k:0digits$}.{}", format.extension());
+                    mesh(vertices, faces, units).save(path.join(name))?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+fn mesh(vertices: &[DVec3], faces: &[[usize; 3]], units: TableUnits) -> Mesh {
+    let vertex = |v: &DVec3| {
+        let mut xyz = v.to_array();
+        units.write(&mut xyz);
+        xyz
+    };
+    Mesh {
+        vertices: vertices.iter().map(vertex).collect(),
+        faces: faces.iter().map(|f| f.map(|v| v as u32)).collect(),
+    }
+}
+
+/// Vertices (n, V, 3) as an array of an archive; a mesh that is not there (empty) is NaN.
+pub fn vertex_array(name: &str, meshes: &[Vec<DVec3>], units: TableUnits) -> NpzArray {
+    let count = meshes.iter().map(Vec::len).max().unwrap_or(0);
+    let mut values = Vec::with_capacity(3 * count * meshes.len());
+    for mesh in meshes {
+        for k in 0..count {
+            let mut xyz = mesh.get(k).map_or([f64::NAN; 3], |v| v.to_array());
+            units.write(&mut xyz);
+            values.extend(xyz.map(|v| v as f32));
+        }
+    }
+    NpzArray {
+        name: name.into(),
+        shape: vec![meshes.len(), count, 3],
+        values: NpzValues::Floats(values),
+    }
+}
+
+/// Faces (F, 3) as an array of an archive.
+pub fn face_array(faces: &[[usize; 3]]) -> NpzArray {
+    NpzArray {
+        name: "faces".into(),
+        shape: vec![faces.len(), 3],
+        values: NpzValues::Whole(faces.iter().flatten().map(|v| *v as i32).collect()),
+    }
+}

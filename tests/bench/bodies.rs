@@ -1,0 +1,225 @@
+//! How well and how fast bodies are learnt, posed and completed, on the shared meshes: `make bench`.
+
+use glam::{DMat3, DVec3};
+use posing::body::decomposition::synthesise;
+use posing::body::fit::FitProblem;
+use posing::body::marker_model::{Marker, MarkerModel};
+use posing::body::train::{Settings, train};
+use posing::body::{BodyModel, Decomposer, Template};
+use rand::seq::SliceRandom;
+use rand::{Rng, SeedableRng};
+use rand_distr::StandardNormal;
+use std::time::Instant;
+
+#[path = "../common/bodies.rs"]
+mod bodies;
+use bodies::{Bodies, errors, mean};
+
+fn main() {
+    let path = std::path::Path::new("../shared/data/bodies/makehuman-40-people-40-poses.npz");
+    if !path.exists() {
+        return println!("no bodies at ../shared/data/bodies: nothing is measured");
+    }
+    let bodies = bodies::read(path);
+    for split in 0..3 {
+        println!("split {split}");
+        Split::new(&bodies, split).report();
+    }
+}
+
+struct Split<'a> {
+    bodies: &'a Bodies,
+    model: BodyModel,
+    paper: BodyModel,
+    poses: Vec<usize>,
+    people: Vec<usize>,
+    rng: rand_chacha::ChaCha8Rng,
+    area: Vec<f64>,
+}
+
+fn ms(start: Instant) -> f64 {
+    1e3 * start.elapsed().as_secs_f64()
+}
+
+impl<'a> Split<'a> {
+    fn new(bodies: &'a Bodies, seed: u64) -> Split<'a> {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut poses: Vec<usize> = (1..bodies.poses.len()).collect();
+        let mut people: Vec<usize> = (0..bodies.people.len()).collect();
+        poses.shuffle(&mut rng);
+        people.shuffle(&mut rng);
+        let training = |all: &[Vec<DVec3>], test: &[usize]| -> Vec<Vec<DVec3>> {
+            (0..all.len())
+                .filter(|k| !test.contains(k))
+                .map(|k| all[k].clone())
+                .collect()
+        };
+        let (poses, people) = (poses[..10].to_vec(), people[..10].to_vec());
+        let (p, q) = (
+            training(&bodies.poses, &poses),
+            training(&bodies.people, &people),
+        );
+        let template = || {
+            Template::new(
+                bodies.poses[0].clone(),
+                bodies.faces.clone(),
+                bodies.parts.clone(),
+            )
+            .unwrap()
+        };
+        let start = Instant::now();
+        let model = train(template(), &p, &q, &Settings::default(), &mut || ()).unwrap();
+        println!("training {:.0} ms", ms(start));
+        let paper = train(template(), &p, &q, &Settings::paper(), &mut || ()).unwrap();
+        let mut area = vec![0.0; bodies.parts.len()];
+        for f in &bodies.faces {
+            let [a, b, c] = f.map(|v| bodies.poses[0][v]);
+            f.iter()
+                .for_each(|v| area[*v] += (b - a).cross(c - a).length());
+        }
+        Split {
+            bodies,
+            model,
+            paper,
+            poses,
+            people,
+            rng,
+            area,
+        }
+    }
+
+    fn means(&self, e: &[Vec<f64>]) -> String {
+        let plain: Vec<f64> = e.iter().map(|e| mean(e)).collect();
+        let total: f64 = self.area.iter().sum();
+        let by_area: Vec<f64> = (e.iter())
+            .map(|e| e.iter().zip(&self.area).map(|(e, a)| e * a).sum::<f64>() / total)
+            .collect();
+        format!(
+            "{:.3} ({:.3}), worst {:.2}",
+            mean(&plain),
+            mean(&by_area),
+            plain.iter().copied().fold(0.0, f64::max)
+        )
+    }
+
+    fn report(&mut self) {
+        let template = &self.model.template;
+        let decomposer = Decomposer::new(template, 0.007).unwrap();
+        let pose = |k: &usize| self.bodies.poses[*k].as_slice();
+        let person = |k: &usize| self.bodies.people[*k].as_slice();
+        let start = Instant::now();
+        let rotations: Vec<Vec<DMat3>> =
+            (self.poses.iter().map(|k| decomposer.rotations(pose(k)))).collect();
+        let exact: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
+            .map(|(k, r)| {
+                let q = decomposer.deformations(pose(k), r);
+                errors(&synthesise(template, r, &q), pose(k))
+            })
+            .collect();
+        println!(
+            "decomposition {} mm, {:.1} ms",
+            self.means(&exact),
+            ms(start) / 10.0
+        );
+        for (name, model) in [("pose model", &self.model), ("paper", &self.paper)] {
+            let start = Instant::now();
+            let e: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
+                .map(|(k, r)| errors(&model.synthesise(r, &[]), pose(k)))
+                .collect();
+            // The people's mean is not the poses' man.
+            let _ = e;
+            let e: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
+                .map(|(k, r)| {
+                    errors(
+                        &synthesise(template, r, &model.pose.deformations(template, r)),
+                        pose(k),
+                    )
+                })
+                .collect();
+            println!("{name} {} mm, {:.1} ms", self.means(&e), ms(start) / 20.0);
+        }
+        for (name, model) in [("shape", &self.model), ("paper's shape", &self.paper)] {
+            for count in [5, 10, 20] {
+                let e: Vec<Vec<f64>> = (self.people.iter())
+                    .map(|k| {
+                        let r = decomposer.rotations(person(k));
+                        let beta = model.shape_of(person(k), &r, count);
+                        errors(&model.synthesise(&r, &beta), person(k))
+                    })
+                    .collect();
+                println!("{name}, {count} components {} mm", self.means(&e));
+            }
+        }
+        self.markers();
+    }
+
+    fn markers(&mut self) {
+        for count in [60, 200] {
+            let on = self.chosen(count);
+            let start = Instant::now();
+            let markers: Vec<Marker> = on.iter().map(|v| Marker::on(*v)).collect();
+            let reduced = MarkerModel::new(&self.model, &markers);
+            println!("{count} markers: reduced in {:.0} ms", ms(start));
+            for noise in [0.0, 0.2, 0.5] {
+                let rng = &mut self.rng;
+                let mut noisy = |mesh: &[DVec3]| -> Vec<Option<DVec3>> {
+                    let mut draw = || noise * rng.sample::<f64, _>(StandardNormal);
+                    (on.iter()
+                        .map(|v| Some(mesh[*v] + DVec3::new(draw(), draw(), draw()))))
+                    .collect()
+                };
+                let poses: Vec<_> = (self.poses.iter())
+                    .map(|k| (noisy(&self.bodies.poses[*k]), &self.bodies.poses[*k]))
+                    .collect();
+                let people: Vec<_> = (self.people.iter())
+                    .map(|k| (noisy(&self.bodies.people[*k]), &self.bodies.people[*k]))
+                    .collect();
+                let prior = self.model.fit_prior();
+                for (name, set) in [("poses", &poses), ("people", &people)] {
+                    let (mut completed, mut predicted) = (Vec::new(), Vec::new());
+                    let start = Instant::now();
+                    let mut steps = 0;
+                    for (markers, truth) in set {
+                        let problem = FitProblem::new(&reduced, &prior, markers).unwrap();
+                        let fit = problem.solve(None);
+                        steps += fit.energies.len() - 1;
+                        let y = self
+                            .model
+                            .synthesise(&fit.state.rotations, &fit.state.shape);
+                        let warp = reduced.warp(&fit.pulls);
+                        predicted.push(errors(&y, truth));
+                        let y: Vec<DVec3> = y.iter().zip(&warp).map(|(a, b)| *a + *b).collect();
+                        completed.push(errors(&y, truth));
+                    }
+                    println!(
+                        "{count} markers, {:.0} mm, {name}: completed {}, predicted {}, {:.1} ms, {:.1} steps",
+                        10.0 * noise,
+                        self.means(&completed),
+                        self.means(&predicted),
+                        ms(start) / set.len() as f64,
+                        steps as f64 / set.len() as f64
+                    );
+                }
+            }
+        }
+    }
+
+    /// Three vertices a part, and others anywhere.
+    fn chosen(&mut self, count: usize) -> Vec<usize> {
+        let mut on = Vec::new();
+        for part in 0..self.model.template.parts() {
+            let mut own: Vec<usize> = (0..self.bodies.parts.len())
+                .filter(|v| self.bodies.parts[*v] == part)
+                .collect();
+            own.shuffle(&mut self.rng);
+            on.extend(&own[..3]);
+        }
+        while on.len() < count {
+            let v = self.rng.random_range(0..self.bodies.parts.len());
+            if !on.contains(&v) {
+                on.push(v);
+            }
+        }
+        on
+    }
+}
