@@ -6,7 +6,7 @@ mod common;
 mod shared;
 
 use glam::DMat3;
-use posing::body::decomposition::{SMOOTHNESS, synthesise};
+use posing::body::decomposition::{SMOOTHNESS, fit_rotations, synthesise};
 use posing::body::pose_model::Follows;
 use posing::body::{Decomposer, PoseModel, Template};
 use shared::{errors, mean};
@@ -23,7 +23,7 @@ fn poses_are_decomposed_and_predicted_from_their_rotations() {
     let decomposer = Decomposer::new(&template, SMOOTHNESS).unwrap();
     let decomposed: Vec<(Vec<DMat3>, Vec<DMat3>)> = (bodies.poses.iter())
         .map(|pose| {
-            let rotations = decomposer.rotations(pose);
+            let rotations = fit_rotations(&template, pose);
             let q = decomposer.deformations(pose, &rotations);
             (rotations, q)
         })

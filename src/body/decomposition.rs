@@ -52,31 +52,6 @@ impl<'a> Decomposer<'a> {
         Some(Decomposer { template, factor })
     }
 
-    /// The rotation of each part, fitted to its vertices.
-    pub fn rotations(&self, vertices: &[DVec3]) -> Vec<DMat3> {
-        let parts = self.template.parts();
-        let mut means = vec![(DVec3::ZERO, DVec3::ZERO, 0.0); parts];
-        let each = || {
-            self.template
-                .vertices
-                .iter()
-                .zip(vertices)
-                .zip(&self.template.vertex_parts)
-        };
-        for ((x, y), part) in each() {
-            let mean = &mut means[*part];
-            *mean = (mean.0 + *x, mean.1 + *y, mean.2 + 1.0);
-        }
-        let mut moments = vec![DMat3::ZERO; parts];
-        for ((x, y), part) in each() {
-            let (sum_x, sum_y, count) = means[*part];
-            let (x, y) = (*x - sum_x / count, *y - sum_y / count);
-            // x yᵀ.
-            moments[*part] += DMat3::from_cols(x * y.x, x * y.y, x * y.z);
-        }
-        moments.iter().map(|m| nearest_rotation(m).0).collect()
-    }
-
     /// The Q of each triangle of a mesh, given the rotation of each part.
     pub fn deformations(&self, vertices: &[DVec3], rotations: &[DMat3]) -> Vec<DMat3> {
         let template = self.template;
@@ -101,6 +76,24 @@ impl<'a> Decomposer<'a> {
         };
         (0..template.faces.len()).map(matrix).collect()
     }
+}
+
+/// The rotation of each part, fitted to its vertices (Kabsch).
+pub fn fit_rotations(template: &Template, vertices: &[DVec3]) -> Vec<DMat3> {
+    let each = || (template.vertices.iter().zip(vertices)).zip(&template.vertex_parts);
+    let mut means = vec![(DVec3::ZERO, DVec3::ZERO, 0.0); template.parts()];
+    for ((x, y), part) in each() {
+        let mean = &mut means[*part];
+        *mean = (mean.0 + *x, mean.1 + *y, mean.2 + 1.0);
+    }
+    let mut moments = vec![DMat3::ZERO; template.parts()];
+    for ((x, y), part) in each() {
+        let (sum_x, sum_y, count) = means[*part];
+        let (x, y) = (*x - sum_x / count, *y - sum_y / count);
+        // x yᵀ.
+        moments[*part] += DMat3::from_cols(x * y.x, x * y.y, x * y.z);
+    }
+    moments.iter().map(|m| nearest_rotation(m).0).collect()
 }
 
 /// The vertices, about their mean, that rotations of the parts and matrices of the triangles give.
@@ -129,7 +122,7 @@ mod tests {
             })
             .collect();
         let decomposer = Decomposer::new(&template, 1e-6).unwrap();
-        let rotations = decomposer.rotations(&bent);
+        let rotations = fit_rotations(&template, &bent);
         assert!(rotations[0].abs_diff_eq(DMat3::IDENTITY, 1e-9));
         assert!(rotations[1].abs_diff_eq(bend, 1e-9));
         let q = decomposer.deformations(&bent, &rotations);
@@ -142,7 +135,7 @@ mod tests {
         assert!(worst.fold(0.0, f64::max) < 1e-3);
         let turn = from_rotation_vector(DVec3::new(0.3, -1.0, 0.5));
         let turned: Vec<DVec3> = bent.iter().map(|v| turn * *v + DVec3::X).collect();
-        let again = decomposer.rotations(&turned);
+        let again = fit_rotations(&template, &turned);
         assert!(again[1].abs_diff_eq(turn * bend, 1e-9));
         let same = decomposer.deformations(&turned, &again);
         assert!(q.iter().zip(&same).all(|(a, b)| a.abs_diff_eq(*b, 1e-8)));
@@ -156,7 +149,7 @@ mod tests {
         let moved: Vec<DVec3> = (template.vertices.iter())
             .map(|v| *v + 0.2 * DVec3::new((3.0 * v.y).sin(), v.x * v.z, (v.y + v.x).cos()))
             .collect();
-        let rotations = decomposer.rotations(&moved);
+        let rotations = fit_rotations(&template, &moved);
         let q = decomposer.deformations(&moved, &rotations);
         let weight = c * template.resolution().powi(2);
         let edges = template.edges_of(&moved);

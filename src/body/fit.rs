@@ -37,6 +37,13 @@ pub struct FitPrior {
     pub noise: f64,
 }
 
+impl FitPrior {
+    /// How much the priors count against the squared centimetres of the energy.
+    pub fn weight(&self) -> f64 {
+        MARKER_WEIGHT * self.noise * self.noise
+    }
+}
+
 /// A pose and a shape.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyState {
@@ -136,6 +143,32 @@ impl<'a> FitProblem<'a> {
                 best.unwrap_or_else(|| self.descend(self.upright()))
             }
         }
+    }
+
+    /// The same markers for another model of them.
+    pub fn with_model<'b>(&self, model: &'b MarkerModel) -> FitProblem<'b>
+    where
+        'a: 'b,
+    {
+        FitProblem {
+            model,
+            ..self.clone()
+        }
+    }
+
+    /// The second derivatives and the gradient in the shape alone, where the rotations follow it. `None` if the markers do not
+    /// determine them.
+    pub(super) fn reduced_to_shape(&self, state: &BodyState) -> Option<(Array2<f64>, Array1<f64>)> {
+        let turns = 3 * self.model.parts();
+        let (mut hessian, gradient) = self.normal_equations(&self.evaluate(state), state);
+        hessian.diag_mut().mapv_inplace(|v| v + 1e-9);
+        let factor = Cholesky::new(hessian.slice(s![..turns, ..turns]).to_owned())?;
+        let mixed = hessian.slice(s![..turns, turns..]).to_owned();
+        let solved = factor.solve(&mixed)?;
+        let own = hessian.slice(s![turns.., turns..]);
+        let reduced = &own - &mixed.t().dot(&solved);
+        let pull = &gradient.slice(s![turns..]) - &solved.t().dot(&gradient.slice(s![..turns]));
+        Some((reduced, pull))
     }
 
     fn upright(&self) -> BodyState {
@@ -246,7 +279,7 @@ impl<'a> FitProblem<'a> {
     }
 
     fn prior_weight(&self) -> f64 {
-        MARKER_WEIGHT * self.prior.noise * self.prior.noise
+        self.prior.weight()
     }
 
     /// Half of the energy's second derivatives by Gauss and Newton, and half of its gradient: three numbers a part (a small

@@ -15,6 +15,7 @@ use crate::numeric::parallel;
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2, ArrayView1, s};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Triangles of one task.
 const CHUNK: usize = 256;
@@ -42,7 +43,7 @@ impl Marker {
 #[derive(Debug, Clone)]
 pub struct MarkerModel {
     /// A⁻¹ Pᵀ (V, m): how all vertices give when one marker is pulled (see [`super::Template::solve`]).
-    pub influence: Array2<f64>,
+    pub influence: Arc<Array2<f64>>,
     /// P A⁻¹ Pᵀ (m, m): how the markers themselves give.
     pub compliance: Array2<f64>,
     /// The parts of the joints.
@@ -101,7 +102,7 @@ impl MarkerModel {
             joints: template.joint_parts(),
             parts: terms_of_parts(body, &influence),
             offsets: offsets.collect(),
-            influence,
+            influence: Arc::new(influence),
         }
     }
 
@@ -145,6 +146,20 @@ impl MarkerModel {
             parts: self.parts.iter().map(of_part).collect(),
             ..self.clone()
         }
+    }
+
+    /// The model of the same markers with other offsets.
+    pub fn with_offsets(&self, offsets: &[DVec3]) -> MarkerModel {
+        let moved = self.offsets.iter().zip(offsets);
+        MarkerModel {
+            offsets: moved.map(|((part, _), offset)| (*part, *offset)).collect(),
+            ..self.clone()
+        }
+    }
+
+    /// The offset of marker `m`.
+    pub fn offset(&self, m: usize) -> DVec3 {
+        self.offsets[m].1
     }
 
     /// The positions and their derivatives.

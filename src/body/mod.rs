@@ -7,15 +7,18 @@
 //! triangle; [`pose_model`] predicts these matrices from the rotations at the joints, [`shape_model`] what is left between people.
 //! [`body_model`] holds all of them, and makes meshes; [`train`](mod@train) learns it.
 
+pub mod animation;
 pub mod body_model;
 pub mod completion;
 pub mod decomposition;
 pub mod file;
 pub mod fit;
+pub mod joint_markers;
 pub mod marker_model;
 pub mod part_finding;
 pub mod pose_model;
 pub mod shape_model;
+pub mod surface;
 pub mod template;
 pub mod train;
 

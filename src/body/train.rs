@@ -1,7 +1,7 @@
 //! Learning a body from meshes of one topology.
 
 use super::body_model::BodyModel;
-use super::decomposition::{Decomposer, SMOOTHNESS};
+use super::decomposition::{Decomposer, SMOOTHNESS, fit_rotations};
 use super::pose_model::{Follows, PoseModel};
 use super::shape_model::{Metric, ShapeModel, matrices_of_person};
 use super::template::Template;
@@ -62,7 +62,7 @@ pub fn train(
     let decomposer =
         Decomposer::new(&template, settings.smoothness).ok_or("has triangles without area")?;
     let mut decompose = |pose: &Vec<DVec3>| {
-        let rotations = decomposer.rotations(pose);
+        let rotations = fit_rotations(&template, pose);
         let q = decomposer.deformations(pose, &rotations);
         done();
         (rotations, q)
@@ -72,7 +72,7 @@ pub fn train(
     let training_rotations = decomposed.into_iter().map(|(r, _)| r).collect();
     let mut matrices: Vec<f32> = Vec::new();
     for person in people {
-        let rotations = decomposer.rotations(person);
+        let rotations = fit_rotations(&template, person);
         matrices.extend(matrices_of_person(
             &decomposer,
             &pose,

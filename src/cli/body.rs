@@ -108,6 +108,41 @@ pub fn points_of(poses: &Poses, frame: usize, columns: &[usize]) -> Vec<Option<D
         .collect()
 }
 
+/// Fails if the markers of a table cannot be on the body in centimetres: they spread three times as far as its vertices do, or less
+/// than a third.
+///
+/// # Errors
+/// [`Error::Data`]: with the remedy, `--units`.
+pub fn check_size(
+    body: &BodyModel,
+    markers: &[Marker],
+    frames: &[Vec<Option<DVec3>>],
+    source: &str,
+) -> Result<()> {
+    let spread = |points: &mut dyn Iterator<Item = DVec3>| {
+        let points: Vec<DVec3> = points.collect();
+        let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+        let squares = points.iter().map(|p| (*p - mean).length_squared());
+        (squares.sum::<f64>() / points.len().max(1) as f64).sqrt()
+    };
+    let Some(fullest) = frames.iter().max_by_key(|f| f.iter().flatten().count()) else {
+        return Ok(());
+    };
+    let rest = |m: &Marker| body.template.vertices[m.vertices[0].0];
+    let seen = fullest.iter().zip(markers).filter(|(f, _)| f.is_some());
+    let (found, expected) = (
+        spread(&mut fullest.iter().flatten().copied()),
+        spread(&mut seen.map(|(_, m)| rest(m))),
+    );
+    if expected > 0.0 && !(0.33..3.0).contains(&(found / expected)) {
+        let what = format!(
+            "its markers spread over {found:.2} cm, those of the body over {expected:.1} cm; give the unit with --units"
+        );
+        return Err(Error::data(Place::file(source), what));
+    }
+    Ok(())
+}
+
 /// The columns of a table of rotations.
 fn rotation_columns(parts: usize) -> Vec<String> {
     let of_part = |p| ["rx", "ry", "rz"].map(|a| format!("{}.{a}", part_name(p)));
@@ -136,6 +171,22 @@ pub fn write_rotations(
             row.iter_mut().zip(numbers).for_each(|(to, v)| *to = v);
         }
     }
+    number_table::write(path, poses, &columns, &values)
+}
+
+/// Writes a table of shapes; a frame without an answer has empty cells.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_shapes(
+    path: &Path,
+    poses: &Poses,
+    components: usize,
+    frames: &[Option<Vec<f64>>],
+) -> Result<()> {
+    let columns: Vec<String> = (1..=components).map(|k| format!("shape{k}")).collect();
+    let at = |(t, k): (usize, usize)| frames[t].as_ref().map_or(f64::NAN, |shape| shape[k]);
+    let values = Array2::from_shape_fn((frames.len(), components), at);
     number_table::write(path, poses, &columns, &values)
 }
 

@@ -68,7 +68,9 @@ impl MeshOutput {
             MeshOutput::Folder(path, format) => {
                 std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
                 let digits = meshes.len().saturating_sub(1).to_string().len().max(4);
-                for (k, vertices) in meshes.iter().enumerate() {
+                // A frame without a mesh has no file.
+                let there = meshes.iter().enumerate().filter(|(_, m)| !m.is_empty());
+                for (k, vertices) in there {
                     let name = format!("{k:0digits$}.{}", format.extension());
                     mesh(vertices, faces, units).save(path.join(name))?;
                 }

@@ -3,7 +3,9 @@
 pub mod args;
 pub mod benchmark;
 pub mod body;
+pub mod body_scan_markers;
 pub mod body_size;
+pub mod body_take;
 pub mod cluster;
 pub mod code_table;
 pub mod commands;
@@ -22,7 +24,7 @@ pub mod messages;
 pub mod metric_takes;
 pub mod number_table;
 pub mod one_take;
-mod pair_file;
+pub mod pair_file;
 pub mod pair_label;
 pub mod plot;
 pub mod progress;

@@ -1,7 +1,7 @@
 //! How well and how fast bodies are learnt, posed and completed, on the shared meshes: `make bench`.
 
 use glam::{DMat3, DVec3};
-use posing::body::decomposition::synthesise;
+use posing::body::decomposition::{fit_rotations, synthesise};
 use posing::body::fit::FitProblem;
 use posing::body::marker_model::{Marker, MarkerModel};
 use posing::body::train::{Settings, train};
@@ -109,7 +109,7 @@ impl<'a> Split<'a> {
         let person = |k: &usize| self.bodies.people[*k].as_slice();
         let start = Instant::now();
         let rotations: Vec<Vec<DMat3>> =
-            (self.poses.iter().map(|k| decomposer.rotations(pose(k)))).collect();
+            (self.poses.iter().map(|k| fit_rotations(template, pose(k)))).collect();
         let exact: Vec<Vec<f64>> = (self.poses.iter().zip(&rotations))
             .map(|(k, r)| {
                 let q = decomposer.deformations(pose(k), r);
@@ -142,7 +142,7 @@ impl<'a> Split<'a> {
             for count in [5, 10, 20] {
                 let e: Vec<Vec<f64>> = (self.people.iter())
                     .map(|k| {
-                        let r = decomposer.rotations(person(k));
+                        let r = fit_rotations(template, person(k));
                         let beta = model.shape_of(person(k), &r, count);
                         errors(&model.synthesise(&r, &beta), person(k))
                     })

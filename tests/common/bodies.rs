@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// The shared meshes, centimetres.
+#[allow(dead_code)] // Every user takes a part of it.
 pub struct Bodies {
     pub poses: Vec<Vec<DVec3>>,
     pub people: Vec<Vec<DVec3>>,

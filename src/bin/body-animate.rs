@@ -1,0 +1,145 @@
+//! Animates a body from a take of markers.
+
+use clap::Parser;
+use posing::body::BodyModel;
+use posing::body::Marker;
+use posing::body::animation::{MarkerFrame, Offsets};
+use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::body::{
+    check_size, columns_of, open_body, points_of, read_marker_map, read_shapes, write_rotations,
+    write_shapes,
+};
+use posing::cli::body_scan_markers::markers_on_scan;
+use posing::cli::body_take::{BodyTake, fit_take};
+use posing::cli::mesh_output::MeshOutput;
+use posing::cli::units::{TableUnits, Units, Up, parse_length};
+use posing::cli::{input, messages, run};
+use posing::io::{MeshFormat, Table};
+use posing::{Error, Result};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Animate a body from a take of markers
+///
+/// Fits one shape to the whole take, and the rotations of the parts to each frame, which starts from the one before. Which vertex
+/// each marker is on is told by --on; or it is learnt, with the marker's distance from the skin, from a mesh of the person (--scan) and
+/// the frame at which it was taken.
+///
+/// The meshes are the model's own (the predicted ones of body-fit): markers off the skin do not dent them. --shape moves the
+/// take to another body.
+#[derive(Parser)]
+#[command(
+    name = "body-animate",
+    version,
+    after_help = "Examples:\n  posing body-animate -m body.npz --on on.csv -o frames/ markers.csv\n  posing body-animate -m body.npz --on on.csv --shape 2 -o other.npz --rotations rotations.csv markers.csv",
+    after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is on, counted from 0\n\nExamples:\n  posing body-animate -m body.npz --on on.csv -o frames/ markers.csv\n  posing body-animate -m body.npz --on on.csv --shape 2 -o other.npz --rotations rotations.csv markers.csv"
+)]
+struct Args {
+    #[command(flatten)]
+    input: InputArgs,
+    /// Body model
+    #[arg(short, long, value_name = "BODY.npz")]
+    model: PathBuf,
+    /// The vertex that each point is on
+    #[arg(
+        long,
+        value_name = "MAP.csv",
+        required_unless_present = "scan",
+        conflicts_with = "scan"
+    )]
+    on: Option<PathBuf>,
+    /// Mesh of the person, of the model's topology (from mesh-register or body-scan), where the markers are at frame --scan-frame
+    #[arg(long, value_name = "MESH", requires_all = ["scan_frame", "scan_units"])]
+    scan: Option<PathBuf>,
+    /// Frame of the table, counted from 0, at which the scan was taken
+    #[arg(long, value_name = "N")]
+    scan_frame: Option<usize>,
+    /// Unit of length of the scan: its file has none
+    #[arg(long, value_enum, value_name = "UNIT")]
+    scan_units: Option<Units>,
+    /// Standard deviation of the markers a coordinate, in cm or with a unit
+    #[arg(long, value_name = "LENGTH", default_value = "0.5", value_parser = parse_length)]
+    noise: f64,
+    /// Shape of another body: comma-separated numbers, or a table of one row
+    #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
+    shape: Option<String>,
+    /// Output: .npz, or a folder (ending in /) for a file a frame
+    #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
+    output: PathBuf,
+    /// Format of the files of a folder
+    #[arg(long, value_name = "FORMAT", default_value = "ply", value_parser = ["obj", "ply", "stl"], help_heading = "Output")]
+    mesh_format: String,
+    /// Write the rotations and the place as a table, for body-synth
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    rotations: Option<PathBuf>,
+    /// Write the shape as a table, for body-synth
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    shapes: Option<PathBuf>,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<()> {
+    args.common.apply()?;
+    let files = args.on.iter().chain(&args.scan);
+    input::check_single_stdin_with(&args.input, files.chain([&args.model]))?;
+    let format = MeshFormat::of(format!("x.{}", args.mesh_format))?;
+    let output = MeshOutput::of(&args.output, format)?;
+    let body = open_body(&args.model)?;
+    let table = input::read_table(&args.input, false, false)?;
+    let (markers, frames) = markers(args, &body, &table)?;
+    check_size(&body, &markers, &frames, &table.name)?;
+    let animation = fit_take(
+        &body,
+        &markers,
+        &frames,
+        args.noise,
+        Offsets::Known,
+        &table.name,
+    )?;
+    let mut take = BodyTake::of(&body, &animation);
+    if let Some(text) = &args.shape {
+        let shapes = read_shapes(text, body.shape.len())?;
+        if shapes.len() != 1 {
+            return Err(Error::usage("--shape: a take has one shape; give one row"));
+        }
+        take = take.on_body(&body, shapes);
+    }
+    let poses = &table.poses;
+    if let Some(path) = &args.rotations {
+        write_rotations(path, poses, body.template.parts(), &take.frames)?;
+    }
+    if let Some(path) = &args.shapes {
+        let shapes: Vec<_> = (0..take.frames.len())
+            .map(|k| Some(take.shape(k).to_vec()))
+            .collect();
+        write_shapes(path, poses, take.shape(0).len(), &shapes)?;
+    }
+    let meshes = take.meshes(&body);
+    output.write(&meshes, body.template.surface(), TableUnits::CM_Y)?;
+    messages::debug(&format!("{} meshes", meshes.len()));
+    Ok(())
+}
+
+/// The markers on the body, and where they are in each frame.
+fn markers(
+    args: &Args,
+    body: &BodyModel,
+    table: &Table,
+) -> Result<(Vec<Marker>, Vec<MarkerFrame>)> {
+    let (names, markers) = match (&args.on, &args.scan, args.scan_frame, args.scan_units) {
+        (_, Some(scan), Some(frame), Some(unit)) => {
+            let units = TableUnits { unit, up: Up::Y };
+            markers_on_scan(body, scan, units, table, frame)?
+        }
+        (Some(on), ..) => read_marker_map(on, body.template.vertices.len())?,
+        _ => return Err(Error::usage("give --on MAP.csv or --scan MESH")),
+    };
+    let columns = columns_of(&table.poses, &names, &table.name)?;
+    let frames = (0..table.poses.frames()).map(|t| points_of(&table.poses, t, &columns));
+    Ok((markers, frames.collect()))
+}

@@ -1,0 +1,188 @@
+//! A take of markers: one shape for all frames, each frame from the pose before.
+//!
+//! Where the markers are not quite on the vertices that are named, as the joints of a skeleton are not, the mean of what each one misses
+//! over the take, in the frame of its part, becomes its offset.
+
+use super::fit::{BodyState, Fit, FitPrior, FitProblem};
+use super::marker_model::MarkerModel;
+use crate::numeric::linalg::Cholesky;
+use crate::numeric::parallel;
+use glam::DVec3;
+use ndarray::{Array1, Array2, Axis, s};
+
+/// Rounds of shape and offsets in turn.
+const OFFSET_ROUNDS: usize = 3;
+/// Frames that the shape is learnt from.
+const SHAPE_FRAMES: usize = 16;
+const SHAPE_ROUNDS: usize = 10;
+/// A frame whose markers are missed by more than this times the median before, and by more than [`FAR`], is fitted afresh.
+const LOST: f64 = 2.0;
+/// Centimetres.
+const FAR: f64 = 2.0;
+
+/// A take as poses of one body.
+#[derive(Debug, Clone)]
+pub struct Animation {
+    /// β, the same in all frames.
+    pub shape: Vec<f64>,
+    /// The fit of each frame; its state has no shape. `None` where a frame has fewer than [`super::fit::FEWEST`] markers.
+    pub fits: Vec<Option<Fit>>,
+}
+
+/// The markers of a frame; `None` is missing.
+pub type MarkerFrame = Vec<Option<DVec3>>;
+
+/// Whether markers are where their model says.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Offsets {
+    /// They are.
+    Known,
+    /// Each has an offset of its own, which is learnt from the take.
+    Learnt,
+}
+
+/// Fits a take. The shape is learnt first, from frames spread over the take that have the most markers.
+///
+/// # Errors
+/// A phrase: no frame has markers enough.
+pub fn animate(
+    model: &MarkerModel,
+    prior: &FitPrior,
+    frames: &[MarkerFrame],
+    offsets: Offsets,
+) -> Result<Animation, String> {
+    let chosen = shape_frames(frames);
+    let mut model = model.clone();
+    let mut shape = shared_shape(&model, prior, &chosen)?;
+    if offsets == Offsets::Learnt {
+        for _ in 0..OFFSET_ROUNDS {
+            model = model.with_offsets(&learnt_offsets(&model, prior, &chosen, &shape));
+            shape = shared_shape(&model, prior, &chosen)?;
+        }
+    }
+    let model = model.with_shape(&shape);
+    let mut fits: Vec<Option<Fit>> = Vec::with_capacity(frames.len());
+    let mut last: Option<(BodyState, f64)> = None;
+    for frame in frames {
+        let Ok(problem) = FitProblem::new(&model, prior, frame) else {
+            fits.push(None);
+            continue;
+        };
+        let mut fit = problem.solve(last.as_ref().map(|(state, _)| state));
+        if (last.as_ref()).is_some_and(|(_, usual)| fit.rms > FAR && fit.rms > LOST * usual) {
+            let afresh = problem.solve(None);
+            if afresh.energy < fit.energy {
+                fit = afresh;
+            }
+        }
+        let usual = last.map_or(fit.rms, |(_, usual)| 0.9 * usual + 0.1 * fit.rms);
+        last = Some((fit.state.clone(), usual));
+        fits.push(Some(fit));
+    }
+    match fits.iter().any(Option::is_some) {
+        true => Ok(Animation { shape, fits }),
+        false => Err("no frame has four markers of the map or more".into()),
+    }
+}
+
+/// Frames with the most markers, spread over the take.
+fn shape_frames(frames: &[MarkerFrame]) -> Vec<&MarkerFrame> {
+    let seen = |f: &MarkerFrame| f.iter().flatten().count();
+    let blocks = SHAPE_FRAMES.min(frames.len());
+    let block = |k: usize| {
+        let range = k * frames.len() / blocks..(k + 1) * frames.len() / blocks;
+        frames[range].iter().rev().max_by_key(|f| seen(f))
+    };
+    (0..blocks).filter_map(block).collect()
+}
+
+/// The offset of each marker: the mean over the frames of where it is from its place on the body, in the frame of its part.
+fn learnt_offsets(
+    model: &MarkerModel,
+    prior: &FitPrior,
+    frames: &[&MarkerFrame],
+    shape: &[f64],
+) -> Vec<DVec3> {
+    let model = model.with_shape(shape);
+    let mut sums = vec![(DVec3::ZERO, 0.0); frames[0].len()];
+    for frame in frames {
+        let Ok(problem) = FitProblem::new(&model, prior, frame) else {
+            continue;
+        };
+        let fit = problem.solve(None);
+        let at = model.evaluate(&fit.state.rotations, &[]);
+        for (m, seen) in frame.iter().enumerate() {
+            if let Some(seen) = seen {
+                let missed = *seen - at.positions[m] - fit.shift;
+                let turn = fit.state.rotations[model.part_of(m)].transpose();
+                sums[m] = (sums[m].0 + turn * missed, sums[m].1 + 1.0);
+            }
+        }
+    }
+    let mean = |(m, (sum, count)): (usize, &(DVec3, f64))| {
+        model.offset(m)
+            + if *count > 0.0 {
+                *sum / *count
+            } else {
+                DVec3::ZERO
+            }
+    };
+    sums.iter().enumerate().map(mean).collect()
+}
+
+/// The shape that all frames share: of the sum of their energies, the rotations of each frame are eliminated (Schur complement).
+fn shared_shape(
+    model: &MarkerModel,
+    prior: &FitPrior,
+    frames: &[&MarkerFrame],
+) -> Result<Vec<f64>, String> {
+    let problems: Vec<FitProblem<'_>> = (frames.iter())
+        .filter_map(|f| FitProblem::new(model, prior, f).ok())
+        .collect();
+    if problems.is_empty() {
+        return Err("no frame has four markers of the map or more".into());
+    }
+    let first = parallel::map_chunks(problems.len(), 1, |k| problems[k.start].solve(None));
+    let mut rotations: Vec<_> = first.iter().map(|f| f.state.rotations.clone()).collect();
+    let count = model.components();
+    let mean = |b: usize| first.iter().map(|f| f.state.shape[b]).sum::<f64>() / first.len() as f64;
+    let mut shape: Vec<f64> = (0..count).map(mean).collect();
+    for _ in 0..SHAPE_ROUNDS {
+        let fixed = model.with_shape(&shape);
+        let parts = parallel::map_chunks(problems.len(), 1, |k| {
+            let start = BodyState {
+                rotations: rotations[k.start].clone(),
+                shape: Vec::new(),
+            };
+            let problem = problems[k.start].with_model(&fixed);
+            let fit = problem.solve(Some(&start));
+            let state = BodyState {
+                rotations: fit.state.rotations,
+                shape: shape.clone(),
+            };
+            let reduced = problems[k.start].reduced_to_shape(&state);
+            (state.rotations, reduced)
+        });
+        let (mut hessian, mut gradient) = (Array2::zeros((count, count)), Array1::zeros(count));
+        for (k, (turned, reduced)) in parts.into_iter().enumerate() {
+            rotations[k] = turned;
+            let (h, g) = reduced.ok_or("has markers that determine no pose")?;
+            hessian += &h;
+            gradient += &g;
+        }
+        // Each frame has brought the prior of the one shape; it counts once.
+        let surplus = prior.weight() * (problems.len() - 1) as f64;
+        hessian.diag_mut().mapv_inplace(|v: f64| v - surplus);
+        gradient.scaled_add(-surplus, &Array1::from(shape.clone()));
+        let right = gradient.mapv(|v: f64| -v).insert_axis(Axis(1));
+        let step = Cholesky::new(hessian).and_then(|c| c.solve(&right));
+        let step = step.ok_or("has markers that determine no shape")?;
+        for (beta, step) in shape.iter_mut().zip(step.slice(s![.., 0])) {
+            *beta += step;
+        }
+        if step.iter().all(|s| s.abs() < 1e-3) {
+            break;
+        }
+    }
+    Ok(shape)
+}

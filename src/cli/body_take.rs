@@ -1,0 +1,162 @@
+//! A take as rotations and places of a body, and the meshes of it.
+
+use super::args::InputArgs;
+use super::body::{columns_of, points_of};
+use super::{input, messages};
+use crate::body::animation::{Animation, MarkerFrame, Offsets, animate};
+use crate::body::joint_markers::joint_markers;
+use crate::body::{BodyModel, Marker, MarkerModel};
+use crate::numeric::median::median;
+use crate::numeric::parallel;
+use crate::{Error, Place, Result};
+use glam::{DMat3, DVec3};
+use std::path::Path;
+
+/// How far joints of a pose table stand from those of a body, centimetres: a skeleton's are not where the mesh has them.
+const JOINT_NOISE: f64 = 2.0;
+
+/// Rotations of the parts and place of the root, frame by frame.
+#[derive(Debug, Clone)]
+pub struct BodyTake {
+    /// `None` where nothing is known.
+    pub frames: Vec<Option<(Vec<DMat3>, DVec3)>>,
+    /// One shape, or one a frame.
+    pub shapes: Vec<Vec<f64>>,
+}
+
+impl BodyTake {
+    /// The template's pose.
+    pub fn at_rest(body: &BodyModel) -> BodyTake {
+        let root = body.template.root_of(&body.template.vertices);
+        let upright = vec![DMat3::IDENTITY; body.template.parts()];
+        BodyTake {
+            frames: vec![Some((upright, root))],
+            shapes: vec![Vec::new()],
+        }
+    }
+
+    /// The frames of an animation.
+    pub fn of(body: &BodyModel, animation: &Animation) -> BodyTake {
+        let shape = body.shape.matrices(&animation.shape);
+        let frame = |k: usize| {
+            let fit = animation.fits[k].as_ref()?;
+            let vertices = body.synthesise_shaped(&fit.state.rotations, &shape);
+            // A fit's shift is that of the first vertex.
+            let root = body.template.root_of(&vertices) + fit.shift - vertices[0];
+            Some((fit.state.rotations.clone(), root))
+        };
+        let chunks = parallel::map_chunks(animation.fits.len(), 8, |range| {
+            range.map(frame).collect::<Vec<_>>()
+        });
+        BodyTake {
+            frames: chunks.concat(),
+            shapes: vec![animation.shape.clone()],
+        }
+    }
+
+    /// The shape of frame `k`.
+    pub fn shape(&self, k: usize) -> &[f64] {
+        &self.shapes[if self.shapes.len() == 1 { 0 } else { k }]
+    }
+
+    /// The meshes, centimetres; empty where nothing is known.
+    pub fn meshes(&self, body: &BodyModel) -> Vec<Vec<DVec3>> {
+        let one = (self.shapes.len() == 1).then(|| body.shape.matrices(&self.shapes[0]));
+        let mesh = |k: usize| {
+            let Some((rotations, root)) = &self.frames[k] else {
+                return Vec::new();
+            };
+            let vertices = match &one {
+                Some(shape) => body.synthesise_shaped(rotations, shape),
+                None => body.synthesise(rotations, self.shape(k)),
+            };
+            let shift = *root - body.template.root_of(&vertices);
+            vertices.into_iter().map(|v| v + shift).collect()
+        };
+        let chunks = parallel::map_chunks(self.frames.len(), 4, |range| {
+            range.map(mesh).collect::<Vec<_>>()
+        });
+        chunks.concat()
+    }
+
+    /// The same rotations on bodies of other shapes, each frame at the height of its lowest vertex.
+    pub fn on_body(&self, body: &BodyModel, shapes: Vec<Vec<f64>>) -> BodyTake {
+        let lowest = |mesh: &[DVec3]| mesh.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
+        let other = BodyTake {
+            frames: self.frames.clone(),
+            shapes,
+        };
+        let (own, others) = (self.meshes(body), other.meshes(body));
+        let heights = own.iter().zip(&others).map(|(a, b)| lowest(a) - lowest(b));
+        let raised = (other.frames.into_iter().zip(heights)).map(|(frame, by)| {
+            let (rotations, root) = frame?;
+            Some((rotations, root + DVec3::Y * by))
+        });
+        BodyTake {
+            frames: raised.collect(),
+            shapes: other.shapes,
+        }
+    }
+}
+
+/// Fits a take of markers; says how near they are.
+///
+/// # Errors
+/// [`Error::Data`]: no frame has markers enough.
+pub fn fit_take(
+    body: &BodyModel,
+    markers: &[Marker],
+    frames: &[MarkerFrame],
+    noise: f64,
+    offsets: Offsets,
+    source: &str,
+) -> Result<Animation> {
+    let model = MarkerModel::new(body, markers);
+    let mut prior = body.fit_prior();
+    prior.noise = noise;
+    let animation = animate(&model, &prior, frames, offsets)
+        .map_err(|what| Error::data(Place::file(source), what))?;
+    let rms: Vec<f64> = animation.fits.iter().flatten().map(|f| f.rms).collect();
+    let missed = frames.len() - rms.len();
+    let worst = rms.iter().copied().fold(0.0, f64::max);
+    messages::info(&format!(
+        "{} frames: points are {:.2} cm from the body (median), {worst:.2} at most",
+        rms.len(),
+        median(rms).unwrap_or_default()
+    ));
+    if missed > 0 {
+        messages::info(&format!(
+            "{missed} frames have fewer than four points: no body there"
+        ));
+    }
+    Ok(animation)
+}
+
+/// The take of a pose table whose joints the body's model names.
+///
+/// # Errors
+/// The table cannot be read or lacks joints, or the model has no names of joints.
+pub fn pose_take(body: &BodyModel, path: &Path, fps: Option<f64>) -> Result<BodyTake> {
+    if body.joint_names.is_empty() {
+        return Err(Error::usage(
+            "the body does not know which joints its parts belong to; train it with body-train --joints JOINTS.csv",
+        ));
+    }
+    let flags = InputArgs::plain(vec![path.to_path_buf()], fps, &None);
+    let table = input::read_table(&flags, false, false)?;
+    let names: Vec<String> = body.joint_names.iter().map(|(_, n)| n.clone()).collect();
+    let columns = columns_of(&table.poses, &names, &table.name)?;
+    let frames: Vec<MarkerFrame> = (0..table.poses.frames())
+        .map(|t| points_of(&table.poses, t, &columns))
+        .collect();
+    let markers = joint_markers(&body.template, &body.joint_names);
+    let animation = fit_take(
+        body,
+        &markers,
+        &frames,
+        JOINT_NOISE,
+        Offsets::Learnt,
+        &table.name,
+    )?;
+    Ok(BodyTake::of(body, &animation))
+}
