@@ -372,7 +372,7 @@ pub(super) mod tests {
     fn a_loose_piece_goes_where_the_body_goes() {
         let body = column(4);
         let mut vertices = body.vertices.clone();
-        let eye = [[0.0, 3.5, 0.0], [0.2, 3.5, 0.0], [0.0, 3.7, 0.0]].map(DVec3::from_array);
+        let eye = [[0.0, 3.5, 0.0], [0.25, 3.5, 0.0], [0.0, 3.75, 0.0]].map(DVec3::from_array);
         vertices.extend(eye);
         let mut faces = body.faces.clone();
         faces.push([16, 17, 18]);
