@@ -101,3 +101,79 @@ impl BodyModel {
         (0..self.template.joints.len()).map(prior).collect()
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::body::template::tests::column;
+    use crate::body::train::{Settings, train};
+
+    /// A column of two parts that bulges where it bends, and comes thick and thin.
+    pub fn bending_body() -> BodyModel {
+        let template = column(12);
+        let bent = |angle: f64, axis: DVec3| -> Vec<DVec3> {
+            let turn = DMat3::from_axis_angle(axis, angle);
+            let pivot = DVec3::new(0.0, 5.5, 0.0);
+            (template.vertices.iter())
+                .map(|v| {
+                    let near = 1.0 + 0.3 * angle * angle / (1.0 + (v.y - 5.5).powi(2));
+                    let v = DVec3::new(v.x * near, v.y, v.z);
+                    if v.y > 5.5 {
+                        pivot + turn * (v - pivot)
+                    } else {
+                        v
+                    }
+                })
+                .collect()
+        };
+        let poses: Vec<Vec<DVec3>> = (0..8)
+            .map(|k| bent(0.2 * k as f64, [DVec3::X, DVec3::Y, DVec3::Z][k % 3]))
+            .collect();
+        let scaled = |x: f64, y: f64| -> Vec<DVec3> {
+            let by = DVec3::new(x, y, 1.0);
+            template.vertices.iter().map(|v| *v * by).collect()
+        };
+        let people = [(1.2, 1.0), (0.9, 1.0), (1.0, 1.1), (1.0, 0.9)];
+        let people = people.map(|(x, y)| scaled(x, y));
+        train(
+            template.clone(),
+            &poses,
+            &people,
+            &Settings::default(),
+            &mut || (),
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn a_shape_is_found_again_in_its_vertices() {
+        let body = bending_body();
+        let rotations = body.training_rotations[3].clone();
+        let shape = [0.7, -0.4];
+        let mesh: Vec<DVec3> = (body.synthesise(&rotations, &shape).into_iter())
+            .map(|v| v + DVec3::new(3.0, 1.0, 2.0))
+            .collect();
+        let found = body.shape_of(&mesh, &rotations, 2);
+        assert!(
+            (found[0] - 0.7).abs() < 1e-6 && (found[1] + 0.4).abs() < 1e-6,
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn turning_all_parts_turns_the_body() {
+        let body = bending_body();
+        let turn = DMat3::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 2.0);
+        let rotations = &body.training_rotations[4];
+        let turned: Vec<DMat3> = rotations.iter().map(|r| turn * *r).collect();
+        let (a, b) = (
+            body.synthesise(rotations, &[0.3]),
+            body.synthesise(&turned, &[0.3]),
+        );
+        assert!(
+            a.iter()
+                .zip(&b)
+                .all(|(a, b)| (turn * *a - *b).length() < 1e-9)
+        );
+    }
+}

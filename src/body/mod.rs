@@ -17,10 +17,12 @@ pub mod joint_markers;
 pub mod marker_model;
 pub mod part_finding;
 pub mod pose_model;
+pub mod scan_fit;
 pub mod shape_model;
 pub mod surface;
 pub mod template;
 pub mod train;
+pub mod vertex_jacobian;
 
 pub use body_model::BodyModel;
 pub use decomposition::Decomposer;

@@ -159,6 +159,11 @@ impl Template {
         self.solver.solve(b)
     }
 
+    /// The entries (row, column, value) of the normal matrix of the edges, which leaves a shift free.
+    pub fn edge_entries(&self) -> Vec<(usize, usize, f64)> {
+        edge_entries(&self.faces)
+    }
+
     /// The tree of the longest borders between parts, from the part with most of them outwards.
     fn spanning_tree(&self) -> Result<Vec<Joint>, String> {
         let parts = self.face_parts.iter().max().map_or(0, |p| p + 1);
@@ -297,8 +302,8 @@ fn pieces(vertices: usize, faces: &[[usize; 3]]) -> Vec<usize> {
     of.collect()
 }
 
-/// The normal matrix of the edges; the first vertex is held, or all would be free to shift.
-fn edge_solver(vertices: usize, faces: &[[usize; 3]]) -> Option<SparseCholesky> {
+/// The entries of GᵀG, the normal matrix of the edges.
+fn edge_entries(faces: &[[usize; 3]]) -> Vec<(usize, usize, f64)> {
     let mut entries = Vec::with_capacity(6 * faces.len() + 1);
     for face in faces {
         for corner in &face[1..] {
@@ -307,6 +312,12 @@ fn edge_solver(vertices: usize, faces: &[[usize; 3]]) -> Option<SparseCholesky> 
             entries.push((face[0], *corner, -1.0));
         }
     }
+    entries
+}
+
+/// The normal matrix of the edges; the first vertex is held, or all would be free to shift.
+fn edge_solver(vertices: usize, faces: &[[usize; 3]]) -> Option<SparseCholesky> {
+    let mut entries = edge_entries(faces);
     entries.push((0, 0, 1.0));
     SparseCholesky::new(vertices, &entries)
 }
