@@ -5,6 +5,7 @@ mod common;
 use glam::{DMat3, DVec3};
 use posing::body::decomposition::{SMOOTHNESS, synthesise};
 use posing::body::pose_model::NEAREST_JOINTS;
+use posing::body::skinning::{JointSkinning, Sample, Skinning};
 use posing::body::{Decomposer, PoseModel, Template};
 use std::io::Read;
 
@@ -105,4 +106,63 @@ fn poses_are_decomposed_and_predicted_from_their_rotations() {
         model <= 3.0 && model < rigid / 4.0,
         "{model} mm, rigid {rigid} mm"
     );
+}
+
+/// A third of the area of each vertex's triangles.
+fn areas(template: &Template) -> Vec<f64> {
+    let mut areas = vec![0.0; template.vertices.len()];
+    for (face, [a, b]) in template.faces.iter().zip(&template.edges) {
+        face.iter()
+            .for_each(|v| areas[*v] += a.cross(*b).length() / 6.0);
+    }
+    areas
+}
+
+#[test]
+fn poses_are_skinned_with_bones_and_corrective_shapes() {
+    let Some(bodies) = bodies() else {
+        return common::skipped("bodies: ../shared/data/bodies is not there");
+    };
+    let (faces, parts) = (bodies.faces.clone(), bodies.parts.clone());
+    let template = Template::new(bodies.poses[0].clone(), faces, parts).unwrap();
+    let decomposer = Decomposer::new(&template, SMOOTHNESS).unwrap();
+    let rotations: Vec<Vec<DMat3>> = (bodies.poses.iter())
+        .map(|p| decomposer.rotations(p))
+        .collect();
+    let sample = |k: usize| Sample {
+        rotations: &rotations[k],
+        vertices: &bodies.poses[k],
+    };
+    let (test, train): (Vec<usize>, Vec<usize>) = (0..40).partition(|k| k % 4 == 1);
+    let training: Vec<Sample> = train.iter().map(|k| sample(*k)).collect();
+    let mean = |errors: Vec<f64>| errors.iter().sum::<f64>() / errors.len() as f64;
+    let areas = areas(&template);
+    let by_area = |found: &[DVec3], k: usize| {
+        let far = found.iter().zip(&bodies.poses[k]).zip(&areas);
+        let sum: f64 = far.map(|((a, b), area)| area * (*a - *b).length()).sum();
+        10.0 * sum / areas.iter().sum::<f64>()
+    };
+
+    let jointed = JointSkinning::fit(&template, &training).unwrap();
+    let predicted = |k: &usize| error(&jointed.pose(&rotations[*k]), &bodies.poses[*k]);
+    let jointed = mean(test.iter().map(predicted).collect());
+    println!("joints by forward kinematics {jointed:.2} mm");
+    assert!(jointed <= 6.0, "{jointed} mm");
+    for (shapes, most) in [(0, 1.6), (5, 1.15), (10, 1.05), (20, 0.9)] {
+        let skinning = Skinning::fit(&template, &training, shapes).unwrap();
+        let frames: Vec<_> = test
+            .iter()
+            .map(|k| skinning.frame(&sample(*k)).unwrap())
+            .collect();
+        let found = mean(frames.iter().map(|f| f.error_mm).collect());
+        let areas = frames
+            .iter()
+            .zip(&test)
+            .map(|(f, k)| by_area(&skinning.pose(f), *k));
+        println!(
+            "{shapes} corrective shapes {found:.2} mm, by area {:.2} mm",
+            mean(areas.collect())
+        );
+        assert!(found <= most, "{shapes} corrective shapes: {found} mm");
+    }
 }
