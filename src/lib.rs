@@ -64,11 +64,11 @@
 //! |---|---|---|
 //! | [`numeric`] | LAPACK, small dense algebra, Gaussians, SIMD, deterministic parallelism | |
 //! | [`pose`] | poses, skeletons, kinematics, rotations, similarity transforms, placements | `numeric` |
-//! | [`io`] | readers and writers: ASF, AMC, BVH, CSV, NPY, meshes, models | `pose` |
+//! | [`io`] | readers and writers: ASF, AMC, BVH, CSV, NPY, meshes, glTF, models | `pose` |
 //! | [`cluster`] | k-means, hierarchical k-means | `pose` |
 //! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, exact search over atoms | `pose` |
 //! | [`metric`] | geometric pose descriptors, how alike two poses are, pairs to label, transitions | `pose` |
-//! | [`body`] | body meshes: parts, pose and shape | `pose` |
+//! | [`body`] | body meshes: parts, pose and shape, skinning | `pose` |
 //! | [`prior`] | pose models behind one trait; a file or folder for each; a registry by name | `cluster`, `sparse` |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances, inverse kinematics | `prior` |
 //! | [`evaluate`] | corruption, scores, benchmark, report, figures, player, page of pairs to label | `restore` |

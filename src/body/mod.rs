@@ -6,6 +6,7 @@
 //! A [`template`] is a mesh in rigid parts; [`decomposition`] describes another mesh of its topology by a rotation a part and a matrix a
 //! triangle; [`pose_model`] predicts these matrices from the rotations at the joints, [`shape_model`] what is left between people.
 //! [`body_model`] holds all of them, and makes meshes; [`train`](mod@train) learns it.
+//! [`skinning`] fits what animation software plays: linear blend skinning with corrective shapes.
 
 pub mod animation;
 pub mod body_model;
@@ -19,6 +20,7 @@ pub mod part_finding;
 pub mod pose_model;
 pub mod scan_fit;
 pub mod shape_model;
+pub mod skinning;
 pub mod surface;
 pub mod template;
 pub mod train;
@@ -29,4 +31,5 @@ pub use decomposition::Decomposer;
 pub use marker_model::{Marker, MarkerModel};
 pub use pose_model::PoseModel;
 pub use shape_model::ShapeModel;
+pub use skinning::{JointSkinning, Skinning};
 pub use template::Template;

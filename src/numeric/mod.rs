@@ -4,6 +4,7 @@ pub mod gaussian;
 pub mod lbfgs;
 pub mod linalg;
 pub mod median;
+pub mod nnls;
 pub mod parallel;
 pub mod pchip;
 pub mod product;

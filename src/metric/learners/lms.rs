@@ -7,22 +7,14 @@
 //! minimise (1/P) Σ_p (Σ_j w_j t_pj − y_p)² + ridge Σ_j m_j w_j² over w ≥ 0,
 //!
 //! where P is the number of pairs and m_j the mean of t_pj² over them, so that the ridge does not depend on the terms' units.
-//! Solved by coordinate descent on the Gram matrix of the terms (Franc, Hlaváč, Navara 2005), which finds the weights that
-//! are above 0; those are then solved for exactly (Lawson and Hanson 1974, chapter 23). Cost: O(P k²) for k terms, and
-//! O(k³).
+//! Solved on the Gram matrix of the terms ([`crate::numeric::nnls`]). Cost: O(P k²) for k terms, and O(k³).
 
-use crate::numeric::linalg::cholesky_solve;
+use crate::numeric::nnls::nonnegative_least_squares;
 use crate::numeric::product::transposed_product;
-use ndarray::{Array1, Array2, ArrayView2, Axis};
+use ndarray::{Array1, ArrayView2, Axis};
 
 /// Share of a term's mean square. It makes the weights of equal terms equal, and changes others by about as little.
 const RIDGE: f64 = 1e-6;
-/// Largest error of the optimality conditions, of terms and targets of mean square 1.
-const TOLERANCE: f64 = 1e-9;
-/// Sweeps of coordinate descent before each exact solution.
-const SWEEPS: usize = 20;
-/// Rounds of sweeps and exact solution; a handful are needed.
-const ROUNDS: usize = 1000;
 
 /// Learns the weights w (terms) from the `terms` of pairs (pairs, terms) and whether each pair is alike.
 ///
@@ -71,65 +63,12 @@ fn check(terms: ArrayView2<'_, f64>, is_alike: &[bool]) -> Result<(), String> {
     }
 }
 
-/// Minimises ½ wᵀ G w − bᵀ w over w ≥ 0, for a positive definite G (k, k) and b (k).
-fn nonnegative_least_squares(g: &Array2<f64>, b: &Array1<f64>) -> Option<Array1<f64>> {
-    let mut w = Array1::zeros(b.len());
-    for _ in 0..ROUNDS {
-        let mut gradient = g.dot(&w) - b;
-        for _ in 0..SWEEPS {
-            for j in 0..b.len() {
-                let to = (w[j] - gradient[j] / g[[j, j]]).max(0.0);
-                gradient.scaled_add(to - w[j], &g.row(j));
-                w[j] = to;
-            }
-        }
-        solve_support(g, b, &mut w)?;
-        let error = suboptimality(&(g.dot(&w) - b), &w);
-        if error <= TOLERANCE {
-            return Some(w);
-        }
-    }
-    None
-}
-
-/// Moves to the exact minimum over the weights above 0; those that would fall below on the way become 0.
-fn solve_support(g: &Array2<f64>, b: &Array1<f64>, w: &mut Array1<f64>) -> Option<()> {
-    loop {
-        let support: Vec<usize> = (0..w.len()).filter(|&j| w[j] > 0.0).collect();
-        let sub = g.select(Axis(0), &support).select(Axis(1), &support);
-        let best = cholesky_solve(sub, b.select(Axis(0), &support))?;
-        let along = support.iter().zip(&best);
-        let share = |(&j, &to): (&usize, &f64)| w[j] / (w[j] - to);
-        let blocked = along.clone().filter(|(_, to)| **to <= 0.0);
-        let step = blocked.map(share).fold(1.0, f64::min);
-        let whole = best.iter().all(|&to| to > 0.0);
-        for (&j, &to) in along {
-            let stays = to > 0.0 || w[j] / (w[j] - to) > step;
-            w[j] = if whole { to } else { w[j] + step * (to - w[j]) };
-            w[j] = if stays { w[j].max(0.0) } else { 0.0 };
-        }
-        if whole {
-            return Some(());
-        }
-    }
-}
-
-/// How far the conditions of a minimum are broken: the gradient is 0 where w > 0, and at least 0 where w = 0.
-fn suboptimality(gradient: &Array1<f64>, w: &Array1<f64>) -> f64 {
-    let errors = gradient
-        .iter()
-        .zip(w)
-        .map(|(&g, &w)| if w > 0.0 { g.abs() } else { -g });
-    // A fold by `max` would pass over NaN.
-    errors.fold(0.0, |most, e| if e <= most { most } else { e })
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::scatter::differences;
     use super::super::testdata::Planted;
     use super::*;
-    use ndarray::{array, concatenate};
+    use ndarray::{Array2, array, concatenate};
 
     /// Squared differences of planted pairs, and their labels.
     fn planted() -> (Array2<f64>, Vec<bool>, Planted) {
