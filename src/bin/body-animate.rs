@@ -13,7 +13,7 @@ use posing::cli::body_scan_markers::markers_on_scan;
 use posing::cli::body_take::{BodyTake, fit_take};
 use posing::cli::mesh_output::MeshOutput;
 use posing::cli::units::{TableUnits, Units, Up, parse_length};
-use posing::cli::{input, messages, run};
+use posing::cli::{input, run};
 use posing::io::{MeshFormat, Table};
 use posing::{Error, Result};
 use std::path::PathBuf;
@@ -63,7 +63,7 @@ struct Args {
     /// Shape of another body: comma-separated numbers, or a table of one row
     #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
     shape: Option<String>,
-    /// Output: .npz, or a folder (ending in /) for a file a frame
+    /// Output: .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending in /) for a file a frame
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
     output: PathBuf,
     /// Format of the files of a folder
@@ -101,7 +101,7 @@ fn work(args: &Args) -> Result<()> {
         Offsets::Known,
         &table.name,
     )?;
-    let mut take = BodyTake::of(&body, &animation);
+    let mut take = BodyTake::of(&body, &animation, &table.poses, args.input.fps);
     if let Some(text) = &args.shape {
         let shapes = read_shapes(text, body.shape.len())?;
         if shapes.len() != 1 {
@@ -119,10 +119,7 @@ fn work(args: &Args) -> Result<()> {
             .collect();
         write_shapes(path, poses, take.shape(0).len(), &shapes)?;
     }
-    let meshes = take.meshes(&body);
-    output.write(&meshes, body.template.surface(), TableUnits::CM_Y)?;
-    messages::debug(&format!("{} meshes", meshes.len()));
-    Ok(())
+    take.write(&output, &body, TableUnits::CM_Y)
 }
 
 /// The markers on the body, and where they are in each frame.

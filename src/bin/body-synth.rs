@@ -24,8 +24,8 @@ use std::process::ExitCode;
 #[command(
     name = "body-synth",
     version,
-    after_help = "Examples:\n  posing body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m body.npz --pose walk.csv -o walk.npz",
-    after_long_help = "Files:\n  rotations.csv: take,time,part0.rx,part0.ry,part0.rz,...,root.x,root.y,root.z; rotation vectors of the parts in the world, radians, and the mean of the vertices of the root part, cm\n  shapes.csv: take,time,shape1,shape2,...; standard deviations of people; one row, or one a frame\n\nExamples:\n  posing body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m body.npz --pose walk.csv -o walk.npz"
+    after_help = "Examples:\n  posing body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m body.npz --pose walk.csv -o walk.glb",
+    after_long_help = "Files:\n  rotations.csv: take,time,part0.rx,part0.ry,part0.rz,...,root.x,root.y,root.z; rotation vectors of the parts in the world, radians, and the mean of the vertices of the root part, cm\n  shapes.csv: take,time,shape1,shape2,...; standard deviations of people; one row, or one a frame\n\nExamples:\n  posing body-synth -m body.npz --shape 1.5,-1 -o tall.obj\n  posing body-synth -m body.npz --rotations rotations.csv -o frames/\n  posing body-synth -m body.npz --pose walk.csv -o walk.glb"
 )]
 struct Args {
     /// Body model
@@ -43,7 +43,8 @@ struct Args {
     /// Frames per second of a pose table without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
-    /// Output: .obj, .ply, .stl for one mesh; .npz; or a folder (ending in /) for a file a mesh
+    /// Output: .obj, .ply, .stl for one mesh; .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending in /)
+    /// for a file a mesh
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
     output: PathBuf,
     /// Format of the files of a folder
@@ -83,13 +84,12 @@ fn work(args: &Args) -> Result<()> {
     let output = MeshOutput::of(&args.output, format)?;
     let body = open_body(&args.model)?;
     let take = with_shape(args, &body, take(args, &body)?)?;
-    let meshes = take.meshes(&body);
     let units = TableUnits {
         unit: args.out_units,
         up: args.out_up,
     };
-    output.write(&meshes, body.template.surface(), units)?;
-    messages::info(&format!("made {} meshes", meshes.len()));
+    take.write(&output, &body, units)?;
+    messages::debug(&format!("made {} meshes", take.frames.len()));
     Ok(())
 }
 
@@ -102,10 +102,7 @@ fn take(args: &Args, body: &BodyModel) -> Result<BodyTake> {
         None => Ok(BodyTake::at_rest(body)),
         Some(path) => {
             let table = read_rotations(path, body.template.parts())?;
-            Ok(BodyTake {
-                frames: table.frames.into_iter().map(Some).collect(),
-                shapes: vec![Vec::new()],
-            })
+            Ok(BodyTake::of_rotations(table, args.fps))
         }
     }
 }
@@ -118,7 +115,7 @@ fn with_shape(args: &Args, body: &BodyModel, mut take: BodyTake) -> Result<BodyT
     let shapes = read_shapes(text, body.shape.len())?;
     let (frames, count) = (take.frames.len(), shapes.len());
     if frames == 1 && count > 1 && args.pose.is_none() && args.rotations.is_none() {
-        take.frames = vec![take.frames[0].clone(); count];
+        take = take.repeated(count);
     } else if count != 1 && count != frames {
         return Err(Error::usage(format!(
             "--shape has {count} rows for {frames} frames; give one, or one a frame"

@@ -1,16 +1,22 @@
 //! A take as rotations and places of a body, and the meshes of it.
 
 use super::args::InputArgs;
-use super::body::{columns_of, points_of};
+use super::body::{RotationTable, columns_of, points_of};
+use super::body_glb::save_glb;
+use super::mesh_output::MeshOutput;
+use super::units::TableUnits;
 use super::{input, messages};
 use crate::body::animation::{Animation, MarkerFrame, Offsets, animate};
 use crate::body::joint_markers::joint_markers;
 use crate::body::{BodyModel, Marker, MarkerModel};
 use crate::numeric::median::median;
 use crate::numeric::parallel;
+use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
+use ndarray::Array2;
 use std::path::Path;
+use std::sync::Arc;
 
 /// How far joints of a pose table stand from those of a body, centimetres: a skeleton's are not where the mesh has them.
 const JOINT_NOISE: f64 = 2.0;
@@ -18,6 +24,8 @@ const JOINT_NOISE: f64 = 2.0;
 /// Rotations of the parts and place of the root, frame by frame.
 #[derive(Debug, Clone)]
 pub struct BodyTake {
+    /// The times and the takes of the frames, without points.
+    pub poses: Poses,
     /// `None` where nothing is known.
     pub frames: Vec<Option<(Vec<DMat3>, DVec3)>>,
     /// One shape, or one a frame.
@@ -30,13 +38,39 @@ impl BodyTake {
         let root = body.template.root_of(&body.template.vertices);
         let upright = vec![DMat3::IDENTITY; body.template.parts()];
         BodyTake {
+            poses: frames_of(1, None, None),
             frames: vec![Some((upright, root))],
             shapes: vec![Vec::new()],
         }
     }
 
-    /// The frames of an animation.
-    pub fn of(body: &BodyModel, animation: &Animation) -> BodyTake {
+    /// The first frame, `count` times.
+    pub fn repeated(&self, count: usize) -> BodyTake {
+        BodyTake {
+            poses: frames_of(count, None, None),
+            frames: vec![self.frames[0].clone(); count],
+            shapes: self.shapes.clone(),
+        }
+    }
+
+    /// The frames of a table of rotations.
+    pub fn of_rotations(table: RotationTable, fps: Option<f64>) -> BodyTake {
+        let count = table.frames.len();
+        let time = (table.table.time).or_else(|| fps.map(|f| times(count, f)));
+        BodyTake {
+            poses: frames_of(count, time, table.table.take),
+            frames: table.frames.into_iter().map(Some).collect(),
+            shapes: vec![Vec::new()],
+        }
+    }
+
+    /// The frames of an animation of `poses`.
+    pub fn of(
+        body: &BodyModel,
+        animation: &Animation,
+        poses: &Poses,
+        fps: Option<f64>,
+    ) -> BodyTake {
         let shape = body.shape.matrices(&animation.shape);
         let frame = |k: usize| {
             let fit = animation.fits[k].as_ref()?;
@@ -48,7 +82,10 @@ impl BodyTake {
         let chunks = parallel::map_chunks(animation.fits.len(), 8, |range| {
             range.map(frame).collect::<Vec<_>>()
         });
+        let count = animation.fits.len();
+        let time = (poses.time.clone()).or_else(|| fps.map(|f| times(count, f)));
         BodyTake {
+            poses: frames_of(count, time, poses.take.clone()),
             frames: chunks.concat(),
             shapes: vec![animation.shape.clone()],
         }
@@ -83,20 +120,45 @@ impl BodyTake {
     pub fn on_body(&self, body: &BodyModel, shapes: Vec<Vec<f64>>) -> BodyTake {
         let lowest = |mesh: &[DVec3]| mesh.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
         let other = BodyTake {
-            frames: self.frames.clone(),
             shapes,
+            ..self.clone()
         };
         let (own, others) = (self.meshes(body), other.meshes(body));
         let heights = own.iter().zip(&others).map(|(a, b)| lowest(a) - lowest(b));
-        let raised = (other.frames.into_iter().zip(heights)).map(|(frame, by)| {
-            let (rotations, root) = frame?;
+        let raised = (other.frames.iter().zip(heights)).map(|(frame, by)| {
+            let (rotations, root) = frame.clone()?;
             Some((rotations, root + DVec3::Y * by))
         });
         BodyTake {
             frames: raised.collect(),
-            shapes: other.shapes,
+            ..other
         }
     }
+
+    /// Writes the meshes, or the animated body of a `.glb`.
+    ///
+    /// # Errors
+    /// Those of [`MeshOutput::write`] and [`save_glb`].
+    pub fn write(&self, output: &MeshOutput, body: &BodyModel, units: TableUnits) -> Result<()> {
+        match output {
+            MeshOutput::Glb(path) => save_glb(path, body, self),
+            other => other.write(&self.meshes(body), body.template.surface(), units),
+        }
+    }
+}
+
+/// Frames without points.
+fn frames_of(count: usize, time: Option<Vec<f64>>, take: Option<Vec<Arc<str>>>) -> Poses {
+    Poses {
+        points: Vec::new(),
+        xyz: Array2::zeros((count, 0)),
+        time,
+        take,
+    }
+}
+
+fn times(count: usize, fps: f64) -> Vec<f64> {
+    (0..count).map(|k| k as f64 / fps).collect()
 }
 
 /// Fits a take of markers; says how near they are.
@@ -158,5 +220,5 @@ pub fn pose_take(body: &BodyModel, path: &Path, fps: Option<f64>) -> Result<Body
         Offsets::Learnt,
         &table.name,
     )?;
-    Ok(BodyTake::of(body, &animation))
+    Ok(BodyTake::of(body, &animation, &table.poses, fps))
 }

@@ -67,6 +67,31 @@ pub const COMMANDS: &[CommandEntry] = &[
         false,
     ),
     entry(
+        "body-train",
+        "Learn a body's pose and shape from meshes",
+        false,
+    ),
+    entry(
+        "body-synth",
+        "Make meshes of a body from rotations or a pose table",
+        false,
+    ),
+    entry(
+        "body-fit",
+        "Complete a body from markers on its skin",
+        false,
+    ),
+    entry(
+        "body-animate",
+        "Animate a body from a take of markers",
+        false,
+    ),
+    entry(
+        "body-scan",
+        "Complete a body from a partial scan and a few points",
+        false,
+    ),
+    entry(
         "corrupt",
         "Add noise, outliers or gaps to poses, for tests",
         false,

@@ -16,6 +16,8 @@ pub enum MeshOutput {
     Archive(PathBuf),
     /// A file a mesh in a folder.
     Folder(PathBuf, MeshFormat),
+    /// An animated body in a `.glb`, which is written by [`super::body_take::BodyTake::write`].
+    Glb(PathBuf),
 }
 
 impl MeshOutput {
@@ -32,10 +34,13 @@ impl MeshOutput {
         if extension.eq_ignore_ascii_case("npz") {
             return Ok(MeshOutput::Archive(path.to_path_buf()));
         }
+        if extension.eq_ignore_ascii_case("glb") {
+            return Ok(MeshOutput::Glb(path.to_path_buf()));
+        }
         match MeshFormat::of(path) {
             Ok(_) => Ok(MeshOutput::File(path.to_path_buf())),
             Err(_) => Err(Error::usage(format!(
-                "{}: expected a name that ends in .obj, .ply, .stl, .npz, or in / for a folder",
+                "{}: expected a name that ends in .obj, .ply, .stl, .npz, .glb, or in / for a folder",
                 path.display()
             ))),
         }
@@ -65,6 +70,10 @@ impl MeshOutput {
                     many.len()
                 ))),
             },
+            MeshOutput::Glb(path) => Err(Error::usage(format!(
+                "{}: meshes without a body do not go into a .glb; use .obj, .ply, .stl or .npz",
+                path.display()
+            ))),
             MeshOutput::Folder(path, format) => {
                 std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
                 let digits = meshes.len().saturating_sub(1).to_string().len().max(4);

@@ -3,6 +3,7 @@
 pub mod args;
 pub mod benchmark;
 pub mod body;
+pub mod body_glb;
 pub mod body_scan_markers;
 pub mod body_size;
 pub mod body_take;
@@ -26,6 +27,7 @@ pub mod number_table;
 pub mod one_take;
 pub mod pair_file;
 pub mod pair_label;
+pub mod placed_points;
 pub mod plot;
 pub mod progress;
 pub mod restoring;

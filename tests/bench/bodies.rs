@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3};
 use posing::body::decomposition::{fit_rotations, synthesise};
 use posing::body::fit::FitProblem;
 use posing::body::marker_model::{Marker, MarkerModel};
+use posing::body::scan_fit::{Scan, fit_scan};
 use posing::body::train::{Settings, train};
 use posing::body::{BodyModel, Decomposer, Template};
 use rand::seq::SliceRandom;
@@ -151,6 +152,7 @@ impl<'a> Split<'a> {
             }
         }
         self.markers();
+        self.scans();
     }
 
     fn markers(&mut self) {
@@ -204,6 +206,46 @@ impl<'a> Split<'a> {
         }
     }
 
+    /// Scans from the front, points drawn on the triangles, 2 mm of noise, holes of 6 cm; eight points placed to half a centimetre.
+    fn scans(&mut self) {
+        for (name, of_poses) in [("poses", true), ("people", false)] {
+            let test = if of_poses { &self.poses } else { &self.people }.clone();
+            let all = if of_poses {
+                &self.bodies.poses
+            } else {
+                &self.bodies.people
+            };
+            let (mut completed, mut predicted, mut seen) = (Vec::new(), Vec::new(), Vec::new());
+            let start = Instant::now();
+            for k in &test {
+                let truth = &all[*k];
+                let (scan, is_seen) = front(truth, &self.bodies.faces, &mut self.rng);
+                let placed = placed(truth, &self.bodies.parts, &is_seen, &mut self.rng);
+                let fit = fit_scan(&self.model, &scan, &placed).unwrap();
+                let far = |mesh: &[DVec3], wanted: bool| {
+                    let e: Vec<f64> = (0..truth.len())
+                        .filter(|v| is_seen[*v] == wanted)
+                        .map(|v| 10.0 * (mesh[v] - truth[v]).length())
+                        .collect();
+                    mean(&e)
+                };
+                completed.push(far(&fit.completed, false));
+                predicted.push(far(&fit.predicted, false));
+                seen.push(far(&fit.completed, true));
+            }
+            let worst = |e: &[f64]| e.iter().copied().fold(0.0, f64::max);
+            println!(
+                "scan, {name}: unseen completed {:.2} (worst {:.2}), predicted {:.2} ({:.2}); seen {:.2}; {:.0} ms",
+                mean(&completed),
+                worst(&completed),
+                mean(&predicted),
+                worst(&predicted),
+                mean(&seen),
+                ms(start) / test.len() as f64
+            );
+        }
+    }
+
     /// Three vertices a part, and others anywhere.
     fn chosen(&mut self, count: usize) -> Vec<usize> {
         let mut on = Vec::new();
@@ -222,4 +264,63 @@ impl<'a> Split<'a> {
         }
         on
     }
+}
+
+/// What a scanner in front sees: points on triangles that face it, with noise and holes; and which vertices they show.
+fn front(
+    mesh: &[DVec3],
+    faces: &[[usize; 3]],
+    rng: &mut rand_chacha::ChaCha8Rng,
+) -> (Scan, Vec<bool>) {
+    let holes: Vec<DVec3> = (0..6)
+        .map(|_| mesh[rng.random_range(0..mesh.len())])
+        .collect();
+    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    let mut is_seen = vec![false; mesh.len()];
+    for face in faces {
+        let [a, b, c] = face.map(|v| mesh[v]);
+        let normal = (b - a).cross(c - a);
+        let unit = normal.normalize_or_zero();
+        let middle = (a + b + c) / 3.0;
+        if unit.z < 0.2 || holes.iter().any(|h| (*h - middle).length() < 3.0) {
+            continue;
+        }
+        face.iter().for_each(|v| is_seen[*v] = true);
+        // Two points a square centimetre.
+        let count = normal.length() + rng.random::<f64>();
+        for _ in 0..count as usize {
+            let (mut s, mut t): (f64, f64) = (rng.random(), rng.random());
+            if s + t > 1.0 {
+                (s, t) = (1.0 - s, 1.0 - t);
+            }
+            let mut draw = || 0.2 * rng.sample::<f64, _>(StandardNormal);
+            let noise = DVec3::new(draw(), draw(), draw());
+            points.push(a + (b - a) * s + (c - a) * t + noise);
+            normals.push(unit);
+        }
+    }
+    (Scan { points, normals }, is_seen)
+}
+
+/// One seen vertex in eight parts, placed to half a centimetre.
+fn placed(
+    mesh: &[DVec3],
+    parts: &[usize],
+    is_seen: &[bool],
+    rng: &mut rand_chacha::ChaCha8Rng,
+) -> Vec<(usize, DVec3)> {
+    let mut draw = || 0.5 * rng.sample::<f64, _>(StandardNormal);
+    [4, 11, 14, 0, 15, 7, 10, 8]
+        .into_iter()
+        .filter_map(|part| {
+            let own = || (0..mesh.len()).filter(|v| parts[*v] == part);
+            let middle = own().map(|v| mesh[v]).sum::<DVec3>() / own().count() as f64;
+            let near = own().filter(|v| is_seen[*v]).min_by(|a, b| {
+                (mesh[*a] - middle)
+                    .length()
+                    .total_cmp(&(mesh[*b] - middle).length())
+            })?;
+            Some((near, mesh[near] + DVec3::new(draw(), draw(), draw())))
+        })
+        .collect()
 }
