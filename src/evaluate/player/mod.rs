@@ -4,6 +4,7 @@
 //! A content security policy lets the browser run the page's own script and nothing else.
 
 mod embedded;
+pub mod mesh;
 mod table;
 
 use crate::evaluate::html::{escape, fill, script_json};
