@@ -1,5 +1,7 @@
 //! The examples of every help text, typed as they stand, in a folder that holds the files they name.
 
+mod common;
+
 use posing::cli::commands::COMMANDS;
 use std::fs;
 use std::path::Path;
@@ -122,6 +124,7 @@ fn examples_run_as_they_stand() {
     let base = tempfile::tempdir().unwrap();
     let base = base.path();
     must(SETUP, base);
+    common::meshes::of_examples(base);
     let bin = Path::new(env!("CARGO_BIN_EXE_posing")).parent().unwrap();
     let built = |name: &str| bin.join(name).is_file() && source(name).is_file();
     if built("xyz2bvh") {

@@ -1,9 +1,11 @@
-//! Draws a table as SVG, or as a page that plays it.
+//! Draws tables or meshes as SVG, or as a page that plays them.
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::input::{check_single_stdin, or_stdin};
+use posing::cli::mesh_sequences::are_meshes;
 use posing::cli::plot::{PlotFormat, PlotTable, SvgArgs, bones, name_of, runs, text_table};
+use posing::cli::plot_meshes::{MeshArgs, MeshPlot, UnitsTyped};
 use posing::cli::streams::write_bytes;
 use posing::cli::{messages, run};
 use posing::evaluate::player;
@@ -12,18 +14,26 @@ use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// Draw poses as SVG, or as an HTML page that plays them
+/// Draw poses or meshes as SVG, or as an HTML page that plays them
 ///
 /// Several tables are drawn side by side; they must have the same frames and points, matched by name. Bones connect the
 /// CMU joints; for other points, use --bones. If a table has the columns NAME.status (denoise --status, complete
 /// --status), changed and inferred points are marked.
+///
+/// Meshes are OBJ, PLY or STL files, folders of them, or NPZ files with vertices (frames, V, 3) and faces (F, 3), such as
+/// body-fit's. An SVG shows some of them, shaded, from the front. A page plays them with WebGL: each folder and NPZ file is
+/// a sequence of one topology, and all other files together are one more. Lengths are shown if the unit is known: give
+/// --units (body-fit's files are in cm).
 #[derive(Parser)]
 #[command(
     name = "plot",
     version,
-    after_help = "Examples:\n  posing plot -o walk.svg walk.csv\n  posing plot --frames 0,30,60 --overlaid -o compare.svg truth.csv restored.csv\n  posing plot --title \"A walk\" --names truth,damaged,restored -o walk.html truth.csv damaged.csv restored.csv\n  posing complete --status walk.csv | posing plot -o walk.html"
+    after_help = "Examples:\n  posing plot -o walk.svg walk.csv\n  posing plot --frames 0,30,60 --overlaid -o compare.svg truth.csv restored.csv\n  posing plot --title \"A walk\" --names truth,damaged,restored -o walk.html truth.csv damaged.csv restored.csv\n  posing complete --status walk.csv | posing plot -o walk.html\n  posing plot --units m -o bodies.svg scan.obj body.ply\n  posing plot --fps 30 --names scans,fits -o bodies.html scans/ bodies.npz\n  posing plot --fps 30 --array completed,predicted -o fits.html fits.npz"
 )]
 struct Args {
+    // Before `input`, whose flags it looks at.
+    #[command(flatten)]
+    units_typed: UnitsTyped,
     #[command(flatten)]
     input: InputArgs,
     /// Comma-separated names of the figures (default: the file names)
@@ -44,6 +54,8 @@ struct Args {
     /// Credit line of the data, at the end
     #[arg(long, value_name = "TEXT")]
     credit: Option<String>,
+    #[command(flatten)]
+    meshes: MeshArgs,
     #[command(flatten)]
     svg: SvgArgs,
     /// CSV file to show below the figures, such as scores
@@ -84,6 +96,36 @@ fn work(args: &Args) -> Result<()> {
     }
     let files = or_stdin(&args.input.files);
     check_single_stdin(&files)?;
+    let text = match are_meshes(&files)? {
+        true => meshes(args, to)?,
+        false => poses(args, to, &files)?,
+    };
+    write_bytes(args.output.as_deref(), text.as_bytes(), false)
+}
+
+fn meshes(args: &Args, to: PlotFormat) -> Result<String> {
+    if args.bones.is_some() {
+        return Err(Error::usage("--bones is for tables only"));
+    }
+    let table = args.table.as_ref().map(|t| text_table(t, &args.caption));
+    let plot = MeshPlot {
+        input: &args.input,
+        units_typed: args.units_typed.0,
+        meshes: &args.meshes,
+        svg: &args.svg,
+        names: &args.names,
+        every: args.every,
+        title: &args.title,
+        note: args.note.as_deref(),
+        credit: args.credit.as_deref(),
+    };
+    plot.draw(to, table.transpose()?)
+}
+
+fn poses(args: &Args, to: PlotFormat, files: &[PathBuf]) -> Result<String> {
+    if !args.meshes.array.is_empty() {
+        return Err(Error::usage("--array is for meshes only"));
+    }
     let names: Vec<String> = match args.names.len() {
         0 => files.iter().map(|f| name_of(f)).collect(),
         n if n == files.len() => args.names.clone(),
@@ -92,7 +134,7 @@ fn work(args: &Args) -> Result<()> {
             return Err(Error::usage(what));
         }
     };
-    let drawn = PlotTable::read_all(&args.input, &files)?;
+    let drawn = PlotTable::read_all(&args.input, files)?;
     let clock = drawn.iter().find(|d| d.poses.time.is_some());
     let clock = &clock.unwrap_or(&drawn[0]).poses;
     let Some(rate) = args.input.rate(clock)? else {
@@ -121,9 +163,8 @@ fn work(args: &Args) -> Result<()> {
         credit: args.credit.as_deref(),
         ..Scene::default()
     };
-    let text = match to {
-        PlotFormat::Svg => args.svg.draw(&scene, args.every)?,
-        PlotFormat::Html => player::page(&scene, args.every)?,
-    };
-    write_bytes(args.output.as_deref(), text.as_bytes(), false)
+    match to {
+        PlotFormat::Svg => args.svg.draw(&scene, args.every),
+        PlotFormat::Html => player::page(&scene, args.every),
+    }
 }

@@ -28,7 +28,7 @@ impl Default for Follows {
 }
 
 /// The share of the mean diagonal that is added to the normal matrix.
-const RIDGE: f64 = 1e-6;
+const RIDGE: f64 = 1e-4;
 
 /// Predicts the Q of all triangles.
 #[derive(Debug, Clone, PartialEq)]

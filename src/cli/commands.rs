@@ -104,7 +104,7 @@ pub const COMMANDS: &[CommandEntry] = &[
     ),
     entry(
         "plot",
-        "Draw poses as SVG, or as an HTML page that plays them",
+        "Draw poses or meshes as SVG, or as an HTML page that plays them",
         false,
     ),
     entry(

@@ -4,7 +4,7 @@ use super::args::InputArgs;
 use super::input::{RowStream, open};
 use crate::evaluate::figure::{self, Layout};
 use crate::evaluate::frames::{point_order, timed_runs};
-use crate::evaluate::scene::{Run, Scene, Status, Table};
+use crate::evaluate::scene::{Run, Scene, Status, Table, spread};
 use crate::io::{PosesBuilder, Row};
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
@@ -61,7 +61,7 @@ pub struct SvgArgs {
     /// Draw all frames in one panel, at their positions in the world
     #[arg(long, help_heading = "SVG")]
     pub trail: bool,
-    /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side)
+    /// Direction of the viewer, in degrees: 0 at +z, 90 at +x (default: the figure's side; of meshes, 0)
     #[arg(
         long,
         value_name = "DEGREES",
@@ -98,10 +98,19 @@ impl SvgArgs {
     /// # Errors
     /// Usage: too many frames, or as [`figure::svg`].
     pub fn draw(&self, scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
+        let frames = self.chosen(scene.frames(), every)?;
+        figure::svg(scene, &frames, &self.options())
+    }
+
+    /// The frames of `--frames`, or every few of `count`, or six.
+    ///
+    /// # Errors
+    /// Usage: more than viewers still open.
+    pub fn chosen(&self, count: usize, every: Option<usize>) -> Result<Vec<usize>> {
         let frames = match every {
             Some(0) => return Err(Error::usage("--every 0: must be at least 1")),
-            Some(every) => (0..scene.frames()).step_by(every).collect(),
-            None if self.frames.is_empty() => scene.spread(SPREAD),
+            Some(every) => (0..count).step_by(every).collect(),
+            None if self.frames.is_empty() => spread(count, SPREAD),
             None => self.frames.clone(),
         };
         if frames.len() > MOST_DRAWN {
@@ -111,8 +120,13 @@ impl SvgArgs {
             );
             return Err(Error::usage(what));
         }
+        Ok(frames)
+    }
+
+    /// The options of the library.
+    pub fn options(&self) -> figure::Options {
         let defaults = figure::Options::default();
-        let options = figure::Options {
+        figure::Options {
             layout: match (self.overlaid, self.trail) {
                 (true, _) => Layout::Overlaid,
                 (_, true) => Layout::Trail,
@@ -120,8 +134,7 @@ impl SvgArgs {
             },
             azimuth: self.azimuth,
             elevation: self.elevation.unwrap_or(defaults.elevation),
-        };
-        figure::svg(scene, &frames, &options)
+        }
     }
 }
 
@@ -231,7 +244,9 @@ pub fn name_of(path: &Path) -> String {
         return "standard input".into();
     }
     let mut name = path.file_name().unwrap_or_default().to_string_lossy();
-    for ending in [".gz", ".zst", ".csv", ".npy"] {
+    for ending in [
+        ".gz", ".zst", ".csv", ".npy", ".npz", ".obj", ".ply", ".stl",
+    ] {
         if let Some(stem) = name.strip_suffix(ending).filter(|stem| !stem.is_empty()) {
             name = stem.to_string().into();
         }

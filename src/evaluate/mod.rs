@@ -8,6 +8,7 @@ pub mod figure;
 pub mod frames;
 pub mod gap_injection;
 mod html;
+pub mod mesh_scene;
 pub mod metric;
 pub mod motion_quality;
 pub mod pair_label;

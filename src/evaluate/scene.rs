@@ -98,13 +98,7 @@ impl Scene<'_> {
 
     /// Up to `count` frames spread evenly from the first to the last, both included.
     pub fn spread(&self, count: usize) -> Vec<usize> {
-        let frames = self.frames();
-        let count = count.min(frames);
-        match count {
-            0 => Vec::new(),
-            1 => vec![0],
-            _ => (0..count).map(|i| i * (frames - 1) / (count - 1)).collect(),
-        }
+        spread(self.frames(), count)
     }
 
     /// Checks that the scene can be drawn.
@@ -163,6 +157,15 @@ impl Scene<'_> {
             ));
         }
         Ok(())
+    }
+}
+
+/// Up to `count` of `frames` frames, spread evenly from the first to the last, both included.
+pub fn spread(frames: usize, count: usize) -> Vec<usize> {
+    match count.min(frames) {
+        0 => Vec::new(),
+        1 => vec![0],
+        count => (0..count).map(|i| i * (frames - 1) / (count - 1)).collect(),
     }
 }
 

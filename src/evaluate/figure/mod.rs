@@ -5,6 +5,7 @@
 
 mod body;
 mod legend;
+pub mod mesh;
 mod shapes;
 pub mod strip;
 mod view;
@@ -185,14 +186,14 @@ role=\"img\" font-family=\"system-ui, 'Segoe UI', Helvetica, Arial, sans-serif\"
 ";
 
 #[cfg(test)]
-mod tests {
+pub(in crate::evaluate) mod tests {
     use super::*;
     use crate::evaluate::scene::tests::{names, run, scene};
     use crate::evaluate::scene::{Figure, Status};
     use ndarray::Array2;
 
     /// Whether every tag is closed in its turn and every attribute quoted; the tags seen are counted.
-    fn well_formed(xml: &str) -> usize {
+    pub fn well_formed(xml: &str) -> usize {
         let (mut open, mut seen) = (Vec::new(), 0);
         for piece in xml.split('<').skip(1) {
             let (tag, text) = piece.split_once('>').expect("a tag ends");

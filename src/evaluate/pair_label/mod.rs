@@ -24,6 +24,8 @@ const STYLE: &str = concat!(
 const SCRIPT: &str = concat!(
     include_str!("../player/paper.js"),
     "\nfunction view(scene) {",
+    include_str!("../player/time.js"),
+    include_str!("../player/camera.js"),
     include_str!("../player/view.js"),
     "return { camera, path, readInk, drawPanel };\n}\n",
     include_str!("show.js"),

@@ -4,10 +4,11 @@
 //! A content security policy lets the browser run the page's own script and nothing else.
 
 mod embedded;
+pub mod mesh;
 mod table;
 
 use crate::evaluate::html::{escape, fill, script_json};
-use crate::evaluate::scene::Scene;
+use crate::evaluate::scene::{Scene, Table};
 use crate::evaluate::scene_geometry::SceneGeometry;
 use crate::{Error, Result};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -18,11 +19,19 @@ const PAGE: &str = include_str!("page.html");
 const PART: &str = include_str!("part.html");
 const KEYS: &str = include_str!("keys.html");
 const LINKS: &str = include_str!("links.html");
+const TRAIL: &str = include_str!("trail.html");
+/// What the list of keys and links says of poses alone.
+const OWN_KEYS: &str = "<dt>hover, click</dt><dd>name a point; leave its trail</dd>";
+const OWN_LINKS: &str = "<code>&amp;trail=NAME</code>, ";
 const PAGE_STYLE: &str = concat!(include_str!("player.css"), include_str!("page.css"));
 /// The script of all players of a page.
 pub(super) const SCRIPT: &str = concat!(
     include_str!("paper.js"),
     "\nfunction player(root, scene) {",
+    include_str!("time.js"),
+    include_str!("camera.js"),
+    include_str!("playback.js"),
+    include_str!("gestures.js"),
     include_str!("view.js"),
     include_str!("controls.js"),
     "}\n",
@@ -36,32 +45,66 @@ pub(super) const SCRIPT: &str = concat!(
 /// [`Error::Usage`] if [`Scene::check`] fails, or `every` is 0.
 pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
     let (player, remarks) = player_and_remarks(scene, every, " data-alone")?;
-    let title = escape(if scene.title.is_empty() {
+    Ok(whole_page(&Page {
+        title: scene.title,
+        note: scene.note,
+        table: scene.table.as_ref(),
+        credit: scene.credit,
+        player: &player,
+        remarks: &remarks,
+        keys: OWN_KEYS,
+        links: OWN_LINKS,
+        style: PAGE_STYLE,
+        script: SCRIPT,
+    }))
+}
+
+/// What a page with one player is made of. The player and the remarks are HTML, as are the entries of its own in the list
+/// of keys and links; the first three are text.
+struct Page<'a> {
+    title: &'a str,
+    note: Option<&'a str>,
+    credit: Option<&'a str>,
+    table: Option<&'a Table>,
+    player: &'a str,
+    remarks: &'a str,
+    keys: &'a str,
+    links: &'a str,
+    style: &'a str,
+    script: &'a str,
+}
+
+/// The HTML of a page.
+fn whole_page(page: &Page<'_>) -> String {
+    let title = escape(if page.title.is_empty() {
         "Motion"
     } else {
-        scene.title
+        page.title
     });
-    let note = scene
+    let note = page
         .note
         .map(|note| format!("<p>{}</p>", escape(note)))
         .unwrap_or_default();
-    let table = scene.table.as_ref().map(table::html).unwrap_or_default();
-    Ok(fill(
+    let links = fill(LINKS, &[("own", page.links)]);
+    fill(
         PAGE,
         &[
             ("title", &title),
             ("note", &note),
-            ("remarks", &remarks),
-            ("table", &table),
-            ("credit", &escape(scene.credit.unwrap_or_default())),
-            ("player", &player),
-            ("keys", &fill(KEYS, &[("links", LINKS)])),
-            ("style", PAGE_STYLE),
-            ("style-hash", &policy_hash(PAGE_STYLE)),
-            ("script", SCRIPT),
-            ("script-hash", &policy_hash(SCRIPT)),
+            ("remarks", page.remarks),
+            ("table", &page.table.map(table::html).unwrap_or_default()),
+            ("credit", &escape(page.credit.unwrap_or_default())),
+            ("player", page.player),
+            (
+                "keys",
+                &fill(KEYS, &[("own", page.keys), ("links", &links)]),
+            ),
+            ("style", page.style),
+            ("style-hash", &policy_hash(page.style)),
+            ("script", page.script),
+            ("script-hash", &policy_hash(page.script)),
         ],
-    ))
+    )
 }
 
 /// A player to stand among others on a page that has `player.css`, [`keys`] and, at its end, [`SCRIPT`]. A scene of one frame
@@ -75,7 +118,7 @@ pub(super) fn part(scene: &Scene<'_>) -> Result<String> {
 
 /// The list of keys that all players of a page share.
 pub(super) fn keys() -> String {
-    fill(KEYS, &[("links", "")])
+    fill(KEYS, &[("own", OWN_KEYS), ("links", "")])
 }
 
 /// The player with its scene, and the remarks below it.
@@ -92,29 +135,38 @@ fn player_and_remarks(
     let every = every.unwrap_or_else(|| sparing(scene));
     let kept: Vec<usize> = (0..scene.frames()).step_by(every).collect();
     let data = script_json(&embedded(scene, &geometry, &kept, every));
-    let values = [("attributes", attributes), ("scene", &data)];
+    let values = [
+        ("attributes", attributes),
+        ("more", TRAIL),
+        ("scene", &data),
+    ];
     Ok((fill(PART, &values), remarks(scene, &geometry, every)))
 }
 
 /// Remarks on frames left out and on flat figures.
 fn remarks(scene: &Scene<'_>, geometry: &SceneGeometry<'_, '_>, every: usize) -> String {
     let mut remarks = Vec::new();
-    if every > 1 {
-        let count = scene.frames();
-        remarks.push(format!(
-            "One frame of every {every} is shown (there are {count}), to keep this page small."
-        ));
-    }
+    remarks.extend(frames_left_out(every, scene.frames()));
     for (figure, of) in scene.figures.iter().enumerate() {
         let flat = geometry.flat_axes(figure);
         if !flat.is_empty() {
             remarks.push(format!("{} has no {flat}: it is drawn flat.", of.name));
         }
     }
-    remarks
-        .iter()
-        .map(|text| format!("<p class=\"remarks\">{}</p>\n", escape(text)))
-        .collect()
+    paragraphs(&remarks)
+}
+
+/// The remark that the page has one frame of `every` only.
+fn frames_left_out(every: usize, count: usize) -> Option<String> {
+    (every > 1).then(|| {
+        format!("One frame of every {every} is shown (there are {count}), to keep this page small.")
+    })
+}
+
+/// Remarks as HTML.
+fn paragraphs(remarks: &[String]) -> String {
+    let paragraph = |text: &String| format!("<p class=\"remarks\">{}</p>\n", escape(text));
+    remarks.iter().map(paragraph).collect()
 }
 
 /// A source's hash as a content security policy wants it.
@@ -128,8 +180,8 @@ pub(super) fn policy_hash(source: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::evaluate::scene::Status;
     use crate::evaluate::scene::tests::{run, scene};
-    use crate::evaluate::scene::{Status, Table};
     use ndarray::Array2;
     use serde_json::{Value, json};
 

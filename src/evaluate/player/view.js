@@ -1,10 +1,10 @@
 
-// The body of `player(root, scene)`, first part.
-// The scene as the page carries it: points decoded, what is missing counted, the camera, the drawing.
+// The body of `player(root, scene)`, of poses.
+// The scene as the page carries it: points decoded, what is missing counted, the drawing.
 
 const STATUS = ["observed", "changed", "inferred", "rejected", "unknown", "missing"];
 const MISSING = 5;
-const points = scene.points.length, frames = scene.frames;
+const points = scene.points.length;
 
 function decode(figure) {
   if (figure.xyz) return figure.xyz;
@@ -35,117 +35,28 @@ const figures = scene.figures.map(source => {
   return { name: source.name, note: source.note || "", xyz, status, counts, has, shown: true };
 });
 
-/** The index in scene.runs of the run that a frame belongs to; -1 without runs. */
-function runOf(frame) {
-  let run = scene.runs.length - 1;
-  while (run > 0 && scene.runs[run][1] > frame) run--;
-  return run;
-}
-function moment(frame) {
-  const run = runOf(frame);
-  if (run < 0) return ["", frame / scene.rate];
-  const [name, first, time, rate] = scene.runs[run];
-  return [name, time + (frame - first) / rate];
-}
-/** Frames a second, where that frame is. */
-function rateAt(frame) {
-  const run = runOf(frame);
-  return run < 0 ? scene.rate : scene.runs[run][3];
-}
-
 // ---- where the figure goes, smoothed, for the camera to go with it ----
 
-function quantile(values, share) {
-  const sorted = Float64Array.from(values).sort();
-  return sorted.length ? sorted[Math.round((sorted.length - 1) * share)] : 0;
-}
-
-function journey() {
-  const xyz = figures.length ? figures[scene.reference].xyz : new Float32Array(0);
-  const x = new Float64Array(frames), z = new Float64Array(frames), seen = [];
-  const tops = [], radii = [];
-  for (let t = 0; t < frames; t++) {
-    const xs = [], zs = [];
-    let top = -Infinity;
-    for (let i = t * points * 3; i < (t + 1) * points * 3; i += 3) {
-      if (Number.isNaN(xyz[i])) continue;
-      xs.push(xyz[i]); zs.push(xyz[i + 2]);
-      top = Math.max(top, xyz[i + 1]);
-    }
-    if (!xs.length) { x[t] = z[t] = NaN; continue; }
-    // Medians, and not the farthest point: a stray one must not carry the camera away.
-    x[t] = quantile(xs, .5); z[t] = quantile(zs, .5);
-    seen.push(t); tops.push(top - scene.ground);
-    radii.push(1.2 * quantile(xs.map((_, i) => Math.hypot(xs[i] - x[t], zs[i] - z[t])), .95));
+/** Where a frame's figure is: its middle, height and radius; null where nothing is seen. */
+function spread(t) {
+  const xyz = figures[scene.reference].xyz, xs = [], zs = [];
+  let top = -Infinity;
+  for (let i = t * points * 3; i < (t + 1) * points * 3; i += 3) {
+    if (Number.isNaN(xyz[i])) continue;
+    xs.push(xyz[i]); zs.push(xyz[i + 2]);
+    top = Math.max(top, xyz[i + 1]);
   }
-  const box = axis => seen.reduce(([a, b], t) => [Math.min(a, axis[t]), Math.max(b, axis[t])], [Infinity, -Infinity]);
-  const [x0, x1] = seen.length ? box(x) : [0, 0], [z0, z1] = seen.length ? box(z) : [0, 0];
-  const height = Math.max(quantile(tops, .98), .3 * scene.size);
-  const radius = Math.max(quantile(radii, .98), .2 * scene.size);
-  smooth(x); smooth(z);
-  return {
-    x, z, height, radius,
-    middle: [(x0 + x1) / 2, (z0 + z1) / 2], reach: Math.hypot(x1 - x0, z1 - z0) / 2 + radius,
-  };
+  if (!xs.length) return null;
+  // Medians, and not the farthest point: a stray one must not carry the camera away.
+  const x = quantile(xs, .5), z = quantile(zs, .5);
+  return { x, z, top, radius: 1.2 * quantile(xs.map((_, i) => Math.hypot(xs[i] - x, zs[i] - z)), .95) };
 }
 
-/** Holds a path over gaps and averages it twice over half a second, within each run. */
-function smooth(path) {
-  let last = path.find(v => !Number.isNaN(v)) || 0;
-  for (let t = 0; t < frames; t++) { if (Number.isNaN(path[t])) path[t] = last; last = path[t]; }
-  const starts = scene.runs.length ? scene.runs.map(run => run[1]) : [0];
-  starts.forEach((start, i) => {
-    const end = i + 1 < starts.length ? starts[i + 1] : frames, half = Math.round(rateAt(start) / 4);
-    for (let pass = 0; pass < 2; pass++) {
-      const sums = new Float64Array(end - start + 1);
-      for (let t = start; t < end; t++) sums[t - start + 1] = sums[t - start] + path[t];
-      for (let t = start; t < end; t++) {
-        const a = Math.max(start, t - half), b = Math.min(end, t + half + 1);
-        path[t] = (sums[b - start] - sums[a - start]) / (b - a);
-      }
-    }
-  });
-}
-const path = journey();
-
-// ---- the camera, one for all panels ----
-
-const camera = { azimuth: 0, elevation: 0, zoom: 1, shift: [0, 0], follow: true };
-function resetCamera() {
-  camera.azimuth = scene.azimuth * Math.PI / 180;
-  camera.elevation = 12 * Math.PI / 180;
-  camera.zoom = 1;
-  camera.shift = [0, 0];
-}
-resetCamera();
-
-/** A function from centimetres to [x, y, depth, pixels a centimetre] in a panel of this size. */
-function projection(width, height, frame) {
-  const at = camera.follow ? [path.x[frame], path.z[frame]] : path.middle;
-  const radius = camera.follow ? path.radius : path.reach;
-  const se = Math.sin(camera.elevation), ce = Math.cos(camera.elevation);
-  const sa = Math.sin(camera.azimuth), ca = Math.cos(camera.azimuth);
-  const tall = path.height * ce + 2 * radius * Math.abs(se);
-  const fit = Math.min(height * .84 / tall, width * .9 / (2 * radius)) * camera.zoom;
-  const eye = 5 * Math.max(radius, path.height / 2), near = eye * .12;
-  const up = scene.ground + path.height / 2;
-  return (x, y, z) => {
-    x -= at[0]; y -= up; z -= at[1];
-    const right = x * ca - z * sa, toward = x * sa + z * ca;
-    const depth = toward * ce + y * se, rise = y * ce - toward * se;
-    const scale = fit * eye / Math.max(eye - depth, near);
-    return [width / 2 + camera.shift[0] + right * scale, height / 2 + camera.shift[1] - rise * scale, depth, scale];
-  };
-}
+const path = journey(figures.length ? spread : () => null);
 
 // ---- drawing ----
 
-let ink = {};
-function readInk() {
-  const style = getComputedStyle(document.documentElement), get = name => style.getPropertyValue("--" + name).trim();
-  for (const name of ["panel", "text", "grid", "shadow", "middle", "left", "right", "accent", "behind"].concat(STATUS.slice(1))) ink[name] = get(name);
-  ink.figures = [0, 1, 2, 3, 4, 5].map(i => get("f" + i));
-}
+function readInk() { readColors(["middle", "left", "right", "behind"].concat(STATUS.slice(1))); }
 
 const LIMB = { l: "left", r: "right", m: "middle" };
 /** A limb's colour: its side, or (overlaid) its figure, paler on the right; what stands behind has one of its own. */
@@ -156,37 +67,6 @@ function limbColor(figure, side, overlaid, behind) {
   return side === "r" ? `color-mix(in srgb, ${color} 50%, ${ink.panel})` : color;
 }
 const boneSide = ([a, b]) => scene.sides[b] !== "m" ? scene.sides[b] : scene.sides[a];
-
-function drawGrid(ctx, project, frame) {
-  const at = camera.follow ? [path.x[frame], path.z[frame]] : path.middle;
-  const reach = Math.max(camera.follow ? 2.2 * scene.size : 1.3 * path.reach, 100);
-  let step = 50;
-  while (reach / step > 24) step *= 2;
-  const [x0, z0] = at.map(v => Math.round(v / step) * step), lines = Math.ceil(reach / step);
-  ctx.strokeStyle = ink.grid;
-  ctx.lineWidth = 1;
-  // Pieces of like faintness go into one stroke.
-  const shades = [[], [], [], [], []];
-  const piece = (a, b) => {
-    const far = Math.hypot((a[0] + b[0]) / 2 - at[0], (a[1] + b[1]) / 2 - at[1]) / reach;
-    if (far < 1) shades[Math.floor(5 * far)].push([a, b]);
-  };
-  for (let i = -lines; i <= lines; i++) for (let j = -lines; j < lines; j++) {
-    const u = i * step, v = j * step;
-    piece([x0 + u, z0 + v], [x0 + u, z0 + v + step]);
-    piece([x0 + v, z0 + u], [x0 + v + step, z0 + u]);
-  }
-  shades.forEach((pieces, i) => {
-    ctx.globalAlpha = .75 * (1 - ((i + .5) / 5) ** 2);
-    ctx.beginPath();
-    for (const [a, b] of pieces) {
-      const p = project(a[0], scene.ground, a[1]), q = project(b[0], scene.ground, b[1]);
-      ctx.moveTo(p[0], p[1]); ctx.lineTo(q[0], q[1]);
-    }
-    ctx.stroke();
-  });
-  ctx.globalAlpha = 1;
-}
 
 function drawShadow(ctx, project, figure, frame) {
   const { xyz } = figures[figure], base = frame * points * 3;

@@ -1,4 +1,4 @@
-//! NPZ archives of meshes: `vertices` (n, V, 3) or (V, 3) of `<f4` or `<f8`, and `faces` (F, 3) of a whole type, both in
+//! NPZ archives of meshes: vertices (n, V, 3) or (V, 3) of `<f4` or `<f8`, and `faces` (F, 3) of a whole type, both in
 //! C order. Other arrays are ignored.
 
 use super::super::Input;
@@ -13,6 +13,8 @@ const LARGEST: u64 = 8 << 30;
 
 /// What an archive holds.
 pub(super) struct MeshArrays {
+    /// The position of the array that was read in the names asked for.
+    pub(super) chosen: usize,
     /// The vertices of each mesh.
     pub(super) count: usize,
     /// The coordinates of all meshes, one after the other.
@@ -22,17 +24,27 @@ pub(super) struct MeshArrays {
 
 type Archive = zip::ZipArchive<Cursor<Vec<u8>>>;
 
-/// Reads an archive.
-pub(super) fn read(input: Input) -> Result<MeshArrays> {
+/// Reads the first of the arrays `names` that an archive has, and its faces.
+pub(super) fn read(input: Input, names: &[&str]) -> Result<MeshArrays> {
     let name = input.name.clone();
     let archive = zip::ZipArchive::new(Cursor::new(input.read_all(LARGEST)?));
     let mut archive = archive.map_err(|e| {
         let what = format!("is a damaged NPZ archive: {}", excerpt(&e.to_string()));
         Error::data(Place::file(&name), what)
     })?;
-    let (count, xyz) = vertices(&mut archive, &name)?;
+    let is_there = |part: &&str| archive.index_for_name(&format!("{part}.npy")).is_some();
+    let Some(chosen) = names.iter().position(|part| is_there(&part)) else {
+        let what = format!("{}: the archive has no such array", names.join(" or "));
+        return Err(Error::data(Place::file(&name), what));
+    };
+    let (count, xyz) = vertices(&mut archive, &name, names[chosen])?;
     let faces = faces(&mut archive, &name, count)?;
-    Ok(MeshArrays { count, xyz, faces })
+    Ok(MeshArrays {
+        chosen,
+        count,
+        xyz,
+        faces,
+    })
 }
 
 /// The header and the values of an array, of which each takes the number of bytes that `size` finds.
@@ -75,10 +87,10 @@ fn array(
     }
 }
 
-fn vertices(archive: &mut Archive, name: &str) -> Result<(usize, Vec<f32>)> {
-    let place = Place::file(name).part("vertices");
+fn vertices(archive: &mut Archive, name: &str, part: &str) -> Result<(usize, Vec<f32>)> {
+    let place = Place::file(name).part(part);
     let width = |h: &Header| h.wide().map(|wide| if wide { 8 } else { 4 });
-    let (header, bytes) = array(archive, &place, "vertices", width)?;
+    let (header, bytes) = array(archive, &place, part, width)?;
     let fail = |what: String| Err(Error::data(place.clone(), what));
     let count = match header.shape[..] {
         [_, count, 3] | [count, 3] if count > 0 && count <= MOST as u64 => count as usize,

@@ -44,6 +44,21 @@ impl MeshSet {
         builder.finish()
     }
 
+    /// Opens the meshes of an `.npz` archive whose vertices may be in an array of another name: the first of `names` that
+    /// the archive has. Returns the set and the position of that name in `names`.
+    ///
+    /// # Errors
+    /// Those of [`MeshSet::open`]; the archive has none of the arrays; the file is no archive.
+    pub fn open_array(path: impl AsRef<Path>, names: &[&str]) -> Result<(MeshSet, usize)> {
+        let mut builder = Builder::default();
+        let input = Input::open(path)?;
+        if input.kind() != ContentKind::Npz {
+            return Err(Error::data(Place::file(input.name), "is no NPZ archive"));
+        }
+        let chosen = builder.read_archive(input, names)?;
+        Ok((builder.finish()?, chosen))
+    }
+
     /// A mesh of the set, counted from 0.
     ///
     /// # Panics
@@ -97,12 +112,7 @@ impl Builder {
         let input = Input::open(path)?;
         let file = input.name.clone();
         if input.kind() == ContentKind::Npz {
-            let read = arrays::read(input)?;
-            let meshes = read.xyz.len() / 3 / read.count;
-            self.check(&file, read.count, read.faces)?;
-            self.names
-                .extend((0..meshes).map(|i| format!("{file}[{i}]")));
-            self.xyz.extend_from_slice(&read.xyz);
+            self.read_archive(input, &["vertices"])?;
         } else {
             let mesh = Mesh::read(input)?;
             self.check(&file, mesh.vertices.len(), mesh.faces)?;
@@ -111,6 +121,18 @@ impl Builder {
             self.xyz.extend(values.map(|v| *v as f32));
         }
         Ok(())
+    }
+
+    /// Adds the meshes of an archive; returns which of the arrays `names` they are.
+    fn read_archive(&mut self, input: Input, names: &[&str]) -> Result<usize> {
+        let file = input.name.clone();
+        let read = arrays::read(input, names)?;
+        let meshes = read.xyz.len() / 3 / read.count;
+        self.check(&file, read.count, read.faces)?;
+        self.names
+            .extend((0..meshes).map(|i| format!("{file}[{i}]")));
+        self.xyz.extend_from_slice(&read.xyz);
+        Ok(read.chosen)
     }
 
     /// Compares the topology of a file with that of the first file.

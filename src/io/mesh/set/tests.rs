@@ -94,6 +94,28 @@ fn another_topology_is_named() {
 }
 
 #[test]
+fn the_first_array_that_an_archive_has_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let shape = &[1, 8, 3][..];
+    let archive = npz(
+        &folder,
+        &[
+            ("predicted", "<f4", shape, floats(1)),
+            ("faces", "<i8", &[12, 3], wide_faces()),
+        ],
+    );
+    let (set, chosen) = MeshSet::open_array(&archive, &["vertices", "predicted"]).unwrap();
+    assert_eq!((set.mesh(0), chosen), (cube(), 1));
+    let error = MeshSet::open_array(&archive, &["vertices", "completed"]).unwrap_err();
+    let expected = "vertices or completed: the archive has no such array";
+    assert!(error.to_string().contains(expected), "{error}");
+    let file = folder.path().join("a.obj");
+    cube().save(&file).unwrap();
+    let error = MeshSet::open_array(&file, &["vertices"]).unwrap_err();
+    assert!(error.to_string().contains("is no NPZ archive"), "{error}");
+}
+
+#[test]
 fn bad_archives_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let vertices = ("vertices", "<f4", &[1, 8, 3][..], floats(1));
