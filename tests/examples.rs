@@ -43,6 +43,13 @@ done > joints.toml
 # Four takes of each of two actions.
 awk -F, -v OFS=, 'NR == 1 || NR % 4 == 0 { if (NR > 1) { k = int(n[$1] / 9); n[$1] += 1; $1 = $1 "_" (k > 3 ? 3 : k) } print }' two-people.csv > takes.csv
 { echo take,class,subject; for k in 0 1 2 3; do echo "07_01_$k,walk,$k"; echo "09_06_$k,run,$k"; done; echo 07_01,walk,07; } > classes.csv
+# Small bodies, markers on some that the model has not seen, and a scan of one.
+cp "$BODIES"/*.npz "$BODIES"/*.csv .
+posing body-train -q --units cm --poses poses.npz --shapes people.npz --parts parts.csv --joints joints.csv -o body.npz
+mkdir poses; posing body-synth -q -m body.npz --shape 0 -o poses/0.obj; posing body-synth -q -m body.npz --shape 1 -o poses/1.obj
+posing body-fit -q -m body.npz --on on.csv -o fits.npz --rotations rotations.csv markers.csv
+posing body-synth -q -m body.npz --shape 0 -o scan.ply
+awk 'BEGIN { print "vertex,x,y,z" } $1 == "v" { if (v++ % 150 == 0) print v - 1 "," $2 "," $3 "," $4 }' poses/0.obj > points.csv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;
 
@@ -79,12 +86,14 @@ cp walk.bvh old.bvh; cp walk.bvh from-blender.bvh
 fn bash(script: &str, folder: &Path) -> Output {
     let bin = Path::new(env!("CARGO_BIN_EXE_posing")).parent().unwrap();
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
-    let takes = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/cmu");
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata");
+    let (takes, bodies) = (data.join("cmu"), data.join("bodies"));
     Command::new("bash")
         .args(["-o", "pipefail", "-c", script])
         .current_dir(folder)
         .env("PATH", path)
         .env("TAKES", takes)
+        .env("BODIES", bodies)
         // Else help wraps its examples.
         .env("COLUMNS", "1000")
         // The launcher's `help` would open a pager.

@@ -19,7 +19,7 @@ use std::process::ExitCode;
 ///
 /// With --pose the body follows the joints of a pose table, which the model was told by body-train --joints: rotations and one shape
 /// for the take are fitted to them, so that the bones are as long as those of the table. --shape puts another body into the same
-/// rotations.
+/// rotations, at the same height above the ground.
 #[derive(Parser)]
 #[command(
     name = "body-synth",
@@ -121,5 +121,9 @@ fn with_shape(args: &Args, body: &BodyModel, mut take: BodyTake) -> Result<BodyT
             "--shape has {count} rows for {frames} frames; give one, or one a frame"
         )));
     }
-    Ok(take.on_body(body, shapes))
+    // The root of a table of rotations is where the user wants it; a pose table's is that of another body.
+    Ok(match args.pose {
+        Some(_) => take.on_body(body, shapes),
+        None => BodyTake { shapes, ..take },
+    })
 }

@@ -28,8 +28,8 @@ use std::process::ExitCode;
 #[command(
     name = "body-train",
     version,
-    after_help = "Examples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units m --poses poses/ --parts parts.csv -o body.npz",
-    after_long_help = "Files:\n  meshes: OBJ, PLY, STL; folders of them, read in the order of their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: vertex,part; both count from 0\n  joints.csv: part,joint; the point of a pose table that ends the part\n\nExamples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units m --poses poses/ --parts parts.csv -o body.npz"
+    after_help = "Examples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz",
+    after_long_help = "Files:\n  meshes: OBJ, PLY, STL; folders of them, read in the order of their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: vertex,part; both count from 0\n  joints.csv: part,joint; the point of a pose table that ends the part\n\nExamples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz"
 )]
 struct Args {
     /// Meshes of one person in many poses; the first is the template
