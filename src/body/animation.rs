@@ -3,12 +3,13 @@
 //! Where the markers are not quite on the vertices that are named, as the joints of a skeleton are not, the mean of what each one misses
 //! over the take, in the frame of its part, becomes its offset.
 
-use super::fit::{BodyState, Fit, FitPrior, FitProblem};
+use super::fit::{BodyState, Fit, FitProblem, prior_weight};
+use super::fit_prior::{FitPrior, NormalEquations};
 use super::marker_model::MarkerModel;
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
 use glam::DVec3;
-use ndarray::{Array1, Array2, Axis, s};
+use ndarray::{Array1, Axis, s};
 
 /// Rounds of shape and offsets in turn.
 const OFFSET_ROUNDS: usize = 3;
@@ -145,6 +146,9 @@ fn shared_shape(
     let first = parallel::map_chunks(problems.len(), 1, |k| problems[k.start].solve(None));
     let mut rotations: Vec<_> = first.iter().map(|f| f.state.rotations.clone()).collect();
     let count = model.components();
+    if count == 0 {
+        return Ok(Vec::new());
+    }
     let mean = |b: usize| first.iter().map(|f| f.state.shape[b]).sum::<f64>() / first.len() as f64;
     let mut shape: Vec<f64> = (0..count).map(mean).collect();
     for _ in 0..SHAPE_ROUNDS {
@@ -163,19 +167,20 @@ fn shared_shape(
             let reduced = problems[k.start].reduced_to_shape(&state);
             (state.rotations, reduced)
         });
-        let (mut hessian, mut gradient) = (Array2::zeros((count, count)), Array1::zeros(count));
+        let mut sum = NormalEquations::zeros(count);
         for (k, (turned, reduced)) in parts.into_iter().enumerate() {
             rotations[k] = turned;
-            let (h, g) = reduced.ok_or("has markers that determine no pose")?;
-            hessian += &h;
-            gradient += &g;
+            let reduced = reduced.ok_or("has markers that determine no pose")?;
+            sum.hessian += &reduced.hessian;
+            sum.gradient += &reduced.gradient;
         }
         // Each frame has brought the prior of the one shape; it counts once.
-        let surplus = prior.weight() * (problems.len() - 1) as f64;
-        hessian.diag_mut().mapv_inplace(|v: f64| v - surplus);
-        gradient.scaled_add(-surplus, &Array1::from(shape.clone()));
-        let right = gradient.mapv(|v: f64| -v).insert_axis(Axis(1));
-        let step = Cholesky::new(hessian).and_then(|c| c.solve(&right));
+        let surplus = prior_weight(prior) * (problems.len() - 1) as f64;
+        sum.hessian.diag_mut().mapv_inplace(|v| v - surplus);
+        sum.gradient
+            .scaled_add(-surplus, &Array1::from(shape.clone()));
+        let right = sum.gradient.mapv(|v| -v).insert_axis(Axis(1));
+        let step = Cholesky::new(sum.hessian).and_then(|c| c.solve(&right));
         let step = step.ok_or("has markers that determine no shape")?;
         for (beta, step) in shape.iter_mut().zip(step.slice(s![.., 0])) {
             *beta += step;

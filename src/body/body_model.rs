@@ -1,6 +1,6 @@
 //! The whole model of a body: a template, how it follows its joints, and how people differ.
 
-use super::fit::{FitPrior, NOISE};
+use super::fit_prior::{FitPrior, NOISE};
 use super::pose_model::{PoseModel, twists};
 use super::shape_model::ShapeModel;
 use super::template::Template;

@@ -11,38 +11,21 @@
 //! It is minimised over R and β by damped Gauss-Newton steps (Levenberg-Marquardt), every one of which lowers it, with weak priors
 //! on the twists of the joints and on β. The paper's block descent takes hundreds of rounds, and its energy rises between them.
 
+use super::fit_prior::{FitPrior, NormalEquations, twist_derivatives};
 use super::marker_model::{MarkerModel, MarkerPositions};
 use crate::numeric::linalg::Cholesky;
-use crate::pose::rotation::{from_rotation_vector, rotation_vector_jacobian};
+use crate::pose::rotation::from_rotation_vector;
 use crate::pose::similarity::{TransformKind, fit_similarity};
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2, s};
 
 /// The weight w_Z of the markers against the edges.
 pub const MARKER_WEIGHT: f64 = 3.0;
-/// The standard deviation of a marker where none is told, centimetres a coordinate.
-pub const NOISE: f64 = 0.18;
 /// Markers that determine a pose at all.
 pub const FEWEST: usize = 4;
 const MOST_STEPS: usize = 60;
 /// A step that lowers the energy by less than this share is the last.
 const SMALL: f64 = 1e-8;
-
-/// What is known before any marker is seen.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FitPrior {
-    /// The mean and the standard deviation of each joint's twist, radians.
-    pub twists: Vec<(DVec3, DVec3)>,
-    /// The standard deviation of a marker, centimetres a coordinate: the larger, the more the priors count.
-    pub noise: f64,
-}
-
-impl FitPrior {
-    /// How much the priors count against the squared centimetres of the energy.
-    pub fn weight(&self) -> f64 {
-        MARKER_WEIGHT * self.noise * self.noise
-    }
-}
 
 /// A pose and a shape.
 #[derive(Debug, Clone, PartialEq)]
@@ -158,17 +141,20 @@ impl<'a> FitProblem<'a> {
 
     /// The second derivatives and the gradient in the shape alone, where the rotations follow it. `None` if the markers do not
     /// determine them.
-    pub(super) fn reduced_to_shape(&self, state: &BodyState) -> Option<(Array2<f64>, Array1<f64>)> {
+    pub(super) fn reduced_to_shape(&self, state: &BodyState) -> Option<NormalEquations> {
         let turns = 3 * self.model.parts();
-        let (mut hessian, gradient) = self.normal_equations(&self.evaluate(state), state);
-        hessian.diag_mut().mapv_inplace(|v| v + 1e-9);
+        let mut normal = self.normal_equations(&self.evaluate(state), state);
+        normal.hessian.diag_mut().mapv_inplace(|v| v + 1e-9);
+        let (hessian, gradient) = (&normal.hessian, &normal.gradient);
         let factor = Cholesky::new(hessian.slice(s![..turns, ..turns]).to_owned())?;
         let mixed = hessian.slice(s![..turns, turns..]).to_owned();
         let solved = factor.solve(&mixed)?;
         let own = hessian.slice(s![turns.., turns..]);
-        let reduced = &own - &mixed.t().dot(&solved);
-        let pull = &gradient.slice(s![turns..]) - &solved.t().dot(&gradient.slice(s![..turns]));
-        Some((reduced, pull))
+        let pull = solved.t().dot(&gradient.slice(s![..turns]));
+        Some(NormalEquations {
+            hessian: &own - &mixed.t().dot(&solved),
+            gradient: &gradient.slice(s![turns..]) - &pull,
+        })
     }
 
     fn upright(&self) -> BodyState {
@@ -217,10 +203,10 @@ impl<'a> FitProblem<'a> {
         let mut energies = vec![now.energy];
         let mut damping = 1e-4;
         for _ in 0..MOST_STEPS {
-            let (hessian, gradient) = self.normal_equations(&now, &state);
+            let normal = self.normal_equations(&now, &state);
             let mut fell = None;
             while damping < 1e8 {
-                let step = damped_step(&hessian, &gradient, damping);
+                let step = damped_step(&normal, damping);
                 let next = step.map(|step| self.moved(&state, &step));
                 let next = next.map(|next| (self.evaluate(&next), next));
                 match next {
@@ -267,65 +253,30 @@ impl<'a> FitProblem<'a> {
             at.positions[self.seen[i]][a] - self.targets[i][a]
         });
         let data = (&residual * &self.weights.dot(&residual)).sum();
-        let twists: f64 = (at.twists.iter().zip(&self.prior.twists))
-            .map(|(t, (mean, sd))| ((*t - *mean) / *sd).length_squared())
-            .sum();
-        let shape: f64 = state.shape.iter().map(|b| b * b).sum();
+        let prior = self.prior.energy(&at.twists, &state.shape);
         Evaluation {
-            energy: data + self.prior_weight() * (twists + shape),
+            energy: data + prior_weight(self.prior) * prior,
             at,
             residual,
         }
     }
 
-    fn prior_weight(&self) -> f64 {
-        self.prior.weight()
-    }
-
-    /// Half of the energy's second derivatives by Gauss and Newton, and half of its gradient: three numbers a part (a small
-    /// rotation, in the world), then the shape.
-    fn normal_equations(&self, now: &Evaluation, state: &BodyState) -> (Array2<f64>, Array1<f64>) {
-        let parts = self.model.parts();
-        let n = 3 * parts + state.shape.len();
-        let (mut hessian, mut gradient) = (Array2::zeros((n, n)), Array1::zeros(n));
-        let turns = self.twist_derivatives(now, state);
+    fn normal_equations(&self, now: &Evaluation, state: &BodyState) -> NormalEquations {
+        let n = 3 * self.model.parts() + state.shape.len();
+        let mut normal = NormalEquations::zeros(n);
+        let joints = self.model.joints();
+        let turns = twist_derivatives(joints, &now.at.twists, &state.rotations);
         let jacobian = self.jacobian(now, &turns, n);
         for axis in 0..3 {
             let rows = jacobian.slice(s![axis..;3, ..]);
             let weighted = self.weights.dot(&rows);
-            hessian += &rows.t().dot(&weighted);
-            gradient += &weighted.t().dot(&now.residual.column(axis));
+            normal.hessian += &rows.t().dot(&weighted);
+            normal.gradient += &weighted.t().dot(&now.residual.column(axis));
         }
-        let weight = self.prior_weight();
-        for (j, [a, b]) in self.model.joints().iter().enumerate() {
-            let (mean, sd) = self.prior.twists[j];
-            let scale = DMat3::from_diagonal(sd.recip() * sd.recip() * weight);
-            let pull = turns[j].transpose() * (scale * (now.at.twists[j] - mean));
-            let square = turns[j].transpose() * scale * turns[j];
-            for r in 0..3 {
-                gradient[3 * b + r] += pull[r];
-                gradient[3 * a + r] -= pull[r];
-                for c in 0..3 {
-                    let v = square.col(c)[r];
-                    hessian[[3 * a + r, 3 * a + c]] += v;
-                    hessian[[3 * b + r, 3 * b + c]] += v;
-                    hessian[[3 * a + r, 3 * b + c]] -= v;
-                    hessian[[3 * b + r, 3 * a + c]] -= v;
-                }
-            }
-        }
-        for (k, beta) in state.shape.iter().enumerate() {
-            hessian[[3 * parts + k, 3 * parts + k]] += weight;
-            gradient[3 * parts + k] += weight * beta;
-        }
-        (hessian, gradient)
-    }
-
-    /// How each joint's twist changes when its second part is turned a little in the world; the first part turns it back.
-    fn twist_derivatives(&self, now: &Evaluation, state: &BodyState) -> Vec<DMat3> {
-        (self.model.joints().iter().zip(&now.at.twists))
-            .map(|([_, b], t)| rotation_vector_jacobian(*t) * state.rotations[*b].transpose())
-            .collect()
+        let weight = prior_weight(self.prior);
+        let twists = &now.at.twists;
+        (self.prior).add(weight, joints, twists, &turns, &state.shape, &mut normal);
+        normal
     }
 
     /// The derivatives of the markers seen (3 seen, n).
@@ -371,13 +322,18 @@ impl<'a> FitProblem<'a> {
     }
 }
 
+/// How much the priors count against the squared centimetres of the energy.
+pub(super) fn prior_weight(prior: &FitPrior) -> f64 {
+    MARKER_WEIGHT * prior.variance()
+}
+
 /// The step that solves (H + damping · diag H) x = -g.
-fn damped_step(hessian: &Array2<f64>, gradient: &Array1<f64>, damping: f64) -> Option<Array1<f64>> {
-    let mut damped = hessian.clone();
+fn damped_step(normal: &NormalEquations, damping: f64) -> Option<Array1<f64>> {
+    let mut damped = normal.hessian.clone();
     damped
         .diag_mut()
         .mapv_inplace(|v| v * (1.0 + damping) + 1e-12);
-    let right = gradient.mapv(|v| -v).insert_axis(ndarray::Axis(1));
+    let right = normal.gradient.mapv(|v| -v).insert_axis(ndarray::Axis(1));
     let step = Cholesky::new(damped)?.solve(&right)?;
     step.iter()
         .all(|v| v.is_finite())

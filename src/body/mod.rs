@@ -14,6 +14,7 @@ pub mod completion;
 pub mod decomposition;
 pub mod file;
 pub mod fit;
+pub mod fit_prior;
 pub mod joint_markers;
 pub mod marker_model;
 pub mod part_finding;

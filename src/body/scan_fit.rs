@@ -6,16 +6,18 @@
 //! little as possible in its edges.
 
 use super::body_model::BodyModel;
-use super::fit::{BodyState, FitPrior, FitProblem};
+use super::fit::{BodyState, FitProblem};
+use super::fit_prior::{FitPrior, NormalEquations, twist_derivatives};
 use super::marker_model::{Marker, MarkerModel};
+use super::pose_model::twists;
 use super::surface::{Surface, SurfacePoint};
 use super::vertex_jacobian::vertex_jacobian;
 use crate::numeric::linalg::Cholesky;
 use crate::numeric::parallel;
 use crate::numeric::product::gram;
 use crate::numeric::sparse_cholesky::SparseCholesky;
-use crate::pose::rotation::{from_rotation_vector, rotation_vector_jacobian};
-use glam::{DMat3, DVec3};
+use crate::pose::rotation::from_rotation_vector;
+use glam::DVec3;
 use ndarray::{Array1, Array2, Array3, Axis};
 
 const ROUNDS: usize = 24;
@@ -79,7 +81,7 @@ pub fn fit_scan(
         let pairs = pairs(body, scan, &vertices, reach);
         let jacobian = vertex_jacobian(body, &state.rotations, &state.shape);
         let deviation = SCAN_DEVIATION.max(reach / 5.0);
-        let mut normal = NormalEquations::new(body, &state, &prior);
+        let mut normal = priors(body, &state, &prior);
         normal.add_pairs(&pairs, &jacobian, deviation);
         normal.add_placed(placed, &vertices, &jacobian);
         let step = normal.solve().ok_or("has points that determine no pose")?;
@@ -145,46 +147,18 @@ fn plane_distance(pair: &Pair) -> f64 {
     pair.model.normal.dot(pair.model.at - pair.scan)
 }
 
-/// The normal equations of one step: rotations, shape, then the shift.
-struct NormalEquations {
-    hessian: Array2<f64>,
-    gradient: Array1<f64>,
+/// The normal equations of one step: rotations, shape, then the shift; the priors first.
+fn priors(body: &BodyModel, state: &BodyState, prior: &FitPrior) -> NormalEquations {
+    let joints = body.template.joint_parts();
+    let twists = twists(&joints, &state.rotations);
+    let turns = twist_derivatives(&joints, &twists, &state.rotations);
+    let n = 3 * state.rotations.len() + state.shape.len() + 3;
+    let mut normal = NormalEquations::zeros(n);
+    prior.add(1.0, &joints, &twists, &turns, &state.shape, &mut normal);
+    normal
 }
 
 impl NormalEquations {
-    /// The priors alone.
-    fn new(body: &BodyModel, state: &BodyState, prior: &FitPrior) -> NormalEquations {
-        let turns = 3 * state.rotations.len();
-        let n = turns + state.shape.len() + 3;
-        let mut hessian = Array2::<f64>::zeros((n, n));
-        let mut gradient = Array1::<f64>::zeros(n);
-        let joints = body.template.joint_parts();
-        let twists = super::pose_model::twists(&joints, &state.rotations);
-        for (j, [a, b]) in joints.iter().enumerate() {
-            let (mean, sd) = prior.twists[j];
-            let turn = rotation_vector_jacobian(twists[j]) * state.rotations[*b].transpose();
-            let scale = DMat3::from_diagonal(sd.recip() * sd.recip());
-            let pull = turn.transpose() * (scale * (twists[j] - mean));
-            let square = turn.transpose() * scale * turn;
-            for r in 0..3 {
-                gradient[3 * b + r] += pull[r];
-                gradient[3 * a + r] -= pull[r];
-                for c in 0..3 {
-                    let v = square.col(c)[r];
-                    hessian[[3 * a + r, 3 * a + c]] += v;
-                    hessian[[3 * b + r, 3 * b + c]] += v;
-                    hessian[[3 * a + r, 3 * b + c]] -= v;
-                    hessian[[3 * b + r, 3 * a + c]] -= v;
-                }
-            }
-        }
-        for (k, beta) in state.shape.iter().enumerate() {
-            hessian[[turns + k, turns + k]] += 1.0;
-            gradient[turns + k] += beta;
-        }
-        NormalEquations { hessian, gradient }
-    }
-
     fn add_pairs(&mut self, pairs: &[Pair], jacobian: &Array3<f64>, deviation: f64) {
         let n = jacobian.dim().1;
         let share = (INDEPENDENT / pairs.len().max(1) as f64).min(1.0);

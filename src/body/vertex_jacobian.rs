@@ -1,9 +1,9 @@
 //! How all vertices of a body move with its rotations and its shape.
 
 use super::body_model::BodyModel;
+use super::fit_prior::twist_derivatives;
 use super::pose_model::twists;
 use crate::numeric::parallel;
-use crate::pose::rotation::rotation_vector_jacobian;
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, Array3, Axis, s};
 
@@ -37,9 +37,7 @@ pub fn vertex_jacobian(body: &BodyModel, rotations: &[DMat3], shape: &[f64]) -> 
 fn edge_derivatives(body: &BodyModel, rotations: &[DMat3], shape: &[f64]) -> Array2<f64> {
     let template = &body.template;
     let joints = template.joint_parts();
-    let turns: Vec<DMat3> = (joints.iter().zip(twists(&joints, rotations)))
-        .map(|([_, b], t)| rotation_vector_jacobian(t) * rotations[*b].transpose())
-        .collect();
+    let turns = twist_derivatives(&joints, &twists(&joints, rotations), rotations);
     let q = body.pose.deformations(template, rotations);
     let matrices = body.shape.matrices(shape);
     let n = 3 * template.parts() + body.shape.len();

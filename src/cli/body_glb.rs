@@ -22,70 +22,79 @@ const PEOPLE: usize = 5;
 /// # Errors
 /// [`Error::Usage`]: the take has no times or several shapes. [`Error::Io`]: the file cannot be written.
 pub fn save_glb(path: &Path, body: &BodyModel, take: &BodyTake) -> Result<()> {
-    let fail = |what: String| Error::data(Place::file(path.display().to_string()), what);
     if take.shapes.len() != 1 {
         let what = "a .glb holds one body; give one shape, or write a folder";
         return Err(Error::usage(what));
     }
-    let (shape, still) = (take.shape(0), take.frames.len() < 2);
-    if take.poses.time.is_none() && !still {
+    let is_still = take.frames.len() < 2;
+    if take.poses.time.is_none() && !is_still {
         return Err(Error::usage(
             "the table has no times, which an animation needs; give the rate with --fps",
         ));
     }
-    let template = rest_template(body, shape).map_err(fail)?;
-    let meshes = take.meshes(body);
-    let there: Vec<usize> = (0..meshes.len())
-        .filter(|k| !meshes[*k].is_empty())
-        .collect();
-    let turned = |k: usize| {
-        take.frames[k]
-            .as_ref()
-            .map_or(&[][..], |(r, _)| r.as_slice())
-    };
-    let chosen = there.iter().step_by(there.len().div_ceil(SAMPLES).max(1));
-    let trained: Vec<Vec<DVec3>> = (body.training_rotations.iter())
-        .map(|r| body.synthesise(r, shape))
-        .collect();
-    let mut samples: Vec<Sample<'_>> = (chosen)
-        .map(|k| Sample {
-            rotations: turned(*k),
-            vertices: &meshes[*k],
-        })
-        .collect();
-    samples.extend(
-        body.training_rotations
-            .iter()
-            .zip(&trained)
-            .map(|(r, v)| Sample {
-                rotations: r,
-                vertices: v,
-            }),
-    );
-    let corrections = CORRECTIONS.min(samples.len());
-    let skinning = Skinning::fit(&template, &samples, corrections).map_err(fail)?;
-    let frames: std::result::Result<Vec<Frame>, String> = (there.iter())
-        .map(|k| {
-            skinning.frame(&Sample {
-                rotations: turned(*k),
-                vertices: &meshes[*k],
-            })
-        })
-        .collect();
-    let frames = frames.map_err(fail)?;
-    let error = frames.iter().map(|f| f.error_mm).sum::<f64>() / frames.len().max(1) as f64;
-    let mut mesh = skinned_mesh(body, shape, &template, &skinning);
-    if !still {
-        mesh.animations = animations(take, &there, &frames, &skinning, &mesh);
+    let skin = fit_skin(body, take)
+        .map_err(|what| Error::data(Place::file(path.display().to_string()), what))?;
+    let mut mesh = skinned_mesh(body, take.shape(0), &skin);
+    if !is_still {
+        mesh.animations = animations(take, &skin, &mesh);
     }
     mesh.unit_weights();
     mesh.save(path)?;
+    let count = skin.frames.len();
+    let error = skin.frames.iter().map(|(_, f)| f.error_mm).sum::<f64>() / count.max(1) as f64;
     messages::info(&format!(
-        "{}: {} frames; linear skinning with {corrections} corrective shapes is {error:.2} mm from the model (mean)",
+        "{}: {count} frames; linear skinning with {} corrective shapes is {error:.2} mm from the model (mean)",
         path.display(),
-        frames.len()
+        skin.skinning.shapes.len()
     ));
     Ok(())
+}
+
+/// A skin, and the frames of a take that it follows.
+struct Skin {
+    /// The body in the template's pose.
+    template: Template,
+    skinning: Skinning,
+    /// Frames of the take, where something is known.
+    frames: Vec<(usize, Frame)>,
+}
+
+/// Fits a skin to frames of the take and to the training poses, and its bones to each frame.
+fn fit_skin(body: &BodyModel, take: &BodyTake) -> std::result::Result<Skin, String> {
+    let shape = take.shape(0);
+    let meshes = take.meshes(body);
+    let frame = |k: usize| {
+        let (rotations, _) = take.frames[k].as_ref()?;
+        let vertices = &meshes[k];
+        Some((
+            k,
+            Sample {
+                rotations,
+                vertices,
+            },
+        ))
+    };
+    let there: Vec<(usize, Sample<'_>)> = (0..meshes.len()).filter_map(frame).collect();
+    let trained: Vec<Vec<DVec3>> = (body.training_rotations.iter())
+        .map(|r| body.synthesise(r, shape))
+        .collect();
+    let training = body.training_rotations.iter().zip(&trained);
+    let step = there.len().div_ceil(SAMPLES).max(1);
+    let samples: Vec<Sample<'_>> = (there.iter().step_by(step))
+        .map(|(_, sample)| *sample)
+        .chain(training.map(|(rotations, vertices)| Sample {
+            rotations,
+            vertices,
+        }))
+        .collect();
+    let template = rest_template(body, shape)?;
+    let skinning = Skinning::fit(&template, &samples, CORRECTIONS.min(samples.len()))?;
+    let frames = there.iter().map(|(k, s)| Ok((*k, skinning.frame(s)?)));
+    Ok(Skin {
+        frames: frames.collect::<std::result::Result<_, String>>()?,
+        template,
+        skinning,
+    })
 }
 
 /// The body of a shape in the template's pose, as a template.
@@ -106,12 +115,8 @@ fn metres(v: DVec3) -> [f32; 3] {
     (v / 100.0).as_vec3().to_array()
 }
 
-fn skinned_mesh(
-    body: &BodyModel,
-    shape: &[f64],
-    template: &Template,
-    skinning: &Skinning,
-) -> SkinnedMesh {
+fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
+    let (template, skinning) = (&skin.template, &skin.skinning);
     let name = |p: usize| {
         let named = body.joint_names.iter().find(|(part, _)| *part == p);
         named.map_or(part_name(p), |(_, name)| name.clone())
@@ -155,47 +160,34 @@ fn skinned_mesh(
 }
 
 /// An animation a take.
-fn animations(
-    take: &BodyTake,
-    there: &[usize],
-    frames: &[Frame],
-    skinning: &Skinning,
-    mesh: &SkinnedMesh,
-) -> Vec<Animation> {
+fn animations(take: &BodyTake, skin: &Skin, mesh: &SkinnedMesh) -> Vec<Animation> {
+    let people = mesh.shapes.len() - skin.skinning.shapes.len();
+    let time = |k: usize| take.poses.time.as_ref().map_or(0.0, |t| t[k]);
+    let places = |frame: &Frame| -> Vec<DVec3> {
+        (frame.motions().iter().zip(&skin.skinning.places))
+            .map(|(m, place)| m.transform_point3(*place) / 100.0)
+            .collect()
+    };
     let animation = |range: std::ops::Range<usize>| {
-        let keys: Vec<usize> = (0..there.len())
-            .filter(|i| range.contains(&there[*i]))
-            .collect();
-        let time = |k: usize| take.poses.time.as_ref().map_or(0.0, |t| t[k]);
-        let start = keys.first().map_or(0.0, |i| time(there[*i]));
+        let keys = skin.frames.iter().filter(|(k, _)| range.contains(k));
+        let start = keys.clone().next().map_or(0.0, |(k, _)| time(*k));
         let times = keys
-            .iter()
-            .map(|i| (time(there[*i]) - start) as f32)
+            .clone()
+            .map(|(k, _)| (time(*k) - start) as f32)
             .collect();
-        let places = |frame: &Frame| -> Vec<DVec3> {
-            (frame.motions().iter().zip(&skinning.places))
-                .map(|(m, place)| m.transform_point3(*place) / 100.0)
-                .collect()
-        };
-        let rotations: Vec<Vec<DMat3>> =
-            keys.iter().map(|i| frames[*i].rotations.clone()).collect();
-        let places: Vec<Vec<DVec3>> = keys.iter().map(|i| places(&frames[*i])).collect();
-        let name =
-            (take.poses.take.as_ref()).map_or("take".to_string(), |t| t[range.start].to_string());
+        let rotations: Vec<Vec<DMat3>> = keys.clone().map(|(_, f)| f.rotations.clone()).collect();
+        let places: Vec<Vec<DVec3>> = keys.clone().map(|(_, f)| places(f)).collect();
+        let named = take.poses.take.as_ref().map(|t| t[range.start].to_string());
+        let name = named.unwrap_or_else(|| "take".into());
         let mut animation = Animation::from_world(name, &mesh.bones, times, &rotations, &places);
-        let people = mesh.shapes.len() - skinning.shapes.len();
-        animation.weights = (keys.iter())
-            .map(|i| {
-                let corrections = frames[*i].weights.iter().map(|w| *w as f32);
-                corrections.chain(vec![0.0; people]).collect()
-            })
-            .collect();
+        // The shapes of people stay at 0.
+        let weights = |(_, f): &(usize, Frame)| {
+            let corrections = f.weights.iter().map(|w| *w as f32);
+            corrections.chain(vec![0.0; people]).collect()
+        };
+        animation.weights = keys.map(weights).collect();
         animation
     };
-    let takes = take.poses.takes();
-    takes
-        .into_iter()
-        .map(animation)
-        .filter(|a| !a.times.is_empty())
-        .collect()
+    let takes = take.poses.takes().into_iter().map(animation);
+    takes.filter(|a| !a.times.is_empty()).collect()
 }
