@@ -33,7 +33,7 @@ pub(super) fn read(input: Input, names: &[&str]) -> Result<MeshArrays> {
         Error::data(Place::file(&name), what)
     })?;
     let is_there = |part: &&str| archive.index_for_name(&format!("{part}.npy")).is_some();
-    let Some(chosen) = names.iter().position(|part| is_there(&part)) else {
+    let Some(chosen) = names.iter().position(is_there) else {
         let what = format!("{}: the archive has no such array", names.join(" or "));
         return Err(Error::data(Place::file(&name), what));
     };

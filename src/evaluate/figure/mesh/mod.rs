@@ -33,7 +33,8 @@ pub struct Still {
     pub caption: String,
 }
 
-/// A row of meshes on one ground.
+/// A row of meshes on one ground. Frames of one figure keep their heights above it; meshes of several figures, which need
+/// not share an origin, all stand on it.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Row {
     /// What stands above it; may be empty.
@@ -51,10 +52,19 @@ pub fn svg(scene: &MeshScene<'_>, rows: &[Row], options: &Options) -> Result<Str
     scene.check()?;
     options.check()?;
     let view = View::new(options);
-    let panels: Vec<Vec<Panel>> = rows
+    let mut panels: Vec<Vec<Panel>> = rows
         .iter()
         .map(|row| row.stills.iter().map(|s| panel(scene, s, &view)).collect())
         .collect::<Result<_>>()?;
+    for (row, panels) in rows.iter().zip(&mut panels) {
+        if row
+            .stills
+            .windows(2)
+            .any(|two| two[0].figure != two[1].figure)
+        {
+            panels.iter_mut().for_each(Panel::stand);
+        }
+    }
     Ok(draw(scene, rows, &panels))
 }
 
@@ -110,6 +120,15 @@ struct Panel<'a> {
     /// Lowest and highest right and up.
     across: [f64; 2],
     up: [f64; 2],
+}
+
+impl Panel<'_> {
+    /// Moves the mesh up or down, so that its lowest place is at 0.
+    fn stand(&mut self) {
+        let low = self.up[0];
+        self.vertices.column_mut(1).mapv_inplace(|v| v - low);
+        self.up = self.up.map(|v| v - low);
+    }
 }
 
 fn panel<'a>(scene: &MeshScene<'a>, still: &Still, view: &View) -> Result<Panel<'a>> {

@@ -119,6 +119,33 @@ fn rows_captions_and_a_bar_of_known_length() {
 }
 
 #[test]
+fn meshes_of_several_figures_stand_on_one_ground() {
+    let (one, faces) = cube();
+    let moved = Array3::from_shape_fn((2, 8, 3), |(t, v, a)| one[[0, v, a]] + (9 * t * a) as f32);
+    let mut scene = scene(&moved, &faces);
+    let high = one.mapv(|v| v + 70.0);
+    scene.figures.push(MeshFigure {
+        vertices: high.view(),
+        ..scene.figures[0]
+    });
+    // The upper edges of the cubes in a picture.
+    let tops = |row: Row| -> Vec<i32> {
+        let drawn = svg(&scene, &[row], &level()).unwrap();
+        let top = |p: &&str| loops(p)[0].iter().map(|at| at[1]).min();
+        paths(&drawn).iter().filter_map(top).collect()
+    };
+    let mut both = row(2);
+    let frames = tops(both.clone());
+    assert!(
+        frames[0] > frames[1],
+        "the second frame is higher: {frames:?}"
+    );
+    (both.stills[1].figure, both.stills[1].frame) = (1, 0);
+    let figures = tops(both);
+    assert_eq!(figures[0], figures[1]);
+}
+
+#[test]
 fn nothing_and_flat_meshes_are_drawn() {
     well_formed(&svg(&MeshScene::default(), &[], &level()).unwrap());
     let (_, faces) = cube();
