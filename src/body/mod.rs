@@ -6,6 +6,7 @@
 //! A [`template`] is a mesh in rigid parts; [`decomposition`] describes another mesh of its topology by a rotation a part and a matrix a
 //! triangle; [`pose_model`] predicts these matrices from the rotations at the joints, [`shape_model`] what is left between people.
 //! [`body_model`] holds all of them, and makes meshes; [`train`](mod@train) learns it.
+//! [`registration`] lays the template on a raw scan.
 
 pub mod animation;
 pub mod body_model;
@@ -13,10 +14,13 @@ pub mod completion;
 pub mod decomposition;
 pub mod file;
 pub mod fit;
+pub mod gradient_energy;
 pub mod joint_markers;
 pub mod marker_model;
 pub mod part_finding;
 pub mod pose_model;
+pub mod registration;
+pub mod scan_match;
 pub mod shape_model;
 pub mod surface;
 pub mod template;
