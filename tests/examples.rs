@@ -41,6 +41,16 @@ done > joints.toml
 # Four takes of each of two actions.
 awk -F, -v OFS=, 'NR == 1 || NR % 4 == 0 { if (NR > 1) { k = int(n[$1] / 9); n[$1] += 1; $1 = $1 "_" (k > 3 ? 3 : k) } print }' two-people.csv > takes.csv
 { echo take,class,subject; for k in 0 1 2 3; do echo "07_01_$k,walk,$k"; echo "09_06_$k,run,$k"; done; echo 07_01,walk,07; } > classes.csv
+# A template mesh, a scan of another size, and the places of four vertices on it.
+tube() {
+  printf '%s\n' ply 'format ascii 1.0' 'element vertex 360' 'property float x' 'property float y' 'property float z' \
+    'element face 696' 'property list uchar int vertex_indices' end_header
+  awk -v s="$1" 'BEGIN { for (v = 0; v < 360; v++) { a = v % 12 * 0.5236; print s * 12 * cos(a), int(v / 12) * 5.5, s * 10 * sin(a) }
+    for (v = 0; v < 348; v++) { b = v % 12 == 11 ? v - 11 : v + 1; print 3, v, v + 12, b; print 3, b, v + 12, b + 12 } }'
+}
+tube 1 > template.ply
+tube 1.1 > scan.ply
+{ echo vertex,x,y,z; awk 'BEGIN { for (v = 0; v < 360; v += 53) { a = v % 12 * 0.5236; print v "," 13.2 * cos(a) "," int(v / 12) * 5.5 "," 11 * sin(a) } }'; } > points.csv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;
 

@@ -7,11 +7,11 @@
 //! shows nothing, vertices follow their neighbours.
 //!
 //! Each triangle is drawn a little to the rotation nearest to its gradient, times one scale for all: bodies bend, but hardly shear.
-//! Nearest points are found again several times for one factor, with the weights of the first time: this takes a tenth of the time of
+//! Nearest points are found again several times for one factor, with the weights of the first time: this takes a fifth of the time of
 //! a new factor, and vertices slide along the surface only by many such steps.
 //!
 //! All lengths are parts of the template's size (the root of its area) or of its mean edge, so the unit does not matter. Cost: 17
-//! factors of a (V + P, V + P) matrix; 14 s of processor time for 13,380 vertices.
+//! factors of a (V + P, V + P) matrix; 10 s of processor time for 13,380 vertices.
 
 use super::gradient_energy::{Factored, GradientEnergy, Stiffness, Targets};
 use super::scan_match::ScanMatcher;
@@ -225,7 +225,8 @@ impl Fit<'_> {
 /// The rotation nearest to each gradient (3, 3), times the scale that is best for all, given the areas.
 fn rotations(gradients: &[(DMat3, f64)]) -> Vec<DMat3> {
     let nearest = |(gradient, area): &(DMat3, f64)| {
-        let (rotation, gain, _) = nearest_rotation(&gradient.transpose());
+        let rotation = polar(gradient);
+        let gain: f64 = (0..3).map(|a| rotation.col(a).dot(gradient.col(a))).sum();
         (rotation, gain * area, 3.0 * area)
     };
     let chunks = map_chunks(gradients.len(), 512, |range| {
@@ -235,6 +236,23 @@ fn rotations(gradients: &[(DMat3, f64)]) -> Vec<DMat3> {
     let gain: f64 = all().map(|(_, gain, _)| gain).sum();
     let area: f64 = all().map(|(.., area)| area).sum();
     all().map(|(r, ..)| *r * (gain / area)).collect()
+}
+
+/// The rotation nearest to a matrix: by Newton's method for the polar factor (N. Higham: Computing the Polar Decomposition, 1986),
+/// which is ten times as fast as eigenvectors for the matrices near rotations that most gradients are.
+fn polar(matrix: &DMat3) -> DMat3 {
+    let mut rotation = *matrix;
+    for _ in 0..10 {
+        if !(rotation.determinant() > 0.1) {
+            break;
+        }
+        let next = (rotation + rotation.inverse().transpose()) * 0.5;
+        if next.abs_diff_eq(rotation, 1e-10) {
+            return next;
+        }
+        rotation = next;
+    }
+    nearest_rotation(&matrix.transpose()).0
 }
 
 /// The number of triangles that point against the mean of their neighbours, and did not in the template.

@@ -66,6 +66,7 @@ pub const COMMANDS: &[CommandEntry] = &[
         "Find frames at which one take can go over into another",
         false,
     ),
+    entry("mesh-register", "Lay a template mesh on a raw scan", false),
     entry(
         "corrupt",
         "Add noise, outliers or gaps to poses, for tests",

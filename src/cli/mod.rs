@@ -28,6 +28,7 @@ pub mod pair_file;
 pub mod pair_label;
 pub mod plot;
 pub mod progress;
+pub mod registration_points;
 pub mod restoring;
 mod signals;
 pub mod streams;
