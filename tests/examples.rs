@@ -48,7 +48,7 @@ cp "$BODIES"/*.npz "$BODIES"/*.csv .
 posing body-train -q --units cm --poses poses.npz --shapes people.npz --parts parts.csv --joints joints.csv -o body.npz
 mkdir poses; posing body-synth -q -m body.npz --shape 0 -o poses/0.obj; posing body-synth -q -m body.npz --shape 1 -o poses/1.obj
 posing body-fit -q -m body.npz --on on.csv -o fits.npz --rotations rotations.csv markers.csv
-posing body-synth -q -m body.npz --shape 0 -o scan.ply
+posing body-synth -q -m body.npz --shape 0 -o scan.ply; posing body-synth -q -m body.npz --shape 1 -o template.ply
 awk 'BEGIN { print "vertex,x,y,z" } $1 == "v" { if (v++ % 150 == 0) print v - 1 "," $2 "," $3 "," $4 }' poses/0.obj > points.csv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;

@@ -7,6 +7,7 @@
 //! triangle; [`pose_model`] predicts these matrices from the rotations at the joints, [`shape_model`] what is left between people.
 //! [`body_model`] holds all of them, and makes meshes; [`train`](mod@train) learns it.
 //! [`skinning`] fits what animation software plays: linear blend skinning with corrective shapes.
+//! [`registration`] lays the template on a raw scan.
 
 pub mod animation;
 pub mod body_model;
@@ -15,11 +16,14 @@ pub mod decomposition;
 pub mod file;
 pub mod fit;
 pub mod fit_prior;
+pub mod gradient_energy;
 pub mod joint_markers;
 pub mod marker_model;
 pub mod part_finding;
 pub mod pose_model;
+pub mod registration;
 pub mod scan_fit;
+pub mod scan_match;
 pub mod shape_model;
 pub mod skinning;
 pub mod surface;

@@ -17,6 +17,8 @@ pub struct Surface {
     normals: Vec<DVec3>,
     /// Whether each vertex is at the border of a hole.
     is_border: Vec<bool>,
+    /// The vertices of the tree: where there are triangles, those that they hold.
+    in_tree: Vec<usize>,
     tree: Option<ImmutableKdTree<f64, 3>>,
 }
 
@@ -36,7 +38,7 @@ pub struct SurfacePoint {
 }
 
 impl Surface {
-    /// A surface of vertices and triangles; without triangles a cloud.
+    /// A surface of vertices and triangles, whose other vertices do not count; without triangles a cloud.
     pub fn new(vertices: Vec<DVec3>, faces: Vec<[usize; 3]>) -> Surface {
         let mut faces_of = vec![Vec::new(); vertices.len()];
         let mut normals = vec![DVec3::ZERO; vertices.len()];
@@ -49,13 +51,16 @@ impl Surface {
             }
         }
         normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
-        let points: Vec<[f64; 3]> = vertices.iter().map(|v| v.to_array()).collect();
+        let is_used = |v: &usize| faces.is_empty() || !faces_of[*v].is_empty();
+        let in_tree: Vec<usize> = (0..vertices.len()).filter(is_used).collect();
+        let points: Vec<[f64; 3]> = in_tree.iter().map(|v| vertices[*v].to_array()).collect();
         Surface {
             is_border: border(vertices.len(), &faces),
             vertices,
             faces,
             faces_of,
             normals,
+            in_tree,
             tree: (!points.is_empty()).then(|| ImmutableKdTree::new_from_slice(&points)),
         }
     }
@@ -69,7 +74,7 @@ impl Surface {
     pub fn nearest(&self, p: DVec3) -> Option<SurfacePoint> {
         let count = NonZero::new(CANDIDATES)?;
         let near = (self.tree.as_ref()?).nearest_n::<SquaredEuclidean>(&p.to_array(), count);
-        let first = near.first()?.item as usize;
+        let first = self.in_tree[near.first()?.item as usize];
         let mut best = SurfacePoint {
             corners: [first; 3],
             shares: [1.0, 0.0, 0.0],
@@ -77,7 +82,9 @@ impl Surface {
             normal: self.normals[first],
             is_border: self.is_border[first],
         };
-        let faces = near.iter().flat_map(|n| &self.faces_of[n.item as usize]);
+        let faces = near
+            .iter()
+            .flat_map(|n| &self.faces_of[self.in_tree[n.item as usize]]);
         for face in faces {
             let corners = self.faces[*face];
             let shares = nearest_shares(p, corners.map(|v| self.vertices[v]));
@@ -196,6 +203,11 @@ mod tests {
         let open = Surface::new(template.vertices.clone(), faces);
         assert!(open.nearest(DVec3::new(0.0, 9.0, 0.0)).unwrap().is_border);
         assert!(!open.nearest(DVec3::new(0.0, -9.0, 0.0)).unwrap().is_border);
+        let mut vertices = template.vertices.clone();
+        vertices.push(DVec3::new(0.0, 30.0, 0.0));
+        let with_loose = Surface::new(vertices, template.faces.clone());
+        let found = with_loose.nearest(DVec3::new(0.0, 30.0, 0.0)).unwrap();
+        assert_eq!(found.at, DVec3::new(0.0, 4.0, 0.0));
         let cloud = Surface::new(template.vertices.clone(), Vec::new());
         let found = cloud.nearest(DVec3::new(1.2, 2.0, 1.0)).unwrap();
         assert_eq!(found.normal, DVec3::ZERO);

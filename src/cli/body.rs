@@ -13,7 +13,7 @@ use crate::pose::rotation::{from_rotation_vector, rotation_vector};
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Opens a body model.
 ///
@@ -28,7 +28,7 @@ pub fn open_body(path: &Path) -> Result<BodyModel> {
 ///
 /// # Errors
 /// [`Error::Data`]: no sound meshes, other topology than the first, faces without area, or a size that no body has.
-pub fn read_meshes(paths: &[PathBuf], units: TableUnits) -> Result<MeshSet> {
+pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: TableUnits) -> Result<MeshSet> {
     let mut set = MeshSet::open(paths)?;
     for k in 0..set.names.len() {
         let mesh = set.mesh(k);

@@ -66,6 +66,7 @@ pub const COMMANDS: &[CommandEntry] = &[
         "Find frames at which one take can go over into another",
         false,
     ),
+    entry("mesh-register", "Lay a template mesh on a raw scan", false),
     entry(
         "body-train",
         "Learn a body's pose and shape from meshes",

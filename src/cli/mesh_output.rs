@@ -89,7 +89,8 @@ impl MeshOutput {
     }
 }
 
-fn mesh(vertices: &[DVec3], faces: &[[usize; 3]], units: TableUnits) -> Mesh {
+/// A mesh in the unit and axis `units`, of vertices in centimetres.
+pub fn mesh(vertices: &[DVec3], faces: &[[usize; 3]], units: TableUnits) -> Mesh {
     let vertex = |v: &DVec3| {
         let mut xyz = v.to_array();
         units.write(&mut xyz);

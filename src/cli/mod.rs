@@ -32,6 +32,7 @@ pub mod placed_points;
 pub mod plot;
 pub mod plot_meshes;
 pub mod progress;
+pub mod registration_points;
 pub mod restoring;
 mod signals;
 pub mod streams;

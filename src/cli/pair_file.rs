@@ -20,32 +20,10 @@ impl PairFile {
     /// # Errors
     /// [`Error::Data`], with the line: the file cannot be read, or a column is missing.
     pub fn read(path: &Path, columns: [&str; 2]) -> Result<PairFile> {
-        let file = input::open(path)?;
-        let name = file.name.clone();
-        let mut reader = csv::ReaderBuilder::new()
-            .trim(csv::Trim::All)
-            .from_reader(file.into_reader());
-        let wrong = |e: csv::Error| {
-            let line = e.position().map_or(1, csv::Position::line);
-            Error::data(Place::line(&name, line), excerpt(&e.to_string()))
-        };
-        let head = reader.headers().cloned().map_err(wrong)?;
-        let mut at = [0; 2];
-        for (at, column) in at.iter_mut().zip(columns) {
-            *at = head.iter().position(|h| h == column).ok_or_else(|| {
-                let what = format!("has no column {column}; expected {}", columns.join(","));
-                Error::data(Place::line(&name, 1), what)
-            })?;
-        }
-        let mut rows = Vec::new();
-        for (k, row) in reader.records().enumerate() {
-            let row = row.map_err(wrong)?;
-            let line = row.position().map_or(k as u64 + 2, csv::Position::line);
-            rows.push((line, row[at[0]].to_string(), row[at[1]].to_string()));
-        }
-        if rows.is_empty() {
-            return Err(Error::data(Place::file(&name), "has no rows"));
-        }
+        let (name, rows) = read_columns(path, columns)?;
+        let rows = (rows.into_iter())
+            .map(|(line, [a, b])| (line, a, b))
+            .collect();
         Ok(PairFile { name, rows })
     }
 
@@ -54,18 +32,63 @@ impl PairFile {
     /// # Errors
     /// [`Error::Data`], with the line: no whole number, or too large.
     pub fn index(&self, line: u64, cell: &str, what: &str, count: usize) -> Result<usize> {
-        let wrong = |why: String| Error::data(Place::line(&self.name, line), why);
-        let value: usize = cell.parse().map_err(|_| {
-            let cell = excerpt(cell);
-            wrong(format!(
-                "expected a {what} counted from 0, found \"{cell}\""
-            ))
+        whole_number(&self.name, line, cell, what, count)
+    }
+}
+
+/// The name of a CSV file with a header line, and the line and the cells `columns` of each row.
+///
+/// # Errors
+/// Those of [`PairFile::read`].
+pub fn read_columns<const N: usize>(
+    path: &Path,
+    columns: [&str; N],
+) -> Result<(String, Vec<(u64, [String; N])>)> {
+    let file = input::open(path)?;
+    let name = file.name.clone();
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .from_reader(file.into_reader());
+    let wrong = |e: csv::Error| {
+        let line = e.position().map_or(1, csv::Position::line);
+        Error::data(Place::line(&name, line), excerpt(&e.to_string()))
+    };
+    let head = reader.headers().cloned().map_err(wrong)?;
+    let mut at = [0; N];
+    for (at, column) in at.iter_mut().zip(columns) {
+        *at = head.iter().position(|h| h == column).ok_or_else(|| {
+            let what = format!("has no column {column}; expected {}", columns.join(","));
+            Error::data(Place::line(&name, 1), what)
         })?;
-        match value < count {
-            true => Ok(value),
-            false => Err(wrong(format!(
-                "names {what} {value}, there are {count} (counted from 0)"
-            ))),
-        }
+    }
+    let mut rows = Vec::new();
+    for (k, row) in reader.records().enumerate() {
+        let row = row.map_err(wrong)?;
+        let line = row.position().map_or(k as u64 + 2, csv::Position::line);
+        rows.push((line, at.map(|c| row[c].to_string())));
+    }
+    if rows.is_empty() {
+        return Err(Error::data(Place::file(&name), "has no rows"));
+    }
+    Ok((name, rows))
+}
+
+/// A whole number below `count` from a cell of line `line` of the file `name`; `what` names it.
+///
+/// # Errors
+/// [`Error::Data`], with the line: no whole number, or too large.
+pub fn whole_number(name: &str, line: u64, cell: &str, what: &str, count: usize) -> Result<usize> {
+    let wrong = |why: String| Error::data(Place::line(name, line), why);
+    let value: usize = cell.parse().map_err(|_| {
+        let cell = excerpt(cell);
+        wrong(format!(
+            "expected a {what} counted from 0, found \"{cell}\""
+        ))
+    })?;
+    match value < count {
+        true => Ok(value),
+        false => Err(wrong(format!(
+            "names {what} {value}, there are {count} (counted from 0)"
+        ))),
     }
 }
