@@ -16,7 +16,8 @@ const OFFSET_ROUNDS: usize = 3;
 /// Frames that the shape is learnt from.
 const SHAPE_FRAMES: usize = 16;
 const SHAPE_ROUNDS: usize = 10;
-/// A frame whose markers are missed by more than this times the median before, and by more than [`FAR`], is fitted afresh.
+/// A frame whose markers are missed by more than this times the usual distance (a running mean), and by more than [`FAR`], is fitted
+/// afresh.
 const LOST: f64 = 2.0;
 /// Centimetres.
 const FAR: f64 = 2.0;

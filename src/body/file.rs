@@ -156,6 +156,7 @@ fn is_sound(body: &BodyModel, parts: usize) -> bool {
         && body.shape.mean.dim() == (faces, 9)
         && body.shape.components.ncols() == 9 * faces
         && (body.training_rotations.iter()).all(|r| r.len() == parts)
+        && (body.training_rotations.iter().flatten()).all(DMat3::is_finite)
         && (body.pose.coefficients.iter())
             .chain(&body.shape.mean)
             .chain(&body.shape.components)

@@ -38,3 +38,6 @@ pub use pose_model::PoseModel;
 pub use shape_model::ShapeModel;
 pub use skinning::{JointSkinning, Skinning};
 pub use template::Template;
+
+#[cfg(test)]
+mod testdata;

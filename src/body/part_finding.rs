@@ -5,6 +5,7 @@
 //! each region takes the mean of its rotations and grows again from the vertex that is nearest to it. New regions start at the vertex
 //! that fits its own region worst.
 
+use super::template::most;
 use crate::numeric::parallel;
 use crate::pose::similarity::nearest_rotation;
 use glam::{DMat3, DVec3};
@@ -15,8 +16,10 @@ use std::collections::BinaryHeap;
 const RINGS: usize = 2;
 /// Rounds of growing after all regions are there.
 const ROUNDS: usize = 10;
+/// A region of fewer triangles is no part.
+const FEWEST_TRIANGLES: usize = 8;
 
-/// The part of each vertex, from 0: `count` connected parts, or as many as there are vertices that turn differently.
+/// The part of each vertex, from 0: `count` connected parts, or fewer where regions are too small to be one.
 ///
 /// `faces` must hold all vertices together (see [`super::Template::bridges`]).
 ///
@@ -43,6 +46,7 @@ pub fn find_parts(
     for _ in 0..ROUNDS {
         regions.grow();
     }
+    while regions.merge_small(faces) {}
     Ok(regions.of)
 }
 
@@ -172,6 +176,35 @@ impl<'a> Regions<'a> {
             .filter(|r| **r == FREE)
             .for_each(|r| *r = 0);
         self.update();
+    }
+
+    /// Joins the first region that has too few triangles to the one beside it that turns most alike; `false` if there is none.
+    fn merge_small(&mut self, faces: &[[usize; 3]]) -> bool {
+        let mut triangles = vec![0; self.means.len()];
+        for face in faces {
+            triangles[most(face.map(|v| self.of[v]))] += 1;
+        }
+        let Some(small) = triangles.iter().position(|t| *t < FEWEST_TRIANGLES) else {
+            return false;
+        };
+        let beside = (0..self.of.len()).filter(|v| self.of[*v] == small);
+        let beside = beside.flat_map(|v| self.neighbours[v].iter().map(|n| self.of[*n]));
+        let apart = |r: &usize| {
+            let pairs = self.means[*r].iter().zip(&self.means[small]);
+            pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f32>()
+        };
+        let other = beside.filter(|r| *r != small);
+        let Some(other) = other.min_by(|a, b| apart(a).total_cmp(&apart(b)).then(a.cmp(b))) else {
+            return false;
+        };
+        for of in &mut self.of {
+            let to = if *of == small { other } else { *of };
+            *of = if to > small { to - 1 } else { to };
+        }
+        self.means.remove(small);
+        self.seeds.remove(small);
+        self.update();
+        true
     }
 
     /// The mean rotations of each region, and the vertex nearest to them.

@@ -65,6 +65,9 @@ impl Template {
             return Err("has vertices that no triangle holds".into());
         }
         let vertices: Vec<DVec3> = (vertices.iter()).map(|v| v.as_vec3().as_dvec3()).collect();
+        if vertices.iter().any(|v| !v.is_finite()) {
+            return Err("has vertices that are not finite".into());
+        }
         let bridges = bridges(&vertices, &faces);
         faces.extend(&bridges);
         let face_parts = faces
@@ -72,8 +75,8 @@ impl Template {
             .map(|f| most(f.map(|v| vertex_parts[v])))
             .collect();
         let neighbours = neighbours(&faces);
-        let solver =
-            edge_solver(vertices.len(), &faces).ok_or("has vertices that are not finite")?;
+        let solver = edge_solver(vertices.len(), &faces)
+            .ok_or("has vertices that its triangles do not hold")?;
         let mut template = Template {
             edges: edges_of(&vertices, &faces),
             vertices,
@@ -166,7 +169,12 @@ impl Template {
 
     /// The tree of the longest borders between parts, from the part with most of them outwards.
     fn spanning_tree(&self) -> Result<Vec<Joint>, String> {
-        let parts = self.face_parts.iter().max().map_or(0, |p| p + 1);
+        let parts = self.vertex_parts.iter().max().map_or(0, |p| p + 1);
+        if let Some(part) = (0..parts).find(|p| !self.face_parts.contains(p)) {
+            return Err(format!(
+                "has a part {part} that most corners of no triangle are of: give it more vertices"
+            ));
+        }
         let mut borders: HashMap<[usize; 2], (f64, DVec3)> = HashMap::new();
         for [a, b] in &self.neighbours {
             let pair = [self.face_parts[*a], self.face_parts[*b]];
@@ -218,7 +226,7 @@ impl Template {
 }
 
 /// What occurs most often, the smallest of equals.
-fn most(values: [usize; 3]) -> usize {
+pub(super) fn most(values: [usize; 3]) -> usize {
     let count = |v: usize| values.iter().filter(|w| **w == v).count();
     let mut sorted = values;
     sorted.sort_unstable();

@@ -82,7 +82,7 @@ fn edge_derivatives(body: &BodyModel, rotations: &[DMat3], shape: &[f64]) -> Arr
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::body::body_model::tests::bending_body;
+    use crate::body::testdata::bending_body;
     use crate::pose::rotation::from_rotation_vector;
 
     #[test]
