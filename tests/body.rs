@@ -224,11 +224,17 @@ fn a_frame_with_too_few_markers_stays_and_is_told() {
         .assert()
         .success();
     let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
-    assert!(
-        said.contains("1 frames have fewer than four markers"),
-        "{said}"
-    );
+    assert!(said.contains("no body in 1 frames"), "{said}");
     assert_eq!(fs::read_dir(&meshes).unwrap().count(), 1);
+    // The commands take what the others have written.
+    let again = setup.file("again.npz");
+    run(
+        "body-synth",
+        &["-q", "-m", &model, "--rotations", &rotations, "-o", &again],
+        "",
+    );
+    let still = setup.file("still.svg");
+    run("plot", &["-o", &still, &again], "");
     let text = fs::read_to_string(&rotations).unwrap();
     assert_eq!(text.lines().count(), 3);
     assert!(text.lines().last().unwrap().ends_with(",,,"), "{text}");
@@ -409,22 +415,56 @@ fn results_do_not_depend_on_threads() {
 fn parts_are_found_where_none_are_given() {
     let setup = Setup::new();
     let (poses, out) = (data("poses.npz"), setup.file("found.npz"));
-    let args = [
-        "-q",
-        "--units",
-        "cm",
-        "--poses",
-        &poses,
-        "--part-count",
-        "12",
-        "-o",
-        &out,
-    ];
-    run("body-train", &args, "");
-    let rest = setup.file("rest.ply");
-    run("body-synth", &["-q", "-m", &out, "-o", &rest], "");
-    let rest = MeshSet::open(&[rest]).unwrap();
-    assert!(apart(&rest, 0, &self::poses(), 0) < 2.0);
+    for count in ["2", "7", "15", "16", "17", "24", "32", "64"] {
+        let args = [
+            "-q",
+            "--units",
+            "cm",
+            "--poses",
+            &poses,
+            "--part-count",
+            count,
+            "-o",
+            &out,
+        ];
+        run("body-train", &args, "");
+        let rest = setup.file("rest.ply");
+        run("body-synth", &["-q", "-m", &out, "-o", &rest], "");
+        let rest = MeshSet::open(&[rest]).unwrap();
+        assert!(apart(&rest, 0, &self::poses(), 0) < 3.0, "{count}");
+    }
+    // One shape: takes are fitted all the same.
+    let (on, table) = (
+        setup.file("on.csv"),
+        setup.write("m.csv", &marker_table(&self::poses(), &[0, 1])),
+    );
+    let take = setup.file("take.npz");
+    run(
+        "body-animate",
+        &["-q", "-m", &out, "--on", &on, "-o", &take, &table],
+        "",
+    );
+}
+
+#[test]
+fn one_frame_keeps_its_pose_in_a_glb() {
+    let setup = Setup::new();
+    let (model, on) = (setup.file("body.npz"), setup.file("on.csv"));
+    let table = setup.write("m.csv", &marker_table(&poses(), &[3]));
+    let animations = |args: &[&str], command: &str| {
+        let glb = setup.file("a.glb");
+        run(
+            command,
+            &[&["-q", "-m", &model, "-o", &glb], args].concat(),
+            "",
+        );
+        let bytes = fs::read(glb).unwrap();
+        let length = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+        let json: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+        json["animations"].as_array().map_or(0, Vec::len)
+    };
+    assert_eq!(animations(&["--on", &on, &table], "body-animate"), 1);
+    assert_eq!(animations(&["--shape", "1"], "body-synth"), 0);
 }
 
 #[test]

@@ -7,8 +7,9 @@ use posing::body::fit::{Fit, FitProblem};
 use posing::body::{BodyModel, MarkerModel};
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::body::{
-    check_size, columns_of, open_body, points_of, read_marker_map, write_rotations, write_shapes,
+    check_points, columns_of, open_body, points_of, read_marker_map, write_rotations, write_shapes,
 };
+use posing::cli::body_take::{report_missed, timed};
 use posing::cli::mesh_output::{MeshOutput, face_array, vertex_array};
 use posing::cli::progress::Progress;
 use posing::cli::units::{TableUnits, parse_length};
@@ -44,7 +45,7 @@ struct Args {
     /// The vertex that each point is on
     #[arg(long, value_name = "MAP.csv")]
     on: PathBuf,
-    /// Standard deviation of the markers a coordinate, in cm or with a unit
+    /// Noise of the markers: standard deviation a coordinate, in cm or with a unit
     #[arg(long, value_name = "LENGTH", default_value = "0.18", value_parser = parse_length)]
     noise: f64,
     /// Output file
@@ -53,7 +54,7 @@ struct Args {
     /// Write the completed meshes to a folder, as PLY
     #[arg(long, value_name = "DIR", help_heading = "Output")]
     meshes: Option<PathBuf>,
-    /// Write the rotations and the place as a table, for body-synth
+    /// Write the rotations and the root position as a table, for body-synth
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     rotations: Option<PathBuf>,
     /// Write the shapes as a table, for body-synth
@@ -73,11 +74,12 @@ fn work(args: &Args) -> Result<()> {
     let body = open_body(&args.model)?;
     let (names, markers) = read_marker_map(&args.on, body.template.vertices.len())?;
     let table = input::read_table(&args.input, false, false)?;
-    let columns = columns_of(&table.poses, &names, &table.name)?;
-    let frames: Vec<_> = (0..table.poses.frames())
+    let columns = columns_of(&table.poses, &names, "the map", &table.name)?;
+    let mut frames: Vec<_> = (0..table.poses.frames())
         .map(|t| points_of(&table.poses, t, &columns))
         .collect();
-    check_size(&body, &markers, &frames, &table.name)?;
+    check_points(&body, &markers, &mut frames, &table.name)?;
+    let poses = timed(&table.poses, args.input.rate(&table.poses)?);
     let model = MarkerModel::new(&body, &markers);
     let mut prior = body.fit_prior();
     prior.noise = args.noise;
@@ -104,14 +106,14 @@ fn work(args: &Args) -> Result<()> {
     };
     if let Some(path) = &args.rotations {
         let frames: Vec<_> = fits.iter().map(state).collect();
-        write_rotations(path, &table.poses, body.template.parts(), &frames)?;
+        write_rotations(path, &poses, body.template.parts(), &frames)?;
     }
     if let Some(path) = &args.shapes {
         let shapes: Vec<_> = fits
             .iter()
             .map(|f| Some(f.as_ref()?.0.state.shape.clone()))
             .collect();
-        write_shapes(path, &table.poses, body.shape.len(), &shapes)?;
+        write_shapes(path, &poses, body.shape.len(), &shapes)?;
     }
     Ok(())
 }
@@ -129,11 +131,7 @@ fn report(fits: &[Option<(Fit, Completion)>], source: &str) -> Result<()> {
         fits.len() - missed,
         median(rms).unwrap_or_default()
     ));
-    if missed > 0 {
-        messages::info(&format!(
-            "{missed} frames have fewer than four markers: no body there"
-        ));
-    }
+    report_missed(missed);
     Ok(())
 }
 

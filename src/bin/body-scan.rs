@@ -2,15 +2,15 @@
 
 use clap::Parser;
 use glam::DVec3;
-use posing::body::scan_fit::{Scan, fit_scan};
+use posing::body::scan_fit::fit_scan;
 use posing::body::surface::Surface;
 use posing::cli::args::CommonArgs;
 use posing::cli::body::open_body;
 use posing::cli::mesh_output::MeshOutput;
-use posing::cli::placed_points::read_placed_points;
+use posing::cli::registration_points::RegistrationPoints;
 use posing::cli::units::{TableUnits, Units, Up};
 use posing::cli::{input, messages, run};
-use posing::io::{Mesh, MeshFormat};
+use posing::io::Mesh;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -69,7 +69,7 @@ fn work(args: &Args) -> Result<()> {
     let outputs: Vec<MeshOutput> = [Some(&args.output), args.predicted.as_ref()]
         .into_iter()
         .flatten()
-        .map(|path| MeshOutput::of(path, MeshFormat::Ply))
+        .map(|path| MeshOutput::of(path, "ply"))
         .collect::<Result<_>>()?;
     let body = open_body(&args.model)?;
     let units = TableUnits {
@@ -77,10 +77,15 @@ fn work(args: &Args) -> Result<()> {
         up: args.up,
     };
     let source = args.scan.display().to_string();
-    let scan = read_scan(args, units, &source)?;
-    let placed = read_placed_points(&args.points, units, body.template.vertices.len())?;
-    let fit =
-        fit_scan(&body, &scan, &placed).map_err(|what| Error::data(Place::file(&source), what))?;
+    let scan = read_scan(args, units)?;
+    let template = &body.template.vertices;
+    let placed = RegistrationPoints::read(&args.points, template.len(), units)?;
+    placed.check(template, &scan)?;
+    let fit = fit_scan(&body, &scan, &placed.points)
+        .map_err(|what| Error::data(Place::file(&source), what))?;
+    if fit.is_inside_out {
+        messages::info("the faces of the scan look inwards: they were turned round");
+    }
     messages::info(&format!(
         "{:.0}% of the scan's points are within 1 cm of the body, {:.2} cm from it (RMS)",
         100.0 * fit.share,
@@ -96,28 +101,14 @@ fn work(args: &Args) -> Result<()> {
 }
 
 /// The scan in centimetres, y up.
-fn read_scan(args: &Args, units: TableUnits, source: &str) -> Result<Scan> {
+fn read_scan(args: &Args, units: TableUnits) -> Result<Surface> {
     let mesh = Mesh::read(input::open(&args.scan)?)?;
-    let scale = args.units.centimetres();
-    let largest = mesh
-        .vertices
-        .iter()
-        .flatten()
-        .fold(0.0, |m: f64, v| m.max(v.abs()));
-    if largest == 0.0 || !(largest * scale).is_finite() {
-        return Err(Error::data(
-            Place::file(source),
-            "has all points in one place",
-        ));
-    }
-    let points: Vec<DVec3> = (mesh.vertices.iter())
-        .map(|v| {
-            let mut xyz = *v;
-            units.read(&mut xyz);
-            DVec3::from_array(xyz)
-        })
-        .collect();
+    let point = |v: &[f64; 3]| {
+        let mut xyz = *v;
+        units.read(&mut xyz);
+        DVec3::from_array(xyz)
+    };
+    let points = mesh.vertices.iter().map(point).collect();
     let faces = mesh.faces.iter().map(|f| f.map(|v| v as usize)).collect();
-    let normals = Surface::new(points.clone(), faces).normals().to_vec();
-    Ok(Scan { points, normals })
+    Ok(Surface::new(points, faces))
 }

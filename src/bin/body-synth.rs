@@ -2,13 +2,12 @@
 
 use clap::Parser;
 use posing::body::BodyModel;
-use posing::cli::args::{CommonArgs, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::body::{open_body, read_rotations, read_shapes};
+use posing::cli::body_output::TakeOutput;
 use posing::cli::body_take::{BodyTake, pose_take};
-use posing::cli::mesh_output::MeshOutput;
 use posing::cli::units::{TableUnits, Units, Up};
 use posing::cli::{input, messages, run};
-use posing::io::MeshFormat;
 use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -40,16 +39,37 @@ struct Args {
     /// Shape: comma-separated numbers, or a table (default: all 0; with --pose fitted)
     #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
     shape: Option<String>,
-    /// Frames per second of a pose table without times
+    /// Frames per second of a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
+    /// Unit of length of the pose table
+    #[arg(
+        long,
+        value_enum,
+        value_name = "UNIT",
+        default_value = "cm",
+        help_heading = "Input"
+    )]
+    units: Units,
+    /// Axis of the pose table that points up
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        default_value = "y",
+        help_heading = "Input"
+    )]
+    up: Up,
+    /// Point names for a pose table in NPY: 23 (the CMU joints) or a comma-separated list
+    #[arg(long, value_name = "LIST", help_heading = "Input")]
+    joints: Option<String>,
     /// Output: .obj, .ply, .stl for one mesh; .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending in /)
     /// for a file a mesh
     #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
     output: PathBuf,
-    /// Format of the files of a folder
-    #[arg(long, value_name = "FORMAT", default_value = "ply", value_parser = ["obj", "ply", "stl"], help_heading = "Output")]
-    mesh_format: String,
+    /// Format of the files of a folder [default: ply]
+    #[arg(long, value_name = "FORMAT", value_parser = ["obj", "ply", "stl"], help_heading = "Output")]
+    mesh_format: Option<String>,
     /// Unit of length of the meshes
     #[arg(
         long,
@@ -80,15 +100,15 @@ fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let tables = args.rotations.iter().chain(&args.pose);
     input::check_single_stdin(tables.chain([&args.model]))?;
-    let format = MeshFormat::of(format!("x.{}", args.mesh_format))?;
-    let output = MeshOutput::of(&args.output, format)?;
-    let body = open_body(&args.model)?;
-    let take = with_shape(args, &body, take(args, &body)?)?;
     let units = TableUnits {
         unit: args.out_units,
         up: args.out_up,
     };
-    take.write(&output, &body, units)?;
+    let output = TakeOutput::of(&args.output, args.mesh_format.as_deref(), units)?;
+    let body = open_body(&args.model)?;
+    let take = with_shape(args, &body, take(args, &body)?)?;
+    output.check_times(take.frames.len(), take.poses.time.is_some())?;
+    output.write(&take, &body, units)?;
     messages::debug(&format!("made {} meshes", take.frames.len()));
     Ok(())
 }
@@ -96,7 +116,12 @@ fn work(args: &Args) -> Result<()> {
 /// The rotations that are asked for.
 fn take(args: &Args, body: &BodyModel) -> Result<BodyTake> {
     if let Some(path) = &args.pose {
-        return pose_take(body, path, args.fps);
+        let flags = InputArgs {
+            units: args.units,
+            up: args.up,
+            ..InputArgs::plain(vec![path.clone()], args.fps, &args.joints)
+        };
+        return pose_take(body, &flags);
     }
     match &args.rotations {
         None => Ok(BodyTake::at_rest(body)),
@@ -114,13 +139,18 @@ fn with_shape(args: &Args, body: &BodyModel, mut take: BodyTake) -> Result<BodyT
     };
     let shapes = read_shapes(text, body.shape.len())?;
     let (frames, count) = (take.frames.len(), shapes.len());
-    if frames == 1 && count > 1 && args.pose.is_none() && args.rotations.is_none() {
+    if take.is_at_rest() && count > 1 {
         take = take.repeated(count);
     } else if count != 1 && count != frames {
         return Err(Error::usage(format!(
             "--shape has {count} rows for {frames} frames; give one, or one a frame"
         )));
     }
+    let lacks = |k: &usize| take.frames[*k].is_some() && shapes[*k].is_none();
+    if let Some(k) = (0..count).find(lacks) {
+        return Err(Error::usage(format!("--shape: row {} is empty", k + 1)));
+    }
+    let shapes = shapes.into_iter().map(Option::unwrap_or_default).collect();
     // The root of a table of rotations is where the user wants it; a pose table's is that of another body.
     Ok(match args.pose {
         Some(_) => take.on_body(body, shapes),

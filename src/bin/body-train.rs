@@ -2,6 +2,7 @@
 
 use clap::Parser;
 use glam::DVec3;
+use posing::body::fit::FEWEST;
 use posing::body::part_finding::find_parts;
 use posing::body::train::{Settings, train};
 use posing::body::{BodyModel, Template};
@@ -12,6 +13,7 @@ use posing::cli::progress::Progress;
 use posing::cli::units::{TableUnits, Units, Up};
 use posing::cli::{messages, run, streams};
 use posing::io::MeshSet;
+use posing::io::text::excerpt;
 use posing::prior::provenance::{digest, entry};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -29,7 +31,7 @@ use std::process::ExitCode;
     name = "body-train",
     version,
     after_help = "Examples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz",
-    after_long_help = "Files:\n  meshes: OBJ, PLY, STL; folders of them, read in the order of their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: vertex,part; both count from 0\n  joints.csv: part,joint; the point of a pose table that ends the part\n\nExamples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz"
+    after_long_help = "Files:\n  meshes: OBJ, PLY, STL; folders of them, read in the order of their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: vertex,part; both count from 0\n  joints.csv: part,joint; the point of a pose table at the joint where the part begins; in a second line of the same part, the point at its far end\n\nExamples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz"
 )]
 struct Args {
     /// Meshes of one person in many poses; the first is the template
@@ -56,7 +58,7 @@ struct Args {
     /// Number of parts to find
     #[arg(long, value_name = "N", default_value_t = 16, conflicts_with = "parts", value_parser = clap::value_parser!(u16).range(2..=256))]
     part_count: u16,
-    /// Points of a pose table that end parts, for body-synth --pose
+    /// Points of a pose table at the joints where parts begin, for body-synth --pose
     #[arg(long, value_name = "JOINTS.csv")]
     joints: Option<PathBuf>,
     /// Largest number of components of shape
@@ -195,20 +197,38 @@ fn read_parts(path: &std::path::Path, vertices: usize) -> Result<Vec<usize>> {
     let count = parts.iter().max().map_or(0, |p| p + 1);
     match (0..count).find(|p| !parts.contains(p)) {
         Some(part) => fail(format!(
-            "has no vertex of part {part}, but of part {}",
+            "has part {} but not part {part}: number the parts from 0 without gaps",
             count - 1
         )),
         None => Ok(parts),
     }
 }
 
-/// The points that end parts (`part,joint`).
+/// The points where parts begin, and of a second line end (`part,joint`).
 fn joint_names(path: &std::path::Path, parts: usize) -> Result<Vec<(usize, String)>> {
     let file = PairFile::read(path, ["part", "joint"])?;
-    let name = |(line, part, joint): &(u64, String, String)| {
-        Ok((file.index(*line, part, "part", parts)?, joint.clone()))
-    };
-    file.rows.iter().map(name).collect()
+    let mut names: Vec<(usize, String)> = Vec::new();
+    for (line, part, joint) in &file.rows {
+        let part = file.index(*line, part, "part", parts)?;
+        let wrong = |what: String| Err(Error::data(Place::line(&file.name, *line), what));
+        if names.iter().any(|(_, name)| name == joint) {
+            return wrong(format!(
+                "names the point \"{}\" a second time",
+                excerpt(joint)
+            ));
+        }
+        if names.iter().filter(|(p, _)| *p == part).count() == 2 {
+            return wrong(format!(
+                "gives part {part} a third point; it has one where it begins and one at its far end"
+            ));
+        }
+        names.push((part, joint.clone()));
+    }
+    if names.len() < FEWEST {
+        let what = format!("has {} points; a pose needs {FEWEST} or more", names.len());
+        return Err(Error::data(Place::file(&file.name), what));
+    }
+    Ok(names)
 }
 
 fn save(

@@ -33,15 +33,6 @@ const INDEPENDENT: f64 = 1000.0;
 /// The weight of a point of the scan against the edges in the warp.
 const WARP_WEIGHT: f64 = 1.0;
 
-/// A scan, centimetres.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scan {
-    /// Points of the skin.
-    pub points: Vec<DVec3>,
-    /// The normal at each, 0 where none is known.
-    pub normals: Vec<DVec3>,
-}
-
 /// What was fitted to a scan.
 #[derive(Debug, Clone)]
 pub struct ScanFit {
@@ -55,6 +46,35 @@ pub struct ScanFit {
     pub rms: f64,
     /// The share of the scan's points that count at the end.
     pub share: f64,
+    /// Whether the scan's normals were found to look inwards, and turned.
+    pub is_inside_out: bool,
+}
+
+/// A scan, and how its faces are turned.
+struct Scan<'a> {
+    points: &'a [DVec3],
+    /// The normal at each point, 0 for a cloud.
+    normals: &'a [DVec3],
+    /// 1, or -1 where the normals look inwards.
+    orientation: f64,
+}
+
+impl<'a> Scan<'a> {
+    /// A scan near the surface of these vertices.
+    fn new(scan: &'a Surface, vertices: &[DVec3], body: &BodyModel) -> Scan<'a> {
+        let mut found = Scan {
+            points: scan.vertices(),
+            normals: scan.normals(),
+            orientation: 0.0,
+        };
+        let surface = Surface::new(vertices.to_vec(), body.template.surface().to_vec());
+        for (point, normal) in found.points.iter().zip(found.normals) {
+            let nearest = surface.nearest(*point);
+            found.orientation += nearest.map_or(0.0, |n| n.normal.dot(*normal));
+        }
+        found.orientation = if found.orientation < 0.0 { -1.0 } else { 1.0 };
+        found
+    }
 }
 
 /// A point of the scan, and the point of the model that it belongs to.
@@ -63,19 +83,20 @@ struct Pair {
     model: SurfacePoint,
 }
 
-/// Fits a body to a scan and to placed points: a vertex and where it is.
+/// Fits a body to the vertices of a scan, centimetres, and to placed points: a vertex and where it is.
 ///
 /// # Errors
 /// A phrase: there are too few placed points, or the scan has no points near them.
 pub fn fit_scan(
     body: &BodyModel,
-    scan: &Scan,
+    scan: &Surface,
     placed: &[(usize, DVec3)],
 ) -> Result<ScanFit, String> {
     let (mut state, mut shift) = start(body, placed)?;
     let mut prior = body.fit_prior();
     prior.noise = POINT_DEVIATION;
     let mut vertices = placed_vertices(body, &state, shift);
+    let scan = &Scan::new(scan, &vertices, body);
     for round in 0..ROUNDS {
         let reach = reach(round);
         let pairs = pairs(body, scan, &vertices, reach);
@@ -97,6 +118,7 @@ pub fn fit_scan(
         completed: warped(body, &vertices, &pairs),
         rms: (squares / pairs.len() as f64).sqrt(),
         share: pairs.len() as f64 / scan.points.len() as f64,
+        is_inside_out: scan.orientation < 0.0,
         predicted: vertices,
         state,
     })
@@ -125,7 +147,7 @@ fn placed_vertices(body: &BodyModel, state: &BodyState, shift: DVec3) -> Vec<DVe
 }
 
 /// Each point of the scan with the nearest point of the surface, where that counts.
-fn pairs(body: &BodyModel, scan: &Scan, vertices: &[DVec3], reach: f64) -> Vec<Pair> {
+fn pairs(body: &BodyModel, scan: &Scan<'_>, vertices: &[DVec3], reach: f64) -> Vec<Pair> {
     let surface = Surface::new(vertices.to_vec(), body.template.surface().to_vec());
     let chunks = parallel::map_chunks(scan.points.len(), 512, |range| {
         let pair = |k: usize| {

@@ -65,6 +65,11 @@ impl Surface {
         }
     }
 
+    /// The vertices.
+    pub fn vertices(&self) -> &[DVec3] {
+        &self.vertices
+    }
+
     /// The normal at each vertex.
     pub fn normals(&self) -> &[DVec3] {
         &self.normals

@@ -1,19 +1,23 @@
 //! What the commands of bodies share: models, meshes in centimetres, maps, tables of rotations and shapes.
 
-use super::input;
 use super::number_table::{self, NumberTable};
 use super::pair_file::PairFile;
 use super::units::TableUnits;
+use super::{input, messages};
 use crate::body::file::part_name;
 use crate::body::{BodyModel, Marker};
 use crate::io::MeshSet;
 use crate::io::text::excerpt;
+use crate::numeric::median::median;
 use crate::pose::Poses;
 use crate::pose::rotation::{from_rotation_vector, rotation_vector};
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
 use std::path::Path;
+
+/// The largest number of a shape, standard deviations.
+const LARGEST_SHAPE: f64 = 100.0;
 
 /// Opens a body model.
 ///
@@ -75,11 +79,16 @@ pub fn read_marker_map(path: &Path, vertices: usize) -> Result<(Vec<String>, Vec
     Ok((names, markers))
 }
 
-/// The columns of the points `names` of a pose table.
+/// The columns of the points `names`, which `whose` names, of a pose table.
 ///
 /// # Errors
 /// [`Error::Data`]: the table lacks some of them.
-pub fn columns_of(poses: &Poses, names: &[String], source: &str) -> Result<Vec<usize>> {
+pub fn columns_of(
+    poses: &Poses,
+    names: &[String],
+    whose: &str,
+    source: &str,
+) -> Result<Vec<usize>> {
     let at = |name: &String| poses.points.iter().position(|p| p == name);
     let missing: Vec<&str> = (names.iter())
         .filter(|n| at(n).is_none())
@@ -89,7 +98,7 @@ pub fn columns_of(poses: &Poses, names: &[String], source: &str) -> Result<Vec<u
         None => Ok(names.iter().filter_map(at).collect()),
         Some(first) => {
             let what = format!(
-                "lacks {} of the {} points of the map, the first is \"{}\"",
+                "lacks {} of the {} points of {whose}, the first is \"{}\"",
                 missing.len(),
                 names.len(),
                 excerpt(first)
@@ -108,39 +117,71 @@ pub fn points_of(poses: &Poses, frame: usize, columns: &[usize]) -> Vec<Option<D
         .collect()
 }
 
-/// Fails if the markers of a table cannot be on the body in centimetres: they spread three times as far as its vertices do, or less
-/// than a third.
+/// Takes points that are far from all others for missing, and says so: one of them would ruin a fit. Fails if the points of a table
+/// cannot be on the body in centimetres: they spread three times as far as its vertices do, or less than a third.
 ///
 /// # Errors
 /// [`Error::Data`]: with the remedy, `--units`.
-pub fn check_size(
+pub fn check_points(
     body: &BodyModel,
     markers: &[Marker],
-    frames: &[Vec<Option<DVec3>>],
+    frames: &mut [Vec<Option<DVec3>>],
     source: &str,
 ) -> Result<()> {
-    let spread = |points: &mut dyn Iterator<Item = DVec3>| {
-        let points: Vec<DVec3> = points.collect();
-        let mean = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
-        let squares = points.iter().map(|p| (*p - mean).length_squared());
-        (squares.sum::<f64>() / points.len().max(1) as f64).sqrt()
-    };
     let Some(fullest) = frames.iter().max_by_key(|f| f.iter().flatten().count()) else {
         return Ok(());
     };
-    let rest = |m: &Marker| body.template.vertices[m.vertices[0].0];
+    let rest = |m: &Marker| -> DVec3 {
+        let weighted = m
+            .vertices
+            .iter()
+            .map(|(v, w)| body.template.vertices[*v] * *w);
+        weighted.sum()
+    };
     let seen = fullest.iter().zip(markers).filter(|(f, _)| f.is_some());
     let (found, expected) = (
-        spread(&mut fullest.iter().flatten().copied()),
-        spread(&mut seen.map(|(_, m)| rest(m))),
+        spread(fullest.iter().flatten().copied()),
+        spread(seen.map(|(_, m)| rest(m))),
     );
     if expected > 0.0 && !(0.33..3.0).contains(&(found / expected)) {
         let what = format!(
-            "its markers spread over {found:.2} cm, those of the body over {expected:.1} cm; give the unit with --units"
+            "its points spread over {found:.2} cm, those of the body over {expected:.1} cm; give the unit with --units"
         );
         return Err(Error::data(Place::file(source), what));
     }
+    ignore_strays(frames, 6.0 * spread(body.template.vertices.iter().copied()));
     Ok(())
+}
+
+/// The medians of the coordinates.
+fn middle(points: impl Iterator<Item = DVec3> + Clone) -> DVec3 {
+    let of = |axis: usize| median(points.clone().map(|p| p[axis]).collect());
+    DVec3::from_array([0, 1, 2].map(|axis| of(axis).unwrap_or_default()))
+}
+
+/// The median distance from the middle.
+fn spread(points: impl Iterator<Item = DVec3> + Clone) -> f64 {
+    let middle = middle(points.clone());
+    median(points.map(|p| (p - middle).length()).collect()).unwrap_or_default()
+}
+
+/// Takes points that are farther than `reach` from the median of their frame for missing.
+fn ignore_strays(frames: &mut [Vec<Option<DVec3>>], reach: f64) {
+    let mut strays = 0;
+    for frame in frames {
+        let middle = middle(frame.iter().flatten().copied());
+        for point in frame.iter_mut() {
+            if point.is_some_and(|p| (p - middle).length() > reach) {
+                *point = None;
+                strays += 1;
+            }
+        }
+    }
+    if strays > 0 {
+        messages::info(&format!(
+            "ignored {strays} points more than {reach:.0} cm from the others of their frame"
+        ));
+    }
 }
 
 /// The columns of a table of rotations.
@@ -194,8 +235,8 @@ pub fn write_shapes(
 pub struct RotationTable {
     /// The table.
     pub table: NumberTable,
-    /// The rotations of the parts, and the root, of each row.
-    pub frames: Vec<(Vec<DMat3>, DVec3)>,
+    /// The rotations of the parts, and the root, of each row; `None` where all cells are empty.
+    pub frames: Vec<Option<(Vec<DMat3>, DVec3)>>,
 }
 
 /// Reads a table of rotations.
@@ -218,44 +259,77 @@ pub fn read_rotations(path: &Path, parts: usize) -> Result<RotationTable> {
     for (t, row) in table.values.rows().into_iter().enumerate() {
         let number = |k: usize| columns[k].map_or(0.0, |c| row[c]);
         let vector = |k: usize| DVec3::new(number(k), number(k + 1), number(k + 2));
+        if columns.iter().flatten().all(|c| row[*c].is_nan()) {
+            frames.push(None);
+            continue;
+        }
         if let Some(k) = (0..names.len()).find(|k| number(*k).is_nan()) {
             let what = format!("{} is empty", names[k]);
             return Err(Error::data(Place::line(&table.name, t as u64 + 2), what));
         }
         let rotations = (0..parts).map(|p| from_rotation_vector(vector(3 * p)));
-        frames.push((rotations.collect(), vector(3 * parts)));
+        frames.push(Some((rotations.collect(), vector(3 * parts))));
     }
     Ok(RotationTable { table, frames })
 }
 
-/// The shapes of a flag: numbers with commas between them, or a table `take,time,shape1,...`.
+/// The shapes of a flag: numbers with commas between them, or a table `take,time,shape1,...` whose empty rows have none. Rows that are
+/// all alike are one.
 ///
 /// # Errors
-/// The table cannot be read or has no column shape1, or there are more numbers than the body has components.
-pub fn read_shapes(text: &str, components: usize) -> Result<Vec<Vec<f64>>> {
+/// The table cannot be read or has no column shape1, a row is empty in part, or there are more numbers than the body has components.
+pub fn read_shapes(text: &str, components: usize) -> Result<Vec<Option<Vec<f64>>>> {
     let list: Option<Vec<f64>> = text.split(',').map(|v| v.trim().parse().ok()).collect();
-    let shapes = match list.filter(|l| l.iter().all(|v| v.is_finite())) {
-        Some(list) => vec![list],
-        None => {
-            let table = number_table::read(Path::new(text))?;
-            let columns: Vec<usize> = (1..)
-                .map_while(|k| table.columns.iter().position(|c| *c == format!("shape{k}")))
-                .collect();
-            if columns.is_empty() {
-                let what = "has no column shape1";
-                return Err(Error::data(Place::line(&table.name, 1), what));
+    let mut shapes = match list {
+        Some(list) => vec![Some(list)],
+        None => shape_rows(Path::new(text))?,
+    };
+    for shape in shapes.iter().flatten() {
+        if shape.len() > components {
+            return Err(Error::usage(format!(
+                "--shape has {} numbers, the body has {components} components",
+                shape.len()
+            )));
+        }
+        if let Some(v) = shape.iter().find(|v| !(v.abs() <= LARGEST_SHAPE)) {
+            return Err(Error::usage(format!(
+                "--shape: {v} is no shape; numbers are standard deviations of people, within {LARGEST_SHAPE}"
+            )));
+        }
+    }
+    let first = shapes.iter().flatten().next().cloned();
+    if shapes.iter().flatten().all(|s| Some(s) == first.as_ref()) {
+        shapes = vec![first];
+    }
+    Ok(shapes)
+}
+
+/// The rows of a table of shapes.
+fn shape_rows(path: &Path) -> Result<Vec<Option<Vec<f64>>>> {
+    let table = number_table::read(path)?;
+    let columns: Vec<usize> = (1..)
+        .map_while(|k| table.columns.iter().position(|c| *c == format!("shape{k}")))
+        .collect();
+    if columns.is_empty() {
+        let what = "has no column shape1";
+        return Err(Error::data(Place::line(&table.name, 1), what));
+    }
+    let row = |(t, row): (usize, ndarray::ArrayView1<'_, f64>)| {
+        let numbers: Vec<f64> = columns.iter().map(|c| row[*c]).collect();
+        match numbers.iter().filter(|v| v.is_nan()).count() {
+            0 => Ok(Some(numbers)),
+            n if n == numbers.len() => Ok(None),
+            _ => {
+                let what = "has empty cells; give all numbers of a shape, or none";
+                Err(Error::data(Place::line(&table.name, t as u64 + 2), what))
             }
-            let row = |r: ndarray::ArrayView1<'_, f64>| {
-                let numbers = columns.iter().map(|c| r[*c]);
-                numbers.map(|v| if v.is_nan() { 0.0 } else { v }).collect()
-            };
-            table.values.rows().into_iter().map(row).collect()
         }
     };
-    match shapes.iter().map(Vec::len).max() {
-        Some(most) if most > components => Err(Error::usage(format!(
-            "--shape has {most} numbers, the body has {components} components"
-        ))),
-        _ => Ok(shapes),
-    }
+    table
+        .values
+        .rows()
+        .into_iter()
+        .enumerate()
+        .map(row)
+        .collect()
 }

@@ -26,8 +26,7 @@ pub fn save_glb(path: &Path, body: &BodyModel, take: &BodyTake) -> Result<()> {
         let what = "a .glb holds one body; give one shape, or write a folder";
         return Err(Error::usage(what));
     }
-    let is_still = take.frames.len() < 2;
-    if take.poses.time.is_none() && !is_still {
+    if take.poses.time.is_none() && take.frames.len() > 1 {
         return Err(Error::usage(
             "the table has no times, which an animation needs; give the rate with --fps",
         ));
@@ -35,7 +34,7 @@ pub fn save_glb(path: &Path, body: &BodyModel, take: &BodyTake) -> Result<()> {
     let skin = fit_skin(body, take)
         .map_err(|what| Error::data(Place::file(path.display().to_string()), what))?;
     let mut mesh = skinned_mesh(body, take.shape(0), &skin);
-    if !is_still {
+    if !take.is_at_rest() {
         mesh.animations = animations(take, &skin, &mesh);
     }
     mesh.unit_weights();
@@ -87,7 +86,9 @@ fn fit_skin(body: &BodyModel, take: &BodyTake) -> std::result::Result<Skin, Stri
             vertices,
         }))
         .collect();
-    let template = rest_template(body, shape)?;
+    let base = &body.template;
+    let (faces, parts) = (base.surface().to_vec(), base.vertex_parts.clone());
+    let template = Template::new(rest_vertices(body, shape), faces, parts)?;
     let skinning = Skinning::fit(&template, &samples, CORRECTIONS.min(samples.len()))?;
     let frames = there.iter().map(|(k, s)| Ok((*k, skinning.frame(s)?)));
     Ok(Skin {
@@ -97,18 +98,13 @@ fn fit_skin(body: &BodyModel, take: &BodyTake) -> std::result::Result<Skin, Stri
     })
 }
 
-/// The body of a shape in the template's pose, as a template.
-fn rest_template(body: &BodyModel, shape: &[f64]) -> std::result::Result<Template, String> {
+/// The vertices of a shape in the template's pose and place.
+fn rest_vertices(body: &BodyModel, shape: &[f64]) -> Vec<DVec3> {
     let template = &body.template;
     let upright = vec![DMat3::IDENTITY; template.parts()];
     let rest = body.synthesise(&upright, shape);
     let shift = template.root_of(&template.vertices) - template.root_of(&rest);
-    let rest = rest.into_iter().map(|v| v + shift).collect();
-    Template::new(
-        rest,
-        template.surface().to_vec(),
-        template.vertex_parts.clone(),
-    )
+    rest.into_iter().map(|v| v + shift).collect()
 }
 
 fn metres(v: DVec3) -> [f32; 3] {
@@ -135,14 +131,14 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
         let mut other = shape.to_vec();
         other.resize(body.shape.len(), 0.0);
         other[k] += 1.0;
-        let vertices = rest_template(body, &other).ok()?.vertices;
-        let moved: Vec<DVec3> = (vertices.iter().zip(&template.vertices))
+        let moved: Vec<DVec3> = (rest_vertices(body, &other).iter())
+            .zip(&template.vertices)
             .map(|(a, b)| *a - *b)
             .collect();
-        Some(Shape {
+        Shape {
             name: format!("shape{}", k + 1),
             offsets: offsets(&moved),
-        })
+        }
     };
     SkinnedMesh {
         name: "body".into(),
@@ -153,7 +149,7 @@ fn skinned_mesh(body: &BodyModel, shape: &[f64], skin: &Skin) -> SkinnedMesh {
         bones: (0..template.parts()).map(bone).collect(),
         weights: skinning.weights.clone(),
         shapes: corrections
-            .chain((0..PEOPLE.min(body.shape.len())).filter_map(person))
+            .chain((0..PEOPLE.min(body.shape.len())).map(person))
             .collect(),
         animations: Vec::new(),
     }

@@ -1,10 +1,7 @@
 //! A take as rotations and places of a body, and the meshes of it.
 
 use super::args::InputArgs;
-use super::body::{RotationTable, columns_of, points_of};
-use super::body_glb::save_glb;
-use super::mesh_output::MeshOutput;
-use super::units::TableUnits;
+use super::body::{RotationTable, check_points, columns_of, points_of};
 use super::{input, messages};
 use crate::body::animation::{Animation, MarkerFrame, Offsets, animate};
 use crate::body::joint_markers::joint_markers;
@@ -15,7 +12,6 @@ use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
-use std::path::Path;
 use std::sync::Arc;
 
 /// How far joints of a pose table stand from those of a body, centimetres: a skeleton's are not where the mesh has them.
@@ -44,6 +40,15 @@ impl BodyTake {
         }
     }
 
+    /// Whether it is the one frame of [`BodyTake::at_rest`].
+    pub fn is_at_rest(&self) -> bool {
+        let upright = |r: &DMat3| *r == DMat3::IDENTITY;
+        match &self.frames[..] {
+            [Some((rotations, _))] => rotations.iter().all(upright),
+            _ => false,
+        }
+    }
+
     /// The first frame, `count` times.
     pub fn repeated(&self, count: usize) -> BodyTake {
         BodyTake {
@@ -55,11 +60,10 @@ impl BodyTake {
 
     /// The frames of a table of rotations.
     pub fn of_rotations(table: RotationTable, fps: Option<f64>) -> BodyTake {
-        let count = table.frames.len();
-        let time = (table.table.time).or_else(|| fps.map(|f| times(count, f)));
+        let poses = frames_of(table.frames.len(), table.table.time, table.table.take);
         BodyTake {
-            poses: frames_of(count, time, table.table.take),
-            frames: table.frames.into_iter().map(Some).collect(),
+            poses: timed(&poses, fps),
+            frames: table.frames,
             shapes: vec![Vec::new()],
         }
     }
@@ -82,10 +86,8 @@ impl BodyTake {
         let chunks = parallel::map_chunks(animation.fits.len(), 8, |range| {
             range.map(frame).collect::<Vec<_>>()
         });
-        let count = animation.fits.len();
-        let time = (poses.time.clone()).or_else(|| fps.map(|f| times(count, f)));
         BodyTake {
-            poses: frames_of(count, time, poses.take.clone()),
+            poses: timed(poses, fps),
             frames: chunks.concat(),
             shapes: vec![animation.shape.clone()],
         }
@@ -98,6 +100,15 @@ impl BodyTake {
 
     /// The meshes, centimetres; empty where nothing is known.
     pub fn meshes(&self, body: &BodyModel) -> Vec<Vec<DVec3>> {
+        self.map_meshes(body, |_, mesh| mesh)
+    }
+
+    /// What `work` makes of each frame's number and mesh.
+    fn map_meshes<T: Send + Clone>(
+        &self,
+        body: &BodyModel,
+        work: impl Fn(usize, Vec<DVec3>) -> T + Sync,
+    ) -> Vec<T> {
         let one = (self.shapes.len() == 1).then(|| body.shape.matrices(&self.shapes[0]));
         let mesh = |k: usize| {
             let Some((rotations, root)) = &self.frames[k] else {
@@ -111,38 +122,37 @@ impl BodyTake {
             vertices.into_iter().map(|v| v + shift).collect()
         };
         let chunks = parallel::map_chunks(self.frames.len(), 4, |range| {
-            range.map(mesh).collect::<Vec<_>>()
+            range.map(|k| work(k, mesh(k))).collect::<Vec<_>>()
         });
         chunks.concat()
     }
 
     /// The same rotations on bodies of other shapes, each frame at the height of its lowest vertex.
     pub fn on_body(&self, body: &BodyModel, shapes: Vec<Vec<f64>>) -> BodyTake {
-        let lowest = |mesh: &[DVec3]| mesh.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
-        let other = BodyTake {
+        let lowest = |_, mesh: Vec<DVec3>| mesh.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
+        let mut other = BodyTake {
             shapes,
             ..self.clone()
         };
-        let (own, others) = (self.meshes(body), other.meshes(body));
-        let heights = own.iter().zip(&others).map(|(a, b)| lowest(a) - lowest(b));
-        let raised = (other.frames.iter().zip(heights)).map(|(frame, by)| {
-            let (rotations, root) = frame.clone()?;
-            Some((rotations, root + DVec3::Y * by))
-        });
-        BodyTake {
-            frames: raised.collect(),
-            ..other
+        let heights =
+            (self.map_meshes(body, lowest).into_iter()).zip(other.map_meshes(body, lowest));
+        for (frame, (own, others)) in other.frames.iter_mut().zip(heights) {
+            if let Some((_, root)) = frame {
+                root.y += own - others;
+            }
         }
+        other
     }
 
-    /// Writes the meshes, or the animated body of a `.glb`.
-    ///
-    /// # Errors
-    /// Those of [`MeshOutput::write`] and [`save_glb`].
-    pub fn write(&self, output: &MeshOutput, body: &BodyModel, units: TableUnits) -> Result<()> {
-        match output {
-            MeshOutput::Glb(path) => save_glb(path, body, self),
-            other => other.write(&self.meshes(body), body.template.surface(), units),
+    /// The frames `range`, with their shapes.
+    pub fn part(&self, range: std::ops::Range<usize>) -> BodyTake {
+        BodyTake {
+            poses: self.poses.slice(range.clone()),
+            frames: self.frames[range.clone()].to_vec(),
+            shapes: match self.shapes.len() {
+                1 => self.shapes.clone(),
+                _ => self.shapes[range].to_vec(),
+            },
         }
     }
 }
@@ -157,8 +167,16 @@ fn frames_of(count: usize, time: Option<Vec<f64>>, take: Option<Vec<Arc<str>>>) 
     }
 }
 
-fn times(count: usize, fps: f64) -> Vec<f64> {
-    (0..count).map(|k| k as f64 / fps).collect()
+/// The frames of poses without points, with times by `fps` from the start of each take where they have none.
+pub fn timed(poses: &Poses, fps: Option<f64>) -> Poses {
+    let by_rate = |fps: f64| {
+        let takes = poses.takes().into_iter();
+        takes
+            .flat_map(|take| (0..take.len()).map(move |k| k as f64 / fps))
+            .collect()
+    };
+    let time = poses.time.clone().or_else(|| fps.map(by_rate));
+    frames_of(poses.frames(), time, poses.take.clone())
 }
 
 /// Fits a take of markers; says how near they are.
@@ -186,32 +204,37 @@ pub fn fit_take(
         rms.len(),
         median(rms).unwrap_or_default()
     ));
+    report_missed(missed);
+    Ok(animation)
+}
+
+/// Says how many frames have no body.
+pub fn report_missed(missed: usize) {
     if missed > 0 {
         messages::info(&format!(
-            "{missed} frames have fewer than four points: no body there"
+            "no body in {missed} frames, which have fewer than four points"
         ));
     }
-    Ok(animation)
 }
 
 /// The take of a pose table whose joints the body's model names.
 ///
 /// # Errors
-/// The table cannot be read or lacks joints, or the model has no names of joints.
-pub fn pose_take(body: &BodyModel, path: &Path, fps: Option<f64>) -> Result<BodyTake> {
+/// The table cannot be read, lacks joints or is of another unit, or the model has no names of joints.
+pub fn pose_take(body: &BodyModel, flags: &InputArgs) -> Result<BodyTake> {
     if body.joint_names.is_empty() {
         return Err(Error::usage(
-            "the body does not know which joints its parts belong to; train it with body-train --joints JOINTS.csv",
+            "the body does not know which joints its parts begin at; train it with body-train --joints JOINTS.csv",
         ));
     }
-    let flags = InputArgs::plain(vec![path.to_path_buf()], fps, &None);
-    let table = input::read_table(&flags, false, false)?;
+    let table = input::read_table(flags, false, false)?;
     let names: Vec<String> = body.joint_names.iter().map(|(_, n)| n.clone()).collect();
-    let columns = columns_of(&table.poses, &names, &table.name)?;
-    let frames: Vec<MarkerFrame> = (0..table.poses.frames())
+    let columns = columns_of(&table.poses, &names, "the body", &table.name)?;
+    let mut frames: Vec<MarkerFrame> = (0..table.poses.frames())
         .map(|t| points_of(&table.poses, t, &columns))
         .collect();
     let markers = joint_markers(&body.template, &body.joint_names);
+    check_points(body, &markers, &mut frames, &table.name)?;
     let animation = fit_take(
         body,
         &markers,
@@ -220,5 +243,6 @@ pub fn pose_take(body: &BodyModel, path: &Path, fps: Option<f64>) -> Result<Body
         Offsets::Learnt,
         &table.name,
     )?;
+    let fps = flags.rate(&table.poses)?;
     Ok(BodyTake::of(body, &animation, &table.poses, fps))
 }

@@ -16,8 +16,6 @@ pub enum MeshOutput {
     Archive(PathBuf),
     /// A file a mesh in a folder.
     Folder(PathBuf, MeshFormat),
-    /// An animated body in a `.glb`, which is written by [`super::body_take::BodyTake::write`].
-    Glb(PathBuf),
 }
 
 impl MeshOutput {
@@ -25,7 +23,8 @@ impl MeshOutput {
     ///
     /// # Errors
     /// [`Error::Usage`]: the extension is of no format of meshes.
-    pub fn of(path: &Path, format: MeshFormat) -> Result<MeshOutput> {
+    pub fn of(path: &Path, format: &str) -> Result<MeshOutput> {
+        let format = MeshFormat::of(Path::new("x").with_extension(format))?;
         let ends_in_slash = path.as_os_str().as_encoded_bytes().last() == Some(&b'/');
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         if ends_in_slash || path.is_dir() {
@@ -34,13 +33,10 @@ impl MeshOutput {
         if extension.eq_ignore_ascii_case("npz") {
             return Ok(MeshOutput::Archive(path.to_path_buf()));
         }
-        if extension.eq_ignore_ascii_case("glb") {
-            return Ok(MeshOutput::Glb(path.to_path_buf()));
-        }
         match MeshFormat::of(path) {
             Ok(_) => Ok(MeshOutput::File(path.to_path_buf())),
             Err(_) => Err(Error::usage(format!(
-                "{}: expected a name that ends in .obj, .ply, .stl, .npz, .glb, or in / for a folder",
+                "{}: expected a name that ends in .obj, .ply, .stl, .npz, or in / for a folder",
                 path.display()
             ))),
         }
@@ -70,22 +66,55 @@ impl MeshOutput {
                     many.len()
                 ))),
             },
-            MeshOutput::Glb(path) => Err(Error::usage(format!(
-                "{}: meshes without a body do not go into a .glb; use .obj, .ply, .stl or .npz",
-                path.display()
-            ))),
-            MeshOutput::Folder(path, format) => {
-                std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
-                let digits = meshes.len().saturating_sub(1).to_string().len().max(4);
-                // A frame without a mesh has no file.
-                let there = meshes.iter().enumerate().filter(|(_, m)| !m.is_empty());
-                for (k, vertices) in there {
-                    let name = format!("{k:0digits$}.{}", format.extension());
-                    mesh(vertices, faces, units).save(path.join(name))?;
-                }
-                Ok(())
+            MeshOutput::Folder(..) => {
+                self.prepare()?;
+                self.write_files(0, meshes.len().max(10_000), meshes, faces, units)
             }
         }
+    }
+
+    /// Makes the folder, if it is one.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: it cannot be made. [`Error::Usage`]: it holds meshes already, which would be mixed with the new ones.
+    pub fn prepare(&self) -> Result<()> {
+        let MeshOutput::Folder(path, _) = self else {
+            return Ok(());
+        };
+        std::fs::create_dir_all(path).map_err(|e| Error::io(path, e))?;
+        let files = std::fs::read_dir(path).map_err(|e| Error::io(path, e))?;
+        let is_mesh = |e: &std::fs::DirEntry| MeshFormat::of(e.path()).is_ok();
+        match files.flatten().any(|e| is_mesh(&e)) {
+            true => Err(Error::usage(format!(
+                "{}: holds meshes already, and old and new ones would be mixed; name another folder, or empty it",
+                path.display()
+            ))),
+            false => Ok(()),
+        }
+    }
+
+    /// Writes meshes of a folder, the first of them number `first` of fewer than `most`; a frame without a mesh has no file.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: a file cannot be written.
+    pub fn write_files(
+        &self,
+        first: usize,
+        most: usize,
+        meshes: &[Vec<DVec3>],
+        faces: &[[usize; 3]],
+        units: TableUnits,
+    ) -> Result<()> {
+        let MeshOutput::Folder(path, format) = self else {
+            return Ok(());
+        };
+        let digits = most.saturating_sub(1).to_string().len();
+        let there = meshes.iter().enumerate().filter(|(_, m)| !m.is_empty());
+        for (k, vertices) in there {
+            let name = format!("{:0digits$}.{}", first + k, format.extension());
+            mesh(vertices, faces, units).save(path.join(name))?;
+        }
+        Ok(())
     }
 }
 

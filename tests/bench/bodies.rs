@@ -4,7 +4,8 @@ use glam::{DMat3, DVec3};
 use posing::body::decomposition::{fit_rotations, synthesise};
 use posing::body::fit::FitProblem;
 use posing::body::marker_model::{Marker, MarkerModel};
-use posing::body::scan_fit::{Scan, fit_scan};
+use posing::body::scan_fit::fit_scan;
+use posing::body::surface::Surface;
 use posing::body::train::{Settings, train};
 use posing::body::{BodyModel, Decomposer, Template};
 use rand::seq::SliceRandom;
@@ -271,11 +272,11 @@ fn front(
     mesh: &[DVec3],
     faces: &[[usize; 3]],
     rng: &mut rand_chacha::ChaCha8Rng,
-) -> (Scan, Vec<bool>) {
+) -> (Surface, Vec<bool>) {
     let holes: Vec<DVec3> = (0..6)
         .map(|_| mesh[rng.random_range(0..mesh.len())])
         .collect();
-    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    let mut points = Vec::new();
     let mut is_seen = vec![false; mesh.len()];
     for face in faces {
         let [a, b, c] = face.map(|v| mesh[v]);
@@ -296,10 +297,10 @@ fn front(
             let mut draw = || 0.2 * rng.sample::<f64, _>(StandardNormal);
             let noise = DVec3::new(draw(), draw(), draw());
             points.push(a + (b - a) * s + (c - a) * t + noise);
-            normals.push(unit);
         }
     }
-    (Scan { points, normals }, is_seen)
+    // A cloud: it has no normals.
+    (Surface::new(points, Vec::new()), is_seen)
 }
 
 /// One seen vertex in eight parts, placed to half a centimetre.

@@ -54,6 +54,7 @@ pub fn read(path: &Path) -> Bodies {
     }
 }
 
+#[allow(dead_code)] // Every user takes a part.
 /// The distance of each vertex, mm, after a shift that puts the means together.
 pub fn errors(found: &[DVec3], truth: &[DVec3]) -> Vec<f64> {
     let n = truth.len() as f64;
@@ -63,6 +64,7 @@ pub fn errors(found: &[DVec3], truth: &[DVec3]) -> Vec<f64> {
         .collect()
 }
 
+#[allow(dead_code)]
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }

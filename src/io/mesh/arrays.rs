@@ -17,7 +17,7 @@ pub(super) struct MeshArrays {
     pub(super) chosen: usize,
     /// The vertices of each mesh.
     pub(super) count: usize,
-    /// The coordinates of all meshes, one after the other.
+    /// The coordinates of all meshes, one after the other; all of a mesh that is not there are NaN.
     pub(super) xyz: Vec<f32>,
     pub(super) faces: Vec<[u32; 3]>,
 }
@@ -108,8 +108,13 @@ fn vertices(archive: &mut Archive, name: &str, part: &str) -> Result<(usize, Vec
         let values = bytes.as_chunks().0.iter();
         values.map(|b| f32::from_le_bytes(*b)).collect()
     };
-    let beyond = |v: &f32| !(f64::from(v.abs()) <= MAX_COORDINATE);
-    if let Some(at) = xyz.iter().position(beyond) {
+    let beyond = |at: &usize| !(f64::from(xyz[*at].abs()) <= MAX_COORDINATE);
+    let there = (0..xyz.len() / (3 * count))
+        .filter(|k| !is_absent(&xyz[3 * count * k..3 * count * (k + 1)]));
+    if let Some(at) = there
+        .flat_map(|k| 3 * count * k..3 * count * (k + 1))
+        .find(beyond)
+    {
         let (mesh, vertex) = (at / 3 / count, at / 3 % count);
         let what = format!("mesh {mesh}, vertex {vertex} (counted from 0)");
         let value = xyz[at];
@@ -118,6 +123,11 @@ fn vertices(archive: &mut Archive, name: &str, part: &str) -> Result<(usize, Vec
         ));
     }
     Ok((count, xyz))
+}
+
+/// Whether a mesh is not there: the frame of a take in which nothing is known.
+pub(super) fn is_absent(mesh: &[f32]) -> bool {
+    mesh.iter().all(|v| v.is_nan())
 }
 
 fn faces(archive: &mut Archive, name: &str, vertices: usize) -> Result<Vec<[u32; 3]>> {

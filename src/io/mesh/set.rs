@@ -24,7 +24,8 @@ impl MeshSet {
     /// `.stl`, also with `.gz` or `.zst`) are read in the order of their names; or an `.npz` archive.
     ///
     /// An archive has the arrays `vertices`, (meshes, vertices, 3) or (vertices, 3) of float32 or float64, and `faces`,
-    /// (faces, 3) of a whole type, vertices counted from 0.
+    /// (faces, 3) of a whole type, vertices counted from 0. A mesh that is NaN throughout, a frame in which nothing is known, is
+    /// left out.
     ///
     /// # Errors
     /// [`Error::Usage`]: no paths. [`Error::Io`]: a file or folder cannot be read. [`Error::Data`]: no sound mesh or
@@ -127,11 +128,15 @@ impl Builder {
     fn read_archive(&mut self, input: Input, names: &[&str]) -> Result<usize> {
         let file = input.name.clone();
         let read = arrays::read(input, names)?;
-        let meshes = read.xyz.len() / 3 / read.count;
         self.check(&file, read.count, read.faces)?;
-        self.names
-            .extend((0..meshes).map(|i| format!("{file}[{i}]")));
-        self.xyz.extend_from_slice(&read.xyz);
+        let meshes = read.xyz.chunks_exact(3 * read.count).enumerate();
+        for (i, mesh) in meshes.filter(|(_, mesh)| !arrays::is_absent(mesh)) {
+            self.names.push(format!("{file}[{i}]"));
+            self.xyz.extend_from_slice(mesh);
+        }
+        if self.names.is_empty() {
+            return Err(Error::data(Place::file(file), "has no meshes"));
+        }
         Ok(read.chosen)
     }
 

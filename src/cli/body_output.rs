@@ -1,0 +1,84 @@
+//! Writing takes of bodies: meshes, or an animated body.
+
+use super::body_glb::save_glb;
+use super::body_take::BodyTake;
+use super::mesh_output::MeshOutput;
+use super::units::TableUnits;
+use crate::body::BodyModel;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// Frames of which meshes are made and written at a time.
+const BLOCK: usize = 64;
+
+/// Where a take goes.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TakeOutput {
+    /// Meshes.
+    Meshes(MeshOutput),
+    /// An animated body in a `.glb`.
+    Glb(PathBuf),
+}
+
+impl TakeOutput {
+    /// The output of a name; a folder's files are of the format `format`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the extension is of no format, a `.glb` is asked for in other units than its own, metres and y up, or
+    /// `format` is given without a folder.
+    pub fn of(path: &Path, format: Option<&str>, units: TableUnits) -> Result<TakeOutput> {
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        let is_glb = extension.eq_ignore_ascii_case("glb");
+        if is_glb && units != TableUnits::CM_Y {
+            return Err(Error::usage(
+                "a .glb is in metres, y up; leave --out-units and --out-up out",
+            ));
+        }
+        let output = match is_glb {
+            true => TakeOutput::Glb(path.to_path_buf()),
+            false => TakeOutput::Meshes(MeshOutput::of(path, format.unwrap_or("ply"))?),
+        };
+        let is_folder = matches!(output, TakeOutput::Meshes(MeshOutput::Folder(..)));
+        match format {
+            Some(format) if !is_folder => Err(Error::usage(format!(
+                "--mesh-format {format} is for a folder; name one (ending in /), or leave it out"
+            ))),
+            _ => Ok(output),
+        }
+    }
+
+    /// Fails before any work if the take's rate would be missed at the end.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: an animation without times.
+    pub fn check_times(&self, frames: usize, has_times: bool) -> Result<()> {
+        match self {
+            TakeOutput::Glb(_) if frames > 1 && !has_times => Err(Error::usage(
+                "the table has no times, which an animation needs; give the rate with --fps",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes a take in the unit and axis `units`.
+    ///
+    /// # Errors
+    /// Those of [`MeshOutput::write`] and [`save_glb`].
+    pub fn write(&self, take: &BodyTake, body: &BodyModel, units: TableUnits) -> Result<()> {
+        let faces = body.template.surface();
+        let (count, digits) = (take.frames.len(), take.frames.len().max(10_000));
+        match self {
+            TakeOutput::Glb(path) => save_glb(path, body, take),
+            TakeOutput::Meshes(output @ MeshOutput::Folder(..)) => {
+                output.prepare()?;
+                for start in (0..count).step_by(BLOCK) {
+                    let end = (start + BLOCK).min(count);
+                    let meshes = take.part(start..end).meshes(body);
+                    output.write_files(start, digits, &meshes, faces, units)?;
+                }
+                Ok(())
+            }
+            TakeOutput::Meshes(output) => output.write(&take.meshes(body), faces, units),
+        }
+    }
+}
