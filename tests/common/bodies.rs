@@ -54,6 +54,7 @@ pub fn read(path: &Path) -> Bodies {
     }
 }
 
+#[allow(dead_code)]
 /// The distance of each vertex, mm, after a shift that puts the means together.
 pub fn errors(found: &[DVec3], truth: &[DVec3]) -> Vec<f64> {
     let n = truth.len() as f64;
