@@ -13,15 +13,13 @@
 //! All lengths are parts of the template's size (the root of its area) or of its mean edge, so the unit does not matter. Cost: 17
 //! factors of a (V + P, V + P) matrix; 10 s of processor time for 13,380 vertices.
 
+use super::deformation_gradient::rotations;
 use super::gradient_energy::{Factored, GradientEnergy, Stiffness, Targets};
 use super::scan_match::ScanMatcher;
 use super::surface::Surface;
 use super::template::Template;
-use crate::numeric::parallel::map_chunks;
-use crate::pose::similarity::{
-    Similarity, TransformKind, eigen_symmetric, fit_similarity, nearest_rotation,
-};
-use glam::{DMat3, DVec3};
+use crate::pose::similarity::{Similarity, TransformKind, eigen_symmetric, fit_similarity};
+use glam::DVec3;
 
 /// The fewest points that a registration starts from.
 pub const FEWEST_POINTS: usize = 4;
@@ -220,39 +218,6 @@ impl Fit<'_> {
         let rotations = rotations(&self.energy.gradients(&self.unknowns));
         self.unknowns = factored.step(targets, &rotations, &self.unknowns);
     }
-}
-
-/// The rotation nearest to each gradient (3, 3), times the scale that is best for all, given the areas.
-fn rotations(gradients: &[(DMat3, f64)]) -> Vec<DMat3> {
-    let nearest = |(gradient, area): &(DMat3, f64)| {
-        let rotation = polar(gradient);
-        let gain: f64 = (0..3).map(|a| rotation.col(a).dot(gradient.col(a))).sum();
-        (rotation, gain * area, 3.0 * area)
-    };
-    let chunks = map_chunks(gradients.len(), 512, |range| {
-        gradients[range].iter().map(nearest).collect::<Vec<_>>()
-    });
-    let all = || chunks.iter().flatten();
-    let gain: f64 = all().map(|(_, gain, _)| gain).sum();
-    let area: f64 = all().map(|(.., area)| area).sum();
-    all().map(|(r, ..)| *r * (gain / area)).collect()
-}
-
-/// The rotation nearest to a matrix: by Newton's method for the polar factor (N. Higham: Computing the Polar Decomposition, 1986),
-/// which is ten times as fast as eigenvectors for the matrices near rotations that most gradients are.
-fn polar(matrix: &DMat3) -> DMat3 {
-    let mut rotation = *matrix;
-    for _ in 0..10 {
-        if !(rotation.determinant() > 0.1) {
-            break;
-        }
-        let next = (rotation + rotation.inverse().transpose()) * 0.5;
-        if next.abs_diff_eq(rotation, 1e-10) {
-            return next;
-        }
-        rotation = next;
-    }
-    nearest_rotation(&matrix.transpose()).0
 }
 
 /// The number of triangles that point against the mean of their neighbours, and did not in the template.
