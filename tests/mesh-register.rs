@@ -26,10 +26,13 @@ fn column(rings: u32, ring: u32, place: impl Fn(DVec3) -> DVec3) -> Mesh {
     }
 }
 
-/// Where the scan has a point of the template, both in centimetres, y up.
+/// Where the scan has a point of the template, both in centimetres, y up: its axis is an arc, its sections are turned and squeezed.
 fn bent(v: DVec3) -> DVec3 {
-    let turn = DMat3::from_rotation_x(0.004 * v.y) * DMat3::from_rotation_y(1.0);
-    turn * DVec3::new(1.05 * v.x, v.y, 0.95 * v.z) + DVec3::new(30.0, 5.0, -8.0)
+    let curvature = 0.004;
+    let angle = curvature * v.y;
+    let axis = DVec3::new(0.0, angle.sin(), 1.0 - angle.cos()) / curvature;
+    let section = DMat3::from_rotation_x(angle) * DVec3::new(1.05 * v.x, 0.0, 0.95 * v.z);
+    DMat3::from_rotation_y(1.0) * (axis + section) + DVec3::new(30.0, 5.0, -8.0)
 }
 
 /// Centimetres, y up, to metres, z up.

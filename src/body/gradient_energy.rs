@@ -14,13 +14,11 @@
 //!
 //! Loose pieces of the surface hang on the largest at one vertex each, by [`Template`]'s bridges.
 
+use super::deformation_gradient::Triangle;
 use super::template::Template;
 use crate::numeric::sparse_cholesky::SparseCholesky;
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
-
-/// A triangle whose area is less than this part of the square of its longest edge has no gradient.
-const FLAT: f64 = 1e-7;
 
 /// The weights of an energy, besides those of the data.
 #[derive(Debug, Clone, Copy)]
@@ -49,15 +47,6 @@ pub struct GradientEnergy {
     ties: Vec<Tie>,
     /// The matrices of bending and stretching: row, column, and both values.
     entries: Vec<(usize, usize, [f64; 2])>,
-}
-
-/// A triangle with an area.
-struct Triangle {
-    /// The corners, and V + k for its normal.
-    nodes: [usize; 4],
-    /// The share of each node in each column of T.
-    shares: [[f64; 4]; 3],
-    area: f64,
 }
 
 /// y_to - y_from follows x_to - x_from by the gradient of a triangle: how a loose piece hangs on the largest.
@@ -264,51 +253,6 @@ fn add_square(
         for (n, b) in row.iter().filter(|(n, _)| n <= m) {
             entries.push((*m, *n, value.map(|v| v * a * b)));
         }
-    }
-}
-
-impl Triangle {
-    /// `None` for one without area.
-    fn new(face: [usize; 3], rest: &[DVec3], normal_node: usize) -> Option<Triangle> {
-        let [a, b, c] = face.map(|v| rest[v]);
-        let cross = (b - a).cross(c - a);
-        let longest = [b - a, c - b, a - c].map(DVec3::length_squared);
-        let longest = longest.into_iter().fold(0.0, f64::max);
-        if !(cross.length() > FLAT * longest) {
-            return None;
-        }
-        let back = DMat3::from_cols(b - a, c - a, cross.normalize()).inverse();
-        let shares = |a: usize| {
-            let column = back.col(a);
-            [-column.x - column.y, column.x, column.y, column.z]
-        };
-        Some(Triangle {
-            nodes: [face[0], face[1], face[2], normal_node],
-            shares: [0, 1, 2].map(shares),
-            area: cross.length() / 2.0,
-        })
-    }
-
-    fn gradient(&self, unknowns: &[DVec3]) -> DMat3 {
-        let column = |shares: [f64; 4]| {
-            let parts = (0..4).map(|j| unknowns[self.nodes[j]] * shares[j]);
-            parts.sum::<DVec3>()
-        };
-        let [a, b, c] = self.shares.map(column);
-        DMat3::from_cols(a, b, c)
-    }
-
-    fn terms(&self, shares: [f64; 4]) -> impl Iterator<Item = (usize, f64)> + '_ {
-        self.nodes.iter().copied().zip(shares)
-    }
-
-    /// w of two triangles with a common edge.
-    fn weight_beside(&self, other: &Triangle, rest: &[DVec3]) -> f64 {
-        let common: Vec<usize> = (self.nodes[..3].iter().copied())
-            .filter(|v| other.nodes[..3].contains(v))
-            .collect();
-        let edge = rest[common[0]] - rest[common[1]];
-        1.5 * edge.length_squared() / (self.area + other.area)
     }
 }
 

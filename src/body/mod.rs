@@ -13,6 +13,7 @@ pub mod animation;
 pub mod body_model;
 pub mod completion;
 pub mod decomposition;
+pub mod deformation_gradient;
 pub mod file;
 pub mod fit;
 pub mod fit_prior;

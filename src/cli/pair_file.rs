@@ -36,14 +36,14 @@ impl PairFile {
     }
 }
 
+/// The line and the cells of each row of a file.
+type Rows<const N: usize> = Vec<(u64, [String; N])>;
+
 /// The name of a CSV file with a header line, and the line and the cells `columns` of each row.
 ///
 /// # Errors
 /// Those of [`PairFile::read`].
-pub fn read_columns<const N: usize>(
-    path: &Path,
-    columns: [&str; N],
-) -> Result<(String, Vec<(u64, [String; N])>)> {
+pub fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<(String, Rows<N>)> {
     let file = input::open(path)?;
     let name = file.name.clone();
     let mut reader = csv::ReaderBuilder::new()

@@ -16,7 +16,7 @@ use std::time::Instant;
 mod bodies;
 use bodies::mean;
 
-/// Vertices that a person can find: head, hands, feet, and ten more on the trunk and at elbows, knees.
+/// Ten vertices far from each other: head, hands, feet, knees, shoulders, small of the back.
 const FEW: [usize; 10] = [881, 6267, 9110, 3058, 4205, 11343, 1647, 8319, 4706, 13073];
 
 fn main() {
