@@ -431,7 +431,9 @@ fn parts_are_found_where_none_are_given() {
         let rest = setup.file("rest.ply");
         run("body-synth", &["-q", "-m", &out, "-o", &rest], "");
         let rest = MeshSet::open(&[rest]).unwrap();
-        assert!(apart(&rest, 0, &self::poses(), 0) < 3.0, "{count}");
+        // A few parts hardly follow a body.
+        let far = apart(&rest, 0, &self::poses(), 0);
+        assert!(far < 1.0 || count.len() < 2, "{count}: {far} cm");
     }
     // One shape: takes are fitted all the same.
     let (on, table) = (
