@@ -9,9 +9,15 @@ actions.wires = () => { state.wires = toggle("wires", !state.wires); ask(); };
 /** The frame of a figure: one that has a single frame stands still. */
 const frameOf = (figure, frame) => Math.min(frame, figure.frames - 1);
 
-/** Where the first figure is in a frame: the middle of its box, its height and radius. */
+/** Where the first figure is in a frame: the middle of its box; and the height and the radius of the largest. */
 function spread(t) {
-  const { places, origins, vertices, step } = figures[0], frame = frameOf(figures[0], t);
+  const boxes = figures.map(f => box(f, frameOf(f, t)));
+  const most = of => Math.max(...boxes.map(of));
+  return { x: boxes[0].x, z: boxes[0].z, top: most(b => b.top), radius: most(b => b.radius) };
+}
+
+/** The middle, the height and the radius of a figure's box. */
+function box({ places, origins, vertices, step }, frame) {
   const high = [0, 0, 0], size = 3 * vertices, from = frame * size;
   for (let i = 0; i < size; i++) high[i % 3] = Math.max(high[i % 3], places[from + i]);
   const [x, y, z] = origins[frame].map((steps, axis) => [steps * step, (steps + high[axis]) * step]);

@@ -132,7 +132,20 @@ fn bad_archives_are_named() {
     case(&bad(&[1, 8, 3], floats(2)), "has more bytes");
     case(&bad(&[1 << 40, 1 << 40, 3], vec![]), "larger than 8 GiB");
     case(&bad(&[1, 7, 3], floats(1)[..84].to_vec()), "names vertex 7");
-    let nan = f32::NAN.to_le_bytes().repeat(24);
+    let mut nan = f32::NAN.to_le_bytes().repeat(24);
+    case(&bad(&[1, 8, 3], nan.clone()), "has no meshes");
+    // A frame in which nothing is known is left out, and numbers go on.
+    let [absent, present] = [nan.clone(), floats(1)];
+    let frames = (
+        "vertices",
+        "<f4",
+        &[2, 8, 3][..],
+        [absent, present].concat(),
+    );
+    let set = MeshSet::open(&[npz(&folder, &[frames, faces.clone()])]).unwrap();
+    assert_eq!(set.mesh(0), cube());
+    assert!(set.names[0].ends_with("[1]"), "{:?}", set.names);
+    nan[..4].copy_from_slice(&1f32.to_le_bytes());
     case(&bad(&[1, 8, 3], nan), "mesh 0, vertex 0");
     let text = ("faces", "<f8", &[12, 3][..], wide_faces());
     case(&[vertices.clone(), text], "faces: has values of type <f8");
