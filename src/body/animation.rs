@@ -192,3 +192,49 @@ fn shared_shape(
     }
     Ok(shape)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::marker_model::Marker;
+    use crate::body::testdata::bending_body;
+
+    #[test]
+    fn a_take_gives_back_its_shape_and_frames_without_markers_stay_empty() {
+        let body = bending_body();
+        let on: Vec<usize> = (0..48).step_by(2).collect();
+        let markers: Vec<Marker> = on.iter().map(|v| Marker::on(*v)).collect();
+        let model = MarkerModel::new(&body, &markers);
+        let mut prior = body.fit_prior();
+        prior.noise = 0.01;
+        let shape = [0.8, -0.5];
+        let mut frames: Vec<MarkerFrame> = (body.training_rotations.iter())
+            .map(|rotations| {
+                let mesh = body.synthesise(rotations, &shape);
+                on.iter().map(|v| Some(mesh[*v])).collect()
+            })
+            .collect();
+        frames[2] = vec![None; on.len()];
+        let found = animate(&model, &prior, &frames, Offsets::Known).unwrap();
+        assert!((found.shape[0] - 0.8).abs() < 0.02, "{:?}", found.shape);
+        assert!((found.shape[1] + 0.5).abs() < 0.02, "{:?}", found.shape);
+        assert!(found.fits[2].is_none());
+        let fits = found.fits.iter().flatten();
+        assert!(fits.clone().all(|f| f.rms < 0.01));
+        assert_eq!(fits.count(), frames.len() - 1);
+        // Markers that all stand off: their offsets are learnt.
+        for (frame, rotations) in frames.iter_mut().zip(&body.training_rotations) {
+            for (seen, v) in frame.iter_mut().zip(&on) {
+                let turn = rotations[body.template.vertex_parts[*v]];
+                *seen = seen.map(|p| p + turn * DVec3::new(0.1, 0.0, 0.2));
+            }
+        }
+        let rms = |offsets: Offsets| {
+            let fits = animate(&model, &prior, &frames, offsets).unwrap().fits;
+            let all: Vec<f64> = fits.iter().flatten().map(|f| f.rms).collect();
+            all.iter().sum::<f64>() / all.len() as f64
+        };
+        let (known, learnt) = (rms(Offsets::Known), rms(Offsets::Learnt));
+        assert!(learnt < 0.9 * known, "{known} {learnt}");
+    }
+}

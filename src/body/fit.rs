@@ -346,3 +346,97 @@ fn orthonormal(r: DMat3) -> DMat3 {
     let y = (r.y_axis - x * x.dot(r.y_axis)).normalize_or(DVec3::Y);
     DMat3::from_cols(x, y, x.cross(y))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::body::marker_model::Marker;
+    use crate::body::testdata::bending_body;
+
+    fn energy(problem: &FitProblem<'_>, state: &BodyState) -> f64 {
+        problem.evaluate(state).energy
+    }
+
+    #[test]
+    fn the_gradient_agrees_with_differences_and_vanishes_at_the_end() {
+        let body = bending_body();
+        let markers: Vec<Marker> = (0..48).step_by(3).map(Marker::on).collect();
+        let model = MarkerModel::new(&body, &markers);
+        let mesh = body.synthesise(&body.training_rotations[3], &[0.5, -0.3]);
+        let seen: Vec<_> = (0..48)
+            .step_by(3)
+            .map(|v| Some(mesh[v] + DVec3::X))
+            .collect();
+        let prior = body.fit_prior();
+        let problem = FitProblem::new(&model, &prior, &seen).unwrap();
+        let turn = |by: DVec3| from_rotation_vector(by);
+        let state = BodyState {
+            rotations: vec![
+                turn(DVec3::new(0.2, 0.1, -0.1)) * body.training_rotations[3][0],
+                turn(DVec3::new(-0.1, 0.3, 0.1)) * body.training_rotations[3][1],
+            ],
+            shape: vec![0.1; model.components()],
+        };
+        let gradient = |state: &BodyState| {
+            problem
+                .normal_equations(&problem.evaluate(state), state)
+                .gradient
+        };
+        let start = gradient(&state);
+        let h = 1e-6;
+        for k in 0..start.len() {
+            let mut step = Array1::zeros(start.len());
+            step[k] = h;
+            let up = energy(&problem, &problem.moved(&state, &step));
+            step[k] = -h;
+            let down = energy(&problem, &problem.moved(&state, &step));
+            let slope = (up - down) / (2.0 * h);
+            let scale = 1.0 + start[k].abs();
+            assert!(
+                (slope / 2.0 - start[k]).abs() < 1e-4 * scale,
+                "{k}: {slope}"
+            );
+        }
+        let fit = problem.solve(Some(&state));
+        assert!(fit.energies.windows(2).all(|w| w[1] < w[0]));
+        let norm = |g: &Array1<f64>| g.dot(g).sqrt();
+        assert!(norm(&gradient(&fit.state)) < 1e-3 * norm(&start));
+        assert!(fit.rms < 0.05, "{}", fit.rms);
+        // From no start at all it ends as well.
+        assert!(problem.solve(None).energy < fit.energy * 1.01);
+    }
+
+    #[test]
+    fn a_part_without_markers_is_held_by_the_prior_and_few_markers_are_told() {
+        let body = bending_body();
+        let lower: Vec<usize> = (0..20).step_by(3).collect();
+        let markers: Vec<Marker> = lower.iter().map(|v| Marker::on(*v)).collect();
+        let model = MarkerModel::new(&body, &markers);
+        let seen: Vec<_> = lower
+            .iter()
+            .map(|v| Some(body.template.vertices[*v]))
+            .collect();
+        let prior = body.fit_prior();
+        let fit = FitProblem::new(&model, &prior, &seen).unwrap().solve(None);
+        let rotations = &fit.state.rotations;
+        let bend = (rotations[0].transpose() * rotations[1]).to_cols_array();
+        let (mean, _) = prior.twists[0];
+        let expected = from_rotation_vector(mean).to_cols_array();
+        let (lower, upper) = (
+            body.template.joints[0].parts[0],
+            body.template.joints[0].parts[1],
+        );
+        assert_eq!((lower, upper), (0, 1));
+        assert!(bend.iter().zip(expected).all(|(a, b)| (a - b).abs() < 0.1));
+        let few = [
+            Some(DVec3::ZERO),
+            None,
+            None,
+            Some(DVec3::X),
+            None,
+            None,
+            None,
+        ];
+        assert!(FitProblem::new(&model, &prior, &few).is_err());
+    }
+}
