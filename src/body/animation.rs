@@ -37,7 +37,7 @@ pub type MarkerFrame = Vec<Option<DVec3>>;
 /// Whether markers are where their model says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Offsets {
-    /// They are.
+    /// Markers are where the model says.
     Known,
     /// Each has an offset of its own, which is learnt from the take.
     Learnt,
@@ -83,7 +83,7 @@ pub fn animate(
     }
     match fits.iter().any(Option::is_some) {
         true => Ok(Animation { shape, fits }),
-        false => Err("no frame has four markers of the map or more".into()),
+        false => Err("no frame has four of the body's points or more".into()),
     }
 }
 
@@ -142,7 +142,7 @@ fn shared_shape(
         .filter_map(|f| FitProblem::new(model, prior, f).ok())
         .collect();
     if problems.is_empty() {
-        return Err("no frame has four markers of the map or more".into());
+        return Err("no frame has four of the body's points or more".into());
     }
     let first = parallel::map_chunks(problems.len(), 1, |k| problems[k.start].solve(None));
     let mut rotations: Vec<_> = first.iter().map(|f| f.state.rotations.clone()).collect();

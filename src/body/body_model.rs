@@ -1,11 +1,11 @@
 //! The whole model of a body: a template, how it follows its joints, and how people differ.
 
+use super::decomposition::synthesise;
 use super::fit_prior::{FitPrior, NOISE};
 use super::pose_model::{PoseModel, twists};
 use super::shape_model::ShapeModel;
 use super::template::Template;
 use crate::numeric::linalg::cholesky_solve;
-use crate::numeric::parallel;
 use crate::numeric::product::gram;
 use glam::{DMat3, DVec3};
 use ndarray::{Array1, Array2};
@@ -24,14 +24,14 @@ pub struct BodyModel {
     pub shape: ShapeModel,
     /// The rotations of the parts in the poses that it was learnt from.
     pub training_rotations: Vec<Vec<DMat3>>,
-    /// The names of the joints of a pose table that stand for parts: the part, and the point at its end.
+    /// Points of a pose table and the parts they belong to: the first point of a part where it begins, a second at its far end.
     pub joint_names: Vec<(usize, String)>,
 }
 
 impl BodyModel {
     /// The vertices, about their mean, of a body with these rotations of its parts and this shape (numbers that are left out are 0).
     ///
-    /// They minimise E_H(y) = Σ_k Σ_j |R_k S_k Q_k v̂_kj - (y_kj - y_k1)|².
+    /// The vertices minimise E_H(y) = Σ_k Σ_j |R_k S_k Q_k v̂_kj - (y_kj - y_k1)|².
     pub fn synthesise(&self, rotations: &[DMat3], shape: &[f64]) -> Vec<DVec3> {
         self.synthesise_shaped(rotations, &self.shape.matrices(shape))
     }
@@ -39,15 +39,8 @@ impl BodyModel {
     /// [`BodyModel::synthesise`] with the S of [`ShapeModel::matrices`], for many poses of one shape.
     pub fn synthesise_shaped(&self, rotations: &[DMat3], shape: &[DMat3]) -> Vec<DVec3> {
         let q = self.pose.deformations(&self.template, rotations);
-        let edges = parallel::map_chunks(q.len(), 4096, |range| {
-            range
-                .map(|k| {
-                    let m = rotations[self.template.face_parts[k]] * shape[k] * q[k];
-                    self.template.edges[k].map(|e| m * e)
-                })
-                .collect::<Vec<_>>()
-        });
-        self.template.vertices_of(&edges.concat())
+        let deformations: Vec<DMat3> = shape.iter().zip(&q).map(|(s, q)| *s * *q).collect();
+        synthesise(&self.template, rotations, &deformations)
     }
 
     /// The first `count` numbers of the shape whose vertices are nearest to those of a mesh, given the rotations of its parts.

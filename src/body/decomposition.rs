@@ -11,6 +11,7 @@
 //! of a body. A term 10⁻⁶ ρ² |Q_k - I|² holds what edges leave open, as those of a flat part do. The matrix depends on the template alone; it is factored once, and the three rows of all Q are solved for at once.
 
 use super::template::Template;
+use crate::numeric::parallel;
 use crate::numeric::sparse_cholesky::SparseCholesky;
 use crate::pose::similarity::nearest_rotation;
 use glam::{DMat3, DVec3};
@@ -104,11 +105,14 @@ pub fn fit_rotations(template: &Template, vertices: &[DVec3]) -> Vec<DMat3> {
 
 /// The vertices, about their mean, that rotations of the parts and matrices of the triangles give.
 pub fn synthesise(template: &Template, rotations: &[DMat3], deformations: &[DMat3]) -> Vec<DVec3> {
-    let edges: Vec<[DVec3; 2]> = (template.edges.iter().zip(deformations))
-        .zip(&template.face_parts)
-        .map(|((edges, q), part)| edges.map(|e| rotations[*part] * (*q * e)))
-        .collect();
-    template.vertices_of(&edges)
+    let edges = parallel::map_chunks(deformations.len(), 4096, |range| {
+        let edges = |k: usize| {
+            let matrix = rotations[template.face_parts[k]] * deformations[k];
+            template.edges[k].map(|e| matrix * e)
+        };
+        range.map(edges).collect::<Vec<_>>()
+    });
+    template.vertices_of(&edges.concat())
 }
 
 #[cfg(test)]

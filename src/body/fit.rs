@@ -8,7 +8,7 @@
 //! rᵀ (I / w_Z + K)⁻¹ r,   with one shift of all markers free
 //! ```
 //!
-//! It is minimised over R and β by damped Gauss-Newton steps (Levenberg-Marquardt), every one of which lowers it, with weak priors
+//! The minimum over R and β is found by damped Gauss-Newton steps (Levenberg-Marquardt), every one of which lowers it, with weak priors
 //! on the twists of the joints and on β. The paper's block descent takes hundreds of rounds, and its energy rises between them.
 
 use super::fit_prior::{FitPrior, NormalEquations, twist_derivatives};

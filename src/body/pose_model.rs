@@ -2,7 +2,7 @@
 //!
 //! The twist of a joint is the rotation vector of R_aᵀ R_b, of its two parts. Each of the nine numbers of Q_k is an affine function
 //! of the twists of the joints nearest to the TRIANGLE, learnt by least squares from decomposed poses. (The paper takes the two
-//! joints nearest to the triangle's part, which errs by half as much again.)
+//! joints nearest to the triangle's part, which errs three times as much.)
 
 use super::template::Template;
 use crate::numeric::linalg::Cholesky;

@@ -5,7 +5,7 @@
 //! form is as good as solving for S again, and stays bounded where Q is nearly singular.
 //!
 //! The principal components are orthogonal in the VERTICES that the S give to the template's pose, not in the S themselves (the
-//! paper's choice, [`Metric::Matrices`]): the error of five components falls from 21 mm to 4.
+//! paper's choice, [`Metric::Matrices`]): the error of five components falls from 6 mm to 4.
 
 use super::decomposition::{Decomposer, synthesise};
 use super::pose_model::PoseModel;
