@@ -1,5 +1,19 @@
-//! Posing by hand: a pose follows the points that are dragged, and stays plausible under a pose model.
+//! Posing by hand: a pose follows the joints that are dragged, holds what is pinned, and stays plausible under a pose model.
 
-mod session;
+mod history;
+pub mod in_betweens;
+pub mod keys;
+pub mod other_poses;
+pub mod photograph;
+pub mod pose_solver;
+pub mod protocol;
+mod rig;
+mod rig_prior;
+pub mod session;
+mod session_file;
+mod start_poses;
 
-pub use session::Session;
+pub use rig::Rig;
+pub use rig_prior::RigPrior;
+pub use session::{Drags, Pins, Session};
+pub use start_poses::StartPose;

@@ -1,166 +1,642 @@
-//! A pose that is edited point by point.
-//!
-//! Each solve restores one observation y ~ N(x, diag(r)) of the pose x (3 J, cm): pinned points are exact, dragged points
-//! have a standard deviation of 0.5 cm, and all others are observed where they stood, to within 10 cm. The placement starts
-//! from that of the solve before ([`PlacementSolver::follow`](crate::restore::placement::PlacementSolver::follow)), so the
-//! pose changes smoothly while a point moves.
+//! A pose that is edited: gestures, undo, and what else is asked for than drags.
 
+use super::history::History;
+use super::in_betweens::{Motion, in_betweens};
+use super::keys::{Key, Keys};
+use super::other_poses::{OtherPose, other_poses};
+use super::pose_solver::{Constraints, DRAG_RANGE, Pose, PoseSolver, REST_RANGE, Reference};
+use super::rig::Rig;
+use super::rig_prior::RigPrior;
+use super::start_poses::{self, StartPose};
 use crate::io::Model;
-use crate::pose::Similarity;
-use crate::prior::EXACT_VARIANCE;
-use crate::restore::Restorer;
-use crate::restore::placement::PlacementSolution;
+use crate::pose::Poses;
+use crate::restore::ik::estimate_skeleton;
 use crate::{Error, Result};
+use glam::DVec3;
+use ndarray::Array2;
 use std::collections::BTreeMap;
 
-/// Standard deviation of a dragged point, cm.
-const DRAGGED: f64 = 0.5;
-/// Standard deviation of the points that are neither dragged nor pinned about where they stood, cm.
-const FREE: f64 = 10.0;
+/// The standard deviation of a dragged joint if nothing else is said, cm.
+pub const DRAG_SD: f64 = 0.5;
+/// That of the joints that are neither dragged nor pinned, about where they were.
+pub const REST: f64 = 10.0;
+/// A joint this near to its pin is there, cm: pages round.
+const THERE: f64 = 1e-3;
+/// The latest time of a key, seconds.
+const LATEST: f64 = 3600.0;
+/// Farther from the origin nothing is placed, cm.
+const FARTHEST: f64 = 1e5;
 
-/// Edits a pose under a model; starts from a typical pose at the origin.
+/// What undo brings back.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// The pose.
+    pub pose: Pose,
+    /// The coordinates at which each joint is pinned (K), cm.
+    pub pins: Vec<[Option<f64>; 3]>,
+    /// The standard deviation of the other joints about where they were, cm.
+    pub rest: f64,
+    /// Whether no joint may go below y = 0.
+    pub floor: bool,
+    /// Whether the skeleton's limits are kept.
+    pub limits: bool,
+    /// The key poses.
+    pub keys: Keys,
+}
+
+/// The joints that are dragged: the target of each and its standard deviation, cm.
+pub type Drags = BTreeMap<usize, (DVec3, f64)>;
+/// The joints that are pinned, and at which coordinates, cm.
+pub type Pins = BTreeMap<usize, [Option<f64>; 3]>;
+
+/// A drag from its first solve to its release.
+struct Gesture {
+    before: State,
+    dragged: Vec<usize>,
+    pinned: Vec<usize>,
+    reference: Reference,
+    /// What the last solve asked for.
+    asked: Constraints,
+}
+
+/// Edits one pose of one rig under a model.
 ///
 /// ```
 /// use posing::edit::Session;
+/// use posing::io::Model;
 /// # fn main() -> posing::Result<()> {
-/// let model = posing::io::Model::builtin()?;
-/// let mut session = Session::new(&model);
-/// session.solve()?;
-/// for foot in ["lfoot", "rfoot"] {
-///     let here = session.position(foot).unwrap();
-///     session.pin(foot, here);
+/// let mut session = Session::of_model(&Model::builtin()?)?;
+/// let feet = ["lfoot", "rfoot"].map(|name| session.joint(name).unwrap());
+/// for foot in feet {
+///     session.pin(foot, session.position(foot).to_array().map(Some))?;
 /// }
-/// let [x, y, z] = session.position("lwrist").unwrap();
-/// session.drag("lwrist", [x, y + 10.0, z]);
-/// let pose = session.solve()?; // 3 coordinates a point, cm
-/// assert_eq!(pose.len(), 3 * session.points().len());
-/// assert!(session.position("lwrist").unwrap()[1] > y + 5.0);
+/// let wrist = session.joint("lwrist").unwrap();
+/// let target = session.position(wrist) + glam::DVec3::Y * 10.0;
+/// session.drag(wrist, target)?;
+/// session.release();
+/// assert!((session.position(wrist) - target).length() < 0.5);
+/// session.undo();
 /// # Ok(())
 /// # }
 /// ```
-pub struct Session<'m> {
-    points: &'m [String],
-    restorer: Restorer<'m>,
-    /// Target of each dragged point, cm.
-    dragged: BTreeMap<String, [f64; 3]>,
-    /// Position of each pinned point, cm.
-    pinned: BTreeMap<String, [f64; 3]>,
-    /// The pose and the placement of the last solve; empty before the first.
-    pose: Vec<f64>,
-    solution: PlacementSolution,
+pub struct Session {
+    solver: PoseSolver,
+    now: State,
+    gesture: Option<Gesture>,
+    history: History<State>,
+    starts: Vec<StartPose>,
+    revision: u64,
 }
 
-impl<'m> Session<'m> {
-    /// A session with a model, which is opened at the first solve.
-    pub fn new(model: &'m Model) -> Session<'m> {
-        Session {
-            points: &model.meta.points,
-            restorer: Restorer::new(model),
-            dragged: BTreeMap::new(),
-            pinned: BTreeMap::new(),
-            pose: Vec::new(),
-            solution: PlacementSolution::from_placement(Similarity::IDENTITY),
-        }
-    }
-
-    /// The names of the points, J of them.
-    pub fn points(&self) -> &[String] {
-        self.points
-    }
-
-    /// Where a point stands after the last solve, cm; `None` before the first, and for an unknown name.
-    pub fn position(&self, point: &str) -> Option<[f64; 3]> {
-        let p = self.points.iter().position(|name| name == point)?;
-        self.pose.get(3 * p..3 * p + 3)?.try_into().ok()
-    }
-
-    /// Moves a point to `target`, cm, as near as the model allows.
-    pub fn drag(&mut self, point: &str, target: [f64; 3]) -> &mut Self {
-        self.dragged.insert(point.to_string(), target);
-        self
-    }
-
-    /// Holds a point exactly at `position`, cm.
-    pub fn pin(&mut self, point: &str, position: [f64; 3]) -> &mut Self {
-        self.pinned.insert(point.to_string(), position);
-        self
-    }
-
-    /// Lets go of a dragged or pinned point.
-    pub fn release(&mut self, point: &str) -> &mut Self {
-        self.dragged.remove(point);
-        self.pinned.remove(point);
-        self
-    }
-
-    /// The pose (3 J coordinates, cm, in the order of [`Session::points`]) that the dragged and pinned points lead to.
+impl Session {
+    /// A session with the model's own body, for models with CMU's names.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a point that the model does not have or a target that is not finite; [`Error::Data`] if the model
-    /// cannot be opened or the points do not determine where the pose stands.
-    pub fn solve(&mut self) -> Result<&[f64]> {
-        let restorer = self.restorer.frame_restorer()?;
-        let mut y = match self.pose.is_empty() {
-            true => restorer.prior.representative_poses().row(0).to_vec(),
-            false => self.pose.clone(),
+    /// [`Error::Data`] if the model cannot be opened, [`Error::Usage`] if no skeleton is known for its points.
+    pub fn of_model(model: &Model) -> Result<Session> {
+        let points = &model.meta.points;
+        let prior = crate::prior::open(model, &Default::default(), "the model")?;
+        let typical = Poses {
+            points: points.clone(),
+            xyz: prior.representative_poses().to_owned(),
+            ..Poses::default()
         };
-        let mut noise = vec![FREE * FREE; y.len()];
-        let dragged = self.dragged.iter().map(|(n, t)| (n, t, DRAGGED * DRAGGED));
-        let pinned = self.pinned.iter().map(|(n, t)| (n, t, EXACT_VARIANCE));
-        for (name, target, variance) in dragged.chain(pinned) {
-            let Some(p) = self.points.iter().position(|n| n == name) else {
-                return Err(Error::usage(format!("the model has no point \"{name}\"")));
-            };
-            if target.iter().any(|v| !v.is_finite()) {
-                return Err(Error::usage(format!("{name}: the target is not finite")));
+        let rig = Rig::new(estimate_skeleton(&typical)?, points)?;
+        Session::new(model, "the model", rig)
+    }
+
+    /// A session with a rig, from the typical pose that stands most upright, on the floor; `source` names the model in errors.
+    ///
+    /// # Errors
+    /// As [`RigPrior::open`].
+    pub fn new(model: &Model, source: &str, rig: Rig) -> Result<Session> {
+        let prior = RigPrior::open(model, source, &rig)?;
+        let joints = rig.joints();
+        let solver = PoseSolver { rig, prior };
+        let starts = start_poses::start_poses(&solver);
+        let pose = starts[0].pose.clone();
+        Ok(Session {
+            solver,
+            now: State {
+                pose,
+                pins: vec![[None; 3]; joints],
+                rest: REST,
+                floor: true,
+                limits: false,
+                keys: Keys::default(),
+            },
+            gesture: None,
+            history: History::default(),
+            starts,
+            revision: 0,
+        })
+    }
+
+    /// The skeleton and its joints.
+    pub fn rig(&self) -> &Rig {
+        &self.solver.rig
+    }
+
+    /// Finds poses as this session does, without changing it.
+    pub fn solver(&self) -> &PoseSolver {
+        &self.solver
+    }
+
+    /// The present state.
+    pub fn state(&self) -> &State {
+        &self.now
+    }
+
+    /// Grows with each change.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// The steps that can be undone and done again.
+    pub fn history(&self) -> &History<State> {
+        &self.history
+    }
+
+    /// Poses to start from.
+    pub fn starts(&self) -> &[StartPose] {
+        &self.starts
+    }
+
+    /// The joint of a name.
+    pub fn joint(&self, name: &str) -> Option<usize> {
+        self.rig().find(name)
+    }
+
+    /// Where a joint is, cm.
+    ///
+    /// # Panics
+    /// There is no such joint.
+    pub fn position(&self, joint: usize) -> DVec3 {
+        DVec3::from_slice(&self.now.pose.xyz[3 * joint..])
+    }
+
+    /// Drags one joint to `target`, cm, with the pins as they are.
+    ///
+    /// # Errors
+    /// As [`Session::solve`].
+    pub fn drag(&mut self, joint: usize, target: DVec3) -> Result<&Pose> {
+        let pins = (self.now.pins.iter().copied().enumerate())
+            .filter(|(_, pin)| pin.iter().any(Option::is_some))
+            .collect();
+        self.solve(
+            &Drags::from([(joint, (target, DRAG_SD))]),
+            &pins,
+            self.now.rest,
+        )
+    }
+
+    /// Finds the pose with these joints dragged, these pinned, and the others held to where they were when the gesture began to
+    /// within `rest`, cm. The gesture goes on while the same joints are dragged and pinned; other joints begin the next.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there is no such joint, or a number is not finite or out of range. Nothing changes then.
+    pub fn solve(&mut self, drags: &Drags, pins: &Pins, rest: f64) -> Result<&Pose> {
+        self.check(drags, pins, rest)?;
+        let dragged: Vec<usize> = drags.keys().copied().collect();
+        let pinned: Vec<usize> = pins.keys().copied().collect();
+        let goes_on = (self.gesture.as_ref())
+            .is_some_and(|g| g.dragged == dragged && g.pinned == pinned && self.now.rest == rest);
+        let mut gesture = match self.gesture.take() {
+            Some(gesture) if goes_on => gesture,
+            other => {
+                self.gesture = other;
+                self.begin(drags, pins, rest)
             }
-            y[3 * p..3 * p + 3].copy_from_slice(target);
-            noise[3 * p..3 * p + 3].fill(variance);
-        }
-        let Some((restored, solution)) = restorer.follow(&y, &noise, &self.solution) else {
-            return Err(Error::usage("the points do not determine a pose"));
         };
-        (self.pose, self.solution) = (restored.mean, solution);
-        Ok(&self.pose)
+        let asked = self.asked(drags, pins, rest);
+        let way = asked.way_from(&gesture.asked);
+        self.now.pose = (self.solver).follow(&asked, &gesture.reference, &self.now.pose, way);
+        (self.now.pins, self.now.rest) = (asked.pins.clone(), rest);
+        gesture.asked = asked;
+        self.gesture = Some(gesture);
+        self.revision += 1;
+        Ok(&self.now.pose)
+    }
+
+    /// The beginning of a gesture; what was under way before is a step of its own. Another `rest` alone goes on from where the
+    /// gesture before began, so that a slider can be moved to and fro.
+    fn begin(&mut self, drags: &Drags, pins: &Pins, rest: f64) -> Gesture {
+        let is_slider = drags.is_empty() && self.now.rest != rest;
+        if let Some(gesture) = self.gesture.take_if(|g| is_slider && g.dragged.is_empty()) {
+            return gesture;
+        }
+        self.release();
+        let asked = self.asked(drags, pins, rest);
+        let moves = !drags.is_empty() || asked.pins != self.now.pins;
+        Gesture {
+            before: self.now.clone(),
+            dragged: drags.keys().copied().collect(),
+            pinned: pins.keys().copied().collect(),
+            asked: asked.at_places(&self.now.pose.xyz),
+            reference: match moves {
+                true => self.solver.reference(&asked, &self.now.pose),
+                false => Reference::at(self.now.pose.xyz.clone()),
+            },
+        }
+    }
+
+    fn asked(&self, drags: &Drags, pins: &Pins, rest: f64) -> Constraints {
+        let mut asked = Constraints {
+            rest,
+            floor: self.now.floor,
+            limits: self.now.limits,
+            ..Constraints::none(self.rig().joints())
+        };
+        drags
+            .iter()
+            .for_each(|(&k, &drag)| asked.drags[k] = Some(drag));
+        pins.iter().for_each(|(&k, &pin)| asked.pins[k] = pin);
+        asked
+    }
+
+    fn check(&self, drags: &Drags, pins: &Pins, rest: f64) -> Result<()> {
+        let name = |k: usize| self.rig().names.get(k).map_or("?", String::as_str);
+        let is_place = |v: f64| v.abs() <= FARTHEST;
+        let is_in = |v: f64, range: (f64, f64)| v >= range.0 && v <= range.1;
+        for &k in drags.keys().chain(pins.keys()) {
+            if k >= self.rig().joints() {
+                return Err(Error::usage(format!("there is no joint {k}")));
+            }
+        }
+        for (&k, (target, sd)) in drags {
+            if !target.to_array().into_iter().all(is_place) {
+                let what = format!(
+                    "{}: the target is not a place within {FARTHEST} cm",
+                    name(k)
+                );
+                return Err(Error::usage(what));
+            }
+            if !is_in(*sd, DRAG_RANGE) {
+                let (least, most) = DRAG_RANGE;
+                let what = format!("{}: sd is {sd}; expected {least} to {most} cm", name(k));
+                return Err(Error::usage(what));
+            }
+        }
+        for (&k, pin) in pins {
+            if !pin.iter().flatten().copied().all(is_place) {
+                let what = format!("{}: the pin is not a place within {FARTHEST} cm", name(k));
+                return Err(Error::usage(what));
+            }
+        }
+        if !is_in(rest, REST_RANGE) {
+            let (least, most) = REST_RANGE;
+            return Err(Error::usage(format!(
+                "rest is {rest}; expected {least} to {most} cm"
+            )));
+        }
+        Ok(())
+    }
+
+    /// Ends a gesture: it becomes one step of undo.
+    pub fn release(&mut self) {
+        if let Some(gesture) = self.gesture.take().filter(|g| g.before != self.now) {
+            let names: Vec<&str> = (gesture.dragged.iter())
+                .map(|&k| self.solver.rig.names[k].as_str())
+                .collect();
+            let step = match names.is_empty() {
+                true => "the change".to_string(),
+                false => format!("the drag of {}", names.join(" and ")),
+            };
+            self.history.record(step, gesture.before);
+            self.revision += 1;
+        }
+    }
+
+    /// Goes back to where the gesture under way began.
+    pub fn cancel(&mut self) {
+        if let Some(gesture) = self.gesture.take() {
+            self.now = gesture.before;
+            self.revision += 1;
+        }
+    }
+
+    /// Undoes the last step; a gesture under way is released first.
+    pub fn undo(&mut self) {
+        self.release();
+        if let Some(before) = self.history.undo(self.now.clone()) {
+            self.now = before;
+            self.revision += 1;
+        }
+    }
+
+    /// Does again what was undone last.
+    pub fn redo(&mut self) {
+        self.release();
+        if let Some(after) = self.history.redo(self.now.clone()) {
+            self.now = after;
+            self.revision += 1;
+        }
+    }
+
+    /// Pins a joint at some coordinates, cm, and moves it there; no coordinate: frees it.
+    ///
+    /// # Errors
+    /// As [`Session::solve`].
+    pub fn pin(&mut self, joint: usize, at: [Option<f64>; 3]) -> Result<()> {
+        let mut pins = self.pins();
+        match at.iter().any(Option::is_some) {
+            true => pins.insert(joint, at),
+            false => pins.remove(&joint),
+        };
+        self.pin_all(&pins)
+    }
+
+    /// The joints that are pinned.
+    pub fn pins(&self) -> Pins {
+        let pins = self.now.pins.iter().copied().enumerate();
+        pins.filter(|(_, pin)| pin.iter().any(Option::is_some))
+            .collect()
+    }
+
+    /// Replaces all pins. Joints that are not where they are pinned now move there.
+    ///
+    /// # Errors
+    /// As [`Session::solve`].
+    pub fn pin_all(&mut self, pins: &Pins) -> Result<()> {
+        self.check(&Drags::new(), pins, self.now.rest)?;
+        let is_there = |(&k, pin): (&usize, &[Option<f64>; 3])| {
+            let at = self.position(k).to_array();
+            let apart = pin.iter().zip(at).filter_map(|(p, at)| p.map(|p| p - at));
+            apart.into_iter().all(|d| d.abs() <= THERE)
+        };
+        if pins.iter().all(is_there) {
+            let asked = self.asked(&Drags::new(), pins, self.now.rest);
+            self.change("the pins", |now, _| now.pins = asked.pins);
+            return Ok(());
+        }
+        self.solve(&Drags::new(), pins, self.now.rest)?;
+        self.release();
+        Ok(())
+    }
+
+    /// A change that is a step of its own.
+    pub(super) fn change(&mut self, step: &str, change: impl FnOnce(&mut State, &PoseSolver)) {
+        self.release();
+        let before = self.now.clone();
+        change(&mut self.now, &self.solver);
+        if before != self.now {
+            self.history.record(step, before);
+            self.revision += 1;
+        }
+    }
+
+    /// Says whether joints stay above the floor, y = 0.
+    pub fn set_floor(&mut self, on: bool) {
+        self.change("the floor", |now, _| now.floor = on);
+    }
+
+    /// Says whether the skeleton's limits are kept; a pose beyond them is carried into them.
+    pub fn set_limits(&mut self, on: bool) {
+        self.change("the limits", |now, solver| {
+            now.limits = on;
+            if on {
+                now.pose = solver.within_limits(&now.pose, &now.pins);
+            }
+        });
+    }
+
+    /// Sets how far the other joints may go from where they were, without moving any, cm.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: out of range.
+    pub fn set_rest(&mut self, rest: f64) -> Result<()> {
+        self.check(&Drags::new(), &Pins::new(), rest)?;
+        self.change("the slider", |now, _| now.rest = rest);
+        Ok(())
+    }
+
+    /// Takes another pose, without its pins.
+    pub fn take(&mut self, step: &str, pose: Pose) {
+        self.change(step, |now, _| {
+            now.pose = pose;
+            now.pins.fill([None; 3]);
+        });
+    }
+
+    /// Takes the pose nearest to these places of the joints (3 K, cm; NaN: the model says).
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: too few joints to place a pose.
+    pub fn take_places(&mut self, step: &str, xyz: &[f64]) -> Result<()> {
+        let Some(pose) = self.solver.pose_at(xyz, &self.now.pose) else {
+            return Err(Error::usage(
+                "fewer than three joints are there, or all on a line",
+            ));
+        };
+        self.take(step, pose);
+        Ok(())
+    }
+
+    /// Joints forget where they were: the model places them by the others.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there is no such joint.
+    pub fn reset(&mut self, joints: &[usize]) -> Result<()> {
+        if let Some(k) = joints.iter().find(|k| **k >= self.rig().joints()) {
+            return Err(Error::usage(format!("there is no joint {k}")));
+        }
+        self.change("the reset", |now, solver| {
+            joints.iter().for_each(|&k| now.pins[k] = [None; 3]);
+            let mut asked = Constraints {
+                rest: 1.0,
+                pins: now.pins.clone(),
+                floor: now.floor,
+                limits: now.limits,
+                ..Constraints::none(solver.rig.joints())
+            };
+            joints.iter().for_each(|&k| asked.forgotten[k] = true);
+            let reference = Reference::at(now.pose.xyz.clone());
+            now.pose = solver.follow(&asked, &reference, &now.pose, f64::INFINITY);
+        });
+        Ok(())
+    }
+
+    /// Exchanges left and right about the body's own plane.
+    pub fn mirror(&mut self) {
+        self.copy_mirrored(|_| true, "the mirroring");
+    }
+
+    /// Copies one side of the body onto the other: the joints for which `is_copied` become the mirror image of their others.
+    pub fn copy_mirrored(&mut self, is_copied: impl Fn(usize) -> bool, step: &str) {
+        let (rig, xyz) = (&self.solver.rig, &self.now.pose.xyz);
+        let mirrored = rig.mirrored(xyz);
+        let mut places = xyz.clone();
+        for k in (0..rig.joints()).filter(|k| is_copied(*k)) {
+            places[3 * k..3 * k + 3].copy_from_slice(&mirrored[3 * k..3 * k + 3]);
+        }
+        let pins = self.now.pins.clone();
+        if let Some(pose) = self.solver.pose_at(&places, &self.now.pose) {
+            self.change(step, |now, _| {
+                now.pose = pose;
+                // Pins stay with what has not moved.
+                for (k, pin) in pins.iter().enumerate() {
+                    let far = DVec3::from_slice(&now.pose.xyz[3 * k..])
+                        - DVec3::from_slice(&places[3 * k..]);
+                    now.pins[k] = if is_copied(k) || far.length() > 0.05 {
+                        [None; 3]
+                    } else {
+                        *pin
+                    };
+                }
+            });
+        }
+    }
+
+    /// Copies one side of the body, the joints whose names (or those of their points) begin with `from`, onto the other.
+    pub fn copy_side(&mut self, from: &str) {
+        let rig = &self.solver.rig;
+        let points = &self.solver.prior.names;
+        let begins = |name: &str| name.to_lowercase().starts_with(from);
+        let is_side: Vec<bool> = (0..rig.joints())
+            .map(|k| {
+                rig.mirrors[k].is_some()
+                    && begins(rig.model_points[k].map_or(&rig.names[k], |p| &points[p]))
+            })
+            .collect();
+        let is_other: Vec<bool> = (0..rig.joints())
+            .map(|k| rig.mirrors[k].is_some_and(|m| is_side[m]))
+            .collect();
+        self.copy_mirrored(|k| is_other[k], "the copy of a side");
+    }
+
+    /// Makes the pose and its pins a key at `time`, seconds.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the time is negative, or too large.
+    pub fn set_key(&mut self, time: f64) -> Result<()> {
+        check_time(time)?;
+        self.change("the key", |now, _| {
+            let (pose, pins) = (now.pose.clone(), now.pins.clone());
+            now.keys.set(Key { time, pose, pins });
+        });
+        Ok(())
+    }
+
+    /// Makes the pose and the pins of a key the present ones.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there is no such key.
+    pub fn open_key(&mut self, key: usize) -> Result<()> {
+        self.check_key(key)?;
+        self.change("the way to another key", |now, _| {
+            now.pose = now.keys[key].pose.clone();
+            now.pins = now.keys[key].pins.clone();
+        });
+        Ok(())
+    }
+
+    /// Moves a key to another time, seconds; it replaces a key that is there.
+    ///
+    /// # Errors
+    /// As [`Session::set_key`] and [`Session::open_key`].
+    pub fn move_key(&mut self, key: usize, time: f64) -> Result<()> {
+        self.check_key(key)?;
+        check_time(time)?;
+        self.change("the move of a key", |now, _| {
+            let moved = now.keys.remove(key);
+            now.keys.set(Key { time, ..moved });
+        });
+        Ok(())
+    }
+
+    /// Removes a key.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there is no such key.
+    pub fn remove_key(&mut self, key: usize) -> Result<()> {
+        self.check_key(key)?;
+        self.change("the removal of a key", |now, _| {
+            now.keys.remove(key);
+        });
+        Ok(())
+    }
+
+    /// Sets the frames a second of the motion between keys.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: not from 1 to 1000.
+    pub fn set_rate(&mut self, rate: f64) -> Result<()> {
+        check_rate(rate)?;
+        self.change("the rate", |now, _| now.keys.set_rate(rate));
+        Ok(())
+    }
+
+    /// The motion through the keys.
+    ///
+    /// # Errors
+    /// As [`in_betweens`].
+    pub fn motion(&self) -> Result<Motion> {
+        let keys = &self.now.keys;
+        in_betweens(&self.solver, keys, keys.rate(), self.now.floor)
+    }
+
+    /// Other poses with the present pins; see [`other_poses`].
+    pub fn other_poses(&self) -> Vec<OtherPose> {
+        let asked = self.asked(&Drags::new(), &self.pins(), self.now.rest);
+        other_poses(&self.solver, &asked, &self.now.pose)
+    }
+
+    /// Takes one of the [other poses](Session::other_poses), with the pins as they are.
+    pub fn take_other(&mut self, other: &OtherPose) {
+        self.change("the other pose", |now, _| now.pose = other.pose.clone());
+    }
+
+    /// Checks the numbers of a state that did not come from this session.
+    pub(super) fn check_numbers(
+        &self,
+        pins: &[[Option<f64>; 3]],
+        rest: f64,
+        rate: f64,
+        mut times: impl Iterator<Item = f64>,
+    ) -> Result<()> {
+        let pins = pins.iter().copied().enumerate().collect();
+        self.check(&Drags::new(), &pins, rest)?;
+        check_rate(rate)?;
+        times.try_for_each(check_time)
+    }
+
+    fn check_key(&self, key: usize) -> Result<()> {
+        match self.now.keys.get(key) {
+            Some(_) => Ok(()),
+            None => Err(Error::usage(format!("there is no key {key}"))),
+        }
+    }
+
+    /// Puts the session into another state, as a step.
+    pub(super) fn restore(&mut self, step: &str, state: State) {
+        self.change(step, |now, _| *now = state);
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
-        let squares = (0..3).map(|c| (a[c] - b[c]).powi(2));
-        squares.sum::<f64>().sqrt()
+fn check_rate(rate: f64) -> Result<()> {
+    match (1.0..=1000.0).contains(&rate) {
+        true => Ok(()),
+        false => Err(Error::usage(format!(
+            "the rate is {rate}; expected 1 to 1000 frames a second"
+        ))),
     }
+}
 
-    #[test]
-    fn a_dragged_wrist_is_followed_and_pinned_feet_stay() {
-        let model = crate::io::Model::builtin().unwrap();
-        let mut session = Session::new(&model);
-        assert!(session.position("lwrist").is_none());
-        session.solve().unwrap();
-        let at = |s: &Session<'_>, name: &str| s.position(name).unwrap();
-        let feet = ["lfoot", "rfoot"].map(|f| (f, at(&session, f)));
-        for (name, position) in feet {
-            session.pin(name, position);
-        }
-        let mut target = at(&session, "lwrist");
-        let arm = distance(target, at(&session, "lradius"));
-        for _ in 0..10 {
-            let before = at(&session, "lwrist");
-            target[1] += 1.0;
-            session.drag("lwrist", target).solve().unwrap();
-            assert!(distance(before, at(&session, "lwrist")) <= 5.0);
-        }
-        assert!(distance(target, at(&session, "lwrist")) <= 3.0);
-        for (name, position) in feet {
-            assert!(distance(position, at(&session, name)) <= 0.05, "{name}");
-        }
-        let length = distance(at(&session, "lwrist"), at(&session, "lradius"));
-        assert!((length - arm).abs() <= 0.3, "{length} {arm}");
-        assert!(session.drag("nose", [0.0; 3]).solve().is_err());
-        session.release("nose").drag("lwrist", [f64::NAN; 3]);
-        assert!(session.solve().is_err());
+fn check_time(time: f64) -> Result<()> {
+    match (0.0..=LATEST).contains(&time) {
+        true => Ok(()),
+        false => Err(Error::usage(format!(
+            "the time is {time}; expected 0 to {LATEST} seconds"
+        ))),
     }
+}
+
+/// Rows of a table as poses of a rig (frames, 3 K): the columns of the joints' names; NaN where the table has none.
+pub fn rows_of_table(rig: &Rig, poses: &Poses) -> Array2<f64> {
+    let columns: Vec<Option<usize>> = (rig.names.iter())
+        .map(|name| poses.points.iter().position(|p| p == name))
+        .collect();
+    Array2::from_shape_fn((poses.frames(), 3 * rig.joints()), |(t, c)| {
+        columns[c / 3].map_or(f64::NAN, |p| poses.xyz[[t, 3 * p + c % 3]])
+    })
 }

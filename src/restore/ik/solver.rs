@@ -1,7 +1,7 @@
 //! P2 of the posing paper: the values of a skeleton's own degrees of freedom that put its joints where they are wanted.
 //!
-//! Minimises `E(q) = Σ |fₜ(q) − yₜ|² + Σ aᵢ (qᵢ − rᵢ)² + Σ bᵢ (qᵢ − sᵢ)²` over the values q: f the joints' places and
-//! y the wanted ones (centimetres, those that are not missing), r the frame before, s the rest posture, a and b small
+//! Minimises `E(q) = Σ wₜ |fₜ(q) − yₜ|² + Σ aᵢ (qᵢ − rᵢ)² + Σ bᵢ (qᵢ − sᵢ)²` over the values q: f the joints' places and
+//! y the wanted ones (centimetres, those that are not missing), w their weights (1 unless set), r the frame before, s the rest posture, a and b small
 //! weights. The paper solves `f(q) = ỹ` (15) by the damped Jacobian method; this is Levenberg's and Marquardt's form of
 //! it: `(JᵀJ + A + B + λ D) δ = −gradient / 2`, λ falling as long as E falls. The weights settle what the joints leave
 //! open (the twist of a straight arm, how the spine's twist is shared) without pulling what they do determine: at
@@ -59,7 +59,7 @@ pub struct Regularization<'a> {
 pub struct IkSolution {
     /// E at the end, cm².
     pub energy: f64,
-    /// Σ |f − y|² at the end, cm².
+    /// Σ w |f − y|² at the end, cm².
     pub misfit: f64,
     /// Steps tried.
     pub iterations: usize,
@@ -73,6 +73,8 @@ pub struct IkSolver<'a> {
     joints: &'a [usize],
     settings: IkSettings,
     limits: Vec<(f64, f64)>,
+    /// w: the weight of each coordinate of the targets.
+    weights: Vec<f64>,
     /// Whether each value is an angle.
     angle: Vec<bool>,
     /// The values that can move each joint, from the root on.
@@ -118,6 +120,7 @@ impl<'a> IkSolver<'a> {
             } else {
                 Vec::new()
             },
+            weights: vec![1.0; 3 * joints.len()],
             angle: all().map(|d| d.channel.is_angle()).collect(),
             affecting_dofs: affecting_dofs.collect(),
             dof_parents: dof_parents(skeleton),
@@ -134,6 +137,11 @@ impl<'a> IkSolver<'a> {
         }
     }
 
+    /// Sets the weight of each coordinate of the targets (3 a joint, 0 or more).
+    pub fn set_weights(&mut self, weights: &[f64]) {
+        self.weights.copy_from_slice(weights);
+    }
+
     /// Carries values into the limits, if they are to be kept.
     pub fn clamp(&self, q: &mut [f64]) {
         for (q, &(low, high)) in q.iter_mut().zip(&self.limits) {
@@ -146,14 +154,15 @@ impl<'a> IkSolver<'a> {
         if self.angle[i] { w } else { 0.01 * w }
     }
 
-    /// Σ |f − y|² over the targets that are there, for the values `q`.
+    /// Σ w |f − y|² over the targets that are there, for the values `q`.
     pub fn misfit(&mut self, q: &[f64], targets: &[f64]) -> f64 {
         self.skeleton.posture_into(q, &mut self.posture);
         let mut sum = 0.0;
-        for (&joint, y) in self.joints.iter().zip(targets.chunks_exact(3)) {
+        let weights = self.weights.chunks_exact(3);
+        for ((&joint, y), w) in self.joints.iter().zip(targets.chunks_exact(3)).zip(weights) {
             if y.iter().all(|v| v.is_finite()) {
                 let f = self.posture.ends[joint];
-                sum += (0..3).map(|c| (f[c] - y[c]).powi(2)).sum::<f64>();
+                sum += (0..3).map(|c| w[c] * (f[c] - y[c]).powi(2)).sum::<f64>();
             }
         }
         sum
@@ -295,6 +304,7 @@ impl<'a> IkSolver<'a> {
             if !residual.is_finite() {
                 continue;
             }
+            let weight = DVec3::from_slice(&self.weights[3 * t..]);
             self.columns.clear();
             for &i in &self.affecting_dofs[t] {
                 if let Some(a) = self.place[i] {
@@ -302,10 +312,11 @@ impl<'a> IkSolver<'a> {
                 }
             }
             for (m, &(a, v)) in self.columns.iter().enumerate() {
-                gradient[a] += v.dot(residual);
+                let weighted = weight * v;
+                gradient[a] += weighted.dot(residual);
                 let row = &mut normal[a * n..][..=a];
-                for &(b, w) in &self.columns[..=m] {
-                    row[b] += v.dot(w);
+                for &(b, other) in &self.columns[..=m] {
+                    row[b] += weighted.dot(other);
                 }
             }
         }

@@ -1,0 +1,121 @@
+//! Other poses that satisfy the same pins: near other representative poses of the model, the likeliest first.
+
+use super::pose_solver::{Constraints, Pose, PoseSolver, Reference};
+use crate::pose::similarity::{TransformKind, fit_similarity};
+use crate::pose::{Observation, Similarity};
+use crate::prior::Want;
+use glam::DVec3;
+
+/// Poses count as different when some joint is this far apart, cm.
+const APART: f64 = 5.0;
+/// How far joints may go from the representative pose that is tried, cm.
+const REST: f64 = 15.0;
+/// The noise under which the likelihood of a pose is compared, cm.
+const NOISE: f64 = 2.0;
+/// No more poses are found.
+const MOST: usize = 12;
+
+/// Another pose.
+#[derive(Debug, Clone)]
+pub struct OtherPose {
+    /// The pose.
+    pub pose: Pose,
+    /// Log density of its joints under the model, each to within 2 cm; nats. Only differences say something.
+    pub evidence: f64,
+}
+
+/// Poses with the pins of `asked`, at least 5 cm from `now` and from each other, the likeliest first. Where fewer than three joints
+/// are pinned, the others stand where the body stands now.
+pub fn other_poses(solver: &PoseSolver, asked: &Constraints, now: &Pose) -> Vec<OtherPose> {
+    let pinned: Vec<usize> = (0..solver.rig.joints())
+        .filter(|&k| asked.pins[k].iter().all(Option::is_some))
+        .collect();
+    let mut found: Vec<OtherPose> = Vec::new();
+    for typical in solver.prior.representative_poses().rows() {
+        let model = typical.to_vec();
+        let placement = laid_on(solver, &model, &pinned, now);
+        let start = solver.placed(&model, placement, &now.q);
+        let mut asked = asked.clone();
+        (asked.rest, asked.drags) = (REST, vec![None; solver.rig.joints()]);
+        let pose = solver.follow(
+            &asked,
+            &Reference::at(start.xyz.clone()),
+            &start,
+            f64::INFINITY,
+        );
+        let is_new = |other: &Pose| farthest(&other.xyz, &pose.xyz) >= APART;
+        let is_held = pose.missed.iter().all(|m| *m == 0.0);
+        if !is_held || !is_new(now) {
+            continue;
+        }
+        let evidence = evidence(solver, &pose);
+        // Of poses that are alike the likelier stays.
+        if found
+            .iter()
+            .any(|o| !is_new(&o.pose) && o.evidence >= evidence)
+        {
+            continue;
+        }
+        found.retain(|o| is_new(&o.pose));
+        found.push(OtherPose { pose, evidence });
+    }
+    found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    found.truncate(MOST);
+    found
+}
+
+/// The placement that lays a pose of the model on the pinned joints, or, where these are too few, on the present placement.
+fn laid_on(solver: &PoseSolver, model: &[f64], pinned: &[usize], now: &Pose) -> Similarity {
+    let pairs = pinned.iter().filter_map(|&k| {
+        let p = solver.rig.model_points[k]?;
+        Some((
+            DVec3::from_slice(&model[3 * p..]),
+            DVec3::from_slice(&now.xyz[3 * k..]),
+            1.0,
+        ))
+    });
+    let fit = fit_similarity(pairs.clone(), TransformKind::Rigid).filter(|f| f.determined);
+    if let Some(fit) = fit {
+        return fit.similarity;
+    }
+    // As the body is turned now, with the pinned joints in the middle of their pins.
+    let count = pairs.clone().count();
+    let apart = pairs.map(|(from, to, _)| to - now.placement.apply(from));
+    let shift = apart.sum::<DVec3>() / count.max(1) as f64;
+    Similarity {
+        shift: now.placement.shift + shift,
+        ..now.placement
+    }
+}
+
+/// The largest distance between the joints of two poses, cm.
+fn farthest(a: &[f64], b: &[f64]) -> f64 {
+    let joints = a.chunks_exact(3).zip(b.chunks_exact(3));
+    let apart = joints.map(|(a, b)| (DVec3::from_slice(a) - DVec3::from_slice(b)).length());
+    apart.fold(0.0, f64::max)
+}
+
+/// Log density of a pose's joints under the model.
+fn evidence(solver: &PoseSolver, pose: &Pose) -> f64 {
+    let world = solver.rig.to_model(&pose.xyz, solver.prior.points);
+    let mut values = vec![0.0; world.len()];
+    pose.placement.undo_pose(&world, &mut values);
+    let known = |v: &f64| {
+        if v.is_finite() {
+            NOISE * NOISE
+        } else {
+            f64::INFINITY
+        }
+    };
+    let variance: Vec<f64> = world.iter().map(known).collect();
+    let seen = Observation {
+        values: &values,
+        variance: &variance,
+    };
+    solver
+        .prior
+        .restorer()
+        .prior
+        .posterior(&seen, Want::Mean)
+        .log_evidence
+}

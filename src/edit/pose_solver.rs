@@ -1,0 +1,549 @@
+//! One pose from what is asked of it.
+//!
+//! Everything is a precision. With K joints, each is observed as y ~ N(x, r):
+//!
+//! | joint | y | r |
+//! |---|---|---|
+//! | pinned | its pin | 0 |
+//! | dragged | its target | sd², as asked |
+//! | other | where it was when the gesture began, `a` | rest² |
+//!
+//! So `rest` runs from the paper's free dragging (P is the identity; section 4.4) to its completion (P has the pins alone). The
+//! pose is found in three steps: the placement follows that of the pose before ([`PlacementSolver::follow`]); the prior's
+//! posterior of all joints; and P2 over the skeleton's own degrees of freedom, which keeps bone lengths:
+//!
+//! ```text
+//! min over q   Σ wₖ |fₖ(q) − mₖ|²,   m the target of a dragged joint, p + λ (a − p₀) of the others,
+//!                                     w = 1 / sd², 1 / (posterior variance + 3.5²)
+//! ```
+//!
+//! p is the posterior mean, and p₀ what it was with the drag's targets where their joints were. The prior draws a pose towards
+//! those it was trained on; with λ = exp(−d / L), d how far the drag has come, that happens little by little, and a pose that is
+//! touched does not start. L is 20 cm and the largest |a − p₀|.
+//!
+//! Where that is far from the pose before, it is approached in steps: no joint goes farther at once than three times as far as the
+//! hand. A pose that would flip turns instead, while it is solved for again ([`Pose::is_moving`]).
+//!
+//! A joint that is dragged outweighs the others fifty times at the usual sd of .5 cm: it is where the pointer is, whatever the
+//! prior says. Pins come last: the values nearest to that solution that hold them exactly.
+//!
+//! [`PlacementSolver::follow`]: crate::restore::placement::PlacementSolver::follow
+
+use super::rig::Rig;
+use super::rig_prior::RigPrior;
+use crate::pose::Similarity;
+use crate::pose::rotation::nearest_equivalent_angle;
+use crate::prior::EXACT_VARIANCE;
+use crate::restore::RestoredFrame;
+use crate::restore::ik::initial_pose::InitialPose;
+use crate::restore::ik::solver::{IkSettings, IkSolver, Regularization};
+use crate::restore::placement::PlacementSolution;
+use glam::DVec3;
+
+/// The range of `rest`, cm.
+pub const REST_RANGE: (f64, f64) = (0.5, 1000.0);
+/// The range of the standard deviation of a dragged joint, cm.
+pub const DRAG_RANGE: (f64, f64) = (0.01, 1000.0);
+
+/// Added to the standard deviation of what the prior says, cm, so that a dragged joint outweighs it.
+const PRIOR_SD: f64 = 3.5;
+/// The weight of a pin among the other targets, 1/cm², and where it is to be exact.
+const PIN_WEIGHT: f64 = 20.0;
+const EXACT_WEIGHT: f64 = 1e5;
+/// Holds what no target moves to the pose before, cm² a squared radian.
+const PREVIOUS_WEIGHT: f64 = 1e-3;
+/// A pin that is missed by more is out of reach, cm; a dragged joint, this and its standard deviation.
+const MISSED_PIN: f64 = 0.05;
+const MISSED_DRAG: f64 = 0.5;
+/// A joint this far below the floor is lifted, cm.
+const BELOW_FLOOR: f64 = 0.01;
+/// The standard deviation of a joint whose place is given, cm.
+const EXACT_SD: f64 = 0.05;
+/// How far a joint goes at once, as a multiple of the way of the hand; and where the hand rests, cm.
+const STEP_RATIO: f64 = 3.0;
+const SETTLING_STEP: f64 = 1.5;
+/// The shortest L, cm.
+const ONSET: f64 = 20.0;
+
+/// What is asked of a pose of K joints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constraints {
+    /// The coordinates at which each joint is pinned (K), cm.
+    pub pins: Vec<[Option<f64>; 3]>,
+    /// The target of each dragged joint (K) and its standard deviation, cm.
+    pub drags: Vec<Option<(DVec3, f64)>>,
+    /// The standard deviation of the other joints about where they were, cm.
+    pub rest: f64,
+    /// Joints that forget where they were (K): the prior alone says.
+    pub forgotten: Vec<bool>,
+    /// Whether no joint may go below y = 0; one that was below stays as high as it was.
+    pub floor: bool,
+    /// Whether the skeleton's limits are kept.
+    pub limits: bool,
+}
+
+impl Constraints {
+    /// Nothing is asked of `joints` joints: all are where they were, to within 10 cm.
+    pub fn none(joints: usize) -> Constraints {
+        Constraints {
+            pins: vec![[None; 3]; joints],
+            drags: vec![None; joints],
+            rest: 10.0,
+            forgotten: vec![false; joints],
+            floor: false,
+            limits: false,
+        }
+    }
+
+    /// The same joints dragged and pinned, at the places `xyz` (3 K, cm).
+    pub fn at_places(&self, xyz: &[f64]) -> Constraints {
+        let mut there = self.clone();
+        for (k, at) in xyz.chunks_exact(3).enumerate() {
+            there.drags[k] = self.drags[k].map(|(_, sd)| (DVec3::from_slice(at), sd));
+            there.pins[k] = std::array::from_fn(|c| self.pins[k][c].map(|_| at[c]));
+        }
+        there
+    }
+
+    /// How far the drags and pins went since `before`, the farthest of them, cm.
+    pub fn way_from(&self, before: &Constraints) -> f64 {
+        let way = |k: usize| {
+            let drag = self.drags[k].zip(before.drags[k]);
+            let drag = drag.map_or(0.0, |((to, _), (from, _))| (to - from).length());
+            let pins = self.pins[k].iter().zip(&before.pins[k]);
+            let pins = pins.filter_map(|(to, from)| Some((to.as_ref()? - from.as_ref()?).powi(2)));
+            drag.max(pins.sum::<f64>().sqrt())
+        };
+        (0..self.pins.len()).map(way).fold(0.0, f64::max)
+    }
+}
+
+/// A pose of a rig.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pose {
+    /// The values of the skeleton's degrees of freedom, radians and cm.
+    pub q: Vec<f64>,
+    /// The joints (3 K), cm.
+    pub xyz: Vec<f64>,
+    /// The standard deviation of a coordinate of each joint (K), cm; NaN for joints that the model does not know.
+    pub sd: Vec<f64>,
+    /// How far each pinned or dragged joint is from where it is asked to be (K), cm; 0 where it is there.
+    pub missed: Vec<f64>,
+    /// How much less likely the pose is than nearly all training poses, nats; NaN where the model cannot tell.
+    pub unlike: f64,
+    /// The transform from the model's space to the world.
+    pub placement: Similarity,
+    /// Whether the pose is still on its way to what is asked: solved for again, it comes nearer.
+    pub is_moving: bool,
+}
+
+/// Where a gesture began.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reference {
+    /// a: the joints (3 K), cm.
+    pub xyz: Vec<f64>,
+    /// a − p₀ (3 J, in the model's order), cm; empty: the prior draws the pose at once.
+    offset: Vec<f64>,
+}
+
+impl Reference {
+    /// A pose that the prior draws at once.
+    pub fn at(xyz: Vec<f64>) -> Reference {
+        let offset = Vec::new();
+        Reference { xyz, offset }
+    }
+}
+
+/// Finds poses of one rig.
+pub struct PoseSolver {
+    /// The skeleton and its joints.
+    pub rig: Rig,
+    /// The prior of its poses.
+    pub prior: RigPrior,
+}
+
+impl PoseSolver {
+    /// Where a gesture begins that drags some joints of the pose `before`.
+    pub fn reference(&self, asked: &Constraints, before: &Pose) -> Reference {
+        let (y, noise) = self.observation(&asked.at_places(&before.xyz), &before.xyz);
+        let start = PlacementSolution::from_placement(before.placement);
+        let restored = self.prior.restorer().follow(&y, &noise, &start);
+        let mean = restored.map(|(r, _)| r.mean).unwrap_or_default();
+        let apart = |(y, mean): (&f64, &f64)| if y.is_finite() { y - mean } else { 0.0 };
+        Reference {
+            offset: y.iter().zip(&mean).map(apart).collect(),
+            xyz: before.xyz.clone(),
+        }
+    }
+
+    /// The pose for `asked` in a gesture that began at `reference`, found from the pose `before`, since which the hand went `way` cm.
+    pub fn follow(
+        &self,
+        asked: &Constraints,
+        reference: &Reference,
+        before: &Pose,
+        way: f64,
+    ) -> Pose {
+        let (y, noise) = self.observation(asked, &reference.xyz);
+        let start = PlacementSolution::from_placement(before.placement);
+        let Some((mut restored, _)) = self.prior.restorer().follow(&y, &noise, &start) else {
+            return before.clone();
+        };
+        let share = onset(asked, reference);
+        let offsets = restored.mean.iter_mut().zip(&reference.offset);
+        offsets.for_each(|(mean, offset)| *mean += share * offset);
+        let wanted = self.fitted(asked, &reference.xyz, &restored, &[before.q.clone()]);
+        let most = if way > 0.0 {
+            STEP_RATIO * way
+        } else {
+            SETTLING_STEP
+        };
+        self.approached(asked, before, wanted, most)
+    }
+
+    /// The pose on the way from `before` to `wanted`, no joint of which is much farther than `most` cm from where it was, except
+    /// as drags and pins ask for it.
+    fn approached(&self, asked: &Constraints, before: &Pose, wanted: Pose, most: f64) -> Pose {
+        let step = largest_step(&before.xyz, &wanted.xyz);
+        if step <= most {
+            return wanted;
+        }
+        let angles = self.rig.skeleton.bones().iter().flat_map(|b| &b.dofs);
+        let angles = angles.map(|d| d.channel.is_angle());
+        let ways: Vec<f64> = (wanted.q.iter().zip(&before.q).zip(angles))
+            .map(|((to, from), is_angle)| match is_angle {
+                true => nearest_equivalent_angle(*to, *from) - from,
+                false => to - from,
+            })
+            .collect();
+        let mut share = most / step;
+        for _ in 0..3 {
+            let q: Vec<f64> = (before.q.iter().zip(&ways))
+                .map(|(q, way)| q + share * way)
+                .collect();
+            let on_the_way = RestoredFrame {
+                mean: self
+                    .rig
+                    .to_model(&self.rig.positions(&q), self.prior.points),
+                sd: vec![0.0; self.prior.points],
+                placement: wanted.placement,
+            };
+            let pose = self.fitted(asked, &before.xyz, &on_the_way, &[q]);
+            if largest_step(&before.xyz, &pose.xyz) <= 1.2 * most || share < 1e-2 {
+                return Pose {
+                    is_moving: true,
+                    sd: wanted.sd,
+                    ..pose
+                };
+            }
+            share /= 2.0;
+        }
+        wanted
+    }
+
+    /// The pose for `asked` from nothing: every placement is tried. `None` where the joints do not determine one.
+    pub fn restart(&self, asked: &Constraints, reference: &[f64], before: &Pose) -> Option<Pose> {
+        let (y, noise) = self.observation(asked, reference);
+        let restored = self.prior.restorer().restore(&y, &noise)?;
+        let mut start = before.q.clone();
+        let (targets, _) = self.soft_targets(asked, reference, &restored);
+        InitialPose::new(&self.rig.skeleton, &self.rig.bones).apply(&targets, &mut start);
+        let starts = [before.q.clone(), start];
+        Some(self.fitted(asked, reference, &restored, &starts))
+    }
+
+    /// The pose whose joints are nearest to `xyz` (3 K, cm); where that is NaN, the prior says. `None` where too little is there.
+    pub fn pose_at(&self, xyz: &[f64], before: &Pose) -> Option<Pose> {
+        let mut asked = Constraints::none(self.rig.joints());
+        for (k, at) in xyz.chunks_exact(3).enumerate() {
+            let at = DVec3::from_slice(at);
+            asked.forgotten[k] = true;
+            asked.drags[k] = at.is_finite().then_some((at, EXACT_SD));
+        }
+        let mut pose = self.restart(&asked, xyz, before)?;
+        pose.missed.fill(0.0);
+        Some(pose)
+    }
+
+    /// A pose of the model (3 J) at a placement, as the rig takes it, found from the values `start`.
+    pub fn placed(&self, model: &[f64], placement: Similarity, start: &[f64]) -> Pose {
+        let mut mean = vec![0.0; model.len()];
+        placement.apply_pose(model, &mut mean);
+        let exact = RestoredFrame {
+            sd: vec![0.0; self.prior.points],
+            mean,
+            placement,
+        };
+        self.posed(&Constraints::none(self.rig.joints()), &exact, start)
+    }
+
+    /// The rig in a restored pose, with what is asked of it, found from the values `start` or in closed form.
+    pub fn posed(&self, asked: &Constraints, restored: &RestoredFrame, start: &[f64]) -> Pose {
+        let reference = self.rig.positions(start);
+        let mut closed_form = start.to_vec();
+        let (targets, _) = self.soft_targets(asked, &reference, restored);
+        InitialPose::new(&self.rig.skeleton, &self.rig.bones).apply(&targets, &mut closed_form);
+        self.fitted(asked, &reference, restored, &[start.to_vec(), closed_form])
+    }
+
+    /// A pose carried elsewhere.
+    pub fn moved(&self, pose: &Pose, shift: DVec3) -> Pose {
+        let mut xyz = pose.xyz.clone();
+        xyz.chunks_exact_mut(3)
+            .for_each(|p| (0..3).for_each(|c| p[c] += shift[c]));
+        let there = RestoredFrame {
+            mean: self.rig.to_model(&xyz, self.prior.points),
+            sd: vec![0.0; self.prior.points],
+            placement: Similarity {
+                shift: pose.placement.shift + shift,
+                ..pose.placement
+            },
+        };
+        let asked = Constraints::none(self.rig.joints());
+        let moved = self.fitted(&asked, &xyz, &there, &[pose.q.clone()]);
+        Pose {
+            sd: pose.sd.clone(),
+            ..moved
+        }
+    }
+
+    /// The pose between two keys: joints near `xyz` (3 K, cm) to within `sd` (K, cm), values near `q`, the pins of `asked` held.
+    pub fn between(
+        &self,
+        asked: &Constraints,
+        xyz: &[f64],
+        sd: &[f64],
+        q: &[f64],
+        before: &Pose,
+    ) -> Pose {
+        let mut seen = asked.clone();
+        for (k, (at, sd)) in xyz.chunks_exact(3).zip(sd).enumerate() {
+            seen.drags[k] = Some((DVec3::from_slice(at), *sd));
+        }
+        let (y, noise) = self.observation(&seen, xyz);
+        let start = PlacementSolution::from_placement(before.placement);
+        let restored = match self.prior.restorer().follow(&y, &noise, &start) {
+            Some((restored, _)) => restored,
+            None => RestoredFrame {
+                mean: y,
+                sd: vec![0.0; self.prior.points],
+                placement: before.placement,
+            },
+        };
+        self.fitted(asked, xyz, &restored, &[q.to_vec()])
+    }
+
+    /// A pose carried into the skeleton's limits, with its pins held.
+    pub fn within_limits(&self, pose: &Pose, pins: &[[Option<f64>; 3]]) -> Pose {
+        let mut asked = Constraints::none(self.rig.joints());
+        asked.pins.copy_from_slice(pins);
+        asked.limits = true;
+        let restored = RestoredFrame {
+            mean: self.rig.to_model(&pose.xyz, self.prior.points),
+            sd: vec![0.0; self.prior.points],
+            placement: pose.placement,
+        };
+        let mut settled = self.fitted(&asked, &pose.xyz, &restored, &[pose.q.clone()]);
+        settled.sd.copy_from_slice(&pose.sd);
+        settled
+    }
+
+    /// What is asked for as an observation in the model's order: values and variances (3 J).
+    fn observation(&self, asked: &Constraints, reference: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let mut y = self.rig.to_model(reference, self.prior.points);
+        let mut noise = vec![f64::INFINITY; y.len()];
+        for (k, point) in self.rig.model_points.iter().enumerate() {
+            let Some(p) = *point else { continue };
+            let pin = asked.pins[k];
+            let mut variance = match asked.forgotten[k] {
+                true => f64::INFINITY,
+                false => asked.rest * asked.rest,
+            };
+            if let Some((target, sd)) = asked.drags[k] {
+                y[3 * p..3 * p + 3].copy_from_slice(&target.to_array());
+                variance = sd * sd;
+            }
+            for c in 0..3 {
+                y[3 * p + c] = pin[c].unwrap_or(y[3 * p + c]);
+            }
+            // The placement turns points: one variance for all three coordinates.
+            if pin.iter().all(Option::is_some) {
+                variance = EXACT_VARIANCE;
+            }
+            noise[3 * p..3 * p + 3].fill(variance);
+        }
+        (y, noise)
+    }
+
+    /// P2: the rig in the restored pose, with what is dragged and pinned where it is asked to be.
+    fn fitted(
+        &self,
+        asked: &Constraints,
+        reference: &[f64],
+        restored: &RestoredFrame,
+        starts: &[Vec<f64>],
+    ) -> Pose {
+        let (mut targets, mut weights) = self.soft_targets(asked, reference, restored);
+        let settings = IkSettings {
+            limits: asked.limits,
+            tolerance: 1e-6,
+            ..IkSettings::default()
+        };
+        let mut solver = IkSolver::new(&self.rig.skeleton, &self.rig.bones, settings);
+        let mut found = starts.iter().map(|start| {
+            let mut q = start.clone();
+            let energy = solve(&mut solver, &targets, &weights, &mut q);
+            (energy, q)
+        });
+        let first = found.next().unwrap_or_default();
+        let (_, mut q) = found.fold(first, |a, b| if b.0 < a.0 { b } else { a });
+        let mut xyz = self.rig.positions(&q);
+        for _ in 0..3 {
+            let holds = hold(asked, reference, &xyz, &mut targets, &mut weights);
+            if !holds {
+                break;
+            }
+            solve(&mut solver, &targets, &weights, &mut q);
+            xyz = self.rig.positions(&q);
+        }
+        let sd = (self.rig.model_points.iter())
+            .map(|p| p.map_or(f64::NAN, |p| restored.sd[p]))
+            .collect();
+        Pose {
+            missed: missed(asked, &xyz),
+            unlike: self.unlike(&xyz, &restored.placement),
+            placement: restored.placement,
+            is_moving: false,
+            q,
+            xyz,
+            sd,
+        }
+    }
+
+    /// Targets and weights (3 K) of P2 before the pins are made exact; a joint without a target is NaN.
+    fn soft_targets(
+        &self,
+        asked: &Constraints,
+        reference: &[f64],
+        restored: &RestoredFrame,
+    ) -> (Vec<f64>, Vec<f64>) {
+        let n = self.rig.joints();
+        let (mut targets, mut weights) = (vec![f64::NAN; 3 * n], vec![0.0; 3 * n]);
+        for k in 0..n {
+            let (mut target, mut weight) = ([f64::NAN; 3], [0.0; 3]);
+            if let Some(p) = self.rig.model_points[k] {
+                target.copy_from_slice(&restored.mean[3 * p..3 * p + 3]);
+                let sd = restored.sd[p];
+                weight = [1.0 / (sd * sd + PRIOR_SD * PRIOR_SD); 3];
+            }
+            if let Some((to, sd)) = asked.drags[k] {
+                (target, weight) = (to.to_array(), [1.0 / (sd * sd); 3]);
+            }
+            if asked.floor {
+                // Of NaN and the floor, NaN remains.
+                let floor = reference[3 * k + 1].min(0.0);
+                target[1] = if target[1] < floor { floor } else { target[1] };
+            }
+            for c in 0..3 {
+                if let Some(pin) = asked.pins[k][c] {
+                    (target[c], weight[c]) = (pin, PIN_WEIGHT);
+                }
+                // A coordinate that nothing is known of has no weight, but a number.
+                if target[c].is_nan() && asked.pins[k].iter().any(Option::is_some) {
+                    target[c] = 0.0;
+                }
+            }
+            targets[3 * k..3 * k + 3].copy_from_slice(&target);
+            weights[3 * k..3 * k + 3].copy_from_slice(&weight);
+        }
+        (targets, weights)
+    }
+
+    /// Novelty of a pose (3 K); NaN where the model cannot tell.
+    fn unlike(&self, xyz: &[f64], placement: &Similarity) -> f64 {
+        let pose = self.rig.to_model(xyz, self.prior.points);
+        match pose.iter().all(|v| v.is_finite()) {
+            true => self.prior.restorer().novelty(&pose, placement),
+            false => f64::NAN,
+        }
+    }
+}
+
+/// The farthest that a joint goes from one pose (3 K) to the other, cm.
+fn largest_step(from: &[f64], to: &[f64]) -> f64 {
+    let joints = from.chunks_exact(3).zip(to.chunks_exact(3));
+    let steps = joints.map(|(a, b)| (DVec3::from_slice(a) - DVec3::from_slice(b)).length());
+    steps.fold(0.0, f64::max)
+}
+
+/// λ: the share of the prior's first pull that is held back still.
+fn onset(asked: &Constraints, reference: &Reference) -> f64 {
+    let come = asked.way_from(&asked.at_places(&reference.xyz));
+    let pull = reference
+        .offset
+        .iter()
+        .fold(0.0, |z: f64, v| z.max(v.abs()));
+    (-come / (ONSET + pull)).exp()
+}
+
+/// Improves `q` for weighted targets; what is left of the misfit.
+fn solve(solver: &mut IkSolver<'_>, targets: &[f64], weights: &[f64], q: &mut [f64]) -> f64 {
+    let before = q.to_vec();
+    let regularization = Regularization {
+        previous: &before,
+        previous_weight: PREVIOUS_WEIGHT,
+        rest: &before,
+        rest_weight: 0.0,
+    };
+    solver.set_weights(weights);
+    let fixed = vec![false; q.len()];
+    solver.solve(targets, &fixed, &regularization, q).misfit
+}
+
+/// Makes the joints `xyz` the targets, and the pins and the floor exact. Whether there is anything to hold that is not yet held.
+fn hold(
+    asked: &Constraints,
+    reference: &[f64],
+    xyz: &[f64],
+    targets: &mut [f64],
+    weights: &mut [f64],
+) -> bool {
+    let mut holds = false;
+    for (c, &at) in xyz.iter().enumerate() {
+        let (k, axis) = (c / 3, c % 3);
+        let floor = reference[c].min(0.0);
+        let is_below = asked.floor && axis == 1 && at < floor - BELOW_FLOOR;
+        match asked.pins[k][axis].or(is_below.then_some(floor)) {
+            Some(to) => {
+                holds |= (at - to).abs() > 1e-6;
+                (targets[c], weights[c]) = (to, EXACT_WEIGHT);
+            }
+            // What was lifted to the floor stays there.
+            None if weights[c] == EXACT_WEIGHT => {}
+            None => targets[c] = at,
+        }
+    }
+    holds
+}
+
+/// How far each pinned or dragged joint is from where it is asked to be (K), cm.
+fn missed(asked: &Constraints, xyz: &[f64]) -> Vec<f64> {
+    let at = |k: usize| DVec3::from_slice(&xyz[3 * k..]);
+    let by_pin = |k: usize| {
+        let pins = asked.pins[k].iter().zip(at(k).to_array());
+        let squares = pins.filter_map(|(pin, at)| pin.map(|p| (p - at).powi(2)));
+        squares.sum::<f64>().sqrt()
+    };
+    let by_drag = |k: usize| {
+        let drag = asked.drags[k].filter(|_| asked.pins[k].iter().all(Option::is_none));
+        drag.map_or((0.0, f64::INFINITY), |(to, sd)| {
+            ((to - at(k)).length(), MISSED_DRAG + sd)
+        })
+    };
+    let one = |k: usize| match (by_pin(k), by_drag(k)) {
+        (pin, _) if pin > MISSED_PIN => pin,
+        (_, (drag, allowed)) if drag > allowed => drag,
+        _ => 0.0,
+    };
+    (0..asked.pins.len()).map(one).collect()
+}

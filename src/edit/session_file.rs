@@ -1,0 +1,173 @@
+//! A session as a JSON file that opens again to the same state.
+
+use super::keys::{Key, Keys};
+use super::pose_solver::Pose;
+use super::session::{Session, State};
+use crate::pose::Similarity;
+use crate::{Error, Result};
+use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// What the file says it is.
+const FORMAT: &str = "posing session 1";
+/// Values that put joints within this of where the file has them, cm, are of the same skeleton.
+const SAME: f64 = 1e-6;
+
+/// A session in a file.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SessionFile {
+    format: String,
+    /// The names of the joints, in the order of all arrays.
+    joints: Vec<String>,
+    pose: SavedPose,
+    pins: Vec<[Option<f64>; 3]>,
+    rest: f64,
+    floor: bool,
+    limits: bool,
+    rate: f64,
+    keys: Vec<SavedKey>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedKey {
+    time: f64,
+    pose: SavedPose,
+    pins: Vec<[Option<f64>; 3]>,
+}
+
+/// A pose; numbers that are not known are null.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedPose {
+    /// The values of the skeleton, radians and cm.
+    values: Vec<f64>,
+    /// The joints, cm.
+    xyz: Vec<f64>,
+    sd: Vec<Option<f64>>,
+    unlike: Option<f64>,
+    /// The rotation by rows and the shift (cm) of the placement.
+    placement: [f64; 12],
+}
+
+impl Session {
+    /// The session as a file; a gesture under way is in it as it is.
+    pub fn to_json(&self) -> String {
+        let state = self.state();
+        let file = SessionFile {
+            format: FORMAT.to_string(),
+            joints: self.rig().names.clone(),
+            pose: SavedPose::of(&state.pose),
+            pins: state.pins.clone(),
+            rest: state.rest,
+            floor: state.floor,
+            limits: state.limits,
+            rate: state.keys.rate(),
+            keys: (state.keys.iter())
+                .map(|key| SavedKey {
+                    time: key.time,
+                    pose: SavedPose::of(&key.pose),
+                    pins: key.pins.clone(),
+                })
+                .collect(),
+        };
+        serde_json::to_string(&file).unwrap_or_default()
+    }
+
+    /// Goes to the state of a file, as a step. Poses of another skeleton with the same joints are fitted with this one.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: no session, of other joints, or with numbers that cannot be. Nothing changes then.
+    pub fn open_json(&mut self, json: &[u8]) -> Result<()> {
+        let file: SessionFile = serde_json::from_slice(json)
+            .map_err(|e| Error::usage(format!("is no session of posing edit: {e}")))?;
+        if file.format != FORMAT {
+            let said: String = file.format.chars().take(40).collect();
+            let what = format!("is no session that this version reads: its format is \"{said}\"");
+            return Err(Error::usage(what));
+        }
+        if file.joints != self.rig().names {
+            return Err(Error::usage(
+                "the session is of a skeleton with other joints",
+            ));
+        }
+        let pose = self.opened(&file.pose, &file.pins)?;
+        let mut keys = Keys::default();
+        keys.set_rate(file.rate);
+        for key in &file.keys {
+            keys.set(Key {
+                time: key.time,
+                pose: self.opened(&key.pose, &key.pins)?,
+                pins: key.pins.clone(),
+            });
+        }
+        self.check_numbers(
+            &file.pins,
+            file.rest,
+            file.rate,
+            keys.iter().map(|k| k.time),
+        )?;
+        let state = State {
+            pose,
+            pins: file.pins,
+            rest: file.rest,
+            floor: file.floor,
+            limits: file.limits,
+            keys,
+        };
+        self.restore("the opened session", state);
+        Ok(())
+    }
+
+    fn opened(&self, saved: &SavedPose, pins: &[[Option<f64>; 3]]) -> Result<Pose> {
+        let joints = self.rig().joints();
+        let is_whole =
+            saved.xyz.len() == 3 * joints && saved.sd.len() == joints && pins.len() == joints;
+        if !is_whole {
+            return Err(Error::usage(
+                "the session has poses of another number of joints",
+            ));
+        }
+        let placed = saved.placement;
+        let pose = Pose {
+            q: saved.values.clone(),
+            xyz: saved.xyz.clone(),
+            sd: saved.sd.iter().map(|sd| sd.unwrap_or(f64::NAN)).collect(),
+            missed: vec![0.0; joints],
+            unlike: saved.unlike.unwrap_or(f64::NAN),
+            placement: Similarity {
+                rotation: DMat3::from_cols_slice(&placed[..9]).transpose(),
+                shift: DVec3::from_slice(&placed[9..]),
+                ..Similarity::IDENTITY
+            },
+            is_moving: false,
+        };
+        let is_own = pose.q.len() == self.rig().skeleton.dof_count() && {
+            let xyz = self.rig().positions(&pose.q);
+            xyz.iter()
+                .zip(&pose.xyz)
+                .all(|(a, b)| (a - b).abs() <= SAME)
+        };
+        if is_own {
+            return Ok(pose);
+        }
+        let fitted = self.solver().pose_at(&pose.xyz, &self.state().pose);
+        fitted.ok_or_else(|| Error::usage("the session has a pose that is none"))
+    }
+}
+
+impl SavedPose {
+    fn of(pose: &Pose) -> SavedPose {
+        let known = |v: f64| v.is_finite().then_some(v);
+        let rows = pose.placement.rotation.transpose().to_cols_array();
+        let shift = pose.placement.shift.to_array();
+        SavedPose {
+            values: pose.q.clone(),
+            xyz: pose.xyz.clone(),
+            sd: pose.sd.iter().map(|sd| known(*sd)).collect(),
+            unlike: known(pose.unlike),
+            placement: std::array::from_fn(|i| if i < 9 { rows[i] } else { shift[i - 9] }),
+        }
+    }
+}
