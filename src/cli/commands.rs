@@ -38,6 +38,11 @@ pub const COMMANDS: &[CommandEntry] = &[
     entry("dict-concat", "Join dictionaries into one", true),
     entry("denoise", "Remove noise and outliers from poses", true),
     entry("complete", "Fill gaps and missing points", false),
+    entry(
+        "edit",
+        "Pose a figure by hand: drag joints on a local page",
+        false,
+    ),
     entry("xyz2bvh", "Convert a pose table to a BVH file", true),
     entry("bvh2xyz", "Convert a BVH file to a pose table", false),
     entry("xyz2amc", "Convert a pose table to an AMC take", false),

@@ -12,6 +12,7 @@ pub mod cluster;
 pub mod code_table;
 pub mod commands;
 pub mod completions;
+pub mod edit_server;
 pub mod evaluate_metric;
 pub mod evaluate_takes;
 pub mod feature_table;

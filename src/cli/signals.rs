@@ -1,10 +1,15 @@
-//! Removal of unfinished output files when a signal ends the process.
+//! What happens when a signal ends the process.
 
 use crate::io::output::remove_unfinished_files;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
-use std::sync::Once;
+use std::sync::{Mutex, Once, PoisonError};
+
+type Stop = Box<dyn FnOnce() + Send>;
+
+/// What the next signal calls instead of ending the process.
+static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 
 /// Handles SIGINT and SIGTERM from now on: unfinished files are removed, then the process ends as by default.
 pub fn watch() {
@@ -15,12 +20,23 @@ pub fn watch() {
             return;
         };
         std::thread::spawn(move || {
-            if let Some(signal) = signals.forever().next() {
+            for signal in signals.forever() {
+                let stop = STOP.lock().unwrap_or_else(PoisonError::into_inner).take();
+                if let Some(stop) = stop {
+                    stop();
+                    continue;
+                }
                 remove_unfinished_files();
                 let _ = emulate_default_handler(signal);
             }
         });
     });
+}
+
+/// Lets the next SIGINT or SIGTERM call `stop`, after which the process ends by itself. One more ends it as [`watch`] does.
+pub fn on_stop(stop: impl FnOnce() + Send + 'static) {
+    *STOP.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(stop));
+    watch();
 }
 
 /// Whether the process was started with the signal ignored, as shells do for background jobs. Known on Linux only.
