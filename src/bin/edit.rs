@@ -2,13 +2,22 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::CommonArgs;
-use posing::cli::edit_server::{Answer, Page, Refusal, Reply, Request, browser, serve};
-use posing::cli::input::check_single_stdin;
-use posing::cli::run;
+use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
+use posing::cli::edit::{EditSource, Editor};
+use posing::cli::edit_figure::Figure;
+use posing::cli::edit_page;
+use posing::cli::edit_server::{Page, browser, serve};
+use posing::cli::input::{check_single_stdin, open, open_model, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::units::{Units, Up};
-use std::path::PathBuf;
+use posing::cli::{messages, run, toml_file};
+use posing::edit::typical_poses;
+use posing::io::{Model, SkeletonFile, Table};
+use posing::pose::BonePoints;
+use posing::pose::bone_points::bone_ends_of_starts;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Pose a figure by hand: drag joints on a local page
@@ -61,32 +70,58 @@ fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let files = [&args.poses, &args.model, &args.skeleton, &args.map];
     check_single_stdin(files.into_iter().flatten())?;
-    let _ = (&args.session, args.units, args.up);
+    let model = match &args.model {
+        Some(path) => (open_model(path)?, path.display().to_string()),
+        None => (Model::builtin()?, "the built-in model".to_string()),
+    };
+    let table = args.poses.as_deref().map(|path| table(args, path)).transpose()?;
+    let source = EditSource {
+        figure: figure(args, &model.0, table.as_ref())?,
+        session: args.session.clone(),
+        model,
+        table,
+    };
     let page = Page {
-        html: "<!doctype html><title>posing edit</title>".into(),
-        policy: "default-src 'none'; connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'".into(),
+        html: edit_page::page(),
+        policy: edit_page::policy(),
     };
     // Removed when the server has ended.
     let mut redirecting = None;
-    serve(
-        args.port,
-        page,
-        || Ok(Empty),
-        |address| {
-            write_bytes(None, format!("{address}\n").as_bytes(), false)?;
-            if !args.no_open {
-                redirecting = browser::open(address);
-            }
-            Ok(())
-        },
-    )
+    let answerer = move || Editor::open(source);
+    serve(args.port, page, answerer, |address| {
+        write_bytes(None, format!("{address}\n").as_bytes(), false)?;
+        if !args.no_open {
+            redirecting = browser::open(address);
+        }
+        Ok(())
+    })
 }
 
-/// Answers `{}` to everything.
-struct Empty;
-
-impl Answer for Empty {
-    fn answer(&mut self, _: &Request) -> std::result::Result<Reply, Refusal> {
-        Ok(Reply::json(b"{}".to_vec()))
+/// The table whose rows are edited; its points are the ends of bones.
+fn table(args: &Args, path: &Path) -> Result<Table> {
+    let input = InputArgs::plain(vec![path.to_path_buf()], None, &None);
+    let mut table = read_table(&input, false, false)?;
+    let points = BonePoints::of(&table.poses.points, table.poses.xyz.view());
+    check_body_size(&table.poses, points, &table.name, IN_CENTIMETRES)?;
+    if points == BonePoints::Starts && args.skeleton.is_none() {
+        table.poses.points = bone_ends_of_starts(&table.poses.points);
     }
+    Ok(table)
+}
+
+/// The skeleton given, or one measured from the table, or from the model.
+fn figure(args: &Args, model: &Model, table: Option<&Table>) -> Result<Figure> {
+    let (unit, turn) = (args.units.centimetres(), args.up.rotation());
+    let figure = match (&args.skeleton, table) {
+        (Some(path), _) => {
+            let (file, notes) = SkeletonFile::read(open(path)?, unit, turn)?;
+            notes.iter().for_each(|note| messages::info(note));
+            let map = args.map.as_deref().map(toml_file::read).transpose()?;
+            let map = map.map_or_else(BTreeMap::new, |(map, _)| map);
+            Figure::of_file(&path.display().to_string(), file, map)
+        }
+        (None, Some(table)) => Figure::measured(&table.name, &table.poses)?,
+        (None, None) => Figure::measured("the model's own figure", &typical_poses(model)?)?,
+    };
+    Ok(figure.with_units(unit, turn))
 }

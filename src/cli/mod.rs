@@ -12,6 +12,8 @@ pub mod cluster;
 pub mod code_table;
 pub mod commands;
 pub mod completions;
+pub mod edit;
+pub mod edit_figure;
 pub mod edit_server;
 pub mod evaluate_metric;
 pub mod evaluate_takes;

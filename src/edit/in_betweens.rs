@@ -45,6 +45,24 @@ pub struct Motion {
     pub sd: Array2<f64>,
 }
 
+impl Motion {
+    /// A motion of one pose at time 0; `sd` (K) is that of its joints.
+    pub fn of_one(pose: &Pose, sd: Vec<f64>, rate: f64) -> Motion {
+        let row = |values: &[f64]| {
+            ndarray::aview1(values)
+                .insert_axis(ndarray::Axis(0))
+                .to_owned()
+        };
+        Motion {
+            rate,
+            first: 0.0,
+            values: row(&pose.q),
+            xyz: row(&pose.xyz),
+            sd: row(&sd),
+        }
+    }
+}
+
 /// The frames from the first key to the last, at `rate` frames a second; the keys' times are whole numbers of frames.
 ///
 /// # Errors

@@ -15,5 +15,5 @@ mod start_poses;
 
 pub use rig::Rig;
 pub use rig_prior::RigPrior;
-pub use session::{Drags, Pins, Session};
+pub use session::{Drags, Pins, Session, rows_of_table, typical_poses};
 pub use start_poses::StartPose;

@@ -1,10 +1,13 @@
 //! The messages between a session and the page that shows it: JSON, lengths in cm, joints by name.
 
 use super::keys::Key;
+use super::other_poses::OtherPose;
+use super::photograph::Marks;
 use super::pose_solver::Pose;
 use super::session::{DRAG_SD, Drags, Pins, Session};
 use crate::{Error, Result};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
+use ndarray::ArrayView1;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
@@ -75,6 +78,16 @@ pub enum Action {
     Start {
         /// Its index.
         start: usize,
+    },
+    /// Takes a row of the table that was given.
+    Row {
+        /// Its index.
+        row: usize,
+    },
+    /// Takes one of the poses that were found last.
+    Take {
+        /// Its index.
+        solution: usize,
     },
     /// Exchanges left and right, or copies one side to the other.
     Mirror {
@@ -164,6 +177,8 @@ impl Session {
                 let pose = start.pose.clone();
                 self.take("the start pose", pose);
             }
+            Action::Row { row } => self.take_row(*row)?,
+            Action::Take { solution } => self.take_other(*solution)?,
             Action::Mirror { side } => match side {
                 Side::Both => self.mirror(),
                 Side::Left => self.copy_side("l"),
@@ -269,6 +284,7 @@ impl Session {
             "floor": state.floor,
             "undo": self.history().undo_step(),
             "redo": self.history().redo_step(),
+            "rows": self.rows().nrows(),
             "rate": state.keys.rate(),
             "keys": state.keys.iter().map(key).collect::<Value>(),
             "key": state.keys.find(&state.pose, &state.pins),
@@ -283,6 +299,96 @@ impl Session {
         let start =
             |s: &super::StartPose| json!({ "name": s.name, "pose": self.places_json(&s.pose.xyz) });
         self.starts().iter().map(start).collect()
+    }
+}
+
+/// Marks on a photograph, in pixels from its upper left corner, y down.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PhotographRequest {
+    /// Where joints are.
+    pub marks: BTreeMap<String, [f64; 2]>,
+    /// Width and height of the picture.
+    pub size: [f64; 2],
+    /// The focal length, mm on a picture 36 mm long; weak perspective if absent.
+    #[serde(default)]
+    pub focal: Option<f64>,
+    /// Joints below which the limb is bent the other way in depth.
+    #[serde(default)]
+    pub flips: Vec<String>,
+}
+
+impl Session {
+    /// Poses the figure by a photograph; the answer is a pose with `picture`, where each joint falls, and `next`, the joint to mark
+    /// next.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: a joint that there is not, numbers that cannot be, or too few marks.
+    pub fn photograph_request(&mut self, request: &PhotographRequest) -> Result<Value> {
+        let [width, height] = request.size;
+        let is_size = |v: f64| (1.0..=1e5).contains(&v);
+        if !is_size(width) || !is_size(height) {
+            return Err(Error::usage(
+                "the size of the picture is not 1 to 100000 pixels",
+            ));
+        }
+        if request
+            .focal
+            .is_some_and(|mm| !(5.0..=1000.0).contains(&mm))
+        {
+            return Err(Error::usage("the focal length is not 5 to 1000 mm"));
+        }
+        let mut marks = Marks {
+            focal: request.focal.map(|mm| mm / 36.0 * width.max(height)),
+            ..Marks::default()
+        };
+        for (name, at) in &request.marks {
+            if !at.iter().all(|v| v.abs() <= 2e5) {
+                return Err(Error::usage(format!(
+                    "{name}: the mark is not in the picture"
+                )));
+            }
+            let from_middle = DVec2::new(at[0] - width / 2.0, height / 2.0 - at[1]);
+            marks.at.insert(self.named(name)?, from_middle);
+        }
+        let flips: Result<Vec<usize>> = request.flips.iter().map(|n| self.named(n)).collect();
+        marks.flips = flips?;
+        let fit = self.photograph(&marks)?;
+        let picture = self.rig().names.iter().zip(fit.pose.xyz.chunks_exact(3));
+        let picture = picture.map(|(name, at)| {
+            let at = fit.camera.project(DVec3::from_slice(at));
+            (
+                name.clone(),
+                json!([rounded(width / 2.0 + at.x), rounded(height / 2.0 - at.y)]),
+            )
+        });
+        let mut answer = object(self.pose_json(&fit.pose));
+        answer.insert("picture".into(), picture.collect());
+        answer.insert("next".into(), json!(fit.next.map(|k| &self.rig().names[k])));
+        Ok(Value::Object(answer))
+    }
+
+    /// Finds other poses with the present pins, as the page has them.
+    pub fn others_json(&mut self) -> Value {
+        self.find_others();
+        let other = |other: &OtherPose| {
+            let mut pose = object(self.pose_json(&other.pose));
+            pose.insert("evidence".into(), json!(rounded(other.evidence)));
+            Value::Object(pose)
+        };
+        let others: Value = self.others().iter().map(other).collect();
+        json!({ "solutions": others })
+    }
+
+    /// The motion through the keys, as the page has it.
+    ///
+    /// # Errors
+    /// As [`Session::motion`].
+    pub fn motion_json(&self) -> Result<Value> {
+        let motion = self.motion()?;
+        let frame = |row: ArrayView1<'_, f64>| row.iter().map(|v| rounded(*v)).collect::<Vec<_>>();
+        let frames: Vec<Vec<f64>> = motion.xyz.rows().into_iter().map(frame).collect();
+        Ok(json!({ "rate": motion.rate, "first": motion.first, "frames": frames }))
     }
 }
 

@@ -4,12 +4,14 @@ use super::history::History;
 use super::in_betweens::{Motion, in_betweens};
 use super::keys::{Key, Keys};
 use super::other_poses::{OtherPose, other_poses};
+use super::photograph::{Marks, PhotographFit, fit_photograph};
 use super::pose_solver::{Constraints, DRAG_RANGE, Pose, PoseSolver, REST_RANGE, Reference};
 use super::rig::Rig;
 use super::rig_prior::RigPrior;
 use super::start_poses::{self, StartPose};
 use crate::io::Model;
 use crate::pose::Poses;
+use crate::prior::{self, OpenOptions};
 use crate::restore::ik::estimate_skeleton;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -49,14 +51,21 @@ pub type Drags = BTreeMap<usize, (DVec3, f64)>;
 /// The joints that are pinned, and at which coordinates, cm.
 pub type Pins = BTreeMap<usize, [Option<f64>; 3]>;
 
-/// A drag from its first solve to its release.
+/// A drag from its first solve to its release, or the marking of a photograph.
 struct Gesture {
     before: State,
+    is_photograph: bool,
     dragged: Vec<usize>,
     pinned: Vec<usize>,
     reference: Reference,
     /// What the last solve asked for.
     asked: Constraints,
+}
+
+impl Gesture {
+    fn goes_on_with(&self, dragged: &[usize], pinned: &[usize]) -> bool {
+        self.dragged == dragged && self.pinned == pinned && !self.is_photograph
+    }
 }
 
 /// Edits one pose of one rig under a model.
@@ -85,6 +94,8 @@ pub struct Session {
     gesture: Option<Gesture>,
     history: History<State>,
     starts: Vec<StartPose>,
+    others: Vec<OtherPose>,
+    rows: Array2<f64>,
     revision: u64,
 }
 
@@ -95,13 +106,7 @@ impl Session {
     /// [`Error::Data`] if the model cannot be opened, [`Error::Usage`] if no skeleton is known for its points.
     pub fn of_model(model: &Model) -> Result<Session> {
         let points = &model.meta.points;
-        let prior = crate::prior::open(model, &Default::default(), "the model")?;
-        let typical = Poses {
-            points: points.clone(),
-            xyz: prior.representative_poses().to_owned(),
-            ..Poses::default()
-        };
-        let rig = Rig::new(estimate_skeleton(&typical)?, points)?;
+        let rig = Rig::new(estimate_skeleton(&typical_poses(model)?)?, points)?;
         Session::new(model, "the model", rig)
     }
 
@@ -128,6 +133,8 @@ impl Session {
             gesture: None,
             history: History::default(),
             starts,
+            others: Vec::new(),
+            rows: Array2::zeros((0, 3 * joints)),
             revision: 0,
         })
     }
@@ -200,7 +207,7 @@ impl Session {
         let dragged: Vec<usize> = drags.keys().copied().collect();
         let pinned: Vec<usize> = pins.keys().copied().collect();
         let goes_on = (self.gesture.as_ref())
-            .is_some_and(|g| g.dragged == dragged && g.pinned == pinned && self.now.rest == rest);
+            .is_some_and(|g| g.goes_on_with(&dragged, &pinned) && self.now.rest == rest);
         let mut gesture = match self.gesture.take() {
             Some(gesture) if goes_on => gesture,
             other => {
@@ -222,7 +229,8 @@ impl Session {
     /// gesture before began, so that a slider can be moved to and fro.
     fn begin(&mut self, drags: &Drags, pins: &Pins, rest: f64) -> Gesture {
         let is_slider = drags.is_empty() && self.now.rest != rest;
-        if let Some(gesture) = self.gesture.take_if(|g| is_slider && g.dragged.is_empty()) {
+        let is_slider_too = |g: &mut Gesture| g.dragged.is_empty() && !g.is_photograph;
+        if let Some(gesture) = self.gesture.take_if(|g| is_slider && is_slider_too(g)) {
             return gesture;
         }
         self.release();
@@ -230,6 +238,7 @@ impl Session {
         let moves = !drags.is_empty() || asked.pins != self.now.pins;
         Gesture {
             before: self.now.clone(),
+            is_photograph: false,
             dragged: drags.keys().copied().collect(),
             pinned: pins.keys().copied().collect(),
             asked: asked.at_places(&self.now.pose.xyz),
@@ -298,9 +307,10 @@ impl Session {
             let names: Vec<&str> = (gesture.dragged.iter())
                 .map(|&k| self.solver.rig.names[k].as_str())
                 .collect();
-            let step = match names.is_empty() {
-                true => "the change".to_string(),
-                false => format!("the drag of {}", names.join(" and ")),
+            let step = match names[..] {
+                _ if gesture.is_photograph => "the photograph".to_string(),
+                [] => "the change".to_string(),
+                _ => format!("the drag of {}", names.join(" and ")),
             };
             self.history.record(step, gesture.before);
             self.revision += 1;
@@ -575,15 +585,108 @@ impl Session {
         in_betweens(&self.solver, keys, keys.rate(), self.now.floor)
     }
 
-    /// Other poses with the present pins; see [`other_poses`].
-    pub fn other_poses(&self) -> Vec<OtherPose> {
-        let asked = self.asked(&Drags::new(), &self.pins(), self.now.rest);
-        other_poses(&self.solver, &asked, &self.now.pose)
+    /// The present pose as a motion of one frame; joints that are pinned have no standard deviation.
+    pub fn still(&self, rate: f64) -> Motion {
+        let (pose, pins) = (&self.now.pose, &self.now.pins);
+        let sd = pose.sd.iter().zip(pins);
+        let sd = sd.map(|(sd, pin)| {
+            if pin.iter().all(Option::is_some) {
+                0.0
+            } else {
+                *sd
+            }
+        });
+        Motion::of_one(pose, sd.collect(), rate)
     }
 
-    /// Takes one of the [other poses](Session::other_poses), with the pins as they are.
-    pub fn take_other(&mut self, other: &OtherPose) {
-        self.change("the other pose", |now, _| now.pose = other.pose.clone());
+    /// Finds other poses with the present pins; see [`other_poses`].
+    pub fn find_others(&mut self) -> &[OtherPose] {
+        self.release();
+        let asked = self.asked(&Drags::new(), &self.pins(), self.now.rest);
+        self.others = other_poses(&self.solver, &asked, &self.now.pose);
+        &self.others
+    }
+
+    /// What [`Session::find_others`] found last.
+    pub fn others(&self) -> &[OtherPose] {
+        &self.others
+    }
+
+    /// Takes the pose of one that [`Session::find_others`] found last, with the pins as they are.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there is none.
+    pub fn take_other(&mut self, index: usize) -> Result<()> {
+        let Some(other) = self.others.get(index) else {
+            return Err(Error::usage(format!("there is no solution {index}")));
+        };
+        let pose = other.pose.clone();
+        self.change("the other pose", |now, _| now.pose = pose);
+        Ok(())
+    }
+
+    /// Poses the figure by the marks of a photograph, without pins; released, it is one step, whatever was marked on the way.
+    ///
+    /// # Errors
+    /// As [`fit_photograph`].
+    pub fn photograph(&mut self, marks: &Marks) -> Result<PhotographFit> {
+        let fit = fit_photograph(&self.solver, marks, &self.now.pose)?;
+        if self.gesture.as_ref().is_none_or(|g| !g.is_photograph) {
+            self.release();
+            let none = Constraints::none(self.rig().joints());
+            self.gesture = Some(Gesture {
+                before: self.now.clone(),
+                is_photograph: true,
+                dragged: Vec::new(),
+                pinned: Vec::new(),
+                reference: Reference::at(self.now.pose.xyz.clone()),
+                asked: none,
+            });
+        }
+        self.now.pose = fit.pose.clone();
+        self.now.pins.fill([None; 3]);
+        self.revision += 1;
+        Ok(fit)
+    }
+
+    /// The rows of a table that can be edited: (frames, 3 K), cm, NaN where the table says nothing.
+    pub fn rows(&self) -> &Array2<f64> {
+        &self.rows
+    }
+
+    /// Sets the rows of a table that can be edited, and takes the first that places a pose, where it is; the floor is off, as nothing
+    /// is known of it.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: other than three columns a joint, or no row places a pose.
+    pub fn edit_rows(&mut self, rows: Array2<f64>) -> Result<()> {
+        if rows.ncols() != 3 * self.rig().joints() {
+            return Err(Error::usage("rows need three numbers a joint"));
+        }
+        let placed = rows
+            .rows()
+            .into_iter()
+            .find_map(|row| self.solver.pose_at(&row.to_vec(), &self.now.pose));
+        let Some(pose) = placed else {
+            return Err(Error::usage(
+                "no row has three joints of the model, not all on a line",
+            ));
+        };
+        (self.now.pose, self.now.floor, self.rows) = (pose, false, rows);
+        self.revision += 1;
+        Ok(())
+    }
+
+    /// Takes the pose of a row; joints that the row does not have are placed by the model.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there is no such row, or it places no pose.
+    pub fn take_row(&mut self, row: usize) -> Result<()> {
+        if row >= self.rows.nrows() {
+            return Err(Error::usage(format!("there is no row {row}")));
+        }
+        let xyz = self.rows.row(row).to_vec();
+        self.take_places("the row of the table", &xyz)
     }
 
     /// Checks the numbers of a state that did not come from this session.
@@ -629,6 +732,19 @@ fn check_time(time: f64) -> Result<()> {
             "the time is {time}; expected 0 to {LATEST} seconds"
         ))),
     }
+}
+
+/// A few of the model's training poses, far apart, in the model's space.
+///
+/// # Errors
+/// As [`prior::open`].
+pub fn typical_poses(model: &Model) -> Result<Poses> {
+    let prior = prior::open(model, &OpenOptions::default(), "the model")?;
+    Ok(Poses {
+        points: model.meta.points.clone(),
+        xyz: prior.representative_poses().to_owned(),
+        ..Poses::default()
+    })
 }
 
 /// Rows of a table as poses of a rig (frames, 3 K): the columns of the joints' names; NaN where the table has none.

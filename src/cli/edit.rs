@@ -1,0 +1,189 @@
+//! What answers the requests of the page of `edit`: a session, and the files that it becomes.
+
+use super::edit_figure::Figure;
+use super::edit_server::{Answer, Refusal, Reply, Request, Route};
+use crate::edit::Session;
+use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
+use crate::io::output::write_file;
+use crate::io::{Model, Table};
+use crate::{Error, Place, Result};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Frames a second of a single pose whose table has no rate.
+const RATE: f64 = 30.0;
+
+/// What is edited.
+pub struct EditSource {
+    /// The model, and its name in messages.
+    pub model: (Model, String),
+    /// The figure.
+    pub figure: Figure,
+    /// A table whose rows can be edited, with the names of the figure's joints.
+    pub table: Option<Table>,
+    /// Where the session is kept.
+    pub session: Option<PathBuf>,
+}
+
+/// A session that answers requests.
+pub struct Editor {
+    session: Session,
+    figure: Figure,
+    /// What is edited, in words.
+    name: String,
+    rate: f64,
+    file: Option<PathBuf>,
+    /// The revision that the file holds.
+    saved: u64,
+}
+
+/// The body of a request to export.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ExportRequest {
+    format: String,
+    #[serde(default)]
+    keys: bool,
+}
+
+impl Editor {
+    /// Opens a session; one that the file keeps goes on.
+    ///
+    /// # Errors
+    /// The model cannot be opened, does not know the figure, the table has no pose, or the file no session.
+    pub fn open(source: EditSource) -> Result<Editor> {
+        let EditSource {
+            model: (model, model_name),
+            figure,
+            table,
+            session: file,
+        } = source;
+        let rig = figure.rig(&model.meta.points)?;
+        let mut session = Session::new(&model, &model_name, rig)?;
+        let mut rate = RATE;
+        let mut name = figure.name.clone();
+        if let Some(table) = &table {
+            let rows = crate::edit::rows_of_table(session.rig(), &table.poses);
+            session
+                .edit_rows(rows)
+                .map_err(|e| Error::data(Place::file(&table.name), e.to_string()))?;
+            rate = table.poses.rate().unwrap_or(rate);
+            name = table.name.clone();
+        }
+        if let Some(path) = file.as_ref().filter(|p| p.exists()) {
+            let json = std::fs::read(path).map_err(|e| Error::io(path.display().to_string(), e))?;
+            let at = |e: Error| Error::data(Place::file(path.display().to_string()), e.to_string());
+            session.open_json(&json).map_err(at)?;
+        }
+        Ok(Editor {
+            saved: session.revision(),
+            session,
+            figure,
+            name,
+            rate,
+            file,
+        })
+    }
+
+    fn state(&self, with_starts: bool) -> Value {
+        let mut state = self.session.state_json();
+        state.insert("name".into(), json!(self.name));
+        state.insert("formats".into(), json!(self.figure.formats()));
+        let file = self.file.as_ref().and_then(|p| p.file_name());
+        state.insert("session".into(), json!(file.map(|f| f.to_string_lossy())));
+        if with_starts {
+            state.insert("starts".into(), self.session.starts_json());
+        }
+        Value::Object(state)
+    }
+
+    fn answered(&mut self, request: &Request) -> Result<Reply> {
+        let session = &mut self.session;
+        Ok(json_reply(&match request.route {
+            Route::State => self.state(true),
+            Route::Solve => {
+                session.solve_request(&parsed::<SolveRequest>(&request.body)?)?;
+                session.pose_json(&session.state().pose)
+            }
+            Route::Act => {
+                session.act(&parsed::<Action>(&request.body)?)?;
+                self.save()?;
+                self.state(false)
+            }
+            Route::Solutions => session.others_json(),
+            Route::Photograph => {
+                session.photograph_request(&parsed::<PhotographRequest>(&request.body)?)?
+            }
+            Route::Between => session.motion_json()?,
+            Route::Open => {
+                session.open_json(&request.body)?;
+                self.save()?;
+                self.state(false)
+            }
+            Route::Export => {
+                let ExportRequest { format, keys } = parsed(&request.body)?;
+                return self.exported(&format, keys);
+            }
+        }))
+    }
+
+    fn exported(&self, format: &str, keys: bool) -> Result<Reply> {
+        let motion = match keys {
+            true => self.session.motion()?,
+            false => self.session.still(self.rate),
+        };
+        let (content_type, body) = match format {
+            "json" => ("application/json", self.session.to_json().into_bytes()),
+            _ => (
+                "text/plain; charset=utf-8",
+                self.figure.export(&self.session, &motion, format)?,
+            ),
+        };
+        Ok(Reply { content_type, body })
+    }
+
+    /// Keeps the session in its file, if it has changed since.
+    fn save(&mut self) -> Result<()> {
+        if let Some(path) = self
+            .file
+            .as_ref()
+            .filter(|_| self.saved != self.session.revision())
+        {
+            write_file(path, self.session.to_json().as_bytes())?;
+            self.saved = self.session.revision();
+        }
+        Ok(())
+    }
+}
+
+impl Answer for Editor {
+    fn answer(&mut self, request: &Request) -> std::result::Result<Reply, Refusal> {
+        self.answered(request)
+            .map_err(|e| Refusal::new(status(&e), e.to_string()))
+    }
+
+    fn finish(mut self) -> Result<()> {
+        self.session.release();
+        self.save()
+    }
+}
+
+/// 400 for what the request says, 500 for what is not its fault.
+fn status(error: &Error) -> u16 {
+    match error {
+        Error::Usage(_) => 400,
+        _ => 500,
+    }
+}
+
+fn parsed<T: DeserializeOwned>(body: &[u8]) -> Result<T> {
+    let body = if body.is_empty() { b"{}" } else { body };
+    serde_json::from_slice(body)
+        .map_err(|e| Error::usage(format!("the request cannot be read: {e}")))
+}
+
+fn json_reply(value: &Value) -> Reply {
+    Reply::json(value.to_string().into_bytes())
+}

@@ -1,0 +1,188 @@
+//! The figure that `edit` poses: the skeleton given, or one measured, and the motion files that it can become.
+
+use crate::edit::in_betweens::Motion;
+use crate::edit::{Rig, Session};
+use crate::io::bvh::{BvhPoints, BvhTemplate};
+use crate::io::csv::{AddedColumn, After, CsvFormat};
+use crate::io::text::push_f64;
+use crate::io::{Amc, Asf, Bvh, Columns, Row, SkeletonFile};
+use crate::pose::rotation::Axis;
+use crate::pose::{Poses, Skeleton, Status};
+use crate::restore::ik::estimate_skeleton;
+use crate::{Error, Result};
+use glam::DMat3;
+use std::collections::BTreeMap;
+
+/// A figure and how its files are written.
+pub struct Figure {
+    /// What it is, in words.
+    pub name: String,
+    kind: FigureKind,
+    /// The joint that is each point of the model.
+    map: BTreeMap<String, String>,
+    /// Centimetres in the unit of BVH files, and the turn from our axes (y up) to theirs.
+    unit: f64,
+    turn: DMat3,
+}
+
+enum FigureKind {
+    Measured(Skeleton),
+    Asf(Asf),
+    Bvh(Box<BvhTemplate>),
+}
+
+impl Figure {
+    /// The figure whose bones have the lengths of `poses`.
+    ///
+    /// # Errors
+    /// As [`estimate_skeleton`].
+    pub fn measured(name: &str, poses: &Poses) -> Result<Figure> {
+        Ok(Figure {
+            name: name.to_string(),
+            kind: FigureKind::Measured(estimate_skeleton(poses)?),
+            map: BTreeMap::new(),
+            unit: 1.0,
+            turn: DMat3::IDENTITY,
+        })
+    }
+
+    /// The figure of a skeleton file; `map` names the joint that is each point of the model.
+    pub fn of_file(name: &str, file: SkeletonFile, map: BTreeMap<String, String>) -> Figure {
+        Figure {
+            name: name.to_string(),
+            kind: match file {
+                SkeletonFile::Asf(asf) => FigureKind::Asf(asf),
+                SkeletonFile::Bvh(template) => FigureKind::Bvh(template),
+            },
+            map,
+            unit: 1.0,
+            turn: DMat3::IDENTITY,
+        }
+    }
+
+    /// Writes BVH files with this unit (cm) and turn from our axes to theirs; those of a BVH skeleton are its own.
+    pub fn with_units(mut self, unit: f64, turn: DMat3) -> Figure {
+        (self.unit, self.turn) = (unit, turn);
+        self
+    }
+
+    /// The rig: all bones of a skeleton, or the joints and End Sites of a BVH file; where that has the model's own names, which are
+    /// those of bone ends, the ends of its bones.
+    ///
+    /// # Errors
+    /// As [`Rig::with_joints`].
+    pub fn rig(&self, model_points: &[String]) -> Result<Rig> {
+        match &self.kind {
+            FigureKind::Measured(skeleton) | FigureKind::Asf(Asf { skeleton, .. }) => {
+                let bones = skeleton.bones().iter().enumerate();
+                let joints: Vec<_> = bones.map(|(i, b)| (b.name.clone(), i)).collect();
+                Rig::with_joints(skeleton.clone(), &joints, model_points, &self.map)
+            }
+            FigureKind::Bvh(template) => {
+                let origins = template.skeleton.points(BvhPoints::Origins);
+                let ends = template.skeleton.points(BvhPoints::Ends);
+                let known = ends
+                    .iter()
+                    .filter(|(n, _)| model_points.contains(n))
+                    .count();
+                let joints = if self.map.is_empty() && known > 0 {
+                    ends
+                } else {
+                    origins
+                };
+                Rig::with_joints(
+                    template.skeleton.skeleton.clone(),
+                    joints,
+                    model_points,
+                    &self.map,
+                )
+            }
+        }
+    }
+
+    /// The formats that it can be written in.
+    pub fn formats(&self) -> Vec<&'static str> {
+        match self.kind {
+            FigureKind::Asf(_) => vec!["bvh", "amc", "csv", "json"],
+            _ => vec!["bvh", "csv", "json"],
+        }
+    }
+
+    /// A motion as the bytes of a file: `bvh`, `csv`, or `amc`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: there is no such format for this figure.
+    pub fn export(&self, session: &Session, motion: &Motion, format: &str) -> Result<Vec<u8>> {
+        let frame_time = 1.0 / motion.rate;
+        match (format, &self.kind) {
+            ("csv", _) => Ok(to_csv(session, motion)),
+            ("bvh", FigureKind::Bvh(template)) => {
+                let bvh = template.with_values(motion.values.view(), frame_time);
+                Ok(bvh.to_bytes(self.unit))
+            }
+            ("bvh", FigureKind::Measured(skeleton) | FigureKind::Asf(Asf { skeleton, .. })) => {
+                let order = [Axis::Z, Axis::Y, Axis::X];
+                let values = motion.values.view();
+                let bvh = Bvh::from_values(skeleton, values, order, self.turn, frame_time)?;
+                Ok(bvh.to_bytes(self.unit))
+            }
+            ("amc", FigureKind::Asf(asf)) => {
+                let first = 1 + (motion.first * motion.rate).round() as u64;
+                Ok(Amc::from_values(asf, first, motion.values.view()).to_bytes())
+            }
+            ("amc", _) => Err(Error::usage(
+                "AMC needs an ASF skeleton; give one with --skeleton",
+            )),
+            _ => {
+                let said: String = format.chars().take(20).collect();
+                let what = format!(
+                    "there is no format \"{said}\"; expected {}",
+                    self.formats().join(", ")
+                );
+                Err(Error::usage(what))
+            }
+        }
+    }
+}
+
+/// A table with the status and the standard deviation of each joint: observed where it is pinned or at a key, else inferred.
+fn to_csv(session: &Session, motion: &Motion) -> Vec<u8> {
+    let rig = session.rig();
+    let columns = Columns::for_points(rig.names.clone(), false, true);
+    let added: Vec<AddedColumn> = (0..rig.joints())
+        .flat_map(|k| {
+            let of = |what| AddedColumn::new(format!("{}.{what}", rig.names[k]), After::Point(k));
+            [of("status"), of("sd")]
+        })
+        .collect();
+    let format = CsvFormat::new(&columns, &added);
+    let mut out = Vec::new();
+    format.push_header(&mut out);
+    for t in 0..motion.xyz.nrows() {
+        let row = Row {
+            time: Some(motion.first + t as f64 / motion.rate),
+            ..Row::default()
+        };
+        let cells: Vec<String> = (0..rig.joints())
+            .flat_map(|k| {
+                let sd = motion.sd[[t, k]];
+                let status = if sd == 0.0 {
+                    Status::Observed
+                } else {
+                    Status::Inferred
+                };
+                [status.name().to_string(), number(sd)]
+            })
+            .collect();
+        let xyz = motion.xyz.row(t).to_vec();
+        format.push_row(&mut out, &row, &xyz, &cells);
+    }
+    out
+}
+
+/// A number as a cell; empty where it is not known.
+fn number(value: f64) -> String {
+    let mut out = Vec::new();
+    push_f64(&mut out, (value * 1e6).round() / 1e6);
+    String::from_utf8(out).unwrap_or_default()
+}
