@@ -22,7 +22,7 @@ function handlePointers(view) {
   canvas.addEventListener("wheel", event => {
     event.preventDefault();
     const steps = event.deltaY * (event.deltaMode ? .05 : .0015);
-    if (doing === "joint" && now.gesture) { grip.depth += steps * 13; follow(view); }
+    if (doing === "joint" && now.gesture) { grip.depth += steps * 13; follow(); }
     else if (view === big && pictureShown()) zoomPicture(Math.exp(-steps), ...inside(view, event));
     else zoom(Math.exp(-steps));
   }, { passive: false });
@@ -32,7 +32,8 @@ function handlePointers(view) {
 }
 
 function press(view, event) {
-  if (doing === "joint" && held.size) return;
+  // A second finger does not disturb the first, which moves a joint.
+  if (doing === "joint" && now.gesture && now.gesture.pointer) return;
   endNudge();
   view.canvas.setPointerCapture(event.pointerId);
   held.set(event.pointerId, { x: event.clientX, y: event.clientY });
@@ -86,6 +87,7 @@ function moveHeld(view, event) {
 function dragJoint(view, event) {
   const [x, y] = grip.last, fine = event.ctrlKey || event.metaKey ? .2 : 1;
   if (!now.gesture) {
+    if (!canMove()) return;
     if (moved < (event.pointerType === "touch" ? 7 : 3)) return;
     clearTimeout(holding);
     beginGesture(grip.joint);
@@ -102,9 +104,9 @@ function dragJoint(view, event) {
     const share = Math.max(0, 1 - (Math.abs(dx) + Math.abs(dy)) / 20);
     grip.off = grip.off.map(v => Math.abs(v * share) < .1 ? 0 : v * share);
   }
-  follow(view);
+  follow();
 }
-function follow(view) { aim(unproject(view, grip.x + grip.off[0], grip.y + grip.off[1], grip.depth)); }
+function follow() { aim(unproject(grip.view, grip.x + grip.off[0], grip.y + grip.off[1], grip.depth)); }
 
 function letGo(view, event) {
   if (!held.delete(event.pointerId)) return;

@@ -70,14 +70,20 @@ function drawEdge(ctx, a, b, thick) {
 
 /** Bones and joints, from the farthest to the nearest; `hits` are where joints can be caught. */
 function drawBody(ctx, at, handles, hits) {
-  const parts = [], pose = shown();
+  const parts = [], front = {}, pose = shown();
   for (const name of now.state.joints) {
     const p = at[name];
     if (!p) continue;
-    parts.push([p[2] + .02 * scene.size, name]);
+    front[name] = p[2];
     hits.push({ x: p[0], y: p[1], depth: p[2], joint: name });
   }
-  for (const [a, b] of bonesOf(pose)) parts.push([(at[a][2] + at[b][2]) / 2, b, a]);
+  for (const [a, b] of bonesOf(pose)) {
+    const middle = (at[a][2] + at[b][2]) / 2;
+    parts.push([middle, b, a]);
+    for (const end of [a, b]) front[end] = Math.max(front[end], middle);
+  }
+  // A joint lies on the bones that meet in it, so that it can be seen and caught.
+  for (const name in front) parts.push([front[name] + .005 * scene.size, name]);
   parts.sort((p, q) => p[0] - q[0]);
   ctx.setLineDash([]);
   for (const [, name, parent] of parts) {
@@ -121,7 +127,7 @@ function drawSquare(ctx, x, y, half, full) {
 function drawMissed(ctx, project, at) {
   for (const [name, away] of Object.entries(now.missed)) {
     const p = at[name], goal = placeWanted(name);
-    if (!p || !goal || away < .05) continue;
+    if (!p || !goal || away < .1) continue;
     const q = project(...goal);
     ctx.strokeStyle = ink.rejected; ctx.lineWidth = 2.4; ctx.setLineDash([]);
     line(ctx, p, q); ctx.stroke();
@@ -180,7 +186,7 @@ function ghosts() {
   if (now.gesture) list.push({ pose: now.gesture.from, color: "pale", alpha: .3 });
   if (!now.gesture) list.push(...neighbourGhosts());
   const other = otherGhost();
-  if (other) list.push({ pose: other, color: "accent", alpha: .9, dashes: [6, 5] });
+  if (other) list.push({ pose: other, color: "changed", alpha: .95, dashes: [6, 5] });
   return list;
 }
 

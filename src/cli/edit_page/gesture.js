@@ -77,9 +77,13 @@ function endGesture() {
 }
 /** The gesture becomes a step of undo; pins that moved along with it stay where they are now. */
 async function settle() {
-  const pins = copyPins(now.pins);
-  if (!await act({ do: "release" }) || now.gesture) return;
-  if (!samePins(pins, now.state.pins)) await act({ do: "pin", pins });
+  const pins = copyPins(now.pins), changes = pinChanges;
+  pinning++;
+  const released = await act({ do: "release" });
+  pinning--;
+  if (!released || now.gesture || changes !== pinChanges) return;
+  if (samePins(pins, now.state.pins)) now.pins = copyPins(now.state.pins);
+  else await setPins(pins);
 }
 function samePins(a, b) {
   const names = Object.keys(a);

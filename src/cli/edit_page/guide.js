@@ -7,7 +7,7 @@ function guidance() {
   if (!now.state) return "";
   if (photo.on) {
     const asked = askedFor();
-    return asked ? `Click the ${inWords(asked)} in the picture.` : "Drag the marks until the body fits, then use the pose.";
+    return asked ? `Click the ${inWords(asked)} in the picture.` + (photo.picture ? " Joints of the body can be dragged to their places, too." : "") : "Drag the marks until the body fits, then use the pose.";
   }
   if (now.gesture && now.gesture.pointer) return "Shift or wheel: nearer, farther. Ctrl: fine. Esc: back.";
   if (now.gesture) return `${name} moves. P pins it.`;
@@ -17,8 +17,9 @@ function guidance() {
   if (now.preview) return `The motion at ${motion.cursor.toFixed(2)} s. Drag a joint to change it here, K makes it a key, Esc goes back.`;
   if (now.hover) return `${capital(inWords(now.hover))}: drag to move it, click to ${now.pins[now.hover] ? "remove its pin" : "pin it"}.`;
   if (now.state.keys.length === 1) return "One key is set. Change the pose, then set the next key with K.";
-  if (now.state.undo && !Object.keys(now.pins).length) return "Click a joint to pin it: it stays where it is while you drag others.";
-  return matchMedia("(pointer: coarse)").matches ? "Drag a joint: the body follows. Hold a joint to pin it." : "Drag a joint: the body follows. Click a joint to pin it.";
+  const press = matchMedia("(pointer: coarse)").matches ? "Hold" : "Click";
+  if (now.state.undo && !Object.keys(now.pins).length) return `${press} a joint to pin it: it stays while you drag others.`;
+  return `Drag a joint: the body follows. ${press} a joint to pin it.`;
 }
 function guide() { $("guide").textContent = guidance(); }
 
@@ -43,14 +44,14 @@ function say(text) {
 function tellLink() {
   const banner = $("banner");
   banner.textContent = {
-    gone: "The program has stopped. Start it again on the same port (--port) and open its new address in this tab: the pose is kept here.",
+    gone: `The program has stopped. Start it again with --port ${location.port} and open its new address in this tab: the pose is kept here.`,
     refused: "This page's address is of an earlier run of the program. Open the address that it printed last in this tab: the pose is kept here.",
     unaddressed: "This address is not complete. Open the whole address that the program printed, with what stands behind the #.",
   }[link.way] || "";
   banner.hidden = !banner.textContent;
   document.body.classList.toggle("away", !banner.hidden);
   if (link.way === "gone") {
-    if (now.gesture) { const { from } = now.gesture; now.gesture = null; now.pose = from; }
+    if (now.gesture) { const { from } = now.gesture; now.gesture = null; now.pose = from; doing = null; }
     motion.playing = motion.playing && !!motion.between;
     tell();
   }

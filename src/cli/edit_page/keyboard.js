@@ -60,7 +60,10 @@ addEventListener("keydown", event => {
     event.preventDefault();
     return;
   }
-  if (key === "Escape") { if (typing) target.blur(); else escape(); return; }
+  if (key === "Escape") {
+    if (typing) { target.dirty = false; tell(); target.blur(); } else escape();
+    return;
+  }
   if (command || typing) return;
   const onView = target === big.canvas || target === document.body;
   if (photo.on && onView && keyOnPicture(event)) { event.preventDefault(); return; }

@@ -162,9 +162,9 @@ function followBody(share) {
 /** The keys before and after, as ghosts. */
 function neighbourGhosts() {
   const { keys } = now.state;
-  if (!motion.onion || !keys.length || motion.playing || photo.on) return [];
+  if (!motion.onion || others.at >= 0 || !keys.length || motion.playing || photo.on) return [];
   const before = keys.filter(key => key.time < motion.cursor - 5e-4).at(-1), after = keys.find(key => key.time > motion.cursor + 5e-4);
-  return [[before, "missing"], [after, "inferred"]].filter(([key]) => key)
+  return [[before, "missing"], [after, "changed"]].filter(([key]) => key)
     .map(([key, color]) => ({ pose: key.pose, color, alpha: .4 }));
 }
 

@@ -85,7 +85,7 @@ async function act(action) {
     keepSession();
     return true;
   } catch (error) {
-    if (error.status) { say(error.message); refresh(); }
+    if (error.status) { say(error.message); refresh(); } else tell();
     return false;
   }
 }
@@ -103,16 +103,16 @@ function keepSession() {
     try { link.kept = await request("/export", { format: "json", keys: false }, { as: "text" }); } catch { /* later */ }
   }, 400);
 }
-const idle = () => !link.flying && !link.queue.length && !now.gesture;
+const idle = () => !link.flying && !link.queue.length && !now.gesture && !photo.fitted;
 
 /** Asks whether the program is there, and takes what another tab has changed. */
 async function beat() {
-  if (!idle() || document.hidden || link.way === "refused" || !link.token) return;
+  if (link.flying || link.queue.length || now.gesture || document.hidden || link.way === "refused" || !link.token) return;
   const lost = link.way !== "fine";
   try {
     const state = await request("/state", undefined, { first: true });
     if (lost) await welcome(state);
-    else if (idle() && state.revision !== now.revision) { takeState(state); keepSession(); }
+    else if (idle() && state.revision !== now.revision) { leaveOthers(); takeState(state); keepSession(); }
   } catch { /* the banner says it */ }
 }
 

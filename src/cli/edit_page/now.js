@@ -35,7 +35,7 @@ function takeState(state) {
   now.state = state;
   // What is moved now is newer than this state.
   if (now.gesture) now.revision = state.revision;
-  else { takePose(state); now.pins = copyPins(state.pins); now.rest = state.rest; }
+  else { takePose(state); if (!pinning) now.pins = copyPins(state.pins); now.rest = state.rest; }
   if (!before || before.joints.join() !== state.joints.join()) beginBody();
   tell();
 }

@@ -71,8 +71,8 @@ $("unpin").addEventListener("click", () => { if (ready()) setPins({}); });
 // ---- how far the rest follows ----
 
 const RESTS = [
-  [2, "only what must move, moves"], [6, "the nearest joints follow a little"], [20, "the limb and its neighbours follow"],
-  [80, "half the body follows"], [300, "the whole body follows"], [Infinity, "the model alone places the rest"],
+  [2, "only what must move"], [6, "close joints follow a little"], [20, "the limb follows"],
+  [80, "half of the body follows"], [300, "the whole body follows"], [Infinity, "the model places the rest"],
 ];
 function showRest() {
   const words = RESTS.find(([limit]) => now.rest < limit)[1];

@@ -58,14 +58,14 @@ function drawFitted(ctx) {
 function drawMark(ctx, name, [x, y]) {
   const fitted = photo.picture && photo.picture[name] && ontoView(photo.picture[name]);
   if (fitted) { ctx.strokeStyle = ink.text; ctx.lineWidth = 1.2; line(ctx, [x, y], fitted); ctx.stroke(); }
-  const big = name === sheet.hover || name === now.selected ? 8.5 : 6.5;
+  const large = name === sheet.hover || name === now.selected, half = large ? 8.5 : 6.5;
   ctx.beginPath();
-  ctx.moveTo(x, y - big); ctx.lineTo(x + big, y); ctx.lineTo(x, y + big); ctx.lineTo(x - big, y); ctx.closePath();
+  ctx.moveTo(x, y - half); ctx.lineTo(x + half, y); ctx.lineTo(x, y + half); ctx.lineTo(x - half, y); ctx.closePath();
   ctx.lineJoin = "miter";
   ctx.strokeStyle = ink.panel; ctx.lineWidth = 4; ctx.stroke();
-  ctx.fillStyle = name === now.selected ? ink.accent : ink[SIDE[sideOf(name)]]; ctx.fill();
-  ctx.strokeStyle = ink.text; ctx.lineWidth = 1; ctx.stroke();
-  if (big > 7) label(ctx, x + 12, y - 9, inWords(name), ink.text);
+  ctx.fillStyle = ink[SIDE[sideOf(name)]]; ctx.fill();
+  ctx.strokeStyle = ink.text; ctx.lineWidth = name === now.selected ? 2.5 : 1; ctx.stroke();
+  if (large) label(ctx, x + 12, y - 9, inWords(name), ink.text);
 }
 
 // ---- the pointer on it ----

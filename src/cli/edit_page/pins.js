@@ -1,10 +1,23 @@
 
 // Pins: joints, or some of their coordinates, that stay exactly where they are.
 
-function setPins(pins) {
+/** Pins that the program has not answered yet: its earlier answers do not undo them. */
+let pinning = 0, pinChanges = 0;
+async function setPins(pins) {
   now.pins = pins;
+  pinning++;
+  pinChanges++;
   tell();
-  return act({ do: "pin", pins });
+  const done = request("/act", { do: "pin", pins });
+  try {
+    const state = await done;
+    pinning--;
+    takeState(state);
+    keepSession();
+  } catch (error) {
+    pinning--;
+    if (error.status) { say(error.message); refresh(); } else tell();
+  }
 }
 
 /** Pins a joint where it is; if it is pinned, removes the pin. */
@@ -43,6 +56,7 @@ function pinFeet() {
 function ready() {
   endNudge();
   if (!now.state || link.way !== "fine" || now.gesture) return false;
+  if (photo.on) { say("Use the pose of the photograph, or leave it, first."); return false; }
   leaveOthers();
   if (now.preview) adoptPreview();
   return true;

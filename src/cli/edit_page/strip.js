@@ -15,7 +15,7 @@ function showStrip() {
   $("play").disabled = keys.length < 2;
   $("play").setAttribute("aria-label", motion.playing ? "Pause" : "Play");
   $("play").title = keys.length < 2 ? "Two keys make a motion" : motion.playing ? "Pause (space)" : "Play (space)";
-  $("lane").classList.toggle("empty", !keys.length);
+  $("lane").classList.toggle("bare", !keys.length);
   showCards();
 }
 

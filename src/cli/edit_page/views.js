@@ -13,7 +13,7 @@ const viewOf = canvas => canvas === big.canvas ? big : small;
 const ink = big.look.ink;
 
 function readInk() {
-  big.look.readColors(["page", "pale", "line", "soft", "middle", "left", "right", "behind", "inferred", "rejected", "missing"]);
+  big.look.readColors(["page", "pale", "line", "soft", "middle", "left", "right", "behind", "changed", "inferred", "rejected", "missing"]);
   ask();
 }
 /** The small view's grid is drawn in the colours of the large one. */
