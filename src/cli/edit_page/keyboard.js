@@ -55,8 +55,7 @@ addEventListener("keydown", event => {
   const { target } = event, tag = target.tagName, typing = tag === "SELECT" || (tag === "INPUT" && target.type !== "checkbox" && target.type !== "file");
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key, command = event.ctrlKey || event.metaKey;
   if (command && (key === "z" || key === "y") && !(typing && target.type === "number")) {
-    if (photo.on) undoMark();
-    else back(key === "y" || event.shiftKey ? "redo" : "undo");
+    back(key === "y" || event.shiftKey ? "redo" : "undo");
     event.preventDefault();
     return;
   }

@@ -109,11 +109,13 @@ function showSwitches() {
   $("unpin").disabled = !pins;
   $("unpin").textContent = pins > 1 ? `Unpin all ${pins}` : "Unpin all";
   $("pin-feet").disabled = !all.length;
+  $("others").disabled = $("mirror").disabled = false;
   $("pin-feet").setAttribute("aria-pressed", all.length > 0 && all.every(name => now.pins[name]));
 }
 const doWhenReady = action => () => { if (ready()) act(action); };
 /** Undo and redo leave in-betweens and offers first: they are about the pose itself. */
 function back(way) {
+  if (photo.on) { if (way === "undo") undoMark(); return; }
   endNudge();
   if (now.gesture || !now.state || !now.state[way]) return;
   leaveOthers();

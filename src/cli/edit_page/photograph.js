@@ -112,6 +112,13 @@ function openPicture(file) {
   image.onerror = () => { URL.revokeObjectURL(address); say("This file is no picture that the browser can show."); };
   image.src = address;
 }
+/** The picture again, with its marks: to add some, and to fit again. */
+function reopenPicture() {
+  if (!ready()) return;
+  leavePreview();
+  photo.on = true;
+  fit();
+}
 async function closePicture(action) {
   if (!photo.on) return;
   photo.on = false;
@@ -128,7 +135,12 @@ function showPhoto() {
   document.body.classList.toggle("in-picture", on);
   $("drop").hidden = on;
   $("photo-tools").hidden = !on;
-  if (!on) { $("photo-choose").textContent = photo.image ? "Choose another picture" : "Choose a picture"; return; }
+  $("photo-back").hidden = !photo.image;
+  for (const id of ["pin-feet", "others", "mirror"]) if (on) $(id).disabled = true;
+  if (!on) return;
+  $("undo").disabled = !photo.past.length;
+  $("redo").disabled = true;
+  for (const way of ["aria-label", "title"]) $("undo").setAttribute(way, "Undo: the last mark");
   const off = misfit(), words = [];
   if (n < FEWEST) words.push(`${count(n, "mark")}, at least ${FEWEST} are needed.`);
   else if (n < ENOUGH) words.push(`${count(n, "mark")}; ${ENOUGH} or more make the pose sure.`);
@@ -154,8 +166,8 @@ function showPhoto() {
   $("opacity").style.setProperty("--done", ($("opacity").value - .1) / .9 * 100 + "%");
   $("opacity-words").textContent = Math.round($("opacity").value * 100) + "%";
   $("focal").style.setProperty("--done", ($("focal").value - 23) / 77 * 100 + "%");
-  $("focal-words").textContent = photo.focal ? photo.focal + " mm" : "any, far";
-  $("focal").setAttribute("aria-valuetext", photo.focal ? photo.focal + " millimetres" : "weak perspective: the camera is far away");
+  $("focal-words").textContent = photo.focal ? photo.focal + " mm" : "unknown";
+  $("focal").setAttribute("aria-valuetext", photo.focal ? photo.focal + " millimetres" : "unknown: weak perspective");
 }
 
 $("marks").addEventListener("click", event => {
@@ -166,6 +178,7 @@ $("photo-choose").addEventListener("click", () => $("photo-file").click());
 $("photo-other").addEventListener("click", () => $("photo-file").click());
 $("photo-file").addEventListener("change", event => { openPicture(event.target.files[0]); event.target.value = ""; });
 $("photo-use").addEventListener("click", () => closePicture("release"));
+$("photo-back").addEventListener("click", reopenPicture);
 $("photo-leave").addEventListener("click", () => closePicture("cancel"));
 $("photo-remove").addEventListener("click", () => removeMark(now.selected));
 $("photo-flip").addEventListener("click", () => flip(now.selected));

@@ -7,8 +7,10 @@ function beginPicture() { sheet.zoom = 1; sheet.shift = [0, 0]; sheet.hover = nu
 /** Pixels of the page a pixel of the picture, and where the picture's corner is. */
 function layPicture() {
   const { width, height } = big, { naturalWidth: w, naturalHeight: h } = photo.image;
-  const scale = Math.min(width / w, (height - 76) / h) * .96 * sheet.zoom;
-  return { scale, left: (width - w * scale) / 2 + sheet.shift[0], top: (height + 52 - h * scale) / 2 + sheet.shift[1] };
+  // Beside the small view where there is room, and below the line of guidance.
+  const free = width > 700 ? width - small.canvas.clientWidth - 28 : width, below = 52;
+  const scale = Math.min(free / w, (height - below - 12) / h) * .97 * sheet.zoom;
+  return { scale, left: (free - w * scale) / 2 + sheet.shift[0], top: (height + below - h * scale) / 2 + sheet.shift[1] };
 }
 const ontoView = ([x, y]) => { const { scale, left, top } = layPicture(); return [left + x * scale, top + y * scale]; };
 const ontoPicture = (x, y) => { const { scale, left, top } = layPicture(); return [(x - left) / scale, (y - top) / scale]; };
