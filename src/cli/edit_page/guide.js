@@ -4,20 +4,22 @@
 /** The next thing to do, in one line. */
 function guidance() {
   const name = now.selected && capital(inWords(now.selected));
+  const touch = matchMedia("(pointer: coarse)").matches;
   if (!now.state) return "";
+  if (link.way !== "fine") return "The view can be turned. The body can be moved when the program runs again.";
   if (photo.on) {
     const asked = askedFor();
     return asked ? `Click the ${inWords(asked)} in the picture.` + (photo.picture ? " Joints of the body can be dragged to their places, too." : "") : "Drag the marks until the body fits, then use the pose.";
   }
-  if (now.gesture && now.gesture.pointer) return "Shift or wheel: nearer, farther. Ctrl: fine. Esc: back.";
+  if (now.gesture && now.gesture.pointer) return touch ? "Drag in the small view to move it in depth." : "Shift or wheel: nearer, farther. Ctrl: fine. Esc: back.";
   if (now.gesture) return `${name} moves. P pins it.`;
   if (others.asked) return "Looking for other poses…";
-  if (others.at >= 0) return "Dashed: another pose with the same pins. Enter takes it, N shows the next, Esc keeps yours.";
+  if (others.at >= 0) return "Dashed: another pose with the same pins." + (touch ? "" : " Enter takes it, N shows the next, Esc keeps yours.");
   if (motion.playing) return "The motion between the keys.";
-  if (now.preview) return `The motion at ${motion.cursor.toFixed(2)} s. Drag a joint to change it here, K makes it a key, Esc goes back.`;
+  if (now.preview) return `The motion at ${motion.cursor.toFixed(2)} s. Drag a joint to change it here.` + (touch ? "" : " K makes it a key, Esc goes back.");
   if (now.hover) return `${capital(inWords(now.hover))}: drag to move it, click to ${now.pins[now.hover] ? "remove its pin" : "pin it"}.`;
   if (now.state.keys.length === 1) return "One key is set. Change the pose, then set the next key with K.";
-  const press = matchMedia("(pointer: coarse)").matches ? "Hold" : "Click";
+  const press = touch ? "Hold" : "Click";
   if (now.state.undo && !Object.keys(now.pins).length) return `${press} a joint to pin it: it stays while you drag others.`;
   return `Drag a joint: the body follows. ${press} a joint to pin it.`;
 }

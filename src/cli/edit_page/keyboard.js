@@ -17,7 +17,7 @@ const SHORTCUTS = {
   z: () => zoom(1.15),
   x: () => zoom(1 / 1.15),
   " ": () => play(!motion.playing),
-  "?": () => $("keys-help").showModal(),
+  "?": () => showHelp(),
   "]": () => nextJoint(1),
   "[": () => nextJoint(-1),
 };
@@ -50,6 +50,11 @@ function escape() {
   else select(null);
 }
 
+function showHelp() {
+  $("keys-help").showModal();
+  $("keys-help").scrollTop = 0;
+}
+
 addEventListener("keydown", event => {
   if (!now.state || $("keys-help").open) return;
   const { target } = event, tag = target.tagName, typing = tag === "SELECT" || (tag === "INPUT" && target.type !== "checkbox" && target.type !== "file");
@@ -79,4 +84,4 @@ addEventListener("keydown", event => {
 });
 // The joint that Tab comes to first is the first one, or from behind the last.
 big.canvas.addEventListener("focus", () => { if (now.selected) speakJoint(now.selected); });
-$("help").addEventListener("click", () => $("keys-help").showModal());
+$("help").addEventListener("click", showHelp);

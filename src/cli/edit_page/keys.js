@@ -5,10 +5,12 @@ const motion = { keys: null, stamp: "", cursor: 0, between: null, waiting: null,
 
 /** Forgets the in-betweens when keys have changed. */
 function noticeKeys() {
-  const { keys, rate } = now.state;
+  const { keys, rate, key } = now.state;
   if (keys === motion.keys) return;
+  // At first the cursor is at the key that is open, or behind the last one.
+  if (!motion.keys && keys.length) motion.cursor = key === null ? Math.round((lastTime() + .5) * 100) / 100 : keys[key].time;
   motion.keys = keys;
-  const stamp = JSON.stringify([rate, keys.map(key => [key.time, key.pose, key.pins])]);
+  const stamp = JSON.stringify([rate, keys.map(({ time, pose, pins }) => [time, pose, pins])]);
   if (stamp === motion.stamp) return;
   motion.stamp = stamp;
   motion.between = null;

@@ -107,7 +107,7 @@ function showSwitches() {
   }
   const pins = Object.keys(now.pins).length, all = feet();
   $("unpin").disabled = !pins;
-  $("unpin").textContent = pins > 1 ? `Unpin all ${pins}` : "Unpin all";
+  $("unpin").textContent = pins > 1 ? `Unpin all (${pins})` : "Unpin all";
   $("pin-feet").disabled = !all.length;
   $("others").disabled = $("mirror").disabled = false;
   $("pin-feet").setAttribute("aria-pressed", all.length > 0 && all.every(name => now.pins[name]));

@@ -72,10 +72,11 @@ function drawMark(ctx, name, [x, y]) {
 
 // ---- the pointer on it ----
 
+const apartOnView = (place, x, y) => { const [u, v] = ontoView(place); return Math.hypot(u - x, v - y); };
 function markAt(x, y, within) {
   let best = null, least = within;
   for (const [name, place] of Object.entries(photo.marks)) {
-    const [u, v] = ontoView(place), away = Math.hypot(u - x, v - y);
+    const away = apartOnView(place, x, y);
     if (away < least) { least = away; best = name; }
   }
   return best;
@@ -84,7 +85,8 @@ function markAt(x, y, within) {
 /** What a press begins: "mark" moves a mark, "fitted" makes a mark of a joint of the body, "place" puts the asked one. */
 function pressPicture(x, y, event) {
   const within = CATCH[event.pointerType] || 14, name = event.button === 0 && markAt(x, y, within);
-  grip = { name, begun: false };
+  // A tap beside a mark, near enough to catch it, may be meant for the next one.
+  grip = { name, begun: false, beside: !!name && apartOnView(photo.marks[name], x, y) > 9 };
   if (name) { select(name); return "mark"; }
   if (event.button !== 0 || event.shiftKey) return "pan";
   const hit = jointAt(big, x, y, 10);
@@ -98,9 +100,9 @@ function movePicture(did, dx, dy, [x, y]) {
   } else if (did === "pan" || (did === "place" && moved > 4)) panPicture(dx, dy);
 }
 function releasePicture(did, moved, event, [x, y]) {
-  if ((did !== "place" && did !== "fitted") || moved > 4 || event.type !== "pointerup") return;
+  if (moved > 4 || event.type !== "pointerup" || !(did === "place" || did === "fitted" || (did === "mark" && grip.beside))) return;
   const name = askedFor(), place = ontoPicture(x, y);
-  if (!name) { say("Choose a joint in the list first."); return; }
+  if (!name) { if (did === "place") say("Choose a joint in the list first."); return; }
   remember();
   mark(name, place);
   speak(`${inWords(name)} marked`);
