@@ -59,15 +59,6 @@ function drawRings(ctx, at) {
   ctx.globalAlpha = 1;
 }
 
-/** The background's edge along a bone, by which the nearer of two that cross is seen. */
-function drawEdge(ctx, a, b, thick) {
-  const long = Math.hypot(b[0] - a[0], b[1] - a[1]), free = 2.2 * thick;
-  if (long < 2.5 * free) return;
-  const dx = (b[0] - a[0]) * free / long, dy = (b[1] - a[1]) * free / long;
-  line(ctx, [a[0] + dx, a[1] + dy], [b[0] - dx, b[1] - dy]);
-  ctx.lineCap = "butt"; ctx.strokeStyle = ink.panel; ctx.lineWidth = thick * 1.8; ctx.stroke();
-}
-
 /** Bones and joints, from the farthest to the nearest; `hits` are where joints can be caught. */
 function drawBody(ctx, at, handles, hits) {
   const parts = [], front = {}, pose = shown();

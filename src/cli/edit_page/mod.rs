@@ -20,6 +20,7 @@ const SCRIPT: &str = concat!(
     include_str!("now.js"),
     include_str!("geometry.js"),
     include_str!("views.js"),
+    include_str!("../../evaluate/player/edge.js"),
     include_str!("figure.js"),
     include_str!("gesture.js"),
     include_str!("pins.js"),

@@ -19,6 +19,8 @@ function inWords(name) {
   return words.replace(/^l (.*)$/, "left $1").replace(/^r (.*)$/, "right $1")
     .replace(/^(.*) l$/, "left $1").replace(/^(.*) r$/, "right $1") || name;
 }
+/** A sentence with the names of joints in words. */
+const inSentence = text => text.replace(/[\w:.-]+/g, word => now.state.joints.includes(word) ? inWords(word) : word);
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 
 /** "l", "r" or "m": only what has a mirror image has a side. */

@@ -101,9 +101,10 @@ function showSwitches() {
   document.title = state.name ? `${state.name}, posing` : "Posing";
   for (const way of ["undo", "redo"]) {
     $(way).disabled = !state[way];
-    const words = state[way] ? `${capital(way)}: ${state[way]}` : `Nothing to ${way}`;
+    const words = state[way] ? `${capital(way)}: ${inSentence(state[way])}` : `Nothing to ${way}`;
     $(way).title = `${words} (${way === "undo" ? "ctrl-Z" : "shift-ctrl-Z"})`;
     $(way).setAttribute("aria-label", words);
+    $(way).lastChild.textContent = inSentence(state[way] || "");
   }
   const pins = Object.keys(now.pins).length, all = feet();
   $("unpin").disabled = !pins;
@@ -120,7 +121,7 @@ function back(way) {
   if (now.gesture || !now.state || !now.state[way]) return;
   leaveOthers();
   leavePreview();
-  speak(`${way}: ${now.state[way]}`);
+  speak(`${way}: ${inSentence(now.state[way])}`);
   act({ do: way });
 }
 function setBoth(on) {

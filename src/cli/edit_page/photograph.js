@@ -140,6 +140,7 @@ function showPhoto() {
   if (!on) return;
   $("undo").disabled = !photo.past.length;
   $("redo").disabled = true;
+  $("undo").lastChild.textContent = "";
   for (const way of ["aria-label", "title"]) $("undo").setAttribute(way, "Undo: the last mark");
   const off = misfit(), words = [];
   if (n < FEWEST) words.push(`${count(n, "mark")}, at least ${FEWEST} are needed.`);
