@@ -94,9 +94,11 @@ async function setKey() {
   const time = motion.cursor;
   if (now.preview) adoptPreview();
   if (!await act({ do: "key", time })) return;
-  speak(`key set at ${time} seconds`);
+  const { keys, key } = now.state;
+  if (key !== null && keys[key]) motion.cursor = keys[key].time;
+  speak(`key set at ${+motion.cursor.toFixed(2)} seconds`);
   // The next key comes later: the cursor goes on, so that K does not replace this one.
-  if (time >= lastTime() - 5e-4) goTo(Math.round((time + .5) * 100) / 100);
+  if (motion.cursor >= lastTime() - 5e-4) goTo(motion.cursor + .5); else tell();
 }
 async function openKey(key) {
   if (!now.state.keys[key] || !ready()) return;
@@ -114,7 +116,7 @@ async function moveKey(key, time) {
 }
 function removeKey(key) {
   if (key === null || !now.state.keys[key] || !ready()) return;
-  speak(`key at ${now.state.keys[key].time} seconds removed`);
+  speak(`key at ${+now.state.keys[key].time.toFixed(2)} seconds removed`);
   act({ do: "key-remove", key });
 }
 /** The key that Remove is about: the one at the cursor, else the open one. */

@@ -66,6 +66,9 @@ $("joint").addEventListener("change", event => select(event.target.value || null
 $("pin").addEventListener("click", () => togglePin(now.selected));
 $("reset-limb").addEventListener("click", () => { if (ready()) act({ do: "reset", joints: withBelow(now.selected) }); });
 $("pin-feet").addEventListener("click", pinFeet);
+$("complete").addEventListener("click", () => {
+  if (ready()) act({ do: "reset", joints: now.state.joints.filter(name => !now.pins[name]) });
+});
 $("unpin").addEventListener("click", () => { if (ready()) setPins({}); });
 
 // ---- how far the rest follows ----
@@ -108,6 +111,7 @@ function showSwitches() {
   }
   const pins = Object.keys(now.pins).length, all = feet();
   $("unpin").disabled = !pins;
+  $("complete").disabled = pins < 3;
   $("unpin").textContent = pins > 1 ? `Unpin all (${pins})` : "Unpin all";
   $("pin-feet").disabled = !all.length;
   $("others").disabled = $("mirror").disabled = false;

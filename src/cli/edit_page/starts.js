@@ -4,7 +4,12 @@
 let drawnStarts = "";
 
 function showStarts() {
-  const { starts, rows } = now.state, key = starts.map(start => start.name).join("\n") + ink.panel;
+  // Of several poses with one name, the later ones are numbered.
+  const { rows } = now.state, seen = {}, starts = now.state.starts.map(({ name, pose }) => {
+    seen[name] = (seen[name] || 0) + 1;
+    return { name: seen[name] > 1 ? `${name} ${seen[name]}` : name, pose };
+  });
+  const key = starts.map(start => start.name).join("\n") + ink.panel;
   $("rows-row").hidden = !rows;
   if (rows) { $("row").max = rows; $("rows").textContent = `of ${rows}`; }
   if (key === drawnStarts) return;
