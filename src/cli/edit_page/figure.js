@@ -115,7 +115,7 @@ function drawSquare(ctx, x, y, half, full) {
 }
 
 /** From a joint to the place that it cannot reach, with the distance. */
-function drawMissed(ctx, project, at) {
+function drawMissed(ctx, project, at, labelled) {
   for (const [name, away] of Object.entries(now.missed)) {
     const p = at[name], goal = placeWanted(name);
     if (!p || !goal || away < .1) continue;
@@ -127,7 +127,7 @@ function drawMissed(ctx, project, at) {
     ctx.moveTo(q[0] - r, q[1] - r); ctx.lineTo(q[0] + r, q[1] + r);
     ctx.moveTo(q[0] - r, q[1] + r); ctx.lineTo(q[0] + r, q[1] - r);
     ctx.stroke();
-    if (away >= .5) label(ctx, (p[0] + q[0]) / 2 + 9, (p[1] + q[1]) / 2 - 7, cm(away), ink.rejected);
+    if (labelled && away >= .5) label(ctx, (p[0] + q[0]) / 2 + 9, (p[1] + q[1]) / 2 - 7, cm(away), ink.rejected);
   }
 }
 
@@ -167,7 +167,7 @@ function drawView(view) {
   for (const ghost of ghosts()) drawGhost(ctx, project, ghost.pose, ink[ghost.color], ghost.alpha, ghost.dashes);
   if (now.rings && !now.preview && view === big) drawRings(ctx, at);
   drawBody(ctx, at, handles, view.hits);
-  if (!now.preview) drawMissed(ctx, project, at);
+  if (!now.preview) drawMissed(ctx, project, at, view === big);
   if (now.gesture) drawTargets(ctx, project, at);
 }
 

@@ -46,7 +46,7 @@ function say(text) {
 function tellLink() {
   const banner = $("banner");
   banner.textContent = {
-    gone: `The program has stopped. Start it again with --port ${location.port} and open its new address in this tab: the pose is kept here.`,
+    gone: `The program has stopped. Start it again with --port ${location.port} and open its new address in this tab: the pose is kept here. A page cannot follow to another port.`,
     refused: "This page's address is of an earlier run of the program. Open the address that it printed last in this tab: the pose is kept here.",
     unaddressed: "This address is not complete. Open the whole address that the program printed, with what stands behind the #.",
   }[link.way] || "";

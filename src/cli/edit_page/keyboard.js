@@ -57,13 +57,15 @@ function showHelp() {
 
 addEventListener("keydown", event => {
   if (!now.state || $("keys-help").open) return;
-  const { target } = event, tag = target.tagName, typing = tag === "SELECT" || (tag === "INPUT" && target.type !== "checkbox" && target.type !== "file");
+  const { target } = event, tag = target.tagName, typing = tag === "SELECT" || (tag === "INPUT" && target.type === "number");
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key, command = event.ctrlKey || event.metaKey;
   if (command && (key === "z" || key === "y") && !(typing && target.type === "number")) {
     back(key === "y" || event.shiftKey ? "redo" : "undo");
     event.preventDefault();
     return;
   }
+  // A slider has the keys that move it.
+  if (target.type === "range" && /^(Arrow|Home|End|Page)/.test(key)) return;
   if (key === "Escape") {
     if (typing) { target.dirty = false; tell(); target.blur(); } else escape();
     return;

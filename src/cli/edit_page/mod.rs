@@ -66,7 +66,17 @@ mod tests {
         let page = page();
         assert!(page.len() < 150_000, "{} bytes", page.len());
         for loading in [
-            "http://", "https://", "src=\"", "url(", "@import", "XMLHttp", "import(", "eval(", "{{", " style=\"", " onclick",
+            "http://",
+            "https://",
+            "src=\"",
+            "url(",
+            "@import",
+            "XMLHttp",
+            "import(",
+            "eval(",
+            "{{",
+            " style=\"",
+            " onclick",
         ] {
             assert!(!page.contains(loading), "{loading}");
         }
@@ -74,7 +84,10 @@ mod tests {
         assert_eq!(page.matches("href=").count(), 1, "the empty icon");
         for source in [SCRIPT, STYLE] {
             assert!(page.contains(source));
-            assert!(!source.to_lowercase().contains("</s"), "nothing in them ends them");
+            assert!(
+                !source.to_lowercase().contains("</s"),
+                "nothing in them ends them"
+            );
         }
     }
 

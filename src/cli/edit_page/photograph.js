@@ -12,11 +12,13 @@ const FEWEST = 4, ENOUGH = 8;
 // ---- which joint is asked for ----
 
 const FIRST = ["lhipjoint", "rhipjoint", "lclavicle", "rclavicle", "lradius", "rradius", "ltibia", "rtibia", "head"];
-const FIRST_WORDS = [/hip|upleg|thigh/, /shoulder|upper ?arm/, /wrist|hand$/, /ankle|foot$/, /^head$/];
+/** Other skeletons' names of the same, by preference. */
+const FIRST_WORDS = [["hip", "up leg", "upper leg", "thigh"], ["upper arm", "arm", "shoulder"], ["wrist", "hand"], ["ankle", "foot"], ["head"]];
 function firstJoints() {
   const { joints } = now.state;
   if (FIRST.every(name => joints.includes(name))) return FIRST;
-  return FIRST_WORDS.flatMap(words => joints.filter(name => words.test(inWords(name))).slice(0, 2));
+  return FIRST_WORDS.flatMap(words => words.map(place => joints.filter(name => inWords(name).replace(/^(left|right) /, "") === place))
+    .find(found => found.length) || []);
 }
 /** The joint that the next click in the picture marks: the chosen one, the first of the list, the least certain. */
 function askedFor() {
