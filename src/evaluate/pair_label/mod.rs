@@ -26,6 +26,7 @@ const SCRIPT: &str = concat!(
     "\nfunction view(scene) {",
     include_str!("../player/time.js"),
     include_str!("../player/camera.js"),
+    include_str!("../player/edge.js"),
     include_str!("../player/view.js"),
     "return { camera, path, readInk, drawPanel };\n}\n",
     include_str!("show.js"),

@@ -32,6 +32,7 @@ pub(super) const SCRIPT: &str = concat!(
     include_str!("camera.js"),
     include_str!("playback.js"),
     include_str!("gestures.js"),
+    include_str!("edge.js"),
     include_str!("view.js"),
     include_str!("controls.js"),
     "}\n",

@@ -1,0 +1,25 @@
+
+// What all parts of the page share: elements, and drawing when asked.
+
+const $ = id => document.getElementById(id);
+function make(tag, className, text) {
+  const node = document.createElement(tag);
+  if (className) node.className = className;
+  if (text !== undefined) node.textContent = text;
+  return node;
+}
+
+let asked = false, frames = 0;
+/** What is drawn in each frame that was asked for. */
+const drawings = [];
+function ask() { if (!asked) { asked = true; requestAnimationFrame(drawAll); } }
+function drawAll(time) {
+  asked = false;
+  frames++;
+  for (const draw of drawings) draw(time);
+}
+
+const clamp = (value, low, high) => Math.max(low, Math.min(high, value));
+/** Centimetres as text: one digit while they are few. */
+const cm = value => (Math.abs(value) < 9.95 ? value.toFixed(1) : value.toFixed(0)) + " cm";
+const count = (n, one, many = one + "s") => `${n} ${n === 1 ? one : many}`;

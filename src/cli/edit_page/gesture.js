@@ -1,0 +1,120 @@
+
+// Moving joints: a gesture begins, aims at places, and ends as one step of undo, or is cancelled.
+
+let gestures = 0;
+
+/** Begins to move a joint (and its mirror image, if both sides go together). */
+function beginGesture(name, sd = .5) {
+  leaveOthers();
+  if (now.preview) adoptPreview();
+  const from = now.pose, names = [name], other = now.state.mirrors[name];
+  const plane = now.both && other && other !== name && from[other] ? mirrorPlane(from) : null;
+  if (plane) names.push(other);
+  now.gesture = { id: ++gestures, joints: names, plane, from, sd, targets: {}, pins: copyPins(now.pins), moved: false };
+  now.selected = name;
+  for (const joint of names) now.gesture.targets[joint] = [...from[joint]];
+  tell();
+}
+
+/** Moves the gesture's joint to a place; the other side follows as its mirror image. */
+function aim(place) {
+  const { joints: [name, other], plane } = now.gesture;
+  now.gesture.moved = true;
+  setTarget(name, place);
+  if (other) setTarget(other, mirrorImage(place, plane));
+  ask();
+  solve();
+}
+
+/** A fully pinned joint takes its pin along; one that is pinned along some axes keeps those. */
+function setTarget(name, place) {
+  const pin = now.pins[name], goal = onFloor(name, place);
+  if (pin && pin.every(v => v !== null)) now.pins[name] = goal;
+  else if (pin) pin.forEach((v, c) => { if (v !== null) goal[c] = v; });
+  now.gesture.targets[name] = goal;
+}
+
+/** Nothing goes below the floor, and a foot close to it stands on it. */
+function onFloor(name, place) {
+  const goal = place.map(v => Math.round(v * 1000) / 1000);
+  if (!now.state.floor) return goal;
+  const near = feet().includes(name) ? 2 : 0;
+  if (goal[1] < near) goal[1] = 0;
+  return goal;
+}
+
+const isPinned = name => !!now.pins[name] && now.pins[name].every(v => v !== null);
+
+/** Where a joint is to be: its target, else its pin (free axes as they are). */
+function placeWanted(name) {
+  if (now.gesture && now.gesture.targets[name]) return now.gesture.targets[name];
+  const pin = now.pins[name], at = now.pose[name];
+  return pin && at ? pin.map((v, c) => v === null ? at[c] : v) : null;
+}
+
+async function solve() {
+  const { id, targets, sd } = now.gesture, drags = {};
+  for (const [name, xyz] of Object.entries(targets)) if (!isPinned(name)) drags[name] = { xyz, sd };
+  try {
+    const answer = await request("/solve", { pins: copyPins(now.pins), drags, rest: now.rest }, { newest: true });
+    // An answer to a gesture that was cancelled meanwhile is of no use.
+    if (!answer || cancelled.has(id)) return;
+    takePose(answer);
+    tell();
+  } catch (error) {
+    if (error.status) say(error.message);
+  }
+}
+const cancelled = new Set();
+
+function endGesture() {
+  const gesture = now.gesture;
+  if (!gesture) return;
+  now.gesture = null;
+  if (!gesture.moved) { tell(); return; }
+  speakMove(gesture);
+  settle();
+}
+/** The gesture becomes a step of undo; pins that moved along with it stay where they are now. */
+async function settle() {
+  const pins = copyPins(now.pins), changes = pinChanges;
+  pinning++;
+  const released = await act({ do: "release" });
+  pinning--;
+  if (!released || now.gesture || changes !== pinChanges) return;
+  if (samePins(pins, now.state.pins)) now.pins = copyPins(now.state.pins);
+  else await setPins(pins);
+}
+function samePins(a, b) {
+  const names = Object.keys(a);
+  return names.length === Object.keys(b).length && names.every(name => b[name]
+    && a[name].every((v, c) => v === null ? b[name][c] === null : b[name][c] !== null && Math.abs(v - b[name][c]) < .001));
+}
+
+function cancelGesture() {
+  const gesture = now.gesture;
+  if (!gesture) return;
+  now.gesture = null;
+  now.pins = gesture.pins;
+  if (gesture.moved) {
+    cancelled.add(gesture.id);
+    dropWaiting();
+    now.pose = gesture.from;
+    act({ do: "cancel" });
+  }
+  tell();
+}
+
+/** Moves a joint by a step, as the arrow keys and typed numbers do; steps in quick succession are one gesture. */
+let resting = 0;
+function nudge(name, place) {
+  if (now.gesture && (now.gesture.joints[0] !== name || now.gesture.pointer)) return;
+  if (!now.gesture) beginGesture(name, .05);
+  aim(place);
+  clearTimeout(resting);
+  resting = setTimeout(endNudge, 700);
+}
+function endNudge() {
+  clearTimeout(resting);
+  if (now.gesture && !now.gesture.pointer) endGesture();
+}

@@ -1,0 +1,87 @@
+
+// What the page says: one line of guidance, warnings, notices, the banner when the program is away, and speech.
+
+/** The next thing to do, in one line. */
+function guidance() {
+  const name = now.selected && capital(inWords(now.selected));
+  const touch = matchMedia("(pointer: coarse)").matches;
+  if (!now.state) return "";
+  if (link.way !== "fine") return "The view can be turned. The body can be moved when the program runs again.";
+  if (photo.on) {
+    const asked = askedFor();
+    return asked ? `Click the ${inWords(asked)} in the picture.` + (photo.picture ? " Joints of the body can be dragged to their places, too." : "") : "Drag the marks until the body fits, then use the pose.";
+  }
+  if (now.gesture && now.gesture.pointer) return touch ? "Drag in the small view to move it in depth." : "Shift or wheel: nearer, farther. Ctrl: fine. Esc: back.";
+  if (now.gesture) return `${name} moves. P pins it.`;
+  if (others.asked) return "Looking for other poses…";
+  if (others.at >= 0) return "Dashed: another pose with the same pins." + (touch ? "" : " Enter takes it, N shows the next, Esc keeps yours.");
+  if (motion.playing) return "The motion between the keys.";
+  if (now.preview) return `The motion at ${motion.cursor.toFixed(2)} s. Drag a joint to change it here.` + (touch ? "" : " K makes it a key, Esc goes back.");
+  if (now.hover) return `${capital(inWords(now.hover))}: drag to move it, click to ${now.pins[now.hover] ? "remove its pin" : "pin it"}.`;
+  if (now.state.keys.length === 1) return "One key is set. Change the pose, then set the next key with K.";
+  const press = touch ? "Hold" : "Click";
+  if (now.state.undo && !Object.keys(now.pins).length) return `${press} a joint to pin it: it stays while you drag others.`;
+  return `Drag a joint: the body follows. ${press} a joint to pin it.`;
+}
+function guide() { $("guide").textContent = guidance(); }
+
+function warn() {
+  const lines = [], away = Object.entries(now.missed).filter(([name, by]) => by >= .5 && now.pose[name]);
+  if (away.length === 1) lines.push(`The ${inWords(away[0][0])} cannot reach its place: ${cm(away[0][1])} are missing.`);
+  if (away.length > 1) lines.push(`${away.length} joints cannot reach their places.`);
+  if (now.unlike > 0) lines.push("This pose is unlike any that the model has seen.");
+  $("warning").textContent = lines.join(" ");
+  $("warning").hidden = !lines.length || !!now.preview;
+}
+
+let fading = 0;
+/** A notice that goes away by itself. */
+function say(text) {
+  $("notice").textContent = text;
+  $("notice").hidden = false;
+  clearTimeout(fading);
+  fading = setTimeout(() => { $("notice").hidden = true; }, 6000);
+}
+
+function tellLink() {
+  const banner = $("banner");
+  banner.textContent = {
+    gone: `The program has stopped. Start it again with --port ${location.port} and open its new address in this tab: the pose is kept here. A page cannot follow to another port.`,
+    refused: "This page's address is of an earlier run of the program. Open the address that it printed last in this tab: the pose is kept here.",
+    unaddressed: "This address is not complete. Open the whole address that the program printed, with what stands behind the #.",
+  }[link.way] || "";
+  banner.hidden = !banner.textContent;
+  document.body.classList.toggle("away", !banner.hidden);
+  if (link.way === "gone") {
+    if (now.gesture) { const { from } = now.gesture; now.gesture = null; now.pose = from; doing = null; }
+    motion.playing = motion.playing && !!motion.between;
+    tell();
+  }
+}
+
+// ---- for those who listen ----
+
+function speak(text) { $("spoken").textContent = text; }
+
+/** Where a joint is, in words. */
+function speakJoint(name) {
+  if (!name) return;
+  const at = now.pose[name], words = [inWords(name), `height ${at[1].toFixed(0)} centimetres`];
+  if (isPinned(name)) words.push("pinned");
+  else if (now.pins[name]) words.push("partly pinned");
+  speak(words.join(", "));
+}
+
+/** How far a gesture took its joint, seen from the front of the body: "left hand 12 cm up, pinned". */
+function speakMove(gesture) {
+  const [name] = gesture.joints, to = now.pose[name], from = gesture.from[name], { right, toward } = axesOf({ ...big.look.camera, elevation: 0 });
+  const by = to.map((v, c) => v - from[c]), words = [];
+  for (const [value, more, less] of [[by[1], "up", "down"], [dot(by, right), "to the right", "to the left"], [dot(by, toward), "nearer", "farther"]])
+    if (Math.abs(value) >= .5) words.push(`${Math.abs(value).toFixed(0)} cm ${value > 0 ? more : less}`);
+  const text = [`${inWords(name)} ${words.join(" and ") || "where it was"}`];
+  if (isPinned(name)) text.push("pinned");
+  if (now.missed[name] >= .5) text.push(`${cm(now.missed[name])} short of its place`);
+  speak(text.join(", "));
+}
+
+whenChanged(() => { guide(); warn(); });

@@ -1,0 +1,41 @@
+
+// Names of joints in words, and the sides they are on.
+
+/** What is where CMU's bones end: a joint has the name of the bone that ends in it. */
+const PLACES = {
+  root: "pelvis", hipjoint: "hip", femur: "knee", tibia: "ankle", foot: "foot",
+  lowerback: "lower back", upperback: "upper back", thorax: "chest", lowerneck: "lower neck", upperneck: "upper neck",
+  head: "head", clavicle: "shoulder", humerus: "elbow", radius: "wrist", wrist: "hand",
+};
+
+/** A joint's name in words: lradius is the left wrist; other skeletons' names are parted where words begin. */
+function inWords(name) {
+  if (now.state && now.state.joints.includes("lhumerus")) {
+    if (PLACES[name]) return PLACES[name];
+    const place = PLACES[name.slice(1)];
+    if (place && /^[lr]/.test(name)) return (name[0] === "l" ? "left " : "right ") + place;
+  }
+  const words = name.replace(/([a-z0-9])([A-Z])/g, "$1 $2").replace(/[_.:-]+/g, " ").trim().toLowerCase();
+  return words.replace(/^l (.*)$/, "left $1").replace(/^r (.*)$/, "right $1")
+    .replace(/^(.*) l$/, "left $1").replace(/^(.*) r$/, "right $1") || name;
+}
+/** A sentence with the names of joints in words. */
+const inSentence = text => text.replace(/[\w:.-]+/g, word => now.state.joints.includes(word) ? inWords(word) : word);
+const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
+
+/** "l", "r" or "m": only what has a mirror image has a side. */
+function sideOf(name) {
+  const other = now.state.mirrors[name];
+  if (!other || other === name) return "m";
+  const words = inWords(name);
+  if (words.startsWith("left")) return "l";
+  if (words.startsWith("right")) return "r";
+  return /^l/i.test(name) ? "l" : /^r/i.test(name) ? "r" : "m";
+}
+
+/** The joint and all that hang on it. */
+function withBelow(name) {
+  const { joints, parents } = now.state;
+  return joints.filter(joint => { for (let j = joint; j; j = parents[j]) if (j === name) return true; return false; });
+}
+const feet = () => now.state.joints.filter(name => /foot|toe/i.test(name));

@@ -1,0 +1,50 @@
+
+// What the page knows: the program's last state, and what is selected, moved and shown.
+
+const now = {
+  state: null, revision: -1,
+  pose: {}, sd: {}, missed: {}, unlike: 0, pins: {}, rest: 10,
+  selected: null, hover: null,
+  /** What is being moved (gesture.js). */
+  gesture: null,
+  /** Another pose that is shown instead of the present one: an in-between. */
+  preview: null,
+  rings: true, both: false,
+};
+
+const listeners = [];
+/** Calls a function whenever the state or the pose has changed. */
+function whenChanged(f) { listeners.push(f); }
+function tell() {
+  if (now.state) for (const f of listeners) f();
+  ask();
+}
+
+const copyPins = pins => Object.fromEntries(Object.entries(pins).map(([name, at]) => [name, [...at]]));
+
+function takePose(answer) {
+  now.pose = answer.pose;
+  now.sd = answer.sd || {};
+  now.missed = answer.missed || {};
+  now.unlike = answer.unlike || 0;
+  now.revision = answer.revision;
+}
+
+function takeState(state) {
+  const before = now.state;
+  now.state = state;
+  // What is moved now is newer than this state.
+  if (now.gesture) now.revision = state.revision;
+  else { takePose(state); if (!pinning) now.pins = copyPins(state.pins); now.rest = state.rest; }
+  if (!before || before.joints.join() !== state.joints.join()) beginBody();
+  tell();
+}
+
+/** The pose that is drawn. */
+const shown = () => now.preview || now.pose;
+
+function select(name) {
+  if (now.selected === name) return;
+  now.selected = name;
+  tell();
+}

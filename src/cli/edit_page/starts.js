@@ -1,0 +1,37 @@
+
+// Poses to start from: thumbnails of typical ones, and the rows of a table.
+
+let drawnStarts = "";
+
+function showStarts() {
+  // Of several poses with one name, the later ones are numbered.
+  const { rows } = now.state, seen = {}, starts = now.state.starts.map(({ name, pose }) => {
+    seen[name] = (seen[name] || 0) + 1;
+    return { name: seen[name] > 1 ? `${name} ${seen[name]}` : name, pose };
+  });
+  const key = starts.map(start => start.name).join("\n") + ink.panel;
+  $("rows-row").hidden = !rows;
+  if (rows) { $("row").max = rows; $("rows").textContent = `of ${rows}`; }
+  if (key === drawnStarts) return;
+  drawnStarts = key;
+  $("starts").replaceChildren(...starts.map((start, i) => {
+    const button = make("button", "start"), canvas = make("canvas");
+    button.append(canvas, make("span", "", start.name));
+    button.title = "Start from: " + start.name;
+    button.addEventListener("click", () => takeStart({ do: "start", start: i }));
+    return button;
+  }));
+  [...$("starts").children].forEach((button, i) => drawThumbnail(button.firstChild, starts[i].pose));
+}
+
+async function takeStart(action) {
+  if (ready() && await act(action)) frameBody();
+}
+$("take-row").addEventListener("click", () => {
+  const row = Math.round(clamp(+$("row").value || 1, 1, now.state.rows));
+  $("row").value = row;
+  takeStart({ do: "row", row: row - 1 });
+});
+$("row").addEventListener("keydown", event => { if (event.key === "Enter") $("take-row").click(); });
+
+whenChanged(showStarts);
