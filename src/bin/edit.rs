@@ -74,7 +74,11 @@ fn work(args: &Args) -> Result<()> {
         Some(path) => (open_model(path)?, path.display().to_string()),
         None => (Model::builtin()?, "the built-in model".to_string()),
     };
-    let table = args.poses.as_deref().map(|path| table(args, path)).transpose()?;
+    let table = args
+        .poses
+        .as_deref()
+        .map(|path| table(args, path))
+        .transpose()?;
     let source = EditSource {
         figure: figure(args, &model.0, table.as_ref())?,
         session: args.session.clone(),

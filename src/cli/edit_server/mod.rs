@@ -178,7 +178,11 @@ async fn guarded(
         .check(request.method(), request.uri(), request.headers());
     let mut response = match checked {
         Ok(()) => next.run(request).await,
-        Err(refusal) => refusal.into_response(),
+        Err(refusal) => {
+            // A body that is not read would end the connection under the client's hands.
+            let _ = timeout(PATIENCE, to_bytes(request.into_body(), LARGEST_BODY)).await;
+            refusal.into_response()
+        }
     };
     shared.guard.mark(response.headers_mut());
     response
