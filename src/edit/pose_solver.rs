@@ -291,46 +291,33 @@ impl PoseSolver {
         let mut xyz = pose.xyz.clone();
         xyz.chunks_exact_mut(3)
             .for_each(|p| (0..3).for_each(|c| p[c] += shift[c]));
-        let there = RestoredFrame {
-            mean: self.rig.to_model(&xyz, self.prior.points),
-            sd: vec![0.0; self.prior.points],
-            placement: Similarity {
-                shift: pose.placement.shift + shift,
-                ..pose.placement
-            },
+        let placement = Similarity {
+            shift: pose.placement.shift + shift,
+            ..pose.placement
         };
         let asked = Constraints::none(self.rig.joints());
-        let moved = self.fitted(&asked, &xyz, &there, &[pose.q.clone()]);
         Pose {
             sd: pose.sd.clone(),
-            ..moved
+            ..self.at_places(&asked, &xyz, &xyz, placement, &pose.q)
         }
     }
 
-    /// The pose between two keys: joints near `xyz` (3 K, cm) to within `sd` (K, cm), values near `q`, the pins of `asked` held.
-    pub fn between(
+    /// The rig with its joints at `xyz` (3 K, cm), the pins of `asked` held, found from the values `start`; the prior says nothing.
+    /// The floor is that of joints at `reference` (3 K, cm).
+    pub fn at_places(
         &self,
         asked: &Constraints,
         xyz: &[f64],
-        sd: &[f64],
-        q: &[f64],
-        before: &Pose,
+        reference: &[f64],
+        placement: Similarity,
+        start: &[f64],
     ) -> Pose {
-        let mut seen = asked.clone();
-        for (k, (at, sd)) in xyz.chunks_exact(3).zip(sd).enumerate() {
-            seen.drags[k] = Some((DVec3::from_slice(at), *sd));
-        }
-        let (y, noise) = self.observation(&seen, xyz);
-        let start = PlacementSolution::from_placement(before.placement);
-        let restored = match self.prior.restorer().follow(&y, &noise, &start) {
-            Some((restored, _)) => restored,
-            None => RestoredFrame {
-                mean: y,
-                sd: vec![0.0; self.prior.points],
-                placement: before.placement,
-            },
+        let there = RestoredFrame {
+            mean: self.rig.to_model(xyz, self.prior.points),
+            sd: vec![0.0; self.prior.points],
+            placement,
         };
-        self.fitted(asked, xyz, &restored, &[q.to_vec()])
+        self.fitted(asked, reference, &there, &[start.to_vec()])
     }
 
     /// A pose carried into the skeleton's limits, with its pins held.
@@ -338,14 +325,10 @@ impl PoseSolver {
         let mut asked = Constraints::none(self.rig.joints());
         asked.pins.copy_from_slice(pins);
         asked.limits = true;
-        let restored = RestoredFrame {
-            mean: self.rig.to_model(&pose.xyz, self.prior.points),
-            sd: vec![0.0; self.prior.points],
-            placement: pose.placement,
-        };
-        let mut settled = self.fitted(&asked, &pose.xyz, &restored, &[pose.q.clone()]);
-        settled.sd.copy_from_slice(&pose.sd);
-        settled
+        Pose {
+            sd: pose.sd.clone(),
+            ..self.at_places(&asked, &pose.xyz, &pose.xyz, pose.placement, &pose.q)
+        }
     }
 
     /// What is asked for as an observation in the model's order: values and variances (3 J).

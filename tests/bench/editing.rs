@@ -7,6 +7,9 @@ mod shared;
 
 use glam::{DMat3, DVec3};
 use ndarray::{Array2, Axis};
+use posing::edit::in_betweens::in_betweens;
+use posing::edit::keys::Key;
+use posing::edit::photograph::{Marks, fit_photograph};
 use posing::edit::pose_solver::{Constraints, Pose, PoseSolver};
 use posing::edit::{Rig, RigPrior, session::DRAG_SD};
 use posing::io::{Amc, Asf, Model};
@@ -70,9 +73,21 @@ fn main() {
     });
     let mut points = Vec::new();
     let (mut drags, mut jumps) = (Vec::new(), Jumps::default());
+    let (mut betweens, mut photographs) = (Vec::new(), Vec::new());
     for (learnt, tested) in &groups {
         for &kind in &kinds {
-            let model = train(learnt, kind);
+            let file = format!(
+                "/tmp/h/model-{}-{}.npz",
+                kind.name(),
+                learnt.len() * 1000 + learnt[0].takes.len()
+            );
+            let model = if Path::new(&file).exists() {
+                Model::open(&file).unwrap()
+            } else {
+                let m = train(learnt, kind);
+                m.save(&file).unwrap();
+                m
+            };
             for person in tested {
                 let solver = solver(&model, person);
                 let poses = some_poses(person, &solver.rig);
@@ -96,12 +111,20 @@ fn main() {
                 if kind == Kind::Multiscale && wants("jumps") {
                     jumps.add(&solver, &poses);
                 }
+                if kind == Kind::Multiscale && wants("betweens") {
+                    add_betweens(&mut betweens, &solver, person);
+                }
+                if kind == Kind::Multiscale && wants("photographs") {
+                    add_photographs(&mut photographs, &solver, &poses);
+                }
             }
         }
     }
     report_points(&points);
     report_drags(&drags);
     jumps.report();
+    report_betweens(&betweens);
+    report_photographs(&photographs);
 }
 
 fn people() -> Vec<Person> {
@@ -532,6 +555,170 @@ impl Jumps {
         }
         let over = self.ratios.iter().filter(|r| **r > 4.0).count();
         println!("steps over 4 cm: {over} of {n}");
+    }
+}
+
+// ---- in-betweens ----
+
+/// Seconds between keys, the squared errors of a coordinate, ours and with straight ways of the joints, and ours over the standard deviation.
+type Betweens = (f64, [f64; 3]);
+
+fn add_betweens(rows: &mut Vec<Betweens>, solver: &PoseSolver, person: &Person) {
+    let before = start(solver);
+    for take in &person.takes {
+        let xyz = columns(take, &solver.rig.names);
+        for apart in [0.2, 0.5, 1.0] {
+            let step = (apart * 120.0) as usize;
+            let mut keys = Vec::new();
+            let mut pose = before.clone();
+            for (i, t) in (0..xyz.nrows()).step_by(step).take(9).enumerate() {
+                let Some(next) = solver.pose_at(&xyz.row(t).to_vec(), &pose) else {
+                    return;
+                };
+                pose = next;
+                let pins = vec![[None; 3]; solver.rig.joints()];
+                keys.push(Key {
+                    time: i as f64 * apart,
+                    pose: pose.clone(),
+                    pins,
+                });
+            }
+            if keys.len() < 2 {
+                continue;
+            }
+            let with = in_betweens(solver, &keys, 30.0, false).expect("a motion");
+            for t in 0..with.xyz.nrows() {
+                let share = t as f64 / 30.0 / apart;
+                let (i, share) = (share.floor() as usize, share.fract());
+                if share < 1e-6 || i + 1 >= keys.len() {
+                    continue;
+                }
+                let truth = xyz.row(4 * t).to_vec();
+                let straight: Vec<f64> = keys[i]
+                    .pose
+                    .xyz
+                    .iter()
+                    .zip(&keys[i + 1].pose.xyz)
+                    .map(|(a, b)| a + share * (b - a))
+                    .collect();
+                let ours = with.xyz.row(t).to_vec();
+                let known = (0..solver.rig.joints()).map(|k| {
+                    ((place(&ours, k) - place(&truth, k)) / with.sd[[t, k]].max(0.1))
+                        .length_squared()
+                        / 3.0
+                });
+                let known = known.sum::<f64>() / solver.rig.joints() as f64;
+                rows.push((
+                    apart,
+                    [
+                        mean_square(&ours, &truth),
+                        mean_square(&straight, &truth),
+                        known,
+                    ],
+                ));
+            }
+        }
+    }
+}
+
+fn report_betweens(rows: &[Betweens]) {
+    if rows.is_empty() {
+        return;
+    }
+    println!(
+        "between keys of takes of people not seen, RMS of a coordinate, cm {:>10} {:>8} {:>8} {:>8}",
+        "frames", "ours", "straight", "over sd"
+    );
+    for apart in [0.2, 0.5, 1.0] {
+        let of: Vec<&Betweens> = rows.iter().filter(|r| r.0 == apart).collect();
+        let rms = |i: usize| (of.iter().map(|r| r.1[i]).sum::<f64>() / of.len() as f64).sqrt();
+        println!(
+            "keys {apart:>4} s apart {:>57} {:>8.3} {:>8.3} {:>8.3}",
+            of.len(),
+            rms(0),
+            rms(1),
+            rms(2)
+        );
+    }
+}
+
+// ---- photographs ----
+
+/// Marks, and the squared errors of a coordinate: weak perspective, with the focal length, and the typical pose.
+type Photograph = (usize, [f64; 3], f64);
+
+fn add_photographs(rows: &mut Vec<Photograph>, solver: &PoseSolver, poses: &[Vec<f64>]) {
+    let before = start(solver);
+    let mut random = parallel::rng(3, 1);
+    for truth in poses.iter().step_by(5) {
+        let turn = DMat3::from_rotation_x(random.random_range(-0.2..0.3))
+            * DMat3::from_rotation_y(random.random_range(-3.1..3.1));
+        let root = place(truth, 0);
+        let seen: Vec<DVec3> = (0..solver.rig.joints())
+            .map(|k| turn * (place(truth, k) - root))
+            .collect();
+        // 50 mm on a picture 36 mm and 1,500 pixels high, 450 cm away.
+        let (focal, distance) = (50.0 / 36.0 * 1500.0, 450.0);
+        for count in [8, 12, 16] {
+            let mut marks = Marks::default();
+            for k in sample(&mut random, solver.rig.joints(), count) {
+                let noise = glam::DVec2::new(
+                    random.random_range(-4.0..4.0),
+                    random.random_range(-4.0..4.0),
+                );
+                let at = seen[k].truncate() * focal / (distance - seen[k].z);
+                marks.at.insert(k, at + noise);
+            }
+            let began = Instant::now();
+            let fits = [None, Some(focal)].map(|focal| {
+                let marks = Marks {
+                    focal,
+                    ..marks.clone()
+                };
+                fit_photograph(solver, &marks, &before)
+                    .map(|f| f.pose.xyz)
+                    .unwrap_or_else(|_| before.xyz.clone())
+            });
+            let ms = began.elapsed().as_secs_f64() * 500.0;
+            let error = |xyz: &[f64]| {
+                let joints = (0..seen.len())
+                    .map(|k| (place(xyz, k) - place(xyz, 0) - seen[k]).length_squared());
+                joints.sum::<f64>() / (3 * seen.len()) as f64
+            };
+            rows.push((
+                count,
+                [error(&fits[0]), error(&fits[1]), error(&before.xyz)],
+                ms,
+            ));
+        }
+    }
+}
+
+fn report_photographs(rows: &[Photograph]) {
+    if rows.is_empty() {
+        return;
+    }
+    println!(
+        "photographs of people not seen, RMS of a coordinate from the root, cm {:>6} {:>8} {:>8} {:>8} {:>8}",
+        "fits", "weak", "focal", "typical", "ms"
+    );
+    for count in [8, 12, 16] {
+        let of: Vec<&Photograph> = rows.iter().filter(|r| r.0 == count).collect();
+        let rms = |i: usize| (of.iter().map(|r| r.1[i]).sum::<f64>() / of.len() as f64).sqrt();
+        let mut ms: Vec<f64> = of.iter().map(|r| r.2).collect();
+        println!(
+            "{count:>2} marks {:>66} {:>8.2} {:>8.2} {:>8.2} {:>8.0}",
+            of.len(),
+            rms(0),
+            rms(1),
+            rms(2),
+            quantile(&mut ms, 0.5)
+        );
+        let mut each: Vec<f64> = of.iter().map(|r| r.1[1].sqrt()).collect();
+        println!(
+            "   median of a pose with focal: {:.2}",
+            quantile(&mut each, 0.5)
+        );
     }
 }
 
