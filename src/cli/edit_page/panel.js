@@ -22,7 +22,7 @@ function showJoint() {
   AXES.forEach((axis, c) => {
     const field = $("at-" + axis), square = $("pin-" + axis);
     field.disabled = square.disabled = !at;
-    if (document.activeElement !== field || !field.dirty) field.value = at ? at[c].toFixed(1) : "";
+    if (document.activeElement !== field || !field.dirty) field.value = at ? fixed(at[c]) : "";
     square.setAttribute("aria-pressed", !!pin && pin[c] !== null);
   });
   $("pin").disabled = $("reset-limb").disabled = !at;
@@ -161,7 +161,7 @@ function showTable() {
     button.textContent = inWords(name);
     button.title = name;
     AXES.forEach((_, c) => {
-      row.cells[c + 1].textContent = at ? at[c].toFixed(1) : "";
+      row.cells[c + 1].textContent = at ? fixed(at[c]) : "";
       row.cells[c + 1].classList.toggle("pinned", !!pin && pin[c] !== null);
     });
     row.cells[4].textContent = isPinned(name) ? "pin" : sd === undefined ? "" : sd.toFixed(1);
