@@ -73,17 +73,18 @@ $("unpin").addEventListener("click", () => { if (ready()) setPins({}); });
 
 // ---- how far the rest follows ----
 
-const RESTS = [
-  [2, "only what must move"], [6, "close joints follow a little"], [20, "the limb follows"],
-  [80, "half of the body follows"], [300, "the whole body follows"], [Infinity, "the model places the rest"],
-];
+function restInWords(within) {
+  if (within < 1.5) return "others stay where they are";
+  if (within < 40) return `others within some ${within.toFixed(0)} cm`;
+  return within < 150 ? "others follow" : "others follow the model";
+}
 function showRest() {
-  const words = RESTS.find(([limit]) => now.rest < limit)[1];
+  const words = restInWords(now.rest);
   $("rest").value = Math.log10(now.rest);
   $("rest").style.setProperty("--done", Math.log10(clamp(now.rest, 1, 1000)) / 3 * 100 + "%");
   $("rest-words").textContent = words;
-  $("rest").setAttribute("aria-valuetext", `${words}: ${cm(now.rest)}`);
-  $("rest").title = `The rest is held to within ${cm(now.rest)} of where it was.`;
+  $("rest").setAttribute("aria-valuetext", words);
+  $("rest").title = `Standard deviation of the other joints about where they were: ${cm(now.rest)}`;
 }
 $("rest").addEventListener("input", event => {
   now.rest = Math.round(10 ** event.target.value * 10) / 10;
