@@ -20,7 +20,7 @@ function inWords(name) {
     .replace(/^(.*) l$/, "left $1").replace(/^(.*) r$/, "right $1") || name;
 }
 /** A sentence with the names of joints in words. */
-const inSentence = text => text.replace(/[\w:.-]+/g, word => now.state.joints.includes(word) ? inWords(word) : word);
+const inSentence = text => text.replace(/[\w:.-]+/g, word => now.state.joints.includes(word) ? "the " + inWords(word) : word);
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 
 /** "l", "r" or "m": only what has a mirror image has a side. */
