@@ -6,6 +6,7 @@ const PLACES = {
   root: "pelvis", hipjoint: "hip", femur: "knee", tibia: "ankle", foot: "foot",
   lowerback: "lower back", upperback: "upper back", thorax: "chest", lowerneck: "lower neck", upperneck: "upper neck",
   head: "head", clavicle: "shoulder", humerus: "elbow", radius: "wrist", wrist: "hand",
+  hand: "knuckles", fingers: "fingers", thumb: "thumb", toes: "toes",
 };
 
 /** A joint's name in words: lradius is the left wrist; other skeletons' names are parted where words begin. */

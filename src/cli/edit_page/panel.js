@@ -101,8 +101,10 @@ function showSwitches() {
   $("limits-row").hidden = !state.can_limit;
   $("both").checked = now.both;
   $("rings").checked = now.rings;
-  $("what").textContent = state.name;
-  document.title = state.name ? `${state.name}, posing` : "Posing";
+  const name = (state.name || "").split(/[/\\]/).pop();
+  $("what").textContent = name;
+  $("what").title = state.name;
+  document.title = name ? `${name}, posing` : "Posing";
   for (const way of ["undo", "redo"]) {
     $(way).disabled = !state[way];
     const words = state[way] ? `${capital(way)}: ${inSentence(state[way])}` : `Nothing to ${way}`;
