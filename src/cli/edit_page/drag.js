@@ -141,7 +141,7 @@ function hover(name, event) {
     if (changed) {
       const sd = now.sd[name], lines = [make("b", "", capital(inWords(name)))];
       if (inWords(name) !== name) lines.push(make("span", "raw", name));
-      lines.push(make("div", "", shown()[name].map(v => v.toFixed(1)).join("  ") + " cm" + (sd > .05 ? `  ± ${sd.toFixed(1)}` : "")));
+      lines.push(make("div", "", shown()[name].map(fixed).join("  ") + " cm" + (sd > .05 ? `  ± ${sd.toFixed(1)}` : "")));
       tip.replaceChildren(...lines);
     }
     const { width, height } = tip.getBoundingClientRect();

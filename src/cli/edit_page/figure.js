@@ -88,7 +88,7 @@ function drawBody(ctx, at, handles, hits) {
 }
 
 function drawJoint(ctx, name, [x, y, , scale], handles) {
-  const color = ink[SIDE[sideOf(name)]], pin = now.preview ? null : now.pins[name];
+  const color = ink[SIDE[sideOf(name)]], pin = now.preview || photo.on ? null : now.pins[name];
   if (isHead(name)) { circle(ctx, x, y, .038 * scene.size * scale); ctx.fillStyle = color; ctx.fill(); }
   const hot = handles && (name === now.hover || name === now.selected);
   const radius = clamp(1.15 * scale, 1.6, 4.6) + (handles && name === now.hover ? 1.5 : 0);
@@ -167,7 +167,7 @@ function drawView(view) {
   for (const ghost of ghosts()) drawGhost(ctx, project, ghost.pose, ink[ghost.color], ghost.alpha, ghost.dashes);
   if (now.rings && !now.preview && view === big) drawRings(ctx, at);
   drawBody(ctx, at, handles, view.hits);
-  if (!now.preview) drawMissed(ctx, project, at, view === big);
+  if (!now.preview && !photo.on) drawMissed(ctx, project, at, view === big);
   if (now.gesture) drawTargets(ctx, project, at);
 }
 

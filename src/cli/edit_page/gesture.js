@@ -1,8 +1,6 @@
 
 // Moving joints: a gesture begins, aims at places, and ends as one step of undo, or is cancelled.
 
-let gestures = 0;
-
 /** Begins to move a joint (and its mirror image, if both sides go together). */
 function beginGesture(name, sd = .5) {
   leaveOthers();
@@ -10,7 +8,7 @@ function beginGesture(name, sd = .5) {
   const from = now.pose, names = [name], other = now.state.mirrors[name];
   const plane = now.both && other && other !== name && from[other] ? mirrorPlane(from) : null;
   if (plane) names.push(other);
-  now.gesture = { id: ++gestures, joints: names, plane, from, sd, targets: {}, pins: copyPins(now.pins), moved: false };
+  now.gesture = { joints: names, plane, from, sd, targets: {}, pins: copyPins(now.pins), moved: false, asked: 0, answered: 0, steps: 0 };
   now.selected = name;
   for (const joint of names) now.gesture.targets[joint] = [...from[joint]];
   tell();
@@ -20,6 +18,7 @@ function beginGesture(name, sd = .5) {
 function aim(place) {
   const { joints: [name, other], plane } = now.gesture;
   now.gesture.moved = true;
+  now.gesture.steps = 0;
   setTarget(name, place);
   if (other) setTarget(other, mirrorImage(place, plane));
   ask();
@@ -53,27 +52,43 @@ function placeWanted(name) {
 }
 
 async function solve() {
-  const { id, targets, sd } = now.gesture, drags = {};
+  const { gesture } = now, { targets, sd } = gesture, drags = {};
   for (const [name, xyz] of Object.entries(targets)) if (!isPinned(name)) drags[name] = { xyz, sd };
+  gesture.asked++;
+  let moving = false;
   try {
     const answer = await request("/solve", { pins: copyPins(now.pins), drags, rest: now.rest }, { newest: true });
+    gesture.answered++;
     // An answer to a gesture that was cancelled meanwhile is of no use.
-    if (!answer || cancelled.has(id)) return;
+    if (!answer || gesture.cancelled) return;
     takePose(answer);
+    ({ moving } = answer);
     tell();
   } catch (error) {
+    gesture.answered++;
     if (error.status) say(error.message);
   }
+  if (now.gesture !== gesture || gesture.answered < gesture.asked) return;
+  // A pose that is far away is approached in steps, also after the joint has been let go.
+  if (moving && gesture.steps++ < MOST_STEPS) solve();
+  else if (gesture.ending) finishGesture();
 }
-const cancelled = new Set();
+const MOST_STEPS = 400;
 
+/** The joint is let go; the gesture ends as soon as the pose has arrived. */
 function endGesture() {
-  const gesture = now.gesture;
-  if (!gesture) return;
+  const { gesture } = now;
+  if (!gesture || gesture.ending) return;
+  gesture.ending = true;
+  gesture.pointer = false;
+  if (gesture.answered === gesture.asked) finishGesture();
+}
+/** The gesture ends with the pose as it is. */
+function finishGesture() {
+  const { gesture } = now;
   now.gesture = null;
-  if (!gesture.moved) { tell(); return; }
-  speakMove(gesture);
-  settle();
+  if (gesture.moved) { speakMove(gesture); settle(); }
+  tell();
 }
 /** The gesture becomes a step of undo; pins that moved along with it stay where they are now. */
 async function settle() {
@@ -97,7 +112,7 @@ function cancelGesture() {
   now.gesture = null;
   now.pins = gesture.pins;
   if (gesture.moved) {
-    cancelled.add(gesture.id);
+    gesture.cancelled = true;
     dropWaiting();
     now.pose = gesture.from;
     act({ do: "cancel" });
@@ -108,13 +123,14 @@ function cancelGesture() {
 /** Moves a joint by a step, as the arrow keys and typed numbers do; steps in quick succession are one gesture. */
 let resting = 0;
 function nudge(name, place) {
-  if (now.gesture && (now.gesture.joints[0] !== name || now.gesture.pointer)) return;
+  if (now.gesture && (now.gesture.joints[0] !== name || now.gesture.ending)) endNudge();
+  if (now.gesture && now.gesture.pointer) return;
   if (!now.gesture) beginGesture(name, .05);
   aim(place);
   clearTimeout(resting);
-  resting = setTimeout(endNudge, 700);
+  resting = setTimeout(endGesture, 700);
 }
 function endNudge() {
   clearTimeout(resting);
-  if (now.gesture && !now.gesture.pointer) endGesture();
+  if (now.gesture && !now.gesture.pointer) { endGesture(); if (now.gesture) finishGesture(); }
 }

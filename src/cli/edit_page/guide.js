@@ -27,7 +27,7 @@ function guide() { $("guide").textContent = guidance(); }
 
 function warn() {
   const lines = [], away = Object.entries(now.missed).filter(([name, by]) => by >= .5 && now.pose[name]);
-  if (away.length === 1) lines.push(`The ${inWords(away[0][0])} cannot reach its place: ${cm(away[0][1])} are missing.`);
+  if (away.length === 1) lines.push(`The ${inWords(away[0][0])} cannot reach its place: it is ${cm(away[0][1])} away.`);
   if (away.length > 1) lines.push(`${away.length} joints cannot reach their places.`);
   if (now.unlike > 0) lines.push("This pose is unlike any that the model has seen.");
   $("warning").textContent = lines.join(" ");

@@ -6,6 +6,7 @@ const PLACES = {
   root: "pelvis", hipjoint: "hip", femur: "knee", tibia: "ankle", foot: "foot",
   lowerback: "lower back", upperback: "upper back", thorax: "chest", lowerneck: "lower neck", upperneck: "upper neck",
   head: "head", clavicle: "shoulder", humerus: "elbow", radius: "wrist", wrist: "hand",
+  hand: "knuckles", fingers: "fingers", thumb: "thumb", toes: "toes",
 };
 
 /** A joint's name in words: lradius is the left wrist; other skeletons' names are parted where words begin. */
@@ -20,7 +21,7 @@ function inWords(name) {
     .replace(/^(.*) l$/, "left $1").replace(/^(.*) r$/, "right $1") || name;
 }
 /** A sentence with the names of joints in words. */
-const inSentence = text => text.replace(/[\w:.-]+/g, word => now.state.joints.includes(word) ? inWords(word) : word);
+const inSentence = text => text.replace(/[\w:.-]+/g, word => now.state.joints.includes(word) ? "the " + inWords(word) : word);
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 
 /** "l", "r" or "m": only what has a mirror image has a side. */

@@ -25,14 +25,16 @@ const copyPins = pins => Object.fromEntries(Object.entries(pins).map(([name, at]
 function takePose(answer) {
   now.pose = answer.pose;
   now.sd = answer.sd || {};
-  now.missed = answer.missed || {};
+  // What is still on its way may yet arrive.
+  now.missed = (!answer.moving && answer.missed) || {};
   now.unlike = answer.unlike || 0;
   now.revision = answer.revision;
 }
 
 function takeState(state) {
   const before = now.state;
-  now.state = state;
+  // Start poses come with the first state only.
+  now.state = { ...state, starts: state.starts || before.starts };
   // What is moved now is newer than this state.
   if (now.gesture) now.revision = state.revision;
   else { takePose(state); if (!pinning) now.pins = copyPins(state.pins); now.rest = state.rest; }

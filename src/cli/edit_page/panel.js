@@ -22,7 +22,7 @@ function showJoint() {
   AXES.forEach((axis, c) => {
     const field = $("at-" + axis), square = $("pin-" + axis);
     field.disabled = square.disabled = !at;
-    if (document.activeElement !== field || !field.dirty) field.value = at ? at[c].toFixed(1) : "";
+    if (document.activeElement !== field || !field.dirty) field.value = at ? fixed(at[c]) : "";
     square.setAttribute("aria-pressed", !!pin && pin[c] !== null);
   });
   $("pin").disabled = $("reset-limb").disabled = !at;
@@ -73,17 +73,18 @@ $("unpin").addEventListener("click", () => { if (ready()) setPins({}); });
 
 // ---- how far the rest follows ----
 
-const RESTS = [
-  [2, "only what must move"], [6, "close joints follow a little"], [20, "the limb follows"],
-  [80, "half of the body follows"], [300, "the whole body follows"], [Infinity, "the model places the rest"],
-];
+function restInWords(within) {
+  if (within < 1.5) return "others stay where they are";
+  if (within < 40) return `others within some ${within.toFixed(0)} cm`;
+  return within < 150 ? "others follow" : "others follow the model";
+}
 function showRest() {
-  const words = RESTS.find(([limit]) => now.rest < limit)[1];
+  const words = restInWords(now.rest);
   $("rest").value = Math.log10(now.rest);
   $("rest").style.setProperty("--done", Math.log10(clamp(now.rest, 1, 1000)) / 3 * 100 + "%");
   $("rest-words").textContent = words;
-  $("rest").setAttribute("aria-valuetext", `${words}: ${cm(now.rest)}`);
-  $("rest").title = `The rest is held to within ${cm(now.rest)} of where it was.`;
+  $("rest").setAttribute("aria-valuetext", words);
+  $("rest").title = `Standard deviation of the other joints about where they were: ${cm(now.rest)}`;
 }
 $("rest").addEventListener("input", event => {
   now.rest = Math.round(10 ** event.target.value * 10) / 10;
@@ -100,8 +101,10 @@ function showSwitches() {
   $("limits-row").hidden = !state.can_limit;
   $("both").checked = now.both;
   $("rings").checked = now.rings;
-  $("what").textContent = state.name;
-  document.title = state.name ? `${state.name}, posing` : "Posing";
+  const name = (state.name || "").split(/[/\\]/).pop();
+  $("what").textContent = name;
+  $("what").title = state.name;
+  document.title = name ? `${name}, posing` : "Posing";
   for (const way of ["undo", "redo"]) {
     $(way).disabled = !state[way];
     const words = state[way] ? `${capital(way)}: ${inSentence(state[way])}` : `Nothing to ${way}`;
@@ -161,7 +164,7 @@ function showTable() {
     button.textContent = inWords(name);
     button.title = name;
     AXES.forEach((_, c) => {
-      row.cells[c + 1].textContent = at ? at[c].toFixed(1) : "";
+      row.cells[c + 1].textContent = at ? fixed(at[c]) : "";
       row.cells[c + 1].classList.toggle("pinned", !!pin && pin[c] !== null);
     });
     row.cells[4].textContent = isPinned(name) ? "pin" : sd === undefined ? "" : sd.toFixed(1);

@@ -3,6 +3,8 @@
 
 const photo = {
   image: null, on: false, fitted: false,
+  /** Fits that are asked for and not answered. */
+  waiting: 0,
   marks: {}, flips: new Set(), focal: null, picture: null, next: null, chosen: null, past: [],
 };
 const pictureShown = () => photo.on;
@@ -68,21 +70,24 @@ function undoMark() {
 // ---- the fit ----
 
 async function fit() {
-  tell();
-  if (marked() < FEWEST || link.way !== "fine") return;
+  if (marked() < FEWEST || link.way !== "fine") { tell(); return; }
   const { naturalWidth, naturalHeight } = photo.image;
   const body = { marks: photo.marks, size: [naturalWidth, naturalHeight], focal: photo.focal, flips: [...photo.flips] };
   photo.fitted = true;
+  photo.waiting++;
+  tell();
   try {
     const answer = await request("/photograph", body, { newest: true });
-    if (!answer || !photo.on) return;
-    takePose(answer);
-    photo.picture = answer.picture;
-    photo.next = answer.next;
-    tell();
+    if (answer && photo.on) {
+      takePose(answer);
+      photo.picture = answer.picture;
+      photo.next = answer.next;
+    }
   } catch (error) {
     if (error.status) say(error.message);
   }
+  photo.waiting--;
+  tell();
 }
 
 /** How far the fitted joints are from their marks, in pixels of the picture, at the root of the mean square. */
@@ -148,7 +153,8 @@ function showPhoto() {
   if (n < FEWEST) words.push(`${count(n, "mark")}, at least ${FEWEST} are needed.`);
   else if (n < ENOUGH) words.push(`${count(n, "mark")}; ${ENOUGH} or more make the pose sure.`);
   else words.push(`${count(n, "mark")}.`);
-  if (off !== null) words.push(`The body is ${off.toFixed(1)} pixels from them.`);
+  if (photo.waiting) words.push("Fitting…");
+  else if (off !== null) words.push(`The body is ${off.toFixed(1)} pixels from them.`);
   $("photo-state").textContent = words.join(" ");
   $("photo-use").disabled = !photo.picture;
   $("photo-again").disabled = n < FEWEST;

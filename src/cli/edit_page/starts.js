@@ -4,20 +4,19 @@
 let drawnStarts = "";
 
 function showStarts() {
-  // Of several poses with one name, the later ones are numbered.
-  const { rows } = now.state, seen = {}, starts = now.state.starts.map(({ name, pose }) => {
-    seen[name] = (seen[name] || 0) + 1;
-    return { name: seen[name] > 1 ? `${name} ${seen[name]}` : name, pose };
-  });
-  const key = starts.map(start => start.name).join("\n") + ink.panel;
+  const { starts, rows } = now.state, key = starts.map(start => start.name).join("\n") + ink.panel;
   $("rows-row").hidden = !rows;
   if (rows) { $("row").max = rows; $("rows").textContent = `of ${rows}`; }
   if (key === drawnStarts) return;
   drawnStarts = key;
+  const seen = {};
   $("starts").replaceChildren(...starts.map((start, i) => {
     const button = make("button", "start"), canvas = make("canvas");
     button.append(canvas, make("span", "", start.name));
-    button.title = "Start from: " + start.name;
+    // Of several poses with one name, each has its number.
+    seen[start.name] = (seen[start.name] || 0) + 1;
+    button.title = `Start from: ${start.name}, ${seen[start.name]}`;
+    button.setAttribute("aria-label", button.title);
     button.addEventListener("click", () => takeStart({ do: "start", start: i }));
     return button;
   }));
