@@ -14,7 +14,7 @@
 //!
 //! ```text
 //! min over q   Σ wₖ |fₖ(q) − mₖ|²,   m the target of a dragged joint, p + λ (a − p₀) of the others,
-//!                                     w = 1 / sd², 1 / (posterior variance + 3.5²)
+//!                                     w = 1 / sd², .1 / (posterior variance + 3.5²)
 //! ```
 //!
 //! p is the posterior mean, and p₀ what it was with the drag's targets where their joints were. The prior draws a pose towards
@@ -24,8 +24,8 @@
 //! Where that is far from the pose before, it is approached in steps: no joint goes farther at once than three times as far as the
 //! hand. A pose that would flip turns instead, while it is solved for again ([`Pose::is_moving`]).
 //!
-//! A joint that is dragged outweighs the others fifty times at the usual sd of .5 cm: it is where the pointer is, whatever the
-//! prior says. Pins come last: the values nearest to that solution that hold them exactly.
+//! A joint that is dragged outweighs each other five hundred times at the usual sd of .5 cm: it is where the pointer is, whatever
+//! the prior says. Pins come last: the values nearest to that solution that hold them exactly.
 //!
 //! [`PlacementSolver::follow`]: crate::restore::placement::PlacementSolver::follow
 
@@ -45,7 +45,9 @@ pub const REST_RANGE: (f64, f64) = (0.5, 1000.0);
 /// The range of the standard deviation of a dragged joint, cm.
 pub const DRAG_RANGE: (f64, f64) = (0.01, 1000.0);
 
-/// Added to the standard deviation of what the prior says, cm, so that a dragged joint outweighs it.
+/// The weight of what the prior says, and what is added to its standard deviation, cm, so that a dragged joint outweighs the others
+/// together.
+const PRIOR_SHARE: f64 = 0.1;
 const PRIOR_SD: f64 = 3.5;
 /// The weight of a pin among the other targets, 1/cm², and where it is to be exact.
 const PIN_WEIGHT: f64 = 20.0;
@@ -417,7 +419,7 @@ impl PoseSolver {
             if let Some(p) = self.rig.model_points[k] {
                 target.copy_from_slice(&restored.mean[3 * p..3 * p + 3]);
                 let sd = restored.sd[p];
-                weight = [1.0 / (sd * sd + PRIOR_SD * PRIOR_SD); 3];
+                weight = [PRIOR_SHARE / (sd * sd + PRIOR_SD * PRIOR_SD); 3];
             }
             if let Some((to, sd)) = asked.drags[k] {
                 (target, weight) = (to.to_array(), [1.0 / (sd * sd); 3]);

@@ -756,3 +756,336 @@ pub fn rows_of_table(rig: &Rig, poses: &Poses) -> Array2<f64> {
         columns[c / 3].map_or(f64::NAN, |p| poses.xyz[[t, 3 * p + c % 3]])
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn session() -> Session {
+        Session::of_model(&Model::builtin().unwrap()).unwrap()
+    }
+
+    fn pins_of(session: &Session, names: &[&str]) -> Pins {
+        let pin = |name: &&str| {
+            let k = session.joint(name).unwrap();
+            (k, session.position(k).to_array().map(Some))
+        };
+        names.iter().map(pin).collect()
+    }
+
+    fn lengths(session: &Session) -> Vec<f64> {
+        let parents = session.rig().parents.iter().enumerate();
+        let bones = parents.filter_map(|(k, p)| p.map(|p| (k, p)));
+        bones
+            .map(|(k, p)| (session.position(k) - session.position(p)).length())
+            .collect()
+    }
+
+    #[test]
+    fn a_dragged_wrist_is_where_it_is_dragged_and_pinned_feet_stay() {
+        let mut session = session();
+        let pins = pins_of(&session, &["lfoot", "rfoot"]);
+        let wrist = session.joint("lwrist").unwrap();
+        let (from, bones) = (session.position(wrist), lengths(&session));
+        let mut before = session.state().pose.clone();
+        for step in 1..=30 {
+            let target = from + DVec3::new(0.3, 0.9, 0.2) * f64::from(step);
+            let drags = Drags::from([(wrist, (target, DRAG_SD))]);
+            session.solve(&drags, &pins, REST).unwrap();
+            assert!((session.position(wrist) - target).length() < 0.5);
+            for (&foot, pin) in &pins {
+                let off = session.position(foot) - DVec3::from_array(pin.map(Option::unwrap));
+                assert!(off.length() < 1e-3, "{off}");
+            }
+            let now = &session.state().pose;
+            let far = (0..session.rig().joints()).map(|k| {
+                (DVec3::from_slice(&now.xyz[3 * k..]) - DVec3::from_slice(&before.xyz[3 * k..]))
+                    .length()
+            });
+            assert!(far.fold(0.0, f64::max) < 4.0);
+            before = now.clone();
+        }
+        let longer = lengths(&session)
+            .iter()
+            .zip(&bones)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(longer < 1e-9, "{longer}");
+    }
+
+    #[test]
+    fn a_touch_moves_nothing() {
+        let mut session = session();
+        let wrist = session.joint("rwrist").unwrap();
+        let before = session.state().pose.xyz.clone();
+        session.drag(wrist, session.position(wrist)).unwrap();
+        let after = &session.state().pose.xyz;
+        let moved = before
+            .iter()
+            .zip(after)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(moved < 0.05, "{moved}");
+    }
+
+    #[test]
+    fn what_is_out_of_reach_is_said_and_bones_keep_their_lengths() {
+        let mut session = session();
+        let bones = lengths(&session);
+        let mut pins = pins_of(&session, &["lfoot", "rfoot"]);
+        let wrist = session.joint("lwrist").unwrap();
+        let far = session.position(wrist) + DVec3::new(300.0, 0.0, 0.0);
+        session
+            .solve(&Drags::from([(wrist, (far, DRAG_SD))]), &pins, REST)
+            .unwrap();
+        assert!(session.state().pose.missed[wrist] > 50.0);
+        pins.insert(wrist, far.to_array().map(Some));
+        session.pin_all(&pins).unwrap();
+        assert!(session.state().pose.missed[wrist] > 50.0);
+        for (a, b) in lengths(&session).iter().zip(&bones) {
+            assert!((a - b).abs() < 1e-9);
+        }
+        assert!(session.state().pose.xyz.iter().all(|v| v.is_finite()));
+    }
+
+    #[test]
+    fn gestures_are_undone_whole_and_cancelled() {
+        let mut session = session();
+        let wrist = session.joint("lwrist").unwrap();
+        let first = session.state().clone();
+        let from = session.position(wrist);
+        for step in 1..=5 {
+            session
+                .drag(wrist, from + DVec3::Y * f64::from(step))
+                .unwrap();
+        }
+        session.release();
+        let second = session.state().clone();
+        // Another joint is another step, without a release.
+        let head = session.joint("head").unwrap();
+        session
+            .drag(head, session.position(head) + DVec3::X * 3.0)
+            .unwrap();
+        session.undo();
+        assert_eq!(session.state(), &second);
+        session.undo();
+        assert_eq!(session.state(), &first);
+        session.undo();
+        session.redo();
+        assert_eq!(session.state(), &second);
+        session.drag(wrist, from).unwrap();
+        session.cancel();
+        assert_eq!(session.state(), &second);
+    }
+
+    #[test]
+    fn the_same_requests_give_the_same_pose() {
+        let poses = [(), ()].map(|()| {
+            let mut session = session();
+            let wrist = session.joint("lwrist").unwrap();
+            let from = session.position(wrist);
+            for step in 1..=8 {
+                session
+                    .drag(wrist, from + DVec3::new(1.0, 2.0, -1.0) * f64::from(step))
+                    .unwrap();
+            }
+            session.state().pose.clone()
+        });
+        assert_eq!(poses[0], poses[1]);
+    }
+
+    #[test]
+    fn a_refused_request_changes_nothing() {
+        let mut session = session();
+        let before = session.state().clone();
+        let wrist = session.joint("lwrist").unwrap();
+        let at = |target, sd| Drags::from([(wrist, (target, sd))]);
+        assert!(
+            session
+                .solve(&at(DVec3::NAN, 1.0), &Pins::new(), REST)
+                .is_err()
+        );
+        assert!(
+            session
+                .solve(&at(DVec3::ZERO, -1.0), &Pins::new(), REST)
+                .is_err()
+        );
+        assert!(
+            session
+                .solve(&at(DVec3::splat(1e300), 1.0), &Pins::new(), REST)
+                .is_err()
+        );
+        assert!(
+            session
+                .solve(&at(DVec3::ZERO, 1.0), &Pins::new(), f64::NAN)
+                .is_err()
+        );
+        assert!(session.pin(99, [Some(0.0); 3]).is_err());
+        assert!(session.set_key(-1.0).is_err() && session.open_key(0).is_err());
+        assert_eq!((session.state(), session.revision()), (&before, 0));
+    }
+
+    #[test]
+    fn mirroring_twice_comes_back_and_a_side_is_copied() {
+        let mut session = session();
+        let at = |s: &Session, name: &str| s.position(s.joint(name).unwrap());
+        let wrist = session.joint("lwrist").unwrap();
+        session
+            .drag(wrist, at(&session, "lwrist") + DVec3::new(10.0, 25.0, 5.0))
+            .unwrap();
+        session.release();
+        let before = session.state().pose.xyz.clone();
+        session.mirror();
+        let mirrored = session.rig().mirrored(&before);
+        let apart = |a: &[f64], b: &[f64]| {
+            a.iter()
+                .zip(b)
+                .map(|(a, b)| (a - b).abs())
+                .fold(0.0, f64::max)
+        };
+        // The bones of the two sides are not of one length.
+        assert!(apart(&session.state().pose.xyz, &mirrored) < 3.0);
+        session.mirror();
+        assert!(apart(&session.state().pose.xyz, &before) < 3.0);
+        session.copy_side("l");
+        assert!(at(&session, "rwrist").y > at(&session, "rhumerus").y - 60.0);
+        assert!((at(&session, "rwrist").y - at(&session, "lwrist").y).abs() < 5.0);
+    }
+
+    #[test]
+    fn limits_are_kept_when_asked_for() {
+        let asf = crate::io::Asf::open("testdata/cmu/07/07.asf").unwrap();
+        let model = Model::builtin().unwrap();
+        let rig = Rig::new(asf.skeleton, &model.meta.points).unwrap();
+        let mut session = Session::new(&model, "the model", rig).unwrap();
+        session.set_limits(true);
+        let wrist = session.joint("lwrist").unwrap();
+        let from = session.position(wrist);
+        for step in 1..=10 {
+            session
+                .drag(wrist, from + DVec3::new(0.0, 4.0, -6.0) * f64::from(step))
+                .unwrap();
+            let limits = session.rig().skeleton.limits();
+            for (q, (low, high)) in session.state().pose.q.iter().zip(limits) {
+                assert!(*q >= low - 1e-12 && *q <= high + 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn other_poses_hold_the_pins_and_differ() {
+        let mut session = session();
+        let pins = pins_of(&session, &["lfoot", "rfoot", "lwrist"]);
+        session.pin_all(&pins).unwrap();
+        let now = session.state().pose.xyz.clone();
+        let others = session.find_others().to_vec();
+        assert!(!others.is_empty());
+        let apart = |a: &[f64], b: &[f64]| {
+            let joints = a.chunks_exact(3).zip(b.chunks_exact(3));
+            joints
+                .map(|(a, b)| (DVec3::from_slice(a) - DVec3::from_slice(b)).length())
+                .fold(0.0, f64::max)
+        };
+        for (i, other) in others.iter().enumerate() {
+            assert!(apart(&other.pose.xyz, &now) >= 5.0);
+            assert!(others[..i].iter().all(
+                |o| apart(&o.pose.xyz, &other.pose.xyz) >= 5.0 && o.evidence >= other.evidence
+            ));
+            for (&k, pin) in &pins {
+                let at = DVec3::from_array(pin.map(Option::unwrap));
+                assert!((DVec3::from_slice(&other.pose.xyz[3 * k..]) - at).length() < 0.05);
+            }
+        }
+        session.take_other(0).unwrap();
+        assert_eq!(session.pins(), pins);
+        assert!(session.take_other(99).is_err());
+    }
+
+    #[test]
+    fn keys_are_met_exactly_and_pinned_feet_stay_between() {
+        let mut session = session();
+        let feet = pins_of(&session, &["lfoot", "rfoot"]);
+        session.pin_all(&feet).unwrap();
+        session.set_key(0.0).unwrap();
+        let first = session.state().pose.xyz.clone();
+        let root = session.joint("root").unwrap();
+        let down = session.position(root) + DVec3::new(0.0, -25.0, -5.0);
+        session
+            .solve(&Drags::from([(root, (down, DRAG_SD))]), &feet, REST)
+            .unwrap();
+        session.release();
+        session.set_key(1.01).unwrap();
+        let last = session.state().pose.xyz.clone();
+        assert!(session.motion().is_ok());
+        let motion = session.motion().unwrap();
+        assert_eq!(motion.xyz.nrows(), 31);
+        assert_eq!(motion.xyz.row(0).to_vec(), first);
+        assert_eq!(motion.xyz.row(30).to_vec(), last);
+        for row in motion.xyz.rows() {
+            for (&foot, pin) in &feet {
+                let at = DVec3::from_slice(&row.to_vec()[3 * foot..]);
+                assert!((at - DVec3::from_array(pin.map(Option::unwrap))).length() < 1e-2);
+            }
+        }
+        let step = |t: usize| {
+            (&motion.xyz.row(t + 1) - &motion.xyz.row(t)).fold(0.0, |z: f64, v| z.max(v.abs()))
+        };
+        assert!((0..30).all(|t| step(t) < 4.0), "no frame jumps");
+        session.remove_key(0).unwrap();
+        assert!(session.motion().is_err());
+    }
+
+    #[test]
+    fn a_file_opens_to_the_same_state() {
+        let mut session = session();
+        let pins = pins_of(&session, &["lfoot"]);
+        session.pin_all(&pins).unwrap();
+        let wrist = session.joint("lwrist").unwrap();
+        session
+            .drag(wrist, session.position(wrist) + DVec3::Y * 12.0)
+            .unwrap();
+        session.release();
+        session.set_key(0.5).unwrap();
+        let json = session.to_json();
+        let mut other = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        other.open_json(json.as_bytes()).unwrap();
+        assert_eq!(other.to_json(), json);
+        assert_eq!(other.state().pose.q, session.state().pose.q);
+        let before = other.state().clone();
+        for wrong in [
+            "",
+            "{}",
+            "[1",
+            &json.replace("session 1", "session 9"),
+            &json.replace("lwrist", "nose"),
+        ] {
+            assert!(other.open_json(wrong.as_bytes()).is_err());
+        }
+        // Poses of another body are fitted with this one.
+        let stretched = json.replacen("\"xyz\":[", "\"xyz\":[0.5,", 1);
+        assert!(
+            other.open_json(stretched.as_bytes()).is_err(),
+            "a number too many"
+        );
+        assert_eq!(other.state(), &before);
+    }
+
+    #[test]
+    fn rows_of_a_table_are_taken_and_gaps_filled() {
+        let mut session = session();
+        let mut rows = Array2::zeros((2, 69));
+        let xyz = session.starts()[3].pose.xyz.clone();
+        rows.row_mut(0).fill(f64::NAN);
+        rows.row_mut(1).assign(&ndarray::aview1(&xyz));
+        let wrist = session.joint("lwrist").unwrap();
+        rows.slice_mut(ndarray::s![1, 3 * wrist..3 * wrist + 3])
+            .fill(f64::NAN);
+        session.edit_rows(rows).unwrap();
+        let head = session.joint("head").unwrap();
+        let was = DVec3::from_slice(&xyz[3 * head..]);
+        assert!((session.position(head) - was).length() < 0.5);
+        assert!(session.position(wrist).is_finite());
+        assert!(session.take_row(0).is_err() && session.take_row(2).is_err());
+        assert!(session.take_row(1).is_ok());
+    }
+}
