@@ -2,6 +2,7 @@
 
 use super::edit_figure::Figure;
 use super::edit_server::{Answer, Refusal, Reply, Request, Route};
+use super::input::take_name;
 use crate::edit::Session;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
 use crate::io::output::write_file;
@@ -10,7 +11,7 @@ use crate::{Error, Place, Result};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Frames a second of a single pose whose table has no rate.
 const RATE: f64 = 30.0;
@@ -70,7 +71,7 @@ impl Editor {
                 .edit_rows(rows)
                 .map_err(|e| Error::data(Place::file(&table.name), e.to_string()))?;
             rate = table.poses.rate().unwrap_or(rate);
-            name = table.name.clone();
+            name = take_name(Path::new(&table.name));
         }
         if let Some(path) = file.as_ref().filter(|p| p.exists()) {
             let json = std::fs::read(path).map_err(|e| Error::io(path.display().to_string(), e))?;

@@ -10,12 +10,12 @@
 //! σₖ(s) = u |key₂ − key₁|ₖ √(4 s (1 − s))     cm
 //! ```
 //!
-//! with u = .2, as measured on people's takes (`cargo bench --bench editing -- betweens`). The prior's posterior of the joints with
+//! with u = .45, as measured on people's takes (`cargo bench --bench editing -- betweens`). The prior's posterior of the joints with
 //! this deviation was tried in their place: takes of people that the model did not know were met no better with keys half a second
 //! apart and worse with a fifth, for what lies between keys is not an unlikely pose but a likely one at another time.
 
 use super::keys::Key;
-use super::pose_solver::{Constraints, Pose, PoseSolver};
+use super::pose_solver::{Constraints, Pose, PoseSolver, floor_under};
 use crate::numeric::pchip::pchip;
 use crate::pose::kinematics::Posture;
 use crate::pose::rotation::nearest_equivalent_angle;
@@ -25,7 +25,7 @@ use glam::{DMat3, DQuat, DVec3};
 use ndarray::Array2;
 
 /// u: a joint may stray by this share of its way.
-const STRAY: f64 = 0.2;
+const STRAY: f64 = 0.45;
 /// Pins closer than this are one place, cm.
 const ONE_PLACE: f64 = 0.5;
 /// No motion has more frames.
@@ -116,9 +116,7 @@ struct Segment<'a> {
     last: Vec<f64>,
     /// The pins of both keys that are at one place.
     pins: Vec<[Option<f64>; 3]>,
-    floor: bool,
-    /// The joints (3 K, cm) of the key in which each is lower.
-    lower: Vec<f64>,
+    floor: Option<Vec<f64>>,
 }
 
 impl<'a> Segment<'a> {
@@ -145,21 +143,19 @@ impl<'a> Segment<'a> {
                     _ => *q,
                 })
                 .collect(),
-            lower: (joints.clone())
-                .flat_map(|k| {
-                    let (p, q) = (place(a, k), place(b, k));
-                    (if p.y < q.y { p } else { q }).to_array()
-                })
-                .collect(),
+            floor: floor.then(|| {
+                let floors = floor_under(&a.pose.xyz).into_iter();
+                let floors = floors.zip(floor_under(&b.pose.xyz));
+                floors.map(|(a, b)| a.min(b)).collect()
+            }),
             pins: joints.map(shared).collect(),
-            floor,
         }
     }
 
     /// The pose at `share` of the way, where the bones' curves put the joints `between` (3 K).
     fn pose(&self, solver: &PoseSolver, share: f64, between: &[f64]) -> Pose {
         let mut asked = Constraints {
-            floor: self.floor,
+            floor: self.floor.clone(),
             ..Constraints::none(solver.rig.joints())
         };
         asked.pins.copy_from_slice(&self.pins);
@@ -168,13 +164,7 @@ impl<'a> Segment<'a> {
         let apart = STRAY * (4.0 * share * (1.0 - share)).sqrt();
         Pose {
             sd: self.ways.iter().map(|way| way * apart).collect(),
-            ..solver.at_places(
-                &asked,
-                between,
-                &self.lower,
-                self.keys[0].pose.placement,
-                &near,
-            )
+            ..solver.at_places(&asked, between, self.keys[0].pose.placement, &near)
         }
     }
 }

@@ -1,4 +1,8 @@
 //! Other poses that satisfy the same pins: near other representative poses of the model, the likeliest first.
+//!
+//! Poses are compared by the log density of their joints under the model, which knows no gravity; less (tilt / 15°)² / 2, the tilt being
+//! that of the pelvis from its present one, whichever way it faces. Poses that this makes less likely by 60 nats than the best are
+//! left out.
 
 use super::pose_solver::{Constraints, Pose, PoseSolver, Reference};
 use crate::pose::similarity::{TransformKind, fit_similarity};
@@ -12,15 +16,19 @@ const APART: f64 = 5.0;
 const REST: f64 = 15.0;
 /// The noise under which the likelihood of a pose is compared, cm.
 const NOISE: f64 = 2.0;
+/// The standard deviation of the pelvis's tilt, radians.
+const TILT: f64 = 15.0 * std::f64::consts::PI / 180.0;
+/// Poses that are less likely than the best by more are left out, nats.
+const UNLIKELY: f64 = 60.0;
 /// No more poses are found.
-const MOST: usize = 12;
+const MOST: usize = 8;
 
 /// Another pose.
 #[derive(Debug, Clone)]
 pub struct OtherPose {
     /// The pose.
     pub pose: Pose,
-    /// Log density of its joints under the model, each to within 2 cm; nats. Only differences say something.
+    /// How likely it is, nats: only differences say something.
     pub evidence: f64,
 }
 
@@ -48,7 +56,7 @@ pub fn other_poses(solver: &PoseSolver, asked: &Constraints, now: &Pose) -> Vec<
         if !is_held || !is_new(now) {
             continue;
         }
-        let evidence = evidence(solver, &pose);
+        let evidence = evidence(solver, &pose, now);
         // Of poses that are alike the likelier stays.
         if found
             .iter()
@@ -60,6 +68,8 @@ pub fn other_poses(solver: &PoseSolver, asked: &Constraints, now: &Pose) -> Vec<
         found.push(OtherPose { pose, evidence });
     }
     found.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let best = found.first().map_or(0.0, |o| o.evidence);
+    found.retain(|o| o.evidence >= best - UNLIKELY);
     found.truncate(MOST);
     found
 }
@@ -95,8 +105,10 @@ fn farthest(a: &[f64], b: &[f64]) -> f64 {
     apart.fold(0.0, f64::max)
 }
 
-/// Log density of a pose's joints under the model.
-fn evidence(solver: &PoseSolver, pose: &Pose) -> f64 {
+/// How likely a pose is, nats.
+fn evidence(solver: &PoseSolver, pose: &Pose, now: &Pose) -> f64 {
+    let up = |pose: &Pose| pose.placement.rotation.transpose() * DVec3::Y;
+    let tilt = up(pose).angle_between(up(now)) / TILT;
     let world = solver.rig.to_model(&pose.xyz, solver.prior.points);
     let mut values = vec![0.0; world.len()];
     pose.placement.undo_pose(&world, &mut values);
@@ -112,10 +124,6 @@ fn evidence(solver: &PoseSolver, pose: &Pose) -> f64 {
         values: &values,
         variance: &variance,
     };
-    solver
-        .prior
-        .restorer()
-        .prior
-        .posterior(&seen, Want::Mean)
-        .log_evidence
+    let posterior = solver.prior.restorer().prior.posterior(&seen, Want::Mean);
+    posterior.log_evidence - 0.5 * tilt * tilt
 }

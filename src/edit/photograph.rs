@@ -7,17 +7,28 @@
 //! (x, y) = u / s · (1 − z / Z),    Z = f / s the distance of the camera, f its focal length in pixels; Z infinite: weak perspective
 //! ```
 //!
-//! z on the right is that of the pose before: three rounds settle it. For each s of a grid the pose and its placement are those of
-//! [`orthographic::restore`]; of all s the likeliest wins: log p(u / s) − 2 n log s for n marks. The s below which a bone would be
-//! longer than it is are left out.
+//! z on the right is that of the estimate before: three rounds settle it. The rotation R of the body, its place t and s are those
+//! under which the n marks are likeliest:
+//!
+//! ```text
+//! max over R, t, s   log p(u / s · (1 − z / Z) − t; R) − 2 n log s
+//! ```
+//!
+//! p is the prior's evidence, its poses turned by R. (Alternating between pose and placement, as for points of three dimensions, stops
+//! where it starts: the prior has a pose for most marks, whichever way the body is turned.) The climb starts from the best
+//! [views](orthographic::views) of the prior's representative poses.
 
 use super::pose_solver::{Constraints, Pose, PoseSolver};
-use crate::pose::{Observation, Similarity};
+use crate::numeric::lbfgs::minimise;
+use crate::numeric::parallel;
+use crate::pose::rotation::from_rotation_vector;
+use crate::pose::{Observation, PoseTransform, Similarity};
+use crate::prior::{Posterior, Want};
 use crate::restore::RestoredFrame;
 use crate::restore::frame_restorer::point_sd;
 use crate::restore::placement::orthographic;
 use crate::{Error, Result};
-use glam::{DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeMap;
 
 /// Fewer marks do not place a pose.
@@ -25,11 +36,17 @@ pub const FEWEST_MARKS: usize = 4;
 /// How well a mark is where its joint is, cm.
 const MARK_SD: f64 = 2.0;
 /// Depths of a limb that is flipped are known to within this, cm.
-const FLIPPED_SD: f64 = 4.0;
-/// The scales that are tried, as multiples of the smallest, and the width of the last search around the best.
-const SCALES: [f64; 6] = [1.0, 1.06, 1.13, 1.22, 1.35, 1.55];
-/// Rounds of the perspective.
+const FLIPPED_SD: f64 = 1.5;
+/// Starting views that are climbed from, the likeliest of all, and steps of the climb from each.
+const STARTS: usize = 4;
+const STEPS: usize = 25;
+/// Rounds of the perspective, and steps of the climb in each.
 const ROUNDS: usize = 3;
+const ROUND_STEPS: usize = 8;
+/// The length that turns and scales are measured at in the climb, cm: a step of 1 moves a joint at this distance by 1 cm.
+const LEVER: f64 = 40.0;
+/// The step of its differences, cm.
+const DIFFERENCE: f64 = 0.2;
 
 /// What is marked on a picture.
 #[derive(Debug, Clone, Default)]
@@ -89,120 +106,126 @@ pub fn fit_photograph(solver: &PoseSolver, marks: &Marks, before: &Pose) -> Resu
     }
     let mut problem = Problem {
         solver,
-        marks,
+        focal: marks.focal,
         known,
-        depths: Vec::new(),
+        depths: vec![0.0; solver.prior.points],
+        flipped: Vec::new(),
     };
     let mut view = problem.best_view()?;
-    if !marks.flips.is_empty() {
-        problem.depths = problem.flipped_depths(&view);
-        view = problem.view(view.scale, Some(&view)).unwrap_or(view);
+    if marks.focal.is_some() {
+        for _ in 0..ROUNDS {
+            problem.depths = problem.depths_of(&view);
+            view = problem.climbed(view, ROUND_STEPS).1;
+        }
     }
-    Ok(problem.fitted(view, before))
+    if !marks.flips.is_empty() {
+        problem.flipped = problem.mirrored_depths(&view, &marks.flips);
+        view = problem.climbed(view, STEPS).1;
+        problem.depths = problem.depths_of(&view);
+    }
+    Ok(problem.fitted(&view, before))
 }
 
-/// One estimate of the pose, in the camera's world: the middle of the picture at the origin.
-#[derive(Clone)]
+/// How the body is seen: the middle of the picture is the origin of the world.
+#[derive(Debug, Clone, Copy)]
 struct View {
+    rotation: DMat3,
+    shift: DVec2,
     scale: f64,
-    /// (3 J), cm.
-    mean: Vec<f64>,
-    /// (3 J), cm².
-    variance: Vec<f64>,
-    placement: Similarity,
-    likelihood: f64,
+}
+
+impl View {
+    /// The view after steps in cm: three turns, two shifts, the scale.
+    fn moved(&self, by: &[f64]) -> View {
+        let turn = DVec3::from_slice(by) / LEVER;
+        View {
+            rotation: from_rotation_vector(turn) * self.rotation,
+            shift: self.shift + DVec2::from_slice(&by[3..]),
+            scale: self.scale * (by[5] / LEVER).exp(),
+        }
+    }
 }
 
 struct Problem<'a> {
     solver: &'a PoseSolver,
-    marks: &'a Marks,
+    focal: Option<f64>,
     /// Joint, point of the model, mark.
     known: Vec<(usize, usize, DVec2)>,
-    /// Points whose depth is known, and it, cm.
-    depths: Vec<(usize, f64)>,
+    /// The depth of every point (J) that perspective takes it for, cm.
+    depths: Vec<f64>,
+    /// Points whose depth is observed, and it, cm.
+    flipped: Vec<(usize, f64)>,
 }
 
 impl Problem<'_> {
+    /// The likeliest view of the best starts.
     fn best_view(&self) -> Result<View> {
-        let least = self.smallest_scale();
-        let mut best: Option<View> = None;
-        let consider = |view: Option<View>, best: &mut Option<View>| {
-            let view = view.filter(|v| v.likelihood.is_finite());
-            if let Some(view) = view
-                && best.as_ref().is_none_or(|b| view.likelihood > b.likelihood)
-            {
-                *best = Some(view);
-            }
+        let points = self.solver.prior.points;
+        let (mut marks, mut noise) = (vec![0.0; 3 * points], vec![f64::INFINITY; 3 * points]);
+        for &(_, p, mark) in &self.known {
+            (marks[3 * p], marks[3 * p + 1]) = (mark.x, mark.y);
+            noise[3 * p..3 * p + 2].fill(1.0);
+        }
+        let seen = Observation {
+            values: &marks,
+            variance: &noise,
         };
-        for share in SCALES {
-            consider(self.view(least * share, None), &mut best);
-        }
-        for step in [0.06, 0.03, 0.015] {
-            let Some(now) = best.clone() else { break };
-            for factor in [1.0 - step, 1.0 + step] {
-                consider(self.view(now.scale * factor, Some(&now)), &mut best);
-            }
-        }
-        best.ok_or_else(|| Error::usage("the marks do not determine a pose: they lie together"))
-    }
-
-    /// The scale at which the bone that looks longest lies in the picture's plane, pixels a centimetre.
-    fn smallest_scale(&self) -> f64 {
-        let parents = &self.solver.rig.parents;
-        let rest = vec![0.0; self.solver.rig.skeleton.dof_count()];
-        let rest = self.solver.rig.positions(&rest);
-        let at = |k: usize| DVec3::from_slice(&rest[3 * k..]);
-        // Between two marks the chain of bones is no shorter than what is seen of it.
-        let chain = |from: usize, to: usize| -> f64 {
-            let up = |k: usize| std::iter::successors(Some(k), |&k| parents[k]);
-            let meet = up(from).find(|a| up(to).any(|b| b == *a));
-            let length = |k: usize| -> f64 {
-                let way = up(k).take_while(|a| Some(*a) != meet);
-                way.filter_map(|k| parents[k].map(|p| (at(k) - at(p)).length()))
-                    .sum()
+        let prior = self.solver.prior.restorer().prior;
+        let views = orthographic::views(prior, seen, usize::MAX);
+        let mut views = parallel::map_chunks(views.len(), 1, |range| {
+            let view = &views[range.start];
+            let view = View {
+                rotation: view.rotation,
+                shift: view.shift.truncate() / view.scale,
+                scale: view.scale,
             };
-            length(from) + length(to)
-        };
-        let mut scales = Vec::new();
-        for (i, &(a, _, u)) in self.known.iter().enumerate() {
-            for &(b, _, v) in &self.known[i + 1..] {
-                let length = chain(a, b);
-                if length > 5.0 {
-                    scales.push((u - v).length() / length);
-                }
-            }
-        }
-        // Marks are not exact: a little smaller is possible.
-        0.95 * scales.iter().copied().fold(0.0, f64::max)
+            (self.log_likelihood(&view), view)
+        });
+        views.sort_by(|a, b| b.0.total_cmp(&a.0));
+        views.truncate(STARTS);
+        let climbs = parallel::map_chunks(views.len(), 1, |range| {
+            self.climbed(views[range.start].1, STEPS)
+        });
+        let best = climbs.into_iter().filter(|(e, _)| e.is_finite());
+        let best = best.max_by(|a, b| a.0.total_cmp(&b.0));
+        best.map(|(_, view)| view)
+            .ok_or_else(|| Error::usage("the marks do not determine a pose: they lie together"))
     }
 
-    /// The pose at one scale; from the placement of a view before, or from all.
-    fn view(&self, scale: f64, before: Option<&View>) -> Option<View> {
-        if !(scale > 0.0 && scale.is_finite()) {
-            return None;
+    /// Climbs from a view; the log likelihood, and where it ends.
+    fn climbed(&self, start: View, steps: usize) -> (f64, View) {
+        let cost = |by: &[f64]| -self.log_likelihood(&start.moved(by));
+        if !cost(&[0.0; 6]).is_finite() {
+            return (f64::NEG_INFINITY, start);
         }
-        let rounds = if self.marks.focal.is_some() {
-            ROUNDS
-        } else {
-            1
+        let mut with_slope = |by: &[f64]| {
+            let here = cost(by);
+            let slope = (0..6).map(|i| {
+                let mut next = by.to_vec();
+                next[i] += DIFFERENCE;
+                (cost(&next) - here) / DIFFERENCE
+            });
+            (here, slope.collect())
         };
-        let mut view = before.cloned();
-        for _ in 0..rounds {
-            view = Some(self.view_once(scale, view.as_ref())?);
-        }
-        view
+        let found = minimise(vec![0.0; 6], steps, 1e-4, &mut with_slope);
+        (-found.value, start.moved(&found.at))
     }
 
-    fn view_once(&self, scale: f64, before: Option<&View>) -> Option<View> {
+    fn log_likelihood(&self, view: &View) -> f64 {
+        let evidence = self.posterior(view, Want::Mean).log_evidence;
+        evidence - 2.0 * self.known.len() as f64 * view.scale.ln()
+    }
+
+    /// The posterior of the pose in the directions of the camera, its origin that of the model's space.
+    fn posterior(&self, view: &View, want: Want) -> Posterior {
         let points = self.solver.prior.points;
         let (mut y, mut noise) = (vec![0.0; 3 * points], vec![f64::INFINITY; 3 * points]);
         for &(_, p, mark) in &self.known {
-            let depth = before.map_or(0.0, |v| v.mean[3 * p + 2]);
-            let seen = mark / scale * (1.0 - depth / self.distance(scale));
+            let seen = mark / view.scale * self.nearness(view, p) - view.shift;
             (y[3 * p], y[3 * p + 1]) = (seen.x, seen.y);
             noise[3 * p..3 * p + 2].fill(MARK_SD * MARK_SD);
         }
-        for &(p, depth) in &self.depths {
+        for &(p, depth) in &self.flipped {
             y[3 * p + 2] = depth;
             noise[3 * p + 2] = FLIPPED_SD * FLIPPED_SD;
         }
@@ -210,82 +233,192 @@ impl Problem<'_> {
             values: &y,
             variance: &noise,
         };
-        let restorer = self.solver.prior.restorer();
-        let known = before.map(|v| v.placement);
-        let (posterior, placement) =
-            orthographic::restore(restorer.prior, seen, restorer.solver, known)?;
-        Some(View {
-            scale,
-            likelihood: posterior.log_evidence - 2.0 * self.known.len() as f64 * scale.ln(),
-            mean: posterior.mean,
-            variance: posterior.variance,
-            placement,
-        })
+        let prior = self.solver.prior.restorer().prior;
+        prior
+            .mapped(&PoseTransform::Rotate(view.rotation))
+            .posterior(&seen, want)
+    }
+
+    /// 1 − z / Z: smaller for points near the camera.
+    fn nearness(&self, view: &View, point: usize) -> f64 {
+        1.0 - self.depths[point] / self.distance(view)
     }
 
     /// The distance of the camera, cm.
-    fn distance(&self, scale: f64) -> f64 {
-        self.marks.focal.map_or(f64::INFINITY, |f| f / scale)
+    fn distance(&self, view: &View) -> f64 {
+        self.focal.map_or(f64::INFINITY, |f| f / view.scale)
     }
 
-    /// The depths of the points below each flipped joint, mirrored about that joint's own.
-    fn flipped_depths(&self, view: &View) -> Vec<(usize, f64)> {
-        let rig = &self.solver.rig;
+    /// The depths (J) of a view's mean pose, within the distance of the camera.
+    fn depths_of(&self, view: &View) -> Vec<f64> {
+        let mean = self.posterior(view, Want::Mean).mean;
+        let most = 0.5 * self.distance(view);
+        mean.iter()
+            .skip(2)
+            .step_by(3)
+            .map(|z| z.clamp(-most, most))
+            .collect()
+    }
+
+    /// The depths of the points below each of these joints, mirrored about that joint's own.
+    fn mirrored_depths(&self, view: &View, joints: &[usize]) -> Vec<(usize, f64)> {
+        let (rig, depths) = (&self.solver.rig, self.depths_of(view));
         let is_below = |k: usize, above: usize| {
             std::iter::successors(rig.parents[k], |&k| rig.parents[k]).any(|a| a == above)
         };
-        let mut depths = Vec::new();
-        for &joint in &self.marks.flips {
+        let mut mirrored = Vec::new();
+        for &joint in joints {
             let Some(from) = rig.model_points[joint] else {
                 continue;
             };
-            for k in (0..rig.joints()).filter(|&k| is_below(k, joint)) {
-                if let Some(p) = rig.model_points[k] {
-                    depths.push((p, 2.0 * view.mean[3 * from + 2] - view.mean[3 * p + 2]));
-                }
-            }
+            let below = (0..rig.joints()).filter(|&k| is_below(k, joint));
+            let points = below.filter_map(|k| rig.model_points[k]);
+            mirrored.extend(points.map(|p| (p, 2.0 * depths[from] - depths[p])));
         }
-        depths
+        mirrored
     }
 
     /// The rig in a view, on the floor.
-    fn fitted(&self, view: View, before: &Pose) -> PhotographFit {
-        let camera = Camera {
-            scale: view.scale,
-            distance: self.distance(view.scale),
-            origin: DVec3::ZERO,
-        };
+    fn fitted(&self, view: &View, before: &Pose) -> PhotographFit {
+        let posterior = self.posterior(view, Want::Variances);
+        let shift = view.shift.extend(0.0);
+        let mean = posterior.mean.chunks_exact(3);
         let restored = RestoredFrame {
-            sd: point_sd(&view.variance),
-            mean: view.mean.clone(),
-            placement: view.placement,
+            mean: mean
+                .flat_map(|p| (DVec3::from_slice(p) + shift).to_array())
+                .collect(),
+            sd: point_sd(&posterior.variance),
+            placement: Similarity {
+                rotation: view.rotation,
+                shift,
+                ..Similarity::IDENTITY
+            },
         };
         let mut asked = Constraints::none(self.solver.rig.joints());
         // The figure is on the marks, at the depth that the prior says.
         for &(k, p, mark) in &self.known {
-            let depth = view.mean[3 * p + 2];
-            let seen = mark / view.scale * (1.0 - depth / camera.distance);
-            asked.drags[k] = Some((seen.extend(depth), MARK_SD));
+            let seen = mark / view.scale * self.nearness(view, p);
+            asked.drags[k] = Some((seen.extend(restored.mean[3 * p + 2]), MARK_SD));
         }
         let pose = self.solver.posed(&asked, &restored, &before.q);
-        let lowest = pose
-            .xyz
-            .iter()
-            .skip(1)
-            .step_by(3)
-            .fold(f64::INFINITY, |z, y| z.min(*y));
-        let lift = DVec3::Y * -lowest;
+        let heights = pose.xyz.iter().skip(1).step_by(3);
+        let lift = DVec3::Y * -heights.fold(f64::INFINITY, |z, y| z.min(*y));
         let pose = self.solver.moved(&pose, lift);
-        let marked = |k: &usize| self.marks.at.contains_key(k);
+        let is_marked = |k: usize| self.known.iter().any(|known| known.0 == k);
         let unmarked =
-            (0..self.solver.rig.joints()).filter(|k| !marked(k) && pose.sd[*k].is_finite());
+            (0..self.solver.rig.joints()).filter(|&k| !is_marked(k) && pose.sd[k].is_finite());
         PhotographFit {
             next: unmarked.max_by(|a, b| pose.sd[*a].total_cmp(&pose.sd[*b])),
             camera: Camera {
+                scale: view.scale,
+                distance: self.distance(view),
                 origin: lift,
-                ..camera
             },
             pose,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Session;
+    use super::*;
+    use crate::io::Model;
+
+    /// A start pose, turned, as a camera sees it: the joints from the root, and marks without noise.
+    fn seen(session: &Session, start: usize, focal: f64, distance: f64) -> (Vec<DVec3>, Marks) {
+        let xyz = &session.starts()[start].pose.xyz;
+        let at = |k: usize| DVec3::from_slice(&xyz[3 * k..]);
+        let turn = DMat3::from_rotation_x(0.1) * DMat3::from_rotation_y(0.7);
+        let joints = 0..session.rig().joints();
+        let joints: Vec<DVec3> = joints.map(|k| turn * (at(k) - at(0))).collect();
+        let marks = [
+            "lhipjoint",
+            "rhipjoint",
+            "lclavicle",
+            "rclavicle",
+            "head",
+            "lfemur",
+            "rfemur",
+            "ltibia",
+            "rtibia",
+            "lhumerus",
+            "rhumerus",
+            "lradius",
+            "rradius",
+        ];
+        let marks = marks.map(|name| {
+            let k = session.joint(name).unwrap();
+            (k, joints[k].truncate() * focal / (distance - joints[k].z))
+        });
+        let marks = Marks {
+            at: marks.into(),
+            focal: Some(focal),
+            flips: Vec::new(),
+        };
+        (joints, marks)
+    }
+
+    #[test]
+    fn a_pose_is_found_from_its_picture_and_projects_onto_the_marks() {
+        let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        let (joints, marks) = seen(&session, 5, 1500.0, 400.0);
+        let fit = fit_photograph(session.solver(), &marks, &session.state().pose).unwrap();
+        let at = |k: usize| DVec3::from_slice(&fit.pose.xyz[3 * k..]);
+        let squares = (0..joints.len()).map(|k| (at(k) - at(0) - joints[k]).length_squared());
+        let rms = (squares.sum::<f64>() / (3 * joints.len()) as f64).sqrt();
+        assert!(rms < 5.0, "{rms} cm");
+        for (&k, mark) in &marks.at {
+            let off = (fit.camera.project(at(k)) - *mark).length() / fit.camera.scale;
+            assert!(off < 4.0, "{off} cm");
+        }
+        let lowest = (0..joints.len())
+            .map(|k| at(k).y)
+            .fold(f64::INFINITY, f64::min);
+        assert!(lowest.abs() < 1e-6);
+        assert!(
+            (fit.camera.distance - 400.0).abs() < 80.0,
+            "{}",
+            fit.camera.distance
+        );
+        let next = fit.next.unwrap();
+        assert!(!marks.at.contains_key(&next));
+    }
+
+    #[test]
+    fn a_flipped_limb_is_on_the_other_side_in_depth() {
+        let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        let (_, marks) = seen(&session, 5, 1500.0, 400.0);
+        let before = &session.state().pose;
+        let fit = fit_photograph(session.solver(), &marks, before).unwrap();
+        let [shoulder, wrist] = ["lclavicle", "lradius"].map(|n| session.joint(n).unwrap());
+        let depth =
+            |fit: &PhotographFit| fit.pose.xyz[3 * wrist + 2] - fit.pose.xyz[3 * shoulder + 2];
+        let flipped = Marks {
+            flips: vec![shoulder],
+            ..marks
+        };
+        let flipped = fit_photograph(session.solver(), &flipped, before).unwrap();
+        assert!(depth(&fit).abs() > 2.0, "the limb has a depth");
+        assert!(
+            depth(&flipped) * depth(&fit) < 0.0,
+            "{} {}",
+            depth(&flipped),
+            depth(&fit)
+        );
+    }
+
+    #[test]
+    fn too_few_marks_and_marks_in_one_place_are_refused() {
+        let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        let (_, mut marks) = seen(&session, 0, 1500.0, 400.0);
+        marks.at.values_mut().for_each(|at| *at = DVec2::ONE);
+        let together = fit_photograph(session.solver(), &marks, &session.state().pose);
+        assert!(together.unwrap_err().to_string().contains("together"));
+        while marks.at.len() > 3 {
+            marks.at.pop_first();
+        }
+        let few = fit_photograph(session.solver(), &marks, &session.state().pose);
+        assert!(few.unwrap_err().to_string().contains("3 joints are marked"));
     }
 }

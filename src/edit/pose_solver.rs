@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | pinned | its pin | 0 |
 //! | dragged | its target | sd², as asked |
-//! | other | where it was when the gesture began, `a` | rest² |
+//! | other | where it was when the gesture began, `a` | rest², on the floor at most 5² |
 //!
 //! So `rest` runs from the paper's free dragging (P is the identity; section 4.4) to its completion (P has the pins alone). The
 //! pose is found in three steps: the placement follows that of the pose before ([`PlacementSolver::follow`]); the prior's
@@ -57,6 +57,9 @@ const PREVIOUS_WEIGHT: f64 = 1e-3;
 /// A pin that is missed by more is out of reach, cm; a dragged joint, this and its standard deviation.
 const MISSED_PIN: f64 = 0.05;
 const MISSED_DRAG: f64 = 0.5;
+/// A joint lower than this stands on the floor, cm, and stays there to within this standard deviation.
+const ON_FLOOR: f64 = 4.0;
+const FLOOR_SD: f64 = 5.0;
 /// A joint this far below the floor is lifted, cm.
 const BELOW_FLOOR: f64 = 0.01;
 /// The standard deviation of a joint whose place is given, cm.
@@ -78,8 +81,8 @@ pub struct Constraints {
     pub rest: f64,
     /// Joints that forget where they were (K): the prior alone says.
     pub forgotten: Vec<bool>,
-    /// Whether no joint may go below y = 0; one that was below stays as high as it was.
-    pub floor: bool,
+    /// The lowest y of each joint (K), cm; `None`: no floor. See [`floor_under`].
+    pub floor: Option<Vec<f64>>,
     /// Whether the skeleton's limits are kept.
     pub limits: bool,
 }
@@ -92,7 +95,7 @@ impl Constraints {
             drags: vec![None; joints],
             rest: 10.0,
             forgotten: vec![false; joints],
-            floor: false,
+            floor: None,
             limits: false,
         }
     }
@@ -118,6 +121,11 @@ impl Constraints {
         };
         (0..self.pins.len()).map(way).fold(0.0, f64::max)
     }
+}
+
+/// The floor, y = 0, under the joints `xyz` (3 K, cm): one that is below it already may stay as low as it is.
+pub fn floor_under(xyz: &[f64]) -> Vec<f64> {
+    xyz.iter().skip(1).step_by(3).map(|y| y.min(0.0)).collect()
 }
 
 /// A pose of a rig.
@@ -194,7 +202,7 @@ impl PoseSolver {
         let share = onset(asked, reference);
         let offsets = restored.mean.iter_mut().zip(&reference.offset);
         offsets.for_each(|(mean, offset)| *mean += share * offset);
-        let wanted = self.fitted(asked, &reference.xyz, &restored, &[before.q.clone()]);
+        let wanted = self.fitted(asked, &restored, &[before.q.clone()]);
         let most = if way > 0.0 {
             STEP_RATIO * way
         } else {
@@ -223,14 +231,8 @@ impl PoseSolver {
             let q: Vec<f64> = (before.q.iter().zip(&ways))
                 .map(|(q, way)| q + share * way)
                 .collect();
-            let on_the_way = RestoredFrame {
-                mean: self
-                    .rig
-                    .to_model(&self.rig.positions(&q), self.prior.points),
-                sd: vec![0.0; self.prior.points],
-                placement: wanted.placement,
-            };
-            let pose = self.fitted(asked, &before.xyz, &on_the_way, &[q]);
+            let xyz = self.rig.positions(&q);
+            let pose = self.at_places(asked, &xyz, wanted.placement, &q);
             if largest_step(&before.xyz, &pose.xyz) <= 1.2 * most || share < 1e-2 {
                 return Pose {
                     is_moving: true,
@@ -248,10 +250,10 @@ impl PoseSolver {
         let (y, noise) = self.observation(asked, reference);
         let restored = self.prior.restorer().restore(&y, &noise)?;
         let mut start = before.q.clone();
-        let (targets, _) = self.soft_targets(asked, reference, &restored);
+        let (targets, _) = self.soft_targets(asked, &restored);
         InitialPose::new(&self.rig.skeleton, &self.rig.bones).apply(&targets, &mut start);
         let starts = [before.q.clone(), start];
-        Some(self.fitted(asked, reference, &restored, &starts))
+        Some(self.fitted(asked, &restored, &starts))
     }
 
     /// The pose whose joints are nearest to `xyz` (3 K, cm); where that is NaN, the prior says. `None` where too little is there.
@@ -281,11 +283,10 @@ impl PoseSolver {
 
     /// The rig in a restored pose, with what is asked of it, found from the values `start` or in closed form.
     pub fn posed(&self, asked: &Constraints, restored: &RestoredFrame, start: &[f64]) -> Pose {
-        let reference = self.rig.positions(start);
         let mut closed_form = start.to_vec();
-        let (targets, _) = self.soft_targets(asked, &reference, restored);
+        let (targets, _) = self.soft_targets(asked, restored);
         InitialPose::new(&self.rig.skeleton, &self.rig.bones).apply(&targets, &mut closed_form);
-        self.fitted(asked, &reference, restored, &[start.to_vec(), closed_form])
+        self.fitted(asked, restored, &[start.to_vec(), closed_form])
     }
 
     /// A pose carried elsewhere.
@@ -300,17 +301,15 @@ impl PoseSolver {
         let asked = Constraints::none(self.rig.joints());
         Pose {
             sd: pose.sd.clone(),
-            ..self.at_places(&asked, &xyz, &xyz, placement, &pose.q)
+            ..self.at_places(&asked, &xyz, placement, &pose.q)
         }
     }
 
     /// The rig with its joints at `xyz` (3 K, cm), the pins of `asked` held, found from the values `start`; the prior says nothing.
-    /// The floor is that of joints at `reference` (3 K, cm).
     pub fn at_places(
         &self,
         asked: &Constraints,
         xyz: &[f64],
-        reference: &[f64],
         placement: Similarity,
         start: &[f64],
     ) -> Pose {
@@ -319,7 +318,7 @@ impl PoseSolver {
             sd: vec![0.0; self.prior.points],
             placement,
         };
-        self.fitted(asked, reference, &there, &[start.to_vec()])
+        self.fitted(asked, &there, &[start.to_vec()])
     }
 
     /// A pose carried into the skeleton's limits, with its pins held.
@@ -329,7 +328,7 @@ impl PoseSolver {
         asked.limits = true;
         Pose {
             sd: pose.sd.clone(),
-            ..self.at_places(&asked, &pose.xyz, &pose.xyz, pose.placement, &pose.q)
+            ..self.at_places(&asked, &pose.xyz, pose.placement, &pose.q)
         }
     }
 
@@ -340,9 +339,15 @@ impl PoseSolver {
         for (k, point) in self.rig.model_points.iter().enumerate() {
             let Some(p) = *point else { continue };
             let pin = asked.pins[k];
+            let stands = asked.floor.is_some() && reference[3 * k + 1] < ON_FLOOR;
+            let rest = if stands {
+                asked.rest.min(FLOOR_SD)
+            } else {
+                asked.rest
+            };
             let mut variance = match asked.forgotten[k] {
                 true => f64::INFINITY,
-                false => asked.rest * asked.rest,
+                false => rest * rest,
             };
             if let Some((target, sd)) = asked.drags[k] {
                 y[3 * p..3 * p + 3].copy_from_slice(&target.to_array());
@@ -361,14 +366,8 @@ impl PoseSolver {
     }
 
     /// P2: the rig in the restored pose, with what is dragged and pinned where it is asked to be.
-    fn fitted(
-        &self,
-        asked: &Constraints,
-        reference: &[f64],
-        restored: &RestoredFrame,
-        starts: &[Vec<f64>],
-    ) -> Pose {
-        let (mut targets, mut weights) = self.soft_targets(asked, reference, restored);
+    fn fitted(&self, asked: &Constraints, restored: &RestoredFrame, starts: &[Vec<f64>]) -> Pose {
+        let (mut targets, mut weights) = self.soft_targets(asked, restored);
         let settings = IkSettings {
             limits: asked.limits,
             tolerance: 1e-6,
@@ -384,7 +383,7 @@ impl PoseSolver {
         let (_, mut q) = found.fold(first, |a, b| if b.0 < a.0 { b } else { a });
         let mut xyz = self.rig.positions(&q);
         for _ in 0..3 {
-            let holds = hold(asked, reference, &xyz, &mut targets, &mut weights);
+            let holds = hold(asked, &xyz, &mut targets, &mut weights);
             if !holds {
                 break;
             }
@@ -406,12 +405,7 @@ impl PoseSolver {
     }
 
     /// Targets and weights (3 K) of P2 before the pins are made exact; a joint without a target is NaN.
-    fn soft_targets(
-        &self,
-        asked: &Constraints,
-        reference: &[f64],
-        restored: &RestoredFrame,
-    ) -> (Vec<f64>, Vec<f64>) {
+    fn soft_targets(&self, asked: &Constraints, restored: &RestoredFrame) -> (Vec<f64>, Vec<f64>) {
         let n = self.rig.joints();
         let (mut targets, mut weights) = (vec![f64::NAN; 3 * n], vec![0.0; 3 * n]);
         for k in 0..n {
@@ -424,10 +418,13 @@ impl PoseSolver {
             if let Some((to, sd)) = asked.drags[k] {
                 (target, weight) = (to.to_array(), [1.0 / (sd * sd); 3]);
             }
-            if asked.floor {
+            if let Some(floor) = &asked.floor {
                 // Of NaN and the floor, NaN remains.
-                let floor = reference[3 * k + 1].min(0.0);
-                target[1] = if target[1] < floor { floor } else { target[1] };
+                target[1] = if target[1] < floor[k] {
+                    floor[k]
+                } else {
+                    target[1]
+                };
             }
             for c in 0..3 {
                 if let Some(pin) = asked.pins[k][c] {
@@ -486,19 +483,13 @@ fn solve(solver: &mut IkSolver<'_>, targets: &[f64], weights: &[f64], q: &mut [f
 }
 
 /// Makes the joints `xyz` the targets, and the pins and the floor exact. Whether there is anything to hold that is not yet held.
-fn hold(
-    asked: &Constraints,
-    reference: &[f64],
-    xyz: &[f64],
-    targets: &mut [f64],
-    weights: &mut [f64],
-) -> bool {
+fn hold(asked: &Constraints, xyz: &[f64], targets: &mut [f64], weights: &mut [f64]) -> bool {
     let mut holds = false;
     for (c, &at) in xyz.iter().enumerate() {
         let (k, axis) = (c / 3, c % 3);
-        let floor = reference[c].min(0.0);
-        let is_below = asked.floor && axis == 1 && at < floor - BELOW_FLOOR;
-        match asked.pins[k][axis].or(is_below.then_some(floor)) {
+        let floor = asked.floor.as_ref().map(|floor| floor[k]);
+        let floor = floor.filter(|floor| axis == 1 && at < floor - BELOW_FLOOR);
+        match asked.pins[k][axis].or(floor) {
             Some(to) => {
                 holds |= (at - to).abs() > 1e-6;
                 (targets[c], weights[c]) = (to, EXACT_WEIGHT);

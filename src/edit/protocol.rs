@@ -38,6 +38,10 @@ pub struct NamedDrag {
     pub sd: f64,
 }
 
+fn all_axes() -> String {
+    "xyz".to_string()
+}
+
 fn drag_sd() -> f64 {
     DRAG_SD
 }
@@ -58,6 +62,19 @@ pub enum Action {
     Pin {
         /// The joints that are pinned.
         pins: NamedPins,
+    },
+    /// Pins joints where they are now.
+    PinHere {
+        /// Their names.
+        joints: Vec<String>,
+        /// The coordinates, such as `xyz` or `y`.
+        #[serde(default = "all_axes")]
+        axes: String,
+    },
+    /// Takes their pins away.
+    Unpin {
+        /// Their names.
+        joints: Vec<String>,
     },
     /// Sets how far joints may go from where they were.
     Rest {
@@ -167,6 +184,14 @@ impl Session {
             Action::Undo => self.undo(),
             Action::Redo => self.redo(),
             Action::Pin { pins } => self.pin_all(&self.pins_by_index(pins)?)?,
+            Action::PinHere { joints, axes } => {
+                if axes.is_empty() || !axes.chars().all(|c| "xyz".contains(c)) {
+                    return Err(Error::usage("axes are some of the letters x, y and z"));
+                }
+                let axes = ['x', 'y', 'z'].map(|c| axes.contains(c));
+                self.pin_here(&self.all_named(joints)?, axes)?;
+            }
+            Action::Unpin { joints } => self.pin_here(&self.all_named(joints)?, [false; 3])?,
             Action::Rest { cm } => self.set_rest(*cm)?,
             Action::Limits { on } => self.set_limits(*on),
             Action::Floor { on } => self.set_floor(*on),
@@ -185,8 +210,7 @@ impl Session {
                 Side::Right => self.copy_side("r"),
             },
             Action::Reset { joints } => {
-                let joints: Result<Vec<usize>> = joints.iter().map(|j| self.named(j)).collect();
-                self.reset(&joints?)?;
+                self.reset(&self.all_named(joints)?)?;
             }
             Action::Key { time } => self.set_key(*time)?,
             Action::KeyOpen { key } => self.open_key(*key)?,
@@ -207,6 +231,10 @@ impl Session {
             let name: String = name.chars().take(40).collect();
             Error::usage(format!("there is no joint \"{name}\""))
         })
+    }
+
+    fn all_named(&self, names: &[String]) -> Result<Vec<usize>> {
+        names.iter().map(|name| self.named(name)).collect()
     }
 
     fn pins_by_index(&self, pins: &NamedPins) -> Result<Pins> {
@@ -351,8 +379,7 @@ impl Session {
             let from_middle = DVec2::new(at[0] - width / 2.0, height / 2.0 - at[1]);
             marks.at.insert(self.named(name)?, from_middle);
         }
-        let flips: Result<Vec<usize>> = request.flips.iter().map(|n| self.named(n)).collect();
-        marks.flips = flips?;
+        marks.flips = self.all_named(&request.flips)?;
         let fit = self.photograph(&marks)?;
         let picture = self.rig().names.iter().zip(fit.pose.xyz.chunks_exact(3));
         let picture = picture.map(|(name, at)| {

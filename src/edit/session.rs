@@ -5,7 +5,9 @@ use super::in_betweens::{Motion, in_betweens};
 use super::keys::{Key, Keys};
 use super::other_poses::{OtherPose, other_poses};
 use super::photograph::{Marks, PhotographFit, fit_photograph};
-use super::pose_solver::{Constraints, DRAG_RANGE, Pose, PoseSolver, REST_RANGE, Reference};
+use super::pose_solver::{
+    Constraints, DRAG_RANGE, Pose, PoseSolver, REST_RANGE, Reference, floor_under,
+};
 use super::rig::Rig;
 use super::rig_prior::RigPrior;
 use super::start_poses::{self, StartPose};
@@ -215,7 +217,7 @@ impl Session {
                 self.begin(drags, pins, rest)
             }
         };
-        let asked = self.asked(drags, pins, rest);
+        let asked = self.asked(drags, pins, rest, &gesture.before.pose.xyz);
         let way = asked.way_from(&gesture.asked);
         self.now.pose = (self.solver).follow(&asked, &gesture.reference, &self.now.pose, way);
         (self.now.pins, self.now.rest) = (asked.pins.clone(), rest);
@@ -234,7 +236,7 @@ impl Session {
             return gesture;
         }
         self.release();
-        let asked = self.asked(drags, pins, rest);
+        let asked = self.asked(drags, pins, rest, &self.now.pose.xyz);
         let moves = !drags.is_empty() || asked.pins != self.now.pins;
         Gesture {
             before: self.now.clone(),
@@ -249,10 +251,11 @@ impl Session {
         }
     }
 
-    fn asked(&self, drags: &Drags, pins: &Pins, rest: f64) -> Constraints {
+    /// What is asked in a gesture that began with the joints at `from` (3 K, cm).
+    fn asked(&self, drags: &Drags, pins: &Pins, rest: f64, from: &[f64]) -> Constraints {
         let mut asked = Constraints {
             rest,
-            floor: self.now.floor,
+            floor: self.now.floor.then(|| floor_under(from)),
             limits: self.now.limits,
             ..Constraints::none(self.rig().joints())
         };
@@ -303,13 +306,18 @@ impl Session {
 
     /// Ends a gesture: it becomes one step of undo.
     pub fn release(&mut self) {
+        if let Some(gesture) = &self.gesture {
+            // What is no longer dragged is no longer out of reach.
+            (gesture.dragged.iter()).for_each(|&k| self.now.pose.missed[k] = 0.0);
+        }
         if let Some(gesture) = self.gesture.take().filter(|g| g.before != self.now) {
             let names: Vec<&str> = (gesture.dragged.iter())
                 .map(|&k| self.solver.rig.names[k].as_str())
                 .collect();
             let step = match names[..] {
                 _ if gesture.is_photograph => "the photograph".to_string(),
-                [] => "the change".to_string(),
+                [] if gesture.before.rest != self.now.rest => "the slider".to_string(),
+                [] => "the pins".to_string(),
                 _ => format!("the drag of {}", names.join(" and ")),
             };
             self.history.record(step, gesture.before);
@@ -375,7 +383,7 @@ impl Session {
             apart.into_iter().all(|d| d.abs() <= THERE)
         };
         if pins.iter().all(is_there) {
-            let asked = self.asked(&Drags::new(), pins, self.now.rest);
+            let asked = self.asked(&Drags::new(), pins, self.now.rest, &self.now.pose.xyz);
             self.change("the pins", |now, _| now.pins = asked.pins);
             return Ok(());
         }
@@ -455,7 +463,7 @@ impl Session {
             let mut asked = Constraints {
                 rest: 1.0,
                 pins: now.pins.clone(),
-                floor: now.floor,
+                floor: now.floor.then(|| floor_under(&now.pose.xyz)),
                 limits: now.limits,
                 ..Constraints::none(solver.rig.joints())
             };
@@ -468,50 +476,66 @@ impl Session {
 
     /// Exchanges left and right about the body's own plane.
     pub fn mirror(&mut self) {
-        self.copy_mirrored(|_| true, "the mirroring");
+        let mirrored = self.solver.rig.mirrored(&self.now.pose.xyz);
+        self.take_mirrored(&mirrored, &|_| true, "the mirroring");
     }
 
-    /// Copies one side of the body onto the other: the joints for which `is_copied` become the mirror image of their others.
-    pub fn copy_mirrored(&mut self, is_copied: impl Fn(usize) -> bool, step: &str) {
-        let (rig, xyz) = (&self.solver.rig, &self.now.pose.xyz);
-        let mirrored = rig.mirrored(xyz);
-        let mut places = xyz.clone();
-        for k in (0..rig.joints()).filter(|k| is_copied(*k)) {
-            places[3 * k..3 * k + 3].copy_from_slice(&mirrored[3 * k..3 * k + 3]);
-        }
-        let pins = self.now.pins.clone();
-        if let Some(pose) = self.solver.pose_at(&places, &self.now.pose) {
-            self.change(step, |now, _| {
-                now.pose = pose;
-                // Pins stay with what has not moved.
-                for (k, pin) in pins.iter().enumerate() {
-                    let far = DVec3::from_slice(&now.pose.xyz[3 * k..])
-                        - DVec3::from_slice(&places[3 * k..]);
-                    now.pins[k] = if is_copied(k) || far.length() > 0.05 {
-                        [None; 3]
-                    } else {
-                        *pin
-                    };
-                }
-            });
-        }
+    /// Takes mirrored places (3 K, cm) of the joints. A copied joint is pinned where its other was.
+    fn take_mirrored(&mut self, places: &[f64], is_copied: &dyn Fn(usize) -> bool, step: &str) {
+        let Some(pose) = self.solver.pose_at(places, &self.now.pose) else {
+            return;
+        };
+        let mirrors = self.solver.rig.mirrors.clone();
+        self.change(step, |now, _| {
+            let pins = std::mem::replace(&mut now.pins, vec![[None; 3]; mirrors.len()]);
+            now.pose = pose;
+            for (k, pin) in now.pins.iter_mut().enumerate() {
+                let source = if is_copied(k) {
+                    mirrors[k].unwrap_or(k)
+                } else {
+                    k
+                };
+                let at = &now.pose.xyz[3 * k..3 * k + 3];
+                *pin = std::array::from_fn(|c| pins[source][c].map(|_| at[c]));
+            }
+        });
     }
 
-    /// Copies one side of the body, the joints whose names (or those of their points) begin with `from`, onto the other.
+    /// Copies one side of the body, the joints whose names (or those of their points) begin with `from`, onto the other; joints
+    /// between the sides move onto the plane between them.
     pub fn copy_side(&mut self, from: &str) {
-        let rig = &self.solver.rig;
+        let (rig, xyz) = (&self.solver.rig, &self.now.pose.xyz);
         let points = &self.solver.prior.names;
         let begins = |name: &str| name.to_lowercase().starts_with(from);
-        let is_side: Vec<bool> = (0..rig.joints())
-            .map(|k| {
-                rig.mirrors[k].is_some()
-                    && begins(rig.model_points[k].map_or(&rig.names[k], |p| &points[p]))
-            })
-            .collect();
+        let name = |k: usize| rig.model_points[k].map_or(&rig.names[k], |p| &points[p]);
+        let mirrored = rig.mirrored(xyz);
         let is_other: Vec<bool> = (0..rig.joints())
-            .map(|k| rig.mirrors[k].is_some_and(|m| is_side[m]))
+            .map(|k| rig.mirrors[k].is_some_and(|m| begins(name(m))))
             .collect();
-        self.copy_mirrored(|k| is_other[k], "the copy of a side");
+        let share = |k: usize| match rig.mirrors[k] {
+            None => 0.5,
+            Some(_) if is_other[k] => 1.0,
+            Some(_) => 0.0,
+        };
+        let places: Vec<f64> = (0..xyz.len())
+            .map(|c| xyz[c] + share(c / 3) * (mirrored[c] - xyz[c]))
+            .collect();
+        self.take_mirrored(&places, &|k| is_other[k], "the copy of a side");
+    }
+
+    /// Pins joints at some of their coordinates (x, y, z), where they are now.
+    ///
+    /// # Errors
+    /// As [`Session::solve`].
+    pub fn pin_here(&mut self, joints: &[usize], axes: [bool; 3]) -> Result<()> {
+        self.release();
+        let mut pins = self.pins();
+        for &k in joints.iter().filter(|k| **k < self.rig().joints()) {
+            let at = self.position(k).to_array();
+            pins.insert(k, std::array::from_fn(|c| axes[c].then_some(at[c])));
+        }
+        pins.retain(|_, pin| pin.iter().any(Option::is_some));
+        self.pin_all(&pins)
     }
 
     /// Makes the pose and its pins a key at `time`, seconds.
@@ -602,7 +626,12 @@ impl Session {
     /// Finds other poses with the present pins; see [`other_poses`].
     pub fn find_others(&mut self) -> &[OtherPose] {
         self.release();
-        let asked = self.asked(&Drags::new(), &self.pins(), self.now.rest);
+        let asked = self.asked(
+            &Drags::new(),
+            &self.pins(),
+            self.now.rest,
+            &self.now.pose.xyz,
+        );
         self.others = other_poses(&self.solver, &asked, &self.now.pose);
         &self.others
     }

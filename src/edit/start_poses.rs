@@ -1,6 +1,6 @@
 //! Poses to start from: the model's representative poses, standing ones first, on the floor.
 
-use super::pose_solver::{Pose, PoseSolver};
+use super::pose_solver::{Constraints, Pose, PoseSolver};
 use crate::pose::Similarity;
 use crate::pose::joints::CMU;
 use glam::DVec3;
@@ -35,7 +35,24 @@ pub fn start_poses(solver: &PoseSolver) -> Vec<StartPose> {
         })
         .collect();
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    starts.into_iter().map(|s| s.1).collect()
+    let mut starts: Vec<StartPose> = starts.into_iter().map(|s| s.1).collect();
+    starts.push(rest_pose(solver));
+    starts
+}
+
+/// The skeleton's rest posture, on the floor.
+fn rest_pose(solver: &PoseSolver) -> StartPose {
+    let rest = vec![0.0; solver.rig.skeleton.dof_count()];
+    let xyz = solver.rig.positions(&rest);
+    let none = Constraints::none(solver.rig.joints());
+    let pose = solver.at_places(&none, &xyz, Similarity::IDENTITY, &rest);
+    let pose = solver.pose_at(&xyz, &pose).unwrap_or(pose);
+    let heights = xyz.iter().skip(1).step_by(3);
+    let lift = -heights.fold(f64::INFINITY, |z, y| z.min(*y));
+    StartPose {
+        name: "rest pose of the skeleton",
+        pose: solver.moved(&pose, DVec3::Y * lift),
+    }
 }
 
 /// Some joints of a person.
@@ -101,7 +118,7 @@ impl Figure {
             "arm raised"
         } else if least(knees) > 50.0 {
             "crouching"
-        } else if most(knees) > 70.0 || most(hips) > 60.0 {
+        } else if (self.sides[0][2].y - self.sides[1][2].y).abs() > 20.0 {
             "leg raised"
         } else if stride > 45.0 {
             "striding"

@@ -132,7 +132,7 @@ test('what is out of reach says by how much', async () => {
   const page = await fresh();
   await page.locator('#pin-feet').click();
   await settled(page);
-  await drag(page, 'rwrist', -400, -150, async () => {
+  await drag(page, 'rwrist', -600, -300, async () => {
     const { missed } = await state(page);
     assert.ok(missed.rwrist > 5, `missed: ${JSON.stringify(missed)}`);
     assert.match(await page.locator('#warning').textContent(), /right hand cannot reach/);

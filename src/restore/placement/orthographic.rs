@@ -36,7 +36,10 @@ pub fn restore(
     let mut best: Option<(Reconstruction, DMat3, DVec3)> = None;
     let starts = match known {
         Some(known) => vec![(known.rotation, known.shift)],
-        None => starts(prior, seen, solver.headings),
+        None => views(prior, seen, solver.headings)
+            .into_iter()
+            .map(|view| (view.rotation, view.shift))
+            .collect(),
     };
     for start in starts {
         let solved = descend(prior, seen, start, solver.iterations.min(12));
@@ -193,11 +196,23 @@ fn place(
     (turn * rotation, t)
 }
 
-/// Starting placements: the best scaled orthographic view of each representative pose, the best fits first.
+/// A pose seen from far away: (x, y) = the first two of `scale` `rotation` p + `shift`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OrthographicView {
+    /// From the model's space to the camera's.
+    pub rotation: DMat3,
+    /// In the picture's unit.
+    pub shift: DVec3,
+    /// The picture's unit over a centimetre.
+    pub scale: f64,
+}
+
+/// The best scaled orthographic view of each representative pose of a prior on the points that `seen` has x and y of, the best fits
+/// first, at most so many.
 ///
 /// The affine map M (2, 3) of a pose onto the picture is linear least squares; the nearest pair of orthonormal rows is
 /// the rotation.
-fn starts(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<(DMat3, DVec3)> {
+pub fn views(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<OrthographicView> {
     let planar: Vec<(usize, DVec3)> = (0..seen.values.len() / 3)
         .filter(|j| seen.variance[3 * j].is_finite() && seen.variance[3 * j + 1].is_finite())
         .map(|j| {
@@ -239,12 +254,14 @@ fn starts(prior: &dyn Prior, seen: Observation<'_>, most: usize) -> Vec<(DMat3, 
                 (DVec3::new(p.x, p.y, 0.0) - (*y - center)).length_squared()
             })
             .sum();
-        found.push((rest, rotation, center - rotation * middle * scale));
+        let view = OrthographicView {
+            rotation,
+            shift: center - rotation * middle * scale,
+            scale,
+        };
+        found.push((rest, view));
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    found
-        .into_iter()
-        .take(most.max(1))
-        .map(|(_, r, t)| (r, t))
-        .collect()
+    let best = found.into_iter().take(most.max(1));
+    best.map(|(_, view)| view).collect()
 }
