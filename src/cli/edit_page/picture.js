@@ -8,7 +8,7 @@ function beginPicture() { sheet.zoom = 1; sheet.shift = [0, 0]; sheet.hover = nu
 function layPicture() {
   const { width, height } = big, { naturalWidth: w, naturalHeight: h } = photo.image;
   // Beside or above the small view, and on a wide page below the line of guidance.
-  const below = width > 700 ? 52 : 0, inset = small.canvas.parentNode;
+  const below = innerWidth > 760 ? 52 : 0, inset = small.canvas.parentNode;
   const beside = [width - inset.offsetWidth - (below ? 28 : 14), height - below - (below ? 12 : 4)], above = [width, height - inset.offsetHeight - 16];
   const fits = ([a, b]) => Math.min(a / w, b / h), [free, high] = below || fits(beside) > fits(above) ? beside : above;
   const scale = fits([free, high]) * .97 * sheet.zoom;
