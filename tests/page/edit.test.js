@@ -124,7 +124,40 @@ test('pins: click, axes, both feet, a pinned joint takes its pin along', async (
   await settled(page);
   await page.locator('#pin-feet').click();
   await settled(page);
-  assert.deepEqual(Object.keys((await state(page)).pins).sort(), ['lfoot', 'rfoot']);
+  const { pins: feet } = await state(page);
+  for (const name of ['lfoot', 'ltibia', 'rfoot', 'rtibia']) assert.ok(feet[name], 'ankles, too');
+  assert.equal(await page.locator('#unpin').textContent(), `Unpin all (${Object.keys(feet).length})`);
+  // Both sides together.
+  await page.keyboard.press('b');
+  await click(page, 'lradius');
+  assert.ok((await state(page)).pins.lradius && (await state(page)).pins.rradius);
+  await click(page, 'rradius');
+  assert.deepEqual(Object.keys((await state(page)).pins).sort(), Object.keys(feet).sort());
+  await sound(page);
+});
+
+test('commands in quick succession are done in order', async () => {
+  const page = await fresh(), first = await state(page);
+  await drag(page, 'root', 0, 60);
+  assert.ok(apart((await state(page)).pose.lfoot, first.pose.lfoot) > .5 || apart((await state(page)).pose.root, first.pose.root) > 5);
+  // As slow as a program on a busy machine.
+  await page.route('**/act', async route => { await new Promise(done => setTimeout(done, 150)); await route.continue(); });
+  await page.keyboard.press('Control+z');
+  await page.keyboard.press('Shift+P');
+  await page.keyboard.press('Control+z');
+  await page.keyboard.press('Shift+P');
+  await settled(page);
+  const { pose, pins } = await state(page);
+  assert.ok(farthest(pose, first.pose) < .01);
+  assert.ok(pins.lfoot && pins.rtibia);
+  for (const name in pins) assert.ok(apart(pins[name], first.pose[name]) < .01, `${name} is pinned where it is after the step back`);
+  // A joint that is caught meanwhile follows when the answer is there, with the pins of then.
+  await page.keyboard.press('Shift+P');
+  await drag(page, 'lwrist', 40, -40);
+  const after = await state(page);
+  assert.deepEqual(after.pins, {});
+  assert.ok(apart(after.pose.lwrist, first.pose.lwrist) > 5);
+  await page.unroute('**/act');
   await sound(page);
 });
 
@@ -135,8 +168,15 @@ test('what is out of reach says by how much', async () => {
   await drag(page, 'rwrist', -600, -300, async () => {
     const { missed } = await state(page);
     assert.ok(missed.rwrist > 5, `missed: ${JSON.stringify(missed)}`);
-    assert.match(await page.locator('#warning').textContent(), /right hand cannot reach/);
+    assert.match(await page.locator('#warning').textContent(), /right hand cannot reach its place \(\S+ cm away\)/);
+    const box = await page.locator('#warning').boundingBox();
+    for (const joint of ['rwrist', 'rradius', 'head', 'lfoot', 'rfoot']) {
+      const [x, y] = await place(page, joint);
+      assert.ok(x < box.x || x > box.x + box.width || y < box.y || y > box.y + box.height, `${joint} is not under the warning`);
+    }
   });
+  await page.waitForTimeout(100);
+  assert.doesNotMatch(await page.locator('#warning').textContent(), /right hand/, 'after the drag, there is no place to reach');
   await sound(page);
 });
 
@@ -183,7 +223,21 @@ test('other poses are shown first, then taken or left', async () => {
   await settled(page);
   await page.keyboard.press('Enter');
   await settled(page);
-  assert.ok(farthest((await state(page)).pose, pose) > 4.9);
+  const taken = await state(page);
+  assert.ok(farthest(taken.pose, pose) > 4.9);
+  // By the button, which has the focus then.
+  await page.locator('#others').click();
+  await settled(page);
+  if ((await state(page)).other === 0) {
+    await page.keyboard.press('Escape');
+    assert.equal((await state(page)).other, -1);
+    await page.locator('#others').click();
+    await settled(page);
+    await page.keyboard.press('Enter');
+    await settled(page);
+    assert.equal((await state(page)).other, -1);
+    assert.ok(farthest((await state(page)).pose, taken.pose) > 4.9);
+  }
   await sound(page);
 });
 
@@ -212,7 +266,7 @@ test('mirror, both sides together, a limb that is reset', async () => {
 test('a pose from a photograph', async () => {
   const page = await fresh(), { pose } = await state(page);
   // A photograph of the present pose from the front, 3 pixels a centimetre; only its marks matter.
-  const joints = ['lhipjoint', 'rhipjoint', 'lclavicle', 'rclavicle', 'lradius', 'rradius', 'ltibia', 'rtibia', 'head'];
+  const joints = ['lhipjoint', 'rhipjoint', 'lclavicle', 'rclavicle', 'lfemur', 'rfemur', 'lhumerus', 'rhumerus', 'ltibia', 'rtibia', 'lradius', 'rradius', 'head'];
   const pixel = name => [300 + 3 * (pose[name][0] - pose.root[0]), 400 - 3 * (pose[name][1] - pose.root[1])];
   const picture = await page.evaluate(() => {
     const canvas = document.createElement('canvas');
@@ -231,19 +285,24 @@ test('a pose from a photograph', async () => {
     await settled(page);
   }
   const fitted = await state(page);
-  assert.equal(Object.keys(fitted.marks).length, 9);
+  assert.equal(Object.keys(fitted.marks).length, joints.length);
+  assert.match(await page.locator('#photo-state').textContent(), /The fit is (good|rough|poor) \(\S+ px off\)/);
   for (const name of joints) assert.ok(apart(fitted.picture[name], fitted.marks[name]) < 25, `${name}: ${fitted.picture[name]} ${fitted.marks[name]}`);
   // Another mark by dragging a joint of the fitted body; then it is removed.
-  const [x, y] = await page.evaluate(at => posing.project(at), fitted.picture.lfemur);
+  const [x, y] = await page.evaluate(at => posing.project(at), fitted.picture.upperback);
   await page.mouse.move(x, y);
   await page.mouse.down();
   await page.mouse.move(x + 12, y, { steps: 6 });
   await page.mouse.up();
   await settled(page);
-  assert.ok((await state(page)).marks.lfemur);
+  assert.ok((await state(page)).marks.upperback);
   await page.keyboard.press('Delete');
   await settled(page);
-  assert.ok(!(await state(page)).marks.lfemur);
+  assert.ok(!(await state(page)).marks.upperback);
+  await page.locator('#marks [data-joint=lradius]').click();
+  await page.locator('#photo-flip').click();
+  await settled(page);
+  assert.match(await page.locator('#notice').textContent(), /The person's left arm now bends (towards|away from) the camera/);
   await page.locator('#focal').fill('50');
   await settled(page);
   await page.locator('#photo-use').click();
@@ -259,7 +318,7 @@ test('a pose from a photograph', async () => {
 });
 
 test('keys, the motion between them, play', async () => {
-  const page = await fresh();
+  const page = await fresh(), high = () => page.locator('.timeline').evaluate(node => node.clientHeight), empty = await high();
   await page.keyboard.press('k');
   await settled(page);
   await drag(page, 'lwrist', 50, -80);
@@ -272,8 +331,8 @@ test('keys, the motion between them, play', async () => {
   await page.locator('#time').fill('0.25');
   await page.locator('#time').press('Tab');
   await until(page, () => posing.state().shown.lwrist[1] !== posing.state().pose.lwrist[1]);
-  const [low, high] = keys.map(key => key.pose.lwrist[1]).sort((a, b) => a - b), { shown } = await state(page);
-  assert.ok(shown.lwrist[1] > low && shown.lwrist[1] < high, `${low} ${shown.lwrist[1]} ${high}`);
+  const [low, top] = keys.map(key => key.pose.lwrist[1]).sort((a, b) => a - b), { shown } = await state(page);
+  assert.ok(shown.lwrist[1] > low && shown.lwrist[1] < top, `${low} ${shown.lwrist[1]} ${top}`);
   await page.locator('#play').click();
   const frames = await page.evaluate(() => posing.frames());
   await page.waitForTimeout(500);
@@ -295,7 +354,13 @@ test('keys, the motion between them, play', async () => {
   now = await state(page);
   assert.equal(now.key, 0);
   assert.ok(farthest(now.pose, keys[0].pose) < .01);
-  await page.locator('#remove-key').click();
+  assert.equal(await high(), empty, 'the first key moves nothing');
+  // A second Delete does not take the next key.
+  await page.locator('#cards button').first().focus();
+  await page.keyboard.press('Delete');
+  await page.keyboard.press('Delete');
+  await settled(page);
+  await page.keyboard.press('Delete');
   await settled(page);
   assert.equal((await state(page)).keys.length, 1);
   await sound(page);
@@ -310,14 +375,15 @@ test('what is saved can be read, a session opens again', async () => {
   await settled(page);
   const { pose, joints } = await state(page);
   const saved = async button => {
-    const [download] = await Promise.all([page.waitForEvent('download'), button.click()]);
+    const [download] = await Promise.all([page.waitForEvent('download'), page.locator('#save').click().then(() => button.click())]);
+    assert.ok(await page.locator('#files').isHidden());
     return [download.suggestedFilename(), await readFile(await download.path(), 'utf8')];
   };
   const formats = await page.locator('#save-pose button').evaluateAll(list => list.map(button => button.dataset.format));
   assert.ok(formats.includes('bvh') && formats.includes('csv'));
   for (const [where, several] of [['#save-pose', false], ['#save-motion', true]]) for (const format of formats) {
     const [name, text] = await saved(page.locator(`${where} [data-format=${format}]`));
-    assert.ok(name.endsWith('.' + format));
+    assert.equal(name, `pose${several ? '-motion' : ''}.${format}`);
     if (format === 'bvh') {
       assert.match(text, /^HIERARCHY[\s\S]*ROOT \S+[\s\S]*MOTION\s+Frames:\s*\d+/);
       if (several) assert.ok(Number(text.match(/Frames:\s*(\d+)/)[1]) > 10);
@@ -442,6 +508,18 @@ test('the program stops and is started again: the page says so and goes on', asy
   await page.mouse.up();
   await page.waitForTimeout(60);
   assert.ok(apart(await place(page, 'lwrist'), [x, y]) > 3);
+  // A joint does not, and nothing else of it.
+  const still = await place(page, 'lwrist');
+  await page.mouse.move(...still);
+  await page.mouse.down();
+  await page.mouse.move(still[0] + 80, still[1], { steps: 5 });
+  await page.mouse.up();
+  await page.waitForTimeout(60);
+  assert.ok(apart(await place(page, 'lwrist'), still) < .1);
+  await page.locator('#save').click();
+  await page.locator('#save-session').click();
+  assert.match(await page.locator('#notice').textContent(), /has stopped/);
+  await page.keyboard.press('Escape');
   const second = await program(first.port);
   try {
     await page.evaluate(hash => { location.hash = hash; }, new URL(second.address).hash);
@@ -480,6 +558,13 @@ for (const [width, height] of [[1400, 900], [400, 850]]) for (const colorScheme 
       const low = await page.locator('button:visible, select:visible, input[type=number]:visible').evaluateAll(list =>
         list.map(node => [node.id || node.textContent, node.getBoundingClientRect().height]).filter(([, h]) => h < 37.5));
       assert.deepEqual(low, [], 'all is large enough for a finger');
+    }
+    if (width < 500) {
+      await page.evaluate(() => scrollTo(0, 600));
+      await page.waitForTimeout(60);
+      const undo = await page.locator('#undo').boundingBox();
+      assert.ok(undo.y >= 0 && undo.y < 60, 'undo stays in reach');
+      await page.evaluate(() => scrollTo(0, 0));
     }
     if (process.env.SHOTS) await page.screenshot({ path: `${process.env.SHOTS}/${width}-${colorScheme}.png` });
     await sound(page);

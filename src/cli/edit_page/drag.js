@@ -42,8 +42,10 @@ function press(view, event) {
   moved = 0;
   const [x, y] = inside(view, event);
   if (view === big && pictureShown()) { doing = pressPicture(x, y, event); return; }
-  const hit = event.button === 0 && canMove() && jointAt(view, x, y, CATCH[event.pointerType] || 14);
+  const hit = event.button === 0 && now.state && jointAt(view, x, y, CATCH[event.pointerType] || 14);
   if (!hit) { doing = "turn"; return; }
+  // While the program is away, a joint stays, and so does the view.
+  if (!canMove()) { doing = "none"; return; }
   doing = "joint";
   grip = { view, joint: hit.joint, x, y, off: [hit.x - x, hit.y - y], depth: hit.depth, last: [event.clientX, event.clientY] };
   now.hover = hit.joint;
@@ -83,13 +85,18 @@ function moveHeld(view, event) {
   else if (doing === "turn") orbit(-dx * .009, dy * .007);
 }
 
+/** A pointer that moves less has not moved. */
+const slack = event => event.pointerType === "touch" ? 7 : 3;
+
 /** The joint goes with the pointer; shift moves it along the view's depth, ctrl (or cmd) moves it a fifth of the way. */
 function dragJoint(view, event) {
   const [x, y] = grip.last, fine = event.ctrlKey || event.metaKey ? .2 : 1;
   if (!now.gesture) {
     if (!canMove()) return;
-    if (moved < (event.pointerType === "touch" ? 7 : 3)) return;
+    if (moved < slack(event)) return;
     clearTimeout(holding);
+    // What was asked for before comes first.
+    if (order.busy) return;
     beginGesture(grip.joint);
     now.gesture.pointer = true;
     hover(null);
@@ -116,7 +123,7 @@ function letGo(view, event) {
   doing = null;
   if (view === big && pictureShown()) { releasePicture(did, moved, event, inside(view, event)); return; }
   if (did === "joint" && now.gesture) endGesture();
-  else if (did === "joint" && event.type === "pointerup") {
+  else if (did === "joint" && event.type === "pointerup" && moved < slack(event)) {
     select(grip.joint);
     if (event.pointerType !== "touch") togglePin(grip.joint);
     else speakJoint(grip.joint);
@@ -141,7 +148,7 @@ function hover(name, event) {
     if (changed) {
       const sd = now.sd[name], lines = [make("b", "", capital(inWords(name)))];
       if (inWords(name) !== name) lines.push(make("span", "raw", name));
-      lines.push(make("div", "", shown()[name].map(fixed).join("  ") + " cm" + (sd > .05 ? `  ± ${sd.toFixed(1)}` : "")));
+      lines.push(make("div", "", shown()[name].map(fixed).join("  ") + " cm" + (sd > .05 && !isPinned(name) ? `  ± ${sd.toFixed(1)}` : "")));
       tip.replaceChildren(...lines);
     }
     const { width, height } = tip.getBoundingClientRect();

@@ -116,8 +116,8 @@ function drawSquare(ctx, x, y, half, full) {
 
 /** From a joint to the place that it cannot reach, with the distance. */
 function drawMissed(ctx, project, at, labelled) {
-  for (const [name, away] of Object.entries(now.missed)) {
-    const p = at[name], goal = placeWanted(name);
+  for (const name of Object.keys(now.missed)) {
+    const p = at[name], goal = placeWanted(name), away = missedBy(name);
     if (!p || !goal || away < .1) continue;
     const q = project(...goal);
     ctx.strokeStyle = ink.rejected; ctx.lineWidth = 2.4; ctx.setLineDash([]);

@@ -22,8 +22,7 @@ function showFiles() {
   $("session").textContent = session ? `The program keeps the session in ${session}.` : "";
 }
 
-async function save(format, whole) {
-  if (!ready()) return;
+const save = (format, whole) => whenReady(async () => {
   try {
     const bytes = await request("/export", { format, keys: whole }, { as: "blob" });
     const link = make("a"), address = URL.createObjectURL(bytes);
@@ -31,27 +30,30 @@ async function save(format, whole) {
     link.download = fileName() + (whole ? "-motion" : "") + "." + format;
     link.click();
     setTimeout(() => URL.revokeObjectURL(address), 10000);
+    $("files").hidePopover();
     say(`Saved ${link.download}.`);
   } catch (error) {
     if (error.status) say(error.message);
   }
-}
+});
 function fileName() {
+  // "the model's own figure" names no file.
+  if (/^the /.test(now.state.name || "")) return "pose";
   const name = (now.state.name || "").split(/[/\\]/).pop().replace(/\.[a-z0-9]+$/i, "");
   return name.replace(/[^\p{L}\p{N}._-]+/gu, "-").replace(/^-+|-+$/g, "") || "pose";
 }
 
-async function openSession(file) {
-  if (!file || !ready()) return;
+const openSession = file => file && whenReady(async () => {
   try {
     takeState(await request("/open", await file.text()));
     keepSession();
     frameBody();
+    if ($("files").matches(":popover-open")) $("files").hidePopover();
     say(`Opened ${file.name}.`);
   } catch (error) {
     if (error.status) say(`${file.name}: ${error.message}`);
   }
-}
+});
 
 $("save-session").addEventListener("click", () => save("json", false));
 $("open-session").addEventListener("click", () => $("session-file").click());

@@ -9,6 +9,7 @@ function beginGesture(name, sd = .5) {
   const plane = now.both && other && other !== name && from[other] ? mirrorPlane(from) : null;
   if (plane) names.push(other);
   now.gesture = { joints: names, plane, from, sd, targets: {}, pins: copyPins(now.pins), moved: false, asked: 0, answered: 0, steps: 0 };
+  now.gesture.over = new Promise(done => { now.gesture.finished = done; });
   now.selected = name;
   for (const joint of names) now.gesture.targets[joint] = [...from[joint]];
   tell();
@@ -37,12 +38,18 @@ function setTarget(name, place) {
 function onFloor(name, place) {
   const goal = place.map(v => Math.round(v * 1000) / 1000);
   if (!now.state.floor) return goal;
-  const near = feet().includes(name) ? 2 : 0;
+  const near = isTip(name) ? 2 : 0;
   if (goal[1] < near) goal[1] = 0;
   return goal;
 }
 
 const isPinned = name => !!now.pins[name] && now.pins[name].every(v => v !== null);
+
+/** By how much a joint misses its place: the one it is dragged to, or its pin. */
+function missedBy(name) {
+  const dragged = now.gesture && !now.gesture.ending && now.gesture.targets[name];
+  return (dragged || now.pins[name]) && now.pose[name] && now.missed[name] || 0;
+}
 
 /** Where a joint is to be: its target, else its pin (free axes as they are). */
 function placeWanted(name) {
@@ -87,7 +94,8 @@ function endGesture() {
 function finishGesture() {
   const { gesture } = now;
   now.gesture = null;
-  if (gesture.moved) { speakMove(gesture); settle(); }
+  if (gesture.moved) { speakMove(gesture); order.settling = settle(); }
+  gesture.finished();
   tell();
 }
 /** The gesture becomes a step of undo; pins that moved along with it stay where they are now. */
@@ -115,8 +123,9 @@ function cancelGesture() {
     gesture.cancelled = true;
     dropWaiting();
     now.pose = gesture.from;
-    act({ do: "cancel" });
+    order.settling = act({ do: "cancel" });
   }
+  gesture.finished();
   tell();
 }
 

@@ -6,13 +6,13 @@ function guidance() {
   const name = now.selected && capital(inWords(now.selected));
   const touch = matchMedia("(pointer: coarse)").matches;
   if (!now.state) return "";
-  if (link.way !== "fine") return "The view can be turned. The body can be moved when the program runs again.";
+  if (link.way !== "fine") return "The view can be turned. The body can be moved and saved when the program runs again.";
   if (photo.on) {
     const asked = askedFor();
-    return asked ? `Click the ${inWords(asked)} in the picture.` + (photo.picture ? " Joints of the body can be dragged to their places, too." : "") : "Drag the marks until the body fits, then use the pose.";
+    return asked ? `Click ${ofPerson(asked)} in the picture.` + (photo.picture ? " Joints of the body can be dragged to their places, too." : "") : "Drag the marks until the body fits, then use the pose.";
   }
-  if (now.gesture && now.gesture.pointer) return touch ? "Drag in the small view to move it in depth." : "Shift or wheel: nearer, farther. Ctrl: fine. Esc: back.";
-  if (now.gesture) return `${name} moves. P pins it.`;
+  if (now.gesture && now.gesture.pointer) return touch ? "For depth, drag the joint in the small view." : "For depth, hold shift or turn the wheel. Ctrl: fine. Esc: back.";
+  if (now.gesture) return `${name} moves.` + (inField() ? "" : " P pins it.");
   if (others.asked) return "Looking for other poses…";
   if (others.at >= 0) return "Dashed: another pose with the same pins." + (touch ? "" : " Enter takes it, N shows the next, Esc keeps yours.");
   if (motion.playing) return "The motion between the keys.";
@@ -23,16 +23,37 @@ function guidance() {
   if (now.state.undo && !Object.keys(now.pins).length) return `${press} a joint to pin it: it stays while you drag others.`;
   return `Drag a joint: the body follows. ${press} a joint to pin it.`;
 }
+/** Whether keys go into a field of numbers. */
+const inField = () => document.activeElement.type === "number";
+/** "the person's left hip" of a photograph: its left is not the picture's. */
+const ofPerson = name => /^(left|right) /.test(inWords(name)) ? `the person's ${inWords(name)}` : `the ${inWords(name)}`;
 function guide() { $("guide").textContent = guidance(); }
 
 function warn() {
-  const lines = [], away = Object.entries(now.missed).filter(([name, by]) => by >= .5 && now.pose[name]);
-  if (away.length === 1) lines.push(`The ${inWords(away[0][0])} cannot reach its place: it is ${cm(away[0][1])} away.`);
-  if (away.length > 1) lines.push(`${away.length} joints cannot reach their places.`);
-  if (now.unlike > 0) lines.push("This pose is unlike any that the model has seen.");
+  const lines = [], away = Object.keys(now.missed).filter(name => missedBy(name) >= .5).sort((a, b) => missedBy(b) - missedBy(a));
+  if (away.length === 1) lines.push(`The ${inWords(away[0])} cannot reach its place (${cm(missedBy(away[0]))} away).`);
+  if (away.length > 1) lines.push(`The ${namesOf(away, name => `${inWords(name)} (${cm(missedBy(name))})`)} cannot reach their places.`);
+  // Before there are enough marks, the pose is not the photograph's.
+  if (now.unlike > 0 && !(photo.on && !(photo.picture && marked() >= FEWEST))) lines.push("The model has seen no pose like this.");
   $("warning").textContent = lines.join(" ");
   $("warning").hidden = !lines.length || !!now.preview;
+  ask();
 }
+
+/** The warning goes where the body is not: below on the left, or above. */
+drawings.push(() => {
+  const box = $("warning");
+  if (box.hidden || photo.on) return;
+  const hidden = () => {
+    const { left, top, right, bottom } = box.getBoundingClientRect(), stage = big.canvas.getBoundingClientRect();
+    const spots = [...big.hits, ...Object.values(now.gesture ? now.gesture.targets : {}).map(goal => { const [x, y] = big.project(...goal); return { x, y }; })];
+    return spots.filter(({ x, y }) => x > left - stage.left - 30 && x < right - stage.left + 30 && y > top - stage.top - 30 && y < bottom - stage.top + 30).length;
+  };
+  const here = hidden();
+  if (!here) return;
+  box.classList.toggle("high");
+  if (hidden() >= here) box.classList.toggle("high");
+});
 
 let fading = 0;
 /** A notice that goes away by itself. */
@@ -53,7 +74,7 @@ function tellLink() {
   banner.hidden = !banner.textContent;
   document.body.classList.toggle("away", !banner.hidden);
   if (link.way === "gone") {
-    if (now.gesture) { const { from } = now.gesture; now.gesture = null; now.pose = from; doing = null; }
+    if (now.gesture) { const { from, finished } = now.gesture; now.gesture = null; finished(); now.pose = from; doing = null; }
     motion.playing = motion.playing && !!motion.between;
     tell();
   }
@@ -85,3 +106,4 @@ function speakMove(gesture) {
 }
 
 whenChanged(() => { guide(); warn(); });
+for (const way of ["focusin", "focusout"]) addEventListener(way, () => { if (now.state) setTimeout(guide); });

@@ -56,7 +56,7 @@ function showHelp() {
 }
 
 addEventListener("keydown", event => {
-  if (!now.state || $("keys-help").open) return;
+  if (!now.state || $("keys-help").open || event.key === "Escape" && $("files").matches(":popover-open")) return;
   const { target } = event, tag = target.tagName, typing = tag === "SELECT" || (tag === "INPUT" && target.type === "number");
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key, command = event.ctrlKey || event.metaKey;
   if (command && (key === "z" || key === "y") && !(typing && target.type === "number")) {
@@ -66,6 +66,12 @@ addEventListener("keydown", event => {
   }
   // A slider has the keys that move it.
   if (target.type === "range" && /^(Arrow|Home|End|Page)/.test(key)) return;
+  // Wherever the focus is, Enter takes and Esc leaves the other pose that is shown.
+  if (others.at >= 0 && !command && !inField() && (key === "Enter" || key === "Escape")) {
+    if (key === "Enter") takeOther(); else leaveOthers();
+    event.preventDefault();
+    return;
+  }
   if (key === "Escape") {
     if (typing) { target.dirty = false; tell(); target.blur(); } else escape();
     return;
@@ -74,8 +80,7 @@ addEventListener("keydown", event => {
   const onView = target === big.canvas || target === document.body;
   if (photo.on && onView && keyOnPicture(event)) { event.preventDefault(); return; }
   if (key === "Tab" && target === big.canvas) { if (nextJoint(event.shiftKey ? -1 : 1)) event.preventDefault(); return; }
-  if (key === "Enter" && others.at >= 0 && (onView || tag !== "BUTTON")) { takeOther(); event.preventDefault(); return; }
-  if (ARROWS[key] && onView) { moveByArrow(event); event.preventDefault(); return; }
+  if (ARROWS[key] && onView) { soon(() => moveByArrow(event)); event.preventDefault(); return; }
   if (key === "Delete" && onView) { removeKey(keyInHand()); return; }
   if (event.altKey) return;
   if (tag === "BUTTON" && key === " " || tag === "SUMMARY" || (tag === "INPUT" && key === " ")) return;

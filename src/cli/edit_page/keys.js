@@ -81,15 +81,14 @@ function adoptPreview() {
   request("/solve", { pins: copyPins(pins), drags, rest: now.rest }).then(answer => {
     if (!now.gesture) takePose(answer);
   }, error => { if (error.status) say(error.message); });
-  settle();
+  order.settling = settle();
 }
 
 // ---- setting, opening, moving, removing ----
 
-async function setKey() {
-  if (!now.state || link.way !== "fine" || now.gesture && now.gesture.pointer) return;
-  endNudge();
-  if (photo.on) return;
+function setKey() { inOrder(setKeyHere); }
+async function setKeyHere() {
+  if (photo.on || now.gesture) return;
   leaveOthers();
   const time = motion.cursor;
   if (now.preview) adoptPreview();
@@ -100,25 +99,32 @@ async function setKey() {
   // The next key comes later: the cursor goes on, so that K does not replace this one.
   if (motion.cursor >= lastTime() - 5e-4) goTo(motion.cursor + .5); else tell();
 }
-async function openKey(key) {
-  if (!now.state.keys[key] || !ready()) return;
+/** Does something to a key, which is found again by its time: keys before it may have gone meanwhile. */
+function withKey(key, change) {
+  if (key === null || !now.state.keys[key]) return;
+  const { time } = now.state.keys[key];
+  inOrder(() => { const at = keyAtTime(time); if (at >= 0 && ready()) return change(at, time); });
+}
+const openKey = key => withKey(key, async (key, time) => {
   now.preview = null;
   motion.playing = false;
-  const { time } = now.state.keys[key];
   if (await act({ do: "key-open", key })) { motion.cursor = time; tell(); followBody(1); }
-}
-async function moveKey(key, time) {
+});
+const moveKey = (key, time) => withKey(key, async key => {
   const step = 1 / now.state.rate, others = now.state.keys.filter((_, i) => i !== key).map(other => other.time);
   while (others.some(other => Math.abs(other - time) < step / 2)) time += step;
   time = Math.round(time * 1000) / 1000;
   if (Math.abs(time - now.state.keys[key].time) < 5e-4) { tell(); return; }
   if (await act({ do: "key-move", key, time })) goTo(time);
-}
-function removeKey(key) {
-  if (key === null || !now.state.keys[key] || !ready()) return;
-  speak(`key at ${+now.state.keys[key].time.toFixed(2)} seconds removed`);
-  act({ do: "key-remove", key });
-}
+});
+const removeKey = key => {
+  // The cards move up: none of them takes the place of the removed one under the next Delete.
+  if (document.activeElement.closest(".card, #remove-key")) $("ruler").focus();
+  withKey(key, (key, time) => {
+    speak(`key at ${+time.toFixed(2)} seconds removed`);
+    return act({ do: "key-remove", key });
+  });
+};
 /** The key that Remove is about: the one at the cursor, else the open one. */
 function keyInHand() {
   const at = keyAtTime(motion.cursor);
@@ -127,9 +133,9 @@ function keyInHand() {
 
 // ---- playing ----
 
-async function play(on) {
-  if (on && (now.state.keys.length < 2 || photo.on || now.gesture)) return;
-  if (!on) { motion.playing = false; tell(); return; }
+function play(on) { if (on) inOrder(beginPlay); else { motion.playing = false; tell(); } }
+async function beginPlay() {
+  if (now.state.keys.length < 2 || photo.on || now.gesture) return;
   leaveOthers();
   if (!await needBetween()) return;
   motion.playing = true;

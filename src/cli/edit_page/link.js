@@ -85,7 +85,7 @@ async function act(action) {
     keepSession();
     return true;
   } catch (error) {
-    if (error.status) { say(error.message); refresh(); } else tell();
+    if (error.status) { say(error.message); await refresh(); } else tell();
     return false;
   }
 }
@@ -103,11 +103,11 @@ function keepSession() {
     try { link.kept = await request("/export", { format: "json", keys: false }, { as: "text" }); } catch { /* later */ }
   }, 400);
 }
-const idle = () => !link.flying && !link.queue.length && !now.gesture && !photo.fitted;
+const idle = () => !link.flying && !link.queue.length && !order.busy && !now.gesture && !photo.fitted;
 
 /** Asks whether the program is there, and takes what another tab has changed. */
 async function beat() {
-  if (link.flying || link.queue.length || now.gesture || document.hidden || link.way === "refused" || !link.token) return;
+  if (link.flying || link.queue.length || order.busy || now.gesture || document.hidden || link.way === "refused" || !link.token) return;
   const lost = link.way !== "fine";
   try {
     const state = await request("/state", undefined, { first: true });

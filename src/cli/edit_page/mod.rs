@@ -18,6 +18,7 @@ const SCRIPT: &str = concat!(
     include_str!("names.js"),
     include_str!("link.js"),
     include_str!("now.js"),
+    include_str!("order.js"),
     include_str!("geometry.js"),
     include_str!("views.js"),
     include_str!("../../evaluate/player/edge.js"),

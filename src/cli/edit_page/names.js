@@ -22,6 +22,14 @@ function inWords(name) {
 }
 /** A sentence with the names of joints in words. */
 const inSentence = text => text.replace(/[\w:.-]+/g, word => now.state.joints.includes(word) ? "the " + inWords(word) : word);
+/** The name of a step for a button: "drag: left hand". */
+function inShort(text) {
+  const dragged = text.match(/^the drag of (.*)$/);
+  if (dragged) return "drag: " + dragged[1].split(" and ").map(inWords).map((words, i, { length }) => length > 2 && i === 1 ? `${length - 1} more` : words)
+    .filter((_, i, { length }) => length < 3 || i < 2).join(", ");
+  const short = { "the way to another key": "open key", "the move of a key": "move key", "the removal of a key": "remove key" }[text];
+  return short || inSentence(text.replace(/^the /, "")).replace(/\bthe /g, "");
+}
 const capital = text => text.charAt(0).toUpperCase() + text.slice(1);
 
 /** "l", "r" or "m": only what has a mirror image has a side. */
@@ -39,4 +47,12 @@ function withBelow(name) {
   const { joints, parents } = now.state;
   return joints.filter(joint => { for (let j = joint; j; j = parents[j]) if (j === name) return true; return false; });
 }
-const feet = () => now.state.joints.filter(name => /foot|toe/i.test(name));
+/** Ankles, feet and toes. */
+const feet = () => now.state.joints.filter(name => isTip(name) || /ankle|^[lr]tibia$/i.test(name));
+const isTip = name => /foot|toe/i.test(name);
+/** "left hand", "left hand and right hand", "left hand, head and 3 more". */
+function namesOf(joints, words = inWords) {
+  const most = joints.length === 2 ? 2 : Math.min(2, joints.length), list = joints.slice(0, most).map(words), more = joints.length - most;
+  if (more) return `${list.join(", ")} and ${more} more`;
+  return list.join(" and ");
+}

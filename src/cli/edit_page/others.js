@@ -5,8 +5,7 @@ const others = { list: [], at: -1, asked: false };
 
 const otherGhost = () => others.at >= 0 ? others.list[others.at].pose : null;
 
-async function nextOther(by) {
-  if (others.asked) return;
+const nextOther = by => inOrder(async () => {
   if (others.at >= 0) { showOther((others.at + by + others.list.length) % others.list.length); return; }
   if (!ready()) return;
   others.asked = true;
@@ -21,7 +20,7 @@ async function nextOther(by) {
   }
   others.asked = false;
   guide();
-}
+});
 
 function showOther(at) {
   others.at = at;
@@ -39,9 +38,12 @@ function showOther(at) {
 function leaveOthers() { if (others.at >= 0) showOther(-1); }
 
 function takeOther() {
-  const solution = others.at;
-  showOther(-1);
-  act({ do: "take", solution });
+  inOrder(() => {
+    const solution = others.at;
+    if (solution < 0) return;
+    showOther(-1);
+    return act({ do: "take", solution });
+  });
 }
 
 $("others").addEventListener("click", () => nextOther(1));

@@ -29,16 +29,17 @@ function showJoint() {
   $("pin").setAttribute("aria-pressed", !!pin);
   $("pin").lastChild.textContent = pin ? "Pinned" : "Pin";
   const facts = [];
-  if (at && now.missed[name] >= .05) facts.push(`${cm(now.missed[name])} from its place: out of reach`);
+  if (at && missedBy(name) >= .05) facts.push(`${cm(missedBy(name))} from its place: out of reach`);
   else if (pin) facts.push(isPinned(name) ? "exactly in its place" : `pinned along ${AXES.filter((_, c) => pin[c] !== null).join(" and ")}`);
   else if (at && now.sd[name] !== undefined) facts.push(`± ${cm(now.sd[name])}`);
   $("facts").textContent = facts.join(", ");
   $("facts").title = at && !pin ? "Standard deviation of a coordinate, by the model" : "";
-  $("facts").classList.toggle("bad", !!(at && now.missed[name] >= .05));
+  $("facts").classList.toggle("bad", !!(at && missedBy(name) >= .05));
 }
 
 /** A typed number moves the joint there. */
-function typed(axis) {
+const typed = axis => soon(() => typedNow(axis));
+function typedNow(axis) {
   const field = $("at-" + AXES[axis]), value = parseFloat(field.value), name = now.selected;
   field.dirty = false;
   if (!name || !Number.isFinite(value) || !now.state || link.way !== "fine") { tell(); return; }
@@ -64,12 +65,10 @@ AXES.forEach((axis, c) => {
 });
 $("joint").addEventListener("change", event => select(event.target.value || null));
 $("pin").addEventListener("click", () => togglePin(now.selected));
-$("reset-limb").addEventListener("click", () => { if (ready()) act({ do: "reset", joints: withBelow(now.selected) }); });
+$("reset-limb").addEventListener("click", () => { const name = now.selected; whenReady(() => act({ do: "reset", joints: withBelow(name) })); });
 $("pin-feet").addEventListener("click", pinFeet);
-$("complete").addEventListener("click", () => {
-  if (ready()) act({ do: "reset", joints: now.state.joints.filter(name => !now.pins[name]) });
-});
-$("unpin").addEventListener("click", () => { if (ready()) setPins({}); });
+$("complete").addEventListener("click", () => whenReady(() => act({ do: "reset", joints: now.state.joints.filter(name => !now.pins[name]) })));
+$("unpin").addEventListener("click", () => whenReady(() => act({ do: "unpin", joints: Object.keys(now.pins) })));
 
 // ---- how far the rest follows ----
 
@@ -90,7 +89,7 @@ $("rest").addEventListener("input", event => {
   now.rest = Math.round(10 ** event.target.value * 10) / 10;
   showRest();
 });
-$("rest").addEventListener("change", () => act({ do: "rest", cm: now.rest }));
+$("rest").addEventListener("change", () => { const cm = now.rest; doInOrder({ do: "rest", cm }); });
 
 // ---- switches and whole-pose actions ----
 
@@ -110,7 +109,7 @@ function showSwitches() {
     const words = state[way] ? `${capital(way)}: ${inSentence(state[way])}` : `Nothing to ${way}`;
     $(way).title = `${words} (${way === "undo" ? "ctrl-Z" : "shift-ctrl-Z"})`;
     $(way).setAttribute("aria-label", words);
-    $(way).lastChild.textContent = inSentence(state[way] || "");
+    $(way).lastChild.textContent = inShort(state[way] || "");
   }
   const pins = Object.keys(now.pins).length, all = feet();
   $("unpin").disabled = !pins;
@@ -120,16 +119,16 @@ function showSwitches() {
   $("others").disabled = $("mirror").disabled = false;
   $("pin-feet").setAttribute("aria-pressed", all.length > 0 && all.every(name => now.pins[name]));
 }
-const doWhenReady = action => () => { if (ready()) act(action); };
 /** Undo and redo leave in-betweens and offers first: they are about the pose itself. */
 function back(way) {
   if (photo.on) { if (way === "undo") undoMark(); return; }
-  endNudge();
-  if (now.gesture || !now.state || !now.state[way]) return;
-  leaveOthers();
-  leavePreview();
-  speak(`${way}: ${inSentence(now.state[way])}`);
-  act({ do: way });
+  inOrder(() => {
+    if (now.gesture || !now.state[way]) return;
+    leaveOthers();
+    leavePreview();
+    speak(`${way}: ${inSentence(now.state[way])}`);
+    return act({ do: way });
+  });
 }
 function setBoth(on) {
   now.both = on;
@@ -145,8 +144,8 @@ $("copy-left").addEventListener("click", doWhenReady({ do: "mirror", side: "left
 $("copy-right").addEventListener("click", doWhenReady({ do: "mirror", side: "right" }));
 $("both").addEventListener("change", event => setBoth(event.target.checked));
 $("rings").addEventListener("change", event => setRings(event.target.checked));
-$("floor").addEventListener("change", event => act({ do: "floor", on: event.target.checked }));
-$("limits").addEventListener("change", event => act({ do: "limits", on: event.target.checked }));
+$("floor").addEventListener("change", event => doInOrder({ do: "floor", on: event.target.checked }));
+$("limits").addEventListener("change", event => doInOrder({ do: "limits", on: event.target.checked }));
 $("view-reset").addEventListener("click", resetView);
 $("turn").addEventListener("click", turn);
 

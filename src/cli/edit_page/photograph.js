@@ -5,6 +5,8 @@ const photo = {
   image: null, on: false, fitted: false,
   /** Fits that are asked for and not answered. */
   waiting: 0,
+  /** A limb that was flipped just now. */
+  flipped: null,
   marks: {}, flips: new Set(), focal: null, picture: null, next: null, chosen: null, past: [],
 };
 const pictureShown = () => photo.on;
@@ -13,9 +15,10 @@ const FEWEST = 4, ENOUGH = 8;
 
 // ---- which joint is asked for ----
 
-const FIRST = ["lhipjoint", "rhipjoint", "lclavicle", "rclavicle", "lradius", "rradius", "ltibia", "rtibia", "head"];
+const FIRST = [..."hipjoint clavicle femur humerus tibia radius".split(" ").flatMap(place => ["l" + place, "r" + place]), "head"];
 /** Other skeletons' names of the same, by preference. */
-const FIRST_WORDS = [["hip", "up leg", "upper leg", "thigh"], ["upper arm", "arm", "shoulder"], ["wrist", "hand"], ["ankle", "foot"], ["head"]];
+const FIRST_WORDS = [["hip", "up leg", "upper leg", "thigh"], ["upper arm", "arm", "shoulder"], ["knee", "leg", "lower leg", "calf", "shin"],
+  ["elbow", "fore arm", "forearm", "lower arm"], ["ankle", "foot"], ["wrist", "hand"], ["head"]];
 function firstJoints() {
   const { joints } = now.state;
   if (FIRST.every(name => joints.includes(name))) return FIRST;
@@ -57,8 +60,18 @@ function flip(name) {
   let limb = name;
   while (now.state.parents[limb] && sideOf(now.state.parents[limb]) === sideOf(name) && sideOf(name) !== "m") limb = now.state.parents[limb];
   if (!photo.flips.delete(limb)) photo.flips.add(limb);
-  speak(`${inWords(limb)}: the limb bends the other way`);
+  photo.flipped = limb;
   fit();
+}
+/** Says which limb bends the other way now, and whether that is towards the camera (which looks along -z). */
+function tellFlip(limb, before) {
+  const below = withBelow(limb).filter(name => before[name] && name !== limb);
+  const nearer = below.reduce((sum, name) => sum + (now.pose[name][2] - now.pose[limb][2]) - (before[name][2] - before[limb][2]), 0);
+  const side = { l: "left ", r: "right " }[sideOf(limb)] || "", words = inWords(limb).replace(/^(left|right) /, "");
+  const what = /hip|leg|thigh|knee|ankle|foot/.test(words) ? "leg" : /shoulder|clavicle|collar|arm|elbow|wrist|hand/.test(words) ? "arm" : null;
+  const text = `The ${what ? `person's ${side}${what}` : inWords(limb)} now bends ${nearer > 0 ? "towards" : "away from"} the camera.`;
+  say(text);
+  speak(text);
 }
 function undoMark() {
   const before = photo.past.pop();
@@ -79,7 +92,10 @@ async function fit() {
   try {
     const answer = await request("/photograph", body, { newest: true });
     if (answer && photo.on) {
+      const before = now.pose, limb = photo.flipped;
       takePose(answer);
+      photo.flipped = null;
+      if (limb) tellFlip(limb, before);
       photo.picture = answer.picture;
       photo.next = answer.next;
     }
@@ -98,6 +114,13 @@ function misfit() {
   return Math.sqrt(squares.reduce((a, b) => a + b) / names.length);
 }
 
+/** The same in words, measured against how much of the picture the marks take. */
+function misfitInWords(off) {
+  const places = Object.values(photo.marks), wide = c => Math.max(...places.map(p => p[c])) - Math.min(...places.map(p => p[c]));
+  const share = off / Math.max(1, Math.hypot(wide(0), wide(1)));
+  return `${share < .015 ? "good" : share < .04 ? "rough" : "poor"} (${off.toFixed(off < 9.95 ? 1 : 0)} px off)`;
+}
+
 // ---- opening and closing ----
 
 function openPicture(file) {
@@ -109,8 +132,8 @@ function openPicture(file) {
     endNudge();
     leaveOthers();
     leavePreview();
-    if (photo.fitted) act({ do: "cancel" });
-    Object.assign(photo, { image, on: true, fitted: false, marks: {}, flips: new Set(), picture: null, next: null, chosen: null, past: [] });
+    if (photo.fitted) order.settling = act({ do: "cancel" });
+    Object.assign(photo, { image, on: true, fitted: false, marks: {}, flips: new Set(), picture: null, next: null, chosen: null, flipped: null, past: [] });
     now.selected = null;
     beginPicture();
     $("photo-part").scrollIntoView({ block: "nearest" });
@@ -120,13 +143,12 @@ function openPicture(file) {
   image.src = address;
 }
 /** The picture again, with its marks: to add some, and to fit again. */
-function reopenPicture() {
-  if (!ready()) return;
+const reopenPicture = () => whenReady(() => {
   leavePreview();
   photo.on = true;
   fit();
-}
-async function closePicture(action) {
+});
+const closePicture = action => inOrder(async () => {
   if (!photo.on) return;
   photo.on = false;
   dropWaiting();
@@ -135,7 +157,7 @@ async function closePicture(action) {
     if (await act({ do: action })) frameBody();
   }
   tell();
-}
+});
 
 function showPhoto() {
   const { on } = photo, n = marked(), asked = on && askedFor();
@@ -154,7 +176,7 @@ function showPhoto() {
   else if (n < ENOUGH) words.push(`${count(n, "mark")}; ${ENOUGH} or more make the pose sure.`);
   else words.push(`${count(n, "mark")}.`);
   if (photo.waiting) words.push("Fitting…");
-  else if (off !== null) words.push(`The body is ${off.toFixed(1)} pixels from them.`);
+  else if (off !== null) words.push(`The fit is ${misfitInWords(off)}.`);
   $("photo-state").textContent = words.join(" ");
   $("photo-use").disabled = !photo.picture;
   $("photo-again").disabled = n < FEWEST;

@@ -7,10 +7,12 @@ function beginPicture() { sheet.zoom = 1; sheet.shift = [0, 0]; sheet.hover = nu
 /** Pixels of the page a pixel of the picture, and where the picture's corner is. */
 function layPicture() {
   const { width, height } = big, { naturalWidth: w, naturalHeight: h } = photo.image;
-  // Beside the small view where there is room, and below the line of guidance.
-  const free = width > 700 ? width - small.canvas.clientWidth - 28 : width, below = 52;
-  const scale = Math.min(free / w, (height - below - 12) / h) * .97 * sheet.zoom;
-  return { scale, left: (free - w * scale) / 2 + sheet.shift[0], top: (height + below - h * scale) / 2 + sheet.shift[1] };
+  // Beside or above the small view, and on a wide page below the line of guidance.
+  const below = innerWidth > 760 ? 52 : 0, inset = small.canvas.parentNode;
+  const beside = [width - inset.offsetWidth - (below ? 28 : 14), height - below - (below ? 12 : 4)], above = [width, height - inset.offsetHeight - 16];
+  const fits = ([a, b]) => Math.min(a / w, b / h), [free, high] = below || fits(beside) > fits(above) ? beside : above;
+  const scale = fits([free, high]) * .97 * sheet.zoom;
+  return { scale, left: (free - w * scale) / 2 + sheet.shift[0], top: below + (high - h * scale) / 2 + sheet.shift[1] };
 }
 const ontoView = ([x, y]) => { const { scale, left, top } = layPicture(); return [left + x * scale, top + y * scale]; };
 const ontoPicture = (x, y) => { const { scale, left, top } = layPicture(); return [(x - left) / scale, (y - top) / scale]; };

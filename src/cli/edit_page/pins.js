@@ -21,36 +21,38 @@ async function setPins(pins) {
 }
 
 /** Pins a joint where it is; if it is pinned, removes the pin. */
-function togglePin(name) {
-  if (!name || !ready()) return;
-  const pins = copyPins(now.pins), pinned = !!pins[name];
-  if (pinned) delete pins[name];
-  else pins[name] = [...now.pose[name]];
-  setPins(pins);
-  speak(`${inWords(name)} ${pinned ? "free" : "pinned"}`);
+const togglePin = name => name && whenReady(() => {
+  const pinned = !!now.pins[name], joints = withOther(name);
+  speak(`${namesOf(joints)} ${pinned ? "free" : "pinned"}`);
+  return act(pinned ? { do: "unpin", joints } : { do: "pin-here", joints, axes: "xyz" });
+});
+const whenReady = change => inOrder(() => { if (ready()) return change(); });
+/** The joint, and its mirror image if both sides go together. */
+function withOther(name) {
+  const other = now.state.mirrors[name];
+  return now.both && other && other !== name && now.pose[other] ? [name, other] : [name];
 }
 
 /** Pins one coordinate alone, or lets it go. */
-function toggleAxis(name, axis) {
-  if (!name || !ready()) return;
-  const pins = copyPins(now.pins), pin = pins[name] || [null, null, null];
-  pin[axis] = pin[axis] === null ? now.pose[name][axis] : null;
-  if (pin.every(v => v === null)) delete pins[name];
-  else pins[name] = pin;
-  setPins(pins);
-  speak(`${inWords(name)}: ${"xyz"[axis]} ${pin[axis] === null ? "free" : "pinned"}`);
-}
+const toggleAxis = (name, axis) => name && whenReady(() => {
+  const pins = copyPins(now.pins), free = pins[name] && pins[name][axis] !== null, joints = withOther(name);
+  for (const joint of joints) {
+    const pin = pins[joint] || [null, null, null];
+    pin[axis] = free ? null : now.pose[joint][axis];
+    if (pin.every(v => v === null)) delete pins[joint];
+    else pins[joint] = pin;
+  }
+  speak(`${namesOf(joints)}: ${"xyz"[axis]} ${free ? "free" : "pinned"}`);
+  return setPins(pins);
+});
 
-/** Pins the feet where they are; a foot within 2 cm of the floor onto it. */
-function pinFeet() {
-  if (!ready()) return;
-  const names = feet();
-  if (!names.length) { say("This skeleton has no joint that is named as a foot."); return; }
-  const pins = copyPins(now.pins), all = names.every(name => pins[name]);
-  for (const name of names) if (all) delete pins[name]; else pins[name] = onFloor(name, now.pose[name]);
-  setPins(pins);
+/** Pins ankles, feet and toes where they are; if all are pinned, lets them go. */
+const pinFeet = () => whenReady(() => {
+  const joints = feet(), all = joints.every(name => now.pins[name]);
+  if (!joints.length) { say("This skeleton has no joint that is named as a foot."); return; }
   speak(all ? "feet free" : "feet pinned");
-}
+  return act(all ? { do: "unpin", joints } : { do: "pin-here", joints, axes: "xyz" });
+});
 
 /** Whether the present pose can be changed now: the program is there, nothing is being moved. */
 function ready() {

@@ -4,6 +4,7 @@
 drawings.push(() => {
   if (photo.on) drawPicture(); else drawView(big);
   drawView(small);
+  if (now.state) nameSmall();
 });
 readInk();
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { readInk(); tell(); });
@@ -23,7 +24,7 @@ window.posing = Object.freeze({
   inFlight: () => link.flying,
   /** The most requests that were ever in flight at a time. */
   most: () => link.most,
-  waiting: () => link.queue.length,
+  waiting: () => link.queue.length + (order.busy ? 1 : 0),
   frames: () => frames,
   /** Where a joint is drawn, in pixels of the window; `small`: in the second view. */
   place: (name, second = false) => {

@@ -12,10 +12,12 @@ function showStarts() {
   const seen = {};
   $("starts").replaceChildren(...starts.map((start, i) => {
     const button = make("button", "start"), canvas = make("canvas");
-    button.append(canvas, make("span", "", start.name));
+    button.append(canvas);
     // Of several poses with one name, each has its number.
     seen[start.name] = (seen[start.name] || 0) + 1;
-    button.title = `Start from: ${start.name}, ${seen[start.name]}`;
+    const name = starts.filter(other => other.name === start.name).length > 1 ? `${start.name} ${seen[start.name]}` : start.name;
+    button.append(make("span", "", name));
+    button.title = `Start from: ${name}`;
     button.setAttribute("aria-label", button.title);
     button.addEventListener("click", () => takeStart({ do: "start", start: i }));
     return button;
@@ -23,8 +25,8 @@ function showStarts() {
   [...$("starts").children].forEach((button, i) => drawThumbnail(button.firstChild, starts[i].pose));
 }
 
-async function takeStart(action) {
-  if (ready() && await act(action)) frameBody();
+function takeStart(action) {
+  inOrder(async () => { if (ready() && await act(action)) frameBody(); });
 }
 $("take-row").addEventListener("click", () => {
   const row = Math.round(clamp(+$("row").value || 1, 1, now.state.rows));

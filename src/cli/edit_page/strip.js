@@ -5,7 +5,11 @@ const strip = { from: 0, to: 2, drag: null, pad: 34 };
 
 function showStrip() {
   const { keys, rate, key: open } = now.state;
-  if (!strip.drag) strip.to = Math.max(2, Math.ceil((lastTime() + .75) * 4) / 4, motion.playing ? 0 : motion.cursor + .25);
+  if (!strip.pressed && !strip.scrubbing) {
+    const needed = Math.max(2, Math.ceil((lastTime() + .75) * 4) / 4, motion.playing ? 0 : motion.cursor + .25);
+    // The scale grows with the keys; it shrinks only when most of it is empty.
+    if (needed > strip.to || needed < .6 * strip.to) strip.to = needed;
+  }
   $("no-keys").hidden = keys.length > 0;
   if (document.activeElement !== $("time")) $("time").value = +motion.cursor.toFixed(2);
   if (document.activeElement !== $("rate")) $("rate").value = rate;
@@ -15,7 +19,6 @@ function showStrip() {
   $("play").disabled = keys.length < 2;
   $("play").setAttribute("aria-label", motion.playing ? "Pause" : "Play");
   $("play").title = keys.length < 2 ? "Two keys make a motion" : motion.playing ? "Pause (space)" : "Play (space)";
-  $("lane").classList.toggle("bare", !keys.length);
   showCards();
 }
 
@@ -45,6 +48,7 @@ function newCard(box) {
   let begun = null;
   card.addEventListener("pointerdown", event => {
     card.setPointerCapture(event.pointerId);
+    strip.pressed = true;
     begun = { x: event.clientX, time: now.state.keys[+card.dataset.key].time };
   });
   card.addEventListener("pointermove", event => {
@@ -57,9 +61,11 @@ function newCard(box) {
     const { drag } = strip;
     begun = null;
     strip.drag = null;
+    strip.pressed = false;
     if (!drag) return;
     card.moved = true;
-    if (event.type === "pointerup" && ready()) moveKey(drag.key, drag.time); else tell();
+    if (event.type === "pointerup") moveKey(drag.key, drag.time);
+    tell();
   };
   card.addEventListener("pointerup", drop);
   card.addEventListener("pointercancel", drop);
@@ -68,7 +74,7 @@ function newCard(box) {
     const key = +card.dataset.key;
     if (event.key === "Delete" || event.key === "Backspace") removeKey(key);
     else if (event.key === "ArrowLeft" || event.key === "ArrowRight") {
-      if (ready()) moveKey(key, onFrame(Math.max(0, now.state.keys[key].time + (event.key === "ArrowLeft" ? -.1 : .1))));
+      moveKey(key, onFrame(Math.max(0, now.state.keys[key].time + (event.key === "ArrowLeft" ? -.1 : .1))));
     } else return;
     event.preventDefault();
     event.stopPropagation();
@@ -119,7 +125,8 @@ function scrub(event) {
   leaveOthers();
   goTo(close ? close.time : onFrame(clamp(toTime(x), 0, strip.to)));
 }
-$("ruler").addEventListener("pointerdown", event => { endNudge(); $("ruler").setPointerCapture(event.pointerId); scrub(event); });
+$("ruler").addEventListener("pointerdown", event => { endNudge(); strip.scrubbing = true; $("ruler").setPointerCapture(event.pointerId); scrub(event); });
+for (const end of ["pointerup", "pointercancel"]) $("ruler").addEventListener(end, () => { strip.scrubbing = false; tell(); });
 $("ruler").addEventListener("pointermove", event => { if (event.buttons) scrub(event); });
 $("ruler").addEventListener("keydown", event => {
   const way = { ArrowLeft: -1, ArrowRight: 1, ArrowDown: -1, ArrowUp: 1 }[event.key];
@@ -137,7 +144,7 @@ $("set-key").addEventListener("click", setKey);
 $("remove-key").addEventListener("click", () => removeKey(keyInHand()));
 $("time").addEventListener("change", event => { motion.playing = false; goTo(+event.target.value || 0); });
 $("time").addEventListener("keydown", event => { if (event.key === "Enter") { motion.cursor = Math.max(0, +event.target.value || 0); setKey(); event.preventDefault(); } });
-$("rate").addEventListener("change", event => { if (+event.target.value > 0) act({ do: "rate", fps: +event.target.value }); });
+$("rate").addEventListener("change", event => { if (+event.target.value > 0) doInOrder({ do: "rate", fps: +event.target.value }); });
 $("onion").addEventListener("change", event => { motion.onion = event.target.checked; ask(); });
 $("loop").addEventListener("change", event => { motion.loop = event.target.checked; });
 

@@ -50,6 +50,22 @@ function orbit(azimuth, elevation) {
 function zoom(by) { big.look.camera.zoom = clamp(big.look.camera.zoom * by, .2, 12); ask(); }
 function pan(dx, dy) { big.look.camera.shift[0] += dx; big.look.camera.shift[1] += dy; ask(); }
 
+/** The side of the body that the small view shows. */
+function sideShown() {
+  const plane = mirrorPlane(shown());
+  if (!plane) return "from the right";
+  const [lx, , lz] = plane.normal, { toward } = axesOf({ ...small.look.camera, elevation: 0 });
+  const left = toward[0] * lx + toward[2] * lz, front = toward[2] * lx - toward[0] * lz;
+  if (Math.abs(left) > Math.abs(front)) return left > 0 ? "left side" : "right side";
+  return front > 0 ? "front" : "back";
+}
+function nameSmall() {
+  const side = sideShown(), name = $("small-name"), text = pictureShown() ? side : side + ": drag here, too";
+  if (name.textContent === text) return;
+  name.textContent = text;
+  small.canvas.setAttribute("aria-label", `The ${/side/.test(side) ? side : side + " side"} of the body. Joints can be dragged here, too.`);
+}
+
 /** Clears a view and sets its projection. */
 function beginView(view) {
   const { camera } = big.look;
