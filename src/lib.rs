@@ -71,6 +71,7 @@
 //! | [`body`] | body meshes: parts, pose and shape, skinning | `pose` |
 //! | [`prior`] | pose models behind one trait; a file or folder for each; a registry by name | `cluster`, `sparse` |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances, inverse kinematics | `prior` |
+//! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs | `restore` |
 //! | [`evaluate`] | corruption, scores, benchmark, report, figures and players of poses and meshes, page of pairs to label | `restore` |
 //! | [`cli`] | arguments, streams, messages, manual pages of the commands | all |
 //!

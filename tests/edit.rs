@@ -2,8 +2,8 @@
 
 mod common;
 
-use common::{bin, fails};
-use serde_json::Value;
+use common::{Numbers, bin, fails, run, skipped, text};
+use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
@@ -19,6 +19,8 @@ const POSTS: [&str; 7] = [
     "/export",
     "/open",
 ];
+/// An action that changes nothing where no gesture is under way.
+const RELEASE: &str = "{\"do\":\"release\"}";
 const JSON: &str = "Content-Type: application/json";
 
 /// A running `posing edit`, killed when it is dropped.
@@ -149,8 +151,13 @@ impl Response {
 
     #[track_caller]
     fn answered(&self) {
-        assert_eq!((self.status, &*self.body), (200, "{}"), "{self:?}");
+        assert_eq!(self.status, 200, "{self:?}");
         assert_eq!(self.header("content-type"), Some("application/json"));
+        self.json();
+    }
+
+    fn json(&self) -> Value {
+        serde_json::from_str(&self.body).unwrap()
     }
 }
 
@@ -161,11 +168,15 @@ fn the_page_and_its_requests_are_answered() {
     assert_eq!(page.status, 200);
     let kind = page.header("content-type");
     assert_eq!(kind, Some("text/html; charset=utf-8"));
-    assert!(page.body.starts_with("<!doctype html>"));
+    assert!(page.body.to_lowercase().starts_with("<!doctype html>"));
     server.ask("GET /state", &[], "").answered();
-    for path in POSTS {
+    server.ask("POST /solve", &[JSON], "{}").answered();
+    server.ask("POST /act", &[JSON], RELEASE).answered();
+    server.ask("POST /solutions", &[JSON], "{}").answered();
+    // These want more.
+    for path in ["/photograph", "/between", "/export", "/open"] {
         let request = format!("POST {path}");
-        server.ask(&request, &[JSON], "{}").answered();
+        server.ask(&request, &[JSON], "{}").refused(400);
     }
 }
 
@@ -173,17 +184,29 @@ fn the_page_and_its_requests_are_answered() {
 fn a_connection_serves_many_requests() {
     let server = Server::new();
     let mut stream = server.connect();
-    let head = format!("GET /state HTTP/1.1\r\n{}\r\n", server.host());
-    let request = format!("{head}{}\r\n\r\n", server.token());
-    for _ in 0..3 {
+    let (host, token) = (server.host(), server.token());
+    // A refused one leaves the connection open, too.
+    for (head, status) in [
+        ("GET /state", "200"),
+        ("GET /nothing", "404"),
+        ("GET /state", "200"),
+    ] {
+        let request = format!("{head} HTTP/1.1\r\n{host}\r\n{token}\r\n\r\n");
         stream.write_all(request.as_bytes()).unwrap();
         let mut answer = String::new();
-        while !answer.ends_with("\r\n\r\n{}") {
-            let mut byte = [0];
+        let mut byte = [0];
+        while !answer.ends_with("\r\n\r\n") {
             stream.read_exact(&mut byte).unwrap();
             answer.push(byte[0].into());
         }
-        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+        assert!(
+            answer.starts_with(&format!("HTTP/1.1 {status}")),
+            "{answer}"
+        );
+        let length = answer.to_lowercase();
+        let length = length.split("content-length: ").nth(1).unwrap();
+        let length: usize = length.lines().next().unwrap().parse().unwrap();
+        stream.read_exact(&mut vec![0; length]).unwrap();
     }
 }
 
@@ -226,7 +249,7 @@ fn other_origins_are_refused_null_among_them() {
     let port = server.port;
     for own in ["127.0.0.1", "localhost"] {
         let origin = format!("Origin: http://{own}:{port}");
-        let post = server.ask("POST /act", &[JSON, &origin], "{}");
+        let post = server.ask("POST /act", &[JSON, &origin], RELEASE);
         post.answered();
     }
     let wrong = [
@@ -242,12 +265,12 @@ fn other_origins_are_refused_null_among_them() {
     ];
     for origin in wrong {
         let origin = format!("Origin: {origin}");
-        let post = server.ask("POST /act", &[JSON, &origin], "{}");
+        let post = server.ask("POST /act", &[JSON, &origin], RELEASE);
         post.refused(403);
         server.ask("GET /", &[&origin], "").refused(403);
         let own = format!("Origin: http://127.0.0.1:{port}");
         let both = [JSON, &own, &origin];
-        server.ask("POST /act", &both, "{}").refused(403);
+        server.ask("POST /act", &both, RELEASE).refused(403);
     }
 }
 
@@ -308,8 +331,8 @@ fn a_preflight_is_not_answered_and_no_response_invites_other_origins() {
         server.ask("OPTIONS /solve", &wishes, ""),
         server.bare("GET /", &[&host], ""),
         server.ask("GET /state", &[&own], ""),
-        server.ask("POST /act", &[JSON, &own], "{}"),
-        server.ask("POST /act", &[JSON, evil], "{}"),
+        server.ask("POST /act", &[JSON, &own], RELEASE),
+        server.ask("POST /act", &[JSON, evil], RELEASE),
     ];
     for response in responses {
         let is_cors = |(name, _): &(String, String)| name.starts_with("access-control-");
@@ -349,7 +372,7 @@ fn a_post_is_json() {
     let server = Server::new();
     let kind = |kind: &str| {
         let header = format!("Content-Type: {kind}");
-        server.ask("POST /act", &[&header], "{}")
+        server.ask("POST /act", &[&header], RELEASE)
     };
     kind("application/json").answered();
     kind("application/json; charset=utf-8").answered();
@@ -365,14 +388,15 @@ fn a_post_is_json() {
     ] {
         kind(wrong).refused(415);
     }
-    server.ask("POST /act", &[], "{}").refused(415);
+    server.ask("POST /act", &[], RELEASE).refused(415);
 }
 
 #[test]
 fn a_request_has_at_most_a_mebibyte() {
     let server = Server::new();
     let post = |size| server.ask("POST /open", &[JSON], &" ".repeat(size));
-    post(1 << 20).answered();
+    // Spaces are no session, but they are read.
+    post(1 << 20).refused(400);
     post((1 << 20) + 1).refused(413);
     post(4 << 20).refused(413);
     // A length that is not told.
@@ -386,7 +410,7 @@ fn a_request_has_at_most_a_mebibyte() {
         stream.write_all(all.as_bytes()).unwrap();
         Response::read(&mut stream)
     };
-    chunks(16).answered();
+    chunks(16).refused(400);
     chunks(17).refused(413);
     // A length that nobody will wait for.
     let long = ["Content-Length: 1000000000000", JSON];
@@ -401,14 +425,14 @@ fn every_response_carries_the_protecting_headers() {
     let responses = [
         (200, server.bare("GET /", &[&host], "")),
         (200, server.ask("GET /state", &[], "")),
-        (200, server.ask("POST /act", &[JSON], "{}")),
+        (200, server.ask("POST /act", &[JSON], RELEASE)),
         (401, server.bare("GET /state", &[&host], "")),
         (403, server.bare("GET /", &["Host: evil.example"], "")),
         (403, server.ask("GET /", &["Origin: null"], "")),
         (404, server.ask("GET /nothing", &[], "")),
         (405, server.ask("GET /act", &[], "")),
         (413, server.ask("POST /act", &[JSON], &" ".repeat(2 << 20))),
-        (415, server.ask("POST /act", &[], "{}")),
+        (415, server.ask("POST /act", &[], RELEASE)),
     ];
     for (status, response) in responses {
         assert_eq!(response.status, status, "{response:?}");
@@ -581,4 +605,239 @@ fn a_signal_ends_the_program_with_success_also_amid_requests() {
     idle.write_all(head.as_bytes()).unwrap();
     assert_eq!(idle.read(&mut [0; 8]).unwrap(), 8);
     assert_eq!(server.stop(), Some(0));
+}
+
+// ---- the session ----
+
+impl Server {
+    fn post(&self, path: &str, body: &Value) -> Response {
+        self.ask(&format!("POST {path}"), &[JSON], &body.to_string())
+    }
+
+    fn state(&self) -> Value {
+        self.ask("GET /state", &[], "").json()
+    }
+}
+
+fn place(state: &Value, joint: &str) -> [f64; 3] {
+    [0, 1, 2].map(|c| state["pose"][joint][c].as_f64().unwrap())
+}
+
+fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>().sqrt()
+}
+
+fn example(file: &str) -> String {
+    format!("{}/testdata/cmu/07/{file}", env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn a_drag_is_solved_exported_and_read_back() {
+    let server = Server::start(Command::new(bin().join("edit")).args([
+        "--no-open",
+        "--skeleton",
+        &example("07.asf"),
+    ]));
+    let first = server.state();
+    let pins = json!({ "lfoot": place(&first, "lfoot"), "rfoot": place(&first, "rfoot") });
+    let mut target = place(&first, "lwrist");
+    let mut last = Value::Null;
+    for _ in 0..20 {
+        target[1] += 1.0;
+        let drags = json!({ "lwrist": { "xyz": target, "sd": 0.5 } });
+        last = server
+            .post("/solve", &json!({ "pins": pins, "drags": drags }))
+            .json();
+    }
+    assert!(apart(place(&last, "lwrist"), target) < 0.5);
+    assert!(apart(place(&last, "lfoot"), place(&first, "lfoot")) < 0.001);
+    let folder = tempfile::tempdir().unwrap();
+    for (format, reader) in [("bvh", "bvh2xyz"), ("amc", "amc2xyz"), ("csv", "plot")] {
+        let file = server.post("/export", &json!({ "format": format }));
+        assert_eq!(file.status, 200, "{file:?}");
+        let path = folder.path().join(format!("pose.{format}"));
+        std::fs::write(&path, &file.body).unwrap();
+        let path = text(&path);
+        let table = match format {
+            "bvh" => run(reader, &["--ends", path], ""),
+            "amc" => run(
+                reader,
+                &["--asf", &example("07.asf"), "--fps", "30", path],
+                "",
+            ),
+            _ => file.body.clone(),
+        };
+        let numbers = Numbers::read(&table);
+        let wrist = numbers.points.iter().position(|p| p == "lwrist").unwrap();
+        let at = [0, 1, 2].map(|c| numbers.rows[0][3 * wrist + c]);
+        assert!(apart(at, place(&last, "lwrist")) < 0.01, "{format}: {at:?}");
+    }
+    let csv = server.post("/export", &json!({ "format": "csv" })).body;
+    assert!(
+        csv.lines()
+            .next()
+            .unwrap()
+            .contains("lwrist.z,lwrist.status,lwrist.sd")
+    );
+    assert!(csv.contains("observed") && csv.contains("inferred"));
+}
+
+#[test]
+fn a_refused_request_changes_nothing() {
+    let server = Server::new();
+    let before = server.state();
+    for (path, body) in [
+        (
+            "/solve",
+            json!({ "drags": { "nose": { "xyz": [0, 0, 0] } } }),
+        ),
+        (
+            "/solve",
+            json!({ "drags": { "lwrist": { "xyz": [0, 0, 1e308] } } }),
+        ),
+        (
+            "/solve",
+            json!({ "drags": { "lwrist": { "xyz": [0, 0, 0], "sd": -1 } } }),
+        ),
+        ("/solve", json!({ "pins": { "lwrist": [0, 0] } })),
+        ("/solve", json!({ "rest": 0 })),
+        ("/solve", json!({ "wrong": 1 })),
+        ("/act", json!({ "do": "fly" })),
+        ("/act", json!({ "do": "start", "start": 1000 })),
+        ("/act", json!({ "do": "row", "row": 0 })),
+        ("/act", json!({ "do": "take", "solution": 0 })),
+        ("/act", json!({ "do": "key", "time": -1 })),
+        ("/act", json!({ "do": "key-open", "key": 0 })),
+        (
+            "/act",
+            json!({ "do": "pin-here", "joints": ["lwrist"], "axes": "q" }),
+        ),
+        ("/act", json!({ "do": "rate", "fps": 0 })),
+        (
+            "/photograph",
+            json!({ "marks": { "head": [1, 2] }, "size": [0, 9] }),
+        ),
+        ("/export", json!({ "format": "amc" })),
+        ("/export", json!({ "format": "../x" })),
+        ("/export", json!({ "format": "bvh", "keys": true })),
+        ("/open", json!({ "format": "posing session 1" })),
+    ] {
+        server.post(path, &body).refused(400);
+    }
+    assert_eq!(server.state(), before);
+}
+
+#[test]
+fn a_session_file_goes_on_where_it_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("pose.json");
+    let start = || {
+        Server::start(Command::new(bin().join("edit")).args([
+            "--no-open",
+            "--session",
+            text(&file),
+        ]))
+    };
+    let server = start();
+    let head = place(&server.state(), "head");
+    let drags = json!({ "head": { "xyz": [head[0] + 9.0, head[1] - 4.0, head[2]] } });
+    server
+        .post(
+            "/act",
+            &json!({ "do": "pin-here", "joints": ["lfoot", "rfoot"], "axes": "xz" }),
+        )
+        .answered();
+    let pins = server.state()["pins"].clone();
+    server
+        .post("/solve", &json!({ "drags": drags, "pins": pins }))
+        .answered();
+    server
+        .post("/act", &json!({ "do": "key", "time": 0.5 }))
+        .answered();
+    // A drag that is not released is kept, too.
+    let wrist = place(&server.state(), "rwrist");
+    let drags = json!({ "rwrist": { "xyz": [wrist[0], wrist[1] + 5.0, wrist[2]] } });
+    server
+        .post("/solve", &json!({ "drags": drags, "pins": pins }))
+        .answered();
+    let last = server.state();
+    assert_eq!(server.stop(), Some(0));
+    let again = start().state();
+    for what in ["pose", "pins", "sd", "keys", "rest", "floor", "rate"] {
+        assert_eq!(again[what], last[what], "{what}");
+    }
+    assert_eq!(again["session"], json!("pose.json"));
+    std::fs::write(&file, "{}").unwrap();
+    let message = fails("edit", &["--no-open", "--session", text(&file)], b"", 1);
+    assert!(message.contains("pose.json: is no session"), "{message}");
+}
+
+#[test]
+fn rows_of_a_table_and_joints_of_a_map_are_posed() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = run(
+        "amc2xyz",
+        &[
+            "--asf",
+            &example("07.asf"),
+            "--fps",
+            "120",
+            &example("07_01.amc"),
+        ],
+        "",
+    );
+    let walk = folder.path().join("walk.csv");
+    std::fs::write(&walk, &table).unwrap();
+    let server = Server::start(Command::new(bin().join("edit")).args(["--no-open", text(&walk)]));
+    let numbers = Numbers::read(&table);
+    assert_eq!(server.state()["rows"], json!(numbers.rows.len()));
+    let state = server
+        .post("/act", &json!({ "do": "row", "row": 100 }))
+        .json();
+    let head = numbers.points.iter().position(|p| p == "head").unwrap();
+    let at = [0, 1, 2].map(|c| numbers.rows[100][3 * head + c]);
+    assert!(apart(place(&state, "head"), at) < 0.5);
+    drop(server);
+
+    // A rig of other names: joints stand at the starts of bones, so that a wrist is where the hand starts.
+    let bvh = run("xyz2bvh", &[text(&walk)], "")
+        .replace("lwrist", "LeftHand")
+        .replace("rwrist", "RightHand");
+    let rig = folder.path().join("rig.bvh");
+    std::fs::write(&rig, bvh).unwrap();
+    let map = folder.path().join("map.toml");
+    std::fs::write(&map, "lradius = \"LeftHand\"\nrradius = \"RightHand\"\nltibia = \"lfoot\"\nrtibia = \"rfoot\"\nroot = \"root\"\nhead = \"head_end\"\n").unwrap();
+    let flags = ["--no-open", "--skeleton", text(&rig), "--map", text(&map)];
+    let server = Server::start(Command::new(bin().join("edit")).args(flags));
+    let hand = place(&server.state(), "LeftHand");
+    let drags = json!({ "LeftHand": { "xyz": [hand[0], hand[1] + 6.0, hand[2]] } });
+    let moved = server.post("/solve", &json!({ "drags": drags })).json();
+    assert!((place(&moved, "LeftHand")[1] - hand[1] - 6.0).abs() < 0.5);
+    drop(server);
+    std::fs::write(&map, "root = \"Hips\"\n").unwrap();
+    let message = fails("edit", &flags, b"", 2);
+    assert!(message.contains("joint \"Hips\""), "{message}");
+}
+
+/// tests/page drives the page in a browser.
+#[test]
+fn the_page_works_in_a_browser() {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/page");
+    let browser = std::env::var("CHROMIUM").unwrap_or("/usr/bin/chromium".to_string());
+    let needs = [format!("{page}/node_modules"), browser];
+    let node = Command::new("node").arg("--version").output();
+    if node.is_err() || needs.iter().any(|n| !std::path::Path::new(n).exists()) {
+        return skipped("needs node, Chromium and `npm ci` in tests/page");
+    }
+    let done = Command::new("node")
+        .arg("--test")
+        .current_dir(page)
+        .env("POSING_EDIT", bin().join("edit"))
+        .output()
+        .unwrap();
+    assert!(
+        done.status.success(),
+        "{}",
+        String::from_utf8_lossy(&done.stdout)
+    );
 }

@@ -24,6 +24,16 @@ use std::process::ExitCode;
 ///
 /// Prints the page's address and opens it in the browser; Ctrl-C ends the program. Only this machine can open the page, and
 /// only with the token in the address. To work from another machine, use ssh -L PORT:127.0.0.1:PORT with --port PORT.
+///
+/// Drag a joint, and the rest of the figure follows as the pose model finds natural; bones keep their lengths. A pinned joint
+/// stays exactly where it is. One slider says how far the other joints may go from where they were: from staying, as in inverse
+/// kinematics, to following the model. What is out of reach is said, with its distance. The page also poses the figure from joints
+/// that are marked on a photograph (which never leaves the page), keeps key poses and plays what lies between them, and saves
+/// BVH, CSV (with the status and standard deviation of each joint), AMC for an ASF skeleton, and the session. The page's own help
+/// lists keys and fingers.
+///
+/// Without --skeleton the figure has the bones of POSES, or of the model. Joints are matched with the model's points by name, or
+/// by --map, a TOML file of lines such as lhumerus = "LeftForeArm": the point of the model, then the joint.
 #[derive(Parser)]
 #[command(
     name = "edit",
