@@ -202,7 +202,7 @@ impl PoseSolver {
         let share = onset(asked, reference);
         let offsets = restored.mean.iter_mut().zip(&reference.offset);
         offsets.for_each(|(mean, offset)| *mean += share * offset);
-        let wanted = self.fitted(asked, &restored, &[before.q.clone()]);
+        let wanted = self.fitted(asked, &restored, std::slice::from_ref(&before.q));
         let most = if way > 0.0 {
             STEP_RATIO * way
         } else {

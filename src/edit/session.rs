@@ -23,7 +23,7 @@ use std::collections::BTreeMap;
 /// The standard deviation of a dragged joint if nothing else is said, cm.
 pub const DRAG_SD: f64 = 0.5;
 /// That of the joints that are neither dragged nor pinned, about where they were.
-pub const REST: f64 = 30.0;
+pub const REST: f64 = 10.0;
 /// A joint this near to its pin is there, cm: pages round.
 const THERE: f64 = 1e-3;
 /// The latest time of a key, seconds.
