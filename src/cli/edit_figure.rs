@@ -182,6 +182,9 @@ fn to_csv(session: &Session, motion: &Motion) -> Vec<u8> {
 
 /// A number as a cell; empty where it is not known.
 fn number(value: f64) -> String {
+    if !value.is_finite() {
+        return String::new();
+    }
     let mut out = Vec::new();
     push_f64(&mut out, (value * 1e6).round() / 1e6);
     String::from_utf8(out).unwrap_or_default()

@@ -135,12 +135,12 @@ pub struct Pose {
     pub q: Vec<f64>,
     /// The joints (3 K), cm.
     pub xyz: Vec<f64>,
-    /// The standard deviation of a coordinate of each joint (K), cm; NaN for joints that the model does not know.
+    /// The standard deviation of a coordinate of each joint (K), cm; infinite for joints that the model does not know.
     pub sd: Vec<f64>,
     /// How far each pinned or dragged joint is from where it is asked to be (K), cm; 0 where it is there.
     pub missed: Vec<f64>,
-    /// How much less likely the pose is than nearly all training poses, nats; NaN where the model cannot tell.
-    pub unlike: f64,
+    /// How much less likely the pose is than nearly all training poses, nats; `None` where the model cannot tell.
+    pub unlike: Option<f64>,
     /// The transform from the model's space to the world.
     pub placement: Similarity,
     /// Whether the pose is still on its way to what is asked: solved for again, it comes nearer.
@@ -391,7 +391,7 @@ impl PoseSolver {
             xyz = self.rig.positions(&q);
         }
         let sd = (self.rig.model_points.iter())
-            .map(|p| p.map_or(f64::NAN, |p| restored.sd[p]))
+            .map(|p| p.map_or(f64::INFINITY, |p| restored.sd[p]))
             .collect();
         Pose {
             missed: missed(asked, &xyz),
@@ -441,13 +441,12 @@ impl PoseSolver {
         (targets, weights)
     }
 
-    /// Novelty of a pose (3 K); NaN where the model cannot tell.
-    fn unlike(&self, xyz: &[f64], placement: &Similarity) -> f64 {
+    /// Novelty of a pose (3 K); `None` where the model cannot tell.
+    fn unlike(&self, xyz: &[f64], placement: &Similarity) -> Option<f64> {
         let pose = self.rig.to_model(xyz, self.prior.points);
-        match pose.iter().all(|v| v.is_finite()) {
-            true => self.prior.restorer().novelty(&pose, placement),
-            false => f64::NAN,
-        }
+        let is_whole = pose.iter().all(|v| v.is_finite());
+        let novelty = is_whole.then(|| self.prior.restorer().novelty(&pose, placement));
+        novelty.filter(|n| n.is_finite())
     }
 }
 

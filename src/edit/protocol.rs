@@ -256,7 +256,7 @@ impl Session {
             "pose": self.places_json(&pose.xyz),
             "sd": by_name(&pose.sd, f64::is_finite),
             "missed": by_name(&pose.missed, |v| v > 0.0),
-            "unlike": pose.unlike.is_finite().then(|| rounded(pose.unlike)),
+            "unlike": pose.unlike.map(rounded),
             "moving": pose.is_moving,
             "revision": self.revision(),
         })

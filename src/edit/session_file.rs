@@ -133,9 +133,13 @@ impl Session {
         let pose = Pose {
             q: saved.values.clone(),
             xyz: saved.xyz.clone(),
-            sd: saved.sd.iter().map(|sd| sd.unwrap_or(f64::NAN)).collect(),
+            sd: saved
+                .sd
+                .iter()
+                .map(|sd| sd.unwrap_or(f64::INFINITY))
+                .collect(),
             missed: vec![0.0; joints],
-            unlike: saved.unlike.unwrap_or(f64::NAN),
+            unlike: saved.unlike,
             placement: Similarity {
                 rotation: DMat3::from_cols_slice(&placed[..9]).transpose(),
                 shift: DVec3::from_slice(&placed[9..]),
@@ -166,7 +170,7 @@ impl SavedPose {
             values: pose.q.clone(),
             xyz: pose.xyz.clone(),
             sd: pose.sd.iter().map(|sd| known(*sd)).collect(),
-            unlike: known(pose.unlike),
+            unlike: pose.unlike,
             placement: std::array::from_fn(|i| if i < 9 { rows[i] } else { shift[i - 9] }),
         }
     }
