@@ -4,6 +4,7 @@ use super::edit_figure::Figure;
 use super::edit_server::{Answer, Refusal, Reply, Request, Route};
 use super::input::take_name;
 use crate::edit::Session;
+use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
 use crate::io::output::write_file;
 use crate::io::{Model, Table};
@@ -12,9 +13,6 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-
-/// Frames a second of a single pose whose table has no rate.
-const RATE: f64 = 30.0;
 
 /// What is edited.
 pub struct EditSource {

@@ -12,7 +12,7 @@
 //!
 //! with u = .45, as measured on people's takes (`cargo bench --bench editing -- betweens`). The prior's posterior of the joints with
 //! this deviation was tried in their place: takes of people that the model did not know were met no better with keys half a second
-//! apart and worse with a fifth, for what lies between keys is not an unlikely pose but a likely one at another time.
+//! apart and worse with a quarter, for what lies between keys is not an unlikely pose but a likely one at another time.
 
 use super::keys::Key;
 use super::pose_solver::{Constraints, Pose, PoseSolver, floor_under};

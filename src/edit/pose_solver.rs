@@ -18,8 +18,8 @@
 //! ```
 //!
 //! p is the posterior mean, and p₀ what it was with the drag's targets where their joints were. The prior draws a pose towards
-//! those it was trained on; with λ = exp(−d / L), d how far the drag has come, that happens little by little, and a pose that is
-//! touched does not start. L is 20 cm and the largest |a − p₀|.
+//! those it was trained on; with λ = exp(−d / L), d how far the drag has come, that happens little by little, and a touch alone
+//! moves nothing. L is 20 cm and the largest |a − p₀|.
 //!
 //! Where that is far from the pose before, it is approached in steps: no joint goes farther at once than three times as far as the
 //! hand. A pose that would flip turns instead, while it is solved for again ([`Pose::is_moving`]).
@@ -40,6 +40,8 @@ use crate::restore::ik::solver::{IkSettings, IkSolver, Regularization};
 use crate::restore::placement::PlacementSolution;
 use glam::DVec3;
 
+/// `rest` if nothing else is said, cm.
+pub const REST: f64 = 10.0;
 /// The range of `rest`, cm.
 pub const REST_RANGE: (f64, f64) = (0.5, 1000.0);
 /// The range of the standard deviation of a dragged joint, cm.
@@ -93,7 +95,7 @@ impl Constraints {
         Constraints {
             pins: vec![[None; 3]; joints],
             drags: vec![None; joints],
-            rest: 10.0,
+            rest: REST,
             forgotten: vec![false; joints],
             floor: None,
             limits: false,
@@ -249,11 +251,7 @@ impl PoseSolver {
     pub fn restart(&self, asked: &Constraints, reference: &[f64], before: &Pose) -> Option<Pose> {
         let (y, noise) = self.observation(asked, reference);
         let restored = self.prior.restorer().restore(&y, &noise)?;
-        let mut start = before.q.clone();
-        let (targets, _) = self.soft_targets(asked, &restored);
-        InitialPose::new(&self.rig.skeleton, &self.rig.bones).apply(&targets, &mut start);
-        let starts = [before.q.clone(), start];
-        Some(self.fitted(asked, &restored, &starts))
+        Some(self.posed(asked, &restored, &before.q))
     }
 
     /// The pose whose joints are nearest to `xyz` (3 K, cm); where that is NaN, the prior says. `None` where too little is there.

@@ -6,7 +6,7 @@ use super::keys::{Key, Keys};
 use super::other_poses::{OtherPose, other_poses};
 use super::photograph::{Marks, PhotographFit, fit_photograph};
 use super::pose_solver::{
-    Constraints, DRAG_RANGE, Pose, PoseSolver, REST_RANGE, Reference, floor_under,
+    Constraints, DRAG_RANGE, Pose, PoseSolver, REST, REST_RANGE, Reference, floor_under,
 };
 use super::rig::Rig;
 use super::rig_prior::RigPrior;
@@ -22,8 +22,6 @@ use std::collections::BTreeMap;
 
 /// The standard deviation of a dragged joint if nothing else is said, cm.
 pub const DRAG_SD: f64 = 0.5;
-/// That of the joints that are neither dragged nor pinned, about where they were.
-pub const REST: f64 = 10.0;
 /// A joint this near to its pin is there, cm: pages round.
 const THERE: f64 = 1e-3;
 /// The latest time of a key, seconds.
@@ -65,8 +63,10 @@ struct Gesture {
 }
 
 impl Gesture {
-    fn goes_on_with(&self, dragged: &[usize], pinned: &[usize]) -> bool {
-        self.dragged == dragged && self.pinned == pinned && !self.is_photograph
+    /// Whether the same joints are dragged and pinned. Another `rest` goes on only without a drag: a slider moved to and fro.
+    fn goes_on_with(&self, dragged: &[usize], pinned: &[usize], is_same_rest: bool) -> bool {
+        let is_same = self.dragged == dragged && self.pinned == pinned;
+        is_same && (is_same_rest || dragged.is_empty()) && !self.is_photograph
     }
 }
 
@@ -189,14 +189,8 @@ impl Session {
     /// # Errors
     /// As [`Session::solve`].
     pub fn drag(&mut self, joint: usize, target: DVec3) -> Result<&Pose> {
-        let pins = (self.now.pins.iter().copied().enumerate())
-            .filter(|(_, pin)| pin.iter().any(Option::is_some))
-            .collect();
-        self.solve(
-            &Drags::from([(joint, (target, DRAG_SD))]),
-            &pins,
-            self.now.rest,
-        )
+        let drags = Drags::from([(joint, (target, DRAG_SD))]);
+        self.solve(&drags, &self.pins(), self.now.rest)
     }
 
     /// Finds the pose with these joints dragged, these pinned, and the others held to where they were when the gesture began to
@@ -209,7 +203,7 @@ impl Session {
         let dragged: Vec<usize> = drags.keys().copied().collect();
         let pinned: Vec<usize> = pins.keys().copied().collect();
         let goes_on = (self.gesture.as_ref())
-            .is_some_and(|g| g.goes_on_with(&dragged, &pinned) && self.now.rest == rest);
+            .is_some_and(|g| g.goes_on_with(&dragged, &pinned, self.now.rest == rest));
         let mut gesture = match self.gesture.take() {
             Some(gesture) if goes_on => gesture,
             other => {
@@ -227,14 +221,8 @@ impl Session {
         Ok(&self.now.pose)
     }
 
-    /// The beginning of a gesture; what was under way before is a step of its own. Another `rest` alone goes on from where the
-    /// gesture before began, so that a slider can be moved to and fro.
+    /// The beginning of a gesture; what was under way before is a step of its own.
     fn begin(&mut self, drags: &Drags, pins: &Pins, rest: f64) -> Gesture {
-        let is_slider = drags.is_empty() && self.now.rest != rest;
-        let is_slider_too = |g: &mut Gesture| g.dragged.is_empty() && !g.is_photograph;
-        if let Some(gesture) = self.gesture.take_if(|g| is_slider && is_slider_too(g)) {
-            return gesture;
-        }
         self.release();
         let asked = self.asked(drags, pins, rest, &self.now.pose.xyz);
         let moves = !drags.is_empty() || asked.pins != self.now.pins;
@@ -266,15 +254,19 @@ impl Session {
         asked
     }
 
+    fn check_joints<'k>(&self, joints: impl IntoIterator<Item = &'k usize>) -> Result<()> {
+        let mut joints = joints.into_iter();
+        match joints.find(|k| **k >= self.rig().joints()) {
+            Some(k) => Err(Error::usage(format!("there is no joint {k}"))),
+            None => Ok(()),
+        }
+    }
+
     fn check(&self, drags: &Drags, pins: &Pins, rest: f64) -> Result<()> {
         let name = |k: usize| self.rig().names.get(k).map_or("?", String::as_str);
         let is_place = |v: f64| v.abs() <= FARTHEST;
         let is_in = |v: f64, range: (f64, f64)| v >= range.0 && v <= range.1;
-        for &k in drags.keys().chain(pins.keys()) {
-            if k >= self.rig().joints() {
-                return Err(Error::usage(format!("there is no joint {k}")));
-            }
-        }
+        self.check_joints(drags.keys().chain(pins.keys()))?;
         for (&k, (target, sd)) in drags {
             if !target.to_array().into_iter().all(is_place) {
                 let what = format!(
@@ -455,9 +447,7 @@ impl Session {
     /// # Errors
     /// [`Error::Usage`]: there is no such joint.
     pub fn reset(&mut self, joints: &[usize]) -> Result<()> {
-        if let Some(k) = joints.iter().find(|k| **k >= self.rig().joints()) {
-            return Err(Error::usage(format!("there is no joint {k}")));
-        }
+        self.check_joints(joints)?;
         self.change("the reset", |now, solver| {
             joints.iter().for_each(|&k| now.pins[k] = [None; 3]);
             let mut asked = Constraints {
@@ -526,11 +516,12 @@ impl Session {
     /// Pins joints at some of their coordinates (x, y, z), where they are now.
     ///
     /// # Errors
-    /// As [`Session::solve`].
+    /// [`Error::Usage`]: there is no such joint.
     pub fn pin_here(&mut self, joints: &[usize], axes: [bool; 3]) -> Result<()> {
+        self.check_joints(joints)?;
         self.release();
         let mut pins = self.pins();
-        for &k in joints.iter().filter(|k| **k < self.rig().joints()) {
+        for &k in joints {
             let at = self.position(k).to_array();
             pins.insert(k, std::array::from_fn(|c| axes[c].then_some(at[c])));
         }
@@ -721,15 +712,19 @@ impl Session {
     /// Checks the numbers of a state that did not come from this session.
     pub(super) fn check_numbers(
         &self,
-        pins: &[[Option<f64>; 3]],
         rest: f64,
         rate: f64,
         mut times: impl Iterator<Item = f64>,
     ) -> Result<()> {
-        let pins = pins.iter().copied().enumerate().collect();
-        self.check(&Drags::new(), &pins, rest)?;
+        self.check(&Drags::new(), &Pins::new(), rest)?;
         check_rate(rate)?;
         times.try_for_each(check_time)
+    }
+
+    /// Checks pins (K) that did not come from this session.
+    pub(super) fn check_pins(&self, pins: &[[Option<f64>; 3]]) -> Result<()> {
+        let pins = pins.iter().copied().enumerate().collect();
+        self.check(&Drags::new(), &pins, REST)
     }
 
     fn check_key(&self, key: usize) -> Result<()> {

@@ -92,6 +92,7 @@ impl Session {
                 "the session is of a skeleton with other joints",
             ));
         }
+        self.check_numbers(file.rest, file.rate, file.keys.iter().map(|k| k.time))?;
         let pose = self.opened(&file.pose, &file.pins)?;
         let mut keys = Keys::default();
         keys.set_rate(file.rate);
@@ -102,12 +103,6 @@ impl Session {
                 pins: key.pins.clone(),
             });
         }
-        self.check_numbers(
-            &file.pins,
-            file.rest,
-            file.rate,
-            keys.iter().map(|k| k.time),
-        )?;
         let state = State {
             pose,
             pins: file.pins,
@@ -129,6 +124,7 @@ impl Session {
                 "the session has poses of another number of joints",
             ));
         }
+        self.check_pins(pins)?;
         let placed = saved.placement;
         let pose = Pose {
             q: saved.values.clone(),
