@@ -87,13 +87,20 @@ pub struct PhotographFit {
     pub camera: Camera,
     /// The joint that is least certain of those without a mark.
     pub next: Option<usize>,
+    view: View,
 }
 
-/// The pose that the marks show. `before` is where inverse kinematics starts.
+/// The pose that the marks show. `before` is where inverse kinematics starts. With the `previous` fit to fewer marks, the climb starts
+/// from its view, and from one other only.
 ///
 /// # Errors
 /// [`Error::Usage`]: fewer than four marked joints that the model knows, or marks that lie together.
-pub fn fit_photograph(solver: &PoseSolver, marks: &Marks, before: &Pose) -> Result<PhotographFit> {
+pub fn fit_photograph(
+    solver: &PoseSolver,
+    marks: &Marks,
+    before: &Pose,
+    previous: Option<&PhotographFit>,
+) -> Result<PhotographFit> {
     let known: Vec<(usize, usize, DVec2)> = (marks.at.iter())
         .filter_map(|(&k, &u)| Some((k, solver.rig.model_points[k]?, u)))
         .collect();
@@ -111,7 +118,7 @@ pub fn fit_photograph(solver: &PoseSolver, marks: &Marks, before: &Pose) -> Resu
         depths: vec![0.0; solver.prior.points],
         flipped: Vec::new(),
     };
-    let mut view = problem.best_view()?;
+    let mut view = problem.best_view(previous.map(|fit| fit.view))?;
     if marks.focal.is_some() {
         for _ in 0..ROUNDS {
             problem.depths = problem.depths_of(&view);
@@ -158,8 +165,8 @@ struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// The likeliest view of the best starts.
-    fn best_view(&self) -> Result<View> {
+    /// The likeliest view of those climbed to from a `previous` one and from the best starts.
+    fn best_view(&self, previous: Option<View>) -> Result<View> {
         let points = self.solver.prior.points;
         let (mut marks, mut noise) = (vec![0.0; 3 * points], vec![f64::INFINITY; 3 * points]);
         for &(_, p, mark) in &self.known {
@@ -182,9 +189,11 @@ impl Problem<'_> {
             (self.log_likelihood(&view), view)
         });
         views.sort_by(|a, b| b.0.total_cmp(&a.0));
-        views.truncate(STARTS);
-        let climbs = parallel::map_chunks(views.len(), 1, |range| {
-            self.climbed(views[range.start].1, STEPS)
+        let most = if previous.is_some() { 1 } else { STARTS };
+        let others = views.iter().take(most).map(|(_, view)| *view);
+        let starts: Vec<View> = previous.into_iter().chain(others).collect();
+        let climbs = parallel::map_chunks(starts.len(), 1, |range| {
+            self.climbed(starts[range.start], STEPS)
         });
         let best = climbs.into_iter().filter(|(e, _)| e.is_finite());
         let best = best.max_by(|a, b| a.0.total_cmp(&b.0));
@@ -194,26 +203,53 @@ impl Problem<'_> {
 
     /// Climbs from a view; the log likelihood, and where it ends.
     fn climbed(&self, start: View, steps: usize) -> (f64, View) {
-        let cost = |by: &[f64]| -self.log_likelihood(&start.moved(by));
-        if !cost(&[0.0; 6]).is_finite() {
+        if !self.log_likelihood(&start).is_finite() {
             return (f64::NEG_INFINITY, start);
         }
-        let mut with_slope = |by: &[f64]| {
-            let here = cost(by);
-            let slope = (0..6).map(|i| {
-                let mut next = by.to_vec();
-                next[i] += DIFFERENCE;
-                (cost(&next) - here) / DIFFERENCE
-            });
-            (here, slope.collect())
+        let mut cost = |by: &[f64]| {
+            let (value, slope) = self.likelihood_and_slope(&start.moved(by));
+            (-value, slope.iter().map(|v| -v).collect())
         };
-        let found = minimise(vec![0.0; 6], steps, 1e-4, &mut with_slope);
+        let found = minimise(vec![0.0; 6], steps, 1e-4, &mut cost);
         (-found.value, start.moved(&found.at))
     }
 
     fn log_likelihood(&self, view: &View) -> f64 {
-        let evidence = self.posterior(view, Want::Mean).log_evidence;
-        evidence - 2.0 * self.known.len() as f64 * view.scale.ln()
+        self.likelihood_of(view, &self.posterior(view, Want::Mean))
+    }
+
+    fn likelihood_of(&self, view: &View, posterior: &Posterior) -> f64 {
+        posterior.log_evidence - 2.0 * self.known.len() as f64 * view.scale.ln()
+    }
+
+    /// The log likelihood of a view and its slope along the steps of [`View::moved`]. By Fisher's identity, the slope is the mean over
+    /// the posterior of that of log p(y | x): turns out of the picture's plane need covariances with the depth there, so that
+    /// differences are cheaper.
+    fn likelihood_and_slope(&self, view: &View) -> (f64, [f64; 6]) {
+        let here = self.posterior(view, Want::Mean);
+        let value = self.likelihood_of(view, &here);
+        let mut slope = [0.0; 6];
+        for (i, along) in slope.iter_mut().enumerate().take(2) {
+            let mut by = [0.0; 6];
+            by[i] = DIFFERENCE;
+            *along = (self.log_likelihood(&view.moved(&by)) - value) / DIFFERENCE;
+        }
+        for &(_, p, mark) in &self.known {
+            let seen = self.seen(view, p, mark);
+            let mean = DVec2::new(here.mean[3 * p], here.mean[3 * p + 1]);
+            let pull = (mean - seen) / (MARK_SD * MARK_SD);
+            slope[2] += mean.perp_dot(seen) / (MARK_SD * MARK_SD) / LEVER;
+            slope[3] -= pull.x;
+            slope[4] -= pull.y;
+            // The part of the perspective does not depend on the scale: z / Z · u / s = z u / f.
+            slope[5] -= (pull.dot(mark / view.scale) + 2.0) / LEVER;
+        }
+        (value, slope)
+    }
+
+    /// x and y of a marked point from the model's origin, in the directions of the camera, cm.
+    fn seen(&self, view: &View, point: usize, mark: DVec2) -> DVec2 {
+        mark / view.scale * self.nearness(view, point) - view.shift
     }
 
     /// The posterior of the pose in the directions of the camera, its origin that of the model's space.
@@ -221,7 +257,7 @@ impl Problem<'_> {
         let points = self.solver.prior.points;
         let (mut y, mut noise) = (vec![0.0; 3 * points], vec![f64::INFINITY; 3 * points]);
         for &(_, p, mark) in &self.known {
-            let seen = mark / view.scale * self.nearness(view, p) - view.shift;
+            let seen = self.seen(view, p, mark);
             (y[3 * p], y[3 * p + 1]) = (seen.x, seen.y);
             noise[3 * p..3 * p + 2].fill(MARK_SD * MARK_SD);
         }
@@ -308,6 +344,7 @@ impl Problem<'_> {
         let unmarked =
             (0..self.solver.rig.joints()).filter(|&k| !is_marked(k) && pose.sd[k].is_finite());
         PhotographFit {
+            view: *view,
             next: unmarked.max_by(|a, b| pose.sd[*a].total_cmp(&pose.sd[*b])),
             camera: Camera {
                 scale: view.scale,
@@ -360,10 +397,45 @@ mod tests {
     }
 
     #[test]
+    fn the_slope_of_the_likelihood_equals_differences() {
+        let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
+        let (_, marks) = seen(&session, 5, 1500.0, 400.0);
+        let point = |k: usize| session.rig().model_points[k].unwrap();
+        let problem = Problem {
+            solver: session.solver(),
+            focal: marks.focal,
+            known: marks.at.iter().map(|(&k, &u)| (k, point(k), u)).collect(),
+            depths: vec![10.0; session.solver().prior.points],
+            flipped: Vec::new(),
+        };
+        let view = View {
+            rotation: DMat3::from_rotation_y(0.4),
+            shift: DVec2::new(3.0, -4.0),
+            scale: 3.6,
+        };
+        let (_, slope) = problem.likelihood_and_slope(&view);
+        for i in 0..6 {
+            let at = |step: f64| {
+                let mut by = [0.0; 6];
+                by[i] = step;
+                problem.log_likelihood(&view.moved(&by))
+            };
+            let difference = (at(1e-3) - at(-1e-3)) / 2e-3;
+            let off = (slope[i] - difference).abs();
+            println!("{i}: {} {difference}", slope[i]);
+            assert!(
+                off < 0.05 * difference.abs() + 0.5,
+                "{i}: {} {difference}",
+                slope[i]
+            );
+        }
+    }
+
+    #[test]
     fn a_pose_is_found_from_its_picture_and_projects_onto_the_marks() {
         let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
         let (joints, marks) = seen(&session, 5, 1500.0, 400.0);
-        let fit = fit_photograph(session.solver(), &marks, &session.state().pose).unwrap();
+        let fit = fit_photograph(session.solver(), &marks, &session.state().pose, None).unwrap();
         let at = |k: usize| DVec3::from_slice(&fit.pose.xyz[3 * k..]);
         let squares = (0..joints.len()).map(|k| (at(k) - at(0) - joints[k]).length_squared());
         let rms = (squares.sum::<f64>() / (3 * joints.len()) as f64).sqrt();
@@ -390,7 +462,7 @@ mod tests {
         let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
         let (_, marks) = seen(&session, 5, 1500.0, 400.0);
         let before = &session.state().pose;
-        let fit = fit_photograph(session.solver(), &marks, before).unwrap();
+        let fit = fit_photograph(session.solver(), &marks, before, None).unwrap();
         let [shoulder, wrist] = ["lclavicle", "lradius"].map(|n| session.joint(n).unwrap());
         let depth =
             |fit: &PhotographFit| fit.pose.xyz[3 * wrist + 2] - fit.pose.xyz[3 * shoulder + 2];
@@ -398,7 +470,7 @@ mod tests {
             flips: vec![shoulder],
             ..marks
         };
-        let flipped = fit_photograph(session.solver(), &flipped, before).unwrap();
+        let flipped = fit_photograph(session.solver(), &flipped, before, None).unwrap();
         assert!(depth(&fit).abs() > 2.0, "the limb has a depth");
         assert!(
             depth(&flipped) * depth(&fit) < 0.0,
@@ -413,12 +485,12 @@ mod tests {
         let session = Session::of_model(&Model::builtin().unwrap()).unwrap();
         let (_, mut marks) = seen(&session, 0, 1500.0, 400.0);
         marks.at.values_mut().for_each(|at| *at = DVec2::ONE);
-        let together = fit_photograph(session.solver(), &marks, &session.state().pose);
+        let together = fit_photograph(session.solver(), &marks, &session.state().pose, None);
         assert!(together.unwrap_err().to_string().contains("together"));
         while marks.at.len() > 3 {
             marks.at.pop_first();
         }
-        let few = fit_photograph(session.solver(), &marks, &session.state().pose);
+        let few = fit_photograph(session.solver(), &marks, &session.state().pose, None);
         assert!(few.unwrap_err().to_string().contains("3 joints are marked"));
     }
 }

@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | pinned | its pin | 0 |
 //! | dragged | its target | sd², as asked |
-//! | other | where it was when the gesture began, `a` | rest², on the floor at most 5² |
+//! | other | where it was when the gesture began, `a`; a dragged root carries the others along | rest², on the floor at most 5² |
 //!
 //! So `rest` runs from the paper's free dragging (P is the identity; section 4.4) to its completion (P has the pins alone). The
 //! pose is found in three steps: the placement follows that of the pose before ([`PlacementSolver::follow`]); the prior's
@@ -332,13 +332,12 @@ impl PoseSolver {
 
     /// What is asked for as an observation in the model's order: values and variances (3 J).
     fn observation(&self, asked: &Constraints, reference: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let mut y = self.rig.to_model(reference, self.prior.points);
+        let mut y = (self.rig).to_model(&self.carried(asked, reference), self.prior.points);
         let mut noise = vec![f64::INFINITY; y.len()];
         for (k, point) in self.rig.model_points.iter().enumerate() {
             let Some(p) = *point else { continue };
             let pin = asked.pins[k];
-            let stands = asked.floor.is_some() && reference[3 * k + 1] < ON_FLOOR;
-            let rest = if stands {
+            let rest = if stands(asked, reference, k) {
                 asked.rest.min(FLOOR_SD)
             } else {
                 asked.rest
@@ -361,6 +360,39 @@ impl PoseSolver {
             noise[3 * p..3 * p + 3].fill(variance);
         }
         (y, noise)
+    }
+
+    /// Where the joints are to stay: where they were, but a dragged root carries the others along, those above a held joint a part
+    /// of the way (by the number of joints between).
+    fn carried(&self, asked: &Constraints, reference: &[f64]) -> Vec<f64> {
+        let mut carried = reference.to_vec();
+        let drags = asked.drags.iter().zip(&self.rig.parents).enumerate();
+        let roots = drags.filter(|(_, (_, parent))| parent.is_none());
+        let Some((root, to)) = roots
+            .filter_map(|(k, (drag, _))| Some((k, (*drag)?.0)))
+            .next()
+        else {
+            return carried;
+        };
+        let above = |k: usize| std::iter::successors(Some(k), |&k| self.rig.parents[k]);
+        let joints = 0..self.rig.joints();
+        let mut to_held = vec![f64::INFINITY; self.rig.joints()];
+        for held in joints.clone().filter(|&k| is_held(asked, reference, k)) {
+            for (far, k) in above(held).enumerate() {
+                to_held[k] = to_held[k].min(far as f64);
+            }
+        }
+        let way = to - DVec3::from_slice(&reference[3 * root..]);
+        for k in joints {
+            let to_root = above(k).count() as f64 - 1.0;
+            let share = if to_held[k].is_finite() {
+                to_held[k] / (to_held[k] + to_root).max(1.0)
+            } else {
+                1.0
+            };
+            (0..3).for_each(|c| carried[3 * k + c] += share * way[c]);
+        }
+        carried
     }
 
     /// P2: the rig in the restored pose, with what is dragged and pinned where it is asked to be.
@@ -453,6 +485,16 @@ fn largest_step(from: &[f64], to: &[f64]) -> f64 {
     let joints = from.chunks_exact(3).zip(to.chunks_exact(3));
     let steps = joints.map(|(a, b)| (DVec3::from_slice(a) - DVec3::from_slice(b)).length());
     steps.fold(0.0, f64::max)
+}
+
+/// Whether a joint stood on the floor where it was (3 K).
+fn stands(asked: &Constraints, reference: &[f64], k: usize) -> bool {
+    asked.floor.is_some() && reference[3 * k + 1] < ON_FLOOR
+}
+
+/// Whether a joint is pinned, or stood on the floor.
+fn is_held(asked: &Constraints, reference: &[f64], k: usize) -> bool {
+    asked.pins[k].iter().all(Option::is_some) || stands(asked, reference, k)
 }
 
 /// λ: the share of the prior's first pull that is held back still.

@@ -650,7 +650,7 @@ impl Session {
     /// # Errors
     /// As [`fit_photograph`].
     pub fn photograph(&mut self, marks: &Marks) -> Result<PhotographFit> {
-        let fit = fit_photograph(&self.solver, marks, &self.now.pose)?;
+        let fit = fit_photograph(&self.solver, marks, &self.now.pose, None)?;
         if self.gesture.as_ref().is_none_or(|g| !g.is_photograph) {
             self.release();
             let none = Constraints::none(self.rig().joints());
