@@ -242,6 +242,31 @@ test('what is out of reach says by how much', async () => {
   await sound(page);
 });
 
+test('a wide tolerance lets a dragged joint stay away from the pointer', async () => {
+  const page = await fresh(), asked = [];
+  page.on('request', request => { if (request.url().endsWith('/solve')) asked.push(request.postDataJSON().drags.lwrist.sd); });
+  const away = async () => {
+    let by;
+    await drag(page, 'lwrist', 60, -120, async () => {
+      const { moving, pose } = await state(page);
+      by = apart(pose.lwrist, moving.lwrist);
+      assert.doesNotMatch(await page.locator('#warning').textContent(), /reach/);
+    });
+    await page.keyboard.press('Control+z');
+    await settled(page);
+    return by;
+  };
+  const near = await away();
+  await page.locator('#tolerance').fill('1.3');
+  assert.equal(await page.locator('#tolerance-words').textContent(), '20 cm');
+  const far = await away();
+  assert.ok(near < 3 && far > near + 3, `${near} and ${far} cm`);
+  assert.deepEqual([...new Set(asked)], [.5, 20]);
+  await page.locator('#tolerance').fill('-0.3');
+  assert.equal(await page.locator('#tolerance-words').textContent(), '0.5 cm');
+  await sound(page);
+});
+
 test('undo and redo of whole gestures', async () => {
   const page = await fresh(), first = await state(page);
   await drag(page, 'lwrist', 60, -60);
