@@ -127,7 +127,9 @@ function drawMissed(ctx, project, at, labelled) {
     ctx.moveTo(q[0] - r, q[1] - r); ctx.lineTo(q[0] + r, q[1] + r);
     ctx.moveTo(q[0] - r, q[1] + r); ctx.lineTo(q[0] + r, q[1] - r);
     ctx.stroke();
-    if (labelled && away >= .5) label(ctx, (p[0] + q[0]) / 2 + 9, (p[1] + q[1]) / 2 - 7, cm(away), ink.rejected);
+    // To the right of the line: below one that rises, above one that falls.
+    const below = (q[0] - p[0]) * (q[1] - p[1]) < 0;
+    if (labelled && away >= .5) label(ctx, (p[0] + q[0]) / 2 + 9, (p[1] + q[1]) / 2 + (below ? 16 : -7), cm(away), ink.rejected);
   }
 }
 
@@ -148,7 +150,8 @@ function drawTargets(ctx, project, at) {
     ctx.setLineDash([]);
     ctx.beginPath(); ctx.ellipse(foot[0], foot[1], 6, 6 * Math.abs(Math.sin(big.look.camera.elevation)) + .5, 0, 0, 7); ctx.stroke();
     ctx.globalAlpha = 1;
-    if (p) { ctx.strokeStyle = ink.accent; ctx.lineWidth = 1.4; line(ctx, p, q); ctx.stroke(); }
+    // A miss has a line already.
+    if (p && !missedBy(name)) { ctx.strokeStyle = ink.accent; ctx.lineWidth = 1.4; line(ctx, p, q); ctx.stroke(); }
     if (!isPinned(name)) drawTolerance(ctx, q, now.gesture.sd);
     circle(ctx, q[0], q[1], 6.5);
     ctx.fillStyle = ink.accent; ctx.fill();
