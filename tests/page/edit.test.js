@@ -60,6 +60,68 @@ test('the dot does not wait for the program', async () => {
   await sound(page);
 });
 
+test('the dot is drawn in the next frame, the body in one soon after', async t => {
+  const page = await fresh(), [x, y] = await place(page, 'lwrist'), moves = 60;
+  await page.evaluate(watchFrames, 'lwrist');
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  // On an arc that never comes back; sent by the clock, whether or not the one before is handled.
+  const sent = [], start = Date.now();
+  for (let i = 1; i <= moves; i++) {
+    await page.waitForTimeout(Math.max(0, start + 16 * i - Date.now()));
+    sent.push(page.mouse.move(x + 70 * Math.sin(i / moves * 2), y - 70 * (1 - Math.cos(i / moves * 2))));
+  }
+  await Promise.all(sent);
+  await settled(page);
+  const { events, draws, answers } = await page.evaluate(() => watched);
+  await page.mouse.up();
+  await settled(page);
+  assert.ok(events.length > 0);
+  const dot = [], body = [];
+  events.forEach((event, i) => {
+    const next = draws.find(draw => draw.events > i), pointer = events[next.events - 1];
+    dot.push(next.frame - event.frame);
+    assert.ok(apart(next.dot, pointer.at) < 1, `event ${i}: the dot is drawn ${apart(next.dot, pointer.at)} pixels from the pointer`);
+    // The first body that knows this place or a newer one.
+    const drawn = draws.find(draw => answers[draw.revision] >= i);
+    assert.ok(drawn, `event ${i} of ${events.length} has an answer that is drawn`);
+    body.push({ frames: drawn.frame - event.frame, ms: drawn.time - event.time });
+  });
+  assert.deepEqual(dot.filter(frames => frames !== 1), [], 'the dot is drawn in the next frame');
+  const quantile = (values, share) => values.sort((a, b) => a - b)[Math.ceil(share * values.length) - 1].toFixed(0);
+  for (const unit of ['frames', 'ms']) {
+    const values = body.map(one => one[unit]);
+    t.diagnostic(`from a move to the body that answers it: median ${quantile(values, .5)}, 95% within ${quantile(values, .95)} ${unit}`);
+  }
+  await sound(page);
+});
+/** In the page: notes each move of the pointer, each answer, and what each frame draws. `frame` counts frames that have begun. */
+function watchFrames(joint) {
+  const events = [], draws = [], answers = {}, next = requestAnimationFrame.bind(window), send = fetch.bind(window);
+  let frame = 0, last = -1;
+  const begin = time => { if (time !== last) { last = time; frame++; } };
+  const tick = time => { begin(time); next(tick); };
+  next(tick);
+  window.watched = { events, draws, answers };
+  // After the page has dealt with it.
+  addEventListener('pointermove', ({ clientX, clientY, timeStamp }) => {
+    const { moving } = posing.state();
+    if (moving) events.push({ frame, time: timeStamp, at: [clientX, clientY], target: moving[joint].join() });
+  });
+  window.requestAnimationFrame = draw => next(time => {
+    begin(time);
+    draw(time);
+    const { moving, revision } = posing.state();
+    if (moving) draws.push({ frame, time: performance.now(), events: events.length, revision, dot: posing.project(moving[joint]) });
+  });
+  window.fetch = async (path, options) => {
+    const answer = await send(path, options), drag = path === '/solve' && JSON.parse(options.body).drags[joint];
+    if (!drag) return answer;
+    const event = events.findLastIndex(one => one.target === drag.xyz.join());
+    return { ok: answer.ok, json: async () => { const pose = await answer.json(); answers[pose.revision] = event; return pose; } };
+  };
+}
+
 test('depth by shift and by the wheel, fine by ctrl, escape cancels', async () => {
   const page = await fresh(), before = await state(page), [x, y] = await place(page, 'rwrist');
   await page.mouse.move(x, y);
@@ -177,6 +239,31 @@ test('what is out of reach says by how much', async () => {
   });
   await page.waitForTimeout(100);
   assert.doesNotMatch(await page.locator('#warning').textContent(), /right hand/, 'after the drag, there is no place to reach');
+  await sound(page);
+});
+
+test('a wide tolerance lets a dragged joint stay away from the pointer', async () => {
+  const page = await fresh(), asked = [];
+  page.on('request', request => { if (request.url().endsWith('/solve')) asked.push(request.postDataJSON().drags.lwrist.sd); });
+  const away = async () => {
+    let by;
+    await drag(page, 'lwrist', 60, -120, async () => {
+      const { moving, pose } = await state(page);
+      by = apart(pose.lwrist, moving.lwrist);
+      assert.doesNotMatch(await page.locator('#warning').textContent(), /reach/);
+    });
+    await page.keyboard.press('Control+z');
+    await settled(page);
+    return by;
+  };
+  const near = await away();
+  await page.locator('#tolerance').fill('1.3');
+  assert.equal(await page.locator('#tolerance-words').textContent(), '20 cm');
+  const far = await away();
+  assert.ok(near < 3 && far > near + 3, `${near} and ${far} cm`);
+  assert.deepEqual([...new Set(asked)], [.5, 20]);
+  await page.locator('#tolerance').fill('-0.3');
+  assert.equal(await page.locator('#tolerance-words').textContent(), '0.5 cm');
   await sound(page);
 });
 

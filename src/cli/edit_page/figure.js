@@ -127,7 +127,9 @@ function drawMissed(ctx, project, at, labelled) {
     ctx.moveTo(q[0] - r, q[1] - r); ctx.lineTo(q[0] + r, q[1] + r);
     ctx.moveTo(q[0] - r, q[1] + r); ctx.lineTo(q[0] + r, q[1] - r);
     ctx.stroke();
-    if (labelled && away >= .5) label(ctx, (p[0] + q[0]) / 2 + 9, (p[1] + q[1]) / 2 - 7, cm(away), ink.rejected);
+    // To the right of the line: below one that rises, above one that falls.
+    const below = (q[0] - p[0]) * (q[1] - p[1]) < 0;
+    if (labelled && away >= .5) label(ctx, (p[0] + q[0]) / 2 + 9, (p[1] + q[1]) / 2 + (below ? 16 : -7), cm(away), ink.rejected);
   }
 }
 
@@ -148,11 +150,21 @@ function drawTargets(ctx, project, at) {
     ctx.setLineDash([]);
     ctx.beginPath(); ctx.ellipse(foot[0], foot[1], 6, 6 * Math.abs(Math.sin(big.look.camera.elevation)) + .5, 0, 0, 7); ctx.stroke();
     ctx.globalAlpha = 1;
-    if (p) { ctx.strokeStyle = ink.accent; ctx.lineWidth = 1.4; line(ctx, p, q); ctx.stroke(); }
+    // A miss has a line already.
+    if (p && !missedBy(name)) { ctx.strokeStyle = ink.accent; ctx.lineWidth = 1.4; line(ctx, p, q); ctx.stroke(); }
+    if (!isPinned(name)) drawTolerance(ctx, q, now.gesture.sd);
     circle(ctx, q[0], q[1], 6.5);
     ctx.fillStyle = ink.accent; ctx.fill();
     ctx.strokeStyle = ink.panel; ctx.lineWidth = 2; ctx.stroke();
   }
+}
+
+/** How far from there a dragged joint may stay; a circle that the dot would hide is left out. */
+function drawTolerance(ctx, [x, y, , scale], sd) {
+  if (sd * scale < 9) return;
+  circle(ctx, x, y, sd * scale);
+  ctx.globalAlpha = .08; ctx.fillStyle = ink.accent; ctx.fill(); ctx.globalAlpha = 1;
+  ctx.strokeStyle = ink.accent; ctx.lineWidth = 1.4; ctx.setLineDash([5, 4]); ctx.stroke(); ctx.setLineDash([]);
 }
 
 /** Everything in a view of the body. */
@@ -169,6 +181,7 @@ function drawView(view) {
   drawBody(ctx, at, handles, view.hits);
   if (!now.preview && !photo.on) drawMissed(ctx, project, at, view === big);
   if (now.gesture) drawTargets(ctx, project, at);
+  else if (at[now.selected] && document.activeElement === $("tolerance")) drawTolerance(ctx, at[now.selected], now.tolerance);
 }
 
 /** Faint poses around the present one. */

@@ -2,7 +2,7 @@
 // Moving joints: a gesture begins, aims at places, and ends as one step of undo, or is cancelled.
 
 /** Begins to move a joint (and its mirror image, if both sides go together). */
-function beginGesture(name, sd = .5) {
+function beginGesture(name, sd = now.tolerance) {
   leaveOthers();
   if (now.preview) adoptPreview();
   const from = now.pose, names = [name], other = now.state.mirrors[name];
@@ -45,10 +45,11 @@ function onFloor(name, place) {
 
 const isPinned = name => !!now.pins[name] && now.pins[name].every(v => v !== null);
 
-/** By how much a joint misses its place: the one it is dragged to, or its pin. */
+/** By how much a joint misses its place: its pin, or the one it is dragged to, where two standard deviations are no miss. */
 function missedBy(name) {
-  const dragged = now.gesture && !now.gesture.ending && now.gesture.targets[name];
-  return (dragged || now.pins[name]) && now.pose[name] && now.missed[name] || 0;
+  const dragged = now.gesture && !now.gesture.ending && now.gesture.targets[name], away = now.missed[name] || 0;
+  if (!now.pose[name] || !now.pins[name] && (!dragged || away < 2 * now.gesture.sd)) return 0;
+  return away;
 }
 
 /** Where a joint is to be: its target, else its pin (free axes as they are). */

@@ -4,6 +4,8 @@
 const now = {
   state: null, revision: -1,
   pose: {}, sd: {}, missed: {}, unlike: 0, pins: {}, rest: 10,
+  /** The standard deviation of a dragged joint about the pointer, cm. */
+  tolerance: .5,
   selected: null, hover: null,
   /** What is being moved (gesture.js). */
   gesture: null,

@@ -91,6 +91,21 @@ $("rest").addEventListener("input", event => {
 });
 $("rest").addEventListener("change", () => { const cm = now.rest; doInOrder({ do: "rest", cm }); });
 
+// ---- how exactly a dragged joint follows ----
+
+function showTolerance() {
+  const at = Math.log10(now.tolerance), { min, max } = $("tolerance");
+  $("tolerance").value = at;
+  $("tolerance").style.setProperty("--done", (at - min) / (max - min) * 100 + "%");
+  $("tolerance").setAttribute("aria-valuetext", $("tolerance-words").textContent = cm(now.tolerance));
+}
+$("tolerance").addEventListener("input", event => {
+  now.tolerance = Math.round(10 ** event.target.value * 10) / 10;
+  showTolerance();
+  ask();
+});
+for (const way of ["focus", "blur"]) $("tolerance").addEventListener(way, ask);
+
 // ---- switches and whole-pose actions ----
 
 function showSwitches() {
@@ -178,4 +193,4 @@ function newRow(body) {
 }
 $("table-part").addEventListener("toggle", () => tell());
 
-whenChanged(() => { showJoint(); showRest(); showSwitches(); showTable(); });
+whenChanged(() => { showJoint(); showRest(); showTolerance(); showSwitches(); showTable(); });

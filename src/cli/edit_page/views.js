@@ -60,7 +60,7 @@ function sideShown() {
   return front > 0 ? "front" : "back";
 }
 function nameSmall() {
-  const side = sideShown(), name = $("small-name"), text = pictureShown() ? side : side + ": drag here, too";
+  const side = sideShown(), name = $("small-name"), text = pictureShown() || small.width < 180 ? side : side + ": drag here, too";
   if (name.textContent === text) return;
   name.textContent = text;
   small.canvas.setAttribute("aria-label", `The ${/side/.test(side) ? side : side + " side"} of the body. Joints can be dragged here, too.`);
