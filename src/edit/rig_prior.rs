@@ -3,7 +3,7 @@
 use super::rig::Rig;
 use crate::Result;
 use crate::io::Model;
-use crate::pose::{Anchor, Body, joints};
+use crate::pose::{Anchor, Body, Poses, joints};
 use crate::prior::{self, OpenOptions, Prior, Task};
 use crate::restore::FrameRestorer;
 use crate::restore::body_adaptation::map_to;
@@ -77,6 +77,19 @@ impl RigPrior {
     pub fn representative_poses(&self) -> Array2<f64> {
         self.prior.representative_poses().to_owned()
     }
+}
+
+/// A few of the model's training poses, far apart, in the model's space.
+///
+/// # Errors
+/// As [`prior::open`].
+pub fn typical_poses(model: &Model) -> Result<Poses> {
+    let prior = prior::open(model, &OpenOptions::default(), "the model")?;
+    Ok(Poses {
+        points: model.meta.points.clone(),
+        xyz: prior.representative_poses().to_owned(),
+        ..Poses::default()
+    })
 }
 
 /// The joints of the rest posture in the model's order, one frame.

@@ -1,8 +1,8 @@
 //! A session as a JSON file that opens again to the same state.
 
-use super::keys::{Key, Keys};
-use super::pose_solver::Pose;
-use super::session::{Session, State};
+use super::{Session, State};
+use crate::edit::keys::{Key, Keys};
+use crate::edit::pose_solver::Pose;
 use crate::pose::Similarity;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
@@ -169,5 +169,45 @@ impl SavedPose {
             unlike: pose.unlike,
             placement: std::array::from_fn(|i| if i < 9 { rows[i] } else { shift[i - 9] }),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::edit::session::tests::{pins_of, session};
+
+    #[test]
+    fn a_file_opens_to_the_same_state() {
+        let (mut session, mut other) = (session(), session());
+        let pins = pins_of(&session, &["lfoot"]);
+        session.pin_all(&pins).unwrap();
+        let wrist = session.joint("lwrist").unwrap();
+        session
+            .drag(wrist, session.position(wrist) + DVec3::Y * 12.0)
+            .unwrap();
+        session.release();
+        session.set_key(0.5).unwrap();
+        let json = session.to_json();
+        other.open_json(json.as_bytes()).unwrap();
+        assert_eq!(other.to_json(), json);
+        assert_eq!(other.state().pose.q, session.state().pose.q);
+        let before = other.state().clone();
+        for wrong in [
+            "",
+            "{}",
+            "[1",
+            &json.replace("session 1", "session 9"),
+            &json.replace("lwrist", "nose"),
+        ] {
+            assert!(other.open_json(wrong.as_bytes()).is_err());
+        }
+        // Poses of another body are fitted with this one.
+        let stretched = json.replacen("\"xyz\":[", "\"xyz\":[0.5,", 1);
+        assert!(
+            other.open_json(stretched.as_bytes()).is_err(),
+            "a number too many"
+        );
+        assert_eq!(other.state(), &before);
     }
 }
