@@ -17,9 +17,8 @@
 use super::keys::Key;
 use super::pose_solver::{Constraints, Pose, PoseSolver, floor_under};
 use crate::numeric::pchip::pchip;
+use crate::pose::Skeleton;
 use crate::pose::kinematics::Posture;
-use crate::pose::rotation::nearest_equivalent_angle;
-use crate::pose::{Channel, Skeleton};
 use crate::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
 use ndarray::Array2;
@@ -124,8 +123,6 @@ impl<'a> Segment<'a> {
         let [a, b] = [&keys[0], &keys[1]];
         let place = |key: &Key, k: usize| DVec3::from_slice(&key.pose.xyz[3 * k..]);
         let joints = 0..solver.rig.joints();
-        let dofs = solver.rig.skeleton.bones().iter().flat_map(|b| &b.dofs);
-        let last = dofs.zip(b.pose.q.iter().zip(&a.pose.q));
         let shared = |k: usize| -> [Option<f64>; 3] {
             std::array::from_fn(|c| {
                 let (p, q) = (a.pins[k][c]?, b.pins[k][c]?);
@@ -137,12 +134,7 @@ impl<'a> Segment<'a> {
             ways: (joints.clone())
                 .map(|k| (place(b, k) - place(a, k)).length())
                 .collect(),
-            last: last
-                .map(|(dof, (q, near))| match dof.channel {
-                    Channel::Rotate(_) => nearest_equivalent_angle(*q, *near),
-                    _ => *q,
-                })
-                .collect(),
+            last: (solver.rig.skeleton).nearest_equivalent(&b.pose.q, &a.pose.q),
             floor: floor.then(|| {
                 let floors = floor_under(&a.pose.xyz).into_iter();
                 let floors = floors.zip(floor_under(&b.pose.xyz));
