@@ -12,7 +12,7 @@ use posing::cli::input::{check_single_stdin, open, open_model, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::units::{Units, Up};
 use posing::cli::{messages, run, toml_file};
-use posing::edit::typical_poses;
+use posing::edit::OpenedModel;
 use posing::io::{Model, SkeletonFile, Table};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
@@ -81,8 +81,8 @@ fn work(args: &Args) -> Result<()> {
     let files = [&args.poses, &args.model, &args.skeleton, &args.map];
     check_single_stdin(files.into_iter().flatten())?;
     let model = match &args.model {
-        Some(path) => (open_model(path)?, path.display().to_string()),
-        None => (Model::builtin()?, "the built-in model".to_string()),
+        Some(path) => OpenedModel::open(&open_model(path)?, &path.display().to_string())?,
+        None => OpenedModel::open(&Model::builtin()?, "the built-in model")?,
     };
     let table = args
         .poses
@@ -90,7 +90,7 @@ fn work(args: &Args) -> Result<()> {
         .map(|path| table(args, path))
         .transpose()?;
     let source = EditSource {
-        figure: figure(args, &model.0, table.as_ref())?,
+        figure: figure(args, &model, table.as_ref())?,
         session: args.session.clone(),
         model,
         table,
@@ -124,7 +124,7 @@ fn table(args: &Args, path: &Path) -> Result<Table> {
 }
 
 /// The skeleton given, or one measured from the table, or from the model.
-fn figure(args: &Args, model: &Model, table: Option<&Table>) -> Result<Figure> {
+fn figure(args: &Args, model: &OpenedModel, table: Option<&Table>) -> Result<Figure> {
     let (unit, turn) = (args.units.centimetres(), args.up.rotation());
     let figure = match (&args.skeleton, table) {
         (Some(path), _) => {
@@ -135,7 +135,7 @@ fn figure(args: &Args, model: &Model, table: Option<&Table>) -> Result<Figure> {
             Figure::of_file(&path.display().to_string(), file, map)
         }
         (None, Some(table)) => Figure::measured(&table.name, &table.poses)?,
-        (None, None) => Figure::measured("the model's own figure", &typical_poses(model)?)?,
+        (None, None) => Figure::measured("the model's own figure", &model.typical_poses())?,
     };
     Ok(figure.with_units(unit, turn))
 }

@@ -13,6 +13,6 @@ pub mod session;
 mod start_poses;
 
 pub use rig::Rig;
-pub use rig_prior::{RigPrior, typical_poses};
+pub use rig_prior::{OpenedModel, RigPrior};
 pub use session::{Drags, Pins, Session, rows_of_table};
 pub use start_poses::StartPose;

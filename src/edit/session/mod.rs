@@ -16,7 +16,7 @@ use super::keys::Keys;
 use super::other_poses::OtherPose;
 use super::pose_solver::{Pose, PoseSolver, REST};
 use super::rig::Rig;
-use super::rig_prior::{RigPrior, typical_poses};
+use super::rig_prior::OpenedModel;
 use super::start_poses::{self, StartPose};
 use crate::Result;
 use crate::io::Model;
@@ -88,22 +88,28 @@ impl Session {
     /// # Errors
     /// [`Error::Data`](crate::Error::Data) if the model cannot be opened, [`Error::Usage`](crate::Error::Usage) if no skeleton is known for its points.
     pub fn of_model(model: &Model) -> Result<Session> {
-        let points = &model.meta.points;
-        let rig = Rig::new(estimate_skeleton(&typical_poses(model)?)?, points)?;
-        Session::new(model, "the model", rig)
+        let opened = OpenedModel::open(model, "the model")?;
+        let skeleton = estimate_skeleton(&opened.typical_poses())?;
+        let rig = Rig::new(skeleton, opened.points())?;
+        Ok(Session::with_model(opened, rig))
     }
 
-    /// A session with a rig, from the typical pose that stands most upright, on the floor; `source` names the model in errors.
+    /// A session with a rig; `source` names the model in errors.
     ///
     /// # Errors
-    /// As [`RigPrior::open`].
+    /// As [`OpenedModel::open`].
     pub fn new(model: &Model, source: &str, rig: Rig) -> Result<Session> {
-        let prior = RigPrior::open(model, source, &rig)?;
+        Ok(Session::with_model(OpenedModel::open(model, source)?, rig))
+    }
+
+    /// A session with a rig, from the typical pose that stands most upright, on the floor.
+    pub fn with_model(model: OpenedModel, rig: Rig) -> Session {
+        let prior = model.for_rig(&rig);
         let joints = rig.joints();
         let solver = PoseSolver { rig, prior };
         let starts = start_poses::start_poses(&solver);
         let pose = starts[0].pose.clone();
-        Ok(Session {
+        Session {
             solver,
             now: State {
                 pose,
@@ -119,7 +125,7 @@ impl Session {
             others: Vec::new(),
             rows: Array2::zeros((0, 3 * joints)),
             revision: 0,
-        })
+        }
     }
 
     /// The skeleton and its joints.
