@@ -80,16 +80,7 @@ impl Session {
 
     /// The present pose as a motion of one frame; joints that are pinned have no standard deviation.
     pub fn still(&self, rate: f64) -> Motion {
-        let (pose, pins) = (&self.now.pose, &self.now.pins);
-        let sd = pose.sd.iter().zip(pins);
-        let sd = sd.map(|(sd, pin)| {
-            if pin.iter().all(Option::is_some) {
-                0.0
-            } else {
-                *sd
-            }
-        });
-        Motion::of_one(pose, sd.collect(), rate)
+        Motion::of_one(&self.now.pose, &self.now.pins, rate)
     }
 }
 
@@ -120,6 +111,9 @@ mod tests {
         assert_eq!(motion.xyz.nrows(), 31);
         assert_eq!(motion.xyz.row(0).to_vec(), first);
         assert_eq!(motion.xyz.row(30).to_vec(), last);
+        for ((_, k), is_fixed) in motion.fixed.indexed_iter() {
+            assert_eq!(*is_fixed, feet.contains_key(&k));
+        }
         for row in motion.xyz.rows() {
             for (&foot, pin) in &feet {
                 let at = DVec3::from_slice(&row.to_vec()[3 * foot..]);
