@@ -768,7 +768,9 @@ fn a_session_file_goes_on_where_it_ended() {
     let last = server.state();
     assert_eq!(server.stop(), Some(0));
     let again = start().state();
-    for what in ["pose", "pins", "sd", "keys", "rest", "floor", "rate"] {
+    for what in [
+        "pose", "pins", "sd", "missed", "keys", "rest", "floor", "rate",
+    ] {
         assert_eq!(again[what], last[what], "{what}");
     }
     assert_eq!(again["session"], json!("pose.json"));
