@@ -40,7 +40,10 @@ impl Session {
         };
         if pins.iter().all(is_there) {
             let asked = self.asked(&Drags::new(), pins, self.now.rest, &self.now.pose.xyz);
-            self.change("the pins", |now, _| now.pins = asked.pins);
+            self.change("the pins", |now, _| {
+                now.pins = asked.pins;
+                now.pose.missed.fill(0.0);
+            });
             return Ok(());
         }
         self.solve(&Drags::new(), pins, self.now.rest)?;
@@ -62,5 +65,26 @@ impl Session {
         }
         pins.retain(|_, pin| pin.iter().any(Option::is_some));
         self.pin_all(&pins)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::edit::session::tests::{pins_of, session};
+    use glam::DVec3;
+
+    #[test]
+    fn joints_without_their_pins_are_no_longer_out_of_reach() {
+        let mut session = session();
+        let mut pins = pins_of(&session, &["lfoot"]);
+        let wrist = session.joint("lwrist").unwrap();
+        let far = session.position(wrist) + DVec3::X * 300.0;
+        pins.insert(wrist, far.to_array().map(Some));
+        session.pin_all(&pins).unwrap();
+        assert!(session.state().pose.missed[wrist] > 50.0);
+        let pinned: Vec<usize> = pins.into_keys().collect();
+        session.pin_here(&pinned, [false; 3]).unwrap();
+        assert!(session.pins().is_empty());
+        assert!(session.state().pose.missed.iter().all(|m| *m == 0.0));
     }
 }
