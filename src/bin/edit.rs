@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs};
 use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::edit::{EditSource, Editor};
 use posing::cli::edit_figure::Figure;
@@ -10,7 +10,6 @@ use posing::cli::edit_page;
 use posing::cli::edit_server::{Page, browser, serve};
 use posing::cli::input::{check_single_stdin, open, open_model, read_table};
 use posing::cli::streams::write_bytes;
-use posing::cli::units::{Units, Up};
 use posing::cli::{messages, run, toml_file};
 use posing::edit::OpenedModel;
 use posing::io::{Model, SkeletonFile, Table};
@@ -62,12 +61,8 @@ struct Args {
     /// Do not open the browser
     #[arg(long)]
     no_open: bool,
-    /// Unit of length of the files read and written
-    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
-    units: Units,
-    /// Axis that points up in the files read and written
-    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    up: Up,
+    #[command(flatten)]
+    units: BvhUnitArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -125,7 +120,7 @@ fn table(args: &Args, path: &Path) -> Result<Table> {
 
 /// The skeleton given, or one measured from the table, or from the model.
 fn figure(args: &Args, model: &OpenedModel, table: Option<&Table>) -> Result<Figure> {
-    let (unit, turn) = (args.units.centimetres(), args.up.rotation());
+    let (unit, turn) = (args.units.centimetres(), args.units.rotation());
     let figure = match (&args.skeleton, table) {
         (Some(path), _) => {
             let (file, notes) = SkeletonFile::read(open(path)?, unit, turn)?;
