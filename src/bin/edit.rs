@@ -28,8 +28,8 @@ use std::process::ExitCode;
 /// stays exactly where it is. One slider says how far the other joints may go from where they were: from staying, as in inverse
 /// kinematics, to following the model. What is out of reach is said, with its distance. The page also poses the figure from joints
 /// that are marked on a photograph (which never leaves the page), keeps key poses and plays what lies between them, and saves
-/// BVH, CSV (with the status and standard deviation of each joint), AMC for an ASF skeleton, and the session. The page's own help
-/// lists keys and fingers.
+/// BVH, CSV (with the standard deviation of each joint, and whether a pin holds it), AMC for an ASF skeleton, and the session. The
+/// page's own help lists keys and fingers.
 ///
 /// Without --skeleton the figure has the bones of POSES, or of the model. Joints are matched with the model's points by name, or
 /// by --map, a TOML file of lines such as lhumerus = "LeftForeArm": the point of the model, then the joint.
