@@ -4,11 +4,11 @@ use clap::Parser;
 use glam::DVec3;
 use posing::body::scan_fit::fit_scan;
 use posing::body::surface::Surface;
-use posing::cli::args::CommonArgs;
+use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::open_body;
 use posing::cli::mesh_output::MeshOutput;
 use posing::cli::registration_points::RegistrationPoints;
-use posing::cli::units::{TableUnits, Units, Up};
+use posing::cli::units::TableUnits;
 use posing::cli::{input, messages, run};
 use posing::io::Mesh;
 use posing::{Error, Place, Result};
@@ -37,18 +37,8 @@ struct Args {
     /// Points placed on the scan, four or more
     #[arg(long, value_name = "POINTS.csv")]
     points: PathBuf,
-    /// Unit of length of the scan and the points: their files have none
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
-    units: Units,
-    /// Axis of the scan that points up
-    #[arg(
-        long,
-        value_enum,
-        value_name = "AXIS",
-        default_value = "y",
-        help_heading = "Input"
-    )]
-    up: Up,
+    #[command(flatten)]
+    units: MeshUnitArgs,
     /// Output file: .obj, .ply, .stl or .npz
     #[arg(short, long, value_name = "FILE", help_heading = "Output")]
     output: PathBuf,
@@ -72,10 +62,7 @@ fn work(args: &Args) -> Result<()> {
         .map(|path| MeshOutput::of(path, "ply"))
         .collect::<Result<_>>()?;
     let body = open_body(&args.model)?;
-    let units = TableUnits {
-        unit: args.units,
-        up: args.up,
-    };
+    let units = args.units.table_units();
     let source = args.scan.display().to_string();
     let scan = read_scan(args, units)?;
     let template = &body.template.vertices;

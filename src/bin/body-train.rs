@@ -6,11 +6,11 @@ use posing::body::fit::FEWEST;
 use posing::body::part_finding::find_parts;
 use posing::body::train::{Settings, train};
 use posing::body::{BodyModel, Template};
-use posing::cli::args::CommonArgs;
+use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::pair_file::PairFile;
 use posing::cli::progress::Progress;
-use posing::cli::units::{TableUnits, Units, Up};
+use posing::cli::units::TableUnits;
 use posing::cli::{messages, run, streams};
 use posing::io::MeshSet;
 use posing::io::text::excerpt;
@@ -40,18 +40,8 @@ struct Args {
     /// Meshes of people, one each; without them the body has one shape
     #[arg(long, value_name = "MESHES", num_args = 1..)]
     shapes: Vec<PathBuf>,
-    /// Unit of length of the meshes: their files have none
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
-    units: Units,
-    /// Axis of the meshes that points up
-    #[arg(
-        long,
-        value_enum,
-        value_name = "AXIS",
-        default_value = "y",
-        help_heading = "Input"
-    )]
-    up: Up,
+    #[command(flatten)]
+    units: MeshUnitArgs,
     /// The rigid part of each vertex (default: parts are found from the poses)
     #[arg(long, value_name = "PARTS.csv")]
     parts: Option<PathBuf>,
@@ -80,10 +70,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let units = TableUnits {
-        unit: args.units,
-        up: args.up,
-    };
+    let units = args.units.table_units();
     let poses = read_meshes(&args.poses, units)?;
     let people = match args.shapes.is_empty() {
         true => None,

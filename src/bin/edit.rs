@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs};
 use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::edit::{EditSource, Editor};
 use posing::cli::edit_figure::Figure;
@@ -10,9 +10,8 @@ use posing::cli::edit_page;
 use posing::cli::edit_server::{Page, browser, serve};
 use posing::cli::input::{check_single_stdin, open, open_model, read_table};
 use posing::cli::streams::write_bytes;
-use posing::cli::units::{Units, Up};
 use posing::cli::{messages, run, toml_file};
-use posing::edit::typical_poses;
+use posing::edit::OpenedModel;
 use posing::io::{Model, SkeletonFile, Table};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
@@ -29,8 +28,8 @@ use std::process::ExitCode;
 /// stays exactly where it is. One slider says how far the other joints may go from where they were: from staying, as in inverse
 /// kinematics, to following the model. What is out of reach is said, with its distance. The page also poses the figure from joints
 /// that are marked on a photograph (which never leaves the page), keeps key poses and plays what lies between them, and saves
-/// BVH, CSV (with the status and standard deviation of each joint), AMC for an ASF skeleton, and the session. The page's own help
-/// lists keys and fingers.
+/// BVH, CSV (with the standard deviation of each joint, and whether a pin holds it), AMC for an ASF skeleton, and the session. The
+/// page's own help lists keys and fingers.
 ///
 /// Without --skeleton the figure has the bones of POSES, or of the model. Joints are matched with the model's points by name, or
 /// by --map, a TOML file of lines such as lhumerus = "LeftForeArm": the point of the model, then the joint.
@@ -62,12 +61,8 @@ struct Args {
     /// Do not open the browser
     #[arg(long)]
     no_open: bool,
-    /// Unit of length of the files read and written
-    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
-    units: Units,
-    /// Axis that points up in the files read and written
-    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    up: Up,
+    #[command(flatten)]
+    units: BvhUnitArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -81,8 +76,8 @@ fn work(args: &Args) -> Result<()> {
     let files = [&args.poses, &args.model, &args.skeleton, &args.map];
     check_single_stdin(files.into_iter().flatten())?;
     let model = match &args.model {
-        Some(path) => (open_model(path)?, path.display().to_string()),
-        None => (Model::builtin()?, "the built-in model".to_string()),
+        Some(path) => OpenedModel::open(&open_model(path)?, &path.display().to_string())?,
+        None => OpenedModel::open(&Model::builtin()?, "the built-in model")?,
     };
     let table = args
         .poses
@@ -90,7 +85,7 @@ fn work(args: &Args) -> Result<()> {
         .map(|path| table(args, path))
         .transpose()?;
     let source = EditSource {
-        figure: figure(args, &model.0, table.as_ref())?,
+        figure: figure(args, &model, table.as_ref())?,
         session: args.session.clone(),
         model,
         table,
@@ -124,8 +119,8 @@ fn table(args: &Args, path: &Path) -> Result<Table> {
 }
 
 /// The skeleton given, or one measured from the table, or from the model.
-fn figure(args: &Args, model: &Model, table: Option<&Table>) -> Result<Figure> {
-    let (unit, turn) = (args.units.centimetres(), args.up.rotation());
+fn figure(args: &Args, model: &OpenedModel, table: Option<&Table>) -> Result<Figure> {
+    let (unit, turn) = (args.units.centimetres(), args.units.rotation());
     let figure = match (&args.skeleton, table) {
         (Some(path), _) => {
             let (file, notes) = SkeletonFile::read(open(path)?, unit, turn)?;
@@ -135,7 +130,7 @@ fn figure(args: &Args, model: &Model, table: Option<&Table>) -> Result<Figure> {
             Figure::of_file(&path.display().to_string(), file, map)
         }
         (None, Some(table)) => Figure::measured(&table.name, &table.poses)?,
-        (None, None) => Figure::measured("the model's own figure", &typical_poses(model)?)?,
+        (None, None) => Figure::measured("the model's own figure", &model.typical_poses())?,
     };
     Ok(figure.with_units(unit, turn))
 }

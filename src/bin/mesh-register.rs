@@ -5,7 +5,7 @@ use glam::DVec3;
 use posing::body::Template;
 use posing::body::registration::{ROUNDS, Registration, register};
 use posing::body::surface::Surface;
-use posing::cli::args::CommonArgs;
+use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::mesh_output::mesh;
 use posing::cli::progress::Progress;
@@ -41,21 +41,11 @@ struct Args {
     /// Where vertices of the template are on the scan
     #[arg(long, value_name = "POINTS.csv")]
     points: PathBuf,
-    /// Unit of length of the scan, and of the template: their files have none
-    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
-    units: Units,
+    #[command(flatten)]
+    units: MeshUnitArgs,
     /// Unit of length of the template (default: that of the scan)
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
     template_units: Option<Units>,
-    /// Axis of the scan that points up; the result has the same
-    #[arg(
-        long,
-        value_enum,
-        value_name = "AXIS",
-        default_value = "y",
-        help_heading = "Input"
-    )]
-    up: Up,
     /// Output mesh: .obj, .ply or .stl
     #[arg(short, long, value_name = "MESH")]
     output: PathBuf,
@@ -71,11 +61,8 @@ fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     MeshFormat::of(&args.output)?;
     input::check_single_stdin([&args.scan, &args.points])?;
-    let units = TableUnits {
-        unit: args.units,
-        up: args.up,
-    };
-    let template = read_template(&args.template, args.template_units.unwrap_or(args.units))?;
+    let units = args.units.table_units();
+    let template = read_template(&args.template, args.template_units.unwrap_or(units.unit))?;
     let points = RegistrationPoints::read(&args.points, template.vertices.len(), units)?;
     let scan = read_scan(&args.scan, units)?;
     points.check(&template.vertices, &scan)?;

@@ -1,12 +1,11 @@
 //! Turns a pose table into a BVH file.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
 use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
-use posing::cli::units::{Units, Up};
 use posing::cli::{messages, run};
 use posing::io::SkeletonFile;
 use posing::pose::BonePoints;
@@ -60,12 +59,8 @@ struct Args {
     /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
-    /// Unit of length of the BVH file written, and of a BVH skeleton
-    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
-    units: Units,
-    /// Axis that points up in the BVH file written, and in a BVH skeleton
-    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    up: Up,
+    #[command(flatten)]
+    units: BvhUnitArgs,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -120,14 +115,14 @@ fn work(args: &Args) -> Result<()> {
     let no_joint = "no point has the name of a joint of the skeleton";
     let fitted = fit(&skeleton.limits(args.limits), &poses, &table.name, no_joint)?;
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
-    let bvh = fitted.to_bvh_with(order, args.up.rotation(), rate)?;
+    let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimetres());
     write_bytes(args.output.as_deref(), &text, false)
 }
 
 fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
     let unit = args.units.centimetres();
-    let (file, notes) = SkeletonFile::read(open(path)?, unit, args.up.rotation())?;
+    let (file, notes) = SkeletonFile::read(open(path)?, unit, args.units.rotation())?;
     notes.iter().for_each(|n| messages::info(n));
     if matches!(file, SkeletonFile::Bvh(_)) && args.order.is_some() {
         let what = "--order cannot be used with a BVH skeleton, which keeps its own order";

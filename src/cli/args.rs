@@ -8,6 +8,7 @@ use crate::pose::Poses;
 use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};
+use glam::DMat3;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -164,6 +165,56 @@ pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err("expected a number above 0".into()),
+    }
+}
+
+/// The unit and the axis of files of meshes, which do not say them.
+#[derive(Debug, Clone, Args)]
+pub struct MeshUnitArgs {
+    /// Unit of length of the input: its files have none
+    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
+    units: Units,
+    /// Axis of the input that points up
+    #[arg(
+        long,
+        value_enum,
+        value_name = "AXIS",
+        default_value = "y",
+        help_heading = "Input"
+    )]
+    up: Up,
+}
+
+impl MeshUnitArgs {
+    /// The unit and the axis.
+    pub fn table_units(&self) -> TableUnits {
+        TableUnits {
+            unit: self.units,
+            up: self.up,
+        }
+    }
+}
+
+/// The unit and the axis of BVH files.
+#[derive(Debug, Clone, Args)]
+pub struct BvhUnitArgs {
+    /// Unit of length of the BVH files written, and of a BVH skeleton
+    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
+    units: Units,
+    /// Axis that points up in the BVH files written, and in a BVH skeleton
+    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    up: Up,
+}
+
+impl BvhUnitArgs {
+    /// The unit in centimetres.
+    pub fn centimetres(&self) -> f64 {
+        self.units.centimetres()
+    }
+
+    /// The rotation that carries the files' axes to y up.
+    pub fn rotation(&self) -> DMat3 {
+        self.up.rotation()
     }
 }
 

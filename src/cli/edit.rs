@@ -3,11 +3,11 @@
 use super::edit_figure::Figure;
 use super::edit_server::{Answer, Refusal, Reply, Request, Route};
 use super::input::take_name;
-use crate::edit::Session;
 use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
+use crate::edit::{OpenedModel, Session};
+use crate::io::Table;
 use crate::io::output::write_file;
-use crate::io::{Model, Table};
 use crate::{Error, Place, Result};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 
 /// What is edited.
 pub struct EditSource {
-    /// The model, and its name in messages.
-    pub model: (Model, String),
+    /// The model.
+    pub model: OpenedModel,
     /// The figure.
     pub figure: Figure,
     /// A table whose rows can be edited, with the names of the figure's joints.
@@ -51,16 +51,16 @@ impl Editor {
     /// Opens a session; one that the file keeps goes on.
     ///
     /// # Errors
-    /// The model cannot be opened, does not know the figure, the table has no pose, or the file no session.
+    /// The model does not know the figure, the table has no pose, or the file no session.
     pub fn open(source: EditSource) -> Result<Editor> {
         let EditSource {
-            model: (model, model_name),
+            model,
             figure,
             table,
             session: file,
         } = source;
-        let rig = figure.rig(&model.meta.points)?;
-        let mut session = Session::new(&model, &model_name, rig)?;
+        let rig = figure.rig(model.points())?;
+        let mut session = Session::with_model(model, rig);
         let mut rate = RATE;
         let mut name = figure.name.clone();
         if let Some(table) = &table {

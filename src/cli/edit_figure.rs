@@ -145,7 +145,7 @@ impl Figure {
     }
 }
 
-/// A table with the status and the standard deviation of each joint: observed where it is pinned or at a key, else inferred.
+/// A table with the status and the standard deviation of each joint: observed where a pin holds it, else inferred.
 fn to_csv(session: &Session, motion: &Motion) -> Vec<u8> {
     let rig = session.rig();
     let columns = Columns::for_points(rig.names.clone(), false, true);
@@ -165,13 +165,11 @@ fn to_csv(session: &Session, motion: &Motion) -> Vec<u8> {
         };
         let cells: Vec<String> = (0..rig.joints())
             .flat_map(|k| {
-                let sd = motion.sd[[t, k]];
-                let status = if sd == 0.0 {
-                    Status::Observed
-                } else {
-                    Status::Inferred
+                let status = match motion.fixed[[t, k]] {
+                    true => Status::Observed,
+                    false => Status::Inferred,
                 };
-                [status.name().to_string(), number(sd)]
+                [status.name().to_string(), number(motion.sd[[t, k]])]
             })
             .collect();
         let xyz = motion.xyz.row(t).to_vec();

@@ -17,12 +17,11 @@
 use super::keys::Key;
 use super::pose_solver::{Constraints, Pose, PoseSolver, floor_under};
 use crate::numeric::pchip::pchip;
+use crate::pose::Skeleton;
 use crate::pose::kinematics::Posture;
-use crate::pose::rotation::nearest_equivalent_angle;
-use crate::pose::{Channel, Skeleton};
 use crate::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
-use ndarray::Array2;
+use ndarray::{Array2, Axis, aview1};
 
 /// u: a joint may stray by this share of its way.
 const STRAY: f64 = 0.45;
@@ -44,24 +43,47 @@ pub struct Motion {
     pub xyz: Array2<f64>,
     /// The standard deviation of a coordinate of each joint (frames, K), cm; 0 at keys.
     pub sd: Array2<f64>,
+    /// Whether each joint is held by a pin (frames, K).
+    pub fixed: Array2<bool>,
 }
 
 impl Motion {
-    /// A motion of one pose at time 0; `sd` (K) is that of its joints.
-    pub fn of_one(pose: &Pose, sd: Vec<f64>, rate: f64) -> Motion {
-        let row = |values: &[f64]| {
-            ndarray::aview1(values)
-                .insert_axis(ndarray::Axis(0))
-                .to_owned()
-        };
+    /// A motion of one pose at time 0, with the coordinates at which each joint is pinned (K).
+    pub fn of_one(pose: &Pose, pins: &[[Option<f64>; 3]], rate: f64) -> Motion {
+        let fixed = fixed(pose, pins);
+        let sd = fixed.iter().zip(&pose.sd);
+        let sd: Vec<f64> = sd
+            .map(|(is_fixed, sd)| if *is_fixed { 0.0 } else { *sd })
+            .collect();
         Motion {
             rate,
             first: 0.0,
-            values: row(&pose.q),
-            xyz: row(&pose.xyz),
-            sd: row(&sd),
+            values: one_row(&pose.q),
+            xyz: one_row(&pose.xyz),
+            sd: one_row(&sd),
+            fixed: one_row(&fixed),
         }
     }
+
+    fn set(&mut self, frame: usize, pose: &Pose, sd: &[f64], pins: &[[Option<f64>; 3]]) {
+        self.values.row_mut(frame).assign(&aview1(&pose.q));
+        self.xyz.row_mut(frame).assign(&aview1(&pose.xyz));
+        self.sd.row_mut(frame).assign(&aview1(sd));
+        let fixed = fixed(pose, pins);
+        self.fixed.row_mut(frame).assign(&aview1(&fixed));
+    }
+}
+
+fn one_row<T: Clone>(values: &[T]) -> Array2<T> {
+    aview1(values).insert_axis(Axis(0)).to_owned()
+}
+
+/// Whether each joint is where a pin holds all its coordinates.
+fn fixed(pose: &Pose, pins: &[[Option<f64>; 3]]) -> Vec<bool> {
+    let joints = pins.iter().zip(&pose.missed);
+    joints
+        .map(|(pin, missed)| pin.iter().all(Option::is_some) && *missed == 0.0)
+        .collect()
 }
 
 /// The frames from the first key to the last, at `rate` frames a second; the keys' times are whole numbers of frames.
@@ -87,22 +109,19 @@ pub fn in_betweens(solver: &PoseSolver, keys: &[Key], rate: f64, floor: bool) ->
         values: Array2::zeros((frames, solver.rig.skeleton.dof_count())),
         xyz: Array2::zeros((frames, 3 * joints)),
         sd: Array2::zeros((frames, joints)),
+        fixed: Array2::from_elem((frames, joints), false),
     };
-    let mut set = |t: usize, pose: &Pose, sd: &[f64]| {
-        motion.values.row_mut(t).assign(&ndarray::aview1(&pose.q));
-        motion.xyz.row_mut(t).assign(&ndarray::aview1(&pose.xyz));
-        motion.sd.row_mut(t).assign(&ndarray::aview1(sd));
-    };
+    let certain = vec![0.0; joints];
     for (pair, ends) in keys.windows(2).zip(at.windows(2)) {
         let segment = Segment::new(solver, pair, floor);
-        set(ends[0], &pair[0].pose, &vec![0.0; joints]);
+        motion.set(ends[0], &pair[0].pose, &certain, &pair[0].pins);
         for t in ends[0] + 1..ends[1] {
             let share = (t - ends[0]) as f64 / (ends[1] - ends[0]) as f64;
             let between = curves.joints(t, &solver.rig.bones);
             let pose = segment.pose(solver, share, &between);
-            set(t, &pose, &pose.sd);
+            motion.set(t, &pose, &pose.sd, &segment.pins);
         }
-        set(ends[1], &pair[1].pose, &vec![0.0; joints]);
+        motion.set(ends[1], &pair[1].pose, &certain, &pair[1].pins);
     }
     Ok(motion)
 }
@@ -124,8 +143,6 @@ impl<'a> Segment<'a> {
         let [a, b] = [&keys[0], &keys[1]];
         let place = |key: &Key, k: usize| DVec3::from_slice(&key.pose.xyz[3 * k..]);
         let joints = 0..solver.rig.joints();
-        let dofs = solver.rig.skeleton.bones().iter().flat_map(|b| &b.dofs);
-        let last = dofs.zip(b.pose.q.iter().zip(&a.pose.q));
         let shared = |k: usize| -> [Option<f64>; 3] {
             std::array::from_fn(|c| {
                 let (p, q) = (a.pins[k][c]?, b.pins[k][c]?);
@@ -137,12 +154,7 @@ impl<'a> Segment<'a> {
             ways: (joints.clone())
                 .map(|k| (place(b, k) - place(a, k)).length())
                 .collect(),
-            last: last
-                .map(|(dof, (q, near))| match dof.channel {
-                    Channel::Rotate(_) => nearest_equivalent_angle(*q, *near),
-                    _ => *q,
-                })
-                .collect(),
+            last: (solver.rig.skeleton).nearest_equivalent(&b.pose.q, &a.pose.q),
             floor: floor.then(|| {
                 let floors = floor_under(&a.pose.xyz).into_iter();
                 let floors = floors.zip(floor_under(&b.pose.xyz));

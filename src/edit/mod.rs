@@ -10,10 +10,9 @@ pub mod protocol;
 mod rig;
 mod rig_prior;
 pub mod session;
-mod session_file;
 mod start_poses;
 
 pub use rig::Rig;
-pub use rig_prior::RigPrior;
-pub use session::{Drags, Pins, Session, rows_of_table, typical_poses};
+pub use rig_prior::{OpenedModel, RigPrior};
+pub use session::{Drags, Pins, Session, rows_of_table};
 pub use start_poses::StartPose;

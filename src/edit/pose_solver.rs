@@ -32,7 +32,6 @@
 use super::rig::Rig;
 use super::rig_prior::RigPrior;
 use crate::pose::Similarity;
-use crate::pose::rotation::nearest_equivalent_angle;
 use crate::prior::EXACT_VARIANCE;
 use crate::restore::RestoredFrame;
 use crate::restore::ik::initial_pose::InitialPose;
@@ -220,18 +219,11 @@ impl PoseSolver {
         if step <= most {
             return wanted;
         }
-        let angles = self.rig.skeleton.bones().iter().flat_map(|b| &b.dofs);
-        let angles = angles.map(|d| d.channel.is_angle());
-        let ways: Vec<f64> = (wanted.q.iter().zip(&before.q).zip(angles))
-            .map(|((to, from), is_angle)| match is_angle {
-                true => nearest_equivalent_angle(*to, *from) - from,
-                false => to - from,
-            })
-            .collect();
+        let to = (self.rig.skeleton).nearest_equivalent(&wanted.q, &before.q);
         let mut share = most / step;
         for _ in 0..3 {
-            let q: Vec<f64> = (before.q.iter().zip(&ways))
-                .map(|(q, way)| q + share * way)
+            let q: Vec<f64> = (before.q.iter().zip(&to))
+                .map(|(from, to)| from + share * (to - from))
                 .collect();
             let xyz = self.rig.positions(&q);
             let pose = self.at_places(asked, &xyz, wanted.placement, &q);

@@ -101,6 +101,13 @@ pub fn decompose(r: &DMat3, order: [Axis; 3], near: [f64; 3]) -> [f64; 3] {
     }
 }
 
+/// Whether the columns of a matrix are orthonormal and right-handed, to within `tolerance`.
+pub fn is_rotation(matrix: DMat3, tolerance: f64) -> bool {
+    let product = matrix.transpose() * matrix;
+    product.abs_diff_eq(DMat3::IDENTITY, tolerance)
+        && (matrix.determinant() - 1.0).abs() <= tolerance
+}
+
 /// `angle` plus whole turns, as close to `near` as it gets.
 pub fn nearest_equivalent_angle(angle: f64, near: f64) -> f64 {
     let turn = std::f64::consts::TAU;
@@ -240,6 +247,24 @@ mod tests {
                 let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
                 assert!((slope - jacobian * d).length() < 1e-6, "{angle}");
             }
+        }
+    }
+
+    #[test]
+    fn stretches_and_reflections_are_no_rotations() {
+        let turn = from_rotation_vector(DVec3::new(0.3, -2.0, 0.5));
+        assert!(is_rotation(turn, 1e-12));
+        let flip = DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
+        let shear = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::new(1e-5, 0.0, 1.0));
+        let not_a_number = DMat3::from_diagonal(DVec3::new(1.0, f64::NAN, 1.0));
+        for wrong in [
+            turn * (1.0 + 1e-5),
+            turn * flip,
+            turn * shear,
+            DMat3::ZERO,
+            not_a_number,
+        ] {
+            assert!(!is_rotation(wrong, 1e-6), "{wrong}");
         }
     }
 

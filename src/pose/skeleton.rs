@@ -1,6 +1,6 @@
 //! Skeletons: bones in a tree, each with the degrees of freedom its file gives it.
 
-use super::rotation::Axis;
+use super::rotation::{Axis, nearest_equivalent_angle};
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 
@@ -194,6 +194,16 @@ impl Skeleton {
             .iter()
             .flat_map(|b| &b.dofs)
             .map(|d| d.limits.unwrap_or(open))
+            .collect()
+    }
+    /// Values of the same posture as `q`, with whole turns added so that each angle is as close to that of `near` as it gets.
+    pub fn nearest_equivalent(&self, q: &[f64], near: &[f64]) -> Vec<f64> {
+        let dofs = self.bones.iter().flat_map(|b| &b.dofs);
+        (q.iter().zip(near).zip(dofs))
+            .map(|((&q, &near), dof)| match dof.channel.is_angle() {
+                true => nearest_equivalent_angle(q, near),
+                false => q,
+            })
             .collect()
     }
 }

@@ -2,19 +2,17 @@
 
 use super::body_adaptation;
 use super::frame_restorer::FrameRestorer;
+use super::placed_prior::PlacedPrior;
 use super::placement::PlacementSolver;
 use super::rigid::RigidModel;
 use super::rigid::noise_floor::NoiseFloor;
 use crate::Result;
 use crate::io::Model;
 use crate::numeric::parallel;
-use crate::pose::{Anchor, Body, BonePoints, PoseTransform, Similarity, joints};
-use crate::prior::{self, OpenOptions, Prior};
+use crate::pose::{BonePoints, Similarity};
+use crate::prior::{OpenOptions, Prior};
 use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::borrow::Cow;
-
-/// A body whose bones differ from the model's by no more than this share is taken for the model's.
-const SAME_BODY: f64 = 0.002;
 
 /// Frames by which a model is judged to know a take.
 const JUDGED_FRAMES: usize = 50;
@@ -23,15 +21,9 @@ const JUDGED_NOISE: f64 = 0.3;
 
 /// A pose model in memory.
 pub struct LoadedModel {
-    prior: Box<dyn Prior>,
-    /// The root's frame, in world space.
-    anchor: Option<Anchor>,
+    placed: PlacedPrior,
     /// Where its points stand on their bones.
     bone_points: BonePoints,
-    /// The model's bones, in world space.
-    body: Option<Body>,
-    /// The other of each left-right pair of points.
-    mirror: Vec<Option<usize>>,
     solver: PlacementSolver,
     /// Empty where the model has no rigid pairs or restores as published.
     rigid: RigidModel,
@@ -43,33 +35,22 @@ impl LoadedModel {
     /// Opens a model named `source`. In world space each pose is placed first; in body space poses are used as they are.
     ///
     /// # Errors
-    /// As [`prior::open`] and [`RigidModel::read`]: arrays that are missing, of a wrong shape or not finite.
+    /// As [`PlacedPrior::open`] and [`RigidModel::read`]: arrays that are missing, of a wrong shape or not finite.
     pub fn new(
         model: &Model,
         options: &OpenOptions,
         source: &str,
         world: bool,
     ) -> Result<LoadedModel> {
-        let prior = prior::open(model, options, source)?;
+        let placed = PlacedPrior::open(model, options, source, world)?;
         let rigid = match options.published {
             true => RigidModel::default(),
             false => RigidModel::read(model, source)?,
         };
-        let names = &model.meta.points;
-        let anchor = world.then(|| match Anchor::pelvis(names) {
-            Some(pelvis) => pelvis,
-            None => Anchor::mean(&prior.representative_poses().row(0).to_vec()),
-        });
-        let body = (model.meta.body.as_ref().filter(|_| world)).map(Body::from);
-        let bone_points = BonePoints::of(names, prior.representative_poses());
+        let typical = placed.prior.representative_poses();
         Ok(LoadedModel {
-            prior,
-            bone_points,
-            anchor,
-            body,
-            mirror: (0..names.len())
-                .map(|i| joints::mirrored(names, i))
-                .collect(),
+            bone_points: BonePoints::of(&model.meta.points, typical),
+            placed,
             solver: PlacementSolver::default(),
             unknown_body: rigid.for_unknown_body(),
             rigid,
@@ -83,13 +64,13 @@ impl LoadedModel {
 
     /// The number of points.
     pub fn points(&self) -> usize {
-        self.mirror.len()
+        self.placed.points()
     }
 
     /// The rigid distances to judge one frame by before its body is measured, and the frame's noise floor by them.
     pub fn noise_floor(&self, y: &[f64]) -> Option<(&RigidModel, NoiseFloor)> {
         // In world space the body may be anyone's; body space holds the training bodies.
-        let own = self.body.is_none().then_some(&self.rigid);
+        let own = (!self.placed.is_for_any_body()).then_some(&self.rigid);
         let mut all = own.into_iter().chain([&self.unknown_body]);
         all.find_map(|rigid| Some((rigid, rigid.noise_floor(y)?)))
     }
@@ -97,8 +78,8 @@ impl LoadedModel {
     /// Restores single frames of the model's own body.
     pub fn frame_restorer(&self) -> FrameRestorer<'_> {
         FrameRestorer {
-            prior: &*self.prior,
-            anchor: self.anchor.as_ref(),
+            prior: &*self.placed.prior,
+            anchor: self.placed.anchor.as_ref(),
             solver: &self.solver,
             rigid: None,
         }
@@ -122,19 +103,9 @@ impl LoadedModel {
 
     /// Adapts the prior alone; the rigid distances stay those of the model's own body.
     pub fn adapt_prior(&self, frames: ArrayView2<'_, f64>, noise: f64) -> AdaptedModel<'_> {
-        let map = (self.body.as_ref())
-            .map(|body| body_adaptation::map_to(body, frames, noise, &self.mirror));
-        let is_same = match &map {
-            Some(PoseTransform::Reshape { ratios, .. }) => {
-                ratios.iter().all(|r| (r - 1.0).abs() <= SAME_BODY)
-            }
-            Some(PoseTransform::Rotate(_)) => false,
-            None => true,
-        };
-        let prior = (map.filter(|_| !is_same)).map(|map| self.prior.mapped(&map));
         AdaptedModel {
             model: self,
-            prior,
+            prior: self.placed.for_body(frames, noise),
             rigid: Cow::Borrowed(&self.rigid),
         }
     }
@@ -174,7 +145,7 @@ impl<'a> AdaptedModel<'a> {
             body_adaptation::length_sd(length, noise, count)
         };
         let (from, to) = (
-            self.model.prior.representative_poses(),
+            self.model.placed.prior.representative_poses(),
             prior.representative_poses(),
         );
         self.rigid = Cow::Owned(self.model.rigid.mapped(from, to, length_sd));
@@ -184,8 +155,8 @@ impl<'a> AdaptedModel<'a> {
     /// The training poses (n, 3 J) as the body would take them, cm; `None` where the model keeps none, or not in the pelvis's
     /// frame.
     pub fn training_poses(&self) -> Option<Array2<f64>> {
-        let prior = self.prior.as_deref().unwrap_or(&*self.model.prior);
-        let anchor = self.model.anchor.as_ref();
+        let prior = self.prior.as_deref().unwrap_or(&*self.model.placed.prior);
+        let anchor = self.model.placed.anchor.as_ref();
         anchor.filter(|a| a.root.is_some())?;
         prior.training_poses()
     }
@@ -210,8 +181,8 @@ impl<'a> AdaptedModel<'a> {
     /// Restores frames with the prior alone, no rigid distance kept.
     pub fn restorer(&self) -> FrameRestorer<'_> {
         FrameRestorer {
-            prior: self.prior.as_deref().unwrap_or(&*self.model.prior),
-            anchor: self.model.anchor.as_ref(),
+            prior: self.prior.as_deref().unwrap_or(&*self.model.placed.prior),
+            anchor: self.model.placed.anchor.as_ref(),
             solver: &self.model.solver,
             rigid: None,
         }

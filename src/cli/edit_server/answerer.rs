@@ -43,31 +43,17 @@ pub enum Route {
 }
 
 impl Route {
-    /// All routes.
-    pub const ALL: [Route; 8] = [
-        Route::State,
-        Route::Solve,
-        Route::Act,
-        Route::Solutions,
-        Route::Photograph,
-        Route::Between,
-        Route::Export,
-        Route::Open,
+    /// All routes, with their paths in the address.
+    pub const ALL: [(Route, &'static str); 8] = [
+        (Route::State, "/state"),
+        (Route::Solve, "/solve"),
+        (Route::Act, "/act"),
+        (Route::Solutions, "/solutions"),
+        (Route::Photograph, "/photograph"),
+        (Route::Between, "/between"),
+        (Route::Export, "/export"),
+        (Route::Open, "/open"),
     ];
-
-    /// The path in the address.
-    pub fn path(self) -> &'static str {
-        match self {
-            Route::State => "/state",
-            Route::Solve => "/solve",
-            Route::Act => "/act",
-            Route::Solutions => "/solutions",
-            Route::Photograph => "/photograph",
-            Route::Between => "/between",
-            Route::Export => "/export",
-            Route::Open => "/open",
-        }
-    }
 }
 
 /// A request that has passed the guard.

@@ -150,7 +150,7 @@ async fn accept(listener: TcpListener, router: Router, connections: Arc<Graceful
 
 fn router(shared: &Arc<Shared>) -> Router {
     let mut router = Router::new().route("/", get(page));
-    for route in Route::ALL {
+    for (route, path) in Route::ALL {
         let ask = move |State(shared): State<Arc<Shared>>, body: Body| async move {
             ask(&shared, route, body).await
         };
@@ -158,7 +158,7 @@ fn router(shared: &Arc<Shared>) -> Router {
             Route::State => get(ask),
             _ => post(ask),
         };
-        router = router.route(route.path(), handler);
+        router = router.route(path, handler);
     }
     router
         .fallback(async || Refusal::new(404, "there is nothing at this path"))

@@ -8,7 +8,6 @@ use super::bone_normalization::BoneNormalizer;
 use super::initial_pose::InitialPose;
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
 use crate::pose::Skeleton;
-use crate::pose::rotation::nearest_equivalent_angle;
 use crate::{Error, Result};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
@@ -228,7 +227,8 @@ impl<'a> SequenceFitter<'a> {
         if self.settings.solve.limits {
             self.solver.clamp(&mut best.q);
         } else {
-            self.remove_full_turns(&mut best.q, &self.rest.clone());
+            // A restart may have added whole turns.
+            best.q = self.skeleton.nearest_equivalent(&best.q, &self.rest);
         }
         self.typical_misfit = best.misfit / self.observed_count().max(1) as f64;
         self.q = best.q;
@@ -314,7 +314,7 @@ impl<'a> SequenceFitter<'a> {
             self.pause = (pause, pause);
         }
         if !self.settings.solve.limits {
-            self.remove_full_turns(&mut best.q, &before);
+            best.q = self.skeleton.nearest_equivalent(&best.q, &before);
         }
         out.unconverged += usize::from(!best.converged && !fits(&best));
         if seen > 0 {
@@ -408,16 +408,6 @@ impl SequenceFitter<'_> {
         angles.sort_unstable();
         angles.dedup();
         angles
-    }
-
-    /// Takes whole turns off, as a restart may have added some.
-    fn remove_full_turns(&self, q: &mut [f64], near: &[f64]) {
-        let dofs = self.skeleton.bones().iter().flat_map(|b| &b.dofs);
-        for ((q, near), dof) in q.iter_mut().zip(near).zip(dofs) {
-            if dof.channel.is_angle() {
-                *q = nearest_equivalent_angle(*q, *near);
-            }
-        }
     }
 }
 

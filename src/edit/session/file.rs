@@ -1,9 +1,10 @@
 //! A session as a JSON file that opens again to the same state.
 
-use super::keys::{Key, Keys};
-use super::pose_solver::Pose;
-use super::session::{Session, State};
+use super::{Session, State};
+use crate::edit::keys::{Key, Keys};
+use crate::edit::pose_solver::Pose;
 use crate::pose::Similarity;
+use crate::pose::rotation::is_rotation;
 use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -12,6 +13,8 @@ use serde::{Deserialize, Serialize};
 const FORMAT: &str = "posing session 1";
 /// Values that put joints within this of where the file has them, cm, are of the same skeleton.
 const SAME: f64 = 1e-6;
+/// How far the numbers of a rotation may be from one.
+const ROTATION: f64 = 1e-6;
 
 /// A session in a file.
 #[derive(Debug, Serialize, Deserialize)]
@@ -46,6 +49,8 @@ struct SavedPose {
     /// The joints, cm.
     xyz: Vec<f64>,
     sd: Vec<Option<f64>>,
+    /// How far each pinned joint is from its pin, cm.
+    missed: Vec<f64>,
     unlike: Option<f64>,
     /// The rotation by rows and the shift (cm) of the placement.
     placement: [f64; 12],
@@ -117,15 +122,19 @@ impl Session {
 
     fn opened(&self, saved: &SavedPose, pins: &[[Option<f64>; 3]]) -> Result<Pose> {
         let joints = self.rig().joints();
-        let is_whole =
-            saved.xyz.len() == 3 * joints && saved.sd.len() == joints && pins.len() == joints;
-        if !is_whole {
+        let by_joint = [saved.sd.len(), saved.missed.len(), pins.len()];
+        if saved.xyz.len() != 3 * joints || by_joint != [joints; 3] {
             return Err(Error::usage(
                 "the session has poses of another number of joints",
             ));
         }
         self.check_pins(pins)?;
-        let placed = saved.placement;
+        let placement = saved.placement();
+        if !is_rotation(placement.rotation, ROTATION) {
+            return Err(Error::usage(
+                "the session has a placement whose rotation is none",
+            ));
+        }
         let pose = Pose {
             q: saved.values.clone(),
             xyz: saved.xyz.clone(),
@@ -134,13 +143,9 @@ impl Session {
                 .iter()
                 .map(|sd| sd.unwrap_or(f64::INFINITY))
                 .collect(),
-            missed: vec![0.0; joints],
+            missed: saved.missed.clone(),
             unlike: saved.unlike,
-            placement: Similarity {
-                rotation: DMat3::from_cols_slice(&placed[..9]).transpose(),
-                shift: DVec3::from_slice(&placed[9..]),
-                ..Similarity::IDENTITY
-            },
+            placement,
             is_moving: false,
         };
         let is_own = pose.q.len() == self.rig().skeleton.dof_count() && {
@@ -166,8 +171,64 @@ impl SavedPose {
             values: pose.q.clone(),
             xyz: pose.xyz.clone(),
             sd: pose.sd.iter().map(|sd| known(*sd)).collect(),
+            missed: pose.missed.clone(),
             unlike: pose.unlike,
             placement: std::array::from_fn(|i| if i < 9 { rows[i] } else { shift[i - 9] }),
         }
+    }
+
+    fn placement(&self) -> Similarity {
+        Similarity {
+            rotation: DMat3::from_cols_slice(&self.placement[..9]).transpose(),
+            shift: DVec3::from_slice(&self.placement[9..]),
+            ..Similarity::IDENTITY
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::edit::session::tests::{pins_of, session};
+
+    #[test]
+    fn a_file_opens_to_the_same_state() {
+        let (mut session, mut other) = (session(), session());
+        let pins = pins_of(&session, &["lfoot"]);
+        session.pin_all(&pins).unwrap();
+        let wrist = session.joint("lwrist").unwrap();
+        session
+            .drag(wrist, session.position(wrist) + DVec3::Y * 12.0)
+            .unwrap();
+        session.release();
+        session.set_key(0.5).unwrap();
+        let far = session.position(wrist) + DVec3::X * 300.0;
+        session.pin(wrist, far.to_array().map(Some)).unwrap();
+        let json = session.to_json();
+        other.open_json(json.as_bytes()).unwrap();
+        assert_eq!(other.to_json(), json);
+        assert_eq!(other.state().pose.q, session.state().pose.q);
+        assert!(session.state().pose.missed[wrist] > 50.0);
+        assert_eq!(other.state().pose.missed, session.state().pose.missed);
+        let before = other.state().clone();
+        for wrong in [
+            "",
+            "{}",
+            "[1",
+            &json.replace("session 1", "session 9"),
+            &json.replace("lwrist", "nose"),
+        ] {
+            assert!(other.open_json(wrong.as_bytes()).is_err());
+        }
+        let stretched = json.replacen("\"xyz\":[", "\"xyz\":[0.5,", 1);
+        assert!(
+            other.open_json(stretched.as_bytes()).is_err(),
+            "a number too many"
+        );
+        let mut stretching: serde_json::Value = serde_json::from_str(&json).unwrap();
+        stretching["keys"][0]["pose"]["placement"][4] = 1.01.into();
+        let refused = other.open_json(stretching.to_string().as_bytes());
+        assert!(refused.unwrap_err().to_string().contains("rotation"));
+        assert_eq!(other.state(), &before);
     }
 }
