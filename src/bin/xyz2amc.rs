@@ -6,13 +6,12 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
-use posing::cli::one_take::one_take;
+use posing::cli::one_take::{first_frame_number, one_take};
 use posing::cli::run;
 use posing::cli::streams::write_bytes;
 use posing::cli::units::Units;
 use posing::io::{Amc, Asf};
 use posing::pose::BonePoints;
-use posing::pose::Poses;
 use posing::pose::bone_points::bone_ends_of_starts;
 use posing::restore::ik::SkeletonFit;
 use std::path::PathBuf;
@@ -85,20 +84,6 @@ fn work(args: &Args) -> Result<()> {
     let no_joint = format!("no point has the name of a bone in {}", args.asf.display());
     let skeleton = SkeletonFit::new(&asf.skeleton).limits(args.limits);
     let fitted = fit(&skeleton, &poses, &table.name, &no_joint)?;
-    let take = Amc::from_values(&asf, first_number(&poses, rate), fitted.values());
+    let take = Amc::from_values(&asf, first_frame_number(&poses, rate), fitted.values());
     write_bytes(args.output.as_deref(), &take.to_bytes(), false)
-}
-
-/// The first frame's number: 1 + time * rate where that is a whole number, else 1.
-fn first_number(poses: &Poses, rate: Option<f64>) -> u64 {
-    let first = poses.time.as_ref().and_then(|t| t.first());
-    let (Some(&time), Some(rate)) = (first, rate) else {
-        return 1;
-    };
-    let number = 1.0 + time * rate;
-    if (number - number.round()).abs() <= 0.01 && (0.0..1e15).contains(&number.round()) {
-        number.round() as u64
-    } else {
-        1
-    }
 }

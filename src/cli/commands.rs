@@ -45,6 +45,8 @@ pub const COMMANDS: &[CommandEntry] = &[
     ),
     entry("xyz2bvh", "Convert a pose table to a BVH file", true),
     entry("bvh2xyz", "Convert a BVH file to a pose table", false),
+    entry("c3d2xyz", "Convert a C3D file to a pose table", false),
+    entry("xyz2c3d", "Convert a pose table to a C3D file", false),
     entry("xyz2amc", "Convert a pose table to an AMC take", false),
     entry("prior-train", "Train a pose model", false),
     entry("encode", "Convert poses to sparse codes", false),

@@ -25,6 +25,7 @@ pub mod input;
 pub mod ksvd;
 pub mod launcher;
 pub mod manual;
+pub mod marker_files;
 pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;

@@ -68,6 +68,20 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
     }
 }
 
+/// The first frame's number: 1 + time * rate where that is a whole number, else 1.
+pub fn first_frame_number(poses: &Poses, rate: Option<f64>) -> u64 {
+    let first = poses.time.as_ref().and_then(|t| t.first());
+    let (Some(&time), Some(rate)) = (first, rate) else {
+        return 1;
+    };
+    let number = 1.0 + time * rate;
+    if (number - number.round()).abs() <= 0.01 && (0.0..1e15).contains(&number.round()) {
+        number.round() as u64
+    } else {
+        1
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -109,7 +109,7 @@ fn farthest(a: &[f64], b: &[f64]) -> f64 {
 fn evidence(solver: &PoseSolver, pose: &Pose, now: &Pose) -> f64 {
     let up = |pose: &Pose| pose.placement.rotation.transpose() * DVec3::Y;
     let tilt = up(pose).angle_between(up(now)) / TILT;
-    let world = solver.rig.to_model(&pose.xyz, solver.prior.points);
+    let world = solver.rig.to_model(&pose.xyz, solver.prior.points());
     let mut values = vec![0.0; world.len()];
     pose.placement.undo_pose(&world, &mut values);
     let known = |v: &f64| {

@@ -264,7 +264,7 @@ impl PoseSolver {
         let mut mean = vec![0.0; model.len()];
         placement.apply_pose(model, &mut mean);
         let exact = RestoredFrame {
-            sd: vec![0.0; self.prior.points],
+            sd: vec![0.0; self.prior.points()],
             mean,
             placement,
         };
@@ -304,8 +304,8 @@ impl PoseSolver {
         start: &[f64],
     ) -> Pose {
         let there = RestoredFrame {
-            mean: self.rig.to_model(xyz, self.prior.points),
-            sd: vec![0.0; self.prior.points],
+            mean: self.rig.to_model(xyz, self.prior.points()),
+            sd: vec![0.0; self.prior.points()],
             placement,
         };
         self.fitted(asked, &there, &[start.to_vec()])
@@ -324,7 +324,7 @@ impl PoseSolver {
 
     /// What is asked for as an observation in the model's order: values and variances (3 J).
     fn observation(&self, asked: &Constraints, reference: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let mut y = (self.rig).to_model(&self.carried(asked, reference), self.prior.points);
+        let mut y = (self.rig).to_model(&self.carried(asked, reference), self.prior.points());
         let mut noise = vec![f64::INFINITY; y.len()];
         for (k, point) in self.rig.model_points.iter().enumerate() {
             let Some(p) = *point else { continue };
@@ -465,7 +465,7 @@ impl PoseSolver {
 
     /// Novelty of a pose (3 K); `None` where the model cannot tell.
     fn unlike(&self, xyz: &[f64], placement: &Similarity) -> Option<f64> {
-        let pose = self.rig.to_model(xyz, self.prior.points);
+        let pose = self.rig.to_model(xyz, self.prior.points());
         let is_whole = pose.iter().all(|v| v.is_finite());
         let novelty = is_whole.then(|| self.prior.restorer().novelty(&pose, placement));
         novelty.filter(|n| n.is_finite())

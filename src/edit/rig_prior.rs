@@ -61,7 +61,6 @@ impl OpenedModel {
                 iterations: ITERATIONS,
                 ..PlacementSolver::default()
             },
-            points: self.points.len(),
             names: self.points,
         }
     }
@@ -74,8 +73,6 @@ pub struct RigPrior {
     placement: PlacementSolver,
     /// The names of the model's points (J).
     pub names: Vec<String>,
-    /// The number of the model's points, J.
-    pub points: usize,
 }
 
 impl RigPrior {
@@ -85,6 +82,11 @@ impl RigPrior {
     /// As [`OpenedModel::open`].
     pub fn open(model: &Model, source: &str, rig: &Rig) -> Result<RigPrior> {
         Ok(OpenedModel::open(model, source)?.for_rig(rig))
+    }
+
+    /// The number of the model's points, J.
+    pub fn points(&self) -> usize {
+        self.names.len()
     }
 
     /// Restores observations (3 J) of the body: see [`FrameRestorer`]. No rigid distances are kept, inverse kinematics does that.

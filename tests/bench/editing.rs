@@ -335,7 +335,7 @@ fn ik_alone(solver: &PoseSolver, truth: &[f64], shown: &[usize], start: &Pose) -
     let placed = fit_similarity(pairs, TransformKind::Rigid)
         .expect("points")
         .similarity;
-    let model = solver.rig.to_model(&start.xyz, solver.prior.points);
+    let model = solver.rig.to_model(&start.xyz, solver.prior.points());
     let mut pose = solver.placed(&model, placed, &start.q);
     let mut targets = vec![f64::NAN; truth.len()];
     shown
@@ -450,7 +450,7 @@ fn at_root_of(solver: &PoseSolver, truth: &[f64]) -> Pose {
     let placed = fit_similarity(pairs, TransformKind::Rigid)
         .expect("points")
         .similarity;
-    let model = solver.rig.to_model(&pose.xyz, solver.prior.points);
+    let model = solver.rig.to_model(&pose.xyz, solver.prior.points());
     solver.placed(&model, placed, &pose.q)
 }
 
@@ -742,7 +742,7 @@ type Photograph = (usize, [f64; 3], [f64; 2]);
 fn add_photographs(rows: &mut Vec<Photograph>, solver: &PoseSolver, poses: &[Vec<f64>]) {
     let before = start(solver);
     let mut random = parallel::rng(3, 1);
-    for truth in poses.iter().step_by(10) {
+    for truth in poses.iter().step_by(20) {
         let turn = DMat3::from_rotation_x(random.random_range(-0.2..0.3))
             * DMat3::from_rotation_y(random.random_range(-3.1..3.1));
         let root = place(truth, 0);

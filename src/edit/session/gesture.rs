@@ -9,7 +9,8 @@ use glam::DVec3;
 /// A drag from its first solve to its release, or the marking of a photograph.
 pub struct Gesture {
     before: State,
-    is_photograph: bool,
+    /// The last fit to a photograph.
+    photograph: Option<PhotographFit>,
     dragged: Vec<usize>,
     pinned: Vec<usize>,
     reference: Reference,
@@ -21,14 +22,14 @@ impl Gesture {
     /// Whether the same joints are dragged and pinned. Another `rest` goes on only without a drag: a slider moved to and fro.
     fn goes_on_with(&self, dragged: &[usize], pinned: &[usize], is_same_rest: bool) -> bool {
         let is_same = self.dragged == dragged && self.pinned == pinned;
-        is_same && (is_same_rest || dragged.is_empty()) && !self.is_photograph
+        is_same && (is_same_rest || dragged.is_empty()) && self.photograph.is_none()
     }
 
     /// Its name as a step, at whose end the other joints may go as far as `rest`, cm; `names` are those of the joints.
     fn step(&self, names: &[String], rest: f64) -> String {
         let dragged: Vec<&str> = self.dragged.iter().map(|&k| names[k].as_str()).collect();
         match dragged[..] {
-            _ if self.is_photograph => "the photograph".to_string(),
+            _ if self.photograph.is_some() => "the photograph".to_string(),
             [] if self.before.rest != rest => "the slider".to_string(),
             [] => "the pins".to_string(),
             _ => format!("the drag of {}", dragged.join(" and ")),
@@ -81,7 +82,7 @@ impl Session {
         let moves = !drags.is_empty() || asked.pins != self.now.pins;
         Gesture {
             before: self.now.clone(),
-            is_photograph: false,
+            photograph: None,
             dragged: drags.keys().copied().collect(),
             pinned: pins.keys().copied().collect(),
             asked: asked.at_places(&self.now.pose.xyz),
@@ -134,19 +135,24 @@ impl Session {
     /// # Errors
     /// As [`fit_photograph`].
     pub fn photograph(&mut self, marks: &Marks) -> Result<PhotographFit> {
-        let fit = fit_photograph(&self.solver, marks, &self.now.pose)?;
-        if self.gesture.as_ref().is_none_or(|g| !g.is_photograph) {
-            self.release();
-            let none = Constraints::none(self.rig().joints());
-            self.gesture = Some(Gesture {
-                before: self.now.clone(),
-                is_photograph: true,
-                dragged: Vec::new(),
-                pinned: Vec::new(),
-                reference: Reference::at(self.now.pose.xyz.clone()),
-                asked: none,
-            });
-        }
+        let marked = self.gesture.as_ref().filter(|g| g.photograph.is_some());
+        let previous = marked.and_then(|g| g.photograph.as_ref());
+        let fit = fit_photograph(&self.solver, marks, &self.now.pose, previous)?;
+        let before = match marked {
+            Some(gesture) => gesture.before.clone(),
+            None => {
+                self.release();
+                self.now.clone()
+            }
+        };
+        self.gesture = Some(Gesture {
+            before,
+            photograph: Some(fit.clone()),
+            dragged: Vec::new(),
+            pinned: Vec::new(),
+            reference: Reference::at(self.now.pose.xyz.clone()),
+            asked: Constraints::none(self.rig().joints()),
+        });
         self.now.pose = fit.pose.clone();
         self.now.pins.fill([None; 3]);
         self.revision += 1;

@@ -1,0 +1,177 @@
+//! Takes of markers as tables: what a file says of its rate, unit and axes, or else the flags.
+
+use super::args::{CommonArgs, OutputArgs, parse_rate, value_name};
+use super::input::{open, take_name};
+use super::messages;
+use super::streams::write_table;
+use super::units::{TableUnits, Units, Up};
+use crate::io::{Input, MarkerTake, Table};
+use crate::pose::Poses;
+use crate::{Error, Place, Result};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The unit and the axis of a file of markers, if it does not say them.
+#[derive(Debug, Clone, Args)]
+pub struct MarkerUnitArgs {
+    /// Unit of length of the file [default: what the file says]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    pub units: Option<Units>,
+    /// Axis of the file that points up [default: what the file says]
+    #[arg(long, value_enum, value_name = "AXIS")]
+    pub up: Option<Up>,
+}
+
+/// The flags of commands that convert a file of markers.
+#[derive(Debug, Clone, Args)]
+pub struct MarkerFileArgs {
+    /// The file; - or nothing: standard input
+    #[arg(value_name = "FILE")]
+    pub file: Option<PathBuf>,
+    #[command(flatten)]
+    units: MarkerUnitArgs,
+    /// Frames per second, if the file does not say
+    #[arg(long, value_name = "F", value_parser = parse_rate)]
+    pub fps: Option<f64>,
+    /// Accept a file that ends early: the whole frames before that are kept
+    #[arg(long)]
+    pub keep_whole: bool,
+    #[command(flatten)]
+    out: OutputArgs,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+impl MarkerUnitArgs {
+    /// The unit and the axis: the flags', else the file's.
+    ///
+    /// # Errors
+    /// [`Error::Data`] if neither says one.
+    pub fn table_units(&self, take: &MarkerTake) -> Result<TableUnits> {
+        let said = take.units.as_deref().and_then(unit_of);
+        let unit = self.units.or(said).ok_or_else(|| {
+            asked(
+                take,
+                "unit",
+                take.units.as_deref(),
+                "--units mm (or cm, m, in)",
+            )
+        })?;
+        if let (Some(given), Some(said)) = (self.units, said)
+            && given != said
+        {
+            messages::info(&format!(
+                "{}: says that its unit is {}; it is taken for {}, as --units says",
+                take.name,
+                value_name(said),
+                value_name(given)
+            ));
+        }
+        let up = (self.up)
+            .or(take.up.as_deref().and_then(axis_of))
+            .ok_or_else(|| asked(take, "up axis", take.up.as_deref(), "--up z (or x, y)"))?;
+        Ok(TableUnits { unit, up })
+    }
+}
+
+impl MarkerFileArgs {
+    /// Reads the file with `read`, which is told whether one that ends early is accepted, and writes its points as a table.
+    ///
+    /// # Errors
+    /// Those of `read`; [`Error::Data`] if neither the file nor a flag says the rate, the unit or the axis; [`Error::Usage`] if a flag
+    /// contradicts the rate of the file.
+    pub fn convert(&self, read: impl Fn(Input, bool) -> Result<MarkerTake>) -> Result<()> {
+        self.common.apply()?;
+        let path = self.file.clone().unwrap_or_else(|| PathBuf::from("-"));
+        let take = read(open(&path)?, self.keep_whole)?;
+        let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
+        take.notes.iter().for_each(said);
+        let units = self.units.table_units(&take)?;
+        let poses = poses(&take, units, self.rate(&take)?, &path);
+        let table = Table::from_poses(poses);
+        let xyz = table.poses.xyz.view();
+        write_table(&self.out, TableUnits::CM_Y, &table, xyz, &[], |_| {
+            Vec::new()
+        })
+    }
+
+    /// Frames a second: the file's, else the flag's.
+    fn rate(&self, take: &MarkerTake) -> Result<f64> {
+        match (take.rate, self.fps) {
+            (Some(rate), Some(fps)) if (fps - rate).abs() > 1e-4 * rate => {
+                Err(Error::usage(format!(
+                    "--fps {fps} contradicts {}, which has {rate} frames per second; leave --fps out",
+                    take.name
+                )))
+            }
+            (Some(rate), _) | (None, Some(rate)) => Ok(rate),
+            (None, None) => Err(asked(take, "rate", None, "--fps F (frames per second)")),
+        }
+    }
+}
+
+/// What is neither in the file nor given.
+fn asked(take: &MarkerTake, what: &str, said: Option<&str>, flag: &str) -> Error {
+    let what = match said {
+        Some(said) => {
+            format!("says \"{said}\" of its {what}, which is not understood; give it with {flag}")
+        }
+        None => format!("does not say its {what}; give it with {flag}"),
+    };
+    Error::data(Place::file(&take.name), what)
+}
+
+/// The points of a take in centimetres, y up, a frame a row; its name is that of the file.
+fn poses(take: &MarkerTake, units: TableUnits, rate: f64, path: &Path) -> Poses {
+    let mut xyz = take.xyz.clone();
+    for mut row in xyz.rows_mut() {
+        if let Some(row) = row.as_slice_mut() {
+            units.read(row);
+        }
+    }
+    let name: Arc<str> = take_name(path).into();
+    let first = f64::from(take.first_frame) - 1.0;
+    let times = (0..xyz.nrows()).map(|t| (first + t as f64) / rate);
+    Poses {
+        points: take.points.clone(),
+        time: Some(times.collect()),
+        take: Some(vec![name; xyz.nrows()]),
+        xyz,
+    }
+}
+
+/// The unit of a word such as `mm` or `Millimeters`.
+pub fn unit_of(word: &str) -> Option<Units> {
+    Some(match word.trim().to_ascii_lowercase().as_str() {
+        "mm" | "millimeters" | "millimetres" | "millimeter" | "millimetre" => Units::Mm,
+        "cm" | "centimeters" | "centimetres" | "centimeter" | "centimetre" => Units::Cm,
+        "m" | "meters" | "metres" | "meter" | "metre" => Units::M,
+        "in" | "inch" | "inches" => Units::In,
+        _ => return None,
+    })
+}
+
+/// The axis of a word such as `+Z`; an axis that points down is none.
+pub fn axis_of(word: &str) -> Option<Up> {
+    Some(match word.trim().to_ascii_lowercase().as_str() {
+        "+x" | "x" => Up::X,
+        "+y" | "y" => Up::Y,
+        "+z" | "z" => Up::Z,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_and_axes_are_read_as_they_are_written() {
+        assert_eq!(unit_of(" MM "), Some(Units::Mm));
+        assert_eq!(unit_of("Meters"), Some(Units::M));
+        assert_eq!(unit_of("furlong"), None);
+        assert_eq!(axis_of("+Z"), Some(Up::Z));
+        assert_eq!(axis_of("-Z"), None);
+    }
+}

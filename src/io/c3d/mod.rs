@@ -1,0 +1,115 @@
+//! C3D files: the trajectories of markers, as motion capture systems and biomechanists exchange them.
+//!
+//! A file is blocks of 512 bytes: a header, a section of parameters, and frames of points, each followed by that frame's samples of
+//! analog channels. Written as the C3D Format User Guide (Motion Lab Systems, 2008) has it; what is known to be written otherwise is
+//! read with a note.
+
+mod header;
+mod numbers;
+mod parameters;
+mod points;
+mod write;
+
+pub use write::NewC3d;
+
+use self::header::Layout;
+use self::numbers::Processor;
+use self::parameters::Parameters;
+use super::input::Input;
+use super::marker_take::{MarkerTake, unique_names};
+use crate::{Error, Place, Result};
+
+/// Larger files are refused, bytes.
+const LIMIT: u64 = 1 << 31;
+
+/// A C3D file: its take of markers, and all of its bytes.
+#[derive(Debug, Clone)]
+pub struct C3d {
+    /// The points; NaN where one is invalid (a residual of -1).
+    pub take: MarkerTake,
+    bytes: Vec<u8>,
+    layout: Layout,
+}
+
+impl C3d {
+    /// Whether a file that begins so is a C3D file: the second byte is the key of all, and none is text alone.
+    pub fn is_c3d(start: &[u8]) -> bool {
+        matches!(start, [_, 0x50, ..]) && start.iter().any(|b| *b < 9)
+    }
+
+    /// Reads a file. With `keep_whole`, one that ends early gives the frames that it has.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: it is no C3D file, has no points or frames, or ends early. [`Error::Io`]: reading fails.
+    pub fn read(input: Input, keep_whole: bool) -> Result<C3d> {
+        let name = input.name.clone();
+        let bytes = input.read_all(LIMIT)?;
+        let bad = |what: String| Error::data(Place::file(&name), what);
+        let mut notes = Vec::new();
+        let (processor, section) = parameter_section(&bytes, &mut notes).map_err(bad)?;
+        let parameters = Parameters::read(section, processor);
+        if let Some(broken) = &parameters.broken {
+            notes.push(format!("{broken}; the parameters after it are not read"));
+        }
+        let layout = Layout::read(&bytes, processor, &parameters, keep_whole, &mut notes);
+        let layout = layout.map_err(bad)?;
+        let xyz = points::read(&bytes, &layout);
+        let rate = [layout.rate, parameters.number("POINT:RATE").unwrap_or(0.0)];
+        let rate = rate.into_iter().find(|r| r.is_finite() && *r > 0.0);
+        let take = MarkerTake {
+            points: point_names(&parameters, layout.points),
+            first_frame: layout.first_frame,
+            rate,
+            units: parameters.text("POINT:UNITS").map(str::to_string),
+            up: parameters.text("POINT:Y_SCREEN").map(str::to_string),
+            notes,
+            name,
+            xyz,
+        };
+        Ok(C3d {
+            take,
+            bytes,
+            layout,
+        })
+    }
+}
+
+/// The parameter section, and the processor that it names.
+fn parameter_section<'a>(
+    bytes: &'a [u8],
+    notes: &mut Vec<String>,
+) -> std::result::Result<(Processor, &'a [u8]), String> {
+    if !C3d::is_c3d(&bytes[..bytes.len().min(512)]) {
+        return Err("is no C3D file: its second byte is not 0x50".into());
+    }
+    let block = (bytes[0] as usize).max(2);
+    if bytes[0] < 2 {
+        notes.push(format!(
+            "the parameters begin in block {}, taken for 2",
+            bytes[0]
+        ));
+    }
+    let section = bytes.get(512 * (block - 1)..).filter(|s| s.len() >= 4);
+    let section = section.ok_or("ends before its parameters")?;
+    let processor = Processor::of_byte(section[3]).ok_or_else(|| {
+        format!(
+            "names the processor {}, expected 84 (Intel), 85 (DEC) or 86 (SGI)",
+            section[3]
+        )
+    })?;
+    Ok((processor, section))
+}
+
+/// The names of the points: POINT:LABELS, POINT:LABELS2 and so on.
+fn point_names(parameters: &Parameters, points: usize) -> Vec<String> {
+    let more = (2..).map(|i| format!("POINT:LABELS{i}"));
+    let groups = std::iter::once("POINT:LABELS".to_string()).chain(more);
+    let mut labels: Vec<&str> = groups
+        .map(|name| parameters.texts(&name))
+        .take_while(|texts| !texts.is_empty())
+        .flatten()
+        .map(String::as_str)
+        .collect();
+    labels.resize(points, "");
+    unique_names(labels)
+}

@@ -1,0 +1,183 @@
+//! The parameter section of a C3D file: groups of named values.
+
+use super::numbers::Processor;
+use std::collections::HashMap;
+
+/// The values of the parameters of a file, by `GROUP:NAME` in capitals.
+#[derive(Debug, Clone, Default)]
+pub struct Parameters {
+    values: HashMap<String, Value>,
+    /// Where the parameters cannot be followed further, and why.
+    pub broken: Option<String>,
+}
+
+/// The value of a parameter.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// Strings, without the blanks at their ends.
+    Text(Vec<String>),
+    /// Integers (those of 16 bits without their sign: counts go up to 65,535) and reals.
+    Numbers(Vec<f64>),
+}
+
+impl Parameters {
+    /// Follows the parameters of a section, which begins with its head of four bytes.
+    pub fn read(section: &[u8], processor: Processor) -> Parameters {
+        let mut parameters = Parameters::default();
+        let mut groups: HashMap<i8, String> = HashMap::new();
+        let mut entries: Vec<(i8, String, Value)> = Vec::new();
+        let mut at = 4;
+        loop {
+            let entry = match Entry::read(section, at, processor) {
+                Ok(Some(entry)) => entry,
+                Ok(None) => break,
+                Err(what) => {
+                    parameters.broken = Some(format!("byte {at} of the parameters: {what}"));
+                    break;
+                }
+            };
+            match entry.value {
+                None => drop(groups.insert(-entry.group, entry.name)),
+                Some(value) => entries.push((entry.group, entry.name, value)),
+            }
+            let Some(next) = entry.next else { break };
+            at = next;
+        }
+        for (group, name, value) in entries {
+            let group = groups.get(&group).map_or("", String::as_str);
+            parameters
+                .values
+                .entry(format!("{group}:{name}"))
+                .or_insert(value);
+        }
+        parameters
+    }
+
+    /// The first number of a parameter.
+    pub fn number(&self, name: &str) -> Option<f64> {
+        match self.values.get(name)? {
+            Value::Numbers(numbers) => numbers.first().copied(),
+            Value::Text(_) => None,
+        }
+    }
+
+    /// The numbers of a parameter; none where it is not there.
+    pub fn numbers(&self, name: &str) -> &[f64] {
+        match self.values.get(name) {
+            Some(Value::Numbers(numbers)) => numbers,
+            _ => &[],
+        }
+    }
+
+    /// The first string of a parameter, if it says anything.
+    pub fn text(&self, name: &str) -> Option<&str> {
+        let first = self.texts(name).first()?;
+        Some(first.as_str()).filter(|text| !text.is_empty())
+    }
+
+    /// The strings of a parameter; none where it is not there.
+    pub fn texts(&self, name: &str) -> &[String] {
+        match self.values.get(name) {
+            Some(Value::Text(texts)) => texts,
+            _ => &[],
+        }
+    }
+}
+
+/// A group, which has no value, or a parameter.
+struct Entry {
+    /// Negative for groups.
+    group: i8,
+    name: String,
+    value: Option<Value>,
+    /// Where the next entry begins; `None` after the last.
+    next: Option<usize>,
+}
+
+impl Entry {
+    /// The entry at a byte of the section; `None` at its end.
+    fn read(section: &[u8], at: usize, processor: Processor) -> Result<Option<Entry>, String> {
+        let Some(head) = section.get(at..at + 2) else {
+            return Ok(None);
+        };
+        // A locked name has a negative length.
+        let (length, group) = ((head[0] as i8).unsigned_abs() as usize, head[1] as i8);
+        if length == 0 || group == 0 {
+            return Ok(None);
+        }
+        let cut = || "the section ends within an entry".to_string();
+        let name = section.get(at + 2..at + 2 + length).ok_or_else(cut)?;
+        let name = text(name).to_ascii_uppercase();
+        let after = at + 2 + length;
+        let offset = section.get(after..after + 2).ok_or_else(cut)?;
+        let offset = processor.u16([offset[0], offset[1]]) as usize;
+        let next = (offset > 0).then_some(after + offset);
+        let value = match group > 0 {
+            true => Some(value(
+                section.get(after + 2..).unwrap_or_default(),
+                processor,
+                &name,
+            )?),
+            false => None,
+        };
+        Ok(Some(Entry {
+            group,
+            name,
+            value,
+            next,
+        }))
+    }
+}
+
+/// The value that begins with its type and its dimensions.
+fn value(bytes: &[u8], processor: Processor, name: &str) -> Result<Value, String> {
+    let cut = || format!("the section ends within {name}");
+    let (kind, count) = match bytes {
+        [kind, count, ..] => (*kind as i8, *count as usize),
+        _ => return Err(cut()),
+    };
+    let sizes = bytes.get(2..2 + count).ok_or_else(cut)?;
+    let items: usize = sizes
+        .iter()
+        .try_fold(1_usize, |n, s| n.checked_mul(*s as usize))
+        .ok_or_else(cut)?;
+    let size = match kind {
+        -1 | 1 => 1,
+        2 => 2,
+        4 => 4,
+        _ => {
+            return Err(format!(
+                "{name} has the type {kind}, expected -1, 1, 2 or 4"
+            ));
+        }
+    };
+    let rest = &bytes[2 + count..];
+    let all = items.checked_mul(size).ok_or_else(cut)?;
+    let data = rest.get(..all).ok_or_else(cut)?;
+    Ok(match kind {
+        -1 => {
+            let each = sizes.first().map_or(1, |s| *s as usize);
+            Value::Text(data.chunks(each.max(1)).map(text).collect())
+        }
+        1 => Value::Numbers(data.iter().map(|b| f64::from(*b)).collect()),
+        2 => Value::Numbers(
+            data.chunks_exact(2)
+                .map(|b| f64::from(processor.u16([b[0], b[1]])))
+                .collect(),
+        ),
+        _ => Value::Numbers(
+            data.chunks_exact(4)
+                .map(|b| f64::from(processor.f32([b[0], b[1], b[2], b[3]])))
+                .collect(),
+        ),
+    })
+}
+
+/// Text without blanks and zeros at its ends; bytes that are no UTF-8 are taken for Latin-1.
+fn text(bytes: &[u8]) -> String {
+    let whole = match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_string(),
+        Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
+    };
+    whole.trim_matches([' ', '\0', '\t']).to_string()
+}
