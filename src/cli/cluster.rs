@@ -4,6 +4,7 @@ use super::args::OutputArgs;
 use super::streams::create_table;
 use super::units::TableUnits;
 use crate::cluster::KMeans;
+use crate::io::output::CompleteOutput;
 use crate::io::{Row, Table, TableFormat};
 use crate::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -93,7 +94,8 @@ impl SplitFolder<'_> {
         Ok(())
     }
 
-    /// Writes the frames with label i into part i, with all their columns.
+    /// Writes the frames with label i into part i, with all their columns. No part appears before all are written: parts of two
+    /// splits are never mixed.
     ///
     /// # Errors
     /// When a file cannot be written.
@@ -104,6 +106,7 @@ impl SplitFolder<'_> {
         for (frame, &label) in labels.iter().enumerate() {
             members[label as usize].push(frame);
         }
+        let mut complete = Vec::new();
         for (part, members) in members.into_iter().enumerate() {
             let out = OutputArgs {
                 output: Some(PathBuf::from(self.folder).join(self.name(part))),
@@ -115,8 +118,8 @@ impl SplitFolder<'_> {
                 let xyz = row.xyz.clone();
                 sink.write(&mut row, &xyz, &[])?;
             }
-            sink.finish()?;
+            complete.push(sink.complete()?);
         }
-        Ok(())
+        complete.into_iter().try_for_each(CompleteOutput::publish)
     }
 }

@@ -1,7 +1,7 @@
 //! What happens when a signal ends the process.
 
 use crate::io::output::remove_unfinished_files;
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
 use std::sync::{Mutex, Once, PoisonError};
@@ -11,11 +11,11 @@ type Stop = Box<dyn FnOnce() + Send>;
 /// What the next signal calls instead of ending the process.
 static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 
-/// Handles SIGINT and SIGTERM from now on: unfinished files are removed, then the process ends as by default.
+/// Handles SIGHUP, SIGINT and SIGTERM from now on: unfinished files are removed, then the process ends as by default.
 pub fn watch() {
     static WATCHING: Once = Once::new();
     WATCHING.call_once(|| {
-        let heeded = [SIGINT, SIGTERM].into_iter().filter(|s| !is_ignored(*s));
+        let heeded = [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|s| !is_ignored(*s));
         let Ok(mut signals) = Signals::new(heeded) else {
             return;
         };
@@ -33,7 +33,7 @@ pub fn watch() {
     });
 }
 
-/// Lets the next SIGINT or SIGTERM call `stop`, after which the process ends by itself. One more ends it as [`watch`] does.
+/// Lets the next SIGHUP, SIGINT or SIGTERM call `stop`, after which the process ends by itself. One more ends it as [`watch`] does.
 pub fn on_stop(stop: impl FnOnce() + Send + 'static) {
     *STOP.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(stop));
     watch();

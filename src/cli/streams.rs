@@ -3,7 +3,7 @@
 use super::args::OutputArgs;
 use super::units::TableUnits;
 use crate::io::csv::{AddedColumn, After};
-use crate::io::output::file_descriptor;
+use crate::io::output::{CompleteOutput, file_descriptor};
 use crate::io::text::push_f64;
 use crate::io::{Columns, Row, Table};
 use crate::io::{Output, TableFormat, TableWriter};
@@ -104,6 +104,11 @@ impl TableSink {
     /// Writes the last rows and completes the table.
     pub fn finish(self) -> Result<()> {
         self.writer.finish()
+    }
+
+    /// Writes the last rows; a file is not yet at its path.
+    pub fn complete(self) -> Result<CompleteOutput> {
+        self.writer.complete()
     }
 }
 

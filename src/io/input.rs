@@ -4,9 +4,14 @@ use crate::{Error, Place, Result};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The size of the buffers, in bytes.
 const BUFFER: usize = 1 << 16;
+/// What unpacks to more than this, bytes, may not be so many times larger than it was packed.
+const UNPACKED: u64 = 1 << 26;
+const MOST_UNPACKED: u64 = 100;
 /// The number of bytes by which a format is recognised.
 const MAGIC: usize = 12;
 
@@ -17,6 +22,8 @@ pub struct Input {
     kind: ContentKind,
     first: Vec<u8>,
     reader: Box<dyn BufRead>,
+    /// The packed bytes read so far, of gzip and zstd.
+    packed: Option<Arc<AtomicU64>>,
 }
 
 /// The kind of content, by its first bytes.
@@ -58,6 +65,8 @@ impl Input {
         let name = name.into();
         let fail = |e| Error::io(&name, e);
         let (first, stream) = start(stream).map_err(fail)?;
+        let packed = Arc::new(AtomicU64::new(0));
+        let stream = Counted(stream, packed.clone());
         let stream: Box<dyn Read> = if first.starts_with(&[0x1f, 0x8b]) {
             let stream = BufReader::with_capacity(BUFFER, stream);
             Box::new(flate2::bufread::MultiGzDecoder::new(stream))
@@ -72,6 +81,7 @@ impl Input {
                 kind,
                 first,
                 reader,
+                packed: None,
             });
         };
         let (first, stream) = start(stream).map_err(fail)?;
@@ -79,6 +89,7 @@ impl Input {
             kind: kind_of(&first),
             first,
             reader: Box::new(BufReader::with_capacity(BUFFER, stream)),
+            packed: Some(packed),
             name,
         })
     }
@@ -96,25 +107,47 @@ impl Input {
     /// Reads the remaining bytes, at most `limit`.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails. [`Error::Data`]: more than `limit` bytes.
+    /// [`Error::Io`]: reading fails. [`Error::Data`]: more than `limit` bytes, or far more than were packed.
     pub fn read_all(mut self, limit: u64) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        let fail = |e| Error::io(&self.name, e);
-        self.reader
-            .by_ref()
-            .take(limit)
-            .read_to_end(&mut bytes)
-            .map_err(fail)?;
-        if bytes.len() as u64 == limit && !self.reader.fill_buf().map_err(fail)?.is_empty() {
-            let what = format!("is larger than {} MiB", limit >> 20);
-            return Err(Error::data(Place::file(self.name), what));
+        loop {
+            let there = self.reader.fill_buf();
+            let there = match there {
+                Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
+                there => there.map_err(|e| Error::io(&self.name, e))?,
+            };
+            if there.is_empty() {
+                return Ok(bytes);
+            }
+            let (count, all) = (there.len(), (bytes.len() + there.len()) as u64);
+            let packed = self.packed.as_ref().map(|n| n.load(Ordering::Relaxed));
+            let most = packed.map_or(limit, |n| limit.min(UNPACKED.max(MOST_UNPACKED * n)));
+            if all > most {
+                let what = match most < limit {
+                    true => format!("unpacks to more than {MOST_UNPACKED} times its size"),
+                    false => format!("is larger than {} MiB", limit >> 20),
+                };
+                return Err(Error::data(Place::file(self.name), what));
+            }
+            bytes.extend_from_slice(there);
+            self.reader.consume(count);
         }
-        Ok(bytes)
     }
 
     /// The stream itself.
     pub fn into_reader(self) -> Box<dyn BufRead> {
         self.reader
+    }
+}
+
+/// Counts the bytes that are read.
+struct Counted<R>(R, Arc<AtomicU64>);
+
+impl<R: Read> Read for Counted<R> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let count = self.0.read(out)?;
+        self.1.fetch_add(count as u64, Ordering::Relaxed);
+        Ok(count)
     }
 }
 
@@ -163,6 +196,17 @@ mod tests {
             assert_eq!(input.kind(), ContentKind::Text);
             assert_eq!(input.read_all(1000).unwrap(), b"take,time\n");
         }
+    }
+
+    #[test]
+    fn what_unpacks_to_far_more_is_refused() {
+        let zeros = std::io::repeat(0).take(UNPACKED + 1);
+        let mut packed = flate2::read::GzEncoder::new(zeros, flate2::Compression::fast());
+        let mut bytes = Vec::new();
+        packed.read_to_end(&mut bytes).unwrap();
+        let input = Input::new("x", io::Cursor::new(bytes)).unwrap();
+        let message = input.read_all(1 << 40).unwrap_err().to_string();
+        assert_eq!(message, "x: unpacks to more than 100 times its size");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::fs;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
 
 /// Where bytes are written: a file, or a stream such as standard output.
 ///
@@ -40,12 +40,17 @@ static UNFINISHED_FILES: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 struct UnfinishedFile(PathBuf);
 
 impl UnfinishedFile {
-    fn register(path: &Path) -> UnfinishedFile {
+    /// Makes a temporary file. Both are one step: no signal comes between that would leave the file.
+    fn make(
+        make: impl FnOnce() -> io::Result<NamedTempFile>,
+    ) -> io::Result<(NamedTempFile, UnfinishedFile)> {
         let mut all = UNFINISHED_FILES
             .lock()
             .unwrap_or_else(PoisonError::into_inner);
-        all.push(path.to_path_buf());
-        UnfinishedFile(path.to_path_buf())
+        let file = make()?;
+        all.push(file.path().to_path_buf());
+        let path = file.path().to_path_buf();
+        Ok((file, UnfinishedFile(path)))
     }
 }
 
@@ -58,7 +63,7 @@ impl Drop for UnfinishedFile {
     }
 }
 
-/// Removes the temporary files of outputs that are not finished. For use before a signal ends the process.
+/// Removes the temporary files of outputs that are not finished, and lets no more be made. For use before a signal ends the process.
 pub fn remove_unfinished_files() {
     let all = UNFINISHED_FILES
         .lock()
@@ -67,6 +72,7 @@ pub fn remove_unfinished_files() {
         // A file that was finished just now is gone already.
         let _ = fs::remove_file(path);
     }
+    std::mem::forget(all);
 }
 
 impl Output {
@@ -89,14 +95,17 @@ impl Output {
             Some(p) if !p.as_os_str().is_empty() => p,
             _ => Path::new("."),
         };
-        let file = tempfile::Builder::new()
-            .prefix(".posing-")
-            .suffix(".tmp")
-            .permissions(permissions(&resolved))
-            .tempfile_in(folder)
-            .map_err(fail)?;
+        let permissions = permissions(&resolved);
+        let make = || {
+            tempfile::Builder::new()
+                .prefix(".posing-")
+                .suffix(".tmp")
+                .permissions(permissions)
+                .tempfile_in(folder)
+        };
+        let (file, unfinished) = UnfinishedFile::make(make).map_err(fail)?;
         let target = Target::Temporary {
-            _unfinished: UnfinishedFile::register(file.path()),
+            _unfinished: unfinished,
             file: BufWriter::with_capacity(1 << 16, file),
             path: resolved,
         };
@@ -157,16 +166,51 @@ impl Output {
     ///
     /// # Errors
     /// [`Error::Io`], with the name of the output.
-    pub fn finish(mut self) -> Result<()> {
+    pub fn finish(self) -> Result<()> {
+        self.complete()?.publish()
+    }
+
+    /// Flushes, and syncs a file, which is not yet at its path: of several, none appears before all are complete.
+    ///
+    /// # Errors
+    /// [`Error::Io`], with the name of the output.
+    pub fn complete(mut self) -> Result<CompleteOutput> {
         self.flush()?;
-        let Target::Temporary { file, path, .. } = self.target else {
-            return Ok(());
+        let name = self.name;
+        let Target::Temporary {
+            file,
+            path,
+            _unfinished: unfinished,
+        } = self.target
+        else {
+            return Ok(CompleteOutput::default());
         };
-        let fail = |e| Error::io(&self.name, e);
+        let fail = |e| Error::io(&name, e);
         let file = file.into_inner().map_err(|e| fail(e.into_error()))?;
         file.as_file().sync_all().map_err(fail)?;
-        file.persist(path).map_err(|e| fail(e.error))?;
-        Ok(())
+        let file = Some((file.into_temp_path(), path, unfinished));
+        Ok(CompleteOutput { name, file })
+    }
+}
+
+/// An output that is written whole. Dropped, it leaves nothing behind.
+#[derive(Default)]
+pub struct CompleteOutput {
+    name: String,
+    /// The temporary file and the path that it gets; `None` for streams.
+    file: Option<(TempPath, PathBuf, UnfinishedFile)>,
+}
+
+impl CompleteOutput {
+    /// Renames the file to its path.
+    ///
+    /// # Errors
+    /// [`Error::Io`], with the name of the output.
+    pub fn publish(self) -> Result<()> {
+        let Some((file, path, _unfinished)) = self.file else {
+            return Ok(());
+        };
+        file.persist(path).map_err(|e| Error::io(&self.name, e.error))
     }
 }
 

@@ -6,7 +6,7 @@
 use super::columns::Columns;
 use super::csv::{AddedColumn, CsvFormat};
 use super::npy;
-use super::output::Output;
+use super::output::{CompleteOutput, Output};
 use super::row::Row;
 use crate::{Error, Result};
 use rayon::prelude::*;
@@ -118,10 +118,18 @@ impl TableWriter {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.
-    pub fn finish(mut self) -> Result<()> {
+    pub fn finish(self) -> Result<()> {
+        self.complete()?.publish()
+    }
+
+    /// Writes the last rows; the file is not yet at its path ([`Output::complete`]).
+    ///
+    /// # Errors
+    /// [`Error::Io`]: writing fails.
+    pub fn complete(mut self) -> Result<CompleteOutput> {
         match self.drain()? {
-            Some(encoder) => encoder.finish(),
-            None => Ok(()),
+            Some(encoder) => encoder.complete(),
+            None => Ok(CompleteOutput::default()),
         }
     }
 
@@ -357,7 +365,7 @@ impl Encoder {
         }
     }
 
-    fn finish(mut self) -> Result<()> {
+    fn complete(mut self) -> Result<CompleteOutput> {
         if let Format::Npy {
             width,
             frames,
@@ -382,7 +390,7 @@ impl Encoder {
                 }
             }
         }
-        self.output.finish()
+        self.output.complete()
     }
 }
 

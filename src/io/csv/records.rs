@@ -13,12 +13,24 @@ struct Unclosed(u64);
 
 /// The error of a file with that name.
 pub(super) fn fault(name: &str, e: io::Error) -> Error {
-    let unclosed = e.get_ref().and_then(|e| e.downcast_ref::<Unclosed>());
-    match unclosed {
-        Some(what) => Error::data(Place::line(name, what.0), what.to_string()),
-        None => Error::io(name, e),
+    let inner = e.get_ref();
+    let unclosed = inner.and_then(|e| e.downcast_ref::<Unclosed>());
+    let too_long = inner.and_then(|e| e.downcast_ref::<TooLong>());
+    let line = unclosed.map(|what| what.0).or(too_long.map(|what| what.0));
+    match (line, inner) {
+        (Some(line), Some(what)) => Error::data(Place::line(name, line), what.to_string()),
+        _ => Error::io(name, e),
     }
 }
+
+/// Longer records are refused, bytes, and such with more cells: a quote that is not closed, or no table at all.
+const MOST_BYTES: usize = 1 << 24;
+const MOST_CELLS: usize = 1 << 20;
+
+/// A record that is too long, and the line that it begins in.
+#[derive(Debug, thiserror::Error)]
+#[error("a row has more than {MOST_BYTES} bytes or {MOST_CELLS} cells: is it a table, and are its quotes closed?")]
+struct TooLong(u64);
 
 /// Reads records one at a time; between two records, the buffer may be parsed ahead.
 pub(super) struct Records {
@@ -76,8 +88,16 @@ impl Records {
                     return Err(io::Error::new(io::ErrorKind::InvalidData, Unclosed(line)));
                 }
                 ReadRecordResult::InputEmpty => {}
-                ReadRecordResult::OutputFull => self.text.resize(2 * self.text.len(), 0),
-                ReadRecordResult::OutputEndsFull => self.ends.resize(2 * self.ends.len(), 0),
+                ReadRecordResult::OutputFull if text < MOST_BYTES => {
+                    self.text.resize(2 * self.text.len(), 0);
+                }
+                ReadRecordResult::OutputEndsFull if ends < MOST_CELLS => {
+                    self.ends.resize(2 * self.ends.len(), 0);
+                }
+                ReadRecordResult::OutputFull | ReadRecordResult::OutputEndsFull => {
+                    self.ended = true;
+                    return Err(io::Error::new(io::ErrorKind::InvalidData, TooLong(line)));
+                }
                 ReadRecordResult::Record => {
                     cells.set_fields(&self.text[..text], &self.ends[..ends], line);
                     return Ok(true);
@@ -131,6 +151,7 @@ impl Records {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::Read;
 
     /// The number of records, or the error.
     fn count(text: &'static str, at_once: usize) -> Result<usize, String> {
@@ -144,6 +165,22 @@ mod tests {
             n += 1;
         }
         Ok(n)
+    }
+
+    #[test]
+    fn a_record_without_end_is_refused_before_it_fills_memory() {
+        for start in ["a,b\n", "a,b\n\"", "a,"] {
+            let reader = std::io::Cursor::new(start).chain(std::io::repeat(b'x'));
+            let reader: Box<dyn BufRead> = Box::new(BufReader::new(reader));
+            let mut records = Records::new(BufReader::new(reader));
+            let mut cells = Cells::default();
+            let first = loop {
+                if let Err(e) = records.read(&mut cells) {
+                    break fault("t", e).to_string();
+                }
+            };
+            assert!(first.contains("more than"), "{first}");
+        }
     }
 
     #[test]
