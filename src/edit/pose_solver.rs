@@ -354,35 +354,23 @@ impl PoseSolver {
         (y, noise)
     }
 
-    /// Where the joints are to stay: where they were, but a dragged root carries the others along, those above a held joint a part
-    /// of the way (by the number of joints between).
+    /// Where the joints are to stay: where they were, but a dragged root carries along those that no held joint is below.
     fn carried(&self, asked: &Constraints, reference: &[f64]) -> Vec<f64> {
         let mut carried = reference.to_vec();
         let drags = asked.drags.iter().zip(&self.rig.parents).enumerate();
-        let roots = drags.filter(|(_, (_, parent))| parent.is_none());
-        let Some((root, to)) = roots
-            .filter_map(|(k, (drag, _))| Some((k, (*drag)?.0)))
-            .next()
-        else {
+        let mut roots = drags.filter(|(_, (_, parent))| parent.is_none());
+        let Some((root, to)) = roots.find_map(|(k, (drag, _))| Some((k, (*drag)?.0))) else {
             return carried;
         };
-        let above = |k: usize| std::iter::successors(Some(k), |&k| self.rig.parents[k]);
-        let joints = 0..self.rig.joints();
-        let mut to_held = vec![f64::INFINITY; self.rig.joints()];
-        for held in joints.clone().filter(|&k| is_held(asked, reference, k)) {
-            for (far, k) in above(held).enumerate() {
-                to_held[k] = to_held[k].min(far as f64);
-            }
-        }
         let way = to - DVec3::from_slice(&reference[3 * root..]);
-        for k in joints {
-            let to_root = above(k).count() as f64 - 1.0;
-            let share = if to_held[k].is_finite() {
-                to_held[k] / (to_held[k] + to_root).max(1.0)
-            } else {
-                1.0
-            };
-            (0..3).for_each(|c| carried[3 * k + c] += share * way[c]);
+        let mut stays = vec![false; self.rig.joints()];
+        for held in (0..self.rig.joints()).filter(|&k| is_held(asked, reference, k)) {
+            let above = std::iter::successors(Some(held), |&k| self.rig.parents[k]);
+            above.for_each(|k| stays[k] = true);
+        }
+        let joints = carried.chunks_exact_mut(3).zip(stays);
+        for (at, _) in joints.filter(|(_, stays)| !stays) {
+            (0..3).for_each(|c| at[c] += way[c]);
         }
         carried
     }
