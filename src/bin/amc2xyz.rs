@@ -2,7 +2,7 @@
 
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
-use posing::cli::input::{check_single_stdin, open, or_stdin, take_name};
+use posing::cli::input::{TakeNames, check_single_stdin, open, or_stdin, take_name};
 use posing::cli::streams::{TableSink, create_table};
 use posing::cli::units::{TableUnits, Units};
 use posing::cli::{messages, run};
@@ -12,6 +12,7 @@ use posing::pose::kinematics::Space;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 
 /// Convert ASF/AMC takes to a table of joint positions
 ///
@@ -80,8 +81,16 @@ fn work(args: &Args) -> Result<()> {
         &Columns::for_points(names, true, true),
         &[],
     )?;
+    let mut names = TakeNames::default();
     for take in &takes {
-        convert(args, &asf, &joints, take, &mut sink)?;
+        let name = names.next(take);
+        if *name != *take_name(take) {
+            messages::info(&format!(
+                "{}: is the take {name}, as another is called so",
+                take.display()
+            ));
+        }
+        convert(args, &asf, &joints, (take, name), &mut sink)?;
     }
     sink.finish()
 }
@@ -103,7 +112,7 @@ fn convert(
     args: &Args,
     asf: &Asf,
     joints: &[usize],
-    take: &Path,
+    (take, name): (&Path, Arc<str>),
     sink: &mut TableSink,
 ) -> Result<()> {
     let space = match args.space {
@@ -113,7 +122,7 @@ fn convert(
     };
     let mut reader = AmcReader::new(asf, open(take)?, args.keep_whole)?;
     let mut row = Row {
-        take: Some(take_name(take).into()),
+        take: Some(name),
         ..Row::default()
     };
     let mut frames = AmcFrames::default();

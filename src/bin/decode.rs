@@ -6,6 +6,7 @@ use posing::cli::input::{check_single_stdin, open, open_model};
 use posing::cli::run;
 use posing::cli::streams::create_table;
 use posing::cli::units::TableUnits;
+use posing::io::csv::csv_fault;
 use posing::io::text::parse_number;
 use posing::io::{Columns, Row};
 use posing::prior::sparse_coding::dictionary;
@@ -48,10 +49,7 @@ fn work(args: &Args) -> Result<()> {
     let input = open(&args.file)?;
     let name = input.name.clone();
     let mut reader = csv::ReaderBuilder::new().from_reader(input.into_reader());
-    let header = reader
-        .headers()
-        .map_err(|e| Error::data(Place::file(&name), e.to_string()))?
-        .clone();
+    let header = reader.headers().map_err(|e| csv_fault(&name, &e))?.clone();
     let pairs: Vec<(usize, usize)> = (1..)
         .map_while(|k| {
             let find = |what: &str| header.iter().position(|h| h == format!("{what}{k}"));
@@ -68,7 +66,7 @@ fn work(args: &Args) -> Result<()> {
     let columns = Columns::for_points(model.meta.points.clone(), false, false);
     let mut sink = create_table(&args.out, TableUnits::CM_Y, &columns, &[])?;
     for record in reader.records() {
-        let record = record.map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
+        let record = record.map_err(|e| csv_fault(&name, &e))?;
         let line = record.position().map_or(0, csv::Position::line);
         let place = |part: String| Place::line(&name, line).part(part);
         if record.iter().any(|cell| cell.contains(['\n', '\r'])) {

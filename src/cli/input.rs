@@ -48,9 +48,9 @@ pub struct RowStream<'a> {
     planar: bool,
     cells: bool,
     rest: std::vec::IntoIter<PathBuf>,
-    /// The take's name of the file being read, and of those before it.
+    /// The take's name of the file being read.
     take: Arc<str>,
-    takes: Vec<Arc<str>>,
+    takes: TakeNames,
     reader: RowReader,
     columns: Columns,
 }
@@ -61,7 +61,8 @@ impl<'a> RowStream<'a> {
         check_single_stdin(&flags.files)?;
         let mut rest = or_stdin(&flags.files).into_iter();
         let first = rest.next().unwrap_or_default();
-        let take = take_name(&first).into();
+        let mut takes = TakeNames::default();
+        let take = takes.next(&first);
         let reader = RowReader::new(open(&first)?, &flags.options(planar, cells)?)?;
         let columns = reader.columns().clone();
         Ok(RowStream {
@@ -70,7 +71,7 @@ impl<'a> RowStream<'a> {
             cells,
             rest,
             take,
-            takes: Vec::new(),
+            takes,
             reader,
             columns,
         })
@@ -86,23 +87,13 @@ impl<'a> RowStream<'a> {
         self.reader.name()
     }
 
-    /// Names the take of the next file: the same name twice is two takes.
-    fn name_take(&mut self, file: &Path) {
-        let mut name = take_name(file);
-        self.takes.push(self.take.clone());
-        while self.takes.iter().any(|t| **t == *name) {
-            name.push('\'');
-        }
-        self.take = name.into();
-    }
-
     /// The next frame, in centimetres, y up; `false` at the end of the last file.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         while !self.reader.read(row)? {
             let Some(next) = self.rest.next() else {
                 return Ok(false);
             };
-            self.name_take(&next);
+            self.take = self.takes.next(&next);
             self.reader =
                 RowReader::new(open(&next)?, &self.flags.options(self.planar, self.cells)?)?;
             if self.reader.columns() != &self.columns {
@@ -127,6 +118,23 @@ pub fn or_stdin(files: &[PathBuf]) -> Vec<PathBuf> {
 pub fn take_name(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default();
     stem.to_string_lossy().into_owned()
+}
+
+/// The names of several files as takes: files of one name in several folders are several takes.
+#[derive(Debug, Default)]
+pub struct TakeNames(Vec<Arc<str>>);
+
+impl TakeNames {
+    /// The name of the next file: [`take_name`], with a `'` for each file before that has it.
+    pub fn next(&mut self, file: &Path) -> Arc<str> {
+        let mut name = take_name(file);
+        while self.0.iter().any(|t| **t == *name) {
+            name.push('\'');
+        }
+        let name: Arc<str> = name.into();
+        self.0.push(name.clone());
+        name
+    }
 }
 
 /// Reads whole tables, one after another, into one.

@@ -32,9 +32,37 @@ pub fn is_quiet() -> bool {
     LEVEL.load(Ordering::Relaxed) == 0
 }
 
-/// Replaces control characters, which text from files may contain: a message is one line without terminal escapes.
+/// The longest row of digits in a message, and the longest word of it.
+const MOST_DIGITS: usize = 24;
+const MOST_LETTERS: usize = 240;
+
+/// Replaces control characters, which text from files may contain: a message is one line without terminal escapes. Numbers and
+/// words from files that are longer than anyone reads are cut.
 fn visible(text: &str) -> String {
-    text.replace(char::is_control, "\u{fffd}")
+    let text = text.replace(char::is_control, "\u{fffd}");
+    let text = cut_runs(&text, |c| c.is_ascii_digit(), MOST_DIGITS);
+    cut_runs(&text, |c| !c.is_whitespace(), MOST_LETTERS)
+}
+
+/// The text with each run of such characters that is longer than `most` cut to a third of that.
+fn cut_runs(text: &str, is_part: impl Fn(char) -> bool, most: usize) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while !rest.is_empty() {
+        let end = rest.find(|c| !is_part(c)).unwrap_or(rest.len());
+        let (run, after) = rest.split_at(end);
+        match run.chars().count() > most {
+            true => {
+                out.extend(run.chars().take(most / 3));
+                out.push('…');
+            }
+            false => out.push_str(run),
+        }
+        let between = after.find(&is_part).unwrap_or(after.len());
+        out.push_str(&after[..between]);
+        rest = &after[between..];
+    }
+    out
 }
 
 fn line(text: &str) {
@@ -68,5 +96,12 @@ mod tests {
     fn what_a_file_says_is_one_line_and_no_escape() {
         let said = super::visible("take \"a\nb\u{1b}[2J\": é");
         assert_eq!(said, "take \"a\u{fffd}b\u{fffd}[2J\": é");
+    }
+
+    #[test]
+    fn what_nobody_reads_is_cut() {
+        let said = super::visible(&format!("{:e} is {}, {}!", 1e300, 1e300, "né".repeat(3000)));
+        assert!(said.starts_with("1e300 is 10000000…, né"), "{said}");
+        assert!(said.chars().count() < 120 && said.ends_with('…'), "{said}");
     }
 }

@@ -3,6 +3,7 @@
 use super::args::InputArgs;
 use super::feature_table::body_frames;
 use super::{input, messages};
+use crate::io::csv::csv_fault;
 use crate::io::csv::push_cell;
 use crate::io::text::excerpt;
 use crate::metric::{BodyFramePoses, FrameRef, JointMap, LabelledPair, PoseMetric};
@@ -126,7 +127,7 @@ impl MetricTakes {
             Some(position) => Place::line(&source, position.line()),
             None => Place::file(&source),
         };
-        let broken = |e: csv::Error| Error::data(place(e.position()), excerpt(&e.to_string()));
+        let broken = |e: csv::Error| csv_fault(&source, &e);
         let head = reader.headers().map_err(broken)?.clone();
         let column = |name: &str| head.iter().position(|h| h == name);
         let needed = |name: &str| {

@@ -86,7 +86,10 @@ fn parse_failure(command: &str, error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     if !error.use_stderr() {
         return match std::io::stdout().write_all(text.as_bytes()) {
-            Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => ExitCode::from(1),
+            Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+                messages::error(&format!("standard output: {e}"));
+                ExitCode::from(1)
+            }
             _ => ExitCode::SUCCESS,
         };
     }

@@ -2,6 +2,7 @@
 
 use super::input;
 use super::streams::open_output;
+use crate::io::csv::csv_fault;
 use crate::io::text::{excerpt, push_f64};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
@@ -36,10 +37,7 @@ pub fn read(path: &Path) -> Result<NumberTable> {
         .trim(csv::Trim::All)
         .from_reader(file.into_reader());
     let fail = |line: u64, what: String| Error::data(Place::line(&name, line), what);
-    let wrong = |e: csv::Error| {
-        let line = e.position().map_or(1, csv::Position::line);
-        fail(line, excerpt(&e.to_string()))
-    };
+    let wrong = |e: csv::Error| csv_fault(&name, &e);
     let head = reader.headers().cloned().map_err(wrong)?;
     let numbers: Vec<usize> = (0..head.len())
         .filter(|c| !["take", "time"].contains(&&head[*c]))

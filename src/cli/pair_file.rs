@@ -1,6 +1,7 @@
 //! Small CSV files of two columns, such as `vertex,part` and `point,vertex`.
 
 use super::input;
+use crate::io::csv::csv_fault;
 use crate::io::text::excerpt;
 use crate::{Error, Place, Result};
 use std::path::Path;
@@ -49,10 +50,7 @@ pub fn read_columns<const N: usize>(path: &Path, columns: [&str; N]) -> Result<(
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .from_reader(file.into_reader());
-    let wrong = |e: csv::Error| {
-        let line = e.position().map_or(1, csv::Position::line);
-        Error::data(Place::line(&name, line), excerpt(&e.to_string()))
-    };
+    let wrong = |e: csv::Error| csv_fault(&name, &e);
     let head = reader.headers().cloned().map_err(wrong)?;
     let mut at = [0; N];
     for (at, column) in at.iter_mut().zip(columns) {

@@ -5,6 +5,7 @@ use super::input::{RowStream, open};
 use crate::evaluate::figure::{self, Layout};
 use crate::evaluate::frames::{point_order, timed_runs};
 use crate::evaluate::scene::{Run, Scene, Status, Table, spread};
+use crate::io::csv::csv_fault;
 use crate::io::{PosesBuilder, Row};
 use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
@@ -292,7 +293,7 @@ pub fn text_table(path: &Path, caption: &str) -> Result<Table> {
     let name = input.name.clone();
     let bytes = input.read_all(TABLE_LIMIT)?;
     let mut reader = csv::Reader::from_reader(bytes.as_slice());
-    let fail = |e: csv::Error| Error::data(Place::file(name.clone()), e.to_string());
+    let fail = |e: csv::Error| csv_fault(&name, &e);
     let cells = |record: &csv::StringRecord| record.iter().map(String::from).collect();
     let header = cells(reader.headers().map_err(fail)?);
     let mut rows = Vec::new();

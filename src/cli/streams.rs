@@ -1,13 +1,14 @@
 //! The output of commands: files that appear when complete, or standard output.
 
 use super::args::OutputArgs;
+use super::messages;
 use super::units::TableUnits;
 use crate::io::csv::{AddedColumn, After};
 use crate::io::output::{CompleteOutput, file_descriptor};
-use crate::io::text::push_f64;
+use crate::io::text::{MAX_COORDINATE, push_f64};
 use crate::io::{Columns, Row, Table};
 use crate::io::{Output, TableFormat, TableWriter};
-use crate::{Error, Result};
+use crate::{Error, Place, Result};
 use std::io::{self, BufWriter, IsTerminal};
 use std::path::Path;
 
@@ -56,6 +57,9 @@ pub fn create_table(
 ) -> Result<TableSink> {
     let format = args.format();
     format.check_added(added)?;
+    if format == TableFormat::Npy {
+        tell_lost_columns(columns);
+    }
     let output = open_output(args.output.as_deref(), format == TableFormat::Npy)?;
     let units = args.table_units(input);
     let is_point = |name: &str| columns.points.iter().any(|p| p == name);
@@ -81,7 +85,15 @@ pub fn create_table(
 impl TableSink {
     /// Writes a frame: `row` as it was read, `xyz` its new coordinates (three a point, centimetres, y up), `added` the cells of
     /// the added columns.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: a coordinate that only damage can give. [`Error::Io`]: writing fails.
     pub fn write(&mut self, row: &mut Row, xyz: &[f64], added: &[String]) -> Result<()> {
+        if let Some(far) = xyz.iter().find(|v| v.abs() > MAX_COORDINATE) {
+            let what =
+                format!("a coordinate would be {far:e} cm: the model or the input is damaged");
+            return Err(Error::data(Place::file("the result"), what));
+        }
         if self.units == TableUnits::CM_Y && !self.converted {
             return self.writer.write(row, xyz, added);
         }
@@ -109,6 +121,31 @@ impl TableSink {
     /// Writes the last rows; a file is not yet at its path.
     pub fn complete(self) -> Result<CompleteOutput> {
         self.writer.complete()
+    }
+}
+
+/// Says which columns an array does not hold.
+fn tell_lost_columns(columns: &Columns) {
+    let points = columns.coordinates.iter().flatten().flatten();
+    let points: Vec<usize> = points.copied().collect();
+    let lost = columns.names.iter().enumerate();
+    let lost: Vec<&str> = lost
+        .filter(|(i, _)| !points.contains(i))
+        .map(|(_, name)| name.as_str())
+        .collect();
+    if !lost.is_empty() {
+        let what = format!("NPY holds coordinates only: without {}", some_of(&lost));
+        messages::info(&what);
+    }
+}
+
+/// A list of names, the first of many.
+fn some_of(names: &[&str]) -> String {
+    match names {
+        [some @ .., _] if some.len() >= 8 => {
+            format!("{} and {} more", some[..8].join(", "), names.len() - 8)
+        }
+        _ => names.join(", "),
     }
 }
 

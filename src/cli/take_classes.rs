@@ -1,6 +1,7 @@
 //! Files of what is done in takes, and by whom: `take,class,subject`.
 
 use super::input;
+use crate::io::csv::csv_fault;
 use crate::io::text::excerpt;
 use crate::{Error, Place, Result};
 use serde::Deserialize;
@@ -37,7 +38,7 @@ pub fn read(path: &Path) -> Result<HashMap<String, TakeClass>> {
         .from_reader(file.into_reader());
     let mut classes: HashMap<String, TakeClass> = HashMap::new();
     let head = reader.headers().cloned();
-    let head = head.map_err(|e| Error::data(Place::file(&source), excerpt(&e.to_string())))?;
+    let head = head.map_err(|e| csv_fault(&source, &e))?;
     for name in ["take", "class"] {
         if !head.iter().any(|h| h == name) {
             let what = format!("has no column {name}; expected take,class,subject");
@@ -46,10 +47,7 @@ pub fn read(path: &Path) -> Result<HashMap<String, TakeClass>> {
     }
     for (k, line) in reader.deserialize().enumerate() {
         let number = k as u64 + 2;
-        let line: TakeClass = line.map_err(|e: csv::Error| {
-            let number = e.position().map_or(number, csv::Position::line);
-            Error::data(Place::line(&source, number), excerpt(&e.to_string()))
-        })?;
+        let line: TakeClass = line.map_err(|e| csv_fault(&source, &e))?;
         let before = classes.get(&line.take).map(|c| c.class.clone());
         if before.is_some_and(|class| class != line.class) {
             let what = format!("gives take \"{}\" a second class", excerpt(&line.take));

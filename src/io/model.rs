@@ -308,6 +308,14 @@ impl Model {
                 meta.format
             )));
         }
+        if meta.units != "cm" || !["body", "world"].contains(&meta.space.as_str()) {
+            let what = format!(
+                "says units \"{}\" and space \"{}\", expected cm, and body or world",
+                excerpt(&meta.units),
+                excerpt(&meta.space)
+            );
+            return Err(Error::data(Place::file(name).part("meta"), what));
+        }
         for (key, step) in std::mem::take(&mut meta.steps) {
             match arrays.get_mut(&key) {
                 Some(Matrix::Quantized(packed)) => packed.step = step,

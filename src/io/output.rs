@@ -1,6 +1,8 @@
 //! Outputs that are never left half written.
 
 use crate::{Error, Result};
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use std::fs;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
@@ -12,6 +14,8 @@ use tempfile::{NamedTempFile, TempPath};
 /// A file is written as a temporary file in the same folder, which [`Output::finish`] renames to its path. An output
 /// that is dropped before that leaves nothing behind.
 ///
+/// A name that ends in `.gz` or `.zst` gets what it says.
+///
 /// A path that exists and is no regular file (a pipe, `/dev/null`), or that names an open file of the process
 /// (`/dev/stdout`), is written directly. A symbolic link stays; the file it points to is written.
 pub struct Output {
@@ -22,12 +26,61 @@ pub struct Output {
 
 enum Target {
     Temporary {
-        file: BufWriter<NamedTempFile>,
+        file: Packer,
         /// The path of the finished file, links resolved.
         path: PathBuf,
         _unfinished: UnfinishedFile,
     },
     Stream(Box<dyn Write + Send>),
+}
+
+/// Packs what is written as the name of the file says: `.gz`, `.zst`.
+enum Packer {
+    Plain(BufWriter<NamedTempFile>),
+    Gzip(GzEncoder<BufWriter<NamedTempFile>>),
+    Zstd(zstd::Encoder<'static, BufWriter<NamedTempFile>>),
+}
+
+impl Packer {
+    fn new(file: NamedTempFile, path: &Path) -> io::Result<Packer> {
+        let file = BufWriter::with_capacity(1 << 16, file);
+        let ends_in = |end: &str| {
+            path.extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case(end))
+        };
+        Ok(match () {
+            _ if ends_in("gz") => Packer::Gzip(GzEncoder::new(file, Compression::default())),
+            _ if ends_in("zst") => Packer::Zstd(zstd::Encoder::new(file, 0)?),
+            _ => Packer::Plain(file),
+        })
+    }
+
+    fn into_file(self) -> io::Result<NamedTempFile> {
+        let file = match self {
+            Packer::Plain(file) => file,
+            Packer::Gzip(packed) => packed.finish()?,
+            Packer::Zstd(packed) => packed.finish()?,
+        };
+        file.into_inner().map_err(|e| e.into_error())
+    }
+}
+
+impl Write for Packer {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self {
+            Packer::Plain(file) => file.write(bytes),
+            Packer::Gzip(packed) => packed.write(bytes),
+            Packer::Zstd(packed) => packed.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match self {
+            Packer::Plain(file) => file.flush(),
+            Packer::Gzip(packed) => packed.flush(),
+            Packer::Zstd(packed) => packed.flush(),
+        }
+    }
 }
 
 /// The longest chain of links that is followed.
@@ -106,7 +159,7 @@ impl Output {
         let (file, unfinished) = UnfinishedFile::make(make).map_err(fail)?;
         let target = Target::Temporary {
             _unfinished: unfinished,
-            file: BufWriter::with_capacity(1 << 16, file),
+            file: Packer::new(file, path).map_err(fail)?,
             path: resolved,
         };
         Ok(Output { name, target })
@@ -147,7 +200,10 @@ impl Output {
 
     /// Whether [`Output::rewrite_start`] is possible: what was written to a pipe is gone.
     pub fn can_rewrite(&self) -> bool {
-        matches!(self.target, Target::Temporary { .. })
+        match &self.target {
+            Target::Temporary { file, .. } => matches!(file, Packer::Plain(_)),
+            Target::Stream(_) => false,
+        }
     }
 
     /// Writes `bytes` over the first ones of a file. Nothing can be appended after that.
@@ -156,8 +212,11 @@ impl Output {
     /// [`Error::Io`]: writing fails, or the output is a stream.
     pub fn rewrite_start(&mut self, bytes: &[u8]) -> Result<()> {
         let done = match &mut self.target {
-            Target::Temporary { file, .. } => file.rewind().and_then(|()| file.write_all(bytes)),
-            Target::Stream(_) => Err(io::ErrorKind::NotSeekable.into()),
+            Target::Temporary {
+                file: Packer::Plain(file),
+                ..
+            } => file.rewind().and_then(|()| file.write_all(bytes)),
+            _ => Err(io::ErrorKind::NotSeekable.into()),
         };
         done.map_err(|e| Error::io(&self.name, e))
     }
@@ -186,7 +245,7 @@ impl Output {
             return Ok(CompleteOutput::default());
         };
         let fail = |e| Error::io(&name, e);
-        let file = file.into_inner().map_err(|e| fail(e.into_error()))?;
+        let file = file.into_file().map_err(fail)?;
         file.as_file().sync_all().map_err(fail)?;
         let file = Some((file.into_temp_path(), path, unfinished));
         Ok(CompleteOutput { name, file })
@@ -274,6 +333,25 @@ pub fn write_file(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_the_name_says_is_what_the_file_holds() {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, start) in [
+            ("a.csv.gz", &b"\x1f\x8b"[..]),
+            ("a.csv.ZST", b"\x28\xb5\x2f\xfd"),
+            ("a.csv", b"a.x"),
+        ] {
+            let path = dir.path().join(name);
+            write_file(&path, b"a.x,a.y,a.z\n").unwrap();
+            assert!(fs::read(&path).unwrap().starts_with(start), "{name}");
+            let read = crate::io::Input::open(&path)
+                .unwrap()
+                .read_all(100)
+                .unwrap();
+            assert_eq!(read, b"a.x,a.y,a.z\n");
+        }
+    }
 
     #[test]
     fn a_file_exists_only_when_finished() {

@@ -200,6 +200,25 @@ impl CsvReader {
     }
 }
 
+/// The error of a file named `name` that the `csv` crate reads, in words of ours.
+pub fn csv_fault(name: &str, e: &::csv::Error) -> Error {
+    use ::csv::ErrorKind;
+    let place = match e.position() {
+        Some(position) => Place::line(name, position.line()),
+        None => Place::file(name),
+    };
+    let what = match e.kind() {
+        ErrorKind::Utf8 { .. } => "is not UTF-8: convert it (iconv -f latin1 -t utf-8)".to_string(),
+        ErrorKind::UnequalLengths {
+            expected_len, len, ..
+        } => format!("expected {expected_len} cells, found {len}"),
+        ErrorKind::Deserialize { err, .. } => excerpt(&err.to_string()),
+        ErrorKind::Io(e) => excerpt(&e.to_string()),
+        _ => excerpt(&e.to_string()),
+    };
+    Error::data(place, what)
+}
+
 /// The error of a name that is no text.
 const NO_TEXT: &str =
     "its name is not UTF-8: convert the table (iconv -f latin1 -t utf-8, if it is Latin-1)";

@@ -7,6 +7,7 @@
 mod model;
 
 use crate::io::Model;
+use crate::io::text::excerpt;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
@@ -45,6 +46,13 @@ pub struct SparseCodingPrior {
 /// # Errors
 /// Data: a model without atoms, with atoms that are none of its points, or with one that is zero or not finite.
 pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
+    if model.meta.kind != "sparse" {
+        let what = format!(
+            "is a model of kind {}, expected a dictionary (sparse)",
+            excerpt(&model.meta.kind)
+        );
+        return Err(Error::data(Place::file(source), what));
+    }
     let wrong = |what: String| Error::data(Place::file(source).part("atoms"), what);
     let atoms = model.array("atoms", source)?;
     let (d, points) = (atoms.ncols(), model.meta.points.len());
