@@ -111,7 +111,8 @@ fn table(args: &Args, path: &Path) -> Result<Table> {
     let input = InputArgs::plain(vec![path.to_path_buf()], None, &None);
     let mut table = read_table(&input, false, false)?;
     let points = BonePoints::of(&table.poses.points, table.poses.xyz.view());
-    check_body_size(&table.poses, points, &table.name, IN_CENTIMETRES)?;
+    let names = points.bone_ends(&table.poses.points);
+    check_body_size(&table.poses, &names, &table.name, IN_CENTIMETRES)?;
     if points == BonePoints::Starts && args.skeleton.is_none() {
         table.poses.points = bone_ends_of_starts(&table.poses.points);
     }

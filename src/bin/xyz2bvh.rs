@@ -97,7 +97,12 @@ fn work(args: &Args) -> Result<()> {
     };
     let points = BonePoints::of(&poses.points, poses.xyz.view());
     if !args.force {
-        check_body_size(&poses, points, &table.name, IN_CENTIMETRES)?;
+        check_body_size(
+            &poses,
+            &points.bone_ends(&poses.points),
+            &table.name,
+            IN_CENTIMETRES,
+        )?;
     }
     if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
         poses.points = bone_ends_of_starts(&poses.points);

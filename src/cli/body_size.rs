@@ -1,8 +1,7 @@
 //! A body of an absurd size is a table in another unit.
 
+use crate::pose::Poses;
 use crate::pose::body::stature;
-use crate::pose::bone_points::bone_ends_of_starts;
-use crate::pose::{BonePoints, Poses};
 use crate::restore::typical_noise;
 use crate::{Error, Place, Result};
 use ndarray::s;
@@ -14,25 +13,17 @@ const PEOPLE: std::ops::RangeInclusive<f64> = 80.0..=260.0;
 pub const IN_CENTIMETRES: &str =
     "this command reads centimetres (complete and denoise convert: --units m --out-units cm)";
 
-/// Fails where the body of a table named `name`, which was read as centimetres, is not of a person's size. Points that lack a head,
-/// hips or feet by CMU's names are not judged. `remedy` tells how to name the unit.
+/// Fails where the body of a table named `name`, which was read as centimetres, is not of a person's size. `points` are the names of
+/// its points at bone ends, as CMU has them; without a head, hips or feet a body is not judged. `remedy` tells how to name the unit.
 ///
 /// # Errors
 /// [`Error::Data`], naming the remedy.
-pub fn check_body_size(poses: &Poses, points: BonePoints, name: &str, remedy: &str) -> Result<()> {
-    let renamed;
-    let names = match points {
-        BonePoints::Ends => &poses.points,
-        BonePoints::Starts => {
-            renamed = bone_ends_of_starts(&poses.points);
-            &renamed
-        }
-    };
+pub fn check_body_size(poses: &Poses, points: &[String], name: &str, remedy: &str) -> Result<()> {
     for take in poses.takes() {
         let xyz = poses.xyz.slice(s![take, ..]);
         // Noise makes bones longer, which makes no larger body.
         let noise = typical_noise(xyz, std::slice::from_ref(&(0..xyz.nrows())));
-        match stature(names, xyz, noise) {
+        match stature(points, xyz, noise) {
             Some(cm) if !PEOPLE.contains(&cm) => {
                 let size = if cm < *PEOPLE.start() {
                     "small"

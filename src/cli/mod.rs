@@ -30,6 +30,7 @@ pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;
 pub mod metric_takes;
+pub mod name_maps;
 pub mod number_table;
 pub mod one_take;
 pub mod pair_file;

@@ -5,12 +5,13 @@ use super::body_size::check_body_size;
 use super::gap_report;
 use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
 use super::messages;
+use super::name_maps::name_map;
 use super::progress::Progress;
 use super::streams::{create_table, write_table};
 use super::summary::{report, status_cells, status_columns};
 use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
-use crate::pose::{BonePoints, Poses};
+use crate::pose::{BonePoints, NameMap, PointNaming, Poses, joints};
 use crate::prior::OpenOptions;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
 use crate::{Error, Result};
@@ -73,6 +74,11 @@ pub struct RestoringArgs {
     /// CMU and of the built-in model (default: by names and lengths)
     #[arg(long, value_enum, value_name = "starts|ends", help_heading = "Input")]
     bones: Option<BonesFlag>,
+    /// Which points of the table are which of the model's: a shipped map (cmu-bvh, mixamo, hik, rokoko, smpl, openpose, bandai-namco,
+    /// plug-in-gait, poser, anatomical), or a TOML file of lines such as lhumerus = "LeftForeArm", the model's point first
+    /// (default: the names themselves, else the shipped map that fits)
+    #[arg(long, value_name = "NAME|FILE.toml", conflicts_with_all = ["bones", "take_alone"], help_heading = "Input")]
+    map: Option<String>,
     /// Go on with a body that is smaller or larger than people are
     #[arg(long, help_heading = "Input")]
     force: bool,
@@ -249,7 +255,10 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
             None => Some(args.restorer(model.as_ref(), &table)?),
         };
         if restorer.is_some() && !args.force {
-            args.check_body(&table)?;
+            let known = model
+                .as_ref()
+                .map_or(joints::cmu_names(), |m| m.0.meta.points.clone());
+            args.check_body(&table, &args.naming(&table.poses, &known)?)?;
         }
         let Some(current) = own.as_ref().or(restorer.as_ref()) else {
             break;
@@ -304,20 +313,21 @@ impl ModelFlags {
 }
 
 impl RestoringArgs {
-    /// Where the points of a table stand on their bones.
-    fn bone_points(&self, poses: &Poses) -> BonePoints {
-        match self.bones {
-            Some(BonesFlag::Starts) => BonePoints::Starts,
-            Some(BonesFlag::Ends) => BonePoints::Ends,
-            None => BonePoints::of(&poses.points, poses.xyz.view()),
-        }
+    /// How the points of a table are named, for a model that knows the names `known`.
+    fn naming(&self, poses: &Poses, known: &[String]) -> Result<PointNaming> {
+        Ok(match (self.bones, &self.map) {
+            (Some(BonesFlag::Starts), _) => PointNaming::Bones(BonePoints::Starts),
+            (Some(BonesFlag::Ends), _) => PointNaming::Bones(BonePoints::Ends),
+            (None, Some(map)) => PointNaming::Map(name_map(map, known)?),
+            (None, None) => PointNaming::of(&poses.points, poses.xyz.view(), known),
+        })
     }
 
     /// Fails where the body is of no person's size.
-    fn check_body(&self, table: &Table) -> Result<()> {
+    fn check_body(&self, table: &Table, naming: &PointNaming) -> Result<()> {
         let remedy = "give the table's unit with --units (m, mm, in, asf)";
-        let points = self.bone_points(&table.poses);
-        check_body_size(&table.poses, points, &table.name, remedy)
+        let names = naming.model_names(&table.poses.points);
+        check_body_size(&table.poses, &names, &table.name, remedy)
     }
 
     /// What restores tables like this one, which may be the first frames of a longer one.
@@ -327,9 +337,10 @@ impl RestoringArgs {
         table: &Table,
     ) -> Result<Restorer<'m>> {
         let poses = &table.poses;
-        let points = self.bone_points(poses);
+        let known = model.map_or(joints::cmu_names(), |(model, _)| model.meta.points.clone());
+        let naming = self.naming(poses, &known)?;
         if !self.force {
-            self.check_body(table)?;
+            self.check_body(table, &naming)?;
         }
         let Some((model, name)) = model else {
             return Ok(Restorer::without_model());
@@ -351,14 +362,39 @@ impl RestoringArgs {
         if self.space == Space::Body {
             restorer = restorer.in_body_space();
         }
-        restorer = restorer.with_bone_points(points);
-        match restorer.model_names(poses)? {
-            Cow::Borrowed(names) => report_unknown_points(names, &model.meta.points),
-            Cow::Owned(_) => messages::info(
+        restorer = restorer.with_naming(naming.clone());
+        match (&naming, restorer.model_names(poses)?) {
+            (PointNaming::Map(map), _) => report_map(map, &poses.points, self.map.is_some()),
+            (_, Cow::Borrowed(names)) => report_unknown_points(names, &model.meta.points),
+            (_, Cow::Owned(_)) => messages::info(
                 "the points are the starts of bones, as in BVH files: matched with the bone ends of the model (--bones says otherwise)",
             ),
         }
         Ok(restorer)
+    }
+}
+
+/// Says which map is taken, and what of it the table does not have.
+fn report_map(map: &NameMap, points: &[String], is_given: bool) {
+    if !is_given {
+        let what = "the points have the names of the map";
+        messages::info(&format!("{what} {} (--map says otherwise)", map.name));
+    }
+    let missing = map.missing(points);
+    if !missing.is_empty() {
+        let some = missing
+            .iter()
+            .take(4)
+            .copied()
+            .collect::<Vec<_>>()
+            .join(", ");
+        let more = if missing.len() > 4 { ", …" } else { "" };
+        messages::info(&format!(
+            "{} of the {} joints of the map {} are not in the table ({some}{more}): the model estimates without them",
+            missing.len(),
+            map.joints.len(),
+            map.name
+        ));
     }
 }
 

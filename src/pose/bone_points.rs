@@ -3,6 +3,7 @@
 use super::joints::{CMU, CMU_PARENT};
 use glam::DVec3;
 use ndarray::ArrayView2;
+use std::borrow::Cow;
 
 /// The bones that CMU's skeleton has beyond [`CMU`], each with its parent.
 const EXTREMITIES: [(&str, &str); 8] = [
@@ -40,6 +41,14 @@ impl BonePoints {
             BonePoints::Starts
         } else {
             BonePoints::Ends
+        }
+    }
+
+    /// The bones at whose ends the points of a table stand.
+    pub fn bone_ends(self, points: &[String]) -> Cow<'_, [String]> {
+        match self {
+            BonePoints::Starts => Cow::Owned(bone_ends_of_starts(points)),
+            BonePoints::Ends => Cow::Borrowed(points),
         }
     }
 }

@@ -84,13 +84,18 @@ impl Method for Complete {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> RestoredFrames {
-        let (outliers, adapted) = find_outliers(bound, take, None);
+        let own = bound.filter(|bound| !bound.is_mapped);
+        let (outliers, mut adapted) = find_outliers(own, take, None);
         let mut captured = take.xyz.to_owned();
         remove(&mut captured, &outliers.points);
         let gaps = find_gaps(captured.view(), take.runs);
         let mut out = RestoredFrames::captured(take.xyz);
         let noise = typical_noise(captured.view(), take.runs);
-        out.take_alone = !is_known(bound, adapted.as_ref(), captured.view(), noise);
+        out.take_alone = !is_known(own, adapted.as_ref(), captured.view(), noise);
+        if let Some(bound) = bound.filter(|bound| bound.is_mapped) {
+            let seen = bound.gather(captured.view());
+            adapted = Some(bound.model.adapt(seen.view(), noise));
+        }
         let known = adapted.as_ref().filter(|_| !out.take_alone);
         let filled = fill_gaps(bound, known, take, captured.view(), &gaps, done);
         for (gap, filled) in gaps.iter().zip(&filled) {
@@ -150,7 +155,9 @@ pub fn fill_gaps(
     done: &(dyn Fn(usize) + Sync),
 ) -> Vec<Option<FilledGap>> {
     let both = bound.zip(adapted);
-    let poses = both.and_then(|(bound, adapted)| {
+    // How the points of another skeleton go together, the take itself knows best.
+    let own = both.filter(|(bound, _)| !bound.is_mapped);
+    let poses = own.and_then(|(bound, adapted)| {
         Some(bound.scatter_rows(adapted.training_poses()?.view(), take.names.len()))
     });
     let filler = GapFiller {

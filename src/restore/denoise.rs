@@ -82,6 +82,8 @@ impl Method for Denoise {
         take: &Take<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> RestoredFrames {
+        // A model of another skeleton tells no noise from it.
+        let bound = bound.filter(|bound| !bound.is_mapped);
         let (mut outliers, adapted) = match self.outliers {
             true => find_outliers(bound, take, self.noise),
             false => (Outliers::none(take.xyz.nrows()), None),

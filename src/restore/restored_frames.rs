@@ -42,6 +42,9 @@ pub struct BoundModel<'a> {
     pub model: &'a LoadedModel,
     /// The table's column of each point of the model.
     index: Vec<Option<usize>>,
+    /// Whether the points are those of another skeleton: the model knows roughly what their poses look like, and nothing of how they
+    /// are placed on the body.
+    pub is_mapped: bool,
 }
 
 impl<'a> BoundModel<'a> {
@@ -67,7 +70,17 @@ impl<'a> BoundModel<'a> {
             );
             return Err(Error::data(Place::file(source), what));
         }
-        Ok(BoundModel { model, index })
+        Ok(BoundModel {
+            model,
+            index,
+            is_mapped: false,
+        })
+    }
+
+    /// Says that the points are those of another skeleton.
+    pub fn mapped(mut self, is_mapped: bool) -> BoundModel<'a> {
+        self.is_mapped = is_mapped;
+        self
     }
 
     /// The table's point that is `point` of the model.

@@ -24,8 +24,7 @@ use super::restoration::Restoration;
 use super::restored_frames::{BoundModel, Method, Take};
 use crate::io::Model;
 use crate::io::Table;
-use crate::pose::bone_points::bone_ends_of_starts;
-use crate::pose::{BonePoints, Poses};
+use crate::pose::{BonePoints, PointNaming, Poses};
 use crate::prior::OpenOptions;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
@@ -40,7 +39,7 @@ pub struct Restorer<'m> {
     options: OpenOptions,
     name: String,
     world: bool,
-    bone_points: Option<BonePoints>,
+    naming: Option<PointNaming>,
     loaded: OnceLock<LoadedModel>,
 }
 
@@ -61,7 +60,7 @@ impl<'m> Restorer<'m> {
             options: OpenOptions::default(),
             name: "the model".to_string(),
             world: true,
-            bone_points: None,
+            naming: None,
             loaded: OnceLock::new(),
         }
     }
@@ -84,9 +83,9 @@ impl<'m> Restorer<'m> {
         self
     }
 
-    /// Says where the points of the tables stand on their bones; without it, that is told by [`BonePoints::of`].
-    pub fn with_bone_points(mut self, points: BonePoints) -> Restorer<'m> {
-        self.bone_points = Some(points);
+    /// Says how the points of the tables are named; without it, that is told by [`PointNaming::of`].
+    pub fn with_naming(mut self, naming: PointNaming) -> Restorer<'m> {
+        self.naming = Some(naming);
         self
     }
 
@@ -153,8 +152,8 @@ impl<'m> Restorer<'m> {
         }
     }
 
-    /// The names by which the model knows the points of `poses`: their own, or where they are the starts of bones and the model
-    /// has ends, those of the bones that end there.
+    /// The names by which the model knows the points of `poses`: their own, where they are the starts of bones and the model has
+    /// ends, those of the bones that end there, or those of a map.
     ///
     /// # Errors
     /// [`Error::Data`] if the model cannot be opened, or has none of these points.
@@ -162,24 +161,29 @@ impl<'m> Restorer<'m> {
         let Some(model) = self.model else {
             return Ok(Cow::Borrowed(&poses.points));
         };
-        let table = self.bone_points;
-        let table = table.unwrap_or_else(|| BonePoints::of(&poses.points, poses.xyz.view()));
-        let names = match (table, self.loaded(model)?.bone_points()) {
-            (BonePoints::Starts, BonePoints::Ends) => {
-                Cow::Owned(bone_ends_of_starts(&poses.points))
-            }
-            _ => Cow::Borrowed(&poses.points[..]),
+        let naming = self.naming_of(model, poses);
+        let names = match (&naming, self.loaded(model)?.bone_points()) {
+            (PointNaming::Bones(_), BonePoints::Starts) => Cow::Borrowed(&poses.points[..]),
+            _ => naming.model_names(&poses.points),
         };
-        self.bind(&names)?;
+        BoundModel::new(self.loaded(model)?, &model.meta.points, &self.name, &names)?;
         Ok(names)
     }
 
-    /// The opened model, bound to a table of `points`; `None` without a model.
-    fn bind(&self, points: &[String]) -> Result<Option<BoundModel<'_>>> {
-        let bind = |model: &'m Model| {
-            BoundModel::new(self.loaded(model)?, &model.meta.points, &self.name, points)
+    fn naming_of(&self, model: &Model, poses: &Poses) -> PointNaming {
+        let of = || PointNaming::of(&poses.points, poses.xyz.view(), &model.meta.points);
+        self.naming.clone().unwrap_or_else(of)
+    }
+
+    /// The opened model, bound to a table; `None` without a model.
+    fn bind(&self, poses: &Poses) -> Result<Option<BoundModel<'_>>> {
+        let Some(model) = self.model else {
+            return Ok(None);
         };
-        self.model.map(bind).transpose()
+        let names = self.model_names(poses)?;
+        let is_mapped = matches!(self.naming_of(model, poses), PointNaming::Map(_));
+        let bound = BoundModel::new(self.loaded(model)?, &model.meta.points, &self.name, &names)?;
+        Ok(Some(bound.mapped(is_mapped)))
     }
 
     /// The opened model.
@@ -201,8 +205,12 @@ impl<'m> Restorer<'m> {
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
         let poses = &table.poses;
-        let names = self.model_names(poses)?;
-        let bound = self.bind(&names)?;
+        let bound = self.bind(poses)?;
+        let names = match &bound {
+            // The body's own frame is the model's, not another skeleton's.
+            Some(bound) if bound.is_mapped => Cow::Borrowed(&poses.points[..]),
+            _ => self.model_names(poses)?,
+        };
         let mut out = Restoration::new(table);
         let Some(rate) = rate else {
             let xyz = hide(poses.xyz.to_owned(), hidden);

@@ -1,0 +1,32 @@
+//! `--map`: a shipped map of names by its name, or a TOML file.
+
+use super::toml_file;
+use crate::pose::NameMap;
+use crate::{Error, Place, Result};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The map that a flag names, for a model that knows the points `known`.
+///
+/// # Errors
+/// [`Error::Data`]: the file cannot be read, or names a point that the model does not have.
+pub fn name_map(name: &str, known: &[String]) -> Result<NameMap> {
+    if let Some(map) = NameMap::find(name) {
+        return Ok(map.clone());
+    }
+    let path = Path::new(name);
+    if !path.exists() && path.extension().is_none() {
+        let shipped: Vec<&str> = NameMap::shipped().iter().map(|m| m.name.as_str()).collect();
+        let what = format!(
+            "--map {name}: neither a file nor one of {}",
+            shipped.join(", ")
+        );
+        return Err(Error::usage(what));
+    }
+    let (joints, name): (BTreeMap<String, String>, String) = toml_file::read(path)?;
+    if let Some(unknown) = joints.keys().find(|point| !known.contains(point)) {
+        let what = format!("names a point \"{unknown}\" that the model does not have");
+        return Err(Error::data(Place::file(name), what));
+    }
+    Ok(NameMap { name, joints })
+}
