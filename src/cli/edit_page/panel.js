@@ -96,7 +96,7 @@ $("rest").addEventListener("change", () => { const cm = now.rest; doInOrder({ do
 function showTolerance() {
   const at = Math.log10(now.tolerance), { min, max } = $("tolerance");
   $("tolerance").value = at;
-  $("tolerance").style.setProperty("--done", (at - min) / (max - min) * 100 + "%");
+  $("tolerance").style.setProperty("--done", clamp((at - min) / (max - min), 0, 1) * 100 + "%");
   $("tolerance").setAttribute("aria-valuetext", $("tolerance-words").textContent = cm(now.tolerance));
 }
 $("tolerance").addEventListener("input", event => {
