@@ -17,7 +17,7 @@ function handlePointers(view) {
   canvas.addEventListener("pointermove", event => { if (held.has(event.pointerId)) moveHeld(view, event); else hoverOver(view, event); });
   canvas.addEventListener("pointerup", event => letGo(view, event));
   canvas.addEventListener("pointercancel", event => { if (doing === "joint") cancelGesture(); letGo(view, event); });
-  canvas.addEventListener("pointerleave", () => { if (!held.size) hover(null); });
+  canvas.addEventListener("pointerleave", () => { if (!held.size) { hover(null); sheet.at = null; ask(); } });
   canvas.addEventListener("contextmenu", event => event.preventDefault());
   canvas.addEventListener("wheel", event => {
     event.preventDefault();
