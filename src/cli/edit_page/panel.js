@@ -31,7 +31,7 @@ function showJoint() {
   const facts = [];
   if (at && missedBy(name) >= .05) facts.push(`${cm(missedBy(name))} from its place: out of reach`);
   else if (pin) facts.push(isPinned(name) ? "exactly in its place" : `pinned along ${AXES.filter((_, c) => pin[c] !== null).join(" and ")}`);
-  else if (at && now.sd[name] !== undefined) facts.push(`± ${cm(now.sd[name])}`);
+  else if (at && now.sd[name] >= .05) facts.push(`± ${cm(now.sd[name])}`);
   $("facts").textContent = facts.join(", ");
   $("facts").title = at && !pin ? "Standard deviation of a coordinate, by the model" : "";
   $("facts").classList.toggle("bad", !!(at && missedBy(name) >= .05));
