@@ -17,7 +17,7 @@ function handlePointers(view) {
   canvas.addEventListener("pointermove", event => { if (held.has(event.pointerId)) moveHeld(view, event); else hoverOver(view, event); });
   canvas.addEventListener("pointerup", event => letGo(view, event));
   canvas.addEventListener("pointercancel", event => { if (doing === "joint") cancelGesture(); letGo(view, event); });
-  canvas.addEventListener("pointerleave", () => { if (!held.size) hover(null); });
+  canvas.addEventListener("pointerleave", () => { if (!held.size) { hover(null); sheet.at = null; ask(); } });
   canvas.addEventListener("contextmenu", event => event.preventDefault());
   canvas.addEventListener("wheel", event => {
     event.preventDefault();
@@ -47,7 +47,7 @@ function press(view, event) {
   // While the program is away, a joint stays, and so does the view.
   if (!canMove()) { doing = "none"; return; }
   doing = "joint";
-  grip = { view, joint: hit.joint, x, y, off: [hit.x - x, hit.y - y], depth: hit.depth, last: [event.clientX, event.clientY] };
+  grip = { view, joint: hit.joint, x, y, off: [hit.x - x, hit.y - y], from: shown()[hit.joint], depth: 0, last: [event.clientX, event.clientY] };
   now.hover = hit.joint;
   if (event.pointerType === "touch") holding = setTimeout(() => {
     if (doing !== "joint" || now.gesture) return;
@@ -88,7 +88,7 @@ function moveHeld(view, event) {
 /** A pointer that moves less has not moved. */
 const slack = event => event.pointerType === "touch" ? 7 : 3;
 
-/** The joint goes with the pointer; shift moves it along the view's depth, ctrl (or cmd) moves it a fifth of the way. */
+/** The joint goes with the pointer; shift moves it in depth, ctrl (or cmd) moves it a fifth of the way. */
 function dragJoint(view, event) {
   const [x, y] = grip.last, fine = event.ctrlKey || event.metaKey ? .2 : 1;
   if (!now.gesture) {
@@ -113,7 +113,12 @@ function dragJoint(view, event) {
   }
   follow();
 }
-function follow() { aim(unproject(grip.view, grip.x + grip.off[0], grip.y + grip.off[1], grip.depth)); }
+/** The joint goes to where the line of sight meets the plane through its old place, moved by the depth. */
+function follow() {
+  const { view, from, depth } = grip, { toward } = axesOfMove(view.look.camera);
+  const [a, b] = [0, 1].map(far => unproject(view, grip.x + grip.off[0], grip.y + grip.off[1], far)), sight = plus(b, a, -1);
+  aim(plus(a, sight, (depth + dot(plus(from, a, -1), toward)) / dot(sight, toward)));
+}
 
 function letGo(view, event) {
   if (!held.delete(event.pointerId)) return;

@@ -11,6 +11,9 @@ function axesOf({ azimuth, elevation }) {
   return { right: [ca, 0, -sa], up: [-se * sa, ce, -se * ca], toward: [sa * ce, se, ca * ce] };
 }
 
+/** The directions in which a joint is moved: upright, or along the floor when it is seen from above. */
+const axesOfMove = ({ azimuth, elevation }) => axesOf({ azimuth, elevation: elevation < Math.PI / 4 ? 0 : Math.PI / 2 });
+
 /** Where a pixel of a view is in space, at a depth as the view's projection tells it. */
 function unproject({ look, width, height }, x, y, depth) {
   const { at, fit, eye, near } = look.lens(width, height, 0), { shift } = look.camera;

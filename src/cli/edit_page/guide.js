@@ -9,6 +9,7 @@ function guidance() {
   if (link.way !== "fine") return "The view can be turned. The body can be moved and saved when the program runs again.";
   if (photo.on) {
     const asked = askedFor();
+    if (asked && !marked() && sideOf(asked) === "l") return `Click ${ofPerson(asked)} in the picture: on your right if the person faces you.`;
     return asked ? `Click ${ofPerson(asked)} in the picture.` + (photo.picture ? " Joints of the body can be dragged to their places, too." : "") : "Drag the marks until the body fits, then use the pose.";
   }
   if (now.gesture && now.gesture.pointer) return touch ? "For depth, drag the joint in the small view." : "For depth, hold shift or turn the wheel. Ctrl: fine. Esc: back.";
@@ -34,7 +35,7 @@ function warn() {
   if (away.length === 1) lines.push(`The ${inWords(away[0])} cannot reach its place (${cm(missedBy(away[0]))} away).`);
   if (away.length > 1) lines.push(`The ${namesOf(away, name => `${inWords(name)} (${cm(missedBy(name))})`)} cannot reach their places.`);
   // Before there are enough marks, the pose is not the photograph's.
-  if (now.unlike > 0 && !(photo.on && !(photo.picture && marked() >= FEWEST))) lines.push("The model has seen no pose like this.");
+  if (now.unlike > 0 && !(photo.on && !photo.picture)) lines.push("The model has seen no pose like this.");
   $("warning").textContent = lines.join(" ");
   $("warning").hidden = !lines.length || !!now.preview;
   ask();

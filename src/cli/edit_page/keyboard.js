@@ -33,12 +33,12 @@ function nextJoint(by) {
   return true;
 }
 
-/** An arrow moves the selected joint in the plane of the view, with alt along its depth. */
+/** An arrow moves the selected joint up, down or sideways, with alt in depth. */
 function moveByArrow(event) {
   const name = now.selected, [across, rise] = ARROWS[event.key], step = event.shiftKey ? 10 : 1;
   if (!name || !canMove()) return;
   if (now.preview) adoptPreview();
-  const { right, up, toward } = axesOf(big.look.camera);
+  const { right, up, toward } = axesOfMove(big.look.camera);
   const from = placeWanted(name) || now.pose[name];
   nudge(name, event.altKey ? plus(from, toward, -rise * step) : plus(plus(from, right, across * step), up, rise * step));
 }

@@ -31,7 +31,7 @@ function showJoint() {
   const facts = [];
   if (at && missedBy(name) >= .05) facts.push(`${cm(missedBy(name))} from its place: out of reach`);
   else if (pin) facts.push(isPinned(name) ? "exactly in its place" : `pinned along ${AXES.filter((_, c) => pin[c] !== null).join(" and ")}`);
-  else if (at && now.sd[name] !== undefined) facts.push(`± ${cm(now.sd[name])}`);
+  else if (at && now.sd[name] >= .05) facts.push(`± ${cm(now.sd[name])}`);
   $("facts").textContent = facts.join(", ");
   $("facts").title = at && !pin ? "Standard deviation of a coordinate, by the model" : "";
   $("facts").classList.toggle("bad", !!(at && missedBy(name) >= .05));
@@ -96,7 +96,7 @@ $("rest").addEventListener("change", () => { const cm = now.rest; doInOrder({ do
 function showTolerance() {
   const at = Math.log10(now.tolerance), { min, max } = $("tolerance");
   $("tolerance").value = at;
-  $("tolerance").style.setProperty("--done", (at - min) / (max - min) * 100 + "%");
+  $("tolerance").style.setProperty("--done", clamp((at - min) / (max - min), 0, 1) * 100 + "%");
   $("tolerance").setAttribute("aria-valuetext", $("tolerance-words").textContent = cm(now.tolerance));
 }
 $("tolerance").addEventListener("input", event => {

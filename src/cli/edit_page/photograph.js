@@ -83,6 +83,7 @@ function undoMark() {
 // ---- the fit ----
 
 async function fit() {
+  if (marked() < FEWEST) photo.picture = null;
   if (marked() < FEWEST || link.way !== "fine") { tell(); return; }
   const { naturalWidth, naturalHeight } = photo.image;
   const body = { marks: photo.marks, size: [naturalWidth, naturalHeight], focal: photo.focal, flips: [...photo.flips] };
@@ -91,7 +92,7 @@ async function fit() {
   tell();
   try {
     const answer = await request("/photograph", body, { newest: true });
-    if (answer && photo.on) {
+    if (answer && photo.on && marked() >= FEWEST) {
       const before = now.pose, limb = photo.flipped;
       takePose(answer);
       photo.flipped = null;

@@ -1,7 +1,8 @@
 
 // The photograph in the large view: the picture, the fitted body over it, the marks.
 
-const sheet = { zoom: 1, shift: [0, 0], hover: null };
+/** `at` is where the pointer would set a mark. */
+const sheet = { zoom: 1, shift: [0, 0], hover: null, at: null };
 function beginPicture() { sheet.zoom = 1; sheet.shift = [0, 0]; sheet.hover = null; }
 
 /** Pixels of the page a pixel of the picture, and where the picture's corner is. */
@@ -35,6 +36,7 @@ function drawPicture() {
   ctx.globalAlpha = 1;
   if (photo.picture) drawFitted(ctx);
   for (const [name, place] of Object.entries(photo.marks)) drawMark(ctx, name, ontoView(place));
+  if (sheet.at && askedFor()) label(ctx, sheet.at[0] + 14, sheet.at[1] + 18, "+ " + inWords(askedFor()), ink.text);
 }
 
 /** The fitted body: bones with a pale edge, so that they are seen on any picture. */
@@ -86,6 +88,7 @@ function markAt(x, y, within) {
 
 /** What a press begins: "mark" moves a mark, "fitted" makes a mark of a joint of the body, "place" puts the asked one. */
 function pressPicture(x, y, event) {
+  sheet.at = null;
   const within = CATCH[event.pointerType] || 14, name = event.button === 0 && markAt(x, y, within);
   // A tap beside a mark, near enough to catch it, may be meant for the next one.
   grip = { name, begun: false, beside: !!name && apartOnView(photo.marks[name], x, y) > 9 };
@@ -115,7 +118,9 @@ function dropMark() { if (grip && grip.begun) undoMark(); }
 function hoverPicture(x, y) {
   const hit = jointAt(big, x, y, 10), name = markAt(x, y, 14) || (hit && hit.joint) || null;
   big.canvas.style.cursor = name ? "move" : "crosshair";
-  if (name !== sheet.hover) { sheet.hover = name; ask(); }
+  sheet.hover = name;
+  sheet.at = markAt(x, y, 14) ? null : [x, y];
+  ask();
 }
 
 /** By keys: Enter puts the asked joint's mark in the middle of the view, arrows move the selected one. */

@@ -9,20 +9,22 @@ function showStarts() {
   if (rows) { $("row").max = rows; $("rows").textContent = `of ${rows}`; }
   if (key === drawnStarts) return;
   drawnStarts = key;
-  const seen = {};
-  $("starts").replaceChildren(...starts.map((start, i) => {
+  const seen = {}, buttons = starts.map((start, i) => {
     const button = make("button", "start"), canvas = make("canvas");
     button.append(canvas);
     // Of several poses with one name, each has its number.
     seen[start.name] = (seen[start.name] || 0) + 1;
-    const name = starts.filter(other => other.name === start.name).length > 1 ? `${start.name} ${seen[start.name]}` : start.name;
+    const several = starts.filter(other => other.name === start.name).length > 1, name = several ? `${start.name} ${seen[start.name]}` : start.name;
     button.append(make("span", "", name));
     button.title = `Start from: ${name}`;
     button.setAttribute("aria-label", button.title);
     button.addEventListener("click", () => takeStart({ do: "start", start: i }));
-    return button;
-  }));
-  [...$("starts").children].forEach((button, i) => drawThumbnail(button.firstChild, starts[i].pose));
+    return { button, pose: start.pose, round: several ? seen[start.name] : starts.length };
+  });
+  // The first of each name, then the second of each, and last those that are alone.
+  buttons.sort((a, b) => a.round - b.round);
+  $("starts").replaceChildren(...buttons.map(({ button }) => button));
+  for (const { button, pose } of buttons) drawThumbnail(button.firstChild, pose);
 }
 
 function takeStart(action) {
