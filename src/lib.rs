@@ -71,6 +71,7 @@
 //! | [`body`] | body meshes: parts, pose and shape, skinning | `pose` |
 //! | [`prior`] | pose models behind one trait; a file or folder for each; a registry by name | `cluster`, `sparse` |
 //! | [`restore`] | completion, denoising, outliers, gaps, rigid distances, inverse kinematics | `prior` |
+//! | [`audit`] | what is not as it should be in a take: rate, unit, axis, gaps, swaps, fallen markers | `restore` |
 //! | [`edit`] | posing by hand: sessions of drags, pins, key poses, photographs | `restore` |
 //! | [`evaluate`] | corruption, scores, benchmark, report, figures and players of poses and meshes, page of pairs to label | `restore` |
 //! | [`cli`] | arguments, streams, messages, manual pages of the commands | all |
@@ -89,6 +90,7 @@
 //!
 //! `make test` runs all tests, `make bless` writes manual pages and expected outputs again, `make bench` measures speed.
 
+pub mod audit;
 pub mod body;
 pub mod cli;
 pub mod cluster;

@@ -32,6 +32,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
             "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore", "io",
         ],
     ),
+    ("audit", &["pose", "numeric", "restore"]),
     (
         "edit",
         &[
@@ -42,7 +43,7 @@ const MAY_NAME: &[(&str, &[&str])] = &[
         "cli",
         &[
             "pose", "numeric", "io", "cluster", "sparse", "metric", "body", "prior", "restore",
-            "evaluate", "edit",
+            "evaluate", "edit", "audit",
         ],
     ),
 ];

@@ -36,6 +36,11 @@ pub const COMMANDS: &[CommandEntry] = &[
         true,
     ),
     entry("dict-concat", "Join dictionaries into one", true),
+    entry(
+        "audit",
+        "Find what is wrong in takes: rate, unit, gaps, swaps, jumps",
+        false,
+    ),
     entry("denoise", "Remove noise and outliers from poses", true),
     entry("complete", "Fill gaps and missing points", false),
     entry(

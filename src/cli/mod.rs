@@ -1,6 +1,7 @@
 //! The parts that commands share: the wrapper around `main`, flags, input and output, progress, manual pages.
 
 pub mod args;
+pub mod audit;
 pub mod benchmark;
 pub mod body;
 pub mod body_glb;
@@ -55,9 +56,28 @@ use clap::{CommandFactory, FromArgMatches};
 use std::io::Write;
 use std::process::ExitCode;
 
+/// How a command ended that did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outcome {
+    /// Done: exit 0.
+    Done,
+    /// Done, with findings that somebody has to look at: exit 3.
+    Findings,
+}
+
+impl From<()> for Outcome {
+    fn from((): ()) -> Outcome {
+        Outcome::Done
+    }
+}
+
 /// Parses the arguments, runs `work` and returns the exit code: 0 done (a closed standard output included), 1 bad data,
-/// 2 wrong usage.
-pub fn run<A: CommandFactory + FromArgMatches>(work: impl FnOnce(A) -> Result<()>) -> ExitCode {
+/// 2 wrong usage, 3 done with findings.
+pub fn run<A, O>(work: impl FnOnce(A) -> Result<O>) -> ExitCode
+where
+    A: CommandFactory + FromArgMatches,
+    O: Into<Outcome>,
+{
     let command = manual::typed(A::command());
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
@@ -73,7 +93,10 @@ pub fn run<A: CommandFactory + FromArgMatches>(work: impl FnOnce(A) -> Result<()
         Err(e) => return parse_failure(&typed, &e),
     };
     match work(args) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(outcome) => match outcome.into() {
+            Outcome::Done => ExitCode::SUCCESS,
+            Outcome::Findings => ExitCode::from(3),
+        },
         Err(e) if e.is_closed_pipe() => ExitCode::SUCCESS,
         Err(e) => {
             messages::error(&e.to_string());

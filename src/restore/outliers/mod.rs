@@ -129,6 +129,17 @@ pub fn find_outliers<'m>(
     (outliers, Some(adapted))
 }
 
+/// The points that leave their path for some frames, frame by frame, in a take (frames, 3 J; cm, NaN missing). `runs` are ranges of
+/// consecutive frames, `rate` is in frames a second. No model is needed.
+pub fn spikes_of_take(
+    xyz: ArrayView2<'_, f64>,
+    runs: &[Range<usize>],
+    rate: f64,
+) -> Vec<Vec<usize>> {
+    let noise = noise_estimation::by_point(None, xyz, runs, None);
+    trajectory::spikes(xyz, runs, rate, &noise)
+}
+
 /// The spikes of some points of a take, frame by frame.
 fn spikes_of(take: &Take<'_>, points: &[usize], noise: Option<f64>) -> Vec<Vec<usize>> {
     let columns: Vec<usize> = points.iter().flat_map(|p| 3 * p..3 * p + 3).collect();

@@ -1,0 +1,110 @@
+//! What is missing, and what only looks as if it were there.
+
+use super::{Finding, FindingKind, Limits, Take, ranges};
+use serde::Serialize;
+
+/// What is missing in a take.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct GapSummary {
+    /// The share of all points of all frames that are missing.
+    pub missing: f64,
+    /// By point with a gap: its name, its gaps, its missing frames, and the frames of its longest gap.
+    pub by_point: Vec<PointGaps>,
+}
+
+/// The gaps of a point.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PointGaps {
+    /// The point's name.
+    pub point: String,
+    /// The number of its gaps.
+    pub gaps: usize,
+    /// The frames in which it is missing.
+    pub frames: usize,
+    /// The first frame of its longest gap, and the one after the last.
+    pub longest: [usize; 2],
+}
+
+impl GapSummary {
+    pub(super) fn of(take: &Take<'_>) -> GapSummary {
+        let frames = take.xyz.nrows();
+        let mut by_point = Vec::new();
+        for p in 0..take.points.len() {
+            let missing = (0..frames).filter(|&t| take.at(t, p).is_none());
+            let gaps = ranges(missing);
+            let Some(longest) = gaps.iter().max_by_key(|g| g.len()) else {
+                continue;
+            };
+            by_point.push(PointGaps {
+                point: take.points[p].clone(),
+                gaps: gaps.len(),
+                frames: gaps.iter().map(|g| g.len()).sum(),
+                longest: [longest.start, longest.end],
+            });
+        }
+        let all = (frames * take.points.len()).max(1) as f64;
+        GapSummary {
+            missing: by_point.iter().map(|p| p.frames).sum::<usize>() as f64 / all,
+            by_point,
+        }
+    }
+
+    pub(super) fn findings(&self, take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
+        let frames = take.xyz.nrows();
+        let mut out = Vec::new();
+        for gaps in &self.by_point {
+            let [start, end] = gaps.longest;
+            let seconds = take.rate.map(|rate| (end - start) as f64 / rate);
+            let share = gaps.frames as f64 / frames as f64;
+            let finding = |kind, what| Finding {
+                kind,
+                points: vec![gaps.point.clone()],
+                frames: Some(gaps.longest),
+                what,
+            };
+            if gaps.frames == frames {
+                let what = format!("{} is never seen", gaps.point);
+                out.push(finding(FindingKind::Missing, what));
+            } else if let Some(seconds) = seconds.filter(|s| *s > limits.gap) {
+                let what = format!(
+                    "{} is missing for {seconds:.2} s (limit {} s)",
+                    gaps.point, limits.gap
+                );
+                out.push(finding(FindingKind::LongGap, what));
+            } else if share > limits.missing {
+                let what = format!(
+                    "{} is missing in {:.0}% of the frames (limit {:.0}%)",
+                    gaps.point,
+                    100.0 * share,
+                    100.0 * limits.missing
+                );
+                out.push(finding(FindingKind::Missing, what));
+            }
+        }
+        out
+    }
+}
+
+/// Points that are exactly at the origin in some frames: nothing that is measured is.
+pub(super) fn zeros(take: &Take<'_>) -> Vec<Finding> {
+    let frames = take.xyz.nrows();
+    let mut out = Vec::new();
+    for p in 0..take.points.len() {
+        let is_zero = |t: &usize| take.at(*t, p) == Some(glam::DVec3::ZERO);
+        let zeros: Vec<usize> = (0..frames).filter(is_zero).collect();
+        let others = (0..frames).any(|t| take.at(t, p).is_some_and(|at| at != glam::DVec3::ZERO));
+        // A root that is at the origin all the time is there on purpose.
+        let (Some(&first), true) = (zeros.first(), others) else {
+            continue;
+        };
+        let what = format!(
+            "{} is exactly 0, 0, 0 in {} frames: if that means missing, make these cells empty",
+            take.points[p],
+            zeros.len()
+        );
+        let range = ranges(zeros.iter().copied())[0].clone();
+        debug_assert_eq!(range.start, first);
+        out.push(take.finding(FindingKind::Zeros, &[p], Some(range), what));
+    }
+    out
+}

@@ -1,0 +1,220 @@
+//! Auditing takes: what in a capture is not as it should be, before anything is changed.
+//!
+//! Rates, units and axes are wrong more often than positions are, and gaps are written in many ways. Each check says what it found, where,
+//! and the limit that it is over.
+
+mod body;
+mod distances;
+mod gaps;
+mod motion;
+
+pub use gaps::{GapSummary, PointGaps};
+
+use crate::pose::Poses;
+use ndarray::{ArrayView2, s};
+use serde::Serialize;
+use std::ops::Range;
+
+/// What is still as it should be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Limits {
+    /// The longest gap, seconds.
+    pub gap: f64,
+    /// The largest share of a point's frames that are missing.
+    pub missing: f64,
+    /// The speed of the fastest point, at 99% of its steps, cm/s.
+    pub speed: f64,
+    /// How tall a body is, cm: the largest extent of its points, in the median.
+    pub size: [f64; 2],
+    /// How far a distance between points that go together may drift from the first to the last quarter of a take, cm.
+    pub drift: f64,
+}
+
+impl Default for Limits {
+    fn default() -> Limits {
+        Limits {
+            gap: 0.5,
+            missing: 0.1,
+            speed: 1500.0,
+            size: [60.0, 260.0],
+            drift: 2.0,
+        }
+    }
+}
+
+/// What is wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum FindingKind {
+    /// Points move faster than people do: the rate is too high, or the unit too large.
+    Rate,
+    /// The body is smaller or larger than people are.
+    Unit,
+    /// The body is longest along another axis than y.
+    UpAxis,
+    /// A gap is long.
+    LongGap,
+    /// A point is missing often.
+    Missing,
+    /// A point is exactly at the origin: zeros for missing values.
+    Zeros,
+    /// Two points change places.
+    Swap,
+    /// A point leaves its path for some frames.
+    Jump,
+    /// A point has the very same place for many frames while others move: a value that was held.
+    Held,
+    /// A point lies still, far from those it goes with, while they move.
+    Fallen,
+    /// A distance between points that go together drifts.
+    Drift,
+}
+
+/// Something that is not as it should be.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Finding {
+    /// What is wrong.
+    pub kind: FindingKind,
+    /// The points.
+    pub points: Vec<String>,
+    /// The first frame, from 0 within the take, and the one after the last.
+    pub frames: Option<[usize; 2]>,
+    /// One sentence: what, how much, and what to do.
+    pub what: String,
+}
+
+/// The audit of one take.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TakeAudit {
+    /// The name of the take, if it has one.
+    pub take: Option<String>,
+    /// The number of frames.
+    pub frames: usize,
+    /// Frames a second, if the table has times.
+    pub rate: Option<f64>,
+    /// The number of points.
+    pub points: usize,
+    /// The largest extent of the points of a frame, in the median, cm.
+    pub size: Option<f64>,
+    /// What is missing.
+    pub gaps: GapSummary,
+    /// What is not as it should be.
+    pub findings: Vec<Finding>,
+}
+
+/// One take as the checks see it.
+struct Take<'a> {
+    points: &'a [String],
+    /// (frames, 3 J), cm.
+    xyz: ArrayView2<'a, f64>,
+    /// Ranges of consecutive frames.
+    runs: Vec<Range<usize>>,
+    rate: Option<f64>,
+}
+
+/// Audits each take of a table; `fps` is the rate of a table without times.
+///
+/// ```
+/// use posing::audit::{FindingKind, Limits, audit};
+/// use posing::pose::Poses;
+///
+/// let mut poses = Poses { points: vec!["head".into()], ..Poses::default() };
+/// poses.xyz = ndarray::Array2::from_elem((40, 3), 100.0);
+/// poses.xyz.row_mut(7).fill(0.0);
+/// let takes = audit(&poses, Some(120.0), &Limits::default());
+/// assert!(takes[0].findings.iter().any(|f| f.kind == FindingKind::Zeros));
+/// ```
+pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit> {
+    let all_runs = poses.runs();
+    let takes = poses.takes().into_iter().zip(poses.rates());
+    let one = |(frames, rate): (Range<usize>, Option<f64>)| {
+        let runs = all_runs.iter().filter(|r| frames.contains(&r.start));
+        let take = Take {
+            points: &poses.points,
+            xyz: poses.xyz.slice(s![frames.clone(), ..]),
+            runs: runs
+                .map(|r| r.start - frames.start..r.end - frames.start)
+                .collect(),
+            rate: rate.or(fps),
+        };
+        let name = poses.take.as_ref().map(|t| t[frames.start].to_string());
+        audit_take(&take, name, limits)
+    };
+    takes.map(one).collect()
+}
+
+fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAudit {
+    let gaps = GapSummary::of(take);
+    let size = body::size(take);
+    let mut findings = Vec::new();
+    findings.extend(motion::too_fast(take, limits));
+    findings.extend(body::wrong_unit(size, limits));
+    findings.extend(body::wrong_axis(take));
+    findings.extend(gaps.findings(take, limits));
+    findings.extend(gaps::zeros(take));
+    findings.extend(motion::swaps(take));
+    findings.extend(motion::jumps(take));
+    findings.extend(motion::held(take));
+    findings.extend(distances::findings(take, limits));
+    TakeAudit {
+        take: name,
+        frames: take.xyz.nrows(),
+        rate: take.rate,
+        points: take.points.len(),
+        size: size.map(|axes| axes.into_iter().fold(0.0, f64::max)),
+        gaps,
+        findings,
+    }
+}
+
+impl Take<'_> {
+    /// The place of a point in a frame; `None` where a coordinate is missing.
+    fn at(&self, frame: usize, point: usize) -> Option<glam::DVec3> {
+        let row = self.xyz.row(frame);
+        let at = glam::DVec3::new(row[3 * point], row[3 * point + 1], row[3 * point + 2]);
+        at.is_finite().then_some(at)
+    }
+
+    /// Frames and those after them, within runs.
+    fn steps(&self) -> impl Iterator<Item = usize> + '_ {
+        self.runs
+            .iter()
+            .flat_map(|r| r.start..r.end.saturating_sub(1))
+    }
+
+    fn finding(
+        &self,
+        kind: FindingKind,
+        points: &[usize],
+        frames: Option<Range<usize>>,
+        what: String,
+    ) -> Finding {
+        Finding {
+            kind,
+            points: points.iter().map(|&p| self.points[p].clone()).collect(),
+            frames: frames.map(|f| [f.start, f.end]),
+            what,
+        }
+    }
+}
+
+/// The middle of some values; `None` of none.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The frames in which something is so, in ranges on end.
+fn ranges(frames: impl IntoIterator<Item = usize>) -> Vec<Range<usize>> {
+    let mut out: Vec<Range<usize>> = Vec::new();
+    for t in frames {
+        match out.last_mut() {
+            Some(last) if last.end == t => last.end = t + 1,
+            _ => out.push(t..t + 1),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,149 @@
+//! How points move: too fast, off their paths, into each other's places, or not at all.
+
+use super::{Finding, FindingKind, Limits, Take, median, ranges};
+use crate::restore::outliers::spikes_of_take;
+
+/// The share of a point's steps that are not faster than its speed.
+const FAST: f64 = 0.99;
+/// Two points that are nearer than this to each other are not told apart, cm.
+const TOLD_APART: f64 = 3.0;
+/// A swap leaves each point this many times as near to the other's path as to its own.
+const SWAPPED: f64 = 4.0;
+/// A value that is held for so many frames, while the others move this fast in the median, cm/s, was not measured.
+const HELD_FRAMES: usize = 10;
+const MOVING: f64 = 5.0;
+
+/// Points that are faster than people.
+pub(super) fn too_fast(take: &Take<'_>, limits: &Limits) -> Option<Finding> {
+    let rate = take.rate?;
+    let speed = |p: usize| {
+        let steps = take.steps();
+        let lengths = steps.filter_map(|t| Some((take.at(t + 1, p)? - take.at(t, p)?).length()));
+        let mut lengths: Vec<f64> = lengths.collect();
+        if lengths.is_empty() {
+            return None;
+        }
+        let at = ((lengths.len() - 1) as f64 * FAST) as usize;
+        let step = *lengths.select_nth_unstable_by(at, f64::total_cmp).1;
+        Some((p, step * rate))
+    };
+    let speeds = (0..take.points.len()).filter_map(speed);
+    let (p, fastest) = speeds.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (fastest > limits.speed).then(|| {
+        let what = format!(
+            "{} moves at {:.1} m/s (limit {:.1}): is the rate {rate} frames per second, and is the unit right?",
+            take.points[p],
+            fastest / 100.0,
+            limits.speed / 100.0
+        );
+        take.finding(FindingKind::Rate, &[p], None, what)
+    })
+}
+
+/// Points that leave their path for some frames and come back.
+pub(super) fn jumps(take: &Take<'_>) -> Vec<Finding> {
+    let Some(rate) = take.rate else {
+        return Vec::new();
+    };
+    let spikes = spikes_of_take(take.xyz, &take.runs, rate);
+    let mut out = Vec::new();
+    for p in 0..take.points.len() {
+        let frames = (0..spikes.len()).filter(|&t| spikes[t].contains(&p));
+        let found = ranges(frames);
+        let Some(first) = found.first() else { continue };
+        let count: usize = found.iter().map(|r| r.len()).sum();
+        let what = format!(
+            "{} jumps off its path in {count} frames, first in frame {}: denoise and complete set it right",
+            take.points[p], first.start
+        );
+        out.push(take.finding(FindingKind::Jump, &[p], Some(first.clone()), what));
+    }
+    out
+}
+
+/// Pairs of points that change places from one frame to the next: each goes on where the other was.
+pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
+    let mut out = Vec::new();
+    for t in take.steps() {
+        // Only what moves far can have changed places.
+        let step = |p: usize| Some((p, (take.at(t + 1, p)? - take.at(t, p)?).length()));
+        let far: Vec<usize> = (0..take.points.len())
+            .filter_map(step)
+            .filter(|(_, length)| *length > TOLD_APART)
+            .map(|(p, _)| p)
+            .collect();
+        for (i, &a) in far.iter().enumerate() {
+            for &b in &far[i + 1..] {
+                if is_swap(take, t, a, b) {
+                    let what = format!(
+                        "{} and {} change places in frame {}",
+                        take.points[a],
+                        take.points[b],
+                        t + 1
+                    );
+                    out.push(take.finding(FindingKind::Swap, &[a, b], Some(t + 1..t + 2), what));
+                }
+            }
+        }
+    }
+    out
+}
+
+fn is_swap(take: &Take<'_>, t: usize, a: usize, b: usize) -> bool {
+    let places = || {
+        let now = (take.at(t, a)?, take.at(t, b)?);
+        let next = (take.at(t + 1, a)?, take.at(t + 1, b)?);
+        Some((now, next))
+    };
+    let Some(((a0, b0), (a1, b1))) = places() else {
+        return false;
+    };
+    let own = (a1 - a0).length() + (b1 - b0).length();
+    let crossed = (b1 - a0).length() + (a1 - b0).length();
+    SWAPPED * crossed < own
+}
+
+/// Points with the very same place for many frames while others move.
+pub(super) fn held(take: &Take<'_>) -> Vec<Finding> {
+    let Some(rate) = take.rate else {
+        return Vec::new();
+    };
+    let mut out = Vec::new();
+    for p in 0..take.points.len() {
+        let is_same = |t: &usize| {
+            let at = take.at(*t, p);
+            at.is_some() && at == take.at(*t + 1, p) && at != Some(glam::DVec3::ZERO)
+        };
+        let same = ranges(take.steps().filter(is_same));
+        let long = same.into_iter().filter(|r| r.len() >= HELD_FRAMES);
+        let held = long.filter(|r| speed_of_others(take, r.start..r.end + 1, p, rate) > MOVING);
+        let held: Vec<_> = held.map(|r| r.start..r.end + 1).collect();
+        let Some(longest) = held.iter().max_by_key(|r| r.len()) else {
+            continue;
+        };
+        let what = format!(
+            "{} is at the very same place for {} frames while others move: its last value was held, make these cells empty",
+            take.points[p],
+            longest.len()
+        );
+        out.push(take.finding(FindingKind::Held, &[p], Some(longest.clone()), what));
+    }
+    out
+}
+
+/// The speed of the other points from the first to the last frame, in the median, cm/s.
+pub(super) fn speed_of_others(
+    take: &Take<'_>,
+    frames: std::ops::Range<usize>,
+    point: usize,
+    rate: f64,
+) -> f64 {
+    let way = |p: usize| {
+        let steps = frames.clone().zip(frames.clone().skip(1));
+        let steps =
+            steps.filter_map(|(t, next)| Some((take.at(next, p)? - take.at(t, p)?).length()));
+        median(steps.collect()).map(|step| step * rate)
+    };
+    let others = (0..take.points.len()).filter(|&p| p != point);
+    median(others.filter_map(way).collect()).unwrap_or(0.0)
+}

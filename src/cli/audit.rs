@@ -1,0 +1,159 @@
+//! `audit` around the library: its limits as flags, and its text.
+
+use crate::audit::{FindingKind, GapSummary, Limits, TakeAudit};
+use clap::Args;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Points whose gaps are listed.
+const LISTED: usize = 5;
+
+/// What is still as it should be.
+#[derive(Debug, Clone, Args)]
+pub struct LimitArgs {
+    /// Longest gap, in seconds
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 0.5,
+        help_heading = "Limits"
+    )]
+    max_gap: f64,
+    /// Largest share of a point's frames that are missing, 0 to 1
+    #[arg(
+        long,
+        value_name = "SHARE",
+        default_value_t = 0.1,
+        help_heading = "Limits"
+    )]
+    max_missing: f64,
+    /// Largest speed of a point, in metres per second (99% of its steps)
+    #[arg(
+        long,
+        value_name = "M/S",
+        default_value_t = 15.0,
+        help_heading = "Limits"
+    )]
+    max_speed: f64,
+    /// Largest drift of a distance between points that go together, in centimetres
+    #[arg(
+        long,
+        value_name = "CM",
+        default_value_t = 2.0,
+        help_heading = "Limits"
+    )]
+    max_drift: f64,
+}
+
+impl LimitArgs {
+    /// The limits of the library.
+    pub fn limits(&self) -> Limits {
+        Limits {
+            gap: self.max_gap,
+            missing: self.max_missing,
+            speed: 100.0 * self.max_speed,
+            drift: self.max_drift,
+            ..Limits::default()
+        }
+    }
+}
+
+/// The audit of one file.
+#[derive(Debug, Clone, Serialize)]
+pub struct FileAudit {
+    /// The file's name.
+    pub file: String,
+    /// Why it could not be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Its takes.
+    pub takes: Vec<TakeAudit>,
+}
+
+impl FileAudit {
+    /// Whether somebody has to look at it.
+    pub fn has_findings(&self) -> bool {
+        self.error.is_some() || self.takes.iter().any(|take| !take.findings.is_empty())
+    }
+
+    /// The audit as text.
+    pub fn text(&self) -> String {
+        let mut out = format!("{}\n", self.file);
+        if let Some(error) = &self.error {
+            let _ = writeln!(out, "  not read: {error}");
+        }
+        for take in &self.takes {
+            push_take(&mut out, take);
+        }
+        out
+    }
+}
+
+fn push_take(out: &mut String, take: &TakeAudit) {
+    let name = take
+        .take
+        .as_deref()
+        .map_or(String::new(), |name| format!("{name}: "));
+    let _ = write!(out, "  {name}{} frames", take.frames);
+    if let Some(rate) = take.rate {
+        let _ = write!(
+            out,
+            " at {rate} a second, {:.1} s",
+            take.frames as f64 / rate
+        );
+    }
+    let _ = write!(out, "; {} points", take.points);
+    if let Some(size) = take.size {
+        let _ = write!(out, ", {size:.0} cm");
+    }
+    let _ = writeln!(out, "; {}", missing(&take.gaps, take.rate));
+    for finding in &take.findings {
+        let _ = writeln!(out, "    {}: {}", kind_name(finding.kind), finding.what);
+    }
+    if take.findings.is_empty() {
+        let _ = writeln!(out, "    nothing found");
+    }
+}
+
+/// What is missing, the points with most first.
+fn missing(gaps: &GapSummary, rate: Option<f64>) -> String {
+    if gaps.by_point.is_empty() {
+        return "nothing is missing".to_string();
+    }
+    let mut points: Vec<_> = gaps.by_point.iter().collect();
+    points.sort_by_key(|p| std::cmp::Reverse(p.frames));
+    let one = |p: &&crate::audit::PointGaps| {
+        let longest = p.longest[1] - p.longest[0];
+        let longest = match rate {
+            Some(rate) => format!("{:.2} s", longest as f64 / rate),
+            None => format!("{longest} frames"),
+        };
+        format!("{} {} times, up to {longest}", p.point, p.gaps)
+    };
+    let some: Vec<String> = points.iter().take(LISTED).map(one).collect();
+    let more = match points.len().saturating_sub(LISTED) {
+        0 => String::new(),
+        n => format!(", and {n} more points"),
+    };
+    format!(
+        "{:.1}% is missing ({}{more})",
+        100.0 * gaps.missing,
+        some.join(", ")
+    )
+}
+
+fn kind_name(kind: FindingKind) -> &'static str {
+    match kind {
+        FindingKind::Rate => "rate",
+        FindingKind::Unit => "unit",
+        FindingKind::UpAxis => "up axis",
+        FindingKind::LongGap => "long gap",
+        FindingKind::Missing => "missing",
+        FindingKind::Zeros => "zeros",
+        FindingKind::Swap => "swap",
+        FindingKind::Jump => "jump",
+        FindingKind::Held => "held value",
+        FindingKind::Fallen => "fallen",
+        FindingKind::Drift => "drift",
+    }
+}
