@@ -3,8 +3,9 @@
 use super::motion::speed_of_others;
 use super::{Finding, FindingKind, Limits, Take, median, ranges};
 
-/// Points that go together: their distance stays within this share of itself, and this, cm, in the middle half of the frames.
-const STEADY: f64 = 0.03;
+/// Points that go together: their distance stays within this share of itself, and this, cm, in the middle half of the frames of a
+/// quarter of the take.
+const STEADY: f64 = 0.05;
 const STEADY_CM: f64 = 1.0;
 /// A point that is farther off than this from where those it goes with have it, cm, and slower than this, cm/s, for so many frames
 /// while the others move this fast, has fallen off.
@@ -12,30 +13,39 @@ const FALLEN_OFF: f64 = 10.0;
 const STILL: f64 = 0.5;
 const STILL_FRAMES: usize = 10;
 const MOVING: f64 = 5.0;
-/// Frames that are looked at for steady distances, and to tell a quarter.
+/// Frames that are looked at for steady distances, and of a quarter, at least.
 const FRAMES: usize = 400;
-const FEWEST: usize = 40;
+const FEWEST: usize = 10;
 
-/// The point that each goes with, and their usual distance, cm.
+/// The point that each goes with, and their usual distance, cm: that of the two quarters of the take in which it is steadiest, as it
+/// may drift, and a point may fall off.
 fn partners(take: &Take<'_>) -> Vec<Option<(usize, f64)>> {
-    let points = take.points.len();
-    let step = take.xyz.nrows().div_ceil(FRAMES).max(1);
+    let (points, frames) = (take.points.len(), take.xyz.nrows());
+    let step = frames.div_ceil(FRAMES).max(1);
+    let quarter = |k: usize| k * frames / 4..(k + 1) * frames / 4;
     let partner = |p: usize| {
         let candidates = (0..points).filter(|&q| q != p).filter_map(|q| {
-            let mut all = distances(take, p, q, (0..take.xyz.nrows()).step_by(step));
-            if all.len() < FEWEST {
-                return None;
-            }
-            all.sort_by(f64::total_cmp);
-            let at = |share: f64| all[(share * (all.len() - 1) as f64) as usize];
-            let (middle, spread) = (at(0.5), at(0.75) - at(0.25));
+            let of = |k: usize| spread(distances(take, p, q, quarter(k).step_by(step)));
+            let mut quarters: Vec<(f64, f64)> = (0..4).filter_map(of).collect();
+            quarters.sort_by(|a, b| a.1.total_cmp(&b.1));
+            let (middle, spread) = *quarters.get(1)?;
             let is_steady = middle > STEADY_CM && spread <= (STEADY * middle).min(STEADY_CM);
-            is_steady.then_some((q, middle, spread))
+            is_steady.then_some((q, 0.5 * (quarters[0].0 + middle), spread))
         });
         let best = candidates.min_by(|a, b| a.2.total_cmp(&b.2));
         best.map(|(q, middle, _)| (q, middle))
     };
     (0..points).map(partner).collect()
+}
+
+/// The median of some distances, and how far the middle half of them spreads; `None` of too few.
+fn spread(mut all: Vec<f64>) -> Option<(f64, f64)> {
+    if all.len() < FEWEST {
+        return None;
+    }
+    all.sort_by(f64::total_cmp);
+    let at = |share: f64| all[(share * (all.len() - 1) as f64) as usize];
+    Some((at(0.5), at(0.75) - at(0.25)))
 }
 
 fn distances(take: &Take<'_>, p: usize, q: usize, frames: impl Iterator<Item = usize>) -> Vec<f64> {
@@ -69,7 +79,7 @@ fn drift(take: &Take<'_>, p: usize, q: usize, limits: &Limits) -> Option<Finding
     let frames = take.xyz.nrows();
     let first = distances(take, p, q, 0..frames / 4);
     let last = distances(take, p, q, frames - frames / 4..frames);
-    if first.len().min(last.len()) < FEWEST / 4 {
+    if first.len().min(last.len()) < FEWEST {
         return None;
     }
     let (first, last) = (median(first)?, median(last)?);
