@@ -48,6 +48,11 @@ pub const COMMANDS: &[CommandEntry] = &[
         "Pose a figure by hand: drag joints on a local page",
         false,
     ),
+    entry(
+        "trim",
+        "Choose frames, takes and points, resample, rename, filter",
+        false,
+    ),
     entry("xyz2bvh", "Convert a pose table to a BVH file", true),
     entry("bvh2xyz", "Convert a BVH file to a pose table", false),
     entry("c3d2xyz", "Convert a C3D file to a pose table", false),

@@ -1,5 +1,6 @@
 //! Numerics that every room above uses: LAPACK, small dense algebra, L-BFGS, Gaussians, SIMD, deterministic parallelism.
 
+pub mod butterworth;
 pub mod gaussian;
 pub mod lbfgs;
 pub mod linalg;

@@ -12,6 +12,7 @@ pub mod rotation;
 pub mod similarity;
 pub mod skeleton;
 pub mod transform;
+pub mod trimming;
 
 pub use body::Body;
 pub use bone_points::BonePoints;

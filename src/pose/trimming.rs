@@ -1,0 +1,185 @@
+//! Small work on takes: frames and points chosen, another rate, a low-pass filter.
+
+use super::poses::Poses;
+use crate::numeric::butterworth::{FEWEST, LowPass};
+use crate::numeric::pchip::pchip;
+use ndarray::{Array2, ArrayViewMut1, Axis};
+use std::ops::Range;
+
+/// Two measured frames further apart than this many steps are a gap, not neighbours.
+const NEIGHBORS: f64 = 1.5;
+
+impl Poses {
+    /// These frames alone, in this order.
+    pub fn with_frames(&self, frames: &[usize]) -> Poses {
+        let time = self.time.as_ref();
+        let take = self.take.as_ref();
+        Poses {
+            points: self.points.clone(),
+            xyz: self.xyz.select(Axis(0), frames),
+            time: time.map(|time| frames.iter().map(|&t| time[t]).collect()),
+            take: take.map(|take| frames.iter().map(|&t| take[t].clone()).collect()),
+        }
+    }
+
+    /// These points alone, in this order; `Err`: the first that there is not.
+    ///
+    /// # Errors
+    /// The name of a point that there is not.
+    pub fn with_points<'n>(&self, names: &'n [String]) -> Result<Poses, &'n str> {
+        let find = |name: &'n String| {
+            let at = self.points.iter().position(|p| p == name);
+            at.ok_or(name.as_str())
+        };
+        let at = names.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let columns: Vec<usize> = at.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+        Ok(Poses {
+            points: names.to_vec(),
+            xyz: self.xyz.select(Axis(1), &columns),
+            ..self.clone()
+        })
+    }
+
+    /// Each take at another rate: frames at its first time and each 1 / `rate` seconds after it, up to its last. A coordinate is
+    /// interpolated (PCHIP) between measured neighbours; across a gap or a pause it stays missing. `None` without times.
+    pub fn resampled(&self, rate: f64) -> Option<Poses> {
+        let time = self.time.as_ref()?;
+        let (mut rows, mut times, mut takes) = (Vec::new(), Vec::new(), Vec::new());
+        for (frames, own) in self.takes().into_iter().zip(self.rates()) {
+            let step = 1.0 / own.unwrap_or(rate);
+            let (first, last) = (time[frames.start], time[frames.end - 1]);
+            let count = ((last - first) * rate + 1e-6).floor() as usize + 1;
+            let at: Vec<f64> = (0..count).map(|i| first + i as f64 / rate).collect();
+            let mut xyz = Array2::from_elem((count, self.xyz.ncols()), f64::NAN);
+            for c in 0..self.xyz.ncols() {
+                self.resample(c, frames.clone(), step, &at, xyz.column_mut(c));
+            }
+            rows.push(xyz);
+            times.extend(at);
+            let name = self.take.as_ref().map(|t| t[frames.start].clone());
+            takes.extend(std::iter::repeat_n(name, count));
+        }
+        let views: Vec<_> = rows.iter().map(|r| r.view()).collect();
+        Some(Poses {
+            points: self.points.clone(),
+            xyz: ndarray::concatenate(Axis(0), &views).unwrap_or_default(),
+            time: Some(times),
+            take: takes.into_iter().collect(),
+        })
+    }
+
+    /// One coordinate of a take at the times `at`.
+    fn resample(
+        &self,
+        column: usize,
+        frames: Range<usize>,
+        step: f64,
+        at: &[f64],
+        mut out: ArrayViewMut1<'_, f64>,
+    ) {
+        let Some(time) = &self.time else { return };
+        let mut next = 0;
+        for seen in self.seen_runs(column, frames, NEIGHBORS * step) {
+            let x = &time[seen.clone()];
+            let (first, last) = (x[0] - 1e-6, x[x.len() - 1] + 1e-6);
+            let start = next + at[next..].partition_point(|t| *t < first);
+            next = start + at[start..].partition_point(|t| *t <= last);
+            let y: Vec<f64> = seen.map(|t| self.xyz[[t, column]]).collect();
+            let inside: Vec<f64> = at[start..next]
+                .iter()
+                .map(|t| t.clamp(x[0], last))
+                .collect();
+            for (i, value) in pchip(x, &y, &inside).into_iter().enumerate() {
+                out[start + i] = value;
+            }
+        }
+    }
+
+    /// Filters each coordinate forwards and backwards ([`LowPass`]), in pieces on end; those of fewer than ten frames stay as they are,
+    /// and are counted. `None` where a take has no rate, or the cutoff is not below .4 of it.
+    pub fn low_pass(&mut self, cutoff: f64, fps: Option<f64>) -> Option<usize> {
+        let mut short = 0;
+        for (frames, own) in self.takes().into_iter().zip(self.rates()) {
+            let rate = own.or(fps)?;
+            let filter = LowPass::new(cutoff, rate)?;
+            for c in 0..self.xyz.ncols() {
+                for seen in self.seen_runs(c, frames.clone(), NEIGHBORS / rate) {
+                    let mut values: Vec<f64> = seen.clone().map(|t| self.xyz[[t, c]]).collect();
+                    short += usize::from(values.len() < FEWEST);
+                    filter.apply(&mut values);
+                    for (t, value) in seen.zip(values) {
+                        self.xyz[[t, c]] = value;
+                    }
+                }
+            }
+        }
+        Some(short)
+    }
+
+    /// The ranges of frames on end in which a coordinate is there, no two further apart in time than `most` seconds.
+    fn seen_runs(&self, column: usize, frames: Range<usize>, most: f64) -> Vec<Range<usize>> {
+        let mut runs: Vec<Range<usize>> = Vec::new();
+        let is_next = |t: usize| {
+            let times = self.time.as_ref();
+            times.is_none_or(|time| time[t] - time[t - 1] <= most)
+        };
+        for t in frames.filter(|&t| self.xyz[[t, column]].is_finite()) {
+            match runs.last_mut() {
+                Some(run) if run.end == t && is_next(t) => run.end = t + 1,
+                _ => runs.push(t..t + 1),
+            }
+        }
+        runs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two takes of one point that moves evenly, 100 frames a second, with a gap in the first.
+    fn poses() -> Poses {
+        let time: Vec<f64> = (0..60).map(|t| (t % 30) as f64 / 100.0).collect();
+        let mut xyz = Array2::from_shape_fn((60, 3), |(t, c)| (t % 30) as f64 + c as f64);
+        xyz.slice_mut(ndarray::s![10..15, ..]).fill(f64::NAN);
+        Poses {
+            points: vec!["a".into()],
+            xyz,
+            time: Some(time),
+            take: Some(
+                (0..60)
+                    .map(|t| if t < 30 { "p".into() } else { "q".into() })
+                    .collect(),
+            ),
+        }
+    }
+
+    #[test]
+    fn another_rate_keeps_takes_places_and_gaps() {
+        let at = poses().resampled(50.0).unwrap();
+        assert_eq!(at.frames(), 30);
+        assert_eq!(at.takes(), [0..15, 15..30]);
+        for (t, row) in at.xyz.rows().into_iter().enumerate() {
+            let there = 2.0 * (t % 15) as f64;
+            if (5..=7).contains(&t) {
+                assert!(row.iter().all(|v| v.is_nan()), "{t}");
+            } else {
+                assert!((row[0] - there).abs() < 1e-9, "{t}: {row}");
+            }
+        }
+        let finer = poses().resampled(200.0).unwrap();
+        assert_eq!(finer.frames(), 2 * 59);
+        assert!((finer.xyz[[3, 0]] - 1.5).abs() < 1e-9);
+        assert!(finer.xyz[[19, 0]].is_nan() && finer.xyz[[18, 0]] == 9.0);
+    }
+
+    #[test]
+    fn filters_and_chooses() {
+        let mut filtered = poses();
+        assert_eq!(filtered.low_pass(6.0, None), Some(0));
+        assert!(filtered.xyz[[12, 0]].is_nan());
+        assert!((filtered.xyz[[45, 0]] - 15.0).abs() < 0.1);
+        assert_eq!(poses().low_pass(60.0, None), None);
+        assert_eq!(poses().with_points(&["b".to_string()]).unwrap_err(), "b");
+    }
+}
