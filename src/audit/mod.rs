@@ -24,6 +24,8 @@ pub struct Limits {
     pub missing: f64,
     /// The speed of the fastest point, at 99% of its steps, cm/s.
     pub speed: f64,
+    /// How far a point jumps off its path, cm.
+    pub jump: f64,
     /// How tall a body is, cm: the largest extent of its points, in the median.
     pub size: [f64; 2],
     /// How far a distance between points that go together may drift from the first to the last quarter of a take, cm.
@@ -36,6 +38,7 @@ impl Default for Limits {
             gap: 0.5,
             missing: 0.1,
             speed: 1500.0,
+            jump: 2.0,
             size: [60.0, 260.0],
             drift: 2.0,
         }
@@ -153,7 +156,7 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
     findings.extend(gaps.findings(take, limits));
     findings.extend(gaps::zeros(take));
     findings.extend(motion::swaps(take));
-    findings.extend(motion::jumps(take));
+    findings.extend(motion::jumps(take, limits));
     findings.extend(motion::held(take));
     findings.extend(distances::findings(take, limits));
     TakeAudit {

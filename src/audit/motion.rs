@@ -2,6 +2,7 @@
 
 use super::{Finding, FindingKind, Limits, Take, median, ranges};
 use crate::restore::outliers::spikes_of_take;
+use std::ops::Range;
 
 /// The share of a point's steps that are not faster than its speed.
 const FAST: f64 = 0.99;
@@ -31,17 +32,18 @@ pub(super) fn too_fast(take: &Take<'_>, limits: &Limits) -> Option<Finding> {
     let (p, fastest) = speeds.max_by(|a, b| a.1.total_cmp(&b.1))?;
     (fastest > limits.speed).then(|| {
         let what = format!(
-            "{} moves at {:.1} m/s (limit {:.1}): is the rate {rate} frames per second, and is the unit right?",
+            "{} moves at {:.1} m/s (limit {:.1}): is the rate {:.2} frames per second, and is the unit right?",
             take.points[p],
             fastest / 100.0,
-            limits.speed / 100.0
+            limits.speed / 100.0,
+            rate
         );
         take.finding(FindingKind::Rate, &[p], None, what)
     })
 }
 
 /// Points that leave their path for some frames and come back.
-pub(super) fn jumps(take: &Take<'_>) -> Vec<Finding> {
+pub(super) fn jumps(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
     let Some(rate) = take.rate else {
         return Vec::new();
     };
@@ -49,16 +51,36 @@ pub(super) fn jumps(take: &Take<'_>) -> Vec<Finding> {
     let mut out = Vec::new();
     for p in 0..take.points.len() {
         let frames = (0..spikes.len()).filter(|&t| spikes[t].contains(&p));
-        let found = ranges(frames);
-        let Some(first) = found.first() else { continue };
-        let count: usize = found.iter().map(|r| r.len()).sum();
+        let far = ranges(frames)
+            .into_iter()
+            .filter_map(|range| Some((height(take, p, &range)?, range)))
+            .filter(|(height, _)| *height > limits.jump);
+        let found: Vec<_> = far.collect();
+        let Some((height, worst)) = found.iter().max_by(|a, b| a.0.total_cmp(&b.0)) else {
+            continue;
+        };
         let what = format!(
-            "{} jumps off its path in {count} frames, first in frame {}: denoise and complete set it right",
-            take.points[p], first.start
+            "{} jumps off its path {} times, by {height:.1} cm in frame {} (limit {} cm)",
+            take.points[p],
+            found.len(),
+            worst.start,
+            limits.jump
         );
-        out.push(take.finding(FindingKind::Jump, &[p], Some(first.clone()), what));
+        out.push(take.finding(FindingKind::Jump, &[p], Some(worst.clone()), what));
     }
     out
+}
+
+/// How far a point is at most from the line between the frames around a range, cm; `None` where one of them is not there.
+fn height(take: &Take<'_>, p: usize, range: &Range<usize>) -> Option<f64> {
+    let before = take.at(range.start.checked_sub(1)?, p)?;
+    let after = take.at((range.end < take.xyz.nrows()).then_some(range.end)?, p)?;
+    let steps = (range.len() + 1) as f64;
+    let off = |t: usize| {
+        let line = before.lerp(after, (t + 1 - range.start) as f64 / steps);
+        take.at(t, p).map(|at| (at - line).length())
+    };
+    range.clone().filter_map(off).max_by(f64::total_cmp)
 }
 
 /// Pairs of points that change places from one frame to the next: each goes on where the other was.
@@ -134,7 +156,7 @@ pub(super) fn held(take: &Take<'_>) -> Vec<Finding> {
 /// The speed of the other points from the first to the last frame, in the median, cm/s.
 pub(super) fn speed_of_others(
     take: &Take<'_>,
-    frames: std::ops::Range<usize>,
+    frames: Range<usize>,
     point: usize,
     rate: f64,
 ) -> f64 {

@@ -68,7 +68,10 @@ fn audit_file(args: &Args, path: &Path) -> Result<FileAudit> {
         let rate = input.rate(&table.poses)?;
         Ok(audit(&table.poses, rate, &args.limits.limits()))
     });
-    let file = path.display().to_string();
+    let file = match path == Path::new("-") {
+        true => "standard input".to_string(),
+        false => path.display().to_string(),
+    };
     match takes {
         Ok(takes) => Ok(FileAudit {
             file,

@@ -1,11 +1,11 @@
 //! `audit` around the library: its limits as flags, and its text.
 
-use crate::audit::{FindingKind, GapSummary, Limits, TakeAudit};
+use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Points whose gaps are listed.
+/// Points whose gaps are listed, and findings of one kind.
 const LISTED: usize = 5;
 
 /// What is still as it should be.
@@ -35,6 +35,14 @@ pub struct LimitArgs {
         help_heading = "Limits"
     )]
     max_speed: f64,
+    /// Farthest jump of a point off its path, in centimetres
+    #[arg(
+        long,
+        value_name = "CM",
+        default_value_t = 2.0,
+        help_heading = "Limits"
+    )]
+    max_jump: f64,
     /// Largest drift of a distance between points that go together, in centimetres
     #[arg(
         long,
@@ -52,6 +60,7 @@ impl LimitArgs {
             gap: self.max_gap,
             missing: self.max_missing,
             speed: 100.0 * self.max_speed,
+            jump: self.max_jump,
             drift: self.max_drift,
             ..Limits::default()
         }
@@ -98,7 +107,8 @@ fn push_take(out: &mut String, take: &TakeAudit) {
     if let Some(rate) = take.rate {
         let _ = write!(
             out,
-            " at {rate} a second, {:.1} s",
+            " at {} a second, {:.1} s",
+            (1e3 * rate).round() / 1e3,
             take.frames as f64 / rate
         );
     }
@@ -107,8 +117,18 @@ fn push_take(out: &mut String, take: &TakeAudit) {
         let _ = write!(out, ", {size:.0} cm");
     }
     let _ = writeln!(out, "; {}", missing(&take.gaps, take.rate));
-    for finding in &take.findings {
-        let _ = writeln!(out, "    {}: {}", kind_name(finding.kind), finding.what);
+    for (i, finding) in take.findings.iter().enumerate() {
+        let is_alike = |f: &&Finding| f.kind == finding.kind;
+        match take.findings[..i].iter().filter(is_alike).count() {
+            0..LISTED => {
+                let _ = writeln!(out, "    {}: {}", kind_name(finding.kind), finding.what);
+            }
+            LISTED => {
+                let more = take.findings[i..].iter().filter(is_alike).count();
+                let _ = writeln!(out, "    {}: {more} more", kind_name(finding.kind));
+            }
+            _ => {}
+        }
     }
     if take.findings.is_empty() {
         let _ = writeln!(out, "    nothing found");
