@@ -1,0 +1,86 @@
+//! audit: findings, their exit code, text and JSON.
+
+mod common;
+
+use common::command;
+
+/// A body of ten points that walks, 120 frames a second; `change` is given each row (30 cells).
+fn walk(change: impl Fn(usize, &mut Vec<String>)) -> String {
+    let mut text = String::from("take,time");
+    (0..10).for_each(|p| text += &format!(",p{p}.x,p{p}.y,p{p}.z"));
+    for t in 0..240 {
+        let time = t as f64 / 120.0;
+        let mut row: Vec<String> = (0..30)
+            .map(|c| {
+                let swing = 2.4 * (6.0 * time + (c / 3) as f64).sin();
+                match c % 3 {
+                    0 => format!("{:.5}", 5.0 * (c / 3) as f64 % 15.0 + swing + 1.0),
+                    1 => format!("{:.5}", 6.0 * c as f64 + 5.0),
+                    _ => format!("{:.5}", 120.0 * time + swing),
+                }
+            })
+            .collect();
+        change(t, &mut row);
+        text += &format!("\nw,{time:.6},{}", row.join(","));
+    }
+    text + "\n"
+}
+
+#[test]
+fn a_sound_take_exits_0_and_one_with_findings_3() {
+    let sound = command("audit").write_stdin(walk(|_, _| ())).assert();
+    let text = String::from_utf8(sound.code(0).get_output().stdout.clone()).unwrap();
+    assert!(
+        text.contains("w: 240 frames at 120 a second, 2.0 s; 10 points"),
+        "{text}"
+    );
+    assert!(text.contains("nothing found"), "{text}");
+    let gap = walk(|t, row| {
+        if (50..150).contains(&t) {
+            row[9..12].fill(String::new());
+        }
+    });
+    let found = command("audit").write_stdin(gap.clone()).assert().code(3);
+    let text = String::from_utf8(found.get_output().stdout.clone()).unwrap();
+    assert!(
+        text.contains("long gap: p3 is missing for 0.83 s (limit 0.5 s)"),
+        "{text}"
+    );
+    let patient = ["--max-gap", "1", "--max-missing", "1"];
+    let done = command("audit").args(patient).write_stdin(gap).assert();
+    done.code(0);
+}
+
+#[test]
+fn json_has_each_file_and_a_bad_one_stops_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(path("a.csv"), "no table\n").unwrap();
+    std::fs::write(path("b.csv"), walk(|_, _| ())).unwrap();
+    let files = [path("a.csv"), path("b.csv")];
+    let done = command("audit").arg("--json").args(&files).assert().code(3);
+    let audits: serde_json::Value = serde_json::from_slice(&done.get_output().stdout).unwrap();
+    assert!(
+        audits[0]["error"]
+            .as_str()
+            .unwrap()
+            .contains("has no points")
+    );
+    assert_eq!(audits[1]["takes"][0]["rate"], 120.0);
+    assert_eq!(audits[1]["takes"][0]["findings"], serde_json::json!([]));
+}
+
+#[test]
+fn zeros_that_mean_missing_are_told() {
+    let zeros = walk(|t, row| {
+        if (50..70).contains(&t) {
+            row[9..12].fill("0".to_string());
+        }
+    });
+    let done = command("audit").write_stdin(zeros).assert().code(3);
+    let text = String::from_utf8(done.get_output().stdout.clone()).unwrap();
+    assert!(
+        text.contains("zeros: p3 is exactly 0, 0, 0 in 20 frames"),
+        "{text}"
+    );
+}
