@@ -15,7 +15,9 @@ static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 pub fn watch() {
     static WATCHING: Once = Once::new();
     WATCHING.call_once(|| {
-        let heeded = [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|s| !is_ignored(*s));
+        let heeded = [SIGHUP, SIGINT, SIGTERM]
+            .into_iter()
+            .filter(|s| !is_ignored(*s));
         let Ok(mut signals) = Signals::new(heeded) else {
             return;
         };

@@ -210,7 +210,8 @@ impl CompleteOutput {
         let Some((file, path, _unfinished)) = self.file else {
             return Ok(());
         };
-        file.persist(path).map_err(|e| Error::io(&self.name, e.error))
+        file.persist(path)
+            .map_err(|e| Error::io(&self.name, e.error))
     }
 }
 

@@ -29,7 +29,9 @@ const MOST_CELLS: usize = 1 << 20;
 
 /// A record that is too long, and the line that it begins in.
 #[derive(Debug, thiserror::Error)]
-#[error("a row has more than {MOST_BYTES} bytes or {MOST_CELLS} cells: is it a table, and are its quotes closed?")]
+#[error(
+    "a row has more than {MOST_BYTES} bytes or {MOST_CELLS} cells: is it a table, and are its quotes closed?"
+)]
 struct TooLong(u64);
 
 /// Reads records one at a time; between two records, the buffer may be parsed ahead.
