@@ -64,7 +64,7 @@
 //! |---|---|---|
 //! | [`numeric`] | LAPACK, small dense algebra, Gaussians, SIMD, deterministic parallelism | |
 //! | [`pose`] | poses, skeletons, kinematics, rotations, similarity transforms, placements | `numeric` |
-//! | [`io`] | readers and writers: ASF, AMC, BVH, CSV, NPY, meshes, glTF, models | `pose` |
+//! | [`io`] | readers and writers: ASF, AMC, BVH, C3D, TRC, CSV, NPY, meshes, glTF, models | `pose` |
 //! | [`cluster`] | k-means, hierarchical k-means | `pose` |
 //! | [`sparse`] | orthogonal matching pursuit, K-SVD, dictionaries, exact search over atoms | `pose` |
 //! | [`metric`] | geometric pose descriptors, how alike two poses are, pairs to label, transitions | `pose` |

@@ -122,9 +122,11 @@ fn a_number_that_help_gives_as_a_default_is_compared() {
     for command in [
         "amc2xyz",
         "bvh2xyz",
+        "c3d2xyz",
         "cluster",
         "complete",
         "corrupt",
+        "csv2xyz",
         "decode",
         "denoise",
         "dict-concat",
@@ -134,8 +136,11 @@ fn a_number_that_help_gives_as_a_default_is_compared() {
         "plot",
         "prior-train",
         "score",
+        "trc2xyz",
         "xyz2amc",
         "xyz2bvh",
+        "xyz2c3d",
+        "xyz2trc",
     ] {
         for (flag, value) in stated(command) {
             let is_known = library.keys().any(|(c, f)| *c == command && *f == flag)

@@ -50,6 +50,13 @@ mkdir poses; posing body-synth -q -m body.npz --shape 0 -o poses/0.obj; posing b
 posing body-fit -q -m body.npz --on on.csv -o fits.npz --rotations rotations.csv markers.csv
 posing body-synth -q -m body.npz --shape 0 -o scan.ply; posing body-synth -q -m body.npz --shape 1 -o template.ply
 awk 'BEGIN { print "vertex,x,y,z" } $1 == "v" { if (v++ % 150 == 0) print v - 1 "," $2 "," $3 "," $4 }' poses/0.obj > points.csv
+# The walk as files of markers.
+posing xyz2c3d -q -o gait.c3d walk.csv; cp gait.c3d old.c3d
+posing xyz2trc -q -o gait.trc walk.csv
+printf '%s\n' 'Format Version,1.23,Export Frame Rate,120,Length Units,Meters' '' ',Type,Marker,Marker,Marker' ',Name,A,A,A' ',,Position,Position,Position' \
+  'Frame,Time (Seconds),X,Y,Z' > motive.csv
+for t in $(seq 0 99); do echo "$t,,0.$((100 + t)),1,2"; done >> motive.csv
+printf 'NO_OF_FRAMES\t1\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\tA\n1\t0\t1\t2\t3\n' > qualisys.tsv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
 "#;
 

@@ -165,10 +165,10 @@ fn a_frame_by_itself_needs_a_model() {
 fn files_of_other_formats_are_told_what_they_are() {
     for (file, word) in [
         (&b"HIERARCHY\nROOT Hips\n{\n"[..], "bvh2xyz"),
-        (b"\x02\x50\x2c\x00\x00\x00\x6d\x0b", "C3D"),
-        (b"PathFileType\t4\t(X/Y/Z)\twalk.trc\n", "TRC"),
+        (b"\x02\x50\x2c\x00\x00\x00\x6d\x0b", "c3d2xyz"),
+        (b"PathFileType\t4\t(X/Y/Z)\twalk.trc\n", "trc2xyz"),
         (b"#!OML:ASF F:\\VICON\n:FULLY-SPECIFIED\n", "amc2xyz"),
-        (b"Format Version,1.25,Take Name,walk\n", "Motive"),
+        (b"Format Version,1.25,Take Name,walk\n", "csv2xyz"),
     ] {
         let said = common::fails("complete", &[], file, 1);
         assert_eq!(said.trim().lines().count(), 1, "{said}");

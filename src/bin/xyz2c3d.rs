@@ -1,17 +1,14 @@
 //! Turns a pose table into a C3D file, or puts its points into one that there is.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, parse_rate, value_name};
-use posing::cli::ik::report_time_jumps;
-use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
+use posing::cli::args::value_name;
+use posing::cli::input::open;
 use posing::cli::marker_files::MarkerUnitArgs;
-use posing::cli::one_take::{first_frame_number, one_take};
+use posing::cli::marker_output::{MarkerOutputArgs, OneTake};
 use posing::cli::run;
-use posing::cli::streams::write_bytes;
 use posing::cli::units::{TableUnits, Units, Up};
 use posing::io::C3d;
 use posing::io::c3d::NewC3d;
-use posing::pose::Poses;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -29,28 +26,17 @@ use std::process::ExitCode;
     after_help = "Examples:\n  posing xyz2c3d -o walk.c3d walk.csv\n  posing c3d2xyz gait.c3d | posing complete --self | posing xyz2c3d --into gait.c3d -o filled.c3d"
 )]
 struct Args {
-    /// Pose tables, CSV or NPY; - or nothing: standard input
-    #[arg(value_name = "FILE")]
-    files: Vec<PathBuf>,
     /// C3D file whose points are replaced; frames and names must be the table's
     #[arg(long, value_name = "ORIGINAL.c3d")]
     into: Option<PathBuf>,
-    /// Write to FILE instead of standard output; FILE appears only when it is complete
-    #[arg(short, long, value_name = "FILE")]
-    output: Option<PathBuf>,
+    /// Unit of length of the file [default: mm, or what ORIGINAL says]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    units: Option<Units>,
+    /// Axis of the file that points up [default: z, or what ORIGINAL says]
+    #[arg(long, value_enum, value_name = "AXIS")]
+    up: Option<Up>,
     #[command(flatten)]
-    units: MarkerUnitArgs,
-    /// Take to write, if the table has several
-    #[arg(long, value_name = "NAME")]
-    take: Option<String>,
-    /// Frames per second, for a table without times
-    #[arg(long, value_name = "F", value_parser = parse_rate)]
-    fps: Option<f64>,
-    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
-    #[arg(long, value_name = "LIST")]
-    joints: Option<String>,
-    #[command(flatten)]
-    common: CommonArgs,
+    out: MarkerOutputArgs,
 }
 
 fn main() -> ExitCode {
@@ -58,25 +44,25 @@ fn main() -> ExitCode {
 }
 
 fn work(args: &Args) -> Result<()> {
-    args.common.apply()?;
-    let files = or_stdin(&args.files);
-    check_single_stdin(files.iter().chain(&args.into))?;
-    let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
-    let table = read_table(&input, false, false)?;
-    let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let one = args.out.read(args.into.as_ref())?;
     let bytes = match &args.into {
-        Some(original) => into(args, poses, original, &table.name)?,
-        None => new(args, poses, &input, &table.name)?,
+        Some(original) => into(args, one, original)?,
+        None => new(args, one)?,
     };
-    write_bytes(args.output.as_deref(), &bytes, true)
+    args.out.write(&bytes, true)
 }
 
 /// The original with the points of the poses.
-fn into(args: &Args, poses: Poses, original: &Path, table: &str) -> Result<Vec<u8>> {
+fn into(args: &Args, one: OneTake, original: &Path) -> Result<Vec<u8>> {
+    let OneTake { poses, table } = one;
     let original = C3d::read(open(original)?, true)?;
-    let units = args.units.table_units(&original.take)?;
+    let units = MarkerUnitArgs {
+        units: args.units,
+        up: args.up,
+    };
+    let units = units.table_units(&original.take)?;
     let mut xyz = original.take.xyz.clone();
-    let bad = |what: String| Error::data(Place::file(table), what);
+    let bad = |what: String| Error::data(Place::file(&table), what);
     if poses.frames() != xyz.nrows() {
         return Err(bad(format!(
             "has {} frames, {} has {}",
@@ -107,34 +93,20 @@ fn into(args: &Args, poses: Poses, original: &Path, table: &str) -> Result<Vec<u
 }
 
 /// A file of the poses alone.
-fn new(args: &Args, mut poses: Poses, input: &InputArgs, table: &str) -> Result<Vec<u8>> {
+fn new(args: &Args, one: OneTake) -> Result<Vec<u8>> {
     let units = TableUnits {
-        unit: args.units.units.unwrap_or(Units::Mm),
-        up: args.units.up.unwrap_or(Up::Z),
+        unit: args.units.unwrap_or(Units::Mm),
+        up: args.up.unwrap_or(Up::Z),
     };
-    let rate = match input.rate(&poses)? {
-        Some(rate) => rate,
-        None if poses.frames() == 1 => 1.0,
-        None => {
-            let what = "has no times, and C3D files need a rate; give it with --fps";
-            return Err(Error::data(Place::file(table), what));
-        }
-    };
-    report_time_jumps(&poses, table, "a C3D file");
-    let number = first_frame_number(&poses, Some(rate));
-    for mut row in poses.xyz.rows_mut() {
-        if let Some(row) = row.as_slice_mut() {
-            units.write(row);
-        }
-    }
+    let take = args.out.new_take(one, units, "C3D")?;
     let up = format!("+{}", value_name(units.up).to_uppercase());
     let right = if units.up == Up::X { "+Y" } else { "+X" };
     NewC3d {
-        points: &poses.points,
-        rate,
-        first_frame: u32::try_from(number).unwrap_or(1),
+        points: &take.poses.points,
+        rate: take.rate,
+        first_frame: take.first_frame,
         units: &value_name(units.unit),
         screen: [right, &up],
     }
-    .bytes(poses.xyz.view())
+    .bytes(take.poses.xyz.view())
 }

@@ -57,6 +57,13 @@ pub const COMMANDS: &[CommandEntry] = &[
     entry("bvh2xyz", "Convert a BVH file to a pose table", false),
     entry("c3d2xyz", "Convert a C3D file to a pose table", false),
     entry("xyz2c3d", "Convert a pose table to a C3D file", false),
+    entry("trc2xyz", "Convert a TRC file to a pose table", false),
+    entry("xyz2trc", "Convert a pose table to a TRC file", false),
+    entry(
+        "csv2xyz",
+        "Convert a Motive CSV or Qualisys TSV file to a pose table",
+        false,
+    ),
     entry("xyz2amc", "Convert a pose table to an AMC take", false),
     entry("prior-train", "Train a pose model", false),
     entry("encode", "Convert poses to sparse codes", false),

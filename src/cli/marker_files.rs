@@ -5,6 +5,7 @@ use super::input::{open, take_name};
 use super::messages;
 use super::streams::write_table;
 use super::units::{TableUnits, Units, Up};
+use crate::io::text::check_length;
 use crate::io::{Input, MarkerTake, Table};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
@@ -87,8 +88,9 @@ impl MarkerFileArgs {
         let take = read(open(&path)?, self.keep_whole)?;
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
+        report_zeros(&take);
         let units = self.units.table_units(&take)?;
-        let poses = poses(&take, units, self.rate(&take)?, &path);
+        let poses = poses(&take, units, self.rate(&take)?, &path)?;
         let table = Table::from_poses(poses);
         let xyz = table.poses.xyz.view();
         write_table(&self.out, TableUnits::CM_Y, &table, xyz, &[], |_| {
@@ -122,23 +124,45 @@ fn asked(take: &MarkerTake, what: &str, said: Option<&str>, flag: &str) -> Error
     Error::data(Place::file(&take.name), what)
 }
 
+/// Reports points at 0 0 0: some programs write it for a missing point, but it may be a measurement, so it stays.
+fn report_zeros(take: &MarkerTake) {
+    let is_zero = |row: &[f64]| row.iter().all(|v| *v == 0.0);
+    let rows = take.xyz.rows().into_iter().filter_map(|row| row.to_slice());
+    let zeros = rows.map(|row| row.chunks_exact(3).filter(|p| is_zero(p)).count());
+    let zeros: usize = zeros.sum();
+    if zeros > 0 {
+        messages::info(&format!(
+            "{}: {zeros} positions are exactly 0 0 0, which some programs write for missing points; they are kept",
+            take.name
+        ));
+    }
+}
+
 /// The points of a take in centimetres, y up, a frame a row; its name is that of the file.
-fn poses(take: &MarkerTake, units: TableUnits, rate: f64, path: &Path) -> Poses {
+fn poses(take: &MarkerTake, units: TableUnits, rate: f64, path: &Path) -> Result<Poses> {
     let mut xyz = take.xyz.clone();
-    for mut row in xyz.rows_mut() {
-        if let Some(row) = row.as_slice_mut() {
-            units.read(row);
-        }
+    for (t, mut row) in xyz.rows_mut().into_iter().enumerate() {
+        let Some(row) = row.as_slice_mut() else {
+            continue;
+        };
+        units.read(row);
+        let present = row.iter().filter(|v| !v.is_nan());
+        let checked: std::result::Result<Vec<f64>, String> =
+            present.map(|v| check_length(*v)).collect();
+        checked.map_err(|what| {
+            let frame = format!("frame {}", u64::from(take.first_frame) + t as u64);
+            Error::data(Place::file(&take.name).part(frame), what)
+        })?;
     }
     let name: Arc<str> = take_name(path).into();
     let first = f64::from(take.first_frame) - 1.0;
     let times = (0..xyz.nrows()).map(|t| (first + t as f64) / rate);
-    Poses {
+    Ok(Poses {
         points: take.points.clone(),
         time: Some(times.collect()),
         take: Some(vec![name; xyz.nrows()]),
         xyz,
-    }
+    })
 }
 
 /// The unit of a word such as `mm` or `Millimeters`.

@@ -27,6 +27,7 @@ pub mod ksvd;
 pub mod launcher;
 pub mod manual;
 pub mod marker_files;
+pub mod marker_output;
 pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;

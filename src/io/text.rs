@@ -15,6 +15,8 @@ pub struct Lines<R> {
     pub name: String,
     /// The number of the line last read.
     pub number: u64,
+    /// Whether the line last read had a line break at its end, which the last line of a file may lack.
+    pub whole: bool,
     buffer: Vec<u8>,
     text: String,
 }
@@ -26,6 +28,7 @@ impl<R: BufRead> Lines<R> {
             reader,
             name: name.into(),
             number: 0,
+            whole: true,
             buffer: Vec::new(),
             text: String::new(),
         }
@@ -53,6 +56,7 @@ impl<R: BufRead> Lines<R> {
                 format!("the line is longer than {MAX_LINE_BYTES} bytes"),
             ));
         }
+        self.whole = self.buffer.ends_with(b"\n");
         while matches!(self.buffer.last(), Some(b'\n' | b'\r')) {
             self.buffer.pop();
         }
@@ -212,6 +216,7 @@ mod tests {
         let mut seen = Vec::new();
         while let Some(line) = lines.next_line().unwrap() {
             seen.push(line.to_string());
+            assert_eq!(lines.whole, lines.number < 4);
         }
         assert_eq!(seen, ["a b", "", "# \u{fffd}", "last"]);
         assert_eq!(lines.here().to_string(), "x:4");

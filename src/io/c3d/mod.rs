@@ -17,6 +17,7 @@ use self::numbers::Processor;
 use self::parameters::Parameters;
 use super::input::Input;
 use super::marker_take::{MarkerTake, unique_names};
+use super::other_formats::recognized;
 use crate::{Error, Place, Result};
 
 /// Larger files are refused, bytes.
@@ -43,8 +44,12 @@ impl C3d {
     /// [`Error::Data`]: it is no C3D file, has no points or frames, or ends early. [`Error::Io`]: reading fails.
     pub fn read(input: Input, keep_whole: bool) -> Result<C3d> {
         let name = input.name.clone();
-        let bytes = input.read_all(LIMIT)?;
         let bad = |what: String| Error::data(Place::file(&name), what);
+        let other = what_else(input.first_bytes());
+        let bytes = input.read_all(LIMIT)?;
+        if !C3d::is_c3d(&bytes[..bytes.len().min(512)]) {
+            return Err(bad(other.into()));
+        }
         let mut notes = Vec::new();
         let (processor, section) = parameter_section(&bytes, &mut notes).map_err(bad)?;
         let parameters = Parameters::read(section, processor);
@@ -74,14 +79,20 @@ impl C3d {
     }
 }
 
+/// What a file that begins so is instead of a C3D file.
+fn what_else(start: &[u8]) -> &'static str {
+    match start {
+        [] => "is empty, expected a C3D file",
+        [_, 0x50, ..] => "is no C3D file: it is text alone",
+        _ => recognized(start).unwrap_or("is no C3D file: its second byte is not 0x50"),
+    }
+}
+
 /// The parameter section, and the processor that it names.
 fn parameter_section<'a>(
     bytes: &'a [u8],
     notes: &mut Vec<String>,
 ) -> std::result::Result<(Processor, &'a [u8]), String> {
-    if !C3d::is_c3d(&bytes[..bytes.len().min(512)]) {
-        return Err("is no C3D file: its second byte is not 0x50".into());
-    }
     let block = (bytes[0] as usize).max(2);
     if bytes[0] < 2 {
         notes.push(format!(

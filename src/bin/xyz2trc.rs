@@ -1,0 +1,55 @@
+//! Turns a pose table into a TRC file.
+
+use clap::Parser;
+use posing::Result;
+use posing::cli::args::value_name;
+use posing::cli::marker_output::MarkerOutputArgs;
+use posing::cli::run;
+use posing::cli::units::{TableUnits, Units, Up};
+use posing::io::trc::NewTrc;
+use std::process::ExitCode;
+
+/// Convert a pose table to a TRC file
+///
+/// Writes a tab-separated TRC file for OpenSim and others: millimetres, y up, frames numbered from the table's first time,
+/// every number as the shortest text that reads back. A missing point is three empty cells. TRC files state their unit, not
+/// their up axis; OpenSim takes y for up.
+#[derive(Parser)]
+#[command(
+    name = "xyz2trc",
+    version,
+    after_help = "Examples:\n  posing xyz2trc -o walk.trc walk.csv\n  posing trc2xyz --up y gait.trc | posing complete --self | posing xyz2trc -o filled.trc"
+)]
+struct Args {
+    /// Unit of length of the file
+    #[arg(long, value_enum, value_name = "UNIT", default_value = "mm")]
+    units: Units,
+    /// Axis of the file that points up
+    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    up: Up,
+    #[command(flatten)]
+    out: MarkerOutputArgs,
+}
+
+fn main() -> ExitCode {
+    run(|args: Args| work(&args))
+}
+
+fn work(args: &Args) -> Result<()> {
+    let one = args.out.read(None)?;
+    let units = TableUnits {
+        unit: args.units,
+        up: args.up,
+    };
+    let take = args.out.new_take(one, units, "TRC")?;
+    let name = take.poses.take.as_ref().and_then(|names| names.first());
+    let bytes = NewTrc {
+        name: &format!("{}.trc", name.map_or("take", |n| &**n)),
+        points: &take.poses.points,
+        rate: take.rate,
+        first_frame: take.first_frame,
+        units: &value_name(units.unit),
+    }
+    .bytes(take.poses.xyz.view())?;
+    args.out.write(&bytes, false)
+}

@@ -1,0 +1,103 @@
+//! Files of markers from tables: the take, its rate and its first frame's number.
+
+use super::args::{CommonArgs, InputArgs, parse_rate};
+use super::ik::report_time_jumps;
+use super::input::{check_single_stdin, or_stdin, read_table};
+use super::one_take::{first_frame_number, one_take};
+use super::streams::write_bytes;
+use super::units::TableUnits;
+use crate::pose::Poses;
+use crate::{Error, Place, Result};
+use clap::Args;
+use std::path::PathBuf;
+
+/// The flags of commands that write a file of markers.
+#[derive(Debug, Clone, Args)]
+pub struct MarkerOutputArgs {
+    /// Pose tables, CSV or NPY; - or nothing: standard input
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
+    #[arg(short, long, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Take to write, if the table has several
+    #[arg(long, value_name = "NAME")]
+    take: Option<String>,
+    /// Frames per second, for a table without times
+    #[arg(long, value_name = "F", value_parser = parse_rate)]
+    fps: Option<f64>,
+    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
+    #[arg(long, value_name = "LIST")]
+    joints: Option<String>,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+/// One take of a table.
+#[derive(Debug)]
+pub struct OneTake {
+    /// Its frames, in centimetres, y up.
+    pub poses: Poses,
+    /// The table's name in messages.
+    pub table: String,
+}
+
+/// What a new file says of a take.
+#[derive(Debug)]
+pub struct NewTake {
+    /// Its frames, in the unit and axes of the file.
+    pub poses: Poses,
+    /// Frames a second.
+    pub rate: f64,
+    /// The number of the first frame, from 1.
+    pub first_frame: u32,
+}
+
+impl MarkerOutputArgs {
+    /// Reads the take; `other` is a file that is read too.
+    pub fn read(&self, other: Option<&PathBuf>) -> Result<OneTake> {
+        self.common.apply()?;
+        let files = or_stdin(&self.files);
+        check_single_stdin(files.iter().chain(other))?;
+        let table = read_table(&self.input(), false, false)?;
+        Ok(OneTake {
+            poses: one_take(table.poses, self.take.as_deref(), &table.name)?,
+            table: table.name,
+        })
+    }
+
+    /// What a new file of a `format` such as `TRC` says of the take.
+    pub fn new_take(&self, one: OneTake, units: TableUnits, format: &str) -> Result<NewTake> {
+        let OneTake { mut poses, table } = one;
+        let rate = match self.input().rate(&poses)? {
+            Some(rate) => rate,
+            None if poses.frames() == 1 => 1.0,
+            None => {
+                let what =
+                    format!("has no times, and {format} files need a rate; give it with --fps");
+                return Err(Error::data(Place::file(table), what));
+            }
+        };
+        report_time_jumps(&poses, &table, &format!("a {format} file"));
+        let number = first_frame_number(&poses, Some(rate));
+        for mut row in poses.xyz.rows_mut() {
+            if let Some(row) = row.as_slice_mut() {
+                units.write(row);
+            }
+        }
+        Ok(NewTake {
+            poses,
+            rate,
+            first_frame: u32::try_from(number).unwrap_or(1).max(1),
+        })
+    }
+
+    /// Writes the file.
+    pub fn write(&self, bytes: &[u8], binary: bool) -> Result<()> {
+        write_bytes(self.output.as_deref(), bytes, binary)
+    }
+
+    fn input(&self) -> InputArgs {
+        InputArgs::plain(self.files.clone(), self.fps, &self.joints)
+    }
+}

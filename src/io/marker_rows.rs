@@ -1,0 +1,376 @@
+//! The rows of a table of markers in text, which TRC, Motive and Qualisys files have in common: the frame's number, its time, and
+//! three cells a point.
+
+use super::marker_take::{MarkerTake, unique_names};
+use super::text::{excerpt, parse_number};
+use crate::{Error, Place, Result};
+use ndarray::{Array2, s};
+
+/// The most columns of coordinates in a row.
+const MOST_COLUMNS: usize = 100_000;
+/// The most frames: 11 hours at 250 a second.
+const MOST_FRAMES: usize = 10_000_000;
+/// The most values, frames times columns: 2 GiB.
+const MOST_VALUES: usize = 1 << 28;
+/// Fewer frames do not tell a rate from their rounded times.
+const RATED_FRAMES: usize = 10;
+
+/// What a file says beside its rows.
+#[derive(Debug, Default)]
+pub struct Stated {
+    /// The points' labels; a row may have more points.
+    pub labels: Vec<String>,
+    /// The number of frames.
+    pub frames: Option<usize>,
+    /// Frames a second.
+    pub rate: Option<f64>,
+    /// The unit of length.
+    pub units: Option<String>,
+    /// Whether the first frame of a recording is frame 0, not 1.
+    pub from_zero: bool,
+    /// What was odd, a line each.
+    pub notes: Vec<String>,
+}
+
+/// The rows that were read so far.
+#[derive(Debug, Default)]
+pub struct MarkerRows {
+    /// The coordinates of all frames, without the missing ones at a frame's end.
+    values: Vec<f64>,
+    /// The end of each frame in `values`.
+    ends: Vec<usize>,
+    /// The coordinates of the longest frame, a multiple of 3.
+    width: usize,
+    /// The number of the first frame.
+    first: u64,
+    /// The number of rows.
+    rows: usize,
+    /// The number of cells of the last row.
+    cells: usize,
+    /// The first and the last frame with a time, and their times.
+    times: Option<[(usize, f64); 2]>,
+}
+
+impl MarkerRows {
+    /// Adds a row. Frames whose numbers are left out are frames without points.
+    ///
+    /// # Errors
+    /// What is wrong with the row.
+    pub fn push<'a>(
+        &mut self,
+        frame: Option<&str>,
+        time: Option<&str>,
+        cells: impl Iterator<Item = &'a str>,
+    ) -> std::result::Result<(), String> {
+        let next = self.first + self.ends.len() as u64;
+        let number = frame.map_or(Ok(next), frame_number)?;
+        if self.ends.is_empty() {
+            self.first = number;
+        } else {
+            let absent = number.checked_sub(next).ok_or_else(|| {
+                format!("frame {number} follows frame {}, expected {next}", next - 1)
+            })?;
+            if absent >= (MOST_FRAMES - self.ends.len()) as u64 {
+                return Err(format!("there are more than {MOST_FRAMES} frames"));
+            }
+            let frames = self.ends.len() + absent as usize;
+            self.ends.resize(frames, self.values.len());
+        }
+        if let Some(seconds) = time.and_then(|t| parse_number(t.trim()).ok()) {
+            let now = (self.ends.len(), seconds);
+            self.times = Some([self.times.map_or(now, |[first, _]| first), now]);
+        }
+        self.push_cells(cells)
+    }
+
+    fn push_cells<'a>(
+        &mut self,
+        cells: impl Iterator<Item = &'a str>,
+    ) -> std::result::Result<(), String> {
+        let start = self.values.len();
+        for (i, cell) in cells.enumerate() {
+            if i == MOST_COLUMNS {
+                return Err(format!("the row has more than {MOST_COLUMNS} columns"));
+            }
+            self.values.push(coordinate(cell)?);
+        }
+        self.rows += 1;
+        self.cells = self.values.len() - start;
+        while self.values.len() > start && self.values.last().is_some_and(|v| v.is_nan()) {
+            self.values.pop();
+        }
+        let length = self.values.len() - start;
+        self.width = self.width.max(length.next_multiple_of(3));
+        self.ends.push(self.values.len());
+        check_size(self.ends.len(), self.width)
+    }
+
+    /// The take. `whole` says whether the file's last line has a line break; with `keep_whole`, a file that ends early gives the
+    /// frames that it has.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: no points, no frames, too many, or the file ends early.
+    pub fn take(
+        mut self,
+        name: &str,
+        mut stated: Stated,
+        whole: bool,
+        keep_whole: bool,
+    ) -> Result<MarkerTake> {
+        let bad = |what: String| Error::data(Place::file(name), what);
+        let named = stated.labels.len();
+        let is_cut = !whole && (self.cells < 3 * named || !self.cells.is_multiple_of(3));
+        if is_cut {
+            self.ends.pop();
+            self.rows -= 1;
+        }
+        if self.rows == 0 {
+            return Err(bad("has no frames".into()));
+        }
+        if let Some(what) = self.ends_early(stated.frames, is_cut) {
+            if !keep_whole {
+                return Err(bad(format!("{what}; --keep-whole reads those")));
+            }
+            stated.notes.push(what);
+        }
+        self.note_oddities(&mut stated);
+        let width = self.width.max(3 * named);
+        if width == 0 {
+            return Err(bad("has no markers".into()));
+        }
+        check_size(self.ends.len(), width).map_err(bad)?;
+        let (points, xyz) = named_points(self.dense(width), &stated.labels, &mut stated.notes);
+        let first = self.first + u64::from(stated.from_zero);
+        Ok(MarkerTake {
+            name: name.to_string(),
+            points,
+            xyz,
+            // Some files that count from 1 otherwise begin with a frame 0.
+            first_frame: u32::try_from(first).unwrap_or(u32::MAX).max(1),
+            rate: stated.rate,
+            units: stated.units,
+            up: None,
+            notes: stated.notes,
+        })
+    }
+
+    /// How the file ends early, if it does.
+    fn ends_early(&self, promised: Option<usize>, is_cut: bool) -> Option<String> {
+        let there = self.rows;
+        match promised {
+            Some(promised) if there < promised => {
+                Some(format!("ends after {there} of its {promised} frames"))
+            }
+            _ if is_cut => Some(format!("ends within a frame, after {there} whole ones")),
+            _ => None,
+        }
+    }
+
+    /// Notes what contradicts the file's own header.
+    fn note_oddities(&self, stated: &mut Stated) {
+        let rows = self.rows;
+        if let Some(frames) = stated.frames.filter(|&n| n < rows) {
+            let what = format!("announces {frames} frames but has {rows}");
+            stated.notes.push(what);
+        }
+        if self.ends.len() > rows {
+            let what = format!(
+                "leaves out the numbers of {} frames, which have no points then",
+                self.ends.len() - rows
+            );
+            stated.notes.push(what);
+        }
+        if let (Some([(i, from), (j, to)]), Some(rate)) = (self.times, stated.rate) {
+            let own = (j - i) as f64 / (to - from);
+            let agrees = (own - rate).abs() <= 0.01 * rate;
+            if j - i >= RATED_FRAMES && !agrees {
+                let what = format!(
+                    "says {rate} frames per second, but its times tell {own:.3}; {rate} is taken"
+                );
+                stated.notes.push(what);
+            }
+        }
+    }
+
+    /// The frames at their full width.
+    fn dense(&self, width: usize) -> Array2<f64> {
+        let mut xyz = Array2::from_elem((self.ends.len(), width), f64::NAN);
+        let mut start = 0;
+        for (mut row, &end) in xyz.rows_mut().into_iter().zip(&self.ends) {
+            let values = &self.values[start..end];
+            row.iter_mut()
+                .zip(values)
+                .for_each(|(to, from)| *to = *from);
+            start = end;
+        }
+        xyz
+    }
+}
+
+/// The points with their names. Beyond the labels, those that are seen at all are named by their number.
+fn named_points(
+    xyz: Array2<f64>,
+    labels: &[String],
+    notes: &mut Vec<String>,
+) -> (Vec<String>, Array2<f64>) {
+    let (named, points) = (labels.len(), xyz.ncols() / 3);
+    let is_seen = |p: usize| {
+        let point = xyz.slice(s![.., 3 * p..3 * p + 3]);
+        point.iter().any(|v| !v.is_nan())
+    };
+    let kept: Vec<usize> = (0..points).filter(|&p| p < named || is_seen(p)).collect();
+    let all = labels.iter().map(String::as_str);
+    let all = unique_names(all.chain((named..points).map(|_| "")));
+    let names: Vec<String> = kept.iter().map(|&p| all[p].clone()).collect();
+    if let (Some(first), Some(last)) = (names.get(named), names.last()) {
+        notes.push(format!(
+            "names {named} of its {} points; the others are {first} to {last}",
+            names.len()
+        ));
+    }
+    let columns: Vec<usize> = kept.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+    let chosen = (xyz.nrows(), columns.len());
+    let xyz = match kept.len() == points {
+        true => xyz,
+        false => Array2::from_shape_fn(chosen, |(t, c)| xyz[[t, columns[c]]]),
+    };
+    (names, xyz)
+}
+
+fn check_size(frames: usize, width: usize) -> std::result::Result<(), String> {
+    match frames.saturating_mul(width) > MOST_VALUES {
+        true => Err(format!(
+            "{frames} frames of {} points are more than the {MOST_VALUES} values that fit; split the file",
+            width / 3
+        )),
+        false => Ok(()),
+    }
+}
+
+/// The number of a frame.
+fn frame_number(text: &str) -> std::result::Result<u64, String> {
+    let number = text.trim().parse::<f64>().ok();
+    let whole = number.filter(|n| n.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(n));
+    let what = || format!("expected a frame's number, found \"{}\"", excerpt(text));
+    whole.map(|n| n as u64).ok_or_else(what)
+}
+
+/// A coordinate; NaN where it is missing.
+fn coordinate(cell: &str) -> std::result::Result<f64, String> {
+    let cell = cell.trim();
+    match is_missing(cell) {
+        true => Ok(f64::NAN),
+        false => parse_number(cell),
+    }
+}
+
+/// Whether a cell says that there is no value. Programs built with Microsoft's older compilers print NaN as `-1.#IND`.
+pub fn is_missing(cell: &str) -> bool {
+    let unsigned = cell.trim_start_matches(['+', '-']);
+    let begins = |word: &str| {
+        let start = unsigned.get(..word.len());
+        start.is_some_and(|s| s.eq_ignore_ascii_case(word))
+    };
+    let words = ["", "null", "na", "n/a"];
+    begins("nan")
+        || ["1.#IND", "1.#QNAN"].into_iter().any(begins)
+        || words.into_iter().any(|w| cell.eq_ignore_ascii_case(w))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(lines: &[&str]) -> std::result::Result<MarkerRows, String> {
+        let mut rows = MarkerRows::default();
+        for line in lines {
+            let mut cells = line.split(' ');
+            let (frame, time) = (cells.next(), cells.next());
+            rows.push(frame, time, cells)?;
+        }
+        Ok(rows)
+    }
+
+    fn stated(labels: &[&str]) -> Stated {
+        Stated {
+            labels: labels.iter().map(|l| l.to_string()).collect(),
+            rate: Some(100.0),
+            ..Stated::default()
+        }
+    }
+
+    #[test]
+    fn rows_may_be_short_and_points_without_a_name() {
+        let lines = ["7 0 1 2 3", "8 0.01 nan nan nan    4 5 6", "9 0.02"];
+        let take = rows(&lines).unwrap().take("x", stated(&["a"]), true, false);
+        let take = take.unwrap();
+        assert_eq!((take.first_frame, take.xyz.dim()), (7, (3, 6)));
+        assert_eq!(take.points, ["a", "point3"]);
+        assert_eq!(take.xyz[[1, 5]], 6.0);
+        assert_eq!(take.xyz.iter().filter(|v| v.is_nan()).count(), 12);
+        let said = "names 1 of its 2 points; the others are point3 to point3";
+        assert_eq!(take.notes, [said]);
+    }
+
+    #[test]
+    fn numbers_of_frames_ascend() {
+        let gap = rows(&["1 0 1 2 3", "4 0 1 2 3"]).unwrap();
+        let take = gap.take("x", stated(&["a"]), true, false).unwrap();
+        assert_eq!(take.xyz.nrows(), 4);
+        assert!(take.xyz[[1, 0]].is_nan() && take.notes[0].contains("2 frames"));
+        assert!(rows(&["2 0 1 2 3", "2 0 1 2 3"]).is_err());
+        assert!(rows(&["1 0 1", "4000000000 0 1"]).is_err());
+        assert!(rows(&["1.5 0 1"]).is_err() && rows(&["x 0 1"]).is_err());
+    }
+
+    #[test]
+    fn an_early_end_is_an_error_unless_it_is_accepted() {
+        let two = || rows(&["1 0 1 2 3", "2 0 1 2"]).unwrap();
+        let promised = |frames| Stated {
+            frames: Some(frames),
+            ..stated(&["a"])
+        };
+        assert!(two().take("x", promised(2), true, false).is_ok());
+        assert!(two().take("x", promised(3), true, false).is_err());
+        let kept = two().take("x", promised(2), false, true).unwrap();
+        assert_eq!(kept.xyz.nrows(), 1);
+        let more = two().take("x", promised(1), true, false).unwrap();
+        assert!(more.notes[0].contains("announces 1"));
+        assert!(two().take("x", stated(&["a"]), false, false).is_err());
+    }
+
+    #[test]
+    fn times_that_contradict_the_rate_are_noted() {
+        let line = |t: i32| format!("{t} {} 1 2 3", f64::from(t) / 50.0);
+        let lines: Vec<String> = (0..20).map(line).collect();
+        let lines: Vec<&str> = lines.iter().map(String::as_str).collect();
+        let take = rows(&lines).unwrap().take("x", stated(&["a"]), true, false);
+        assert!(take.unwrap().notes[0].contains("times tell 50.000"));
+    }
+
+    #[test]
+    fn hostile_rows_are_refused_before_they_fill_the_memory() {
+        let wide = "1 ".repeat(MOST_COLUMNS + 10);
+        assert!(rows(&[&wide]).unwrap_err().contains("columns"));
+        let mut tall = MarkerRows::default();
+        let row = vec!["1"; 9000];
+        tall.push(Some("1"), None, row.into_iter()).unwrap();
+        let far = tall.push(Some("100000"), None, std::iter::once("1"));
+        assert!(far.unwrap_err().contains("split the file"));
+        let labels = vec!["a"; 30_000];
+        let few = rows(&["1 0 1", "9000 0 1"]).unwrap();
+        let said = few.take("x", stated(&labels), true, false).unwrap_err();
+        assert!(said.to_string().contains("split the file"), "{said}");
+    }
+
+    #[test]
+    fn missing_is_written_in_many_ways() {
+        for cell in ["", "NaN", "-nan(ind)", "-1.#IND00", "null", "N/A"] {
+            assert!(coordinate(cell).unwrap().is_nan(), "{cell}");
+        }
+        assert_eq!(coordinate(" 0.000 "), Ok(0.0));
+        for cell in ["x", "1,5", "inf", "1.#INF"] {
+            assert!(coordinate(cell).is_err(), "{cell}");
+        }
+    }
+}
