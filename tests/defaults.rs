@@ -23,7 +23,13 @@ fn library() -> BTreeMap<(&'static str, &'static str), String> {
     let auto = |is: bool| if is { "auto" } else { "?" };
     let (ksvd, omp, denoise) = (Ksvd::default(), Omp::default(), Denoise::default());
     let (open, settings) = (OpenOptions::default(), Settings::default());
+    let audit = posing::audit::Limits::default();
     let mut all: BTreeMap<_, String> = [
+        (("audit", "--max-gap"), audit.gap.to_string()),
+        (("audit", "--max-missing"), audit.missing.to_string()),
+        (("audit", "--max-speed"), (audit.speed / 100.0).to_string()),
+        (("audit", "--max-jump"), audit.jump.to_string()),
+        (("audit", "--max-drift"), audit.drift.to_string()),
         (
             ("cluster", "--restarts"),
             KMeans::default().restarts.to_string(),
@@ -121,6 +127,7 @@ fn a_number_that_help_gives_as_a_default_is_compared() {
     let library = library();
     for command in [
         "amc2xyz",
+        "audit",
         "bvh2xyz",
         "c3d2xyz",
         "cluster",
@@ -137,6 +144,7 @@ fn a_number_that_help_gives_as_a_default_is_compared() {
         "prior-train",
         "score",
         "trc2xyz",
+        "trim",
         "xyz2amc",
         "xyz2bvh",
         "xyz2c3d",

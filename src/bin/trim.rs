@@ -20,7 +20,7 @@ use std::process::ExitCode;
 #[command(
     name = "trim",
     version,
-    after_help = "Examples:\n  posing trim --from 1.5 --to 4 walk.csv > part.csv\n  posing trim --butterworth 6Hz walk.csv > smooth.csv\n  posing trim --butterworth 12Hz --resample 30 walk.csv > walk30.csv\n  posing trim --points LASI,RASI,LPSI,RPSI --rename LASI=lasi gait.csv"
+    after_help = "Examples:\n  posing trim --from 1.5 --to 4 walk.csv > part.csv\n  posing trim --butterworth 6Hz walk.csv > smooth.csv\n  posing trim --butterworth 12Hz --resample 30 walk.csv > walk30.csv\n  posing trim --points lwrist,rwrist --rename lwrist=left,rwrist=right walk.csv"
 )]
 struct Args {
     #[command(flatten)]
