@@ -124,3 +124,36 @@ fn a_table_of_text_is_shown_as_it_is() {
     fs::write(&path, "a\n1,2\n").unwrap();
     plot(&args, TABLE).code(1).stderr(contains("scores.csv"));
 }
+
+#[test]
+fn a_bvh_file_is_drawn_with_its_own_bones() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rig.bvh");
+    let bvh = "HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT b\n {\n OFFSET 0 40 0\n CHANNELS 3 Zrotation Xrotation Yrotation\n End Site\n {\n OFFSET 0 10 0\n }\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.01\n0 0 0 0 0 0 0 0 0\n1 0 0 0 0 0 90 0 0\n";
+    fs::write(&path, bvh).unwrap();
+    let page = plot(&["--to", "html", path.to_str().unwrap()], "").success();
+    // Three points, of which the second is joined to the first and the third to the second.
+    page.stdout(contains("\"bones\":[[0,1],[1,2]]").and(contains("b_end")));
+    // As a table of a skeleton that a shipped map knows.
+    let names = [
+        "Hips",
+        "LeftUpLeg",
+        "LeftLeg",
+        "LeftFoot",
+        "LeftToeBase",
+        "LeftArm",
+        "LeftForeArm",
+        "LeftHand",
+    ];
+    let right = names[1..].iter().map(|n| n.replace("Left", "Right"));
+    let names: Vec<String> = names.iter().map(|n| n.to_string()).chain(right).collect();
+    let head: Vec<String> = names.iter().map(|n| format!("{n}.x,{n}.y,{n}.z")).collect();
+    let row: Vec<String> = (0..45).map(|v| v.to_string()).collect();
+    let table = format!(
+        "time,{}\n0,{row}\n0.1,{row}\n",
+        head.join(","),
+        row = row.join(",")
+    );
+    let page = plot(&["--to", "html"], &table).success();
+    page.stderr(contains("no bones").not());
+}

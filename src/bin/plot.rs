@@ -17,7 +17,8 @@ use std::process::ExitCode;
 /// Draw poses or meshes as SVG, or as an HTML page that plays them
 ///
 /// Several tables are drawn side by side; they must have the same frames and points, matched by name. Bones connect the
-/// CMU joints; for other points, use --bones. If a table has the columns NAME.status (denoise --status, complete
+/// CMU joints and of the skeletons of complete --map; a BVH file is drawn with its own bones; for other points, use --bones.
+/// If a table has the columns NAME.status (denoise --status, complete
 /// --status), changed and inferred points are marked.
 ///
 /// Meshes are OBJ, PLY or STL files, folders of them, or NPZ files with vertices (frames, V, 3) and faces (F, 3), such as
@@ -28,7 +29,7 @@ use std::process::ExitCode;
 #[command(
     name = "plot",
     version,
-    after_help = "Examples:\n  posing plot -o walk.svg walk.csv\n  posing plot --frames 0,30,60 --overlaid -o compare.svg truth.csv restored.csv\n  posing plot --title \"A walk\" --names truth,damaged,restored -o walk.html truth.csv damaged.csv restored.csv\n  posing complete --status walk.csv | posing plot -o walk.html\n  posing plot --units m -o bodies.svg scan.obj body.ply\n  posing plot --fps 30 --names scans,fits -o bodies.html scans/ bodies.npz\n  posing plot --fps 30 --array completed,predicted -o fits.html fits.npz"
+    after_help = "Examples:\n  posing plot -o walk.svg walk.csv\n  posing plot --frames 0,30,60 --overlaid -o compare.svg truth.csv restored.csv\n  posing plot --title \"A walk\" --names truth,damaged,restored -o walk.html truth.csv damaged.csv restored.csv\n  posing complete --status walk.csv | posing plot -o walk.html\n  posing plot -o old.html old.bvh\n  posing plot --units m -o bodies.svg scan.obj body.ply\n  posing plot --fps 30 --names scans,fits -o bodies.html scans/ bodies.npz\n  posing plot --fps 30 --array completed,predicted -o fits.html fits.npz"
 )]
 struct Args {
     // Before `input`, whose flags it looks at.
@@ -141,7 +142,8 @@ fn poses(args: &Args, to: PlotFormat, files: &[PathBuf]) -> Result<String> {
         let what = "the table's times give no frame rate; give it with --fps";
         return Err(Error::usage(what));
     };
-    let bones = bones(args.bones.as_deref(), &clock.points)?;
+    let own = drawn[0].bones.clone().filter(|_| args.bones.is_none());
+    let bones = own.map_or_else(|| bones(args.bones.as_deref(), &clock.points), Ok)?;
     if bones.is_empty() {
         messages::info("no bones to draw between these points; list them with --bones");
     }

@@ -177,7 +177,7 @@ impl TrainingRun<'_> {
     /// Trains from the checkpoint if there is one, else from the dictionary that `start` returns.
     pub fn train(&self, start: impl FnOnce() -> Result<Dictionary>) -> Result<TrainingState> {
         let resumed = self.resume()?;
-        let mut log = self.open_log(resumed.is_some())?;
+        let mut log = self.open_log(resumed.as_ref().map(TrainingState::iteration))?;
         let bar = Progress::new("ksvd-train", self.ksvd.iterations as u64);
         let began = Instant::now();
         let mut observe = |state: &TrainingState| -> Result<()> {
@@ -219,19 +219,19 @@ impl TrainingRun<'_> {
         }
     }
 
-    fn open_log(&self, append: bool) -> Result<Option<(std::fs::File, PathBuf)>> {
+    /// A new run starts its log afresh. One that goes on after iteration `resumed` keeps the lines up to that one: the run that was
+    /// stopped may have logged one more.
+    fn open_log(&self, resumed: Option<usize>) -> Result<Option<(std::fs::File, PathBuf)>> {
         let Some(path) = self.log else {
             return Ok(None);
         };
-        let mut options = std::fs::OpenOptions::new();
-        options.create(true);
-        // A resumed run goes on with its log; a new one starts it afresh.
-        if append {
-            options.append(true)
-        } else {
-            options.write(true).truncate(true)
+        let fail = |e| Error::io(path, e);
+        let kept = match resumed.filter(|_| path.is_file()) {
+            Some(last) => lines_up_to(&std::fs::read_to_string(path).map_err(fail)?, last),
+            None => String::new(),
         };
-        let file = options.open(path).map_err(|e| Error::io(path, e))?;
+        let mut file = std::fs::File::create(path).map_err(fail)?;
+        file.write_all(kept.as_bytes()).map_err(fail)?;
         Ok(Some((file, path.to_path_buf())))
     }
 
@@ -292,6 +292,18 @@ impl TrainingRun<'_> {
     }
 }
 
+/// The lines of a log up to an iteration.
+fn lines_up_to(log: &str, last: usize) -> String {
+    let iteration = |line: &str| {
+        let line: serde_json::Value = serde_json::from_str(line).ok()?;
+        line.get("iteration")?.as_u64()
+    };
+    let kept = log
+        .lines()
+        .filter(|line| iteration(line).is_some_and(|i| i <= last as u64));
+    kept.map(|line| format!("{line}\n")).collect()
+}
+
 fn write_log(
     file: &mut std::fs::File,
     path: &Path,
@@ -308,4 +320,14 @@ fn write_log(
     line.push('\n');
     file.write_all(line.as_bytes())
         .map_err(|e| Error::io(path, e))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_log_ends_with_the_iteration_of_the_checkpoint() {
+        let log = "{\"iteration\":1,\"rms\":2.0}\n{\"iteration\":2}\n{\"iteration\":3}\n{\"iter";
+        let kept = super::lines_up_to(log, 2);
+        assert_eq!(kept, "{\"iteration\":1,\"rms\":2.0}\n{\"iteration\":2}\n");
+    }
 }

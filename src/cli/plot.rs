@@ -5,9 +5,10 @@ use super::input::{RowStream, open};
 use crate::evaluate::figure::{self, Layout};
 use crate::evaluate::frames::{point_order, timed_runs};
 use crate::evaluate::scene::{Run, Scene, Status, Table, spread};
+use crate::io::bvh::{BvhPoints, BvhSkeleton};
 use crate::io::csv::csv_fault;
-use crate::io::{PosesBuilder, Row};
-use crate::pose::{Poses, joints};
+use crate::io::{Bvh, Input, PosesBuilder, Row};
+use crate::pose::{NameMap, Poses, joints};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 use std::ops::Range;
@@ -147,23 +148,52 @@ pub struct PlotTable {
     pub poses: Poses,
     /// Frames x points, where the table has columns `NAME.status`.
     pub status: Option<Array2<Status>>,
+    /// The pairs of points that a skeleton joins, where the file has one.
+    pub bones: Option<Vec<(usize, usize)>>,
 }
 
 impl PlotTable {
-    /// Reads a table a file; all must have the same points, frames, takes and times.
+    /// Reads a table or a BVH file each; all must have the same points, frames, takes and times.
     ///
     /// # Errors
     /// Data: a file is no table, has no frames, or differs from the first.
     pub fn read_all(flags: &InputArgs, files: &[PathBuf]) -> Result<Vec<PlotTable>> {
         let mut tables: Vec<PlotTable> = Vec::new();
         for file in files {
-            let mut table = PlotTable::read(&flags.with_files(vec![file.clone()]))?;
+            let mut table = match bvh(file)? {
+                Some(input) => PlotTable::of_bvh(input, flags)?,
+                None => PlotTable::read(&flags.with_files(vec![file.clone()]))?,
+            };
             if let Some(first) = tables.first() {
                 table.match_to(first)?;
             }
             tables.push(table);
         }
         Ok(tables)
+    }
+
+    /// The joints of a BVH file.
+    fn of_bvh(input: Input, flags: &InputArgs) -> Result<PlotTable> {
+        let file = input.name.clone();
+        let bvh = Bvh::read(input, flags.units.centimetres(), false)?;
+        let skeleton = BvhSkeleton::new(&bvh.joints, flags.up.rotation(), true)?;
+        let rate = bvh.rate().or(flags.fps).ok_or_else(|| {
+            let what = format!("Frame Time is {}; give the rate with --fps", bvh.frame_time);
+            Error::data(Place::file(&file), what)
+        })?;
+        let which = BvhPoints::Origins;
+        let points: Vec<usize> = skeleton.points(which).iter().map(|p| p.1).collect();
+        let parents = skeleton
+            .skeleton
+            .nearest_above(&points)
+            .into_iter()
+            .enumerate();
+        Ok(PlotTable {
+            bones: Some(parents.filter_map(|(i, p)| Some((p?, i))).collect()),
+            poses: bvh.positions(&skeleton, which, rate),
+            status: None,
+            file,
+        })
     }
 
     /// Reads the table of one file, or of standard input.
@@ -201,6 +231,7 @@ impl PlotTable {
             file,
             poses,
             status,
+            bones: None,
         })
     }
 
@@ -225,6 +256,20 @@ impl PlotTable {
     }
 }
 
+/// A file, if it is a BVH file.
+fn bvh(path: &Path) -> Result<Option<Input>> {
+    if path == Path::new("-") {
+        return Ok(None);
+    }
+    let input = open(path)?;
+    let start = input.first_bytes().to_ascii_uppercase();
+    let start = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&start);
+    Ok(start
+        .trim_ascii_start()
+        .starts_with(b"HIERARCHY")
+        .then_some(input))
+}
+
 /// The status of a point in a row; a point without such a column is observed.
 fn status(file: &str, row: &Row, column: Option<usize>) -> Result<Status> {
     let Some(cell) = column.and_then(|c| row.cells.get(c)) else {
@@ -246,7 +291,7 @@ pub fn name_of(path: &Path) -> String {
     }
     let mut name = path.file_name().unwrap_or_default().to_string_lossy();
     for ending in [
-        ".gz", ".zst", ".csv", ".npy", ".npz", ".obj", ".ply", ".stl",
+        ".gz", ".zst", ".csv", ".npy", ".bvh", ".npz", ".obj", ".ply", ".stl",
     ] {
         if let Some(stem) = name.strip_suffix(ending).filter(|stem| !stem.is_empty()) {
             name = stem.to_string().into();
@@ -267,10 +312,13 @@ pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
     runs.into_iter().map(run).collect()
 }
 
-/// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of CMU's hierarchy.
+/// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of CMU's hierarchy, to which a shipped map of names
+/// may lead.
 pub fn bones(list: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)>> {
     let Some(list) = list else {
-        let parents = joints::parents_by_name(points);
+        let own = joints::parents_by_name(points);
+        let map = NameMap::fitting(points).filter(|_| own.iter().all(Option::is_none));
+        let parents = map.map_or(own, |map| joints::parents_by_name(&map.model_names(points)));
         let known = parents.iter().enumerate();
         return Ok(known.filter_map(|(i, p)| p.map(|p| (p, i))).collect());
     };

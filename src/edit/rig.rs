@@ -72,7 +72,7 @@ impl Rig {
                 model_points[..model_points.len().min(4)].join(", ")
             )));
         }
-        let parents = parent_joints(&skeleton, &bones);
+        let parents = skeleton.nearest_above(&bones);
         Ok(Rig {
             mirrors: mirrors(&names, &points, model_points),
             skeleton,
@@ -124,19 +124,6 @@ impl Rig {
         }
         out
     }
-}
-
-/// The nearest joint above each.
-fn parent_joints(skeleton: &Skeleton, bones: &[usize]) -> Vec<Option<usize>> {
-    let parent = |&bone: &usize| {
-        let above = std::iter::successors(skeleton.bones()[bone].parent, |&b| {
-            skeleton.bones()[b].parent
-        });
-        above
-            .into_iter()
-            .find_map(|b| bones.iter().position(|&other| other == b))
-    };
-    bones.iter().map(parent).collect()
 }
 
 /// The other of each pair: by the points of the model, or else by the joints' own names.

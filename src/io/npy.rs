@@ -8,6 +8,9 @@ use super::text::{MAX_COORDINATE, check_length, excerpt};
 use crate::{Error, Place, Result};
 use std::io::{BufRead, BufReader, Read};
 
+/// Values of a Fortran-order array that are decoded at a time.
+const PIECE: usize = 1 << 16;
+
 /// The number of bytes read at a time.
 const BLOCK: usize = 1 << 18;
 
@@ -167,20 +170,24 @@ impl NpyReader {
         if (bytes.len() as u64) < limit {
             return Err(self.fail("ends before its last frame"));
         }
-        let mut values = Vec::new();
-        decode(&bytes, self.wide, &mut values);
         let (frames, points) = (self.frames as usize, shape[1] as usize);
         let width = self.columns.width();
-        let mut out = vec![0.0; values.len()];
-        for (i, v) in values.into_iter().enumerate() {
-            let (frame, column) = (i % frames, i / frames);
-            // In a (frames, points, 3) array the points run before the axes.
-            let column = if shape.len() == 3 {
-                3 * (column % points) + column / points
-            } else {
-                column
-            };
-            out[frame * width + column] = v;
+        let mut out = vec![0.0; count as usize];
+        let mut values = Vec::new();
+        for (piece, bytes) in bytes.chunks(PIECE * size as usize).enumerate() {
+            values.clear();
+            decode(bytes, self.wide, &mut values);
+            for (k, v) in values.iter().enumerate() {
+                let i = piece * PIECE + k;
+                let (frame, column) = (i % frames, i / frames);
+                // In a (frames, points, 3) array the points run before the axes.
+                let column = if shape.len() == 3 {
+                    3 * (column % points) + column / points
+                } else {
+                    column
+                };
+                out[frame * width + column] = *v;
+            }
         }
         Ok(out)
     }

@@ -169,6 +169,15 @@ impl Skeleton {
     pub fn dofs_of(&self, bone: usize) -> std::ops::Range<usize> {
         self.first_dof[bone]..self.first_dof[bone] + self.bones[bone].dofs.len()
     }
+
+    /// For each of some bones, the one of them that is nearest above it.
+    pub fn nearest_above(&self, bones: &[usize]) -> Vec<Option<usize>> {
+        let parent = |bone: &usize| self.bones()[*bone].parent;
+        let above = |bone: &usize| std::iter::successors(parent(bone), |b| parent(b));
+        let nearest = |bone: &usize| above(bone).find_map(|b| bones.iter().position(|&o| o == b));
+        bones.iter().map(nearest).collect()
+    }
+
     /// The bone of a name.
     pub fn find(&self, name: &str) -> Option<usize> {
         self.bones.iter().position(|b| b.name == name)
