@@ -46,8 +46,17 @@ pub fn read(first: &str, mut lines: Lines<impl BufRead>, keep_whole: bool) -> Re
     rows.take(&name, stated, lines.whole, keep_whole)
 }
 
-/// The values of the header by their names.
-type Head = HashMap<String, Vec<String>>;
+/// The values of the header by their names, which are of [`KEYS`].
+type Head = HashMap<&'static str, Vec<String>>;
+
+/// What is read of the header; other lines are passed over, however many there are.
+const KEYS: [&str; 5] = [
+    "NO_OF_FRAMES",
+    "NO_OF_MARKERS",
+    "FREQUENCY",
+    "DATA_INCLUDED",
+    "MARKER_NAMES",
+];
 
 /// The header, the layout that a line of titles tells, and the first row.
 fn header(
@@ -62,9 +71,9 @@ fn header(
             layout = Some(titled);
         } else if is_value(cells[0]) && !line.trim().is_empty() {
             return Ok((head, layout, Some(line)));
-        } else {
+        } else if let Some(key) = KEYS.into_iter().find(|key| *key == cells[0]) {
             let values = cells[1..].iter().map(|c| c.to_string()).collect();
-            head.entry(cells[0].to_string()).or_insert(values);
+            head.entry(key).or_insert(values);
         }
         next = lines.next_line()?.map(str::to_string);
     }
