@@ -37,8 +37,8 @@ enum Target {
 /// Packs what is written as the name of the file says: `.gz`, `.zst`.
 enum Packer {
     Plain(BufWriter<NamedTempFile>),
-    Gzip(GzEncoder<BufWriter<NamedTempFile>>),
-    Zstd(zstd::Encoder<'static, BufWriter<NamedTempFile>>),
+    Gzip(Box<GzEncoder<BufWriter<NamedTempFile>>>),
+    Zstd(Box<zstd::Encoder<'static, BufWriter<NamedTempFile>>>),
 }
 
 impl Packer {
@@ -49,8 +49,10 @@ impl Packer {
                 .is_some_and(|e| e.eq_ignore_ascii_case(end))
         };
         Ok(match () {
-            _ if ends_in("gz") => Packer::Gzip(GzEncoder::new(file, Compression::default())),
-            _ if ends_in("zst") => Packer::Zstd(zstd::Encoder::new(file, 0)?),
+            _ if ends_in("gz") => {
+                Packer::Gzip(Box::new(GzEncoder::new(file, Compression::default())))
+            }
+            _ if ends_in("zst") => Packer::Zstd(Box::new(zstd::Encoder::new(file, 0)?)),
             _ => Packer::Plain(file),
         })
     }
