@@ -355,3 +355,56 @@ fn real_takes_come_back() {
         assert!(far <= 0.05, "{name}: {far}");
     }
 }
+
+/// The motion of a BVH file with the values of some joints, by their channels, missing in some frames.
+fn with_gaps(
+    file: &str,
+    channels: std::ops::Range<usize>,
+    frames: std::ops::Range<usize>,
+) -> String {
+    let (head, motion) = file.split_at(file.find("Frame Time").unwrap());
+    let mut lines = motion.split_inclusive('\n');
+    let mut out = format!("{head}{}", lines.next().unwrap());
+    for (t, line) in lines.enumerate() {
+        let cells = line.trim_end().split(' ').enumerate();
+        let cells = cells.map(
+            |(c, cell)| match frames.contains(&t) && channels.contains(&c) {
+                true => "nan",
+                false => cell,
+            },
+        );
+        out += &(cells.collect::<Vec<_>>().join(" ") + "\n");
+    }
+    out
+}
+
+#[test]
+fn missing_values_of_a_bvh_file_are_filled_in_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = text(xyz2bvh(&["-q"], &walk(120)));
+    let names: Vec<&str> = whole
+        .lines()
+        .filter_map(|l| l.trim().strip_prefix("JOINT "))
+        .collect();
+    // The channels of a thigh, after the six of the root and three of each joint before.
+    let at = names.iter().position(|n| *n == "lfemur").unwrap();
+    let channels = 6 + 3 * at..9 + 3 * at;
+    let gaps = with_gaps(&whole, channels.clone(), 40..80);
+    let path = folder.path().join("gaps.bvh");
+    std::fs::write(&path, &gaps).unwrap();
+    let table = bvh2xyz(&[], &gaps);
+    let filled = common::run("complete", &["-q", "--force"], &table);
+    let back = text(xyz2bvh(&["-q", "--into", path.to_str().unwrap()], &filled));
+    let cells = |file: &str| -> Vec<String> {
+        let motion = file.split("Frame Time").nth(1).unwrap();
+        motion.split_whitespace().map(str::to_string).collect()
+    };
+    let (was, is) = (cells(&gaps), cells(&back));
+    assert_eq!(was.len(), is.len());
+    for (was, is) in was.iter().zip(&is) {
+        assert!(was == is || was == "nan" && is != "nan", "{was} {is}");
+    }
+    assert!(!back.contains("nan"));
+    let far = farthest(&bvh2xyz(&[], &whole), &bvh2xyz(&[], &back));
+    assert!(far < 5.0, "{far} cm");
+}

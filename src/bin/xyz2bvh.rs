@@ -7,14 +7,15 @@ use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{messages, run};
-use posing::io::SkeletonFile;
+use posing::io::{Bvh, Input, SkeletonFile};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::rotation::{Axis, parse_order};
 
 use posing::cli::one_take::one_take;
-use posing::restore::ik::{SkeletonFit, estimate_skeleton};
-use posing::{Error, Result};
+use posing::restore::ik::{SkeletonFit, estimate_skeleton, solve_missing_channels};
+use posing::{Error, Place, Result};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -28,7 +29,7 @@ use std::process::ExitCode;
 #[command(
     name = "xyz2bvh",
     version,
-    after_help = "Examples:\n  posing xyz2bvh -o walk.bvh walk.csv\n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\n  posing bvh2xyz old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh"
+    after_help = "Examples:\n  posing xyz2bvh -o walk.bvh walk.csv\n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\n  posing bvh2xyz old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh\n  posing bvh2xyz old.bvh | posing complete | posing xyz2bvh --into old.bvh -o whole.bvh"
 )]
 struct Args {
     /// Pose tables, CSV or NPY; - or nothing: standard input
@@ -38,6 +39,10 @@ struct Args {
     /// table, which needs the CMU joint names]
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
+    /// BVH file whose missing values (the word nan) are filled from the table, which has its joints, as bvh2xyz writes them, and its
+    /// frames; every other byte of it stays
+    #[arg(long, value_name = "ORIGINAL.bvh", conflicts_with_all = ["skeleton", "order", "limits"])]
+    into: Option<PathBuf>,
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -76,7 +81,10 @@ fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let files = or_stdin(&args.files);
-    check_single_stdin(files.iter().chain(&args.skeleton))?;
+    check_single_stdin(files.iter().chain(&args.skeleton).chain(&args.into))?;
+    if let Some(original) = &args.into {
+        return fill(args, original);
+    }
     // First: an error in the skeleton should not wait for a long table to be read.
     let given = args
         .skeleton
@@ -123,6 +131,28 @@ fn work(args: &Args) -> Result<()> {
     let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimetres());
     write_bytes(args.output.as_deref(), &text, false)
+}
+
+/// The original with its missing values.
+fn fill(args: &Args, original: &Path) -> Result<()> {
+    let unit = args.units.centimetres();
+    let bytes = open(original)?.read_all(u64::MAX)?;
+    let input = Input::new(original.display().to_string(), Cursor::new(bytes.clone()))?;
+    let bvh = Bvh::read(input, unit, false)?;
+    let table = read_table(
+        &InputArgs::plain(args.files.clone(), args.fps, &args.joints),
+        false,
+        false,
+    )?;
+    let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let bad = |e: Error| match e {
+        Error::Usage(what) => Error::data(Place::file(&table.name), what),
+        other => other,
+    };
+    let motion = solve_missing_channels(&bvh, &poses, args.units.rotation()).map_err(bad)?;
+    let filled = bvh.fill_missing(&bytes, motion.view(), unit)?;
+    messages::info(&format!("filled {} values", bvh.missing().len()));
+    write_bytes(args.output.as_deref(), &filled, false)
 }
 
 fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {

@@ -28,16 +28,7 @@ impl Bvh {
         let bytes = input.read_all(LARGEST_FILE)?;
         // Old files have Latin-1 names.
         let text = String::from_utf8_lossy(&bytes);
-        let mut parser = Parser {
-            words: Tokens {
-                text: text.strip_prefix('\u{feff}').unwrap_or(&text),
-                at: 0,
-            },
-            joints: Vec::new(),
-            stack: Vec::new(),
-            nodes: 0,
-            stray: None,
-        };
+        let mut parser = Parser::new(&text);
         let mut notes = Vec::new();
         let fail = |fault: BvhFault, words: &Tokens| {
             Error::data(Place::line(&name, words.line_of(fault.0)), fault.1)
@@ -101,6 +92,10 @@ impl Bvh {
         values.truncate(whole * width);
         let motion = Array2::from_shape_vec((whole, width), values)
             .map_err(|e| Error::data(Place::file(&name), e.to_string()))?;
+        let missing = motion.iter().filter(|v| v.is_nan()).count();
+        if missing > 0 {
+            notes.push(format!("{name}: {missing} values are missing (nan)"));
+        }
         Ok(Bvh {
             joints,
             frame_time,
@@ -128,7 +123,20 @@ struct Parser<'a> {
     stray: Option<(usize, String, usize)>,
 }
 
-impl Parser<'_> {
+impl<'a> Parser<'a> {
+    fn new(text: &'a str) -> Parser<'a> {
+        Parser {
+            words: Tokens {
+                text: text.strip_prefix('\u{feff}').unwrap_or(text),
+                at: 0,
+            },
+            joints: Vec::new(),
+            stack: Vec::new(),
+            nodes: 0,
+            stray: None,
+        }
+    }
+
     fn hierarchy(&mut self) -> std::result::Result<(), BvhFault> {
         match self.words.next() {
             None => return Err(BvhFault(0, "is empty, expected a BVH file".into())),
@@ -367,6 +375,17 @@ fn unique_names(joints: &mut [Joint]) -> Vec<String> {
     renamed
 }
 
+/// Where the values of the motion start in the bytes of a file; `None` where it has no head that can be read.
+pub(super) fn motion_start(bytes: &[u8]) -> Option<usize> {
+    let text = String::from_utf8_lossy(bytes);
+    let mut parser = Parser::new(&text);
+    parser.hierarchy().ok()?;
+    motion_head(&mut parser.words).ok()?;
+    // Counted from the end: what is no UTF-8 is longer in the text, but stands among the names.
+    let words = parser.words;
+    bytes.len().checked_sub(words.text.len() - words.at)
+}
+
 /// The count of frames, the Frame Time, and where the count stands.
 fn motion_head(words: &mut Tokens) -> std::result::Result<(f64, f64, usize), BvhFault> {
     let (frames, start) = labelled(words, &["frames"], "Frames:")?;
@@ -439,7 +458,12 @@ fn values(
     let mut out = Vec::new();
     let mut channel = 0;
     while let Some((at, word)) = words.next() {
-        let value = bounded(word).map_err(|what| {
+        // No number of the format: what is missing.
+        let value = match word.eq_ignore_ascii_case("nan") {
+            true => Ok(f64::NAN),
+            false => bounded(word),
+        };
+        let value = value.map_err(|what| {
             let frame = out.len() / scales.len().max(1) + 1;
             BvhFault(at, format!("frame {frame}, value {}: {what}", channel + 1))
         })?;

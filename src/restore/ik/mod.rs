@@ -3,11 +3,13 @@
 pub mod bone_normalization;
 pub mod correspondence;
 pub mod initial_pose;
+mod missing_channels;
 pub mod sequence;
 pub mod skeleton_estimation;
 mod skeleton_fit;
 pub mod solver;
 mod tree_cholesky;
 
+pub use missing_channels::solve_missing_channels;
 pub use skeleton_estimation::estimate_skeleton;
 pub use skeleton_fit::{FittedTake, SkeletonFit};
