@@ -54,6 +54,11 @@ pub const COMMANDS: &[CommandEntry] = &[
         false,
     ),
     entry("xyz2bvh", "Convert a pose table to a BVH file", true),
+    entry(
+        "xyz2glb",
+        "Convert a pose table to binary glTF: a skeleton that viewers play",
+        false,
+    ),
     entry("bvh2xyz", "Convert a BVH file to a pose table", false),
     entry("c3d2xyz", "Convert a C3D file to a pose table", false),
     entry("xyz2c3d", "Convert a pose table to a C3D file", false),

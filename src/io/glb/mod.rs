@@ -12,6 +12,7 @@ mod buffer;
 mod check;
 mod document;
 mod normals;
+mod skeleton;
 mod unit_weights;
 
 use super::output::write_file;
