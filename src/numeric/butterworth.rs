@@ -1,8 +1,8 @@
 //! The low-pass filter of biomechanics: a Butterworth filter of second order, run forwards and backwards.
 //!
-//! Both runs together have no lag and fourth order. Two runs damp the stated cutoff twice; the filter is designed at cutoff /
-//! (√2 − 1)^¼, so that the pair has its −3 dB at the stated one (Winter, Biomechanics and Motor Control of Human Movement, 4th
-//! edition, section 3.4.4.2).
+//! Both runs together have no lag and fourth order. Two runs damp the stated cutoff twice; so that the pair has its −3 dB there, each
+//! is designed at the angular cutoff tan(π cutoff / rate) / (√2 − 1)^¼ (Winter, Biomechanics and Motor Control of Human Movement,
+//! 4th edition, section 3.4.4.2).
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -21,13 +21,11 @@ pub struct LowPass {
 impl LowPass {
     /// A filter whose two runs pass half the power at `cutoff`, for `rate` values a second; `None` unless 0 < cutoff < .4 rate.
     pub fn new(cutoff: f64, rate: f64) -> Option<LowPass> {
-        let twice = (SQRT_2 - 1.0).powf(0.25);
-        let corrected = cutoff / twice;
-        // Beyond, the corrected cutoff comes near half the rate.
-        if !(cutoff > 0.0 && cutoff < 0.4 * rate && corrected < 0.5 * rate) {
+        if !(cutoff > 0.0 && cutoff < 0.4 * rate) {
             return None;
         }
-        let w = (PI * corrected / rate).tan();
+        let twice = (SQRT_2 - 1.0).powf(0.25);
+        let w = (PI * cutoff / rate).tan() / twice;
         let (k1, k2) = (SQRT_2 * w, w * w);
         let a0 = k2 / (1.0 + k1 + k2);
         let b1 = 2.0 * a0 * (1.0 / k2 - 1.0);
