@@ -30,6 +30,11 @@ fn frames_and_points_are_chosen_and_renamed() {
         "{out}"
     );
     assert_eq!(out.lines().count(), 51);
+    let swapped = run("trim", &["--rename", "a=b,b=a"], &table());
+    assert!(
+        swapped.starts_with("take,time,b.x,b.y,b.z,a.x"),
+        "{swapped}"
+    );
     for (flags, what) in [
         (["--points", "c"], "no point \"c\""),
         (["--take", "x"], "no take \"x\""),

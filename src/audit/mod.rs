@@ -49,6 +49,8 @@ impl Default for Limits {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FindingKind {
+    /// The times repeat, go back, or pause.
+    Time,
     /// Points move faster than people do: the rate is too high, or the unit too large.
     Rate,
     /// The body is smaller or larger than people are.
@@ -110,6 +112,8 @@ struct Take<'a> {
     points: &'a [String],
     /// (frames, 3 J), cm.
     xyz: ArrayView2<'a, f64>,
+    /// Seconds, one a frame.
+    time: Option<&'a [f64]>,
     /// Ranges of consecutive frames.
     runs: Vec<Range<usize>>,
     rate: Option<f64>,
@@ -135,6 +139,7 @@ pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit>
         let take = Take {
             points: &poses.points,
             xyz: poses.xyz.slice(s![frames.clone(), ..]),
+            time: poses.time.as_ref().map(|time| &time[frames.clone()]),
             runs: runs
                 .map(|r| r.start - frames.start..r.end - frames.start)
                 .collect(),
@@ -150,6 +155,7 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
     let gaps = GapSummary::of(take);
     let size = body::size(take);
     let mut findings = Vec::new();
+    findings.extend(times(take, limits));
     findings.extend(motion::too_fast(take, limits));
     findings.extend(body::wrong_unit(size, limits));
     findings.extend(body::wrong_axis(take));
@@ -168,6 +174,38 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
         gaps,
         findings,
     }
+}
+
+/// Times that repeat or go back, and pauses: rows that were left out are a gap of all points.
+fn times(take: &Take<'_>, limits: &Limits) -> Option<Finding> {
+    let finding = |frame: usize, what: String| Finding {
+        kind: FindingKind::Time,
+        points: Vec::new(),
+        frames: Some([frame, frame + 1]),
+        what,
+    };
+    if take.xyz.nrows() == 0 {
+        return Some(finding(0, "there are no frames".to_string()));
+    }
+    let time = take.time?;
+    let step = |t: &usize| time[*t] - time[t - 1];
+    if let Some(t) = (1..time.len()).find(|t| step(t) <= 0.0) {
+        let what = format!(
+            "the time of frame {t} is {}, after {}",
+            time[t],
+            time[t - 1]
+        );
+        return Some(finding(t, what));
+    }
+    let longest = (1..time.len()).max_by(|a, b| step(a).total_cmp(&step(b)))?;
+    (step(&longest) > limits.gap).then(|| {
+        let what = format!(
+            "{:.2} s pass before frame {longest} (limit {} s)",
+            step(&longest),
+            limits.gap
+        );
+        finding(longest, what)
+    })
 }
 
 impl Take<'_> {

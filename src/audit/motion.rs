@@ -2,6 +2,7 @@
 
 use super::{Finding, FindingKind, Limits, Take, median, ranges};
 use crate::restore::outliers::spikes_of_take;
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// The share of a point's steps that are not faster than its speed.
@@ -60,9 +61,9 @@ pub(super) fn jumps(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
             continue;
         };
         let what = format!(
-            "{} jumps off its path {} times, by {height:.1} cm in frame {} (limit {} cm)",
+            "{} jumps off its path {}, by {height:.1} cm in frame {} (limit {} cm)",
             take.points[p],
-            found.len(),
+            times(found.len()),
             worst.start,
             limits.jump
         );
@@ -85,7 +86,7 @@ fn height(take: &Take<'_>, p: usize, range: &Range<usize>) -> Option<f64> {
 
 /// Pairs of points that change places from one frame to the next: each goes on where the other was.
 pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
-    let mut out = Vec::new();
+    let mut pairs: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
     for t in take.steps() {
         // Only what moves far can have changed places.
         let step = |p: usize| Some((p, (take.at(t + 1, p)? - take.at(t, p)?).length()));
@@ -95,20 +96,35 @@ pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
             .map(|(p, _)| p)
             .collect();
         for (i, &a) in far.iter().enumerate() {
-            for &b in &far[i + 1..] {
-                if is_swap(take, t, a, b) {
-                    let what = format!(
-                        "{} and {} change places in frame {}",
-                        take.points[a],
-                        take.points[b],
-                        t + 1
-                    );
-                    out.push(take.finding(FindingKind::Swap, &[a, b], Some(t + 1..t + 2), what));
-                }
+            for &b in far[i + 1..].iter().filter(|&&b| is_swap(take, t, a, b)) {
+                pairs.entry((a, b)).or_default().push(t + 1);
             }
         }
     }
-    out
+    let finding = |((a, b), frames): ((usize, usize), Vec<usize>)| {
+        let what = format!(
+            "{} and {} change places {}, first in frame {}",
+            take.points[a],
+            take.points[b],
+            times(frames.len()),
+            frames[0]
+        );
+        take.finding(
+            FindingKind::Swap,
+            &[a, b],
+            Some(frames[0]..frames[0] + 1),
+            what,
+        )
+    };
+    pairs.into_iter().map(finding).collect()
+}
+
+/// `once`, or `3 times`.
+fn times(count: usize) -> String {
+    match count {
+        1 => "once".to_string(),
+        n => format!("{n} times"),
+    }
 }
 
 fn is_swap(take: &Take<'_>, t: usize, a: usize, b: usize) -> bool {

@@ -81,12 +81,7 @@ fn work(args: &Args) -> Result<()> {
     let fps = args.input.rate(&table.poses)?;
     let mut poses = chosen(args, &table.poses).map_err(bad)?;
     if let Some(cutoff) = args.butterworth {
-        let short = poses.low_pass(cutoff, fps).ok_or_else(|| {
-            bad(match fps {
-                Some(rate) => format!("has {rate} frames per second: --butterworth {cutoff} has to be below .4 of that"),
-                None => "has no times, and a filter needs a rate; give it with --fps".to_string(),
-            })
-        })?;
+        let short = poses.low_pass(cutoff, fps).map_err(bad)?;
         if short > 0 {
             messages::info(&format!(
                 "{short} pieces of fewer than 10 frames are not filtered"
@@ -99,8 +94,10 @@ fn work(args: &Args) -> Result<()> {
                 "a lower rate without --butterworth: what is faster than half of it turns into slow movement",
             );
         }
-        let at = poses.resampled(rate);
-        poses = at.ok_or_else(|| bad("has no times to resample".into()))?;
+        if let (None, Some(fps)) = (&poses.time, fps) {
+            poses.time = Some((0..poses.frames()).map(|t| t as f64 / fps).collect());
+        }
+        poses = poses.resampled(rate).map_err(bad)?;
     }
     if let Some(list) = &args.points {
         let names = parse_point_names(list)?;
@@ -146,17 +143,19 @@ fn chosen(args: &Args, poses: &Poses) -> std::result::Result<Poses, String> {
     Ok(poses.with_frames(&frames))
 }
 
-/// Gives points their new names.
+/// Gives points their new names, all at once: left and right may be exchanged.
 fn rename(args: &Args, poses: &mut Poses) -> std::result::Result<(), String> {
+    let mut names = poses.points.clone();
     for (old, new) in &args.rename {
         let at = poses.points.iter().position(|p| p == old);
         let at = at.ok_or_else(|| format!("has no point \"{old}\" to rename"))?;
-        poses.points[at].clone_from(new);
+        names[at].clone_from(new);
     }
-    let mut names = poses.points.clone();
-    names.sort();
-    match names.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(format!("would have two points \"{}\"", pair[0])),
-        None => Ok(()),
+    let mut sorted = names.clone();
+    sorted.sort();
+    if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+        return Err(format!("would have two points \"{}\"", pair[0]));
     }
+    poses.points = names;
+    Ok(())
 }

@@ -7,6 +7,7 @@ use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{messages, run};
+use posing::io::bvh::LARGEST_FILE;
 use posing::io::{Bvh, Input, SkeletonFile};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
@@ -136,7 +137,7 @@ fn work(args: &Args) -> Result<()> {
 /// The original with its missing values.
 fn fill(args: &Args, original: &Path) -> Result<()> {
     let unit = args.units.centimetres();
-    let bytes = open(original)?.read_all(u64::MAX)?;
+    let bytes = open(original)?.read_all(LARGEST_FILE)?;
     let input = Input::new(original.display().to_string(), Cursor::new(bytes.clone()))?;
     let bvh = Bvh::read(input, unit, false)?;
     let table = read_table(
@@ -151,7 +152,13 @@ fn fill(args: &Args, original: &Path) -> Result<()> {
     };
     let motion = solve_missing_channels(&bvh, &poses, args.units.rotation()).map_err(bad)?;
     let filled = bvh.fill_missing(&bytes, motion.view(), unit)?;
-    messages::info(&format!("filled {} values", bvh.missing().len()));
+    let missing = bvh.missing();
+    let left = missing.iter().filter(|at| motion[**at].is_nan()).count();
+    messages::info(&format!(
+        "filled {} of {} missing values",
+        missing.len() - left,
+        missing.len()
+    ));
     write_bytes(args.output.as_deref(), &filled, false)
 }
 

@@ -56,6 +56,8 @@ fn work(args: &Args) -> Result<()> {
 fn into(args: &Args, one: OneTake, original: &Path) -> Result<Vec<u8>> {
     let OneTake { poses, table } = one;
     let original = C3d::read(open(original)?, true)?;
+    let said = |n: &String| messages::info(&format!("{}: {n}", original.take.name));
+    original.take.notes.iter().for_each(said);
     let units = MarkerUnitArgs {
         units: args.units,
         up: args.up,

@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
-use posing::cli::ik::fit;
+use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::one_take::one_take;
 use posing::cli::run;
@@ -93,8 +93,8 @@ fn work(args: &Args) -> Result<()> {
         &table.name,
         "no point has the name of a bone of the skeleton",
     )?;
-    let times = poses.time.clone();
-    let times = times.unwrap_or_else(|| (0..poses.frames()).map(|t| t as f64 / rate).collect());
+    report_time_jumps(&poses, &table.name, "an animation");
+    let times: Vec<f64> = (0..poses.frames()).map(|t| t as f64 / rate).collect();
     let names: Vec<String> = skeleton.bones().iter().map(|b| b.name.clone()).collect();
     let name = poses.take.as_ref().and_then(|take| take.first());
     let name = name.map_or("take", |take| take);

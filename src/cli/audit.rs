@@ -103,7 +103,7 @@ fn push_take(out: &mut String, take: &TakeAudit) {
         .take
         .as_deref()
         .map_or(String::new(), |name| format!("{name}: "));
-    let _ = write!(out, "  {name}{} frames", take.frames);
+    let _ = write!(out, "  {name}{}", count(take.frames, "frame"));
     if let Some(rate) = take.rate {
         let _ = write!(
             out,
@@ -112,22 +112,25 @@ fn push_take(out: &mut String, take: &TakeAudit) {
             take.frames as f64 / rate
         );
     }
-    let _ = write!(out, "; {} points", take.points);
+    let _ = write!(out, "; {}", count(take.points, "point"));
     if let Some(size) = take.size {
         let _ = write!(out, ", {size:.0} cm");
     }
     let _ = writeln!(out, "; {}", missing(&take.gaps, take.rate));
-    for (i, finding) in take.findings.iter().enumerate() {
-        let is_alike = |f: &&Finding| f.kind == finding.kind;
-        match take.findings[..i].iter().filter(is_alike).count() {
-            0..LISTED => {
-                let _ = writeln!(out, "    {}: {}", kind_name(finding.kind), finding.what);
-            }
-            LISTED => {
-                let more = take.findings[i..].iter().filter(is_alike).count();
-                let _ = writeln!(out, "    {}: {more} more", kind_name(finding.kind));
-            }
-            _ => {}
+    let mut kinds: Vec<FindingKind> = take.findings.iter().map(|f| f.kind).collect();
+    kinds.dedup();
+    for kind in kinds {
+        let alike: Vec<&Finding> = take.findings.iter().filter(|f| f.kind == kind).collect();
+        for finding in alike.iter().take(LISTED) {
+            let _ = writeln!(out, "    {}: {}", kind_name(kind), finding.what);
+        }
+        if alike.len() > LISTED {
+            let _ = writeln!(
+                out,
+                "    {}: {} more",
+                kind_name(kind),
+                alike.len() - LISTED
+            );
         }
     }
     if take.findings.is_empty() {
@@ -148,12 +151,12 @@ fn missing(gaps: &GapSummary, rate: Option<f64>) -> String {
             Some(rate) => format!("{:.2} s", longest as f64 / rate),
             None => format!("{longest} frames"),
         };
-        format!("{} {} times, up to {longest}", p.point, p.gaps)
+        format!("{} {}, up to {longest}", p.point, count(p.gaps, "gap"))
     };
     let some: Vec<String> = points.iter().take(LISTED).map(one).collect();
     let more = match points.len().saturating_sub(LISTED) {
         0 => String::new(),
-        n => format!(", and {n} more points"),
+        n => format!(", and {}", count(n, "more point")),
     };
     format!(
         "{:.1}% is missing ({}{more})",
@@ -162,8 +165,17 @@ fn missing(gaps: &GapSummary, rate: Option<f64>) -> String {
     )
 }
 
+/// A number of things: `1 point`, `2 points`.
+fn count(n: usize, what: &str) -> String {
+    match n {
+        1 => format!("1 {what}"),
+        n => format!("{n} {what}s"),
+    }
+}
+
 fn kind_name(kind: FindingKind) -> &'static str {
     match kind {
+        FindingKind::Time => "time",
         FindingKind::Rate => "rate",
         FindingKind::Unit => "unit",
         FindingKind::UpAxis => "up axis",

@@ -336,7 +336,7 @@ impl Problem<'_> {
 
     /// The depths of the points below each of these joints, mirrored about that joint's own.
     fn mirrored_depths(&self, view: &View, joints: &[usize]) -> Vec<(usize, f64)> {
-        let (rig, depths) = (&self.solver.rig, self.depths_of(view));
+        let (rig, mut depths) = (&self.solver.rig, self.depths_of(view));
         let is_below = |k: usize, above: usize| {
             std::iter::successors(rig.parents[k], |&k| rig.parents[k]).any(|a| a == above)
         };
@@ -346,10 +346,15 @@ impl Problem<'_> {
                 continue;
             };
             let below = (0..rig.joints()).filter(|&k| is_below(k, joint));
-            let points = below.filter_map(|k| rig.model_points[k]);
-            mirrored.extend(points.map(|p| (p, 2.0 * depths[from] - depths[p])));
+            for p in below.filter_map(|k| rig.model_points[k]) {
+                depths[p] = 2.0 * depths[from] - depths[p];
+                mirrored.push(p);
+            }
         }
-        mirrored
+        // Of limbs within limbs each is mirrored in turn.
+        mirrored.sort_unstable();
+        mirrored.dedup();
+        mirrored.into_iter().map(|p| (p, depths[p])).collect()
     }
 
     /// The rig in a view, on the floor.

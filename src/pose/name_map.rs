@@ -36,25 +36,25 @@ impl NameMap {
         maps.find(|map| map.name.eq_ignore_ascii_case(name))
     }
 
-    /// The shipped map with most names of those whose names are all among the `points`.
+    /// The shipped map with most names of those whose names are all among the `points`, each once: not where there are two people.
     pub fn fitting(points: &[String]) -> Option<&'static NameMap> {
-        let fits = SHIPPED.iter().filter(|map| map.missing(points).is_empty());
+        let once = |name: &String| points.iter().filter(|p| is_name(p, name)).count() == 1;
+        let fits = SHIPPED.iter().filter(|map| map.joints.values().all(once));
         fits.max_by_key(|map| map.joints.len())
     }
 
     /// The names of the map that are not among the `points`.
     pub fn missing(&self, points: &[String]) -> Vec<&str> {
         let names = self.joints.values();
-        let is_missing = |name: &&String| !points.iter().any(|p| without_namespace(p) == **name);
+        let is_missing = |name: &&String| !points.iter().any(|p| is_name(p, name));
         names.filter(is_missing).map(String::as_str).collect()
     }
 
     /// The names by which the model knows the `points`; those that the map does not name are named as nothing is.
     pub fn model_names(&self, points: &[String]) -> Vec<String> {
         let name = |point: &String| {
-            let bare = without_namespace(point);
             let mut joints = self.joints.iter();
-            match joints.find(|(_, theirs)| *theirs == bare) {
+            match joints.find(|(_, theirs)| is_name(point, theirs)) {
                 Some((model, _)) => model.clone(),
                 None => format!("{point} (other)"),
             }
@@ -99,9 +99,9 @@ impl PointNaming {
     }
 }
 
-/// A name without what stands before its last colon, as in `mixamorig:Hips`.
-fn without_namespace(name: &str) -> &str {
-    name.rsplit(':').next().unwrap_or(name)
+/// Whether a point has this name, as it is or after its namespace, as in `mixamorig:Hips`.
+fn is_name(point: &str, name: &str) -> bool {
+    point == name || point.rsplit(':').next() == Some(name)
 }
 
 #[cfg(test)]
@@ -153,6 +153,14 @@ mod tests {
             ["LeftHandMiddle1", "RightHandMiddle1"]
         );
         assert_eq!(NameMap::fitting(&names(&["a", "b"])), None);
+        let second = theirs.iter().map(|n| n.replace("mixamorig:", "other:"));
+        let two: Vec<String> = theirs.iter().cloned().chain(second).collect();
+        assert_eq!(NameMap::fitting(&two), None);
+        let own = NameMap {
+            name: "own".into(),
+            joints: [("lfemur".to_string(), "mixamorig:LeftLeg".to_string())].into(),
+        };
+        assert_eq!(own.model_names(&names(&["mixamorig:LeftLeg"])), ["lfemur"]);
         let renamed = mixamo.model_names(&names(&["mixamorig:LeftLeg", "mixamorig:LeftEye"]));
         assert_eq!(renamed, ["lfemur", "mixamorig:LeftEye (other)"]);
     }

@@ -6,6 +6,8 @@ use crate::numeric::pchip::pchip;
 use ndarray::{Array2, ArrayViewMut1, Axis};
 use std::ops::Range;
 
+/// More values are not resampled to: 1 GiB.
+const MOST_VALUES: f64 = (1_u64 << 27) as f64;
 /// Two measured frames further apart than this many steps are a gap, not neighbours.
 const NEIGHBORS: f64 = 1.5;
 
@@ -41,14 +43,31 @@ impl Poses {
     }
 
     /// Each take at another rate: frames at its first time and each 1 / `rate` seconds after it, up to its last. A coordinate is
-    /// interpolated (PCHIP) between measured neighbours; across a gap or a pause it stays missing. `None` without times.
-    pub fn resampled(&self, rate: f64) -> Option<Poses> {
-        let time = self.time.as_ref()?;
+    /// interpolated (PCHIP) between measured neighbours; across a gap or a pause it stays missing.
+    ///
+    /// # Errors
+    /// What is wrong: no times, times that do not rise, or more than 2^27 values.
+    pub fn resampled(&self, rate: f64) -> Result<Poses, String> {
+        let time = self.time.as_ref().ok_or("has no times to resample")?;
         let (mut rows, mut times, mut takes) = (Vec::new(), Vec::new(), Vec::new());
         for (frames, own) in self.takes().into_iter().zip(self.rates()) {
             let step = 1.0 / own.unwrap_or(rate);
             let (first, last) = (time[frames.start], time[frames.end - 1]);
-            let count = ((last - first) * rate + 1e-6).floor() as usize + 1;
+            if let Some(t) = (frames.start + 1..frames.end).find(|&t| time[t] <= time[t - 1]) {
+                return Err(format!(
+                    "the time of frame {t} (counted from 0) is {}, after {}: it has to rise",
+                    time[t],
+                    time[t - 1]
+                ));
+            }
+            let count = ((last - first) * rate + 1e-6).floor() + 1.0;
+            if count * self.xyz.ncols().max(1) as f64 > MOST_VALUES {
+                return Err(format!(
+                    "a take lasts {} s: too long to resample",
+                    last - first
+                ));
+            }
+            let count = count as usize;
             let at: Vec<f64> = (0..count).map(|i| first + i as f64 / rate).collect();
             let mut xyz = Array2::from_elem((count, self.xyz.ncols()), f64::NAN);
             for c in 0..self.xyz.ncols() {
@@ -60,7 +79,7 @@ impl Poses {
             takes.extend(std::iter::repeat_n(name, count));
         }
         let views: Vec<_> = rows.iter().map(|r| r.view()).collect();
-        Some(Poses {
+        Ok(Poses {
             points: self.points.clone(),
             xyz: ndarray::concatenate(Axis(0), &views).unwrap_or_default(),
             time: Some(times),
@@ -96,12 +115,28 @@ impl Poses {
     }
 
     /// Filters each coordinate forwards and backwards ([`LowPass`]), in pieces on end; those of fewer than ten frames stay as they are,
-    /// and are counted. `None` where a take has no rate, or the cutoff is not below .4 of it.
-    pub fn low_pass(&mut self, cutoff: f64, fps: Option<f64>) -> Option<usize> {
+    /// and are counted. `fps` is the rate of a table without times.
+    ///
+    /// # Errors
+    /// What is wrong, and nothing is filtered: a take has no rate, or the cutoff is not below .4 of it.
+    pub fn low_pass(&mut self, cutoff: f64, fps: Option<f64>) -> Result<usize, String> {
+        let filter = |own: Option<f64>| {
+            let rate = own
+                .or(fps)
+                .ok_or("has no times, and a filter needs a rate; give it with --fps")?;
+            let low_pass = LowPass::new(cutoff, rate);
+            let low_pass = low_pass.ok_or_else(|| {
+                format!("has {rate} frames per second: --butterworth {cutoff} has to be below .4 of that")
+            })?;
+            Ok((rate, low_pass))
+        };
+        let filters = self
+            .rates()
+            .into_iter()
+            .map(filter)
+            .collect::<Result<Vec<_>, String>>()?;
         let mut short = 0;
-        for (frames, own) in self.takes().into_iter().zip(self.rates()) {
-            let rate = own.or(fps)?;
-            let filter = LowPass::new(cutoff, rate)?;
+        for (frames, (rate, filter)) in self.takes().into_iter().zip(filters) {
             for c in 0..self.xyz.ncols() {
                 for seen in self.seen_runs(c, frames.clone(), NEIGHBORS / rate) {
                     let mut values: Vec<f64> = seen.clone().map(|t| self.xyz[[t, c]]).collect();
@@ -113,7 +148,7 @@ impl Poses {
                 }
             }
         }
-        Some(short)
+        Ok(short)
     }
 
     /// The ranges of frames on end in which a coordinate is there, no two further apart in time than `most` seconds.
@@ -121,7 +156,7 @@ impl Poses {
         let mut runs: Vec<Range<usize>> = Vec::new();
         let is_next = |t: usize| {
             let times = self.time.as_ref();
-            times.is_none_or(|time| time[t] - time[t - 1] <= most)
+            times.is_none_or(|time| time[t] > time[t - 1] && time[t] - time[t - 1] <= most)
         };
         for t in frames.filter(|&t| self.xyz[[t, column]].is_finite()) {
             match runs.last_mut() {
@@ -176,10 +211,13 @@ mod tests {
     #[test]
     fn filters_and_chooses() {
         let mut filtered = poses();
-        assert_eq!(filtered.low_pass(6.0, None), Some(0));
+        assert_eq!(filtered.low_pass(6.0, None), Ok(0));
         assert!(filtered.xyz[[12, 0]].is_nan());
         assert!((filtered.xyz[[45, 0]] - 15.0).abs() < 0.1);
-        assert_eq!(poses().low_pass(60.0, None), None);
+        assert!(poses().low_pass(60.0, None).is_err());
+        let mut restarted = poses();
+        restarted.take = None;
+        assert!(restarted.resampled(50.0).unwrap_err().contains("frame 30"));
         assert_eq!(poses().with_points(&["b".to_string()]).unwrap_err(), "b");
     }
 }

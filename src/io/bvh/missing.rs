@@ -23,14 +23,14 @@ impl Bvh {
     /// byte stays. Lengths in the file are in units of `unit` centimetres. What `motion` does not have either stays missing.
     ///
     /// # Errors
-    /// [`Error::Data`]: `original` is not the text of this file.
+    /// [`Error::Data`]: `original` is no BVH file.
     pub fn fill_missing(
         &self,
         original: &[u8],
         motion: ArrayView2<'_, f64>,
         unit: f64,
     ) -> Result<Vec<u8>> {
-        let other = || Error::data(Place::file("the BVH file"), "is not the one that was read");
+        let other = || Error::data(Place::file("the original"), "is no BVH file");
         let start = motion_start(original).ok_or_else(other)?;
         let channels: Vec<Channel> = (self.joints.iter())
             .flat_map(|j| j.channels.iter().copied())

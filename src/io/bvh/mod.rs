@@ -19,6 +19,7 @@ mod skeleton;
 mod write;
 
 pub use export::BvhExporter;
+pub use read::LARGEST_FILE;
 pub use skeleton::{BvhPoints, BvhSkeleton, BvhTemplate};
 
 use super::input::Input;

@@ -15,7 +15,7 @@ use ndarray::Array2;
 use std::collections::{HashMap, HashSet};
 
 /// Larger files are refused; an hour at 120 frames a second takes a fifth of it.
-const LARGEST_FILE: u64 = 2 << 30;
+pub const LARGEST_FILE: u64 = 2 << 30;
 
 impl Bvh {
     /// Reads a BVH file from an open input. Lengths in the file are in units of `unit` centimetres. With `keep_whole`,

@@ -63,7 +63,7 @@ impl Layout {
             scale: scale.abs(),
             points: word(2) as usize,
             analog: word(3) as usize,
-            start: 512 * (block - 1),
+            start: (block - 1).saturating_mul(512),
             frames: promised,
             first_frame: first,
             rate: real(11),
@@ -106,13 +106,14 @@ impl Layout {
 /// ACTUAL_END_FIELD, of two words each, go on.
 fn frames(first: u16, last: u16, parameters: &Parameters) -> (u32, usize) {
     let field = |name: &str| match parameters.numbers(name) {
-        [low, high, ..] => Some(*low as u32 + ((*high as u32) << 16)),
+        [low, high, ..] => Some(u32::from(*low as u16) | u32::from(*high as u16) << 16),
         _ => None,
     };
     let fields = field("TRIAL:ACTUAL_START_FIELD").zip(field("TRIAL:ACTUAL_END_FIELD"));
     if let Some((start, end)) = fields {
         // Where header and fields agree as far as the header counts.
-        if start as u16 == first && end >= start && (last == u16::MAX || end as u16 == last) {
+        let agrees = |field: u32, word: u16| word == u16::MAX || field as u16 == word;
+        if agrees(start, first) && agrees(end, last) && end >= start {
             return (start, (end - start) as usize + 1);
         }
     }

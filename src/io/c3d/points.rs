@@ -52,7 +52,7 @@ pub fn encode(point: Option<[f64; 3]>, layout: &Layout) -> Result<Vec<u8>, f64> 
         } else {
             value
         };
-        if steps.abs() > f64::from(i16::MAX) {
+        if !(f64::from(i16::MIN)..=f64::from(i16::MAX)).contains(&steps) {
             return Err(value);
         }
         bytes.extend(layout.processor.u16_bytes(steps as i16 as u16));

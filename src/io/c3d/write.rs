@@ -4,6 +4,7 @@ use super::C3d;
 use super::header::Layout;
 use super::numbers::Processor;
 use super::points;
+use crate::io::text::excerpt;
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 
@@ -11,6 +12,8 @@ use ndarray::ArrayView2;
 const BLOCK: usize = 512;
 /// The most blocks of parameters.
 const MOST_BLOCKS: usize = 255;
+/// The bytes of a name at most.
+const LONGEST_NAME: usize = 255;
 /// The most labels that one parameter holds, and points that the header counts.
 const LABELS: usize = 255;
 const MOST_POINTS: usize = u16::MAX as usize;
@@ -237,5 +240,45 @@ impl Section {
         self.0.resize(self.0.len().next_multiple_of(BLOCK), 0);
         self.0[2] = (self.0.len() / BLOCK) as u8;
         self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::Input;
+    use ndarray::Array2;
+
+    #[test]
+    fn frames_beyond_what_the_header_counts_come_back() {
+        for (first_frame, frames) in [(1, 3), (70_000, 2), (60_000, 70_000)] {
+            let new = NewC3d {
+                points: &["a".to_string()],
+                rate: 100.0,
+                first_frame,
+                units: "mm",
+                screen: ["+X", "+Z"],
+            };
+            let mut xyz = Array2::from_shape_fn((frames, 3), |(t, c)| (t % 100 + c) as f64);
+            xyz.row_mut(1).fill(f64::NAN);
+            let bytes = new.bytes(xyz.view()).unwrap();
+            let input = Input::new("t", std::io::Cursor::new(bytes.clone())).unwrap();
+            let back = C3d::read(input, false).unwrap();
+            assert_eq!(
+                (back.take.first_frame, back.take.xyz.nrows()),
+                (first_frame, frames)
+            );
+            assert!(back.take.xyz[[1, 0]].is_nan() && back.take.xyz[[0, 2]] == 2.0);
+            assert_eq!(back.with_points(xyz.view()).unwrap(), bytes);
+        }
+        let long = ["x".repeat(300)];
+        let new = NewC3d {
+            points: &long,
+            rate: 100.0,
+            first_frame: 1,
+            units: "mm",
+            screen: ["+X", "+Z"],
+        };
+        assert!(new.bytes(Array2::zeros((1, 3)).view()).is_err());
     }
 }
