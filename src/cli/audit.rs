@@ -117,8 +117,12 @@ fn push_take(out: &mut String, take: &TakeAudit) {
         let _ = write!(out, ", {size:.0} cm");
     }
     let _ = writeln!(out, "; {}", missing(&take.gaps, take.rate));
-    let mut kinds: Vec<FindingKind> = take.findings.iter().map(|f| f.kind).collect();
-    kinds.dedup();
+    let mut kinds: Vec<FindingKind> = Vec::new();
+    for finding in &take.findings {
+        if !kinds.contains(&finding.kind) {
+            kinds.push(finding.kind);
+        }
+    }
     for kind in kinds {
         let alike: Vec<&Finding> = take.findings.iter().filter(|f| f.kind == kind).collect();
         for finding in alike.iter().take(LISTED) {
