@@ -90,6 +90,13 @@ impl NewC3d<'_> {
             );
             return Err(Error::usage(what));
         }
+        if let Some(long) = self.points.iter().find(|name| name.len() > LONGEST_NAME) {
+            let what = format!(
+                "the name of a point in a C3D file has {LONGEST_NAME} bytes at most, \"{}\" more",
+                excerpt(long)
+            );
+            return Err(Error::usage(what));
+        }
         let last = u32::try_from(frames - 1)
             .ok()
             .and_then(|n| self.first_frame.checked_add(n));
