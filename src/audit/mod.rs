@@ -38,7 +38,7 @@ impl Default for Limits {
             gap: 0.5,
             missing: 0.1,
             speed: 1500.0,
-            jump: 2.0,
+            jump: 3.0,
             size: [60.0, 260.0],
             drift: 2.0,
         }

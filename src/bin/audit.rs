@@ -21,7 +21,7 @@ use std::process::ExitCode;
 #[command(
     name = "audit",
     version,
-    after_help = "Examples:\n  posing audit walk.csv\n  posing audit --json a.csv b.csv > audit.json\n  posing c3d2xyz gait.c3d | posing audit --max-gap 0.2 || echo look at it"
+    after_help = "Examples:\n  posing audit walk.csv || echo look at it\n  posing audit --json -o audit.json a.csv b.csv || echo see audit.json\n  posing c3d2xyz gait.c3d | posing audit --max-gap 0.2 || echo look at it"
 )]
 struct Args {
     #[command(flatten)]

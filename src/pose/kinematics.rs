@@ -92,8 +92,12 @@ impl Skeleton {
             let rotation = before * local;
             out.rotations.push(rotation);
             out.starts.push(start);
-            out.ends
-                .push(start + rotation * (bone.offset + rest.direction * longer));
+            let along = bone.offset + rest.direction * longer;
+            // A bone without length ends where it starts, even if its rotation is missing.
+            out.ends.push(match along == DVec3::ZERO {
+                true => start,
+                false => start + rotation * along,
+            });
         }
     }
 

@@ -179,6 +179,11 @@ test('a joint goes straight up, and level when it is seen from above', async () 
   await page.keyboard.press('Control+z');
   await settled(page);
   for (let i = 0; i < 12; i++) await page.keyboard.press('w');
+  // The view is there when it stands still.
+  for (let was = null, at = await place(page, 'lwrist'); String(was) !== String(at); at = await place(page, 'lwrist')) {
+    was = at;
+    await page.waitForTimeout(100);
+  }
   await drag(page, 'lwrist', 20, 40, async () => {
     const { moving: { lwrist } } = await state(page);
     assert.ok(Math.abs(lwrist[1] - before[1]) < .01 && apart(lwrist, before) > 5);

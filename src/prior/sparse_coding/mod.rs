@@ -7,7 +7,6 @@
 mod model;
 
 use crate::io::Model;
-use crate::io::text::excerpt;
 use crate::numeric::gaussian::ConditionalGaussian;
 use crate::pose::{Observation, PoseTransform};
 use crate::prior::model_arrays;
@@ -49,7 +48,7 @@ pub fn dictionary(model: &Model, source: &str) -> Result<Dictionary> {
     if model.meta.kind != "sparse" {
         let what = format!(
             "is a model of kind {}, expected a dictionary (sparse)",
-            excerpt(&model.meta.kind)
+            model.meta.kind
         );
         return Err(Error::data(Place::file(source), what));
     }
