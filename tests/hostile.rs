@@ -107,8 +107,9 @@ fn a_split_that_fails_leaves_the_one_before() {
 fn models_of_another_kind_and_damaged_ones_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.npz").display().to_string();
-    let rows: String = (0..30).map(|t| format!("{t},{},3\n", t * t % 7)).collect();
-    let table = format!("a.x,a.y,a.z\n{rows}");
+    let row = |t: i32| format!("{t},{},3,40,{},0,0,70,{}\n", t * t % 7, t % 5, t % 3);
+    let rows: String = (0..30).map(row).collect();
+    let table = format!("a.x,a.y,a.z,b.x,b.y,b.z,c.x,c.y,c.z\n{rows}");
     run(
         "prior-train",
         &["-q", "--kind", "gaussian", "-o", &path],

@@ -39,7 +39,7 @@ pub struct LimitArgs {
     #[arg(
         long,
         value_name = "CM",
-        default_value_t = 2.0,
+        default_value_t = 3.0,
         help_heading = "Limits"
     )]
     max_jump: f64,
