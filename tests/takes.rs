@@ -214,3 +214,33 @@ fn a_jump_of_the_whole_body_is_a_cut() {
     let clean = Numbers::read(&common::run("denoise", &["-q", "--self"], &table.write()));
     assert!(clean.far(&table).0 <= 0.2, "{} cm", clean.far(&table).0);
 }
+
+#[test]
+fn a_frame_of_another_skeleton_is_not_bent_to_the_models() {
+    let left = [
+        "LeftUpLeg",
+        "LeftLeg",
+        "LeftFoot",
+        "LeftToeBase",
+        "LeftArm",
+        "LeftForeArm",
+        "LeftHand",
+    ];
+    let places = [
+        [10, 90],
+        [10, 48],
+        [10, 6],
+        [10, 2],
+        [20, 140],
+        [48, 140],
+        [75, 140],
+    ];
+    let (mut head, mut row) = (String::from("Hips.x,Hips.y,Hips.z"), String::from("0,95,0"));
+    for (name, [x, y]) in left.iter().zip(places) {
+        let right = name.replace("Left", "Right");
+        head += &format!(",{name}.x,{name}.y,{name}.z,{right}.x,{right}.y,{right}.z");
+        row += &format!(",{x},{y},3,-{x},{y},3");
+    }
+    let table = format!("{head}\n{row}\n");
+    assert_eq!(run("denoise", &["-q"], &table), table);
+}

@@ -66,6 +66,10 @@ impl Default for Denoise {
 
 impl Method for Denoise {
     fn frames(&self, bound: &BoundModel<'_>, table: ArrayView2<'_, f64>) -> RestoredFrames {
+        if bound.is_mapped {
+            // A model of another skeleton tells no noise from it.
+            return RestoredFrames::captured(table);
+        }
         let xyz = bound.gather(table);
         let estimates = parallel::map_chunks(xyz.nrows(), CHUNK, |range| {
             range
