@@ -104,7 +104,7 @@ fn a_split_that_fails_leaves_the_one_before() {
 }
 
 #[test]
-fn models_of_another_kind_and_damaged_ones_are_told() {
+fn models_of_another_kind_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.npz").display().to_string();
     let row = |t: i32| format!("{t},{},3,40,{},0,0,70,{}\n", t * t % 7, t % 5, t % 3);

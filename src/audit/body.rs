@@ -37,8 +37,8 @@ pub(super) fn wrong_unit(size: Option<[f64; 3]>, limits: &Limits) -> Option<Find
 }
 
 /// A body that is longest along another axis than y all the time.
-pub(super) fn wrong_axis(take: &Take<'_>) -> Option<Finding> {
-    let [x, y, z] = size(take)?;
+pub(super) fn wrong_axis(size: Option<[f64; 3]>) -> Option<Finding> {
+    let [x, y, z] = size?;
     let (axis, longest) = if x > z { ("x", x) } else { ("z", z) };
     (longest > LONGER * y).then(|| Finding {
         kind: FindingKind::UpAxis,

@@ -158,7 +158,7 @@ fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAud
     findings.extend(times(take, limits));
     findings.extend(motion::too_fast(take, limits));
     findings.extend(body::wrong_unit(size, limits));
-    findings.extend(body::wrong_axis(take));
+    findings.extend(body::wrong_axis(size));
     findings.extend(gaps.findings(take, limits));
     findings.extend(gaps::zeros(take));
     findings.extend(motion::swaps(take));

@@ -11,7 +11,7 @@ use crate::{Error, Place, Result};
 use clap::Args;
 use std::path::PathBuf;
 
-/// The flags of commands that write a file of markers.
+/// The flags of commands that write one take to a file.
 #[derive(Debug, Clone, Args)]
 pub struct MarkerOutputArgs {
     /// Pose tables, CSV or NPY; - or nothing: standard input
