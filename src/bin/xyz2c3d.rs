@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::cli::args::value_name;
 use posing::cli::input::open;
 use posing::cli::marker_files::MarkerUnitArgs;
-use posing::cli::marker_output::{MarkerOutputArgs, OneTake};
+use posing::cli::one_take_args::{OneTake, OneTakeArgs};
 use posing::cli::units::{TableUnits, Units, Up};
 use posing::cli::{messages, run};
 use posing::io::C3d;
@@ -36,7 +36,7 @@ struct Args {
     #[arg(long, value_enum, value_name = "AXIS")]
     up: Option<Up>,
     #[command(flatten)]
-    out: MarkerOutputArgs,
+    out: OneTakeArgs,
 }
 
 fn main() -> ExitCode {

@@ -5,7 +5,7 @@ use posing::Result;
 use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::fit;
 use posing::cli::input::open;
-use posing::cli::marker_output::{MarkerOutputArgs, NewTake};
+use posing::cli::one_take_args::{NewTake, OneTakeArgs};
 use posing::cli::run;
 use posing::cli::units::TableUnits;
 use posing::io::{Asf, SkinnedMesh};
@@ -35,7 +35,7 @@ struct Args {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
-    take: MarkerOutputArgs,
+    take: OneTakeArgs,
 }
 
 fn main() -> ExitCode {

@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::value_name;
-use posing::cli::marker_output::MarkerOutputArgs;
+use posing::cli::one_take_args::OneTakeArgs;
 use posing::cli::run;
 use posing::cli::units::{TableUnits, Units, Up};
 use posing::io::trc::NewTrc;
@@ -28,7 +28,7 @@ struct Args {
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
     up: Up,
     #[command(flatten)]
-    out: MarkerOutputArgs,
+    out: OneTakeArgs,
 }
 
 fn main() -> ExitCode {

@@ -75,7 +75,7 @@ pub struct FileAudit {
     /// Why it could not be read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// Its takes.
+    /// The takes of the file.
     pub takes: Vec<TakeAudit>,
 }
 

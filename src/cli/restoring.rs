@@ -187,7 +187,8 @@ fn take_by_take(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts> 
     let added = status_columns(args.status, &table.columns);
     args.out.format().check_added(&added)?;
     let model = args.model.open()?;
-    let restorer = args.restorer(model.as_ref(), &table)?;
+    let naming = args.naming(&table.poses, model.as_ref())?;
+    let restorer = args.restorer(model.as_ref(), &table, &naming)?;
     if args.input.rate(&table.poses)?.is_none() {
         let lack = match table.poses.time {
             Some(_) => "the table's times give no frame rate",
@@ -234,7 +235,7 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
     let columns = stream.columns().clone();
     task.check(&columns.points)?;
     let model = args.model.open()?;
-    let mut restorer = None;
+    let (mut restorer, mut naming) = (None, None);
     let added = status_columns(args.status, &columns);
     let mut sink = create_table(&args.out, args.input.table_units(), &columns, &added)?;
     let units = args.out.table_units(args.input.table_units());
@@ -252,13 +253,13 @@ fn frame_by_frame(args: &RestoringArgs, task: &Task) -> Result<RestorationCounts
         let is_seen = table.poses.xyz.iter().any(|v| v.is_finite());
         let own = match &restorer {
             Some(_) => None,
-            None => Some(args.restorer(model.as_ref(), &table)?),
+            None => {
+                let of = naming.insert(args.naming(&table.poses, model.as_ref())?);
+                Some(args.restorer(model.as_ref(), &table, of)?)
+            }
         };
-        if restorer.is_some() && !args.force {
-            let known = model
-                .as_ref()
-                .map_or(joints::cmu_names(), |m| m.0.meta.points.clone());
-            args.check_body(&table, &args.naming(&table.poses, &known)?)?;
+        if let (Some(_), Some(naming), false) = (&restorer, &naming, args.force) {
+            args.check_body(&table, naming)?;
         }
         let Some(current) = own.as_ref().or(restorer.as_ref()) else {
             break;
@@ -313,13 +314,14 @@ impl ModelFlags {
 }
 
 impl RestoringArgs {
-    /// How the points of a table are named, for a model that knows the names `known`.
-    fn naming(&self, poses: &Poses, known: &[String]) -> Result<PointNaming> {
+    /// How the points of a table are named, for the model; without one, for CMU's names, by which a body is measured.
+    fn naming(&self, poses: &Poses, model: Option<&(Model, String)>) -> Result<PointNaming> {
+        let known = model.map_or_else(joints::cmu_names, |(model, _)| model.meta.points.clone());
         Ok(match (self.bones, &self.map) {
             (Some(BonesFlag::Starts), _) => PointNaming::Bones(BonePoints::Starts),
             (Some(BonesFlag::Ends), _) => PointNaming::Bones(BonePoints::Ends),
-            (None, Some(map)) => PointNaming::Map(name_map(map, known)?),
-            (None, None) => PointNaming::of(&poses.points, poses.xyz.view(), known),
+            (None, Some(map)) => PointNaming::Map(name_map(map, &known)?),
+            (None, None) => PointNaming::of(&poses.points, poses.xyz.view(), &known),
         })
     }
 
@@ -335,12 +337,11 @@ impl RestoringArgs {
         &self,
         model: Option<&'m (Model, String)>,
         table: &Table,
+        naming: &PointNaming,
     ) -> Result<Restorer<'m>> {
         let poses = &table.poses;
-        let known = model.map_or(joints::cmu_names(), |(model, _)| model.meta.points.clone());
-        let naming = self.naming(poses, &known)?;
         if !self.force {
-            self.check_body(table, &naming)?;
+            self.check_body(table, naming)?;
         }
         let Some((model, name)) = model else {
             return Ok(Restorer::without_model());
@@ -363,7 +364,7 @@ impl RestoringArgs {
             restorer = restorer.in_body_space();
         }
         restorer = restorer.with_naming(naming.clone());
-        match (&naming, restorer.model_names(poses)?) {
+        match (naming, restorer.model_names(poses)?) {
             (PointNaming::Map(map), _) => report_map(map, &poses.points, self.map.is_some()),
             (_, Cow::Borrowed(names)) => report_unknown_points(names, &model.meta.points),
             (_, Cow::Owned(_)) => messages::info(

@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | pinned | its pin | 0 |
 //! | dragged | its target | sd², as asked |
-//! | other | where it was when the gesture began, `a`; a dragged root carries the others along | rest², on the floor at most 5² |
+//! | other | where it was when the gesture began, `a`; a dragged root carries along those that no pinned or standing joint is below | rest², on the floor at most 5² |
 //!
 //! So `rest` runs from the paper's free dragging (P is the identity; section 4.4) to its completion (P has the pins alone). The
 //! pose is found in three steps: the placement follows that of the pose before ([`PlacementSolver::follow`]); the prior's

@@ -12,7 +12,7 @@ const MOST_VALUES: f64 = (1_u64 << 27) as f64;
 const NEIGHBORS: f64 = 1.5;
 
 impl Poses {
-    /// These frames alone, in this order.
+    /// The poses of some frames, in the order given.
     pub fn with_frames(&self, frames: &[usize]) -> Poses {
         let time = self.time.as_ref();
         let take = self.take.as_ref();
@@ -24,7 +24,7 @@ impl Poses {
         }
     }
 
-    /// These points alone, in this order; `Err`: the first that there is not.
+    /// The poses of some points, in the order given.
     ///
     /// # Errors
     /// The name of a point that there is not.

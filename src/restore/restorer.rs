@@ -161,29 +161,33 @@ impl<'m> Restorer<'m> {
         let Some(model) = self.model else {
             return Ok(Cow::Borrowed(&poses.points));
         };
-        let naming = self.naming_of(model, poses);
-        let names = match (&naming, self.loaded(model)?.bone_points()) {
-            (PointNaming::Bones(_), BonePoints::Starts) => Cow::Borrowed(&poses.points[..]),
-            _ => naming.model_names(&poses.points),
-        };
+        let names = self.names_by(model, poses)?.0;
         BoundModel::new(self.loaded(model)?, &model.meta.points, &self.name, &names)?;
         Ok(names)
     }
 
-    fn naming_of(&self, model: &Model, poses: &Poses) -> PointNaming {
+    /// The names by which `model` knows the points of `poses`, and whether a map gives them.
+    fn names_by<'p>(&self, model: &Model, poses: &'p Poses) -> Result<(Cow<'p, [String]>, bool)> {
         let of = || PointNaming::of(&poses.points, poses.xyz.view(), &model.meta.points);
-        self.naming.clone().unwrap_or_else(of)
+        let naming = self.naming.clone().unwrap_or_else(of);
+        let names = match (&naming, self.loaded(model)?.bone_points()) {
+            (PointNaming::Bones(_), BonePoints::Starts) => Cow::Borrowed(&poses.points[..]),
+            _ => naming.model_names(&poses.points),
+        };
+        Ok((names, matches!(naming, PointNaming::Map(_))))
     }
 
-    /// The opened model, bound to a table; `None` without a model.
-    fn bind(&self, poses: &Poses) -> Result<Option<BoundModel<'_>>> {
+    /// The opened model, bound to a table; `None` without a model. With the names of the points by which their body's own frame is known:
+    /// that of another skeleton is not.
+    fn bind<'p>(&self, poses: &'p Poses) -> Result<(Option<BoundModel<'_>>, Cow<'p, [String]>)> {
+        let own = Cow::Borrowed(&poses.points[..]);
         let Some(model) = self.model else {
-            return Ok(None);
+            return Ok((None, own));
         };
-        let names = self.model_names(poses)?;
-        let is_mapped = matches!(self.naming_of(model, poses), PointNaming::Map(_));
+        let (names, is_mapped) = self.names_by(model, poses)?;
         let bound = BoundModel::new(self.loaded(model)?, &model.meta.points, &self.name, &names)?;
-        Ok(Some(bound.mapped(is_mapped)))
+        let names = if is_mapped { own } else { names };
+        Ok((Some(bound.mapped(is_mapped)), names))
     }
 
     /// The opened model.
@@ -205,12 +209,7 @@ impl<'m> Restorer<'m> {
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Restoration<'t>> {
         let poses = &table.poses;
-        let bound = self.bind(poses)?;
-        let names = match &bound {
-            // The body's own frame is the model's, not another skeleton's.
-            Some(bound) if bound.is_mapped => Cow::Borrowed(&poses.points[..]),
-            _ => self.model_names(poses)?,
-        };
+        let (bound, names) = self.bind(poses)?;
         let mut out = Restoration::new(table);
         let Some(rate) = rate else {
             let xyz = hide(poses.xyz.to_owned(), hidden);

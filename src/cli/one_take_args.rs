@@ -1,4 +1,4 @@
-//! Files of markers from tables: the take, its rate and its first frame's number.
+//! The flags of commands that write one take of a table to a file: the take, its rate, its first frame's number.
 
 use super::args::{CommonArgs, InputArgs, parse_rate};
 use super::ik::report_time_jumps;
@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 /// The flags of commands that write one take to a file.
 #[derive(Debug, Clone, Args)]
-pub struct MarkerOutputArgs {
+pub struct OneTakeArgs {
     /// Pose tables, CSV or NPY; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
@@ -53,7 +53,7 @@ pub struct NewTake {
     pub first_frame: u32,
 }
 
-impl MarkerOutputArgs {
+impl OneTakeArgs {
     /// Reads the take; `other` is a file that is read too.
     pub fn read(&self, other: Option<&PathBuf>) -> Result<OneTake> {
         self.common.apply()?;
