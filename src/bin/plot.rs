@@ -150,7 +150,9 @@ fn poses(args: &Args, to: PlotFormat, files: &[PathBuf]) -> Result<String> {
     let figures = drawn.iter().zip(&names).map(|(table, name)| Figure {
         name,
         xyz: table.poses.xyz.view(),
-        status: table.status.as_ref().map(|s| s.view()),
+        status: table.columns.status.as_ref().map(|s| s.view()),
+        sd: table.columns.sd.as_ref().map(|s| s.view()),
+        method: table.columns.method.as_ref().map(|m| m.view()),
     });
     let table = args.table.as_ref().map(|t| text_table(t, &args.caption));
     let scene = Scene {

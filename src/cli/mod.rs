@@ -39,6 +39,7 @@ pub mod pair_file;
 pub mod pair_label;
 pub mod plot;
 pub mod plot_meshes;
+pub mod point_columns;
 pub mod progress;
 pub mod registration_points;
 pub mod restoring;

@@ -2,15 +2,15 @@
 
 use super::args::InputArgs;
 use super::input::{RowStream, open};
+use super::point_columns::{PointColumns, PointColumnsReader};
 use crate::evaluate::figure::{self, Layout};
 use crate::evaluate::frames::{point_order, timed_runs};
-use crate::evaluate::scene::{Run, Scene, Status, Table, spread};
+use crate::evaluate::scene::{Run, Scene, Table, spread};
 use crate::io::bvh::{BvhPoints, BvhSkeleton};
 use crate::io::csv::csv_fault;
 use crate::io::{Bvh, Input, PosesBuilder, Row};
 use crate::pose::{NameMap, Poses, joints};
 use crate::{Error, Place, Result};
-use ndarray::Array2;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -146,8 +146,8 @@ pub struct PlotTable {
     pub file: String,
     /// Its poses.
     pub poses: Poses,
-    /// Frames x points, where the table has columns `NAME.status`.
-    pub status: Option<Array2<Status>>,
+    /// What its columns of `--status` say.
+    pub columns: PointColumns,
     /// The pairs of points that a skeleton joins, where the file has one.
     pub bones: Option<Vec<(usize, usize)>>,
 }
@@ -191,7 +191,7 @@ impl PlotTable {
         Ok(PlotTable {
             bones: Some(parents.filter_map(|(i, p)| Some((p?, i))).collect()),
             poses: bvh.positions(&skeleton, which, rate),
-            status: None,
+            columns: PointColumns::default(),
             file,
         })
     }
@@ -201,36 +201,20 @@ impl PlotTable {
         let mut stream = RowStream::open(input, true, true)?;
         let columns = stream.columns().clone();
         let file = stream.name().to_string();
-        let status_of = |point: &String| {
-            let wanted = format!("{point}.status");
-            columns.names.iter().position(|name| *name == wanted)
-        };
-        let status_columns: Vec<Option<usize>> = columns.points.iter().map(status_of).collect();
-        let has_status = status_columns.iter().any(Option::is_some);
         let (mut builder, mut row) = (PosesBuilder::new(&columns), Row::default());
-        let mut statuses = Vec::new();
+        let mut of_points = PointColumnsReader::new(&columns, input.units.centimetres());
         while stream.read(&mut row)? {
             builder.push(&row);
-            if has_status {
-                for column in &status_columns {
-                    statuses.push(status(&file, &row, *column)?);
-                }
-            }
+            of_points.push(&file, &row)?;
         }
         let poses = builder.finish();
         if poses.frames() == 0 {
             return Err(Error::data(Place::file(file), "has no frames to draw"));
         }
-        let shape = (poses.frames(), poses.points.len());
-        let status = if has_status {
-            Array2::from_shape_vec(shape, statuses).ok()
-        } else {
-            None
-        };
         Ok(PlotTable {
             file,
             poses,
-            status,
+            columns: of_points.finish(),
             bones: None,
         })
     }
@@ -249,8 +233,7 @@ impl PlotTable {
         })?;
         let columns: Vec<usize> = order.iter().flat_map(|&p| 3 * p..3 * p + 3).collect();
         self.poses.xyz = self.poses.xyz.select(ndarray::Axis(1), &columns);
-        let status = self.status.as_ref();
-        self.status = status.map(|s| s.select(ndarray::Axis(1), &order));
+        self.columns = self.columns.select(&order);
         self.poses.points.clone_from(&first.poses.points);
         Ok(())
     }
@@ -268,20 +251,6 @@ fn bvh(path: &Path) -> Result<Option<Input>> {
         .trim_ascii_start()
         .starts_with(b"HIERARCHY")
         .then_some(input))
-}
-
-/// The status of a point in a row; a point without such a column is observed.
-fn status(file: &str, row: &Row, column: Option<usize>) -> Result<Status> {
-    let Some(cell) = column.and_then(|c| row.cells.get(c)) else {
-        return Ok(Status::Observed);
-    };
-    let word = String::from_utf8_lossy(cell);
-    Status::from_name(&word).ok_or_else(|| {
-        let line = row.cells.line().unwrap_or(0);
-        let names = Status::ALL.map(Status::name).join(", ");
-        let what = format!("\"{word}\" is not a status; expected one of {names}");
-        Error::data(Place::line(file, line), what)
-    })
 }
 
 /// What a figure is called: the file's name without folder and endings.
@@ -358,6 +327,7 @@ pub fn text_table(path: &Path, caption: &str) -> Result<Table> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ndarray::Array2;
 
     fn points(list: &[&str]) -> Vec<String> {
         list.iter().map(|s| s.to_string()).collect()

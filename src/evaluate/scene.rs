@@ -3,6 +3,7 @@
 //! [`figure::svg`](super::figure::svg) and [`player::page`](super::player::page) draw the same [`Scene`].
 
 pub use crate::pose::Status;
+pub use crate::restore::FillMethod;
 use crate::{Error, Result};
 use ndarray::ArrayView2;
 
@@ -17,13 +18,22 @@ pub struct Figure<'a> {
     pub xyz: ArrayView2<'a, f64>,
     /// Frames x points, if known. A point without coordinates is missing whatever its status.
     pub status: Option<ArrayView2<'a, Status>>,
+    /// Frames x points, if known: the standard deviation of a coordinate, cm; NaN where unknown (page only).
+    pub sd: Option<ArrayView2<'a, f64>>,
+    /// Frames x points, if known: how a point was filled (page only).
+    pub method: Option<ArrayView2<'a, Option<FillMethod>>>,
 }
 
 impl<'a> Figure<'a> {
     /// A figure without statuses.
     pub fn new(name: &'a str, xyz: ArrayView2<'a, f64>) -> Figure<'a> {
-        let status = None;
-        Figure { name, xyz, status }
+        Figure {
+            name,
+            xyz,
+            status: None,
+            sd: None,
+            method: None,
+        }
     }
 }
 
@@ -128,11 +138,18 @@ impl Scene<'_> {
                 ));
             }
             let wanted = (self.frames(), points);
-            if let Some(dim) = figure.status.map(|s| s.dim()).filter(|dim| *dim != wanted) {
-                return usage(format!(
-                    "figure {}: statuses are {dim:?} frames and points, expected {wanted:?}",
-                    figure.name,
-                ));
+            let of_points = [
+                ("statuses", figure.status.map(|s| s.dim())),
+                ("deviations", figure.sd.map(|s| s.dim())),
+                ("methods", figure.method.map(|m| m.dim())),
+            ];
+            for (what, dim) in of_points {
+                if let Some(dim) = dim.filter(|dim| *dim != wanted) {
+                    return usage(format!(
+                        "figure {}: {what} are {dim:?} frames and points, expected {wanted:?}",
+                        figure.name,
+                    ));
+                }
             }
         }
         if let Some(behind) = self.behind.filter(|b| *b >= self.figures.len()) {
@@ -225,6 +242,9 @@ pub(super) mod tests {
         fails(&good, |s| s.figures.push(other), "figure g");
         let status = Some(status.view());
         fails(&good, |s| s.figures[0].status = status, "statuses");
+        let sd = Array2::zeros((3, 1));
+        let sd = Some(sd.view());
+        fails(&good, |s| s.figures[0].sd = sd, "deviations");
         fails(&good, |s| s.runs = &late, "begin at frame 0");
         fails(&good, |s| s.runs = &timeless, "finite");
     }

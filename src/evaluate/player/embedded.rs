@@ -1,15 +1,19 @@
 //! The scene as JSON that the player's script reads.
 //!
-//! Coordinates are base64 of little-endian 32-bit floats, frame after frame; NaN is missing. Statuses are run lengths, point
-//! by point.
+//! Coordinates are base64 of little-endian 32-bit floats, frame after frame; NaN is missing. Statuses and methods are run
+//! lengths, point by point. Of standard deviations only those of points that were changed, filled or rejected are there: run
+//! lengths of frames without and with one in turn, point by point, and base64 of 16-bit numbers.
 
-use crate::evaluate::scene::{Scene, Status};
+use crate::evaluate::scene::{FillMethod, Scene, Status};
 use crate::evaluate::scene_geometry::{SceneGeometry, Side};
 use base64::prelude::{BASE64_STANDARD, Engine};
+use ndarray::ArrayView2;
 use serde_json::{Value, json};
 
 /// Largest size of the coordinates in a page, bytes of base64.
 const LIMIT: usize = 24_000_000;
+/// Steps of a standard deviation in a centimetre; the largest that is told is 65 cm.
+const SD_STEPS: f64 = 1e3;
 
 /// The smallest step through the frames that keeps the coordinates within [`LIMIT`].
 pub fn sparing(scene: &Scene<'_>) -> usize {
@@ -87,20 +91,59 @@ fn embedded_figure(
             bytes.extend(place.into_iter().flat_map(f32::to_le_bytes));
         }
     }
-    let statuses = |point| run_lengths(kept.iter().map(|t| geometry.status(figure, *t, point)));
-    let has_statuses = scene.figures[figure].status.is_some();
+    let code = |status| Status::ALL.iter().position(|s| *s == status).unwrap_or(0);
+    let statuses = |point| {
+        let codes = kept
+            .iter()
+            .map(|t| code(geometry.status(figure, *t, point)));
+        run_lengths(codes)
+    };
+    let stated = |sd, t, p| match geometry.status(figure, t, p) {
+        Status::Observed => 0.0,
+        _ => sd,
+    };
+    let of = &scene.figures[figure];
+    let has_statuses = of.status.is_some();
     json!({
-        "name": scene.figures[figure].name,
+        "name": of.name,
         "note": scene.notes.get(figure),
         "data": BASE64_STANDARD.encode(&bytes),
-        "status": has_statuses.then(|| points.map(statuses).collect::<Value>()),
+        "status": has_statuses.then(|| points.clone().map(statuses).collect::<Value>()),
+        "method": of.method.map(|m| methods(m, kept)),
+        "sd": of.sd.map(|sd| deviations(points.len(), kept, |t, p| stated(sd[[t, p]], t, p))),
     })
 }
 
-/// Run lengths: the index in [`Status::ALL`] and the length of each stretch of equal statuses, one after another.
-fn run_lengths(statuses: impl Iterator<Item = Status>) -> Vec<usize> {
-    let code = |status| Status::ALL.iter().position(|s| *s == status).unwrap_or(0);
-    let codes: Vec<usize> = statuses.map(code).collect();
+/// Run lengths of how each point was filled: 0 where it was not, else 1 more than the place in [`FillMethod::ALL`].
+fn methods(method: ArrayView2<'_, Option<FillMethod>>, kept: &[usize]) -> Vec<Vec<usize>> {
+    let place = |method| FillMethod::ALL.iter().position(|m| *m == method);
+    let code = |method: Option<FillMethod>| method.and_then(place).map_or(0, |at| at + 1);
+    let of_point = |p| run_lengths(kept.iter().map(|t| code(method[[*t, p]])));
+    (0..method.ncols()).map(of_point).collect()
+}
+
+/// The standard deviations of frames and points, where they are above 0.
+fn deviations(points: usize, kept: &[usize], sd: impl Fn(usize, usize) -> f64) -> Value {
+    // NaN becomes 0; what is too large, the largest.
+    let step = |sd: f64| (sd * SD_STEPS).round() as u16;
+    let (mut runs, mut bytes) = (Vec::new(), Vec::new());
+    for p in 0..points {
+        let steps: Vec<u16> = kept.iter().map(|t| step(sd(*t, p))).collect();
+        let is_stated = steps.iter().map(|step| usize::from(*step > 0));
+        // Without their codes, the lengths take turns, the first one that of frames without.
+        let coded = run_lengths(is_stated);
+        let first = coded.first().filter(|code| **code == 1).map(|_| 0);
+        let lengths = coded.chunks(2).map(|run| run[1]);
+        runs.push(first.into_iter().chain(lengths).collect::<Vec<usize>>());
+        let stated = steps.into_iter().filter(|step| *step > 0);
+        bytes.extend(stated.flat_map(u16::to_le_bytes));
+    }
+    json!({ "runs": runs, "data": BASE64_STANDARD.encode(&bytes) })
+}
+
+/// Run lengths: the code and the length of each stretch of equal codes, one after another.
+fn run_lengths(codes: impl Iterator<Item = usize>) -> Vec<usize> {
+    let codes: Vec<usize> = codes.collect();
     let runs = codes.chunk_by(|a, b| a == b);
     runs.flat_map(|run| [run[0], run.len()]).collect()
 }
@@ -131,9 +174,27 @@ mod tests {
 
     #[test]
     fn statuses_are_run_lengths() {
-        use Status::*;
-        let statuses = [Observed, Observed, Inferred, Observed];
-        assert_eq!(run_lengths(statuses.into_iter()), [0, 2, 2, 1, 0, 1]);
+        assert_eq!(run_lengths([0, 0, 2, 0].into_iter()), [0, 2, 2, 1, 0, 1]);
         assert!(run_lengths([].into_iter()).is_empty());
+    }
+
+    #[test]
+    fn deviations_are_told_where_they_are_stated() {
+        let sd = ndarray::arr2(&[[0.0, 0.25], [1.5, f64::NAN], [99.0, 0.0], [0.0, 1e-5]]);
+        let told = deviations(2, &[0, 1, 2, 3], |t, p| sd[[t, p]]);
+        assert_eq!(told["runs"], json!([[1, 2, 1], [0, 1, 3]]));
+        let bytes = BASE64_STANDARD.decode(told["data"].as_str().unwrap());
+        let bytes = bytes.unwrap();
+        let steps = bytes.chunks(2).map(|b| u16::from_le_bytes([b[0], b[1]]));
+        assert_eq!(steps.collect::<Vec<_>>(), [1500, 65535, 250]);
+    }
+
+    #[test]
+    fn methods_are_run_lengths() {
+        use FillMethod::*;
+        let method = [None, Some(Regression), Some(Regression), Some(Model)];
+        let method = ndarray::Array2::from_shape_vec((4, 1), method.to_vec()).unwrap();
+        assert_eq!(methods(method.view(), &[0, 1, 2, 3]), [[0, 1, 1, 2, 3, 1]]);
+        assert_eq!(methods(method.view(), &[0, 3]), [[0, 1, 3, 1]]);
     }
 }

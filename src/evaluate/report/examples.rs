@@ -159,7 +159,10 @@ impl Restored {
         let damaged = self.damaged.y.slice_axis(Axis(0), rows());
         let changed = self.changed.as_ref();
         let changed = changed.map(|c| c.slice_axis(Axis(0), rows()));
-        let figure = |name, xyz, status| Figure { name, xyz, status };
+        let figure = |name, xyz, status| Figure {
+            status,
+            ..Figure::new(name, xyz)
+        };
         let mut figures = vec![
             figure("truth", truth, None),
             figure("input", damaged, changed),

@@ -81,6 +81,18 @@ pub enum FillMethod {
 }
 
 impl FillMethod {
+    /// Every method, in the order of their numbers in a page.
+    pub const ALL: [FillMethod; 3] = [
+        FillMethod::Regression,
+        FillMethod::Interpolation,
+        FillMethod::Model,
+    ];
+
+    /// The method that a table's word means; `None` for any other word.
+    pub fn from_name(name: &str) -> Option<FillMethod> {
+        FillMethod::ALL.into_iter().find(|m| m.name() == name)
+    }
+
     /// Its name in tables.
     pub fn name(self) -> &'static str {
         match self {
