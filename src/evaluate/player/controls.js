@@ -59,15 +59,20 @@ function makeStrips() {
     const row = make("div", "strip"), canvas = make("canvas"), lane = make("div", "lane");
     lane.append(canvas);
     row.append(make("span", "", figure.name), lane);
-    const jump = event => {
-      const box = canvas.getBoundingClientRect();
-      show((event.clientX - box.left) / box.width * (frames - 1));
-    };
-    canvas.addEventListener("pointerdown", event => { canvas.setPointerCapture(event.pointerId); jump(event); });
-    canvas.addEventListener("pointermove", event => { if (event.buttons) jump(event); });
+    seek(canvas, share => share * (frames - 1));
     part("strips").append(row);
     strips.push([canvas, f]);
   });
+}
+
+/** Lets a click or drag in a canvas go to the frame that is this share of its width away. */
+function seek(canvas, frame) {
+  const jump = event => {
+    const box = canvas.getBoundingClientRect();
+    show(frame((event.clientX - box.left) / box.width));
+  };
+  canvas.addEventListener("pointerdown", event => { canvas.setPointerCapture(event.pointerId); jump(event); });
+  canvas.addEventListener("pointermove", event => { if (event.buttons) jump(event); });
 }
 
 // ---- what is drawn and told of a frame ----
@@ -86,10 +91,17 @@ function tell() {
     const gone = figures[panel.figures[0]].counts[state.frame * 6 + MISSING];
     panel.missing.textContent = gone ? `${gone} of ${points} missing` : figures[panel.figures[0]].note;
   }
+  tellCurves();
   keepHover();
 }
 
-function setTrail(point) { state.trail = point; part("trail").value = point; ask(); }
+/** A point with a trail is also the one whose curves are shown. */
+function setTrail(point) {
+  state.trail = point;
+  part("trail").value = point;
+  if (point >= 0) chooseJoint(point);
+  ask();
+}
 
 // ---- what is under the mouse ----
 
@@ -119,7 +131,7 @@ function tip() {
   const { figure, point, clientX: x, clientY: y } = state.hover, box = part("tip"), i = state.frame * points + point;
   const status = figures[figure].status[i], place = figures[figure].xyz.subarray(3 * i, 3 * i + 3);
   const where = status === MISSING ? "" : "x y z  " + [...place].map(v => v.toFixed(1)).join("  ") + " cm";
-  const said = figures[figure].has.some((has, s) => has && s > 0) ? STATUS[status] : "";
+  const said = figures[figure].has.some((has, s) => has && s > 0) ? account(figure, i) : "";
   const name = scene.points[point] + (state.overlay ? " · " + figures[figure].name : "");
   const lines = [make("b", "", name)];
   for (const text of [said, where]) if (text) lines.push(make("div", "", text));
@@ -144,6 +156,7 @@ function start() {
   });
   part("trail").addEventListener("change", event => setTrail(+event.target.value));
   makeStrips();
-  startPlayback(() => { readInk(); strips.forEach(([canvas, f]) => drawStrip(canvas, f)); ask(); });
+  makeCurves();
+  startPlayback(() => { readInk(); strips.forEach(([canvas, f]) => drawStrip(canvas, f)); staleCurves(); ask(); });
 }
 start();

@@ -20,10 +20,17 @@ const PART: &str = include_str!("part.html");
 const KEYS: &str = include_str!("keys.html");
 const LINKS: &str = include_str!("links.html");
 const TRAIL: &str = include_str!("trail.html");
+const CURVES: &str = include_str!("curves.html");
 /// What the list of keys and links says of poses alone.
 const OWN_KEYS: &str = "<dt>hover, click</dt><dd>name a point; leave its trail</dd>";
 const OWN_LINKS: &str = "<code>&amp;trail=NAME</code>, ";
-const PAGE_STYLE: &str = concat!(include_str!("player.css"), include_str!("page.css"));
+/// What it says of curves, which a player in a report has not.
+const CURVE_KEYS: &str = "<dt>click, drag in curves</dt><dd>go to that time</dd>";
+const PAGE_STYLE: &str = concat!(
+    include_str!("player.css"),
+    include_str!("page.css"),
+    include_str!("curves.css"),
+);
 /// The script of all players of a page.
 pub(super) const SCRIPT: &str = concat!(
     include_str!("paper.js"),
@@ -33,7 +40,10 @@ pub(super) const SCRIPT: &str = concat!(
     include_str!("playback.js"),
     include_str!("gestures.js"),
     include_str!("edge.js"),
+    include_str!("fills.js"),
     include_str!("view.js"),
+    include_str!("curves.js"),
+    include_str!("gaps.js"),
     include_str!("controls.js"),
     "}\n",
     include_str!("start.js"),
@@ -45,7 +55,7 @@ pub(super) const SCRIPT: &str = concat!(
 /// # Errors
 /// [`Error::Usage`] if [`Scene::check`] fails, or `every` is 0.
 pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
-    let (player, remarks) = player_and_remarks(scene, every, " data-alone")?;
+    let (player, remarks) = player_and_remarks(scene, every, " data-alone", CURVES)?;
     Ok(whole_page(&Page {
         title: scene.title,
         note: scene.note,
@@ -53,7 +63,7 @@ pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
         credit: scene.credit,
         player: &player,
         remarks: &remarks,
-        keys: OWN_KEYS,
+        keys: &format!("{OWN_KEYS}\n{CURVE_KEYS}"),
         links: OWN_LINKS,
         style: PAGE_STYLE,
         script: SCRIPT,
@@ -114,7 +124,7 @@ fn whole_page(page: &Page<'_>) -> String {
 /// # Errors
 /// As [`page`].
 pub(super) fn part(scene: &Scene<'_>) -> Result<String> {
-    Ok(player_and_remarks(scene, None, "")?.0)
+    Ok(player_and_remarks(scene, None, "", "")?.0)
 }
 
 /// The list of keys that all players of a page share.
@@ -122,11 +132,12 @@ pub(super) fn keys() -> String {
     fill(KEYS, &[("own", OWN_KEYS), ("links", "")])
 }
 
-/// The player with its scene, and the remarks below it.
+/// The player with its scene and these curves below the figures, and the remarks below it.
 fn player_and_remarks(
     scene: &Scene<'_>,
     every: Option<usize>,
     attributes: &str,
+    curves: &str,
 ) -> Result<(String, String)> {
     scene.check()?;
     if every == Some(0) {
@@ -139,6 +150,7 @@ fn player_and_remarks(
     let values = [
         ("attributes", attributes),
         ("more", TRAIL),
+        ("below", curves),
         ("scene", &data),
     ];
     Ok((fill(PART, &values), remarks(scene, &geometry, every)))

@@ -6,23 +6,33 @@ const STATUS = ["observed", "changed", "inferred", "rejected", "unknown", "missi
 const MISSING = 5;
 const points = scene.points.length;
 
+function reader(text) {
+  const coded = atob(text), bytes = new Uint8Array(coded.length);
+  for (let i = 0; i < coded.length; i++) bytes[i] = coded.charCodeAt(i);
+  return new DataView(bytes.buffer);
+}
+
 function decode(figure) {
   if (figure.xyz) return figure.xyz;
-  const text = atob(figure.data), bytes = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
-  const xyz = new Float32Array(3 * frames * points), read = new DataView(bytes.buffer);
+  const xyz = new Float32Array(3 * frames * points), read = reader(figure.data);
   for (let i = 0; i < xyz.length; i++) xyz[i] = read.getFloat32(4 * i, true);
   return xyz;
 }
 
-/** The status of every point in every frame; what has no coordinates is missing. */
-function statuses(figure, xyz) {
-  const status = new Uint8Array(frames * points);
-  (figure.status || []).forEach((runs, p) => {
+/** The codes of every point in every frame, from the run lengths of each point. */
+function unrolled(lists) {
+  const codes = new Uint8Array(frames * points);
+  lists.forEach((runs, p) => {
     let frame = 0;
     for (let i = 0; i < runs.length; i += 2)
-      for (let end = frame + runs[i + 1]; frame < end; frame++) status[frame * points + p] = runs[i];
+      for (const end = frame + runs[i + 1]; frame < end; frame++) codes[frame * points + p] = runs[i];
   });
+  return codes;
+}
+
+/** The status of every point in every frame; what has no coordinates is missing. */
+function statuses(figure, xyz) {
+  const status = unrolled(figure.status || []);
   for (let i = 0; i < status.length; i++) if (Number.isNaN(xyz[3 * i])) status[i] = MISSING;
   return status;
 }
@@ -32,7 +42,7 @@ const figures = scene.figures.map(source => {
   const counts = new Uint16Array(frames * 6);
   for (let i = 0; i < status.length; i++) counts[Math.floor(i / points) * 6 + status[i]]++;
   const has = STATUS.map((_, s) => status.includes(s));
-  return { name: source.name, note: source.note || "", xyz, status, counts, has, shown: true };
+  return { name: source.name, note: source.note || "", xyz, status, ...fills(source), counts, has, shown: true };
 });
 
 // ---- where the figure goes, smoothed, for the camera to go with it ----
@@ -56,7 +66,7 @@ const path = journey(figures.length ? spread : () => null);
 
 // ---- drawing ----
 
-function readInk() { readColors(["middle", "left", "right", "behind"].concat(STATUS.slice(1))); }
+function readInk() { readColors(["middle", "left", "right", "behind", "pale", "f5"].concat(STATUS.slice(1))); }
 
 const LIMB = { l: "left", r: "right", m: "middle" };
 /** A limb's colour: its side, or (overlaid) its figure, paler on the right; what stands behind has one of its own. */
