@@ -237,7 +237,7 @@ function makeSigns() {
     if (kind === FILLED && method && METHODS.some((_, m) => m && method.includes(m))) return;
     if (used(kind)) sign("line " + lines[kind], color, text);
   });
-  if (sd) sign("block faint", has[INFERRED] ? "inferred" : "changed", "± 2 sd");
+  if (sd && (has[INFERRED] || has[1])) sign("block faint", has[INFERRED] ? "inferred" : "changed", "± 2 sd");
   if (has[3]) sign("cross", "rejected", "rejected");
   if (has[MISSING]) sign("block faint", "missing", "missing");
   if (figures.length > 1) sign("line solid", "behind", "the others");
