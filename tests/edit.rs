@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Numbers, bin, fails, run, skipped, text};
+use common::{Numbers, bin, fails, page_test, run, text};
 use serde_json::{Value, json};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -829,22 +829,5 @@ fn rows_of_a_table_and_joints_of_a_map_are_posed() {
 /// tests/page drives the page in a browser.
 #[test]
 fn the_page_works_in_a_browser() {
-    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/page");
-    let browser = std::env::var("CHROMIUM").unwrap_or("/usr/bin/chromium".to_string());
-    let needs = [format!("{page}/node_modules"), browser];
-    let node = Command::new("node").arg("--version").output();
-    if node.is_err() || needs.iter().any(|n| !std::path::Path::new(n).exists()) {
-        return skipped("needs node, Chromium and `npm ci` in tests/page");
-    }
-    let done = Command::new("node")
-        .arg("--test")
-        .current_dir(page)
-        .env("POSING_EDIT", bin().join("edit"))
-        .output()
-        .unwrap();
-    assert!(
-        done.status.success(),
-        "{}",
-        String::from_utf8_lossy(&done.stdout)
-    );
+    page_test("edit.test.js");
 }

@@ -1,8 +1,12 @@
 //! The command `plot` from outside.
 
+mod common;
+
 use assert_cmd::Command;
+use common::page_test;
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
+use serde_json::{Value, json};
 use std::fs;
 
 const TABLE: &str = "take,time,root.x,root.y,root.z,lfemur.x,lfemur.y,lfemur.z,lfemur.status\n\
@@ -156,4 +160,61 @@ fn a_bvh_file_is_drawn_with_its_own_bones() {
     );
     let page = plot(&["--to", "html"], &table).success();
     page.stderr(contains("no bones").not());
+}
+
+const STATUS_TABLE: &str = "time,a.x,a.y,a.z,a.status,a.sd,a.method,b.x,b.y,b.z\n\
+    0,0,90,0,observed,0.01,,1,2,3\n0.1,1,90,0,inferred,0.5,pchip,1,2,3\n\
+    0.2,2,90,0,inferred,0.25,pchip,1,2,3\n0.3,,,,unknown,,,1,2,3\n";
+
+/// The first figure of the page of a table.
+fn embedded(args: &[&str], table: &str) -> Value {
+    let args = [&["--to", "html", "-q"], args].concat();
+    let page = plot(&args, table).success().get_output().stdout.clone();
+    let page = String::from_utf8(page).unwrap();
+    assert!(page.contains("<section class=\"curves\""));
+    let (_, after) = page
+        .split_once("<script type=\"application/json\">")
+        .unwrap();
+    let mut scene: Value = serde_json::from_str(after.split("</script").next().unwrap()).unwrap();
+    scene["figures"][0].take()
+}
+
+#[test]
+fn a_page_knows_how_gaps_were_filled() {
+    let figure = embedded(&[], STATUS_TABLE);
+    // Pairs of a code and a number of frames, for each point.
+    assert_eq!(figure["status"], json!([[0, 1, 2, 2, 4, 1], [0, 4]]));
+    assert_eq!(figure["method"], json!([[0, 1, 2, 2, 0, 1], [0, 4]]));
+    // Frames without and with one in turn; that of a measured point is left out. Then 500 and 250 thousandths.
+    let sd = json!({ "runs": [[1, 2, 1], [4]], "data": "9AH6AA==" });
+    assert_eq!(figure["sd"], sd);
+    // Read in metres, told in centimetres.
+    let metres = embedded(&["--units", "m"], &STATUS_TABLE.replace("0.5,", "0.005,"));
+    assert_eq!(metres["sd"]["data"], "9AGoYQ==");
+}
+
+#[test]
+fn a_page_needs_no_status() {
+    let figure = embedded(
+        &[],
+        "time,a.x,a.y,a.z,a.sd,a.method\n0,1,2,3,wide,mine\n1,,,,,\n",
+    );
+    for unknown in ["status", "sd", "method"] {
+        assert_eq!(figure[unknown], Value::Null);
+    }
+    for (other, said) in [
+        ("0.5,guess", "\"guess\" is not a method"),
+        ("wide,pchip", "\"wide\" is not a standard deviation"),
+        ("-1,pchip", "\"-1\" is not a standard deviation"),
+    ] {
+        let table = STATUS_TABLE.replace("0.5,pchip", other);
+        let fails = plot(&["--to", "html"], &table).code(1);
+        fails.stderr(contains(said).and(contains("input:3")));
+    }
+}
+
+/// tests/page drives the page in a browser.
+#[test]
+fn curves_and_gaps_work_in_a_browser() {
+    page_test("plot.test.js");
 }

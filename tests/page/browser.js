@@ -30,8 +30,8 @@ let browser = null;
 export async function closePages() { for (const context of browser ? browser.contexts() : []) await context.close(); }
 export async function closeBrowser() { if (browser) await browser.close(); browser = null; }
 
-/** A page of the program. `faults` collects console errors and exceptions; `expected` is a pattern of those that may be. */
-export async function open(address, options = {}, expected = null) {
+/** A page at an address. `faults` collects console errors and exceptions; `expected` is a pattern of those that may be. */
+export async function openPage(address, options = {}, expected = null) {
   browser ??= await chromium.launch({ executablePath: BROWSER, args: FLAGS });
   const context = await browser.newContext({ viewport: { width: 1400, height: 900 }, acceptDownloads: true, ...options });
   const page = await context.newPage();
@@ -40,6 +40,12 @@ export async function open(address, options = {}, expected = null) {
   page.on('console', message => { if (['error', 'warning'].includes(message.type())) note(message.text()); });
   page.on('pageerror', error => note(String(error.stack || error)));
   await page.goto(address);
+  return page;
+}
+
+/** A page of the program. */
+export async function open(address, options, expected) {
+  const page = await openPage(address, options, expected);
   await until(page, () => { const { joints } = posing.state(); return joints.length > 0 && !!posing.place(joints[0]); });
   return page;
 }
