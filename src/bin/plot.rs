@@ -19,7 +19,8 @@ use std::process::ExitCode;
 /// Several tables are drawn side by side; they must have the same frames and points, matched by name. Bones connect the
 /// CMU joints and of the skeletons of complete --map; a BVH file is drawn with its own bones; for other points, use --bones.
 /// If a table has the columns NAME.status (denoise --status, complete
-/// --status), changed and inferred points are marked.
+/// --status), changed and inferred points are marked. A page has curves of a joint and a list of the gaps to click; NAME.sd
+/// and NAME.method say there how each gap was filled, and how surely.
 ///
 /// Meshes are OBJ, PLY or STL files, folders of them, or NPZ files with vertices (frames, V, 3) and faces (F, 3), such as
 /// body-fit's. An SVG shows some of them, shaded, from the front. A page plays them with WebGL: each folder and NPZ file is
