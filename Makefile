@@ -71,12 +71,13 @@ bless: needs
 # `posing` goes into bin, every command into libexec/posing. Commands whose names no shell owns are linked into bin.
 ROOT := $(DESTDIR)$(PREFIX)
 install: build
-	install -d "$(ROOT)/bin" "$(ROOT)/libexec/posing" "$(ROOT)/share/man/man1" "$(ROOT)/share/man/man5" \
+	install -d "$(ROOT)/bin" "$(ROOT)/libexec/posing" "$(ROOT)/share/man/man1" "$(ROOT)/share/man/man5" "$(ROOT)/share/man/man7" \
 	  "$(ROOT)/share/bash-completion/completions" "$(ROOT)/share/zsh/site-functions" \
 	  "$(ROOT)/share/fish/vendor_completions.d"
 	install -m 755 $(BIN)/posing "$(ROOT)/bin"
 	install -m 644 man/posing.1 "$(ROOT)/share/man/man1"
 	install -m 644 man/*.5 "$(ROOT)/share/man/man5"
+	install -m 644 man/*.7 "$(ROOT)/share/man/man7"
 	set -e; for name in $$($(BIN)/posing list); do \
 	  install -m 755 $(BIN)/$$name "$(ROOT)/libexec/posing"; \
 	  install -m 644 man/$$name.1 "$(ROOT)/share/man/man1/posing-$$name.1"; \
@@ -98,7 +99,7 @@ uninstall:
 	cd "$(ROOT)" && rm -rf libexec/posing && rm -f bin/posing share/man/man1/posing.1 share/man/man1/posing-*.1 \
 	  share/bash-completion/completions/posing share/zsh/site-functions/_posing \
 	  share/fish/vendor_completions.d/posing.fish
-	for page in man/*.5; do rm -f "$(ROOT)/share/man/man5/$${page#man/}"; done
+	for page in man/*.[57]; do rm -f "$(ROOT)/share/man/man$${page##*.}/$${page#man/}"; done
 
 clean:
 	$(CARGO) clean
