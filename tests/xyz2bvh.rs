@@ -408,3 +408,31 @@ fn missing_values_of_a_bvh_file_are_filled_in_place() {
     let far = farthest(&bvh2xyz(&[], &whole), &bvh2xyz(&[], &back));
     assert!(far < 5.0, "{far} cm");
 }
+
+/// By how much `b` trembles beside `a`: the largest second difference of what they are apart, cm.
+fn trembling(a: &str, b: &str) -> f64 {
+    let ((names, a), (others, b)) = (points(a), points(b));
+    let mut most = 0.0f64;
+    for (k, name) in names.iter().enumerate() {
+        let at = others.iter().position(|n| n == name).expect(name);
+        for c in 0..3 {
+            let pairs = a.iter().zip(&b);
+            let apart: Vec<f64> = pairs.map(|(x, y)| x[3 * k + c] - y[3 * at + c]).collect();
+            let second = apart.windows(3).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs());
+            most = second.fold(most, f64::max);
+        }
+    }
+    most
+}
+
+#[test]
+fn the_way_to_a_bvh_and_back_adds_no_trembling() {
+    let Some(walk) = common::take("07", "07_01", &[]) else {
+        return;
+    };
+    let back = bvh2xyz(&["--ends"], &text(xyz2bvh(&["-q"], &walk)));
+    assert!(farthest(&walk, &back) <= 1e-3);
+    // Of the walk itself it is 3.9 cm.
+    let most = trembling(&walk, &back);
+    assert!(most <= 1e-4, "{most} cm");
+}
