@@ -112,6 +112,21 @@ fn faults_are_one_line_with_place_and_remedy() {
         .stderr(contains("announces 7 frames but has 2"));
 }
 
+/// Every joint has another order of channels, every End Site another spelling, and the count of frames is one too high.
+const MIXED: &str = "HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT b\n {\n OFFSET 0 10 0\n CHANNELS 3 Xrotation Yrotation Zrotation\n End Site\n {\n OFFSET 0 0 5\n }\n }\n JOINT c\n {\n OFFSET 10 0 0\n CHANNELS 3 Yrotation Xrotation Zrotation\n EndSite\n {\n OFFSET 0 0 5\n }\n }\n JOINT d\n {\n OFFSET -10 0 0\n CHANNELS 3 zrotation xrotation yrotation\n End site tip\n {\n OFFSET 0 0 5\n }\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.01\n0 90 0 0 0 0 90 90 0 90 90 0 90 90 0\n";
+
+#[test]
+fn each_joint_has_its_own_order_of_channels() {
+    let done = run(&[], MIXED)
+        .success()
+        .stderr(contains("announces 2 frames but has 1").count(1));
+    let table = String::from_utf8(done.get_output().stdout.clone()).unwrap();
+    // Quarter turns of z, by hand: the last channel turns first.
+    assert!(near(at(&table, 0, "b_end"), [5., 100., 0.]));
+    assert!(near(at(&table, 0, "c_end"), [10., 85., 0.]));
+    assert!(near(at(&table, 0, "d_end"), [-5., 90., 0.]));
+}
+
 #[test]
 fn files_of_many_exporters_are_read_whole() {
     let Some(folder) = common::shared("data/formats/bvh") else {
