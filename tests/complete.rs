@@ -438,3 +438,30 @@ fn a_dictionary_of_another_unit_answers_with_numbers() {
     let done = run("complete", &["-q", "-m", &model], &gappy(&walk));
     assert_eq!(Numbers::read(&done).missing(), 0);
 }
+
+#[test]
+fn what_is_filled_trembles_no_more_than_the_movement() {
+    let Some(whole) = take("07", "07_01", &[]) else {
+        return;
+    };
+    let truth = thin(&whole, 300, 1);
+    let args = [
+        "--gaps", "6", "--length", "0.3", "--points", "3", "--seed", "1",
+    ];
+    let damaged = run("corrupt", &args, &truth);
+    let filled = Numbers::read(&run("complete", &["-q"], &damaged));
+    let (truth, damaged) = (Numbers::read(&truth), Numbers::read(&damaged));
+    // Sums of squared second differences within the gaps and where they join what was measured.
+    let (mut ours, mut theirs) = (0.0, 0.0);
+    for t in 1..truth.rows.len() - 1 {
+        for c in 0..truth.rows[t].len() {
+            if (t - 1..=t + 1).all(|t| !damaged.rows[t][c].is_nan()) {
+                continue;
+            }
+            let second = |rows: &[Vec<f64>]| rows[t - 1][c] - 2.0 * rows[t][c] + rows[t + 1][c];
+            ours += second(&filled.rows).powi(2);
+            theirs += second(&truth.rows).powi(2);
+        }
+    }
+    assert!(theirs > 0.0 && ours <= theirs, "{ours} {theirs}");
+}
