@@ -247,6 +247,34 @@ fn what_was_never_seen_stays_missing_in_codes() {
 }
 
 #[test]
+fn frames_with_gaps_are_not_learnt_from_but_coded() {
+    let table = "root.x,root.y,root.z,a.x,a.y,a.z\n1,2,3,4,5,7\n,,,4,5,7\n4,5,6,1,0,2\n7,8,1,,,\n";
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.npz").to_str().unwrap().to_string();
+    let how = ["-n", "2", "--space", "body", "--iterations", "1", "-o"];
+    let done = command("ksvd-train")
+        .args(how)
+        .arg(&model)
+        .write_stdin(table)
+        .assert()
+        .success();
+    let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    assert!(
+        said.contains("2 of 4 frames skipped: missing points"),
+        "{said}"
+    );
+    let codes = run("encode", &["-m", &model, "--sparsity", "1"], table);
+    let code = |row: usize| {
+        let cells: Vec<&str> = codes.lines().nth(row).unwrap().split(',').collect();
+        (cells[0].to_string(), cells[1].parse::<f64>().unwrap())
+    };
+    // A pose of which one point is hidden has the atom and the coefficient of the whole: the atom's seen part is weighed alone.
+    let (whole, part) = (code(1), code(2));
+    assert_eq!(whole.0, part.0);
+    assert!((whole.1 - part.1).abs() <= 1e-4, "{codes}");
+}
+
+#[test]
 fn many_poses_are_coded_in_their_order_and_those_before_a_faulty_row_too() {
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("m.npz").to_str().unwrap().to_string();
