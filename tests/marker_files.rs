@@ -104,6 +104,27 @@ fn a_table_becomes_a_file_and_the_same_table() {
 }
 
 #[test]
+fn a_missing_point_of_a_new_c3d_file_has_a_residual_of_minus_1() {
+    let file = bytes("xyz2c3d", &["-q"], &table());
+    // Word 9 of the header is the block of the first frame; a frame is two points of four reals.
+    let start = 512 * (usize::from(u16::from_le_bytes([file[16], file[17]])) - 1);
+    for frame in 0..40 {
+        for point in 0..2 {
+            let at = start + 16 * (2 * frame + point);
+            let real = |i: usize| {
+                let at = at + 4 * i;
+                f32::from_le_bytes([file[at], file[at + 1], file[at + 2], file[at + 3]])
+            };
+            let is_missing = point == 1 && (10..15).contains(&frame);
+            assert_eq!(real(3), if is_missing { -1.0 } else { 0.0 });
+            // Millimetres, z up: the second point is on the ground, 37.5 to the left.
+            let x = [125.0 + 1.25 * frame as f32, -37.5][point];
+            assert_eq!(real(0), if is_missing { 0.0 } else { x });
+        }
+    }
+}
+
+#[test]
 fn points_are_put_into_a_file_and_nothing_else_changes() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("walk.c3d");
