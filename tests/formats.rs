@@ -149,3 +149,17 @@ fn arrays_and_tables_turn_into_each_other_exactly() {
         }
     }
 }
+
+#[test]
+fn an_array_of_another_size_than_it_says_is_refused_from_a_pipe_too() {
+    let whole = array(&[1.0; 12], false, false);
+    let args = ["--dense", "0", "--joints", "a,b"];
+    let cut = fails("corrupt", &args, &whole[..whole.len() - 8], 1);
+    assert!(
+        cut.contains("ends before its last frame: has 1 of 2"),
+        "{cut}"
+    );
+    let longer = [&whole[..], b"more"].concat();
+    let long = fails("corrupt", &args, &longer, 1);
+    assert!(long.contains("more bytes than its header says"), "{long}");
+}
