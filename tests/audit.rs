@@ -84,3 +84,29 @@ fn zeros_that_mean_missing_are_told() {
         "{text}"
     );
 }
+
+#[test]
+fn a_wrong_rate_unit_or_axis_is_told_with_its_remedy() {
+    let sound = walk(|_, _| ());
+    let says = |args: &[&str], table: &str, part: &str| {
+        let done = command("audit").args(args).write_stdin(table).assert();
+        let text = String::from_utf8_lossy(&done.code(3).get_output().stdout).into_owned();
+        assert!(text.contains(part), "{text}");
+    };
+    says(
+        &["--units", "mm"],
+        &sound,
+        "give the unit of the file with --units",
+    );
+    says(&["--up", "z"], &sound, "or z is up (--up z)");
+    // Twenty times as fast.
+    let mut fast = String::new();
+    for (i, line) in sound.lines().enumerate() {
+        let rest = line.splitn(3, ',').nth(2).unwrap();
+        fast += &match i {
+            0 => format!("{line}\n"),
+            i => format!("w,{},{rest}\n", (i - 1) as f64 / 2400.0),
+        };
+    }
+    says(&[], &fast, "is the rate 2400.00 frames per second");
+}
