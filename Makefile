@@ -11,7 +11,7 @@ CMU    ?=
 # make tables QUICK=1: a few frames of a few subjects.
 QUICK  ?=
 
-.PHONY: demo test lint build needs model tables bench bench-peers scale bless install uninstall clean
+.PHONY: demo test lint build needs model tables bench bench-peers scale fuzz bless install uninstall clean
 
 demo: needs build
 	@POSING_BIN=$(BIN) sh testdata/examples/demo.sh target/demo
@@ -63,6 +63,15 @@ $(PEERS)/ready:
 # 2,075,000 poses to 262,759 atoms. make scale QUICK=1: a hundredth of it.
 scale: needs
 	$(CARGO) bench --bench scale -- $(if $(QUICK),--quick)
+
+# Gives the readers broken files, MINUTES for each target, with cargo-fuzz: see tests/fuzz/README.md.
+MINUTES ?= 1
+TARGETS ?= $(basename $(notdir $(wildcard tests/fuzz/fuzz_targets/*.rs)))
+fuzz: needs
+	set -e; for target in $(TARGETS); do mkdir -p tests/fuzz/corpus/$$target; \
+	  $(CARGO) +nightly fuzz run --fuzz-dir tests/fuzz $$target tests/fuzz/corpus/$$target tests/fuzz/seeds/$$target -- \
+	    -max_total_time=$$((60 * $(MINUTES))) -max_len=65536 -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=1024; \
+	done
 
 # Writes manual pages and expected outputs again: read the diff before you commit it.
 bless: needs

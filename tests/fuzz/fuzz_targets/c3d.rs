@@ -1,0 +1,23 @@
+//! C3D files: what is read is written back byte for byte, and changed points are read again.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use posing::io::C3d;
+use posing_fuzz::{accepted, check_take, input};
+
+fuzz_target!(|bytes: &[u8]| {
+    let read = |bytes: &[u8]| input("t.c3d", bytes).and_then(|i| C3d::read(i, true));
+    let Some(file) = accepted(read(bytes)) else {
+        return;
+    };
+    check_take(&file.take);
+    let same = accepted(file.with_points(file.take.xyz.view()));
+    assert!(same.is_none_or(|same| same == bytes));
+    let mut moved = file.take.xyz.mapv(|v| v + 1.0);
+    moved.row_mut(0).fill(f64::NAN);
+    if let Some(moved) = accepted(file.with_points(moved.view())) {
+        let again = read(&moved).expect("a changed file stays one");
+        assert_eq!(again.take.xyz.dim(), file.take.xyz.dim());
+        assert!(again.take.xyz.row(0).iter().all(|v| v.is_nan()));
+    }
+});
