@@ -1,7 +1,7 @@
 //! What files of markers have in common: points over time, and what the file says of its rate, unit and axes.
 
 use ndarray::Array2;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 /// A take of markers as its file has it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -24,19 +24,29 @@ pub struct MarkerTake {
     pub notes: Vec<String>,
 }
 
-/// Names of points from the labels of a file: a repeated label gets `_2` and so on, an empty one is `point17` by its number.
+/// Names of points from the labels of a file: a repeated label gets `_2` and so on, an empty one is `point17` by its number. Control
+/// characters, which a terminal would obey, are dropped.
 pub fn unique_names<'a>(labels: impl IntoIterator<Item = &'a str>) -> Vec<String> {
     let mut taken = HashSet::new();
+    // By label: the next number to try. A thousand equal labels must not try a thousand numbers each.
+    let mut next: HashMap<String, usize> = HashMap::new();
     let unique = |(i, label): (usize, &str)| {
+        let label: String = label.chars().filter(|c| !c.is_control()).collect();
         let label = match label.trim() {
             "" => format!("point{}", i + 1),
             label => label.to_string(),
         };
-        let others = (2..).map(|n| format!("{label}_{n}"));
-        let mut names = std::iter::once(label.clone()).chain(others);
-        let free = names.find(|name| !taken.contains(name)).unwrap_or_default();
-        taken.insert(free.clone());
-        free
+        let n = next.entry(label.clone()).or_insert(1);
+        loop {
+            let name = match *n {
+                1 => label.clone(),
+                n => format!("{label}_{n}"),
+            };
+            *n += 1;
+            if taken.insert(name.clone()) {
+                return name;
+            }
+        }
     };
     labels.into_iter().enumerate().map(unique).collect()
 }
@@ -50,5 +60,12 @@ mod tests {
         let names = unique_names(["LASI", "LASI", "", " RASI ", "LASI", "LASI_2"]);
         let wanted = ["LASI", "LASI_2", "point3", "RASI", "LASI_3", "LASI_2_2"];
         assert_eq!(names, wanted);
+        assert_eq!(unique_names(["\u{1}", "A\u{1b}[2J"]), ["point1", "A[2J"]);
+    }
+
+    #[test]
+    fn a_label_that_stands_thousands_of_times_takes_no_time() {
+        let names = unique_names(vec!["A"; 200_000]);
+        assert_eq!(names[199_999], "A_200000");
     }
 }
