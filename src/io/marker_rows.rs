@@ -12,6 +12,10 @@ const MOST_COLUMNS: usize = 100_000;
 const MOST_FRAMES: usize = 10_000_000;
 /// The most values, frames times columns: 2 GiB.
 const MOST_VALUES: usize = 1 << 28;
+/// More values than this (128 MiB) may not be so many times what the rows hold: a short file would fill the memory with frames that it
+/// leaves out, or with points that it names.
+const VALUES: usize = 1 << 24;
+const MOST_ABSENT: usize = 16;
 /// Fewer frames do not tell a rate from their rounded times.
 const RATED_FRAMES: usize = 10;
 
@@ -45,8 +49,9 @@ pub struct MarkerRows {
     first: u64,
     /// The number of rows.
     rows: usize,
-    /// The number of cells of the last row.
+    /// The number of cells of the last row, and of all rows.
     cells: usize,
+    all_cells: usize,
     /// The first and the last frame with a time, and their times.
     times: Option<[(usize, f64); 2]>,
 }
@@ -96,13 +101,32 @@ impl MarkerRows {
         }
         self.rows += 1;
         self.cells = self.values.len() - start;
+        self.all_cells += self.cells;
         while self.values.len() > start && self.values.last().is_some_and(|v| v.is_nan()) {
             self.values.pop();
         }
         let length = self.values.len() - start;
         self.width = self.width.max(length.next_multiple_of(3));
         self.ends.push(self.values.len());
-        check_size(self.ends.len(), self.width)
+        self.check_size(self.width)
+    }
+
+    /// Whether the frames fit into the memory at a width, in coordinates.
+    fn check_size(&self, width: usize) -> std::result::Result<(), String> {
+        let (frames, points) = (self.ends.len(), width / 3);
+        let values = frames.saturating_mul(width);
+        if values > MOST_VALUES {
+            return Err(format!(
+                "{frames} frames of {points} points are more than the {MOST_VALUES} values that fit; split the file"
+            ));
+        }
+        if values > VALUES && values > MOST_ABSENT.saturating_mul(self.all_cells) {
+            let there = self.all_cells / 3;
+            return Err(format!(
+                "{frames} frames of {points} points by their numbers and names, but only {there} points in all rows; check the numbers of the frames and the names of the points"
+            ));
+        }
+        Ok(())
     }
 
     /// The take. `whole` says whether the file's last line has a line break; with `keep_whole`, a file that ends early gives the
@@ -119,7 +143,9 @@ impl MarkerRows {
     ) -> Result<MarkerTake> {
         let bad = |what: String| Error::data(Place::file(name), what);
         let named = stated.labels.len();
-        let is_cut = !whole && (self.cells < 3 * named || !self.cells.is_multiple_of(3));
+        let is_short = self.cells < 3 * named || !self.cells.is_multiple_of(3);
+        // Without a row, it was the header that had no line break.
+        let is_cut = !whole && self.rows > 0 && is_short;
         if is_cut {
             self.ends.pop();
             self.rows -= 1;
@@ -138,7 +164,7 @@ impl MarkerRows {
         if width == 0 {
             return Err(bad("has no markers".into()));
         }
-        check_size(self.ends.len(), width).map_err(bad)?;
+        self.check_size(width).map_err(bad)?;
         let (points, xyz) = named_points(self.dense(width), &stated.labels, &mut stated.notes);
         let first = self.first + u64::from(stated.from_zero);
         Ok(MarkerTake {
@@ -235,16 +261,6 @@ fn named_points(
         false => Array2::from_shape_fn(chosen, |(t, c)| xyz[[t, columns[c]]]),
     };
     (names, xyz)
-}
-
-fn check_size(frames: usize, width: usize) -> std::result::Result<(), String> {
-    match frames.saturating_mul(width) > MOST_VALUES {
-        true => Err(format!(
-            "{frames} frames of {} points are more than the {MOST_VALUES} values that fit; split the file",
-            width / 3
-        )),
-        false => Ok(()),
-    }
 }
 
 /// The number of a frame.
@@ -361,6 +377,12 @@ mod tests {
         let few = rows(&["1 0 1", "9000 0 1"]).unwrap();
         let said = few.take("x", stated(&labels), true, false).unwrap_err();
         assert!(said.to_string().contains("split the file"), "{said}");
+        // Below the limit, but far more than the rows hold.
+        let mut tall = MarkerRows::default();
+        tall.push(Some("1"), None, vec!["1"; 9000].into_iter())
+            .unwrap();
+        let far = tall.push(Some("29000"), None, std::iter::once("1"));
+        assert!(far.unwrap_err().contains("only 3000 points in all rows"));
     }
 
     #[test]

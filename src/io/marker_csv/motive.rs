@@ -2,7 +2,7 @@
 
 use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::MarkerTake;
-use crate::io::text::Lines;
+use crate::io::text::{Lines, excerpt};
 use crate::{Error, Result};
 use std::io::BufRead;
 
@@ -97,7 +97,7 @@ fn choose(
         labels: points.into_iter().map(|(_, name)| name).collect(),
         frames: number("Total Exported Frames").map(|n| n as usize),
         rate: number("Export Frame Rate").or(number("Capture Frame Rate")),
-        units: value("Length Units").cloned(),
+        units: value("Length Units").map(|unit| excerpt(unit)),
         from_zero: true,
         notes: left_out(columns, kind),
     };
@@ -256,6 +256,7 @@ mod tests {
         fails("Format Version,1.2\n", "x.csv:1: expected the titles");
         fails(&NEW.replace("Frames,2", "Frames,3"), "--keep-whole");
         fails(&NEW.replace("1,2,3", "1,x,3"), "x.csv:8: expected a number");
+        fails(NEW.split_once("\n0,").unwrap().0, "has no frames");
         let none = NEW.replace("Marker", "x").replace("Bone", "x");
         fails(&none, "x.csv:7: there are no columns of measured markers");
     }

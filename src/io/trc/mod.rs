@@ -101,7 +101,7 @@ fn stated(lines: &mut Lines<impl BufRead>) -> Result<Stated> {
         labels,
         frames: number("NumFrames").map(|n| n as usize),
         rate: number("DataRate").filter(|r| r.is_finite() && *r > 0.0),
-        units: value("Units").cloned(),
+        units: value("Units").map(|unit| excerpt(unit)),
         from_zero: false,
         notes,
     })
@@ -182,6 +182,7 @@ mod tests {
             ("PathFileType\t4\t(X/Y)\n", "(X/Y/Z)"),
             ("PathFileType\t4\nDataRate\n100\n", "x.trc:3: the file ends"),
             (HEAD, "has no frames"),
+            (HEAD.trim_end(), "has no frames"),
             (&HEAD.replace("Frame#", "Foo"), "x.trc:4: expected Frame#"),
             (
                 &whole.replace("\t4\t5", "\tx\t5"),
