@@ -22,8 +22,6 @@ pub struct Input {
     kind: ContentKind,
     first: Vec<u8>,
     reader: Box<dyn BufRead>,
-    /// The packed bytes read so far, of gzip and zstd.
-    packed: Option<Arc<AtomicU64>>,
 }
 
 /// The kind of content, by its first bytes.
@@ -81,15 +79,18 @@ impl Input {
                 kind,
                 first,
                 reader,
-                packed: None,
             });
+        };
+        let stream = Unpacked {
+            stream,
+            count: 0,
+            packed,
         };
         let (first, stream) = start(stream).map_err(fail)?;
         Ok(Input {
             kind: kind_of(&first),
             first,
             reader: Box::new(BufReader::with_capacity(BUFFER, stream)),
-            packed: Some(packed),
             name,
         })
     }
@@ -107,31 +108,17 @@ impl Input {
     /// Reads the remaining bytes, at most `limit`.
     ///
     /// # Errors
-    /// [`Error::Io`]: reading fails. [`Error::Data`]: more than `limit` bytes, or far more than were packed.
+    /// [`Error::Io`]: reading fails, or far more is unpacked than was packed. [`Error::Data`]: more than `limit` bytes.
     pub fn read_all(mut self, limit: u64) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
-        loop {
-            let there = self.reader.fill_buf();
-            let there = match there {
-                Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
-                there => there.map_err(|e| Error::io(&self.name, e))?,
-            };
-            if there.is_empty() {
-                return Ok(bytes);
-            }
-            let (count, all) = (there.len(), (bytes.len() + there.len()) as u64);
-            let packed = self.packed.as_ref().map(|n| n.load(Ordering::Relaxed));
-            let most = packed.map_or(limit, |n| limit.min(UNPACKED.max(MOST_UNPACKED * n)));
-            if all > most {
-                let what = match most < limit {
-                    true => format!("unpacks to more than {MOST_UNPACKED} times its size"),
-                    false => format!("is larger than {} MiB", limit >> 20),
-                };
-                return Err(Error::data(Place::file(self.name), what));
-            }
-            bytes.extend_from_slice(there);
-            self.reader.consume(count);
+        let mut stream = self.reader.by_ref().take(limit.saturating_add(1));
+        let read = stream.read_to_end(&mut bytes);
+        read.map_err(|e| Error::io(&self.name, e))?;
+        if bytes.len() as u64 > limit {
+            let what = format!("is larger than {} MiB", limit >> 20);
+            return Err(Error::data(Place::file(self.name), what));
         }
+        Ok(bytes)
     }
 
     /// The stream itself.
@@ -147,6 +134,30 @@ impl<R: Read> Read for Counted<R> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let count = self.0.read(out)?;
         self.1.fetch_add(count as u64, Ordering::Relaxed);
+        Ok(count)
+    }
+}
+
+/// What a packed stream unpacks to, as long as it is no bomb.
+struct Unpacked<R> {
+    stream: R,
+    /// The bytes so far.
+    count: u64,
+    /// The packed bytes that were read for them.
+    packed: Arc<AtomicU64>,
+}
+
+impl<R: Read> Read for Unpacked<R> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let count = self.stream.read(out)?;
+        self.count += count as u64;
+        let packed = self.packed.load(Ordering::Relaxed);
+        if self.count > UNPACKED.max(MOST_UNPACKED * packed) {
+            let what = format!(
+                "unpacks to more than {MOST_UNPACKED} times its size; if that is right, unpack it first"
+            );
+            return Err(io::Error::new(io::ErrorKind::InvalidData, what));
+        }
         Ok(count)
     }
 }
@@ -204,9 +215,13 @@ mod tests {
         let mut packed = flate2::read::GzEncoder::new(zeros, flate2::Compression::fast());
         let mut bytes = Vec::new();
         packed.read_to_end(&mut bytes).unwrap();
-        let input = Input::new("x", io::Cursor::new(bytes)).unwrap();
-        let message = input.read_all(1 << 40).unwrap_err().to_string();
-        assert_eq!(message, "x: unpacks to more than 100 times its size");
+        let input = || Input::new("x", io::Cursor::new(bytes.clone())).unwrap();
+        let message = input().read_all(1 << 40).unwrap_err().to_string();
+        let wanted = "unpacks to more than 100 times its size; if that is right, unpack it first";
+        assert_eq!(message, format!("x: {wanted}"));
+        // Tables are read from the stream.
+        let streamed = io::copy(&mut input().into_reader(), &mut io::sink());
+        assert_eq!(streamed.unwrap_err().to_string(), wanted);
     }
 
     #[test]
