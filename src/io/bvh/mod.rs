@@ -183,6 +183,15 @@ mod tests {
     }
 
     #[test]
+    fn names_have_no_control_characters_and_no_blanks_at_their_ends() {
+        let text = odd(FRAME).replace("JOINT b", "JOINT \u{1} b\u{1b} \u{7}");
+        let bvh = load(text, false).unwrap();
+        assert_eq!(bvh.joints[2].name, "b");
+        let again = load(bvh.to_bytes(1.0), false).unwrap();
+        assert_eq!(again.joints[2].name, "b");
+    }
+
+    #[test]
     fn a_line_with_a_wrong_number_of_values_is_reported() {
         let frame = |line: &str| format!("{}\n", line.trim());
         let (excerpt, long) = ("90 0 0 5 6 7 0 0 0", "90 0 0 5 6 7 0 0 0 0 0");

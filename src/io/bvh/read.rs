@@ -225,6 +225,7 @@ impl<'a> Parser<'a> {
             .chars()
             .filter(|c| !c.is_control())
             .collect();
+        let name = name.trim();
         let index = self.joints.len();
         let parent = match self.stack.last() {
             Some(Open::Joint(p, ..)) => Some(*p),
@@ -234,7 +235,7 @@ impl<'a> Parser<'a> {
             name: if name.is_empty() {
                 format!("joint{}", index + 1)
             } else {
-                name
+                name.to_string()
             },
             parent,
             offset: DVec3::ZERO,

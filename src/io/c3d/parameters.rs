@@ -173,11 +173,12 @@ fn value(bytes: &[u8], processor: Processor, name: &str) -> Result<Value, String
     })
 }
 
-/// Text without blanks and zeros at its ends; bytes that are no UTF-8 are taken for Latin-1.
+/// Text without control characters, and without blanks at its ends; bytes that are no UTF-8 are taken for Latin-1.
 fn text(bytes: &[u8]) -> String {
-    let whole = match std::str::from_utf8(bytes) {
+    let whole: String = match std::str::from_utf8(bytes) {
         Ok(text) => text.to_string(),
         Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
     };
-    whole.trim_matches([' ', '\0', '\t']).to_string()
+    let shown: String = whole.chars().filter(|c| !c.is_control()).collect();
+    shown.trim_matches(' ').to_string()
 }
