@@ -85,11 +85,17 @@ impl Session {
     /// # Errors
     /// [`Error::Usage`]: no session, of other joints, or with numbers that cannot be. Nothing changes then.
     pub fn open_json(&mut self, json: &[u8]) -> Result<()> {
-        let file: SessionFile = serde_json::from_slice(json)
-            .map_err(|e| Error::usage(format!("is no session of posing edit: {e}")))?;
+        let file: SessionFile = serde_json::from_slice(json).map_err(|e| {
+            Error::usage(format!(
+                "is no session of posing edit: {}",
+                shown(&e.to_string())
+            ))
+        })?;
         if file.format != FORMAT {
-            let said: String = file.format.chars().take(40).collect();
-            let what = format!("is no session that this version reads: its format is \"{said}\"");
+            let what = format!(
+                "is no session that this version reads: its format is \"{}\"",
+                shown(&file.format)
+            );
             return Err(Error::usage(what));
         }
         if file.joints != self.rig().names {
@@ -186,6 +192,11 @@ impl SavedPose {
     }
 }
 
+/// Text from a file, fit for one line of a message.
+fn shown(text: &str) -> String {
+    text.chars().filter(|c| !c.is_control()).take(80).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -220,6 +231,9 @@ mod tests {
         ] {
             assert!(other.open_json(wrong.as_bytes()).is_err());
         }
+        let odd = other.open_json(b"{\"format\x7f\": 1}");
+        let said = odd.unwrap_err().to_string();
+        assert!(said.contains("is no session") && !said.contains(char::is_control));
         let stretched = json.replacen("\"xyz\":[", "\"xyz\":[0.5,", 1);
         assert!(
             other.open_json(stretched.as_bytes()).is_err(),
