@@ -24,8 +24,8 @@ impl Parameters {
     /// Follows the parameters of a section, which begins with its head of four bytes.
     pub fn read(section: &[u8], processor: Processor) -> Parameters {
         let mut parameters = Parameters::default();
-        let mut groups: HashMap<i8, String> = HashMap::new();
-        let mut entries: Vec<(i8, String, Value)> = Vec::new();
+        let mut groups: HashMap<u8, String> = HashMap::new();
+        let mut entries: Vec<(u8, String, Value)> = Vec::new();
         let mut at = 4;
         loop {
             let entry = match Entry::read(section, at, processor) {
@@ -37,7 +37,7 @@ impl Parameters {
                 }
             };
             match entry.value {
-                None => drop(groups.insert(-entry.group, entry.name)),
+                None => drop(groups.insert(entry.group, entry.name)),
                 Some(value) => entries.push((entry.group, entry.name, value)),
             }
             let Some(next) = entry.next else { break };
@@ -86,8 +86,8 @@ impl Parameters {
 
 /// A group, which has no value, or a parameter.
 struct Entry {
-    /// Negative for groups.
-    group: i8,
+    /// The number of the group, or of the parameter's group.
+    group: u8,
     name: String,
     value: Option<Value>,
     /// Where the next entry begins; `None` after the last.
@@ -100,9 +100,9 @@ impl Entry {
         let Some(head) = section.get(at..at + 2) else {
             return Ok(None);
         };
-        // A locked name has a negative length.
-        let (length, group) = ((head[0] as i8).unsigned_abs() as usize, head[1] as i8);
-        if length == 0 || group == 0 {
+        // A locked name has a negative length, a group a negative number.
+        let (length, number) = ((head[0] as i8).unsigned_abs() as usize, head[1] as i8);
+        if length == 0 || number == 0 {
             return Ok(None);
         }
         let cut = || "the section ends within an entry".to_string();
@@ -112,7 +112,7 @@ impl Entry {
         let offset = section.get(after..after + 2).ok_or_else(cut)?;
         let offset = processor.u16([offset[0], offset[1]]) as usize;
         let next = (offset > 0).then_some(after + offset);
-        let value = match group > 0 {
+        let value = match number > 0 {
             true => Some(value(
                 section.get(after + 2..).unwrap_or_default(),
                 processor,
@@ -121,7 +121,7 @@ impl Entry {
             false => None,
         };
         Ok(Some(Entry {
-            group,
+            group: number.unsigned_abs(),
             name,
             value,
             next,
@@ -181,4 +181,29 @@ fn text(bytes: &[u8]) -> String {
     };
     let shown: String = whole.chars().filter(|c| !c.is_control()).collect();
     shown.trim_matches(' ').to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_number_of_a_group_is_read() {
+        for number in [1_u8, 127, 128] {
+            let group = [
+                &[1, 0, 0, 84][..],
+                b"\x01",
+                &[number.wrapping_neg()],
+                b"G\x03\0\0",
+            ];
+            let mut section = group.concat();
+            let is_positive = number < 128;
+            if is_positive {
+                section.extend([&[1, number][..], b"N\0\0\x01\0\x07"].concat());
+            }
+            let parameters = Parameters::read(&section, Processor::Intel);
+            assert_eq!(parameters.broken, None);
+            assert_eq!(parameters.number("G:N"), is_positive.then_some(7.0));
+        }
+    }
 }
