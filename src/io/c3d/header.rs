@@ -1,5 +1,6 @@
 //! Where a C3D file has its frames, and how many.
 
+use super::BLOCK;
 use super::numbers::Processor;
 use super::parameters::Parameters;
 
@@ -34,7 +35,7 @@ impl Layout {
         keep_whole: bool,
         notes: &mut Vec<String>,
     ) -> Result<Layout, String> {
-        let header = bytes.get(..512).ok_or("ends within its header")?;
+        let header = bytes.get(..BLOCK).ok_or("ends within its header")?;
         // Words of the header are counted from 1.
         let word = |i: usize| processor.u16([header[2 * i - 2], header[2 * i - 1]]);
         let real = |i: usize| {
@@ -63,7 +64,7 @@ impl Layout {
             scale: scale.abs(),
             points: word(2) as usize,
             analog: word(3) as usize,
-            start: (block - 1).saturating_mul(512),
+            start: (block - 1).saturating_mul(BLOCK),
             frames: promised,
             first_frame: first,
             rate: real(11),
@@ -94,6 +95,11 @@ impl Layout {
     /// The bytes of a frame.
     pub fn frame_bytes(&self) -> usize {
         (4 * self.points + self.analog) * self.number_bytes()
+    }
+
+    /// The first byte after the last frame.
+    pub fn end(&self) -> usize {
+        self.start + self.frames * self.frame_bytes()
     }
 
     /// The first byte of a point: x, y, z, and its residual with its cameras.

@@ -22,6 +22,8 @@ use crate::{Error, Place, Result};
 
 /// Larger files are refused, bytes.
 const LIMIT: u64 = 1 << 31;
+/// The bytes of a block.
+const BLOCK: usize = 512;
 
 /// A C3D file: its take of markers, and all of its bytes.
 #[derive(Debug, Clone)]
@@ -47,7 +49,7 @@ impl C3d {
         let bad = |what: String| Error::data(Place::file(&name), what);
         let other = what_else(input.first_bytes());
         let bytes = input.read_all(LIMIT)?;
-        if !C3d::is_c3d(&bytes[..bytes.len().min(512)]) {
+        if !C3d::is_c3d(&bytes[..bytes.len().min(BLOCK)]) {
             return Err(bad(other.into()));
         }
         let mut notes = Vec::new();
@@ -58,6 +60,11 @@ impl C3d {
         }
         let layout = Layout::read(&bytes, processor, &parameters, keep_whole, &mut notes);
         let layout = layout.map_err(bad)?;
+        // The first block alone: beyond it, some files say more parameters than they have.
+        let first = bytes.len() - section.len();
+        if layout.start < first + BLOCK && first < layout.end() {
+            return Err(bad("has frames where its parameters begin".into()));
+        }
         let xyz = points::read(&bytes, &layout);
         let rate = [layout.rate, parameters.number("POINT:RATE").unwrap_or(0.0)];
         let rate = rate.into_iter().find(|r| r.is_finite() && *r > 0.0);
@@ -100,7 +107,7 @@ fn parameter_section<'a>(
             bytes[0]
         ));
     }
-    let section = bytes.get(512 * (block - 1)..).filter(|s| s.len() >= 4);
+    let section = bytes.get(BLOCK * (block - 1)..).filter(|s| s.len() >= 4);
     let section = section.ok_or("ends before its parameters")?;
     let processor = Processor::of_byte(section[3]).ok_or_else(|| {
         format!(

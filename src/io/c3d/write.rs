@@ -1,15 +1,13 @@
 //! Writing C3D files: into the bytes of another, and anew.
 
-use super::C3d;
 use super::header::Layout;
 use super::numbers::Processor;
 use super::points;
+use super::{BLOCK, C3d};
 use crate::io::text::excerpt;
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
 
-/// The bytes of a block.
-const BLOCK: usize = 512;
 /// The most blocks of parameters.
 const MOST_BLOCKS: usize = 255;
 /// The bytes of a name at most.
@@ -287,5 +285,22 @@ mod tests {
             screen: ["+X", "+Z"],
         };
         assert!(new.bytes(Array2::zeros((1, 3)).view()).is_err());
+    }
+
+    #[test]
+    fn frames_do_not_overlap_the_parameters() {
+        let new = NewC3d {
+            points: &["a".to_string()],
+            rate: 100.0,
+            first_frame: 1,
+            units: "mm",
+            screen: ["+X", "+Z"],
+        };
+        let mut bytes = new.bytes(Array2::zeros((1, 3)).view()).unwrap();
+        // Word 9 of the header is the block of the first frame.
+        bytes[16] = 2;
+        let input = Input::new("t", std::io::Cursor::new(bytes)).unwrap();
+        let said = C3d::read(input, false).unwrap_err().to_string();
+        assert_eq!(said, "t: has frames where its parameters begin");
     }
 }

