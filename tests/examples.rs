@@ -53,6 +53,7 @@ awk 'BEGIN { print "vertex,x,y,z" } $1 == "v" { if (v++ % 150 == 0) print v - 1 
 # The walk as files of markers.
 posing xyz2c3d -q -o gait.c3d walk.csv; cp gait.c3d old.c3d
 posing xyz2trc -q -o gait.trc walk.csv
+mkdir captures; cp gait.trc walk.csv captures/
 printf '%s\n' 'Format Version,1.23,Export Frame Rate,120,Length Units,Meters' '' ',Type,Marker,Marker,Marker' ',Name,A,A,A' ',,Position,Position,Position' \
   'Frame,Time (Seconds),X,Y,Z' > motive.csv
 for t in $(seq 0 99); do echo "$t,,0.$((100 + t)),1,2"; done >> motive.csv
@@ -209,37 +210,58 @@ fn training_by_make_goes_as_the_readme_says() {
     assert!(out.contains("sparse"), "{out}");
 }
 
+/// The commands of a crontab, run as cron does, with the folder as home.
+fn cron(file: &str, folder: &Path) -> std::process::Output {
+    let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();
+    let jobs = text
+        .lines()
+        .filter(|l| l.starts_with(|c: char| c.is_ascii_digit()));
+    let command = |job: &str| job.splitn(6, ' ').last().unwrap().to_string();
+    let jobs: Vec<String> = jobs.map(command).collect();
+    assert_eq!(jobs.len(), 1);
+    bash(&format!("HOME=$PWD; {}", jobs[0]), folder)
+}
+
 #[test]
-fn a_night_skips_what_is_done_and_logs_what_failed() {
+fn nights_clean_what_is_new_and_mail_what_somebody_should_see() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     must(SETUP, folder);
-    let script = format!(
-        "sh '{}/testdata/examples/nightly.sh' takes clean",
-        env!("CARGO_MANIFEST_DIR")
-    );
     must(
-        "mkdir takes && cp walk.csv takes/a.csv && cp walk.csv takes/b.csv",
+        "mkdir -p takes/captures && cp walk.csv takes/captures/a.csv",
         folder,
     );
-    must(&script, folder);
-    let first = fs::metadata(folder.join("clean/a.csv"))
-        .unwrap()
-        .modified()
-        .unwrap();
-    must("echo nonsense > takes/c.csv", folder);
-    let out = bash(&script, folder);
-    assert_eq!(out.status.code(), Some(3));
-    assert_eq!(
-        fs::metadata(folder.join("clean/a.csv"))
-            .unwrap()
-            .modified()
-            .unwrap(),
-        first
-    );
-    let log = fs::read_to_string(folder.join("clean/failures.log")).unwrap();
+    let night = || cron("testdata/examples/nightly.cron", folder);
+    let first = night();
+    assert!(folder.join("takes/cleaned/a.csv").exists(), "{first:?}");
+    let time = || {
+        let file = fs::metadata(folder.join("takes/cleaned/a.csv"));
+        file.unwrap().modified().unwrap()
+    };
+    let written = time();
+    must("echo nonsense > takes/captures/c.csv", folder);
+    let second = night();
+    assert_eq!(time(), written);
+    let mail = String::from_utf8_lossy(&second.stdout).into_owned();
     assert!(
-        log.contains("c.csv") && !folder.join("clean/c.csv").exists(),
-        "{log}"
+        mail.contains("1 unchanged") && mail.contains("1 failed"),
+        "{mail}"
+    );
+    assert!(!folder.join("takes/cleaned/c.csv").exists());
+}
+
+#[test]
+fn captures_are_cleaned_by_make() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    must(SETUP, folder);
+    let root = env!("CARGO_MANIFEST_DIR");
+    must(
+        &format!(
+            "cp '{root}/testdata/examples/clean.mk' Makefile
+            mkdir -p captures && cp walk.csv captures/a.csv && posing xyz2c3d -q -o captures/b.c3d walk.csv
+            make -s -j2 && test -s cleaned/a.csv.json && test -s cleaned/b.c3d && make -q"
+        ),
+        folder,
     );
 }

@@ -23,6 +23,8 @@ pub struct PointGaps {
     pub frames: usize,
     /// The first frame of its longest gap, and the one after the last.
     pub longest: [usize; 2],
+    /// The same of all its gaps.
+    pub ranges: Vec<[usize; 2]>,
 }
 
 impl GapSummary {
@@ -40,6 +42,7 @@ impl GapSummary {
                 gaps: gaps.len(),
                 frames: gaps.iter().map(|g| g.len()).sum(),
                 longest: [longest.start, longest.end],
+                ranges: gaps.iter().map(|g| [g.start, g.end]).collect(),
             });
         }
         let all = (frames * take.points.len()).max(1) as f64;

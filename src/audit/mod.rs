@@ -7,8 +7,10 @@ mod body;
 mod distances;
 mod gaps;
 mod motion;
+mod rotations;
 
 pub use gaps::{GapSummary, PointGaps};
+pub use rotations::{JointAngles, flips};
 
 use crate::pose::Poses;
 use ndarray::{ArrayView2, s};
@@ -73,6 +75,8 @@ pub enum FindingKind {
     Fallen,
     /// A distance between points that go together drifts.
     Drift,
+    /// An angle of a joint jumps though the joint hardly turns.
+    EulerFlip,
 }
 
 /// Something that is not as it should be.

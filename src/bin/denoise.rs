@@ -78,6 +78,7 @@ fn work(args: &Args) -> Result<()> {
         noise: args.noise.0,
         outliers: args.outliers == Outliers::Auto,
         fill: args.fill,
+        max_gap: None,
         fps: args.restoring.input.fps,
         per_frame: args.restoring.per_frame,
     };

@@ -1,14 +1,12 @@
 //! Turns a pose table into a C3D file, or puts its points into one that there is.
 
 use clap::Parser;
-use posing::cli::args::value_name;
 use posing::cli::input::open;
 use posing::cli::marker_files::MarkerUnitArgs;
 use posing::cli::one_take_args::{OneTake, OneTakeArgs};
 use posing::cli::units::{TableUnits, Units, Up};
 use posing::cli::{messages, run};
 use posing::io::C3d;
-use posing::io::c3d::NewC3d;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -100,15 +98,5 @@ fn new(args: &Args, one: OneTake) -> Result<Vec<u8>> {
         unit: args.units.unwrap_or(Units::Mm),
         up: args.up.unwrap_or(Up::Z),
     };
-    let take = args.out.new_take(one, units, "C3D")?;
-    let up = format!("+{}", value_name(units.up).to_uppercase());
-    let right = if units.up == Up::X { "+Y" } else { "+X" };
-    NewC3d {
-        points: &take.poses.points,
-        rate: take.rate,
-        first_frame: take.first_frame,
-        units: &value_name(units.unit),
-        screen: [right, &up],
-    }
-    .bytes(take.poses.xyz.view())
+    args.out.new_take(one, units, "C3D")?.c3d()
 }

@@ -5,7 +5,8 @@ use posing::Result;
 use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::fit;
 use posing::cli::input::open;
-use posing::cli::one_take_args::{NewTake, OneTakeArgs};
+use posing::cli::new_take::NewTake;
+use posing::cli::one_take_args::OneTakeArgs;
 use posing::cli::run;
 use posing::cli::units::TableUnits;
 use posing::io::{Asf, SkinnedMesh};
@@ -18,9 +19,8 @@ use std::process::ExitCode;
 /// Convert a pose table to binary glTF: a skeleton that viewers play
 ///
 /// Fits a skeleton as xyz2bvh does, and writes it with its motion and a simple mesh, an octahedron a bone, so that viewers
-/// and browsers show it. Lengths are metres, y points up. For a body with skin, see body-synth; for FBX, let Blender
-/// convert: blender -b --python-expr "import bpy; bpy.ops.import_scene.gltf(filepath='walk.glb');
-/// bpy.ops.export_scene.fbx(filepath='walk.fbx')".
+/// and browsers show it. Lengths are metres, y points up. For a body with skin, see body-synth; for FBX, see
+/// posing-formats(7).
 #[derive(Parser)]
 #[command(
     name = "xyz2glb",

@@ -2,11 +2,9 @@
 
 use clap::Parser;
 use posing::Result;
-use posing::cli::args::value_name;
 use posing::cli::one_take_args::OneTakeArgs;
 use posing::cli::run;
 use posing::cli::units::{TableUnits, Units, Up};
-use posing::io::trc::NewTrc;
 use std::process::ExitCode;
 
 /// Convert a pose table to a TRC file
@@ -42,14 +40,5 @@ fn work(args: &Args) -> Result<()> {
         up: args.up,
     };
     let take = args.out.new_take(one, units, "TRC")?;
-    let name = take.poses.take.as_ref().and_then(|names| names.first());
-    let bytes = NewTrc {
-        name: &format!("{}.trc", name.map_or("take", |n| &**n)),
-        points: &take.poses.points,
-        rate: take.rate,
-        first_frame: take.first_frame,
-        units: &value_name(units.unit),
-    }
-    .bytes(take.poses.xyz.view())?;
-    args.out.write(&bytes, false)
+    args.out.write(&take.trc()?, false)
 }

@@ -1,9 +1,13 @@
 //! `audit` around the library: its limits as flags, and its text.
 
-use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit};
+use super::input::open;
+use super::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags};
+use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit, audit, flips};
+use crate::{Error, Result};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::Path;
 
 /// Points whose gaps are listed, and findings of one kind.
 const LISTED: usize = 5;
@@ -27,6 +31,13 @@ pub struct LimitArgs {
         help_heading = "Limits"
     )]
     max_missing: f64,
+    #[command(flatten)]
+    motion: MotionLimitArgs,
+}
+
+/// What of the movement is still as it should be.
+#[derive(Debug, Clone, Args)]
+pub struct MotionLimitArgs {
     /// Largest speed of a point, in metres per second (99% of its steps)
     #[arg(
         long,
@@ -59,12 +70,49 @@ impl LimitArgs {
         Limits {
             gap: self.max_gap,
             missing: self.max_missing,
+            ..self.motion.limits()
+        }
+    }
+}
+
+impl MotionLimitArgs {
+    /// The limits of the library.
+    pub fn limits(&self) -> Limits {
+        Limits {
             speed: 100.0 * self.max_speed,
             jump: self.max_jump,
             drift: self.max_drift,
             ..Limits::default()
         }
     }
+}
+
+/// The audit of a file; one that cannot be read stops no other.
+///
+/// # Errors
+/// [`Error::Usage`], for all files alike.
+pub fn audit_file(path: &Path, flags: &ReadFlags, limits: &Limits) -> Result<FileAudit> {
+    let takes = || {
+        let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
+        let file = MotionFile::read(path, bytes, flags)?;
+        let mut takes = audit(&file.table.poses, file.rate(), limits);
+        // Only files of one take have angles.
+        let first = takes.first_mut();
+        first
+            .into_iter()
+            .for_each(|take| take.findings.extend(flips(&file.joint_angles())));
+        Ok(takes)
+    };
+    let file = match path == Path::new("-") {
+        true => "standard input".to_string(),
+        false => path.display().to_string(),
+    };
+    let (takes, error) = match takes() {
+        Ok(takes) => (takes, None),
+        Err(wrong @ Error::Usage(_)) => return Err(wrong),
+        Err(e) => (Vec::new(), Some(e.to_string())),
+    };
+    Ok(FileAudit { file, error, takes })
 }
 
 /// The audit of one file.
@@ -85,6 +133,25 @@ impl FileAudit {
         self.error.is_some() || self.takes.iter().any(|take| !take.findings.is_empty())
     }
 
+    /// A take in one line: its frames, rate, points and size, and what is missing.
+    pub fn line(take: &TakeAudit) -> String {
+        let mut out = count(take.frames, "frame");
+        if let Some(rate) = take.rate {
+            let _ = write!(
+                out,
+                " at {} a second, {:.1} s",
+                (1e3 * rate).round() / 1e3,
+                take.frames as f64 / rate
+            );
+        }
+        let _ = write!(out, "; {}", count(take.points, "point"));
+        if let Some(size) = take.size {
+            let _ = write!(out, ", {size:.0} cm");
+        }
+        let _ = write!(out, "; {}", missing(&take.gaps, take.rate));
+        out
+    }
+
     /// The audit as text.
     pub fn text(&self) -> String {
         let mut out = format!("{}\n", self.file);
@@ -103,20 +170,7 @@ fn push_take(out: &mut String, take: &TakeAudit) {
         .take
         .as_deref()
         .map_or(String::new(), |name| format!("{name}: "));
-    let _ = write!(out, "  {name}{}", count(take.frames, "frame"));
-    if let Some(rate) = take.rate {
-        let _ = write!(
-            out,
-            " at {} a second, {:.1} s",
-            (1e3 * rate).round() / 1e3,
-            take.frames as f64 / rate
-        );
-    }
-    let _ = write!(out, "; {}", count(take.points, "point"));
-    if let Some(size) = take.size {
-        let _ = write!(out, ", {size:.0} cm");
-    }
-    let _ = writeln!(out, "; {}", missing(&take.gaps, take.rate));
+    let _ = writeln!(out, "  {name}{}", FileAudit::line(take));
     let mut kinds: Vec<FindingKind> = Vec::new();
     for finding in &take.findings {
         if !kinds.contains(&finding.kind) {
@@ -177,7 +231,8 @@ fn count(n: usize, what: &str) -> String {
     }
 }
 
-fn kind_name(kind: FindingKind) -> &'static str {
+/// The name of a kind in text.
+pub fn kind_name(kind: FindingKind) -> &'static str {
     match kind {
         FindingKind::Time => "time",
         FindingKind::Rate => "rate",
@@ -191,5 +246,6 @@ fn kind_name(kind: FindingKind) -> &'static str {
         FindingKind::Held => "held value",
         FindingKind::Fallen => "fallen",
         FindingKind::Drift => "drift",
+        FindingKind::EulerFlip => "Euler flip",
     }
 }

@@ -41,6 +41,11 @@ pub const COMMANDS: &[CommandEntry] = &[
         "Find what is wrong in takes: rate, unit, gaps, swaps, jumps",
         false,
     ),
+    entry(
+        "clean",
+        "Clean takes of any format: fill gaps, replace outliers, remove noise",
+        false,
+    ),
     entry("denoise", "Remove noise and outliers from poses", true),
     entry("complete", "Fill gaps and missing points", false),
     entry(

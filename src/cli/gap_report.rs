@@ -8,8 +8,8 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// One gap.
-#[derive(Serialize)]
-struct Line<'a> {
+#[derive(Debug, Serialize)]
+pub struct GapLine<'a> {
     /// The take, if the table names its takes.
     #[serde(skip_serializing_if = "Option::is_none")]
     take: Option<&'a str>,
@@ -27,9 +27,7 @@ struct Line<'a> {
 
 /// Writes the gaps of a restoration to a file: JSON where its name ends in .json, else aligned text.
 pub fn write(path: &Path, restored: &Restoration<'_>) -> Result<()> {
-    let takes = restored.source().poses.takes();
-    let gaps = restored.gaps();
-    let lines: Vec<Line<'_>> = gaps.iter().map(|g| line(restored, &takes, g)).collect();
+    let lines = gap_lines(restored);
     let text = match path.extension().is_some_and(|e| e == "json") {
         true => {
             serde_json::to_string_pretty(&lines).map_err(|e| Error::usage(e.to_string()))? + "\n"
@@ -41,11 +39,18 @@ pub fn write(path: &Path, restored: &Restoration<'_>) -> Result<()> {
     out.finish()
 }
 
+/// The gaps of a restoration.
+pub fn gap_lines<'a>(restored: &Restoration<'a>) -> Vec<GapLine<'a>> {
+    let takes = restored.source().poses.takes();
+    let gaps = restored.gaps();
+    gaps.iter().map(|g| line(restored, &takes, g)).collect()
+}
+
 fn line<'a>(
     restored: &Restoration<'a>,
     takes: &[std::ops::Range<usize>],
     gap: &RestoredGap,
-) -> Line<'a> {
+) -> GapLine<'a> {
     let poses = &restored.source().poses;
     let start = gap.frames.start;
     let first = takes
@@ -53,7 +58,7 @@ fn line<'a>(
         .find(|t| t.contains(&start))
         .map_or(0, |t| t.start);
     let rounded = |v: f64| v.is_finite().then_some((v * 1e4).round() / 1e4);
-    Line {
+    GapLine {
         take: poses.take.as_ref().map(|t| &*t[start]),
         point: &poses.points[gap.point],
         first_frame: start - first,
@@ -64,8 +69,8 @@ fn line<'a>(
     }
 }
 
-fn text(lines: &[Line<'_>]) -> String {
-    let width = |of: &dyn Fn(&Line<'_>) -> usize| lines.iter().map(of).max().unwrap_or(0).max(5);
+fn text(lines: &[GapLine<'_>]) -> String {
+    let width = |of: &dyn Fn(&GapLine<'_>) -> usize| lines.iter().map(of).max().unwrap_or(0).max(5);
     let take = width(&|l| l.take.unwrap_or("-").chars().count());
     let point = width(&|l| l.point.chars().count());
     let mut out = format!(

@@ -88,9 +88,10 @@ impl MarkerFileArgs {
         let take = read(open(&path)?, self.keep_whole)?;
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
+        report_other_quantities(&take);
         report_zeros(&take);
         let units = self.units.table_units(&take)?;
-        let poses = poses(&take, units, self.rate(&take)?, &path)?;
+        let poses = poses_of_markers(&take, units, self.rate(&take)?, &path)?;
         let table = Table::from_poses(poses);
         let xyz = table.poses.xyz.view();
         write_table(&self.out, TableUnits::CM_Y, &table, xyz, &[], |_| {
@@ -114,7 +115,7 @@ impl MarkerFileArgs {
 }
 
 /// What is neither in the file nor given.
-fn asked(take: &MarkerTake, what: &str, said: Option<&str>, flag: &str) -> Error {
+pub fn asked(take: &MarkerTake, what: &str, said: Option<&str>, flag: &str) -> Error {
     let what = match said {
         Some(said) => {
             format!("says \"{said}\" of its {what}, which is not understood; give it with {flag}")
@@ -122,6 +123,18 @@ fn asked(take: &MarkerTake, what: &str, said: Option<&str>, flag: &str) -> Error
         None => format!("does not say its {what}; give it with {flag}"),
     };
     Error::data(Place::file(&take.name), what)
+}
+
+/// Reports points that are no positions.
+fn report_other_quantities(take: &MarkerTake) {
+    if let [first, ..] = take.other_quantities[..] {
+        messages::info(&format!(
+            "{}: {} points are angles, forces, moments or powers ({} and so on): their numbers are converted as if they were positions",
+            take.name,
+            take.other_quantities.len(),
+            take.points[first]
+        ));
+    }
 }
 
 /// Reports points at 0 0 0: some programs write it for a missing point, but it may be a measurement, so it stays.
@@ -139,13 +152,15 @@ fn report_zeros(take: &MarkerTake) {
 }
 
 /// The points of a take in centimetres, y up, a frame a row; its name is that of the file.
-fn poses(take: &MarkerTake, units: TableUnits, rate: f64, path: &Path) -> Result<Poses> {
+pub fn poses_of_markers(
+    take: &MarkerTake,
+    units: TableUnits,
+    rate: f64,
+    path: &Path,
+) -> Result<Poses> {
     let mut xyz = take.xyz.clone();
-    for (t, mut row) in xyz.rows_mut().into_iter().enumerate() {
-        let Some(row) = row.as_slice_mut() else {
-            continue;
-        };
-        units.read(row);
+    units.read_frames(&mut xyz);
+    for (t, row) in xyz.rows().into_iter().enumerate() {
         let present = row.iter().filter(|v| !v.is_nan());
         let checked: std::result::Result<Vec<f64>, String> =
             present.map(|v| check_length(*v)).collect();

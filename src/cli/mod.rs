@@ -2,6 +2,7 @@
 
 pub mod args;
 pub mod audit;
+pub mod audit_page;
 pub mod benchmark;
 pub mod body;
 pub mod body_glb;
@@ -9,6 +10,7 @@ pub mod body_output;
 pub mod body_scan_markers;
 pub mod body_size;
 pub mod body_take;
+pub mod clean;
 pub mod cluster;
 pub mod code_table;
 pub mod commands;
@@ -31,7 +33,9 @@ pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;
 pub mod metric_takes;
+pub mod motion_file;
 pub mod name_maps;
+pub mod new_take;
 pub mod number_table;
 pub mod one_take;
 pub mod one_take_args;

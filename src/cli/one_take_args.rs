@@ -3,7 +3,8 @@
 use super::args::{CommonArgs, InputArgs, parse_rate};
 use super::ik::report_time_jumps;
 use super::input::{check_single_stdin, or_stdin, read_table};
-use super::one_take::{first_frame_number, one_take};
+use super::new_take::NewTake;
+use super::one_take::one_take;
 use super::streams::write_bytes;
 use super::units::TableUnits;
 use crate::pose::Poses;
@@ -42,17 +43,6 @@ pub struct OneTake {
     pub table: String,
 }
 
-/// What a new file says of a take.
-#[derive(Debug)]
-pub struct NewTake {
-    /// Its frames, in the unit and axes of the file.
-    pub poses: Poses,
-    /// Frames a second.
-    pub rate: f64,
-    /// The number of the first frame, from 1.
-    pub first_frame: u32,
-}
-
 impl OneTakeArgs {
     /// Reads the take; `other` is a file that is read too.
     pub fn read(&self, other: Option<&PathBuf>) -> Result<OneTake> {
@@ -68,7 +58,7 @@ impl OneTakeArgs {
 
     /// What a new file of a `format` such as `TRC` says of the take.
     pub fn new_take(&self, one: OneTake, units: TableUnits, format: &str) -> Result<NewTake> {
-        let OneTake { mut poses, table } = one;
+        let OneTake { poses, table } = one;
         let rate = match self.input().rate(&poses)? {
             Some(rate) => rate,
             None if poses.frames() == 1 => 1.0,
@@ -79,17 +69,7 @@ impl OneTakeArgs {
             }
         };
         report_time_jumps(&poses, &table, &format!("a {format} file"));
-        let number = first_frame_number(&poses, Some(rate));
-        for mut row in poses.xyz.rows_mut() {
-            if let Some(row) = row.as_slice_mut() {
-                units.write(row);
-            }
-        }
-        Ok(NewTake {
-            poses,
-            rate,
-            first_frame: u32::try_from(number).unwrap_or(1).max(1),
-        })
+        Ok(NewTake::new(poses, rate, units))
     }
 
     /// Writes the file.

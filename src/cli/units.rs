@@ -3,6 +3,7 @@
 use crate::pose::ASF_UNIT_CM;
 use clap::ValueEnum;
 use glam::DMat3;
+use ndarray::Array2;
 
 /// Units of length in files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -105,6 +106,24 @@ impl TableUnits {
             for p in xyz.chunks_exact_mut(3) {
                 p.copy_from_slice(&self.up.to_y([p[0] * scale, p[1] * scale, p[2] * scale]));
             }
+        }
+    }
+
+    /// Converts all frames (frames, 3 P) to centimetres, y up.
+    pub fn read_frames(self, xyz: &mut Array2<f64>) {
+        TableUnits::convert(xyz, |row| self.read(row));
+    }
+
+    /// Converts all frames (frames, 3 P) from centimetres, y up.
+    pub fn write_frames(self, xyz: &mut Array2<f64>) {
+        TableUnits::convert(xyz, |row| self.write(row));
+    }
+
+    fn convert(xyz: &mut Array2<f64>, convert: impl Fn(&mut [f64])) {
+        for mut row in xyz.rows_mut() {
+            let mut values = row.to_vec();
+            convert(&mut values);
+            row.iter_mut().zip(values).for_each(|(to, from)| *to = from);
         }
     }
 

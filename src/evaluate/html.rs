@@ -5,7 +5,7 @@ use std::fmt::Write;
 /// Text for an element or a quoted attribute, in HTML and in XML alike.
 ///
 /// Control characters are replaced: XML 1.0 forbids them even when escaped.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {
@@ -25,12 +25,12 @@ pub(super) fn escape(text: &str) -> String {
 
 /// JSON that may stand inside `<script type="application/json">`: no `<` is left in it, so that
 /// neither `</script>` nor `<!--` can end or open anything. (In JSON, `<` occurs only inside strings.)
-pub(super) fn script_json(value: &serde_json::Value) -> String {
+pub(crate) fn script_json(value: &serde_json::Value) -> String {
     value.to_string().replace('<', "\\u003c")
 }
 
 /// Replaces each `{{name}}` of a template by its value, in one pass: what a value contains is never read again.
-pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
+pub(crate) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     let length = values.iter().map(|(_, value)| value.len()).sum::<usize>();
     let mut out = String::with_capacity(template.len() + length);
     let mut rest = template;
@@ -54,7 +54,7 @@ pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
 }
 
 /// Rows as an HTML table; the first is its head. A cell that ends in `*` is marked as the best.
-pub(super) fn table(rows: &[Vec<String>]) -> String {
+pub(crate) fn table(rows: &[Vec<String>]) -> String {
     let mut out = String::from("<div class=\"wide\"><table>");
     for (i, row) in rows.iter().enumerate() {
         out += "<tr>";

@@ -7,7 +7,7 @@ pub mod error_stats;
 pub mod figure;
 pub mod frames;
 pub mod gap_injection;
-mod html;
+pub(crate) mod html;
 pub mod mesh_scene;
 pub mod metric;
 pub mod motion_quality;
@@ -19,6 +19,6 @@ mod scene_geometry;
 pub mod score;
 mod score_report;
 pub mod takes;
-mod text_table;
+pub(crate) mod text_table;
 
 pub use score::{Score, ScoreReport};

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 /// Rows as lines: the first column to the left, the others to the right, two spaces between. A row of one cell is a line of
 /// text that takes part in no column.
-pub(super) fn aligned(rows: &[Vec<String>]) -> String {
+pub(crate) fn aligned(rows: &[Vec<String>]) -> String {
     let full = || rows.iter().filter(|r| r.len() > 1);
     let columns = full().map(Vec::len).max().unwrap_or(0);
     let width = |c: usize| full().map(|r| r[c].chars().count()).max().unwrap_or(0);

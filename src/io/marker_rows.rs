@@ -3,6 +3,7 @@
 
 use super::marker_take::{MarkerTake, unique_names};
 use super::text::{excerpt, parse_number};
+use super::text_cells::TextCells;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, s};
 
@@ -43,6 +44,8 @@ pub struct MarkerRows {
     values: Vec<f64>,
     /// The end of each frame in `values`.
     ends: Vec<usize>,
+    /// The line of each frame, if it has one.
+    lines: Vec<Option<u64>>,
     /// The coordinates of the longest frame, a multiple of 3.
     width: usize,
     /// The number of the first frame.
@@ -57,12 +60,13 @@ pub struct MarkerRows {
 }
 
 impl MarkerRows {
-    /// Adds a row. Frames whose numbers are left out are frames without points.
+    /// Adds the row that stands in line `line`. Frames whose numbers are left out are frames without points.
     ///
     /// # Errors
     /// What is wrong with the row.
     pub fn push<'a>(
         &mut self,
+        line: u64,
         frame: Option<&str>,
         time: Option<&str>,
         cells: impl Iterator<Item = &'a str>,
@@ -80,11 +84,13 @@ impl MarkerRows {
             }
             let frames = self.ends.len() + absent as usize;
             self.ends.resize(frames, self.values.len());
+            self.lines.resize(frames, None);
         }
         if let Some(seconds) = time.and_then(|t| parse_number(t.trim()).ok()) {
             let now = (self.ends.len(), seconds);
             self.times = Some([self.times.map_or(now, |[first, _]| first), now]);
         }
+        self.lines.push(Some(line));
         self.push_cells(cells)
     }
 
@@ -129,7 +135,7 @@ impl MarkerRows {
         Ok(())
     }
 
-    /// The take. `whole` says whether the file's last line has a line break; with `keep_whole`, a file that ends early gives the
+    /// The take, whose [`TextCells::points`] are the numbers of the points within their rows. `whole` says whether the file's last line has a line break; with `keep_whole`, a file that ends early gives the
     /// frames that it has.
     ///
     /// # Errors
@@ -148,6 +154,7 @@ impl MarkerRows {
         let is_cut = !whole && self.rows > 0 && is_short;
         if is_cut {
             self.ends.pop();
+            self.lines.pop();
             self.rows -= 1;
         }
         if self.rows == 0 {
@@ -165,7 +172,8 @@ impl MarkerRows {
             return Err(bad("has no markers".into()));
         }
         self.check_size(width).map_err(bad)?;
-        let (points, xyz) = named_points(self.dense(width), &stated.labels, &mut stated.notes);
+        let (points, xyz, kept) =
+            named_points(self.dense(width), &stated.labels, &mut stated.notes);
         let first = self.first + u64::from(stated.from_zero);
         Ok(MarkerTake {
             name: name.to_string(),
@@ -176,7 +184,13 @@ impl MarkerRows {
             rate: stated.rate,
             units: stated.units,
             up: None,
+            other_quantities: Vec::new(),
             notes: stated.notes,
+            cells: TextCells {
+                lines: self.lines,
+                points: kept,
+                ..TextCells::default()
+            },
         })
     }
 
@@ -233,12 +247,12 @@ impl MarkerRows {
     }
 }
 
-/// The points with their names. Beyond the labels, those that are seen at all are named by their number.
+/// The points with their names and their numbers. Beyond the labels, those that are seen at all are named by their number.
 fn named_points(
     xyz: Array2<f64>,
     labels: &[String],
     notes: &mut Vec<String>,
-) -> (Vec<String>, Array2<f64>) {
+) -> (Vec<String>, Array2<f64>, Vec<usize>) {
     let (named, points) = (labels.len(), xyz.ncols() / 3);
     let is_seen = |p: usize| {
         let point = xyz.slice(s![.., 3 * p..3 * p + 3]);
@@ -260,7 +274,7 @@ fn named_points(
         true => xyz,
         false => Array2::from_shape_fn(chosen, |(t, c)| xyz[[t, columns[c]]]),
     };
-    (names, xyz)
+    (names, xyz, kept)
 }
 
 /// The number of a frame.
@@ -302,7 +316,7 @@ mod tests {
         for line in lines {
             let mut cells = line.split(' ');
             let (frame, time) = (cells.next(), cells.next());
-            rows.push(frame, time, cells)?;
+            rows.push(0, frame, time, cells)?;
         }
         Ok(rows)
     }
@@ -370,8 +384,8 @@ mod tests {
         assert!(rows(&[&wide]).unwrap_err().contains("columns"));
         let mut tall = MarkerRows::default();
         let row = vec!["1"; 9000];
-        tall.push(Some("1"), None, row.into_iter()).unwrap();
-        let far = tall.push(Some("100000"), None, std::iter::once("1"));
+        tall.push(1, Some("1"), None, row.into_iter()).unwrap();
+        let far = tall.push(2, Some("100000"), None, std::iter::once("1"));
         assert!(far.unwrap_err().contains("split the file"));
         let labels = vec!["a"; 30_000];
         let few = rows(&["1 0 1", "9000 0 1"]).unwrap();
@@ -379,9 +393,9 @@ mod tests {
         assert!(said.to_string().contains("split the file"), "{said}");
         // Below the limit, but far more than the rows hold.
         let mut tall = MarkerRows::default();
-        tall.push(Some("1"), None, vec!["1"; 9000].into_iter())
+        tall.push(1, Some("1"), None, vec!["1"; 9000].into_iter())
             .unwrap();
-        let far = tall.push(Some("29000"), None, std::iter::once("1"));
+        let far = tall.push(2, Some("29000"), None, std::iter::once("1"));
         assert!(far.unwrap_err().contains("only 3000 points in all rows"));
     }
 

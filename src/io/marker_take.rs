@@ -1,5 +1,6 @@
 //! What files of markers have in common: points over time, and what the file says of its rate, unit and axes.
 
+use super::text_cells::TextCells;
 use ndarray::Array2;
 use std::collections::{HashMap, HashSet};
 
@@ -20,8 +21,12 @@ pub struct MarkerTake {
     pub units: Option<String>,
     /// The axis that points up, if the file says so: `+Z`.
     pub up: Option<String>,
+    /// The points that are no positions but angles, forces, moments or powers, which C3D files store as points.
+    pub other_quantities: Vec<usize>,
     /// What was odd, a line each.
     pub notes: Vec<String>,
+    /// Where the coordinates stand, in a file of text.
+    pub cells: TextCells,
 }
 
 /// Names of points from the labels of a file: a repeated label gets `_2` and so on, an empty one is `point17` by its number. Control

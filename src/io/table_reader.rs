@@ -3,8 +3,8 @@
 use super::columns::Columns;
 use super::csv::CsvReader;
 use super::input::{ContentKind, Input};
+use super::motion_format::recognized;
 use super::npy::NpyReader;
-use super::other_formats::recognized;
 use super::row::{ReadOptions, Row};
 use crate::{Error, Place, Result};
 

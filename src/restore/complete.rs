@@ -321,7 +321,7 @@ fn fill(bound: &BoundModel<'_>, out: &mut RestoredFrames, t: usize, estimate: &E
 }
 
 /// Leaves gaps empty. A frame of which nothing is left filled has no novelty.
-fn empty_gaps<'a>(
+pub fn empty_gaps<'a>(
     out: &mut RestoredFrames,
     xyz: ArrayView2<'_, f64>,
     gaps: impl Iterator<Item = &'a Gap>,

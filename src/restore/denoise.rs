@@ -46,6 +46,8 @@ pub struct Denoise {
     pub outliers: bool,
     /// Whether to fill missing points too.
     pub fill: bool,
+    /// Longest gap to fill, in seconds; `None`: no limit. Needs a frame rate.
+    pub max_gap: Option<f64>,
     /// Frames a second, for a table without times.
     pub fps: Option<f64>,
     /// Restores each frame by itself, without its neighbors in time.
@@ -58,6 +60,7 @@ impl Default for Denoise {
             noise: None,
             outliers: true,
             fill: false,
+            max_gap: None,
             fps: None,
             per_frame: false,
         }
@@ -137,17 +140,23 @@ impl Denoise {
         let mut seen = out.xyz.clone();
         remove(&mut seen, &outliers.points);
         let gaps = find_gaps(seen.view(), take.runs);
-        let gaps = match self.fill {
-            true => gaps,
-            false => outliers.gaps(&gaps),
+        let of_outliers = outliers.gaps(&gaps);
+        let is_long = |g: &Gap| match self.max_gap {
+            Some(longest) => g.frames.len() as f64 / take.rate > longest * (1.0 + 1e-9),
+            None => false,
         };
+        let is_filled = |g: &Gap| self.fill && !is_long(g);
+        let gaps: Vec<Gap> = gaps
+            .into_iter()
+            .filter(|g| is_filled(g) || of_outliers.contains(g))
+            .collect();
         if gaps.is_empty() {
             return;
         }
         let (bound, adapted) = model.unzip();
         let filled = fill_gaps(bound, adapted, take, seen.view(), &gaps, &|_| ());
         for (gap, filled) in gaps.iter().zip(&filled) {
-            put(out, take.xyz, gap, filled.as_ref(), !self.fill);
+            put(out, take.xyz, gap, filled.as_ref(), !is_filled(gap));
         }
     }
 }

@@ -12,12 +12,14 @@
 //!    [`placement`] finds rotation and shift, the prior gives the posterior in the model's space, [`rigid`] projects it onto
 //!    the known distances.
 //! 5. `frame_fill` makes the restored frames continuous over the gaps of [`complete`].
-//! 6. [`Restoration`] holds the values in the table's order, with a status for each point.
+//! 6. [`clean`] denoises the takes that are noisy and completes the others.
+//! 7. [`Restoration`] holds the values in the table's order, with a status for each point.
 //!
 //! [`ik`] fits the joint angles of a skeleton to restored points.
 
 mod adaptive_smoothing;
 pub mod body_adaptation;
+pub mod clean;
 pub mod complete;
 mod cuts;
 pub mod denoise;
@@ -36,6 +38,7 @@ mod restored_frames;
 mod restorer;
 pub mod rigid;
 
+pub use clean::Clean;
 pub use complete::Complete;
 pub use denoise::Denoise;
 pub use frame_restorer::{FrameRestorer, RestoredFrame};

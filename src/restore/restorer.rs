@@ -15,6 +15,7 @@
 //! # }
 //! ```
 
+use super::clean::Clean;
 use super::complete::Complete;
 use super::cuts::split_at_cuts;
 use super::denoise::Denoise;
@@ -112,10 +113,22 @@ impl<'m> Restorer<'m> {
         let hidden = hidden_columns(&table.poses, options.observe.as_deref());
         let rate = rate(table, options.fps, options.per_frame)?;
         if rate.is_none() && options.max_gap.is_some() {
-            let what = "a longest gap needs a frame rate, and the table's times give none";
-            return Err(Error::data(Place::file(&table.name), what));
+            return Err(no_rate(table));
         }
         self.restore(table, options, rate, &hidden, progress)
+    }
+
+    /// Cleans the takes of a table: those with noise over [`Clean::noise_limit`] are denoised, the others keep what was measured; outliers
+    /// are replaced and gaps filled. A table without times and without [`Clean::fps`] is completed frame by frame.
+    ///
+    /// # Errors
+    /// As [`Restorer::complete`].
+    pub fn clean<'t>(&self, table: &'t Table, options: &Clean) -> Result<Restoration<'t>> {
+        let rate = rate(table, options.fps, false)?;
+        if rate.is_none() && options.max_gap.is_some() {
+            return Err(no_rate(table));
+        }
+        self.restore(table, options, rate, &[], &|_| {})
     }
 
     /// Denoises the points of a table. A table without times and without [`Denoise::fps`] is denoised frame by frame.
@@ -241,6 +254,12 @@ impl<'m> Restorer<'m> {
         }
         Ok(out)
     }
+}
+
+/// What to say where the length of a gap cannot be told.
+fn no_rate(table: &Table) -> Error {
+    let what = "a longest gap needs a frame rate, and the table's times give none";
+    Error::data(Place::file(&table.name), what)
 }
 
 /// What to say where only a model would do.

@@ -17,8 +17,9 @@ use self::numbers::Processor;
 use self::parameters::Parameters;
 use super::input::Input;
 use super::marker_take::{MarkerTake, unique_names};
-use super::other_formats::recognized;
+use super::motion_format::recognized;
 use crate::{Error, Place, Result};
+use std::collections::HashSet;
 
 /// Larger files are refused, bytes.
 const LIMIT: u64 = 1 << 31;
@@ -38,6 +39,11 @@ impl C3d {
     /// Whether a file that begins so is a C3D file: the second byte is the key of all, and none is text alone.
     pub fn is_c3d(start: &[u8]) -> bool {
         matches!(start, [_, 0x50, ..]) && start.iter().any(|b| *b < 9)
+    }
+
+    /// Whether the numbers of the file hold a point (in its units and axes).
+    pub fn holds(&self, point: [f64; 3]) -> bool {
+        points::encode(Some(point), &self.layout).is_ok()
     }
 
     /// Reads a file. With `keep_whole`, one that ends early gives the frames that it has.
@@ -68,8 +74,10 @@ impl C3d {
         let xyz = points::read(&bytes, &layout);
         let rate = [layout.rate, parameters.number("POINT:RATE").unwrap_or(0.0)];
         let rate = rate.into_iter().find(|r| r.is_finite() && *r > 0.0);
+        let labels = labels(&parameters, layout.points);
         let take = MarkerTake {
-            points: point_names(&parameters, layout.points),
+            other_quantities: other_quantities(&parameters, &labels),
+            points: unique_names(labels),
             first_frame: layout.first_frame,
             rate,
             units: parameters.text("POINT:UNITS").map(str::to_string),
@@ -77,6 +85,7 @@ impl C3d {
             notes,
             name,
             xyz,
+            ..MarkerTake::default()
         };
         Ok(C3d {
             take,
@@ -118,16 +127,32 @@ fn parameter_section<'a>(
     Ok((processor, section))
 }
 
-/// The names of the points: POINT:LABELS, POINT:LABELS2 and so on.
-fn point_names(parameters: &Parameters, points: usize) -> Vec<String> {
-    let more = (2..).map(|i| format!("POINT:LABELS{i}"));
-    let groups = std::iter::once("POINT:LABELS".to_string()).chain(more);
-    let mut labels: Vec<&str> = groups
-        .map(|name| parameters.texts(&name))
+/// The labels of the points: POINT:LABELS, POINT:LABELS2 and so on.
+fn labels(parameters: &Parameters, points: usize) -> Vec<&str> {
+    let mut labels: Vec<&str> = texts(parameters, "POINT:LABELS".to_string()).collect();
+    labels.resize(points, "");
+    labels
+}
+
+/// The texts of a parameter, and of those that continue it: NAME2 and so on.
+fn texts(parameters: &Parameters, name: String) -> impl Iterator<Item = &str> {
+    let more = (2..).map(move |i| i.to_string());
+    std::iter::once(String::new())
+        .chain(more)
+        .map(move |number| parameters.texts(&format!("{name}{number}")))
         .take_while(|texts| !texts.is_empty())
         .flatten()
         .map(String::as_str)
+}
+
+/// The points that the parameters list as angles and so on, as Vicon writes what its models compute.
+fn other_quantities(parameters: &Parameters, labels: &[&str]) -> Vec<usize> {
+    let groups = ["ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS"];
+    let listed: HashSet<&str> = groups
+        .iter()
+        .flat_map(|group| texts(parameters, format!("POINT:{group}")).map(str::trim))
+        .filter(|label| !label.is_empty())
         .collect();
-    labels.resize(points, "");
-    unique_names(labels)
+    let is_listed = |i: &usize| listed.contains(labels[*i].trim());
+    (0..labels.len()).filter(is_listed).collect()
 }

@@ -14,7 +14,8 @@ const SHORTEST: f64 = 0.5;
 
 impl SkinnedMesh {
     /// The motion `values` (frames, degrees of freedom; radians and cm) of a skeleton as an animation with these `times` (frames;
-    /// seconds, rising). `names` are those of its bones.
+    /// seconds, rising). `names` are those of its bones. The end of a chain is a bone NAME_end of its own, since glTF knows only where bones
+    /// begin.
     ///
     /// # Panics
     /// The numbers of frames, values or names do not fit.
@@ -26,30 +27,39 @@ impl SkinnedMesh {
         times: &[f64],
     ) -> SkinnedMesh {
         let rest = skeleton.posture(&vec![0.0; skeleton.dof_count()]);
-        let bones: Vec<Bone> = (skeleton.bones().iter().enumerate())
-            .map(|(b, bone)| Bone {
-                name: names[b].clone(),
-                parent: bone.parent,
-                at: metres(rest.starts[b]),
-            })
-            .collect();
+        let own = skeleton.bones().iter().enumerate();
+        let own = own.map(|(b, bone)| Bone {
+            name: names[b].clone(),
+            parent: bone.parent,
+            at: metres(rest.starts[b]),
+        });
+        let last = chain_ends(skeleton, &rest);
+        let ends = last.iter().map(|&b| Bone {
+            name: format!("{}_end", names[b]),
+            parent: Some(b),
+            at: metres(rest.ends[b]),
+        });
+        let bones: Vec<Bone> = own.chain(ends).collect();
         let mut mesh = SkinnedMesh {
             name: name.to_string(),
             ..SkinnedMesh::default()
         };
-        for b in 0..bones.len() {
+        for b in 0..names.len() {
             push_octahedron(&mut mesh, b as u16, rest.starts[b], rest.ends[b]);
         }
         let postures: Vec<Posture> = (values.rows().into_iter())
             .map(|row| skeleton.posture(&row.to_vec()))
             .collect();
-        // The axes of all bones are the world's in the rest pose.
+        // The axes of all bones are the world's in the rest pose. An end turns as its bone does.
         let turned = |p: &Posture| {
-            let rest = rest.rotations.iter();
-            let pairs = p.rotations.iter().zip(rest);
-            pairs.map(|(now, rest)| *now * rest.transpose()).collect()
+            let all = (0..names.len()).chain(last.iter().copied());
+            all.map(|b| p.rotations[b] * rest.rotations[b].transpose())
+                .collect()
         };
-        let places = |p: &Posture| p.starts.iter().map(|s| *s / 100.0).collect();
+        let places = |p: &Posture| {
+            let ends = last.iter().map(|&b| &p.ends[b]);
+            p.starts.iter().chain(ends).map(|at| *at / 100.0).collect()
+        };
         let rotations: Vec<Vec<_>> = postures.iter().map(turned).collect();
         let places: Vec<Vec<_>> = postures.iter().map(places).collect();
         let first = times.first().copied().unwrap_or(0.0);
@@ -60,6 +70,14 @@ impl SkinnedMesh {
         mesh.bones = bones;
         mesh
     }
+}
+
+/// The bones without a bone after them, where they have a length.
+fn chain_ends(skeleton: &Skeleton, rest: &Posture) -> Vec<usize> {
+    let bones = skeleton.bones();
+    let is_last = |b: &usize| bones.iter().all(|bone| bone.parent != Some(*b));
+    let is_long = |b: &usize| (rest.ends[*b] - rest.starts[*b]).length() >= SHORTEST;
+    (0..bones.len()).filter(is_last).filter(is_long).collect()
 }
 
 fn push_octahedron(mesh: &mut SkinnedMesh, bone: u16, start: DVec3, end: DVec3) {
@@ -144,5 +162,8 @@ mod tests {
             let now = world[b].1 + world[b].0 * rest;
             assert!((now * 100.0 - posture.ends[b]).length() < 1e-3, "{b}");
         }
+        // The end of the chain is a bone of its own.
+        assert_eq!(mesh.bones[3].name, "lower_end");
+        assert!((world[3].1 * 100.0 - posture.ends[2]).length() < 1e-3);
     }
 }

@@ -7,7 +7,7 @@ pub use motive::MotivePoints;
 
 use super::input::Input;
 use super::marker_take::MarkerTake;
-use super::other_formats::recognized;
+use super::motion_format::recognized;
 use super::text::Lines;
 use crate::{Error, Place, Result};
 

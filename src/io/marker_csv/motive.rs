@@ -3,6 +3,7 @@
 use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::MarkerTake;
 use crate::io::text::{Lines, excerpt};
+use crate::io::text_cells::Separator;
 use crate::{Error, Result};
 use std::io::BufRead;
 
@@ -58,17 +59,29 @@ pub fn read(
     let chosen = choose(&head, &columns, wanted);
     let (at, stated) = chosen.map_err(|what| Error::data(lines.here(), what))?;
     let mut rows = MarkerRows::default();
-    while let Some(line) = lines.next_line()? {
+    loop {
+        let number = lines.number + 1;
+        let Some(line) = lines.next_line()? else {
+            break;
+        };
         if line.trim_matches([',', ' ']).is_empty() {
             continue;
         }
         let cells: Vec<&str> = line.split(',').collect();
         let chosen = at.iter().map_while(|&c| cells.get(c).copied());
-        let pushed = rows.push(cells.first().copied(), cells.get(1).copied(), chosen);
+        let pushed = rows.push(
+            number,
+            cells.first().copied(),
+            cells.get(1).copied(),
+            chosen,
+        );
         pushed.map_err(|what| Error::data(lines.here(), what))?;
     }
     let name = lines.name.clone();
-    rows.take(&name, stated, lines.whole, keep_whole)
+    let mut take = rows.take(&name, stated, lines.whole, keep_whole)?;
+    take.cells.separator = Separator::Comma;
+    take.cells.points.iter_mut().for_each(|p| *p = at[3 * *p]);
+    Ok(take)
 }
 
 /// The columns of the points, and what the first line says of them.

@@ -37,13 +37,19 @@ pub fn read(first: &str, mut lines: Lines<impl BufRead>, keep_whole: bool) -> Re
             let layout = *layout.get_or_insert_with(|| Layout::of_row(&cells, points));
             let cell = |at: Option<usize>| at.and_then(|at| cells.get(at).copied());
             let xyz = cells.iter().skip(layout.xyz).take(3 * points).copied();
-            let pushed = rows.push(cell(layout.frame), cell(layout.time), xyz);
+            let pushed = rows.push(lines.number, cell(layout.frame), cell(layout.time), xyz);
             pushed.map_err(|what| Error::data(lines.here(), what))?;
         }
         row = lines.next_line()?.map(str::to_string);
     }
     let name = lines.name.clone();
-    rows.take(&name, stated, lines.whole, keep_whole)
+    let mut take = rows.take(&name, stated, lines.whole, keep_whole)?;
+    let first = layout.map_or(0, |layout| layout.xyz);
+    take.cells
+        .points
+        .iter_mut()
+        .for_each(|p| *p = first + 3 * *p);
+    Ok(take)
 }
 
 /// The values of the header by their names, which are of [`KEYS`].

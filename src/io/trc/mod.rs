@@ -12,8 +12,9 @@ pub use write::NewTrc;
 use super::input::Input;
 use super::marker_rows::{MarkerRows, Stated, is_missing};
 use super::marker_take::MarkerTake;
-use super::other_formats::recognized;
+use super::motion_format::recognized;
 use super::text::{Lines, excerpt};
+use super::text_cells::Separator;
 use crate::{Error, Place, Result};
 use std::io::BufRead;
 
@@ -37,7 +38,11 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     let stated = stated(&mut lines)?;
     let mut rows = MarkerRows::default();
     let mut is_first = true;
-    while let Some(line) = lines.next_line()? {
+    loop {
+        let number = lines.number + 1;
+        let Some(line) = lines.next_line()? else {
+            break;
+        };
         let cells = cells(line);
         if cells.iter().all(|c| c.trim().is_empty()) {
             continue;
@@ -49,10 +54,13 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
             continue;
         }
         let (frame, time) = (Some(cells[0]), cells.get(1).copied());
-        let pushed = rows.push(frame, time, cells.iter().skip(2).copied());
+        let pushed = rows.push(number, frame, time, cells.iter().skip(2).copied());
         pushed.map_err(|what| Error::data(lines.here(), what))?;
     }
-    rows.take(&name, stated, lines.whole, keep_whole)
+    let mut take = rows.take(&name, stated, lines.whole, keep_whole)?;
+    take.cells.separator = Separator::TabOrBlanks;
+    take.cells.points.iter_mut().for_each(|p| *p = 2 + 3 * *p);
+    Ok(take)
 }
 
 /// The cells of a line; there is at least one.

@@ -1,30 +1,39 @@
 //! The missing values of a BVH file: solved for from the positions of its joints, with all that are there held.
 //!
-//! A missing value first goes straight from the one before to the one after. Then the missing values of a frame are those that put the
-//! joints where they are wanted, and where that leaves something open (the twist of a bone, a hand without children), that are nearest
-//! to the straight way.
+//! There are two estimates of where a joint is: its restored position, and where it comes to lie when each missing value follows a smooth
+//! path in time ([`channel_paths`](super::channel_paths)). They are weighed by their variances. The missing values of a frame are those
+//! that put the joints there, and where that leaves something open (the twist of a bone, a hand without children), that are nearest to
+//! the path.
 
+use super::channel_paths::{Joints, interpolated, variances};
 use super::solver::{IkSettings, IkSolver, MAX_DOFS, Regularization};
 use crate::io::Bvh;
 use crate::io::bvh::{BvhPoints, BvhSkeleton};
 use crate::numeric::parallel;
 use crate::pose::Poses;
-use crate::pose::rotation::nearest_equivalent_angle;
 use crate::{Error, Result};
-use glam::DMat3;
-use ndarray::Array2;
+use glam::{DMat3, DVec3};
+use ndarray::{Array2, ArrayView2};
 
-/// Holds what the joints leave open to the straight way, cm² a squared radian.
-const STRAIGHT_WEIGHT: f64 = 1e-2;
+/// Holds what the joints leave open to the path, cm² a squared radian.
+const PATH_WEIGHT: f64 = 1e-2;
+/// No position is surer than this, cm².
+const LEAST_VARIANCE: f64 = 1e-2;
 /// Frames of one parallel task.
 const CHUNK: usize = 8;
 
 /// The motion of `bvh` (frames, channels; radians and centimetres) with its missing values, from `poses`, the positions of its joints
-/// (as many frames, cm, y up; NaN is missing). `turn` carries the file's axes to y up.
+/// (as many frames, cm, y up; NaN is missing), and their standard deviations `sd` (frames, points; cm; NaN: measured), where they are
+/// known. `turn` carries the file's axes to y up.
 ///
 /// # Errors
 /// [`Error::Usage`]: another number of frames, no joint of the file among the points, or more than [`MAX_DOFS`] channels.
-pub fn solve_missing_channels(bvh: &Bvh, poses: &Poses, turn: DMat3) -> Result<Array2<f64>> {
+pub fn solve_missing_channels(
+    bvh: &Bvh,
+    poses: &Poses,
+    sd: Option<ArrayView2<'_, f64>>,
+    turn: DMat3,
+) -> Result<Array2<f64>> {
     if poses.frames() != bvh.motion.nrows() {
         let what = format!(
             "the table has {} frames, the BVH file {}",
@@ -49,85 +58,107 @@ pub fn solve_missing_channels(bvh: &Bvh, poses: &Poses, turn: DMat3) -> Result<A
             "no point of the table is a joint of the BVH file",
         ));
     }
-    let straight = straight_ways(bvh);
     let bones: Vec<usize> = known.iter().map(|k| k.1).collect();
+    let paths = interpolated(bvh);
+    let solving = Solving {
+        bvh,
+        rig: &rig,
+        poses,
+        sd,
+        known: &known,
+        variances: variances(bvh, &rig, &bones, &paths),
+        paths,
+    };
     let frames = parallel::map_chunks(bvh.motion.nrows(), CHUNK, |range| {
         let mut solver = IkSolver::new(&rig.skeleton, &bones, IkSettings::default());
-        let one = |t: usize| {
-            let is_missing: Vec<bool> = bvh.motion.row(t).iter().map(|v| v.is_nan()).collect();
-            let mut frame = straight.row(t).to_vec();
-            if !is_missing.contains(&true) {
-                return frame;
-            }
-            let mut start = vec![0.0; rig.skeleton.dof_count()];
-            rig.values(&frame, &mut start);
-            let mut fixed = vec![true; start.len()];
-            for (channel, value) in rig.channels.iter().enumerate() {
-                if let Some(value) = value {
-                    fixed[*value] = !is_missing[channel];
-                }
-            }
-            let wanted = known.iter().flat_map(|&(p, _)| 3 * p..3 * p + 3);
-            let wanted: Vec<f64> = wanted.map(|i| poses.xyz[[t, i]]).collect();
-            let mut q = start.clone();
-            let regularization = Regularization {
-                previous: &start,
-                previous_weight: STRAIGHT_WEIGHT,
-                rest: &start,
-                rest_weight: 0.0,
-            };
-            solver.solve(&wanted, &fixed, &regularization, &mut q);
-            for (value, solved) in frame.iter_mut().zip(rig.frame(&q)) {
-                *value = solved;
-            }
-            // What was there stays to the last digit.
-            for ((value, was), missing) in frame.iter_mut().zip(bvh.motion.row(t)).zip(is_missing) {
-                if !missing {
-                    *value = *was;
-                }
-            }
-            frame
-        };
-        range.map(one).collect::<Vec<_>>()
+        let mut joints = Joints::new(&rig, &bones);
+        range
+            .map(|t| solving.frame(t, &mut solver, &mut joints))
+            .collect::<Vec<_>>()
     });
     let values = frames.into_iter().flatten().flatten().collect();
     Array2::from_shape_vec(bvh.motion.dim(), values).map_err(|e| Error::usage(e.to_string()))
 }
 
-/// The motion with each missing value on the straight way from the one before to the one after (angles the shorter way), at the ends of
-/// the take as the nearest one, and 0 where a channel has none.
-fn straight_ways(bvh: &Bvh) -> Array2<f64> {
-    let kinds = bvh.joints.iter().flat_map(|j| &j.channels);
-    let mut out = bvh.motion.clone();
-    for (c, channel) in kinds.enumerate() {
-        let seen: Vec<usize> = (0..out.nrows())
-            .filter(|&t| bvh.motion[[t, c]].is_finite())
-            .collect();
-        let mut next = 0;
-        for t in 0..out.nrows() {
-            while next < seen.len() && seen[next] < t {
-                next += 1;
-            }
-            if seen.get(next) == Some(&t) {
-                continue;
-            }
-            let before = next.checked_sub(1).map(|i| seen[i]);
-            let after = seen.get(next).copied();
-            let value = |t: usize| bvh.motion[[t, c]];
-            out[[t, c]] = match (before, after) {
-                (Some(a), Some(b)) => {
-                    let end = match channel.is_angle() {
-                        true => nearest_equivalent_angle(value(b), value(a)),
-                        false => value(b),
-                    };
-                    value(a) + (end - value(a)) * (t - a) as f64 / (b - a) as f64
-                }
-                (Some(near), None) | (None, Some(near)) => value(near),
-                (None, None) => 0.0,
-            };
+/// What all frames have in common.
+struct Solving<'a> {
+    bvh: &'a Bvh,
+    rig: &'a BvhSkeleton,
+    poses: &'a Poses,
+    sd: Option<ArrayView2<'a, f64>>,
+    /// The column of each joint among the points, and its bone.
+    known: &'a [(usize, usize)],
+    paths: Array2<f64>,
+    /// (frames, joints), cm².
+    variances: Array2<f64>,
+}
+
+impl Solving<'_> {
+    /// The channels of a frame.
+    fn frame(&self, t: usize, solver: &mut IkSolver<'_>, joints: &mut Joints<'_>) -> Vec<f64> {
+        let is_missing: Vec<bool> = self.bvh.motion.row(t).iter().map(|v| v.is_nan()).collect();
+        let mut frame = self.paths.row(t).to_vec();
+        if !is_missing.contains(&true) {
+            return frame;
         }
+        let mut start = vec![0.0; self.rig.skeleton.dof_count()];
+        self.rig.values(&frame, &mut start);
+        let mut fixed = vec![true; start.len()];
+        for (channel, value) in self.rig.channels.iter().enumerate() {
+            if let Some(value) = value {
+                fixed[*value] = !is_missing[channel];
+            }
+        }
+        let (targets, weights) = self.targets(t, &joints.places(&frame));
+        solver.set_weights(&weights);
+        let mut q = start.clone();
+        let regularization = Regularization {
+            previous: &start,
+            previous_weight: PATH_WEIGHT,
+            rest: &start,
+            rest_weight: 0.0,
+        };
+        solver.solve(&targets, &fixed, &regularization, &mut q);
+        for (value, solved) in frame.iter_mut().zip(self.rig.frame(&q)) {
+            *value = solved;
+        }
+        // What was there stays to the last digit.
+        for ((value, was), missing) in frame.iter_mut().zip(self.bvh.motion.row(t)).zip(is_missing)
+        {
+            if !missing {
+                *value = *was;
+            }
+        }
+        frame
     }
-    out
+
+    /// Where the joints are in a frame by both estimates, and the weight of each coordinate; `along` is where the paths put them.
+    fn targets(&self, t: usize, along: &[DVec3]) -> (Vec<f64>, Vec<f64>) {
+        let mut targets = Vec::with_capacity(3 * along.len());
+        let mut weights = Vec::with_capacity(3 * along.len());
+        for (j, (&(p, _), path)) in self.known.iter().zip(along).enumerate() {
+            let at = DVec3::from_array([0, 1, 2].map(|c| self.poses.xyz[[t, 3 * p + c]]));
+            let sd = self.sd.map_or(f64::NAN, |sd| sd[[t, p]]);
+            let precision = |variance: f64| 1.0 / (variance + LEAST_VARIANCE);
+            let of_path = precision(self.variances[[t, j]]);
+            let (target, weight) = match (at.is_finite(), sd.is_finite()) {
+                (true, true) => {
+                    let of_position = precision(sd * sd);
+                    let both = of_position + of_path;
+                    ((at * of_position + *path * of_path) / both, both)
+                }
+                (true, false) => (at, precision(0.0)),
+                (false, _) => (*path, of_path),
+            };
+            targets.extend(target.to_array());
+            weights.extend([weight; 3]);
+        }
+        let most = weights.iter().copied().fold(0.0, f64::max);
+        if most > 0.0 {
+            weights.iter_mut().for_each(|w| *w /= most);
+        }
+        (targets, weights)
+    }
 }
 
 #[cfg(test)]
@@ -166,7 +197,7 @@ mod tests {
     fn missing_rotations_follow_from_the_positions_and_the_others_stay() {
         let (truth, gaps) = arm(|t| (10..25).contains(&t));
         let poses = truth.to_poses().unwrap();
-        let solved = solve_missing_channels(&gaps, &poses, DMat3::IDENTITY).unwrap();
+        let solved = solve_missing_channels(&gaps, &poses, None, DMat3::IDENTITY).unwrap();
         for ((t, c), value) in solved.indexed_iter() {
             let (want, was) = (truth.motion[[t, c]], gaps.motion[[t, c]]);
             if was.is_finite() {
@@ -178,18 +209,37 @@ mod tests {
                 );
             }
         }
-        assert!(solve_missing_channels(&gaps, &poses.slice(0..3), DMat3::IDENTITY).is_err());
+        assert!(solve_missing_channels(&gaps, &poses.slice(0..3), None, DMat3::IDENTITY).is_err());
     }
 
     #[test]
-    fn without_positions_missing_values_go_straight() {
-        let (_, gaps) = arm(|t| t == 11 || t < 2);
+    fn without_positions_missing_values_follow_their_path() {
+        let (truth, gaps) = arm(|t| t == 11 || t < 2);
         let mut poses = gaps.to_poses().unwrap();
         assert!(poses.xyz[[11, 6]].is_nan() && poses.xyz[[11, 3]].is_finite());
         poses.xyz.fill(f64::NAN);
-        let solved = solve_missing_channels(&gaps, &poses, DMat3::IDENTITY).unwrap();
-        let mean = 0.5 * (gaps.motion[[10, 6]] + gaps.motion[[12, 6]]);
-        assert!((solved[[11, 6]] - mean).abs() < 1e-9);
-        assert!((solved[[0, 6]] - gaps.motion[[2, 6]]).abs() < 1e-9);
+        let solved = solve_missing_channels(&gaps, &poses, None, DMat3::IDENTITY).unwrap();
+        let off = (solved[[11, 6]] - truth.motion[[11, 6]]).abs();
+        assert!(off < 0.02, "{off}");
+        assert!((solved[[0, 6]] - gaps.motion[[2, 6]]).abs() < 1e-6);
+    }
+
+    #[test]
+    fn unsure_positions_count_less_than_a_sure_path() {
+        let (truth, gaps) = arm(|t| (18..22).contains(&t));
+        let mut poses = truth.to_poses().unwrap();
+        // The end of the arm, 5 cm off.
+        let tip = poses.points.iter().position(|p| p == "c").unwrap();
+        (18..22).for_each(|t| poses.xyz[[t, 3 * tip]] += 5.0);
+        let mut sd = Array2::from_elem((40, poses.points.len()), f64::NAN);
+        let off = |sd: ArrayView2<'_, f64>| {
+            let solved = solve_missing_channels(&gaps, &poses, Some(sd), DMat3::IDENTITY).unwrap();
+            (solved[[20, 6]] - truth.motion[[20, 6]]).abs()
+        };
+        (18..22).for_each(|t| sd.row_mut(t).fill(0.01));
+        let sure = off(sd.view());
+        (18..22).for_each(|t| sd.row_mut(t).fill(10.0));
+        let unsure = off(sd.view());
+        assert!(unsure < 0.3 * sure, "{unsure} {sure}");
     }
 }

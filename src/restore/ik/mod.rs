@@ -1,6 +1,7 @@
 //! Inverse kinematics: a skeleton's degrees of freedom from the positions of its joints.
 
 pub mod bone_normalization;
+mod channel_paths;
 pub mod correspondence;
 pub mod initial_pose;
 mod missing_channels;

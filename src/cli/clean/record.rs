@@ -1,0 +1,138 @@
+//! The record beside a result: what it was made from and by which settings, what the file was taken for, what was found and changed.
+
+use super::sources::Job;
+use crate::audit::TakeAudit;
+use crate::cli::gap_report::GapLine;
+use crate::cli::motion_file::ReadAs;
+use crate::io::output::write_file;
+use crate::prior::provenance::hex;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::path::{Path, PathBuf};
+
+/// A file by its name and content.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Fingerprint {
+    /// The file's name, without its folder.
+    pub file: String,
+    /// The SHA-256 of its bytes.
+    pub sha256: String,
+}
+
+impl Fingerprint {
+    /// Of a file of these bytes.
+    pub fn of(path: &Path, bytes: &[u8]) -> Fingerprint {
+        let name = path.file_name().unwrap_or(path.as_os_str());
+        Fingerprint {
+            file: name.to_string_lossy().into_owned(),
+            sha256: hex(&Sha256::digest(bytes)),
+        }
+    }
+
+    /// Of a file that is there.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: it cannot be read.
+    pub fn read(path: &Path) -> Result<Fingerprint> {
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        Ok(Fingerprint::of(path, &bytes))
+    }
+}
+
+/// What a result was made from. Where nothing of it changes, the result does not either.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MadeFrom {
+    /// The version of posing.
+    pub posing: String,
+    /// The settings that change results.
+    pub settings: serde_json::Value,
+    /// The capture.
+    pub input: Fingerprint,
+    /// The skeleton of an AMC take.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub skeleton: Option<Fingerprint>,
+}
+
+/// What became of a file, in numbers.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// The format of the capture.
+    pub format: String,
+    /// Frames.
+    pub frames: usize,
+    /// Points.
+    pub points: usize,
+    /// Frames a second.
+    pub rate: Option<f64>,
+    /// Positions that were missing: points times frames.
+    pub missing: usize,
+    /// Those that were filled.
+    pub filled: usize,
+    /// Outliers that were replaced.
+    pub outliers: usize,
+    /// Noise of a coordinate, cm.
+    pub noise: f64,
+    /// Whether it was removed.
+    pub denoised: bool,
+    /// What somebody should look at, a line each.
+    pub findings: Vec<String>,
+    /// How the file was taken, and what was odd in it, a line each.
+    pub notes: Vec<String>,
+}
+
+/// The record of a result.
+#[derive(Debug, Serialize)]
+pub struct Record<'a> {
+    /// The command that made it.
+    pub command: &'static str,
+    /// What it was made from.
+    pub made_from: &'a MadeFrom,
+    /// What the file was taken for.
+    pub read_as: &'a ReadAs,
+    /// The map of its points' names, where one was used.
+    pub map: Option<&'a str>,
+    /// What was wrong before.
+    pub audit: &'a [TakeAudit],
+    /// What became of it.
+    pub summary: &'a Summary,
+    /// Every gap, and how it was filled.
+    pub gaps: Vec<GapLine<'a>>,
+    /// The result.
+    pub output: Fingerprint,
+}
+
+/// What is read of an earlier record.
+#[derive(Deserialize)]
+struct Earlier {
+    made_from: MadeFrom,
+    summary: Summary,
+    output: Fingerprint,
+}
+
+impl Record<'_> {
+    /// Writes it beside the result.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: writing fails.
+    pub fn write(&self, job: &Job) -> Result<()> {
+        let json = serde_json::to_string_pretty(self).map_err(|e| Error::usage(e.to_string()))?;
+        write_file(record_path(&job.output), (json + "\n").as_bytes())
+    }
+}
+
+/// What an earlier run says of a result that is still what it made of the same.
+pub fn unchanged(job: &Job, made_from: &MadeFrom) -> Option<Summary> {
+    let text = std::fs::read(record_path(&job.output)).ok()?;
+    let earlier: Earlier = serde_json::from_slice(&text).ok()?;
+    let is_same =
+        earlier.made_from == *made_from && Fingerprint::read(&job.output).ok()? == earlier.output;
+    is_same.then_some(earlier.summary)
+}
+
+/// The place of the record of a result.
+pub fn record_path(output: &Path) -> PathBuf {
+    let mut name = output.as_os_str().to_owned();
+    name.push(".json");
+    PathBuf::from(name)
+}

@@ -1,0 +1,68 @@
+//! New files of markers from a take.
+
+use super::args::value_name;
+use super::one_take::first_frame_number;
+use super::units::{TableUnits, Up};
+use crate::Result;
+use crate::io::c3d::NewC3d;
+use crate::io::trc::NewTrc;
+use crate::pose::Poses;
+
+/// What a new file says of a take.
+#[derive(Debug)]
+pub struct NewTake {
+    /// Its frames, in the unit and axes of the file.
+    pub poses: Poses,
+    /// Frames a second.
+    pub rate: f64,
+    /// The number of the first frame, from 1.
+    pub first_frame: u32,
+    units: TableUnits,
+}
+
+impl NewTake {
+    /// The take `poses` (cm, y up) for a file in `units`.
+    pub fn new(mut poses: Poses, rate: f64, units: TableUnits) -> NewTake {
+        let number = first_frame_number(&poses, Some(rate));
+        units.write_frames(&mut poses.xyz);
+        NewTake {
+            poses,
+            rate,
+            first_frame: u32::try_from(number).unwrap_or(1).max(1),
+            units,
+        }
+    }
+
+    /// The bytes of a C3D file.
+    ///
+    /// # Errors
+    /// Those of [`NewC3d::bytes`].
+    pub fn c3d(&self) -> Result<Vec<u8>> {
+        let up = format!("+{}", value_name(self.units.up).to_uppercase());
+        let right = if self.units.up == Up::X { "+Y" } else { "+X" };
+        NewC3d {
+            points: &self.poses.points,
+            rate: self.rate,
+            first_frame: self.first_frame,
+            units: &value_name(self.units.unit),
+            screen: [right, &up],
+        }
+        .bytes(self.poses.xyz.view())
+    }
+
+    /// The bytes of a TRC file.
+    ///
+    /// # Errors
+    /// Those of [`NewTrc::bytes`].
+    pub fn trc(&self) -> Result<Vec<u8>> {
+        let name = self.poses.take.as_ref().and_then(|names| names.first());
+        NewTrc {
+            name: &format!("{}.trc", name.map_or("take", |n| &**n)),
+            points: &self.poses.points,
+            rate: self.rate,
+            first_frame: self.first_frame,
+            units: &value_name(self.units.unit),
+        }
+        .bytes(self.poses.xyz.view())
+    }
+}

@@ -1,0 +1,125 @@
+//! The formats of motion files, told by how a file begins, never by its name.
+
+use serde::{Deserialize, Serialize};
+
+/// What kind of file of motion it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionFormat {
+    /// C3D: markers, binary.
+    C3d,
+    /// TRC: markers, text.
+    Trc,
+    /// Motive's CSV: markers.
+    MotiveCsv,
+    /// Qualisys' TSV: markers.
+    QualisysTsv,
+    /// BVH: a skeleton and its rotations.
+    Bvh,
+    /// AMC: rotations of a skeleton that an ASF file has.
+    Amc,
+    /// ASF: a skeleton without motion.
+    Asf,
+    /// A pose table as CSV, or what may be one.
+    Csv,
+    /// A pose table as NPY.
+    Npy,
+}
+
+impl MotionFormat {
+    /// The format of a file that begins so; what is nothing else may be a pose table.
+    pub fn of(start: &[u8]) -> MotionFormat {
+        let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
+        let is = |prefix: &str| {
+            let text = text.trim_ascii_start();
+            text.len() >= prefix.len()
+                && text[..prefix.len()].eq_ignore_ascii_case(prefix.as_bytes())
+        };
+        match start {
+            [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => MotionFormat::Npy,
+            // The first block of parameters and the key of all C3D files, then numbers, never text alone.
+            [_, 0x50, ..] if start.iter().any(|b| *b < 9) => MotionFormat::C3d,
+            _ if is("HIERARCHY") => MotionFormat::Bvh,
+            _ if is("#!OML:") || is(":FULLY") || is(":DEGREES") => MotionFormat::Amc,
+            _ if is("# AST") || is("# ASF") || is(":version") => MotionFormat::Asf,
+            _ if is("PathFileT") => MotionFormat::Trc,
+            _ if is("Format Ve") => MotionFormat::MotiveCsv,
+            _ if is("NO_OF_FRA") || is("FILE_VERS") => MotionFormat::QualisysTsv,
+            _ => MotionFormat::Csv,
+        }
+    }
+
+    /// Its name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            MotionFormat::C3d => "C3D",
+            MotionFormat::Trc => "TRC",
+            MotionFormat::MotiveCsv => "Motive CSV",
+            MotionFormat::QualisysTsv => "Qualisys TSV",
+            MotionFormat::Bvh => "BVH",
+            MotionFormat::Amc => "AMC",
+            MotionFormat::Asf => "ASF",
+            MotionFormat::Csv => "CSV",
+            MotionFormat::Npy => "NPY",
+        }
+    }
+}
+
+/// What a file that begins so is instead of a pose table, and what to do with it; `None` for what may be a table.
+pub fn recognized(start: &[u8]) -> Option<&'static str> {
+    Some(match MotionFormat::of(start) {
+        MotionFormat::C3d => "is a C3D file: convert it with c3d2xyz",
+        MotionFormat::Bvh => "is a BVH file: convert it with bvh2xyz",
+        MotionFormat::Amc => "is an AMC file: convert it with amc2xyz --asf SUBJECT.asf --fps F",
+        MotionFormat::Asf => {
+            "is an ASF skeleton: give it to amc2xyz --asf, together with an AMC take"
+        }
+        MotionFormat::Trc => "is a TRC file: convert it with trc2xyz --up y",
+        MotionFormat::MotiveCsv => "is a Motive CSV file: convert it with csv2xyz --up y",
+        MotionFormat::QualisysTsv => {
+            "is a Qualisys TSV file: convert it with csv2xyz --units mm --up z"
+        }
+        MotionFormat::Csv | MotionFormat::Npy => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_are_told_by_their_beginnings() {
+        for (start, word) in [
+            (&b"\x02\x50\x2c\x00\x00\x00"[..], "c3d2xyz"),
+            (b"HIERARCHY\nROOT", "bvh2xyz"),
+            (b"\r\nhierarchy\r\n", "bvh2xyz"),
+            (b"#!OML:ASF F:\\VIC", "amc2xyz"),
+            (b"# AST/ASF file g", "ASF"),
+            (b"PathFileType\t4\t(", "trc2xyz"),
+            (b"\xef\xbb\xbfPathFileType\t4\t(", "trc2xyz"),
+            (
+                b"\xef\xbb\xbfFormat Version,1",
+                "Motive CSV file: convert it with csv2xyz",
+            ),
+            (
+                b"NO_OF_FRAMES\t200",
+                "Qualisys TSV file: convert it with csv2xyz",
+            ),
+            (b"FILE_VERSION\t2.0.0", "csv2xyz"),
+        ] {
+            let start = &start[..start.len().min(12)];
+            let said = recognized(start).unwrap_or_default();
+            assert!(said.contains(word), "{start:?}: {said}");
+        }
+        for table in [
+            &b"time,root.x,root"[..],
+            b"# a comment\n",
+            b"\x93NUMPY",
+            b"",
+            b"aP.x,",
+        ] {
+            assert!(recognized(table).is_none(), "{table:?}");
+        }
+        assert_eq!(MotionFormat::of(b"\x93NUMPY\x01"), MotionFormat::Npy);
+    }
+}

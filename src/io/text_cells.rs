@@ -1,0 +1,189 @@
+//! Where the coordinates of a take stand in its file of text, so that they can be written again and all else stays as it is.
+
+use super::text::push_f64;
+use ndarray::ArrayView2;
+use std::borrow::Cow;
+
+/// Digits after the point of what is written: a micrometre in files of metres.
+const DECIMALS: f64 = 1e6;
+
+/// How the cells of a row are parted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Separator {
+    /// By tabs.
+    #[default]
+    Tab,
+    /// By commas.
+    Comma,
+    /// By tabs, or by blanks in a row without a tab.
+    TabOrBlanks,
+}
+
+/// Where the coordinates of a take stand in its file.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TextCells {
+    /// The number of the line of each frame, from 1; `None` of a frame that the file leaves out.
+    pub lines: Vec<Option<u64>>,
+    /// The cell of each point's x in a row, from 0; y and z follow it.
+    pub points: Vec<usize>,
+    /// How the cells are parted.
+    pub separator: Separator,
+}
+
+impl TextCells {
+    /// The bytes of the file, `original`, whose coordinates are `old`, with the coordinates `new` (frames, 3 P; both in the file's unit
+    /// and axes). Every other byte stays; a missing value takes no measured one away.
+    pub fn with_points(
+        &self,
+        original: &[u8],
+        old: ArrayView2<'_, f64>,
+        new: ArrayView2<'_, f64>,
+    ) -> Vec<u8> {
+        let mut out = Vec::with_capacity(original.len());
+        let lines = self.lines.iter().enumerate();
+        let mut frames = lines.filter_map(|(t, line)| Some(((*line)?, t))).peekable();
+        for (i, line) in original.split_inclusive(|b| *b == b'\n').enumerate() {
+            let frame = frames.next_if(|(number, _)| *number == i as u64 + 1);
+            let changed: Vec<(usize, f64)> = match frame {
+                Some((_, t)) => {
+                    let values = old.row(t).into_iter().zip(new.row(t)).enumerate();
+                    let changed = values.filter(|(_, (old, new))| new.is_finite() && old != new);
+                    let cell = |i: usize| self.points[i / 3] + i % 3;
+                    changed.map(|(i, (_, new))| (cell(i), *new)).collect()
+                }
+                None => Vec::new(),
+            };
+            self.push_row(line, &changed, &mut out);
+        }
+        out
+    }
+
+    /// A row with some of its cells written anew.
+    fn push_row(&self, line: &[u8], changed: &[(usize, f64)], out: &mut Vec<u8>) {
+        if changed.is_empty() {
+            out.extend_from_slice(line);
+            return;
+        }
+        let is_end = |b: &&u8| matches!(**b, b'\n' | b'\r');
+        let body = &line[..line.len() - line.iter().rev().take_while(is_end).count()];
+        let separator = match self.separator {
+            Separator::Comma => Some(b','),
+            Separator::TabOrBlanks if !body.contains(&b'\t') => None,
+            Separator::Tab | Separator::TabOrBlanks => Some(b'\t'),
+        };
+        let mut cells = match separator {
+            Some(byte) => cells(body, byte),
+            None => words(body),
+        };
+        let (between, empty) = match separator {
+            Some(b',') => (&b","[..], &b""[..]),
+            Some(_) => (&b"\t"[..], &b""[..]),
+            None => (&b" "[..], &b"nan"[..]),
+        };
+        for &(cell, value) in changed {
+            // A row may lack its last cells.
+            while cells.len() <= cell {
+                cells.push((between, Cow::Borrowed(empty)));
+            }
+            let mut text = Vec::new();
+            push_f64(&mut text, (value * DECIMALS).round() / DECIMALS);
+            cells[cell].1 = Cow::Owned(text);
+        }
+        for (before, cell) in &cells {
+            out.extend_from_slice(before);
+            out.extend_from_slice(cell);
+        }
+        out.extend_from_slice(&line[body.len()..]);
+    }
+}
+
+/// What stands before a cell, and the cell.
+type Cell<'a> = (&'a [u8], Cow<'a, [u8]>);
+
+/// The cells of a row between separators.
+fn cells(body: &[u8], separator: u8) -> Vec<Cell<'_>> {
+    let mut before = &body[..0];
+    let mut rest = body;
+    let mut out = Vec::new();
+    loop {
+        let end = rest.iter().position(|b| *b == separator);
+        let (cell, after) = rest.split_at(end.unwrap_or(rest.len()));
+        out.push((before, Cow::Borrowed(cell)));
+        if end.is_none() {
+            return out;
+        }
+        (before, rest) = after.split_at(1);
+    }
+}
+
+/// The words of a row, each with the blanks before it.
+fn words(body: &[u8]) -> Vec<Cell<'_>> {
+    let mut rest = body;
+    let mut out = Vec::new();
+    while !rest.is_empty() {
+        let is_blank = |b: &u8| b.is_ascii_whitespace();
+        let start = rest.iter().position(|b| !is_blank(b));
+        let (before, word) = rest.split_at(start.unwrap_or(rest.len()));
+        let end = word.iter().position(is_blank).unwrap_or(word.len());
+        let (word, after) = word.split_at(end);
+        if word.is_empty() {
+            // Blanks at the end.
+            break;
+        }
+        out.push((before, Cow::Borrowed(word)));
+        rest = after;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+
+    /// Two points in two frames, of which `new` has some values anew.
+    fn written(original: &str, separator: Separator) -> String {
+        let cells = TextCells {
+            lines: vec![Some(2), None, Some(4)],
+            points: vec![4, 1],
+            separator,
+        };
+        let n = f64::NAN;
+        let old = array![[1., 2., 3., n, n, n], [n; 6], [4., 5., 6., 7., 8., 9.]];
+        let mut new = old.clone();
+        new[[0, 3]] = 0.25;
+        new[[0, 5]] = 1.0 / 3.0;
+        new[[1, 0]] = 5.0;
+        new[[2, 4]] = -8.5;
+        new[[2, 5]] = n;
+        let bytes = cells.with_points(original.as_bytes(), old.view(), new.view());
+        String::from_utf8(bytes).unwrap()
+    }
+
+    #[test]
+    fn only_the_cells_of_new_values_change() {
+        let file = "head\r\n0,,nan,,1.0,2.50,3,x\r\n\r\n1,7,8,9,4,5,6\r\n9,9";
+        let wanted = "head\r\n0,0.25,nan,0.333333,1.0,2.50,3,x\r\n\r\n1,7,-8.5,9,4,5,6\r\n9,9";
+        assert_eq!(written(file, Separator::Comma), wanted);
+        let tabs = |text: &str| text.replace(',', "\t");
+        assert_eq!(written(&tabs(file), Separator::Tab), tabs(wanted));
+        assert_eq!(written(&tabs(file), Separator::TabOrBlanks), tabs(wanted));
+        let blanks = |text: &str| {
+            text.replace("0,,nan,,", "0,nan,nan,nan,")
+                .replace(',', "  ")
+        };
+        let wanted = wanted.replace(',', "  ");
+        assert_eq!(written(&blanks(file), Separator::TabOrBlanks), wanted);
+    }
+
+    #[test]
+    fn short_rows_grow() {
+        let file = "head\n0\n\n1\t7\n";
+        assert_eq!(
+            written(file, Separator::Tab),
+            "head\n0\t0.25\t\t0.333333\n\n1\t7\t-8.5\n"
+        );
+        let grown = written("head\n0\n\n1 7\n", Separator::TabOrBlanks);
+        assert_eq!(grown, "head\n0 0.25 nan 0.333333\n\n1 7 -8.5\n");
+    }
+}

@@ -1,0 +1,91 @@
+//! Cleaning: what a take needs and no more. A noisy one is denoised, any other keeps what was measured; outliers are replaced, gaps filled.
+
+use super::complete::{Complete, empty_gaps};
+use super::denoise::Denoise;
+use super::gap::{Gap, find_gaps};
+use super::noise_estimation::typical_noise;
+use super::restored_frames::{BoundModel, Method, RestoredFrames, Take};
+use ndarray::ArrayView2;
+
+/// How to clean.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clean {
+    /// Takes with more noise are denoised: standard deviation of a coordinate, cm.
+    pub noise_limit: f64,
+    /// Whether to replace outliers.
+    pub outliers: bool,
+    /// Longest gap to fill, in seconds; `None`: no limit. Needs a frame rate.
+    pub max_gap: Option<f64>,
+    /// Gaps that would be filled with a larger standard deviation of a coordinate stay, cm.
+    pub max_sd: f64,
+    /// Frames a second, for a table without times.
+    pub fps: Option<f64>,
+}
+
+impl Default for Clean {
+    fn default() -> Self {
+        Clean {
+            noise_limit: 0.1,
+            outliers: true,
+            max_gap: None,
+            max_sd: 5.0,
+            fps: None,
+        }
+    }
+}
+
+impl Clean {
+    fn complete(&self) -> Complete {
+        Complete {
+            max_gap: self.max_gap,
+            overwrite_outliers: self.outliers,
+            fps: self.fps,
+            ..Complete::default()
+        }
+    }
+
+    fn denoise(&self) -> Denoise {
+        Denoise {
+            outliers: self.outliers,
+            fill: true,
+            max_gap: self.max_gap,
+            fps: self.fps,
+            ..Denoise::default()
+        }
+    }
+}
+
+impl Clean {
+    /// Whether a gap is filled with a larger standard deviation than is wanted: the root mean square over its frames.
+    fn is_unsure(&self, gap: &Gap, out: &RestoredFrames) -> bool {
+        let variances = gap
+            .frames
+            .clone()
+            .map(|t| out.of_point(t, gap.point).1.powi(2));
+        let mean = variances.sum::<f64>() / gap.frames.len() as f64;
+        mean.sqrt() > self.max_sd
+    }
+}
+
+impl Method for Clean {
+    fn frames(&self, bound: &BoundModel<'_>, table: ArrayView2<'_, f64>) -> RestoredFrames {
+        self.complete().frames(bound, table)
+    }
+
+    fn take(
+        &self,
+        bound: Option<&BoundModel<'_>>,
+        take: &Take<'_>,
+        done: &(dyn Fn(usize) + Sync),
+    ) -> RestoredFrames {
+        let mut out = match typical_noise(take.xyz, take.runs) > self.noise_limit {
+            true => self.denoise().take(bound, take, done),
+            false => self.complete().take(bound, take, done),
+        };
+        let gaps = find_gaps(take.xyz, take.runs);
+        let unsure = gaps.iter().filter(|gap| self.is_unsure(gap, &out));
+        let unsure: Vec<&Gap> = unsure.collect();
+        empty_gaps(&mut out, take.xyz, unsure.into_iter());
+        out
+    }
+}
