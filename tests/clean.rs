@@ -143,7 +143,10 @@ fn a_second_run_does_nothing_until_something_changes() {
     };
     let words = |a: &str, b: &str| (a.to_string(), b.to_string());
     let first = run(&[]);
-    assert!(first.contains("1 other files left out"), "{first}");
+    assert!(
+        first.contains("left out, as none of motion or results: 1"),
+        "{first}"
+    );
     let time = || {
         fs::metadata(folder.at("out/deep/b.csv"))
             .unwrap()
@@ -158,10 +161,14 @@ fn a_second_run_does_nothing_until_something_changes() {
         gaps.replacen("07_01", "walk", 1).replace("07_01", "walk"),
     );
     assert_eq!(both(&run(&[])), words("cleaned", "unchanged"));
-    // A result that somebody changed, and one whose record is gone.
+    // A result that somebody changed, and one whose record is gone, are somebody's work.
     folder.put("out/a.csv", "x");
     fs::remove_file(folder.at("out/deep/b.csv.json")).unwrap();
-    assert_eq!(both(&run(&[])), words("cleaned", "cleaned"));
+    let said = run(&[]);
+    assert_eq!(both(&said), words("failed", "failed"));
+    assert!(said.contains("was changed since clean made it") && said.contains("has no record"));
+    assert_eq!(both(&run(&["--again"])), words("cleaned", "failed"));
+    fs::remove_file(folder.at("out/deep/b.csv")).unwrap();
     assert_eq!(
         both(&run(&["--max-gap", "0.1"])),
         words("cleaned", "cleaned")
@@ -231,14 +238,18 @@ fn a_killed_run_goes_on_where_it_was() {
         .stdout(Stdio::null())
         .spawn()
         .unwrap();
-    while !folder.at("out/1.csv.json").exists() {
+    // A record has its result's digest once that is whole.
+    let is_done = |i: &usize| {
+        let record = fs::read_to_string(folder.at(&format!("out/{i}.csv.json")));
+        record.is_ok_and(|text| text.contains("\"output\""))
+    };
+    while !is_done(&1) {
         assert!(child.try_wait().unwrap().is_none(), "it ended before");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    let done = (0..6).filter(|i| folder.at(&format!("out/{i}.csv.json")).exists());
-    let done = done.count();
+    let done = (0..6).filter(is_done).count();
     let (_, said) = folder.clean(&["in", "-o", "out"]);
     let count = |word: &str| said.lines().filter(|l| l.ends_with(word)).count();
     assert_eq!(
@@ -286,6 +297,13 @@ fn rotations_stay_but_for_what_is_missing() {
     for (was, is) in broken.split(' ').zip(whole.split(' ')) {
         assert!(was == is || was == "nan" && is != "nan");
     }
+    // A gap that is too long stays, in the file and in the record.
+    let (code, said) = folder.clean(&["in/a.bvh", "-o", "long.bvh", "--max-gap", "0.1"]);
+    assert!(
+        code == 3 && said.contains("60 values of the file are still nan"),
+        "{said}"
+    );
+    assert_eq!(fs::read_to_string(folder.at("long.bvh")).unwrap(), broken);
     let amc = |folder_of: PathBuf| fs::read(folder_of.join("07_01.amc")).unwrap();
     assert_eq!(amc(folder.at("in")), amc(folder.at("out")));
     let (_, said) = folder.clean(&["in", "-o", "csv", "--fps", "120", "--to", "csv"]);
@@ -364,6 +382,22 @@ fn a_capture_is_never_overwritten_and_results_never_collide() {
     folder.put("b/a.csv", with_gaps());
     let said = folder.clean(&["in/a.csv", "b/a.csv", "-o", "out"]);
     assert_eq!(said.0, 2, "{}", said.1);
+    // Captures that are no inputs of the run, and a page in the place of one.
+    folder.put("raw/a.csv", "mine");
+    folder.put("raw/day1/a.csv", with_gaps());
+    let (code, said) = folder.clean(&["raw/day1", "-o", "raw"]);
+    assert!(
+        code == 3 && said.contains("no record that clean made it"),
+        "{said}"
+    );
+    let page = folder.clean(&["raw/day1", "-o", "out", "--page", "raw/a.csv"]);
+    assert_eq!(page.0, 1, "{}", page.1);
+    assert_eq!(fs::read(folder.at("raw/a.csv")).unwrap(), b"mine");
+    assert_eq!(folder.clean(&["raw", "-o", "raw"]).0, 2);
+    assert_eq!(folder.clean(&["in/a.csv", "-o", "a.bvh"]).0, 2);
+    assert_eq!(folder.clean(&["in/a.csv", "-o", "-"]).0, 2);
+    fs::create_dir(folder.at("empty")).unwrap();
+    assert_eq!(folder.clean(&["empty", "-o", "out"]).0, 1);
 }
 
 #[test]

@@ -21,9 +21,9 @@ use std::process::ExitCode;
 /// Clean takes of any format: fill gaps, replace outliers, remove noise
 ///
 /// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own format, with all else that the
-/// file says. Gaps are filled as by complete, outliers replaced, and takes with more noise than --noise-limit are denoised;
-/// what was measured well stays to the last digit. In BVH files, missing values (the word nan) are filled and every other byte
-/// stays; AMC files, which cannot lack anything, are audited and copied. With --to, both become positions, which are cleaned as
+/// file says. Gaps are filled as by complete, outliers replaced (the record keeps them), and takes with more noise than
+/// --noise-limit are denoised; all else stays to the last digit. In BVH files, missing values (the word nan) are filled and
+/// every other byte stays; AMC files, which cannot lack anything, are audited and copied. With --to, both become positions, which are cleaned as
 /// others are.
 ///
 /// A folder is searched for such files; its results keep their places below DIR. Beside each result, RESULT.json says what it was
@@ -49,7 +49,7 @@ struct Args {
     /// Write the page to FILE [default: DIR/clean.html]
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     page: Option<PathBuf>,
-    /// Clean files again whose results are there
+    /// Clean files again whose results are there, also where somebody changed these
     #[arg(long, help_heading = "Output")]
     again: bool,
     #[command(flatten)]

@@ -87,6 +87,27 @@ impl MotionLimitArgs {
     }
 }
 
+/// Fails where a rate that was given contradicts the file.
+fn check_rate(file: &MotionFile, flags: &ReadFlags) -> Result<()> {
+    match (file.rate(), flags.fps) {
+        (Some(own), Some(fps)) if (own - fps).abs() > 1e-4 * own => Err(Error::usage(format!(
+            "--fps {fps} contradicts {}, which has {own} frames per second; leave --fps out",
+            file.table.name
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// The audit of what a file holds: its positions, and its angles if it has some.
+pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
+    let mut takes = audit(&file.table.poses, file.rate(), limits);
+    // Only files of one take have angles.
+    if let Some(take) = takes.first_mut() {
+        take.findings.extend(flips(&file.joint_angles()));
+    }
+    takes
+}
+
 /// The audit of a file; one that cannot be read stops no other.
 ///
 /// # Errors
@@ -95,13 +116,8 @@ pub fn audit_file(path: &Path, flags: &ReadFlags, limits: &Limits) -> Result<Fil
     let takes = || {
         let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
         let file = MotionFile::read(path, bytes, flags)?;
-        let mut takes = audit(&file.table.poses, file.rate(), limits);
-        // Only files of one take have angles.
-        let first = takes.first_mut();
-        first
-            .into_iter()
-            .for_each(|take| take.findings.extend(flips(&file.joint_angles())));
-        Ok(takes)
+        check_rate(&file, flags)?;
+        Ok(audit_motion(&file, limits))
     };
     let file = match path == Path::new("-") {
         true => "standard input".to_string(),

@@ -24,7 +24,7 @@ const NAMES: f64 = 180.0;
 pub fn page(files: &[FileAudit]) -> String {
     let found = files.iter().filter(|f| f.has_findings()).count();
     let sections: String = files.iter().map(section).collect();
-    let counts = format!("{} files, findings in {found}", files.len());
+    let counts = format!("Files: {}, with findings: {found}", files.len());
     fill(
         TEMPLATE,
         &[

@@ -36,13 +36,13 @@ pub struct ReadArgs {
     /// Axis that points up in files that do not say it (BVH files and tables: y)
     #[arg(long, value_enum, value_name = "AXIS")]
     up: Option<Up>,
-    /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's, or the only one there]
+    /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's: 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: Option<PathBuf>,
     /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
-    /// Accept files that end early: the whole frames before that are kept
+    /// Accept files that end early (not tables): the whole frames before that are kept
     #[arg(long)]
     keep_whole: bool,
 }
@@ -73,7 +73,7 @@ pub struct ReadFlags {
     pub units: Option<Units>,
     /// The axis that points up.
     pub up: Option<Up>,
-    /// The skeleton of AMC takes; `None`: the ASF file beside each.
+    /// The skeleton of AMC takes; `None`: the ASF file beside each whose name begins the take's.
     pub asf: Option<PathBuf>,
     /// The names of an array's points.
     pub joints: Option<Vec<String>>,
@@ -195,8 +195,17 @@ impl MotionFile {
         }
     }
 
+    /// Whether a file of rotations lacks none.
+    pub fn is_whole(&self) -> bool {
+        match &self.original {
+            Original::Bvh(_, bvh) => bvh.missing().is_empty(),
+            _ => true,
+        }
+    }
+
     /// Writes the file anew, in its own format and with all that it says, with its points as they were restored. In a BVH file,
-    /// missing values are solved for; all else stays. Returns how many positions its numbers do not hold: they stay as they were.
+    /// missing values are solved for; all else stays. Returns how many positions its numbers do not hold, which stay as they were, or how many values of a BVH file are
+    /// missing still.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: the format does not hold the new values.
@@ -226,6 +235,7 @@ impl MotionFile {
                 };
                 let motion =
                     solve_missing_channels(bvh, &poses, Some(sd.view()), self.units.up.rotation())?;
+                left = motion.iter().filter(|v| v.is_nan()).count();
                 bvh.fill_missing(bytes, motion.view(), self.units.unit.centimetres())?
             }
             Original::Amc(bytes, _) => bytes.clone(),
@@ -280,8 +290,17 @@ impl MotionFile {
                     continue;
                 }
                 self.units.write(&mut place);
-                if holds(place) {
-                    (0..3).for_each(|c| out[[t, 3 * p + c]] = place[c]);
+                if !holds(place) {
+                    continue;
+                }
+                // A coordinate that did not move has the digits that it had.
+                let mut old = at.map(|at| was[at]);
+                self.units.write(&mut old);
+                for c in 0..3 {
+                    let own = &mut out[[t, 3 * p + c]];
+                    if own.is_nan() || old[c].to_bits() != place[c].to_bits() {
+                        *own = place[c];
+                    }
                 }
             }
         }
@@ -496,14 +515,16 @@ pub fn skeleton_of(path: &Path, flags: &ReadFlags) -> Result<PathBuf> {
     let mut all: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(is_asf).collect();
     all.sort();
     let take = take_name(path);
-    let begins = |p: &&PathBuf| take.starts_with(&take_name(p));
-    let longest = all.iter().filter(begins).max_by_key(|p| take_name(p).len());
-    match (longest, &all[..]) {
-        (Some(own), _) => Ok(own.clone()),
-        (None, [only]) => Ok(only.clone()),
-        (None, all) => {
+    // 07_01 is of 07, not of 0.
+    let begins = |p: &&PathBuf| {
+        let rest = take.strip_prefix(&take_name(p)).map(str::to_string);
+        rest.is_some_and(|rest| !rest.starts_with(char::is_alphanumeric))
+    };
+    match all.iter().filter(begins).max_by_key(|p| take_name(p).len()) {
+        Some(own) => Ok(own.clone()),
+        None => {
             let what = format!(
-                "{} skeletons are beside the take, none with its name; give it with --asf SUBJECT.asf",
+                "no skeleton beside the take begins its name ({} others are there); give it with --asf SUBJECT.asf",
                 all.len()
             );
             Err(Error::data(Place::file(path.display().to_string()), what))

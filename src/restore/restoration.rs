@@ -81,6 +81,11 @@ pub struct Restoration<'t> {
 }
 
 impl<'t> Restoration<'t> {
+    /// A table that is left as it is.
+    pub fn unchanged(source: &'t Table) -> Restoration<'t> {
+        Restoration::new(source)
+    }
+
     /// A table of which no frame is restored yet.
     pub(super) fn new(source: &'t Table) -> Restoration<'t> {
         let xyz = source.poses.xyz.clone();

@@ -5,11 +5,12 @@ CLEANED = cleaned
 POSING = posing
 FLAGS = --fps 120 --up y
 
-takes := $(wildcard $(CAPTURES)/*.c3d $(CAPTURES)/*.trc $(CAPTURES)/*.bvh $(CAPTURES)/*.csv)
+takes := $(wildcard $(CAPTURES)/*.c3d $(CAPTURES)/*.trc $(CAPTURES)/*.amc $(CAPTURES)/*.bvh $(CAPTURES)/*.csv)
 
 all: $(takes:$(CAPTURES)/%=$(CLEANED)/%)
 
 $(CLEANED)/%: $(CAPTURES)/%
 	@mkdir -p $(CLEANED)
 	$(POSING) clean $(FLAGS) $< -o $@ || [ $$? = 3 ]
+	@touch $@
 .PHONY: all

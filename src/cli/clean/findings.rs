@@ -2,8 +2,9 @@
 
 use super::one_file::{CleanSettings, keeps_rotations};
 use super::record::Summary;
+use super::replaced::{ReplacedPosition, replaced};
 use super::sources::OutputFormat;
-use crate::audit::{Finding, FindingKind, TakeAudit, audit};
+use crate::audit::{Finding, FindingKind, TakeAudit, audit, flips};
 use crate::cli::audit::kind_name;
 use crate::cli::motion_file::{MotionFile, Source};
 use crate::io::MotionFormat;
@@ -22,54 +23,68 @@ impl CleanSettings {
         to: Option<OutputFormat>,
         naming: &PointNaming,
         restored: &Restoration<'_>,
+        unheld: usize,
     ) -> Summary {
         let poses = &file.table.poses;
-        let counts = restored.counts();
+        let keeps = keeps_rotations(file, to);
         let missing = |xyz: ArrayView2<'_, f64>| {
             let rows = xyz.rows().into_iter();
             rows.map(|row| count_missing(&row.to_vec())).sum::<usize>()
         };
         let noise = typical_noise(poses.xyz.view(), &poses.runs());
-        let denoised = counts.mean_noise() > 0.0;
-        let mut findings = self.remaining(poses, restored, file.rate());
+        let denoised = restored.counts().mean_noise() > 0.0;
+        let mut findings = self.remaining(file, keeps, restored);
         let left = missing(restored.xyz());
         findings.extend(left_open(left, restored));
-        if noise > self.method.noise_limit && keeps_rotations(file, to) {
+        if noise > self.method.noise_limit && keeps {
             findings.push(format!(
                 "noise: {noise:.2} cm stay, since the file holds rotations (denoise, then xyz2bvh or xyz2amc, makes new ones)"
             ));
         }
+        let moved = replaced(restored);
+        let doubtful = restored.counts().rejected.saturating_sub(moved.len());
+        if self.method.outliers && !keeps && doubtful > 0 {
+            findings.push(format!(
+                "outliers: {doubtful} more are not replaced, as too little is known there"
+            ));
+        }
+        let mut filled = missing(poses.xyz.view()) - left;
+        match (unheld, keeps) {
+            (0, _) => {}
+            (n, true) => findings.push(format!("missing: {n} values of the file are still nan")),
+            (n, false) => {
+                filled = filled.saturating_sub(n);
+                let what = "do not fit into the file's integers: they stay as they were";
+                findings.push(format!("range: {n} positions {what}"));
+            }
+        }
+        let mut notes = notes(file, naming, restored);
+        notes.extend(replacements(&moved));
         Summary {
             format: file.format.name().to_string(),
             frames: poses.frames(),
             points: poses.points.len(),
             rate: file.rate(),
             missing: missing(poses.xyz.view()),
-            filled: missing(poses.xyz.view()) - left,
-            outliers: if denoised || self.method.outliers && !keeps_rotations(file, to) {
-                counts.rejected
-            } else {
-                0
-            },
+            filled,
+            outliers: moved.len(),
             noise,
             denoised,
             findings,
-            notes: notes(file, naming, restored),
+            notes,
         }
     }
 
     /// What is wrong in the result, missing points aside.
-    fn remaining(
-        &self,
-        poses: &Poses,
-        restored: &Restoration<'_>,
-        rate: Option<f64>,
-    ) -> Vec<String> {
+    fn remaining(&self, file: &MotionFile, keeps: bool, restored: &Restoration<'_>) -> Vec<String> {
         let result = Poses {
             xyz: restored.xyz().to_owned(),
-            ..poses.clone()
+            ..file.table.poses.clone()
         };
-        let takes = audit(&result, rate, &self.limits);
+        let mut takes = audit(&result, file.rate(), &self.limits);
+        if let (true, Some(take)) = (keeps, takes.first_mut()) {
+            take.findings.extend(flips(&file.joint_angles()));
+        }
         let is_several = takes.len() > 1;
         let line = |take: &Option<String>, finding: &Finding| {
             let take = take.as_deref().filter(|_| is_several);
@@ -83,6 +98,19 @@ impl CleanSettings {
         };
         takes.iter().flat_map(of_take).collect()
     }
+}
+
+/// The replaced positions in one line; the record has all.
+fn replacements(moved: &[ReplacedPosition]) -> Option<String> {
+    let one =
+        |m: &ReplacedPosition| format!("{} in frame {} by {:.1} cm", m.point, m.frame, m.moved);
+    (!moved.is_empty()).then(|| {
+        let some = listed(moved.iter().map(one));
+        format!(
+            "outliers: {} replaced ({some}); the record has them as they were",
+            moved.len()
+        )
+    })
 }
 
 /// The points of a frame that have a missing coordinate.
@@ -133,6 +161,16 @@ fn notes(file: &MotionFile, naming: &PointNaming, restored: &Restoration<'_>) ->
     {
         out.push(format!(
             "taken as {} and {} up, as BVH files are by custom",
+            unit.value, up.value
+        ));
+    }
+    let is_custom = matches!(
+        file.format,
+        MotionFormat::Bvh | MotionFormat::Csv | MotionFormat::Npy
+    );
+    if is_custom && (unit.from == Source::Flag || up.from == Source::Flag) {
+        out.push(format!(
+            "taken as {} and {} up, by the flags",
             unit.value, up.value
         ));
     }

@@ -3,6 +3,7 @@
 mod findings;
 mod one_file;
 mod record;
+mod replaced;
 mod report;
 mod sources;
 
@@ -45,6 +46,11 @@ pub fn clean(
     settings: &CleanSettings,
 ) -> Result<Outcome> {
     let jobs = sources::jobs(inputs, &output.path, output.to)?;
+    let page = output.page.clone();
+    let page = page.or_else(|| Some(jobs.folder.as_ref()?.join(PAGE)));
+    if let Some(page) = &page {
+        jobs.check_page(page)?;
+    }
     super::signals::watch();
     let mut fates = clean_all(&jobs.jobs, jobs.to, settings);
     if jobs.folder.is_none() && fates.iter().any(|fate| matches!(fate, Fate::Failed(_))) {
@@ -53,13 +59,17 @@ pub fn clean(
             return Err(error);
         }
     }
-    let report = CleanReport::new(&jobs.jobs, &fates, jobs.left_out);
+    let mut names: Vec<String> = jobs.jobs.iter().map(|job| job.name.clone()).collect();
+    for (name, error) in jobs.unreadable {
+        names.push(name);
+        fates.push(Fate::Failed(error));
+    }
+    let report = CleanReport::new(names, &fates, jobs.left_out);
     report.tell_failures();
     if let ([Fate::Cleaned(summary)], None) = (&fates[..], &jobs.folder) {
         summary.notes.iter().for_each(|note| messages::info(note));
     }
-    let page = output.page.clone();
-    if let Some(page) = page.or_else(|| Some(jobs.folder?.join(PAGE))) {
+    if let Some(page) = page {
         make_folder_of(&page)?;
         write_file(&page, report.html().as_bytes())?;
     }
@@ -76,12 +86,13 @@ fn clean_all(jobs: &[Job], to: Option<OutputFormat>, settings: &CleanSettings) -
     let (next, finished) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let fates: Vec<Mutex<Option<Fate>>> = jobs.iter().map(|_| Mutex::new(None)).collect();
     let work = || {
-        while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            let (Some(job), Some(place)) = (jobs.get(at), fates.get(at)) else {
+                break;
+            };
             let fate = settings.clean(job, to);
-            let at = jobs.iter().position(|other| std::ptr::eq(other, job));
-            if let Some(place) = at.and_then(|at| fates.get(at)) {
-                *place.lock().unwrap_or_else(|e| e.into_inner()) = Some(fate);
-            }
+            *place.lock().unwrap_or_else(|e| e.into_inner()) = Some(fate);
             bar.set(1 + finished.fetch_add(1, Ordering::Relaxed) as u64);
         }
     };

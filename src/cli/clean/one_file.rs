@@ -1,14 +1,15 @@
 //! Cleaning one file: read, audited, restored, written back, recorded.
 
-use super::record::{Fingerprint, MadeFrom, Record, Summary, unchanged};
+use super::record::{Fingerprint, MadeFrom, Record, Summary, begin, may_write, unchanged};
+use super::replaced::replaced;
 use super::sources::{Job, OutputFormat};
-use crate::audit::{Limits, audit};
+use crate::audit::Limits;
 use crate::cli::args::value_name;
+use crate::cli::audit::audit_motion;
 use crate::cli::body_size::check_body_size;
 use crate::cli::gap_report::gap_lines;
 use crate::cli::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags, skeleton_of};
 use crate::cli::new_take::NewTake;
-use crate::cli::one_take::one_take;
 use crate::cli::units::{TableUnits, Units, Up};
 use crate::io::output::write_file;
 use crate::io::{Input, Model, MotionFormat};
@@ -83,9 +84,10 @@ impl CleanSettings {
             input,
             skeleton,
         };
-        if let Some(summary) = unchanged(job, &made_from).filter(|_| !self.again) {
+        if let Some(summary) = unchanged(&job.output, &made_from).filter(|_| !self.again) {
             return Ok(Fate::Unchanged(summary));
         }
+        may_write(&job.output, self.again)?;
         let bytes = unpacked.read_all(LARGEST_MOTION_FILE)?;
         let file = MotionFile::read(&job.input, bytes, &self.read)?;
         self.restore(job, to, file, &made_from).map(Fate::Cleaned)
@@ -103,27 +105,31 @@ impl CleanSettings {
             let what = "has no times that give a rate; give it with --fps F (frames per second)";
             return Err(Error::data(Place::file(&file.table.name), what));
         }
-        let before = audit(&file.table.poses, rate, &self.limits);
-        if self.zeros_are_missing {
+        let before = audit_motion(&file, &self.limits);
+        let keeps = keeps_rotations(&file, to);
+        // A root at the origin is where an animation begins.
+        if self.zeros_are_missing && !keeps {
             empty_zeros(&mut file.table.poses);
         }
         let table = &file.table;
         let naming = self.naming(&table.poses);
-        if !self.force {
+        let is_copied = keeps && file.is_whole();
+        if !self.force && !is_copied {
             let names = naming.model_names(&table.poses.points);
             let remedy = "give the file's unit with --units";
             check_body_size(&table.poses, &names, &table.name, remedy)?;
         }
         let restorer = self.restorer(&naming, &table.poses);
-        let restored = restorer.clean(table, &self.method_for(&file, to))?;
-        let unheld = self.write(job, to, &file, &restored)?;
-        let mut summary = self.summary(&file, to, &naming, &restored);
-        if unheld > 0 {
-            let what = "do not fit into the file's integers: they stay as they were";
-            summary
-                .findings
-                .push(format!("range: {unheld} positions {what}"));
+        let restored = match is_copied {
+            true => Restoration::unchanged(table),
+            false => restorer.clean(table, &self.method_for(&file, to))?,
+        };
+        if let Some(folder) = job.output.parent() {
+            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         }
+        begin(&job.output, made_from)?;
+        let unheld = self.write(job, to, &file, &restored)?;
+        let summary = self.summary(&file, to, &naming, &restored, unheld);
         Record {
             command: "clean",
             made_from,
@@ -135,9 +141,10 @@ impl CleanSettings {
             audit: &before,
             summary: &summary,
             gaps: gap_lines(&restored),
+            outliers: replaced(&restored),
             output: Fingerprint::read(&job.output)?,
         }
-        .write(job)?;
+        .write(&job.output)?;
         Ok(summary)
     }
 
@@ -202,7 +209,7 @@ impl CleanSettings {
         }
     }
 
-    /// Writes the result; how many positions its format does not hold.
+    /// Writes the result; how many positions, or values of a BVH file, it does not hold.
     fn write(
         &self,
         job: &Job,
@@ -210,9 +217,6 @@ impl CleanSettings {
         file: &MotionFile,
         restored: &Restoration<'_>,
     ) -> Result<usize> {
-        if let Some(folder) = job.output.parent() {
-            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        }
         let Some(to) = to.filter(|to| !to.is(file.format)) else {
             return file.write_back(&job.output, restored);
         };
@@ -233,7 +237,11 @@ impl CleanSettings {
             xyz: restored.xyz().to_owned(),
             ..file.table.poses.clone()
         };
-        let poses = one_take(poses, None, &file.table.name)?;
+        if poses.takes().len() > 1 {
+            let what =
+                "has several takes, which one file of markers cannot hold; clean it --to csv";
+            return Err(Error::data(Place::file(&file.table.name), what));
+        }
         let take = NewTake::new(poses, file.rate().unwrap_or(1.0), units);
         let bytes = match to {
             OutputFormat::C3d => take.c3d()?,

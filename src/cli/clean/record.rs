@@ -1,13 +1,14 @@
 //! The record beside a result: what it was made from and by which settings, what the file was taken for, what was found and changed.
 
-use super::sources::Job;
+use super::replaced::ReplacedPosition;
 use crate::audit::TakeAudit;
 use crate::cli::gap_report::GapLine;
 use crate::cli::motion_file::ReadAs;
 use crate::io::output::write_file;
 use crate::prior::provenance::hex;
-use crate::{Error, Result};
+use crate::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 
@@ -98,6 +99,8 @@ pub struct Record<'a> {
     pub summary: &'a Summary,
     /// Every gap, and how it was filled.
     pub gaps: Vec<GapLine<'a>>,
+    /// Measured positions that were replaced as outliers.
+    pub outliers: Vec<ReplacedPosition>,
     /// The result.
     pub output: Fingerprint,
 }
@@ -105,9 +108,51 @@ pub struct Record<'a> {
 /// What is read of an earlier record.
 #[derive(Deserialize)]
 struct Earlier {
+    command: String,
     made_from: MadeFrom,
-    summary: Summary,
-    output: Fingerprint,
+    /// Without it and `output`, a run was stopped while it wrote the result.
+    summary: Option<Summary>,
+    output: Option<Fingerprint>,
+}
+
+impl Earlier {
+    fn read(output: &Path) -> Option<Earlier> {
+        let text = std::fs::read(record_path(output)).ok()?;
+        let earlier: Earlier = serde_json::from_slice(&text).ok()?;
+        (earlier.command == "clean").then_some(earlier)
+    }
+}
+
+/// Fails where something stands in the place of a result that is not what a run of `clean` left there; with `again`, a result that was
+/// changed since may be made again.
+///
+/// # Errors
+/// [`Error::Data`].
+pub fn may_write(output: &Path, again: bool) -> Result<()> {
+    if !output.exists() {
+        return Ok(());
+    }
+    let what = match Earlier::read(output) {
+        None => {
+            "is there and has no record that clean made it; move it, or give another place with -o"
+        }
+        Some(Earlier {
+            output: Some(was), ..
+        }) if !again && Fingerprint::read(output)?.sha256 != was.sha256 => {
+            "was changed since clean made it; move it, or make it again with --again"
+        }
+        Some(_) => return Ok(()),
+    };
+    Err(Error::data(Place::file(output.display().to_string()), what))
+}
+
+/// Says beside a result that it is being made: one that a stopped run left is known by that.
+///
+/// # Errors
+/// [`Error::Io`]: writing fails.
+pub fn begin(output: &Path, made_from: &MadeFrom) -> Result<()> {
+    let json = json!({"command": "clean", "made_from": made_from});
+    write_file(record_path(output), format!("{json}\n").as_bytes())
 }
 
 impl Record<'_> {
@@ -115,19 +160,18 @@ impl Record<'_> {
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails.
-    pub fn write(&self, job: &Job) -> Result<()> {
+    pub fn write(&self, output: &Path) -> Result<()> {
         let json = serde_json::to_string_pretty(self).map_err(|e| Error::usage(e.to_string()))?;
-        write_file(record_path(&job.output), (json + "\n").as_bytes())
+        write_file(record_path(output), (json + "\n").as_bytes())
     }
 }
 
 /// What an earlier run says of a result that is still what it made of the same.
-pub fn unchanged(job: &Job, made_from: &MadeFrom) -> Option<Summary> {
-    let text = std::fs::read(record_path(&job.output)).ok()?;
-    let earlier: Earlier = serde_json::from_slice(&text).ok()?;
+pub fn unchanged(output: &Path, made_from: &MadeFrom) -> Option<Summary> {
+    let earlier = Earlier::read(output)?;
     let is_same =
-        earlier.made_from == *made_from && Fingerprint::read(&job.output).ok()? == earlier.output;
-    is_same.then_some(earlier.summary)
+        earlier.made_from == *made_from && Fingerprint::read(output).ok() == earlier.output;
+    earlier.summary.filter(|_| is_same)
 }
 
 /// The place of the record of a result.

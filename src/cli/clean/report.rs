@@ -2,7 +2,6 @@
 
 use super::one_file::Fate;
 use super::record::Summary;
-use super::sources::Job;
 use crate::cli::messages;
 use crate::evaluate::html::{escape, fill};
 use crate::evaluate::player::policy_hash;
@@ -36,10 +35,10 @@ pub struct CleanReport<'a> {
 }
 
 impl<'a> CleanReport<'a> {
-    /// Of `jobs` and their `fates`; `left_out` files of folders are none of motion.
-    pub fn new(jobs: &[Job], fates: &'a [Fate], left_out: usize) -> CleanReport<'a> {
+    /// Of files by their names and their `fates`; `left_out` files of folders are none of motion.
+    pub fn new(names: Vec<String>, fates: &'a [Fate], left_out: usize) -> CleanReport<'a> {
         CleanReport {
-            rows: jobs.iter().map(|job| job.name.clone()).zip(fates).collect(),
+            rows: names.into_iter().zip(fates).collect(),
             left_out,
         }
     }
@@ -69,10 +68,7 @@ impl<'a> CleanReport<'a> {
             let findings = fate.summary().map_or(&[][..], |s| &s.findings);
             rows.extend(findings.iter().take(SHOWN).map(|f| vec![format!("  {f}")]));
             if findings.len() > SHOWN {
-                rows.push(vec![format!(
-                    "  and {} more findings",
-                    findings.len() - SHOWN
-                )]);
+                rows.push(vec![format!("  and {} more", findings.len() - SHOWN)]);
             }
         }
         aligned(&rows) + &self.counts() + "\n"
@@ -95,7 +91,11 @@ impl<'a> CleanReport<'a> {
             self.rows.len()
         );
         if self.left_out > 0 {
-            let _ = write!(line, "; {} other files left out", self.left_out);
+            let _ = write!(
+                line,
+                "; left out, as none of motion or results: {}",
+                self.left_out
+            );
         }
         line
     }
@@ -141,7 +141,7 @@ impl Fate {
 
 /// The cells of a file, as [`TITLES`] has them.
 fn cells(name: &str, fate: &Fate) -> Vec<String> {
-    let mut row = vec![name.to_string()];
+    let mut row = vec![name.replace(char::is_control, "\u{fffd}")];
     match fate.summary() {
         Some(s) => {
             let noise = format!("{:.2}{}", s.noise, if s.denoised { " removed" } else { "" });

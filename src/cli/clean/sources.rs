@@ -1,14 +1,20 @@
 //! Which files are cleaned, and where each result goes.
 
 use super::super::args::Format;
+use super::record::{may_write, record_path};
 use crate::io::MotionFormat;
 use crate::{Error, Place, Result};
 use clap::ValueEnum;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The names of files that a folder is searched for.
 const EXTENSIONS: [&str; 7] = ["c3d", "trc", "bvh", "amc", "csv", "tsv", "npy"];
+
+/// Other formats that somebody may ask for.
+const OTHERS: [&str; 5] = ["glb", "gltf", "fbx", "json", "html"];
+/// What tells a page of `clean` from other files.
+const PAGE_TITLE: &str = "<title>Takes cleaned</title>";
 
 /// The formats that a result can have instead of the file's own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -73,7 +79,9 @@ pub struct Jobs {
     pub jobs: Vec<Job>,
     /// The folder of the results, where there is one.
     pub folder: Option<PathBuf>,
-    /// The number of files of folders that were left out by their names.
+    /// Folders that cannot be read, by their names in tables.
+    pub unreadable: Vec<(String, Error)>,
+    /// The number of files of folders that are none of motion, or results of an earlier run.
     pub left_out: usize,
     /// The format of all results, by the flag or the name of the result.
     pub to: Option<OutputFormat>,
@@ -83,8 +91,20 @@ pub struct Jobs {
 /// a folder keep their places within it.
 ///
 /// # Errors
-/// [`Error::Io`]: a folder cannot be read. [`Error::Usage`]: two results would be one file, or a result would overwrite a capture.
+/// [`Error::Usage`]: a result would be written over a capture or over another result, or in a format that it cannot have.
+/// [`Error::Data`]: there is nothing to clean.
 pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
+    let is_stream = |path: &Path| path == Path::new("-") || is_special(path);
+    if inputs.iter().any(|p| is_stream(p)) || is_stream(output) {
+        let what = "clean reads and writes files, since a record stands beside each result";
+        return Err(Error::usage(what));
+    }
+    let is_output =
+        |p: &&PathBuf| p.is_dir() && p.canonicalize().ok() == output.canonicalize().ok();
+    if let Some(folder) = inputs.iter().find(is_output) {
+        let what = format!("-o {}: is the folder of the captures", folder.display());
+        return Err(Error::usage(what));
+    }
     let ends_in_slash = output.as_os_str().to_string_lossy().ends_with(['/', '\\']);
     let is_one = inputs.len() == 1 && !inputs[0].is_dir() && !output.is_dir() && !ends_in_slash;
     let mut out = Jobs {
@@ -93,7 +113,10 @@ pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Resu
         ..Jobs::default()
     };
     if is_one {
-        out.to = to.or(by_extension(&inputs[0], output));
+        out.to = match to {
+            Some(to) => Some(to),
+            None => by_extension(&inputs[0], output)?,
+        };
         out.jobs.push(Job {
             name: inputs[0].display().to_string(),
             input: inputs[0].clone(),
@@ -107,7 +130,15 @@ pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Resu
                 files = out.files_of(input, results.as_deref())?;
             }
             for (input, within) in files {
-                let output = renamed(&output.join(&within), to);
+                let mut output = renamed(&output.join(&within), to);
+                // Exports of one take in two formats.
+                if let (Some(to), true) = (to, out.jobs.iter().any(|j| j.output == output)) {
+                    output.set_file_name(format!(
+                        "{}.{}",
+                        name_of(&within).display(),
+                        to.extension()
+                    ));
+                }
                 let name = within.display().to_string();
                 out.jobs.push(Job {
                     name,
@@ -117,8 +148,18 @@ pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Resu
             }
         }
     }
-    check(&out.jobs)?;
+    if out.jobs.is_empty() && out.unreadable.is_empty() {
+        let folders: Vec<String> = inputs.iter().map(|p| p.display().to_string()).collect();
+        let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
+        return Err(Error::data(Place::file(folders.join(", ")), what));
+    }
+    out.check()?;
     Ok(out)
+}
+
+/// Whether a path is there and neither a file nor a folder.
+fn is_special(path: &Path) -> bool {
+    path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir())
 }
 
 impl Jobs {
@@ -130,20 +171,29 @@ impl Jobs {
     ) -> Result<Vec<(PathBuf, PathBuf)>> {
         let mut out = Vec::new();
         let mut folders = vec![folder.to_path_buf()];
+        // A link to a folder may lead back here.
+        let mut seen: HashSet<PathBuf> = results.map(Path::to_path_buf).into_iter().collect();
         while let Some(next) = folders.pop() {
-            if results.is_some() && next.canonicalize().ok().as_deref() == results {
+            let is_new = next.canonicalize().map_or(true, |path| seen.insert(path));
+            if !is_new {
                 continue;
             }
-            let entries = std::fs::read_dir(&next).map_err(|e| Error::io(&next, e))?;
-            for entry in entries {
-                let path = entry.map_err(|e| Error::io(&next, e))?.path();
+            let within = |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_path_buf();
+            let entries = match std::fs::read_dir(&next) {
+                Ok(entries) => entries,
+                Err(e) => {
+                    let name = within(&next).display().to_string();
+                    self.unreadable.push((name, Error::io(&next, e)));
+                    continue;
+                }
+            };
+            for path in entries.flatten().map(|entry| entry.path()) {
                 let is_hidden = name_of(&path).to_string_lossy().starts_with('.');
-                // A link to a folder may lead back here.
-                if path.is_dir() && !path.is_symlink() && !is_hidden {
+                if path.is_dir() && !is_hidden {
                     folders.push(path);
-                } else if path.is_file() && !is_hidden && is_motion(&path) {
-                    let within = path.strip_prefix(folder).unwrap_or(&path).to_path_buf();
-                    out.push((path, within));
+                } else if is_motion(&path) && !is_hidden && !is_special(&path) && !is_result(&path)
+                {
+                    out.push((path.clone(), within(&path)));
                 } else if path.is_file() {
                     self.left_out += 1;
                 }
@@ -152,6 +202,57 @@ impl Jobs {
         out.sort();
         Ok(out)
     }
+}
+
+impl Jobs {
+    /// Fails where a result would be written over a capture or over another result.
+    fn check(&self) -> Result<()> {
+        let canonical = |path: &Path| path.canonicalize().unwrap_or(path.to_path_buf());
+        let captures: HashSet<PathBuf> = self.jobs.iter().map(|j| canonical(&j.input)).collect();
+        let mut results: HashMap<PathBuf, &Path> = HashMap::new();
+        for job in &self.jobs {
+            for path in [job.output.clone(), record_path(&job.output)] {
+                if captures.contains(&canonical(&path)) {
+                    let what = "is a capture and would be written over; give another place with -o";
+                    return Err(Error::data(Place::file(path.display().to_string()), what));
+                }
+                if let Some(other) = results.insert(path.clone(), &job.input) {
+                    let what = format!(
+                        "{} and {} would both become {}",
+                        other.display(),
+                        job.input.display(),
+                        path.display()
+                    );
+                    return Err(Error::usage(what));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails where the page would be written over a capture, a result, or a file that is no such page.
+    pub fn check_page(&self, page: &Path) -> Result<()> {
+        let canonical = |path: &Path| path.canonicalize().unwrap_or(path.to_path_buf());
+        let own = canonical(page);
+        let is_of = |job: &Job| {
+            let paths = [&job.input, &job.output, &record_path(&job.output)];
+            paths.iter().any(|path| canonical(path) == own)
+        };
+        let text = std::fs::read_to_string(page).unwrap_or_default();
+        let is_other = page.exists() && !text.contains(PAGE_TITLE);
+        match is_other || self.jobs.iter().any(is_of) {
+            true => {
+                let what = "is there and is no page of clean; give another place with --page";
+                Err(Error::data(Place::file(page.display().to_string()), what))
+            }
+            false => Ok(()),
+        }
+    }
+}
+
+/// Whether a file was made by `clean`.
+fn is_result(path: &Path) -> bool {
+    record_path(path).exists() && may_write(path, false).is_ok()
 }
 
 /// The last part of a path.
@@ -176,15 +277,26 @@ fn is_motion(path: &Path) -> bool {
 }
 
 /// The format that the name of a result asks for, where it is another than that of the capture's name.
-fn by_extension(input: &Path, output: &Path) -> Option<OutputFormat> {
-    let (input, output) = (unpacked(input), unpacked(output));
-    let extension = output.extension()?.to_string_lossy().to_ascii_lowercase();
-    let own = input
-        .extension()
-        .map(|e| e.to_string_lossy().to_ascii_lowercase());
-    let formats = OutputFormat::value_variants().iter().copied();
-    let mut asked = formats.filter(|f| f.extension() == extension);
-    asked.next().filter(|_| own.as_deref() != Some(&extension))
+fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
+    let extension = |path: &Path| {
+        let path = unpacked(path);
+        path.extension()
+            .map(|e| e.to_string_lossy().to_ascii_lowercase())
+    };
+    let (own, asked) = (extension(input), extension(output));
+    let Some(asked) = asked.filter(|asked| own.as_ref() != Some(asked)) else {
+        return Ok(None);
+    };
+    let mut formats = OutputFormat::value_variants().iter().copied();
+    let format = formats.find(|f| f.extension() == asked);
+    let is_other = EXTENSIONS.contains(&asked.as_str()) || OTHERS.contains(&asked.as_str());
+    match format {
+        None if is_other => Err(Error::usage(format!(
+            "-o {}: clean writes a file in its own format, or as c3d, trc, csv or npy; write a table (.csv) and convert that",
+            output.display()
+        ))),
+        format => Ok(format),
+    }
 }
 
 /// The path of a result of another format.
@@ -192,36 +304,6 @@ fn renamed(path: &Path, to: Option<OutputFormat>) -> PathBuf {
     match to {
         Some(to) => unpacked(path).with_extension(to.extension()),
         None => path.to_path_buf(),
-    }
-}
-
-/// Fails where two results would be one file, or a result would overwrite a capture.
-fn check(jobs: &[Job]) -> Result<()> {
-    let mut results: HashMap<&Path, &Path> = HashMap::new();
-    for job in jobs {
-        if let Some(other) = results.insert(&job.output, &job.input) {
-            let what = format!(
-                "{} and {} would both become {}; clean them into two folders",
-                other.display(),
-                job.input.display(),
-                job.output.display()
-            );
-            return Err(Error::usage(what));
-        }
-    }
-    let same = |job: &&Job| {
-        let output = job.output.canonicalize().ok();
-        output.is_some() && output == job.input.canonicalize().ok()
-    };
-    match jobs.iter().find(same) {
-        Some(job) => {
-            let what = "would be overwritten by its result; give another place with -o";
-            Err(Error::data(
-                Place::file(job.input.display().to_string()),
-                what,
-            ))
-        }
-        None => Ok(()),
     }
 }
 
