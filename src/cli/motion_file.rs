@@ -14,7 +14,7 @@ use crate::io::{
 };
 use crate::pose::{Channel, Poses, joints, kinematics::Space};
 use crate::restore::Restoration;
-use crate::restore::ik::solve_missing_channels;
+use crate::restore::ik::{PositionSd, solve_missing_channels};
 use crate::{Error, Place, Result};
 use clap::Args;
 use ndarray::{Array2, ArrayView2, Axis};
@@ -204,12 +204,17 @@ impl MotionFile {
     }
 
     /// Writes the file anew, in its own format and with all that it says, with its points as they were restored. In a BVH file,
-    /// missing values are solved for; all else stays. Returns how many positions its numbers do not hold, which stay as they were, or how many values of a BVH file are
+    /// missing values are solved for where the joints that they move are surer than `max_sd` (cm); all else stays. Returns how many positions its numbers do not hold, which stay as they were, or how many values of a BVH file are
     /// missing still.
     ///
     /// # Errors
     /// [`Error::Io`]: writing fails. [`Error::Data`]: the format does not hold the new values.
-    pub fn write_back(&self, path: &Path, restored: &Restoration<'_>) -> Result<usize> {
+    pub fn write_back(
+        &self,
+        path: &Path,
+        restored: &Restoration<'_>,
+        max_sd: f64,
+    ) -> Result<usize> {
         let (xyz, poses) = (restored.xyz(), &self.table.poses);
         let mut left = 0;
         let bytes = match &self.original {
@@ -233,8 +238,12 @@ impl MotionFile {
                     xyz: xyz.to_owned(),
                     ..poses.clone()
                 };
+                let sd = PositionSd {
+                    sd: sd.view(),
+                    most: max_sd,
+                };
                 let motion =
-                    solve_missing_channels(bvh, &poses, Some(sd.view()), self.units.up.rotation())?;
+                    solve_missing_channels(bvh, &poses, Some(sd), self.units.up.rotation())?;
                 left = motion.iter().filter(|v| v.is_nan()).count();
                 bvh.fill_missing(bytes, motion.view(), self.units.unit.centimetres())?
             }

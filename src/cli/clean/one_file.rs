@@ -200,6 +200,12 @@ impl CleanSettings {
         Clean {
             fps: file.rate().or(Some(1.0)),
             outliers: self.method.outliers && !keeps,
+            // Of rotations, the limit holds for both estimates together.
+            max_sd: if keeps {
+                f64::INFINITY
+            } else {
+                self.method.max_sd
+            },
             noise_limit: if keeps {
                 f64::INFINITY
             } else {
@@ -218,7 +224,7 @@ impl CleanSettings {
         restored: &Restoration<'_>,
     ) -> Result<usize> {
         let Some(to) = to.filter(|to| !to.is(file.format)) else {
-            return file.write_back(&job.output, restored);
+            return file.write_back(&job.output, restored, self.method.max_sd);
         };
         if let Some(table) = to.table() {
             return file

@@ -22,6 +22,15 @@ const LEAST_VARIANCE: f64 = 1e-2;
 /// Frames of one parallel task.
 const CHUNK: usize = 8;
 
+/// How sure positions are.
+#[derive(Debug, Clone, Copy)]
+pub struct PositionSd<'a> {
+    /// Standard deviations of a coordinate (frames, points), cm; NaN: measured.
+    pub sd: ArrayView2<'a, f64>,
+    /// Values stay missing whose joint's children would be less sure, cm.
+    pub most: f64,
+}
+
 /// The motion of `bvh` (frames, channels; radians and centimetres) with its missing values, from `poses`, the positions of its joints
 /// (as many frames, cm, y up; NaN is missing; a value stays missing where its joint's children are, or where its channel has none in the
 /// whole take), and their standard deviations `sd` (frames, points; cm; NaN: measured), where they are
@@ -32,7 +41,7 @@ const CHUNK: usize = 8;
 pub fn solve_missing_channels(
     bvh: &Bvh,
     poses: &Poses,
-    sd: Option<ArrayView2<'_, f64>>,
+    sd: Option<PositionSd<'_>>,
     turn: DMat3,
 ) -> Result<Array2<f64>> {
     if poses.frames() != bvh.motion.nrows() {
@@ -70,7 +79,7 @@ pub fn solve_missing_channels(
         known: &known,
         variances: variances(bvh, &rig, &bones, &paths),
         is_seen: (0..bvh.motion.ncols()).map(is_seen).collect(),
-        children: children(bvh, poses),
+        children: children(bvh, poses, &known),
         paths,
     };
     let frames = parallel::map_chunks(bvh.motion.nrows(), CHUNK, |range| {
@@ -85,11 +94,11 @@ pub fn solve_missing_channels(
 }
 
 /// What all frames have in common.
-struct Solving<'a> {
+struct Solving<'a, 's> {
     bvh: &'a Bvh,
     rig: &'a BvhSkeleton,
     poses: &'a Poses,
-    sd: Option<ArrayView2<'a, f64>>,
+    sd: Option<PositionSd<'s>>,
     /// The column of each joint among the points, and its bone.
     known: &'a [(usize, usize)],
     paths: Array2<f64>,
@@ -97,13 +106,13 @@ struct Solving<'a> {
     variances: Array2<f64>,
     /// Whether each channel has a value in the take.
     is_seen: Vec<bool>,
-    /// Of each channel, the points that it moves first: those of its joint's children.
+    /// Of each channel, the known joints that it moves first: its joint's children.
     children: Vec<Vec<usize>>,
 }
 
-/// Of each channel, the columns of the points that are children of its joint.
-fn children(bvh: &Bvh, poses: &Poses) -> Vec<Vec<usize>> {
-    let column = |name: &str| poses.points.iter().position(|p| p == name);
+/// Of each channel, which of the `known` joints are children of its own.
+fn children(bvh: &Bvh, poses: &Poses, known: &[(usize, usize)]) -> Vec<Vec<usize>> {
+    let column = |name: &str| known.iter().position(|(p, _)| poses.points[*p] == name);
     let of_joint = |j: usize| -> Vec<usize> {
         let below = bvh.joints.iter().filter(|joint| joint.parent == Some(j));
         let end = format!("{}_end", bvh.joints[j].name);
@@ -116,7 +125,7 @@ fn children(bvh: &Bvh, poses: &Poses) -> Vec<Vec<usize>> {
         .collect()
 }
 
-impl Solving<'_> {
+impl Solving<'_, '_> {
     /// The channels of a frame.
     fn frame(&self, t: usize, solver: &mut IkSolver<'_>, joints: &mut Joints<'_>) -> Vec<f64> {
         let is_missing: Vec<bool> = self.bvh.motion.row(t).iter().map(|v| v.is_nan()).collect();
@@ -154,10 +163,23 @@ impl Solving<'_> {
         frame
     }
 
-    /// Whether nothing says what a channel was: it has no value in the take, or the points that it moves are missing.
+    /// The standard deviation of a restored position, cm; NaN where it was measured, or nothing is known of that.
+    fn sd(&self, frame: usize, point: usize) -> f64 {
+        self.sd.map_or(f64::NAN, |sd| sd.sd[[frame, point]])
+    }
+
+    /// Whether nothing says what a channel was: it has no value in the take, or the points that it moves are missing or too
+    /// unsure.
     fn is_open(&self, t: usize, channel: usize) -> bool {
-        let is_missing = |p: &usize| (0..3).any(|c| self.poses.xyz[[t, 3 * p + c]].is_nan());
-        !self.is_seen[channel] || self.children[channel].iter().any(is_missing)
+        let most = self.sd.map_or(f64::INFINITY, |sd| sd.most);
+        let is_unknown = |&j: &usize| {
+            let p = self.known[j].0;
+            let is_missing = (0..3).any(|c| self.poses.xyz[[t, 3 * p + c]].is_nan());
+            // Of both estimates together.
+            let precision = self.sd(t, p).powi(-2) + 1.0 / self.variances[[t, j]];
+            is_missing || precision.powf(-0.5) > most
+        };
+        !self.is_seen[channel] || self.children[channel].iter().any(is_unknown)
     }
 
     /// Where the joints are in a frame by both estimates, and the weight of each coordinate; `along` is where the paths put them.
@@ -166,7 +188,7 @@ impl Solving<'_> {
         let mut weights = Vec::with_capacity(3 * along.len());
         for (j, (&(p, _), path)) in self.known.iter().zip(along).enumerate() {
             let at = DVec3::from_array([0, 1, 2].map(|c| self.poses.xyz[[t, 3 * p + c]]));
-            let sd = self.sd.map_or(f64::NAN, |sd| sd[[t, p]]);
+            let sd = self.sd(t, p);
             let precision = |variance: f64| 1.0 / (variance + LEAST_VARIANCE);
             let of_path = precision(self.variances[[t, j]]);
             let (target, weight) = match (at.is_finite(), sd.is_finite()) {
@@ -263,6 +285,10 @@ mod tests {
         (18..22).for_each(|t| poses.xyz[[t, 3 * tip]] += 5.0);
         let mut sd = Array2::from_elem((40, poses.points.len()), f64::NAN);
         let off = |sd: ArrayView2<'_, f64>| {
+            let sd = PositionSd {
+                sd,
+                most: f64::INFINITY,
+            };
             let solved = solve_missing_channels(&gaps, &poses, Some(sd), DMat3::IDENTITY).unwrap();
             (solved[[20, 6]] - truth.motion[[20, 6]]).abs()
         };
@@ -271,5 +297,12 @@ mod tests {
         (18..22).for_each(|t| sd.row_mut(t).fill(10.0));
         let unsure = off(sd.view());
         assert!(unsure < 0.3 * sure, "{unsure} {sure}");
+        // Too unsure altogether.
+        let sd = PositionSd {
+            sd: sd.view(),
+            most: 1e-6,
+        };
+        let solved = solve_missing_channels(&gaps, &poses, Some(sd), DMat3::IDENTITY).unwrap();
+        assert!(solved[[20, 6]].is_nan() && solved[[10, 6]].is_finite());
     }
 }

@@ -11,6 +11,6 @@ mod skeleton_fit;
 pub mod solver;
 mod tree_cholesky;
 
-pub use missing_channels::solve_missing_channels;
+pub use missing_channels::{PositionSd, solve_missing_channels};
 pub use skeleton_estimation::estimate_skeleton;
 pub use skeleton_fit::{FittedTake, SkeletonFit};
