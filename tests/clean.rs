@@ -392,6 +392,18 @@ fn a_capture_is_never_overwritten_and_results_never_collide() {
     );
     let page = folder.clean(&["raw/day1", "-o", "out", "--page", "raw/a.csv"]);
     assert_eq!(page.0, 1, "{}", page.1);
+    folder.put("kept/a.csv.json", "{\"of\": \"somebody\"}");
+    let (code, said) = folder.clean(&["raw/day1", "-o", "kept"]);
+    assert!(
+        code == 3 && said.contains("stands in the place of a record"),
+        "{said}"
+    );
+    assert!(!folder.at("kept/a.csv").exists());
+    // A capture that broke since.
+    assert_eq!(folder.clean(&["raw/day1", "-o", "broke"]).0, 0);
+    folder.put("raw/day1/a.csv", "x");
+    let (_, said) = folder.clean(&["raw/day1", "-o", "broke"]);
+    assert!(said.contains("failed, old result stays"), "{said}");
     assert_eq!(fs::read(folder.at("raw/a.csv")).unwrap(), b"mine");
     assert_eq!(folder.clean(&["raw", "-o", "raw"]).0, 2);
     assert_eq!(folder.clean(&["in/a.csv", "-o", "a.bvh"]).0, 2);

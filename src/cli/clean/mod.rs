@@ -53,16 +53,17 @@ pub fn clean(
     }
     super::signals::watch();
     let mut fates = clean_all(&jobs.jobs, jobs.to, settings);
-    if jobs.folder.is_none() && fates.iter().any(|fate| matches!(fate, Fate::Failed(_))) {
-        let only = fates.pop();
-        if let Some(Fate::Failed(error)) = only {
-            return Err(error);
-        }
+    if jobs.folder.is_none() && matches!(fates[..], [Fate::Failed { .. }]) {
+        let error = fates.pop().and_then(Fate::into_error);
+        return error.map_or(Ok(Outcome::Done), Err);
     }
     let mut names: Vec<String> = jobs.jobs.iter().map(|job| job.name.clone()).collect();
     for (name, error) in jobs.unreadable {
         names.push(name);
-        fates.push(Fate::Failed(error));
+        fates.push(Fate::Failed {
+            error,
+            old_result: false,
+        });
     }
     let report = CleanReport::new(names, &fates, jobs.left_out);
     report.tell_failures();

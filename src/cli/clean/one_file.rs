@@ -1,6 +1,8 @@
 //! Cleaning one file: read, audited, restored, written back, recorded.
 
-use super::record::{Fingerprint, MadeFrom, Record, Summary, begin, may_write, unchanged};
+use super::record::{
+    Fingerprint, MadeFrom, Record, Summary, begin, give_up, has_result, may_write, unchanged,
+};
 use super::replaced::replaced;
 use super::sources::{Job, OutputFormat};
 use crate::audit::Limits;
@@ -42,12 +44,17 @@ pub struct CleanSettings {
 /// What became of a file.
 #[derive(Debug)]
 pub enum Fate {
-    /// It was cleaned.
+    /// The file was cleaned.
     Cleaned(Summary),
-    /// Its result was there.
+    /// The result was there, made from the same.
     Unchanged(Summary),
-    /// It could not be.
-    Failed(Error),
+    /// It could not be cleaned; `old_result`: the result of an earlier run still stands there.
+    Failed {
+        /// Why.
+        error: Error,
+        /// Whether there is one.
+        old_result: bool,
+    },
 }
 
 impl CleanSettings {
@@ -63,7 +70,11 @@ impl CleanSettings {
                 what,
             ))
         };
-        done.unwrap_or_else(broken).unwrap_or_else(Fate::Failed)
+        done.unwrap_or_else(broken)
+            .unwrap_or_else(|error| Fate::Failed {
+                error,
+                old_result: has_result(&job.output),
+            })
     }
 
     fn try_clean(&self, job: &Job, to: Option<OutputFormat>) -> Result<Fate> {
@@ -128,7 +139,8 @@ impl CleanSettings {
             std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
         }
         begin(&job.output, made_from)?;
-        let unheld = self.write(job, to, &file, &restored)?;
+        let written = self.write(job, to, &file, &restored);
+        let unheld = written.inspect_err(|_| give_up(&job.output))?;
         let summary = self.summary(&file, to, &naming, &restored, unheld);
         Record {
             command: "clean",

@@ -121,29 +121,39 @@ impl Earlier {
         let earlier: Earlier = serde_json::from_slice(&text).ok()?;
         (earlier.command == "clean").then_some(earlier)
     }
+
+    /// Whether a result is as the run left it; one that was stopped says nothing of that.
+    fn is_of(&self, output: &Path) -> Result<bool> {
+        match &self.output {
+            Some(was) => Ok(Fingerprint::read(output)?.sha256 == was.sha256),
+            None => Ok(true),
+        }
+    }
 }
 
-/// Fails where something stands in the place of a result that is not what a run of `clean` left there; with `again`, a result that was
-/// changed since may be made again.
+/// Fails where something stands in the place of a result or of its record that is not what a run of `clean` left there; with `again`, a
+/// result that was changed since may be made again.
 ///
 /// # Errors
 /// [`Error::Data`].
 pub fn may_write(output: &Path, again: bool) -> Result<()> {
-    if !output.exists() {
-        return Ok(());
-    }
-    let what = match Earlier::read(output) {
-        None => {
-            "is there and has no record that clean made it; move it, or give another place with -o"
-        }
-        Some(Earlier {
-            output: Some(was), ..
-        }) if !again && Fingerprint::read(output)?.sha256 != was.sha256 => {
-            "was changed since clean made it; move it, or make it again with --again"
-        }
-        Some(_) => return Ok(()),
+    let record = record_path(output);
+    let (path, what) = match Earlier::read(output) {
+        None if record.exists() => (
+            record.as_path(),
+            "stands in the place of a record and is none; move it, or give another place with -o",
+        ),
+        None if output.exists() => (
+            output,
+            "is there and has no record that clean made it; move it, or give another place with -o",
+        ),
+        Some(earlier) if !again && output.exists() && !earlier.is_of(output)? => (
+            output,
+            "was changed since clean made it; move it, or make it again with --again",
+        ),
+        _ => return Ok(()),
     };
-    Err(Error::data(Place::file(output.display().to_string()), what))
+    Err(Error::data(Place::file(path.display().to_string()), what))
 }
 
 /// Says beside a result that it is being made: one that a stopped run left is known by that.
@@ -153,6 +163,19 @@ pub fn may_write(output: &Path, again: bool) -> Result<()> {
 pub fn begin(output: &Path, made_from: &MadeFrom) -> Result<()> {
     let json = json!({"command": "clean", "made_from": made_from});
     write_file(record_path(output), format!("{json}\n").as_bytes())
+}
+
+/// Takes back what [`begin`] said, where no result came of it.
+pub fn give_up(output: &Path) {
+    if !output.exists() {
+        // It is gone, or a later run finds that nothing was made.
+        let _ = std::fs::remove_file(record_path(output));
+    }
+}
+
+/// Whether a result of an earlier run stands there.
+pub fn has_result(output: &Path) -> bool {
+    output.exists() && Earlier::read(output).is_some()
 }
 
 impl Record<'_> {

@@ -2,6 +2,7 @@
 
 use super::one_file::Fate;
 use super::record::Summary;
+use crate::Error;
 use crate::cli::messages;
 use crate::evaluate::html::{escape, fill};
 use crate::evaluate::player::policy_hash;
@@ -35,7 +36,7 @@ pub struct CleanReport<'a> {
 }
 
 impl<'a> CleanReport<'a> {
-    /// Of files by their names and their `fates`; `left_out` files of folders are none of motion.
+    /// The report of files by their names and their `fates`; `left_out` files of folders are none of motion.
     pub fn new(names: Vec<String>, fates: &'a [Fate], left_out: usize) -> CleanReport<'a> {
         CleanReport {
             rows: names.into_iter().zip(fates).collect(),
@@ -54,7 +55,7 @@ impl<'a> CleanReport<'a> {
     /// An error line for each file that could not be cleaned.
     pub fn tell_failures(&self) {
         for (_, fate) in &self.rows {
-            if let Fate::Failed(error) = fate {
+            if let Fate::Failed { error, .. } = fate {
                 messages::error(&error.to_string());
             }
         }
@@ -79,7 +80,7 @@ impl<'a> CleanReport<'a> {
         let count = |is: fn(&Fate) -> bool| self.rows.iter().filter(|r| is(r.1)).count();
         let cleaned = count(|f| matches!(f, Fate::Cleaned(_)));
         let unchanged = count(|f| matches!(f, Fate::Unchanged(_)));
-        let failed = count(|f| matches!(f, Fate::Failed(_)));
+        let failed = count(|f| matches!(f, Fate::Failed { .. }));
         let found = count(|f| f.summary().is_some_and(|s| !s.findings.is_empty()));
         let files = if self.rows.len() == 1 {
             "file"
@@ -126,7 +127,15 @@ impl Fate {
     pub fn summary(&self) -> Option<&Summary> {
         match self {
             Fate::Cleaned(summary) | Fate::Unchanged(summary) => Some(summary),
-            Fate::Failed(_) => None,
+            Fate::Failed { .. } => None,
+        }
+    }
+
+    /// Why the file could not be cleaned.
+    pub fn into_error(self) -> Option<Error> {
+        match self {
+            Fate::Failed { error, .. } => Some(error),
+            Fate::Cleaned(_) | Fate::Unchanged(_) => None,
         }
     }
 
@@ -134,7 +143,10 @@ impl Fate {
         match self {
             Fate::Cleaned(_) => "cleaned",
             Fate::Unchanged(_) => "unchanged",
-            Fate::Failed(_) => "failed",
+            Fate::Failed {
+                old_result: true, ..
+            } => "failed, old result stays",
+            Fate::Failed { .. } => "failed",
         }
     }
 }
@@ -174,7 +186,7 @@ fn push_row(out: &mut String, name: &str, fate: &Fate) {
         lines.iter().map(item).collect()
     };
     let more = match fate {
-        Fate::Failed(error) => list(&[error.to_string()]),
+        Fate::Failed { error, .. } => list(&[error.to_string()]),
         Fate::Cleaned(s) | Fate::Unchanged(s) => {
             let notes = s
                 .notes
