@@ -2,16 +2,11 @@
 
 use super::audit::{FileAudit, kind_name};
 use crate::audit::{Finding, TakeAudit};
-use crate::evaluate::html::{escape, fill};
-use crate::evaluate::player::policy_hash;
+use crate::evaluate::html::escape;
+use crate::evaluate::plain_page::PlainPage;
 use std::fmt::Write;
 
-const TEMPLATE: &str = include_str!("audit_page.html");
-const STYLE: &str = concat!(
-    include_str!("../evaluate/player/player.css"),
-    include_str!("../evaluate/report/report.css"),
-    include_str!("audit_page.css")
-);
+const STYLE: &str = include_str!("audit_page.css");
 /// Points whose gaps are drawn.
 const DRAWN: usize = 60;
 /// The width of a take and the height of a point, in the picture's units.
@@ -23,18 +18,18 @@ const NAMES: f64 = 180.0;
 /// The page of some files.
 pub fn page(files: &[FileAudit]) -> String {
     let found = files.iter().filter(|f| f.has_findings()).count();
-    let sections: String = files.iter().map(section).collect();
-    let counts = format!("Files: {}, with findings: {found}", files.len());
-    fill(
-        TEMPLATE,
-        &[
-            ("style", STYLE),
-            ("style-hash", &policy_hash(STYLE)),
-            ("counts", &counts),
-            ("sections", &sections),
-            ("version", env!("CARGO_PKG_VERSION")),
-        ],
-    )
+    PlainPage {
+        title: "Takes audited",
+        lead: vec![format!(
+            "Files: {}, with findings: {found}. Nothing was changed. In the pictures a take runs from left to right, a point a row: empty where it is missing, marked where something was found.",
+            files.len()
+        )],
+        main: files.iter().map(section).collect(),
+        style: STYLE,
+        command: "audit",
+        data: "",
+    }
+    .html()
 }
 
 fn section(file: &FileAudit) -> String {

@@ -12,6 +12,7 @@ pub mod mesh_scene;
 pub mod metric;
 pub mod motion_quality;
 pub mod pair_label;
+pub(crate) mod plain_page;
 pub mod player;
 pub mod report;
 pub mod scene;

@@ -53,9 +53,7 @@ impl Clean {
             ..Denoise::default()
         }
     }
-}
 
-impl Clean {
     /// Whether a gap is filled with a larger standard deviation than is wanted: the root mean square over its frames.
     fn is_unsure(&self, gap: &Gap, out: &RestoredFrames) -> bool {
         let variances = gap

@@ -34,7 +34,7 @@ impl CleanSettings {
         let noise = typical_noise(poses.xyz.view(), &poses.runs());
         let denoised = restored.counts().mean_noise() > 0.0;
         let mut findings = self.remaining(file, keeps, restored);
-        let left = missing(restored.xyz());
+        let (lacking, left) = (missing(poses.xyz.view()), missing(restored.xyz()));
         findings.extend(left_open(left, restored));
         if noise > self.method.noise_limit && keeps {
             findings.push(format!(
@@ -48,7 +48,7 @@ impl CleanSettings {
                 "outliers: {doubtful} more are not replaced, as too little is known there"
             ));
         }
-        let mut filled = missing(poses.xyz.view()) - left;
+        let mut filled = lacking - left;
         match (unheld, keeps) {
             (0, _) => {}
             (n, true) => findings.push(format!("missing: {n} values of the file are still nan")),
@@ -65,7 +65,7 @@ impl CleanSettings {
             frames: poses.frames(),
             points: poses.points.len(),
             rate: file.rate(),
-            missing: missing(poses.xyz.view()),
+            missing: lacking,
             filled,
             outliers: moved.len(),
             noise,

@@ -17,7 +17,7 @@ use super::messages;
 use super::progress::Progress;
 use crate::Result;
 use crate::io::output::write_file;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -49,7 +49,7 @@ pub fn clean(
     let page = output.page.clone();
     let page = page.or_else(|| Some(jobs.folder.as_ref()?.join(PAGE)));
     if let Some(page) = &page {
-        jobs.check_page(page)?;
+        jobs.check_page(page, report::is_page(page))?;
     }
     super::signals::watch();
     let mut fates = clean_all(&jobs.jobs, jobs.to, settings);
@@ -71,7 +71,7 @@ pub fn clean(
         summary.notes.iter().for_each(|note| messages::info(note));
     }
     if let Some(page) = page {
-        make_folder_of(&page)?;
+        record::make_folder_of(&page)?;
         write_file(&page, report.html().as_bytes())?;
     }
     super::streams::write_bytes(None, report.text().as_bytes(), false)?;
@@ -107,11 +107,4 @@ fn clean_all(jobs: &[Job], to: Option<OutputFormat>, settings: &CleanSettings) -
     fates
         .filter_map(|fate| fate.into_inner().unwrap_or_else(|e| e.into_inner()))
         .collect()
-}
-
-fn make_folder_of(path: &Path) -> Result<()> {
-    match path.parent().filter(|p| !p.as_os_str().is_empty()) {
-        Some(folder) => std::fs::create_dir_all(folder).map_err(|e| crate::Error::io(folder, e)),
-        None => Ok(()),
-    }
 }

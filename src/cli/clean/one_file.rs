@@ -135,9 +135,6 @@ impl CleanSettings {
             true => Restoration::unchanged(table),
             false => restorer.clean(table, &self.method_for(&file, to))?,
         };
-        if let Some(folder) = job.output.parent() {
-            std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        }
         begin(&job.output, made_from)?;
         let written = self.write(job, to, &file, &restored);
         let unheld = written.inspect_err(|_| give_up(&job.output))?;

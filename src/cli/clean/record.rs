@@ -22,7 +22,7 @@ pub struct Fingerprint {
 }
 
 impl Fingerprint {
-    /// Of a file of these bytes.
+    /// The fingerprint of a file whose bytes are `bytes`.
     pub fn of(path: &Path, bytes: &[u8]) -> Fingerprint {
         let name = path.file_name().unwrap_or(path.as_os_str());
         Fingerprint {
@@ -31,7 +31,7 @@ impl Fingerprint {
         }
     }
 
-    /// Of a file that is there.
+    /// The fingerprint of a file on disk.
     ///
     /// # Errors
     /// [`Error::Io`]: it cannot be read.
@@ -68,7 +68,7 @@ pub struct Summary {
     pub rate: Option<f64>,
     /// Positions that were missing: points times frames.
     pub missing: usize,
-    /// Those that were filled.
+    /// Missing positions that were filled.
     pub filled: usize,
     /// Outliers that were replaced.
     pub outliers: usize,
@@ -156,11 +156,12 @@ pub fn may_write(output: &Path, again: bool) -> Result<()> {
     Err(Error::data(Place::file(path.display().to_string()), what))
 }
 
-/// Says beside a result that it is being made: one that a stopped run left is known by that.
+/// Says beside a result that it is being made, in a folder that is made if need be: what a stopped run left is known by that.
 ///
 /// # Errors
 /// [`Error::Io`]: writing fails.
 pub fn begin(output: &Path, made_from: &MadeFrom) -> Result<()> {
+    make_folder_of(output)?;
     let json = json!({"command": "clean", "made_from": made_from});
     write_file(record_path(output), format!("{json}\n").as_bytes())
 }
@@ -195,6 +196,17 @@ pub fn unchanged(output: &Path, made_from: &MadeFrom) -> Option<Summary> {
     let is_same =
         earlier.made_from == *made_from && Fingerprint::read(output).ok() == earlier.output;
     earlier.summary.filter(|_| is_same)
+}
+
+/// Makes the folder of a file.
+///
+/// # Errors
+/// [`Error::Io`]: it cannot be made.
+pub fn make_folder_of(path: &Path) -> Result<()> {
+    match path.parent() {
+        Some(folder) => std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e)),
+        None => Ok(()),
+    }
 }
 
 /// The place of the record of a result.

@@ -4,17 +4,15 @@ use super::one_file::Fate;
 use super::record::Summary;
 use crate::Error;
 use crate::cli::messages;
-use crate::evaluate::html::{escape, fill};
-use crate::evaluate::player::policy_hash;
+use crate::evaluate::html::escape;
+use crate::evaluate::plain_page::PlainPage;
 use crate::evaluate::text_table::aligned;
 use std::fmt::Write;
+use std::path::Path;
 
-const TEMPLATE: &str = include_str!("clean.html");
-const STYLE: &str = concat!(
-    include_str!("../../evaluate/player/player.css"),
-    include_str!("../../evaluate/report/report.css"),
-    include_str!("clean.css")
-);
+const STYLE: &str = include_str!("clean.css");
+/// The title of the page.
+const TITLE: &str = "Takes cleaned";
 const TITLES: [&str; 9] = [
     "file",
     "format",
@@ -28,6 +26,12 @@ const TITLES: [&str; 9] = [
 ];
 /// Findings of a file that the terminal shows; the page and the record have all.
 const SHOWN: usize = 3;
+
+/// Whether a file is a page that [`CleanReport::html`] made.
+pub fn is_page(path: &Path) -> bool {
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    text.contains(&format!("<title>{TITLE}</title>"))
+}
 
 /// The files and what became of them.
 pub struct CleanReport<'a> {
@@ -108,17 +112,20 @@ impl<'a> CleanReport<'a> {
             push_row(&mut rows, name, fate);
         }
         let titles: String = TITLES.iter().map(|t| format!("<th>{t}</th>")).collect();
-        fill(
-            TEMPLATE,
-            &[
-                ("style", STYLE),
-                ("style-hash", &policy_hash(STYLE)),
-                ("counts", &escape(&self.counts())),
-                ("titles", &titles),
-                ("rows", &rows),
-                ("version", env!("CARGO_PKG_VERSION")),
+        PlainPage {
+            title: TITLE,
+            lead: vec![
+                format!("{}.", escape(&self.counts())),
+                "Missing and filled are positions: points times frames. A JSON file beside each result says what it was made from, what was found, and how each gap was filled.".to_string(),
             ],
-        )
+            main: format!(
+                "<section><div class=\"wide\"><table class=\"files\">\n<tr>{titles}</tr>\n{rows}</table></div></section>"
+            ),
+            style: STYLE,
+            command: "clean",
+            data: "",
+        }
+        .html()
     }
 }
 

@@ -13,8 +13,6 @@ const EXTENSIONS: [&str; 7] = ["c3d", "trc", "bvh", "amc", "csv", "tsv", "npy"];
 
 /// Other formats that somebody may ask for.
 const OTHERS: [&str; 5] = ["glb", "gltf", "fbx", "json", "html"];
-/// What tells a page of `clean` from other files.
-const PAGE_TITLE: &str = "<title>Takes cleaned</title>";
 
 /// The formats that a result can have instead of the file's own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -30,7 +28,7 @@ pub enum OutputFormat {
 }
 
 impl OutputFormat {
-    /// Its extension.
+    /// The extension of files of this format.
     pub fn extension(self) -> &'static str {
         match self {
             OutputFormat::C3d => "c3d",
@@ -64,7 +62,7 @@ impl OutputFormat {
 /// A file to clean.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Job {
-    /// Its name in tables: without the path of the folder that was given.
+    /// The name in tables: without the path of the folder that was given.
     pub name: String,
     /// The capture.
     pub input: PathBuf,
@@ -107,47 +105,10 @@ pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Resu
     }
     let ends_in_slash = output.as_os_str().to_string_lossy().ends_with(['/', '\\']);
     let is_one = inputs.len() == 1 && !inputs[0].is_dir() && !output.is_dir() && !ends_in_slash;
-    let mut out = Jobs {
-        to,
-        folder: (!is_one).then(|| output.to_path_buf()),
-        ..Jobs::default()
+    let out = match is_one {
+        true => Jobs::one(&inputs[0], output, to)?,
+        false => Jobs::into_folder(inputs, output, to),
     };
-    if is_one {
-        out.to = match to {
-            Some(to) => Some(to),
-            None => by_extension(&inputs[0], output)?,
-        };
-        out.jobs.push(Job {
-            name: inputs[0].display().to_string(),
-            input: inputs[0].clone(),
-            output: output.to_path_buf(),
-        });
-    } else {
-        let results = output.canonicalize().ok();
-        for input in inputs {
-            let mut files = vec![(input.clone(), name_of(input))];
-            if input.is_dir() {
-                files = out.files_of(input, results.as_deref())?;
-            }
-            for (input, within) in files {
-                let mut output = renamed(&output.join(&within), to);
-                // Exports of one take in two formats.
-                if let (Some(to), true) = (to, out.jobs.iter().any(|j| j.output == output)) {
-                    output.set_file_name(format!(
-                        "{}.{}",
-                        name_of(&within).display(),
-                        to.extension()
-                    ));
-                }
-                let name = within.display().to_string();
-                out.jobs.push(Job {
-                    name,
-                    input,
-                    output,
-                });
-            }
-        }
-    }
     if out.jobs.is_empty() && out.unreadable.is_empty() {
         let folders: Vec<String> = inputs.iter().map(|p| p.display().to_string()).collect();
         let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
@@ -163,12 +124,55 @@ fn is_special(path: &Path) -> bool {
 }
 
 impl Jobs {
+    fn one(input: &Path, output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
+        let job = Job {
+            name: input.display().to_string(),
+            input: input.to_path_buf(),
+            output: output.to_path_buf(),
+        };
+        Ok(Jobs {
+            jobs: vec![job],
+            to: match to {
+                Some(to) => Some(to),
+                None => by_extension(input, output)?,
+            },
+            ..Jobs::default()
+        })
+    }
+
+    fn into_folder(inputs: &[PathBuf], folder: &Path, to: Option<OutputFormat>) -> Jobs {
+        let mut out = Jobs {
+            to,
+            folder: Some(folder.to_path_buf()),
+            ..Jobs::default()
+        };
+        let results = folder.canonicalize().ok();
+        let mut taken: HashSet<PathBuf> = HashSet::new();
+        for input in inputs {
+            let files = match input.is_dir() {
+                true => out.files_of(input, results.as_deref()),
+                false => vec![(input.clone(), name_of(input))],
+            };
+            for (input, within) in files {
+                let mut output = renamed(&folder.join(&within), to);
+                // Exports of one take in two formats.
+                if let (Some(to), true) = (to, taken.contains(&output)) {
+                    let name = name_of(&within);
+                    output.set_file_name(format!("{}.{}", name.display(), to.extension()));
+                }
+                taken.insert(output.clone());
+                out.jobs.push(Job {
+                    name: within.display().to_string(),
+                    input,
+                    output,
+                });
+            }
+        }
+        out
+    }
+
     /// The files of motion below a folder but not below `results`, with their paths within it, in the order of their names.
-    fn files_of(
-        &mut self,
-        folder: &Path,
-        results: Option<&Path>,
-    ) -> Result<Vec<(PathBuf, PathBuf)>> {
+    fn files_of(&mut self, folder: &Path, results: Option<&Path>) -> Vec<(PathBuf, PathBuf)> {
         let mut out = Vec::new();
         let mut folders = vec![folder.to_path_buf()];
         // A link to a folder may lead back here.
@@ -200,14 +204,11 @@ impl Jobs {
             }
         }
         out.sort();
-        Ok(out)
+        out
     }
-}
 
-impl Jobs {
     /// Fails where a result would be written over a capture or over another result.
     fn check(&self) -> Result<()> {
-        let canonical = |path: &Path| path.canonicalize().unwrap_or(path.to_path_buf());
         let captures: HashSet<PathBuf> = self.jobs.iter().map(|j| canonical(&j.input)).collect();
         let mut results: HashMap<PathBuf, &Path> = HashMap::new();
         for job in &self.jobs {
@@ -230,24 +231,24 @@ impl Jobs {
         Ok(())
     }
 
-    /// Fails where the page would be written over a capture, a result, or a file that is no such page.
-    pub fn check_page(&self, page: &Path) -> Result<()> {
-        let canonical = |path: &Path| path.canonicalize().unwrap_or(path.to_path_buf());
+    /// Fails where the page would be written over a capture, a result, or a file that is no such page, as `is_page` says.
+    pub fn check_page(&self, page: &Path, is_page: bool) -> Result<()> {
         let own = canonical(page);
         let is_of = |job: &Job| {
             let paths = [&job.input, &job.output, &record_path(&job.output)];
             paths.iter().any(|path| canonical(path) == own)
         };
-        let text = std::fs::read_to_string(page).unwrap_or_default();
-        let is_other = page.exists() && !text.contains(PAGE_TITLE);
-        match is_other || self.jobs.iter().any(is_of) {
-            true => {
-                let what = "is there and is no page of clean; give another place with --page";
-                Err(Error::data(Place::file(page.display().to_string()), what))
-            }
-            false => Ok(()),
+        if page.exists() && !is_page || self.jobs.iter().any(is_of) {
+            let what = "is there and is no page of clean; give another place with --page";
+            return Err(Error::data(Place::file(page.display().to_string()), what));
         }
+        Ok(())
     }
+}
+
+/// The path without links, where it exists.
+fn canonical(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or(path.to_path_buf())
 }
 
 /// Whether a file was made by `clean`.

@@ -183,7 +183,7 @@ fn paragraphs(remarks: &[String]) -> String {
 }
 
 /// A source's hash as a content security policy wants it.
-pub(crate) fn policy_hash(source: &str) -> String {
+pub(super) fn policy_hash(source: &str) -> String {
     format!(
         "sha256-{}",
         BASE64_STANDARD.encode(Sha256::digest(source.as_bytes()))

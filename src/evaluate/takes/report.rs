@@ -2,17 +2,11 @@
 
 use super::{GapCell, NoiseCell, RESTORED};
 use crate::evaluate::benchmark::result::{ONE_AND_TWO_SD, SD_LEVELS};
-use crate::evaluate::html::{escape, fill, table};
-use crate::evaluate::player::policy_hash;
+use crate::evaluate::html::{escape, table};
+use crate::evaluate::plain_page::PlainPage;
 use crate::evaluate::report::short;
 use crate::evaluate::text_table::aligned;
 use std::fmt::Write;
-
-const PAGE: &str = include_str!("takes.html");
-const STYLE: &str = concat!(
-    include_str!("../player/player.css"),
-    include_str!("../report/report.css")
-);
 
 /// The results of a test.
 #[derive(Debug, Clone)]
@@ -201,17 +195,25 @@ impl TakesReport {
             );
         }
         let subjects = self.subjects.join(", ");
-        let values = [
-            ("tables", &*tables),
-            ("plot", &*self.calibration_plot()),
-            ("model", &*escape(model)),
-            ("takes", &*self.takes.to_string()),
-            ("subjects", &*escape(&subjects)),
-            ("style", STYLE),
-            ("style-hash", &*policy_hash(STYLE)),
-            ("version", env!("CARGO_PKG_VERSION")),
-        ];
-        fill(PAGE, &values)
+        let lead = format!(
+            "{} takes of {}, restored by {}. Gaps are cut into copies of the takes and compared with what was cut out; the lowest error of a row is marked. Gaussian: the conditional mean under the covariance of the take's own poses and, where a model was trained here, of its training poses, joined to both ends of the gap. Butterworth: of second order, without lag, its cutoff chosen for each take with the truth at hand.",
+            self.takes,
+            escape(&subjects),
+            escape(model)
+        );
+        let calibration = format!(
+            "<section><h2>Calibration</h2><p>The share of the filled coordinates within as many standard deviations as should hold the expected share: above the diagonal the stated deviations are too large, below it too small. A line for each length of gaps.</p><div class=\"charts\"><figure>{}</figure></div></section>",
+            self.calibration_plot()
+        );
+        PlainPage {
+            title: "Takes restored",
+            lead: vec![lead],
+            main: tables + &calibration,
+            style: "",
+            command: "evaluate takes",
+            data: "All numbers are in takes.csv.",
+        }
+        .html()
     }
 
     /// Measured against expected shares, as SVG: a line for each length of gaps, and the diagonal.
