@@ -23,7 +23,7 @@ pub struct PointGaps {
     pub frames: usize,
     /// The first frame of its longest gap, and the one after the last.
     pub longest: [usize; 2],
-    /// The same of all its gaps.
+    /// The first frame of each gap, and the one after its last.
     pub ranges: Vec<[usize; 2]>,
 }
 

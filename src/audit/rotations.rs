@@ -4,9 +4,9 @@ use super::{Finding, FindingKind};
 use crate::pose::rotation::{Axis, angle_between, compose};
 use ndarray::Array2;
 
-/// An angle that jumps by more from one frame to the next, radians, is a flip,
+/// The smallest jump of an angle from one frame to the next that may be a flip, radians.
 const JUMP: f64 = std::f64::consts::FRAC_PI_2;
-/// if the joint turns by less than this share of it.
+/// A jump is a flip if the joint turns by less than this share of it.
 const TURN: f64 = 0.25;
 
 /// The angles of one joint.

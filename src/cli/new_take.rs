@@ -11,7 +11,7 @@ use crate::pose::Poses;
 /// What a new file says of a take.
 #[derive(Debug)]
 pub struct NewTake {
-    /// Its frames, in the unit and axes of the file.
+    /// The frames, in the unit and axes of the file.
     pub poses: Poses,
     /// Frames a second.
     pub rate: f64,
@@ -36,7 +36,7 @@ impl NewTake {
     /// The bytes of a C3D file.
     ///
     /// # Errors
-    /// Those of [`NewC3d::bytes`].
+    /// As [`NewC3d::bytes`].
     pub fn c3d(&self) -> Result<Vec<u8>> {
         let up = format!("+{}", value_name(self.units.up).to_uppercase());
         let right = if self.units.up == Up::X { "+Y" } else { "+X" };
@@ -53,7 +53,7 @@ impl NewTake {
     /// The bytes of a TRC file.
     ///
     /// # Errors
-    /// Those of [`NewTrc::bytes`].
+    /// As [`NewTrc::bytes`].
     pub fn trc(&self) -> Result<Vec<u8>> {
         let name = self.poses.take.as_ref().and_then(|names| names.first());
         NewTrc {

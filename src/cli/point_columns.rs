@@ -18,7 +18,7 @@ pub struct PointColumns {
 }
 
 impl PointColumns {
-    /// The same for these points in this order.
+    /// The columns of some points, in the order given.
     pub fn select(&self, points: &[usize]) -> PointColumns {
         PointColumns {
             status: self.status.as_ref().map(|s| s.select(Axis(1), points)),

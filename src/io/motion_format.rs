@@ -49,7 +49,7 @@ impl MotionFormat {
         }
     }
 
-    /// Its name in messages.
+    /// The name in messages.
     pub fn name(self) -> &'static str {
         match self {
             MotionFormat::C3d => "C3D",

@@ -81,13 +81,8 @@ pub struct Restoration<'t> {
 }
 
 impl<'t> Restoration<'t> {
-    /// A table that is left as it is.
+    /// A table that is left as it is, or of which no frame is restored yet.
     pub fn unchanged(source: &'t Table) -> Restoration<'t> {
-        Restoration::new(source)
-    }
-
-    /// A table of which no frame is restored yet.
-    pub(super) fn new(source: &'t Table) -> Restoration<'t> {
         let xyz = source.poses.xyz.clone();
         let mut status = Vec::with_capacity(xyz.len() / 3);
         for row in xyz.rows() {

@@ -223,7 +223,7 @@ impl<'m> Restorer<'m> {
     ) -> Result<Restoration<'t>> {
         let poses = &table.poses;
         let (bound, names) = self.bind(poses)?;
-        let mut out = Restoration::new(table);
+        let mut out = Restoration::unchanged(table);
         let Some(rate) = rate else {
             let xyz = hide(poses.xyz.to_owned(), hidden);
             let bound = bound.as_ref().ok_or_else(no_model)?;

@@ -106,11 +106,11 @@ struct Solving<'a, 's> {
     variances: Array2<f64>,
     /// Whether each channel has a value in the take.
     is_seen: Vec<bool>,
-    /// Of each channel, the known joints that it moves first: its joint's children.
+    /// By channel, the known joints that it moves first: the children of its joint.
     children: Vec<Vec<usize>>,
 }
 
-/// Of each channel, which of the `known` joints are children of its own.
+/// By channel, which of the `known` joints are children of its joint.
 fn children(bvh: &Bvh, poses: &Poses, known: &[(usize, usize)]) -> Vec<Vec<usize>> {
     let column = |name: &str| known.iter().position(|(p, _)| poses.points[*p] == name);
     let of_joint = |j: usize| -> Vec<usize> {
@@ -175,7 +175,7 @@ impl Solving<'_, '_> {
         let is_unknown = |&j: &usize| {
             let p = self.known[j].0;
             let is_missing = (0..3).any(|c| self.poses.xyz[[t, 3 * p + c]].is_nan());
-            // Of both estimates together.
+            // The variance of both estimates together.
             let precision = self.sd(t, p).powi(-2) + 1.0 / self.variances[[t, j]];
             is_missing || precision.powf(-0.5) > most
         };
