@@ -5,7 +5,7 @@ use posing::Result;
 use posing::cli::args::{CommonArgs, parse_positive};
 use posing::cli::audit::MotionLimitArgs;
 use posing::cli::clean::{CleanOutput, CleanSettings, OutputFormat, clean};
-use posing::cli::input::open_model;
+use posing::cli::input::open_model_or_builtin;
 use posing::cli::motion_file::ReadArgs;
 use posing::cli::name_maps::name_map;
 use posing::cli::units::parse_length;
@@ -140,11 +140,10 @@ fn settings(args: &Args) -> Result<CleanSettings> {
 
 /// The model, its name in messages and the digest of its bytes.
 fn model(args: &Args) -> Result<Option<(Model, String, String)>> {
-    let (model, name) = match &args.model {
-        _ if args.take_alone => return Ok(None),
-        Some(path) => (open_model(path)?, path.display().to_string()),
-        None => (Model::builtin()?, "the built-in model".to_string()),
-    };
+    if args.take_alone {
+        return Ok(None);
+    }
+    let (model, name) = open_model_or_builtin(args.model.as_deref())?;
     let digest = hex(&Sha256::digest(model.to_bytes()?));
     Ok(Some((model, name, digest)))
 }

@@ -22,6 +22,14 @@ pub fn open_model(path: &Path) -> Result<Model> {
     Model::read(open(path)?)
 }
 
+/// Reads the model that is named, else the built-in one; with its name in messages.
+pub fn open_model_or_builtin(path: Option<&Path>) -> Result<(Model, String)> {
+    Ok(match path {
+        Some(path) => (open_model(path)?, path.display().to_string()),
+        None => (Model::builtin()?, "the built-in model".to_string()),
+    })
+}
+
 /// Fails if two of the paths are standard input (`-`).
 pub fn check_single_stdin<'a>(paths: impl IntoIterator<Item = &'a PathBuf>) -> Result<()> {
     match paths.into_iter().filter(|p| *p == Path::new("-")).count() {

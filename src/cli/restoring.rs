@@ -3,7 +3,7 @@
 use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
 use super::body_size::check_body_size;
 use super::gap_report;
-use super::input::{RowStream, check_single_stdin_with, open_model, read_table};
+use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
 use super::messages;
 use super::name_maps::name_map;
 use super::progress::Progress;
@@ -305,11 +305,8 @@ fn next_batch(stream: &mut RowStream<'_>) -> Result<(Vec<Row>, Table)> {
 impl ModelFlags {
     /// The model that the flags name, and its name in messages; `None` for no model.
     fn open(&self) -> Result<Option<(Model, String)>> {
-        Ok(match &self.model {
-            _ if self.take_alone => None,
-            Some(path) => Some((open_model(path)?, path.display().to_string())),
-            None => Some((Model::builtin()?, "the built-in model".to_string())),
-        })
+        let open = || open_model_or_builtin(self.model.as_deref());
+        (!self.take_alone).then(open).transpose()
     }
 }
 
