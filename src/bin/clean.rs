@@ -62,7 +62,7 @@ struct Args {
         help_heading = "Input"
     )]
     map: Option<String>,
-    /// Take positions of exactly 0 0 0 for missing ones, as some programs write them
+    /// Take positions of exactly 0 0 0 for missing ones, as some programs write them (not where rotations stay)
     #[arg(long, help_heading = "Input")]
     zeros_are_missing: bool,
     /// Go on with a body that is smaller or larger than people are
