@@ -36,7 +36,7 @@ impl ReadArgs {
     /// Checks the flags.
     ///
     /// # Errors
-    /// [`Error::Usage`]: names of points that cannot be.
+    /// [`crate::Error::Usage`]: names of points that cannot be.
     pub fn flags(&self) -> Result<ReadFlags> {
         Ok(ReadFlags {
             fps: self.fps,

@@ -26,7 +26,7 @@ impl MotionFile {
     /// missing still.
     ///
     /// # Errors
-    /// [`Error::Io`]: writing fails. [`Error::Data`]: the format does not hold the new values.
+    /// [`crate::Error::Io`]: writing fails. [`crate::Error::Data`]: the format does not hold the new values.
     pub fn write_back(
         &self,
         path: &Path,
@@ -82,7 +82,7 @@ impl MotionFile {
     /// Writes its points as a pose table, with them at `xyz`: of a table in its units, else in centimetres, y up.
     ///
     /// # Errors
-    /// [`Error::Io`]: writing fails.
+    /// [`crate::Error::Io`]: writing fails.
     pub fn write_table(&self, path: &Path, to: Format, xyz: ArrayView2<'_, f64>) -> Result<()> {
         let out = OutputArgs {
             output: Some(path.to_path_buf()),
