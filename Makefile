@@ -60,9 +60,9 @@ $(PEERS)/ready:
 	$(PEERS)/bin/pip install -q numpy scikit-learn spams-bin pyarrow
 	touch $@
 
-# 2,075,000 poses to 262,759 atoms. make scale QUICK=1: a hundredth of it.
+# 2,075,000 poses to 262,759 atoms. make scale POSES=20000: a hundredth of it.
 scale: needs
-	$(CARGO) bench --bench scale -- $(if $(QUICK),--quick)
+	$(CARGO) bench --bench scale -- $(if $(POSES),--poses $(POSES))
 
 # Gives the readers broken files, MINUTES for each target, with cargo-fuzz: see tests/fuzz/README.md.
 MINUTES ?= 1

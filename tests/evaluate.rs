@@ -238,6 +238,116 @@ fn any_number_of_threads_and_a_kill_give_the_same_bytes() {
 }
 
 #[test]
+fn shares_on_several_machines_give_the_same_bytes() {
+    let dir = Folder::new();
+    let small = |out: &str, more: &[&str]| {
+        let mut args = dir.small(out);
+        args.extend(["-q".to_string()]);
+        args.extend(more.iter().map(|m| m.to_string()));
+        args
+    };
+    let results = |out: &str| ["csv", "json"].map(|e| dir.read(&format!("{out}/results.{e}")));
+    let said = run("evaluate", &texts(&small("whole", &[])), "");
+    let names: Vec<String> = (1..=8).map(|i| format!("cells/{i}")).collect();
+    let folders: Vec<String> = names.iter().map(|n| dir.name(n)).collect();
+    for (i, name) in names.iter().enumerate() {
+        let share = format!("{}/8", i + 1);
+        assert_eq!(
+            run("evaluate", &texts(&small(name, &["--cells", &share])), ""),
+            ""
+        );
+        assert!(!dir.path(&format!("{name}/results.csv")).exists());
+    }
+    let lines = |name: &String| dir.read(&format!("{name}/cells.jsonl")).lines().count();
+    // One model for three splits and two seeds: six trainings of two methods and three tasks.
+    let counts: Vec<usize> = names.iter().map(lines).collect();
+    assert_eq!(counts, [6, 6, 6, 6, 6, 6, 0, 0]);
+    let merge = |out: &str, folders: &[String]| {
+        let folders = folders.iter().map(String::as_str);
+        small(
+            out,
+            &["--merge"].into_iter().chain(folders).collect::<Vec<_>>(),
+        )
+    };
+    assert_eq!(
+        run("evaluate", &texts(&merge("merged", &folders)), ""),
+        said
+    );
+    assert!(results("whole") == results("merged"));
+    assert!(dir.read("whole/report.html") == dir.read("merged/report.html"));
+
+    // A share that is not there, or was stopped.
+    let refused = |args: &[String], part: &str| {
+        let said = fails("evaluate", &texts(args), b"", 1);
+        assert!(said.contains(part), "{said}");
+        assert!(!dir.path("refused/results.csv").exists());
+        fs::remove_dir_all(dir.path("refused")).unwrap();
+    };
+    refused(
+        &merge("refused", &folders[1..]),
+        "6 of 36 results are missing, the first sparse:n=20 (task dense, split frames, seed 0)",
+    );
+    let kept = dir.read("cells/2/cells.jsonl");
+    fs::write(dir.path("cells/2/cells.jsonl"), &kept[..kept.len() - 9]).unwrap();
+    refused(&merge("refused", &folders), "1 of 36 results are missing");
+    run(
+        "evaluate",
+        &texts(&small("cells/2", &["--cells", "2/8"])),
+        "",
+    );
+    run("evaluate", &texts(&merge("again", &folders)), "");
+    assert!(results("whole") == results("again"));
+
+    // Results of other settings and other takes are not mixed in; a share that is run again drops its own.
+    run(
+        "evaluate",
+        &texts(&small(
+            "cells/2",
+            &["--cells", "2/8", "--observe", "root,lwrist"],
+        )),
+        "",
+    );
+    refused(
+        &merge("refused", &folders),
+        "cells/2/cells.jsonl: the result of",
+    );
+    run(
+        "evaluate",
+        &texts(&small("cells/2", &["--cells", "2/8"])),
+        "",
+    );
+    let walk = dir.read("walk.csv");
+    dir.file("walk.csv", walk.trim_end().rsplit_once('\n').unwrap().0);
+    refused(
+        &merge("refused", &folders),
+        "is of other takes, other settings or another version",
+    );
+    dir.file("walk.csv", &walk);
+    run("evaluate", &texts(&merge("last", &folders)), "");
+    assert!(results("whole") == results("last"));
+}
+
+#[test]
+fn shares_and_merges_are_asked_for_rightly() {
+    let dir = Folder::new();
+    let (walk, out) = (dir.name("walk.csv"), dir.name("out"));
+    for share in ["0/8", "9/8", "1", "1/0", "a/b"] {
+        let said = fails("evaluate", &["--cells", share, "-o", &out, &walk], b"", 2);
+        assert!(said.contains("I from 1 to N"), "{said}");
+    }
+    let said = fails("evaluate", &["--cells", "1/2", &walk], b"", 2);
+    assert!(said.contains("--output"), "{said}");
+    let none = dir.name("none");
+    let said = fails(
+        "evaluate",
+        &["-q", &walk, "--merge", &none, "-o", &out],
+        b"",
+        1,
+    );
+    assert!(said.contains("none/cells.jsonl"), "{said}");
+}
+
+#[test]
 fn a_toml_file_says_what_flags_do_not() {
     let dir = Folder::new();
     let toml = "tables = [\"walk.csv\"]\nmodels = [\"ksvd:n=20\"]\nsplits = [\"takes\"]\ntasks = [\"complete\"]\n\

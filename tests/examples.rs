@@ -59,6 +59,7 @@ printf '%s\n' 'Format Version,1.23,Export Frame Rate,120,Length Units,Meters' ''
 for t in $(seq 0 99); do echo "$t,,0.$((100 + t)),1,2"; done >> motive.csv
 printf 'NO_OF_FRAMES\t1\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\tA\n1\t0\t1\t2\t3\n' > qualisys.tsv
 printf 'tables = ["my-takes.csv"]\nmodels = ["pca"]\nseeds = 1\nsplits = ["takes"]\nframes = 20\n' > bench.toml
+posing evaluate -q --splits takes --seeds 1 --frames 20 --models pca --cells 1/1 -o cells/1 01.csv 02.csv 07.csv
 "#;
 
 /// Examples of minutes, typed with a smaller number.

@@ -209,6 +209,34 @@ fn an_array_never_swallows_columns() {
 }
 
 #[test]
+fn balanced_parts_have_equally_many_frames() {
+    let rows: String = (0..50)
+        .map(|i| format!("{},{i},{}\n", i * i, i % 3))
+        .collect();
+    let table = format!("a.x,a.y,a.z\n{rows}");
+    let folder = tempfile::tempdir().unwrap();
+    let parts = folder.path().to_str().unwrap();
+    let args = ["-q", "-k", "4", "--balance", "--split", parts];
+    run("cluster", &args, &table);
+    let part = |i: usize| std::fs::read_to_string(folder.path().join(format!("{i}.csv"))).unwrap();
+    let frames = |part: &String| part.lines().count() - 1;
+    let all: Vec<String> = (0..4).map(part).collect();
+    assert_eq!(all.iter().map(frames).collect::<Vec<_>>(), [12, 13, 12, 13]);
+    let mut found: Vec<&str> = all.iter().flat_map(|p| p.lines().skip(1)).collect();
+    let mut given: Vec<&str> = rows.lines().collect();
+    found.sort_unstable();
+    given.sort_unstable();
+    assert_eq!(found, given);
+    let said = fails(
+        "cluster",
+        &["-k", "4", "--balance", "--branch", "2"],
+        table.as_bytes(),
+        2,
+    );
+    assert!(said.contains("--branch"), "{said}");
+}
+
+#[test]
 fn what_was_never_seen_stays_missing_in_codes() {
     let table = "root.x,root.y,root.z,a.x,a.y,a.z\n1,2,3,4,5,7\n,,,,,\n4,5,6,1,0,2\n0,0,0,0,0,0\n";
     let folder = tempfile::tempdir().unwrap();

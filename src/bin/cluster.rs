@@ -24,7 +24,7 @@ use std::process::ExitCode;
 #[command(
     name = "cluster",
     version,
-    after_help = "Examples:\n  posing cluster -k 8 poses.csv > grouped.csv\n  posing cluster -k 8 --split parts poses.csv\n  posing cluster -k 2000 --branch 10 --save centroids.npz -o grouped.csv poses.npy"
+    after_help = "Examples:\n  posing cluster -k 8 poses.csv > grouped.csv\n  posing cluster -k 8 --balance --split parts poses.csv\n  posing cluster -k 2000 --branch 10 --save centroids.npz -o grouped.csv poses.npy"
 )]
 struct Args {
     #[command(flatten)]

@@ -3,11 +3,12 @@
 use clap::{Parser, Subcommand};
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::benchmark::{self, BenchmarkArgs, ResultCache, sources};
+use posing::cli::benchmark::{self, BenchmarkArgs, sources};
 use posing::cli::evaluate_metric::{EvaluateMetricArgs, evaluate_metric};
 use posing::cli::evaluate_takes::{EvaluateTakesArgs, evaluate_takes};
+use posing::cli::result_cache::ResultCache;
 use posing::cli::{run, streams};
-use posing::evaluate::benchmark::{Benchmark, Dataset};
+use posing::evaluate::benchmark::{Benchmark, Dataset, Share};
 use posing::evaluate::report::BenchmarkReport;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -34,7 +35,7 @@ use std::process::ExitCode;
     name = "evaluate",
     version,
     args_conflicts_with_subcommands = true,
-    after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --config bench.toml\n  posing evaluate takes -o bench two-people.csv\n  posing evaluate metric --classes classes.csv takes.csv",
+    after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --splits takes --seeds 5 --cells 3/8 -o cells/3 01.csv 02.csv 07.csv\n  posing evaluate --splits takes --seeds 5 01.csv 02.csv 07.csv --merge cells/* -o bench\n  posing evaluate --config bench.toml\n  posing evaluate takes -o bench two-people.csv\n  posing evaluate metric --classes classes.csv takes.csv",
     after_long_help = include_str!("../cli/evaluate_help.txt")
 )]
 struct Args {
@@ -51,6 +52,20 @@ struct Args {
     /// tables.csv into DIR. May be repeated: the run with most subjects gives Table 1, runs of one subject Tables 2 to 4
     #[arg(long, value_name = "RUN", help_heading = "Output", requires = "output", conflicts_with_all = ["config", "fresh"])]
     paper: Vec<PathBuf>,
+    /// Run only the I-th of N shares of the cells, I from 1 to N, and write only the cache DIR/cells.jsonl: for several
+    /// machines, each with a DIR of its own. --merge joins them
+    #[arg(
+        long,
+        value_name = "I/N",
+        help_heading = "Output",
+        requires = "output",
+        conflicts_with = "paper"
+    )]
+    cells: Option<Share>,
+    /// Run nothing; take the results that --cells left in these folders, and write the report into the DIR of -o. Tables and
+    /// flags must be those of --cells; results of others are an error. Name the tables before --merge
+    #[arg(long, value_name = "DIR", num_args = 1.., help_heading = "Output", requires = "output", conflicts_with_all = ["cells", "paper"])]
+    merge: Vec<PathBuf>,
     /// Ignore the results cached in DIR
     #[arg(long, help_heading = "Output")]
     fresh: bool,
@@ -123,7 +138,15 @@ fn work(args: Args) -> Result<()> {
     let bench = Benchmark::new(&data, settings)?;
     benchmark::report_exclusions(&bench);
     let open = |folder: &PathBuf| ResultCache::open(folder, args.fresh);
-    let cache = plan.output.as_ref().map(open).transpose()?;
+    let mut cache = plan.output.as_ref().map(open).transpose()?;
+    if let Some(share) = args.cells
+        && let Some(cache) = cache
+    {
+        return benchmark::run_share(&bench, share, cache);
+    }
+    if let (false, Some(cache)) = (args.merge.is_empty(), &mut cache) {
+        benchmark::merge(&bench, &args.merge, cache)?;
+    }
     let report = BenchmarkReport::new(&bench, benchmark::run(&bench, cache)?);
     if let Some(folder) = &plan.output {
         benchmark::write_results(folder, &report)?;

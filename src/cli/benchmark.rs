@@ -2,13 +2,17 @@
 
 use super::args::InputArgs;
 use super::progress::Progress;
+use super::result_cache::{self, ResultCache};
 use super::toml_file;
 use super::units::parse_length;
 use super::{input, messages};
 use crate::evaluate::benchmark::leakage::Provenance;
 use crate::evaluate::benchmark::method::{ModelSource, PretrainedModel};
+use crate::evaluate::benchmark::result::Case;
 use crate::evaluate::benchmark::runner::{Event, Results};
-use crate::evaluate::benchmark::{Benchmark, BenchmarkResult, Method, Settings, Split, Task};
+use crate::evaluate::benchmark::{
+    Benchmark, BenchmarkResult, Method, Settings, Share, Split, Task,
+};
 use crate::evaluate::report::BenchmarkReport;
 use crate::evaluate::report::paper::{Comparison, FinishedRun};
 use crate::pose::Poses;
@@ -17,11 +21,10 @@ use crate::prior::{self, OpenOptions};
 use crate::{Error, Place, Result};
 use clap::Args;
 use serde::de::Error as _;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -218,84 +221,71 @@ pub fn sources(flags: &InputArgs, tables: &[PathBuf]) -> Result<Vec<(String, Pos
     tables.iter().map(read).collect()
 }
 
-/// A line of the cache.
-#[derive(Serialize, Deserialize)]
-struct CacheLine<T> {
-    key: String,
-    #[serde(rename = "done", alias = "cell")]
-    result: T,
-}
-
-/// The file `cells.jsonl` of a run's folder: finished results, a line of JSON each, from which the next run goes on.
-pub struct ResultCache {
-    path: PathBuf,
-    file: File,
-    results: Results,
-}
-
-impl ResultCache {
-    /// Opens the file, or creates it with its folder; `fresh` discards its content. An incomplete last line, left by a
-    /// killed run, is removed.
-    ///
-    /// # Errors
-    /// A line that is not a result, with its number.
-    pub fn open(folder: &Path, fresh: bool) -> Result<ResultCache> {
-        fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-        let path = folder.join("cells.jsonl");
-        let fail = |e| Error::io(&path, e);
-        let text = match fs::read(&path) {
-            Ok(bytes) if !fresh => bytes,
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(fail(e)),
-            _ => Vec::new(),
-        };
-        let whole = text
-            .iter()
-            .rposition(|b| *b == b'\n')
-            .map_or(0, |at| at + 1);
-        let mut results = Results::new();
-        let lines = text[..whole].split(|b| *b == b'\n');
-        for (i, line) in lines.enumerate().filter(|(_, l)| !l.is_empty()) {
-            let line: CacheLine<BenchmarkResult> = serde_json::from_slice(line).map_err(|e| {
-                let name = path.display().to_string();
-                let what = format!("is not a cached result ({e}); remove the file, or use --fresh");
-                Error::data(Place::line(name, i as u64 + 1), what)
-            })?;
-            results.insert(line.key, line.result);
-        }
-        let file = File::options()
-            .create(true)
-            .append(true)
-            .open(&path)
-            .map_err(fail)?;
-        file.set_len(whole as u64).map_err(fail)?;
-        Ok(ResultCache {
-            path,
-            file,
-            results,
-        })
-    }
-
-    fn append(&mut self, key: &str, result: &BenchmarkResult) -> Result<()> {
-        let key = key.into();
-        let line = serde_json::to_string(&CacheLine { key, result });
-        let line = line.map_err(|e| Error::usage(e.to_string()))? + "\n";
-        let write = self.file.write_all(line.as_bytes());
-        write.map_err(|e| Error::io(&self.path, e))
-    }
-}
-
 /// Runs the benchmark with a progress bar; finished results go to the cache.
-pub fn run(bench: &Benchmark<'_>, mut cache: Option<ResultCache>) -> Result<Vec<BenchmarkResult>> {
-    let cached = cache.as_mut().map(|c| std::mem::take(&mut c.results));
-    let cached = cached.unwrap_or_default();
-    let total = bench.cases().len();
-    let mut done = total - bench.remaining(&cached);
+///
+/// # Errors
+/// As [`Benchmark::run`]; when the cache cannot be written.
+pub fn run(bench: &Benchmark<'_>, cache: Option<ResultCache>) -> Result<Vec<BenchmarkResult>> {
+    let results = run_cases(bench, &bench.cases(), cache)?;
+    bench.run(results, &mut |_| Ok(()))
+}
+
+/// Runs a share of the cases; the results go to the cache alone.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_share(bench: &Benchmark<'_>, share: Share, mut cache: ResultCache) -> Result<()> {
+    let dropped = cache.retain(|key, result| bench.is_own(key, result))?;
+    if dropped > 0 {
+        messages::info(&format!(
+            "removed {dropped} results of other takes or settings"
+        ));
+    }
+    let cases = bench.cases_of(share);
+    if cases.is_empty() {
+        messages::info("nothing to run: there are more shares than trained models");
+    }
+    run_cases(bench, &cases, Some(cache))?;
+    Ok(())
+}
+
+/// Adds the results of other folders to a cache, which has those of all cases then.
+///
+/// # Errors
+/// As [`Benchmark::merge`]; when a folder cannot be read, or a case has no result.
+pub fn merge(bench: &Benchmark<'_>, folders: &[PathBuf], cache: &mut ResultCache) -> Result<()> {
+    let runs = folders.iter().map(|folder| result_cache::read(folder));
+    let merged = bench.merge(runs.collect::<Result<_>>()?)?;
+    cache.add(merged)?;
+    let cases = bench.cases();
+    let missing = bench.missing(&cases, cache.results());
+    let Some(first) = missing.first() else {
+        return Ok(());
+    };
+    let what = format!(
+        "{} of {} results are missing, the first {}; name the folders of all --cells, each run to its end",
+        missing.len(),
+        cases.len(),
+        first.describe()
+    );
+    Err(Error::data(Place::file("--merge"), what))
+}
+
+/// Runs some cases with a progress bar.
+fn run_cases(
+    bench: &Benchmark<'_>,
+    cases: &[Case],
+    mut cache: Option<ResultCache>,
+) -> Result<Results> {
+    let cached = cache.as_mut().map(ResultCache::take).unwrap_or_default();
+    let total = cases.len();
+    let mut done = total - bench.missing(cases, &cached).len();
     if done > 0 {
         messages::info(&format!("{done} of {total} results found in the cache"));
     }
     let bar = Progress::new("evaluate", total as u64);
     bar.set(done as u64);
-    bench.run(cached, &mut |event| {
+    bench.run_cases(cases, cached, &mut |event| {
         match event {
             Event::Training { model, split, seed } => {
                 let words = format!("{model}, {} {seed}", split.name());

@@ -18,6 +18,9 @@ pub struct KMeansArgs {
     /// Split clusters into B at a time, as a tree, 2 or more; much faster for large K
     #[arg(long, value_name = "B", value_parser = clap::value_parser!(u32).range(2..))]
     pub branch: Option<u32>,
+    /// Make clusters of equal size (to within one pose), so that the parts of --split take about equally long to train
+    #[arg(long, conflicts_with = "branch")]
+    pub balance: bool,
     /// Number of runs from different starts; the best is kept
     #[arg(long, value_name = "R", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub restarts: u32,
@@ -31,6 +34,7 @@ impl KMeansArgs {
             seed,
             restarts: self.restarts as usize,
             branch: self.branch.map(|b| b as usize),
+            balance: self.balance,
             ..KMeans::default()
         }
     }
@@ -43,6 +47,7 @@ impl KMeansArgs {
             ("restarts", self.restarts.to_string()),
         ];
         flags.extend(self.branch.map(|b| ("branch", b.to_string())));
+        flags.extend(self.balance.then(|| ("balance", "true".to_string())));
         flags
     }
 }

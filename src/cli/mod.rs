@@ -47,6 +47,7 @@ pub mod point_columns;
 pub mod progress;
 pub mod registration_points;
 pub mod restoring;
+pub mod result_cache;
 mod signals;
 pub mod streams;
 mod summary;

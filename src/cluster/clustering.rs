@@ -10,13 +10,14 @@ pub struct Clustering {
     /// tolerance they are the means of their clusters: exactly so when no label changed any more.
     pub centroids: Array2<f64>,
     /// The cluster of each pose, (n), below k. In a flat clustering its nearest centroid, the lowest on a
-    /// tie; in a tree the leaf that [`Tree::descend`] finds.
+    /// tie; in a tree the leaf that [`Tree::descend`] finds; in a balanced one, not always the nearest.
     pub labels: Vec<u32>,
     /// Poses in each cluster, (k), none of them 0.
     pub sizes: Vec<usize>,
     /// Sum of the squared distances to the centroids, in the poses' unit squared.
     pub inertia: f64,
-    /// Updates of the centroids in the kept run; in a tree, of the kept runs of all splits.
+    /// Updates of the centroids in the kept run; in a tree, of the kept runs of all splits;
+    /// in a balanced one, of all halvings.
     pub iterations: usize,
     /// Whether that run (in a tree, every one) met the tolerance before its iterations were used up.
     pub converged: bool,

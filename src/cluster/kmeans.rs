@@ -1,10 +1,10 @@
-//! k-means as a caller uses it: flat or as a tree, the best of the restarts.
+//! k-means as a caller uses it: flat, as a tree or balanced, the best of the restarts.
 
 use super::clustering::{Clustering, KMeansProgress};
 use super::dataset::Dataset;
-use super::hierarchical;
 use super::lloyd::best_run;
 use super::parameters::KMeans;
+use super::{balanced, hierarchical};
 use crate::{Error, Result};
 use ndarray::ArrayView2;
 
@@ -60,6 +60,7 @@ impl KMeans {
         let table = poses.as_standard_layout();
         let poses = Dataset::check(&table)?;
         Ok(match self.branch {
+            None if self.balance => balanced::halve(poses, self, observer),
             None => best_run(poses, self, 0, observer),
             Some(branch) => hierarchical::grow(poses, self, branch, observer),
         })

@@ -19,6 +19,8 @@ pub struct KMeans {
     pub tolerance: f64,
     /// Children of a node, at least 2, to build a tree in place of a flat clustering. Default `None`.
     pub branch: Option<usize>,
+    /// Clusters whose sizes differ by at most 1, with `branch` unset. Default `false`.
+    pub balance: bool,
 }
 
 impl Default for KMeans {
@@ -30,6 +32,7 @@ impl Default for KMeans {
             max_iterations: 100,
             tolerance: 1e-4,
             branch: None,
+            balance: false,
         }
     }
 }
@@ -50,6 +53,8 @@ impl KMeans {
             format!("a tolerance of {}: it must be 0 or more", self.tolerance)
         } else if let Some(branch @ 0..2) = self.branch {
             format!("branch = {branch}: a node of the tree needs at least 2 children")
+        } else if self.balance && self.branch.is_some() {
+            "balance with branch: clusters of equal size are made by halves".to_string()
         } else {
             return Ok(());
         };
@@ -90,6 +95,11 @@ mod tests {
         });
         refused(KMeans {
             branch: Some(1),
+            ..with_k(2)
+        });
+        refused(KMeans {
+            branch: Some(2),
+            balance: true,
             ..with_k(2)
         });
         assert!(KMeans::default().check().is_ok());

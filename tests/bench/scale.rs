@@ -1,9 +1,11 @@
-//! The paper's scale, from poses to codes: `make scale` (`make scale QUICK=1`: a hundredth of it).
+//! The paper's scale, from poses to codes: `make scale` (`make scale POSES=20000`: a hundredth of it).
 //!
 //! 2,075,000 poses are clustered, a dictionary is learnt of each cluster, the dictionaries are joined to about 262,759
 //! atoms, and 50,000 poses of other takes are coded with them. The poses are made from the CMU takes at
 //! `../shared/data/cmu`, which have fewer: see [`Maker`]. Every stage is the commands that a user would run, one or more
-//! processes, in `target/scale`, where the dictionary and the codes stay; of each the seconds and the peak of its memory (resident, of all processes that run at once) are told.
+//! processes, in `target/scale`, where the dictionary and the codes stay. Of each stage the seconds and the peak of its
+//! memory (resident, of all processes that run at once) are printed; of the training also the seconds of the parts.
+//! posing-scale(7) has these figures.
 
 mod shared;
 
@@ -28,11 +30,7 @@ const ITERATIONS: &str = "10";
 const HELD_OUT: usize = 10;
 
 fn main() {
-    let quick = std::env::args().any(|a| a == "--quick");
-    let size = Size {
-        poses: if quick { POSES / 100 } else { POSES },
-        coded: if quick { CODED / 100 } else { CODED },
-    };
+    let size = Size::asked();
     let takes = shared::takes();
     if takes.is_empty() {
         return println!("no takes at ../shared/data/cmu: nothing is learnt");
@@ -55,7 +53,7 @@ fn main() {
         1,
         [encode.arg(work.join("unseen.npy"))],
     );
-    println!("{:<28} {:>8.0} {:>8.2}", "all", all.seconds, all.memory);
+    println!("{:<28} {:>8.1} {:>8.2}", "all", all.seconds, all.memory);
     let minutes = (all.seconds - learning) / 60.0 * size.poses as f64 / size.coded as f64;
     println!(
         "{} poses would be coded in {minutes:.1} minutes",
@@ -77,6 +75,18 @@ struct Size {
 }
 
 impl Size {
+    /// What `--poses N` asks for, else the paper's.
+    fn asked() -> Size {
+        let mut flags = std::env::args().skip_while(|a| a != "--poses").skip(1);
+        let poses = flags
+            .next()
+            .map_or(POSES, |n| n.parse().expect("--poses N"));
+        Size {
+            poses,
+            coded: (poses / (POSES / CODED)).max(1),
+        }
+    }
+
     /// Writes the poses to learn from, and those of other takes to code.
     fn make(&self, takes: Vec<Take>, work: &Path) {
         let began = Instant::now();
@@ -100,17 +110,14 @@ fn learn(all: &mut Stages, work: &Path, clusters: usize) {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     println!("{cores} threads\n{:<28} {:>8} {:>8}", "", "seconds", "GB");
     let mut cluster = command("cluster");
-    cluster
-        .args(["-k", &clusters.to_string(), "--to", "npy", "--split"])
-        .arg(&parts);
+    cluster.args(["-k", &clusters.to_string(), "--balance"]);
+    cluster.args(["--to", "npy", "--split"]).arg(&parts);
     all.run(
         &format!("cluster into {clusters}"),
         1,
         [cluster.arg(work.join("poses.npy"))],
     );
-    let mut files = shared::files(&parts, "npy");
-    // The largest first, so that none is left to run alone at the end.
-    files.sort_by_key(|p| std::cmp::Reverse(std::fs::metadata(p).map_or(0, |m| m.len())));
+    let files = shared::files(&parts, "npy");
     let mut training: Vec<Command> = files.iter().map(|part| train(part)).collect();
     all.run("ksvd-train, a cluster each", cores, &mut training);
     let mut join = command("dict-concat");
@@ -164,31 +171,47 @@ impl Stages {
     ) {
         let began = Instant::now();
         let mut waiting = commands.into_iter();
-        let mut running: Vec<(Child, f64)> = Vec::new();
-        let mut peak = 0f64;
+        let mut running: Vec<(Child, Instant, f64)> = Vec::new();
+        let (mut peak, mut own) = (0f64, Vec::new());
         loop {
             while running.len() < at_once {
                 let Some(command) = waiting.next() else { break };
-                running.push((command.spawn().expect("a command of the project"), 0.0));
+                let child = command.spawn().expect("a command of the project");
+                running.push((child, Instant::now(), 0.0));
             }
             if running.is_empty() {
                 break;
             }
             std::thread::sleep(Duration::from_millis(5));
-            for (child, most) in &mut running {
+            for (child, _, most) in &mut running {
                 *most = resident(child.id()).max(*most);
             }
-            peak = peak.max(running.iter().map(|(_, most)| most).sum());
-            running.retain_mut(|(child, _)| match child.try_wait().expect("a child") {
-                Some(status) => {
-                    assert!(status.success(), "{name} failed");
-                    false
-                }
-                None => true,
-            });
+            peak = peak.max(running.iter().map(|(_, _, most)| most).sum());
+            running.retain_mut(
+                |(child, started, _)| match child.try_wait().expect("a child") {
+                    Some(status) => {
+                        assert!(status.success(), "{name} failed");
+                        own.push(started.elapsed().as_secs_f64());
+                        false
+                    }
+                    None => true,
+                },
+            );
         }
         let seconds = began.elapsed().as_secs_f64();
-        println!("{name:<28} {seconds:>8.0} {peak:>8.2}");
+        println!("{name:<28} {seconds:>8.1} {peak:>8.2}");
+        if own.len() > 1 {
+            let (all, longest) = (
+                own.iter().sum::<f64>(),
+                own.iter().copied().fold(0.0, f64::max),
+            );
+            let (mean, gain) = (all / own.len() as f64, all / seconds);
+            println!(
+                "{:<28} {all:>8.1}: the sum of {} parts, {gain:.2} times the wait; mean {mean:.2}, longest {longest:.2}",
+                "",
+                own.len()
+            );
+        }
         self.seconds += seconds;
         self.memory = self.memory.max(peak);
     }

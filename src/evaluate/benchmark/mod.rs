@@ -1,8 +1,8 @@
 //! The benchmark: models x tasks x splits x seeds, each model tested on poses it was not trained from.
 //!
 //! [`Dataset`] holds the poses, [`splits`] divides it, [`leakage`] finds takes that must stay on one side, [`task`]
-//! damages the test poses, [`method`] trains and restores, [`runner`] does all of this for each case, and [`summary`]
-//! averages over seeds with bootstrap intervals. [`report`](super::report) writes the results down.
+//! damages the test poses, [`method`] trains and restores, [`runner`] does all of this for each case, [`share`]
+//! divides the cases among machines, and [`summary`] averages over seeds with bootstrap intervals. [`report`](super::report) writes the results down.
 //!
 //! All poses are in body space: root at the origin, no global rotation. Errors are mean squares of a coordinate in asf²
 //! (1 asf = 5.644 cm), the paper's measure, beside the RMS in centimetres.
@@ -14,6 +14,7 @@ pub mod method;
 pub mod result;
 pub mod runner;
 pub mod settings;
+pub mod share;
 pub mod splits;
 pub mod summary;
 pub mod task;
@@ -23,5 +24,6 @@ pub use method::Method;
 pub use result::BenchmarkResult;
 pub use runner::Benchmark;
 pub use settings::Settings;
+pub use share::Share;
 pub use splits::{Partition, Split};
 pub use task::Task;

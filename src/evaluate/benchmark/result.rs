@@ -56,6 +56,17 @@ impl Case {
             base_asf: base / ASF_UNIT_CM,
         }
     }
+
+    /// The case in words, for messages.
+    pub fn describe(&self) -> String {
+        let base = match self.base_asf {
+            0.0 => String::new(),
+            base => format!(", base noise {base} asf"),
+        };
+        let (model, task, split, seed) =
+            (&self.model, self.task.name(), self.split.name(), self.seed);
+        format!("{model} (task {task}, split {split}, seed {seed}{base})")
+    }
 }
 
 /// The result of a case. Errors are means over all coordinates of all frames, exactly observed ones included.

@@ -125,25 +125,44 @@ impl<'a> Benchmark<'a> {
         all
     }
 
-    /// The number of cases without a cached result.
-    pub fn remaining(&self, cache: &Results) -> usize {
-        let cases = self.cases();
-        cases.iter().filter(|c| !self.is_cached(cache, c)).count()
+    /// Those of the cases that have no result.
+    pub fn missing(&self, cases: &[Case], results: &Results) -> Vec<Case> {
+        let missing = cases.iter().filter(|c| !self.is_cached(results, c));
+        missing.cloned().collect()
     }
 
     /// Runs all cases without a cached result. Returns the results of all, in the order of [`Benchmark::cases`].
+    ///
+    /// # Errors
+    /// As [`Benchmark::run_cases`].
+    pub fn run(&self, cache: Results, observer: &mut Observer<'_>) -> Result<Vec<BenchmarkResult>> {
+        let cases = self.cases();
+        let mut results = self.run_cases(&cases, cache, observer)?;
+        let take = |case: Case| {
+            let result = results.remove(&self.key(&case));
+            result.ok_or_else(|| Error::usage(format!("a case of {} was not run", case.model)))
+        };
+        cases.into_iter().map(take).collect()
+    }
+
+    /// Runs some cases, those without a cached result. Returns the cache with their results.
     ///
     /// Each model is trained once for all tasks, models in parallel, splits and seeds one after another. The numbers do
     /// not depend on the number of threads; run times do.
     ///
     /// # Errors
     /// As training and the observer; [`Error::Data`] if a method returns a number that is not finite.
-    pub fn run(&self, cache: Results, observer: &mut Observer<'_>) -> Result<Vec<BenchmarkResult>> {
+    pub fn run_cases(
+        &self,
+        cases: &[Case],
+        cache: Results,
+        observer: &mut Observer<'_>,
+    ) -> Result<Results> {
         let mut results = cache;
         let observer = Mutex::new(observer);
         for &split in &self.settings.splits {
             for seed in self.settings.seeds() {
-                let pending = self.pending(&results, split, seed);
+                let pending = self.pending(cases, &results, split, seed);
                 if pending.is_empty() {
                     continue;
                 }
@@ -163,17 +182,19 @@ impl<'a> Benchmark<'a> {
                 }
             }
         }
-        let take = |case: Case| {
-            let result = results.remove(&self.key(&case));
-            result.ok_or_else(|| Error::usage(format!("a case of {} was not run", case.model)))
-        };
-        self.cases().into_iter().map(take).collect()
+        Ok(results)
     }
 
-    /// The cases of a split and seed that have no result, by method, and the methods by the model they share.
-    fn pending(&self, results: &Results, split: Split, seed: u64) -> Vec<Vec<Job<'_>>> {
-        let mut cases = self.cases();
-        cases.retain(|c| c.split == split && c.seed == seed && !self.is_cached(results, c));
+    /// Those of the cases of a split and seed that have no result, by method, and the methods by the model they share.
+    fn pending(
+        &self,
+        cases: &[Case],
+        results: &Results,
+        split: Split,
+        seed: u64,
+    ) -> Vec<Vec<Job<'_>>> {
+        let mut cases = self.missing(cases, results);
+        cases.retain(|c| c.split == split && c.seed == seed);
         let mut jobs: Vec<(String, Vec<Job<'_>>)> = Vec::new();
         for method in &self.settings.methods {
             let own = cases.iter().filter(|c| c.model == method.name);
@@ -188,6 +209,12 @@ impl<'a> Benchmark<'a> {
             }
         }
         jobs.into_iter().map(|(_, methods)| methods).collect()
+    }
+
+    /// The method of a case.
+    pub(super) fn method_of(&self, case: &Case) -> Option<&Method> {
+        let mut methods = self.settings.methods.iter();
+        methods.find(|m| m.name == case.model)
     }
 
     /// Whether a case has a result. One whose content does not fit its key does not count: files can be changed.
@@ -213,10 +240,16 @@ impl<'a> Benchmark<'a> {
         own.unwrap_or(0.0)
     }
 
+    /// Whether a result is of this dataset and these settings. Its split and seed may be others.
+    pub fn is_own(&self, key: &str, result: &BenchmarkResult) -> bool {
+        key == self.key(&result.case)
+    }
+
     /// The key of a case with this dataset and these settings.
     fn key(&self, case: &Case) -> String {
-        let method = self.settings.methods.iter().find(|m| m.name == case.model);
-        let recipe = method.map(|m| format!("{} {:?} {}", m.recipe(), m.choice, m.treated));
+        let recipe = self
+            .method_of(case)
+            .map(|m| format!("{} {:?} {}", m.recipe(), m.choice, m.treated));
         let content = (
             env!("CARGO_PKG_VERSION"),
             &self.dataset_digest,
@@ -327,12 +360,7 @@ impl TrainingPart<'_, '_, '_> {
         match measure(dataset, (split, task), &damaged, &estimates, &self.varying) {
             Some(measurement) => Ok((measurement, seconds)),
             None => {
-                let what = format!(
-                    "returns a number that is not finite (task {}, split {}, seed {})",
-                    task.name(),
-                    split.name(),
-                    case.seed
-                );
+                let what = format!("{} returns a number that is not finite", case.describe());
                 Err(Error::data(Place::file(&case.model), what))
             }
         }

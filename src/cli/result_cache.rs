@@ -1,0 +1,147 @@
+//! The file `cells.jsonl` of a run's folder: finished results, a line of JSON each, from which the next run goes on.
+
+use crate::evaluate::benchmark::BenchmarkResult;
+use crate::evaluate::benchmark::runner::Results;
+use crate::io::output::write_file;
+use crate::{Error, Place, Result};
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// The file's name.
+const NAME: &str = "cells.jsonl";
+
+/// A line of the cache.
+#[derive(Serialize, Deserialize)]
+struct CacheLine<T> {
+    key: String,
+    #[serde(rename = "done", alias = "cell")]
+    result: T,
+}
+
+/// The results of a folder and the file that holds them.
+pub struct ResultCache {
+    path: PathBuf,
+    file: File,
+    results: Results,
+}
+
+impl ResultCache {
+    /// Opens the file, or creates it with its folder; `fresh` discards its content. An incomplete last line, left by a
+    /// killed run, is removed.
+    ///
+    /// # Errors
+    /// A line that is not a result, with its number.
+    pub fn open(folder: &Path, fresh: bool) -> Result<ResultCache> {
+        fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+        let path = folder.join(NAME);
+        let fail = |e| Error::io(&path, e);
+        let text = match fs::read(&path) {
+            Ok(bytes) if !fresh => bytes,
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(fail(e)),
+            _ => Vec::new(),
+        };
+        let whole = whole_lines(&text);
+        let results = parse(whole, &path)?;
+        let file = append_to(&path)?;
+        file.set_len(whole.len() as u64).map_err(fail)?;
+        Ok(ResultCache {
+            path,
+            file,
+            results,
+        })
+    }
+
+    /// The results.
+    pub fn results(&self) -> &Results {
+        &self.results
+    }
+
+    /// Takes the results out; the file keeps them.
+    pub fn take(&mut self) -> Results {
+        std::mem::take(&mut self.results)
+    }
+
+    /// Adds results that are not there yet.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn add(&mut self, results: Results) -> Result<()> {
+        for (key, result) in results {
+            if self.results.get(&key) != Some(&result) {
+                self.append(&key, &result)?;
+                self.results.insert(key, result);
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes a result into the file.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn append(&mut self, key: &str, result: &BenchmarkResult) -> Result<()> {
+        let line = line(key, result)?;
+        let write = self.file.write_all(line.as_bytes());
+        write.map_err(|e| Error::io(&self.path, e))
+    }
+
+    /// Removes the results that are not to be kept. How many they were.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn retain(&mut self, keep: impl Fn(&str, &BenchmarkResult) -> bool) -> Result<usize> {
+        let before = self.results.len();
+        self.results.retain(|key, result| keep(key, result));
+        let removed = before - self.results.len();
+        if removed > 0 {
+            let lines = self.results.iter().map(|(key, result)| line(key, result));
+            let text: String = lines.collect::<Result<_>>()?;
+            write_file(&self.path, text.as_bytes())?;
+            self.file = append_to(&self.path)?;
+        }
+        Ok(removed)
+    }
+}
+
+/// Reads the results of a folder, which may be still at work. Returns the file's name with them.
+///
+/// # Errors
+/// When there is no such file; a line that is not a result, with its number.
+pub fn read(folder: &Path) -> Result<(String, Results)> {
+    let path = folder.join(NAME);
+    let text = fs::read(&path).map_err(|e| Error::io(&path, e))?;
+    let results = parse(whole_lines(&text), &path)?;
+    Ok((path.display().to_string(), results))
+}
+
+fn append_to(path: &Path) -> Result<File> {
+    let file = File::options().create(true).append(true).open(path);
+    file.map_err(|e| Error::io(path, e))
+}
+
+fn whole_lines(text: &[u8]) -> &[u8] {
+    let end = text.iter().rposition(|b| *b == b'\n');
+    &text[..end.map_or(0, |at| at + 1)]
+}
+
+fn parse(lines: &[u8], path: &Path) -> Result<Results> {
+    let mut results = Results::new();
+    let lines = lines.split(|b| *b == b'\n').enumerate();
+    for (i, line) in lines.filter(|(_, l)| !l.is_empty()) {
+        let line: CacheLine<BenchmarkResult> = serde_json::from_slice(line).map_err(|e| {
+            let name = path.display().to_string();
+            let what = format!("is not a cached result ({e}); remove the file, or use --fresh");
+            Error::data(Place::line(name, i as u64 + 1), what)
+        })?;
+        results.insert(line.key, line.result);
+    }
+    Ok(results)
+}
+
+fn line(key: &str, result: &BenchmarkResult) -> Result<String> {
+    let key = key.into();
+    let line = serde_json::to_string(&CacheLine { key, result });
+    Ok(line.map_err(|e| Error::usage(e.to_string()))? + "\n")
+}
