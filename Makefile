@@ -11,7 +11,7 @@ CMU    ?=
 # make tables QUICK=1: a few frames of a few subjects.
 QUICK  ?=
 
-.PHONY: demo test lint build needs model tables bench bench-peers scale fuzz bless install uninstall clean
+.PHONY: demo test lint build needs model tables bench bench-peers scale fuzz test-slurm bless install uninstall clean
 
 demo: needs build
 	@POSING_BIN=$(BIN) sh testdata/examples/demo.sh target/demo
@@ -73,16 +73,22 @@ fuzz: needs
 	    -max_total_time=$$((60 * $(MINUTES))) -max_len=65536 -timeout=10 -rss_limit_mb=2048 -malloc_limit_mb=1024; \
 	done
 
+# Runs the Slurm examples on a cluster that this starts; needs root, slurm-wlm and munge.
+test-slurm: build
+	@sh tests/slurm/run.sh
+
 # Writes manual pages and expected outputs again: read the diff before you commit it.
 bless: needs
 	POSING_BLESS=1 $(CARGO) test --release
 
 # `posing` goes into bin, every command into libexec/posing. Commands whose names no shell owns are linked into bin.
 ROOT := $(DESTDIR)$(PREFIX)
+EXAMPLES := $(addprefix testdata/examples/,clean.mk nightly.cron train.sh train.mk train.parallel.sh train.slurm evaluate.slurm)
 install: build
 	install -d "$(ROOT)/bin" "$(ROOT)/libexec/posing" "$(ROOT)/share/man/man1" "$(ROOT)/share/man/man5" "$(ROOT)/share/man/man7" \
 	  "$(ROOT)/share/bash-completion/completions" "$(ROOT)/share/zsh/site-functions" \
-	  "$(ROOT)/share/fish/vendor_completions.d"
+	  "$(ROOT)/share/fish/vendor_completions.d" "$(ROOT)/share/doc/posing/examples"
+	install -m 644 $(EXAMPLES) "$(ROOT)/share/doc/posing/examples"
 	install -m 755 $(BIN)/posing "$(ROOT)/bin"
 	install -m 644 man/posing.1 "$(ROOT)/share/man/man1"
 	install -m 644 man/*.5 "$(ROOT)/share/man/man5"
@@ -105,7 +111,7 @@ uninstall:
 	cd "$(ROOT)" && for name in bin/*; do case "$$(readlink "$$name")" in ../libexec/posing/*) \
 	  file=$${name#bin/}; rm -f "$$name" "share/bash-completion/completions/$$file" \
 	    "share/zsh/site-functions/_$$file" "share/fish/vendor_completions.d/$$file.fish" ;; esac; done
-	cd "$(ROOT)" && rm -rf libexec/posing && rm -f bin/posing share/man/man1/posing.1 share/man/man1/posing-*.1 \
+	cd "$(ROOT)" && rm -rf libexec/posing share/doc/posing && rm -f bin/posing share/man/man1/posing.1 share/man/man1/posing-*.1 \
 	  share/bash-completion/completions/posing share/zsh/site-functions/_posing \
 	  share/fish/vendor_completions.d/posing.fish
 	for page in man/*.[57]; do rm -f "$(ROOT)/share/man/man$${page##*.}/$${page#man/}"; done

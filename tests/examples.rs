@@ -193,24 +193,6 @@ fn source(name: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/bin/{name}.rs"))
 }
 
-#[test]
-fn training_by_make_goes_as_the_readme_says() {
-    let folder = tempfile::tempdir().unwrap();
-    let folder = folder.path();
-    must(SETUP, folder);
-    let root = env!("CARGO_MANIFEST_DIR");
-    let out = must(
-        &format!(
-            "cp '{root}/testdata/examples/train.mk' Makefile
-            posing cluster -q -k 3 --split parts poses.csv
-            make -s -j2 dict.npz ERROR=4 ROUNDS=1 && make -q dict.npz
-            posing model info dict.npz"
-        ),
-        folder,
-    );
-    assert!(out.contains("sparse"), "{out}");
-}
-
 /// The commands of a crontab, run as cron does, with the folder as home.
 fn cron(file: &str, folder: &Path) -> std::process::Output {
     let text = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file)).unwrap();

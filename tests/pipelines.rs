@@ -49,15 +49,6 @@ fn a_gappy_walk_becomes_a_bvh() {
     assert!(bvh.starts_with("HIERARCHY") && bvh.contains("Frames: 316"));
 }
 
-/// Until testdata has its own: a dictionary for each part, then one of all.
-const MAKEFILE: &str = "\
-parts := $(wildcard parts/*.csv)
-dict.npz: $(parts:.csv=.npz)
-\tposing dict-concat -o $@ $^
-%.npz: %.csv
-\tposing ksvd-train -q -n 20 --iterations 5 -o $@ $<
-";
-
 #[test]
 fn parts_are_learnt_side_by_side_and_denoise_another_take() {
     let takes = [
@@ -70,9 +61,10 @@ fn parts_are_learnt_side_by_side_and_denoise_another_take() {
     let Some(dir) = folder(&takes) else {
         return;
     };
-    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/examples/train.mk");
-    let makefile = fs::read_to_string(own).unwrap_or_else(|_| MAKEFILE.to_string());
-    fs::write(dir.path().join("Makefile"), makefile).unwrap();
+    let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/examples");
+    for (name, copy) in [("train.mk", "Makefile"), ("train.sh", "train.sh")] {
+        fs::copy(examples.join(name), dir.path().join(copy)).unwrap();
+    }
     // Thousands of frames of takes are more than a test needs: the same line on the first of each.
     for name in ["01_01.amc", "01_02.amc", "07_02.amc"] {
         let path = dir.path().join(name);

@@ -1,23 +1,20 @@
-# Learns a dictionary from parts/*.csv (made by: posing cluster -k 8 --split parts poses.csv), one part a job:
+# Trains a dictionary in parts with make, by the steps of train.sh, which has the other variables, too:
 #
-#     cp train.mk Makefile && make -j2 dict.npz
+#     make -j2 -f train.mk K=8 POSES='my poses.csv'
 #
-# A part is learnt anew only when its table changed. A run that was stopped goes on from its checkpoint.
-POSING  ?= posing
-# As many atoms a part as this RMS error (cm) asks for, so that small parts get small dictionaries.
-ERROR   ?= 1
-ROUNDS  ?= 20
-PARTS   := $(wildcard parts/*.csv)
+# Copy train.sh with this file. -j says how many parts are trained at a time, on a thread each. Run it again after a change or a failure.
+K ?= 8
+DICT ?= dict.npz
+export K DICT
 
-dict.npz: $(PARTS:.csv=.npz)
-	@test -n "$(PARTS)" || { echo 'train.mk: no parts/*.csv; make them with: posing cluster -k 8 --split parts poses.csv' >&2; exit 2; }
-	$(POSING) dict-concat --prune 0.999 -o $@ $^
+# The other parts are trained even if one fails.
+MAKEFLAGS += -k
+parts := $(shell seq 0 $$(($(K) - 1)))
 
-# One thread each: the jobs of make are the parallelism.
-parts/%.npz: parts/%.csv
-	$(POSING) ksvd-train --error $(ERROR) --iterations $(ROUNDS) --threads 1 --checkpoint $@.checkpoint --log $(@:.npz=.jsonl) -o $@ $<
-	rm -f $@.checkpoint
-
-.PHONY: clean
-clean:
-	rm -f dict.npz parts/*.npz parts/*.npz.checkpoint parts/*.jsonl
+$(DICT): $(parts:%=part-%)
+	@sh train.sh join
+$(parts:%=part-%): part-%: split
+	@sh train.sh part $*
+split:
+	@sh train.sh split
+.PHONY: $(DICT) split $(parts:%=part-%)

@@ -1,0 +1,215 @@
+//! Training in parts, by the scripts of testdata/examples: one machine, make and GNU parallel. Slurm: tests/slurm/run.sh.
+
+mod common;
+
+use common::{bin, skipped};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::time::{Duration, Instant, SystemTime};
+
+/// The commands that the scripts run, one after another.
+const COMMANDS: &str = r#"
+posing cluster -q -k 4 --balance --split parts 'my poses.csv'
+for i in 0 1 2 3; do posing ksvd-train -q -n 8 --iterations 40 -o parts/$i.npz parts/$i.csv; done
+posing dict-concat -q --prune 0.999 -o dict.npz parts/0.npz parts/1.npz parts/2.npz parts/3.npz
+"#;
+const MAKE: &str = "cp $EXAMPLES/train.mk $EXAMPLES/train.sh . && make -s -j2 -f train.mk";
+const PARALLEL: &str = "JOBS=2 sh $EXAMPLES/train.parallel.sh";
+
+/// A folder, with a space in its name as the table of poses has.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Folder {
+        let folder = Folder(
+            tempfile::Builder::new()
+                .prefix("my takes ")
+                .tempdir()
+                .unwrap(),
+        );
+        let cmu = "$EXAMPLES/../cmu/07";
+        folder.must(&format!(
+            "posing amc2xyz -q --space body --asf {cmu}/07.asf --fps 120 -o 'my poses.csv' {cmu}/07_01.amc"
+        ));
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn shell(&self, script: &str) -> Command {
+        let path = std::env::var("PATH").unwrap();
+        let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("testdata/examples");
+        let mut command = Command::new("sh");
+        command.args(["-ec", script]).current_dir(self.0.path());
+        for name in [
+            "CLUSTER",
+            "DICT",
+            "FORMAT",
+            "JOIN",
+            "LOGS",
+            "PARTS",
+            "POSING",
+            "SSHLOGIN",
+            "THREADS",
+            "MAKEFLAGS",
+        ] {
+            command.env_remove(name);
+        }
+        let posing = format!("{}:{path}", bin().display());
+        command.env("PATH", posing).env("EXAMPLES", examples);
+        command.env("POSES", "my poses.csv").env("K", "4");
+        command.env("TRAIN", "-n 8 --iterations 40");
+        command
+    }
+
+    fn run(&self, script: &str) -> (Output, String) {
+        let out = self.shell(script).output().unwrap();
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        (out, said)
+    }
+
+    fn must(&self, script: &str) {
+        let (out, said) = self.run(script);
+        assert!(out.status.success(), "{script}: {said}");
+    }
+
+    fn dictionary(&self) -> Vec<u8> {
+        fs::read(self.path("dict.npz")).unwrap()
+    }
+
+    /// When the models of the parts were written.
+    fn times(&self) -> [SystemTime; 4] {
+        let time = |i| {
+            fs::metadata(self.path(&format!("parts/{i}.npz")))
+                .unwrap()
+                .modified()
+                .unwrap()
+        };
+        [0, 1, 2, 3].map(time)
+    }
+}
+
+/// The ways to train that can be tested here.
+fn ways() -> Vec<&'static str> {
+    let parallel = Command::new("parallel").arg("--version").output();
+    let has_parallel =
+        parallel.is_ok_and(|out| String::from_utf8_lossy(&out.stdout).contains("GNU"));
+    if !has_parallel {
+        skipped("GNU parallel is not installed");
+    }
+    let mut ways = vec!["sh $EXAMPLES/train.sh", MAKE, PARALLEL];
+    ways.truncate(if has_parallel { 3 } else { 2 });
+    ways
+}
+
+#[test]
+fn every_way_gives_the_bytes_of_the_commands() {
+    let one = Folder::new();
+    one.must(COMMANDS);
+    for way in ways() {
+        let folder = Folder::new();
+        folder.must(way);
+        assert!(folder.dictionary() == one.dictionary(), "{way}");
+        let times = folder.times();
+        folder.must(way);
+        assert_eq!(folder.times(), times, "{way}: trained again");
+        // Other flags: all anew, but not split again.
+        folder.must(&format!("export TRAIN='-n 5 --iterations 2'; {way}"));
+        let anew = folder.times();
+        assert!((0..4).all(|i| anew[i] > times[i]), "{way}");
+        assert!(folder.dictionary() != one.dictionary());
+    }
+}
+
+#[test]
+fn a_part_that_fails_is_named_and_stops_no_other() {
+    let one = Folder::new();
+    one.must(COMMANDS);
+    for way in ways() {
+        let folder = Folder::new();
+        folder.must("sh $EXAMPLES/train.sh split");
+        let part = fs::read(folder.path("parts/2.csv")).unwrap();
+        fs::write(folder.path("parts/2.csv"), "nonsense\n").unwrap();
+        let (out, said) = folder.run(way);
+        assert!(!out.status.success());
+        assert!(
+            said.contains("train.sh: parts/2.csv") && said.contains("parts/2.csv:1: has no points"),
+            "{said}"
+        );
+        assert!(
+            !said.contains("parts/1.csv") && !said.contains("parts/3.csv"),
+            "{said}"
+        );
+        assert!(folder.path("parts/3.npz").exists() && !folder.path("dict.npz").exists());
+        let log = fs::read_to_string(folder.path("logs/2.log")).unwrap();
+        assert!(log.contains("has no points"), "{log}");
+        let models = ["0", "1", "3"].map(|i| {
+            fs::metadata(folder.path(&format!("parts/{i}.npz")))
+                .unwrap()
+                .modified()
+                .unwrap()
+        });
+        fs::write(folder.path("parts/2.csv"), part).unwrap();
+        folder.must(way);
+        let times = folder.times();
+        assert_eq!(
+            [times[0], times[1], times[3]],
+            models,
+            "{way}: trained again"
+        );
+        assert!(folder.dictionary() == one.dictionary(), "{way}");
+    }
+}
+
+#[test]
+fn a_part_that_is_killed_goes_on_from_its_checkpoint() {
+    let long = "export TRAIN='-n 8 --iterations 1000'";
+    let one = Folder::new();
+    one.must(&COMMANDS.replace("--iterations 40", "--iterations 1000"));
+    let folder = Folder::new();
+    folder.must(&format!("{long}; sh $EXAMPLES/train.sh split"));
+    let part = format!(
+        "{long}; echo $$ > pid; exec posing ksvd-train -q $TRAIN --threads 1 --checkpoint parts/1.npz.checkpoint -o parts/1.npz parts/1.csv"
+    );
+    let mut child = folder.shell(&part).spawn().unwrap();
+    let began = Instant::now();
+    while !folder.path("parts/1.npz.checkpoint").exists()
+        && began.elapsed() < Duration::from_secs(30)
+    {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!folder.path("parts/1.npz").exists());
+    folder.must(&format!("{long}; sh $EXAMPLES/train.sh"));
+    let log = fs::read_to_string(folder.path("logs/1.log")).unwrap();
+    assert!(log.contains("resuming from iteration"), "{log}");
+    assert!(folder.dictionary() == one.dictionary());
+    assert!(!folder.path("parts/1.npz.checkpoint").exists());
+}
+
+#[test]
+fn parts_from_a_pipe_are_trained_and_what_is_missing_is_told() {
+    let folder = Folder::new();
+    folder.must("posing cluster -q -k 4 --split parts < 'my poses.csv'; rm 'my poses.csv'; sh $EXAMPLES/train.sh");
+    assert!(folder.dictionary().starts_with(b"PK"));
+    let (out, said) = folder.run("K=5 sh $EXAMPLES/train.sh");
+    assert!(
+        !out.status.success() && said.contains("my poses.csv: No such file"),
+        "{said}"
+    );
+    assert!(folder.path("parts/3.csv").exists());
+    let (out, said) = folder.run("sh $EXAMPLES/train.sh part 9");
+    assert!(
+        out.status.code() == Some(2) && said.contains("has no part 9"),
+        "{said}"
+    );
+    let (out, said) = folder.run("sh $EXAMPLES/train.sh rm dict.npz");
+    assert!(
+        out.status.code() == Some(2) && said.contains("expected"),
+        "{said}"
+    );
+}
