@@ -36,7 +36,10 @@ keep() { [ "$(cat "$1" 2>/dev/null)" = "$2" ] || printf '%s\n' "$2" >"$1"; }
 
 # Sets the names of part $1, counted from 0, of the tables that follow.
 name() {
-  [ "$1" -lt $(($# - 1)) ] 2>/dev/null && [ -e "$2" ] || { say "$PARTS has no part $1: split first"; exit 2; }
+  if [ ! -e "$2" ] || ! [ "$1" -lt $(($# - 1)) ] 2>/dev/null; then
+    say "$PARTS has no part $1: split first"
+    exit 2
+  fi
   shift $(($1 + 1))
   table=$1 model=${1%."$FORMAT"}.npz log=$LOGS/$(basename "$1" ".$FORMAT")
 }

@@ -96,7 +96,8 @@ await idle || { tail -n 5 "$base"/*.log "$base"/*.out; exit 1; }
 examples=$here/testdata/examples cmu=$here/testdata/cmu bad=0
 # Runs a test, which is a function: $1 says what it shows.
 check() {
-  if "$2" >"$base/check" 2>&1; then echo "ok: $1"; return; fi
+  began=$(date +%s)
+  if "$2" >"$base/check" 2>&1; then echo "ok: $1 ($(($(date +%s) - began)) s)"; return; fi
   echo "FAILED: $1"
   bad=1
   tail -n 20 "$base/check" logs/slurm-*.out 2>/dev/null || :
@@ -164,6 +165,14 @@ requeued() {
     settle && grep resuming logs/1.log && same
 }
 check 'so does one that Slurm queues again' requeued
+
+folder 'killed with its shell' 'by Slurm'
+killed_whole() {
+  submit && await test -e parts/1.npz.checkpoint && scancel --full --signal=KILL "$(squeue -h -r -t R -o %F_%K | grep _1)" &&
+    settle && grep '^train.sh: parts/1.csv is not trained' logs/slurm-*.out && [ ! -e dict.npz ] && train &&
+    grep resuming logs/1.log && same
+}
+check 'a task that is killed with its shell is named; submitted again, it goes on, and gives the same bytes' killed_whole
 
 folder 'always killed' 'by Slurm'
 printf '#!/bin/sh\ncase "$*" in *parts/1.csv*) kill -9 $$ ;; esac\nexec posing "$@"\n' >posing
