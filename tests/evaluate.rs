@@ -298,33 +298,32 @@ fn shares_on_several_machines_give_the_same_bytes() {
     run("evaluate", &texts(&merge("again", &folders)), "");
     assert!(results("whole") == results("again"));
 
-    // Results of other settings and other takes are not mixed in; a share that is run again drops its own.
-    run(
-        "evaluate",
-        &texts(&small(
-            "cells/2",
-            &["--cells", "2/8", "--observe", "root,lwrist"],
-        )),
-        "",
-    );
+    // Results of other settings and other takes do not count, and are kept.
+    let other = ["--cells", "2/8", "--observe", "root,lwrist"];
+    run("evaluate", &texts(&small("other", &other)), "");
+    let [mut mixed, only] = [folders.clone(), folders.clone()].map(|mut f| {
+        f[1] = dir.name("other");
+        f
+    });
     refused(
-        &merge("refused", &folders),
-        "cells/2/cells.jsonl: the result of",
+        &merge("refused", &only),
+        "other/cells.jsonl: has only results of other takes, other settings",
     );
-    run(
-        "evaluate",
-        &texts(&small("cells/2", &["--cells", "2/8"])),
-        "",
+    run("evaluate", &texts(&small("other", &["--cells", "1/8"])), "");
+    assert_eq!(lines(&"other".into()), 12);
+    refused(
+        &merge("refused", &mixed),
+        "6 of 36 results are missing, the first sparse:n=20 (task dense, split frames, seed 1)",
     );
+    mixed.push(folders[1].clone());
+    run("evaluate", &texts(&merge("mixed", &mixed)), "");
+    assert!(results("whole") == results("mixed"));
     let walk = dir.read("walk.csv");
     dir.file("walk.csv", walk.trim_end().rsplit_once('\n').unwrap().0);
     refused(
         &merge("refused", &folders),
-        "is of other takes, other settings or another version",
+        "cells/1/cells.jsonl: has only results of other takes",
     );
-    dir.file("walk.csv", &walk);
-    run("evaluate", &texts(&merge("last", &folders)), "");
-    assert!(results("whole") == results("last"));
 }
 
 #[test]

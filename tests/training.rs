@@ -76,6 +76,12 @@ impl Folder {
         assert!(out.status.success(), "{script}: {said}");
     }
 
+    fn refuses(&self, script: &str, part: &str) {
+        let (out, said) = self.run(script);
+        assert!(!out.status.success(), "{script}");
+        assert!(said.contains(part), "{script}: {said}");
+    }
+
     fn dictionary(&self) -> Vec<u8> {
         fs::read(self.path("dict.npz")).unwrap()
     }
@@ -192,24 +198,54 @@ fn a_part_that_is_killed_goes_on_from_its_checkpoint() {
 }
 
 #[test]
-fn parts_from_a_pipe_are_trained_and_what_is_missing_is_told() {
+fn parts_from_a_pipe_are_trained() {
     let folder = Folder::new();
-    folder.must("posing cluster -q -k 4 --split parts < 'my poses.csv'; rm 'my poses.csv'; sh $EXAMPLES/train.sh");
+    // The table of poses that lies there is not what the parts are of.
+    folder.must(
+        "posing cluster -q -k 4 --split parts < 'my poses.csv'; cp parts/0.csv was.csv; sh $EXAMPLES/train.sh; cmp parts/0.csv was.csv",
+    );
     assert!(folder.dictionary().starts_with(b"PK"));
-    let (out, said) = folder.run("K=5 sh $EXAMPLES/train.sh");
-    assert!(
-        !out.status.success() && said.contains("my poses.csv: No such file"),
-        "{said}"
+    folder.refuses(
+        "K=5 sh $EXAMPLES/train.sh",
+        "parts has 4 tables, but K is 5",
     );
-    assert!(folder.path("parts/3.csv").exists());
-    let (out, said) = folder.run("sh $EXAMPLES/train.sh part 9");
-    assert!(
-        out.status.code() == Some(2) && said.contains("has no part 9"),
-        "{said}"
+}
+
+#[test]
+fn the_steps_agree_on_poses_flags_and_number_of_parts() {
+    let (whole, folder) = (Folder::new(), Folder::new());
+    whole.must("sh $EXAMPLES/train.sh");
+    // What the split was told holds for the other steps; files of others do not count.
+    folder.must(
+        "sh $EXAMPLES/train.sh split; cp 'my poses.csv' parts/00_take1.csv; unset K TRAIN; export K=2
+        for i in 0 1 2 3; do sh $EXAMPLES/train.sh part $i; done; sh $EXAMPLES/train.sh join",
     );
-    let (out, said) = folder.run("sh $EXAMPLES/train.sh rm dict.npz");
-    assert!(
-        out.status.code() == Some(2) && said.contains("expected"),
-        "{said}"
+    assert!(folder.dictionary() == whole.dictionary());
+    folder.refuses("sh $EXAMPLES/train.sh part 9", "has no part 9");
+    folder.refuses(
+        "sh $EXAMPLES/train.sh rm dict.npz",
+        "expected nothing, split",
     );
+}
+
+#[test]
+fn no_part_is_removed_or_written_over() {
+    let folder = Folder::new();
+    folder.must("sh $EXAMPLES/train.sh; head -n 200 'my poses.csv' > other.csv; echo mine > parts/shot2.txt");
+    let (times, dictionary) = (folder.times(), folder.dictionary());
+    for other in ["POSES=other.csv", "K=5000", "K=3", "CLUSTER="] {
+        let refusal = "parts is a split of other poses, or by other flags";
+        folder.refuses(&format!("{other} sh $EXAMPLES/train.sh"), refusal);
+    }
+    folder.refuses("PARTS=. K=5000 sh $EXAMPLES/train.sh", "k = 5000 clusters");
+    folder.refuses(
+        "POSES=none.csv sh $EXAMPLES/train.sh",
+        "none.csv: no such file",
+    );
+    assert_eq!(folder.times(), times);
+    assert!(folder.path("parts/shot2.txt").exists() && folder.path("other.csv").exists());
+    // Another folder and the same result: the dictionary that is there is not that of these parts.
+    folder.must("PARTS=parts2 POSES=other.csv sh $EXAMPLES/train.sh; mv dict.npz other.npz; PARTS=parts2 POSES=other.csv DICT=again.npz sh $EXAMPLES/train.sh; cmp other.npz again.npz; sh $EXAMPLES/train.sh");
+    assert!(folder.dictionary() == dictionary);
+    assert_eq!(folder.times(), times);
 }

@@ -52,8 +52,8 @@ struct Args {
     /// tables.csv into DIR. May be repeated: the run with most subjects gives Table 1, runs of one subject Tables 2 to 4
     #[arg(long, value_name = "RUN", help_heading = "Output", requires = "output", conflicts_with_all = ["config", "fresh"])]
     paper: Vec<PathBuf>,
-    /// Run only the I-th of N shares of the cells, I from 1 to N, and write only the cache DIR/cells.jsonl: for several
-    /// machines, each with a DIR of its own. --merge joins them
+    /// Run only the I-th of N shares of the cells (a cell: a model on a task, split and seed), I from 1 to N, and write only
+    /// the cache DIR/cells.jsonl: for several machines, each with a DIR of its own. --merge joins them
     #[arg(
         long,
         value_name = "I/N",
@@ -63,7 +63,8 @@ struct Args {
     )]
     cells: Option<Share>,
     /// Run nothing; take the results that --cells left in these folders, and write the report into the DIR of -o. Tables and
-    /// flags must be those of --cells; results of others are an error. Name the tables before --merge
+    /// flags must be those of --cells: results of others do not count, and missing ones are an error. Name the tables before
+    /// --merge
     #[arg(long, value_name = "DIR", num_args = 1.., help_heading = "Output", requires = "output", conflicts_with_all = ["cells", "paper"])]
     merge: Vec<PathBuf>,
     /// Ignore the results cached in DIR

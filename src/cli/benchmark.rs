@@ -226,21 +226,14 @@ pub fn sources(flags: &InputArgs, tables: &[PathBuf]) -> Result<Vec<(String, Pos
 /// # Errors
 /// As [`Benchmark::run`]; when the cache cannot be written.
 pub fn run(bench: &Benchmark<'_>, cache: Option<ResultCache>) -> Result<Vec<BenchmarkResult>> {
-    let results = run_cases(bench, &bench.cases(), cache)?;
-    bench.run(results, &mut |_| Ok(()))
+    bench.in_order(run_cases(bench, &bench.cases(), cache)?)
 }
 
 /// Runs a share of the cases; the results go to the cache alone.
 ///
 /// # Errors
 /// As [`run`].
-pub fn run_share(bench: &Benchmark<'_>, share: Share, mut cache: ResultCache) -> Result<()> {
-    let dropped = cache.retain(|key, result| bench.is_own(key, result))?;
-    if dropped > 0 {
-        messages::info(&format!(
-            "removed {dropped} results of other takes or settings"
-        ));
-    }
+pub fn run_share(bench: &Benchmark<'_>, share: Share, cache: ResultCache) -> Result<()> {
     let cases = bench.cases_of(share);
     if cases.is_empty() {
         messages::info("nothing to run: there are more shares than trained models");
@@ -255,7 +248,12 @@ pub fn run_share(bench: &Benchmark<'_>, share: Share, mut cache: ResultCache) ->
 /// As [`Benchmark::merge`]; when a folder cannot be read, or a case has no result.
 pub fn merge(bench: &Benchmark<'_>, folders: &[PathBuf], cache: &mut ResultCache) -> Result<()> {
     let runs = folders.iter().map(|folder| result_cache::read(folder));
-    let merged = bench.merge(runs.collect::<Result<_>>()?)?;
+    let (merged, foreign) = bench.merge(runs.collect::<Result<_>>()?)?;
+    if foreign > 0 {
+        messages::info(&format!(
+            "left out {foreign} results of other takes, other settings or another version"
+        ));
+    }
     cache.add(merged)?;
     let cases = bench.cases();
     let missing = bench.missing(&cases, cache.results());

@@ -2,7 +2,6 @@
 
 use crate::evaluate::benchmark::BenchmarkResult;
 use crate::evaluate::benchmark::runner::Results;
-use crate::io::output::write_file;
 use crate::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
@@ -44,7 +43,8 @@ impl ResultCache {
         };
         let whole = whole_lines(&text);
         let results = parse(whole, &path)?;
-        let file = append_to(&path)?;
+        let file = File::options().create(true).append(true).open(&path);
+        let file = file.map_err(fail)?;
         file.set_len(whole.len() as u64).map_err(fail)?;
         Ok(ResultCache {
             path,
@@ -82,26 +82,11 @@ impl ResultCache {
     /// # Errors
     /// When the file cannot be written.
     pub fn append(&mut self, key: &str, result: &BenchmarkResult) -> Result<()> {
-        let line = line(key, result)?;
+        let key = key.into();
+        let line = serde_json::to_string(&CacheLine { key, result });
+        let line = line.map_err(|e| Error::usage(e.to_string()))? + "\n";
         let write = self.file.write_all(line.as_bytes());
         write.map_err(|e| Error::io(&self.path, e))
-    }
-
-    /// Removes the results that are not to be kept. How many they were.
-    ///
-    /// # Errors
-    /// When the file cannot be written.
-    pub fn retain(&mut self, keep: impl Fn(&str, &BenchmarkResult) -> bool) -> Result<usize> {
-        let before = self.results.len();
-        self.results.retain(|key, result| keep(key, result));
-        let removed = before - self.results.len();
-        if removed > 0 {
-            let lines = self.results.iter().map(|(key, result)| line(key, result));
-            let text: String = lines.collect::<Result<_>>()?;
-            write_file(&self.path, text.as_bytes())?;
-            self.file = append_to(&self.path)?;
-        }
-        Ok(removed)
     }
 }
 
@@ -114,11 +99,6 @@ pub fn read(folder: &Path) -> Result<(String, Results)> {
     let text = fs::read(&path).map_err(|e| Error::io(&path, e))?;
     let results = parse(whole_lines(&text), &path)?;
     Ok((path.display().to_string(), results))
-}
-
-fn append_to(path: &Path) -> Result<File> {
-    let file = File::options().create(true).append(true).open(path);
-    file.map_err(|e| Error::io(path, e))
 }
 
 fn whole_lines(text: &[u8]) -> &[u8] {
@@ -138,10 +118,4 @@ fn parse(lines: &[u8], path: &Path) -> Result<Results> {
         results.insert(line.key, line.result);
     }
     Ok(results)
-}
-
-fn line(key: &str, result: &BenchmarkResult) -> Result<String> {
-    let key = key.into();
-    let line = serde_json::to_string(&CacheLine { key, result });
-    Ok(line.map_err(|e| Error::usage(e.to_string()))? + "\n")
 }

@@ -18,7 +18,7 @@ use super::lloyd::best_run;
 use super::parameters::KMeans;
 use super::update::{ClusterMembers, distances, means};
 use crate::numeric::parallel;
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView2, Axis};
 use std::ops::Range;
 
 /// Clusters `poses` into `parameters.k` clusters whose sizes differ by at most 1.
@@ -86,46 +86,35 @@ impl Halving<'_> {
         let middle = clusters.start + clusters.len() / 2;
         let before = |cluster: usize| cluster * self.poses.n / self.parameters.k;
         let count = before(middle) - before(clusters.start);
-        let second = {
-            let copied: Vec<f32>;
-            let own = if members.len() == self.poses.n {
-                self.poses
-            } else {
-                let rows = members.iter().flat_map(|&i| self.poses.row(i as usize));
-                copied = rows.copied().collect();
-                Dataset::trusted(&copied, self.poses.d)
-            };
-            self.two_of(own, count, node)
-        };
-        for (half, clusters) in [clusters.start..middle, middle..clusters.end]
-            .into_iter()
-            .enumerate()
-        {
-            let own = members
-                .iter()
-                .zip(&second)
-                .filter(|(_, s)| **s == half as u32);
+        let mut copied = Vec::new();
+        let own = self.poses.of(members, &mut copied);
+        let halves = self.halves(own, count, node);
+        drop(copied);
+        let both = [clusters.start..middle, middle..clusters.end];
+        for (half, clusters) in (0u32..).zip(both) {
+            let own = members.iter().zip(&halves).filter(|(_, h)| **h == half);
             let own: Vec<u32> = own.map(|(i, _)| *i).collect();
-            self.split(&own, clusters, 2 * node + half as u64);
+            self.split(&own, clusters, 2 * node + u64::from(half));
         }
     }
 
     /// Which half each pose is in, 0 or 1; `count` are in the first.
-    fn two_of(&mut self, poses: Dataset<'_>, count: usize, node: u64) -> Vec<u32> {
+    fn halves(&mut self, poses: Dataset<'_>, count: usize, node: u64) -> Vec<u32> {
         let two = KMeans {
             k: 2,
             ..*self.parameters
         };
-        let mut found = best_run(poses, &two, node, &mut |_| ());
+        let found = best_run(poses, &two, node, &mut |_| ());
         if found.sizes.len() < 2 {
             // All poses are the same.
             return (0..poses.n).map(|i| u32::from(i >= count)).collect();
         }
-        if (found.sizes[0] > found.sizes[1]) != (2 * count > poses.n) {
-            found.centroids.invert_axis(ndarray::Axis(0));
-            found.centroids = found.centroids.as_standard_layout().into_owned();
-        }
-        let mut centroids = found.centroids;
+        // The larger half is made of the larger cluster.
+        let order = match (found.sizes[0] > found.sizes[1]) == (2 * count > poses.n) {
+            true => [0, 1],
+            false => [1, 0],
+        };
+        let mut centroids = found.centroids.select(Axis(0), &order);
         let mut halves = nearer_first(poses, centroids.view(), count);
         for _ in 0..self.parameters.max_iterations {
             self.iterations += 1;

@@ -70,6 +70,19 @@ impl<'a> Dataset<'a> {
         }
     }
 
+    /// Some of the poses, by their ascending numbers; copied into `room` unless they are all.
+    pub fn of<'b>(self, members: &[u32], room: &'b mut Vec<f32>) -> Dataset<'b>
+    where
+        'a: 'b,
+    {
+        if members.len() == self.n {
+            return self;
+        }
+        let rows = members.iter().flat_map(|&i| self.row(i as usize));
+        room.extend(rows);
+        Dataset::trusted(room, self.d)
+    }
+
     /// Pose `i`.
     pub fn row(&self, i: usize) -> &'a [f32] {
         &self.values[i * self.d..(i + 1) * self.d]

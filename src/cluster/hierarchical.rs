@@ -127,17 +127,8 @@ fn split(
     stream: usize,
     observer: &mut dyn FnMut(&KMeansProgress),
 ) -> (Clustering, Vec<f64>) {
-    let copied: Vec<f32>;
-    let own = if members.len() == poses.n {
-        poses
-    } else {
-        copied = members
-            .iter()
-            .flat_map(|&i| poses.row(i as usize))
-            .copied()
-            .collect();
-        Dataset::trusted(&copied, poses.d)
-    };
+    let mut copied = Vec::new();
+    let own = poses.of(members, &mut copied);
     let found = best_run(own, parameters, stream as u64, observer);
     let squares = distances(own, found.centroids.view(), &found.labels);
     (found, squares)

@@ -22,7 +22,7 @@
 //! | `hierarchical`, `tree` | a tree with branch B: K leaves at the cost of about B log K distances a pose |
 //! | `balanced` | clusters of equal size |
 //!
-//! **A label is exact.** But for clusters of equal size, it is the centroid with the least squared distance summed in f64, the
+//! **A label is exact.** Except in balanced clusters, it is the centroid with the least squared distance summed in f64, the
 //! lowest number on a tie. Pruning and the f32 products only decide which distances need not be
 //! computed, with their rounding bounded; so from the same seeds a pruned run gives the labels of a
 //! plain one, at any number of threads. (The seeding weighs candidates by f32 products: another kind

@@ -107,7 +107,7 @@ folder() {
   mkdir "$base/$1"
   cd "$base/$1"
   cp -p "$base/poses.csv" 'my poses.csv'
-  [ $# = 1 ] || { mkdir parts && cp -p "$base/$2"/parts/*.csv "$base/$2/parts/split" parts/; }
+  [ $# = 1 ] || { mkdir parts && (cd "$base/$2/parts" && cp -p [0-9].csv count join split train "$base/$1/parts"); }
 }
 same() { cmp dict.npz "$base/one after another/dict.npz"; }
 written() { stat -c '%n %y' "$@"; }
@@ -122,7 +122,7 @@ trainer() {
 submit() { sh "$examples/train.slurm"; }
 train() { submit && settle; }
 
-unset CLUSTER DICT FORMAT JOIN PARTS LOGS POSING THREADS JOBS SSHLOGIN BENCH STEP
+unset CLUSTER DICT FORMAT JOIN PARTS LOGS POSING THREADS JOBS SSHLOGIN BENCH EVALUATE_STEP
 export POSES='my poses.csv' K=4 TRAIN='-n 8 --iterations 1000'
 posing amc2xyz -q --space body --asf "$cmu/07/07.asf" --fps 120 -o "$base/poses.csv" "$cmu/07/07_01.amc"
 
@@ -185,8 +185,8 @@ check 'one that is always killed is queued again three times, and no more' alway
 
 folder 'not split'
 echo nonsense >'my poses.csv'
-not_split() { train && grep 'cluster: my poses.csv:1' logs/slurm-*.out && [ ! -e parts/0.npz ]; }
-check 'poses that cannot be split end all jobs' not_split
+not_split() { train && grep '^train.sh: parts is not split: cluster: my poses.csv:1' logs/slurm-*.out && [ ! -e parts/0.npz ]; }
+check 'poses that cannot be split end all jobs, and the join says why' not_split
 
 folder damaged 'by Slurm'
 echo nonsense >parts/3.csv

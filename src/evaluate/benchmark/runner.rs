@@ -136,13 +136,20 @@ impl<'a> Benchmark<'a> {
     /// # Errors
     /// As [`Benchmark::run_cases`].
     pub fn run(&self, cache: Results, observer: &mut Observer<'_>) -> Result<Vec<BenchmarkResult>> {
-        let cases = self.cases();
-        let mut results = self.run_cases(&cases, cache, observer)?;
+        let results = self.run_cases(&self.cases(), cache, observer)?;
+        self.in_order(results)
+    }
+
+    /// The results of all cases, in the order of [`Benchmark::cases`].
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if a case has no result.
+    pub fn in_order(&self, mut results: Results) -> Result<Vec<BenchmarkResult>> {
         let take = |case: Case| {
             let result = results.remove(&self.key(&case));
-            result.ok_or_else(|| Error::usage(format!("a case of {} was not run", case.model)))
+            result.ok_or_else(|| Error::usage(format!("no result of {}", case.describe())))
         };
-        cases.into_iter().map(take).collect()
+        self.cases().into_iter().map(take).collect()
     }
 
     /// Runs some cases, those without a cached result. Returns the cache with their results.

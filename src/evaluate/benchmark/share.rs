@@ -1,6 +1,6 @@
 //! Parts a benchmark for several machines, and joins the results of the parts.
 
-use super::result::Case;
+use super::result::{BenchmarkResult, Case};
 use super::runner::{Benchmark, Results};
 use crate::{Error, Place, Result};
 use std::collections::BTreeMap;
@@ -54,30 +54,34 @@ impl Benchmark<'_> {
         cases
     }
 
-    /// Joins the results of several runs, each with the name of its file. Results of more seeds or splits do no harm.
+    /// Joins the results of several runs, each with the name of its file, and counts the results of other takes or settings,
+    /// which are left out.
     ///
     /// # Errors
-    /// [`Error::Data`] with the file: a result is of other takes or settings, or two results of a case differ.
-    pub fn merge(&self, runs: Vec<(String, Results)>) -> Result<Results> {
-        let mut merged = Results::new();
-        for (name, results) in runs {
-            for (key, result) in results {
-                let wrong = match merged.get(&key) {
-                    _ if !self.is_own(&key, &result) => {
-                        "is of other takes, other settings or another version; give the tables and flags of its run"
-                    }
-                    Some(first) if first.test != result.test => {
-                        "has other numbers in another folder; was it run by another build or processor?"
-                    }
-                    _ => {
-                        merged.insert(key, result);
-                        continue;
-                    }
-                };
-                let what = format!("the result of {} {wrong}", result.case.describe());
+    /// [`Error::Data`] with the file: all its results are of other takes or settings, or one differs from that of another
+    /// file.
+    pub fn merge(&self, runs: Vec<(String, Results)>) -> Result<(Results, usize)> {
+        let (mut merged, mut foreign) = (Results::new(), 0);
+        for (name, mut results) in runs {
+            let all = results.len();
+            results.retain(|key, result| self.is_own(key, result));
+            foreign += all - results.len();
+            if results.is_empty() && all > 0 {
+                let what = "has only results of other takes, other settings or another version; give the tables and flags of its run";
                 return Err(Error::data(Place::file(name), what));
             }
+            for (key, result) in results {
+                let first = merged.get(&key);
+                if first.is_some_and(|first: &BenchmarkResult| first.test != result.test) {
+                    let what = format!(
+                        "the result of {} has other numbers than in another folder; was it run by another build or processor?",
+                        result.case.describe()
+                    );
+                    return Err(Error::data(Place::file(name), what));
+                }
+                merged.insert(key, result);
+            }
         }
-        Ok(merged)
+        Ok((merged, foreign))
     }
 }
