@@ -344,6 +344,8 @@ fn shares_and_merges_are_asked_for_rightly() {
         1,
     );
     assert!(said.contains("none/cells.jsonl"), "{said}");
+    let said = fails("evaluate", &["-o", &out, "--merge", &none, &walk], b"", 2);
+    assert!(said.contains("name the tables before --merge"), "{said}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod common;
 
 use common::{bin, skipped};
 use std::fs;
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant, SystemTime};
@@ -172,22 +173,21 @@ fn a_part_that_fails_is_named_and_stops_no_other() {
 
 #[test]
 fn a_part_that_is_killed_goes_on_from_its_checkpoint() {
-    let long = "export TRAIN='-n 8 --iterations 1000'";
+    let long = "export TRAIN='-n 8 --iterations 2000'";
     let one = Folder::new();
-    one.must(&COMMANDS.replace("--iterations 40", "--iterations 1000"));
+    one.must(&COMMANDS.replace("--iterations 40", "--iterations 2000"));
     let folder = Folder::new();
     folder.must(&format!("{long}; sh $EXAMPLES/train.sh split"));
-    let part = format!(
-        "{long}; echo $$ > pid; exec posing ksvd-train -q $TRAIN --threads 1 --checkpoint parts/1.npz.checkpoint -o parts/1.npz parts/1.csv"
-    );
-    let mut child = folder.shell(&part).spawn().unwrap();
+    let part = format!("{long}; exec sh $EXAMPLES/train.sh part 1");
+    let mut child = folder.shell(&part).process_group(0).spawn().unwrap();
     let began = Instant::now();
     while !folder.path("parts/1.npz.checkpoint").exists()
         && began.elapsed() < Duration::from_secs(30)
     {
         std::thread::sleep(Duration::from_millis(1));
     }
-    child.kill().unwrap();
+    // The shell and what it runs.
+    folder.must(&format!("kill -9 -{}", child.id()));
     child.wait().unwrap();
     assert!(!folder.path("parts/1.npz").exists());
     folder.must(&format!("{long}; sh $EXAMPLES/train.sh"));
@@ -198,16 +198,18 @@ fn a_part_that_is_killed_goes_on_from_its_checkpoint() {
 }
 
 #[test]
-fn parts_from_a_pipe_are_trained() {
+fn parts_from_a_pipe_are_trained_where_no_poses_are_named() {
     let folder = Folder::new();
-    // The table of poses that lies there is not what the parts are of.
-    folder.must(
-        "posing cluster -q -k 4 --split parts < 'my poses.csv'; cp parts/0.csv was.csv; sh $EXAMPLES/train.sh; cmp parts/0.csv was.csv",
+    folder.must("posing cluster -q -k 4 --split parts < 'my poses.csv'; cp -R parts was");
+    folder.refuses(
+        "sh $EXAMPLES/train.sh",
+        "parts is a split of other poses or by other flags (given; now",
     );
+    folder.must("unset POSES; mv 'my poses.csv' poses.csv; sh $EXAMPLES/train.sh; for i in 0 1 2 3; do cmp parts/$i.csv was/$i.csv; done");
     assert!(folder.dictionary().starts_with(b"PK"));
     folder.refuses(
-        "K=5 sh $EXAMPLES/train.sh",
-        "parts has 4 tables, but K is 5",
+        "unset POSES; K=5 sh $EXAMPLES/train.sh",
+        "parts has 4 tables: set K=4",
     );
 }
 
@@ -221,10 +223,43 @@ fn the_steps_agree_on_poses_flags_and_number_of_parts() {
         for i in 0 1 2 3; do sh $EXAMPLES/train.sh part $i; done; sh $EXAMPLES/train.sh join",
     );
     assert!(folder.dictionary() == whole.dictionary());
-    folder.refuses("sh $EXAMPLES/train.sh part 9", "has no part 9");
+    for part in ["9", "''", "abc", "-1"] {
+        folder.refuses(&format!("sh $EXAMPLES/train.sh part {part}"), "has no part");
+    }
     folder.refuses(
         "sh $EXAMPLES/train.sh rm dict.npz",
         "expected nothing, split",
+    );
+    for k in ["0", "08", "abc"] {
+        folder.refuses(
+            &format!("K={k} sh $EXAMPLES/train.sh"),
+            "expected a number from 1",
+        );
+    }
+    // A split that is refused stops the steps after it, too, which say why.
+    folder.refuses(
+        "K=3 sh $EXAMPLES/train.sh split",
+        "parts is a split of other poses",
+    );
+    folder.refuses(
+        "sh $EXAMPLES/train.sh join",
+        "parts is not split: parts is a split of other poses",
+    );
+    folder.must("sh $EXAMPLES/train.sh");
+    assert!(folder.dictionary() == whole.dictionary());
+    // Contents count, and times do not.
+    let times = folder.times();
+    folder.must("touch parts/?.csv; sh $EXAMPLES/train.sh");
+    assert_eq!(folder.times(), times);
+    folder.must("cp -p parts/1.csv was.csv; cp -p parts/0.csv parts/1.csv; : > parts/2.npz; sh $EXAMPLES/train.sh");
+    let now = folder.times();
+    let anew: Vec<bool> = (0..4).map(|i| now[i] != times[i]).collect();
+    assert_eq!(anew, [false, true, true, false]);
+    folder.must("cp -p was.csv parts/1.csv; sh $EXAMPLES/train.sh");
+    assert!(folder.dictionary() == whole.dictionary());
+    folder.refuses(
+        "rm parts/1.csv; sh $EXAMPLES/train.sh",
+        "parts has 3 of 4 tables: restore",
     );
 }
 
@@ -233,19 +268,23 @@ fn no_part_is_removed_or_written_over() {
     let folder = Folder::new();
     folder.must("sh $EXAMPLES/train.sh; head -n 200 'my poses.csv' > other.csv; echo mine > parts/shot2.txt");
     let (times, dictionary) = (folder.times(), folder.dictionary());
-    for other in ["POSES=other.csv", "K=5000", "K=3", "CLUSTER="] {
-        let refusal = "parts is a split of other poses, or by other flags";
+    for other in ["POSES=other.csv", "K=5000", "K=3", "CLUSTER=", "FORMAT=npy"] {
+        let refusal = "parts is a split of other poses or by other flags";
         folder.refuses(&format!("{other} sh $EXAMPLES/train.sh"), refusal);
     }
-    folder.refuses("PARTS=. K=5000 sh $EXAMPLES/train.sh", "k = 5000 clusters");
+    folder.refuses("PARTS=. sh $EXAMPLES/train.sh", ". holds other files");
     folder.refuses(
         "POSES=none.csv sh $EXAMPLES/train.sh",
         "none.csv: no such file",
     );
+    folder.must("sh $EXAMPLES/train.sh; test -e parts/shot2.txt");
     assert_eq!(folder.times(), times);
-    assert!(folder.path("parts/shot2.txt").exists() && folder.path("other.csv").exists());
     // Another folder and the same result: the dictionary that is there is not that of these parts.
-    folder.must("PARTS=parts2 POSES=other.csv sh $EXAMPLES/train.sh; mv dict.npz other.npz; PARTS=parts2 POSES=other.csv DICT=again.npz sh $EXAMPLES/train.sh; cmp other.npz again.npz; sh $EXAMPLES/train.sh");
+    folder.must(
+        "export PARTS=parts2 POSES=other.csv; sh $EXAMPLES/train.sh; mv dict.npz other.npz
+        DICT=again.npz sh $EXAMPLES/train.sh; cmp other.npz again.npz",
+    );
+    folder.must("cp other.npz dict.npz; sh $EXAMPLES/train.sh");
     assert!(folder.dictionary() == dictionary);
     assert_eq!(folder.times(), times);
 }

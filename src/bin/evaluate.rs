@@ -1,7 +1,6 @@
 //! Compares models on poses they have not learnt from.
 
 use clap::{Parser, Subcommand};
-use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::benchmark::{self, BenchmarkArgs, sources};
 use posing::cli::evaluate_metric::{EvaluateMetricArgs, evaluate_metric};
@@ -10,6 +9,7 @@ use posing::cli::result_cache::ResultCache;
 use posing::cli::{run, streams};
 use posing::evaluate::benchmark::{Benchmark, Dataset, Share};
 use posing::evaluate::report::BenchmarkReport;
+use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -65,7 +65,7 @@ struct Args {
     /// Run nothing; take the results that --cells left in these folders, and write the report into the DIR of -o. Tables and
     /// flags must be those of --cells: results of others do not count, and missing ones are an error. Name the tables before
     /// --merge
-    #[arg(long, value_name = "DIR", num_args = 1.., help_heading = "Output", requires = "output", conflicts_with_all = ["cells", "paper"])]
+    #[arg(long, value_name = "DIR", num_args = 1.., help_heading = "Output", requires = "output", conflicts_with_all = ["cells", "paper", "fresh"])]
     merge: Vec<PathBuf>,
     /// Ignore the results cached in DIR
     #[arg(long, help_heading = "Output")]
@@ -127,6 +127,13 @@ fn work(args: Args) -> Result<()> {
     if let (false, Some(folder)) = (args.paper.is_empty(), &args.benchmark.output) {
         benchmark::write_paper_tables(&args.paper, folder)?;
         return Ok(());
+    }
+    if let Some(file) = args.merge.iter().find(|name| name.is_file()) {
+        let what = format!(
+            "--merge {}: is not a folder; name the tables before --merge",
+            file.display()
+        );
+        return Err(Error::usage(what));
     }
     let plan = args.benchmark.or_file(args.config.as_deref())?;
     let settings = plan.settings()?;

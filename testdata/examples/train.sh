@@ -9,8 +9,9 @@
 # stopped goes on from its checkpoint, which is saved after each iteration. One run at a time in a folder.
 # shellcheck disable=SC2086 # CLUSTER, TRAIN and JOIN are lists of flags
 set -eu
-# The poses, and the result.
-POSES=${POSES:-poses.csv} DICT=${DICT:-dict.npz}
+# The poses (poses.csv), and the result. Without POSES, tables that are in PARTS are taken:
+# posing ... | posing cluster -k 8 --split parts && sh train.sh
+POSES=${POSES:-} DICT=${DICT:-dict.npz}
 # The number of parts, their format (csv or npy), and further flags of cluster: equal parts take about equally long.
 K=${K:-8} FORMAT=${FORMAT:-csv} CLUSTER=${CLUSTER---balance}
 # The flags of ksvd-train. With --error, a part gets as many atoms as this RMS error (cm) asks for.
@@ -22,63 +23,77 @@ PARTS=${PARTS:-parts} LOGS=${LOGS:-logs}
 # The threads of each step: one for a part, all for the others, if empty. The command.
 THREADS=${THREADS:-} POSING=${POSING:-posing}
 
+# What the tables and models were made of: digests and flags.
+STATE=$PARTS/state
+
 say() { echo "train.sh: $*" >&2; }
+refuse() {
+  echo "$*" >"$LOGS/split.log"
+  say "$*"
+  exit 2
+}
 last_line() { tail -n 1 "$1" 2>/dev/null || echo 'no message'; }
 
-# Whether file $1 is missing or older than one of the others.
-stale() {
-  file=$1
-  shift
-  [ ! -e "$file" ] || [ -n "$(find -L "$@" -newer "$file")" ]
+# The names of the tables of parts, of both formats; of this format, without their endings. Other files do not count.
+# shellcheck disable=SC2010,SC2012 # these names have digits only
+tables() { ls "$PARTS" 2>/dev/null | grep -E '^[0-9]+\.(csv|npy)$' || :; }
+names() { tables | sed -n "s/\.$FORMAT\$//p"; }
+
+# Splits the poses. Tables of other poses or flags are neither taken nor written over.
+split() {
+  mkdir -p "$LOGS"
+  case $K in 0* | *[!0-9]*) refuse "K=$K: expected a number from 1" ;; esac
+  if [ ! -d "$STATE" ] && [ "$(ls -A "$PARTS" 2>/dev/null)" != "$(tables)" ]; then
+    refuse "$PARTS holds other files: set PARTS to another folder"
+  fi
+  mkdir -p "$STATE"
+  rm -f "$STATE/ready"
+  count=$(($(tables | wc -l))) found=
+  if [ -e "$STATE/split" ]; then found=$(cat "$STATE/split"); elif [ "$count" -gt 0 ]; then found=given; fi
+  if [ -z "$POSES" ] && [ "$found" = given ]; then
+    asked=given
+    [ "$count" -eq "$K" ] || refuse "$PARTS has $count tables: set K=$count"
+    say "taking the $count tables in $PARTS"
+  else
+    POSES=${POSES:-poses.csv}
+    [ -e "$POSES" ] || refuse "$POSES: no such file"
+    asked="$(cksum <"$POSES") -k $K --to $FORMAT $CLUSTER"
+    [ "$count" = 0 ] || [ "$found" = "$asked" ] ||
+      refuse "$PARTS is a split of other poses or by other flags ($found; now $asked): set PARTS to another folder, or remove it with its models"
+  fi
+  echo "$asked" >"$STATE/split"
+  if [ -e "$STATE/count" ] && [ "$count" -gt 0 ]; then
+    [ "$count" -eq "$K" ] || refuse "$PARTS has $count of $K tables: restore the others, or remove the folder"
+  elif [ "$asked" != given ]; then
+    cluster
+  fi
+  echo "$K" >"$STATE/count"
+  printf '%s\n' "$TRAIN" >"$STATE/train"
+  printf '%s\n' "$JOIN" >"$STATE/join"
+  : >"$STATE/ready"
 }
 
-# Writes the flags $2 into file $1 if it has others: what is older than the file is out of date.
-keep() { [ -e "$1" ] && [ "$(cat "$1")" = "$2" ] || printf '%s\n' "$2" >"$1"; }
-
-# The names of the parts, a line each. Other files in the folder do not count.
-# shellcheck disable=SC2012 # these names have digits only
-names() { ls "$PARTS" | sed -n "s/^\([0-9][0-9]*\)\.$FORMAT\$/\1/p"; }
-
-# Splits the poses, or takes the tables that are there: posing ... | posing cluster -k 8 --split parts && sh train.sh
-# PARTS/split says what they are a split of: tables of other poses or flags are neither taken nor written over.
-split() {
-  mkdir -p "$PARTS" "$LOGS"
-  count=$(names | wc -l) asked=given
-  if [ -e "$PARTS/split" ]; then found=$(cat "$PARTS/split"); elif [ "$count" -gt 0 ]; then found=given; else found=; fi
-  if [ "$found" != given ]; then
-    [ -e "$POSES" ] || { say "$POSES: no such file"; exit 2; }
-    asked="$(cksum <"$POSES") -k $K --to $FORMAT $CLUSTER"
-  fi
-  if [ "$count" -gt 0 ] && [ "$found" != "$asked" ]; then
-    say "$PARTS is a split of other poses, or by other flags ($found; now $asked): remove it, or set PARTS to another folder"
-    exit 2
-  fi
-  if [ "$found" = given ] && [ "$count" -ne "$K" ]; then
-    say "$PARTS has $((count)) tables, but K is $K"
-    exit 2
-  fi
-  keep "$PARTS/split" "$asked"
-  keep "$PARTS/count" "$K"
-  keep "$PARTS/train" "$TRAIN"
-  keep "$PARTS/join" "$JOIN"
-  [ "$count" -ne "$K" ] || return 0
+# What a run writes that was killed is left in a folder of its own.
+cluster() {
+  rm -rf "$STATE"/new.*
   code=0
-  "$POSING" cluster -q -k "$K" --to "$FORMAT" $CLUSTER ${THREADS:+--threads "$THREADS"} --split "$PARTS" "$POSES" \
+  "$POSING" cluster -q -k "$K" --to "$FORMAT" $CLUSTER ${THREADS:+--threads "$THREADS"} --split "$STATE/new.$$" "$POSES" \
     2>"$LOGS/split.log" || code=$?
   cat "$LOGS/split.log" >&2
-  return $code
+  [ $code = 0 ] || exit $code
+  mv "$STATE/new.$$"/* "$PARTS"
+  rmdir "$STATE/new.$$"
 }
 
-# Checks that all parts are there.
 check_split() {
-  if [ ! -e "$PARTS/count" ] || [ "$(names | wc -l)" -ne "$(cat "$PARTS/count")" ]; then
-    say "$PARTS is not split: $(last_line "$LOGS/split.log")"
-    exit 1
-  fi
+  [ -e "$STATE/ready" ] || { say "$PARTS is not split: $(last_line "$LOGS/split.log")"; exit 1; }
+  [ "$(names | wc -l)" -eq "$(cat "$STATE/count")" ] || { say "$PARTS has not all tables: restore them, or remove the folder"; exit 1; }
 }
 
-# Whether part $1 is not trained.
-missing() { stale "$PARTS/$1.npz" "$PARTS/$1.$FORMAT" "$PARTS/train"; }
+# The digest of what part $1 is trained from, and whether its model is not that.
+inputs() { cat "$STATE/train" "$PARTS/$1.$FORMAT" | cksum; }
+model() { cksum 2>/dev/null <"$PARTS/$1.npz" || :; }
+missing() { [ "$(inputs "$1") $(model "$1")" != "$(cat "$STATE/$1.of" 2>/dev/null)" ]; }
 
 # Prints the numbers, from 0, of the parts that are not trained.
 todo() {
@@ -93,18 +108,24 @@ todo() {
 # Trains part number $1.
 part() {
   check_split
-  name=$(names | sed -n "$(($1 + 1))p")
+  case $1 in '' | *[!0-9]*) name= ;; *) name=$(names | sed -n "$(($1 + 1))p") ;; esac
   [ -n "$name" ] || { say "$PARTS has no part $1"; exit 2; }
   missing "$name" || return 0
-  table=$PARTS/$name.$FORMAT model=$PARTS/$name.npz log=$LOGS/$name.log
+  mkdir -p "$LOGS"
+  table=$PARTS/$name.$FORMAT model=$PARTS/$name.npz log=$LOGS/$name.log inputs=$(inputs "$name")
   # A checkpoint of other poses or flags would be refused.
-  ! stale "$model.checkpoint" "$table" "$PARTS/train" || rm -f "$model.checkpoint"
+  [ "$(cat "$STATE/$name.begun" 2>/dev/null)" = "$inputs" ] || rm -f "$model.checkpoint"
+  echo "$inputs" >"$STATE/$name.begun"
   trap 'echo "train.sh: stopped by SIGTERM" >>"$log"; exit 143' TERM
-  code=0 TRAIN=$(cat "$PARTS/train")
+  code=0 TRAIN=$(cat "$STATE/train")
   "$POSING" ksvd-train $TRAIN --threads "${THREADS:-1}" --checkpoint "$model.checkpoint" \
     --log "$LOGS/$name.jsonl" -o "$model" "$table" 2>>"$log" || code=$?
   [ $code -le 128 ] || echo "train.sh: stopped by signal $((code - 128))" >>"$log"
-  [ $code = 0 ] || say "$table failed: $(last_line "$log") [$log]"
+  if [ $code = 0 ]; then
+    echo "$inputs $(model "$name")" >"$STATE/$name.of"
+  else
+    say "$table failed: $(last_line "$log") [$log]"
+  fi
   return $code
 }
 
@@ -119,13 +140,14 @@ join() {
   done
   [ $code = 0 ] || exit $code
   # The dictionary that is there may be that of other parts.
-  if ! stale "$PARTS/joined" "$@" "$PARTS/join" && [ "$(cksum <"$DICT")" = "$(cat "$PARTS/joined")" ]; then
+  inputs=$(cat "$STATE/join" "$STATE"/*.of | cksum)
+  if [ -e "$DICT" ] && [ "$inputs $(cksum <"$DICT")" = "$(cat "$STATE/joined" 2>/dev/null)" ]; then
     return 0
   fi
-  JOIN=$(cat "$PARTS/join")
+  JOIN=$(cat "$STATE/join")
   "$POSING" dict-concat $JOIN ${THREADS:+--threads "$THREADS"} -o "$DICT" "$@" 2>"$LOGS/dict.log" || code=$?
   last_line "$LOGS/dict.log" >&2
-  [ $code != 0 ] || cksum <"$DICT" >"$PARTS/joined"
+  [ $code != 0 ] || echo "$inputs $(cksum <"$DICT")" >"$STATE/joined"
   return $code
 }
 

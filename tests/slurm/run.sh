@@ -107,7 +107,7 @@ folder() {
   mkdir "$base/$1"
   cd "$base/$1"
   cp -p "$base/poses.csv" 'my poses.csv'
-  [ $# = 1 ] || { mkdir parts && (cd "$base/$2/parts" && cp -p [0-9].csv count join split train "$base/$1/parts"); }
+  [ $# = 1 ] || { cp -Rp "$base/$2/parts" . && rm -f parts/*.npz parts/state/*.of; }
 }
 same() { cmp dict.npz "$base/one after another/dict.npz"; }
 written() { stat -c '%n %y' "$@"; }

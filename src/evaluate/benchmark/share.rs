@@ -1,4 +1,4 @@
-//! Parts a benchmark for several machines, and joins the results of the parts.
+//! Divides a benchmark among machines, and joins their results.
 
 use super::result::{BenchmarkResult, Case};
 use super::runner::{Benchmark, Results};
