@@ -224,7 +224,7 @@ pub fn sources(flags: &InputArgs, tables: &[PathBuf]) -> Result<Vec<(String, Pos
 /// Runs the benchmark with a progress bar; finished results go to the cache.
 ///
 /// # Errors
-/// As [`Benchmark::run`]; when the cache cannot be written.
+/// Errors of [`Benchmark::run`]; when the cache cannot be written.
 pub fn run(bench: &Benchmark<'_>, cache: Option<ResultCache>) -> Result<Vec<BenchmarkResult>> {
     bench.in_order(run_cases(bench, &bench.cases(), cache)?)
 }
@@ -232,11 +232,13 @@ pub fn run(bench: &Benchmark<'_>, cache: Option<ResultCache>) -> Result<Vec<Benc
 /// Runs a share of the cases; the results go to the cache alone.
 ///
 /// # Errors
-/// As [`run`].
+/// Errors of [`run`].
 pub fn run_share(bench: &Benchmark<'_>, share: Share, cache: ResultCache) -> Result<()> {
     let cases = bench.cases_of(share);
     if cases.is_empty() {
-        messages::info("nothing to run: there are more shares than trained models");
+        messages::info(
+            "nothing to run in this share: there are more shares than models, splits and seeds to train",
+        );
     }
     run_cases(bench, &cases, Some(cache))?;
     Ok(())
@@ -245,7 +247,7 @@ pub fn run_share(bench: &Benchmark<'_>, share: Share, cache: ResultCache) -> Res
 /// Adds the results of other folders to a cache, which has those of all cases then.
 ///
 /// # Errors
-/// As [`Benchmark::merge`]; when a folder cannot be read, or a case has no result.
+/// Errors of [`Benchmark::merge`]; when a folder cannot be read, or a case has no result.
 pub fn merge(bench: &Benchmark<'_>, folders: &[PathBuf], cache: &mut ResultCache) -> Result<()> {
     let runs = folders.iter().map(|folder| result_cache::read(folder));
     let (merged, foreign) = bench.merge(runs.collect::<Result<_>>()?)?;

@@ -87,7 +87,7 @@ impl Halving<'_> {
         let before = |cluster: usize| cluster * self.poses.n / self.parameters.k;
         let count = before(middle) - before(clusters.start);
         let mut copied = Vec::new();
-        let own = self.poses.of(members, &mut copied);
+        let own = self.poses.subset(members, &mut copied);
         let halves = self.halves(own, count, node);
         drop(copied);
         let both = [clusters.start..middle, middle..clusters.end];
@@ -98,7 +98,7 @@ impl Halving<'_> {
         }
     }
 
-    /// Which half each pose is in, 0 or 1; `count` are in the first.
+    /// The half of each pose, 0 or 1; `count` poses are in the first.
     fn halves(&mut self, poses: Dataset<'_>, count: usize, node: u64) -> Vec<u32> {
         let two = KMeans {
             k: 2,
@@ -135,19 +135,20 @@ impl Halving<'_> {
 fn nearer_first(poses: Dataset<'_>, centroids: ArrayView2<'_, f64>, count: usize) -> Vec<u32> {
     let all = centroids.as_slice().expect("made row by row");
     let (a, b) = all.split_at(poses.d);
-    let gaps = parallel::map_chunks(poses.n, 4096, |rows| {
-        let gap = |i: usize| squared_distance(poses.row(i), a) - squared_distance(poses.row(i), b);
-        rows.map(gap).collect::<Vec<f64>>()
+    let differences = parallel::map_chunks(poses.n, 4096, |rows| {
+        let difference =
+            |i: usize| squared_distance(poses.row(i), a) - squared_distance(poses.row(i), b);
+        rows.map(difference).collect::<Vec<f64>>()
     });
-    let gaps = gaps.concat();
+    let differences = differences.concat();
     let mut order: Vec<u32> = (0..poses.n as u32).collect();
-    let by_gap = |i: &u32, j: &u32| {
-        gaps[*i as usize]
-            .total_cmp(&gaps[*j as usize])
+    let by_difference = |i: &u32, j: &u32| {
+        differences[*i as usize]
+            .total_cmp(&differences[*j as usize])
             .then(i.cmp(j))
     };
     if count < order.len() {
-        order.select_nth_unstable_by(count, by_gap);
+        order.select_nth_unstable_by(count, by_difference);
     }
     let mut halves = vec![0; poses.n];
     order[count..].iter().for_each(|&i| halves[i as usize] = 1);

@@ -71,7 +71,7 @@ impl<'a> Dataset<'a> {
     }
 
     /// Some of the poses, by their ascending numbers; copied into `room` unless they are all.
-    pub fn of<'b>(self, members: &[u32], room: &'b mut Vec<f32>) -> Dataset<'b>
+    pub fn subset<'b>(self, members: &[u32], room: &'b mut Vec<f32>) -> Dataset<'b>
     where
         'a: 'b,
     {

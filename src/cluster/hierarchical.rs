@@ -128,7 +128,7 @@ fn split(
     observer: &mut dyn FnMut(&KMeansProgress),
 ) -> (Clustering, Vec<f64>) {
     let mut copied = Vec::new();
-    let own = poses.of(members, &mut copied);
+    let own = poses.subset(members, &mut copied);
     let found = best_run(own, parameters, stream as u64, observer);
     let squares = distances(own, found.centroids.view(), &found.labels);
     (found, squares)

@@ -54,7 +54,8 @@ impl KMeans {
         } else if let Some(branch @ 0..2) = self.branch {
             format!("branch = {branch}: a node of the tree needs at least 2 children")
         } else if self.balance && self.branch.is_some() {
-            "balance with branch: clusters of equal size are made by halves".to_string()
+            "balance and branch exclude each other: clusters of equal size are made by halving"
+                .to_string()
         } else {
             return Ok(());
         };

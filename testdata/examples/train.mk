@@ -2,7 +2,7 @@
 #
 #     make -j2 -f train.mk K=8 POSES='my poses.csv'
 #
-# Copy train.sh with this file. -j says how many parts are trained at a time, on a thread each. Run it again after a change or a failure.
+# Copy train.sh with this file. -j says how many parts are trained at a time, on a thread each. Run it again after a failure.
 K ?= 8
 DICT ?= dict.npz
 export K DICT

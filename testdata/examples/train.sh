@@ -73,7 +73,7 @@ split() {
   : >"$STATE/ready"
 }
 
-# What a run writes that was killed is left in a folder of its own.
+# Each run writes into a folder of its own first, so that a cluster that outlives a killed run publishes nothing.
 cluster() {
   rm -rf "$STATE"/new.*
   code=0
@@ -154,7 +154,7 @@ join() {
 all() {
   split
   for i in $(todo); do
-    # The other parts are trained even if one fails: join tells.
+    # The other parts are trained even if one fails: join names it.
     (part "$i") 2>/dev/null || :
   done
   join

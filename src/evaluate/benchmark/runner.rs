@@ -134,7 +134,7 @@ impl<'a> Benchmark<'a> {
     /// Runs all cases without a cached result. Returns the results of all, in the order of [`Benchmark::cases`].
     ///
     /// # Errors
-    /// As [`Benchmark::run_cases`].
+    /// Errors of [`Benchmark::run_cases`].
     pub fn run(&self, cache: Results, observer: &mut Observer<'_>) -> Result<Vec<BenchmarkResult>> {
         let results = self.run_cases(&self.cases(), cache, observer)?;
         self.in_order(results)

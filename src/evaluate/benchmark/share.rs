@@ -9,7 +9,7 @@ use std::str::FromStr;
 /// One of several shares of the cases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Share {
-    /// Which share, 1 to `count`.
+    /// The number of this share, 1 to `count`.
     index: usize,
     /// The number of shares.
     count: usize,
