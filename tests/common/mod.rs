@@ -2,6 +2,7 @@
 #![allow(dead_code)] // Every test file uses a part of it.
 
 pub mod evaluations;
+pub mod examples;
 pub mod meshes;
 
 use assert_cmd::Command;
