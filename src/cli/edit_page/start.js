@@ -15,7 +15,7 @@ ask();
 
 /** For tests: what the page knows, read only. */
 window.posing = Object.freeze({
-  state: () => JSON.parse(JSON.stringify({
+  state: () => parsed(JSON.stringify({
     way: link.way, pose: now.pose, shown: shown(), pins: now.pins, missed: now.missed, unlike: now.unlike, revision: now.revision,
     selected: now.selected, moving: now.gesture && now.gesture.targets, other: others.at, cursor: motion.cursor, playing: motion.playing,
     undo: now.state && now.state.undo, redo: now.state && now.state.redo, keys: now.state ? now.state.keys : [], key: now.state && now.state.key,
