@@ -2,11 +2,12 @@
 
 mod common;
 
-use common::{Numbers, bin, fails, page_test, run, text};
+use common::edit_program::Server;
+use common::{Numbers, bin, fails, run, text};
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::Duration;
 
 /// All routes that are POSTs.
@@ -23,29 +24,7 @@ const POSTS: [&str; 7] = [
 const RELEASE: &str = "{\"do\":\"release\"}";
 const JSON: &str = "Content-Type: application/json";
 
-/// A running `posing edit`, killed when it is dropped.
-struct Server {
-    child: Child,
-    port: u16,
-    token: String,
-}
-
 impl Server {
-    fn new() -> Server {
-        Server::start(Command::new(bin().join("edit")).arg("--no-open"))
-    }
-
-    fn start(command: &mut Command) -> Server {
-        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
-        let mut line = String::new();
-        let mut out = BufReader::new(child.stdout.take().unwrap());
-        out.read_line(&mut line).unwrap();
-        let address = line.trim_end().strip_prefix("http://127.0.0.1:");
-        let (port, token) = address.unwrap().split_once("/#token=").unwrap();
-        let (port, token) = (port.parse().unwrap(), token.to_string());
-        Server { child, port, token }
-    }
-
     fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         // Only so that a failing test ends.
@@ -82,23 +61,6 @@ impl Server {
         let (host, token) = (self.host(), self.token());
         let own = [&*host, &*token];
         self.bare(request, &[&own, headers].concat(), body)
-    }
-
-    /// Ends the program by SIGTERM; its exit code.
-    fn stop(mut self) -> Option<i32> {
-        // The shell's own `kill`: small systems have no program of that name.
-        let kill = Command::new("sh")
-            .args(["-c", &format!("kill {}", self.child.id())])
-            .status();
-        assert!(kill.unwrap().success());
-        self.child.wait().unwrap().code()
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -824,10 +786,4 @@ fn rows_of_a_table_and_joints_of_a_map_are_posed() {
     std::fs::write(&map, "root = \"Hips\"\n").unwrap();
     let message = fails("edit", &flags, b"", 2);
     assert!(message.contains("joint \"Hips\""), "{message}");
-}
-
-/// tests/page drives the page in a browser.
-#[test]
-fn the_page_works_in_a_browser() {
-    page_test("edit.test.js");
 }
