@@ -271,4 +271,19 @@ mod tests {
         assert!(refused.unwrap_err().to_string().contains("rotation"));
         assert_eq!(other.state(), &before);
     }
+
+    #[test]
+    fn a_session_has_no_more_keys_than_open_again() {
+        let mut session = session();
+        let most = session.most_keys();
+        assert!(most > 4000, "{most}");
+        let before = session.to_json().len();
+        session.set_key(0.5).unwrap();
+        let key = session.to_json().len() - before;
+        assert!(
+            (most + 1) * key < LARGEST_SESSION,
+            "{most} keys of {key} bytes"
+        );
+        assert!(session.check_key_count(most + 1).is_err());
+    }
 }
