@@ -2,11 +2,12 @@
 
 mod common;
 
-use common::{Numbers, bin, fails, page_test, run, text};
+use common::edit_program::Server;
+use common::{Numbers, bin, fails, run, text};
 use serde_json::{Value, json};
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::Duration;
 
 /// All routes that are POSTs.
@@ -23,29 +24,7 @@ const POSTS: [&str; 7] = [
 const RELEASE: &str = "{\"do\":\"release\"}";
 const JSON: &str = "Content-Type: application/json";
 
-/// A running `posing edit`, killed when it is dropped.
-struct Server {
-    child: Child,
-    port: u16,
-    token: String,
-}
-
 impl Server {
-    fn new() -> Server {
-        Server::start(Command::new(bin().join("edit")).arg("--no-open"))
-    }
-
-    fn start(command: &mut Command) -> Server {
-        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
-        let mut line = String::new();
-        let mut out = BufReader::new(child.stdout.take().unwrap());
-        out.read_line(&mut line).unwrap();
-        let address = line.trim_end().strip_prefix("http://127.0.0.1:");
-        let (port, token) = address.unwrap().split_once("/#token=").unwrap();
-        let (port, token) = (port.parse().unwrap(), token.to_string());
-        Server { child, port, token }
-    }
-
     fn connect(&self) -> TcpStream {
         let stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         // Only so that a failing test ends.
@@ -82,23 +61,6 @@ impl Server {
         let (host, token) = (self.host(), self.token());
         let own = [&*host, &*token];
         self.bare(request, &[&own, headers].concat(), body)
-    }
-
-    /// Ends the program by SIGTERM; its exit code.
-    fn stop(mut self) -> Option<i32> {
-        // The shell's own `kill`: small systems have no program of that name.
-        let kill = Command::new("sh")
-            .args(["-c", &format!("kill {}", self.child.id())])
-            .status();
-        assert!(kill.unwrap().success());
-        self.child.wait().unwrap().code()
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }
 
@@ -392,10 +354,10 @@ fn a_post_is_json() {
 }
 
 #[test]
-fn a_request_has_at_most_a_mebibyte() {
+fn a_request_has_at_most_a_mebibyte_but_a_session_many() {
     let server = Server::new();
-    let post = |size| server.ask("POST /open", &[JSON], &" ".repeat(size));
-    // Spaces are no session, but they are read.
+    let post = |size| server.ask("POST /act", &[JSON], &" ".repeat(size));
+    // Spaces are no action, but they are read.
     post(1 << 20).refused(400);
     post((1 << 20) + 1).refused(413);
     post(4 << 20).refused(413);
@@ -403,7 +365,7 @@ fn a_request_has_at_most_a_mebibyte() {
     let chunks = |count: usize| {
         let chunk = format!("10000\r\n{}\r\n", " ".repeat(1 << 16));
         let (host, token) = (server.host(), server.token());
-        let head = format!("POST /open HTTP/1.1\r\nConnection: close\r\n{host}\r\n{token}\r\n");
+        let head = format!("POST /act HTTP/1.1\r\nConnection: close\r\n{host}\r\n{token}\r\n");
         let head = format!("{head}{JSON}\r\nTransfer-Encoding: chunked\r\n\r\n");
         let mut stream = server.connect();
         let all = format!("{head}{}0\r\n\r\n", chunk.repeat(count));
@@ -414,8 +376,12 @@ fn a_request_has_at_most_a_mebibyte() {
     chunks(17).refused(413);
     // A length that nobody will wait for.
     let long = ["Content-Length: 1000000000000", JSON];
-    server.ask("POST /open", &long, "").refused(413);
+    for path in ["POST /act", "POST /open"] {
+        server.ask(path, &long, "").refused(413);
+    }
     server.ask("GET /state", &[], "").answered();
+    let session = server.ask("POST /open", &[JSON], &" ".repeat(9 << 20));
+    session.refused(400);
 }
 
 #[test]
@@ -490,6 +456,22 @@ fn slow_clients_keep_nobody_waiting_and_are_cut_off() {
         assert!(matches!(status, None | Some("408")), "{text}");
     }
     server.ask("GET /state", &[], "").answered();
+}
+
+#[test]
+fn clients_that_do_not_read_are_cut_off() {
+    let server = Server::new();
+    let get = format!("GET / HTTP/1.1\r\n{}\r\n\r\n", server.host()).repeat(200);
+    let deaf: Vec<TcpStream> = (0..64)
+        .map(|_| {
+            let mut stream = server.connect();
+            stream.write_all(get.as_bytes()).unwrap();
+            stream
+        })
+        .collect();
+    // They have all the places there are, until they lose them.
+    server.ask("GET /state", &[], "").answered();
+    drop(deaf);
 }
 
 #[test]
@@ -780,6 +762,43 @@ fn a_session_file_goes_on_where_it_ended() {
 }
 
 #[test]
+fn a_session_file_is_open_in_one_program_at_a_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("pose.json");
+    let flags = ["--no-open", "--session", text(&file)];
+    let first = Server::with(&flags[1..]);
+    let message = fails("edit", &flags, b"", 1);
+    assert!(
+        message.contains("pose.json: is open in another posing edit"),
+        "{message}"
+    );
+    // Killed: it cannot tidy up.
+    drop(first);
+    let again = Server::with(&flags[1..]);
+    again
+        .post("/act", &json!({ "do": "key", "time": 0 }))
+        .answered();
+    assert_eq!(again.stop(), Some(0));
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
+    assert_eq!(left.len(), 1, "{left:?}");
+}
+
+#[test]
+fn a_session_that_cannot_be_kept_is_refused_at_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let nowhere = folder.path().join("none/pose.json");
+    let message = fails("edit", &["--no-open", "--session", text(&nowhere)], b"", 1);
+    assert!(message.contains("none/pose.json: "), "{message}");
+    let message = fails(
+        "edit",
+        &["--no-open", "--session", text(folder.path())],
+        b"",
+        1,
+    );
+    assert!(message.contains("is no file"), "{message}");
+}
+
+#[test]
 fn rows_of_a_table_and_joints_of_a_map_are_posed() {
     let folder = tempfile::tempdir().unwrap();
     let table = run(
@@ -824,10 +843,4 @@ fn rows_of_a_table_and_joints_of_a_map_are_posed() {
     std::fs::write(&map, "root = \"Hips\"\n").unwrap();
     let message = fails("edit", &flags, b"", 2);
     assert!(message.contains("joint \"Hips\""), "{message}");
-}
-
-/// tests/page drives the page in a browser.
-#[test]
-fn the_page_works_in_a_browser() {
-    page_test("edit.test.js");
 }

@@ -1,9 +1,6 @@
 //! The command `plot` from outside.
 
-mod common;
-
 use assert_cmd::Command;
-use common::page_test;
 use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use serde_json::{Value, json};
@@ -211,10 +208,4 @@ fn a_page_needs_no_status() {
         let fails = plot(&["--to", "html"], &table).code(1);
         fails.stderr(contains(said).and(contains("input:3")));
     }
-}
-
-/// tests/page drives the page in a browser.
-#[test]
-fn curves_and_gaps_work_in_a_browser() {
-    page_test("plot.test.js");
 }

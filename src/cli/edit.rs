@@ -2,12 +2,12 @@
 
 use super::edit_figure::Figure;
 use super::edit_server::{Answer, Refusal, Reply, Request, Route};
+use super::edit_session::SessionPath;
 use super::input::take_name;
 use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
 use crate::edit::{OpenedModel, Session};
 use crate::io::Table;
-use crate::io::output::write_file;
 use crate::{Error, Place, Result};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -33,7 +33,7 @@ pub struct Editor {
     /// What is edited, in words.
     name: String,
     rate: f64,
-    file: Option<PathBuf>,
+    file: Option<SessionPath>,
     /// The revision that the file holds.
     saved: u64,
 }
@@ -51,7 +51,7 @@ impl Editor {
     /// Opens a session; one that the file keeps goes on.
     ///
     /// # Errors
-    /// The model does not know the figure, the table has no pose, or the file no session.
+    /// The model does not know the figure, the table has no pose, or the file no session; or the file cannot be kept.
     pub fn open(source: EditSource) -> Result<Editor> {
         let EditSource {
             model,
@@ -59,6 +59,7 @@ impl Editor {
             table,
             session: file,
         } = source;
+        let file = file.as_deref().map(SessionPath::open).transpose()?;
         let rig = figure.rig(model.points())?;
         let mut session = Session::with_model(model, rig);
         let mut rate = RATE;
@@ -71,10 +72,10 @@ impl Editor {
             rate = table.poses.rate().unwrap_or(rate);
             name = take_name(Path::new(&table.name));
         }
-        if let Some(path) = file.as_ref().filter(|p| p.exists()) {
-            let json = std::fs::read(path).map_err(|e| Error::io(path.display().to_string(), e))?;
-            let at = |e: Error| Error::data(Place::file(path.display().to_string()), e.to_string());
-            session.open_json(&json).map_err(at)?;
+        if let Some(file) = &file
+            && let Some(json) = file.read()?
+        {
+            session.open_json(&json).map_err(|e| file.refused(&e))?;
         }
         Ok(Editor {
             saved: session.revision(),
@@ -90,8 +91,8 @@ impl Editor {
         let mut state = self.session.state_json();
         state.insert("name".into(), json!(self.name));
         state.insert("formats".into(), json!(self.figure.formats()));
-        let file = self.file.as_ref().and_then(|p| p.file_name());
-        state.insert("session".into(), json!(file.map(|f| f.to_string_lossy())));
+        let file = self.file.as_ref().and_then(SessionPath::name);
+        state.insert("session".into(), json!(file));
         if with_starts {
             state.insert("starts".into(), self.session.starts_json());
         }
@@ -145,12 +146,10 @@ impl Editor {
 
     /// Keeps the session in its file, if it has changed since.
     fn save(&mut self) -> Result<()> {
-        if let Some(path) = self
-            .file
-            .as_ref()
-            .filter(|_| self.saved != self.session.revision())
+        if let Some(file) = &self.file
+            && self.saved != self.session.revision()
         {
-            write_file(path, self.session.to_json().as_bytes())?;
+            file.write(&self.session.to_json())?;
             self.saved = self.session.revision();
         }
         Ok(())

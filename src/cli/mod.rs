@@ -19,6 +19,7 @@ pub mod edit;
 pub mod edit_figure;
 pub mod edit_page;
 pub mod edit_server;
+pub mod edit_session;
 pub mod evaluate_metric;
 pub mod evaluate_takes;
 pub mod feature_table;

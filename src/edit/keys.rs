@@ -1,6 +1,7 @@
 //! Key poses: what is fixed of a motion.
 
 use super::pose_solver::Pose;
+use std::sync::Arc;
 
 /// Frames a second of a motion if nothing else is said.
 pub const RATE: f64 = 30.0;
@@ -19,14 +20,15 @@ pub struct Key {
 /// Key poses in the order of time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Keys {
-    keys: Vec<Key>,
+    /// Shared by the steps of undo that leave them as they are.
+    keys: Arc<Vec<Key>>,
     rate: f64,
 }
 
 impl Default for Keys {
     fn default() -> Self {
         Keys {
-            keys: Vec::new(),
+            keys: Arc::default(),
             rate: RATE,
         }
     }
@@ -48,7 +50,8 @@ impl Keys {
     /// Sets the frames a second; the keys move to the nearest frames, where two meet the earlier one is lost.
     pub fn set_rate(&mut self, rate: f64) {
         self.rate = rate;
-        for key in std::mem::take(&mut self.keys) {
+        let keys = std::mem::take(&mut self.keys);
+        for key in Arc::unwrap_or_clone(keys) {
             self.set(key);
         }
     }
@@ -56,10 +59,11 @@ impl Keys {
     /// Sets a key at the frame nearest to its time; it replaces one that is there. Its index.
     pub fn set(&mut self, mut key: Key) -> usize {
         key.time = (key.time * self.rate).round() / self.rate;
-        let at = self.keys.partition_point(|k| k.time < key.time);
-        match self.keys.get_mut(at).filter(|k| k.time == key.time) {
+        let keys = Arc::make_mut(&mut self.keys);
+        let at = keys.partition_point(|k| k.time < key.time);
+        match keys.get_mut(at).filter(|k| k.time == key.time) {
             Some(there) => *there = key,
-            None => self.keys.insert(at, key),
+            None => keys.insert(at, key),
         }
         at
     }
@@ -69,7 +73,7 @@ impl Keys {
     /// # Panics
     /// There is no such key.
     pub fn remove(&mut self, index: usize) -> Key {
-        self.keys.remove(index)
+        Arc::make_mut(&mut self.keys).remove(index)
     }
 
     /// The key whose pose and pins these are.

@@ -14,5 +14,5 @@ mod start_poses;
 
 pub use rig::Rig;
 pub use rig_prior::{OpenedModel, RigPrior};
-pub use session::{Drags, Pins, Session, rows_of_table};
+pub use session::{Drags, LARGEST_SESSION, Pins, Session, rows_of_table};
 pub use start_poses::StartPose;

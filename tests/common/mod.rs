@@ -1,6 +1,7 @@
 //! What the tests of the commands share: where the binaries and the takes are, and tables in memory.
 #![allow(dead_code)] // Every test file uses a part of it.
 
+pub mod edit_program;
 pub mod evaluations;
 pub mod examples;
 pub mod meshes;
@@ -247,27 +248,4 @@ impl Numbers {
     pub fn missing(&self) -> usize {
         self.rows.iter().flatten().filter(|v| v.is_nan()).count()
     }
-}
-
-/// Runs a file of tests/page, whose tests drive a page in a browser.
-pub fn page_test(file: &str) {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/page");
-    let browser = std::env::var("CHROMIUM").unwrap_or("/usr/bin/chromium".to_string());
-    let needs = [format!("{folder}/node_modules"), browser];
-    let node = Command::new("node").arg("--version").output();
-    if node.is_err() || needs.iter().any(|n| !Path::new(n).exists()) {
-        return skipped("needs node, Chromium and `npm ci` in tests/page");
-    }
-    let done = Command::new("node")
-        .args(["--test", file])
-        .current_dir(folder)
-        .env("POSING_EDIT", bin().join("edit"))
-        .env("POSING_PLOT", bin().join("plot"))
-        .output()
-        .unwrap();
-    assert!(
-        done.status.success(),
-        "{}",
-        String::from_utf8_lossy(&done.stdout)
-    );
 }

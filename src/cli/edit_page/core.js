@@ -9,6 +9,15 @@ function make(tag, className, text) {
   return node;
 }
 
+/** What is known by the names of joints: any name may be one, `constructor` and `__proto__` among them. */
+function byName(entries = []) {
+  const all = Object.create(null);
+  for (const [name, value] of entries) all[name] = value;
+  return all;
+}
+/** JSON whose objects are by name. */
+const parsed = text => JSON.parse(text, (_, value) => value && typeof value === "object" && !Array.isArray(value) ? byName(Object.entries(value)) : value);
+
 let asked = false, frames = 0;
 /** What is drawn in each frame that was asked for. */
 const drawings = [];

@@ -61,7 +61,7 @@ function drawRings(ctx, at) {
 
 /** Bones and joints, from the farthest to the nearest; `hits` are where joints can be caught. */
 function drawBody(ctx, at, handles, hits) {
-  const parts = [], front = {}, pose = shown();
+  const parts = [], front = byName(), pose = shown();
   for (const name of now.state.joints) {
     const p = at[name];
     if (!p) continue;
@@ -172,7 +172,7 @@ function drawView(view) {
   beginView(view);
   if (!now.state) return;
   const { ctx, project } = view, pose = shown(), handles = view === big || !!now.gesture;
-  const at = {};
+  const at = byName();
   for (const name of now.state.joints) if (pose[name]) at[name] = project(...pose[name]);
   view.look.drawGrid(ctx, project, 0);
   drawShadow(ctx, project, pose);

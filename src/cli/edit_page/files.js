@@ -24,7 +24,7 @@ function showFiles() {
 
 const save = (format, whole) => whenReady(async () => {
   try {
-    const bytes = await request("/export", { format, keys: whole }, { as: "blob" });
+    const bytes = await request("/export", { format, keys: whole }, { as: "blob", ...LARGE });
     const link = make("a"), address = URL.createObjectURL(bytes);
     link.href = address;
     link.download = fileName() + (whole ? "-motion" : "") + "." + format;
@@ -45,7 +45,7 @@ function fileName() {
 
 const openSession = file => file && whenReady(async () => {
   try {
-    takeState(await request("/open", await file.text()));
+    takeState(await request("/open", await file.text(), LARGE));
     keepSession();
     frameBody();
     if ($("files").matches(":popover-open")) $("files").hidePopover();

@@ -8,7 +8,7 @@ function beginGesture(name, sd = now.tolerance) {
   const from = now.pose, names = [name], other = now.state.mirrors[name];
   const plane = now.both && other && other !== name && from[other] ? mirrorPlane(from) : null;
   if (plane) names.push(other);
-  now.gesture = { joints: names, plane, from, sd, targets: {}, pins: copyPins(now.pins), moved: false, asked: 0, answered: 0, steps: 0 };
+  now.gesture = { joints: names, plane, from, sd, targets: byName(), pins: copyPins(now.pins), moved: false, asked: 0, answered: 0, steps: 0 };
   now.gesture.over = new Promise(done => { now.gesture.finished = done; });
   now.selected = name;
   for (const joint of names) now.gesture.targets[joint] = [...from[joint]];
@@ -26,17 +26,27 @@ function aim(place) {
   solve();
 }
 
-/** A fully pinned joint takes its pin along; one that is pinned along some axes keeps those. */
+/** A fully pinned joint takes its pin along, and a foot those of the whole foot; one that is pinned along some axes keeps those. */
 function setTarget(name, place) {
-  const pin = now.pins[name], goal = onFloor(name, place);
-  if (pin && pin.every(v => v !== null)) now.pins[name] = goal;
+  const pin = now.pins[name];
+  let goal = onFloor(name, place);
+  if (isPinned(name)) goal = movePins(name, goal);
   else if (pin) pin.forEach((v, c) => { if (v !== null) goal[c] = v; });
   now.gesture.targets[name] = goal;
 }
 
+/** Moves the pin of a joint to a place, and the other pins of its foot by as much: none of them below the floor. Where it is then. */
+function movePins(name, goal) {
+  const old = now.gesture.pins, along = footOf(name).filter(joint => isPinned(joint) && old[joint]), by = plus(goal, old[name], -1);
+  if (along.length && now.state.floor) by[1] = Math.max(by[1], ...along.map(joint => -old[joint][1]));
+  for (const joint of [name, ...along]) now.pins[joint] = plus(old[joint], by).map(rounded);
+  return now.pins[name];
+}
+const rounded = v => Math.round(v * 1000) / 1000;
+
 /** Nothing goes below the floor, and a foot close to it stands on it. */
 function onFloor(name, place) {
-  const goal = place.map(v => Math.round(v * 1000) / 1000);
+  const goal = place.map(rounded);
   if (!now.state.floor) return goal;
   const near = isTip(name) ? 2 : 0;
   if (goal[1] < near) goal[1] = 0;
@@ -60,7 +70,7 @@ function placeWanted(name) {
 }
 
 async function solve() {
-  const { gesture } = now, { targets, sd } = gesture, drags = {};
+  const { gesture } = now, { targets, sd } = gesture, drags = byName();
   for (const [name, xyz] of Object.entries(targets)) if (!isPinned(name)) drags[name] = { xyz, sd };
   gesture.asked++;
   let moving = false;

@@ -42,7 +42,7 @@ const keyAtTime = time => now.state.keys.findIndex(key => Math.abs(key.time - ti
 function frameAt(time) {
   const { frames, first, rate } = motion.between;
   const values = frames[clamp(Math.round((time - first) * rate), 0, frames.length - 1)];
-  return Object.fromEntries(now.state.joints.map((name, j) => [name, values.slice(3 * j, 3 * j + 3)]));
+  return byName(now.state.joints.map((name, j) => [name, values.slice(3 * j, 3 * j + 3)]));
 }
 
 /** Moves to a time; between the keys the motion is shown, elsewhere the present pose. */
@@ -70,7 +70,7 @@ function leavePreview() {
 
 /** The in-between that is shown becomes the present pose, with the pins that hold in it. */
 function adoptPreview() {
-  const pose = now.preview, drags = {}, pins = {};
+  const pose = now.preview, drags = byName(), pins = byName();
   motion.playing = false;
   now.preview = null;
   now.pose = pose;

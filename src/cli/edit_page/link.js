@@ -20,6 +20,9 @@ function request(path, body, options = {}) {
   });
 }
 
+/** A session of many keys may take a while over a slow line. */
+const LARGE = { patience: 120 };
+
 /** What the program refused, or (status 0) did not hear. */
 class Refusal extends Error {
   constructor(status, message) { super(message); this.status = status; }
@@ -44,9 +47,9 @@ async function pump() {
   }
 }
 
-async function answerTo({ path, body, as }) {
+async function answerTo({ path, body, as, patience = 20 }) {
   const head = { "X-Posing-Token": link.token };
-  const options = { headers: head, cache: "no-store", signal: AbortSignal.timeout(20000) };
+  const options = { headers: head, cache: "no-store", signal: AbortSignal.timeout(1000 * patience) };
   if (body !== undefined) {
     options.method = "POST";
     head["Content-Type"] = "application/json";
@@ -55,7 +58,7 @@ async function answerTo({ path, body, as }) {
   let answer;
   try {
     answer = await fetch(path, options);
-    if (answer.ok) return await answer[as || "json"]();
+    if (answer.ok) return as ? await answer[as]() : parsed(await answer.text());
   } catch {
     throw new Refusal(0, "The program has stopped.");
   }
@@ -100,7 +103,7 @@ function keepSession() {
   clearTimeout(keeping);
   keeping = setTimeout(async () => {
     if (!idle()) return keepSession();
-    try { link.kept = await request("/export", { format: "json", keys: false }, { as: "text" }); } catch { /* later */ }
+    try { link.kept = await request("/export", { format: "json", keys: false }, { as: "text", ...LARGE }); } catch { /* later */ }
   }, 400);
 }
 const idle = () => !link.flying && !link.queue.length && !order.busy && !now.gesture && !photo.fitted;
@@ -121,7 +124,7 @@ async function welcome(state) {
   const newer = now.state && state.session && state.session === now.state.session && state.revision > now.revision;
   if (!now.state || !link.kept || newer || isSame(state, now.state)) { takeState(state); keepSession(); return; }
   try {
-    takeState(await request("/open", link.kept));
+    takeState(await request("/open", link.kept, LARGE));
     say("The program runs again, with the pose of before.");
   } catch (error) {
     if (!error.status) return;

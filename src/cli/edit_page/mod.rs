@@ -1,19 +1,17 @@
 //! The page of `posing edit`: HTML, complete in itself; it talks to the program that served it and to nothing else.
 
+use crate::evaluate::player::parts::{PAPER, Part, parts};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use sha2::{Digest, Sha256};
+use std::sync::LazyLock;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = concat!(
     include_str!("../../evaluate/player/player.css"),
     include_str!("page.css"),
 );
-const SCRIPT: &str = concat!(
-    "(() => {",
-    include_str!("../../evaluate/player/paper.js"),
-    "\nfunction lookAt(scene, path) {",
-    include_str!("../../evaluate/player/camera.js"),
-    "return { camera, resetCamera, lens, projection, readColors, drawGrid, ink };\n}\n",
+/// The scripts of this page alone.
+const OWN: &str = concat!(
     include_str!("core.js"),
     include_str!("names.js"),
     include_str!("link.js"),
@@ -21,7 +19,6 @@ const SCRIPT: &str = concat!(
     include_str!("order.js"),
     include_str!("geometry.js"),
     include_str!("views.js"),
-    include_str!("../../evaluate/player/edge.js"),
     include_str!("figure.js"),
     include_str!("gesture.js"),
     include_str!("pins.js"),
@@ -37,13 +34,20 @@ const SCRIPT: &str = concat!(
     include_str!("guide.js"),
     include_str!("keyboard.js"),
     include_str!("start.js"),
-    "})();\n",
 );
+static SCRIPT: LazyLock<String> = LazyLock::new(|| {
+    let (camera, edge) = (parts(&[Part::Camera]), Part::Edge.source());
+    format!(
+        "(() => {{{PAPER}\nfunction lookAt(scene, path) {{{camera}\
+         return {{ camera, resetCamera, lens, projection, readColors, drawGrid, ink }};\n}}\n\
+         {edge}{OWN}}})();\n"
+    )
+});
 
 /// The page, the same bytes always.
 pub fn page() -> String {
     PAGE.replace("{{style}}", STYLE)
-        .replace("{{script}}", SCRIPT)
+        .replace("{{script}}", &SCRIPT)
 }
 
 /// The content security policy to serve the page with: its own style and script, requests to its own server, pictures that
@@ -53,7 +57,7 @@ pub fn policy() -> String {
     format!(
         "default-src 'none'; script-src 'sha256-{}'; style-src 'sha256-{}'; img-src blob: data:; connect-src 'self'; \
          frame-ancestors 'none'; base-uri 'none'; form-action 'none'",
-        hash(SCRIPT),
+        hash(&SCRIPT),
         hash(STYLE),
     )
 }
@@ -83,7 +87,7 @@ mod tests {
         }
         assert_eq!(page.matches("<script").count(), 1);
         assert_eq!(page.matches("href=").count(), 1, "the empty icon");
-        for source in [SCRIPT, STYLE] {
+        for source in [SCRIPT.as_str(), STYLE] {
             assert!(page.contains(source));
             assert!(
                 !source.to_lowercase().contains("</s"),

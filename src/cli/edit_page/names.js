@@ -2,12 +2,12 @@
 // Names of joints in words, and the sides they are on.
 
 /** What is where CMU's bones end: a joint has the name of the bone that ends in it. */
-const PLACES = {
+const PLACES = byName(Object.entries({
   root: "pelvis", hipjoint: "hip", femur: "knee", tibia: "ankle", foot: "foot",
   lowerback: "lower back", upperback: "upper back", thorax: "chest", lowerneck: "lower neck", upperneck: "upper neck",
   head: "head", clavicle: "shoulder", humerus: "elbow", radius: "wrist", wrist: "hand",
   hand: "knuckles", fingers: "fingers", thumb: "thumb", toes: "toes",
-};
+}));
 
 /** A joint's name in words: lradius is the left wrist; other skeletons' names are parted where words begin. */
 function inWords(name) {
@@ -50,6 +50,11 @@ function withBelow(name) {
 /** Ankles, feet and toes. */
 const feet = () => now.state.joints.filter(name => isTip(name) || /ankle|^[lr]tibia$/i.test(name));
 const isTip = name => /foot|toe/i.test(name);
+/** The other joints of the foot that a joint is of. */
+function footOf(name) {
+  const all = feet(), { parents } = now.state, top = joint => { while (all.includes(parents[joint])) joint = parents[joint]; return joint; };
+  return all.includes(name) ? all.filter(joint => joint !== name && top(joint) === top(name)) : [];
+}
 /** "left hand", "left hand and right hand", "left hand, head and 3 more". */
 function namesOf(joints, words = inWords) {
   const most = joints.length === 2 ? 2 : Math.min(2, joints.length), list = joints.slice(0, most).map(words), more = joints.length - most;

@@ -3,7 +3,7 @@
 
 const now = {
   state: null, revision: -1,
-  pose: {}, sd: {}, missed: {}, unlike: 0, pins: {}, rest: 10,
+  pose: byName(), sd: byName(), missed: byName(), unlike: 0, pins: byName(), rest: 10,
   /** The standard deviation of a dragged joint about the pointer, cm. */
   tolerance: .5,
   selected: null, hover: null,
@@ -22,13 +22,13 @@ function tell() {
   ask();
 }
 
-const copyPins = pins => Object.fromEntries(Object.entries(pins).map(([name, at]) => [name, [...at]]));
+const copyPins = pins => byName(Object.entries(pins).map(([name, at]) => [name, [...at]]));
 
 function takePose(answer) {
   now.pose = answer.pose;
-  now.sd = answer.sd || {};
+  now.sd = answer.sd || byName();
   // What is still on its way may yet arrive.
-  now.missed = (!answer.moving && answer.missed) || {};
+  now.missed = (!answer.moving && answer.missed) || byName();
   now.unlike = answer.unlike || 0;
   now.revision = answer.revision;
 }

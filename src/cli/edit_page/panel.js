@@ -48,7 +48,8 @@ function typedNow(axis) {
   if (Math.abs(place[axis] - value) < .05) return;
   place[axis] = value;
   const pin = now.pins[name];
-  if (pin && pin[axis] !== null) pin[axis] = value;
+  // A whole pin is moved as by a drag.
+  if (pin && !isPinned(name) && pin[axis] !== null) pin[axis] = value;
   nudge(name, place);
 }
 

@@ -7,7 +7,7 @@ const photo = {
   waiting: 0,
   /** A limb that was flipped just now. */
   flipped: null,
-  marks: {}, flips: new Set(), focal: null, picture: null, next: null, chosen: null, past: [],
+  marks: byName(), flips: new Set(), focal: null, picture: null, next: null, chosen: null, past: [],
 };
 const pictureShown = () => photo.on;
 /** Fewer marks than that leave the pose open; as many as that make it sure enough. */
@@ -40,7 +40,7 @@ function choose(name) {
 // ---- marks ----
 
 const marked = () => Object.keys(photo.marks).length;
-function remember() { photo.past.push({ marks: { ...photo.marks }, flips: new Set(photo.flips) }); }
+function remember() { photo.past.push({ marks: byName(Object.entries(photo.marks)), flips: new Set(photo.flips) }); }
 function mark(name, place) {
   photo.marks[name] = place.map(v => Math.round(v * 10) / 10);
   if (photo.chosen === name) photo.chosen = null;
@@ -134,7 +134,7 @@ function openPicture(file) {
     leaveOthers();
     leavePreview();
     if (photo.fitted) order.settling = act({ do: "cancel" });
-    Object.assign(photo, { image, on: true, fitted: false, marks: {}, flips: new Set(), picture: null, next: null, chosen: null, flipped: null, past: [] });
+    Object.assign(photo, { image, on: true, fitted: false, marks: byName(), flips: new Set(), picture: null, next: null, chosen: null, flipped: null, past: [] });
     now.selected = null;
     beginPicture();
     $("photo-part").scrollIntoView({ block: "nearest" });

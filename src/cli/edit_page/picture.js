@@ -41,7 +41,7 @@ function drawPicture() {
 
 /** The fitted body: bones with a pale edge, so that they are seen on any picture. */
 function drawFitted(ctx) {
-  const at = {};
+  const at = byName();
   for (const [name, place] of Object.entries(photo.picture)) {
     at[name] = ontoView(place);
     big.hits.push({ x: at[name][0], y: at[name][1], depth: 0, joint: name });

@@ -15,11 +15,11 @@ ask();
 
 /** For tests: what the page knows, read only. */
 window.posing = Object.freeze({
-  state: () => JSON.parse(JSON.stringify({
+  state: () => parsed(JSON.stringify({
     way: link.way, pose: now.pose, shown: shown(), pins: now.pins, missed: now.missed, unlike: now.unlike, revision: now.revision,
     selected: now.selected, moving: now.gesture && now.gesture.targets, other: others.at, cursor: motion.cursor, playing: motion.playing,
     undo: now.state && now.state.undo, redo: now.state && now.state.redo, keys: now.state ? now.state.keys : [], key: now.state && now.state.key,
-    joints: now.state ? now.state.joints : [], marks: photo.marks, picture: photo.picture, kept: !!link.kept,
+    joints: now.state ? now.state.joints : [], marks: photo.marks, picture: photo.picture, kept: link.kept,
   })),
   inFlight: () => link.flying,
   /** The most requests that were ever in flight at a time. */

@@ -9,7 +9,7 @@ function showStarts() {
   if (rows) { $("row").max = rows; $("rows").textContent = `of ${rows}`; }
   if (key === drawnStarts) return;
   drawnStarts = key;
-  const seen = {}, buttons = starts.map((start, i) => {
+  const seen = byName(), buttons = starts.map((start, i) => {
     const button = make("button", "start"), canvas = make("canvas");
     button.append(canvas);
     // Of several poses with one name, each has its number.

@@ -6,10 +6,12 @@
 pub mod answerer;
 pub mod browser;
 mod guard;
+mod impatient;
 
 pub use answerer::{Answer, Refusal, Reply, Request, Route};
 
 use super::signals;
+use crate::edit::LARGEST_SESSION;
 use crate::{Error, Place, Result};
 use answerer::{AnswererThread, Queue};
 use axum::Router;
@@ -24,6 +26,7 @@ use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
+use impatient::Impatient;
 use std::io;
 use std::net::Ipv4Addr;
 use std::sync::Arc;
@@ -32,12 +35,15 @@ use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, oneshot};
 use tokio::time::{sleep, timeout};
 
-/// The largest body of a request, bytes.
+/// The largest body of a request, bytes; [`Route::Open`] has that of a session.
 const LARGEST_BODY: usize = 1 << 20;
-/// Larger bodies up to this size are read to their end: a connection closed before would hide the refusal.
-const LARGEST_READ: usize = 8 << 20;
-/// How long the headers, and then the body, of a request may take to arrive. A connection without requests ends too.
+/// Bodies that are larger by up to this are read to their end: a connection closed before would hide the refusal.
+const LARGEST_EXCESS: usize = 7 << 20;
+/// How long the headers, and then the body, of a request may take to arrive, and an answer may stand still. A connection
+/// without requests ends too.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// How long the body of a session may take to arrive.
+const PATIENCE_WITH_SESSION: Duration = Duration::from_secs(120);
 /// How long the last responses may take to leave.
 const FAREWELL: Duration = Duration::from_secs(1);
 /// The most connections at a time; more wait.
@@ -138,7 +144,7 @@ async fn accept(listener: TcpListener, router: Router, connections: Arc<Graceful
         let mut http = http1::Builder::new();
         http.timer(TokioTimer::new()).header_read_timeout(PATIENCE);
         let service = TowerToHyperService::new(router.clone());
-        let connection = http.serve_connection(TokioIo::new(stream), service);
+        let connection = http.serve_connection(Impatient::new(TokioIo::new(stream)), service);
         let connection = connections.watch(connection);
         tokio::spawn(async move {
             // A connection that breaks is the client's affair.
@@ -197,14 +203,22 @@ async fn ask(
     route: Route,
     body: Body,
 ) -> std::result::Result<impl IntoResponse + use<>, Refusal> {
-    let large = || Refusal::new(413, "a request has at most 1 MiB");
+    let (largest, patience) = match route {
+        Route::Open => (LARGEST_SESSION, PATIENCE_WITH_SESSION),
+        _ => (LARGEST_BODY, PATIENCE),
+    };
+    let large = || {
+        let what = format!("a request to this path has at most {} MiB", largest >> 20);
+        Refusal::new(413, what)
+    };
     let late = |_| Refusal::new(408, "the request took too long to arrive");
-    if body.size_hint().lower() > LARGEST_READ as u64 {
+    let read = largest + LARGEST_EXCESS;
+    if body.size_hint().lower() > read as u64 {
         return Err(large());
     }
-    let body = timeout(PATIENCE, to_bytes(body, LARGEST_READ)).await;
+    let body = timeout(patience, to_bytes(body, read)).await;
     let body = body.map_err(late)?.ok();
-    let body = body.filter(|b| b.len() <= LARGEST_BODY).ok_or_else(large)?;
+    let body = body.filter(|b| b.len() <= largest).ok_or_else(large)?;
     let body = body.into();
     let reply = shared.queue.ask(Request { route, body }).await?;
     Ok(([(header::CONTENT_TYPE, reply.content_type)], reply.body))

@@ -9,6 +9,10 @@ use crate::{Error, Result};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
+/// The largest file of a session, bytes: keys that would not fit are refused, so that what was saved opens again.
+pub const LARGEST_SESSION: usize = 64 << 20;
+/// The most that a number takes in it, bytes, with its comma.
+const LARGEST_NUMBER: usize = 26;
 /// What the file says it is.
 const FORMAT: &str = "posing session 1";
 /// Values that put joints within this of where the file has them, cm, are of the same skeleton.
@@ -80,6 +84,27 @@ impl Session {
         serde_json::to_string(&file).unwrap_or_default()
     }
 
+    /// The most keys that its file has room for.
+    fn most_keys(&self) -> usize {
+        let (joints, values) = (self.rig().joints(), self.rig().skeleton.dof_count());
+        // Position, deviation, miss and pin of each joint, the placement and the time; a pin has brackets.
+        let numbers = values + 8 * joints + 16;
+        let pose = LARGEST_NUMBER * numbers + 4 * joints + 200;
+        let names: usize = self.rig().names.iter().map(|name| 6 * name.len() + 3).sum();
+        (LARGEST_SESSION.saturating_sub(names) / pose).saturating_sub(1)
+    }
+
+    /// Checks that a session of so many keys can be saved.
+    pub(super) fn check_key_count(&self, count: usize) -> Result<()> {
+        let most = self.most_keys();
+        match count <= most {
+            true => Ok(()),
+            false => Err(Error::usage(format!(
+                "a session of this skeleton has at most {most} keys"
+            ))),
+        }
+    }
+
     /// Goes to the state of a file, as a step. Poses of another skeleton with the same joints are fitted with this one.
     ///
     /// # Errors
@@ -103,6 +128,7 @@ impl Session {
                 "the session is of a skeleton with other joints",
             ));
         }
+        self.check_key_count(file.keys.len())?;
         self.check_numbers(file.rest, file.rate, file.keys.iter().map(|k| k.time))?;
         let pose = self.opened(&file.pose, &file.pins)?;
         let mut keys = Keys::default();
@@ -244,5 +270,20 @@ mod tests {
         let refused = other.open_json(stretching.to_string().as_bytes());
         assert!(refused.unwrap_err().to_string().contains("rotation"));
         assert_eq!(other.state(), &before);
+    }
+
+    #[test]
+    fn a_session_has_no_more_keys_than_open_again() {
+        let mut session = session();
+        let most = session.most_keys();
+        assert!(most > 4000, "{most}");
+        let before = session.to_json().len();
+        session.set_key(0.5).unwrap();
+        let key = session.to_json().len() - before;
+        assert!(
+            (most + 1) * key < LARGEST_SESSION,
+            "{most} keys of {key} bytes"
+        );
+        assert!(session.check_key_count(most + 1).is_err());
     }
 }

@@ -10,9 +10,10 @@ impl Session {
     /// Makes the pose and its pins a key at `time`, seconds.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage): the time is negative, or too large.
+    /// [`Error::Usage`](crate::Error::Usage): the time is negative or too large, or there are too many keys.
     pub fn set_key(&mut self, time: f64) -> Result<()> {
         check_time(time)?;
+        self.check_key_count(self.now.keys.len() + 1)?;
         self.change("the key", |now, _| {
             let (pose, pins) = (now.pose.clone(), now.pins.clone());
             now.keys.set(Key { time, pose, pins });

@@ -9,6 +9,7 @@ mod pins;
 mod rows;
 mod whole_poses;
 
+pub use file::LARGEST_SESSION;
 pub use rows::rows_of_table;
 
 use super::history::History;

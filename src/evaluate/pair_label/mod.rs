@@ -6,6 +6,7 @@
 mod motion;
 
 use super::html::{escape, fill, script_json};
+use super::player::parts::{PAPER, Part, parts};
 use super::player::policy_hash;
 use crate::metric::joint_map::{JOINTS, PARENTS, joint};
 use crate::metric::pair_proposal::{ProposedPair, TakeFrame};
@@ -14,6 +15,7 @@ use glam::DVec3;
 pub use motion::Motion;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
+use std::sync::LazyLock;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = concat!(
@@ -21,17 +23,13 @@ const STYLE: &str = concat!(
     include_str!("../player/page.css"),
     include_str!("label.css"),
 );
-const SCRIPT: &str = concat!(
-    include_str!("../player/paper.js"),
-    "\nfunction view(scene) {",
-    include_str!("../player/time.js"),
-    include_str!("../player/camera.js"),
-    include_str!("../player/edge.js"),
-    include_str!("../player/view.js"),
-    "return { camera, path, readInk, drawPanel };\n}\n",
-    include_str!("show.js"),
-    include_str!("label.js"),
-);
+static SCRIPT: LazyLock<String> = LazyLock::new(|| {
+    let view = parts(&[Part::View]);
+    let (show, label) = (include_str!("show.js"), include_str!("label.js"));
+    format!(
+        "{PAPER}\nfunction view(scene) {{{view}return {{ camera, path, readInk, drawPanel }};\n}}\n{show}{label}"
+    )
+});
 /// What stands for a missing coordinate.
 const MISSING: i16 = i16::MIN;
 
@@ -56,8 +54,8 @@ pub fn page(
             ("data", &data),
             ("style", STYLE),
             ("style-hash", &policy_hash(STYLE)),
-            ("script", SCRIPT),
-            ("script-hash", &policy_hash(SCRIPT)),
+            ("script", &SCRIPT),
+            ("script-hash", &policy_hash(&SCRIPT)),
         ],
     )
 }
@@ -217,7 +215,7 @@ mod tests {
         ] {
             assert!(!page.contains(loading), "{loading}");
         }
-        for source in [SCRIPT, STYLE] {
+        for source in [SCRIPT.as_str(), STYLE] {
             assert!(page.contains(&policy_hash(source)));
             assert!(!source.to_lowercase().contains("</s"));
         }

@@ -5,6 +5,7 @@
 
 mod embedded;
 pub mod mesh;
+pub(crate) mod parts;
 mod table;
 
 use crate::evaluate::html::{escape, fill, script_json};
@@ -13,7 +14,9 @@ use crate::evaluate::scene_geometry::SceneGeometry;
 use crate::{Error, Result};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use embedded::{embedded, sparing};
+use parts::{PAPER, Part, parts};
 use sha2::{Digest, Sha256};
+use std::sync::LazyLock;
 
 const PAGE: &str = include_str!("page.html");
 const PART: &str = include_str!("part.html");
@@ -32,22 +35,11 @@ const PAGE_STYLE: &str = concat!(
     include_str!("curves.css"),
 );
 /// The script of all players of a page.
-pub(super) const SCRIPT: &str = concat!(
-    include_str!("paper.js"),
-    "\nfunction player(root, scene) {",
-    include_str!("time.js"),
-    include_str!("camera.js"),
-    include_str!("playback.js"),
-    include_str!("gestures.js"),
-    include_str!("edge.js"),
-    include_str!("fills.js"),
-    include_str!("view.js"),
-    include_str!("curves.js"),
-    include_str!("gaps.js"),
-    include_str!("controls.js"),
-    "}\n",
-    include_str!("start.js"),
-);
+pub(super) static SCRIPT: LazyLock<String> = LazyLock::new(|| {
+    let player = parts(&[Part::Controls]);
+    let start = include_str!("start.js");
+    format!("{PAPER}\nfunction player(root, scene) {{{player}}}\n{start}")
+});
 
 /// The page that plays a scene: HTML, complete in itself, the same bytes for the same scene. It has one frame of every
 /// `every`; `None`: as many as 24 MB of coordinates allow.
@@ -66,7 +58,7 @@ pub fn page(scene: &Scene<'_>, every: Option<usize>) -> Result<String> {
         keys: &format!("{OWN_KEYS}\n{CURVE_KEYS}"),
         links: OWN_LINKS,
         style: PAGE_STYLE,
-        script: SCRIPT,
+        script: &SCRIPT,
     }))
 }
 
@@ -298,7 +290,7 @@ mod tests {
             assert!(!page.contains(loading), "{loading}");
         }
         assert_eq!(page.matches("href=").count(), 1, "the empty icon");
-        for source in [SCRIPT, PAGE_STYLE] {
+        for source in [SCRIPT.as_str(), PAGE_STYLE] {
             assert!(
                 page.contains(&policy_hash(source)),
                 "the policy knows the page's own sources"

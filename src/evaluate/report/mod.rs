@@ -60,7 +60,7 @@ impl<'a> BenchmarkReport<'a> {
     /// # Errors
     /// [`Error::Usage`](crate::Error::Usage) if the example poses cannot be damaged or drawn.
     pub fn html(&self) -> Result<String> {
-        let script = format!("{}\n{HELPERS}\n{CHARTS}", player::SCRIPT);
+        let script = format!("{}\n{HELPERS}\n{CHARTS}", *player::SCRIPT);
         let values = [
             ("examples", &*self.examples_section()?),
             ("results", &script_json(&self.page_data())),
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn the_content_policy_names_the_page_sources() {
-        let script = format!("{}\n{HELPERS}\n{CHARTS}", player::SCRIPT);
+        let script = format!("{}\n{HELPERS}\n{CHARTS}", *player::SCRIPT);
         with_page(|page| {
             for source in [STYLE, &script] {
                 assert!(page.contains(&player::policy_hash(source)) && page.contains(source));

@@ -4,31 +4,28 @@
 
 mod packed;
 
+use super::parts::{PAPER, Part, parts};
 use super::{PART, Page, frames_left_out, paragraphs, whole_page};
 use crate::evaluate::html::{fill, script_json};
 use crate::evaluate::mesh_scene::{MeshFigure, MeshScene, round_length};
 use crate::{Error, Place, Result};
 use packed::{Packed, packed};
 use serde_json::{Value, json};
+use std::sync::LazyLock;
 
 const STYLE: &str = concat!(
     include_str!("../player.css"),
     include_str!("../page.css"),
     include_str!("mesh.css"),
 );
-const SCRIPT: &str = concat!(
-    include_str!("../paper.js"),
-    include_str!("unpack.js"),
-    include_str!("solid.js"),
-    "\nfunction player(root, scene, figures) {",
-    include_str!("../time.js"),
-    include_str!("../camera.js"),
-    include_str!("../playback.js"),
-    include_str!("../gestures.js"),
-    include_str!("view.js"),
-    "}\n",
-    include_str!("start.js"),
-);
+static SCRIPT: LazyLock<String> = LazyLock::new(|| {
+    let (unpack, solid) = (include_str!("unpack.js"), include_str!("solid.js"));
+    let player = parts(&[Part::Playback]);
+    let (view, start) = (include_str!("view.js"), include_str!("start.js"));
+    format!(
+        "{PAPER}{unpack}{solid}\nfunction player(root, scene, figures) {{{player}{view}}}\n{start}"
+    )
+});
 const WIRES: &str = include_str!("wires.html");
 const OWN_KEYS: &str = "<dt><kbd>m</kbd></dt><dd>edges of the triangles</dd>";
 
@@ -82,7 +79,7 @@ fn page_within(scene: &MeshScene<'_>, every: Option<usize>, limit: usize) -> Res
         keys: OWN_KEYS,
         links: "<code>&amp;wires</code>, ",
         style: STYLE,
-        script: SCRIPT,
+        script: &SCRIPT,
     }))
 }
 
