@@ -88,7 +88,8 @@ impl MotionLimitArgs {
 }
 
 /// Fails where a rate that was given contradicts the file.
-fn check_rate(file: &MotionFile, flags: &ReadFlags) -> Result<()> {
+fn check_rate(path: &Path, file: &MotionFile, flags: &ReadFlags) -> Result<()> {
+    let flags = flags.of(path, file.format);
     match (file.rate(), flags.fps) {
         (Some(own), Some(fps)) if (own - fps).abs() > 1e-4 * own => Err(Error::usage(format!(
             "--fps {fps} contradicts {}, which has {own} frames per second; leave --fps out",
@@ -116,7 +117,7 @@ pub fn audit_file(path: &Path, flags: &ReadFlags, limits: &Limits) -> Result<Fil
     let takes = || {
         let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
         let file = MotionFile::read(path, bytes, flags)?;
-        check_rate(&file, flags)?;
+        check_rate(path, &file, flags)?;
         Ok(audit_motion(&file, limits))
     };
     let file = match path == Path::new("-") {
@@ -254,6 +255,7 @@ pub fn kind_name(kind: FindingKind) -> &'static str {
         FindingKind::Rate => "rate",
         FindingKind::Unit => "unit",
         FindingKind::UpAxis => "up axis",
+        FindingKind::Stray => "stray point",
         FindingKind::LongGap => "long gap",
         FindingKind::Missing => "missing",
         FindingKind::Zeros => "zeros",

@@ -34,6 +34,7 @@ pub mod mesh_sequences;
 pub mod messages;
 pub mod metric_takes;
 pub mod motion_file;
+pub mod motion_folder;
 pub mod name_maps;
 pub mod new_take;
 pub mod number_table;
@@ -70,6 +71,8 @@ pub enum Outcome {
     Done,
     /// Done, with findings that somebody has to look at: exit 3.
     Findings,
+    /// Done, but for some of the files, which failed: exit 1.
+    Failed,
 }
 
 impl From<()> for Outcome {
@@ -78,8 +81,8 @@ impl From<()> for Outcome {
     }
 }
 
-/// Parses the arguments, runs `work` and returns the exit code: 0 done (a closed standard output included), 1 bad data,
-/// 2 wrong usage, 3 done with findings.
+/// Parses the arguments, runs `work` and returns the exit code: 0 done (a closed standard output included), 1 bad data
+/// (also of some files of several), 2 wrong usage, 3 done with findings.
 pub fn run<A, O>(work: impl FnOnce(A) -> Result<O>) -> ExitCode
 where
     A: CommandFactory + FromArgMatches,
@@ -103,6 +106,7 @@ where
         Ok(outcome) => match outcome.into() {
             Outcome::Done => ExitCode::SUCCESS,
             Outcome::Findings => ExitCode::from(3),
+            Outcome::Failed => ExitCode::from(1),
         },
         Err(e) if e.is_closed_pipe() => ExitCode::SUCCESS,
         Err(e) => {

@@ -25,6 +25,8 @@ pub struct RestorationCounts {
     pub filled: usize,
     /// Outliers.
     pub rejected: usize,
+    /// Outliers that were replaced by an estimate.
+    pub replaced: usize,
     /// Points that stay missing.
     pub unfilled: usize,
     /// Sum over the frames of the standard deviation of the noise that was assumed, cm.
@@ -41,6 +43,7 @@ impl RestorationCounts {
         self.cuts += other.cuts;
         self.filled += other.filled;
         self.rejected += other.rejected;
+        self.replaced += other.replaced;
         self.unfilled += other.unfilled;
         self.noise += other.noise;
     }
@@ -120,7 +123,9 @@ impl<'t> Restoration<'t> {
         for t in 0..frames {
             for p in 0..points {
                 let is_filled = (3 * p..3 * p + 3).all(|i| restored.xyz[[t, i]].is_finite());
+                let mut is_moved = false;
                 for i in (3 * p..3 * p + 3).filter(|_| is_filled) {
+                    is_moved |= self.xyz[[first + t, i]] != restored.xyz[[t, i]];
                     self.xyz[[first + t, i]] = restored.xyz[[t, i]];
                 }
                 let (status, sd) = restored.of_point(t, p);
@@ -129,6 +134,7 @@ impl<'t> Restoration<'t> {
                 self.method[at] = restored.method(t, p);
                 self.counts.filled += usize::from(status == Status::Inferred);
                 self.counts.rejected += usize::from(status == Status::Rejected);
+                self.counts.replaced += usize::from(status == Status::Rejected && is_moved);
                 self.counts.unfilled += usize::from(status == Status::Unknown);
             }
         }
