@@ -3,7 +3,7 @@
 use super::gap::{FillMethod, Gap, find_gaps};
 use super::restored_frames::RestoredFrames;
 use crate::io::Table;
-use crate::pose::Status;
+use crate::pose::{Poses, Status};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
@@ -142,6 +142,27 @@ impl<'t> Restoration<'t> {
 
     pub(super) fn count_cuts(&mut self, cuts: usize) {
         self.counts.cuts += cuts;
+    }
+
+    /// The same with its values filtered ([`Poses::low_pass`]), and how many pieces are too short for that.
+    ///
+    /// # Errors
+    /// As [`Poses::low_pass`].
+    pub fn low_passed(
+        mut self,
+        cutoff: f64,
+        fps: Option<f64>,
+    ) -> Result<(Restoration<'t>, usize), String> {
+        let source = &self.source.poses;
+        let mut poses = Poses {
+            points: source.points.clone(),
+            time: source.time.clone(),
+            take: source.take.clone(),
+            xyz: std::mem::take(&mut self.xyz),
+        };
+        let short = poses.low_pass(cutoff, fps)?;
+        self.xyz = poses.xyz;
+        Ok((self, short))
     }
 
     fn points(&self) -> usize {

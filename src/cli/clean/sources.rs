@@ -206,7 +206,7 @@ impl Jobs {
             paths.iter().any(|path| canonical(path) == own)
         };
         if page.exists() && !is_page || self.jobs.iter().any(is_of) {
-            let what = "is there and is no page of clean; give another place with --page";
+            let what = "is there and is no page or list of clean; give another place with --page";
             return Err(Error::data(Place::file(page.display().to_string()), what));
         }
         Ok(())

@@ -55,7 +55,8 @@ impl Scope {
             Scope::All => Some(0),
             Scope::Format(word) => {
                 let name = format.name().to_ascii_lowercase();
-                let is_it = name.split(' ').next_back() == Some(word) || name.replace(' ', "-") == *word;
+                let is_it =
+                    name.split(' ').next_back() == Some(word) || name.replace(' ', "-") == *word;
                 is_it.then_some(1)
             }
             Scope::Folder(folder) => {
@@ -129,7 +130,10 @@ mod tests {
         assert_eq!(of(at("lab/day/a.c3d"), MotionFormat::C3d), Some(Up::Y));
         assert_eq!(of(at("a.csv"), MotionFormat::MotiveCsv), Some(Up::Y));
         assert_eq!(of(PathBuf::from("-"), MotionFormat::Csv), Some(Up::Y));
-        assert_eq!(Scoped::of(&all[3..4], Path::new("a"), MotionFormat::Csv), None);
+        assert_eq!(
+            Scoped::of(&all[3..4], Path::new("a"), MotionFormat::Csv),
+            None
+        );
         for bad in ["w", "c3d=w", "c4d=z", "=z", "c3d="] {
             assert!(parse_scoped_up(bad).is_err(), "{bad}");
         }
