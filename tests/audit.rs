@@ -58,7 +58,8 @@ fn json_has_each_file_and_a_bad_one_stops_no_other() {
     std::fs::write(path("a.csv"), "no table\n").unwrap();
     std::fs::write(path("b.csv"), walk(|_, _| ())).unwrap();
     let files = [path("a.csv"), path("b.csv")];
-    let done = command("audit").arg("--json").args(&files).assert().code(3);
+    let done = command("audit").arg("--json").args(&files).assert().code(1);
+    assert!(String::from_utf8_lossy(&done.get_output().stderr).contains("a.csv"));
     let audits: serde_json::Value = serde_json::from_slice(&done.get_output().stdout).unwrap();
     assert!(
         audits[0]["error"]
@@ -109,4 +110,81 @@ fn a_wrong_rate_unit_or_axis_is_told_with_its_remedy() {
         };
     }
     says(&[], &fast, "is the rate 2400.00 frames per second");
+}
+
+#[test]
+fn a_folder_is_searched() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::create_dir_all(root.join("deep")).unwrap();
+    std::fs::write(root.join("a.csv"), walk(|_, _| ())).unwrap();
+    std::fs::write(root.join("deep/b.csv"), walk(|_, _| ())).unwrap();
+    std::fs::write(root.join("notes.txt"), "no motion").unwrap();
+    let done = command("audit").arg(root).assert().code(0);
+    let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
+    assert!(text.contains("a.csv") && text.contains("b.csv"), "{text}");
+    assert!(!text.contains("notes"), "{text}");
+    std::fs::write(root.join("deep/c.c3d"), "x").unwrap();
+    command("audit").arg(root).assert().code(1);
+    std::fs::create_dir(root.join("empty")).unwrap();
+    command("audit").arg(root.join("empty")).assert().code(1);
+}
+
+#[test]
+fn a_page_links_to_takes_and_stays_small() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let gaps = walk(|t, row| {
+        for p in 0..10 {
+            if (t + p) % 2 == 0 || p == 3 && (50..150).contains(&t) {
+                row[3 * p..3 * p + 3].fill(String::new());
+            }
+        }
+    });
+    std::fs::write(at("a b.csv"), gaps).unwrap();
+    std::fs::write(at("sound.csv"), walk(|_, _| ())).unwrap();
+    std::fs::create_dir(at("audit_takes")).unwrap();
+    let audit = || {
+        let page = at("audit.html");
+        let files = [at("a b.csv"), at("sound.csv")];
+        command("audit")
+            .arg("-o")
+            .arg(page)
+            .args(files)
+            .assert()
+            .code(3);
+        std::fs::read_to_string(at("audit.html")).unwrap()
+    };
+    let page = audit();
+    assert!(
+        page.contains("<a href=\"audit_takes/001-a%20b.csv.html#frame=50&amp;trail=p3\">"),
+        "{page}"
+    );
+    assert!(at("audit_takes/001-a b.csv.html").exists());
+    assert!(!at("audit_takes/002-sound.csv.html").exists());
+    assert!(page.len() < 200_000, "{}", page.len());
+    // A file of somebody else in the place of a take's page stays.
+    std::fs::write(at("audit_takes/001-a b.csv.html"), "mine").unwrap();
+    assert!(!audit().contains("audit_takes/"));
+    assert_eq!(
+        std::fs::read(at("audit_takes/001-a b.csv.html")).unwrap(),
+        b"mine"
+    );
+}
+
+#[test]
+fn a_point_far_off_is_a_stray_point_and_no_wrong_unit() {
+    for far in [
+        ["900", "5", "-400"],
+        ["0", "3000", "0"],
+        ["-500", "100", "600"],
+    ] {
+        let table = walk(|_, row| (0..3).for_each(|c| row[6 + c] = far[c].to_string()));
+        let done = command("audit").write_stdin(table).assert().code(3);
+        let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
+        assert!(text.contains("stray point: p2 stands "), "{text}");
+        for word in ["--units", "--up", "held"] {
+            assert!(!text.contains(word), "{text}");
+        }
+    }
 }

@@ -60,6 +60,16 @@ impl Folder {
         (done.status.code().unwrap(), format!("{table}{said}"))
     }
 
+    /// The row of a file in the list of a folder of results.
+    fn row(&self, results: &str, file: &str) -> Value {
+        let list = fs::read(self.at(results).join("clean.json")).unwrap();
+        let list: Vec<Value> = serde_json::from_slice(&list).unwrap();
+        let mut rows = list.into_iter().filter(|row| row["file"] == file);
+        let row = rows.next().unwrap();
+        assert!(rows.next().is_none());
+        row
+    }
+
     fn record(&self, result: &str) -> Value {
         serde_json::from_slice(&fs::read(self.at(&format!("{result}.json"))).unwrap()).unwrap()
     }
@@ -200,14 +210,35 @@ fn a_bad_file_stops_no_other_and_is_told() {
     ] {
         folder.put(name, content);
     }
-    let (code, said) = folder.clean(&["in", "-o", "out", "--fps", "120", "--up", "y"]);
-    assert_eq!(code, 3, "{said}");
+    let run = || folder.clean(&["in", "-o", "out", "--fps", "120", "--up", "y"]);
+    let (code, said) = run();
+    assert_eq!(code, 1, "{said}");
     assert_eq!(fate(&said, "a.csv"), "cleaned");
     for name in ["cut.c3d", "empty.trc", "words.csv", "x.bvh", "y.amc"] {
         assert_eq!(fate(&said, name), "failed", "{said}");
         assert!(said.contains(&format!("clean: in/{name}")), "{said}");
         assert!(!folder.at(&format!("out/{name}")).exists());
+        let row = folder.row("out", name);
+        let error = row["error"].as_str().unwrap();
+        assert!(row["outcome"] == "failed" && error.contains(name), "{row}");
+        assert_eq!(folder.record(&format!("out/{name}"))["error"], error);
+        assert_eq!(row["record"], format!("{name}.json"));
     }
+    // Their records stay as they are, block no later run, and give nobody's file away.
+    let written = |name: &str| fs::metadata(folder.at(name)).unwrap().modified().unwrap();
+    let time = written("out/words.csv.json");
+    assert_eq!(run().0, 1);
+    assert_eq!(written("out/words.csv.json"), time);
+    folder.put("out/words.csv", "mine");
+    folder.put("in/words.csv", with_gaps());
+    let said = run().1;
+    assert!(said.contains("no run of clean made it"), "{said}");
+    assert_eq!(fs::read(folder.at("out/words.csv")).unwrap(), b"mine");
+    assert_eq!(fate(&said, "words.csv"), "failed");
+    fs::remove_file(folder.at("out/words.csv")).unwrap();
+    assert_eq!(fate(&run().1, "words.csv"), "cleaned");
+    assert_eq!(folder.record("out/words.csv")["error"], Value::Null);
+    folder.put("in/words.csv", "neither,one\nnor,the\n");
     let page = fs::read_to_string(folder.at("out/clean.html")).unwrap();
     assert!(
         page.contains("skeleton") && page.contains("cut.c3d"),
@@ -293,7 +324,8 @@ fn rotations_stay_but_for_what_is_missing() {
     }
     let (_, said) = folder.clean(&["in", "-o", "out", "--fps", "120"]);
     assert_eq!(fate(&said, "a.bvh"), "cleaned", "{said}");
-    assert_eq!(fate(&said, "07_01.amc"), "cleaned", "{said}");
+    assert_eq!(fate(&said, "07_01.amc"), "copied", "{said}");
+    assert_eq!(folder.row("out", "07_01.amc")["outcome"], "copied");
     let whole = fs::read_to_string(folder.at("out/a.bvh")).unwrap();
     for (was, is) in broken.split(' ').zip(whole.split(' ')) {
         assert!(was == is || was == "nan" && is != "nan");
@@ -388,7 +420,7 @@ fn a_capture_is_never_overwritten_and_results_never_collide() {
     folder.put("raw/day1/a.csv", with_gaps());
     let (code, said) = folder.clean(&["raw/day1", "-o", "raw"]);
     assert!(
-        code == 3 && said.contains("no record that clean made it"),
+        code == 1 && said.contains("no record that clean made it"),
         "{said}"
     );
     let page = folder.clean(&["raw/day1", "-o", "out", "--page", "raw/a.csv"]);
@@ -396,7 +428,7 @@ fn a_capture_is_never_overwritten_and_results_never_collide() {
     folder.put("kept/a.csv.json", "{\"of\": \"somebody\"}");
     let (code, said) = folder.clean(&["raw/day1", "-o", "kept"]);
     assert!(
-        code == 3 && said.contains("stands in the place of a record"),
+        code == 1 && said.contains("stands in the place of a record"),
         "{said}"
     );
     assert!(!folder.at("kept/a.csv").exists());
@@ -434,7 +466,7 @@ fn every_format_of_the_collection_is_cleaned_or_refused_with_a_reason() {
         ])
     };
     let (code, said) = run();
-    assert_eq!(code, 3);
+    assert_eq!(code, 1);
     let failed = |said: &str| {
         let lines = said.lines().filter(|l| l.ends_with(" failed"));
         lines
@@ -461,4 +493,258 @@ fn every_format_of_the_collection_is_cleaned_or_refused_with_a_reason() {
     let (_, again) = run();
     assert_eq!(failed(&again), refused);
     assert!(again.contains(" 0 cleaned"), "{again}");
+}
+
+/// A body of ten points that walks, 120 frames a second, without anything to find; `change` is given each row (30 cells).
+fn sound(change: impl Fn(usize, &mut Vec<String>)) -> String {
+    let mut text = String::from("take,time");
+    (0..10).for_each(|p| text += &format!(",p{p}.x,p{p}.y,p{p}.z"));
+    for t in 0..240 {
+        let time = t as f64 / 120.0;
+        let cell = |c: usize| {
+            let swing = 2.4 * (6.0 * time + (c / 3) as f64).sin();
+            format!(
+                "{:.5}",
+                match c % 3 {
+                    0 => 5.0 * (c / 3) as f64 % 15.0 + swing + 1.0,
+                    1 => 6.0 * c as f64 + 5.0,
+                    _ => 120.0 * time + swing,
+                }
+            )
+        };
+        let mut row: Vec<String> = (0..30).map(cell).collect();
+        change(t, &mut row);
+        text += &format!("\nw,{time:.6},{}", row.join(","));
+    }
+    text + "\n"
+}
+
+/// Its point `p` is missing for .8 s.
+fn without(p: usize) -> String {
+    sound(|t, row| {
+        if (60..156).contains(&t) {
+            row[3 * p..3 * p + 3].fill(String::new());
+        }
+    })
+}
+
+#[test]
+fn the_exit_code_is_1_for_failures_and_3_for_findings_alone() {
+    let folder = Folder::new();
+    folder.put("in/a.csv", sound(|_, _| ()));
+    let run = || folder.clean(&["in", "-o", "out", "--max-gap", "0.5"]);
+    assert_eq!(run().0, 0);
+    assert_eq!(folder.row("out", "a.csv")["outcome"], "copied");
+    assert!(!folder.at("out/a.csv.html").exists(), "nothing to see");
+    folder.put("in/b.csv", without(4));
+    assert_eq!(run().0, 3);
+    let row = folder.row("out", "b.csv");
+    let findings = row["findings"].as_array().unwrap();
+    assert!(findings[0].as_str().unwrap().contains("p4"), "{row}");
+    assert_eq!(
+        (&row["missing"], &row["filled"], &row["rate"]),
+        (&96.into(), &0.into(), &120.0.into())
+    );
+    folder.put("in/c.c3d", "x");
+    assert_eq!(run().0, 1);
+    assert_eq!(folder.row("out", "a.csv")["outcome"], "unchanged");
+    // A list of somebody else is not written over.
+    folder.put("other/clean.json", "[]x");
+    assert_eq!(folder.clean(&["in", "-o", "other"]).0, 1);
+    assert_eq!(fs::read(folder.at("other/clean.json")).unwrap(), b"[]x");
+    assert!(!folder.at("other/a.csv").exists());
+}
+
+#[test]
+fn only_what_is_new_is_told_with_new_only() {
+    let folder = Folder::new();
+    folder.put("in/h.csv", without(4));
+    folder.put("in/bad.c3d", "x");
+    let run = || folder.clean(&["in", "-o", "out", "--max-gap", "0.5", "--new-only"]);
+    let (code, said) = run();
+    assert!(
+        code == 1 && said.contains("p4") && said.contains("bad.c3d"),
+        "{said}"
+    );
+    let (code, said) = run();
+    assert!(
+        code == 0 && !said.contains("p4") && !said.contains("bad.c3d"),
+        "{said}"
+    );
+    assert!(said.contains("1 failed; findings in 1, new in 0"), "{said}");
+    folder.put("in/k.csv", without(7));
+    let (code, said) = run();
+    assert!(
+        code == 3 && said.contains("p7") && !said.contains("p4"),
+        "{said}"
+    );
+    // Without the flag, all of it is told again.
+    let (code, said) = folder.clean(&["in", "-o", "out", "--max-gap", "0.5"]);
+    assert!(
+        code == 1 && said.contains("p7") && said.contains("p4"),
+        "{said}"
+    );
+}
+
+#[test]
+fn the_page_links_to_takes_records_and_places() {
+    let folder = Folder::new();
+    folder.put("in/Lab 1/a#.csv", without(4));
+    folder.put("in/c.c3d", "x");
+    folder.clean(&["in", "-o", "out"]);
+    let page = fs::read_to_string(folder.at("out/clean.html")).unwrap();
+    let addresses: Vec<&str> = (page.split("<a href=\"").skip(1))
+        .map(|rest| rest.split('"').next().unwrap())
+        .collect();
+    let has = |address: &str| assert!(addresses.contains(&address), "{address}: {addresses:?}");
+    has("Lab%201/a%23.csv.html");
+    has("Lab%201/a%23.csv.html#frame=60&amp;trail=p4");
+    has("Lab%201/a%23.csv.json");
+    has("c.c3d.json");
+    let take = fs::read_to_string(folder.at("out/Lab 1/a#.csv.html")).unwrap();
+    assert!(take.contains("<script type=\"application/json\">"));
+    // A second run writes nothing but the page and the list.
+    let time = || {
+        fs::metadata(folder.at("out/Lab 1/a#.csv.html"))
+            .unwrap()
+            .modified()
+            .unwrap()
+    };
+    let written = time();
+    folder.clean(&["in", "-o", "out"]);
+    assert_eq!(time(), written);
+    assert_eq!(
+        fs::read_to_string(folder.at("out/clean.html"))
+            .unwrap()
+            .matches("#frame=")
+            .count(),
+        page.matches("#frame=").count()
+    );
+    // Somebody's page stays.
+    folder.put("mine/Lab 1/a#.csv.html", "mine");
+    let (_, said) = folder.clean(&["in", "-o", "mine"]);
+    assert_eq!(
+        fs::read(folder.at("mine/Lab 1/a#.csv.html")).unwrap(),
+        b"mine"
+    );
+    let notes = folder.row("mine", "Lab 1/a#.csv")["notes"].to_string();
+    assert!(
+        notes.contains("is there and is none of clean's"),
+        "{said} {notes}"
+    );
+}
+
+#[test]
+fn a_bad_stretch_is_done_again() {
+    let folder = Folder::new();
+    let truth = sound(|_, _| ());
+    let bad = sound(|t, row| {
+        if (100..120).contains(&t) {
+            row[12] = format!("{:.5}", row[12].parse::<f64>().unwrap() + 2.0);
+        }
+    })
+    .replace("p4.", "Ann:p4.");
+    folder.put("a.csv", &bad);
+    let (_, said) = folder.clean(&["a.csv", "-o", "b.csv", "--redo", "Ann:p4:0.8333-0.9917"]);
+    let table = fs::read_to_string(folder.at("b.csv")).unwrap();
+    let (far, _) = Numbers::read(&table.replace("Ann:", "")).far(&Numbers::read(&truth));
+    assert!(far < 0.5, "{far} {said}");
+    let record = folder.record("b.csv");
+    assert_eq!(record["summary"]["filled"], 20);
+    assert_eq!(record["redone"][0]["point"], "Ann:p4");
+    for (was, is) in bad.lines().zip(table.lines()) {
+        let differ = was.split(',').zip(is.split(',')).enumerate();
+        let differ: Vec<usize> = differ
+            .filter(|(_, (a, b))| a != b)
+            .map(|(i, _)| i)
+            .collect();
+        assert!(differ.iter().all(|i| (14..17).contains(i)), "{differ:?}");
+    }
+    let code = |args: &[&str]| folder.clean(&[&["a.csv", "-o", "c.csv"], args].concat()).0;
+    assert_eq!(code(&["--redo", "p5:2-1"]), 2);
+    assert_eq!(code(&["--redo", "q:0-1"]), 1);
+    assert_eq!(code(&["--redo", "p5:7-8"]), 1);
+    let several = folder.clean(&["a.csv", "b.csv", "-o", "out", "--redo", "p5:0-1"]);
+    assert_eq!(several.0, 2, "{}", several.1);
+}
+
+#[test]
+fn positions_are_smoothed_as_by_trim() {
+    let folder = Folder::new();
+    folder.put("a.csv", sound(|_, _| ()));
+    folder.clean(&["a.csv", "-o", "b.csv", "--butterworth", "6Hz"]);
+    let smooth = run(
+        "trim",
+        &["-q", "--butterworth", "6", text(&folder.at("a.csv"))],
+        "",
+    );
+    let table = fs::read_to_string(folder.at("b.csv")).unwrap();
+    let (far, _) = Numbers::read(&table).far(&Numbers::read(&smooth));
+    assert!(far < 1e-9, "{far}");
+    assert_eq!(
+        folder.record("b.csv")["made_from"]["settings"]["butterworth"],
+        6.0
+    );
+    let said = folder.clean(&["a.csv", "-o", "c.csv", "--butterworth", "60"]);
+    assert!(said.0 == 1 && said.1.contains("below .4"), "{}", said.1);
+}
+
+#[test]
+fn rotations_that_stay_noisy_are_copied_and_that_is_said() {
+    let folder = Folder::new();
+    let table: Vec<String> = walk().lines().take(120).map(str::to_string).collect();
+    let table = run(
+        "corrupt",
+        &["-q", "--dense", "0.8"],
+        &(table.join("\n") + "\n"),
+    );
+    folder.put("in/a.bvh", run("xyz2bvh", &["-q"], &table));
+    let (code, said) = folder.clean(&["in", "-o", "out"]);
+    assert_eq!(code, 3, "{said}");
+    assert_eq!(fate(&said, "a.bvh"), "copied", "{said}");
+    assert!(
+        said.contains("stay, since the file holds rotations"),
+        "{said}"
+    );
+    let read = |name: &str| fs::read(folder.at(name)).unwrap();
+    assert_eq!(read("in/a.bvh"), read("out/a.bvh"));
+}
+
+#[test]
+fn axes_are_given_by_format_and_by_folder() {
+    let folder = Folder::new();
+    let trc = run("xyz2trc", &["-q"], &sound(|_, _| ()));
+    folder.put("in/y/a.trc", &trc);
+    folder.put("in/a.csv", sound(|_, _| ()));
+    let up = |args: &[&str]| {
+        folder.clean(&[&["in", "-o", "out"], args].concat());
+        let of = |result: &str| folder.record(result)["read_as"]["up"]["value"].clone();
+        (of("out/y/a.trc"), of("out/a.csv"))
+    };
+    let said = (Value::from("y"), Value::from("z"));
+    assert_eq!(up(&["--up", "csv=z", "--up", "trc=y", "--force"]), said);
+    // What a flag says of another format changes nothing here.
+    let again = folder.clean(&["in", "-o", "out", "--up", "csv=z,trc=y,c3d=x", "--force"]);
+    assert!(again.1.contains("2 unchanged"), "{}", again.1);
+    assert_eq!(up(&["--up", "z,in/y=y", "--force"]), said);
+    assert_eq!(folder.clean(&["in", "-o", "out", "--up", "c4d=z"]).0, 2);
+}
+
+#[test]
+fn a_record_is_no_larger_than_its_take() {
+    let folder = Folder::new();
+    let every_second = sound(|t, row| {
+        for p in 0..10 {
+            if (t + p) % 2 == 0 {
+                row[3 * p..3 * p + 3].fill(String::new());
+            }
+        }
+    });
+    folder.put("a.csv", &every_second);
+    folder.clean(&["a.csv", "-o", "b.csv"]);
+    let record = fs::metadata(folder.at("b.csv.json")).unwrap().len();
+    assert!(record <= every_second.len() as u64, "{record}");
+    let record = folder.record("b.csv");
+    assert_eq!(record["gaps"].as_array().unwrap().len(), 0);
+    assert_eq!(record["gaps_by_point"][0]["gaps"], 120);
 }

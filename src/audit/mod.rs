@@ -13,6 +13,7 @@ pub use gaps::{GapSummary, PointGaps};
 pub use rotations::{JointAngles, flips};
 
 use crate::pose::Poses;
+use crate::pose::stray::points_apart;
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::ops::Range;
@@ -59,6 +60,8 @@ pub enum FindingKind {
     Unit,
     /// The body is longest along another axis than y.
     UpAxis,
+    /// A point stands far off all others.
+    Stray,
     /// A gap is long.
     LongGap,
     /// A point is missing often.
@@ -103,7 +106,7 @@ pub struct TakeAudit {
     pub rate: Option<f64>,
     /// The number of points.
     pub points: usize,
-    /// The largest extent of the points of a frame, in the median, cm.
+    /// The largest extent of the points of a frame, without those that stand far off, in the median, cm.
     pub size: Option<f64>,
     /// What is missing.
     pub gaps: GapSummary,
@@ -157,17 +160,19 @@ pub fn audit(poses: &Poses, fps: Option<f64>, limits: &Limits) -> Vec<TakeAudit>
 
 fn audit_take(take: &Take<'_>, name: Option<String>, limits: &Limits) -> TakeAudit {
     let gaps = GapSummary::of(take);
-    let size = body::size(take);
+    let apart = points_apart(take.xyz, limits.size[1]);
+    let size = body::size(take, &apart);
     let mut findings = Vec::new();
     findings.extend(times(take, limits));
     findings.extend(motion::too_fast(take, limits));
     findings.extend(body::wrong_unit(size, limits));
-    findings.extend(body::wrong_axis(size));
+    findings.extend(body::wrong_axis(size, limits));
+    findings.extend(body::stray(take, &apart));
     findings.extend(gaps.findings(take, limits));
     findings.extend(gaps::zeros(take));
     findings.extend(motion::swaps(take));
     findings.extend(motion::jumps(take, limits));
-    findings.extend(motion::held(take));
+    findings.extend(motion::held(take, &apart));
     findings.extend(distances::findings(take, limits));
     TakeAudit {
         take: name,

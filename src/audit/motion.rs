@@ -1,8 +1,9 @@
 //! How points move: too fast, off their paths, into each other's places, or not at all.
 
 use super::{Finding, FindingKind, Limits, Take, median, ranges};
+use crate::pose::stray::PointApart;
 use crate::restore::outliers::spikes_of_take;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 /// The share of a point's steps that are not faster than its speed.
@@ -141,13 +142,14 @@ fn is_swap(take: &Take<'_>, t: usize, a: usize, b: usize) -> bool {
     SWAPPED * crossed < own
 }
 
-/// Points with the very same place for many frames while others move.
-pub(super) fn held(take: &Take<'_>) -> Vec<Finding> {
+/// Points with the very same place for many frames while others move; those that stand apart are no value that was held.
+pub(super) fn held(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
     let Some(rate) = take.rate else {
         return Vec::new();
     };
     let mut out = Vec::new();
-    for p in 0..take.points.len() {
+    let apart: HashSet<usize> = apart.iter().map(|a| a.point).collect();
+    for p in (0..take.points.len()).filter(|p| !apart.contains(p)) {
         let is_same = |t: &usize| {
             let at = take.at(*t, p);
             at.is_some() && at == take.at(*t + 1, p) && at != Some(glam::DVec3::ZERO)

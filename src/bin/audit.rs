@@ -2,12 +2,13 @@
 
 use clap::Parser;
 use posing::cli::args::CommonArgs;
-use posing::cli::audit::{FileAudit, LimitArgs, audit_file};
+use posing::cli::audit::{FileAudit, LimitArgs, audit_file, audit_inputs};
 use posing::cli::audit_page::page;
+use posing::cli::audit_takes::AuditTakes;
 use posing::cli::input::{check_single_stdin, or_stdin};
 use posing::cli::motion_file::ReadArgs;
 use posing::cli::streams::write_bytes;
-use posing::cli::{Outcome, run};
+use posing::cli::{Outcome, messages, run};
 use posing::{Error, Result};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -17,16 +18,17 @@ use std::process::ExitCode;
 /// Reads takes of any format (C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables) and reports, take by take: rate, size,
 /// what is missing by point and how long, and what is not as it should be. A rate or a unit by which people would move faster
 /// or be larger than they are; a body that lies; zeros that mean missing; points that change places, jump off their path, hold
-/// their last value, or have fallen off; distances that drift; angles that flip. Nothing is changed. Exit code 3 if anything
-/// was found, or a file could not be read; the others are read all the same.
+/// their last value, stand far off, or have fallen off; distances that drift; angles that flip. Nothing is changed. A folder is searched
+/// for such files. A page gets pages of the takes beside it, in a folder of its name with _takes, which play what was found.
+/// Exit code 3 if anything was found; 1 if a file could not be read, the others are read all the same.
 #[derive(Parser)]
 #[command(
     name = "audit",
     version,
-    after_help = "Examples:\n  posing audit walk.csv || echo look at it\n  posing audit -o audit.html walk.bvh gait.c3d || echo see audit.html\n  posing audit --json -o audit.json a.csv b.csv || echo see audit.json\n  posing c3d2xyz gait.c3d | posing audit --max-gap 0.2 || echo look at it"
+    after_help = "Examples:\n  posing audit walk.csv || echo look at it\n  posing audit -o audit.html walk.bvh gait.c3d || echo see audit.html\n  posing audit -o audit.html captures/ || echo see audit.html\n  posing audit --json -o audit.json a.csv b.csv || echo see audit.json\n  posing c3d2xyz gait.c3d | posing audit --max-gap 0.2 || echo look at it"
 )]
 struct Args {
-    /// Files of motion, of any format; - or nothing: standard input
+    /// Files of motion, of any format, and folders that are searched for them; - or nothing: standard input
     #[arg(value_name = "FILE")]
     files: Vec<PathBuf>,
     #[command(flatten)]
@@ -51,13 +53,23 @@ fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     check_single_stdin(&args.files)?;
     let flags = args.read.flags()?;
-    let files = or_stdin(&args.files);
-    let one = |path: &PathBuf| audit_file(path, &flags, &args.limits.limits());
-    let audits = files.iter().map(one).collect::<Result<Vec<FileAudit>>>()?;
-    let is_page = (args.output.as_ref())
-        .and_then(|path| path.extension())
-        .is_some_and(|e| e.eq_ignore_ascii_case("html"));
-    let text = match (args.json, is_page) {
+    let (files, unreadable) = audit_inputs(&or_stdin(&args.files))?;
+    let page_path = (args.output.as_deref()).filter(|path| {
+        !args.json
+            && path
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("html"))
+    });
+    let pages = page_path.map(AuditTakes::beside);
+    let limits = args.limits.limits();
+    let one =
+        |(i, path): (usize, &PathBuf)| audit_file(path, &flags, &limits, i + 1, pages.as_ref());
+    let audits = files.iter().enumerate().map(one);
+    let mut audits = audits.collect::<Result<Vec<FileAudit>>>()?;
+    audits.extend(unreadable);
+    let failed = audits.iter().filter_map(|audit| audit.error.as_ref());
+    failed.for_each(|error| messages::error(error));
+    let text = match (args.json, page_path.is_some()) {
         (true, _) => {
             let json = serde_json::to_string_pretty(&audits);
             json.map_err(|e| Error::usage(e.to_string()))? + "\n"
@@ -66,8 +78,9 @@ fn work(args: &Args) -> Result<Outcome> {
         (false, false) => audits.iter().map(FileAudit::text).collect(),
     };
     write_bytes(args.output.as_deref(), text.as_bytes(), false)?;
-    Ok(match audits.iter().any(FileAudit::has_findings) {
-        true => Outcome::Findings,
+    Ok(match audits.iter().any(|audit| audit.error.is_some()) {
+        true => Outcome::Failed,
+        false if audits.iter().any(FileAudit::has_findings) => Outcome::Findings,
         false => Outcome::Done,
     })
 }

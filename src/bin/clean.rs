@@ -2,9 +2,9 @@
 
 use clap::{Parser, ValueEnum};
 use posing::Result;
-use posing::cli::args::{CommonArgs, parse_positive};
+use posing::cli::args::{CommonArgs, parse_hertz, parse_positive};
 use posing::cli::audit::MotionLimitArgs;
-use posing::cli::clean::{CleanOutput, CleanSettings, OutputFormat, clean};
+use posing::cli::clean::{CleanOutput, CleanSettings, OutputFormat, Stretch, clean};
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::motion_file::ReadArgs;
 use posing::cli::name_maps::name_map;
@@ -29,12 +29,13 @@ use std::process::ExitCode;
 /// A folder is searched for such files; its results keep their places below DIR. Beside each result, RESULT.json says what it was
 /// made from, how the file was taken, what was found, and how each gap was filled. A file whose result is there and whose
 /// capture, settings and model are the same is not cleaned again, so that a run that was stopped goes on. One bad file stops
-/// no other. At the end, a table, and in DIR the page clean.html. Exit code 3: a file failed, or has findings to look at.
+/// no other. At the end, a table, and in DIR the page clean.html and the list clean.json; beside results in which there is something to
+/// see, RESULT.html plays the take. Exit code 1: a file failed; 3: none did, but there are findings to look at.
 #[derive(Parser)]
 #[command(
     name = "clean",
     version,
-    after_help = "Examples:\n  posing clean gait.c3d -o clean.c3d || echo see clean.c3d.json\n  posing clean captures/ -o cleaned/ --fps 120 --up y || echo see cleaned/clean.html\n  posing clean walk.bvh -o whole.bvh --max-gap 0.5 || echo see whole.bvh.json"
+    after_help = "Examples:\n  posing clean gait.c3d -o clean.c3d || echo see clean.c3d.json\n  posing clean captures/ -o cleaned/ --fps 120 --up y || echo see cleaned/clean.html\n  posing clean walk.bvh -o whole.bvh --max-gap 0.5 || echo see whole.bvh.json\n  posing clean captures/ -o cleaned/ --fps 120 --up c3d=z --up trc=y --new-only || echo see cleaned/clean.html\n  posing clean gait.c3d -o clean.c3d --redo LANK:1.2-1.9 || echo see clean.c3d.json"
 )]
 struct Args {
     /// Files, and folders that are searched for files
@@ -46,12 +47,15 @@ struct Args {
     /// Format of the results [default: that of each file, or by the extension of OUT]
     #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
     to: Option<OutputFormat>,
-    /// Write the page to FILE [default: DIR/clean.html]
+    /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with the ending .json
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     page: Option<PathBuf>,
     /// Clean files again whose results are there, also where somebody changed these
     #[arg(long, help_heading = "Output")]
     again: bool,
+    /// Tell only findings and failures that the last run into DIR did not have; only these count for the exit code
+    #[arg(long, help_heading = "Output")]
+    new_only: bool,
     #[command(flatten)]
     read: ReadArgs,
     /// Which points are which of the model's: a shipped map or a TOML file, as for complete [default: the shipped map that fits]
@@ -86,6 +90,12 @@ struct Args {
     /// Largest standard deviation of what is filled, in cm or with a unit; a gap that is less sure stays, and is a finding
     #[arg(long, value_name = "CM", default_value = "5", value_parser = parse_length, help_heading = "Method")]
     max_sd: f64,
+    /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9 (several times, of one file)
+    #[arg(long, value_name = "NAME:FROM-TO", value_parser = Stretch::parse, help_heading = "Method")]
+    redo: Vec<Stretch>,
+    /// Smooth positions after all else: low-pass filter, as trim --butterworth
+    #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
+    butterworth: Option<f64>,
     #[command(flatten)]
     limits: MotionLimitArgs,
     #[command(flatten)]
@@ -110,6 +120,7 @@ fn work(args: &Args) -> Result<Outcome> {
         path: args.output.clone(),
         to: args.to,
         page: args.page.clone(),
+        only_new: args.new_only,
     };
     clean(&args.inputs, &output, &settings(args)?)
 }
@@ -135,6 +146,8 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         limits: args.limits.limits(),
         force: args.force,
         again: args.again,
+        redo: args.redo.clone(),
+        butterworth: args.butterworth,
     })
 }
 

@@ -1,7 +1,7 @@
 //! Chooses frames and points of takes, changes their rate, filters them.
 
 use clap::Parser;
-use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_positive, parse_rate};
+use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_rate};
 use posing::cli::input::read_table;
 use posing::cli::streams::write_table;
 use posing::cli::units::TableUnits;
@@ -52,15 +52,6 @@ struct Args {
     out: OutputArgs,
     #[command(flatten)]
     common: CommonArgs,
-}
-
-/// A frequency with or without its unit.
-fn parse_hertz(text: &str) -> std::result::Result<f64, String> {
-    let digits = text
-        .strip_suffix("Hz")
-        .or(text.strip_suffix("hz"))
-        .unwrap_or(text);
-    parse_positive(digits).map_err(|_| "expected a frequency above 0, such as 6 or 6Hz".into())
 }
 
 fn parse_rename(text: &str) -> std::result::Result<(String, String), String> {

@@ -168,6 +168,15 @@ pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
+/// A frequency with or without its unit.
+pub fn parse_hertz(text: &str) -> std::result::Result<f64, String> {
+    let digits = text
+        .strip_suffix("Hz")
+        .or(text.strip_suffix("hz"))
+        .unwrap_or(text);
+    parse_positive(digits).map_err(|_| "expected a frequency above 0, such as 6 or 6Hz".into())
+}
+
 /// The unit and the axis of files of meshes, which do not say them.
 #[derive(Debug, Clone, Args)]
 pub struct MeshUnitArgs {

@@ -1,13 +1,15 @@
 //! `audit` around the library: its limits as flags, and its text.
 
+use super::audit_takes::AuditTakes;
 use super::input::open;
 use super::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags};
+use super::motion_folder::{EXTENSIONS, MotionFolder};
 use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit, audit, flips};
-use crate::{Error, Result};
+use crate::{Error, Place, Result};
 use clap::Args;
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Points whose gaps are listed, and findings of one kind.
 const LISTED: usize = 5;
@@ -88,7 +90,8 @@ impl MotionLimitArgs {
 }
 
 /// Fails where a rate that was given contradicts the file.
-fn check_rate(file: &MotionFile, flags: &ReadFlags) -> Result<()> {
+fn check_rate(path: &Path, file: &MotionFile, flags: &ReadFlags) -> Result<()> {
+    let flags = flags.of(path, file.format);
     match (file.rate(), flags.fps) {
         (Some(own), Some(fps)) if (own - fps).abs() > 1e-4 * own => Err(Error::usage(format!(
             "--fps {fps} contradicts {}, which has {own} frames per second; leave --fps out",
@@ -108,31 +111,77 @@ pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     takes
 }
 
-/// The audit of a file; one that cannot be read stops no other.
+/// The files and those of folders, in order, and audits of the folders that cannot be read.
 ///
 /// # Errors
-/// [`Error::Usage`], for all files alike.
-pub fn audit_file(path: &Path, flags: &ReadFlags, limits: &Limits) -> Result<FileAudit> {
-    let takes = || {
+/// [`Error::Data`]: a folder has no files of motion.
+pub fn audit_inputs(paths: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<FileAudit>)> {
+    let (mut files, mut unreadable) = (Vec::new(), Vec::new());
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let found = MotionFolder::search(path, None, |_| true);
+        if found.files.is_empty() && found.unreadable.is_empty() {
+            let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
+            return Err(Error::data(Place::file(path.display().to_string()), what));
+        }
+        files.extend(found.files.into_iter().map(|(file, _)| file));
+        unreadable.extend(
+            found
+                .unreadable
+                .into_iter()
+                .map(|(within, error)| FileAudit {
+                    file: path.join(within).display().to_string(),
+                    error: Some(error.to_string()),
+                    ..FileAudit::default()
+                }),
+        );
+    }
+    Ok((files, unreadable))
+}
+
+/// The audit of a file, the `number`th; one that cannot be read stops no other. Where something was found, or is missing, its page is
+/// written among `pages`.
+///
+/// # Errors
+/// [`Error::Usage`], for all files alike; [`Error::Io`]: a page cannot be written.
+pub fn audit_file(
+    path: &Path,
+    flags: &ReadFlags,
+    limits: &Limits,
+    number: usize,
+    pages: Option<&AuditTakes>,
+) -> Result<FileAudit> {
+    let read = || {
         let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
         let file = MotionFile::read(path, bytes, flags)?;
-        check_rate(&file, flags)?;
-        Ok(audit_motion(&file, limits))
+        check_rate(path, &file, flags)?;
+        Ok(file)
     };
-    let file = match path == Path::new("-") {
-        true => "standard input".to_string(),
-        false => path.display().to_string(),
+    let mut out = FileAudit {
+        file: match path == Path::new("-") {
+            true => "standard input".to_string(),
+            false => path.display().to_string(),
+        },
+        ..FileAudit::default()
     };
-    let (takes, error) = match takes() {
-        Ok(takes) => (takes, None),
+    match read() {
+        Ok(file) => {
+            out.takes = audit_motion(&file, limits);
+            if let Some(pages) = pages.filter(|_| out.has_something()) {
+                out.page = pages.write(number, &out.file, &file)?;
+            }
+        }
         Err(wrong @ Error::Usage(_)) => return Err(wrong),
-        Err(e) => (Vec::new(), Some(e.to_string())),
-    };
-    Ok(FileAudit { file, error, takes })
+        Err(e) => out.error = Some(e.to_string()),
+    }
+    Ok(out)
 }
 
 /// The audit of one file.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Default, Serialize)]
 pub struct FileAudit {
     /// The file's name.
     pub file: String,
@@ -141,12 +190,21 @@ pub struct FileAudit {
     pub error: Option<String>,
     /// The takes of the file.
     pub takes: Vec<TakeAudit>,
+    /// The address of the page that plays it, from the page of the audit.
+    #[serde(skip)]
+    pub page: Option<String>,
 }
 
 impl FileAudit {
-    /// Whether somebody has to look at it.
+    /// Whether something was found.
     pub fn has_findings(&self) -> bool {
-        self.error.is_some() || self.takes.iter().any(|take| !take.findings.is_empty())
+        self.takes.iter().any(|take| !take.findings.is_empty())
+    }
+
+    /// Whether something was found or is missing.
+    fn has_something(&self) -> bool {
+        let has_gaps = |take: &TakeAudit| !take.gaps.by_point.is_empty();
+        self.has_findings() || self.takes.iter().any(has_gaps)
     }
 
     /// A take in one line: its frames, rate, points and size, and what is missing.
@@ -254,6 +312,7 @@ pub fn kind_name(kind: FindingKind) -> &'static str {
         FindingKind::Rate => "rate",
         FindingKind::Unit => "unit",
         FindingKind::UpAxis => "up axis",
+        FindingKind::Stray => "stray point",
         FindingKind::LongGap => "long gap",
         FindingKind::Missing => "missing",
         FindingKind::Zeros => "zeros",

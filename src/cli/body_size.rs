@@ -2,6 +2,7 @@
 
 use crate::pose::Poses;
 use crate::pose::body::stature;
+use crate::pose::stray::points_apart;
 use crate::restore::typical_noise;
 use crate::{Error, Place, Result};
 use ndarray::s;
@@ -20,7 +21,13 @@ pub const IN_CENTIMETRES: &str =
 /// [`Error::Data`], naming the remedy.
 pub fn check_body_size(poses: &Poses, points: &[String], name: &str, remedy: &str) -> Result<()> {
     for take in poses.takes() {
-        let xyz = poses.xyz.slice(s![take, ..]);
+        let mut xyz = poses.xyz.slice(s![take, ..]).to_owned();
+        // A stray point makes no body larger.
+        for apart in points_apart(xyz.view(), *PEOPLE.end()) {
+            let columns = s![.., 3 * apart.point..3 * apart.point + 3];
+            xyz.slice_mut(columns).fill(f64::NAN);
+        }
+        let xyz = xyz.view();
         // Noise makes bones longer, which makes no larger body.
         let noise = typical_noise(xyz, std::slice::from_ref(&(0..xyz.nrows())));
         match stature(points, xyz, noise) {

@@ -4,6 +4,7 @@ use crate::io::Output;
 use crate::restore::{Restoration, RestoredGap};
 use crate::{Error, Result};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -67,6 +68,52 @@ fn line<'a>(
         sd: rounded(gap.sd),
         longest_step: rounded(gap.longest_step),
     }
+}
+
+/// The gaps of a point of a take, summed up.
+#[derive(Debug, Serialize)]
+pub struct PointGapLine<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    take: Option<&'a str>,
+    point: &'a str,
+    gaps: usize,
+    /// Frames of all gaps, and of the longest.
+    frames: usize,
+    longest: usize,
+    /// The first frame of the longest gap, counted from 0 within the take.
+    first_frame: usize,
+    /// Gaps that were not filled.
+    unfilled: usize,
+    /// The largest standard deviation of a coordinate, cm.
+    sd: Option<f64>,
+}
+
+/// The gaps point by point, those with most frames first.
+pub fn by_point<'a>(lines: &[GapLine<'a>]) -> Vec<PointGapLine<'a>> {
+    let mut all: BTreeMap<(Option<&str>, &str), PointGapLine<'a>> = BTreeMap::new();
+    for line in lines {
+        let sum = (all.entry((line.take, line.point))).or_insert_with(|| PointGapLine {
+            take: line.take,
+            point: line.point,
+            gaps: 0,
+            frames: 0,
+            longest: 0,
+            first_frame: line.first_frame,
+            unfilled: 0,
+            sd: None,
+        });
+        sum.gaps += 1;
+        sum.frames += line.frames;
+        if line.frames > sum.longest {
+            (sum.longest, sum.first_frame) = (line.frames, line.first_frame);
+        }
+        sum.unfilled += usize::from(line.method == "none");
+        let sds = sum.sd.into_iter().chain(line.sd);
+        sum.sd = sds.reduce(f64::max);
+    }
+    let mut all: Vec<PointGapLine<'a>> = all.into_values().collect();
+    all.sort_by_key(|sum| std::cmp::Reverse(sum.frames));
+    all
 }
 
 fn text(lines: &[GapLine<'_>]) -> String {

@@ -3,6 +3,7 @@
 pub mod args;
 pub mod audit;
 pub mod audit_page;
+pub mod audit_takes;
 pub mod benchmark;
 pub mod body;
 pub mod body_glb;
@@ -24,6 +25,7 @@ pub mod evaluate_metric;
 pub mod evaluate_takes;
 pub mod feature_table;
 mod gap_report;
+pub mod href;
 pub mod ik;
 pub mod input;
 pub mod ksvd;
@@ -35,6 +37,7 @@ pub mod mesh_sequences;
 pub mod messages;
 pub mod metric_takes;
 pub mod motion_file;
+pub mod motion_folder;
 pub mod name_maps;
 pub mod new_take;
 pub mod number_table;
@@ -53,6 +56,7 @@ mod signals;
 pub mod streams;
 mod summary;
 pub mod take_classes;
+pub mod take_page;
 mod take_pairs;
 pub mod toml_file;
 pub mod training;
@@ -71,6 +75,8 @@ pub enum Outcome {
     Done,
     /// Done, with findings that somebody has to look at: exit 3.
     Findings,
+    /// Done, but for some of the files, which failed: exit 1.
+    Failed,
 }
 
 impl From<()> for Outcome {
@@ -79,8 +85,8 @@ impl From<()> for Outcome {
     }
 }
 
-/// Parses the arguments, runs `work` and returns the exit code: 0 done (a closed standard output included), 1 bad data,
-/// 2 wrong usage, 3 done with findings.
+/// Parses the arguments, runs `work` and returns the exit code: 0 done (a closed standard output included), 1 bad data
+/// (also of some files of several), 2 wrong usage, 3 done with findings.
 pub fn run<A, O>(work: impl FnOnce(A) -> Result<O>) -> ExitCode
 where
     A: CommandFactory + FromArgMatches,
@@ -104,6 +110,7 @@ where
         Ok(outcome) => match outcome.into() {
             Outcome::Done => ExitCode::SUCCESS,
             Outcome::Findings => ExitCode::from(3),
+            Outcome::Failed => ExitCode::from(1),
         },
         Err(e) if e.is_closed_pipe() => ExitCode::SUCCESS,
         Err(e) => {

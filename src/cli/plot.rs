@@ -182,14 +182,8 @@ impl PlotTable {
             Error::data(Place::file(&file), what)
         })?;
         let which = BvhPoints::Origins;
-        let points: Vec<usize> = skeleton.points(which).iter().map(|p| p.1).collect();
-        let parents = skeleton
-            .skeleton
-            .nearest_above(&points)
-            .into_iter()
-            .enumerate();
         Ok(PlotTable {
-            bones: Some(parents.filter_map(|(i, p)| Some((p?, i))).collect()),
+            bones: Some(bones_of(&skeleton, which)),
             poses: bvh.positions(&skeleton, which, rate),
             columns: PointColumns::default(),
             file,
@@ -237,6 +231,14 @@ impl PlotTable {
         self.poses.points.clone_from(&first.poses.points);
         Ok(())
     }
+}
+
+/// The pairs of points of a BVH file that its skeleton joins, the one nearer to the root first.
+pub fn bones_of(skeleton: &BvhSkeleton, which: BvhPoints) -> Vec<(usize, usize)> {
+    let points: Vec<usize> = skeleton.points(which).iter().map(|p| p.1).collect();
+    let parents = skeleton.skeleton.nearest_above(&points).into_iter();
+    let bones = parents.enumerate().filter_map(|(i, p)| Some((p?, i)));
+    bones.collect()
 }
 
 /// A file, if it is a BVH file.

@@ -72,11 +72,9 @@ pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_ga
             counts.too_little, counts.frames
         ));
     }
-    if counts.rejected > 0 {
-        let count = counts.rejected;
-        let noun = if count == 1 { "outlier" } else { "outliers" };
-        messages::info(&format!("ignored {count} {noun}"));
-    }
+    outliers(counts.rejected, counts.replaced)
+        .iter()
+        .for_each(|line| messages::info(line));
     match counts.cuts {
         0 => {}
         1 => messages::info("the whole body jumps once: taken as a cut, nothing is joined across"),
@@ -116,5 +114,32 @@ pub fn report(counts: &RestorationCounts, too_little: &str, status: bool, max_ga
             "noise {:.3} cm per coordinate",
             counts.mean_noise()
         ));
+    }
+}
+
+/// What became of outliers, of which some were `replaced`; the others count for nothing, and stay.
+fn outliers(all: usize, replaced: usize) -> Option<String> {
+    let noun = if all == 1 { "outlier" } else { "outliers" };
+    match (all, replaced) {
+        (0, _) => None,
+        (_, 0) => Some(format!("ignored {all} {noun}")),
+        _ if replaced == all => Some(format!("replaced {all} {noun}")),
+        _ => Some(format!(
+            "replaced {replaced} of {all} {noun}; too little is known where the others are, which stay"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn outliers_are_said_to_be_replaced_where_they_are() {
+        assert_eq!(outliers(0, 0), None);
+        assert_eq!(outliers(2, 0).as_deref(), Some("ignored 2 outliers"));
+        assert_eq!(outliers(1, 1).as_deref(), Some("replaced 1 outlier"));
+        let some = outliers(3, 1).unwrap_or_default();
+        assert!(some.starts_with("replaced 1 of 3 outliers"));
     }
 }

@@ -11,6 +11,7 @@ pub mod poses;
 pub mod rotation;
 pub mod similarity;
 pub mod skeleton;
+pub mod stray;
 pub mod transform;
 pub mod trimming;
 

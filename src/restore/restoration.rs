@@ -3,7 +3,7 @@
 use super::gap::{FillMethod, Gap, find_gaps};
 use super::restored_frames::RestoredFrames;
 use crate::io::Table;
-use crate::pose::Status;
+use crate::pose::{Poses, Status};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};
 use std::ops::Range;
@@ -25,6 +25,8 @@ pub struct RestorationCounts {
     pub filled: usize,
     /// Outliers.
     pub rejected: usize,
+    /// Outliers that were replaced by an estimate.
+    pub replaced: usize,
     /// Points that stay missing.
     pub unfilled: usize,
     /// Sum over the frames of the standard deviation of the noise that was assumed, cm.
@@ -41,6 +43,7 @@ impl RestorationCounts {
         self.cuts += other.cuts;
         self.filled += other.filled;
         self.rejected += other.rejected;
+        self.replaced += other.replaced;
         self.unfilled += other.unfilled;
         self.noise += other.noise;
     }
@@ -120,7 +123,9 @@ impl<'t> Restoration<'t> {
         for t in 0..frames {
             for p in 0..points {
                 let is_filled = (3 * p..3 * p + 3).all(|i| restored.xyz[[t, i]].is_finite());
+                let mut is_moved = false;
                 for i in (3 * p..3 * p + 3).filter(|_| is_filled) {
+                    is_moved |= self.xyz[[first + t, i]] != restored.xyz[[t, i]];
                     self.xyz[[first + t, i]] = restored.xyz[[t, i]];
                 }
                 let (status, sd) = restored.of_point(t, p);
@@ -129,6 +134,7 @@ impl<'t> Restoration<'t> {
                 self.method[at] = restored.method(t, p);
                 self.counts.filled += usize::from(status == Status::Inferred);
                 self.counts.rejected += usize::from(status == Status::Rejected);
+                self.counts.replaced += usize::from(status == Status::Rejected && is_moved);
                 self.counts.unfilled += usize::from(status == Status::Unknown);
             }
         }
@@ -136,6 +142,27 @@ impl<'t> Restoration<'t> {
 
     pub(super) fn count_cuts(&mut self, cuts: usize) {
         self.counts.cuts += cuts;
+    }
+
+    /// The same with its values filtered ([`Poses::low_pass`]), and how many pieces are too short for that.
+    ///
+    /// # Errors
+    /// As [`Poses::low_pass`].
+    pub fn low_passed(
+        mut self,
+        cutoff: f64,
+        fps: Option<f64>,
+    ) -> Result<(Restoration<'t>, usize), String> {
+        let source = &self.source.poses;
+        let mut poses = Poses {
+            points: source.points.clone(),
+            time: source.time.clone(),
+            take: source.take.clone(),
+            xyz: std::mem::take(&mut self.xyz),
+        };
+        let short = poses.low_pass(cutoff, fps)?;
+        self.xyz = poses.xyz;
+        Ok((self, short))
     }
 
     fn points(&self) -> usize {

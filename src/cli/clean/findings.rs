@@ -1,6 +1,7 @@
 //! What became of a file, and what of its result somebody should look at.
 
 use super::one_file::{CleanSettings, keeps_rotations};
+use super::places::{PlaceToSee, places};
 use super::record::Summary;
 use super::replaced::{ReplacedPosition, replaced};
 use super::sources::OutputFormat;
@@ -16,7 +17,8 @@ use ndarray::ArrayView2;
 const LISTED: usize = 4;
 
 impl CleanSettings {
-    /// What became of a file.
+    /// What became of a file, of which `unheld` positions or values are not in the result; `redone` are the places that were done
+    /// again, `before` the audit of the capture.
     pub(super) fn summary(
         &self,
         file: &MotionFile,
@@ -24,6 +26,7 @@ impl CleanSettings {
         naming: &PointNaming,
         restored: &Restoration<'_>,
         unheld: usize,
+        (redone, before): (Vec<PlaceToSee>, &[TakeAudit]),
     ) -> Summary {
         let poses = &file.table.poses;
         let keeps = keeps_rotations(file, to);
@@ -33,10 +36,11 @@ impl CleanSettings {
         };
         let noise = typical_noise(poses.xyz.view(), &poses.runs());
         let denoised = restored.counts().mean_noise() > 0.0;
-        let mut findings = self.remaining(file, keeps, restored);
+        let (mut findings, found) = self.remaining(file, keeps, restored);
         let (lacking, left) = (missing(poses.xyz.view()), missing(restored.xyz()));
         findings.extend(left_open(left, restored));
-        if noise > self.method.noise_limit && keeps {
+        let noise_stays = noise > self.method.noise_limit && keeps;
+        if noise_stays {
             findings.push(format!(
                 "noise: {noise:.2} cm stay, since the file holds rotations (denoise, then xyz2bvh or xyz2amc, makes new ones)"
             ));
@@ -70,13 +74,21 @@ impl CleanSettings {
             outliers: moved.len(),
             noise,
             denoised,
+            noise_stays,
+            copied: false,
             findings,
             notes,
+            places: places(redone.into_iter().chain(found).collect(), before, &moved),
         }
     }
 
-    /// What is wrong in the result, missing points aside.
-    fn remaining(&self, file: &MotionFile, keeps: bool, restored: &Restoration<'_>) -> Vec<String> {
+    /// What is wrong in the result, missing points aside, and where.
+    fn remaining(
+        &self,
+        file: &MotionFile,
+        keeps: bool,
+        restored: &Restoration<'_>,
+    ) -> (Vec<String>, Vec<PlaceToSee>) {
         let result = Poses {
             xyz: restored.xyz().to_owned(),
             ..file.table.poses.clone()
@@ -86,17 +98,24 @@ impl CleanSettings {
             take.findings.extend(flips(&file.joint_angles()));
         }
         let is_several = takes.len() > 1;
-        let line = |take: &Option<String>, finding: &Finding| {
-            let take = take.as_deref().filter(|_| is_several);
-            let take = take.map_or(String::new(), |take| format!("{take}: "));
-            format!("{take}{}: {}", kind_name(finding.kind), finding.what)
-        };
         let is_gap = |f: &&Finding| matches!(f.kind, FindingKind::LongGap | FindingKind::Missing);
-        let of_take = |take: &TakeAudit| {
-            let findings = take.findings.iter().filter(|f| !is_gap(f));
-            findings.map(|f| line(&take.take, f)).collect::<Vec<_>>()
-        };
-        takes.iter().flat_map(of_take).collect()
+        let (mut lines, mut places) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        for take in &takes {
+            let name = take.take.as_deref().filter(|_| is_several);
+            let name = name.map_or(String::new(), |name| format!("{name}: "));
+            for finding in take.findings.iter().filter(|f| !is_gap(f)) {
+                let kind = kind_name(finding.kind);
+                lines.push(format!("{name}{kind}: {}", finding.what));
+                places.extend(finding.frames.map(|[start, _]| PlaceToSee {
+                    what: kind.to_string(),
+                    point: finding.points.first().cloned(),
+                    frame: first + start,
+                }));
+            }
+            first += take.frames;
+        }
+        (lines, places)
     }
 }
 

@@ -1,23 +1,32 @@
 //! `clean` around the library: files and folders of any format in, the same out, a record beside each.
 
+mod earlier_list;
 mod findings;
+mod list;
 mod one_file;
+mod places;
 mod record;
+mod redo;
 mod replaced;
 mod report;
+mod row;
 mod sources;
 
 pub use one_file::{CleanSettings, Fate};
+pub use redo::Stretch;
 pub use sources::OutputFormat;
 
+use self::earlier_list::EarlierList;
+use self::list::{list, list_path};
 use self::report::CleanReport;
+use self::row::Row;
 use self::sources::Job;
 use super::Outcome;
 use super::messages;
 use super::progress::Progress;
-use crate::Result;
 use crate::io::output::write_file;
-use std::path::PathBuf;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -31,25 +40,34 @@ pub struct CleanOutput {
     pub path: PathBuf,
     /// The format of the results; `None`: that of each file, or by the name of the one result.
     pub to: Option<OutputFormat>,
-    /// The page of all; `None`: in the folder of the results, if it is one.
+    /// The page of all; `None`: in the folder of the results, if it is one. A list for programs stands beside it.
     pub page: Option<PathBuf>,
+    /// Whether only that is told which the last run did not tell.
+    pub only_new: bool,
 }
 
 /// Cleans files, and those of folders, and writes a table of what became of them to standard output.
 ///
 /// # Errors
 /// [`crate::Error::Usage`] and [`crate::Error::Io`] of what is asked for altogether; of one file alone, its own error. One of several
-/// that cannot be cleaned stops no other: it is a finding.
+/// that cannot be cleaned stops no other: the outcome says so.
 pub fn clean(
     inputs: &[PathBuf],
     output: &CleanOutput,
     settings: &CleanSettings,
 ) -> Result<Outcome> {
     let jobs = sources::jobs(inputs, &output.path, output.to)?;
+    if jobs.jobs.len() != 1 && !settings.redo.is_empty() {
+        let what = "--redo is for a stretch of one take; give that file alone";
+        return Err(Error::usage(what));
+    }
     let page = output.page.clone();
     let page = page.or_else(|| Some(jobs.folder.as_ref()?.join(PAGE)));
+    let mut last = EarlierList::default();
     if let Some(page) = &page {
         jobs.check_page(page, report::is_page(page))?;
+        last = EarlierList::read(&list_path(page))?;
+        jobs.check_page(&list_path(page), true)?;
     }
     super::signals::watch();
     let mut fates = clean_all(&jobs.jobs, jobs.to, settings);
@@ -65,20 +83,38 @@ pub fn clean(
             old_result: false,
         });
     }
-    let report = CleanReport::new(names, &fates, jobs.left_out);
+    let made = jobs.jobs.iter().map(Some).chain(std::iter::repeat(None));
+    let rows = names.into_iter().zip(&fates).zip(made);
+    let rows = rows.map(|((name, fate), job)| Row::new(name, fate, job, &last));
+    let report = CleanReport::new(rows.collect(), jobs.left_out, output.only_new);
+    tell(&report, jobs.folder.is_none(), page.as_deref())?;
+    Ok(match (report.has_failures(), report.has_findings()) {
+        (true, _) => Outcome::Failed,
+        (_, true) => Outcome::Findings,
+        _ => Outcome::Done,
+    })
+}
+
+/// Writes the page, the table and the list. What the list has counts as told, so it comes last.
+fn tell(report: &CleanReport<'_>, is_alone: bool, page: Option<&Path>) -> Result<()> {
     report.tell_failures();
-    if let ([Fate::Cleaned(summary)], None) = (&fates[..], &jobs.folder) {
+    if let (true, [row]) = (is_alone, &report.rows[..])
+        && let Fate::Cleaned(summary) = row.fate
+    {
         summary.notes.iter().for_each(|note| messages::info(note));
     }
+    let folder = page.and_then(Path::parent).unwrap_or(Path::new(""));
     if let Some(page) = page {
-        record::make_folder_of(&page)?;
-        write_file(&page, report.html().as_bytes())?;
+        record::make_folder_of(page)?;
+        write_file(page, report.html(folder).as_bytes())?;
     }
-    super::streams::write_bytes(None, report.text().as_bytes(), false)?;
-    Ok(match report.has_findings() {
-        true => Outcome::Findings,
-        false => Outcome::Done,
-    })
+    let told = super::streams::write_bytes(None, report.text().as_bytes(), false);
+    if told.as_ref().err().is_none_or(Error::is_closed_pipe)
+        && let Some(page) = page
+    {
+        write_file(list_path(page), list(&report.rows, folder)?.as_bytes())?;
+    }
+    told
 }
 
 /// What became of each file. Threads of their own take a file each: the pool's are for the work within a file, which waits for them.

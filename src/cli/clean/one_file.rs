@@ -1,8 +1,11 @@
 //! Cleaning one file: read, audited, restored, written back, recorded.
 
+use super::places::PlaceToSee;
 use super::record::{
-    Fingerprint, MadeFrom, Record, Summary, begin, give_up, has_result, may_write, unchanged,
+    Fingerprint, MadeFrom, Record, Summary, begin, give_up, has_result, leave_failure, may_write,
+    unchanged,
 };
+use super::redo::Stretch;
 use super::replaced::replaced;
 use super::sources::{Job, OutputFormat};
 use crate::audit::Limits;
@@ -12,13 +15,15 @@ use crate::cli::body_size::check_body_size;
 use crate::cli::gap_report::gap_lines;
 use crate::cli::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags, skeleton_of};
 use crate::cli::new_take::NewTake;
+use crate::cli::take_page::{TakePage, page_beside, write_take_page};
 use crate::cli::units::{TableUnits, Units, Up};
+use crate::evaluate::scene::Figure;
 use crate::io::output::write_file;
 use crate::io::{Input, Model, MotionFormat};
 use crate::pose::{NameMap, PointNaming, Poses, joints};
 use crate::restore::{Clean, Restoration, Restorer};
 use crate::{Error, Place, Result};
-use ndarray::s;
+use ndarray::{Array2, s};
 use serde_json::json;
 
 /// How files are cleaned.
@@ -39,12 +44,23 @@ pub struct CleanSettings {
     pub force: bool,
     /// Whether files are cleaned again whose results are there.
     pub again: bool,
+    /// Stretches that count as missing.
+    pub redo: Vec<Stretch>,
+    /// The cutoff of a low-pass filter after all else, Hz.
+    pub butterworth: Option<f64>,
+}
+
+/// The capture of a job: the bytes that it has, unpacked, and how they are read.
+struct Capture {
+    size: usize,
+    sha256: String,
+    read: ReadFlags,
 }
 
 /// What became of a file.
 #[derive(Debug)]
 pub enum Fate {
-    /// The file was cleaned.
+    /// The file was cleaned, or copied if there was nothing to change.
     Cleaned(Summary),
     /// The result was there, made from the same.
     Unchanged(Summary),
@@ -70,11 +86,14 @@ impl CleanSettings {
                 what,
             ))
         };
-        done.unwrap_or_else(broken)
-            .unwrap_or_else(|error| Fate::Failed {
+        done.unwrap_or_else(broken).unwrap_or_else(|error| {
+            // Where no record can be left, the table has the error all the same.
+            let _ = leave_failure(&job.output, &error.to_string());
+            Fate::Failed {
                 error,
                 old_result: has_result(&job.output),
-            })
+            }
+        })
     }
 
     fn try_clean(&self, job: &Job, to: Option<OutputFormat>) -> Result<Fate> {
@@ -84,14 +103,15 @@ impl CleanSettings {
             job.input.display().to_string(),
             std::io::Cursor::new(packed),
         )?;
-        let is_amc = MotionFormat::of(unpacked.first_bytes()) == MotionFormat::Amc;
-        let skeleton = match is_amc {
-            true => Some(Fingerprint::read(&skeleton_of(&job.input, &self.read)?)?),
-            false => None,
+        let format = MotionFormat::of(unpacked.first_bytes());
+        let read = self.read.of(&job.input, format);
+        let skeleton = match format {
+            MotionFormat::Amc => Some(Fingerprint::read(&skeleton_of(&job.input, &read)?)?),
+            _ => None,
         };
         let made_from = MadeFrom {
             posing: env!("CARGO_PKG_VERSION").to_string(),
-            settings: self.recorded(to),
+            settings: self.recorded(&read, to),
             input,
             skeleton,
         };
@@ -100,8 +120,14 @@ impl CleanSettings {
         }
         may_write(&job.output, self.again)?;
         let bytes = unpacked.read_all(LARGEST_MOTION_FILE)?;
-        let file = MotionFile::read(&job.input, bytes, &self.read)?;
-        self.restore(job, to, file, &made_from).map(Fate::Cleaned)
+        let capture = Capture {
+            size: bytes.len(),
+            sha256: Fingerprint::of(&job.input, &bytes).sha256,
+            read,
+        };
+        let file = MotionFile::read(&job.input, bytes, &capture.read)?;
+        self.restore(job, to, file, &made_from, &capture)
+            .map(Fate::Cleaned)
     }
 
     fn restore(
@@ -110,6 +136,7 @@ impl CleanSettings {
         to: Option<OutputFormat>,
         mut file: MotionFile,
         made_from: &MadeFrom,
+        capture: &Capture,
     ) -> Result<Summary> {
         let rate = file.rate();
         if rate.is_none() && file.table.poses.frames() > 1 {
@@ -122,23 +149,19 @@ impl CleanSettings {
         if self.zeros_are_missing && !keeps {
             empty_zeros(&mut file.table.poses);
         }
-        let table = &file.table;
-        let naming = self.naming(&table.poses);
-        let is_copied = keeps && file.is_whole();
-        if !self.force && !is_copied {
-            let names = naming.model_names(&table.poses.points);
-            let remedy = "give the file's unit with --units";
-            check_body_size(&table.poses, &names, &table.name, remedy)?;
-        }
-        let restorer = self.restorer(&naming, &table.poses);
-        let restored = match is_copied {
-            true => Restoration::unchanged(table),
-            false => restorer.clean(table, &self.method_for(&file, to))?,
-        };
+        let (redone, mut notes) = self.redo(&mut file, keeps)?;
+        let naming = self.naming(&file.table.poses);
+        let restored = self.restored(&file, to, &naming)?;
+        let (restored, smoothed) = self.smoothed(&file, keeps, restored)?;
+        notes.extend(smoothed);
         begin(&job.output, made_from)?;
         let written = self.write(job, to, &file, &restored);
         let unheld = written.inspect_err(|_| give_up(&job.output))?;
-        let summary = self.summary(&file, to, &naming, &restored, unheld);
+        let found = (redone, &before[..]);
+        let mut summary = self.summary(&file, to, &naming, &restored, unheld, found);
+        summary.notes.extend(notes);
+        summary.copied = is_copied(job, to, &file, &restored, capture);
+        summary.notes.extend(page(job, &file, &restored, &summary)?);
         Record {
             command: "clean",
             made_from,
@@ -147,20 +170,90 @@ impl CleanSettings {
                 PointNaming::Map(map) => Some(&map.name),
                 _ => None,
             },
-            audit: &before,
+            audit: before,
             summary: &summary,
+            redone: &self.redo,
             gaps: gap_lines(&restored),
+            gaps_by_point: Vec::new(),
             outliers: replaced(&restored),
+            left_out: 0,
             output: Fingerprint::read(&job.output)?,
         }
-        .write(&job.output)?;
+        .write(&job.output, capture.size)?;
         Ok(summary)
     }
 
+    /// The take as it is restored; rotations that lack nothing are copied.
+    fn restored<'t>(
+        &self,
+        file: &'t MotionFile,
+        to: Option<OutputFormat>,
+        naming: &PointNaming,
+    ) -> Result<Restoration<'t>> {
+        let table = &file.table;
+        if keeps_rotations(file, to) && file.is_whole() {
+            return Ok(Restoration::unchanged(table));
+        }
+        if !self.force {
+            let names = naming.model_names(&table.poses.points);
+            let remedy = "give the file's unit with --units";
+            check_body_size(&table.poses, &names, &table.name, remedy)?;
+        }
+        let restorer = self.restorer(naming, &table.poses);
+        restorer.clean(table, &self.method_for(file, to))
+    }
+
+    /// Empties what is to be done again; its places, and a line on each.
+    fn redo(&self, file: &mut MotionFile, keeps: bool) -> Result<(Vec<PlaceToSee>, Vec<String>)> {
+        if keeps && !self.redo.is_empty() {
+            let what = "holds rotations, and --redo is for positions; write nan for what is bad in a BVH file, or clean it --to csv";
+            return Err(bad_of(&file.table.name, what.to_string()));
+        }
+        let rate = file.rate();
+        let (mut places, mut notes) = (Vec::new(), Vec::new());
+        for stretch in &self.redo {
+            let emptied = stretch.empty(&mut file.table.poses, rate);
+            let (frame, count) = emptied.map_err(|what| bad_of(&file.table.name, what))?;
+            let [from, to] = stretch.seconds;
+            notes.push(format!(
+                "{count} positions of {} from {from} to {to} s counted as missing (--redo)",
+                stretch.point
+            ));
+            places.push(PlaceToSee {
+                what: "done again".to_string(),
+                point: Some(stretch.point.clone()),
+                frame,
+            });
+        }
+        Ok((places, notes))
+    }
+
+    /// The take after the low-pass filter, and a line on that.
+    fn smoothed<'t>(
+        &self,
+        file: &MotionFile,
+        keeps: bool,
+        restored: Restoration<'t>,
+    ) -> Result<(Restoration<'t>, Option<String>)> {
+        let Some(cutoff) = self.butterworth else {
+            return Ok((restored, None));
+        };
+        if keeps {
+            let what = "not smoothed (--butterworth), since the file holds rotations; --to csv smooths its positions";
+            return Ok((restored, Some(what.to_string())));
+        }
+        let (restored, short) = (restored.low_passed(cutoff, file.rate()))
+            .map_err(|what| bad_of(&file.table.name, what))?;
+        let mut note = format!("smoothed (Butterworth, {cutoff} Hz, forwards and backwards)");
+        if short > 0 {
+            note += &format!("; {short} pieces of fewer than 10 frames are not");
+        }
+        Ok((restored, Some(note)))
+    }
+
     /// What is known of the settings in a record: all that changes results.
-    fn recorded(&self, to: Option<OutputFormat>) -> serde_json::Value {
-        let read = &self.read;
-        json!({
+    fn recorded(&self, read: &ReadFlags, to: Option<OutputFormat>) -> serde_json::Value {
+        let mut out = json!({
             "fps": read.fps,
             "units": read.units.map(value_name),
             "up": read.up.map(value_name),
@@ -176,7 +269,15 @@ impl CleanSettings {
             "limits": self.limits,
             "force": self.force,
             "to": to.map(value_name),
-        })
+        });
+        // Results from before there were these stay.
+        if !self.redo.is_empty() {
+            out["redo"] = json!(self.redo);
+        }
+        if let Some(cutoff) = self.butterworth {
+            out["butterworth"] = json!(cutoff);
+        }
+        out
     }
 
     /// How the points of a take are named, for the model; without one, for CMU's names, by which a body is measured.
@@ -269,6 +370,76 @@ impl CleanSettings {
 /// Whether the result holds rotations, as the file does.
 pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
     matches!(file.format, MotionFormat::Bvh | MotionFormat::Amc) && to.is_none()
+}
+
+fn bad_of(file: &str, what: String) -> Error {
+    Error::data(Place::file(file), what)
+}
+
+/// Whether the result is what the capture was: the same bytes, or, of positions, the same numbers in the same format.
+fn is_copied(
+    job: &Job,
+    to: Option<OutputFormat>,
+    file: &MotionFile,
+    restored: &Restoration<'_>,
+    capture: &Capture,
+) -> bool {
+    if to.is_some_and(|to| !to.is(file.format)) {
+        return false;
+    }
+    let (was, is) = (&file.table.poses.xyz, restored.xyz());
+    let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
+    if !keeps_rotations(file, to) {
+        return was.iter().zip(&is).all(is_same);
+    }
+    let written = Input::open(&job.output).and_then(|input| input.read_all(LARGEST_MOTION_FILE));
+    written.is_ok_and(|bytes| Fingerprint::of(&job.output, &bytes).sha256 == capture.sha256)
+}
+
+/// Writes the page of a take in which there is something to see; a line, where another file stands in its place.
+fn page(
+    job: &Job,
+    file: &MotionFile,
+    restored: &Restoration<'_>,
+    summary: &Summary,
+) -> Result<Option<String>> {
+    let path = page_beside(&job.output);
+    let is_seen = !summary.places.is_empty() || !summary.findings.is_empty() || summary.denoised;
+    let html = match is_seen {
+        true => take_page(&job.name, file, restored)?,
+        false => None,
+    };
+    let is_written = write_take_page(&path, html.as_deref())?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let in_the_way = || format!("no page of the take: {name} is there and is none of clean's");
+    Ok((html.is_some() && !is_written).then(in_the_way))
+}
+
+/// The page of a take: the capture, and the result beside it where that differs.
+fn take_page(name: &str, file: &MotionFile, restored: &Restoration<'_>) -> Result<Option<String>> {
+    let poses = &file.table.poses;
+    let shape = (poses.frames(), poses.points.len());
+    let status = Array2::from_shape_fn(shape, |(t, p)| restored.status(t, p));
+    let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
+    let method = Array2::from_shape_fn(shape, |(t, p)| restored.method(t, p));
+    let mut figures = vec![Figure::new("capture", poses.xyz.view())];
+    if restored.xyz() != poses.xyz {
+        figures.push(Figure {
+            status: Some(status.view()),
+            sd: Some(sd.view()),
+            method: Some(method.view()),
+            ..Figure::new("cleaned", restored.xyz())
+        });
+    }
+    TakePage {
+        name,
+        note: "The capture, and beside it the result where it differs. Centimetres, y up.",
+        poses,
+        rate: file.rate(),
+        bones: &file.bones()?,
+        figures,
+    }
+    .html()
 }
 
 /// Positions at exactly 0 0 0 become missing ones.

@@ -1,14 +1,15 @@
 //! What became of many files: a table for the terminal, and one page.
 
 use super::one_file::Fate;
-use super::record::Summary;
-use crate::Error;
+use super::places::PlaceToSee;
+use super::row::Row;
+use crate::cli::href::{encoded, href};
 use crate::cli::messages;
 use crate::evaluate::html::escape;
 use crate::evaluate::plain_page::PlainPage;
 use crate::evaluate::text_table::aligned;
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 const STYLE: &str = include_str!("clean.css");
 /// The title of the page.
@@ -35,31 +36,45 @@ pub fn is_page(path: &Path) -> bool {
 
 /// The files and what became of them.
 pub struct CleanReport<'a> {
-    rows: Vec<(String, &'a Fate)>,
+    /// The files.
+    pub rows: Vec<Row<'a>>,
     left_out: usize,
+    only_new: bool,
 }
 
 impl<'a> CleanReport<'a> {
-    /// The report of files by their names and their `fates`; `left_out` files of folders are none of motion.
-    pub fn new(names: Vec<String>, fates: &'a [Fate], left_out: usize) -> CleanReport<'a> {
+    /// The report of files; `left_out` files of folders are none of motion. With `only_new`, what the last run told is not told again.
+    pub fn new(rows: Vec<Row<'a>>, left_out: usize, only_new: bool) -> CleanReport<'a> {
         CleanReport {
-            rows: names.into_iter().zip(fates).collect(),
+            rows,
             left_out,
+            only_new,
         }
     }
 
-    /// Whether somebody has to look at a file.
+    /// Whether somebody has to look at a result.
     pub fn has_findings(&self) -> bool {
-        self.rows.iter().any(|(_, fate)| match fate.summary() {
-            Some(summary) => !summary.findings.is_empty(),
-            None => true,
-        })
+        let has = |row: &Row<'_>| match self.only_new {
+            true => !row.new.is_empty(),
+            false => row.fate.summary().is_some_and(|s| !s.findings.is_empty()),
+        };
+        self.rows.iter().any(has)
+    }
+
+    /// Whether a file failed.
+    pub fn has_failures(&self) -> bool {
+        self.failures().next().is_some()
+    }
+
+    fn failures(&self) -> impl Iterator<Item = &Row<'a>> {
+        let is_told = |row: &&Row<'_>| row.has_failed() && (!self.only_new || row.is_new_failure);
+        self.rows.iter().filter(is_told)
     }
 
     /// An error line for each file that could not be cleaned.
     pub fn tell_failures(&self) {
-        for (_, fate) in &self.rows {
-            if let Fate::Failed { error, .. } = fate {
+        for row in self.failures() {
+            if let Fate::Failed { error, .. } = row.fate {
                 messages::error(&error.to_string());
             }
         }
@@ -68,33 +83,49 @@ impl<'a> CleanReport<'a> {
     /// The table, each file's findings below it, and a line that counts.
     pub fn text(&self) -> String {
         let mut rows = vec![TITLES.map(String::from).to_vec()];
-        for (name, fate) in &self.rows {
-            rows.push(cells(name, fate));
-            let findings = fate.summary().map_or(&[][..], |s| &s.findings);
+        for row in self.rows.iter().filter(|r| !self.only_new || r.has_news()) {
+            rows.push(cells(row));
+            let findings: Vec<&str> = match (self.only_new, row.fate.summary()) {
+                (true, _) => row.new.clone(),
+                (false, summary) => {
+                    let all = summary.map_or(&[][..], |s| &s.findings);
+                    all.iter().map(String::as_str).collect()
+                }
+            };
             rows.extend(findings.iter().take(SHOWN).map(|f| vec![format!("  {f}")]));
             if findings.len() > SHOWN {
                 rows.push(vec![format!("  and {} more", findings.len() - SHOWN)]);
             }
         }
-        aligned(&rows) + &self.counts() + "\n"
+        let table = if rows.len() > 1 {
+            aligned(&rows)
+        } else {
+            String::new()
+        };
+        table + &self.counts() + "\n"
     }
 
     /// One line: how many files, and what became of them.
     fn counts(&self) -> String {
-        let count = |is: fn(&Fate) -> bool| self.rows.iter().filter(|r| is(r.1)).count();
-        let cleaned = count(|f| matches!(f, Fate::Cleaned(_)));
-        let unchanged = count(|f| matches!(f, Fate::Unchanged(_)));
-        let failed = count(|f| matches!(f, Fate::Failed { .. }));
-        let found = count(|f| f.summary().is_some_and(|s| !s.findings.is_empty()));
+        let count = |is: &dyn Fn(&Row<'_>) -> bool| self.rows.iter().filter(|r| is(r)).count();
+        let of = |word: &str| count(&|row| row.fate.outcome() == word);
+        let found = count(&|r| r.fate.summary().is_some_and(|s| !s.findings.is_empty()));
         let files = if self.rows.len() == 1 {
             "file"
         } else {
             "files"
         };
         let mut line = format!(
-            "{} {files}: {cleaned} cleaned, {unchanged} unchanged since the last run, {failed} failed; findings in {found}",
-            self.rows.len()
+            "{} {files}: {} cleaned, {} copied, {} unchanged since the last run, {} failed; findings in {found}",
+            self.rows.len(),
+            of("cleaned"),
+            of("copied"),
+            of("unchanged"),
+            of("failed"),
         );
+        if self.only_new {
+            let _ = write!(line, ", new in {}", count(&|r| !r.new.is_empty()));
+        }
         if self.left_out > 0 {
             let _ = write!(
                 line,
@@ -105,18 +136,18 @@ impl<'a> CleanReport<'a> {
         line
     }
 
-    /// The page.
-    pub fn html(&self) -> String {
+    /// The page, which stands in `folder`.
+    pub fn html(&self, folder: &Path) -> String {
         let mut rows = String::new();
-        for (name, fate) in &self.rows {
-            push_row(&mut rows, name, fate);
+        for row in &self.rows {
+            push_row(&mut rows, row, folder);
         }
         let titles: String = TITLES.iter().map(|t| format!("<th>{t}</th>")).collect();
         PlainPage {
             title: TITLE,
             lead: vec![
                 format!("{}.", escape(&self.counts())),
-                "Missing and filled are positions: points times frames. A JSON file beside each result says what it was made from, what was found, and how each gap was filled.".to_string(),
+                "Missing and filled are positions: points times frames. A file's name leads to a page that plays the take, where there is something to see; its result's word leads to the record, a JSON file beside the result that says what it was made from, what was found, and how each gap was filled.".to_string(),
             ],
             main: format!(
                 "<section><div class=\"wide\"><table class=\"files\">\n<tr>{titles}</tr>\n{rows}</table></div></section>"
@@ -129,77 +160,65 @@ impl<'a> CleanReport<'a> {
     }
 }
 
-impl Fate {
-    /// What became of the file, unless it failed.
-    pub fn summary(&self) -> Option<&Summary> {
-        match self {
-            Fate::Cleaned(summary) | Fate::Unchanged(summary) => Some(summary),
-            Fate::Failed { .. } => None,
-        }
-    }
-
-    /// Why the file could not be cleaned.
-    pub fn into_error(self) -> Option<Error> {
-        match self {
-            Fate::Failed { error, .. } => Some(error),
-            Fate::Cleaned(_) | Fate::Unchanged(_) => None,
-        }
-    }
-
-    fn word(&self) -> &'static str {
-        match self {
-            Fate::Cleaned(_) => "cleaned",
-            Fate::Unchanged(_) => "unchanged",
-            Fate::Failed {
-                old_result: true, ..
-            } => "failed, old result stays",
-            Fate::Failed { .. } => "failed",
-        }
-    }
-}
-
 /// The cells of a file, as [`TITLES`] has them.
-fn cells(name: &str, fate: &Fate) -> Vec<String> {
-    let mut row = vec![name.replace(char::is_control, "\u{fffd}")];
-    match fate.summary() {
+fn cells(row: &Row<'_>) -> Vec<String> {
+    let mut out = vec![row.name.replace(char::is_control, "\u{fffd}")];
+    match row.fate.summary() {
         Some(s) => {
-            let noise = format!("{:.2}{}", s.noise, if s.denoised { " removed" } else { "" });
-            row.push(s.format.clone());
-            row.extend(
+            let became = match (s.denoised, s.noise_stays) {
+                (true, _) => " removed",
+                (_, true) => " stays",
+                _ => "",
+            };
+            out.push(s.format.clone());
+            out.extend(
                 [s.frames, s.points, s.missing, s.filled, s.outliers].map(|n| n.to_string()),
             );
-            row.push(noise);
+            out.push(format!("{:.2}{became}", s.noise));
         }
-        None => row.extend(std::iter::repeat_n(String::new(), TITLES.len() - 2)),
+        None => out.extend(std::iter::repeat_n(String::new(), TITLES.len() - 2)),
     }
-    row.push(fate.word().to_string());
-    row
+    out.push(match row.fate {
+        Fate::Failed {
+            old_result: true, ..
+        } => "failed, old result stays".to_string(),
+        fate => fate.outcome().to_string(),
+    });
+    out
 }
 
-fn push_row(out: &mut String, name: &str, fate: &Fate) {
-    let class = match fate.summary() {
+fn push_row(out: &mut String, row: &Row<'_>, folder: &Path) {
+    let class = match row.fate.summary() {
         None => "failed",
         Some(s) if !s.findings.is_empty() => "found",
         Some(_) => "fine",
     };
     let _ = write!(out, "<tr class=\"{class}\">");
-    for (i, cell) in cells(name, fate).iter().enumerate() {
+    let link = |path: PathBuf| href(folder, &path);
+    let (page, record) = (row.page().map(link), row.record().map(link));
+    for (i, cell) in cells(row).iter().enumerate() {
         let tag = if i == 0 { "th" } else { "td" };
-        let _ = write!(out, "<{tag}>{}</{tag}>", escape(cell));
+        let to = match i {
+            0 => &page,
+            i if i + 1 == TITLES.len() => &record,
+            _ => &None,
+        };
+        let text = escape(cell);
+        let _ = match to {
+            Some(to) => write!(out, "<{tag}><a href=\"{to}\">{text}</a></{tag}>"),
+            None => write!(out, "<{tag}>{text}</{tag}>"),
+        };
     }
     *out += "</tr>\n";
-    let list = |lines: &[String]| -> String {
-        let item = |line: &String| format!("<li>{}</li>", escape(line));
-        lines.iter().map(item).collect()
-    };
-    let more = match fate {
-        Fate::Failed { error, .. } => list(&[error.to_string()]),
+    let item = |line: &String| format!("<li>{}</li>", escape(line));
+    let more = match row.fate {
+        Fate::Failed { error, .. } => item(&error.to_string()),
         Fate::Cleaned(s) | Fate::Unchanged(s) => {
-            let notes = s
-                .notes
-                .iter()
-                .map(|n| format!("<li class=\"note\">{}</li>", escape(n)));
-            list(&s.findings) + &notes.collect::<String>()
+            let notes = s.notes.iter();
+            let notes = notes.map(|n| format!("<li class=\"note\">{}</li>", escape(n)));
+            let findings: String = s.findings.iter().map(item).collect();
+            let places = page.as_ref().map(|page| places(&s.places, page));
+            findings + &places.unwrap_or_default() + &notes.collect::<String>()
         }
     };
     if !more.is_empty() {
@@ -208,5 +227,31 @@ fn push_row(out: &mut String, name: &str, fate: &Fate) {
             "<tr class=\"{class} more\"><td colspan=\"{}\"><ul>{more}</ul></td></tr>",
             TITLES.len()
         );
+    }
+}
+
+/// Links to the places of a take on its page.
+fn places(places: &[PlaceToSee], page: &str) -> String {
+    let link = |place: &PlaceToSee| {
+        let (point, trail) = match &place.point {
+            Some(point) => (
+                format!("{point}, "),
+                format!("&amp;trail={}", encoded(point)),
+            ),
+            None => Default::default(),
+        };
+        let text = format!("{point}frame {}: {}", place.frame, place.what);
+        format!(
+            "<a href=\"{page}#frame={}{trail}\">{}</a>",
+            place.frame,
+            escape(&text)
+        )
+    };
+    match places {
+        [] => String::new(),
+        places => {
+            let all: Vec<String> = places.iter().map(link).collect();
+            format!("<li class=\"places\">{}</li>", all.join("; "))
+        }
     }
 }

@@ -1,15 +1,13 @@
 //! Which files are cleaned, and where each result goes.
 
-use super::super::args::Format;
 use super::record::{may_write, record_path};
+use crate::cli::args::Format;
+use crate::cli::motion_folder::{EXTENSIONS, MotionFolder, is_special, name_of, unpacked};
 use crate::io::MotionFormat;
 use crate::{Error, Place, Result};
 use clap::ValueEnum;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
-
-/// The names of files that a folder is searched for.
-const EXTENSIONS: [&str; 7] = ["c3d", "trc", "bvh", "amc", "csv", "tsv", "npy"];
 
 /// Other formats that somebody may ask for.
 const OTHERS: [&str; 5] = ["glb", "gltf", "fbx", "json", "html"];
@@ -118,11 +116,6 @@ pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Resu
     Ok(out)
 }
 
-/// Whether a path is there and neither a file nor a folder.
-fn is_special(path: &Path) -> bool {
-    path.metadata().is_ok_and(|m| !m.is_file() && !m.is_dir())
-}
-
 impl Jobs {
     fn one(input: &Path, output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
         let job = Job {
@@ -171,40 +164,14 @@ impl Jobs {
         out
     }
 
-    /// The files of motion below a folder but not below `results`, with their paths within it, in the order of their names.
+    /// The files of motion below a folder but not below `results`, with their paths within it.
     fn files_of(&mut self, folder: &Path, results: Option<&Path>) -> Vec<(PathBuf, PathBuf)> {
-        let mut out = Vec::new();
-        let mut folders = vec![folder.to_path_buf()];
-        // A link to a folder may lead back here.
-        let mut seen: HashSet<PathBuf> = results.map(Path::to_path_buf).into_iter().collect();
-        while let Some(next) = folders.pop() {
-            let is_new = next.canonicalize().map_or(true, |path| seen.insert(path));
-            if !is_new {
-                continue;
-            }
-            let within = |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_path_buf();
-            let entries = match std::fs::read_dir(&next) {
-                Ok(entries) => entries,
-                Err(e) => {
-                    let name = within(&next).display().to_string();
-                    self.unreadable.push((name, Error::io(&next, e)));
-                    continue;
-                }
-            };
-            for path in entries.flatten().map(|entry| entry.path()) {
-                let is_hidden = name_of(&path).to_string_lossy().starts_with('.');
-                if path.is_dir() && !is_hidden {
-                    folders.push(path);
-                } else if is_motion(&path) && !is_hidden && !is_special(&path) && !is_result(&path)
-                {
-                    out.push((path.clone(), within(&path)));
-                } else if path.is_file() {
-                    self.left_out += 1;
-                }
-            }
-        }
-        out.sort();
-        out
+        let found = MotionFolder::search(folder, results, |path| !is_result(path));
+        let unreadable = found.unreadable.into_iter();
+        let named = unreadable.map(|(within, error)| (within.display().to_string(), error));
+        self.unreadable.extend(named);
+        self.left_out += found.left_out;
+        found.files
     }
 
     /// Fails where a result would be written over a capture or over another result.
@@ -239,7 +206,7 @@ impl Jobs {
             paths.iter().any(|path| canonical(path) == own)
         };
         if page.exists() && !is_page || self.jobs.iter().any(is_of) {
-            let what = "is there and is no page of clean; give another place with --page";
+            let what = "is there and is no page or list of clean; give another place with --page";
             return Err(Error::data(Place::file(page.display().to_string()), what));
         }
         Ok(())
@@ -254,27 +221,6 @@ fn canonical(path: &Path) -> PathBuf {
 /// Whether a file was made by `clean`.
 fn is_result(path: &Path) -> bool {
     record_path(path).exists() && may_write(path, false).is_ok()
-}
-
-/// The last part of a path.
-fn name_of(path: &Path) -> PathBuf {
-    PathBuf::from(path.file_name().unwrap_or_default())
-}
-
-/// The name of a file without the ending of a packed one.
-fn unpacked(path: &Path) -> PathBuf {
-    match path.extension() {
-        Some(e) if e.eq_ignore_ascii_case("gz") || e.eq_ignore_ascii_case("zst") => {
-            path.with_extension("")
-        }
-        _ => path.to_path_buf(),
-    }
-}
-
-fn is_motion(path: &Path) -> bool {
-    let path = unpacked(path);
-    let is = |e: &std::ffi::OsStr| EXTENSIONS.iter().any(|x| e.eq_ignore_ascii_case(x));
-    path.extension().is_some_and(is)
 }
 
 /// The format that the name of a result asks for, where it is another than that of the capture's name.

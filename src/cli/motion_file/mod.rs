@@ -1,6 +1,8 @@
 //! A file of motion of any format that is read, as a pose table, and the way back into its own format.
 
+mod bones;
 mod read_as;
+mod scoped;
 mod skeleton;
 mod write;
 
@@ -61,6 +63,7 @@ impl MotionFile {
             return Err(Error::data(Place::file(name), "is empty"));
         }
         let format = MotionFormat::of(&bytes[..bytes.len().min(12)]);
+        let flags = &flags.of(path, format);
         let keep = flags.keep_whole;
         match format {
             MotionFormat::C3d => {

@@ -1,26 +1,27 @@
 //! What a file is taken for: by what it says itself, else by flags, else by the custom of its format.
 
-use super::super::args::parse_rate;
-use super::super::units::{Units, Up};
+use super::scoped::{Scoped, parse_scoped_rate, parse_scoped_units, parse_scoped_up};
 use crate::Result;
-use crate::io::parse_point_names;
+use crate::cli::units::{Units, Up};
+use crate::io::{MotionFormat, parse_point_names};
 use clap::Args;
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What is taken for files that do not say it.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Input")]
 pub struct ReadArgs {
-    /// Frames per second of files that do not say it
-    #[arg(long, value_name = "F", value_parser = parse_rate)]
-    fps: Option<f64>,
-    /// Unit of length of files that do not say it (BVH files and tables: cm)
-    #[arg(long, value_enum, value_name = "UNIT")]
-    units: Option<Units>,
-    /// Axis that points up in files that do not say it (BVH files and tables: y)
-    #[arg(long, value_enum, value_name = "AXIS")]
-    up: Option<Up>,
+    /// Frames per second of files that do not say it; c3d=100 is for files of a format, FOLDER=100 for those of a folder, which counts
+    /// first; several parted by commas, or the flag again
+    #[arg(long, value_name = "[FORMAT|FOLDER=]F", value_delimiter = ',', value_parser = parse_scoped_rate)]
+    fps: Vec<Scoped<f64>>,
+    /// Unit of length of files that do not say it (BVH files and tables: cm): cm, m, mm, in or asf; for a format or a folder as for --fps
+    #[arg(long, value_name = "[FORMAT|FOLDER=]UNIT", value_delimiter = ',', value_parser = parse_scoped_units)]
+    units: Vec<Scoped<Units>>,
+    /// Axis that points up in files that do not say it (BVH files and tables: y): x, y or z; for a format or a folder as for --fps
+    #[arg(long, value_name = "[FORMAT|FOLDER=]AXIS", value_delimiter = ',', value_parser = parse_scoped_up)]
+    up: Vec<Scoped<Up>>,
     /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's: 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: Option<PathBuf>,
@@ -39,17 +40,28 @@ impl ReadArgs {
     /// [`crate::Error::Usage`]: names of points that cannot be.
     pub fn flags(&self) -> Result<ReadFlags> {
         Ok(ReadFlags {
-            fps: self.fps,
-            units: self.units,
-            up: self.up,
+            scoped: ScopedFlags {
+                fps: self.fps.clone(),
+                units: self.units.clone(),
+                up: self.up.clone(),
+            },
             asf: self.asf.clone(),
             joints: self.joints.as_deref().map(parse_point_names).transpose()?,
             keep_whole: self.keep_whole,
+            ..ReadFlags::default()
         })
     }
 }
 
-/// What is taken for a file that does not say it.
+/// Values for all files, formats and folders.
+#[derive(Debug, Clone, Default)]
+struct ScopedFlags {
+    fps: Vec<Scoped<f64>>,
+    units: Vec<Scoped<Units>>,
+    up: Vec<Scoped<Up>>,
+}
+
+/// What is taken for a file that does not say it. [`ReadFlags::of`] gives it for a file at hand.
 #[derive(Debug, Clone, Default)]
 pub struct ReadFlags {
     /// Frames a second.
@@ -64,6 +76,22 @@ pub struct ReadFlags {
     pub joints: Option<Vec<String>>,
     /// Whether a file that ends early gives the frames that it has.
     pub keep_whole: bool,
+    /// What the first three become of.
+    scoped: ScopedFlags,
+}
+
+impl ReadFlags {
+    /// What is taken for a file of this format.
+    pub fn of(&self, path: &Path, format: MotionFormat) -> ReadFlags {
+        let scoped = &self.scoped;
+        ReadFlags {
+            fps: Scoped::of(&scoped.fps, path, format).or(self.fps),
+            units: Scoped::of(&scoped.units, path, format).or(self.units),
+            up: Scoped::of(&scoped.up, path, format).or(self.up),
+            scoped: ScopedFlags::default(),
+            ..self.clone()
+        }
+    }
 }
 
 /// Where something that was taken for true comes from.

@@ -1,0 +1,77 @@
+//! What the list of the last run says of its files: by that it is known what is new.
+
+use crate::{Error, Place, Result};
+use serde::Deserialize;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// What the list of an earlier run says of its files.
+#[derive(Debug, Default)]
+pub struct EarlierList(HashMap<String, EarlierRow>);
+
+#[derive(Debug, Deserialize)]
+struct EarlierRow {
+    command: String,
+    file: String,
+    findings: Vec<String>,
+    error: Option<String>,
+}
+
+impl EarlierList {
+    /// The list that is there; none is empty.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: a file is there that is no such list.
+    pub fn read(path: &Path) -> Result<EarlierList> {
+        if path.symlink_metadata().is_err() {
+            return Ok(EarlierList::default());
+        }
+        let text = std::fs::read(path).map_err(|e| Error::io(path, e))?;
+        let rows: Option<Vec<EarlierRow>> = serde_json::from_slice(&text).ok();
+        let rows = rows.filter(|rows| rows.iter().all(|row| row.command == "clean"));
+        let rows = rows.ok_or_else(|| {
+            let what =
+                "is there and is no list of clean; move it, or give another place with --page";
+            Error::data(Place::file(path.display().to_string()), what)
+        })?;
+        let named = rows.into_iter().map(|row| (row.file.clone(), row));
+        Ok(EarlierList(named.collect()))
+    }
+
+    /// Whether a file had this finding.
+    pub fn has(&self, file: &str, finding: &str) -> bool {
+        (self.0.get(file)).is_some_and(|row| row.findings.iter().any(|f| f == finding))
+    }
+
+    /// Whether a file failed in the same way.
+    pub fn has_failure(&self, file: &str, error: &str) -> bool {
+        (self.0.get(file)).is_some_and(|row| row.error.as_deref() == Some(error))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_of_somebody_else_is_refused() -> std::io::Result<()> {
+        let folder = tempfile::tempdir()?;
+        let path = folder.path().join("clean.json");
+        assert!(EarlierList::read(&path).is_ok());
+        for other in [
+            "{}",
+            "[1]",
+            "x",
+            "[{\"command\": \"rm\", \"file\": \"a\", \"findings\": []}]",
+        ] {
+            std::fs::write(&path, other)?;
+            assert!(EarlierList::read(&path).is_err(), "{other}");
+        }
+        let own = "[{\"command\": \"clean\", \"file\": \"a.csv\", \"findings\": [\"x\"], \"error\": null}]";
+        std::fs::write(&path, own)?;
+        let list = EarlierList::read(&path).unwrap();
+        assert!(list.has("a.csv", "x") && !list.has("a.csv", "y") && !list.has("b.csv", "x"));
+        assert!(!list.has_failure("a.csv", "x"));
+        Ok(())
+    }
+}

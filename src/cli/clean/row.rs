@@ -1,0 +1,100 @@
+//! A file of a run, and what became of it.
+
+use super::earlier_list::EarlierList;
+use super::one_file::Fate;
+use super::record::{Summary, has_record, record_path};
+use super::sources::Job;
+use crate::Error;
+use crate::cli::take_page::{is_take_page, page_beside};
+use std::path::{Path, PathBuf};
+
+/// A file and what became of it.
+pub struct Row<'a> {
+    /// Its name in tables.
+    pub name: String,
+    /// What became of it.
+    pub fate: &'a Fate,
+    /// Its findings that the last run did not have.
+    pub new: Vec<&'a str>,
+    /// Whether it failed, and not in the same way in the last run.
+    pub is_new_failure: bool,
+    /// The place of its result; a folder that cannot be read has none.
+    output: Option<&'a Path>,
+}
+
+impl<'a> Row<'a> {
+    /// A file, or a folder that cannot be read, which has no job.
+    pub fn new(name: String, fate: &'a Fate, job: Option<&'a Job>, last: &EarlierList) -> Row<'a> {
+        let findings = fate.summary().map_or(&[][..], |s| &s.findings);
+        let new = findings.iter().filter(|finding| !last.has(&name, finding));
+        let is_new_failure = match fate {
+            Fate::Failed { error, .. } => !last.has_failure(&name, &error.to_string()),
+            _ => false,
+        };
+        Row {
+            fate,
+            new: new.map(String::as_str).collect(),
+            is_new_failure,
+            output: job.map(|job| job.output.as_path()),
+            name,
+        }
+    }
+
+    /// Whether it failed.
+    pub fn has_failed(&self) -> bool {
+        matches!(self.fate, Fate::Failed { .. })
+    }
+
+    /// Whether there is something that the last run did not tell.
+    pub fn has_news(&self) -> bool {
+        !self.new.is_empty() || self.is_new_failure
+    }
+
+    /// The result, where there is one.
+    pub fn result(&self) -> Option<PathBuf> {
+        let is_there = match self.fate {
+            Fate::Failed { old_result, .. } => *old_result,
+            _ => true,
+        };
+        self.output.filter(|_| is_there).map(Path::to_path_buf)
+    }
+
+    /// Its record, where there is one.
+    pub fn record(&self) -> Option<PathBuf> {
+        self.output.filter(|o| has_record(o)).map(record_path)
+    }
+
+    /// The page of the take, where there is one.
+    pub fn page(&self) -> Option<PathBuf> {
+        let page = page_beside(&self.result()?);
+        is_take_page(&page).then_some(page)
+    }
+}
+
+impl Fate {
+    /// What became of the file, unless it failed.
+    pub fn summary(&self) -> Option<&Summary> {
+        match self {
+            Fate::Cleaned(summary) | Fate::Unchanged(summary) => Some(summary),
+            Fate::Failed { .. } => None,
+        }
+    }
+
+    /// Why the file could not be cleaned.
+    pub fn into_error(self) -> Option<Error> {
+        match self {
+            Fate::Failed { error, .. } => Some(error),
+            Fate::Cleaned(_) | Fate::Unchanged(_) => None,
+        }
+    }
+
+    /// What became of it in one word: cleaned, copied, unchanged or failed.
+    pub fn outcome(&self) -> &'static str {
+        match self {
+            Fate::Cleaned(summary) if summary.copied => "copied",
+            Fate::Cleaned(_) => "cleaned",
+            Fate::Unchanged(_) => "unchanged",
+            Fate::Failed { .. } => "failed",
+        }
+    }
+}
