@@ -51,7 +51,6 @@ pub fn clean(
     if let Some(page) = &page {
         jobs.check_page(page, report::is_page(page))?;
     }
-    super::signals::watch();
     let mut fates = clean_all(&jobs.jobs, jobs.to, settings);
     if jobs.folder.is_none() && matches!(fates[..], [Fate::Failed { .. }]) {
         let error = fates.pop().and_then(Fate::into_error);
