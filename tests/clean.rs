@@ -275,8 +275,8 @@ fn a_killed_run_goes_on_where_it_was() {
         let record = fs::read_to_string(folder.at(&format!("out/{i}.csv.json")));
         record.is_ok_and(|text| text.contains("\"output\""))
     };
-    while !is_done(&1) {
-        assert!(child.try_wait().unwrap().is_none(), "it ended before");
+    // Where this test got no time meanwhile, it may have ended.
+    while !is_done(&1) && child.try_wait().unwrap().is_none() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     child.kill().unwrap();

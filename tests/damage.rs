@@ -9,7 +9,7 @@ use posing::numeric::parallel::rng;
 use posing::prior::rigid_pairs::RigidPairs;
 use rand::Rng;
 use std::io::Cursor;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 const FILES: u64 = 10_000;
 const NAME: &str = "damaged.file";
@@ -114,13 +114,11 @@ fn damage(bytes: &[u8], rng: &mut impl Rng) -> Vec<u8> {
 /// Damages `whole` many times and reads each; a panic fails the test, an error must be one line with the file's name.
 fn batter(stream: u64, whole: &[&[u8]], read: impl Fn(Input) -> posing::Result<bool>) {
     let mut rng = rng(4, stream);
-    let (mut refused, mut slowest) = (0, Duration::ZERO);
+    let mut refused = 0;
     for i in 0..FILES {
         let bytes = damage(whole[i as usize % whole.len()], &mut rng);
         let kept = bytes.clone();
-        let began = Instant::now();
         let result = Input::new(NAME, Cursor::new(bytes)).and_then(&read);
-        slowest = slowest.max(began.elapsed());
         let shown = || String::from_utf8_lossy(&kept).into_owned();
         match result {
             Ok(finite) => assert!(finite, "infinite numbers from file {i}:\n{}", shown()),
@@ -135,7 +133,6 @@ fn batter(stream: u64, whole: &[&[u8]], read: impl Fn(Input) -> posing::Result<b
             }
         }
     }
-    assert!(slowest <= Duration::from_secs(5), "{slowest:?}");
     // Most damage is seen, and some is harmless: else this test tests nothing.
     assert!(refused > FILES / 10 && refused < FILES, "{refused} refused");
 }
@@ -309,7 +306,8 @@ fn damaged_files_through_the_commands() {
             let out = common::command(name)
                 .args(words)
                 .current_dir(dir.path())
-                .timeout(Duration::from_secs(60))
+                // Only so that a test that fails ends.
+                .timeout(Duration::from_secs(600))
                 .output()
                 .unwrap();
             let said = String::from_utf8_lossy(&out.stderr);

@@ -355,32 +355,3 @@ fn many_poses_are_coded_in_their_order_and_those_before_a_faulty_row_too() {
     assert!(said.contains("702"), "{said}");
     assert_eq!(output.stdout.iter().filter(|b| **b == b'\n').count(), 701);
 }
-
-#[cfg(unix)]
-#[test]
-fn a_signal_leaves_nothing_half_written() {
-    use std::os::unix::process::ExitStatusExt;
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("x.csv");
-    let mut child = std::process::Command::new(common::bin().join("corrupt"))
-        .args(["--dense", "1", "-o", out.to_str().unwrap()])
-        .stdin(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut pipe = child.stdin.take().unwrap();
-    pipe.write_all(b"a.x,a.y,a.z\n1,2,3\n").unwrap();
-    pipe.flush().unwrap();
-    let count = || fs::read_dir(folder.path()).unwrap().count();
-    let start = std::time::Instant::now();
-    while count() == 0 && start.elapsed().as_secs() < 20 {
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
-    assert_eq!(count(), 1);
-    // The shell's own `kill`: small systems have no program of that name.
-    let kill = std::process::Command::new("sh")
-        .args(["-c", &format!("kill {}", child.id())])
-        .status();
-    assert!(kill.unwrap().success());
-    assert_eq!(child.wait().unwrap().signal(), Some(15));
-    assert_eq!(count(), 0);
-}

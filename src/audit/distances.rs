@@ -1,7 +1,9 @@
 //! Distances between points that go together: bones that drift, points that have fallen off.
 
-use super::motion::speed_of_others;
+use super::nearby;
+use super::other_speeds::OtherSpeeds;
 use super::{Finding, FindingKind, Limits, Take, median, ranges};
+use std::collections::HashSet;
 
 /// Points that go together: their distance stays within this share of itself, and this, cm, in the middle half of the frames of a
 /// quarter of the take.
@@ -23,19 +25,31 @@ fn partners(take: &Take<'_>) -> Vec<Option<(usize, f64)>> {
     let (points, frames) = (take.points.len(), take.xyz.nrows());
     let step = frames.div_ceil(FRAMES).max(1);
     let quarter = |k: usize| k * frames / 4..(k + 1) * frames / 4;
-    let partner = |p: usize| {
-        let candidates = (0..points).filter(|&q| q != p).filter_map(|q| {
-            let of = |k: usize| spread(distances(take, p, q, quarter(k).step_by(step)));
-            let mut quarters: Vec<(f64, f64)> = (0..4).filter_map(of).collect();
-            quarters.sort_by(|a, b| a.1.total_cmp(&b.1));
-            let (middle, spread) = *quarters.get(1)?;
-            let is_steady = middle > STEADY_CM && spread <= (STEADY * middle).min(STEADY_CM);
-            is_steady.then_some((q, 0.5 * (quarters[0].0 + middle), spread))
-        });
-        let best = candidates.min_by(|a, b| a.2.total_cmp(&b.2));
-        best.map(|(q, middle, _)| (q, middle))
-    };
-    (0..points).map(partner).collect()
+    if quarter(3).len().div_ceil(step) < FEWEST {
+        // The last quarter is the longest.
+        return vec![None; points];
+    }
+    // The steadiest so far of each, with its spread.
+    let mut best: Vec<Option<(usize, f64, f64)>> = vec![None; points];
+    for (p, q) in nearby::pairs(take) {
+        let of = |k: usize| spread(distances(take, p, q, quarter(k).step_by(step)));
+        let mut quarters: Vec<(f64, f64)> = (0..4).filter_map(of).collect();
+        quarters.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let Some(&(middle, spread)) = quarters.get(1) else {
+            continue;
+        };
+        if !(middle > STEADY_CM && spread <= (STEADY * middle).min(STEADY_CM)) {
+            continue;
+        }
+        let usual = 0.5 * (quarters[0].0 + middle);
+        for (one, other) in [(p, q), (q, p)] {
+            if best[one].is_none_or(|(_, _, least)| spread < least) {
+                best[one] = Some((other, usual, spread));
+            }
+        }
+    }
+    let partner = |best: Option<(usize, f64, f64)>| best.map(|(other, usual, _)| (other, usual));
+    best.into_iter().map(partner).collect()
 }
 
 /// The median of some distances, and how far the middle half of them spreads; `None` of too few.
@@ -56,21 +70,20 @@ fn distances(take: &Take<'_>, p: usize, q: usize, frames: impl Iterator<Item = u
 /// Distances that drift, and points that have fallen off.
 pub(super) fn findings(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
     let mut out = Vec::new();
+    let others = OtherSpeeds::of(take);
     for (p, partner) in partners(take).into_iter().enumerate() {
         let Some((q, usual)) = partner else { continue };
-        match fallen(take, p, q, usual) {
+        match fallen(take, p, (q, usual), &others) {
             Some(found) => out.push(found),
             None => out.extend(drift(take, p, q, limits)),
         }
     }
     // A pair that drifts is one finding, not two.
-    let mut seen: Vec<Vec<String>> = Vec::new();
+    let mut seen: HashSet<Vec<String>> = HashSet::new();
     out.retain(|finding| {
         let mut pair = finding.points.clone();
         pair.sort();
-        let is_new = finding.kind != FindingKind::Drift || !seen.contains(&pair);
-        seen.push(pair);
-        is_new
+        seen.insert(pair) || finding.kind != FindingKind::Drift
     });
     out
 }
@@ -92,7 +105,12 @@ fn drift(take: &Take<'_>, p: usize, q: usize, limits: &Limits) -> Option<Finding
     })
 }
 
-fn fallen(take: &Take<'_>, p: usize, q: usize, usual: f64) -> Option<Finding> {
+fn fallen(
+    take: &Take<'_>,
+    p: usize,
+    (q, usual): (usize, f64),
+    others: &OtherSpeeds<'_, '_>,
+) -> Option<Finding> {
     let rate = take.rate?;
     let lies = |t: &usize| {
         let (now, next, other) = (take.at(*t, p)?, take.at(*t + 1, p)?, take.at(*t, q)?);
@@ -101,7 +119,7 @@ fn fallen(take: &Take<'_>, p: usize, q: usize, usual: f64) -> Option<Finding> {
     };
     let lying = ranges(take.steps().filter(|t| lies(t) == Some(true)));
     let long = lying.into_iter().filter(|r| r.len() > STILL_FRAMES);
-    let found = long.filter(|r| speed_of_others(take, r.clone(), p, rate) > MOVING);
+    let found = long.filter(|r| others.median(r.clone(), p, rate) > MOVING);
     let longest = found.max_by_key(|r| r.len())?;
     let what = format!(
         "{} lies still for {} frames, {FALLEN_OFF} cm and more from where {} has it: it has fallen off",

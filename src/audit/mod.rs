@@ -7,6 +7,8 @@ mod body;
 mod distances;
 mod gaps;
 mod motion;
+mod nearby;
+mod other_speeds;
 mod rotations;
 
 pub use gaps::{GapSummary, PointGaps};
@@ -220,8 +222,8 @@ fn times(take: &Take<'_>, limits: &Limits) -> Option<Finding> {
 impl Take<'_> {
     /// The place of a point in a frame; `None` where a coordinate is missing.
     fn at(&self, frame: usize, point: usize) -> Option<glam::DVec3> {
-        let row = self.xyz.row(frame);
-        let at = glam::DVec3::new(row[3 * point], row[3 * point + 1], row[3 * point + 2]);
+        let at = [0, 1, 2].map(|axis| self.xyz[[frame, 3 * point + axis]]);
+        let at = glam::DVec3::from_array(at);
         at.is_finite().then_some(at)
     }
 

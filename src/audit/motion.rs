@@ -1,8 +1,11 @@
 //! How points move: too fast, off their paths, into each other's places, or not at all.
 
-use super::{Finding, FindingKind, Limits, Take, median, ranges};
+use super::other_speeds::OtherSpeeds;
+use super::{Finding, FindingKind, Limits, Take, ranges};
 use crate::pose::stray::PointApart;
 use crate::restore::outliers::spikes_of_take;
+use glam::DVec3;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
@@ -12,6 +15,8 @@ const FAST: f64 = 0.99;
 const TOLD_APART: f64 = 3.0;
 /// A swap leaves each point this many times as near to the other's path as to its own.
 const SWAPPED: f64 = 4.0;
+/// Up to this number of points that move far, each is compared with all others.
+const FEW: usize = 500;
 /// A value that is held for so many frames, while the others move this fast in the median, cm/s, was not measured.
 const HELD_FRAMES: usize = 10;
 const MOVING: f64 = 5.0;
@@ -51,8 +56,11 @@ pub(super) fn jumps(take: &Take<'_>, limits: &Limits) -> Vec<Finding> {
     };
     let spikes = spikes_of_take(take.xyz, &take.runs, rate);
     let mut out = Vec::new();
-    for p in 0..take.points.len() {
-        let frames = (0..spikes.len()).filter(|&t| spikes[t].contains(&p));
+    let mut frames = vec![Vec::new(); take.points.len()];
+    for (t, points) in spikes.iter().enumerate() {
+        points.iter().for_each(|p| frames[*p].push(t));
+    }
+    for (p, frames) in frames.into_iter().enumerate() {
         let far = ranges(frames)
             .into_iter()
             .filter_map(|range| Some((height(take, p, &range)?, range)))
@@ -96,8 +104,8 @@ pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
             .filter(|(_, length)| *length > TOLD_APART)
             .map(|(p, _)| p)
             .collect();
-        for (i, &a) in far.iter().enumerate() {
-            for &b in far[i + 1..].iter().filter(|&&b| is_swap(take, t, a, b)) {
+        for (a, b) in may_swap(take, t, &far) {
+            if is_swap(take, t, a, b) {
                 pairs.entry((a, b)).or_default().push(t + 1);
             }
         }
@@ -118,6 +126,29 @@ pub(super) fn swaps(take: &Take<'_>) -> Vec<Finding> {
         )
     };
     pairs.into_iter().map(finding).collect()
+}
+
+/// The pairs of `far` that may change places after frame `t`: all, or of many those whose places cross. Where a goes to b's place
+/// and b to a's, what both miss is less than their own steps / [`SWAPPED`], and so than 2 / 3 of a's step.
+fn may_swap(take: &Take<'_>, t: usize, far: &[usize]) -> Vec<(usize, usize)> {
+    if far.len() <= FEW {
+        let pairs = |(i, &a): (usize, &usize)| far[i + 1..].iter().map(move |&b| (a, b));
+        return far.iter().enumerate().flat_map(pairs).collect();
+    }
+    let places = |p: usize| Some((take.at(t, p)?, take.at(t + 1, p)?));
+    let both = |a: DVec3, b: DVec3| [a.x, a.y, a.z, b.x, b.y, b.z];
+    let steps: Vec<(DVec3, DVec3)> = far.iter().filter_map(|&p| places(p)).collect();
+    let ends: Vec<[f64; 6]> = steps.iter().map(|(now, next)| both(*next, *now)).collect();
+    let tree: ImmutableKdTree<f64, 6> = ImmutableKdTree::new_from_slice(&ends);
+    let mut out = Vec::new();
+    for (i, (now, next)) in steps.iter().enumerate() {
+        let miss = 2.0 / 3.0 * (*next - *now).length();
+        let square = miss * miss * (1.0 + 1e-9);
+        let near = tree.within_unsorted::<SquaredEuclidean>(&both(*now, *next), square);
+        let later = near.iter().map(|n| n.item as usize).filter(|&k| k > i);
+        out.extend(later.map(|k| (far[i], far[k])));
+    }
+    out
 }
 
 /// `once`, or `3 times`.
@@ -148,6 +179,7 @@ pub(super) fn held(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
         return Vec::new();
     };
     let mut out = Vec::new();
+    let others = OtherSpeeds::of(take);
     let apart: HashSet<usize> = apart.iter().map(|a| a.point).collect();
     for p in (0..take.points.len()).filter(|p| !apart.contains(p)) {
         let is_same = |t: &usize| {
@@ -156,7 +188,7 @@ pub(super) fn held(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
         };
         let same = ranges(take.steps().filter(is_same));
         let long = same.into_iter().filter(|r| r.len() >= HELD_FRAMES);
-        let held = long.filter(|r| speed_of_others(take, r.start..r.end + 1, p, rate) > MOVING);
+        let held = long.filter(|r| others.median(r.start..r.end + 1, p, rate) > MOVING);
         let held: Vec<_> = held.map(|r| r.start..r.end + 1).collect();
         let Some(longest) = held.iter().max_by_key(|r| r.len()) else {
             continue;
@@ -171,19 +203,44 @@ pub(super) fn held(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
     out
 }
 
-/// The speed of the other points from the first to the last frame, in the median, cm/s.
-pub(super) fn speed_of_others(
-    take: &Take<'_>,
-    frames: Range<usize>,
-    point: usize,
-    rate: f64,
-) -> f64 {
-    let way = |p: usize| {
-        let steps = frames.clone().zip(frames.clone().skip(1));
-        let steps =
-            steps.filter_map(|(t, next)| Some((take.at(next, p)? - take.at(t, p)?).length()));
-        median(steps.collect()).map(|step| step * rate)
-    };
-    let others = (0..take.points.len()).filter(|&p| p != point);
-    median(others.filter_map(way).collect()).unwrap_or(0.0)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numeric::parallel::rng;
+    use ndarray::Array2;
+    use rand::Rng;
+
+    #[test]
+    fn all_pairs_that_swap_are_among_those_that_may() {
+        let points = 2 * FEW;
+        let mut rng = rng(1, 0);
+        let mut xyz = Array2::from_shape_fn((2, 3 * points), |_| rng.random_range(-50.0..50.0));
+        for p in 0..points {
+            let goes_on = p % 3 != 0;
+            for axis in 0..3 {
+                // Most go on together; others change places, nearly, or go anywhere.
+                let other = if p % 2 == 0 { p + 3 } else { p.saturating_sub(3) } % points;
+                let from = if goes_on { p } else { other };
+                let off = if goes_on { 5.0 } else { rng.random_range(-3.0..3.0) };
+                xyz[[1, 3 * p + axis]] = xyz[[0, 3 * from + axis]] + off;
+            }
+        }
+        let names = vec![String::new(); points];
+        let take = Take {
+            points: &names,
+            xyz: xyz.view(),
+            time: None,
+            runs: vec![0..2],
+            rate: None,
+        };
+        let all: Vec<usize> = (0..points).collect();
+        let is_swap = |pair: &(usize, usize)| is_swap(&take, 0, pair.0, pair.1);
+        let few = may_swap(&take, 0, &all);
+        let mut found: Vec<_> = few.iter().copied().filter(is_swap).collect();
+        found.sort_unstable();
+        let pairs = all.iter().flat_map(|&a| (a + 1..points).map(move |b| (a, b)));
+        let want: Vec<_> = pairs.filter(is_swap).collect();
+        assert!(want.len() > 50 && few.len() < 10 * points, "{} {}", want.len(), few.len());
+        assert_eq!(found, want);
+    }
 }

@@ -127,3 +127,41 @@ fn distances_that_drift_are_found() {
         "{drifting:?}"
     );
 }
+
+#[test]
+fn faults_are_found_among_many_points_too() {
+    let body = walk();
+    let bodies = 60;
+    let mut poses = Poses {
+        points: (0..10 * bodies).map(|p| format!("p{p}")).collect(),
+        xyz: Array2::from_shape_fn((FRAMES, 30 * bodies), |(t, c)| {
+            let beside = if c % 3 == 0 { 300.0 * (c / 30) as f64 } else { 0.0 };
+            body.xyz[[t, c % 30]] + beside
+        }),
+        ..body
+    };
+    for mut row in poses.xyz.rows_mut().into_iter().skip(100) {
+        (0..3).for_each(|c| row.swap(12 + c, 15 + c));
+    }
+    let last = poses.xyz.slice(s![80, 336..339]).to_owned();
+    for t in 81..130 {
+        poses.xyz.slice_mut(s![t, 336..339]).assign(&last);
+    }
+    for t in 150..FRAMES {
+        let floor = [30.0 + 1e-4 * (t % 7) as f64, 0.5, 10.0];
+        (0..3).for_each(|c| poses.xyz[[t, 606 + c]] = floor[c]);
+    }
+    for t in 0..FRAMES {
+        poses.xyz[[t, 928]] += 6.0 * t as f64 / FRAMES as f64;
+    }
+    let found = found(&poses);
+    for (kind, points) in [
+        (FindingKind::Swap, &["p4", "p5"][..]),
+        (FindingKind::Held, &["p112"]),
+        (FindingKind::Fallen, &["p202"]),
+    ] {
+        assert!(found.contains(&only(kind, points)[0]), "{found:?}");
+    }
+    let is_drift = |f: &(FindingKind, Vec<String>)| f.0 == FindingKind::Drift;
+    assert!(found.iter().filter(|f| is_drift(f)).any(|f| f.1.contains(&"p309".to_string())));
+}

@@ -5,7 +5,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use posing::cli::commands::{self, COMMANDS};
 use posing::cli::completions::{self, Shell};
 use posing::cli::launcher::{binary, open_page, outline, output_of};
-use posing::cli::{manual, messages, run, streams};
+use posing::cli::{closed_stdout, manual, messages, run, streams};
 use posing::{Error, Result};
 use std::os::unix::process::CommandExt;
 use std::process::{Command, ExitCode};
@@ -72,6 +72,7 @@ fn main() -> ExitCode {
         && let Some(entry) = COMMANDS.iter().find(|entry| *entry.name == *first)
     {
         messages::set_name("posing");
+        closed_stdout::pass_on();
         let error = match binary(entry.name) {
             Ok(path) => Error::io(&path, Command::new(&path).args(words).exec()),
             Err(error) => error,

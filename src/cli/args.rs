@@ -1,6 +1,6 @@
 //! Flags that several commands share.
 
-use super::messages;
+use super::{memory_limit, messages};
 use super::units::{TableUnits, Units, Up};
 use crate::io::TableFormat;
 use crate::io::{ReadOptions, parse_point_names};
@@ -30,17 +30,11 @@ impl CommonArgs {
     /// Sets the number of threads and the verbosity; called once, first.
     pub fn apply(&self) -> Result<()> {
         messages::set_verbosity(self.quiet, self.verbose);
-        if let Some(threads) = self.threads {
-            if threads == 0 || threads > 4096 {
-                return Err(Error::usage(format!(
-                    "--threads {threads}: expected 1 to 4096"
-                )));
-            }
-            // Fails only if there is a pool already, which costs nothing but speed.
-            let _ = rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .build_global();
+        if let Some(threads) = self.threads.filter(|n| !(1..=4096).contains(n)) {
+            let what = format!("--threads {threads}: expected 1 to 4096");
+            return Err(Error::usage(what));
         }
+        memory_limit::make_pool(self.threads);
         Ok(())
     }
 }

@@ -7,6 +7,7 @@ use crate::cluster::KMeans;
 use crate::io::output::CompleteOutput;
 use crate::io::{Row, Table, TableFormat};
 use crate::{Error, Place, Result};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// The flags of k-means.
@@ -82,7 +83,7 @@ impl SplitFolder<'_> {
         if !self.folder.is_dir() {
             return Ok(());
         }
-        let own: Vec<String> = (0..self.parts).map(|part| self.name(part)).collect();
+        let own: HashSet<String> = (0..self.parts).map(|part| self.name(part)).collect();
         let entries = std::fs::read_dir(self.folder).map_err(|e| Error::io(self.folder, e))?;
         for entry in entries.flatten() {
             let name = entry.file_name().to_string_lossy().into_owned();

@@ -54,10 +54,8 @@ fn line<'a>(
 ) -> GapLine<'a> {
     let poses = &restored.source().poses;
     let start = gap.frames.start;
-    let first = takes
-        .iter()
-        .find(|t| t.contains(&start))
-        .map_or(0, |t| t.start);
+    let after = takes.partition_point(|t| t.start <= start);
+    let first = after.checked_sub(1).map_or(0, |take| takes[take].start);
     let rounded = |v: f64| v.is_finite().then_some((v * 1e4).round() / 1e4);
     GapLine {
         take: poses.take.as_ref().map(|t| &*t[start]),

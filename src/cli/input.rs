@@ -4,6 +4,7 @@ use super::args::InputArgs;
 use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
 use crate::io::{Input, Model};
 use crate::{Error, Place, Result};
+use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -128,20 +129,34 @@ pub fn take_name(path: &Path) -> String {
     stem.to_string_lossy().into_owned()
 }
 
+/// A name has at most so many `'`; then it is numbered.
+const MOST_QUOTES: usize = 8;
+
 /// The names of several files as takes: files of one name in several folders are several takes.
 #[derive(Debug, Default)]
-pub struct TakeNames(Vec<Arc<str>>);
+pub struct TakeNames {
+    taken: HashSet<Arc<str>>,
+    /// How many files of a name there were before.
+    before: HashMap<String, usize>,
+}
 
 impl TakeNames {
-    /// The name of the next file: [`take_name`], with a `'` for each file before that has it.
+    /// The name of the next file: [`take_name`], with a `'` for each file before that has it; after more than eight, with their
+    /// number.
     pub fn next(&mut self, file: &Path) -> Arc<str> {
-        let mut name = take_name(file);
-        while self.0.iter().any(|t| **t == *name) {
-            name.push('\'');
+        let own = take_name(file);
+        let before = self.before.entry(own.clone()).or_default();
+        loop {
+            let name: Arc<str> = match *before {
+                n @ 0..=MOST_QUOTES => format!("{own}{}", "'".repeat(n)),
+                n => format!("{own}'{n}"),
+            }
+            .into();
+            *before += 1;
+            if self.taken.insert(name.clone()) {
+                return name;
+            }
         }
-        let name: Arc<str> = name.into();
-        self.0.push(name.clone());
-        name
     }
 }
 
@@ -174,4 +189,23 @@ pub fn read_table(flags: &InputArgs, planar: bool, cells: bool) -> Result<Table>
         poses,
         cells: kept,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_of_one_name_are_several_takes() {
+        let mut names = TakeNames::default();
+        let mut next = |file: &str| names.next(Path::new(file)).to_string();
+        let files = ["a/walk.csv", "b/walk.csv", "walk'.csv", "c/walk.amc", "run.csv"];
+        let walks = files.map(&mut next);
+        assert_eq!(walks, ["walk", "walk'", "walk''", "walk'''", "run"]);
+        // Of many, names do not grow.
+        let many: HashSet<String> = (0..20_000).map(|_| next("walk.csv")).collect();
+        assert_eq!(many.len(), 20_000);
+        assert!(many.iter().all(|name| name.len() <= "walk".len() + MOST_QUOTES));
+        assert!(many.contains("walk'20000"));
+    }
 }

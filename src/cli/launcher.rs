@@ -2,6 +2,7 @@
 
 use super::completions::Outline;
 use super::{commands, manual, streams};
+use crate::io::output::TemporaryFile;
 use crate::{Error, Place, Result};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -53,12 +54,7 @@ pub fn outline(name: &str) -> Result<Outline> {
 /// Opens a page in man where man is there, else prints the long help.
 pub fn open_page(name: &str) -> Result<()> {
     let page = output_of(name, manual::MAN)?;
-    let file = tempfile::Builder::new()
-        .prefix("posing-")
-        .suffix(".1")
-        .tempfile();
-    let file = file.map_err(|e| Error::io(name, e))?;
-    std::fs::write(file.path(), page).map_err(|e| Error::io(file.path(), e))?;
+    let file = TemporaryFile::new(".1", &page).map_err(|e| Error::io(name, e))?;
     match Command::new("man").arg("-l").arg(file.path()).status() {
         Ok(status) if status.success() => {}
         _ => streams::write_bytes(None, &output_of(name, "--help")?, false)?,

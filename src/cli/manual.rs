@@ -1,12 +1,11 @@
 //! Manual pages, made from the flags.
 
-use super::commands;
 use super::completions::Outline;
+use super::{commands, streams};
+use crate::Result;
 use clap::Command;
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
-use std::io::Write;
-use std::process::ExitCode;
 
 /// The hidden first argument on which every command prints its manual page.
 pub const MAN: &str = "--print-man-page";
@@ -14,16 +13,13 @@ pub const MAN: &str = "--print-man-page";
 pub const OUTLINE: &str = "--print-outline";
 
 /// Answers the two hidden requests; `None` when the first argument is neither.
-pub fn answer_request(command: &Command) -> Option<ExitCode> {
+pub fn answer_request(command: &Command) -> Option<Result<()>> {
     let bytes = match std::env::args().nth(1)?.as_str() {
         MAN => page(command.clone()),
         OUTLINE => serde_json::to_vec(&Outline::of(&built(command.clone()))).unwrap_or_default(),
         _ => return None,
     };
-    Some(match std::io::stdout().write_all(&bytes) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => ExitCode::from(1),
-        _ => ExitCode::SUCCESS,
-    })
+    Some(streams::write_bytes(None, &bytes, false))
 }
 
 /// The command as a user types it: `posing NAME`, where NAME is listed.

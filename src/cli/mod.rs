@@ -12,6 +12,7 @@ pub mod body_scan_markers;
 pub mod body_size;
 pub mod body_take;
 pub mod clean;
+pub mod closed_stdout;
 pub mod cluster;
 pub mod code_table;
 pub mod commands;
@@ -32,6 +33,7 @@ pub mod ksvd;
 pub mod launcher;
 pub mod manual;
 pub mod marker_files;
+mod memory_limit;
 pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;
@@ -65,7 +67,6 @@ pub mod units;
 
 use crate::Result;
 use clap::{CommandFactory, FromArgMatches};
-use std::io::Write;
 use std::process::ExitCode;
 
 /// How a command ended that did not fail.
@@ -85,7 +86,7 @@ impl From<()> for Outcome {
     }
 }
 
-/// Parses the arguments, runs `work` and returns the exit code: 0 done (a closed standard output included), 1 bad data
+/// Parses the arguments, runs `work` and returns the exit code: 0 done (a reader that closes the pipe included), 1 bad data
 /// (also of some files of several), 2 wrong usage, 3 done with findings.
 pub fn run<A, O>(work: impl FnOnce(A) -> Result<O>) -> ExitCode
 where
@@ -96,8 +97,12 @@ where
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
     messages::set_name(command.get_name());
-    if let Some(code) = manual::answer_request(&command) {
-        return code;
+    if let Err(e) = memory_limit::prepare() {
+        return exit_code(Err::<Outcome, _>(e));
+    }
+    signals::watch();
+    if let Some(answer) = manual::answer_request(&command) {
+        return exit_code(answer);
     }
     let args = match command
         .try_get_matches()
@@ -106,12 +111,15 @@ where
         Ok(args) => args,
         Err(e) => return parse_failure(&typed, &e),
     };
-    match work(args) {
-        Ok(outcome) => match outcome.into() {
-            Outcome::Done => ExitCode::SUCCESS,
-            Outcome::Findings => ExitCode::from(3),
-            Outcome::Failed => ExitCode::from(1),
-        },
+    exit_code(work(args))
+}
+
+/// The exit code of a command that ended; an error is told.
+fn exit_code(ended: Result<impl Into<Outcome>>) -> ExitCode {
+    match ended.map(Into::into) {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Findings) => ExitCode::from(3),
+        Ok(Outcome::Failed) => ExitCode::from(1),
         Err(e) if e.is_closed_pipe() => ExitCode::SUCCESS,
         Err(e) => {
             messages::error(&e.to_string());
@@ -124,13 +132,7 @@ where
 fn parse_failure(command: &str, error: &clap::Error) -> ExitCode {
     let text = error.render().to_string();
     if !error.use_stderr() {
-        return match std::io::stdout().write_all(text.as_bytes()) {
-            Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-                messages::error(&format!("standard output: {e}"));
-                ExitCode::from(1)
-            }
-            _ => ExitCode::SUCCESS,
-        };
+        return exit_code(streams::write_bytes(None, text.as_bytes(), false));
     }
     // clap writes several lines: the fault, hints, the usage. The hint to pass a flag as a file's name misleads.
     let is_shown = |line: &&str| {

@@ -3,6 +3,7 @@
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use ndarray::Axis;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// Most names that an error lists.
@@ -16,8 +17,9 @@ const LISTED: usize = 8;
 pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses> {
     let mut names: Vec<Arc<str>> = Vec::new();
     if let Some(takes) = &poses.take {
+        let mut listed = HashSet::new();
         for run in poses.takes() {
-            if !names.contains(&takes[run.start]) {
+            if listed.insert(&takes[run.start]) {
                 names.push(takes[run.start].clone());
             }
             // Enough names to know that there are several, and to list some.

@@ -1,41 +1,67 @@
 //! What happens when a signal ends the process.
 
 use crate::io::output::remove_unfinished_files;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{
+    SIGABRT, SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGQUIT, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM,
+    SIGXCPU, SIGXFSZ,
+};
+use signal_hook::flag;
 use signal_hook::iterator::Signals;
 use signal_hook::low_level::emulate_default_handler;
-use std::sync::{Mutex, Once, PoisonError};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, Once, PoisonError, mpsc};
 
 type Stop = Box<dyn FnOnce() + Send>;
+
+/// The signals that end a process and can be handled.
+const ENDING: [i32; 10] = [
+    SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGALRM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGPROF, SIGXCPU,
+];
+/// The stack of the thread that handles them, bytes.
+const STACK: usize = 256 << 10;
 
 /// What the next signal calls instead of ending the process.
 static STOP: Mutex<Option<Stop>> = Mutex::new(None);
 
-/// Handles SIGHUP, SIGINT and SIGTERM from now on: unfinished files are removed, then the process ends as by default.
+/// Handles the signals that end a process from now on: unfinished files are removed, then the process ends as by default. A file
+/// that grows over its limit (SIGXFSZ) is an error of writing. Memory that cannot be had, after which Rust aborts, is exit 1.
 pub fn watch() {
     static WATCHING: Once = Once::new();
     WATCHING.call_once(|| {
-        let heeded = [SIGHUP, SIGINT, SIGTERM]
-            .into_iter()
-            .filter(|s| !is_ignored(*s));
-        let Ok(mut signals) = Signals::new(heeded) else {
-            return;
-        };
-        std::thread::spawn(move || {
-            for signal in signals.forever() {
-                let stop = STOP.lock().unwrap_or_else(PoisonError::into_inner).take();
-                if let Some(stop) = stop {
-                    stop();
-                    continue;
-                }
-                remove_unfinished_files();
-                let _ = emulate_default_handler(signal);
+        if !is_ignored(SIGXFSZ) {
+            let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
+        }
+        let _ = flag::register_conditional_shutdown(SIGABRT, 1, Arc::new(AtomicBool::new(true)));
+        let (signals, handed_over) = mpsc::channel::<Signals>();
+        let handle = move || {
+            if let Ok(signals) = handed_over.recv() {
+                handle_all(signals);
             }
-        });
+        };
+        let thread = std::thread::Builder::new().stack_size(STACK);
+        if thread.spawn(handle).is_err() {
+            // Without a thread that handles them, signals do what they do by default.
+            return;
+        }
+        if let Ok(heeded) = Signals::new(ENDING.into_iter().filter(|s| !is_ignored(*s))) {
+            let _ = signals.send(heeded);
+        }
     });
 }
 
-/// Lets the next SIGHUP, SIGINT or SIGTERM call `stop`, after which the process ends by itself. One more ends it as [`watch`] does.
+fn handle_all(mut signals: Signals) {
+    for signal in signals.forever() {
+        let stop = STOP.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(stop) = stop {
+            stop();
+            continue;
+        }
+        remove_unfinished_files();
+        let _ = emulate_default_handler(signal);
+    }
+}
+
+/// Lets the next signal that ends a process call `stop`, after which the process ends by itself. One more ends it as [`watch`] does.
 pub fn on_stop(stop: impl FnOnce() + Send + 'static) {
     *STOP.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(stop));
     watch();

@@ -1,6 +1,7 @@
 //! The output of commands: files that appear when complete, or standard output.
 
 use super::args::OutputArgs;
+use super::closed_stdout::open_stdout;
 use super::messages;
 use super::units::TableUnits;
 use crate::io::csv::{AddedColumn, After};
@@ -16,7 +17,6 @@ use std::path::Path;
 pub fn open_output(path: Option<&Path>, binary: bool) -> Result<Output> {
     match path {
         Some(path) if path != Path::new("-") && file_descriptor(path) != Some(1) => {
-            super::signals::watch();
             Output::file(path)
         }
         _ if binary && io::stdout().is_terminal() => Err(Error::usage(
@@ -24,7 +24,7 @@ pub fn open_output(path: Option<&Path>, binary: bool) -> Result<Output> {
         )),
         _ => Ok(Output::stream(
             "standard output",
-            BufWriter::with_capacity(1 << 16, io::stdout()),
+            BufWriter::with_capacity(1 << 16, open_stdout()?),
         )),
     }
 }

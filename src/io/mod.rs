@@ -27,6 +27,7 @@ mod table_writer;
 pub mod text;
 mod text_cells;
 pub mod trc;
+mod unfinished_file;
 
 pub use amc::Amc;
 pub use asf::Asf;

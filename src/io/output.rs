@@ -1,18 +1,18 @@
 //! Outputs that are never left half written.
 
+pub use super::unfinished_file::{TemporaryFile, remove_unfinished_files};
+use super::unfinished_file::{UnfinishedFile, WholeFile};
 use crate::{Error, Result};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::fs;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
-use tempfile::{NamedTempFile, TempPath};
 
 /// Where bytes are written: a file, or a stream such as standard output.
 ///
-/// A file is written as a temporary file in the same folder, which [`Output::finish`] renames to its path. An output
-/// that is dropped before that leaves nothing behind.
+/// A file is at its path only when [`Output::finish`] puts it there. An output that is dropped before that leaves nothing behind,
+/// nor does, where the system has files without names, a process that is killed.
 ///
 /// A name that ends in `.gz` or `.zst` gets what it says.
 ///
@@ -25,24 +25,19 @@ pub struct Output {
 }
 
 enum Target {
-    Temporary {
-        file: Packer,
-        /// The path of the finished file, links resolved.
-        path: PathBuf,
-        _unfinished: UnfinishedFile,
-    },
+    File(Packer),
     Stream(Box<dyn Write + Send>),
 }
 
 /// Packs what is written as the name of the file says: `.gz`, `.zst`.
 enum Packer {
-    Plain(BufWriter<NamedTempFile>),
-    Gzip(Box<GzEncoder<BufWriter<NamedTempFile>>>),
-    Zstd(Box<zstd::Encoder<'static, BufWriter<NamedTempFile>>>),
+    Plain(BufWriter<UnfinishedFile>),
+    Gzip(Box<GzEncoder<BufWriter<UnfinishedFile>>>),
+    Zstd(Box<zstd::Encoder<'static, BufWriter<UnfinishedFile>>>),
 }
 
 impl Packer {
-    fn new(file: NamedTempFile, path: &Path) -> io::Result<Packer> {
+    fn new(file: UnfinishedFile, path: &Path) -> io::Result<Packer> {
         let file = BufWriter::with_capacity(1 << 16, file);
         let ends_in = |end: &str| {
             path.extension()
@@ -57,7 +52,7 @@ impl Packer {
         })
     }
 
-    fn into_file(self) -> io::Result<NamedTempFile> {
+    fn into_file(self) -> io::Result<UnfinishedFile> {
         let file = match self {
             Packer::Plain(file) => file,
             Packer::Gzip(packed) => packed.finish()?,
@@ -88,48 +83,6 @@ impl Write for Packer {
 /// The longest chain of links that is followed.
 const MOST_LINKS: usize = 40;
 
-/// The temporary files that exist now.
-static UNFINISHED_FILES: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-
-/// An entry of [`UNFINISHED_FILES`] for as long as the file is being written.
-struct UnfinishedFile(PathBuf);
-
-impl UnfinishedFile {
-    /// Makes a temporary file. Both are one step: no signal comes between that would leave the file.
-    fn make(
-        make: impl FnOnce() -> io::Result<NamedTempFile>,
-    ) -> io::Result<(NamedTempFile, UnfinishedFile)> {
-        let mut all = UNFINISHED_FILES
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        let file = make()?;
-        all.push(file.path().to_path_buf());
-        let path = file.path().to_path_buf();
-        Ok((file, UnfinishedFile(path)))
-    }
-}
-
-impl Drop for UnfinishedFile {
-    fn drop(&mut self) {
-        let mut all = UNFINISHED_FILES
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        all.retain(|path| *path != self.0);
-    }
-}
-
-/// Removes the temporary files of outputs that are not finished, and lets no more be made. For use before a signal ends the process.
-pub fn remove_unfinished_files() {
-    let all = UNFINISHED_FILES
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner);
-    for path in &*all {
-        // A file that was finished just now is gone already.
-        let _ = fs::remove_file(path);
-    }
-    std::mem::forget(all);
-}
-
 impl Output {
     /// Starts writing the file that will be at `path`.
     ///
@@ -146,24 +99,8 @@ impl Output {
             let file = fs::OpenOptions::new().append(true).open(path);
             return Ok(Output::stream(name, BufWriter::new(file.map_err(fail)?)));
         }
-        let folder = match resolved.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
-        let permissions = permissions(&resolved);
-        let make = || {
-            tempfile::Builder::new()
-                .prefix(".posing-")
-                .suffix(".tmp")
-                .permissions(permissions)
-                .tempfile_in(folder)
-        };
-        let (file, unfinished) = UnfinishedFile::make(make).map_err(fail)?;
-        let target = Target::Temporary {
-            _unfinished: unfinished,
-            file: Packer::new(file, path).map_err(fail)?,
-            path: resolved,
-        };
+        let file = UnfinishedFile::create(resolved).map_err(fail)?;
+        let target = Target::File(Packer::new(file, path).map_err(fail)?);
         Ok(Output { name, target })
     }
 
@@ -177,7 +114,7 @@ impl Output {
 
     fn writer(&mut self) -> &mut dyn Write {
         match &mut self.target {
-            Target::Temporary { file, .. } => file,
+            Target::File(file) => file,
             Target::Stream(stream) => stream,
         }
     }
@@ -203,7 +140,7 @@ impl Output {
     /// Whether [`Output::rewrite_start`] is possible: what was written to a pipe is gone.
     pub fn can_rewrite(&self) -> bool {
         match &self.target {
-            Target::Temporary { file, .. } => matches!(file, Packer::Plain(_)),
+            Target::File(file) => matches!(file, Packer::Plain(_)),
             Target::Stream(_) => false,
         }
     }
@@ -214,16 +151,13 @@ impl Output {
     /// [`Error::Io`]: writing fails, or the output is a stream.
     pub fn rewrite_start(&mut self, bytes: &[u8]) -> Result<()> {
         let done = match &mut self.target {
-            Target::Temporary {
-                file: Packer::Plain(file),
-                ..
-            } => file.rewind().and_then(|()| file.write_all(bytes)),
+            Target::File(Packer::Plain(file)) => file.rewind().and_then(|()| file.write_all(bytes)),
             _ => Err(io::ErrorKind::NotSeekable.into()),
         };
         done.map_err(|e| Error::io(&self.name, e))
     }
 
-    /// Flushes; syncs and renames a file, which exists only from now on.
+    /// Flushes; syncs a file and puts it at its path: it exists only from now on.
     ///
     /// # Errors
     /// [`Error::Io`], with the name of the output.
@@ -238,18 +172,11 @@ impl Output {
     pub fn complete(mut self) -> Result<CompleteOutput> {
         self.flush()?;
         let name = self.name;
-        let Target::Temporary {
-            file,
-            path,
-            _unfinished: unfinished,
-        } = self.target
-        else {
+        let Target::File(file) = self.target else {
             return Ok(CompleteOutput::default());
         };
-        let fail = |e| Error::io(&name, e);
-        let file = file.into_file().map_err(fail)?;
-        file.as_file().sync_all().map_err(fail)?;
-        let file = Some((file.into_temp_path(), path, unfinished));
+        let whole = file.into_file().and_then(UnfinishedFile::complete);
+        let file = Some(whole.map_err(|e| Error::io(&name, e))?);
         Ok(CompleteOutput { name, file })
     }
 }
@@ -258,21 +185,20 @@ impl Output {
 #[derive(Default)]
 pub struct CompleteOutput {
     name: String,
-    /// The temporary file and the path that it gets; `None` for streams.
-    file: Option<(TempPath, PathBuf, UnfinishedFile)>,
+    /// `None` for streams.
+    file: Option<WholeFile>,
 }
 
 impl CompleteOutput {
-    /// Renames the file to its path.
+    /// Puts the file at its path.
     ///
     /// # Errors
     /// [`Error::Io`], with the name of the output.
     pub fn publish(self) -> Result<()> {
-        let Some((file, path, _unfinished)) = self.file else {
+        let Some(file) = self.file else {
             return Ok(());
         };
-        file.persist(path)
-            .map_err(|e| Error::io(&self.name, e.error))
+        file.publish().map_err(|e| Error::io(&self.name, e))
     }
 }
 
@@ -311,15 +237,6 @@ fn own_descriptor(path: &Path) -> Option<u32> {
     let folders = ["/dev/fd/", "/proc/self/fd/", "/proc/thread-self/fd/", &own];
     let number = folders.iter().find_map(|f| text.strip_prefix(f))?;
     number.parse().ok()
-}
-
-/// The mode the file has now, or what the umask leaves of 0666 (a temporary file would be 0600).
-#[cfg(unix)]
-fn permissions(path: &Path) -> fs::Permissions {
-    use std::os::unix::fs::PermissionsExt;
-    fs::metadata(path)
-        .map(|m| m.permissions())
-        .unwrap_or(fs::Permissions::from_mode(0o666))
 }
 
 /// Writes a whole file at once: complete or not at all.

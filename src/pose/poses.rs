@@ -63,7 +63,8 @@ impl Poses {
     }
 
     /// Frames a second of each of the [takes](Poses::takes), `None` where it has no times. The rounded times of a short
-    /// take determine its rate badly: a take gets the rate of a longer take if its times are consistent with that rate.
+    /// take determine its rate badly: a take gets the rate of a longer take if its times are consistent with that rate. So
+    /// many rates are compared at most: 64.
     pub fn rates(&self) -> Vec<Option<f64>> {
         let takes = self.takes();
         let mut longest: Vec<usize> = (0..takes.len()).collect();
@@ -74,9 +75,11 @@ impl Poses {
                 continue;
             };
             let allows = |rate: &f64| self.is_consistent_with_rate(takes[take].clone(), *rate);
-            let rate = known.iter().copied().find(allows).unwrap_or(own);
-            known.push(rate);
-            rates[take] = Some(rate);
+            let longer = known.iter().copied().find(allows);
+            if longer.is_none() && known.len() < MOST_RATES {
+                known.push(own);
+            }
+            rates[take] = longer.or(Some(own));
         }
         rates
     }
@@ -130,6 +133,9 @@ impl Poses {
         self.take.as_ref().is_none_or(|t| t[i] == t[i - 1])
     }
 }
+
+/// Rates of longer takes that the times of a take are compared with, at most.
+const MOST_RATES: usize = 64;
 
 /// The steps that count as one frame, relative to the median step: times may be rounded, for instance to milliseconds.
 const ONE_FRAME: RangeInclusive<f64> = 0.65..=1.35;

@@ -69,7 +69,6 @@ pub fn clean(
         last = EarlierList::read(&list_path(page))?;
         jobs.check_page(&list_path(page), true)?;
     }
-    super::signals::watch();
     let mut fates = clean_all(&jobs.jobs, jobs.to, settings);
     if jobs.folder.is_none() && matches!(fates[..], [Fate::Failed { .. }]) {
         let error = fates.pop().and_then(Fate::into_error);

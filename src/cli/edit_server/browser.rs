@@ -1,14 +1,13 @@
 //! Opening a page in the browser.
 
 use crate::cli::messages;
+use crate::io::output::TemporaryFile;
 use std::env;
-use std::io::Write;
 use std::process::{Command, Stdio};
-use tempfile::NamedTempFile;
 
 /// Opens an address in the default browser, if there is one. The address is secret and arguments are not, so the browser
 /// is given a file that leads there, which others cannot read. The file goes when it is dropped.
-pub fn open(address: &str) -> Option<NamedTempFile> {
+pub fn open(address: &str) -> Option<TemporaryFile> {
     let (opener, arguments): (_, &[&str]) = match env::consts::OS {
         "windows" => ("cmd", &["/C", "start", ""]),
         "macos" => ("open", &[]),
@@ -39,16 +38,12 @@ fn has_display() -> bool {
     is_set("DISPLAY") || is_set("WAYLAND_DISPLAY")
 }
 
-/// A page for the user's eyes only (mode 600) that leads to an address.
-fn redirecting(address: &str) -> std::io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    let mut file = builder.prefix("posing-").suffix(".html").tempfile()?;
+/// A page for the user's eyes only that leads to an address.
+fn redirecting(address: &str) -> std::io::Result<TemporaryFile> {
     let meta = format!("<meta http-equiv=\"refresh\" content=\"0;url={address}\">");
-    writeln!(
-        file,
+    let page = format!(
         "<!doctype html><meta charset=\"utf-8\"><meta name=\"referrer\" content=\"no-referrer\">{meta}\
-         <title>posing</title><a href=\"{address}\">posing edit</a>"
-    )?;
-    file.flush()?;
-    Ok(file)
+         <title>posing</title><a href=\"{address}\">posing edit</a>\n"
+    );
+    TemporaryFile::new(".html", page.as_bytes())
 }

@@ -15,6 +15,7 @@
 //! Any points will do; a body is known only by its pelvis, whose frame of reference a model's training poses share.
 
 mod estimates;
+mod known_frames;
 mod local_poses;
 mod motion_limits;
 mod path;
@@ -25,12 +26,14 @@ mod weights;
 use crate::numeric::parallel;
 use estimates::Targets;
 use glam::DVec3;
+use known_frames::KnownFrames;
 pub(crate) use local_poses::{LocalPoses, anchor as local_anchor};
 pub use motion_limits::MotionLimits;
 use ndarray::{Array2, ArrayView2, s};
+use path::PathVariances;
 use regression::{OtherPoses, Regression};
 use rigid_distances::TakeDistances;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
 /// The variance of a measured coordinate, cm².
@@ -49,6 +52,8 @@ const WAVE: usize = 4;
 /// In a take with more gaps of under [`WAVE`] frames than this, such gaps are interpolated over time: there are too many to learn
 /// each, and the path is nearly as good.
 const FLOOD: usize = 200;
+/// How often gaps of about a length are asked for, at most.
+const MOST_ROUNDS: usize = 16;
 /// Seconds on either side of a gap that are learnt from.
 const WINDOW: f64 = 25.0;
 /// Seconds between two runs: what is further apart than anything.
@@ -170,38 +175,42 @@ pub struct GapFiller<'a> {
 impl GapFiller<'_> {
     /// Fills `gaps`, which are those of the captured frames; [`GapFiller::hold_distances`] comes after.
     pub fn fill(&self, gaps: &[Gap], done: &(dyn Fn(usize) + Sync)) -> GapAnswers {
-        let mut known = self.captured.to_owned();
-        let seconds = self.seconds();
+        let seen = KnownFrames::of(self.captured);
+        let mut known = Known {
+            xyz: self.captured.to_owned(),
+            frames: KnownFrames::of(self.captured),
+            seen: &seen,
+            seconds: self.seconds(),
+            paths: PathVariances::default(),
+        };
         let limits = MotionLimits::measure(self.captured, self.runs, self.rate, gaps);
         let mut filled: Vec<Option<FilledGap>> = vec![None; gaps.len()];
         let mut refused = filled.clone();
         for (gap, filled) in gaps.iter().zip(&mut filled) {
             *filled = path::interpolate_rest(self.captured, gap, self.rate);
             if let Some(rest) = filled {
-                put(&mut known, gap, &rest.xyz);
+                known.put(gap, &rest.xyz);
             }
         }
         for mut open in waves(gaps) {
             open.retain(|gap| filled[*gap].is_none());
             // What is filled is known to the gaps for which too little was: they are asked again as long as that helps.
-            loop {
+            for _ in 0..MOST_ROUNDS {
                 let count = open.len();
-                let answers = self.ask(gaps, &open, &known, &seconds, done);
-                let (answers, implausible): (Vec<_>, Vec<_>) = (answers.into_iter())
-                    .partition(|(gap, a)| limits.allow(self.captured, &gaps[*gap], a));
-                implausible
-                    .into_iter()
-                    .for_each(|(gap, answer)| refused[gap] = Some(answer));
-                let is_open = |gap: &&usize| answers.iter().all(|(g, _)| g != *gap);
-                let by_path = |gap: &usize| {
-                    let path = path::interpolate(self.captured, &gaps[*gap], self.rate);
-                    Some((*gap, path?))
-                };
-                let paths: Vec<(usize, FilledGap)> =
-                    open.iter().filter(is_open).filter_map(by_path).collect();
-                for (gap, answer) in answers.into_iter().chain(paths) {
-                    put(&mut known, &gaps[gap], &answer.xyz);
-                    filled[gap] = Some(answer);
+                let answers = self.ask(gaps, &open, &known, done);
+                for (gap, answer) in answers {
+                    match limits.allow(self.captured, &gaps[gap], &answer) {
+                        true => filled[gap] = Some(answer),
+                        false => refused[gap] = Some(answer),
+                    }
+                }
+                for &gap in &open {
+                    if filled[gap].is_none() {
+                        filled[gap] = self.by_path(&gaps[gap], &known);
+                    }
+                    if let Some(answer) = &filled[gap] {
+                        known.put(&gaps[gap], &answer.xyz);
+                    }
                 }
                 open.retain(|gap| filled[*gap].is_none());
                 if open.is_empty() || open.len() == count {
@@ -210,6 +219,11 @@ impl GapFiller<'_> {
             }
         }
         GapAnswers { filled, refused }
+    }
+
+    /// A gap filled by its point's own path, if that is smooth enough.
+    fn by_path(&self, gap: &Gap, known: &Known<'_>) -> Option<FilledGap> {
+        path::interpolate(self.captured, gap, self.rate, &known.paths)
     }
 
     /// Seconds of each frame.
@@ -227,8 +241,7 @@ impl GapFiller<'_> {
         &self,
         gaps: &[Gap],
         open: &[usize],
-        known: &Array2<f64>,
-        seconds: &[f64],
+        known: &Known<'_>,
         done: &(dyn Fn(usize) + Sync),
     ) -> Vec<(usize, FilledGap)> {
         let questions = questions(gaps, open.to_vec());
@@ -238,13 +251,13 @@ impl GapFiller<'_> {
             let (mut found, mut left) = (Vec::new(), Vec::new());
             for &k in &questions[range.start] {
                 let by_path = is_flood && gaps[k].frames.len() < WAVE;
-                let path = by_path.then(|| path::interpolate(self.captured, &gaps[k], self.rate));
+                let path = by_path.then(|| self.by_path(&gaps[k], known));
                 match path.flatten() {
                     Some(filled) => found.push((k, filled)),
                     None => left.push(k),
                 }
             }
-            found.extend(self.answer(gaps, &left, known, seconds));
+            found.extend(self.answer(gaps, &left, known));
             found
         });
         answers.into_iter().flatten().collect()
@@ -255,15 +268,14 @@ impl GapFiller<'_> {
         &self,
         gaps: &[Gap],
         question: &[usize],
-        known: &Array2<f64>,
-        seconds: &[f64],
+        known: &Known<'_>,
     ) -> Vec<(usize, FilledGap)> {
-        if let Some(answers) = self.regress(gaps, question, known, seconds) {
+        if let Some(answers) = self.regress(gaps, question, known) {
             return question.iter().copied().zip(answers).collect();
         }
         match question {
             [_, _, ..] => {
-                let alone = |gap: &usize| self.answer(gaps, &[*gap], known, seconds);
+                let alone = |gap: &usize| self.answer(gaps, &[*gap], known);
                 question.iter().flat_map(alone).collect()
             }
             _ => Vec::new(),
@@ -275,8 +287,7 @@ impl GapFiller<'_> {
         &self,
         gaps: &[Gap],
         question: &[usize],
-        known: &Array2<f64>,
-        seconds: &[f64],
+        known: &Known<'_>,
     ) -> Option<Vec<FilledGap>> {
         let of = |k: &usize| &gaps[*k].frames;
         let start = question.iter().map(|k| of(k).start).min()?;
@@ -284,11 +295,11 @@ impl GapFiller<'_> {
         let targets: Vec<usize> = question.iter().map(|k| gaps[*k].point).collect();
         let around = self.window(&(start..end));
         let gap = start - around.start..end - around.start;
-        let known = known.slice(s![around.clone(), ..]);
+        let (predictors, frames) = self.predictors(known, &around, &targets, &(start..end))?;
+        let xyz = known.xyz.slice(s![around.clone(), ..]);
         let captured = self.captured.slice(s![around.clone(), ..]);
-        let (predictors, frames) = self.predictors(known, captured, &targets, &gap)?;
-        let anchor = local_anchor(self.names, known, &predictors, &frames)?;
-        let own = LocalPoses::new(&anchor, known, &predictors, &targets);
+        let anchor = local_anchor(self.names, xyz, &predictors, &frames)?;
+        let own = LocalPoses::new(&anchor, xyz, &predictors, &targets);
         let mut complete = vec![false; own.placements.len()];
         frames
             .iter()
@@ -298,7 +309,7 @@ impl GapFiller<'_> {
         let regression = Regression {
             own: &own,
             complete: &complete,
-            seconds: &seconds[around],
+            seconds: &known.seconds[around],
             rate: self.rate,
             others: others.as_ref(),
         };
@@ -358,20 +369,17 @@ impl GapFiller<'_> {
         gap.start.saturating_sub(reach)..(gap.end + reach).min(self.captured.nrows())
     }
 
-    /// The predictors of `targets` in a `gap` of `known`, and the frames in which all of both are known. `None` where either
-    /// are too few.
+    /// The predictors of `targets` in the frames `gap`, and the frames `around` it in which all of both are known, counted from
+    /// the first around. `None` where either are too few.
     fn predictors(
         &self,
-        known: ArrayView2<'_, f64>,
-        captured: ArrayView2<'_, f64>,
+        known: &Known<'_>,
+        around: &Range<usize>,
         targets: &[usize],
         gap: &Range<usize>,
     ) -> Option<(Vec<usize>, Vec<usize>)> {
-        let is_known = |t: usize, p: usize| (3 * p..3 * p + 3).all(|i| known[[t, i]].is_finite());
-        let is_seen = |t: usize, p: usize| (3 * p..3 * p + 3).all(|i| captured[[t, i]].is_finite());
-        let frames: Vec<usize> = (0..known.nrows())
-            .filter(|&t| targets.iter().all(|p| is_seen(t, *p)))
-            .collect();
+        let frames = known.seen.all_known(targets, around);
+        let count = frames.len();
         let of_model = |p: &usize| self.others.is_some_and(|o| o[[0, 3 * p]].is_finite());
         let is_of_model = targets.iter().all(of_model);
         let fewest = if is_of_model {
@@ -379,14 +387,14 @@ impl GapFiller<'_> {
         } else {
             FEWEST_FRAMES
         };
-        if frames.len() < fewest {
+        if count < fewest {
             return None;
         }
-        let lacking = |p: usize| frames.iter().filter(|t| !is_known(**t, p)).count();
-        let mut candidates: Vec<(usize, usize)> = (0..known.ncols() / 3)
-            .filter(|p| !targets.contains(p) && gap.clone().all(|t| is_known(t, *p)))
+        let lacking = |p: usize| count - known.frames.count(p, &frames);
+        let mut candidates: Vec<(usize, usize)> = (0..known.frames.points())
+            .filter(|p| known.frames.has_all(*p, gap.clone()) && !targets.contains(p))
             .map(|p| (lacking(p), p))
-            .filter(|(lacks, _)| *lacks < frames.len())
+            .filter(|(lacks, _)| *lacks < count)
             .collect();
         candidates.sort_unstable();
         let mut points: Vec<usize> = candidates.into_iter().map(|c| c.1).collect();
@@ -397,24 +405,21 @@ impl GapFiller<'_> {
                 points = both;
             }
         }
-        let mut complete = frames.clone();
+        let mut complete = frames;
         let mut kept: Vec<usize> = Vec::new();
         for p in points {
-            let with: Vec<usize> = complete
-                .iter()
-                .copied()
-                .filter(|&t| is_known(t, p))
-                .collect();
-            if with.len() as f64 >= SHARE_COMPLETE * frames.len() as f64 {
-                complete = with;
+            if known.frames.count(p, &complete) as f64 >= SHARE_COMPLETE * count as f64 {
+                complete = known.frames.intersection(p, &complete);
                 kept.push(p);
             }
         }
         if complete.len() < fewest {
             return None;
         }
+        let complete: Vec<usize> = complete.frames().map(|t| t - around.start).collect();
         if kept.len() > MOST_PREDICTORS {
-            kept = steadiest(known, &kept, targets, &complete);
+            let xyz = known.xyz.slice(s![around.clone(), ..]);
+            kept = steadiest(xyz, &kept, targets, &complete);
         }
         kept.sort_unstable();
         Some((kept, complete))
@@ -508,6 +513,28 @@ impl GapFiller<'_> {
     }
 }
 
+/// What is known of a take while its gaps are filled.
+struct Known<'a> {
+    /// (frames, 3 J), cm: captured or filled; NaN missing.
+    xyz: Array2<f64>,
+    /// The frames in which each point is captured or filled.
+    frames: KnownFrames,
+    /// Those in which it is captured.
+    seen: &'a KnownFrames,
+    /// Seconds of each frame.
+    seconds: Vec<f64>,
+    /// How well points are interpolated.
+    paths: PathVariances,
+}
+
+impl Known<'_> {
+    /// Puts a filled gap in place.
+    fn put(&mut self, gap: &Gap, xyz: &Array2<f64>) {
+        put(&mut self.xyz, gap, xyz);
+        self.frames.add(gap.point, gap.frames.clone());
+    }
+}
+
 /// Puts filled values in place.
 fn put(known: &mut Array2<f64>, gap: &Gap, xyz: &Array2<f64>) {
     let columns = 3 * gap.point..3 * gap.point + 3;
@@ -530,19 +557,29 @@ fn waves(gaps: &[Gap]) -> Vec<Vec<usize>> {
 fn questions(gaps: &[Gap], mut wave: Vec<usize>) -> Vec<Vec<usize>> {
     wave.sort_by_key(|k| (gaps[*k].frames.start, gaps[*k].frames.end));
     let mut questions: Vec<Vec<usize>> = Vec::new();
+    // The points of each question: a point has one gap in it.
+    let mut points: HashSet<(usize, usize)> = HashSet::new();
     for k in wave {
-        let frames = &gaps[k].frames;
+        let (frames, point) = (&gaps[k].frames, gaps[k].point);
         let slack = frames.len() / WAVE;
-        let is_alike = |question: &Vec<usize>| {
-            let first = &gaps[question[0]];
-            frames.start.abs_diff(first.frames.start) <= slack
-                && frames.end.abs_diff(first.frames.end) <= slack
-                && question.iter().all(|q| gaps[*q].point != gaps[k].point)
+        let is_alike = |(number, question): &(usize, &mut Vec<usize>)| {
+            let first = &gaps[question[0]].frames;
+            frames.start.abs_diff(first.start) <= slack
+                && frames.end.abs_diff(first.end) <= slack
+                && !points.contains(&(*number, point))
         };
-        match questions.iter_mut().rev().take(64).find(|q| is_alike(q)) {
-            Some(question) => question.push(k),
-            None => questions.push(vec![k]),
-        }
+        let mut last = questions.iter_mut().enumerate().rev().take(64);
+        let number = match last.find(is_alike) {
+            Some((number, question)) => {
+                question.push(k);
+                number
+            }
+            None => {
+                questions.push(vec![k]);
+                questions.len() - 1
+            }
+        };
+        points.insert((number, point));
     }
     questions
 }
@@ -607,5 +644,54 @@ mod tests {
         );
         // The edge of a run is an end like that of the take.
         assert_eq!(gaps_of(xyz.view(), &(3..6))[0], gap(1, 3..4, None, Some(4)));
+    }
+
+    #[test]
+    fn gaps_out_of_step_are_filled_by_paths_that_are_measured_once() {
+        let (frames, points) = (900, 12);
+        let truth = Array2::from_shape_fn((frames, 3 * points), |(t, c)| {
+            20.0 * c as f64 + 30.0 * (t as f64 / 40.0 + c as f64).sin()
+        });
+        let mut captured = truth.clone();
+        for t in 0..frames {
+            for p in (0..points).filter(|p| (t + p) % 3 == 0) {
+                captured.slice_mut(s![t, 3 * p..3 * p + 3]).fill(f64::NAN);
+            }
+        }
+        let names: Vec<String> = (0..points).map(|p| format!("p{p}")).collect();
+        let runs = [0..frames];
+        let filler = GapFiller {
+            names: &names,
+            captured: captured.view(),
+            runs: &runs,
+            rate: 120.0,
+            others: None,
+        };
+        let gaps = find_gaps(captured.view(), &runs);
+        assert!(gaps.len() > 3000);
+        let answers = filler.fill(&gaps, &|_| {});
+        for (gap, filled) in gaps.iter().zip(&answers.filled) {
+            // At the ends of the take nothing is known on one side.
+            if gap.before.is_none() || gap.after.is_none() {
+                continue;
+            }
+            let filled = filled.as_ref().expect("a path");
+            for axis in 0..3 {
+                let off = filled.xyz[[0, axis]] - truth[[gap.frames.start, 3 * gap.point + axis]];
+                assert!(off.abs() <= 0.05, "{off} at {:?}", gap.frames);
+            }
+        }
+        let seen = KnownFrames::of(captured.view());
+        let known = Known {
+            xyz: captured.clone(),
+            frames: KnownFrames::of(captured.view()),
+            seen: &seen,
+            seconds: filler.seconds(),
+            paths: PathVariances::default(),
+        };
+        gaps.iter().for_each(|gap| {
+            filler.by_path(gap, &known);
+        });
+        assert_eq!(known.paths.len(), points);
     }
 }

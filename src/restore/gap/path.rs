@@ -5,7 +5,9 @@
 use super::{FillMethod, FilledGap, Gap};
 use crate::numeric::pchip::pchip;
 use ndarray::{Array2, ArrayView2};
+use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 /// Seconds on either side that a path is measured in.
 const REACH: f64 = 1.0 / 6.0;
@@ -22,15 +24,44 @@ const RESTS_SD: f64 = 0.2;
 /// Simulated gaps that the deviation is measured in.
 const SIMULATED: usize = 20;
 
-/// Fills `gap` of the captured frames (frames, 3 J) at `rate` frames a second. `None` where it lacks an end or its path is not
-/// smooth enough.
-pub fn interpolate(captured: ArrayView2<'_, f64>, gap: &Gap, rate: f64) -> Option<FilledGap> {
+/// The variances of a coordinate in the middle of gaps of a take, by point and length (cm²): simulated once each, as a take may
+/// have as many gaps as frames.
+#[derive(Default)]
+pub struct PathVariances(Mutex<HashMap<(usize, usize), f64>>);
+
+impl PathVariances {
+    /// How many were simulated.
+    #[cfg(test)]
+    pub fn len(&self) -> usize {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
+    }
+
+    fn of(&self, track: &Track<'_>, length: usize) -> f64 {
+        let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = (track.point, length);
+        let before = all().get(&key).copied();
+        before.unwrap_or_else(|| {
+            let variance = track.simulated_variance(length);
+            all().insert(key, variance);
+            variance
+        })
+    }
+}
+
+/// Fills `gap` of the captured frames (frames, 3 J) at `rate` frames a second; `variances` are those of the take. `None` where it
+/// lacks an end or its path is not smooth enough.
+pub fn interpolate(
+    captured: ArrayView2<'_, f64>,
+    gap: &Gap,
+    rate: f64,
+    variances: &PathVariances,
+) -> Option<FilledGap> {
     let (before, after) = (gap.before?, gap.after?);
     let track = Track::new(captured, gap.point, rate);
     if track.miss(before, after)? > MISS {
         return None;
     }
-    let middle = track.simulated_variance(gap.frames.len());
+    let middle = variances.of(&track, gap.frames.len());
     track.filled(gap, middle)
 }
 
