@@ -33,6 +33,7 @@ pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;
 pub mod metric_takes;
+mod model_outputs;
 pub mod motion_file;
 pub mod name_maps;
 pub mod new_take;
@@ -57,6 +58,7 @@ pub mod toml_file;
 pub mod training;
 pub mod transition;
 pub mod units;
+pub mod zeros;
 
 use crate::Result;
 use clap::{CommandFactory, FromArgMatches};

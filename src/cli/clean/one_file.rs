@@ -18,7 +18,6 @@ use crate::io::{Input, Model, MotionFormat};
 use crate::pose::{NameMap, PointNaming, Poses, joints};
 use crate::restore::{Clean, Restoration, Restorer};
 use crate::{Error, Place, Result};
-use ndarray::s;
 use serde_json::json;
 
 /// How files are cleaned.
@@ -31,8 +30,6 @@ pub struct CleanSettings {
     pub map: Option<NameMap>,
     /// How takes are restored.
     pub method: Clean,
-    /// Whether points at exactly 0 0 0 are missing.
-    pub zeros_are_missing: bool,
     /// What is still as it should be.
     pub limits: Limits,
     /// Whether bodies of no person's size are accepted.
@@ -99,8 +96,13 @@ impl CleanSettings {
             return Ok(Fate::Unchanged(summary));
         }
         may_write(&job.output, self.again)?;
+        let is_utf16 = unpacked.is_utf16();
         let bytes = unpacked.read_all(LARGEST_MOTION_FILE)?;
-        let file = MotionFile::read(&job.input, bytes, &self.read)?;
+        let mut file = MotionFile::read(&job.input, bytes, &self.read)?;
+        if is_utf16 {
+            let what = "is a text in UTF-16; the result is in UTF-8".to_string();
+            file.notes.push(what);
+        }
         self.restore(job, to, file, &made_from).map(Fate::Cleaned)
     }
 
@@ -108,7 +110,7 @@ impl CleanSettings {
         &self,
         job: &Job,
         to: Option<OutputFormat>,
-        mut file: MotionFile,
+        file: MotionFile,
         made_from: &MadeFrom,
     ) -> Result<Summary> {
         let rate = file.rate();
@@ -118,10 +120,6 @@ impl CleanSettings {
         }
         let before = audit_motion(&file, &self.limits);
         let keeps = keeps_rotations(&file, to);
-        // A root at the origin is where an animation begins.
-        if self.zeros_are_missing && !keeps {
-            empty_zeros(&mut file.table.poses);
-        }
         let table = &file.table;
         let naming = self.naming(&table.poses);
         let is_copied = keeps && file.is_whole();
@@ -171,7 +169,7 @@ impl CleanSettings {
             "noise_limit": self.method.noise_limit,
             "outliers": self.method.outliers,
             "max_gap": self.method.max_gap,
-            "zeros_are_missing": self.zeros_are_missing,
+            "zeros_are_missing": read.zeros_are_missing,
             "max_sd": self.method.max_sd,
             "limits": self.limits,
             "force": self.force,
@@ -269,16 +267,4 @@ impl CleanSettings {
 /// Whether the result holds rotations, as the file does.
 pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
     matches!(file.format, MotionFormat::Bvh | MotionFormat::Amc) && to.is_none()
-}
-
-/// Positions at exactly 0 0 0 become missing ones.
-fn empty_zeros(poses: &mut Poses) {
-    for mut row in poses.xyz.rows_mut() {
-        for p in 0..row.len() / 3 {
-            let mut point = row.slice_mut(s![3 * p..3 * p + 3]);
-            if point.iter().all(|v| *v == 0.0) {
-                point.fill(f64::NAN);
-            }
-        }
-    }
 }

@@ -2,6 +2,7 @@
 
 use super::super::args::parse_rate;
 use super::super::units::{Units, Up};
+use super::super::zeros::ZeroArgs;
 use crate::Result;
 use crate::io::parse_point_names;
 use clap::Args;
@@ -30,6 +31,8 @@ pub struct ReadArgs {
     /// Accept files that end early (not tables): the whole frames before that are kept
     #[arg(long)]
     keep_whole: bool,
+    #[command(flatten)]
+    zeros: ZeroArgs,
 }
 
 impl ReadArgs {
@@ -45,6 +48,7 @@ impl ReadArgs {
             asf: self.asf.clone(),
             joints: self.joints.as_deref().map(parse_point_names).transpose()?,
             keep_whole: self.keep_whole,
+            zeros_are_missing: self.zeros.zeros_are_missing,
         })
     }
 }
@@ -64,6 +68,8 @@ pub struct ReadFlags {
     pub joints: Option<Vec<String>>,
     /// Whether a file that ends early gives the frames that it has.
     pub keep_whole: bool,
+    /// Whether positions at exactly 0 0 0 are missing (but those of rotations).
+    pub zeros_are_missing: bool,
 }
 
 /// Where something that was taken for true comes from.
