@@ -43,7 +43,7 @@ fn bytes(name: &str, args: &[&str], input: &str) -> Vec<u8> {
 /// The table of a C3D file of the collection, with the flags that the file asks for.
 fn c3d(path: &Path) -> (Numbers, bool) {
     let bare = command("c3d2xyz")
-        .args(["-q", text(path)])
+        .args(["-q", "--model-outputs", text(path)])
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&bare.stderr).into_owned();
@@ -52,7 +52,15 @@ fn c3d(path: &Path) -> (Numbers, bool) {
     let out = match asks {
         true => run(
             "c3d2xyz",
-            &["-q", "--units", "mm", "--up", "z", text(path)],
+            &[
+                "-q",
+                "--model-outputs",
+                "--units",
+                "mm",
+                "--up",
+                "z",
+                text(path),
+            ],
             "",
         ),
         false => String::from_utf8(bare.stdout).unwrap(),
@@ -192,10 +200,18 @@ fn c3d_files_of_many_systems_have_the_counts_of_an_independent_scanner() {
             rest[..end].parse::<f64>().unwrap()
         };
         let (table, asks) = c3d(&path);
-        assert_eq!(table.points.len() as f64, number("pts="), "{file}");
+        // The first column of each point that is no position.
+        let firsts = [".rx", ".fx", ".mx", ".p", ".s"];
+        let names = table.names.iter().enumerate();
+        let others = names.filter(|(_, name)| firsts.iter().any(|end| name.ends_with(end)));
+        let others: Vec<usize> = others.map(|(column, _)| column).collect();
+        let points = table.points.len() + others.len();
+        assert_eq!(points as f64, number("pts="), "{file}");
         assert_eq!(table.rows.len() as f64, number("frames="), "{file}");
-        let values = 3 * table.points.len() * table.rows.len();
-        let missing = 100.0 * table.missing() as f64 / values as f64;
+        let cells = table.cells.iter();
+        let empty = cells.flat_map(|row| others.iter().filter(|column| row[**column].is_empty()));
+        let missing = table.missing() / 3 + empty.count();
+        let missing = 100.0 * missing as f64 / (points * table.rows.len()) as f64;
         assert!(
             (missing - number("invalid ")).abs() <= 0.051,
             "{file}: {missing}"
@@ -355,13 +371,21 @@ fn what_a_trc_file_lacks_is_asked_for() {
         2,
     );
     assert!(said.contains("contradicts"), "{said}");
+    // Fewer rows than announced are all that there are, unless the last is cut off.
     let early = TRC.replace("   3\t2", "   5\t2");
-    let said = fails("trc2xyz", &flags, early.as_bytes(), 1);
+    command("trc2xyz")
+        .args(["--up", "y"])
+        .write_stdin(early.clone())
+        .assert()
+        .success()
+        .stderr(contains("announces 5 frames but has 3"));
+    let cut = early.trim_end().trim_end_matches("\t5\t6");
+    let said = fails("trc2xyz", &flags, cut.as_bytes(), 1);
     assert!(
-        said.contains("ends after 3 of its 5 frames; --keep-whole"),
+        said.contains("ends after 2 of its 5 frames; --keep-whole"),
         "{said}"
     );
-    run("trc2xyz", &["-q", "--up", "y", "--keep-whole"], &early);
+    run("trc2xyz", &["-q", "--up", "y", "--keep-whole"], cut);
     let far = TRC.replace("\t4\t5\t6\t", "\t4e300\t5\t6\t");
     let said = fails("trc2xyz", &flags, far.as_bytes(), 1);
     assert!(

@@ -66,9 +66,6 @@ struct Args {
         help_heading = "Input"
     )]
     map: Option<String>,
-    /// Take positions of exactly 0 0 0 for missing ones, as some programs write them (not where rotations stay)
-    #[arg(long, help_heading = "Input")]
-    zeros_are_missing: bool,
     /// Go on with a body that is smaller or larger than people are
     #[arg(long, help_heading = "Input")]
     force: bool,
@@ -142,7 +139,6 @@ fn settings(args: &Args) -> Result<CleanSettings> {
             max_sd: args.max_sd,
             fps: None,
         },
-        zeros_are_missing: args.zeros_are_missing,
         limits: args.limits.limits(),
         force: args.force,
         again: args.again,

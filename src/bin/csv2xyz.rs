@@ -45,6 +45,6 @@ fn main() -> ExitCode {
             Points::Bones => MotivePoints::Bones,
         });
         let read = |input, keep_whole| marker_csv::read(input, points, keep_whole);
-        args.file.convert(read)
+        args.file.convert(read, false)
     })
 }

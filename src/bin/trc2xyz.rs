@@ -10,9 +10,8 @@ use std::process::ExitCode;
 ///
 /// Reads the TRC files of Motion Analysis, OpenSim and Pose2Sim. Writes a pose table in centimetres, y up: one row per
 /// frame, three columns per marker, empty where the file has an empty cell or NaN. Zeros stay: a position of exactly 0 0 0,
-/// which some programs write for a missing one, is reported. Rate and unit are the file's (DataRate, Units); the up axis is
-/// not in the file, so --up is needed: y for OpenSim's, often z for others. `time` counts from frame 1: the first
-/// frame's number is kept. Columns beyond the named markers are point35 and so on by their number, if they hold a value.
+/// which some programs write for a missing one, is reported. Rate and unit are the file's (DataRate, Units), `time` is its
+/// Time column; the up axis is not in the file, so --up is needed: y for OpenSim's, often z for others. Columns beyond the named markers are point35 and so on by their number, if they hold a value.
 #[derive(Parser)]
 #[command(
     name = "trc2xyz",
@@ -25,5 +24,5 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    run(|args: Args| args.file.convert(trc::read))
+    run(|args: Args| args.file.convert(trc::read, false))
 }

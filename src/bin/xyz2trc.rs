@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 /// Convert a pose table to a TRC file
 ///
-/// Writes a tab-separated TRC file for OpenSim and others: millimetres, y up, frames numbered from the table's first time,
+/// Writes a tab-separated TRC file for OpenSim and others: millimetres, y up, the table's times, frames numbered from the first,
 /// every number as the shortest text that reads back. A missing point is three empty cells. TRC files state their unit, not
 /// their up axis; OpenSim takes y for up.
 #[derive(Parser)]

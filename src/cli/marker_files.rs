@@ -3,10 +3,12 @@
 use super::args::{CommonArgs, OutputArgs, parse_rate, value_name};
 use super::input::{open, take_name};
 use super::messages;
+use super::model_outputs;
 use super::streams::write_table;
 use super::units::{TableUnits, Units, Up};
+use super::zeros::{ZeroArgs, count_zeros, empty_zeros};
 use crate::io::text::check_length;
-use crate::io::{Input, MarkerTake, Table};
+use crate::io::{Input, MarkerTake, Quantity, Table};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use clap::Args;
@@ -38,6 +40,8 @@ pub struct MarkerFileArgs {
     /// Accept a file that ends early: the whole frames before that are kept
     #[arg(long)]
     pub keep_whole: bool,
+    #[command(flatten)]
+    zeros: ZeroArgs,
     #[command(flatten)]
     out: OutputArgs,
     #[command(flatten)]
@@ -77,26 +81,49 @@ impl MarkerUnitArgs {
 }
 
 impl MarkerFileArgs {
-    /// Reads the file with `read`, which is told whether one that ends early is accepted, and writes its points as a table.
+    /// Reads the file with `read`, which is told whether one that ends early is accepted, and writes its positions as a table; its points
+    /// that are none become columns of their own with `model_outputs`.
     ///
     /// # Errors
     /// Those of `read`; [`Error::Data`] if neither the file nor a flag says the rate, the unit or the axis; [`Error::Usage`] if a flag
     /// contradicts the rate of the file.
-    pub fn convert(&self, read: impl Fn(Input, bool) -> Result<MarkerTake>) -> Result<()> {
+    pub fn convert(
+        &self,
+        read: impl Fn(Input, bool) -> Result<MarkerTake>,
+        model_outputs: bool,
+    ) -> Result<()> {
         self.common.apply()?;
         let path = self.file.clone().unwrap_or_else(|| PathBuf::from("-"));
         let take = read(open(&path)?, self.keep_whole)?;
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
-        report_other_quantities(&take);
-        report_zeros(&take);
+        let mut positions = take.only_positions();
+        match self.zeros.zeros_are_missing {
+            true => empty_zeros(&mut positions.xyz),
+            false => report_zeros(&positions),
+        }
+        if !model_outputs {
+            report_model_outputs(&take);
+        }
         let units = self.units.table_units(&take)?;
-        let poses = poses_of_markers(&take, units, self.rate(&take)?, &path)?;
+        let poses = poses_of_markers(&positions, units, self.rate(&take)?, &path)?;
         let table = Table::from_poses(poses);
         let xyz = table.poses.xyz.view();
-        write_table(&self.out, TableUnits::CM_Y, &table, xyz, &[], |_| {
-            Vec::new()
-        })
+        let added = match model_outputs {
+            true => model_outputs::columns(&take),
+            false => Vec::new(),
+        };
+        write_table(
+            &self.out,
+            TableUnits::CM_Y,
+            &table,
+            xyz,
+            &added,
+            |t| match added.is_empty() {
+                true => Vec::new(),
+                false => model_outputs::cells(&take, t),
+            },
+        )
     }
 
     /// Frames a second: the file's, else the flag's.
@@ -126,26 +153,25 @@ pub fn asked(take: &MarkerTake, what: &str, said: Option<&str>, flag: &str) -> E
 }
 
 /// Reports points that are no positions.
-fn report_other_quantities(take: &MarkerTake) {
-    if let [first, ..] = take.other_quantities[..] {
+fn report_model_outputs(take: &MarkerTake) {
+    let is_other = |p: &usize| take.quantity(*p) != Quantity::Position;
+    let others: Vec<usize> = (0..take.points.len()).filter(is_other).collect();
+    if let [first, ..] = others[..] {
         messages::info(&format!(
-            "{}: {} points are angles, forces, moments or powers ({} and so on): their numbers are converted as if they were positions",
+            "{}: {} points are angles, forces, moments or powers ({} and so on) and left out; --model-outputs writes them as columns of their own",
             take.name,
-            take.other_quantities.len(),
+            others.len(),
             take.points[first]
         ));
     }
 }
 
-/// Reports points at 0 0 0: some programs write it for a missing point, but it may be a measurement, so it stays.
+/// Reports positions at 0 0 0, which stay.
 fn report_zeros(take: &MarkerTake) {
-    let is_zero = |row: &[f64]| row.iter().all(|v| *v == 0.0);
-    let rows = take.xyz.rows().into_iter().filter_map(|row| row.to_slice());
-    let zeros = rows.map(|row| row.chunks_exact(3).filter(|p| is_zero(p)).count());
-    let zeros: usize = zeros.sum();
+    let zeros = count_zeros(take.xyz.view());
     if zeros > 0 {
         messages::info(&format!(
-            "{}: {zeros} positions are exactly 0 0 0, which some programs write for missing points; they are kept",
+            "{}: {zeros} positions are exactly 0 0 0, which some programs write for missing points; they are kept (--zeros-are-missing empties them)",
             take.name
         ));
     }
@@ -171,10 +197,11 @@ pub fn poses_of_markers(
     }
     let name: Arc<str> = take_name(path).into();
     let first = f64::from(take.first_frame) - 1.0;
-    let times = (0..xyz.nrows()).map(|t| (first + t as f64) / rate);
+    let by_number = || (0..xyz.nrows()).map(|t| (first + t as f64) / rate);
+    let times = take.times.clone().unwrap_or_else(|| by_number().collect());
     Ok(Poses {
         points: take.points.clone(),
-        time: Some(times.collect()),
+        time: Some(times),
         take: Some(vec![name; xyz.nrows()]),
         xyz,
     })

@@ -38,6 +38,7 @@ pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;
 pub mod metric_takes;
+mod model_outputs;
 pub mod motion_file;
 pub mod motion_folder;
 pub mod name_maps;
@@ -64,6 +65,7 @@ pub mod toml_file;
 pub mod training;
 pub mod transition;
 pub mod units;
+pub mod zeros;
 
 use crate::Result;
 use clap::{CommandFactory, FromArgMatches};

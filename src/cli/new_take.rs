@@ -61,8 +61,16 @@ impl NewTake {
             points: &self.poses.points,
             rate: self.rate,
             first_frame: self.first_frame,
+            times: self.times(),
             units: &value_name(self.units.unit),
         }
         .bytes(self.poses.xyz.view())
+    }
+
+    /// The times of the frames, where they ascend.
+    fn times(&self) -> Option<&[f64]> {
+        let times = self.poses.time.as_deref()?;
+        let ascend = times.windows(2).all(|pair| pair[0] < pair[1]);
+        ascend.then_some(times)
     }
 }

@@ -1,5 +1,6 @@
 //! Opening an input. The format is recognised by content, never by name.
 
+use super::utf16::{Decoded, Utf16};
 use crate::{Error, Place, Result};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -22,6 +23,7 @@ pub struct Input {
     kind: ContentKind,
     first: Vec<u8>,
     reader: Box<dyn BufRead>,
+    is_utf16: bool,
 }
 
 /// The kind of content, by its first bytes.
@@ -72,14 +74,7 @@ impl Input {
             let stream = BufReader::with_capacity(BUFFER, stream);
             Box::new(zstd::Decoder::with_buffer(stream).map_err(fail)?)
         } else {
-            let reader = Box::new(BufReader::with_capacity(BUFFER, stream));
-            let kind = kind_of(&first);
-            return Ok(Input {
-                name,
-                kind,
-                first,
-                reader,
-            });
+            return Input::unpacked(name, first, stream);
         };
         let stream = Unpacked {
             stream,
@@ -87,12 +82,32 @@ impl Input {
             packed,
         };
         let (first, stream) = start(stream).map_err(fail)?;
+        Input::unpacked(name, first, stream)
+    }
+
+    /// A stream that is not packed and begins with the bytes `first`. Text in UTF-16 becomes UTF-8.
+    fn unpacked(name: String, first: Vec<u8>, stream: impl Read + 'static) -> Result<Input> {
+        let order = Utf16::of(&first);
+        let (first, stream): (Vec<u8>, Box<dyn Read>) = match order {
+            Some(order) => {
+                let decoded = start(Decoded::new(stream, order));
+                let (first, stream) = decoded.map_err(|e| Error::io(&name, e))?;
+                (first, Box::new(stream))
+            }
+            None => (first, Box::new(stream)),
+        };
         Ok(Input {
             kind: kind_of(&first),
             first,
             reader: Box::new(BufReader::with_capacity(BUFFER, stream)),
+            is_utf16: order.is_some(),
             name,
         })
+    }
+
+    /// Whether it is a text in UTF-16, which is read as UTF-8.
+    pub fn is_utf16(&self) -> bool {
+        self.is_utf16
     }
 
     /// The first bytes: 12, or all where there are fewer.

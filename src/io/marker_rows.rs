@@ -1,6 +1,7 @@
 //! The rows of a table of markers in text, which TRC, Motive and Qualisys files have in common: the frame's number, its time, and
 //! three cells a point.
 
+use super::frame_times::{FrameTimes, TimeCells};
 use super::marker_take::{MarkerTake, unique_names};
 use super::text::{excerpt, parse_number};
 use super::text_cells::TextCells;
@@ -17,8 +18,6 @@ const MOST_VALUES: usize = 1 << 28;
 /// leaves out, or with points that it names.
 const VALUES: usize = 1 << 24;
 const MOST_ABSENT: usize = 16;
-/// Fewer frames do not tell a rate from their rounded times.
-const RATED_FRAMES: usize = 10;
 
 /// What a file says beside its rows.
 #[derive(Debug, Default)]
@@ -33,6 +32,10 @@ pub struct Stated {
     pub units: Option<String>,
     /// Whether the first frame of a recording is frame 0, not 1.
     pub from_zero: bool,
+    /// Whether the column of times is the time; else it follows from the frames' numbers and the rate.
+    pub has_times: bool,
+    /// Whether the rows count where the header announces more: only a file that ends within a row ends early.
+    pub rows_count: bool,
     /// What was odd, a line each.
     pub notes: Vec<String>,
 }
@@ -55,8 +58,7 @@ pub struct MarkerRows {
     /// The number of cells of the last row, and of all rows.
     cells: usize,
     all_cells: usize,
-    /// The first and the last frame with a time, and their times.
-    times: Option<[(usize, f64); 2]>,
+    times: TimeCells,
 }
 
 impl MarkerRows {
@@ -86,9 +88,8 @@ impl MarkerRows {
             self.ends.resize(frames, self.values.len());
             self.lines.resize(frames, None);
         }
-        if let Some(seconds) = time.and_then(|t| parse_number(t.trim()).ok()) {
-            let now = (self.ends.len(), seconds);
-            self.times = Some([self.times.map_or(now, |[first, _]| first), now]);
+        if let Some(cell) = time {
+            self.times.push(self.ends.len(), cell);
         }
         self.lines.push(Some(line));
         self.push_cells(cells)
@@ -107,6 +108,9 @@ impl MarkerRows {
         }
         self.rows += 1;
         self.cells = self.values.len() - start;
+        // A separator at the end of a row is no cell.
+        let is_behind = self.cells % 3 == 1 && self.values.last().is_some_and(|v| v.is_nan());
+        self.cells -= usize::from(is_behind);
         self.all_cells += self.cells;
         while self.values.len() > start && self.values.last().is_some_and(|v| v.is_nan()) {
             self.values.pop();
@@ -155,18 +159,20 @@ impl MarkerRows {
         if is_cut {
             self.ends.pop();
             self.lines.pop();
+            self.times.truncate(self.ends.len());
             self.rows -= 1;
         }
         if self.rows == 0 {
             return Err(bad("has no frames".into()));
         }
-        if let Some(what) = self.ends_early(stated.frames, is_cut) {
+        let promised = stated.frames.filter(|_| !stated.rows_count || is_cut);
+        if let Some(what) = self.ends_early(promised, is_cut) {
             if !keep_whole {
                 return Err(bad(format!("{what}; --keep-whole reads those")));
             }
             stated.notes.push(what);
         }
-        self.note_oddities(&mut stated);
+        self.note_oddities(&mut stated, is_cut);
         let width = self.width.max(3 * named);
         if width == 0 {
             return Err(bad("has no markers".into()));
@@ -175,22 +181,27 @@ impl MarkerRows {
         let (points, xyz, kept) =
             named_points(self.dense(width), &stated.labels, &mut stated.notes);
         let first = self.first + u64::from(stated.from_zero);
+        let own = match stated.has_times {
+            true => self.times.times(xyz.nrows(), first, stated.rate),
+            false => FrameTimes::default(),
+        };
+        stated.notes.extend(own.note);
         Ok(MarkerTake {
             name: name.to_string(),
             points,
             xyz,
             // Some files that count from 1 otherwise begin with a frame 0.
             first_frame: u32::try_from(first).unwrap_or(u32::MAX).max(1),
-            rate: stated.rate,
+            rate: own.rate.or(stated.rate),
+            times: own.times,
             units: stated.units,
-            up: None,
-            other_quantities: Vec::new(),
             notes: stated.notes,
             cells: TextCells {
                 lines: self.lines,
                 points: kept,
                 ..TextCells::default()
             },
+            ..MarkerTake::default()
         })
     }
 
@@ -207,9 +218,14 @@ impl MarkerRows {
     }
 
     /// Notes what contradicts the file's own header.
-    fn note_oddities(&self, stated: &mut Stated) {
+    fn note_oddities(&self, stated: &mut Stated, is_cut: bool) {
         let rows = self.rows;
-        if let Some(frames) = stated.frames.filter(|&n| n < rows) {
+        let is_wrong = |n: &usize| *n < rows || stated.rows_count && *n > rows;
+        // Without the row that is cut off, it was said already.
+        if let Some(frames) = stated
+            .frames
+            .filter(|n| is_wrong(n) && !(is_cut && *n > rows))
+        {
             let what = format!("announces {frames} frames but has {rows}");
             stated.notes.push(what);
         }
@@ -220,15 +236,8 @@ impl MarkerRows {
             );
             stated.notes.push(what);
         }
-        if let (Some([(i, from), (j, to)]), Some(rate)) = (self.times, stated.rate) {
-            let own = (j - i) as f64 / (to - from);
-            let agrees = (own - rate).abs() <= 0.01 * rate;
-            if j - i >= RATED_FRAMES && !agrees {
-                let what = format!(
-                    "says {rate} frames per second, but its times tell {own:.3}; {rate} is taken"
-                );
-                stated.notes.push(what);
-            }
+        if !stated.has_times {
+            stated.notes.extend(self.times.contradiction(stated.rate));
         }
     }
 
@@ -367,6 +376,28 @@ mod tests {
         let more = two().take("x", promised(1), true, false).unwrap();
         assert!(more.notes[0].contains("announces 1"));
         assert!(two().take("x", stated(&["a"]), false, false).is_err());
+    }
+
+    #[test]
+    fn rows_may_count_and_end_in_a_separator() {
+        let stated = |frames| Stated {
+            frames: Some(frames),
+            rows_count: true,
+            ..stated(&["a"])
+        };
+        let two = || rows(&["1 0 1 2 3 ", "2 0 1 2 3 "]).unwrap();
+        let take = two().take("x", stated(109), false, false).unwrap();
+        assert_eq!(take.xyz.dim(), (2, 3));
+        assert_eq!(take.notes, ["announces 109 frames but has 2"]);
+        // A row that is cut off is an early end.
+        let cut = || rows(&["1 0 1 2 3 ", "2 0 1 2"]).unwrap();
+        let said = cut().take("x", stated(109), false, false).unwrap_err();
+        assert!(
+            said.to_string().contains("ends after 1 of its 109 frames"),
+            "{said}"
+        );
+        let kept = cut().take("x", stated(109), false, true).unwrap();
+        assert_eq!((kept.xyz.nrows(), kept.notes.len()), (1, 1));
     }
 
     #[test]

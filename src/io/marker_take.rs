@@ -1,7 +1,7 @@
 //! What files of markers have in common: points over time, and what the file says of its rate, unit and axes.
 
 use super::text_cells::TextCells;
-use ndarray::Array2;
+use ndarray::{Array2, Axis};
 use std::collections::{HashMap, HashSet};
 
 /// A take of markers as its file has it.
@@ -21,12 +21,76 @@ pub struct MarkerTake {
     pub units: Option<String>,
     /// The axis that points up, if the file says so: `+Z`.
     pub up: Option<String>,
-    /// The points that are no positions but angles, forces, moments or powers, which C3D files store as points.
-    pub other_quantities: Vec<usize>,
+    /// Whether the axis is not said in so many words, so that a flag goes before it.
+    pub up_is_inferred: bool,
+    /// What each point is; empty where all are positions.
+    pub quantities: Vec<Quantity>,
+    /// The times of the frames in seconds, where the file's own are taken; `None`: they follow from the first frame's number and the rate.
+    pub times: Option<Vec<f64>>,
     /// What was odd, a line each.
     pub notes: Vec<String>,
     /// Where the coordinates stand, in a file of text.
     pub cells: TextCells,
+}
+
+/// What the three numbers of a point are: C3D files store what models compute as points too.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Quantity {
+    /// A position.
+    #[default]
+    Position,
+    /// Angles about three axes.
+    Angles,
+    /// A force.
+    Force,
+    /// A moment of force.
+    Moment,
+    /// A power: one number, whose parts by axis are summed.
+    Power,
+    /// Another single number.
+    Scalar,
+}
+
+impl Quantity {
+    /// The endings of the columns that hold it: never those of a position.
+    pub fn endings(self) -> &'static [&'static str] {
+        match self {
+            Quantity::Position => &["x", "y", "z"],
+            Quantity::Angles => &["rx", "ry", "rz"],
+            Quantity::Force => &["fx", "fy", "fz"],
+            Quantity::Moment => &["mx", "my", "mz"],
+            Quantity::Power => &["p"],
+            Quantity::Scalar => &["s"],
+        }
+    }
+}
+
+impl MarkerTake {
+    /// What a point is.
+    pub fn quantity(&self, point: usize) -> Quantity {
+        self.quantities.get(point).copied().unwrap_or_default()
+    }
+
+    /// The points that are positions.
+    pub fn positions(&self) -> Vec<usize> {
+        let is_position = |p: &usize| self.quantity(*p) == Quantity::Position;
+        (0..self.points.len()).filter(is_position).collect()
+    }
+
+    /// The take without its points that are no positions.
+    pub fn only_positions(&self) -> MarkerTake {
+        let kept = self.positions();
+        if kept.len() == self.points.len() {
+            return self.clone();
+        }
+        let columns: Vec<usize> = kept.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
+        MarkerTake {
+            points: kept.iter().map(|&p| self.points[p].clone()).collect(),
+            xyz: self.xyz.select(Axis(1), &columns),
+            quantities: Vec::new(),
+            ..self.clone()
+        }
+    }
 }
 
 /// Names of points from the labels of a file: a repeated label gets `_2` and so on, an empty one is `point17` by its number. Control

@@ -49,6 +49,15 @@ impl MotionFormat {
         }
     }
 
+    /// The format of a file of these bytes, before which blank lines may stand.
+    pub fn of_file(bytes: &[u8]) -> MotionFormat {
+        let start = |bytes: &[u8]| MotionFormat::of(&bytes[..bytes.len().min(12)]);
+        match start(bytes) {
+            MotionFormat::Csv => start(bytes.trim_ascii_start()),
+            format => format,
+        }
+    }
+
     /// The name in messages.
     pub fn name(self) -> &'static str {
         match self {
@@ -121,5 +130,8 @@ mod tests {
             assert!(recognized(table).is_none(), "{table:?}");
         }
         assert_eq!(MotionFormat::of(b"\x93NUMPY\x01"), MotionFormat::Npy);
+        let late = b"\r\n \r\n\r\n\r\npathfiletype\t4";
+        assert_eq!(MotionFormat::of_file(late), MotionFormat::Trc);
+        assert_eq!(MotionFormat::of_file(b"\n"), MotionFormat::Csv);
     }
 }

@@ -6,7 +6,23 @@ use std::io::{BufRead, Read};
 /// The longest line a text format may have. (A BVH with all its frames on one line is read elsewhere.)
 pub const MAX_LINE_BYTES: usize = 1 << 20;
 
-/// Lines of a text, numbered from 1, without their ending (LF, CRLF or none) and without a byte-order mark.
+/// The byte that ends the lines of a text which begins so: a line feed, but in files whose lines end in CR alone.
+pub fn line_end(start: &[u8]) -> u8 {
+    let is_alone = |pair: &[u8]| pair[0] == b'\r' && pair[1] != b'\n';
+    match !start.contains(&b'\n') && start.windows(2).any(is_alone) {
+        true => b'\r',
+        false => b'\n',
+    }
+}
+
+/// The byte ^Z, with which programs of DOS end a text.
+const DOS_END: u8 = 0x1a;
+
+/// How much of a text tells the end of its lines.
+pub const TELLING: usize = 1 << 16;
+
+/// Lines of a text, numbered from 1, without their ending (LF, CRLF, CR alone or none) and without a byte-order mark. A line of ^Z alone,
+/// the mark of DOS, is the end.
 ///
 /// Bytes that are no UTF-8 are replaced: old files have Latin-1 names in their comments.
 pub struct Lines<R> {
@@ -17,6 +33,8 @@ pub struct Lines<R> {
     pub number: u64,
     /// Whether the line last read had a line break at its end, which the last line of a file may lack.
     pub whole: bool,
+    /// The byte that ends a line; `None` before the first.
+    end: Option<u8>,
     buffer: Vec<u8>,
     text: String,
 }
@@ -29,6 +47,7 @@ impl<R: BufRead> Lines<R> {
             name: name.into(),
             number: 0,
             whole: true,
+            end: None,
             buffer: Vec::new(),
             text: String::new(),
         }
@@ -39,13 +58,21 @@ impl<R: BufRead> Lines<R> {
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: a line longer than [`MAX_LINE_BYTES`].
     pub fn next_line(&mut self) -> Result<Option<&str>> {
+        let end = match self.end {
+            Some(end) => end,
+            None => {
+                let start = self.waiting()?;
+                let end = line_end(&start[..start.len().min(TELLING)]);
+                *self.end.insert(end)
+            }
+        };
         self.buffer.clear();
         let limit = MAX_LINE_BYTES as u64 + 1;
         let read = self
             .reader
             .by_ref()
             .take(limit)
-            .read_until(b'\n', &mut self.buffer);
+            .read_until(end, &mut self.buffer);
         if read.map_err(|e| Error::io(&self.name, e))? == 0 {
             return Ok(None);
         }
@@ -56,7 +83,23 @@ impl<R: BufRead> Lines<R> {
                 format!("the line is longer than {MAX_LINE_BYTES} bytes"),
             ));
         }
-        self.whole = self.buffer.ends_with(b"\n");
+        let is_whole = self.buffer.last() == Some(&end);
+        let is_mark = |b: &u8| *b == DOS_END;
+        if !is_whole
+            || self
+                .buffer
+                .iter()
+                .all(|b| is_mark(b) || b.is_ascii_whitespace())
+        {
+            let marks = self.buffer.iter().filter(|b| is_mark(b)).count();
+            if marks > 0 {
+                self.buffer.retain(|b| !is_mark(b));
+            }
+            if marks > 0 && self.buffer.trim_ascii().is_empty() {
+                return Ok(None);
+            }
+        }
+        self.whole = is_whole;
         while matches!(self.buffer.last(), Some(b'\n' | b'\r')) {
             self.buffer.pop();
         }
@@ -220,6 +263,23 @@ mod tests {
         }
         assert_eq!(seen, ["a b", "", "# \u{fffd}", "last"]);
         assert_eq!(lines.here().to_string(), "x:4");
+    }
+
+    #[test]
+    fn lines_may_end_in_cr_alone_and_a_file_in_a_dos_mark() {
+        for (text, wanted) in [
+            (&b"a\r\rb\r"[..], &["a", "", "b"][..]),
+            (b"a\r\r\nb\n\x1a", &["a", "b"]),
+            (b"a\nb\x1a", &["a", "b"]),
+            (b"a\nb\n\x1a\x1a\r\nc", &["a", "b"]),
+        ] {
+            let mut lines = Lines::new("x", text);
+            let mut seen = Vec::new();
+            while let Some(line) = lines.next_line().unwrap() {
+                seen.push(line.to_string());
+            }
+            assert_eq!(seen, wanted, "{text:?}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Where the coordinates of a take stand in its file of text, so that they can be written again and all else stays as it is.
 
-use super::text::push_f64;
+use super::text::{TELLING, line_end, push_f64};
 use ndarray::ArrayView2;
 use std::borrow::Cow;
 
@@ -15,8 +15,26 @@ pub enum Separator {
     Tab,
     /// By commas.
     Comma,
-    /// By tabs, or by blanks in a row without a tab.
-    TabOrBlanks,
+    /// By tabs; by tabs and blanks, of any number, in a row without a tab or with just as many words as a whole row has cells.
+    TabOrBlanks {
+        /// The cells of a whole row.
+        whole: usize,
+    },
+}
+
+impl Separator {
+    /// The byte that parts the cells of a row; `None`: tabs and blanks of any number.
+    pub fn of_row(self, row: &[u8]) -> Option<u8> {
+        match self {
+            Separator::Tab => Some(b'\t'),
+            Separator::Comma => Some(b','),
+            Separator::TabOrBlanks { whole } => {
+                let is_blank = |b: &u8| b.is_ascii_whitespace();
+                let words = || row.split(is_blank).filter(|word| !word.is_empty()).count();
+                (row.contains(&b'\t') && words() != whole).then_some(b'\t')
+            }
+        }
+    }
 }
 
 /// Where the coordinates of a take stand in its file.
@@ -28,6 +46,8 @@ pub struct TextCells {
     pub points: Vec<usize>,
     /// How the cells are parted.
     pub separator: Separator,
+    /// Whether a comma stands before the decimals.
+    pub decimal_comma: bool,
 }
 
 impl TextCells {
@@ -42,7 +62,8 @@ impl TextCells {
         let mut out = Vec::with_capacity(original.len());
         let lines = self.lines.iter().enumerate();
         let mut frames = lines.filter_map(|(t, line)| Some(((*line)?, t))).peekable();
-        for (i, line) in original.split_inclusive(|b| *b == b'\n').enumerate() {
+        let end = line_end(&original[..original.len().min(TELLING)]);
+        for (i, line) in original.split_inclusive(|b| *b == end).enumerate() {
             let frame = frames.next_if(|(number, _)| *number == i as u64 + 1);
             let changed: Vec<(usize, f64)> = match frame {
                 Some((_, t)) => {
@@ -66,11 +87,7 @@ impl TextCells {
         }
         let is_end = |b: &&u8| matches!(**b, b'\n' | b'\r');
         let body = &line[..line.len() - line.iter().rev().take_while(is_end).count()];
-        let separator = match self.separator {
-            Separator::Comma => Some(b','),
-            Separator::TabOrBlanks if !body.contains(&b'\t') => None,
-            Separator::Tab | Separator::TabOrBlanks => Some(b'\t'),
-        };
+        let separator = self.separator.of_row(body);
         let mut cells = match separator {
             Some(byte) => cells(body, byte),
             None => words(body),
@@ -87,11 +104,20 @@ impl TextCells {
             }
             let mut text = Vec::new();
             push_f64(&mut text, (value * DECIMALS).round() / DECIMALS);
+            if self.decimal_comma {
+                let points = text.iter_mut().filter(|b| **b == b'.');
+                points.for_each(|b| *b = b',');
+            }
             cells[cell].1 = Cow::Owned(text);
         }
         for (before, cell) in &cells {
             out.extend_from_slice(before);
             out.extend_from_slice(cell);
+        }
+        if separator.is_none() {
+            let is_blank = |b: &&u8| b.is_ascii_whitespace();
+            let blanks = body.iter().rev().take_while(is_blank).count();
+            out.extend_from_slice(&body[body.len() - blanks..]);
         }
         out.extend_from_slice(&line[body.len()..]);
     }
@@ -147,6 +173,7 @@ mod tests {
             lines: vec![Some(2), None, Some(4)],
             points: vec![4, 1],
             separator,
+            decimal_comma: false,
         };
         let n = f64::NAN;
         let old = array![[1., 2., 3., n, n, n], [n; 6], [4., 5., 6., 7., 8., 9.]];
@@ -167,13 +194,34 @@ mod tests {
         assert_eq!(written(file, Separator::Comma), wanted);
         let tabs = |text: &str| text.replace(',', "\t");
         assert_eq!(written(&tabs(file), Separator::Tab), tabs(wanted));
-        assert_eq!(written(&tabs(file), Separator::TabOrBlanks), tabs(wanted));
+        assert_eq!(
+            written(&tabs(file), Separator::TabOrBlanks { whole: 8 }),
+            tabs(wanted)
+        );
         let blanks = |text: &str| {
             text.replace("0,,nan,,", "0,nan,nan,nan,")
                 .replace(',', "  ")
         };
         let wanted = wanted.replace(',', "  ");
-        assert_eq!(written(&blanks(file), Separator::TabOrBlanks), wanted);
+        assert_eq!(
+            written(&blanks(file), Separator::TabOrBlanks { whole: 8 }),
+            wanted
+        );
+    }
+
+    #[test]
+    fn cells_of_odd_files_are_found() {
+        // CR alone ends the lines; two tabs and a blank part the cells; a comma stands before decimals.
+        let cells = TextCells {
+            lines: vec![Some(2)],
+            points: vec![1],
+            separator: Separator::TabOrBlanks { whole: 4 },
+            decimal_comma: true,
+        };
+        let original = b"head\r7\t\t1,5\t 2\t\t3\t\rx";
+        let new = [array![[1.5, -2.25, 3.0]], array![[1.5, 2.0, 3.0]]];
+        let bytes = cells.with_points(original, new[1].view(), new[0].view());
+        assert_eq!(bytes, b"head\r7\t\t1,5\t -2,25\t\t3\t\rx");
     }
 
     #[test]
@@ -183,7 +231,7 @@ mod tests {
             written(file, Separator::Tab),
             "head\n0\t0.25\t\t0.333333\n\n1\t7\t-8.5\n"
         );
-        let grown = written("head\n0\n\n1 7\n", Separator::TabOrBlanks);
+        let grown = written("head\n0\n\n1 7\n", Separator::TabOrBlanks { whole: 8 });
         assert_eq!(grown, "head\n0 0.25 nan 0.333333\n\n1 7 -8.5\n");
     }
 }

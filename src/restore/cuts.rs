@@ -10,7 +10,7 @@ use std::ops::Range;
 const MOST: f64 = 2e4;
 const MOST_LONG: f64 = 5e3;
 /// Least jump, cm, and least jump in medians of what the points of the take do otherwise.
-const LEAST: f64 = 5.0;
+const LEAST: f64 = 3.0;
 const UNUSUAL: f64 = 5.0;
 /// Share of the points that jump, and how many of them there must be.
 const SHARE: f64 = 0.8;
@@ -37,7 +37,10 @@ pub fn split_at_cuts(
             let before = seen.clone().find(|&a| jumps.is_jump(a, t, run).is_some());
             if let Some(a) = before.filter(|&a| jumps.is_jump(a, t, run) == Some(true)) {
                 let until = run.end.min(t + back + 1);
-                match (t + 1..until).find(|&s| jumps.is_jump(a, s, run) == Some(false)) {
+                let is_back = |s: &usize| {
+                    jumps.is_jump(a, *s, run) == Some(false) && jumps.is_nearer(a, t, *s)
+                };
+                match (t + 1..until).find(is_back) {
                     Some(returned) => t = returned,
                     None => {
                         out.push(start..t);
@@ -105,6 +108,24 @@ impl<'a> Jumps<'a> {
         })
     }
 
+    /// Whether most points are nearer in frame c to where they are in a than to where they are in b: what has jumped less far than a
+    /// body moves by c is not back.
+    fn is_nearer(&self, a: usize, b: usize, c: usize) -> bool {
+        let distances = (0..self.xyz.ncols() / 3).map(|p| {
+            let now = self.at(c, p);
+            [
+                (now - self.at(a, p)).length(),
+                (now - self.at(b, p)).length(),
+            ]
+        });
+        let (mut nearer, mut all) = (0, 0);
+        for [to_a, to_b] in distances.filter(|d| d.iter().all(|d| d.is_finite())) {
+            nearer += usize::from(to_a < to_b);
+            all += 1;
+        }
+        2 * nearer > all
+    }
+
     /// Whether the body as a whole cannot have moved from where it is in frame a to where it is in b; `None` where they show too
     /// little of it.
     fn is_jump(&self, a: usize, b: usize, run: &Range<usize>) -> Option<bool> {
@@ -146,6 +167,25 @@ mod tests {
         xyz.slice_mut(ndarray::s![39..40, ..]).fill(f64::NAN);
         xyz.slice_mut(ndarray::s![42..43, ..]).fill(f64::NAN);
         assert_eq!(of(&xyz), [0..40, 40..99, 99..100]);
+    }
+
+    #[test]
+    fn a_pose_before_the_take_is_cut_off_though_some_points_are_near() {
+        // Another pose about a point that stays: points are 1 to 22 cm away.
+        for other in [0..1, 0..2, 99..100, 98..100] {
+            let mut xyz = swing(100);
+            for t in other.clone() {
+                for p in 0..5 {
+                    let off = [1.0, 8.0, 12.0, 17.0, 22.0][p];
+                    xyz[[t, 3 * p + 1]] += off;
+                }
+            }
+            let wanted = match other.start {
+                0 => [0..other.end, other.end..100],
+                start => [0..start, start..100],
+            };
+            assert_eq!(of(&xyz), wanted);
+        }
     }
 
     #[test]

@@ -23,7 +23,7 @@ use crate::io::{Input, Model, MotionFormat};
 use crate::pose::{NameMap, PointNaming, Poses, joints};
 use crate::restore::{Clean, Restoration, Restorer};
 use crate::{Error, Place, Result};
-use ndarray::{Array2, s};
+use ndarray::Array2;
 use serde_json::json;
 
 /// How files are cleaned.
@@ -36,8 +36,6 @@ pub struct CleanSettings {
     pub map: Option<NameMap>,
     /// How takes are restored.
     pub method: Clean,
-    /// Whether points at exactly 0 0 0 are missing.
-    pub zeros_are_missing: bool,
     /// What is still as it should be.
     pub limits: Limits,
     /// Whether bodies of no person's size are accepted.
@@ -119,13 +117,18 @@ impl CleanSettings {
             return Ok(Fate::Unchanged(summary));
         }
         may_write(&job.output, self.again)?;
+        let is_utf16 = unpacked.is_utf16();
         let bytes = unpacked.read_all(LARGEST_MOTION_FILE)?;
         let capture = Capture {
             size: bytes.len(),
             sha256: Fingerprint::of(&job.input, &bytes).sha256,
             read,
         };
-        let file = MotionFile::read(&job.input, bytes, &capture.read)?;
+        let mut file = MotionFile::read(&job.input, bytes, &capture.read)?;
+        if is_utf16 {
+            let what = "is a text in UTF-16; the result is in UTF-8".to_string();
+            file.notes.push(what);
+        }
         self.restore(job, to, file, &made_from, &capture)
             .map(Fate::Cleaned)
     }
@@ -145,10 +148,6 @@ impl CleanSettings {
         }
         let before = audit_motion(&file, &self.limits);
         let keeps = keeps_rotations(&file, to);
-        // A root at the origin is where an animation begins.
-        if self.zeros_are_missing && !keeps {
-            empty_zeros(&mut file.table.poses);
-        }
         let (redone, mut notes) = self.redo(&mut file, keeps)?;
         let naming = self.naming(&file.table.poses);
         let restored = self.restored(&file, to, &naming)?;
@@ -264,7 +263,7 @@ impl CleanSettings {
             "noise_limit": self.method.noise_limit,
             "outliers": self.method.outliers,
             "max_gap": self.method.max_gap,
-            "zeros_are_missing": self.zeros_are_missing,
+            "zeros_are_missing": read.zeros_are_missing,
             "max_sd": self.method.max_sd,
             "limits": self.limits,
             "force": self.force,
@@ -440,16 +439,4 @@ fn take_page(name: &str, file: &MotionFile, restored: &Restoration<'_>) -> Resul
         figures,
     }
     .html()
-}
-
-/// Positions at exactly 0 0 0 become missing ones.
-fn empty_zeros(poses: &mut Poses) {
-    for mut row in poses.xyz.rows_mut() {
-        for p in 0..row.len() / 3 {
-            let mut point = row.slice_mut(s![3 * p..3 * p + 3]);
-            if point.iter().all(|v| *v == 0.0) {
-                point.fill(f64::NAN);
-            }
-        }
-    }
 }

@@ -13,6 +13,7 @@ use super::args::value_name;
 use super::input::take_name;
 use super::marker_files::{MarkerUnitArgs, asked, axis_of, poses_of_markers, unit_of};
 use super::units::{TableUnits, Units, Up};
+use super::zeros::empty_zeros;
 use crate::audit::JointAngles;
 use crate::io::amc::{AmcFrames, AmcReader};
 use crate::io::bvh::{BvhPoints, BvhSkeleton, LARGEST_FILE};
@@ -62,7 +63,7 @@ impl MotionFile {
         if bytes.is_empty() {
             return Err(Error::data(Place::file(name), "is empty"));
         }
-        let format = MotionFormat::of(&bytes[..bytes.len().min(12)]);
+        let format = MotionFormat::of_file(&bytes);
         let flags = &flags.of(path, format);
         let keep = flags.keep_whole;
         match format {
@@ -159,7 +160,8 @@ fn of_markers(
 ) -> Result<MotionFile> {
     let said = [
         take.units.as_deref().and_then(unit_of).is_some(),
-        take.up.as_deref().and_then(axis_of).is_some(),
+        take.up.as_deref().and_then(axis_of).is_some()
+            && !(take.up_is_inferred && flags.up.is_some()),
     ];
     let given = MarkerUnitArgs {
         units: flags.units.filter(|_| !said[0]),
@@ -171,35 +173,24 @@ fn of_markers(
     let value = value.ok_or_else(|| asked(take, "rate", None, "--fps F (frames per second)"))?;
     let sources = said.map(|said| if said { Source::File } else { Source::Flag });
     let mut notes = take.notes.clone();
-    if !take.other_quantities.is_empty() {
+    let mut positions = take.only_positions();
+    let others = take.points.len() - positions.points.len();
+    if others > 0 {
         notes.push(format!(
-            "{} points are angles, forces, moments or powers, and stay as they are",
-            take.other_quantities.len()
+            "{others} points are angles, forces, moments or powers, and stay as they are"
         ));
+    }
+    if flags.zeros_are_missing {
+        empty_zeros(&mut positions.xyz);
     }
     Ok(MotionFile {
         format,
-        table: table(
-            path,
-            poses_of_markers(&positions(take), units, value, path)?,
-        ),
+        table: table(path, poses_of_markers(&positions, units, value, path)?),
         read_as: read_as(rate, units, sources),
         notes,
         units,
         original,
     })
-}
-
-/// A take without its points that are no positions.
-fn positions(take: &MarkerTake) -> MarkerTake {
-    let is_position = |p: &usize| !take.other_quantities.contains(p);
-    let kept: Vec<usize> = (0..take.points.len()).filter(is_position).collect();
-    let columns: Vec<usize> = kept.iter().flat_map(|p| 3 * p..3 * p + 3).collect();
-    MarkerTake {
-        points: kept.iter().map(|&p| take.points[p].clone()).collect(),
-        xyz: take.xyz.select(Axis(1), &columns),
-        ..take.clone()
-    }
 }
 
 fn of_bvh(
@@ -314,6 +305,9 @@ fn of_table(format: MotionFormat, input: Input, flags: &ReadFlags) -> Result<Mot
         ..ReadOptions::default()
     };
     let mut table = Table::read(input, &options)?;
+    if flags.zeros_are_missing {
+        empty_zeros(&mut table.poses.xyz);
+    }
     let units = custom_units(flags);
     units.read_frames(&mut table.poses.xyz);
     let rate = rate_of(table.poses.rate(), flags);

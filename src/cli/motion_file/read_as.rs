@@ -3,6 +3,7 @@
 use super::scoped::{Scoped, parse_scoped_rate, parse_scoped_units, parse_scoped_up};
 use crate::Result;
 use crate::cli::units::{Units, Up};
+use crate::cli::zeros::ZeroArgs;
 use crate::io::{MotionFormat, parse_point_names};
 use clap::Args;
 use serde::Serialize;
@@ -31,6 +32,8 @@ pub struct ReadArgs {
     /// Accept files that end early (not tables): the whole frames before that are kept
     #[arg(long)]
     keep_whole: bool,
+    #[command(flatten)]
+    zeros: ZeroArgs,
 }
 
 impl ReadArgs {
@@ -48,6 +51,7 @@ impl ReadArgs {
             asf: self.asf.clone(),
             joints: self.joints.as_deref().map(parse_point_names).transpose()?,
             keep_whole: self.keep_whole,
+            zeros_are_missing: self.zeros.zeros_are_missing,
             ..ReadFlags::default()
         })
     }
@@ -76,6 +80,8 @@ pub struct ReadFlags {
     pub joints: Option<Vec<String>>,
     /// Whether a file that ends early gives the frames that it has.
     pub keep_whole: bool,
+    /// Whether positions at exactly 0 0 0 are missing (but those of rotations).
+    pub zeros_are_missing: bool,
     /// What the first three become of.
     scoped: ScopedFlags,
 }

@@ -107,8 +107,7 @@ impl MotionFile {
     ) -> Array2<f64> {
         let mut out = take.xyz.clone();
         let was = &self.table.poses.xyz;
-        let positions = (0..take.points.len()).filter(|p| !take.other_quantities.contains(p));
-        for (column, p) in positions.enumerate() {
+        for (column, p) in take.positions().into_iter().enumerate() {
             for t in 0..xyz.nrows() {
                 let at = [0, 1, 2].map(|c| [t, 3 * column + c]);
                 let mut place = at.map(|at| xyz[at]);

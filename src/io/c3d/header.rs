@@ -1,6 +1,7 @@
 //! Where a C3D file has its frames, and how many.
 
 use super::BLOCK;
+use super::extent::{Extent, Words};
 use super::numbers::Processor;
 use super::parameters::Parameters;
 
@@ -27,11 +28,12 @@ pub struct Layout {
 }
 
 impl Layout {
-    /// The layout that the header and the parameters give.
+    /// The layout that the header and the parameters give; the section of these begins at the byte `parameters_at`.
     pub fn read(
         bytes: &[u8],
         processor: Processor,
         parameters: &Parameters,
+        parameters_at: usize,
         keep_whole: bool,
         notes: &mut Vec<String>,
     ) -> Result<Layout, String> {
@@ -43,6 +45,9 @@ impl Layout {
             let bytes = [header[at], header[at + 1], header[at + 2], header[at + 3]];
             f64::from(processor.f32(bytes))
         };
+        if word(2) == 0 && parameters.number("POINT:USED").unwrap_or(0.0) < 1.0 {
+            return Err(without_points(word(3), parameters));
+        }
         let mut scale = real(7);
         if scale == 0.0 || !scale.is_finite() {
             scale = parameters.number("POINT:SCALE").unwrap_or(0.0);
@@ -57,22 +62,29 @@ impl Layout {
         if block < 2 {
             return Err(format!("says that its frames begin in block {block}"));
         }
-        let (first, promised) = frames(word(4), word(5), parameters);
+        let start = (block - 1).saturating_mul(BLOCK);
+        let words = Words {
+            points: word(2),
+            analog: word(3),
+            samples: word(10),
+            frames: [word(4), word(5)],
+            rate: real(11),
+        };
+        let data = section(bytes, start, parameters_at, parameters);
+        let width = if scale < 0.0 { 4 } else { 2 };
+        let extent = Extent::read(words, parameters, data, width, notes);
         let mut layout = Layout {
             processor,
             real: scale < 0.0,
             scale: scale.abs(),
-            points: word(2) as usize,
-            analog: word(3) as usize,
-            start: (block - 1).saturating_mul(BLOCK),
-            frames: promised,
-            first_frame: first,
-            rate: real(11),
+            points: extent.points,
+            analog: extent.analog,
+            start,
+            frames: extent.frames,
+            first_frame: extent.first_frame,
+            rate: words.rate,
         };
-        if layout.points == 0 {
-            return Err("has no points, only analog channels".into());
-        }
-        let there = bytes.len().saturating_sub(layout.start) / layout.frame_bytes();
+        let (there, promised) = (data.len() / layout.frame_bytes().max(1), extent.frames);
         if there < promised {
             let what = format!("ends after {there} of its {promised} frames");
             if !keep_whole || there == 0 {
@@ -108,28 +120,39 @@ impl Layout {
     }
 }
 
-/// The number of the first frame, and how many there are. The header counts to 65,535 only; TRIAL:ACTUAL_START_FIELD and
-/// ACTUAL_END_FIELD, of two words each, go on.
-fn frames(first: u16, last: u16, parameters: &Parameters) -> (u32, usize) {
-    let field = |name: &str| match parameters.numbers(name) {
-        [low, high, ..] => Some(u32::from(*low as u16) | u32::from(*high as u16) << 16),
-        _ => None,
-    };
-    let fields = field("TRIAL:ACTUAL_START_FIELD").zip(field("TRIAL:ACTUAL_END_FIELD"));
-    if let Some((start, end)) = fields {
-        // Where header and fields agree as far as the header counts.
-        let agrees = |field: u32, word: u16| word == u16::MAX || field as u16 == word;
-        if agrees(start, first) && agrees(end, last) && end >= start {
-            return (start, (end - start) as usize + 1);
-        }
+/// The bytes from the first frame to the next section of the file: the parameters, which may stand behind, or rotations.
+fn section<'a>(
+    bytes: &'a [u8],
+    start: usize,
+    parameters_at: usize,
+    parameters: &Parameters,
+) -> &'a [u8] {
+    let rotations = parameters.number("ROTATION:DATA_START").unwrap_or(0.0);
+    let rotations = (rotations as usize).saturating_sub(1).saturating_mul(BLOCK);
+    let next = [parameters_at, rotations, bytes.len()].into_iter();
+    let end = next.filter(|at| *at > start).min();
+    bytes.get(start..end.unwrap_or(start)).unwrap_or_default()
+}
+
+/// What a file without points has instead.
+fn without_points(analog: u16, parameters: &Parameters) -> String {
+    let number = |name: &str| parameters.number(name).unwrap_or(0.0);
+    let mut has = Vec::new();
+    let rotations = number("ROTATION:USED");
+    if rotations > 0.0 || parameters.has_group("ROTATION") {
+        has.push(format!("{rotations} rotations of segments (ROTATION)"));
     }
-    let count = (last as usize + 1).saturating_sub(first as usize);
-    let long = parameters
-        .number("POINT:LONG_FRAMES")
-        .or(parameters.number("POINT:FRAMES"));
-    let long = long.filter(|n| n.is_finite() && *n > count as f64);
-    match (last, long) {
-        (u16::MAX, Some(long)) => (first as u32, long as usize),
-        _ => (first as u32, count),
+    let channels = number("ANALOG:USED");
+    if channels > 0.0 {
+        has.push(format!("{channels} analog channels"));
+    } else if analog > 0 {
+        has.push(format!("{analog} analog values a frame"));
+    }
+    match has.is_empty() {
+        true => "has no points".into(),
+        false => format!(
+            "has no points, only {}, which posing does not read: export the file with markers or joint positions",
+            has.join(" and ")
+        ),
     }
 }

@@ -4,6 +4,8 @@
 //! analog channels. Written as the C3D Format User Guide (Motion Lab Systems, 2008) has it; what is known to be written otherwise is
 //! read with a note.
 
+mod axes;
+mod extent;
 mod header;
 mod numbers;
 mod parameters;
@@ -16,10 +18,10 @@ use self::header::Layout;
 use self::numbers::Processor;
 use self::parameters::Parameters;
 use super::input::Input;
-use super::marker_take::{MarkerTake, unique_names};
+use super::marker_take::{MarkerTake, Quantity, unique_names};
 use super::motion_format::recognized;
 use crate::{Error, Place, Result};
-use std::collections::HashSet;
+use std::collections::HashMap;
 
 /// Larger files are refused, bytes.
 const LIMIT: u64 = 1 << 31;
@@ -29,7 +31,7 @@ const BLOCK: usize = 512;
 /// A C3D file: its take of markers, and all of its bytes.
 #[derive(Debug, Clone)]
 pub struct C3d {
-    /// The points; NaN where one is invalid (a residual of -1).
+    /// The points; NaN where one is missing (its fourth word is below zero).
     pub take: MarkerTake,
     bytes: Vec<u8>,
     layout: Layout,
@@ -64,10 +66,17 @@ impl C3d {
         if let Some(broken) = &parameters.broken {
             notes.push(format!("{broken}; the parameters after it are not read"));
         }
-        let layout = Layout::read(&bytes, processor, &parameters, keep_whole, &mut notes);
+        let first = bytes.len() - section.len();
+        let layout = Layout::read(
+            &bytes,
+            processor,
+            &parameters,
+            first,
+            keep_whole,
+            &mut notes,
+        );
         let layout = layout.map_err(bad)?;
         // The first block alone: beyond it, some files say more parameters than they have.
-        let first = bytes.len() - section.len();
         if layout.start < first + BLOCK && first < layout.end() {
             return Err(bad("has frames where its parameters begin".into()));
         }
@@ -75,13 +84,17 @@ impl C3d {
         let rate = [layout.rate, parameters.number("POINT:RATE").unwrap_or(0.0)];
         let rate = rate.into_iter().find(|r| r.is_finite() && *r > 0.0);
         let labels = labels(&parameters, layout.points);
+        let quantities = quantities(&parameters, &labels);
+        let points = unique_names(labels);
+        let (up, up_is_inferred) = axes::up(&parameters, &points, xyz.view(), &mut notes);
         let take = MarkerTake {
-            other_quantities: other_quantities(&parameters, &labels),
-            points: unique_names(labels),
+            quantities,
+            points,
+            up,
+            up_is_inferred,
             first_frame: layout.first_frame,
             rate,
             units: parameters.text("POINT:UNITS").map(str::to_string),
-            up: parameters.text("POINT:Y_SCREEN").map(str::to_string),
             notes,
             name,
             xyz,
@@ -145,14 +158,22 @@ fn texts(parameters: &Parameters, name: String) -> impl Iterator<Item = &str> {
         .map(String::as_str)
 }
 
-/// The points that the parameters list as angles and so on, as Vicon writes what its models compute.
-fn other_quantities(parameters: &Parameters, labels: &[&str]) -> Vec<usize> {
-    let groups = ["ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS"];
-    let listed: HashSet<&str> = groups
-        .iter()
-        .flat_map(|group| texts(parameters, format!("POINT:{group}")).map(str::trim))
-        .filter(|label| !label.is_empty())
-        .collect();
-    let is_listed = |i: &usize| listed.contains(labels[*i].trim());
-    (0..labels.len()).filter(is_listed).collect()
+/// What each point is: the parameters list angles and so on, as Vicon writes what its models compute.
+fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
+    let groups = [
+        ("ANGLES", Quantity::Angles),
+        ("FORCES", Quantity::Force),
+        ("MOMENTS", Quantity::Moment),
+        ("POWERS", Quantity::Power),
+        ("SCALARS", Quantity::Scalar),
+    ];
+    let mut listed: HashMap<&str, Quantity> = HashMap::new();
+    for (group, quantity) in groups {
+        let labels = texts(parameters, format!("POINT:{group}")).map(str::trim);
+        for label in labels.filter(|label| !label.is_empty()) {
+            listed.entry(label).or_insert(quantity);
+        }
+    }
+    let quantity = |label: &&str| listed.get(label.trim()).copied().unwrap_or_default();
+    labels.iter().map(quantity).collect()
 }

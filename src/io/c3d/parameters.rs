@@ -53,6 +53,12 @@ impl Parameters {
         parameters
     }
 
+    /// Whether there is a parameter of this group.
+    pub fn has_group(&self, group: &str) -> bool {
+        let mut names = self.values.keys().filter_map(|name| name.split_once(':'));
+        names.any(|(of, _)| of == group)
+    }
+
     /// The first number of a parameter.
     pub fn number(&self, name: &str) -> Option<f64> {
         match self.values.get(name)? {

@@ -17,7 +17,8 @@ pub fn read(bytes: &[u8], layout: &Layout) -> Array2<f64> {
     xyz
 }
 
-/// A point; `None` where its residual is -1, or it is no number.
+/// A point; `None` where its fourth word is below zero, whatever its value, or a coordinate is no number. (Makers write -1, -32768, or set
+/// the sign bit beside cameras and residual. A real of -0 is not below zero: it is a residual of 0.)
 pub fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
     let width = layout.number_bytes();
     let number = |i: usize| {
@@ -29,7 +30,8 @@ pub fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
     };
     let scale = if layout.real { 1.0 } else { layout.scale };
     let point = [0, 1, 2].map(|c| number(c) * scale);
-    (number(3) != -1.0 && point.iter().all(|v| v.is_finite())).then_some(point)
+    let is_hidden = number(3) < 0.0;
+    (!is_hidden && point.iter().all(|v| v.is_finite())).then_some(point)
 }
 
 /// The bytes of a point with a residual of 0, as is written for points that were not measured, or of an invalid one (`None`).
@@ -58,4 +60,48 @@ pub fn encode(point: Option<[f64; 3]>, layout: &Layout) -> Result<Vec<u8>, f64> 
         bytes.extend(layout.processor.u16_bytes(steps as i16 as u16));
     }
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::numbers::Processor;
+    use super::*;
+
+    #[test]
+    fn a_fourth_word_below_zero_is_missing() {
+        let mut layout = Layout {
+            processor: Processor::Intel,
+            real: true,
+            scale: 0.1,
+            points: 1,
+            analog: 0,
+            start: 0,
+            frames: 1,
+            first_frame: 1,
+            rate: 100.0,
+        };
+        let is_there = |fourth: f32, layout: &Layout| {
+            let numbers = [1.0, 2.0, 3.0, fourth];
+            let bytes: Vec<u8> = match layout.real {
+                true => numbers.iter().flat_map(|v| v.to_le_bytes()).collect(),
+                false => (numbers.iter().flat_map(|v| (*v as i16).to_le_bytes())).collect(),
+            };
+            let point = decode(&bytes, layout);
+            // What stays as it was is written with all of its bytes elsewhere; a missing one is written as -1.
+            let encoded = encode(point, layout).unwrap();
+            assert_eq!(decode(&encoded, layout), point);
+            point.is_some()
+        };
+        for real in [true, false] {
+            layout.real = real;
+            for hidden in [-1.0, -32768.0, -32640.0, -257.0] {
+                assert!(!is_there(hidden, &layout), "{hidden}, {real}");
+            }
+            for seen in [0.0, -0.0, 1.0, 32767.0] {
+                assert!(is_there(seen, &layout), "{seen}, {real}");
+            }
+        }
+        layout.real = true;
+        assert!(!is_there(-0.5, &layout));
+    }
 }

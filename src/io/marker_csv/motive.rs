@@ -113,6 +113,7 @@ fn choose(
         units: value("Length Units").map(|unit| excerpt(unit)),
         from_zero: true,
         notes: left_out(columns, kind),
+        ..Stated::default()
     };
     Ok((at, stated))
 }

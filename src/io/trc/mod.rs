@@ -2,15 +2,17 @@
 //!
 //! Three lines say what the file is: `PathFileType`, names of values, and the values. The fourth names the markers, each above three
 //! columns, the fifth the columns; a frame a row follows, its number and time first. Cells are parted by tabs, in some files by
-//! blanks. Written as seen in files of Cortex, Filmbox, BTK, OpenSim and Pose2Sim: rows may lack their last cells, and may have
-//! points without a name beyond the named ones.
+//! blanks or commas. Written as seen in files of Cortex, EVaRT, Filmbox, BTK, OpenSim and Pose2Sim: rows may lack their last cells, and may
+//! have points without a name beyond the named ones; keys may be in any case, blank lines anywhere.
 
+mod header;
 mod write;
 
 pub use write::NewTrc;
 
+use self::header::{Header, decimal, words};
 use super::input::Input;
-use super::marker_rows::{MarkerRows, Stated, is_missing};
+use super::marker_rows::MarkerRows;
 use super::marker_take::MarkerTake;
 use super::motion_format::recognized;
 use super::text::{Lines, excerpt};
@@ -18,130 +20,94 @@ use super::text_cells::Separator;
 use crate::{Error, Place, Result};
 use std::io::BufRead;
 
-/// Reads a file. With `keep_whole`, one that ends early gives the frames that it has.
+/// Reads a file. With `keep_whole`, one that ends within a row gives the frames before.
 ///
 /// # Errors
-/// [`Error::Data`]: it is no TRC file, has no points or frames, ends early, or a cell is no number. [`Error::Io`]: reading fails.
+/// [`Error::Data`]: it is no TRC file, has no points or frames, ends within a row, or a cell is no number. [`Error::Io`]: reading fails.
 pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     let name = input.name.clone();
     let other = recognized(input.first_bytes());
     let mut lines = Lines::new(&name, input.into_reader());
-    let first = match lines.next_line()? {
-        Some(line) if line.trim_start().starts_with("PathFileType") => check_axes(line),
-        Some(_) => Err(other.map_or(
-            "is no TRC file, which begins with PathFileType".into(),
-            Into::into,
-        )),
-        None => Err("is empty, expected a TRC file".into()),
+    check_first(&mut lines, other)?;
+    let header = Header::read(&mut lines)?;
+    let separator = match header.has_commas {
+        true => Separator::Comma,
+        false => Separator::TabOrBlanks {
+            whole: 2 + 3 * header.stated.labels.len(),
+        },
     };
-    first.map_err(|what| Error::data(Place::file(&name), what))?;
-    let stated = stated(&mut lines)?;
     let mut rows = MarkerRows::default();
-    let mut is_first = true;
+    let (mut is_first, mut decimal_comma) = (true, false);
     loop {
         let number = lines.number + 1;
         let Some(line) = lines.next_line()? else {
             break;
         };
-        let cells = cells(line);
-        if cells.iter().all(|c| c.trim().is_empty()) {
+        if line.trim().is_empty() {
             continue;
         }
+        let commaless;
+        let line = match !header.has_commas && line.contains(',') {
+            true => {
+                decimal_comma = true;
+                commaless = decimal(line);
+                &commaless
+            }
+            false => line,
+        };
+        let cells = cells(line, separator);
+        let is_blank = cells.iter().all(|c| c.trim().is_empty());
         // The line of X1, Y1, Z1, which some files lack.
-        let is_title = is_first && cells[0].trim().parse::<f64>().is_err();
-        is_first = false;
-        if is_title {
+        let is_title = is_first && !is_blank && cells[0].trim().parse::<f64>().is_err();
+        is_first &= is_blank;
+        if is_blank || is_title {
             continue;
         }
         let (frame, time) = (Some(cells[0]), cells.get(1).copied());
         let pushed = rows.push(number, frame, time, cells.iter().skip(2).copied());
         pushed.map_err(|what| Error::data(lines.here(), what))?;
     }
-    let mut take = rows.take(&name, stated, lines.whole, keep_whole)?;
-    take.cells.separator = Separator::TabOrBlanks;
+    let mut take = rows.take(&name, header.stated, lines.whole, keep_whole)?;
+    take.cells.separator = separator;
+    take.cells.decimal_comma = decimal_comma;
     take.cells.points.iter_mut().for_each(|p| *p = 2 + 3 * *p);
     Ok(take)
 }
 
-/// The cells of a line; there is at least one.
-fn cells(line: &str) -> Vec<&str> {
-    match line.contains('\t') || line.trim().is_empty() {
-        true => line.split('\t').collect(),
-        false => line.split_whitespace().collect(),
+/// The cells of a row; there is at least one.
+fn cells(line: &str, separator: Separator) -> Vec<&str> {
+    match separator.of_row(line.as_bytes()) {
+        Some(byte) => line.split(char::from(byte)).collect(),
+        None => line.split_whitespace().collect(),
     }
 }
 
-/// The third cell of the first line tells the columns of a point.
-fn check_axes(line: &str) -> std::result::Result<(), String> {
-    let axes = cells(line).get(2).map_or("", |c| c.trim()).to_string();
-    match axes.starts_with('(') && !axes.eq_ignore_ascii_case("(X/Y/Z)") {
-        true => Err(format!("has columns {}, expected (X/Y/Z)", excerpt(&axes))),
-        false => Ok(()),
+/// Checks the first line that is not blank: `PathFileType`, and the columns of a point as its third word.
+fn check_first(lines: &mut Lines<impl BufRead>, other: Option<&'static str>) -> Result<()> {
+    let name = lines.name.clone();
+    let bad = |what: String| Error::data(Place::file(&name), what);
+    loop {
+        match lines.next_line()? {
+            None => return Err(bad("is empty, expected a TRC file".into())),
+            Some(line) if line.trim().is_empty() => {}
+            Some(line) => {
+                let words = words(line);
+                let key = words.first().map_or("", |word| word);
+                if !key.eq_ignore_ascii_case("PathFileType") {
+                    let what = "is no TRC file, which begins with PathFileType";
+                    return Err(bad(other.unwrap_or(what).into()));
+                }
+                let axes = words.get(2).copied().unwrap_or_default();
+                return match axes.starts_with('(') && !axes.eq_ignore_ascii_case("(X/Y/Z)") {
+                    true => Err(bad(format!(
+                        "has columns {}, expected (X/Y/Z)",
+                        excerpt(axes)
+                    ))),
+                    false => Ok(()),
+                };
+            }
+        }
     }
-}
-
-/// What lines 2 to 4 say.
-fn stated(lines: &mut Lines<impl BufRead>) -> Result<Stated> {
-    let keys = header_line(lines)?;
-    let values = header_line(lines)?;
-    let titles = header_line(lines)?;
-    let value = |key: &str| {
-        let at = keys.iter().position(|k| k.eq_ignore_ascii_case(key))?;
-        values.get(at).filter(|v| !is_missing(v))
-    };
-    let number = |key: &str| value(key)?.parse::<f64>().ok();
-    let is = |i: usize, word: &str| {
-        let title = titles.get(i).and_then(|t| t.get(..word.len()));
-        title.is_some_and(|t| t.eq_ignore_ascii_case(word))
-    };
-    if !is(0, "Frame") || !is(1, "Time") {
-        let found = excerpt(titles.join(" ").trim());
-        let what = format!("expected Frame#, Time and the names of markers, found \"{found}\"");
-        return Err(Error::data(lines.here(), what));
-    }
-    let labels = labels(&titles[2..]);
-    let mut notes = Vec::new();
-    if let Some(markers) = number("NumMarkers").filter(|&n| n < labels.len() as f64) {
-        let what = format!("announces {markers} markers but names {}", labels.len());
-        notes.push(what);
-    }
-    Ok(Stated {
-        labels,
-        frames: number("NumFrames").map(|n| n as usize),
-        rate: number("DataRate").filter(|r| r.is_finite() && *r > 0.0),
-        units: value("Units").map(|unit| excerpt(unit)),
-        from_zero: false,
-        notes,
-    })
-}
-
-/// The cells of the next line of the header.
-fn header_line(lines: &mut Lines<impl BufRead>) -> Result<Vec<String>> {
-    let cells = lines.next_line()?.map(|line| {
-        let cells = cells(line).into_iter();
-        cells.map(|c| c.trim().to_string()).collect()
-    });
-    cells.ok_or_else(|| {
-        let what = "the file ends within its header, before the names of its markers";
-        Error::data(lines.here(), what)
-    })
-}
-
-/// The names above the columns: every third cell has one, but in some files each.
-fn labels(titles: &[String]) -> Vec<String> {
-    let is_spread = titles
-        .iter()
-        .enumerate()
-        .all(|(i, title)| i % 3 == 0 || title.is_empty());
-    let step = if is_spread { 3 } else { 1 };
-    let mut labels: Vec<String> = titles.iter().step_by(step).cloned().collect();
-    if !is_spread {
-        labels.retain(|label| !label.is_empty());
-    }
-    while labels.last().is_some_and(String::is_empty) {
-        labels.pop();
-    }
-    labels
 }
 
 #[cfg(test)]
@@ -181,6 +147,68 @@ mod tests {
     }
 
     #[test]
+    fn headers_are_read_however_their_cells_are_parted() {
+        let text = format!("{HEAD}{ROWS}");
+        let tabs = take(&text).unwrap();
+        let commas = "PathFileType,4,(X/Y/Z),x.trc\nDataRate,NumFrames,NumMarkers,Units\n100,2,2,mm\nFrame#,Time,A,,,B,,\n,,X1,Y1,Z1,X2,Y2,Z2\n5,0.04,1,2,3,4,5,6\n6,0.05,,,,nan,NaN,nan\n";
+        let others = [
+            text.replace("100\t  2\t2\tmm", " 100\t\t 2 \t  \t2\t\tmm \t"),
+            text.replace("\tNumFrames\t", "   NumFrames \t"),
+            text.replace("Frame#\tTime\tA\t", "Frame#  Time\tA\t"),
+            text.replace(
+                "Frame#\tTime\tA\t\t\tB\t\t\t",
+                "Frame #\t\tTime\t\tA\t\t\t\t\tB",
+            ),
+            text.replace("5\t0.04\t1\t2", "5\t\t0.04\t\t1\t \t2"),
+            text.replace(
+                "PathFileType\t4\t(X/Y/Z)\t",
+                " PathFileType  4  (X/Y/Z) C:\\a b ",
+            ),
+            format!(
+                "\n \r\n{}",
+                text.to_lowercase().replace("a\t\t\tb", "A\t\t\tB")
+            ),
+            text.replace('\n', "\r") + "\x1a",
+            commas.to_string(),
+        ];
+        for other in others {
+            let read = take(&other).unwrap();
+            assert_eq!(read.points, tabs.points, "{other:?}");
+            assert_eq!(
+                (read.rate, &read.units),
+                (tabs.rate, &tabs.units),
+                "{other:?}"
+            );
+            assert_eq!(read.xyz.row(0), tabs.xyz.row(0), "{other:?}");
+            assert_eq!(
+                (read.xyz.nrows(), &read.notes[..]),
+                (2, &[][..]),
+                "{other:?}"
+            );
+        }
+        let decimals = text
+            .replace("0.04\t1\t", "0,04\t1,5\t")
+            .replace("100", "100,0");
+        let read = take(&decimals).unwrap();
+        assert_eq!((read.rate, read.xyz[[0, 0]]), (Some(100.0), 1.5));
+        assert!(read.cells.decimal_comma);
+    }
+
+    #[test]
+    fn rows_that_end_in_a_tab_lose_no_frame() {
+        let text = format!("{HEAD}{ROWS}").replace("5\t6\n", "5\t6\t\n");
+        let ended = text.replace("nan\tNaN\tnan\n", "7\t8\t9\t");
+        let read = take(&ended).unwrap();
+        assert_eq!((read.xyz.nrows(), read.xyz[[1, 5]]), (2, 9.0));
+        assert!(read.notes.is_empty());
+        // The rows count; a row that is cut off is an early end.
+        let more = take(&ended.replace("  2", "109")).unwrap();
+        assert_eq!(more.notes, ["announces 109 frames but has 2"]);
+        let cut = ended.replace("7\t8\t9\t", "7\t8");
+        assert!(take(&cut).unwrap_err().to_string().contains("--keep-whole"));
+    }
+
+    #[test]
     fn faults_have_a_place() {
         let whole = format!("{HEAD}{ROWS}");
         for (text, part) in [
@@ -196,7 +224,7 @@ mod tests {
                 &whole.replace("\t4\t5", "\tx\t5"),
                 "x.trc:7: expected a number",
             ),
-            (&whole.replace("  2", "3"), "--keep-whole"),
+            (&whole.replace("nan\tNaN\tnan\n", "nan"), "--keep-whole"),
         ] {
             let said = take(text).unwrap_err().to_string();
             assert!(said.contains(part), "{said}");

@@ -15,6 +15,8 @@ pub struct NewTrc<'a> {
     pub rate: f64,
     /// The number of the first frame, from 1.
     pub first_frame: u32,
+    /// The times of the frames in seconds; `None`: they follow from the first frame's number and the rate.
+    pub times: Option<&'a [f64]>,
     /// The unit of length, such as `mm`.
     pub units: &'a str,
 }
@@ -40,7 +42,9 @@ impl NewTrc<'_> {
             let number = self.first_frame.saturating_add(t as u32);
             push_integer(&mut out, number);
             out.push(b'\t');
-            push_f64(&mut out, (f64::from(number) - 1.0) / self.rate);
+            let time = self.times.and_then(|times| times.get(t));
+            let by_number = (f64::from(number) - 1.0) / self.rate;
+            push_f64(&mut out, time.copied().unwrap_or(by_number));
             for value in row {
                 out.push(b'\t');
                 push_f64(&mut out, *value);
@@ -90,8 +94,9 @@ mod tests {
         let new = NewTrc {
             name: "a\tb",
             points: &points,
-            rate: 120.0,
+            rate: 100.0,
             first_frame: 31,
+            times: Some(&[3.38, 3.39]),
             units: "mm",
         };
         let bytes = new.bytes(xyz.view()).unwrap();
@@ -103,9 +108,10 @@ mod tests {
         assert_eq!((&take.points[..], take.first_frame), (&points[..], 31));
         assert_eq!(
             (take.rate, take.units.as_deref()),
-            (Some(120.0), Some("mm"))
+            (Some(100.0), Some("mm"))
         );
         assert!(take.notes.is_empty());
+        assert_eq!(take.times.as_deref(), Some(&[3.38, 3.39][..]));
         for (a, b) in take.xyz.iter().zip(&xyz) {
             assert!(a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan());
         }
