@@ -2,11 +2,13 @@
 
 use super::args::{CommonArgs, OutputArgs, parse_rate, value_name};
 use super::input::{open, take_name};
+use super::marker_units::{axis_of, unit_of};
 use super::messages;
 use super::streams::write_table;
 use super::units::{TableUnits, Units, Up};
+use crate::io::csv::{AddedColumn, After};
 use crate::io::text::check_length;
-use crate::io::{Input, MarkerTake, Table};
+use crate::io::{CarriedColumns, Input, MarkerTake, Table};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use clap::Args;
@@ -85,18 +87,31 @@ impl MarkerFileArgs {
     pub fn convert(&self, read: impl Fn(Input, bool) -> Result<MarkerTake>) -> Result<()> {
         self.common.apply()?;
         let path = self.file.clone().unwrap_or_else(|| PathBuf::from("-"));
-        let take = read(open(&path)?, self.keep_whole)?;
+        let mut input = open(&path)?;
+        // A file of another format is named.
+        input.look_ahead()?;
+        let take = read(input, self.keep_whole)?;
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
         report_other_quantities(&take);
         report_zeros(&take);
-        let units = self.units.table_units(&take)?;
+        // Columns alone stay as they are.
+        let units = match take.points.is_empty() {
+            true => TableUnits::CM_Y,
+            false => self.units.table_units(&take)?,
+        };
         let poses = poses_of_markers(&take, units, self.rate(&take)?, &path)?;
         let table = Table::from_poses(poses);
         let xyz = table.poses.xyz.view();
-        write_table(&self.out, TableUnits::CM_Y, &table, xyz, &[], |_| {
-            Vec::new()
-        })
+        let carried = Carried::new(&take);
+        write_table(
+            &self.out,
+            TableUnits::CM_Y,
+            &table,
+            xyz,
+            &carried.columns(),
+            |frame| carried.cells(frame),
+        )
     }
 
     /// Frames a second: the file's, else the flag's.
@@ -109,6 +124,8 @@ impl MarkerFileArgs {
                 )))
             }
             (Some(rate), _) | (None, Some(rate)) => Ok(rate),
+            // The times of the rows are known, if not how many a second.
+            (None, None) if take.times.is_some() => Ok(1.0),
             (None, None) => Err(asked(take, "rate", None, "--fps F (frames per second)")),
         }
     }
@@ -151,6 +168,49 @@ fn report_zeros(take: &MarkerTake) {
     }
 }
 
+/// The columns of a take that are carried along, frame by frame.
+pub struct Carried<'a> {
+    columns: &'a CarriedColumns,
+    /// The row of each frame; `None` of a frame that the file leaves out.
+    rows: Vec<Option<usize>>,
+}
+
+impl<'a> Carried<'a> {
+    /// Those of a take.
+    pub fn new(take: &'a MarkerTake) -> Carried<'a> {
+        let mut row = 0..take.carried.rows.len();
+        let rows = match take.points.is_empty() {
+            true => row.map(Some).collect(),
+            false => (take.cells.lines.iter())
+                .map(|line| line.and_then(|_| row.next()))
+                .collect(),
+        };
+        Carried {
+            columns: &take.carried,
+            rows,
+        }
+    }
+
+    /// The columns, behind all others.
+    pub fn columns(&self) -> Vec<AddedColumn> {
+        let names = self.columns.names.iter();
+        names
+            .map(|name| AddedColumn::new(name, After::All))
+            .collect()
+    }
+
+    /// The cells of a frame.
+    pub fn cells(&self, frame: usize) -> Vec<String> {
+        let row = self.rows.get(frame).copied().flatten();
+        let row = row.and_then(|row| self.columns.rows.get(row));
+        let text = |column: usize| {
+            let cell = row.and_then(|row| row.get(column)).unwrap_or_default();
+            String::from_utf8_lossy(cell).into_owned()
+        };
+        (0..self.columns.names.len()).map(text).collect()
+    }
+}
+
 /// The points of a take in centimetres, y up, a frame a row; its name is that of the file.
 pub fn poses_of_markers(
     take: &MarkerTake,
@@ -171,46 +231,15 @@ pub fn poses_of_markers(
     }
     let name: Arc<str> = take_name(path).into();
     let first = f64::from(take.first_frame) - 1.0;
-    let times = (0..xyz.nrows()).map(|t| (first + t as f64) / rate);
+    let counted = || {
+        (0..xyz.nrows())
+            .map(|t| (first + t as f64) / rate)
+            .collect()
+    };
     Ok(Poses {
         points: take.points.clone(),
-        time: Some(times.collect()),
+        time: Some(take.times.clone().unwrap_or_else(counted)),
         take: Some(vec![name; xyz.nrows()]),
         xyz,
     })
-}
-
-/// The unit of a word such as `mm` or `Millimeters`.
-pub fn unit_of(word: &str) -> Option<Units> {
-    Some(match word.trim().to_ascii_lowercase().as_str() {
-        "mm" | "millimeters" | "millimetres" | "millimeter" | "millimetre" => Units::Mm,
-        "cm" | "centimeters" | "centimetres" | "centimeter" | "centimetre" => Units::Cm,
-        "m" | "meters" | "metres" | "meter" | "metre" => Units::M,
-        "in" | "inch" | "inches" => Units::In,
-        _ => return None,
-    })
-}
-
-/// The axis of a word such as `+Z`; an axis that points down is none.
-pub fn axis_of(word: &str) -> Option<Up> {
-    Some(match word.trim().to_ascii_lowercase().as_str() {
-        "+x" | "x" => Up::X,
-        "+y" | "y" => Up::Y,
-        "+z" | "z" => Up::Z,
-        _ => return None,
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn units_and_axes_are_read_as_they_are_written() {
-        assert_eq!(unit_of(" MM "), Some(Units::Mm));
-        assert_eq!(unit_of("Meters"), Some(Units::M));
-        assert_eq!(unit_of("furlong"), None);
-        assert_eq!(axis_of("+Z"), Some(Up::Z));
-        assert_eq!(axis_of("-Z"), None);
-    }
 }

@@ -29,6 +29,7 @@ pub mod ksvd;
 pub mod launcher;
 pub mod manual;
 pub mod marker_files;
+mod marker_units;
 pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;

@@ -266,9 +266,13 @@ impl CleanSettings {
     }
 }
 
-/// Whether the result holds rotations, as the file does.
+/// Whether the result holds rotations or columns, as the file does, and no positions.
 pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
-    matches!(file.format, MotionFormat::Bvh | MotionFormat::Amc) && to.is_none()
+    let is_of_rotations = matches!(
+        file.format,
+        MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::OpenSim
+    );
+    is_of_rotations && to.is_none()
 }
 
 /// Positions at exactly 0 0 0 become missing ones.

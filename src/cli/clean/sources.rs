@@ -2,14 +2,16 @@
 
 use super::super::args::Format;
 use super::record::{may_write, record_path};
-use crate::io::MotionFormat;
+use crate::io::{Input, MotionFormat, NpzTake};
 use crate::{Error, Place, Result};
 use clap::ValueEnum;
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 /// The names of files that a folder is searched for.
-const EXTENSIONS: [&str; 7] = ["c3d", "trc", "bvh", "amc", "csv", "tsv", "npy"];
+const EXTENSIONS: [&str; 10] = [
+    "c3d", "trc", "bvh", "amc", "csv", "tsv", "npy", "npz", "mot", "sto",
+];
 
 /// Other formats that somebody may ask for.
 const OTHERS: [&str; 5] = ["glb", "gltf", "fbx", "json", "html"];
@@ -195,7 +197,11 @@ impl Jobs {
                 let is_hidden = name_of(&path).to_string_lossy().starts_with('.');
                 if path.is_dir() && !is_hidden {
                     folders.push(path);
-                } else if is_motion(&path) && !is_hidden && !is_special(&path) && !is_result(&path)
+                } else if is_motion(&path)
+                    && !is_hidden
+                    && !is_special(&path)
+                    && !is_result(&path)
+                    && !is_model(&path)
                 {
                     out.push((path.clone(), within(&path)));
                 } else if path.is_file() {
@@ -254,6 +260,17 @@ fn canonical(path: &Path) -> PathBuf {
 /// Whether a file was made by `clean`.
 fn is_result(path: &Path) -> bool {
     record_path(path).exists() && may_write(path, false).is_ok()
+}
+
+/// Whether an archive is a model of posing or holds meshes.
+fn is_model(path: &Path) -> bool {
+    let is_npz = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("npz"));
+    is_npz
+        && Input::open(path)
+            .and_then(NpzTake::is_other)
+            .is_ok_and(|is| is)
 }
 
 /// The last part of a path.
