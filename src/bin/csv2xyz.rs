@@ -4,14 +4,14 @@ use clap::{Parser, ValueEnum};
 use posing::cli::marker_files::MarkerFileArgs;
 use posing::cli::run;
 use posing::io::{
-    Input, MotionFormat, MotivePoints, NpzTake, marker_csv, opensim, parse_point_names,
+    Input, MotionFormat, MotivePoints, NpzTake, marker_csv, opensim, parse_point_names, read_npy,
 };
 use std::process::ExitCode;
 
 /// Convert a table of another program to a pose table
 ///
 /// Reads Motive CSV, Vicon Nexus CSV (section Trajectories), Qualisys TSV (3D and 6D), tables whose columns are NAME_x, NAME_y,
-/// NAME_z (or NAME.X, "NAME x"; Anipose), or names above x, y, z (pandas, DeepLabCut), NPZ archives of positions, and OpenSim's .mot
+/// NAME_z (or NAME.X, "NAME x"; Anipose), or names above x, y, z (pandas, DeepLabCut), NPY arrays and NPZ archives of positions, and OpenSim's .mot
 /// and .sto; the first lines tell which. Writes a pose table in centimetres, y up: a row per frame, three columns per point, empty
 /// where the file has an empty cell, NaN or null. Other columns are carried along: all of .mot and .sto, which hold no points, and the
 /// rotations of Qualisys 6D as NAME.rx, NAME.ry, NAME.rz, in degrees as in the file. Zeros stay: a position of exactly 0 0 0, which
@@ -28,7 +28,7 @@ struct Args {
     /// Points of a Motive file [default: the first of these that it has]
     #[arg(long, value_enum, value_name = "KIND")]
     points: Option<Points>,
-    /// Point names for an NPZ archive without any: smpl, 23 (the CMU joints) or a comma-separated list
+    /// Point names for an array without any: smpl, 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
     #[command(flatten)]
@@ -55,6 +55,7 @@ fn main() -> ExitCode {
         let joints = args.joints.as_deref().map(parse_point_names).transpose()?;
         let read = |input: Input, keep_whole| match MotionFormat::of(input.first_bytes()) {
             MotionFormat::OpenSim => opensim::read(input, keep_whole),
+            MotionFormat::Npy => read_npy(input, joints.as_deref()),
             MotionFormat::Npz => Ok(NpzTake::read(input, joints.as_deref())?.take),
             _ => marker_csv::read(input, points, keep_whole),
         };

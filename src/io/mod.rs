@@ -46,7 +46,7 @@ pub use marker_take::{CarriedColumns, MarkerTake};
 pub use mesh::{Mesh, MeshFormat, MeshSet};
 pub use model::Model;
 pub use motion_format::MotionFormat;
-pub use npz_take::NpzTake;
+pub use npz_take::{NpzTake, read_npy};
 pub use output::Output;
 pub use row::{Cells, ReadOptions, Row};
 pub use skeleton_file::SkeletonFile;

@@ -43,6 +43,9 @@ impl Header {
         match self.descr.as_str() {
             "<f8" => Ok(true),
             "<f4" => Ok(false),
+            "|O" => Err(
+                "holds a Python object (a pickle), which may run code: save its positions alone with numpy.save".into(),
+            ),
             other => Err(format!(
                 "has values of type {}, expected <f4 or <f8",
                 excerpt(other)
@@ -66,8 +69,13 @@ impl NpyReader {
             .wide()
             .map_err(|what| Error::data(place.clone(), what))?;
         let (frames, width) = match header.shape[..] {
+            [_, 263] => {
+                return fail(
+                    "holds features of HumanML3D (263 a frame), expected positions: those are in new_joints".into(),
+                );
+            }
             [frames, width] => (frames, width),
-            [frames, points, 3] => (frames, points.saturating_mul(3)),
+            [frames, points, 3] | [1, frames, points, 3] => (frames, points.saturating_mul(3)),
             _ => {
                 return fail(format!(
                     "has the shape {:?}, expected (frames, 3 x points) or (frames, points, 3)",
@@ -90,7 +98,9 @@ impl NpyReader {
             bytes: Vec::new(),
         };
         if header.fortran {
-            out.whole = Some(out.read_fortran(&header.shape)?);
+            // A first axis of one changes nothing of the order.
+            let shape = header.shape.strip_prefix(&[1]).filter(|s| s.len() == 3);
+            out.whole = Some(out.read_fortran(shape.unwrap_or(&header.shape))?);
         }
         Ok(out)
     }
@@ -358,7 +368,7 @@ pub fn with_values(
         }
         let place = match (header.fortran, header.shape.len()) {
             (false, _) => frame * width + column,
-            (true, 3) => frame + frames * (column / 3 + points * (column % 3)),
+            (true, 3 | 4) => frame + frames * (column / 3 + points * (column % 3)),
             (true, _) => frame + frames * column,
         };
         let place = start + size * place;
@@ -456,6 +466,8 @@ mod tests {
             ("<f4", "False", "(2, 2, 3)"),
             ("<f8", "True", "(2, 6)"),
             ("<f4", "True", "(2, 2, 3)"),
+            ("<f4", "False", "(1, 2, 2, 3)"),
+            ("<f8", "True", "(1, 2, 2, 3)"),
         ] {
             let file = array(descr, fortran, shape, &values);
             let old = read(file.clone(), Some("a,b")).unwrap().poses.xyz;

@@ -146,6 +146,23 @@ impl NpzTake {
     }
 }
 
+/// The take of an array file, NPY, which says neither its rate nor its unit and axis. `joints` are the points' names.
+///
+/// # Errors
+/// [`Error::Io`]: reading fails. [`Error::Data`]: no array of positions, or none whose points have names.
+pub fn read_npy(input: Input, joints: Option<&[String]>) -> Result<MarkerTake> {
+    let name = input.name.clone();
+    let content = input.read_all(LARGEST)?;
+    let (points, xyz) = positions(&name, content, joints.map(<[String]>::to_vec))?;
+    Ok(MarkerTake {
+        name,
+        points,
+        xyz,
+        first_frame: 1,
+        ..MarkerTake::default()
+    })
+}
+
 /// The points of an array and their positions.
 fn positions(
     name: &str,

@@ -65,10 +65,10 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
     }
     let mut notes: Vec<String> = early.into_iter().collect();
     notes.extend(header.notes(times.len()));
-    notes.push(match carried.names.len() {
-        1 => "holds no positions: its column is carried along".into(),
-        n => format!("holds no positions: its {n} columns are carried along"),
-    });
+    notes.push(format!(
+        "holds no positions; columns beside the time: {}",
+        carried.names.len()
+    ));
     Ok(MarkerTake {
         name: name.clone(),
         xyz: Array2::zeros((times.len(), 0)),
@@ -215,7 +215,7 @@ mod tests {
             assert_eq!(text(&read, 1), ["3.97339", "-0.94496"]);
             assert_eq!((read.xyz.dim(), read.points.len()), ((2, 0), 0));
             let last = read.notes.last().unwrap();
-            assert_eq!(last, "holds no positions: its 2 columns are carried along");
+            assert_eq!(last, "holds no positions; columns beside the time: 2");
         }
         assert_eq!(
             take(MOT, false).unwrap().notes[0],

@@ -69,6 +69,9 @@ impl PointTitles {
         };
         for group in groups {
             let [x, y, z] = group.axes;
+            if is_other_quantity(&group.name) {
+                continue;
+            }
             if let (Some(x), Some(y), Some(z)) = (x, y, z) {
                 out.points.push((group.name, [x, y, z]));
                 [x, y, z].iter().for_each(|&c| is_point[c] = true);
@@ -111,6 +114,35 @@ impl PointTitles {
             self.rows += 1;
         }
     }
+}
+
+/// Whether a name says that its x, y and z are no position.
+fn is_other_quantity(name: &str) -> bool {
+    const WORDS: [&str; 20] = [
+        "rot",
+        "rotation",
+        "euler",
+        "angle",
+        "angles",
+        "orientation",
+        "quat",
+        "quaternion",
+        "vel",
+        "velocity",
+        "acc",
+        "accel",
+        "acceleration",
+        "gyro",
+        "mag",
+        "omega",
+        "force",
+        "grf",
+        "moment",
+        "torque",
+    ];
+    let last = name.rsplit(|c: char| !c.is_alphanumeric()).next();
+    let last = last.unwrap_or_default().to_lowercase();
+    WORDS.contains(&last.as_str())
 }
 
 /// How the first row is parted: by what stands in it most often.
@@ -360,6 +392,14 @@ mod tests {
         let planar = ["bodyparts,A,A,A", "coords,x,y,likelihood", "0,1,2,3"];
         let planar = PointTitles::read(&planar).unwrap();
         assert!(planar.points.is_empty() && planar.has_planar);
+    }
+
+    #[test]
+    fn rotations_and_forces_are_no_points() {
+        let row = "Hips_pos_x,Hips_pos_y,Hips_pos_z,Hips_rot_x,Hips_rot_y,Hips_rot_z,grf.x";
+        let titles = PointTitles::read(&[row]).unwrap();
+        assert_eq!((names(&titles), titles.others.len()), (vec!["Hips_pos"], 4));
+        assert_eq!(PointTitles::read(&["t,acc_x,acc_y,acc_z"]), None);
     }
 
     #[test]

@@ -122,6 +122,10 @@ impl CleanSettings {
         if self.zeros_are_missing && !keeps {
             empty_zeros(&mut file.table.poses);
         }
+        if keeps && file.table.poses.points.is_empty() {
+            file.notes
+                .push("copied: there are no positions to clean".into());
+        }
         let table = &file.table;
         let naming = self.naming(&table.poses);
         let is_copied = keeps && file.is_whole();
