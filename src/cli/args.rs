@@ -54,7 +54,7 @@ pub struct InputArgs {
     /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     pub fps: Option<f64>,
-    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
+    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     pub joints: Option<String>,
     /// Unit of length of the input

@@ -1,6 +1,9 @@
 //! The input of commands: files or standard input, tables row by row or whole, models.
 
 use super::args::InputArgs;
+use super::marker_units::{axis_of, unit_of};
+use super::messages;
+use super::units::{TableUnits, Units, Up};
 use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
 use crate::io::{Input, Model};
 use crate::{Error, Place, Result};
@@ -62,6 +65,10 @@ pub struct RowStream<'a> {
     takes: TakeNames,
     reader: RowReader,
     columns: Columns,
+    /// The unit and the axis of the file being read.
+    units: TableUnits,
+    /// Whether the size of its first whole frame is still to be looked at.
+    is_unmeasured: bool,
 }
 
 impl<'a> RowStream<'a> {
@@ -75,6 +82,8 @@ impl<'a> RowStream<'a> {
         let reader = RowReader::new(open(&first)?, &flags.options(planar, cells)?)?;
         let columns = reader.columns().clone();
         Ok(RowStream {
+            units: units_of(&reader, flags),
+            is_unmeasured: is_without_unit(&reader, flags),
             flags,
             planar,
             cells,
@@ -96,6 +105,20 @@ impl<'a> RowStream<'a> {
         self.reader.name()
     }
 
+    /// Says once where a frame in centimetres would be a body of no size.
+    fn check_size(&mut self, xyz: &[f64]) {
+        let Some(size) = extent(xyz).filter(|_| self.is_unmeasured) else {
+            return;
+        };
+        self.is_unmeasured = false;
+        if size > 0.0 && size < SMALL_BODY {
+            messages::info(&format!(
+                "{}: its points span {size:.2} cm, as its unit is not known; if it is metres, give --units m",
+                self.name()
+            ));
+        }
+    }
+
     /// The next frame, in centimetres, y up; `false` at the end of the last file.
     pub fn read(&mut self, row: &mut Row) -> Result<bool> {
         while !self.reader.read(row)? {
@@ -105,14 +128,65 @@ impl<'a> RowStream<'a> {
             self.take = self.takes.next(&next);
             self.reader =
                 RowReader::new(open(&next)?, &self.flags.options(self.planar, self.cells)?)?;
+            self.units = units_of(&self.reader, self.flags);
+            self.is_unmeasured = is_without_unit(&self.reader, self.flags);
             if self.reader.columns() != &self.columns {
                 let what = format!("has other columns than {}", self.flags.files[0].display());
                 return Err(Error::data(Place::file(self.reader.name()), what));
             }
         }
-        self.flags.table_units().read(&mut row.xyz);
+        if self.is_unmeasured {
+            self.check_size(&row.xyz);
+        }
+        self.units.read(&mut row.xyz);
         Ok(true)
     }
+}
+
+/// The unit and the axis of a table: those of an archive that says them (AMASS) unless flags do, else the flags'.
+fn units_of(reader: &RowReader, flags: &InputArgs) -> TableUnits {
+    let given = flags.table_units();
+    let Some(take) = reader.take() else {
+        return given;
+    };
+    let said = |note: &String| messages::info(&format!("{}: {note}", take.name));
+    take.notes.iter().for_each(said);
+    let unit = take.units.as_deref().and_then(unit_of);
+    let up = take.up.as_deref().and_then(axis_of);
+    TableUnits {
+        unit: unit
+            .filter(|_| given.unit == Units::Cm)
+            .unwrap_or(given.unit),
+        up: up.filter(|_| given.up == Up::Y).unwrap_or(given.up),
+    }
+}
+
+/// Whether it is an array whose unit nothing says: a body in metres would become one of 1.8 cm.
+fn is_without_unit(reader: &RowReader, flags: &InputArgs) -> bool {
+    let says_none = match reader {
+        RowReader::Csv(_) => false,
+        RowReader::Npy(_) => true,
+        RowReader::Npz(_) => reader.take().is_some_and(|take| take.units.is_none()),
+    };
+    says_none && flags.units == Units::Cm && reader.columns().points.len() >= FEW_POINTS
+}
+
+/// Fewer points are no body.
+const FEW_POINTS: usize = 5;
+/// A body smaller than this, cm, is not in centimetres.
+const SMALL_BODY: f64 = 5.0;
+
+/// The largest extent of a frame; `None` where a value is missing.
+fn extent(xyz: &[f64]) -> Option<f64> {
+    let along = |axis: usize| {
+        let values = xyz.iter().skip(axis).step_by(3);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+            (low.min(*v), high.max(*v))
+        });
+        high - low
+    };
+    let is_whole = xyz.iter().all(|v| v.is_finite());
+    is_whole.then(|| (0..3).map(along).fold(0.0, f64::max))
 }
 
 /// The files, or standard input (`-`) if there are none.

@@ -2,13 +2,15 @@
 
 use super::args::{CommonArgs, OutputArgs, parse_rate, value_name};
 use super::input::{open, take_name};
+use super::marker_units::{axis_of, unit_of};
 use super::messages;
 use super::model_outputs;
 use super::streams::write_table;
 use super::units::{TableUnits, Units, Up};
 use super::zeros::{ZeroArgs, count_zeros, empty_zeros};
+use crate::io::csv::{AddedColumn, After};
 use crate::io::text::check_length;
-use crate::io::{Input, MarkerTake, Quantity, Table};
+use crate::io::{CarriedColumns, Input, MarkerTake, Quantity, Table};
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use clap::Args;
@@ -94,7 +96,10 @@ impl MarkerFileArgs {
     ) -> Result<()> {
         self.common.apply()?;
         let path = self.file.clone().unwrap_or_else(|| PathBuf::from("-"));
-        let take = read(open(&path)?, self.keep_whole)?;
+        let mut input = open(&path)?;
+        // A file of another format is named.
+        input.look_ahead()?;
+        let take = read(input, self.keep_whole)?;
         let said = |n: &String| messages::info(&format!("{}: {n}", take.name));
         take.notes.iter().for_each(said);
         let mut positions = take.only_positions();
@@ -105,23 +110,31 @@ impl MarkerFileArgs {
         if !model_outputs {
             report_model_outputs(&take);
         }
-        let units = self.units.table_units(&take)?;
+        // Columns alone stay as they are.
+        let units = match take.points.is_empty() {
+            true => TableUnits::CM_Y,
+            false => self.units.table_units(&take)?,
+        };
         let poses = poses_of_markers(&positions, units, self.rate(&take)?, &path)?;
         let table = Table::from_poses(poses);
         let xyz = table.poses.xyz.view();
-        let added = match model_outputs {
-            true => model_outputs::columns(&take),
-            false => Vec::new(),
-        };
+        let carried = Carried::new(&take);
+        let mut added = carried.columns();
+        if model_outputs {
+            added.extend(model_outputs::columns(&take));
+        }
         write_table(
             &self.out,
             TableUnits::CM_Y,
             &table,
             xyz,
             &added,
-            |t| match added.is_empty() {
-                true => Vec::new(),
-                false => model_outputs::cells(&take, t),
+            |frame| {
+                let mut cells = carried.cells(frame);
+                if model_outputs {
+                    cells.extend(model_outputs::cells(&take, frame));
+                }
+                cells
             },
         )
     }
@@ -136,6 +149,8 @@ impl MarkerFileArgs {
                 )))
             }
             (Some(rate), _) | (None, Some(rate)) => Ok(rate),
+            // The times of the rows are known, if not how many a second.
+            (None, None) if take.times.is_some() => Ok(1.0),
             (None, None) => Err(asked(take, "rate", None, "--fps F (frames per second)")),
         }
     }
@@ -177,6 +192,49 @@ fn report_zeros(take: &MarkerTake) {
     }
 }
 
+/// The columns of a take that are carried along, frame by frame.
+pub struct Carried<'a> {
+    columns: &'a CarriedColumns,
+    /// The row of each frame; `None` of a frame that the file leaves out.
+    rows: Vec<Option<usize>>,
+}
+
+impl<'a> Carried<'a> {
+    /// Those of a take.
+    pub fn new(take: &'a MarkerTake) -> Carried<'a> {
+        let mut row = 0..take.carried.rows.len();
+        let rows = match take.points.is_empty() {
+            true => row.map(Some).collect(),
+            false => (take.cells.lines.iter())
+                .map(|line| line.and_then(|_| row.next()))
+                .collect(),
+        };
+        Carried {
+            columns: &take.carried,
+            rows,
+        }
+    }
+
+    /// The columns, behind all others.
+    pub fn columns(&self) -> Vec<AddedColumn> {
+        let names = self.columns.names.iter();
+        names
+            .map(|name| AddedColumn::new(name, After::All))
+            .collect()
+    }
+
+    /// The cells of a frame.
+    pub fn cells(&self, frame: usize) -> Vec<String> {
+        let row = self.rows.get(frame).copied().flatten();
+        let row = row.and_then(|row| self.columns.rows.get(row));
+        let text = |column: usize| {
+            let cell = row.and_then(|row| row.get(column)).unwrap_or_default();
+            String::from_utf8_lossy(cell).into_owned()
+        };
+        (0..self.columns.names.len()).map(text).collect()
+    }
+}
+
 /// The points of a take in centimetres, y up, a frame a row; its name is that of the file.
 pub fn poses_of_markers(
     take: &MarkerTake,
@@ -205,39 +263,4 @@ pub fn poses_of_markers(
         take: Some(vec![name; xyz.nrows()]),
         xyz,
     })
-}
-
-/// The unit of a word such as `mm` or `Millimeters`.
-pub fn unit_of(word: &str) -> Option<Units> {
-    Some(match word.trim().to_ascii_lowercase().as_str() {
-        "mm" | "millimeters" | "millimetres" | "millimeter" | "millimetre" => Units::Mm,
-        "cm" | "centimeters" | "centimetres" | "centimeter" | "centimetre" => Units::Cm,
-        "m" | "meters" | "metres" | "meter" | "metre" => Units::M,
-        "in" | "inch" | "inches" => Units::In,
-        _ => return None,
-    })
-}
-
-/// The axis of a word such as `+Z`; an axis that points down is none.
-pub fn axis_of(word: &str) -> Option<Up> {
-    Some(match word.trim().to_ascii_lowercase().as_str() {
-        "+x" | "x" => Up::X,
-        "+y" | "y" => Up::Y,
-        "+z" | "z" => Up::Z,
-        _ => return None,
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn units_and_axes_are_read_as_they_are_written() {
-        assert_eq!(unit_of(" MM "), Some(Units::Mm));
-        assert_eq!(unit_of("Meters"), Some(Units::M));
-        assert_eq!(unit_of("furlong"), None);
-        assert_eq!(axis_of("+Z"), Some(Up::Z));
-        assert_eq!(axis_of("-Z"), None);
-    }
 }

@@ -33,6 +33,7 @@ pub mod ksvd;
 pub mod launcher;
 pub mod manual;
 pub mod marker_files;
+mod marker_units;
 mod memory_limit;
 pub mod mesh_output;
 pub mod mesh_sequences;

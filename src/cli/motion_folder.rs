@@ -1,11 +1,14 @@
 //! The files of motion in a folder and all below it.
 
 use crate::Error;
+use crate::io::{Input, NpzTake};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 /// The names of files that a folder is searched for.
-pub const EXTENSIONS: [&str; 7] = ["c3d", "trc", "bvh", "amc", "csv", "tsv", "npy"];
+pub const EXTENSIONS: [&str; 10] = [
+    "c3d", "trc", "bvh", "amc", "csv", "tsv", "npy", "npz", "mot", "sto",
+];
 
 /// What a folder has of files of motion.
 #[derive(Debug, Default)]
@@ -46,7 +49,12 @@ impl MotionFolder {
                 let is_hidden = name_of(&path).to_string_lossy().starts_with('.');
                 if path.is_dir() && !is_hidden {
                     folders.push(path);
-                } else if is_motion(&path) && !is_hidden && !is_special(&path) && is_wanted(&path) {
+                } else if is_motion(&path)
+                    && !is_hidden
+                    && !is_special(&path)
+                    && is_wanted(&path)
+                    && !is_model(&path)
+                {
                     out.files.push((path.clone(), within(&path)));
                 } else if path.is_file() {
                     out.left_out += 1;
@@ -56,6 +64,17 @@ impl MotionFolder {
         out.files.sort();
         out
     }
+}
+
+/// Whether an archive is a model of posing or holds meshes.
+fn is_model(path: &Path) -> bool {
+    let is_npz = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("npz"));
+    is_npz
+        && Input::open(path)
+            .and_then(NpzTake::is_other)
+            .is_ok_and(|is| is)
 }
 
 /// Whether a path is there and neither a file nor a folder.

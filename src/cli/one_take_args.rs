@@ -27,7 +27,7 @@ pub struct OneTakeArgs {
     /// Frames per second, for a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
-    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
+    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
     #[command(flatten)]

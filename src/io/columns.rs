@@ -4,7 +4,7 @@
 //! carried along unchanged. An empty cell (or NaN) is a missing value, 0 never is.
 
 use super::text::excerpt;
-use crate::pose::joints;
+use crate::pose::{joints, smpl_names};
 use crate::{Error, Place, Result};
 use std::collections::{HashMap, HashSet};
 
@@ -93,6 +93,7 @@ impl Columns {
     /// [`Error::Data`]: not three columns a name, or no names and not the 69 columns of CMU's joints.
     pub fn for_array(width: usize, names: Option<&[String]>, place: &Place) -> Result<Columns> {
         let points = match names {
+            Some([one]) if one == SMPL && width != 3 => smpl(width, place)?,
             Some(names) if 3 * names.len() == width => names.to_vec(),
             Some(names) => {
                 let what = format!(
@@ -103,8 +104,10 @@ impl Columns {
             }
             None if width == 3 * joints::CMU.len() => joints::cmu_names(),
             None => {
+                let of_smpl = smpl_names(width / 3).is_some();
+                let way = if of_smpl { " (smpl for SMPL's)" } else { "" };
                 let what = format!(
-                    "has {width} columns, not the 69 of CMU's joints; name the points with --joints"
+                    "has {width} columns, not the 69 of CMU's joints; name the points with --joints{way}"
                 );
                 return Err(Error::data(place.clone(), what));
             }
@@ -118,7 +121,21 @@ impl Columns {
     }
 }
 
-/// Reads the points' names of `--joints`: `23`, or a list with commas.
+/// The name that stands for the joints of SMPL, of whichever array it is.
+const SMPL: &str = "smpl";
+
+/// The names of the joints of an array of SMPL, SMPL-H or SMPL-X with `width` numbers a frame.
+fn smpl(width: usize, place: &Place) -> Result<Vec<String>> {
+    smpl_names(width / 3).ok_or_else(|| {
+        let what = format!(
+            "has {} points: arrays of SMPL's joints have 22 (the body), 24, 52 (SMPL-H) or 55 (SMPL-X); name the points with --joints A,B,...",
+            width / 3
+        );
+        Error::data(place.clone(), what)
+    })
+}
+
+/// Reads the points' names of `--joints`: `23`, `smpl` (which an array gives its names by its width), or a list with commas.
 ///
 /// # Errors
 /// [`Error::Usage`]: an empty name, or one that stands twice.

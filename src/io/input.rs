@@ -1,5 +1,8 @@
 //! Opening an input. The format is recognised by content, never by name.
 
+use super::foreign_format::{self, foreign};
+use super::motion_format::is_told;
+use super::text::wait_for_data;
 use super::utf16::{Decoded, Utf16};
 use crate::{Error, Place, Result};
 use std::fs::File;
@@ -15,6 +18,9 @@ const UNPACKED: u64 = 1 << 26;
 const MOST_UNPACKED: u64 = 100;
 /// The number of bytes by which a format is recognised.
 const MAGIC: usize = 12;
+/// The most bytes by which a format of text is recognised, and the lines after each of which that is tried.
+const AHEAD: usize = 1 << 18;
+const TRIED_LINES: usize = 16;
 
 /// An opened input, decompressed, with the name its messages use.
 pub struct Input {
@@ -60,7 +66,8 @@ impl Input {
     /// Wraps a stream; gzip and zstd are decompressed. `name` is for messages.
     ///
     /// # Errors
-    /// [`Error::Io`]: the first bytes cannot be read or decompressed.
+    /// [`Error::Io`]: the first bytes cannot be read or decompressed. [`Error::Data`]: a format that no command reads; the message
+    /// names it and the way that exists.
     pub fn new(name: impl Into<String>, stream: impl Read + 'static) -> Result<Input> {
         let name = name.into();
         let fail = |e| Error::io(&name, e);
@@ -96,7 +103,7 @@ impl Input {
             }
             None => (first, Box::new(stream)),
         };
-        Ok(Input {
+        Input::known(Input {
             kind: kind_of(&first),
             first,
             reader: Box::new(BufReader::with_capacity(BUFFER, stream)),
@@ -105,14 +112,71 @@ impl Input {
         })
     }
 
+    /// The input, unless no command reads its format.
+    fn known(mut input: Input) -> Result<Input> {
+        if foreign_format::needs_more(&input.first) {
+            input.read_ahead(|start| start.len() >= foreign_format::BYTES)?;
+        }
+        match foreign(&input.first) {
+            Some(what) => Err(Error::data(Place::file(input.name), what)),
+            None => Ok(input),
+        }
+    }
+
+    /// The first bytes: at least 12, or all where there are fewer.
+    pub fn first_bytes(&self) -> &[u8] {
+        &self.first
+    }
+
+    /// Reads on until [`Input::first_bytes`] tell the format of motion that it is; no further than that, since a table may arrive row
+    /// by row.
+    ///
+    /// # Errors
+    /// [`Error::Io`]: reading fails.
+    pub fn look_ahead(&mut self) -> Result<()> {
+        if is_told(&self.first) {
+            return Ok(());
+        }
+        let (mut lines, mut next) = (0, 0);
+        self.read_ahead(|start| {
+            let is_line = start.ends_with(b"\n");
+            lines += usize::from(is_line);
+            let tried = is_line && lines <= TRIED_LINES || start.len() >= next;
+            if tried {
+                next = 2 * start.len();
+            }
+            start.len() >= AHEAD || tried && is_told(start)
+        })
+    }
+
     /// Whether it is a text in UTF-16, which is read as UTF-8.
     pub fn is_utf16(&self) -> bool {
         self.is_utf16
     }
 
-    /// The first bytes: 12, or all where there are fewer.
-    pub fn first_bytes(&self) -> &[u8] {
-        &self.first
+    /// Reads ahead piece by piece, each at most a line, until `is_enough` of the first bytes.
+    fn read_ahead(&mut self, mut is_enough: impl FnMut(&[u8]) -> bool) -> Result<()> {
+        let mut rest = std::mem::replace(&mut self.reader, Box::new(io::empty()));
+        let mut ahead = Vec::new();
+        loop {
+            wait_for_data(&mut rest).map_err(|e| Error::io(&self.name, e))?;
+            let there = rest.fill_buf().map_err(|e| Error::io(&self.name, e))?;
+            if there.is_empty() {
+                break;
+            }
+            let line = there.iter().position(|b| *b == b'\n');
+            let piece = line.map_or(there.len(), |i| i + 1);
+            ahead.extend_from_slice(&there[..piece]);
+            rest.consume(piece);
+            if is_enough(&ahead) {
+                break;
+            }
+        }
+        self.reader = Box::new(io::Cursor::new(ahead.clone()).chain(rest));
+        if ahead.len() > self.first.len() {
+            self.first = ahead;
+        }
+        Ok(())
     }
 
     /// The kind of content.

@@ -139,7 +139,7 @@ impl MarkerRows {
         Ok(())
     }
 
-    /// The take, whose [`TextCells::points`] are the numbers of the points within their rows. `whole` says whether the file's last line has a line break; with `keep_whole`, a file that ends early gives the
+    /// The take, whose [`TextCells::points`] count the cells that were pushed. `whole` says whether the file's last line has a line break; with `keep_whole`, a file that ends early gives the
     /// frames that it has.
     ///
     /// # Errors
@@ -198,7 +198,7 @@ impl MarkerRows {
             notes: stated.notes,
             cells: TextCells {
                 lines: self.lines,
-                points: kept,
+                points: kept.iter().map(|p| [3 * p, 3 * p + 1, 3 * p + 2]).collect(),
                 ..TextCells::default()
             },
             ..MarkerTake::default()

@@ -1,5 +1,6 @@
 //! What files of markers have in common: points over time, and what the file says of its rate, unit and axes.
 
+use super::row::Cells;
 use super::text_cells::TextCells;
 use ndarray::{Array2, Axis};
 use std::collections::{HashMap, HashSet};
@@ -17,6 +18,8 @@ pub struct MarkerTake {
     pub first_frame: u32,
     /// Frames a second, if the file says so.
     pub rate: Option<f64>,
+    /// Seconds of each frame, if the file says so.
+    pub times: Option<Vec<f64>>,
     /// The unit of length, if the file says so: `mm`.
     pub units: Option<String>,
     /// The axis that points up, if the file says so: `+Z`.
@@ -31,6 +34,48 @@ pub struct MarkerTake {
     pub notes: Vec<String>,
     /// Where the coordinates stand, in a file of text.
     pub cells: TextCells,
+    /// Other columns, which tables carry along.
+    pub carried: CarriedColumns,
+}
+
+/// Columns of a file that are no points.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CarriedColumns {
+    /// Their names, each once; none is that of a column of the points.
+    pub names: Vec<String>,
+    /// Their text, a row for each frame that has a line in the file; a row may lack its last cells.
+    pub rows: Vec<Cells>,
+}
+
+impl CarriedColumns {
+    /// Columns of these names, which a table holds beside `take`, `time` and the points.
+    pub fn new<'a>(names: impl IntoIterator<Item = &'a str>, points: &[String]) -> CarriedColumns {
+        let own = |p: &String| ["x", "y", "z"].map(|axis| format!("{p}.{axis}"));
+        let mut taken: Vec<String> = vec!["take".into(), "time".into()];
+        taken.extend(points.iter().flat_map(own));
+        let known = taken.len();
+        taken.extend(names.into_iter().map(str::to_string));
+        let all = unique_names(taken.iter().map(String::as_str));
+        CarriedColumns {
+            names: all[known..].to_vec(),
+            rows: Vec::new(),
+        }
+    }
+
+    /// Adds a row, which stands in line `line`.
+    pub fn push<'a>(&mut self, line: u64, cells: impl Iterator<Item = &'a str>) {
+        if self.names.is_empty() {
+            return;
+        }
+        let (mut text, mut ends) = (Vec::new(), Vec::new());
+        for cell in cells {
+            text.extend_from_slice(cell.as_bytes());
+            ends.push(text.len());
+        }
+        let mut row = Cells::default();
+        row.set_fields(&text, &ends, line);
+        self.rows.push(row);
+    }
 }
 
 /// What the three numbers of a point are: C3D files store what models compute as points too.

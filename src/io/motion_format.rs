@@ -1,5 +1,6 @@
 //! The formats of motion files, told by how a file begins, never by its name.
 
+use super::text_start::{TextStart, of_lines};
 use serde::{Deserialize, Serialize};
 
 /// What kind of file of motion it is.
@@ -14,6 +15,12 @@ pub enum MotionFormat {
     MotiveCsv,
     /// Qualisys' TSV: markers.
     QualisysTsv,
+    /// Vicon Nexus' CSV: markers, and perhaps devices and model outputs.
+    NexusCsv,
+    /// A table of points of another program: NAME_x, NAME_y, NAME_z, or names above x, y, z.
+    PointTable,
+    /// OpenSim's .mot and .sto: columns over time.
+    OpenSim,
     /// BVH: a skeleton and its rotations.
     Bvh,
     /// AMC: rotations of a skeleton that an ASF file has.
@@ -24,6 +31,8 @@ pub enum MotionFormat {
     Csv,
     /// A pose table as NPY.
     Npy,
+    /// An archive of arrays, NPZ: AMASS' markers, or positions of joints.
+    Npz,
 }
 
 impl MotionFormat {
@@ -37,6 +46,7 @@ impl MotionFormat {
         };
         match start {
             [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => MotionFormat::Npy,
+            [b'P', b'K', 3, 4, ..] | [b'P', b'K', 5, 6, ..] => MotionFormat::Npz,
             // The first block of parameters and the key of all C3D files, then numbers, never text alone.
             [_, 0x50, ..] if start.iter().any(|b| *b < 9) => MotionFormat::C3d,
             _ if is("HIERARCHY") => MotionFormat::Bvh,
@@ -45,16 +55,13 @@ impl MotionFormat {
             _ if is("PathFileT") => MotionFormat::Trc,
             _ if is("Format Ve") => MotionFormat::MotiveCsv,
             _ if is("NO_OF_FRA") || is("FILE_VERS") => MotionFormat::QualisysTsv,
-            _ => MotionFormat::Csv,
-        }
-    }
-
-    /// The format of a file of these bytes, before which blank lines may stand.
-    pub fn of_file(bytes: &[u8]) -> MotionFormat {
-        let start = |bytes: &[u8]| MotionFormat::of(&bytes[..bytes.len().min(12)]);
-        match start(bytes) {
-            MotionFormat::Csv => start(bytes.trim_ascii_start()),
-            format => format,
+            _ if is_binary(start) => MotionFormat::Csv,
+            _ => match of_lines(text) {
+                Some(TextStart::OpenSim) => MotionFormat::OpenSim,
+                Some(TextStart::Nexus) => MotionFormat::NexusCsv,
+                Some(TextStart::Points) => MotionFormat::PointTable,
+                Some(TextStart::PoseTable) | None => MotionFormat::Csv,
+            },
         }
     }
 
@@ -65,16 +72,21 @@ impl MotionFormat {
             MotionFormat::Trc => "TRC",
             MotionFormat::MotiveCsv => "Motive CSV",
             MotionFormat::QualisysTsv => "Qualisys TSV",
+            MotionFormat::NexusCsv => "Vicon Nexus CSV",
+            MotionFormat::PointTable => "table of points",
+            MotionFormat::OpenSim => "OpenSim",
             MotionFormat::Bvh => "BVH",
             MotionFormat::Amc => "AMC",
             MotionFormat::Asf => "ASF",
             MotionFormat::Csv => "CSV",
             MotionFormat::Npy => "NPY",
+            MotionFormat::Npz => "NPZ",
         }
     }
 }
 
-/// What a file that begins so is instead of a pose table, and what to do with it; `None` for what may be a table.
+/// What a file that begins so is instead of a pose table, and what to do with it; `None` for what may be a table. Of text the first lines
+/// tell more than the first bytes ([`look_ahead`](super::Input::look_ahead)).
 pub fn recognized(start: &[u8]) -> Option<&'static str> {
     Some(match MotionFormat::of(start) {
         MotionFormat::C3d => "is a C3D file: convert it with c3d2xyz",
@@ -88,8 +100,35 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
         MotionFormat::QualisysTsv => {
             "is a Qualisys TSV file: convert it with csv2xyz --units mm --up z"
         }
-        MotionFormat::Csv | MotionFormat::Npy => return None,
+        MotionFormat::NexusCsv => "is a Vicon Nexus CSV file: convert it with csv2xyz --up z",
+        MotionFormat::PointTable => {
+            "is a table of points of another program: convert it with csv2xyz, with its --units, --up and --fps"
+        }
+        MotionFormat::OpenSim => {
+            "is an OpenSim file (.mot, .sto), which holds columns and no points: csv2xyz makes a table of them"
+        }
+        MotionFormat::Csv if start.trim_ascii_start().starts_with(b"{") => {
+            "is a JSON file: save its positions as CSV, which csv2xyz reads"
+        }
+        MotionFormat::Csv if is_binary(start) => {
+            "is a binary file of no format that is read (the second byte of a C3D file is 0x50): export C3D, TRC, BVH or CSV from the program that wrote it (Motive's .tak, Vicon's .x2d, Xsens' .mvn and Qualisys' .qtm are theirs alone)"
+        }
+        MotionFormat::Csv | MotionFormat::Npy | MotionFormat::Npz => return None,
     })
+}
+
+/// Whether these first bytes tell the format: no later ones would change it.
+pub fn is_told(start: &[u8]) -> bool {
+    let text = start.strip_prefix(b"\xef\xbb\xbf").unwrap_or(start);
+    match MotionFormat::of(start) {
+        MotionFormat::Csv => is_binary(start) || of_lines(text) == Some(TextStart::PoseTable),
+        _ => true,
+    }
+}
+
+/// Whether a file that begins so is no text.
+fn is_binary(start: &[u8]) -> bool {
+    start.iter().any(|b| *b < 9)
 }
 
 #[cfg(test)]
@@ -131,7 +170,7 @@ mod tests {
         }
         assert_eq!(MotionFormat::of(b"\x93NUMPY\x01"), MotionFormat::Npy);
         let late = b"\r\n \r\n\r\n\r\npathfiletype\t4";
-        assert_eq!(MotionFormat::of_file(late), MotionFormat::Trc);
-        assert_eq!(MotionFormat::of_file(b"\n"), MotionFormat::Csv);
+        assert_eq!(MotionFormat::of(late), MotionFormat::Trc);
+        assert_eq!(MotionFormat::of(b"\n"), MotionFormat::Csv);
     }
 }

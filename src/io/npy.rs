@@ -6,6 +6,7 @@ use super::columns::Columns;
 use super::row::{ReadOptions, Row};
 use super::text::{MAX_COORDINATE, check_length, excerpt};
 use crate::{Error, Place, Result};
+use ndarray::ArrayView2;
 use std::io::{BufRead, BufReader, Read};
 
 /// Values of a Fortran-order array that are decoded at a time.
@@ -42,6 +43,9 @@ impl Header {
         match self.descr.as_str() {
             "<f8" => Ok(true),
             "<f4" => Ok(false),
+            "|O" => Err(
+                "holds a Python object (a pickle), which may run code: save its positions alone with numpy.save".into(),
+            ),
             other => Err(format!(
                 "has values of type {}, expected <f4 or <f8",
                 excerpt(other)
@@ -65,8 +69,13 @@ impl NpyReader {
             .wide()
             .map_err(|what| Error::data(place.clone(), what))?;
         let (frames, width) = match header.shape[..] {
+            [_, 263] => {
+                return fail(
+                    "holds features of HumanML3D (263 a frame), expected positions: those are in new_joints".into(),
+                );
+            }
             [frames, width] => (frames, width),
-            [frames, points, 3] => (frames, points.saturating_mul(3)),
+            [frames, points, 3] | [1, frames, points, 3] => (frames, points.saturating_mul(3)),
             _ => {
                 return fail(format!(
                     "has the shape {:?}, expected (frames, 3 x points) or (frames, points, 3)",
@@ -89,7 +98,9 @@ impl NpyReader {
             bytes: Vec::new(),
         };
         if header.fortran {
-            out.whole = Some(out.read_fortran(&header.shape)?);
+            // A first axis of one changes nothing of the order.
+            let shape = header.shape.strip_prefix(&[1]).filter(|s| s.len() == 3);
+            out.whole = Some(out.read_fortran(shape.unwrap_or(&header.shape))?);
         }
         Ok(out)
     }
@@ -330,6 +341,45 @@ pub fn bytes_of<'a>(file: &'a [u8], place: &Place) -> Result<&'a [u8]> {
     Ok(rest)
 }
 
+/// The bytes of an array file of frames, `file`, whose coordinates are `old` (frames, 3 P), with those of `new` that are another number. All
+/// other bytes stay; a missing value takes no number away.
+///
+/// # Errors
+/// The message: no array of frames of such a size.
+pub fn with_values(
+    file: &[u8],
+    old: ArrayView2<'_, f64>,
+    new: ArrayView2<'_, f64>,
+) -> std::result::Result<Vec<u8>, String> {
+    let mut rest = file;
+    let header = read_header(&mut rest, &Place::file("")).map_err(|e| e.to_string())?;
+    let size = if header.wide()? { 8 } else { 4 };
+    let (frames, width) = old.dim();
+    let is_right = rest.len() == frames * width * size && new.dim() == old.dim();
+    if !is_right {
+        return Err("is no array of the frames that were read".into());
+    }
+    let start = file.len() - rest.len();
+    let points = width / 3;
+    let mut out = file.to_vec();
+    for ((frame, column), value) in new.indexed_iter() {
+        if value.is_nan() || *value == old[[frame, column]] {
+            continue;
+        }
+        let place = match (header.fortran, header.shape.len()) {
+            (false, _) => frame * width + column,
+            (true, 3 | 4) => frame + frames * (column / 3 + points * (column % 3)),
+            (true, _) => frame + frames * column,
+        };
+        let place = start + size * place;
+        match size {
+            8 => out[place..place + 8].copy_from_slice(&value.to_le_bytes()),
+            _ => out[place..place + 4].copy_from_slice(&(*value as f32).to_le_bytes()),
+        }
+    }
+    Ok(out)
+}
+
 /// Appends numbers as `<f8`.
 pub fn push_values(out: &mut Vec<u8>, xyz: &[f64]) {
     let start = out.len();
@@ -406,6 +456,31 @@ mod tests {
             e.ends_with(&format!("has {} of {}", BLOCK / 8 - 1, BLOCK / 8)),
             "{e}"
         );
+    }
+
+    #[test]
+    fn other_values_are_written_in_place() {
+        let values: Vec<f64> = (0..12).map(f64::from).collect();
+        for (descr, fortran, shape) in [
+            ("<f8", "False", "(2, 6)"),
+            ("<f4", "False", "(2, 2, 3)"),
+            ("<f8", "True", "(2, 6)"),
+            ("<f4", "True", "(2, 2, 3)"),
+            ("<f4", "False", "(1, 2, 2, 3)"),
+            ("<f8", "True", "(1, 2, 2, 3)"),
+        ] {
+            let file = array(descr, fortran, shape, &values);
+            let old = read(file.clone(), Some("a,b")).unwrap().poses.xyz;
+            let mut new = old.clone();
+            new[[1, 4]] = -0.5;
+            new[[0, 2]] = f64::NAN;
+            let written = with_values(&file, old.view(), new.view()).unwrap();
+            let back = read(written.clone(), Some("a,b")).unwrap().poses.xyz;
+            new[[0, 2]] = old[[0, 2]];
+            assert_eq!(back, new);
+            let differ = written.iter().zip(&file).filter(|(a, b)| a != b).count();
+            assert!(differ <= 8 && written.len() == file.len());
+        }
     }
 
     #[test]

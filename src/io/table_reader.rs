@@ -1,10 +1,12 @@
-//! Reads pose tables row by row, CSV or NPY.
+//! Reads pose tables row by row: CSV, NPY, or positions in an NPZ archive.
 
 use super::columns::Columns;
 use super::csv::CsvReader;
 use super::input::{ContentKind, Input};
+use super::marker_take::MarkerTake;
 use super::motion_format::recognized;
 use super::npy::NpyReader;
+use super::npz_take::NpzTake;
 use super::row::{ReadOptions, Row};
 use crate::{Error, Place, Result};
 
@@ -14,6 +16,40 @@ pub enum RowReader {
     Csv(Box<CsvReader>),
     /// NumPy's array.
     Npy(Box<NpyReader>),
+    /// The positions of an archive of arrays.
+    Npz(Box<TakeRows>),
+}
+
+/// The frames of a take in memory.
+pub struct TakeRows {
+    take: MarkerTake,
+    columns: Columns,
+    next: usize,
+}
+
+impl TakeRows {
+    fn new(take: MarkerTake) -> TakeRows {
+        TakeRows {
+            columns: Columns::for_points(take.points.clone(), false, take.rate.is_some()),
+            take,
+            next: 0,
+        }
+    }
+
+    fn read(&mut self, row: &mut Row) -> bool {
+        *row = Row {
+            xyz: std::mem::take(&mut row.xyz),
+            time: self.take.rate.map(|rate| self.next as f64 / rate),
+            ..Row::default()
+        };
+        row.xyz.clear();
+        if self.next == self.take.xyz.nrows() {
+            return false;
+        }
+        row.xyz.extend(self.take.xyz.row(self.next));
+        self.next += 1;
+        true
+    }
 }
 
 impl RowReader {
@@ -21,10 +57,11 @@ impl RowReader {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no table; the place has the line.
-    pub fn new(input: Input, options: &ReadOptions) -> Result<RowReader> {
+    pub fn new(mut input: Input, options: &ReadOptions) -> Result<RowReader> {
         match input.kind() {
             ContentKind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
             ContentKind::Text => {
+                input.look_ahead()?;
                 if let Some(what) = recognized(input.first_bytes()) {
                     return Err(Error::data(Place::file(input.name), what));
                 }
@@ -35,9 +72,16 @@ impl RowReader {
                 "is empty, expected a pose table",
             )),
             ContentKind::Npz => {
-                let what = "is an NPZ archive (a model?), expected a pose table as CSV or NPY";
-                Err(Error::data(Place::file(input.name), what))
+                let npz = NpzTake::read(input, options.joints.as_deref())?;
+                Ok(RowReader::Npz(Box::new(TakeRows::new(npz.take))))
             }
+        }
+    }
+    /// The take whose frames are read, where it may say its unit and its axis: of an archive.
+    pub fn take(&self) -> Option<&MarkerTake> {
+        match self {
+            RowReader::Npz(rows) => Some(&rows.take),
+            RowReader::Csv(_) | RowReader::Npy(_) => None,
         }
     }
     /// What the columns mean.
@@ -45,6 +89,7 @@ impl RowReader {
         match self {
             RowReader::Csv(r) => &r.columns,
             RowReader::Npy(r) => &r.columns,
+            RowReader::Npz(r) => &r.columns,
         }
     }
     /// Reads the next frame; `false` at the end.
@@ -55,6 +100,7 @@ impl RowReader {
         match self {
             RowReader::Csv(r) => r.read(row),
             RowReader::Npy(r) => r.read(row),
+            RowReader::Npz(r) => Ok(r.read(row)),
         }
     }
     /// The name that messages use.
@@ -62,6 +108,7 @@ impl RowReader {
         match self {
             RowReader::Csv(r) => &r.name,
             RowReader::Npy(r) => &r.name,
+            RowReader::Npz(r) => &r.take.name,
         }
     }
 }

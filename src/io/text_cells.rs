@@ -1,5 +1,6 @@
 //! Where the coordinates of a take stand in its file of text, so that they can be written again and all else stays as it is.
 
+use super::row_cells::cells_of;
 use super::text::{TELLING, line_end, push_f64};
 use ndarray::ArrayView2;
 use std::borrow::Cow;
@@ -15,6 +16,8 @@ pub enum Separator {
     Tab,
     /// By commas.
     Comma,
+    /// By semicolons.
+    Semicolon,
     /// By tabs; by tabs and blanks, of any number, in a row without a tab or with just as many words as a whole row has cells.
     TabOrBlanks {
         /// The cells of a whole row.
@@ -28,6 +31,7 @@ impl Separator {
         match self {
             Separator::Tab => Some(b'\t'),
             Separator::Comma => Some(b','),
+            Separator::Semicolon => Some(b';'),
             Separator::TabOrBlanks { whole } => {
                 let is_blank = |b: &u8| b.is_ascii_whitespace();
                 let words = || row.split(is_blank).filter(|word| !word.is_empty()).count();
@@ -42,8 +46,8 @@ impl Separator {
 pub struct TextCells {
     /// The number of the line of each frame, from 1; `None` of a frame that the file leaves out.
     pub lines: Vec<Option<u64>>,
-    /// The cell of each point's x in a row, from 0; y and z follow it.
-    pub points: Vec<usize>,
+    /// The cells of each point's x, y and z in a row, from 0.
+    pub points: Vec<[usize; 3]>,
     /// How the cells are parted.
     pub separator: Separator,
     /// Whether a comma stands before the decimals.
@@ -51,6 +55,12 @@ pub struct TextCells {
 }
 
 impl TextCells {
+    /// Sets the cells of the points, which were counted among those of the points, to those of the rows.
+    pub fn move_points(&mut self, cell: impl Fn(usize) -> usize) {
+        let cells = self.points.iter_mut().flatten();
+        cells.for_each(|c| *c = cell(*c));
+    }
+
     /// The bytes of the file, `original`, whose coordinates are `old`, with the coordinates `new` (frames, 3 P; both in the file's unit
     /// and axes). Every other byte stays; a missing value takes no measured one away.
     pub fn with_points(
@@ -69,7 +79,7 @@ impl TextCells {
                 Some((_, t)) => {
                     let values = old.row(t).into_iter().zip(new.row(t)).enumerate();
                     let changed = values.filter(|(_, (old, new))| new.is_finite() && old != new);
-                    let cell = |i: usize| self.points[i / 3] + i % 3;
+                    let cell = |i: usize| self.points[i / 3][i % 3];
                     changed.map(|(i, (_, new))| (cell(i), *new)).collect()
                 }
                 None => Vec::new(),
@@ -94,6 +104,7 @@ impl TextCells {
         };
         let (between, empty) = match separator {
             Some(b',') => (&b","[..], &b""[..]),
+            Some(b';') => (&b";"[..], &b""[..]),
             Some(_) => (&b"\t"[..], &b""[..]),
             None => (&b" "[..], &b"nan"[..]),
         };
@@ -126,20 +137,16 @@ impl TextCells {
 /// What stands before a cell, and the cell.
 type Cell<'a> = (&'a [u8], Cow<'a, [u8]>);
 
-/// The cells of a row between separators.
+/// The cells of a row, each with the separator before it.
 fn cells(body: &[u8], separator: u8) -> Vec<Cell<'_>> {
-    let mut before = &body[..0];
-    let mut rest = body;
-    let mut out = Vec::new();
-    loop {
-        let end = rest.iter().position(|b| *b == separator);
-        let (cell, after) = rest.split_at(end.unwrap_or(rest.len()));
-        out.push((before, Cow::Borrowed(cell)));
-        if end.is_none() {
-            return out;
-        }
-        (before, rest) = after.split_at(1);
-    }
+    let mut at = 0usize;
+    cells_of(body, separator)
+        .map(|cell| {
+            let before = &body[at.saturating_sub(1)..at];
+            at += cell.len() + 1;
+            (before, Cow::Borrowed(cell))
+        })
+        .collect()
 }
 
 /// The words of a row, each with the blanks before it.
@@ -171,7 +178,7 @@ mod tests {
     fn written(original: &str, separator: Separator) -> String {
         let cells = TextCells {
             lines: vec![Some(2), None, Some(4)],
-            points: vec![4, 1],
+            points: vec![[4, 5, 6], [1, 2, 3]],
             separator,
             decimal_comma: false,
         };

@@ -11,6 +11,7 @@ pub mod poses;
 pub mod rotation;
 pub mod similarity;
 pub mod skeleton;
+mod smpl_joints;
 pub mod stray;
 pub mod transform;
 pub mod trimming;
@@ -24,6 +25,7 @@ pub use placement::Anchor;
 pub use poses::{Poses, Status};
 pub use similarity::{Similarity, fit_similarity};
 pub use skeleton::{Bone, Channel, Dof, Skeleton};
+pub use smpl_joints::smpl_names;
 pub use transform::PoseTransform;
 
 /// Centimetres in one unit of CMU's raw ASF files (`length 0.45`): 2.54 / 0.45 = 5.644.

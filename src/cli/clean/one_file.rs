@@ -97,10 +97,11 @@ impl CleanSettings {
     fn try_clean(&self, job: &Job, to: Option<OutputFormat>) -> Result<Fate> {
         let packed = std::fs::read(&job.input).map_err(|e| Error::io(&job.input, e))?;
         let input = Fingerprint::of(&job.input, &packed);
-        let unpacked = Input::new(
+        let mut unpacked = Input::new(
             job.input.display().to_string(),
             std::io::Cursor::new(packed),
         )?;
+        unpacked.look_ahead()?;
         let format = MotionFormat::of(unpacked.first_bytes());
         let read = self.read.of(&job.input, format);
         let skeleton = match format {
@@ -148,6 +149,10 @@ impl CleanSettings {
         }
         let before = audit_motion(&file, &self.limits);
         let keeps = keeps_rotations(&file, to);
+        if keeps && file.table.poses.points.is_empty() {
+            file.notes
+                .push("copied: there are no positions to clean".into());
+        }
         let (redone, mut notes) = self.redo(&mut file, keeps)?;
         let naming = self.naming(&file.table.poses);
         let restored = self.restored(&file, to, &naming)?;
@@ -366,9 +371,13 @@ impl CleanSettings {
     }
 }
 
-/// Whether the result holds rotations, as the file does.
+/// Whether the result holds rotations or columns, as the file does, and no positions.
 pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
-    matches!(file.format, MotionFormat::Bvh | MotionFormat::Amc) && to.is_none()
+    let is_of_rotations = matches!(
+        file.format,
+        MotionFormat::Bvh | MotionFormat::Amc | MotionFormat::OpenSim
+    );
+    is_of_rotations && to.is_none()
 }
 
 fn bad_of(file: &str, what: String) -> Error {

@@ -11,14 +11,16 @@ pub use skeleton::skeleton_of;
 
 use super::args::value_name;
 use super::input::take_name;
-use super::marker_files::{MarkerUnitArgs, asked, axis_of, poses_of_markers, unit_of};
+use super::marker_files::{MarkerUnitArgs, asked, poses_of_markers};
+use super::marker_units::{axis_of, unit_of};
 use super::units::{TableUnits, Units, Up};
 use super::zeros::empty_zeros;
 use crate::audit::JointAngles;
 use crate::io::amc::{AmcFrames, AmcReader};
 use crate::io::bvh::{BvhPoints, BvhSkeleton, LARGEST_FILE};
 use crate::io::{
-    Asf, Bvh, C3d, Input, MarkerTake, MotionFormat, ReadOptions, Table, marker_csv, trc,
+    Asf, Bvh, C3d, Input, MarkerTake, MotionFormat, NpzTake, ReadOptions, Table, marker_csv,
+    opensim, trc,
 };
 use crate::pose::{Channel, Poses, joints, kinematics::Space};
 use crate::{Error, Place, Result};
@@ -46,6 +48,7 @@ pub struct MotionFile {
 enum Original {
     C3d(Box<C3d>),
     Text(Bytes, Box<MarkerTake>),
+    Npz(Box<NpzTake>),
     Bvh(Bytes, Box<Bvh>),
     Amc(Bytes, Vec<JointAngles>),
     Table,
@@ -63,7 +66,7 @@ impl MotionFile {
         if bytes.is_empty() {
             return Err(Error::data(Place::file(name), "is empty"));
         }
-        let format = MotionFormat::of_file(&bytes);
+        let format = MotionFormat::of(&bytes[..bytes.len().min(MOST_TITLES)]);
         let flags = &flags.of(path, format);
         let keep = flags.keep_whole;
         match format {
@@ -72,9 +75,15 @@ impl MotionFile {
                 let take = c3d.take.clone();
                 of_markers(path, format, &take, Original::C3d(Box::new(c3d)), flags)
             }
-            MotionFormat::Trc | MotionFormat::MotiveCsv | MotionFormat::QualisysTsv => {
+            MotionFormat::Trc
+            | MotionFormat::MotiveCsv
+            | MotionFormat::QualisysTsv
+            | MotionFormat::NexusCsv
+            | MotionFormat::PointTable
+            | MotionFormat::OpenSim => {
                 let take = match format {
                     MotionFormat::Trc => trc::read(input()?, keep)?,
+                    MotionFormat::OpenSim => opensim::read(input()?, keep)?,
                     _ => marker_csv::read(input()?, None, keep)?,
                 };
                 let original = Original::Text(bytes, Box::new(take.clone()));
@@ -89,6 +98,11 @@ impl MotionFile {
             MotionFormat::Asf => {
                 let what = "is a skeleton without motion; AMC takes find it beside them";
                 Err(Error::data(Place::file(name), what))
+            }
+            MotionFormat::Npz => {
+                let npz = NpzTake::read(input()?, flags.joints.as_deref())?;
+                let take = npz.take.clone();
+                of_markers(path, format, &take, Original::Npz(Box::new(npz)), flags)
             }
             MotionFormat::Csv | MotionFormat::Npy => of_table(format, input()?, flags),
         }
@@ -108,7 +122,9 @@ impl MotionFile {
                 let joints = joints.map(|joint| (joint.name.clone(), joint.channels.clone()));
                 joint_angles(joints, bvh.motion.view())
             }
-            Original::C3d(_) | Original::Text(..) | Original::Table => Vec::new(),
+            Original::C3d(_) | Original::Text(..) | Original::Npz(_) | Original::Table => {
+                Vec::new()
+            }
         }
     }
 }
@@ -167,10 +183,17 @@ fn of_markers(
         units: flags.units.filter(|_| !said[0]),
         up: flags.up.filter(|_| !said[1]),
     };
-    let units = given.table_units(take)?;
+    // Columns alone stay as they are.
+    let units = match take.points.is_empty() {
+        true => TableUnits::CM_Y,
+        false => given.table_units(take)?,
+    };
     let rate = rate_of(take.rate, flags);
     let value = rate.as_ref().map(|rate| rate.value);
-    let value = value.ok_or_else(|| asked(take, "rate", None, "--fps F (frames per second)"))?;
+    let is_timed = take.times.is_some();
+    let value = value
+        .or(is_timed.then_some(1.0))
+        .ok_or_else(|| asked(take, "rate", None, "--fps F (frames per second)"))?;
     let sources = said.map(|said| if said { Source::File } else { Source::Flag });
     let mut notes = take.notes.clone();
     let mut positions = take.only_positions();
@@ -327,6 +350,9 @@ fn table(path: &Path, poses: Poses) -> Table {
         ..Table::from_poses(poses)
     }
 }
+
+/// The bytes that a file's titles may have.
+const MOST_TITLES: usize = 1 << 18;
 
 /// The largest file that is read, bytes.
 pub const LARGEST_MOTION_FILE: u64 = LARGEST_FILE;

@@ -26,7 +26,7 @@ pub struct ReadArgs {
     /// Skeleton of AMC takes [default: the ASF file beside each whose name begins the take's: 07.asf for 07_01.amc]
     #[arg(long, value_name = "SUBJECT.asf")]
     asf: Option<PathBuf>,
-    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
+    /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a comma-separated list
     #[arg(long, value_name = "LIST")]
     joints: Option<String>,
     /// Accept files that end early (not tables): the whole frames before that are kept

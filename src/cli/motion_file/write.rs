@@ -3,6 +3,7 @@
 use super::{MotionFile, Original};
 use crate::Result;
 use crate::cli::args::{Format, OutputArgs};
+use crate::cli::marker_files::Carried;
 use crate::cli::streams::write_table;
 use crate::cli::units::TableUnits;
 use crate::io::{MarkerTake, MotionFormat, Output};
@@ -47,6 +48,10 @@ impl MotionFile {
             Original::Text(bytes, take) => {
                 let new = self.in_file(take, xyz, |_| true);
                 take.cells.with_points(bytes, take.xyz.view(), new.view())
+            }
+            Original::Npz(npz) => {
+                let new = self.in_file(&npz.take, xyz, |_| true);
+                npz.with_points(new.view())?
             }
             Original::Bvh(bytes, bvh) if bvh.missing().is_empty() => bytes.to_vec(),
             Original::Bvh(bytes, bvh) => {
@@ -94,6 +99,12 @@ impl MotionFile {
             Original::Table => self.units,
             _ => TableUnits::CM_Y,
         };
+        if let (Original::Text(_, take), Format::Csv) = (&self.original, to) {
+            let carried = Carried::new(take);
+            let columns = carried.columns();
+            let cells = |frame| carried.cells(frame);
+            return write_table(&out, units, &self.table, xyz, &columns, cells);
+        }
         write_table(&out, units, &self.table, xyz, &[], |_| Vec::new())
     }
 

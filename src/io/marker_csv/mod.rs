@@ -1,14 +1,19 @@
-//! Tables of markers of other programs, known by their first lines: Motive's CSV and Qualisys' TSV.
+//! Tables of markers of other programs, known by their first lines: Motive's CSV, Qualisys' TSV, Vicon Nexus' CSV, and tables whose
+//! titles are NAME_x, NAME_y, NAME_z or names above x, y, z.
 
 mod motive;
+mod nexus;
+pub mod points;
 mod qualisys;
+mod qualisys_6d;
 
 pub use motive::MotivePoints;
 
 use super::input::Input;
 use super::marker_take::MarkerTake;
-use super::motion_format::recognized;
+use super::motion_format::{MotionFormat, recognized};
 use super::text::Lines;
+use super::text_start::{TextStart, of_lines};
 use crate::{Error, Place, Result};
 
 /// Reads a file. `points` are what a Motive file's points shall be, instead of the first kind that it has. With `keep_whole`, a file
@@ -17,25 +22,44 @@ use crate::{Error, Place, Result};
 /// # Errors
 /// [`Error::Data`]: it is of no known format, has no points or frames, ends early, or a cell is no number. [`Error::Io`]: reading
 /// fails.
-pub fn read(input: Input, points: Option<MotivePoints>, keep_whole: bool) -> Result<MarkerTake> {
+pub fn read(
+    mut input: Input,
+    points: Option<MotivePoints>,
+    keep_whole: bool,
+) -> Result<MarkerTake> {
+    input.look_ahead()?;
     let name = input.name.clone();
+    let format = MotionFormat::of(input.first_bytes());
     let other = recognized(input.first_bytes());
+    if points.is_some() && format != MotionFormat::MotiveCsv {
+        let what = format!(
+            "is no Motive CSV file but {}: leave --points out",
+            format.name()
+        );
+        return Err(Error::data(Place::file(name), what));
+    }
+    let is_pose_table = of_lines(input.first_bytes()) == Some(TextStart::PoseTable);
+    let is_empty = input.first_bytes().is_empty();
     let mut lines = Lines::new(&name, input.into_reader());
-    let first = lines.next_line()?.map(str::to_string);
-    let what = match first.as_deref() {
-        Some(line) if line.starts_with("Format Version") => {
-            return motive::read(line, lines, points, keep_whole);
+    let first = |lines: &mut Lines<_>| Ok(lines.next_line()?.unwrap_or_default().to_string());
+    match format {
+        MotionFormat::MotiveCsv => motive::read(&first(&mut lines)?, lines, points, keep_whole),
+        MotionFormat::QualisysTsv => qualisys::read(&first(&mut lines)?, lines, keep_whole),
+        MotionFormat::NexusCsv => nexus::read(lines, keep_whole),
+        MotionFormat::PointTable => points::read(lines, keep_whole),
+        // Another program's table may have a pose table's titles, but not its unit and axis.
+        MotionFormat::Csv if is_pose_table => points::read(lines, keep_whole),
+        MotionFormat::Csv if is_empty => Err(Error::data(
+            Place::file(name),
+            "is empty, expected a table of markers",
+        )),
+        MotionFormat::Csv => {
+            let what = other.unwrap_or("is neither a Motive CSV file (it begins with Format Version), a Qualisys TSV file (NO_OF_FRAMES or FILE_VERSION) nor a Vicon Nexus CSV file (Trajectories), and has no columns NAME_x, NAME_y, NAME_z");
+            Err(Error::data(Place::file(name), what))
         }
-        Some(line) if qualisys::is_header(line) && points.is_none() => {
-            return qualisys::read(line, lines, keep_whole);
-        }
-        Some(line) if qualisys::is_header(line) => {
-            "is a Qualisys TSV file, which has markers alone; leave --points out"
-        }
-        Some(_) => other.unwrap_or(
-            "is neither a Motive CSV file (it begins with Format Version) nor a Qualisys TSV file (NO_OF_FRAMES or FILE_VERSION)",
-        ),
-        None => "is empty, expected a Motive CSV or a Qualisys TSV file",
-    };
-    Err(Error::data(Place::file(name), what))
+        _ => Err(Error::data(
+            Place::file(name),
+            other.unwrap_or("is no table of markers"),
+        )),
+    }
 }

@@ -80,7 +80,7 @@ pub fn read(
     let name = lines.name.clone();
     let mut take = rows.take(&name, stated, lines.whole, keep_whole)?;
     take.cells.separator = Separator::Comma;
-    take.cells.points.iter_mut().for_each(|p| *p = at[3 * *p]);
+    take.cells.move_points(|cell| at[cell]);
     Ok(take)
 }
 

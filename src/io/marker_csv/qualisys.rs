@@ -4,17 +4,13 @@
 //! Which text stands for a missing point depends on QTM's settings, and programs that read its files differ: MoCap Toolbox takes 0 for
 //! missing, others `null`. So empty cells and words for "none" are missing, and zeros stay.
 
+use super::qualisys_6d;
 use crate::io::marker_rows::{MarkerRows, Stated, is_missing};
 use crate::io::marker_take::MarkerTake;
-use crate::io::text::{Lines, excerpt};
+use crate::io::text::Lines;
 use crate::{Error, Place, Result};
 use std::collections::HashMap;
 use std::io::BufRead;
-
-/// Whether a file that begins with this line is a TSV file of QTM.
-pub fn is_header(line: &str) -> bool {
-    line.starts_with("NO_OF_FRAMES") || line.starts_with("FILE_VERSION")
-}
 
 /// Where the cells of a row are.
 #[derive(Debug, Clone, Copy)]
@@ -27,7 +23,15 @@ struct Layout {
 
 /// Reads the file after its first line.
 pub fn read(first: &str, mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
-    let (head, mut layout, mut row) = header(first, &mut lines)?;
+    let Header {
+        head,
+        mut layout,
+        titles,
+        mut row,
+    } = header(first, &mut lines)?;
+    if value_of(&head, "DATA_INCLUDED").is_some_and(|d| d.eq_ignore_ascii_case("6D")) {
+        return qualisys_6d::read(&head, &titles, row, lines, keep_whole);
+    }
     let stated = stated(head).map_err(|what| Error::data(Place::file(&lines.name), what))?;
     let points = stated.labels.len();
     let mut rows = MarkerRows::default();
@@ -45,45 +49,69 @@ pub fn read(first: &str, mut lines: Lines<impl BufRead>, keep_whole: bool) -> Re
     let name = lines.name.clone();
     let mut take = rows.take(&name, stated, lines.whole, keep_whole)?;
     let first = layout.map_or(0, |layout| layout.xyz);
-    take.cells
-        .points
-        .iter_mut()
-        .for_each(|p| *p = first + 3 * *p);
+    take.cells.move_points(|cell| first + cell);
     Ok(take)
 }
 
 /// The values of the header by their names, which are of [`KEYS`].
-type Head = HashMap<&'static str, Vec<String>>;
+pub type Head = HashMap<&'static str, Vec<String>>;
+
+/// The first value of a name.
+pub fn value_of<'a>(head: &'a Head, key: &str) -> Option<&'a str> {
+    Some(head.get(key)?.first()?.as_str())
+}
 
 /// What is read of the header; other lines are passed over, however many there are.
-const KEYS: [&str; 5] = [
+const KEYS: [&str; 7] = [
     "NO_OF_FRAMES",
     "NO_OF_MARKERS",
     "FREQUENCY",
     "DATA_INCLUDED",
     "MARKER_NAMES",
+    "NO_OF_BODIES",
+    "BODY_NAMES",
 ];
 
-/// The header, the layout that a line of titles tells, and the first row.
-fn header(
-    first: &str,
-    lines: &mut Lines<impl BufRead>,
-) -> Result<(Head, Option<Layout>, Option<String>)> {
+/// What stands above the rows, and the first row.
+struct Header {
+    head: Head,
+    /// The layout that a line of titles tells.
+    layout: Option<Layout>,
+    /// The line before the first row.
+    titles: Vec<String>,
+    row: Option<String>,
+}
+
+/// Reads the header.
+fn header(first: &str, lines: &mut Lines<impl BufRead>) -> Result<Header> {
     let (mut head, mut layout) = (Head::new(), None);
     let mut next = Some(first.to_string());
+    let mut before = String::new();
+    let titles = |before: &str| before.split('\t').map(|c| c.trim().to_string()).collect();
     while let Some(line) = next {
         let cells: Vec<&str> = line.split('\t').map(str::trim).collect();
         if let Some(titled) = Layout::of_titles(&cells) {
             layout = Some(titled);
         } else if is_value(cells[0]) && !line.trim().is_empty() {
-            return Ok((head, layout, Some(line)));
+            return Ok(Header {
+                head,
+                layout,
+                titles: titles(&before),
+                row: Some(line),
+            });
         } else if let Some(key) = KEYS.into_iter().find(|key| *key == cells[0]) {
             let values = cells[1..].iter().map(|c| c.to_string()).collect();
             head.entry(key).or_insert(values);
         }
+        before = line;
         next = lines.next_line()?.map(str::to_string);
     }
-    Ok((head, layout, None))
+    Ok(Header {
+        head,
+        layout,
+        titles: titles(&before),
+        row: None,
+    })
 }
 
 /// Whether a row begins so, not a line of the header.
@@ -117,10 +145,9 @@ impl Layout {
 
 /// What the header says.
 fn stated(mut head: Head) -> std::result::Result<Stated, String> {
-    let value = |key: &str| Some(head.get(key)?.first()?.as_str());
+    let value = |key: &str| value_of(&head, key);
     if let Some(other) = value("DATA_INCLUDED").filter(|d| !d.eq_ignore_ascii_case("3D")) {
-        let other = excerpt(other);
-        return Err(format!("holds {other} data, expected markers (3D)"));
+        return Err(qualisys_6d::refused(other));
     }
     let number = |key: &str| value(key)?.parse::<f64>().ok().filter(|n| *n > 0.0);
     let (frames, rate) = (number("NO_OF_FRAMES"), number("FREQUENCY"));

@@ -70,7 +70,7 @@ pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     let mut take = rows.take(&name, header.stated, lines.whole, keep_whole)?;
     take.cells.separator = separator;
     take.cells.decimal_comma = decimal_comma;
-    take.cells.points.iter_mut().for_each(|p| *p = 2 + 3 * *p);
+    take.cells.move_points(|cell| 2 + cell);
     Ok(take)
 }
 

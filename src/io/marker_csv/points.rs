@@ -1,0 +1,308 @@
+//! Tables of points of other programs: their titles tell the points, other columns are carried along.
+
+use crate::io::marker_rows::{MarkerRows, Stated};
+use crate::io::marker_take::{CarriedColumns, MarkerTake};
+use crate::io::point_titles::{MOST_ROWS, PointTitles};
+use crate::io::row_cells::texts_of;
+use crate::io::text::{Lines, excerpt, parse_number};
+use crate::io::text_start::BLANK;
+use crate::pose::Poses;
+use crate::{Error, Place, Result};
+use std::io::BufRead;
+
+/// A line and its number.
+type Line = (u64, String);
+
+/// Reads the file.
+pub fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
+    let name = lines.name.clone();
+    let bad = |what: &str| Error::data(Place::file(&name), what);
+    let mut head: Vec<Line> = Vec::new();
+    while head.len() < MOST_ROWS
+        && let Some(line) = next(&mut lines)?
+    {
+        head.push(line);
+    }
+    let texts: Vec<&str> = head.iter().map(|(_, line)| line.as_str()).collect();
+    let titles = PointTitles::read(&texts);
+    let titles = titles.ok_or_else(|| bad("has no columns of points"))?;
+    if titles.points.is_empty() {
+        let what =
+            "has points of two dimensions (x and y without z): positions in space are expected";
+        return Err(bad(what));
+    }
+    let mut table = Table::new(&name, &titles, head.get(titles.rows));
+    let rows: Vec<Line> = head.split_off(titles.rows.min(head.len()));
+    for (number, line) in rows {
+        table.push(&line, number, lines.whole)?;
+    }
+    while let Some((number, line)) = next(&mut lines)? {
+        table.push(&line, number, lines.whole)?;
+    }
+    table.take(lines.whole, keep_whole)
+}
+
+/// The next line that is not empty.
+fn next(lines: &mut Lines<impl BufRead>) -> Result<Option<Line>> {
+    while let Some(line) = lines.next_line()? {
+        if !line.trim_matches(BLANK).is_empty() {
+            let line = line.to_string();
+            return Ok(Some((lines.number, line)));
+        }
+    }
+    Ok(None)
+}
+
+/// The rows that were read so far.
+struct Table<'a> {
+    name: &'a str,
+    titles: &'a PointTitles,
+    separator: u8,
+    /// The columns of the coordinates, point by point.
+    at: Vec<usize>,
+    /// The column of the time, and the seconds of its unit.
+    time: Option<(usize, f64)>,
+    /// The column of the frame's number.
+    frame: Option<usize>,
+    /// The columns that are carried along.
+    others: Vec<usize>,
+    rows: MarkerRows,
+    times: Vec<f64>,
+    carried: CarriedColumns,
+    last_frame: Option<f64>,
+    /// Frames whose number does not follow the one before.
+    jumps: usize,
+}
+
+impl Table<'_> {
+    /// A table with these titles, whose first row is `first`: a column of times that are no numbers is carried along.
+    fn new<'a>(name: &'a str, titles: &'a PointTitles, first: Option<&Line>) -> Table<'a> {
+        let separator = titles.separator.of_row(b"").unwrap_or(b',');
+        let cells = first.map(|(_, line)| texts_of(line, separator));
+        let is_number = |column: usize| {
+            let cell = cells.as_ref().and_then(|cells| cells.get(column));
+            cell.is_some_and(|cell| parse_number(cell).is_ok())
+        };
+        let mut others = titles.others.iter();
+        let time = others.find_map(|(title, column)| {
+            let unit = seconds_of(title)?;
+            is_number(*column).then_some((*column, unit))
+        });
+        let mut others = titles.others.iter();
+        let frame = others.find(|(title, column)| is_frame(title) && is_number(*column));
+        let frame = frame.map(|(_, column)| *column);
+        let is_other = |column: &usize| Some(*column) != time.map(|(column, _)| column);
+        let others: Vec<(&str, usize)> = (titles.others.iter())
+            .map(|(title, column)| (title.as_str(), *column))
+            .filter(|(_, column)| is_other(column))
+            .collect();
+        let points: Vec<String> = titles.points.iter().map(|(name, _)| name.clone()).collect();
+        let names = others.iter().map(|(title, _)| *title);
+        Table {
+            name,
+            titles,
+            separator,
+            at: titles.points.iter().flat_map(|(_, at)| *at).collect(),
+            time,
+            frame,
+            carried: CarriedColumns::new(names, &points),
+            others: others.into_iter().map(|(_, column)| column).collect(),
+            rows: MarkerRows::default(),
+            times: Vec::new(),
+            last_frame: None,
+            jumps: 0,
+        }
+    }
+
+    /// Adds the row in line `number`.
+    fn push(&mut self, line: &str, number: u64, is_whole: bool) -> Result<()> {
+        let cells = texts_of(line, self.separator);
+        let cell = |column: usize| cells.get(column).map(|c| &**c);
+        let width = self.titles.width;
+        let bad = |what: String| Error::data(Place::line(self.name, number), what);
+        if cells.iter().skip(width).any(|c| !c.is_empty()) {
+            return Err(bad(format!(
+                "expected {width} cells, found {}",
+                cells.len()
+            )));
+        }
+        // The last line of a file that is cut off lacks its last cells.
+        let is_cut = !is_whole && cells.len() < width;
+        let chosen = self.at.iter().map_while(|&c| match cell(c) {
+            None if is_cut => None,
+            cell => Some(cell.unwrap_or_default()),
+        });
+        let pushed = self.rows.push(number, None, None, chosen);
+        pushed.map_err(bad)?;
+        if let Some((column, unit)) = self.time {
+            let seconds = parse_number(cell(column).unwrap_or_default());
+            let seconds = seconds.map_err(|what| bad(format!("time: {what}")))?;
+            self.times.push(seconds * unit);
+        }
+        let others = self.others.iter().map(|&c| cell(c).unwrap_or_default());
+        self.carried.push(number, others);
+        let frame = self.frame.and_then(|c| parse_number(cell(c)?).ok());
+        let follows = match (self.last_frame, frame) {
+            (Some(last), Some(frame)) => frame == last + 1.0,
+            _ => true,
+        };
+        self.jumps += usize::from(!follows);
+        self.last_frame = frame;
+        Ok(())
+    }
+
+    /// The take. See [`MarkerRows::take`].
+    fn take(self, is_whole: bool, keep_whole: bool) -> Result<MarkerTake> {
+        let mut times = self.time.map(|_| self.times);
+        let labels: Vec<String> = (self.titles.points.iter())
+            .map(|(name, _)| name.clone())
+            .collect();
+        let stated = Stated {
+            labels,
+            units: self.titles.units.as_deref().map(excerpt),
+            ..Stated::default()
+        };
+        let mut take = self.rows.take(self.name, stated, is_whole, keep_whole)?;
+        let frames = take.xyz.nrows();
+        if let Some(times) = &mut times {
+            times.truncate(frames);
+            take.rate = rate_of(times);
+        }
+        if times.is_none() && self.jumps > 0 {
+            take.notes.push(format!(
+                "the numbers of its frames jump {} times, but it has no times: its rows are taken for frames in a row",
+                self.jumps
+            ));
+        }
+        take.times = times;
+        take.carried = self.carried;
+        take.carried.rows.truncate(frames);
+        take.cells.separator = self.titles.separator;
+        take.cells.move_points(|cell| self.at[cell]);
+        Ok(take)
+    }
+}
+
+/// Frames a second by their times.
+pub fn rate_of(times: &[f64]) -> Option<f64> {
+    let rows = times.iter().map(|t| (Some(*t), None));
+    Poses::without_points(rows).rate()
+}
+
+/// The seconds of the unit of a column of times, by its title.
+fn seconds_of(title: &str) -> Option<f64> {
+    let plain: String = title.to_ascii_lowercase();
+    let plain: String = plain.chars().filter(char::is_ascii_alphanumeric).collect();
+    match plain.as_str() {
+        "time" | "times" | "t" | "timesec" | "timeseconds" | "timeins" | "seconds"
+        | "timestamps" | "timestamp" => Some(1.0),
+        "timems" | "timemsec" | "timemilliseconds" | "milliseconds" | "timestampms" => Some(1e-3),
+        _ => None,
+    }
+}
+
+/// Whether a column counts frames, by its title.
+fn is_frame(title: &str) -> bool {
+    let plain: String = title.to_ascii_lowercase();
+    let plain: String = plain.chars().filter(char::is_ascii_alphanumeric).collect();
+    let names = [
+        "frame",
+        "frames",
+        "fnum",
+        "framenumber",
+        "frameno",
+        "framenum",
+        "index",
+    ];
+    names.contains(&plain.as_str())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::{Input, marker_csv};
+
+    fn take(text: &str) -> Result<MarkerTake> {
+        let bytes = text.as_bytes().to_vec();
+        let input = Input::new("x.csv", std::io::Cursor::new(bytes))?;
+        marker_csv::read(input, None, false)
+    }
+
+    const ANIPOSE: &str = "fnum,a_l_x,a_l_y,a_l_z,a_l_error,b_x,b_y,b_z,b_error\n0,1,2,3,.5,4,5,6,.5\n1,1.5,2,3,.25,,,,\n";
+
+    /// The carried cells of a row.
+    fn carried(take: &MarkerTake, row: usize) -> Vec<String> {
+        let cells = &take.carried.rows[row];
+        let text = |i: usize| String::from_utf8_lossy(&cells[i]).into_owned();
+        (0..cells.len()).map(text).collect()
+    }
+
+    #[test]
+    fn other_columns_are_carried_along() {
+        let take = take(ANIPOSE).unwrap();
+        assert_eq!(take.points, ["a_l", "b"]);
+        assert_eq!(take.carried.names, ["fnum", "a_l_error", "b_error"]);
+        assert_eq!(carried(&take, 1), ["1", ".25", ""]);
+        assert_eq!((take.rate, take.units.is_none()), (None, true));
+        assert!(take.xyz[[1, 3]].is_nan() && take.notes.is_empty());
+        let mut new = take.xyz.clone();
+        new.row_mut(1)[4] = 9.5;
+        let bytes = take
+            .cells
+            .with_points(ANIPOSE.as_bytes(), take.xyz.view(), new.view());
+        let wanted = ANIPOSE.replace(".25,,,,\n", ".25,,9.5,,\n");
+        assert_eq!(String::from_utf8(bytes).unwrap(), wanted);
+    }
+
+    #[test]
+    fn times_are_those_of_the_file() {
+        let text = "Time (ms);A x;A y;A z;note\n3380;1;2;3;\"a;b\"\n3390;1;2;3;\n3400;1;2;3;x\n";
+        let take = take(text).unwrap();
+        assert_eq!(take.rate, Some(100.0));
+        let times = take.times.clone().unwrap();
+        assert!((times[0] - 3.38).abs() <= 1e-12, "{times:?}");
+        assert_eq!(
+            (carried(&take, 0), take.carried.names.len()),
+            (vec!["a;b".into()], 1)
+        );
+        let clock = super::tests::take(&text.replace("33", "0:33").replace("3400", "0:3400"));
+        let clock = clock.unwrap();
+        assert_eq!((clock.times, clock.carried.names.len()), (None, 2));
+    }
+
+    #[test]
+    fn headers_of_several_rows_are_read() {
+        let two = take(",A,A,A,B,B,B\n,x,y,z,x,y,z\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n").unwrap();
+        assert_eq!((two.points.len(), two.xyz.nrows()), (2, 2));
+        assert_eq!(
+            (two.carried.names[0].as_str(), two.xyz[[0, 3]]),
+            ("index", 4.0)
+        );
+        assert_eq!(two.cells.lines, [Some(3), Some(4)]);
+        let units = take("t,A,,\n,X,Y,Z\ns,m,m,m\n0,1,2,3\n").unwrap();
+        assert_eq!(units.units.as_deref(), Some("m"));
+        let said = take("bodyparts,A,A\ncoords,x,y\n0,1,2\n").unwrap_err();
+        assert!(said.to_string().contains("two dimensions"), "{said}");
+    }
+
+    #[test]
+    fn faults_have_a_place_and_jumps_are_told() {
+        let fails = |text: &str, part: &str| {
+            let said = take(text).unwrap_err().to_string();
+            assert!(said.contains(part), "{said}");
+        };
+        fails(&ANIPOSE.replace("1.5", "x"), "x.csv:3: expected a number");
+        fails(
+            &ANIPOSE.replace("1.5", "1.5,7"),
+            "x.csv:3: expected 9 cells",
+        );
+        fails("a_x,a_y,a_z\n", "has no frames");
+        fails(
+            "time,a_x,a_y,a_z\n0,1,2,3\n,1,2,3\n",
+            "x.csv:3: time: expected",
+        );
+        fails("a_x,a_y,a_z\n1,2,3\n1,2", "--keep-whole");
+        let jumps = take(&ANIPOSE.replace("\n1,", "\n7,")).unwrap();
+        assert!(jumps.notes[0].contains("jump 1 times"), "{:?}", jumps.notes);
+    }
+}

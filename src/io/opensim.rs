@@ -1,0 +1,257 @@
+//! OpenSim's .mot and .sto files: a header that ends in `endheader`, a row of titles, and rows of numbers, the time first. They hold angles,
+//! forces, muscles' states and the like, and no positions of points: all columns are carried along.
+
+use super::input::Input;
+use super::marker_csv::points::rate_of;
+use super::marker_take::{CarriedColumns, MarkerTake};
+use super::motion_format::{MotionFormat, recognized};
+use super::text::{Lines, parse_number};
+use crate::{Error, Place, Result};
+use ndarray::Array2;
+use std::io::BufRead;
+
+/// The most lines of a header.
+const MOST_HEADER_LINES: u64 = 10_000;
+
+/// Reads a file. Its take has no points; its times and its columns are the file's. With `keep_whole`, one that ends early gives the rows
+/// that it has.
+///
+/// # Errors
+/// [`Error::Data`]: it is no such file, has no times or rows, ends early, or a row has other cells than there are titles.
+/// [`Error::Io`]: reading fails.
+pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
+    input.look_ahead()?;
+    let name = input.name.clone();
+    let bad = |what: String| Error::data(Place::file(&name), what);
+    if MotionFormat::of(input.first_bytes()) != MotionFormat::OpenSim {
+        let other = recognized(input.first_bytes());
+        let what = other.unwrap_or("is no .mot or .sto file: it has no line endheader");
+        return Err(bad(what.into()));
+    }
+    let mut lines = Lines::new(&name, input.into_reader());
+    let header = Header::read(&mut lines)?;
+    let Some(line) = next(&mut lines)? else {
+        return Err(bad("ends behind its header".into()));
+    };
+    let titles: Vec<String> = cells(&line, None).iter().map(|t| t.to_string()).collect();
+    let time = titles.iter().position(|t| t.eq_ignore_ascii_case("time"));
+    let time = time.ok_or_else(|| Error::data(lines.here(), "expected a title time"))?;
+    let others = titles.iter().enumerate().filter(|(c, _)| *c != time);
+    let names = others.map(|(_, title)| title.as_str());
+    let mut carried = CarriedColumns::new(names, &[]);
+    let mut times = Vec::new();
+    let mut is_cut = false;
+    while let Some(line) = next(&mut lines)? {
+        let row = cells(&line, Some(titles.len()));
+        if row.len() != titles.len() {
+            is_cut = !lines.whole;
+            if is_cut {
+                break;
+            }
+            let what = format!("expected {} cells, found {}", titles.len(), row.len());
+            return Err(Error::data(lines.here(), what));
+        }
+        let seconds = parse_number(row[time]);
+        times.push(seconds.map_err(|what| Error::data(lines.here().part("time"), what))?);
+        let others = row.iter().enumerate().filter(|(c, _)| *c != time);
+        carried.push(lines.number, others.map(|(_, cell)| *cell));
+    }
+    let early = header.ends_early(times.len(), is_cut);
+    if let Some(what) = early.as_ref().filter(|_| !keep_whole) {
+        return Err(bad(format!("{what}; --keep-whole reads those")));
+    }
+    if times.is_empty() {
+        return Err(bad("has no rows".into()));
+    }
+    let mut notes: Vec<String> = early.into_iter().collect();
+    notes.extend(header.notes(times.len()));
+    notes.push(format!(
+        "holds no positions; columns beside the time: {}",
+        carried.names.len()
+    ));
+    Ok(MarkerTake {
+        name: name.clone(),
+        xyz: Array2::zeros((times.len(), 0)),
+        first_frame: 1,
+        rate: rate_of(&times),
+        times: Some(times),
+        notes,
+        carried,
+        ..MarkerTake::default()
+    })
+}
+
+/// What the header says.
+#[derive(Debug, Default)]
+struct Header {
+    /// The number of rows: `nRows=20` or `datarows 20`.
+    rows: Option<usize>,
+    /// `inDegrees=yes`.
+    in_degrees: Option<bool>,
+}
+
+impl Header {
+    fn read(lines: &mut Lines<impl BufRead>) -> Result<Header> {
+        let mut header = Header::default();
+        while lines.number < MOST_HEADER_LINES
+            && let Some(line) = lines.next_line()?
+        {
+            let line = line.trim();
+            if line.eq_ignore_ascii_case("endheader") {
+                return Ok(header);
+            }
+            let parted = line
+                .split_once('=')
+                .or_else(|| line.split_once([' ', '\t']));
+            let Some((key, value)) = parted else {
+                continue;
+            };
+            let value = value.trim().trim_start_matches('=').trim();
+            match key.trim().to_ascii_lowercase().as_str() {
+                "nrows" | "datarows" => header.rows = value.parse().ok(),
+                "indegrees" => {
+                    header.in_degrees = match value.to_ascii_lowercase().as_str() {
+                        "yes" | "1" | "true" => Some(true),
+                        "no" | "0" | "false" => Some(false),
+                        _ => None,
+                    };
+                }
+                _ => {}
+            }
+        }
+        Err(Error::data(lines.here(), "expected a line endheader"))
+    }
+
+    /// How the file ends early, if it does.
+    fn ends_early(&self, rows: usize, is_cut: bool) -> Option<String> {
+        match self.rows {
+            Some(announced) if rows < announced => {
+                Some(format!("ends after {rows} of its {announced} rows"))
+            }
+            _ if is_cut => Some(format!("ends within a row, after {rows} whole ones")),
+            _ => None,
+        }
+    }
+
+    /// What a person should know of it.
+    fn notes(&self, rows: usize) -> Vec<String> {
+        let more = self.rows.filter(|n| *n < rows);
+        let more = more.map(|n| format!("announces {n} rows but has {rows}"));
+        let angles = self.in_degrees.map(|is| match is {
+            true => "its angles are in degrees".to_string(),
+            false => "its angles are in radians".to_string(),
+        });
+        more.into_iter().chain(angles).collect()
+    }
+}
+
+/// The next line that is not empty.
+fn next(lines: &mut Lines<impl BufRead>) -> Result<Option<String>> {
+    while let Some(line) = lines.next_line()? {
+        if !line.trim().is_empty() {
+            return Ok(Some(line.to_string()));
+        }
+    }
+    Ok(None)
+}
+
+/// The cells of a row: parted by tabs or, where these do not give the cells that are `expected`, by blanks.
+fn cells(line: &str, expected: Option<usize>) -> Vec<&str> {
+    let mut by_tabs: Vec<&str> = line.trim_end().split('\t').map(str::trim).collect();
+    // Rows may begin with a tab.
+    if by_tabs.len() > 1 && by_tabs[0].is_empty() && expected != Some(by_tabs.len()) {
+        by_tabs.remove(0);
+    }
+    let is_of_tabs = match expected {
+        Some(count) => by_tabs.len() == count,
+        None => by_tabs.len() > 1,
+    };
+    match is_of_tabs {
+        true => by_tabs,
+        false => line.split_whitespace().collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    const MOT: &str = "Coordinates\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\n\nUnits are S.I. units.\n\nendheader\ntime\tpelvis_tilt\tknee_angle_r\n3.3800\t0.00000\t-1.00000\n3.3900\t3.97339\t-0.94496\n";
+
+    fn take(text: &str, keep_whole: bool) -> Result<MarkerTake> {
+        read(
+            Input::new("x.mot", Cursor::new(text.as_bytes().to_vec()))?,
+            keep_whole,
+        )
+    }
+
+    fn text(take: &MarkerTake, row: usize) -> Vec<String> {
+        let cells = &take.carried.rows[row];
+        let text = |i: usize| String::from_utf8_lossy(&cells[i]).into_owned();
+        (0..cells.len()).map(text).collect()
+    }
+
+    #[test]
+    fn columns_and_times_are_those_of_the_file() {
+        let blanks = MOT.replace('\t', "   ").replace("\n3.", "\n   3.");
+        let simm = "name walk\ndatacolumns 3\ndatarows 2\nrange 3.38 3.39\nendheader\n";
+        let (_, rows) = MOT.split_once("endheader\n").unwrap();
+        for file in [
+            MOT.to_string(),
+            MOT.replace('\n', "\r\n"),
+            MOT.replace("\t0.0", "\t 0.0").replace("\n3.", "\n\t3."),
+            blanks,
+            format!("{simm}{rows}"),
+            MOT.replace("angle_r\n", "angle_r\t\n"),
+        ] {
+            let read = take(&file, false).unwrap();
+            assert_eq!(
+                read.carried.names,
+                ["pelvis_tilt", "knee_angle_r"],
+                "{file}"
+            );
+            assert_eq!(read.times, Some(vec![3.38, 3.39]));
+            assert_eq!(text(&read, 1), ["3.97339", "-0.94496"]);
+            assert_eq!((read.xyz.dim(), read.points.len()), ((2, 0), 0));
+            let last = read.notes.last().unwrap();
+            assert_eq!(last, "holds no positions; columns beside the time: 2");
+        }
+        assert_eq!(
+            take(MOT, false).unwrap().notes[0],
+            "its angles are in degrees"
+        );
+    }
+
+    #[test]
+    fn a_column_that_a_point_would_have_and_cells_of_vectors_stay() {
+        let vectors = "x\nendheader\ntime\tq\tq\ttake\n0\t1,0,0,0\t2\tw\n";
+        let read = take(vectors, false).unwrap();
+        assert_eq!(read.carried.names, ["q", "q_2", "take_2"]);
+        assert_eq!(text(&read, 0), ["1,0,0,0", "2", "w"]);
+    }
+
+    #[test]
+    fn faults_have_a_place() {
+        let fails = |text: &str, part: &str| {
+            let said = take(text, false).unwrap_err().to_string();
+            assert!(said.contains(part), "{said}");
+        };
+        fails("a\nb\n", "no line endheader");
+        fails("a\nendheader\n", "ends behind its header");
+        fails("a\nendheader\nspeed\n1\n", "x.mot:3: expected a title time");
+        fails("a\nendheader\ntime\tb\n", "has no rows");
+        fails(&MOT.replace("3.3900", "x"), "x.mot:12: time: expected");
+        fails(
+            &MOT.replace("\t-1.0", "\t5\t-1.0"),
+            "x.mot:11: expected 3 cells",
+        );
+        fails(
+            &MOT.replace("=2", "=3"),
+            "after 2 of its 3 rows; --keep-whole",
+        );
+        let cut = MOT.replace("\t-0.94496\n", "");
+        fails(&cut, "--keep-whole");
+        assert_eq!(take(&cut, true).unwrap().xyz.nrows(), 1);
+    }
+}

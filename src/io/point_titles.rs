@@ -1,0 +1,418 @@
+//! Titles of tables of points, as many programs write them: one row of NAME_x, NAME_y, NAME_z, or a row of names above a row of x, y, z
+//! (pandas, DeepLabCut, Vicon Nexus).
+
+use super::marker_rows::is_missing;
+use super::row_cells::texts_of;
+use super::text_cells::Separator;
+use std::collections::HashMap;
+
+/// The most rows that titles have: scorer, individual, point, axis, and the unit or the name of the index.
+pub const MOST_ROWS: usize = 5;
+
+/// What stands between a name and an axis.
+const PARTING: [char; 5] = ['_', '.', ' ', ':', '-'];
+
+/// What the columns of a table of points are.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PointTitles {
+    /// How cells are parted.
+    pub separator: Separator,
+    /// How many rows are titles.
+    pub rows: usize,
+    /// The number of columns.
+    pub width: usize,
+    /// The points and their columns of x, y and z.
+    pub points: Vec<(String, [usize; 3])>,
+    /// The other columns.
+    pub others: Vec<(String, usize)>,
+    /// The unit of length, where one stands with the axes.
+    pub units: Option<String>,
+    /// Whether there are points of x and y without z.
+    pub has_planar: bool,
+}
+
+impl PointTitles {
+    /// Reads the titles that the first rows of a table, `lines`, begin with; `None` where they are no titles of points.
+    pub fn read(lines: &[&str]) -> Option<PointTitles> {
+        let separator = separator_of(lines.first()?)?;
+        let byte = separator.of_row(b"")?;
+        let of_line = |line: &&str| texts_of(line, byte).iter().map(|c| c.to_string()).collect();
+        let rows: Vec<Vec<String>> = lines.iter().take(MOST_ROWS).map(of_line).collect();
+        let mut titles = match Group::of_one_row(&rows[0]) {
+            groups if groups.iter().any(Group::is_point) => {
+                PointTitles::of_groups(groups, &rows[0], 1)
+            }
+            one => {
+                let axes = (1..rows.len().min(4)).find(|&r| is_axes(&rows[r]));
+                let of_rows = axes.map(|axes| {
+                    let names = names_above(&rows, axes);
+                    let groups = Group::of_rows(&names, &rows[axes]);
+                    let titles: Vec<String> = (0..names.len().max(rows[axes].len()))
+                        .map(|c| joined(names.get(c), rows[axes].get(c)))
+                        .collect();
+                    PointTitles::of_groups(groups, &titles, axes + 1)
+                });
+                of_rows.unwrap_or_else(|| PointTitles::of_groups(one, &rows[0], 1))
+            }
+        };
+        titles.separator = separator;
+        titles.take_last_row(&rows);
+        (!titles.points.is_empty() || titles.has_planar).then_some(titles)
+    }
+
+    fn of_groups(groups: Vec<Group>, titles: &[String], rows: usize) -> PointTitles {
+        let mut is_point = vec![false; titles.len()];
+        let mut out = PointTitles {
+            rows,
+            width: titles.len(),
+            ..PointTitles::default()
+        };
+        for group in groups {
+            let [x, y, z] = group.axes;
+            if is_other_quantity(&group.name) {
+                continue;
+            }
+            if let (Some(x), Some(y), Some(z)) = (x, y, z) {
+                out.points.push((group.name, [x, y, z]));
+                [x, y, z].iter().for_each(|&c| is_point[c] = true);
+                out.units = out.units.or(group.unit);
+            } else {
+                out.has_planar |= x.is_some() && y.is_some();
+            }
+        }
+        let others = titles.iter().enumerate().filter(|(c, _)| !is_point[*c]);
+        // Cells at a row's end, behind a last separator, have no title.
+        let last = titles.iter().rposition(|t| !t.is_empty()).unwrap_or(0);
+        let others = others.filter(|(c, _)| *c <= last);
+        out.others = others
+            .map(|(c, title)| match title.as_str() {
+                "" => ("index".to_string(), c),
+                title => (title.to_string(), c),
+            })
+            .collect();
+        out
+    }
+
+    /// Behind the axes may stand a row of units, or one that only names the index.
+    fn take_last_row(&mut self, rows: &[Vec<String>]) {
+        let Some(row) = rows.get(self.rows) else {
+            return;
+        };
+        let mut cells = self.points.iter().flat_map(|(_, at)| at);
+        let cells: Vec<&str> = cells
+            .by_ref()
+            .map(|&c| row.get(c).map_or("", String::as_str))
+            .collect();
+        let is_word = |cell: &&str| !is_missing(cell) && cell.parse::<f64>().is_err();
+        let names_index = self.rows > 1
+            && row.first().is_some_and(|c| is_word(&c.as_str()))
+            && row.iter().skip(1).all(String::is_empty);
+        if !cells.is_empty() && cells.iter().all(is_word) {
+            self.units = self.units.take().or(cells.first().map(|c| c.to_string()));
+            self.rows += 1;
+        } else if names_index {
+            self.rows += 1;
+        }
+    }
+}
+
+/// Whether a name says that its x, y and z are no position.
+fn is_other_quantity(name: &str) -> bool {
+    const WORDS: [&str; 20] = [
+        "rot",
+        "rotation",
+        "euler",
+        "angle",
+        "angles",
+        "orientation",
+        "quat",
+        "quaternion",
+        "vel",
+        "velocity",
+        "acc",
+        "accel",
+        "acceleration",
+        "gyro",
+        "mag",
+        "omega",
+        "force",
+        "grf",
+        "moment",
+        "torque",
+    ];
+    let last = name.rsplit(|c: char| !c.is_alphanumeric()).next();
+    let last = last.unwrap_or_default().to_lowercase();
+    WORDS.contains(&last.as_str())
+}
+
+/// How the first row is parted: by what stands in it most often.
+fn separator_of(line: &str) -> Option<Separator> {
+    let count = |separator: &Separator| {
+        let byte = separator.of_row(b"");
+        line.bytes().filter(|b| Some(*b) == byte).count()
+    };
+    let all = [Separator::Semicolon, Separator::Tab, Separator::Comma];
+    all.into_iter().max_by_key(count).filter(|s| count(s) > 0)
+}
+
+/// Columns of one name.
+#[derive(Debug)]
+struct Group {
+    name: String,
+    axes: [Option<usize>; 3],
+    unit: Option<String>,
+}
+
+impl Group {
+    fn is_point(&self) -> bool {
+        self.axes.iter().all(Option::is_some)
+    }
+
+    /// The groups of a row of NAME_x, NAME_y, NAME_z.
+    fn of_one_row(titles: &[String]) -> Vec<Group> {
+        let mut groups: Vec<Group> = Vec::new();
+        let mut by_key: HashMap<(&str, char, bool), usize> = HashMap::new();
+        for (column, title) in titles.iter().enumerate() {
+            let Some(axis) = TitledAxis::of(title) else {
+                continue;
+            };
+            let group = *by_key.entry(axis.key()).or_insert_with(|| {
+                groups.push(Group {
+                    name: axis.name.to_string(),
+                    axes: [None; 3],
+                    unit: axis.unit.map(str::to_string),
+                });
+                groups.len() - 1
+            });
+            groups[group].axes[axis.axis].get_or_insert(column);
+        }
+        groups
+    }
+
+    /// The groups of a row of axes below names, one a column. A name that comes again begins a new group.
+    fn of_rows(names: &[String], axes: &[String]) -> Vec<Group> {
+        let mut groups: Vec<Group> = Vec::new();
+        let mut last: HashMap<&str, usize> = HashMap::new();
+        for (column, (name, axis)) in names.iter().zip(axes).enumerate() {
+            let Some(axis) = axis_of(axis).filter(|_| !name.is_empty()) else {
+                continue;
+            };
+            let open = last.get(name.as_str()).copied();
+            let open = open.filter(|&g| groups[g].axes[axis].is_none());
+            let group = open.unwrap_or_else(|| {
+                groups.push(Group {
+                    name: name.clone(),
+                    axes: [None; 3],
+                    unit: None,
+                });
+                groups.len() - 1
+            });
+            last.insert(name, group);
+            groups[group].axes[axis] = Some(column);
+        }
+        groups
+    }
+}
+
+/// A title that is a name and an axis.
+struct TitledAxis<'a> {
+    name: &'a str,
+    axis: usize,
+    parting: char,
+    is_upper: bool,
+    unit: Option<&'a str>,
+}
+
+impl<'a> TitledAxis<'a> {
+    /// Reads `LFHD_x`, `LFHD.X`, `LFHD x (mm)`.
+    fn of(title: &'a str) -> Option<TitledAxis<'a>> {
+        let (title, unit) = without_unit(title);
+        let mut back = title.char_indices().rev();
+        let (at, letter) = back.next()?;
+        let (end, parting) = back.next().filter(|(_, c)| PARTING.contains(c))?;
+        let name = title[..end].trim();
+        let axis = axis_of(&title[at..])?;
+        (!name.is_empty()).then_some(TitledAxis {
+            name,
+            axis,
+            parting,
+            is_upper: letter.is_uppercase(),
+            unit,
+        })
+    }
+
+    fn key(&self) -> (&'a str, char, bool) {
+        (self.name, self.parting, self.is_upper)
+    }
+}
+
+/// A title without a unit in brackets, and the unit.
+fn without_unit(title: &str) -> (&str, Option<&str>) {
+    for (open, close) in [('(', ')'), ('[', ']')] {
+        let inner = title.strip_suffix(close).and_then(|t| t.rsplit_once(open));
+        if let Some((title, unit)) = inner {
+            return (title.trim_end(), Some(unit.trim()));
+        }
+    }
+    (title, None)
+}
+
+/// The number of an axis.
+fn axis_of(title: &str) -> Option<usize> {
+    let is = |axis: &&str| title.eq_ignore_ascii_case(axis);
+    ["x", "y", "z"].iter().position(|axis| is(&axis))
+}
+
+/// Whether a row has axes below names: x and y at least.
+fn is_axes(row: &[String]) -> bool {
+    let has = |axis: usize| row.iter().any(|c| axis_of(c) == Some(axis));
+    has(0) && has(1)
+}
+
+/// The name of each column, from the row above the axes; with that of its person, from the rows above it where they differ. A name may
+/// stand above the first of its columns alone.
+fn names_above(rows: &[Vec<String>], axes: usize) -> Vec<String> {
+    let width = rows[axes].len();
+    let filled = |row: &Vec<String>| -> Vec<String> {
+        let mut last = String::new();
+        let cell = |c: usize| {
+            match row.get(c).map(String::as_str) {
+                None | Some("") => {}
+                Some(name) => last = name.to_string(),
+            }
+            last.clone()
+        };
+        (0..width).map(cell).collect()
+    };
+    let mut names = filled(&rows[axes - 1]);
+    if rows[axes - 1].first().is_some_and(String::is_empty) {
+        // Columns before the first name.
+        let first = rows[axes - 1].iter().position(|c| !c.is_empty());
+        names[..first.unwrap_or(width).min(width)].fill(String::new());
+    }
+    for above in rows[..axes - 1].iter().rev() {
+        let mut known: Vec<&String> = above.iter().skip(1).filter(|c| !c.is_empty()).collect();
+        known.dedup();
+        if known.len() < 2 {
+            continue;
+        }
+        let persons = filled(above);
+        let named = names.iter_mut().zip(&persons).skip(1);
+        named
+            .filter(|(name, person)| !name.is_empty() && !person.is_empty())
+            .for_each(|(name, person)| *name = format!("{person}:{name}"));
+    }
+    names
+}
+
+/// The title of a column that is no point's.
+fn joined(name: Option<&String>, axis: Option<&String>) -> String {
+    let part = |part: Option<&String>| part.cloned().unwrap_or_default();
+    match (part(name), part(axis)) {
+        (name, axis) if axis.is_empty() => name,
+        (name, axis) if name.is_empty() || is_index(&name) => axis,
+        (name, axis) => format!("{name}_{axis}"),
+    }
+}
+
+/// Whether pandas writes this above the axes to name what stands in the rows of titles.
+fn is_index(name: &str) -> bool {
+    ["bodyparts", "individuals", "scorer"].contains(&name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(titles: &PointTitles) -> Vec<&str> {
+        titles.points.iter().map(|(n, _)| n.as_str()).collect()
+    }
+
+    #[test]
+    fn one_row_has_names_with_any_parting_and_case() {
+        for row in [
+            "fnum,a_l_x,a_l_y,a_l_z,a_l_error,b_x,b_y,b_z",
+            "fnum,a_l.X,a_l.Y,a_l.Z,a_l_error,b.X,b.Y,b.Z",
+            "fnum;a_l x;a_l y;a_l z;a_l_error;b x;b y;b z",
+            "fnum\ta_l_x\t\"a_l_y\"\ta_l_z\ta_l_error\tb_x\tb_y\tb_z\t",
+            "fnum,a_l_x (mm),a_l_y (mm),a_l_z (mm),a_l_error,b_x[mm],b_y[mm],b_z[mm]",
+        ] {
+            let titles = PointTitles::read(&[row, "0,1,2,3,4,5,6,7"]).unwrap();
+            assert_eq!(names(&titles), ["a_l", "b"], "{row}");
+            assert_eq!(titles.points[1].1, [5, 6, 7]);
+            assert_eq!(titles.others[1], ("a_l_error".to_string(), 4));
+            assert_eq!((titles.rows, titles.others.len()), (1, 2));
+            let units = row.contains("mm").then_some("mm");
+            assert_eq!(titles.units.as_deref(), units);
+        }
+        let apart = PointTitles::read(&["a_x,b_x,a_y,b_y,a_z,b_z"]).unwrap();
+        assert_eq!(apart.points[1].1, [1, 3, 5]);
+    }
+
+    #[test]
+    fn several_rows_have_names_above_axes() {
+        let pandas = PointTitles::read(&[",A,A,A,B,B,B", ",x,y,z,x,y,z", "0,1,2,3,4,5,6"]).unwrap();
+        assert_eq!((names(&pandas), pandas.rows), (vec!["A", "B"], 2));
+        assert_eq!(pandas.others, [("index".to_string(), 0)]);
+        let merged = [
+            "Time,A,,,B,,",
+            ",X,Y,Z,X,Y,Z",
+            ",mm,mm,mm,mm,mm,mm",
+            "0,1,2,3,4,5,6",
+        ];
+        let merged = PointTitles::read(&merged).unwrap();
+        assert_eq!((names(&merged), merged.rows), (vec!["A", "B"], 3));
+        assert_eq!(merged.units.as_deref(), Some("mm"));
+        assert_eq!(merged.others, [("Time".to_string(), 0)]);
+        let labcut = [
+            "scorer,s,s,s,s,s,s,s,s",
+            "individuals,p,p,p,p,q,q,q,q",
+            "bodyparts,nose,nose,nose,nose,nose,nose,nose,nose",
+            "coords,x,y,z,likelihood,x,y,z,likelihood",
+            "0,1,2,3,1,4,5,6,1",
+        ];
+        let labcut = PointTitles::read(&labcut).unwrap();
+        assert_eq!((names(&labcut), labcut.rows), (vec!["p:nose", "q:nose"], 4));
+        let others = [
+            ("coords".to_string(), 0),
+            ("p:nose_likelihood".to_string(), 4),
+        ];
+        assert_eq!(labcut.others[..2], others);
+        let index = ["name,A,A,A", "axis,x,y,z", "frame,,,", "0,1,2,3"];
+        let index = PointTitles::read(&index).unwrap();
+        assert_eq!((names(&index), index.rows), (vec!["A"], 3));
+        let nexus = [
+            ",,P:A,,,P:B,,,",
+            "Frame,Sub Frame,X,Y,Z,X,Y,Z",
+            ",,mm,mm,mm,mm,mm,mm",
+        ];
+        let nexus = PointTitles::read(&nexus).unwrap();
+        assert_eq!(names(&nexus), ["P:A", "P:B"]);
+        assert_eq!(nexus.others[0], ("Frame".to_string(), 0));
+        let planar = ["bodyparts,A,A,A", "coords,x,y,likelihood", "0,1,2,3"];
+        let planar = PointTitles::read(&planar).unwrap();
+        assert!(planar.points.is_empty() && planar.has_planar);
+    }
+
+    #[test]
+    fn rotations_and_forces_are_no_points() {
+        let row = "Hips_pos_x,Hips_pos_y,Hips_pos_z,Hips_rot_x,Hips_rot_y,Hips_rot_z,grf.x";
+        let titles = PointTitles::read(&[row]).unwrap();
+        assert_eq!((names(&titles), titles.others.len()), (vec!["Hips_pos"], 4));
+        assert_eq!(PointTitles::read(&["t,acc_x,acc_y,acc_z"]), None);
+    }
+
+    #[test]
+    fn what_is_no_table_of_points_is_none() {
+        for lines in [
+            &["u,v", "1,2"][..],
+            &["x,y,z", "1,2,3"],
+            &["time,speed"],
+            &[""],
+            &["a_x"],
+            &["HIERARCHY", "ROOT x"],
+        ] {
+            assert_eq!(PointTitles::read(lines), None, "{lines:?}");
+        }
+    }
+}
