@@ -26,18 +26,24 @@ pub enum Separator {
 }
 
 impl Separator {
-    /// The byte that parts the cells of a row; `None`: tabs and blanks of any number.
-    pub fn of_row(self, row: &[u8]) -> Option<u8> {
+    /// The byte between cells, where it is one.
+    pub fn byte(self) -> Option<u8> {
         match self {
             Separator::Tab => Some(b'\t'),
             Separator::Comma => Some(b','),
             Separator::Semicolon => Some(b';'),
-            Separator::TabOrBlanks { whole } => {
-                let is_blank = |b: &u8| b.is_ascii_whitespace();
-                let words = || row.split(is_blank).filter(|word| !word.is_empty()).count();
-                (row.contains(&b'\t') && words() != whole).then_some(b'\t')
-            }
+            Separator::TabOrBlanks { .. } => None,
         }
+    }
+
+    /// The byte that parts the cells of a row; `None`: tabs and blanks of any number.
+    pub fn of_row(self, row: &[u8]) -> Option<u8> {
+        let Separator::TabOrBlanks { whole } = self else {
+            return self.byte();
+        };
+        let is_blank = |b: &u8| b.is_ascii_whitespace();
+        let words = || row.split(is_blank).filter(|word| !word.is_empty()).count();
+        (row.contains(&b'\t') && words() != whole).then_some(b'\t')
     }
 }
 
