@@ -123,20 +123,13 @@ impl MarkerFileArgs {
         if model_outputs {
             added.extend(model_outputs::columns(&take));
         }
-        write_table(
-            &self.out,
-            TableUnits::CM_Y,
-            &table,
-            xyz,
-            &added,
-            |frame| {
-                let mut cells = carried.cells(frame);
-                if model_outputs {
-                    cells.extend(model_outputs::cells(&take, frame));
-                }
-                cells
-            },
-        )
+        write_table(&self.out, TableUnits::CM_Y, &table, xyz, &added, |frame| {
+            let mut cells = carried.cells(frame);
+            if model_outputs {
+                cells.extend(model_outputs::cells(&take, frame));
+            }
+            cells
+        })
     }
 
     /// Frames a second: the file's, else the flag's.
