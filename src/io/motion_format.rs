@@ -73,7 +73,7 @@ impl MotionFormat {
             MotionFormat::MotiveCsv => "Motive CSV",
             MotionFormat::QualisysTsv => "Qualisys TSV",
             MotionFormat::NexusCsv => "Vicon Nexus CSV",
-            MotionFormat::PointTable => "table of points",
+            MotionFormat::PointTable => "points CSV",
             MotionFormat::OpenSim => "OpenSim",
             MotionFormat::Bvh => "BVH",
             MotionFormat::Amc => "AMC",

@@ -227,7 +227,7 @@ mod tests {
         // CR alone ends the lines; two tabs and a blank part the cells; a comma stands before decimals.
         let cells = TextCells {
             lines: vec![Some(2)],
-            points: vec![1],
+            points: vec![[1, 2, 3]],
             separator: Separator::TabOrBlanks { whole: 4 },
             decimal_comma: true,
         };

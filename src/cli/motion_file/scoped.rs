@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 
 /// The words for formats: the last word of each format's name, or all of it.
-const FORMATS: [&str; 9] = [
+const FORMATS: [&str; 12] = [
     "c3d",
     "trc",
     "bvh",
@@ -15,8 +15,11 @@ const FORMATS: [&str; 9] = [
     "csv",
     "tsv",
     "npy",
+    "npz",
     "motive-csv",
+    "points-csv",
     "qualisys-tsv",
+    "vicon-nexus-csv",
 ];
 
 /// A value, and the files that it is for.
