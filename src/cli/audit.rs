@@ -1,6 +1,7 @@
 //! `audit` around the library: its limits as flags, and its text.
 
 use super::input::open;
+use super::messages;
 use super::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags};
 use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit, audit, flips};
 use crate::{Error, Result};
@@ -117,6 +118,8 @@ pub fn audit_file(path: &Path, flags: &ReadFlags, limits: &Limits) -> Result<Fil
         let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
         let file = MotionFile::read(path, bytes, flags)?;
         check_rate(&file, flags)?;
+        let said = |note: &String| messages::info(&format!("{}: {note}", file.table.name));
+        file.notes.iter().for_each(said);
         Ok(audit_motion(&file, limits))
     };
     let file = match path == Path::new("-") {
