@@ -2,6 +2,7 @@
 
 use super::audit_takes::AuditTakes;
 use super::input::open;
+use super::messages;
 use super::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags};
 use super::motion_folder::{EXTENSIONS, MotionFolder};
 use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit, audit, flips};
@@ -158,6 +159,8 @@ pub fn audit_file(
         let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
         let file = MotionFile::read(path, bytes, flags)?;
         check_rate(path, &file, flags)?;
+        let said = |note: &String| messages::info(&format!("{}: {note}", file.table.name));
+        file.notes.iter().for_each(said);
         Ok(file)
     };
     let mut out = FileAudit {
