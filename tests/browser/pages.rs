@@ -7,12 +7,14 @@ use std::path::{Path, PathBuf};
 
 /// Tests of pages: the name, what makes the page in a folder, and the elements that are drawn on it.
 macro_rules! pages {
-    ($($name:ident: $make:expr, $drawn:expr;)*) => { $(
-        #[test]
-        fn $name() {
-            opens(stringify!($name), $make, &$drawn);
-        }
-    )* };
+    ($($name:ident: $make:ident, $drawn:expr;)*) => {
+        mod each { $(
+            #[test]
+            fn $name() {
+                super::opens(stringify!($name), super::$make, &$drawn);
+            }
+        )* }
+    };
 }
 
 pages! {
@@ -21,7 +23,7 @@ pages! {
     plot_as_svg: svg, ["svg"];
     plot_of_meshes: plot_meshes, ["canvas.view"];
     pairs_to_label: pairs, ["section:nth-child(1) canvas", "section:nth-child(2) canvas", "section:nth-child(3) canvas", "section:nth-child(4) canvas"];
-    audit: audit, ["table", "svg"];
+    audit: audit, ["svg.takes", "section ul"];
     clean: clean, ["table"];
     evaluated_models: models, ["table", "figure svg", ".player .view"];
     evaluated_takes: evaluated_takes, ["table"];
@@ -106,7 +108,7 @@ fn one_pose(folder: &Folder) -> PathBuf {
     let page = folder.path("pose.html");
     run(
         "plot",
-        &["-q", "-o", text(&page)],
+        &["-q", "--fps", "120", "-o", text(&page)],
         &(first.join("\n") + "\n"),
     );
     page
@@ -146,7 +148,7 @@ fn audit(folder: &Folder) -> PathBuf {
     let page = folder.path("audit.html");
     // There are findings.
     let done = command("audit")
-        .args(["-q", "-o", text(&page), &gaps, &walk])
+        .args(["-q", "--max-gap", "0.2", "-o", text(&page), &gaps, &walk])
         .output();
     assert_eq!(done.unwrap().status.code(), Some(3));
     page
