@@ -491,6 +491,7 @@ fn joints_may_have_any_name() {
         assert_eq!(names(&page.state()["pins"]).len(), 0);
     }
     page.push("#table-part summary");
+    page.drag("root", [10.0, 0.0]);
     page.press_key("k");
     page.drag("toString", [-30.0, -40.0]);
     page.press_key("k");
