@@ -65,6 +65,20 @@ fn opens(name: &str, make: fn(&Folder) -> PathBuf, drawn: &[&str]) {
             "{name} is wider than the window, {kind}"
         );
         page.sound();
+        linked(&page);
+    }
+}
+
+/// Opens the first few pages that a page links to.
+fn linked(page: &Page) {
+    let links = page.eval(
+        "[...new Set([...document.querySelectorAll('a[href]')].map(a => a.href.split('#')[0]))]
+           .filter(link => /^file:.*[.]html$/.test(link) && link !== location.href.split('#')[0]).slice(0, 3)",
+    );
+    for link in links.as_array().unwrap() {
+        let other = Page::open(link.as_str().unwrap(), WIDE).unwrap();
+        assert!(other.holds("document.body.innerText.length > 20"), "{link}");
+        other.sound();
     }
 }
 
@@ -189,7 +203,12 @@ fn models(folder: &Folder) -> PathBuf {
 }
 
 fn tables(folder: &Folder) -> PathBuf {
-    let run_of = small(folder, "single", &["--models", "ksvd-omp:n=20,gaussian"]);
+    std::fs::create_dir(folder.path("tables")).unwrap();
+    let run_of = small(
+        folder,
+        "tables/single",
+        &["--models", "ksvd-omp:n=20,gaussian"],
+    );
     let out = folder.name("tables");
     run("evaluate", &["--paper", text(&run_of), "-o", &out], "");
     folder.path("tables/tables.html")
