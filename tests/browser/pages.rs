@@ -54,11 +54,11 @@ fn opens(name: &str, make: fn(&Folder) -> PathBuf, drawn: &[&str]) {
         let Some(page) = Page::open(&address, screen) else {
             return;
         };
-        page.shot(&format!("{name}-{kind}"));
         for selector in drawn {
-            let look = page.look(selector);
-            assert!(look.ink > 0.001 && look.colors > 1, "{selector}: {look:?}");
+            page.shows(selector);
         }
+        page.eval("scrollTo(0, 0)");
+        page.shot(&format!("{name}-{kind}"));
         let wider = "document.body && document.documentElement.scrollWidth > document.documentElement.clientWidth";
         assert!(
             !page.holds(wider),
@@ -72,7 +72,7 @@ fn opens(name: &str, make: fn(&Folder) -> PathBuf, drawn: &[&str]) {
 /// Opens the first few pages that a page links to.
 fn linked(page: &Page) {
     let links = page.eval(
-        "[...new Set([...document.querySelectorAll('a[href]')].map(a => a.href.split('#')[0]))]
+        "[...new Set([...document.querySelectorAll('a[href]')].map(a => new URL(a.getAttribute('href'), location).href.split('#')[0]))]
            .filter(link => /^file:.*[.]html$/.test(link) && link !== location.href.split('#')[0]).slice(0, 3)",
     );
     for link in links.as_array().unwrap() {
