@@ -65,6 +65,10 @@ struct Args {
     /// Take positions of exactly 0 0 0 for missing ones, as some programs write them (not where rotations stay)
     #[arg(long, help_heading = "Input")]
     zeros_are_missing: bool,
+    /// Take rotations of BVH files that stand still for over 0.2 s beside moving ones for missing ones: the last value was held. audit
+    /// finds them
+    #[arg(long, help_heading = "Input")]
+    held_is_missing: bool,
     /// Go on with a body that is smaller or larger than people are
     #[arg(long, help_heading = "Input")]
     force: bool,
@@ -132,6 +136,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
             fps: None,
         },
         zeros_are_missing: args.zeros_are_missing,
+        held_is_missing: args.held_is_missing,
         limits: args.limits.limits(),
         force: args.force,
         again: args.again,

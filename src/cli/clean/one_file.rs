@@ -33,6 +33,8 @@ pub struct CleanSettings {
     pub method: Clean,
     /// Whether points at exactly 0 0 0 are missing.
     pub zeros_are_missing: bool,
+    /// Whether rotations that were held are missing.
+    pub held_is_missing: bool,
     /// What is still as it should be.
     pub limits: Limits,
     /// Whether bodies of no person's size are accepted.
@@ -117,6 +119,9 @@ impl CleanSettings {
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let before = audit_motion(&file, &self.limits);
+        if self.held_is_missing {
+            file.empty_held()?;
+        }
         let keeps = keeps_rotations(&file, to);
         // A root at the origin is where an animation begins.
         if self.zeros_are_missing && !keeps {
@@ -172,6 +177,7 @@ impl CleanSettings {
             "outliers": self.method.outliers,
             "max_gap": self.method.max_gap,
             "zeros_are_missing": self.zeros_are_missing,
+            "held_is_missing": self.held_is_missing,
             "max_sd": self.method.max_sd,
             "limits": self.limits,
             "force": self.force,

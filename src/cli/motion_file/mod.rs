@@ -1,5 +1,6 @@
 //! A file of motion of any format that is read, as a pose table, and the way back into its own format.
 
+mod held;
 mod read_as;
 mod skeleton;
 mod write;
@@ -37,6 +38,8 @@ pub struct MotionFile {
     pub notes: Vec<String>,
     units: TableUnits,
     original: Original,
+    /// Whether rotations that were held are missing in it.
+    lacks_held: bool,
 }
 
 /// What the way back needs.
@@ -184,6 +187,7 @@ fn of_markers(
         notes,
         units,
         original,
+        lacks_held: false,
     })
 }
 
@@ -207,12 +211,9 @@ fn of_bvh(
     flags: &ReadFlags,
 ) -> Result<MotionFile> {
     let rate = rate_of(bvh.rate(), flags);
-    if rate.is_none() && bvh.motion.nrows() > 1 {
-        let what = format!("Frame Time is {}; give the rate with --fps", bvh.frame_time);
-        return Err(Error::data(Place::file(path.display().to_string()), what));
-    }
+    let bad = |what| Error::data(Place::file(path.display().to_string()), what);
+    let value = bvh.rate_or(flags.fps).map_err(bad)?;
     let skeleton = BvhSkeleton::new(&bvh.joints, units.up.rotation(), true)?;
-    let value = rate.as_ref().map_or(1.0, |rate| rate.value);
     let mut poses = bvh.positions(&skeleton, BvhPoints::Origins, value);
     poses.take = Some(vec![take_name(path).into(); poses.frames()]);
     Ok(MotionFile {
@@ -222,6 +223,7 @@ fn of_bvh(
         notes: std::mem::take(&mut bvh.notes),
         units,
         original: Original::Bvh(bytes, Box::new(bvh)),
+        lacks_held: false,
     })
 }
 
@@ -275,6 +277,7 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, flags: &ReadFlags) -> Result<
         notes: dropped.into_iter().collect(),
         units,
         original: Original::Amc(bytes, angles),
+        lacks_held: false,
     })
 }
 
@@ -320,6 +323,7 @@ fn of_table(format: MotionFormat, input: Input, flags: &ReadFlags) -> Result<Mot
         notes: Vec::new(),
         units,
         original: Original::Table,
+        lacks_held: false,
         table,
     })
 }
