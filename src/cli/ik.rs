@@ -53,8 +53,7 @@ pub fn fit<'a>(
     lines.iter().for_each(|line| messages::info(line));
     let verdict = match fitted.quality(poses) {
         Some(quality) => judged(&quality, table, force)?,
-        None if poses.frames() == 0 => Outcome::Done,
-        None => Outcome::Findings,
+        None => Outcome::Done,
     };
     Ok((fitted, verdict))
 }

@@ -26,7 +26,6 @@ impl MotionFile {
         };
         let columns = rotation_columns(bvh);
         let last = bvh.motion.nrows();
-        self.lacks_held |= !held.is_empty();
         for held in held {
             let names: Vec<&str> = held.joints.iter().map(|&j| &*angles[j].joint).collect();
             let of = names.join(", ");
@@ -41,6 +40,7 @@ impl MotionFile {
             for &column in columns {
                 let mut values = bvh.motion.column_mut(column);
                 missing.clone().for_each(|t| values[t] = f64::NAN);
+                self.held.extend(missing.clone().map(|t| (t, column)));
             }
             self.notes.push(format!(
                 "held rotations of {of} in frames {} to {} count as missing",

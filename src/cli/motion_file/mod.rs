@@ -22,6 +22,7 @@ use crate::pose::{Channel, Poses, joints, kinematics::Space};
 use crate::{Error, Place, Result};
 use bytes::Bytes;
 use ndarray::{Array2, ArrayView2, Axis};
+use std::collections::BTreeSet;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
@@ -38,8 +39,8 @@ pub struct MotionFile {
     pub notes: Vec<String>,
     units: TableUnits,
     original: Original,
-    /// Whether rotations that were held are missing in it.
-    lacks_held: bool,
+    /// The frames and channels that were held and count as missing.
+    held: BTreeSet<(usize, usize)>,
 }
 
 /// What the way back needs.
@@ -187,7 +188,7 @@ fn of_markers(
         notes,
         units,
         original,
-        lacks_held: false,
+        held: BTreeSet::new(),
     })
 }
 
@@ -223,7 +224,7 @@ fn of_bvh(
         notes: std::mem::take(&mut bvh.notes),
         units,
         original: Original::Bvh(bytes, Box::new(bvh)),
-        lacks_held: false,
+        held: BTreeSet::new(),
     })
 }
 
@@ -277,7 +278,7 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, flags: &ReadFlags) -> Result<
         notes: dropped.into_iter().collect(),
         units,
         original: Original::Amc(bytes, angles),
-        lacks_held: false,
+        held: BTreeSet::new(),
     })
 }
 
@@ -323,7 +324,7 @@ fn of_table(format: MotionFormat, input: Input, flags: &ReadFlags) -> Result<Mot
         notes: Vec::new(),
         units,
         original: Original::Table,
-        lacks_held: false,
+        held: BTreeSet::new(),
         table,
     })
 }

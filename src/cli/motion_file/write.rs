@@ -62,9 +62,7 @@ impl MotionFile {
                 };
                 let mut motion =
                     solve_missing_channels(bvh, &poses, Some(sd), self.units.up.rotation())?;
-                if self.lacks_held {
-                    mix_with_paths(bvh, &mut motion);
-                }
+                mix_with_paths(bvh, |t, c| self.held.contains(&(t, c)), &mut motion);
                 left = motion.iter().filter(|v| v.is_nan()).count();
                 bvh.fill_missing(bytes, motion.view(), self.units.unit.centimetres())?
             }

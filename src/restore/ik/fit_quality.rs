@@ -15,8 +15,9 @@ const POOR: (f64, f64) = (0.05, 2.0);
 const FAILED: (f64, f64) = (0.25, 10.0);
 /// The leg's share of a body's largest extent, where the names tell no leg.
 const LEG: f64 = 0.5;
-/// A smaller share of the skeleton's joints is no body.
+/// A smaller share of the joints of a whole body's skeleton is half a body. Skeletons of fewer joints are parts anyway.
 const FEWEST_DRIVEN: f64 = 0.5;
+const WHOLE_BODY: usize = 12;
 /// Words in the names of points that hang on the skeleton and do not drive it: skin, or joints too small to tell a fit by.
 const HANGING: [&str; 14] = [
     "eye", "eyes", "ear", "ears", "heel", "heels", "finger", "fingers", "thumb", "index", "middle",
@@ -61,10 +62,10 @@ impl FitQuality {
         }
     }
 
-    /// Whether most of the skeleton has no points.
+    /// Whether most of a whole body's skeleton has no points.
     pub fn is_partial(&self) -> bool {
         let (all, driven) = self.joints;
-        (driven as f64) < FEWEST_DRIVEN * all as f64
+        all >= WHOLE_BODY && (driven as f64) < FEWEST_DRIVEN * all as f64
     }
 
     /// The mean distance over which a fit is poor, cm, and over which it is none.

@@ -22,16 +22,23 @@ const SOLVED: f64 = 0.8;
 const COMPARED: usize = 60;
 const ASTRAY: f64 = 1.25;
 
-/// Mixes the rotations of `motion` (frames, channels; radians) that `bvh` lacks with the cubics through the frames around them. Those of
-/// joints with other than three angles, and those at an end of the take, stay as they are.
-pub fn mix_with_paths(bvh: &Bvh, motion: &mut Array2<f64>) {
+/// Mixes the rotations of `motion` (frames, channels; radians) that `bvh` lacks with the cubics through the frames around them, where
+/// `is_meant` says so of their first frame and channel; what was not solved for follows the cubic alone. Those of joints with other than
+/// three angles, and those at an end of the take, stay as they are.
+pub fn mix_with_paths(
+    bvh: &Bvh,
+    is_meant: impl Fn(usize, usize) -> bool,
+    motion: &mut Array2<f64>,
+) {
     let mut first = 0;
     for joint in &bvh.joints {
         let rotations = RotationChannels::of(&joint.channels, first);
         first += joint.channels.len();
         let Some(rotations) = rotations else { continue };
         for frames in rotations.gaps(bvh.motion.view()) {
-            rotations.mix(bvh.motion.view(), frames, motion);
+            if is_meant(frames.start, rotations.columns[0]) {
+                rotations.mix(bvh.motion.view(), frames, motion);
+            }
         }
     }
 }
@@ -144,13 +151,15 @@ impl RotationChannels {
 
     /// Mixes what was solved for over a gap with the cubic.
     fn mix(&self, known: ArrayView2<'_, f64>, gap: Range<usize>, motion: &mut Array2<f64>) {
-        let is_solved = gap.clone().all(|t| self.is_known(motion.view(), t));
-        let Some(cubic) = self.cubic(known, &gap).filter(|_| is_solved) else {
+        let Some(cubic) = self.cubic(known, &gap) else {
             return;
         };
-        let solved: Vec<DMat3> = (gap.clone())
-            .map(|t| self.rotation(motion.view(), t))
-            .collect();
+        let is_solved = |t: usize| self.is_known(motion.view(), t);
+        let solution = |(n, t): (usize, usize)| match is_solved(t) {
+            true => self.rotation(motion.view(), t),
+            false => cubic[n],
+        };
+        let solved: Vec<DMat3> = gap.clone().enumerate().map(solution).collect();
         let straight = self.straight(known, &gap);
         let farthest = self.farthest(known, gap.len());
         let is_astray = farthest.is_some_and(|most| apart(&straight, &solved) > ASTRAY * most);
@@ -224,7 +233,7 @@ mod tests {
     fn a_good_solution_stays_good_and_one_astray_becomes_the_straight_way() {
         let (bvh, truth) = swing(40..60);
         let mut good = truth.clone();
-        mix_with_paths(&bvh, &mut good);
+        mix_with_paths(&bvh, |_, _| true, &mut good);
         let mut held = truth.clone();
         (40..60).for_each(|t| held.row_mut(t).assign(&truth.row(39)));
         assert!(off(&good, &truth) < 0.1 * off(&held, &truth));
@@ -232,7 +241,7 @@ mod tests {
         for t in 40..60 {
             astray.row_mut(t).mapv_inplace(|v| v + 2.0);
         }
-        mix_with_paths(&bvh, &mut astray);
+        mix_with_paths(&bvh, |_, _| true, &mut astray);
         let rotations = RotationChannels::of(&bvh.joints[0].channels, 0).unwrap();
         let straight = rotations.straight(truth.view(), &(40..60));
         for (n, straight) in straight.iter().enumerate() {
@@ -248,16 +257,21 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_at_an_end_or_is_not_solved_stays() {
+    fn what_lies_at_an_end_stays_and_what_is_not_solved_follows_time() {
         for gap in [0..9, 110..120, 0..120] {
             let (bvh, truth) = swing(gap);
             let mut motion = truth.clone();
-            mix_with_paths(&bvh, &mut motion);
+            mix_with_paths(&bvh, |_, _| true, &mut motion);
             assert_eq!(motion, truth);
         }
-        let (bvh, _) = swing(40..60);
+        // What was not solved for: by time alone, where that is meant.
+        let (bvh, truth) = swing(40..60);
         let mut open = bvh.motion.clone();
-        mix_with_paths(&bvh, &mut open);
+        mix_with_paths(&bvh, |_, _| false, &mut open);
         assert!(open[[50, 0]].is_nan());
+        mix_with_paths(&bvh, |t, c| (t, c) == (40, 0), &mut open);
+        let mut held = truth.clone();
+        (40..60).for_each(|t| held.row_mut(t).assign(&truth.row(39)));
+        assert!(off(&open, &truth) < 0.6 * off(&held, &truth));
     }
 }
