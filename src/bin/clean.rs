@@ -66,6 +66,10 @@ struct Args {
         help_heading = "Input"
     )]
     map: Option<String>,
+    /// Take rotations of BVH files that stand still for over 0.2 s beside moving ones for missing ones: the last value was held. audit
+    /// finds them
+    #[arg(long, help_heading = "Input")]
+    held_is_missing: bool,
     /// Go on with a body that is smaller or larger than people are
     #[arg(long, help_heading = "Input")]
     force: bool,
@@ -139,6 +143,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
             max_sd: args.max_sd,
             fps: None,
         },
+        held_is_missing: args.held_is_missing,
         limits: args.limits.limits(),
         force: args.force,
         again: args.again,

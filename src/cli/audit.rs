@@ -5,7 +5,7 @@ use super::input::open;
 use super::messages;
 use super::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags};
 use super::motion_folder::{EXTENSIONS, MotionFolder};
-use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit, audit, flips};
+use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit, audit, rotation_findings};
 use crate::{Error, Place, Result};
 use clap::Args;
 use serde::Serialize;
@@ -107,7 +107,8 @@ pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     let mut takes = audit(&file.table.poses, file.rate(), limits);
     // Only files of one take have angles.
     if let Some(take) = takes.first_mut() {
-        take.findings.extend(flips(&file.joint_angles()));
+        let found = rotation_findings(&file.joint_angles(), file.rate());
+        take.findings.extend(found);
     }
     takes
 }

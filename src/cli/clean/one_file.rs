@@ -36,6 +36,8 @@ pub struct CleanSettings {
     pub map: Option<NameMap>,
     /// How takes are restored.
     pub method: Clean,
+    /// Whether rotations that were held are missing.
+    pub held_is_missing: bool,
     /// What is still as it should be.
     pub limits: Limits,
     /// Whether bodies of no person's size are accepted.
@@ -148,6 +150,9 @@ impl CleanSettings {
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let before = audit_motion(&file, &self.limits);
+        if self.held_is_missing {
+            file.empty_held()?;
+        }
         let keeps = keeps_rotations(&file, to);
         if keeps && file.table.poses.points.is_empty() {
             file.notes
@@ -269,6 +274,7 @@ impl CleanSettings {
             "outliers": self.method.outliers,
             "max_gap": self.method.max_gap,
             "zeros_are_missing": read.zeros_are_missing,
+            "held_is_missing": self.held_is_missing,
             "max_sd": self.method.max_sd,
             "limits": self.limits,
             "force": self.force,
