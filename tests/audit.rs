@@ -124,6 +124,12 @@ fn a_folder_is_searched() {
     let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
     assert!(text.contains("a.csv") && text.contains("b.csv"), "{text}");
     assert!(!text.contains("notes"), "{text}");
+    // A rate is for files that do not say theirs.
+    command("audit")
+        .args(["--fps", "50"])
+        .arg(root)
+        .assert()
+        .code(0);
     std::fs::write(root.join("deep/c.c3d"), "x").unwrap();
     command("audit").arg(root).assert().code(1);
     std::fs::create_dir(root.join("empty")).unwrap();

@@ -495,7 +495,6 @@ fn every_format_of_the_collection_is_cleaned_or_refused_with_a_reason() {
     assert!(again.contains(" 0 cleaned"), "{again}");
 }
 
-<<<<<<< HEAD
 /// A body of ten points that walks, 120 frames a second, without anything to find; `change` is given each row (30 cells).
 fn sound(change: impl Fn(usize, &mut Vec<String>)) -> String {
     let mut text = String::from("take,time");
@@ -748,7 +747,8 @@ fn a_record_is_no_larger_than_its_take() {
     let record = folder.record("b.csv");
     assert_eq!(record["gaps"].as_array().unwrap().len(), 0);
     assert_eq!(record["gaps_by_point"][0]["gaps"], 120);
-=======
+}
+
 /// Held rotations are found by audit; filled, they are nearer to the truth, and every other byte stays.
 #[test]
 fn held_rotations_are_found_and_filled() {
@@ -795,5 +795,4 @@ fn held_rotations_are_found_and_filled() {
         }
     }
     assert!(after > 0.0 && after < 0.36 * before, "{after} {before}");
->>>>>>> h-bvh
 }

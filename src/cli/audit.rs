@@ -144,44 +144,55 @@ pub fn audit_inputs(paths: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<FileAudit>)>
     Ok((files, unreadable))
 }
 
-/// The audit of a file, the `number`th; one that cannot be read stops no other. Where something was found, or is missing, its page is
-/// written among `pages`.
-///
-/// # Errors
-/// [`Error::Usage`], for all files alike; [`Error::Io`]: a page cannot be written.
-pub fn audit_file(
-    path: &Path,
-    flags: &ReadFlags,
-    limits: &Limits,
-    number: usize,
-    pages: Option<&AuditTakes>,
-) -> Result<FileAudit> {
-    let read = || {
+/// How files are audited.
+pub struct FileAuditor {
+    /// What is taken for files that do not say it.
+    pub flags: ReadFlags,
+    /// What is still as it should be.
+    pub limits: Limits,
+    /// Where pages of takes go, if they are wanted.
+    pub pages: Option<AuditTakes>,
+    /// Whether files that say another rate than the flag are taken at theirs: the flag is for those of a folder that do not say one.
+    pub own_rates: bool,
+}
+
+impl FileAuditor {
+    /// The audit of a file, the `number`th; one that cannot be read stops no other. Where something was found, or is missing, its page
+    /// is written.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], for all files alike; [`Error::Io`]: a page cannot be written.
+    pub fn audit(&self, path: &Path, number: usize) -> Result<FileAudit> {
+        let mut out = FileAudit {
+            file: match path == Path::new("-") {
+                true => "standard input".to_string(),
+                false => path.display().to_string(),
+            },
+            ..FileAudit::default()
+        };
+        match self.read(path) {
+            Ok(file) => {
+                out.takes = audit_motion(&file, &self.limits);
+                if let Some(pages) = self.pages.as_ref().filter(|_| out.has_something()) {
+                    out.page = pages.write(number, &out.file, &file)?;
+                }
+            }
+            Err(wrong @ Error::Usage(_)) => return Err(wrong),
+            Err(e) => out.error = Some(e.to_string()),
+        }
+        Ok(out)
+    }
+
+    fn read(&self, path: &Path) -> Result<MotionFile> {
         let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
-        let file = MotionFile::read(path, bytes, flags)?;
-        check_rate(path, &file, flags)?;
+        let file = MotionFile::read(path, bytes, &self.flags)?;
+        if !self.own_rates {
+            check_rate(path, &file, &self.flags)?;
+        }
         let said = |note: &String| messages::info(&format!("{}: {note}", file.table.name));
         file.notes.iter().for_each(said);
         Ok(file)
-    };
-    let mut out = FileAudit {
-        file: match path == Path::new("-") {
-            true => "standard input".to_string(),
-            false => path.display().to_string(),
-        },
-        ..FileAudit::default()
-    };
-    match read() {
-        Ok(file) => {
-            out.takes = audit_motion(&file, limits);
-            if let Some(pages) = pages.filter(|_| out.has_something()) {
-                out.page = pages.write(number, &out.file, &file)?;
-            }
-        }
-        Err(wrong @ Error::Usage(_)) => return Err(wrong),
-        Err(e) => out.error = Some(e.to_string()),
     }
-    Ok(out)
 }
 
 /// The audit of one file.

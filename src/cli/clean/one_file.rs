@@ -169,7 +169,7 @@ impl CleanSettings {
         let found = (redone, &before[..]);
         let mut summary = self.summary(&file, to, &naming, &restored, unheld, found);
         summary.notes.extend(notes);
-        summary.copied = is_copied(job, to, &file, &restored, capture);
+        summary.copied = self.is_copied(job, to, &file, &restored, capture);
         summary.notes.extend(page(job, &file, &restored, &summary)?);
         Record {
             command: "clean",
@@ -258,6 +258,29 @@ impl CleanSettings {
             note += &format!("; {short} pieces of fewer than 10 frames are not");
         }
         Ok((restored, Some(note)))
+    }
+
+    /// Whether the result is what the capture was: the same bytes, or, of positions none of which was taken for missing, the same numbers
+    /// in the same format.
+    fn is_copied(
+        &self,
+        job: &Job,
+        to: Option<OutputFormat>,
+        file: &MotionFile,
+        restored: &Restoration<'_>,
+        capture: &Capture,
+    ) -> bool {
+        if to.is_some_and(|to| !to.is(file.format)) {
+            return false;
+        }
+        let (was, is) = (&file.table.poses.xyz, restored.xyz());
+        let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
+        let is_emptied = self.zeros_are_missing || !self.redo.is_empty();
+        if !keeps_rotations(file, to) && !is_emptied {
+            return was.iter().zip(&is).all(is_same);
+        }
+        let written = Input::open(&job.output).and_then(|i| i.read_all(LARGEST_MOTION_FILE));
+        written.is_ok_and(|bytes| Fingerprint::of(&job.output, &bytes).sha256 == capture.sha256)
     }
 
     /// What is known of the settings in a record: all that changes results.
@@ -388,26 +411,6 @@ pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
 
 fn bad_of(file: &str, what: String) -> Error {
     Error::data(Place::file(file), what)
-}
-
-/// Whether the result is what the capture was: the same bytes, or, of positions, the same numbers in the same format.
-fn is_copied(
-    job: &Job,
-    to: Option<OutputFormat>,
-    file: &MotionFile,
-    restored: &Restoration<'_>,
-    capture: &Capture,
-) -> bool {
-    if to.is_some_and(|to| !to.is(file.format)) {
-        return false;
-    }
-    let (was, is) = (&file.table.poses.xyz, restored.xyz());
-    let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
-    if !keeps_rotations(file, to) {
-        return was.iter().zip(&is).all(is_same);
-    }
-    let written = Input::open(&job.output).and_then(|input| input.read_all(LARGEST_MOTION_FILE));
-    written.is_ok_and(|bytes| Fingerprint::of(&job.output, &bytes).sha256 == capture.sha256)
 }
 
 /// Writes the page of a take in which there is something to see; a line, where another file stands in its place.
