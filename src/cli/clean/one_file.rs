@@ -275,7 +275,7 @@ impl CleanSettings {
         }
         let (was, is) = (&file.table.poses.xyz, restored.xyz());
         let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
-        let is_emptied = self.zeros_are_missing || !self.redo.is_empty();
+        let is_emptied = self.read.zeros_are_missing || !self.redo.is_empty();
         if !keeps_rotations(file, to) && !is_emptied {
             return was.iter().zip(&is).all(is_same);
         }
