@@ -18,8 +18,6 @@ pub struct MarkerTake {
     pub first_frame: u32,
     /// Frames a second, if the file says so.
     pub rate: Option<f64>,
-    /// Seconds of each frame, if the file says so.
-    pub times: Option<Vec<f64>>,
     /// The unit of length, if the file says so: `mm`.
     pub units: Option<String>,
     /// The axis that points up, if the file says so: `+Z`.
