@@ -124,6 +124,12 @@ fn a_folder_is_searched() {
     let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
     assert!(text.contains("a.csv") && text.contains("b.csv"), "{text}");
     assert!(!text.contains("notes"), "{text}");
+    // A rate is for files that do not say theirs.
+    command("audit")
+        .args(["--fps", "50"])
+        .arg(root)
+        .assert()
+        .code(0);
     std::fs::write(root.join("deep/c.c3d"), "x").unwrap();
     command("audit").arg(root).assert().code(1);
     std::fs::create_dir(root.join("empty")).unwrap();
@@ -186,5 +192,24 @@ fn a_point_far_off_is_a_stray_point_and_no_wrong_unit() {
         for word in ["--units", "--up", "held"] {
             assert!(!text.contains(word), "{text}");
         }
+    }
+}
+
+/// Captures and animations of many makers hold no rotations, but for one whose head is still for its first frames.
+#[test]
+fn files_of_many_makers_have_no_held_rotations() {
+    let Some(folder) = common::shared("data/formats/bvh") else {
+        return;
+    };
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let done = common::command("audit").arg(&path).output().unwrap();
+        let said = String::from_utf8_lossy(&done.stdout).into_owned();
+        let held: Vec<&str> = said
+            .lines()
+            .filter(|l| l.contains("while others turn"))
+            .collect();
+        let is_known = path.ends_with("Swagger.bvh");
+        assert_eq!(held.len(), usize::from(is_known), "{held:?}");
     }
 }

@@ -116,6 +116,31 @@ fn faults_are_one_line_with_place_and_remedy() {
 const MIXED: &str = "HIERARCHY\nROOT a\n{\n OFFSET 0 0 0\n CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n JOINT b\n {\n OFFSET 0 10 0\n CHANNELS 3 Xrotation Yrotation Zrotation\n End Site\n {\n OFFSET 0 0 5\n }\n }\n JOINT c\n {\n OFFSET 10 0 0\n CHANNELS 3 Yrotation Xrotation Zrotation\n EndSite\n {\n OFFSET 0 0 5\n }\n }\n JOINT d\n {\n OFFSET -10 0 0\n CHANNELS 3 zrotation xrotation yrotation\n End site tip\n {\n OFFSET 0 0 5\n }\n }\n}\nMOTION\nFrames: 2\nFrame Time: 0.01\n0 90 0 0 0 0 90 90 0 90 90 0 90 90 0\n";
 
 #[test]
+fn impossible_frame_times_and_cut_files_are_told() {
+    let file = |time: &str| {
+        format!(
+            "HIERARCHY\nROOT a\n{{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\n}}\nMOTION\nFrames: 2\nFrame Time: {time}\n1 2 3\n4 5 6\n"
+        )
+    };
+    for time in ["18446744073709551615", "-0.01", "0", "0.00000001"] {
+        run(&[], &file(time))
+            .code(1)
+            .stderr(contains("Frame Time").and(contains("--fps")));
+        run(&["--fps", "30"], &file(time)).success();
+    }
+    for (cut, said) in [
+        ("HIERARCHY\n".to_string(), "ends after its first line"),
+        (file("1")[..40].to_string(), "hierarchy is cut off"),
+        (
+            file("1").trim_end_matches(" 6\n").to_string(),
+            "--keep-whole",
+        ),
+    ] {
+        run(&[], &cut).code(1).stderr(contains(said));
+    }
+}
+
+#[test]
 fn each_joint_has_its_own_order_of_channels() {
     let done = run(&[], MIXED)
         .success()

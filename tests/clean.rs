@@ -748,3 +748,51 @@ fn a_record_is_no_larger_than_its_take() {
     assert_eq!(record["gaps"].as_array().unwrap().len(), 0);
     assert_eq!(record["gaps_by_point"][0]["gaps"], 120);
 }
+
+/// Held rotations are found by audit; filled, they are nearer to the truth, and every other byte stays.
+#[test]
+fn held_rotations_are_found_and_filled() {
+    let Some(file) = common::shared("data/field/bvh-held-rotation.bvh") else {
+        return;
+    };
+    let held = fs::read_to_string(&file).unwrap();
+    let truth = fs::read_to_string(file.with_extension("truth.bvh")).unwrap();
+    let done = common::command("audit").arg(&file).assert().code(3);
+    let said = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
+    assert_eq!(
+        said.matches("RightForeArm stands still in frames 40 to 60")
+            .count(),
+        1,
+        "{said}"
+    );
+    let folder = Folder::new();
+    folder.put("a.bvh", held.clone());
+    let (code, said) = folder.clean(&["a.bvh", "-o", "kept.bvh"]);
+    assert_eq!(code, 3, "{said}");
+    assert_eq!(fs::read_to_string(folder.at("kept.bvh")).unwrap(), held);
+    folder.clean(&["a.bvh", "-o", "filled.bvh", "--held-is-missing"]);
+    let filled = fs::read_to_string(folder.at("filled.bvh")).unwrap();
+    let rows = |text: &str| -> Vec<Vec<String>> {
+        let rows = text.split("Frame Time:").nth(1).unwrap().lines().skip(1);
+        rows.map(|l| l.split_whitespace().map(String::from).collect())
+            .collect()
+    };
+    assert_eq!(
+        held.split("Frame Time:").next(),
+        filled.split("Frame Time:").next()
+    );
+    let (held, filled, truth) = (rows(&held), rows(&filled), rows(&truth));
+    let number = |v: &String| v.parse::<f64>().unwrap();
+    let (mut before, mut after) = (0.0, 0.0);
+    for t in 0..held.len() {
+        for c in 0..held[t].len() {
+            if held[t][c] == filled[t][c] {
+                continue;
+            }
+            assert!((41..61).contains(&t), "frame {t}, channel {c}");
+            let off = |v: &String| (number(v) - number(&truth[t][c])).powi(2);
+            (before, after) = (before + off(&held[t][c]), after + off(&filled[t][c]));
+        }
+    }
+    assert!(after > 0.0 && after < 0.36 * before, "{after} {before}");
+}

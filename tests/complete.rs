@@ -465,3 +465,54 @@ fn what_is_filled_trembles_no_more_than_the_movement() {
     }
     assert!(theirs > 0.0 && ours <= theirs, "{ours} {theirs}");
 }
+
+/// The root-mean-square distance of what was filled from the truth beside a file of strangers' names, cm; and what was said.
+fn filled_names(name: &str) -> Option<(f64, String)> {
+    let file = common::shared(&format!("data/field/{name}.csv"))?;
+    let truth = common::shared(&format!("data/field/{name}.truth.csv"))?;
+    let read = |path: &std::path::Path| std::fs::read_to_string(path).unwrap();
+    let done = command("complete").arg(&file).assert().success();
+    let said = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    let out = Numbers::read(&String::from_utf8_lossy(&done.get_output().stdout));
+    let (gaps, truth) = (Numbers::read(&read(&file)), Numbers::read(&read(&truth)));
+    assert_eq!(out.missing(), 0);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for ((gaps, out), truth) in gaps.rows.iter().zip(&out.rows).zip(&truth.rows) {
+        for c in (0..gaps.len()).filter(|c| gaps[*c].is_nan()) {
+            sum += (out[c] - truth[c]).powi(2);
+            count += 1.0 / 3.0;
+        }
+    }
+    Some(((sum / count).sqrt(), said))
+}
+
+#[test]
+fn maps_of_names_are_found_though_names_are_missing() {
+    let (Some((lafan, said)), Some((biped, of_biped))) =
+        (filled_names("names-lafan1"), filled_names("names-biped"))
+    else {
+        return;
+    };
+    assert!(lafan < 4.0 && said.contains("map hik"), "{lafan}: {said}");
+    let lacks: Vec<&str> = said.lines().filter(|l| l.contains("LeftToeBase")).collect();
+    assert_eq!(lacks.len(), 1, "{said}");
+    assert!(
+        biped < 4.0 && of_biped.contains("map biped"),
+        "{biped}: {of_biped}"
+    );
+}
+
+#[test]
+fn names_that_no_map_has_are_told_the_way() {
+    let table =
+        "time,hipL.x,hipL.y,hipL.z,kneeA.x,kneeA.y,kneeA.z\n0,1,90,0,1,50,0\n0.01,1,90,0,,,\n";
+    let said = common::fails("complete", &[], table.as_bytes(), 1);
+    assert!(said.contains("--map") && said.contains("mixamo"), "{said}");
+    let said = common::fails("complete", &["--map", "nosuch"], table.as_bytes(), 2);
+    assert!(said.contains("biped") && said.contains("neuron"), "{said}");
+    // Help lists the maps that are shipped.
+    let help = run("complete", &["--help"], "");
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    let names = posing::cli::name_maps::shipped_names();
+    assert!(help.contains(&names), "{names}");
+}

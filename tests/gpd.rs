@@ -87,3 +87,35 @@ fn what_is_missing_is_named() {
     );
     assert_eq!(features(&run("gpd", &["--static"], &untimed)).0.len(), 1591);
 }
+
+#[test]
+fn shipped_maps_of_names_serve_too() {
+    // The walk with Mixamo's names.
+    let map = posing::pose::NameMap::find("mixamo").unwrap();
+    let table = walk();
+    let (head, rows) = table.split_once('\n').unwrap();
+    let trunk = [
+        ("thorax", "Spine2"),
+        ("lowerneck", "Neck"),
+        ("head", "HeadTop_End"),
+    ];
+    let joints = map.joints.iter().map(|(a, b)| (a.as_str(), b.as_str()));
+    let names: std::collections::HashMap<&str, &str> = joints.chain(trunk).collect();
+    let renamed = |cell: &str| match cell.rsplit_once('.') {
+        Some((point, axis)) => {
+            let name = names
+                .get(point)
+                .map_or(point.to_string(), |n| format!("mixamorig:{n}"));
+            format!("{name}.{axis}")
+        }
+        None => cell.to_string(),
+    };
+    let head: Vec<String> = head.split(',').map(renamed).collect();
+    let theirs = format!("{}\n{rows}", head.join(","));
+    assert_eq!(
+        run("gpd", &["--map", "mixamo"], &theirs),
+        run("gpd", &[], &table)
+    );
+    let said = fails("gpd", &["--map", "nosuch"], theirs.as_bytes(), 2);
+    assert!(said.contains("mixamo"), "{said}");
+}

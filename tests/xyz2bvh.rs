@@ -278,6 +278,100 @@ fn a_neck_that_nods_through_straight_does_not_spin() {
     assert!(jump(&rows) <= 15.0, "{} degrees in a frame", jump(&rows));
 }
 
+/// A file of strangers' faults, its table, and the BVH that xyz2bvh makes of it with the file as skeleton.
+fn there_and_back(name: &str) -> Option<(String, String, String)> {
+    let file = common::shared(&format!("data/field/{name}"))?;
+    let original = std::fs::read_to_string(&file).unwrap();
+    let table = bvh2xyz(&[], &original);
+    let back = text(xyz2bvh(&["--skeleton", common::text(&file)], &table));
+    Some((original, table, back))
+}
+
+#[test]
+fn bones_in_position_channels_come_back() {
+    for name in ["bvh-zero-offsets.bvh", "bvh-positions-on-joints.bvh"] {
+        let Some((_, table, back)) = there_and_back(name) else {
+            return;
+        };
+        let far = farthest(&table, &bvh2xyz(&[], &back));
+        assert!(far <= 0.1, "{name}: {far}");
+    }
+}
+
+#[test]
+fn end_sites_keep_their_places() {
+    let Some((original, table, back)) = there_and_back("bvh-joint-root-late-end-site.bvh") else {
+        return;
+    };
+    let lines = |file: &str| -> Vec<String> {
+        let head = file.split("MOTION").next().unwrap();
+        let of_structure = |l: &&str| !l.contains("OFFSET") && !l.contains("CHANNELS");
+        let lines = head.lines().map(str::trim).filter(of_structure);
+        lines
+            .map(|l| l.replace("JOINT Hips", "ROOT Hips"))
+            .collect()
+    };
+    assert_eq!(lines(&back), lines(&original));
+    assert!(farthest(&table, &bvh2xyz(&[], &back)) <= 0.01);
+}
+
+#[test]
+fn a_poor_fit_is_a_finding_and_none_is_an_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = dir.path().join("rig.bvh");
+    let bvh = text(xyz2bvh(&[], &walk(3)));
+    // A third of each bone, and another one longer.
+    let scaled = |factor: f64| {
+        let line = |l: &str| match l.trim().strip_prefix("OFFSET ") {
+            Some(offset) => {
+                let of = |v: &str| (factor * v.parse::<f64>().unwrap()).to_string();
+                let values: Vec<String> = offset.split(' ').map(of).collect();
+                format!("OFFSET {}\n", values.join(" "))
+            }
+            None => format!("{l}\n"),
+        };
+        std::fs::write(&rig, bvh.lines().map(line).collect::<String>()).unwrap();
+    };
+    let table = bvh2xyz(&[], &bvh);
+    let flags = ["--skeleton", common::text(&rig)];
+    scaled(1.0);
+    xyz2bvh(&flags, &table).success();
+    scaled(0.88);
+    xyz2bvh(&flags, &table)
+        .code(3)
+        .stdout(contains("HIERARCHY"))
+        .stderr(contains("fits badly"));
+    scaled(0.0);
+    xyz2bvh(&flags, &table)
+        .code(1)
+        .stdout("")
+        .stderr(contains("does not fit"));
+    let forced = [&flags[..], &["--force"]].concat();
+    xyz2bvh(&forced, &table)
+        .code(3)
+        .stdout(contains("HIERARCHY"));
+}
+
+#[test]
+fn a_bvh_skeleton_becomes_a_glb() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = dir.path().join("rig.bvh");
+    let bvh = text(xyz2bvh(&[], &walk(5)));
+    std::fs::write(&rig, &bvh).unwrap();
+    let done = Command::new(env!("CARGO_BIN_EXE_xyz2glb"))
+        .args(["--skeleton", common::text(&rig)])
+        .write_stdin(bvh2xyz(&[], &bvh))
+        .assert()
+        .success();
+    let glb = &done.get_output().stdout;
+    assert!(glb.starts_with(b"glTF"));
+    let json = String::from_utf8_lossy(glb);
+    assert!(
+        json.contains("\"lfemur\"") && json.contains("\"ltibia_end\""),
+        "{json}"
+    );
+}
+
 #[test]
 fn faults_are_one_line() {
     let anonymous = "time,a.x,a.y,a.z\n0,1,2,3\n0.1,1,2,3\n";

@@ -6,13 +6,15 @@
 mod body;
 mod distances;
 mod gaps;
+mod held_rotations;
 mod motion;
 mod nearby;
 mod other_speeds;
 mod rotations;
 
 pub use gaps::{GapSummary, PointGaps};
-pub use rotations::{JointAngles, flips};
+pub use held_rotations::{HeldRotations, held_rotations};
+pub use rotations::{JointAngles, rotation_findings};
 
 use crate::pose::Poses;
 use crate::pose::stray::points_apart;
@@ -74,7 +76,7 @@ pub enum FindingKind {
     Swap,
     /// A point leaves its path for some frames.
     Jump,
-    /// A point has the very same place for many frames while others move: a value that was held.
+    /// A point has the very same place, or a joint the very same rotation, for many frames while others move: a value that was held.
     Held,
     /// A point lies still, far from those it goes with, while they move.
     Fallen,

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use posing::cli::args::CommonArgs;
-use posing::cli::audit::{FileAudit, LimitArgs, audit_file, audit_inputs};
+use posing::cli::audit::{FileAudit, FileAuditor, LimitArgs, audit_inputs};
 use posing::cli::audit_page::page;
 use posing::cli::audit_takes::AuditTakes;
 use posing::cli::input::{check_single_stdin, or_stdin};
@@ -52,7 +52,6 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     check_single_stdin(&args.files)?;
-    let flags = args.read.flags()?;
     let (files, unreadable) = audit_inputs(&or_stdin(&args.files))?;
     let page_path = (args.output.as_deref()).filter(|path| {
         !args.json
@@ -60,10 +59,13 @@ fn work(args: &Args) -> Result<Outcome> {
                 .extension()
                 .is_some_and(|e| e.eq_ignore_ascii_case("html"))
     });
-    let pages = page_path.map(AuditTakes::beside);
-    let limits = args.limits.limits();
-    let one =
-        |(i, path): (usize, &PathBuf)| audit_file(path, &flags, &limits, i + 1, pages.as_ref());
+    let auditor = FileAuditor {
+        flags: args.read.flags()?,
+        limits: args.limits.limits(),
+        pages: page_path.map(AuditTakes::beside),
+        own_rates: args.files.iter().any(|path| path.is_dir()),
+    };
+    let one = |(i, path): (usize, &PathBuf)| auditor.audit(path, i + 1);
     let audits = files.iter().enumerate().map(one);
     let mut audits = audits.collect::<Result<Vec<FileAudit>>>()?;
     audits.extend(unreadable);

@@ -38,7 +38,7 @@ struct Args {
     /// Axis of the file that points up [default: y]
     #[arg(long, value_enum, value_name = "AXIS")]
     up: Option<Up>,
-    /// Frames per second, if the file's Frame Time is zero
+    /// Frames per second, if the file's Frame Time is outside 0.0001 to 10 s
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
     /// Accept a file whose last frame is cut off; that frame is dropped
@@ -92,18 +92,12 @@ fn work(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Frames a second: the file's Frame Time, or `--fps` where that is zero.
+/// Frames a second: the file's Frame Time, or `--fps` where that is none of a motion.
 fn rate(args: &Args, bvh: &Bvh, name: &str) -> Result<f64> {
     match (bvh.rate(), args.fps) {
         (Some(rate), Some(fps)) if (fps - rate).abs() > 1e-4 * rate => Err(Error::usage(format!(
             "--fps {fps} contradicts the file's Frame Time ({rate} frames per second); leave --fps out"
         ))),
-        (Some(rate), _) | (None, Some(rate)) => Ok(rate),
-        // A single frame has no rate to be wrong about.
-        (None, None) if bvh.motion.nrows() <= 1 => Ok(1.0),
-        (None, None) => {
-            let what = format!("Frame Time is {}; give the rate with --fps", bvh.frame_time);
-            Err(Error::data(Place::file(name), what))
-        }
+        (_, fps) => (bvh.rate_or(fps)).map_err(|what| Error::data(Place::file(name), what)),
     }
 }

@@ -66,6 +66,10 @@ struct Args {
         help_heading = "Input"
     )]
     map: Option<String>,
+    /// Take rotations of BVH files that stand still for over 0.2 s beside moving ones for missing ones: the last value was held. audit
+    /// finds them
+    #[arg(long, help_heading = "Input")]
+    held_is_missing: bool,
     /// Go on with a body that is smaller or larger than people are
     #[arg(long, help_heading = "Input")]
     force: bool,
@@ -78,9 +82,9 @@ struct Args {
     /// Noise of a coordinate over which a take is denoised, in cm or with a unit (1mm)
     #[arg(long, value_name = "CM", default_value = "0.1", value_parser = parse_length, help_heading = "Method")]
     noise_limit: f64,
-    /// Whether outliers are detected and replaced
-    #[arg(long, value_enum, default_value = "auto", help_heading = "Method")]
-    outliers: Outliers,
+    /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is bad, none]
+    #[arg(long, value_enum, help_heading = "Method")]
+    outliers: Option<Outliers>,
     /// Longest gap to fill, in seconds (default: no limit)
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
     max_gap: Option<f64>,
@@ -127,6 +131,10 @@ fn settings(args: &Args) -> Result<CleanSettings> {
     let known = model
         .as_ref()
         .map_or_else(joints::cmu_names, |(model, ..)| model.meta.points.clone());
+    let outliers = match args.redo.is_empty() {
+        true => args.outliers != Some(Outliers::None),
+        false => args.outliers == Some(Outliers::Auto),
+    };
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {
         read: args.read.flags()?,
@@ -134,11 +142,12 @@ fn settings(args: &Args) -> Result<CleanSettings> {
         map: map.transpose()?,
         method: Clean {
             noise_limit: args.noise_limit,
-            outliers: args.outliers == Outliers::Auto,
+            outliers,
             max_gap: args.max_gap,
             max_sd: args.max_sd,
             fps: None,
         },
+        held_is_missing: args.held_is_missing,
         limits: args.limits.limits(),
         force: args.force,
         again: args.again,

@@ -9,13 +9,13 @@ use posing::cli::edit_figure::Figure;
 use posing::cli::edit_page;
 use posing::cli::edit_server::{Page, browser, serve};
 use posing::cli::input::{check_single_stdin, open, open_model, read_table};
+use posing::cli::name_maps::name_map;
 use posing::cli::streams::write_bytes;
-use posing::cli::{messages, run, toml_file};
+use posing::cli::{messages, run};
 use posing::edit::OpenedModel;
 use posing::io::{Model, SkeletonFile, Table};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -32,7 +32,8 @@ use std::process::ExitCode;
 /// page's own help lists keys and fingers.
 ///
 /// Without --skeleton the figure has the bones of POSES, or of the model. Joints are matched with the model's points by name, or
-/// by --map, a TOML file of lines such as lhumerus = "LeftForeArm": the point of the model, then the joint.
+/// by --map: a shipped map of names (posing complete --help lists them), or a TOML file of lines such as lhumerus = "LeftForeArm": the
+/// point of the model, then the joint. Without it, the shipped map that fits is taken where the model knows none of the names.
 #[derive(Parser)]
 #[command(
     name = "edit",
@@ -50,8 +51,8 @@ struct Args {
     #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
     /// Which joints of the skeleton are the model's
-    #[arg(long, value_name = "FILE.toml", requires = "skeleton")]
-    map: Option<PathBuf>,
+    #[arg(long, value_name = "NAME|FILE.toml", requires = "skeleton")]
+    map: Option<String>,
     /// Keep the session in FILE, and go on with it if it exists
     #[arg(long, value_name = "FILE.json")]
     session: Option<PathBuf>,
@@ -73,7 +74,7 @@ fn main() -> ExitCode {
 
 fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
-    let files = [&args.poses, &args.model, &args.skeleton, &args.map];
+    let files = [&args.poses, &args.model, &args.skeleton];
     check_single_stdin(files.into_iter().flatten())?;
     let model = match &args.model {
         Some(path) => OpenedModel::open(&open_model(path)?, &path.display().to_string())?,
@@ -126,9 +127,12 @@ fn figure(args: &Args, model: &OpenedModel, table: Option<&Table>) -> Result<Fig
         (Some(path), _) => {
             let (file, notes) = SkeletonFile::read(open(path)?, unit, turn)?;
             notes.iter().for_each(|note| messages::info(note));
-            let map = args.map.as_deref().map(toml_file::read).transpose()?;
-            let map = map.map_or_else(BTreeMap::new, |(map, _)| map);
-            Figure::of_file(&path.display().to_string(), file, map)
+            let map = args
+                .map
+                .as_deref()
+                .map(|name| name_map(name, model.points()));
+            let name = path.display().to_string();
+            Figure::of_file(&name, file, map.transpose()?.as_ref(), model.points())?
         }
         (None, Some(table)) => Figure::measured(&table.name, &table.poses)?,
         (None, None) => Figure::measured("the model's own figure", &model.typical_poses())?,

@@ -31,10 +31,10 @@ use std::process::ExitCode;
 struct Args {
     #[command(flatten)]
     input: InputArgs,
-    /// Which points the sixteen joints are: CMU, or a TOML file
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
     #[arg(
         long,
-        value_name = "CMU|FILE.toml",
+        value_name = "CMU|NAME|FILE.toml",
         default_value = "CMU",
         help_heading = "Input"
     )]

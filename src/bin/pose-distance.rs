@@ -48,10 +48,10 @@ struct Args {
     /// Each frame of A with each of B
     #[arg(long, conflicts_with = "pairs")]
     all: bool,
-    /// For a baseline: which points the sixteen joints are: CMU, or a TOML file
+    /// For a baseline: which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
     #[arg(
         long,
-        value_name = "CMU|FILE.toml",
+        value_name = "CMU|NAME|FILE.toml",
         default_value = "CMU",
         help_heading = "Input"
     )]

@@ -34,10 +34,10 @@ struct Args {
     /// Labelled pairs of frames of the input
     #[arg(long, value_name = "PAIRS.csv")]
     pairs: PathBuf,
-    /// Which points the sixteen joints are: CMU, or a TOML file
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
     #[arg(
         long,
-        value_name = "CMU|FILE.toml",
+        value_name = "CMU|NAME|FILE.toml",
         default_value = "CMU",
         help_heading = "Input"
     )]

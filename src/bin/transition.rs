@@ -35,10 +35,10 @@ struct Args {
     /// Metric, by rdsr-train (default: coordinates and velocities)
     #[arg(short, long, value_name = "METRIC.npz")]
     model: Option<PathBuf>,
-    /// Which points the sixteen joints are: CMU, or a TOML file; a metric has its own
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file; a metric has its own
     #[arg(
         long,
-        value_name = "CMU|FILE.toml",
+        value_name = "CMU|NAME|FILE.toml",
         conflicts_with = "model",
         help_heading = "Input"
     )]

@@ -7,9 +7,9 @@ use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::one_take::{first_frame_number, one_take};
-use posing::cli::run;
 use posing::cli::streams::write_bytes;
 use posing::cli::units::Units;
+use posing::cli::{Outcome, run};
 use posing::io::{Amc, Asf};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
@@ -21,7 +21,9 @@ use std::process::ExitCode;
 ///
 /// Scales each pose to the skeleton's bone lengths and solves for the skeleton's degrees of freedom by inverse
 /// kinematics. A point is the end of the bone of the same name. Bones without a point stay at zero. Standard error
-/// reports the mean and largest distance between points and joints.
+/// reports the mean and largest distance between points and joints. Exit code 3: the mean over the points that drive the skeleton
+/// (not eyes, ears, heels and fingers) is over 5% of the leg or over 2 cm, or most of its bones have no points; over 25% or 10 cm is an
+/// error.
 #[derive(Parser)]
 #[command(
     name = "xyz2amc",
@@ -38,7 +40,7 @@ struct Args {
     /// Write to FILE instead of standard output; FILE appears only when it is complete
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Go on with a body that is smaller or larger than people are
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
     #[arg(long)]
     force: bool,
     /// Take to write, if the table has several
@@ -64,7 +66,7 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<()> {
+fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain([&args.asf]))?;
@@ -88,7 +90,8 @@ fn work(args: &Args) -> Result<()> {
     report_time_jumps(&poses, &table.name, "an AMC file");
     let no_joint = format!("no point has the name of a bone in {}", args.asf.display());
     let skeleton = SkeletonFit::new(&asf.skeleton).limits(args.limits);
-    let fitted = fit(&skeleton, &poses, &table.name, &no_joint)?;
+    let (fitted, outcome) = fit(&skeleton, &poses, &table.name, &no_joint, args.force)?;
     let take = Amc::from_values(&asf, first_frame_number(&poses, rate), fitted.values());
-    write_bytes(args.output.as_deref(), &take.to_bytes(), false)
+    write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
+    Ok(outcome)
 }

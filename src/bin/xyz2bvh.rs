@@ -6,7 +6,7 @@ use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
-use posing::cli::{messages, run};
+use posing::cli::{Outcome, messages, run};
 use posing::io::bvh::LARGEST_FILE;
 use posing::io::{Bvh, Input, SkeletonFile};
 use posing::pose::BonePoints;
@@ -25,7 +25,11 @@ use std::process::ExitCode;
 /// Scales each pose to the skeleton's bone lengths and solves for the joint angles by inverse kinematics. A point is the
 /// end of the bone of the same name, or its start where names and lengths say so, as in the tables of bvh2xyz. In the BVH file, joint NAME is the start of bone NAME and rotates it; the last bone
 /// of a chain ends in an End Site. Bones without a point keep their rest pose. Standard error reports the mean and
-/// largest distance between points and joints.
+/// largest distance between points and joints. Exit code 3: the mean over the points that drive the skeleton (not eyes, ears, heels and
+/// fingers) is over 5% of the leg or over 2 cm, or most of its joints have no points; over 25% or 10 cm is an error.
+///
+/// Position channels of a BVH skeleton take the place of its OFFSETs, also below the root: where they hold one value in that file, that is
+/// the bone; where they vary, they are solved for.
 #[derive(Parser)]
 #[command(
     name = "xyz2bvh",
@@ -53,7 +57,7 @@ struct Args {
     /// Respect the skeleton's joint limits, which captured motion often exceeds
     #[arg(long)]
     limits: bool,
-    /// Go on with a body that is smaller or larger than people are
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
     #[arg(long)]
     force: bool,
     /// Take to write, if the table has several
@@ -79,12 +83,12 @@ fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
     parse_order(text).ok_or_else(|| "expected the three axes in some order, such as ZYX".into())
 }
 
-fn work(args: &Args) -> Result<()> {
+fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain(&args.skeleton).chain(&args.into))?;
     if let Some(original) = &args.into {
-        return fill(args, original);
+        return fill(args, original).map(Outcome::from);
     }
     // First: an error in the skeleton should not wait for a long table to be read.
     let given = args
@@ -127,11 +131,13 @@ fn work(args: &Args) -> Result<()> {
         }
     };
     let no_joint = "no point has the name of a joint of the skeleton";
-    let fitted = fit(&skeleton.limits(args.limits), &poses, &table.name, no_joint)?;
+    let skeleton = skeleton.limits(args.limits);
+    let (fitted, outcome) = fit(&skeleton, &poses, &table.name, no_joint, args.force)?;
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
     let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
     let text = bvh.to_bytes(args.units.centimetres());
-    write_bytes(args.output.as_deref(), &text, false)
+    write_bytes(args.output.as_deref(), &text, false)?;
+    Ok(outcome)
 }
 
 /// The original with its missing values.

@@ -2,38 +2,41 @@
 
 use clap::Parser;
 use posing::Result;
+use posing::cli::args::BvhSkeletonArgs;
 use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
 use posing::cli::ik::fit;
 use posing::cli::input::open;
 use posing::cli::new_take::NewTake;
 use posing::cli::one_take_args::OneTakeArgs;
-use posing::cli::run;
 use posing::cli::units::TableUnits;
-use posing::io::{Asf, SkinnedMesh};
+use posing::cli::{Outcome, messages, run};
+use posing::io::{SkeletonFile, SkinnedMesh};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
 use posing::restore::ik::{SkeletonFit, estimate_skeleton};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// Convert a pose table to binary glTF: a skeleton that viewers play
 ///
-/// Fits a skeleton as xyz2bvh does, and writes it with its motion and a simple mesh, an octahedron a bone, so that viewers
+/// Fits a skeleton as xyz2bvh does, with the same exit codes, and writes it with its motion and a simple mesh, an octahedron a bone, so that viewers
 /// and browsers show it. Lengths are metres, y points up. For a body with skin, see body-synth; for FBX, see
 /// posing-formats(7).
 #[derive(Parser)]
 #[command(
     name = "xyz2glb",
     version,
-    after_help = "Examples:\n  posing xyz2glb -o walk.glb walk.csv\n  posing complete walk.csv | posing xyz2glb --skeleton 07.asf -o walk.glb"
+    after_help = "Examples:\n  posing xyz2glb -o walk.glb walk.csv\n  posing complete walk.csv | posing xyz2glb --skeleton 07.asf -o walk.glb\n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb"
 )]
 struct Args {
-    /// Skeleton to fit, ASF [default: measured from the table, which needs the CMU joint names]
-    #[arg(long, value_name = "SUBJECT.asf")]
+    /// Skeleton to fit, ASF or BVH [default: measured from the table, which needs the CMU joint names]
+    #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
     skeleton: Option<PathBuf>,
-    /// Go on with a body that is smaller or larger than people are
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    units: BvhSkeletonArgs,
     #[command(flatten)]
     take: OneTakeArgs,
 }
@@ -42,10 +45,10 @@ fn main() -> ExitCode {
     run(|args: Args| work(&args))
 }
 
-fn work(args: &Args) -> Result<()> {
+fn work(args: &Args) -> Result<Outcome> {
     let one = args.take.read(args.skeleton.as_ref())?;
-    let asf = args.skeleton.as_ref();
-    let asf = asf.map(|path| Asf::read(open(path)?, None)).transpose()?;
+    let given = args.skeleton.as_deref().map(|p| skeleton_file(args, p));
+    let given = given.transpose()?;
     let table = one.table.clone();
     let NewTake {
         mut poses, rate, ..
@@ -55,23 +58,36 @@ fn work(args: &Args) -> Result<()> {
         let names = points.bone_ends(&poses.points);
         check_body_size(&poses, &names, &table, IN_CENTIMETRES)?;
     }
-    if points == BonePoints::Starts {
+    if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
         poses.points = bone_ends_of_starts(&poses.points);
     }
-    let skeleton = match asf {
-        Some(asf) => asf.skeleton,
-        None => estimate_skeleton(&poses)?,
+    let estimated;
+    let skeleton = match &given {
+        Some(SkeletonFile::Bvh(template)) => SkeletonFit::with_template(template),
+        Some(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
+        None => {
+            estimated = estimate_skeleton(&poses)?;
+            SkeletonFit::new(&estimated)
+        }
     };
-    let fitted = fit(
-        &SkeletonFit::new(&skeleton),
-        &poses,
-        &table,
-        "no point has the name of a bone of the skeleton",
-    )?;
+    let no_joint = "no point has the name of a bone of the skeleton";
+    let (fitted, outcome) = fit(&skeleton, &poses, &table, no_joint, args.force)?;
     let times: Vec<f64> = (0..poses.frames()).map(|t| t as f64 / rate).collect();
-    let names: Vec<String> = skeleton.bones().iter().map(|b| b.name.clone()).collect();
     let name = poses.take.as_ref().and_then(|take| take.first());
     let name = name.map_or("take", |take| take);
-    let mesh = SkinnedMesh::of_skeleton(name, &skeleton, &names, fitted.values(), &times);
-    args.take.write(&mesh.to_glb()?, true)
+    let mesh = match &given {
+        Some(SkeletonFile::Bvh(template)) => {
+            SkinnedMesh::of_template(name, template, fitted.values(), &times)
+        }
+        _ => SkinnedMesh::of_skeleton(name, skeleton.skeleton(), fitted.values(), &times),
+    };
+    args.take.write(&mesh.to_glb()?, true)?;
+    Ok(outcome)
+}
+
+fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
+    let units = &args.units;
+    let (file, notes) = SkeletonFile::read(open(path)?, units.centimetres(), units.rotation())?;
+    notes.iter().for_each(|note| messages::info(note));
+    Ok(file)
 }

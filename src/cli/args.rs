@@ -221,6 +221,29 @@ impl BvhUnitArgs {
     }
 }
 
+/// Unit and axis of a BVH skeleton, which BVH files do not say.
+#[derive(Debug, Clone, Args)]
+pub struct BvhSkeletonArgs {
+    /// Unit of length of a BVH skeleton
+    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
+    units: Units,
+    /// Axis that points up in a BVH skeleton
+    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    up: Up,
+}
+
+impl BvhSkeletonArgs {
+    /// The unit in centimetres.
+    pub fn centimetres(&self) -> f64 {
+        self.units.centimetres()
+    }
+
+    /// The rotation that carries the file's axes to y up.
+    pub fn rotation(&self) -> DMat3 {
+        self.up.rotation()
+    }
+}
+
 /// The output table of a command.
 #[derive(Debug, Clone, Args)]
 pub struct OutputArgs {

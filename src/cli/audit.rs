@@ -2,9 +2,10 @@
 
 use super::audit_takes::AuditTakes;
 use super::input::open;
+use super::messages;
 use super::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags};
 use super::motion_folder::{EXTENSIONS, MotionFolder};
-use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit, audit, flips};
+use crate::audit::{Finding, FindingKind, GapSummary, Limits, TakeAudit, audit, rotation_findings};
 use crate::{Error, Place, Result};
 use clap::Args;
 use serde::Serialize;
@@ -106,7 +107,8 @@ pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     let mut takes = audit(&file.table.poses, file.rate(), limits);
     // Only files of one take have angles.
     if let Some(take) = takes.first_mut() {
-        take.findings.extend(flips(&file.joint_angles()));
+        let found = rotation_findings(&file.joint_angles(), file.rate());
+        take.findings.extend(found);
     }
     takes
 }
@@ -142,42 +144,55 @@ pub fn audit_inputs(paths: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<FileAudit>)>
     Ok((files, unreadable))
 }
 
-/// The audit of a file, the `number`th; one that cannot be read stops no other. Where something was found, or is missing, its page is
-/// written among `pages`.
-///
-/// # Errors
-/// [`Error::Usage`], for all files alike; [`Error::Io`]: a page cannot be written.
-pub fn audit_file(
-    path: &Path,
-    flags: &ReadFlags,
-    limits: &Limits,
-    number: usize,
-    pages: Option<&AuditTakes>,
-) -> Result<FileAudit> {
-    let read = || {
-        let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
-        let file = MotionFile::read(path, bytes, flags)?;
-        check_rate(path, &file, flags)?;
-        Ok(file)
-    };
-    let mut out = FileAudit {
-        file: match path == Path::new("-") {
-            true => "standard input".to_string(),
-            false => path.display().to_string(),
-        },
-        ..FileAudit::default()
-    };
-    match read() {
-        Ok(file) => {
-            out.takes = audit_motion(&file, limits);
-            if let Some(pages) = pages.filter(|_| out.has_something()) {
-                out.page = pages.write(number, &out.file, &file)?;
+/// How files are audited.
+pub struct FileAuditor {
+    /// What is taken for files that do not say it.
+    pub flags: ReadFlags,
+    /// What is still as it should be.
+    pub limits: Limits,
+    /// Where pages of takes go, if they are wanted.
+    pub pages: Option<AuditTakes>,
+    /// Whether files that say another rate than the flag are taken at theirs: the flag is for those of a folder that do not say one.
+    pub own_rates: bool,
+}
+
+impl FileAuditor {
+    /// The audit of a file, the `number`th; one that cannot be read stops no other. Where something was found, or is missing, its page
+    /// is written.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], for all files alike; [`Error::Io`]: a page cannot be written.
+    pub fn audit(&self, path: &Path, number: usize) -> Result<FileAudit> {
+        let mut out = FileAudit {
+            file: match path == Path::new("-") {
+                true => "standard input".to_string(),
+                false => path.display().to_string(),
+            },
+            ..FileAudit::default()
+        };
+        match self.read(path) {
+            Ok(file) => {
+                out.takes = audit_motion(&file, &self.limits);
+                if let Some(pages) = self.pages.as_ref().filter(|_| out.has_something()) {
+                    out.page = pages.write(number, &out.file, &file)?;
+                }
             }
+            Err(wrong @ Error::Usage(_)) => return Err(wrong),
+            Err(e) => out.error = Some(e.to_string()),
         }
-        Err(wrong @ Error::Usage(_)) => return Err(wrong),
-        Err(e) => out.error = Some(e.to_string()),
+        Ok(out)
     }
-    Ok(out)
+
+    fn read(&self, path: &Path) -> Result<MotionFile> {
+        let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
+        let file = MotionFile::read(path, bytes, &self.flags)?;
+        if !self.own_rates {
+            check_rate(path, &file, &self.flags)?;
+        }
+        let said = |note: &String| messages::info(&format!("{}: {note}", file.table.name));
+        file.notes.iter().for_each(said);
+        Ok(file)
+    }
 }
 
 /// The audit of one file.

@@ -7,7 +7,7 @@ use crate::io::csv::{AddedColumn, After, CsvFormat};
 use crate::io::text::push_f64;
 use crate::io::{Amc, Asf, Bvh, Columns, Row, SkeletonFile};
 use crate::pose::rotation::Axis;
-use crate::pose::{Poses, Skeleton, Status};
+use crate::pose::{NameMap, Poses, Skeleton, Status};
 use crate::restore::ik::estimate_skeleton;
 use crate::{Error, Result};
 use glam::DMat3;
@@ -46,18 +46,41 @@ impl Figure {
         })
     }
 
-    /// The figure of a skeleton file; `map` names the joint that is each point of the model.
-    pub fn of_file(name: &str, file: SkeletonFile, map: BTreeMap<String, String>) -> Figure {
-        Figure {
+    /// The figure of a skeleton file; `map` names the joint that is each of the `model_points`: by default the shipped map that fits,
+    /// where the model knows no joint by its own name. No bone of it stretches.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: a map of the user's own names a joint that the skeleton does not have. Those of [`BvhTemplate::rigid`].
+    pub fn of_file(
+        name: &str,
+        file: SkeletonFile,
+        map: Option<&NameMap>,
+        model_points: &[String],
+    ) -> Result<Figure> {
+        let names: Vec<String> = match &file {
+            SkeletonFile::Asf(asf) => asf
+                .skeleton
+                .bones()
+                .iter()
+                .map(|b| b.name.clone())
+                .collect(),
+            SkeletonFile::Bvh(template) => {
+                let points = template.skeleton.points(BvhPoints::Origins).iter();
+                points.map(|(name, _)| name.clone()).collect()
+            }
+        };
+        let own = names.iter().any(|n| model_points.contains(n));
+        let map = map.or_else(|| NameMap::fitting(&names).filter(|_| !own));
+        Ok(Figure {
             name: name.to_string(),
+            map: map.map_or_else(|| Ok(BTreeMap::new()), |map| joints_of(map, &names))?,
             kind: match file {
                 SkeletonFile::Asf(asf) => FigureKind::Asf(asf),
-                SkeletonFile::Bvh(template) => FigureKind::Bvh(template),
+                SkeletonFile::Bvh(template) => FigureKind::Bvh(Box::new(template.rigid()?)),
             },
-            map,
             unit: 1.0,
             turn: DMat3::IDENTITY,
-        }
+        })
     }
 
     /// Writes BVH files with this unit (cm) and turn from our axes to theirs; those of a BVH skeleton are its own.
@@ -143,6 +166,22 @@ impl Figure {
             }
         }
     }
+}
+
+/// By point of the model, the joint that it is among `names`. What a shipped map does not find there is left out; what a map of the
+/// user's own does not is an error.
+fn joints_of(map: &NameMap, names: &[String]) -> Result<BTreeMap<String, String>> {
+    let columns = map.columns(names);
+    let missing = map
+        .joints
+        .iter()
+        .find(|j| !columns.contains_key(j.0.as_str()));
+    if let Some((_, joint)) = missing.filter(|_| NameMap::find(&map.name).is_none()) {
+        let what = format!("the map names a joint \"{joint}\" that the skeleton does not have");
+        return Err(Error::usage(what));
+    }
+    let joint = |(point, k): (&str, usize)| (point.to_string(), names[k].clone());
+    Ok(columns.into_iter().map(joint).collect())
 }
 
 /// A table with the status and the standard deviation of each joint: observed where a pin holds it, else inferred.

@@ -36,6 +36,8 @@ impl SessionPath {
                 .map_err(|e| Error::io(path, e))?;
             match lock.try_lock() {
                 Ok(()) => {}
+                // Some network drives know no locks.
+                Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => {}
                 Err(TryLockError::WouldBlock) => {
                     return Err(wrong(
                         "is open in another posing edit; end that, or name another --session",

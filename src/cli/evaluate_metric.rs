@@ -38,10 +38,10 @@ pub struct EvaluateMetricArgs {
     /// Compare published distances only: no table of learners, ranks and numbers of poses
     #[arg(long)]
     short: bool,
-    /// Which points the sixteen joints are: CMU, or a TOML file
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
     #[arg(
         long,
-        value_name = "CMU|FILE.toml",
+        value_name = "CMU|NAME|FILE.toml",
         default_value = "CMU",
         help_heading = "Input"
     )]

@@ -1,6 +1,7 @@
 //! Tables of named numbers a frame, such as pose descriptors: CSV with the takes and times of the poses, or NPY.
 
 use super::messages;
+use super::name_maps::map_file;
 use super::streams::open_output;
 use super::toml_file;
 use crate::io::csv::push_cell;
@@ -9,7 +10,7 @@ use crate::io::text::{push_f32, push_f64};
 use crate::metric::JointMap;
 use crate::metric::body_frame::BodyFramePoses;
 use crate::numeric::parallel;
-use crate::pose::Poses;
+use crate::pose::{NameMap, Poses};
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 use std::path::Path;
@@ -19,7 +20,7 @@ const LINES: usize = 64;
 /// Frames that are written together.
 const BATCH: usize = 4096;
 
-/// The joint map that `--map` names: `CMU`, or a TOML file.
+/// The joint map that `--map` names: `CMU`, a shipped map of names, or a TOML file.
 ///
 /// # Errors
 /// [`Error::Data`] if the file cannot be read, or a joint is missing or unknown.
@@ -27,7 +28,10 @@ pub fn joint_map(name: &str) -> Result<JointMap> {
     if name == "CMU" {
         return Ok(JointMap::cmu());
     }
-    let (points, source) = toml_file::read(Path::new(name))?;
+    if let Some(map) = NameMap::find(name) {
+        return Ok(JointMap::of_names(map));
+    }
+    let (points, source) = toml_file::read(map_file(name)?)?;
     JointMap::new(points).map_err(|what| Error::data(Place::file(source), what))
 }
 

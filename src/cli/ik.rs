@@ -1,11 +1,12 @@
-//! What `xyz2bvh` and `xyz2amc` share: fitting a skeleton with a progress bar, and the messages about the fit.
+//! What the commands share that fit a skeleton: a progress bar, the messages about the fit, and its verdict.
 
+use super::Outcome;
 use super::messages;
 use super::progress::Progress;
 use crate::pose::Poses;
 use crate::restore::ik::correspondence::Correspondence;
 use crate::restore::ik::sequence::SequenceFit;
-use crate::restore::ik::{FittedTake, SkeletonFit};
+use crate::restore::ik::{FitQuality, FitVerdict, FittedTake, SkeletonFit};
 use crate::{Error, Place, Result};
 
 /// The number of names that a message lists.
@@ -26,13 +27,18 @@ pub fn report_time_jumps(poses: &Poses, name: &str, format: &str) {
     }
 }
 
-/// Fits `skeleton` to the take of a table named `table`; `no_joint` is the error if no point is a joint.
+/// Fits `skeleton` to the take of a table named `table`; `no_joint` is the error if no point is a joint. A poor fit is a finding. One
+/// that is none fails, unless it is taken all the same with `force`.
+///
+/// # Errors
+/// [`Error::Data`]: no point is a joint, or the skeleton does not fit: see [`FitQuality`].
 pub fn fit<'a>(
     skeleton: &SkeletonFit<'a>,
     poses: &Poses,
     table: &str,
     no_joint: &str,
-) -> Result<FittedTake<'a>> {
+    force: bool,
+) -> Result<(FittedTake<'a>, Outcome)> {
     let matched = skeleton.correspondence(poses);
     if matched.joints.is_empty() {
         return Err(Error::data(Place::file(table), no_joint));
@@ -45,7 +51,43 @@ pub fn fit<'a>(
     drop(bar);
     let lines = fit_messages(&fitted.sequence, &fitted.points);
     lines.iter().for_each(|line| messages::info(line));
-    Ok(fitted)
+    let verdict = match fitted.quality(poses) {
+        Some(quality) => judged(&quality, table, force)?,
+        None => Outcome::Done,
+    };
+    Ok((fitted, verdict))
+}
+
+/// The outcome of a fit, with a line where it is not good.
+fn judged(quality: &FitQuality, table: &str, force: bool) -> Result<Outcome> {
+    let [poor, failed] = quality.limits();
+    let mean = length(quality.mean);
+    let far = |limit: f64| {
+        format!(
+            "the skeleton's joints are {mean} cm from their points in the mean (limit {limit:.2} cm)"
+        )
+    };
+    match quality.verdict() {
+        FitVerdict::Good => Ok(Outcome::Done),
+        FitVerdict::Failed if !force => {
+            let what = format!(
+                "the skeleton does not fit: {}; give one of this body's size and names, or use --force to continue",
+                far(failed)
+            );
+            Err(Error::data(Place::file(table), what))
+        }
+        FitVerdict::Poor if quality.mean <= poor => {
+            let (all, driven) = quality.joints;
+            messages::info(&format!(
+                "only {driven} of the skeleton's {all} joints have points; the others keep their rest pose"
+            ));
+            Ok(Outcome::Findings)
+        }
+        FitVerdict::Poor | FitVerdict::Failed => {
+            messages::info(&format!("the skeleton fits badly: {}", far(poor)));
+            Ok(Outcome::Findings)
+        }
+    }
 }
 
 /// Names the points that are no joints of the skeleton.
@@ -126,6 +168,24 @@ mod tests {
         matched.unmatched = vec!["b".into()];
         let message = unmatched_message(&matched, "t").unwrap();
         assert!(message.contains("1 point is not in the skeleton") && message.ends_with("b"));
+    }
+
+    #[test]
+    fn a_bad_fit_is_a_finding_and_none_is_an_error() {
+        let of = |mean: f64, driven: usize| FitQuality {
+            mean,
+            leg: Some(86.0),
+            joints: (20, driven),
+        };
+        assert_eq!(judged(&of(0.5, 20), "t", false).unwrap(), Outcome::Done);
+        assert_eq!(judged(&of(0.5, 5), "t", false).unwrap(), Outcome::Findings);
+        assert_eq!(judged(&of(2.5, 20), "t", false).unwrap(), Outcome::Findings);
+        let failed = judged(&of(25.0, 20), "t", false).unwrap_err().to_string();
+        assert!(
+            failed.starts_with("t: ") && failed.contains("--force"),
+            "{failed}"
+        );
+        assert_eq!(judged(&of(25.0, 20), "t", true).unwrap(), Outcome::Findings);
     }
 
     #[test]

@@ -14,19 +14,36 @@ pub fn name_map(name: &str, known: &[String]) -> Result<NameMap> {
     if let Some(map) = NameMap::find(name) {
         return Ok(map.clone());
     }
-    let path = Path::new(name);
-    if !path.exists() && path.extension().is_none() {
-        let shipped: Vec<&str> = NameMap::shipped().iter().map(|m| m.name.as_str()).collect();
-        let what = format!(
-            "--map {name}: neither a file nor one of {}",
-            shipped.join(", ")
-        );
-        return Err(Error::usage(what));
-    }
-    let (joints, name): (BTreeMap<String, String>, String) = toml_file::read(path)?;
+    let (joints, name): (BTreeMap<String, String>, String) = toml_file::read(map_file(name)?)?;
     if let Some(unknown) = joints.keys().find(|point| !known.contains(point)) {
         let what = format!("names a point \"{unknown}\" that the model does not have");
         return Err(Error::data(Place::file(name), what));
     }
-    Ok(NameMap { name, joints })
+    Ok(NameMap {
+        name,
+        joints,
+        ..NameMap::default()
+    })
+}
+
+/// The file that a flag names which names no shipped map.
+///
+/// # Errors
+/// [`Error::Usage`]: there is none, and the name looks like that of a map.
+pub fn map_file(name: &str) -> Result<&Path> {
+    let path = Path::new(name);
+    if path.exists() || path.extension().is_some() {
+        return Ok(path);
+    }
+    let what = format!(
+        "--map {name}: neither a file nor one of {}",
+        shipped_names()
+    );
+    Err(Error::usage(what))
+}
+
+/// The names of the shipped maps, in one line.
+pub fn shipped_names() -> String {
+    let names = NameMap::shipped().iter().map(|map| map.name.as_str());
+    names.collect::<Vec<_>>().join(", ")
 }

@@ -177,10 +177,8 @@ impl PlotTable {
         let file = input.name.clone();
         let bvh = Bvh::read(input, flags.units.centimetres(), false)?;
         let skeleton = BvhSkeleton::new(&bvh.joints, flags.up.rotation(), true)?;
-        let rate = bvh.rate().or(flags.fps).ok_or_else(|| {
-            let what = format!("Frame Time is {}; give the rate with --fps", bvh.frame_time);
-            Error::data(Place::file(&file), what)
-        })?;
+        let bad = |what| Error::data(Place::file(&file), what);
+        let rate = bvh.rate_or(flags.fps).map_err(bad)?;
         let which = BvhPoints::Origins;
         Ok(PlotTable {
             bones: Some(bones_of(&skeleton, which)),

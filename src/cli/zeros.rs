@@ -7,7 +7,7 @@ use ndarray::{Array2, ArrayView2, s};
 #[derive(Debug, Clone, Copy, Default, Args)]
 pub struct ZeroArgs {
     /// Take positions of exactly 0 0 0 for missing ones, as some programs write them (not those of BVH and AMC files)
-    #[arg(long, help_heading = "Input")]
+    #[arg(long)]
     pub zeros_are_missing: bool,
 }
 

@@ -185,7 +185,7 @@ mod tests {
         assert!((between[2] - 0.0042 - 2.0 / 120.0).abs() < 1e-12);
         let missing = of(&["", "3.39", "x", "3.41", ""], 1, 100.0).times.unwrap();
         assert_eq!(missing, [3.38, 3.39, 3.4, 3.41, 3.42]);
-        let uneven = of(&["1.0", "", "1.5", "1.6"], 1, 10.0).times.unwrap();
+        let uneven = of(&["1.00", "", "1.50", "1.60"], 1, 10.0).times.unwrap();
         assert_eq!(uneven, [1.0, 1.25, 1.5, 1.6]);
         assert_eq!(of(&["", ""], 1, 100.0), FrameTimes::default());
     }

@@ -35,7 +35,7 @@ impl PointTitles {
     /// Reads the titles that the first rows of a table, `lines`, begin with; `None` where they are no titles of points.
     pub fn read(lines: &[&str]) -> Option<PointTitles> {
         let separator = separator_of(lines.first()?)?;
-        let byte = separator.of_row(b"")?;
+        let byte = separator.byte()?;
         let of_line = |line: &&str| texts_of(line, byte).iter().map(|c| c.to_string()).collect();
         let rows: Vec<Vec<String>> = lines.iter().take(MOST_ROWS).map(of_line).collect();
         let mut titles = match Group::of_one_row(&rows[0]) {
@@ -148,7 +148,7 @@ fn is_other_quantity(name: &str) -> bool {
 /// How the first row is parted: by what stands in it most often.
 fn separator_of(line: &str) -> Option<Separator> {
     let count = |separator: &Separator| {
-        let byte = separator.of_row(b"");
+        let byte = separator.byte();
         line.bytes().filter(|b| Some(*b) == byte).count()
     };
     let all = [Separator::Semicolon, Separator::Tab, Separator::Comma];

@@ -6,23 +6,20 @@ use std::io::{BufRead, Read};
 /// The longest line a text format may have. (A BVH with all its frames on one line is read elsewhere.)
 pub const MAX_LINE_BYTES: usize = 1 << 20;
 
-/// The byte that ends the lines of a text which begins so: a line feed, but in files whose lines end in CR alone.
-pub fn line_end(start: &[u8]) -> u8 {
-    let is_alone = |pair: &[u8]| pair[0] == b'\r' && pair[1] != b'\n';
-    match !start.contains(&b'\n') && start.windows(2).any(is_alone) {
+/// The byte ^Z, with which programs of DOS end a text.
+const DOS_END: u8 = 0x1a;
+
+/// The byte that ends the lines of a text: a line feed, but CR where there is no other in the first [`MAX_LINE_BYTES`].
+pub fn line_end(text: &[u8]) -> u8 {
+    let start = &text[..text.len().min(MAX_LINE_BYTES + 1)];
+    match !start.contains(&b'\n') && start.contains(&b'\r') {
         true => b'\r',
         false => b'\n',
     }
 }
 
-/// The byte ^Z, with which programs of DOS end a text.
-const DOS_END: u8 = 0x1a;
-
-/// How much of a text tells the end of its lines.
-pub const TELLING: usize = 1 << 16;
-
-/// Lines of a text, numbered from 1, without their ending (LF, CRLF, CR alone or none) and without a byte-order mark. A line of ^Z alone,
-/// the mark of DOS, is the end.
+/// Lines of a text, numbered from 1, without their ending (LF, CRLF or none, CR alone where [asked for](Lines::any_end)) and without a
+/// byte-order mark. A line of ^Z alone, the mark of DOS, is the end.
 ///
 /// Bytes that are no UTF-8 are replaced: old files have Latin-1 names in their comments.
 pub struct Lines<R> {
@@ -33,8 +30,10 @@ pub struct Lines<R> {
     pub number: u64,
     /// Whether the line last read had a line break at its end, which the last line of a file may lack.
     pub whole: bool,
-    /// The byte that ends a line; `None` before the first.
+    /// The byte that ends a line; `None` before the first line of a text that may end its lines in CR alone.
     end: Option<u8>,
+    /// What of such a text was read ahead, and how much of it was passed on.
+    ahead: (Vec<u8>, usize),
     buffer: Vec<u8>,
     text: String,
 }
@@ -47,10 +46,17 @@ impl<R: BufRead> Lines<R> {
             name: name.into(),
             number: 0,
             whole: true,
-            end: None,
+            end: Some(b'\n'),
+            ahead: (Vec::new(), 0),
             buffer: Vec::new(),
             text: String::new(),
         }
+    }
+
+    /// The same lines, which may end in CR alone too. [`Lines::waiting`] is not for them.
+    pub fn any_end(mut self) -> Self {
+        self.end = None;
+        self
     }
 
     /// The next line, or `None` at the end.
@@ -61,19 +67,12 @@ impl<R: BufRead> Lines<R> {
         let end = match self.end {
             Some(end) => end,
             None => {
-                let start = self.waiting()?;
-                let end = line_end(&start[..start.len().min(TELLING)]);
-                *self.end.insert(end)
+                self.read_until(b'\n')?;
+                std::mem::swap(&mut self.ahead.0, &mut self.buffer);
+                *self.end.insert(line_end(&self.ahead.0))
             }
         };
-        self.buffer.clear();
-        let limit = MAX_LINE_BYTES as u64 + 1;
-        let read = self
-            .reader
-            .by_ref()
-            .take(limit)
-            .read_until(end, &mut self.buffer);
-        if read.map_err(|e| Error::io(&self.name, e))? == 0 {
+        if self.read_until(end)? == 0 {
             return Ok(None);
         }
         self.number += 1;
@@ -113,6 +112,25 @@ impl<R: BufRead> Lines<R> {
             Err(_) => self.text.push_str(&String::from_utf8_lossy(bytes)),
         }
         Ok(Some(&self.text))
+    }
+
+    /// Reads a line with its end, or the start of one that is too long, into the buffer; how many bytes.
+    fn read_until(&mut self, end: u8) -> Result<usize> {
+        self.buffer.clear();
+        let (ahead, at) = (&self.ahead.0, self.ahead.1);
+        let rest = &ahead[at..];
+        let line = rest.iter().position(|b| *b == end);
+        self.buffer
+            .extend_from_slice(&rest[..line.map_or(rest.len(), |i| i + 1)]);
+        self.ahead.1 += self.buffer.len();
+        if line.is_none() {
+            self.ahead = (Vec::new(), 0);
+            let limit = (MAX_LINE_BYTES + 1).saturating_sub(self.buffer.len());
+            let mut reader = self.reader.by_ref().take(limit as u64);
+            let read = reader.read_until(end, &mut self.buffer);
+            read.map_err(|e| Error::io(&self.name, e))?;
+        }
+        Ok(self.buffer.len())
     }
 
     /// The buffered bytes; waits only if there are none.
@@ -273,7 +291,9 @@ mod tests {
             (b"a\nb\x1a", &["a", "b"]),
             (b"a\nb\n\x1a\x1a\r\nc", &["a", "b"]),
         ] {
-            let mut lines = Lines::new("x", text);
+            // Of a slow pipe.
+            let slow = std::io::BufReader::with_capacity(2, text);
+            let mut lines = Lines::new("x", slow).any_end();
             let mut seen = Vec::new();
             while let Some(line) = lines.next_line().unwrap() {
                 seen.push(line.to_string());

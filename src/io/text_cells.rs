@@ -1,7 +1,7 @@
 //! Where the coordinates of a take stand in its file of text, so that they can be written again and all else stays as it is.
 
 use super::row_cells::cells_of;
-use super::text::{TELLING, line_end, push_f64};
+use super::text::{line_end, push_f64};
 use ndarray::ArrayView2;
 use std::borrow::Cow;
 
@@ -18,7 +18,7 @@ pub enum Separator {
     Comma,
     /// By semicolons.
     Semicolon,
-    /// By tabs; by tabs and blanks, of any number, in a row without a tab or with just as many words as a whole row has cells.
+    /// By tabs; by tabs and blanks, of any number, in a row without a tab, and in a row that is whole only so.
     TabOrBlanks {
         /// The cells of a whole row.
         whole: usize,
@@ -26,18 +26,30 @@ pub enum Separator {
 }
 
 impl Separator {
-    /// The byte that parts the cells of a row; `None`: tabs and blanks of any number.
-    pub fn of_row(self, row: &[u8]) -> Option<u8> {
+    /// The byte between cells, where it is one.
+    pub fn byte(self) -> Option<u8> {
         match self {
             Separator::Tab => Some(b'\t'),
             Separator::Comma => Some(b','),
             Separator::Semicolon => Some(b';'),
-            Separator::TabOrBlanks { whole } => {
-                let is_blank = |b: &u8| b.is_ascii_whitespace();
-                let words = || row.split(is_blank).filter(|word| !word.is_empty()).count();
-                (row.contains(&b'\t') && words() != whole).then_some(b'\t')
-            }
+            Separator::TabOrBlanks { .. } => None,
         }
+    }
+
+    /// The byte that parts the cells of a row; `None`: tabs and blanks of any number.
+    pub fn of_row(self, row: &[u8]) -> Option<u8> {
+        let Separator::TabOrBlanks { whole } = self else {
+            return self.byte();
+        };
+        let is_blank = |b: &u8| b.is_ascii_whitespace();
+        let words = || row.split(is_blank).filter(|word| !word.is_empty()).count();
+        let is_mixed = |cell: &[u8]| cell.trim_ascii().iter().any(is_blank);
+        let mut cells = row.split(|b| *b == b'\t');
+        // Two tabs beside the frame's number, or blanks within a cell: else an empty cell is a missing value.
+        let time = cells.clone().nth(1);
+        let is_odd = time.is_some_and(|time| time.trim_ascii().is_empty()) || cells.any(is_mixed);
+        let by_words = !row.contains(&b'\t') || is_odd && words() == whole;
+        (!by_words).then_some(b'\t')
     }
 }
 
@@ -72,7 +84,7 @@ impl TextCells {
         let mut out = Vec::with_capacity(original.len());
         let lines = self.lines.iter().enumerate();
         let mut frames = lines.filter_map(|(t, line)| Some(((*line)?, t))).peekable();
-        let end = line_end(&original[..original.len().min(TELLING)]);
+        let end = line_end(original);
         for (i, line) in original.split_inclusive(|b| *b == end).enumerate() {
             let frame = frames.next_if(|(number, _)| *number == i as u64 + 1);
             let changed: Vec<(usize, f64)> = match frame {
@@ -226,6 +238,8 @@ mod tests {
             decimal_comma: true,
         };
         let original = b"head\r7\t\t1,5\t 2\t\t3\t\rx";
+        let gap = Separator::TabOrBlanks { whole: 5 }.of_row(b"7\t0.1\t\t\t\t1\t2\t3");
+        assert_eq!(gap, Some(b'\t'));
         let new = [array![[1.5, -2.25, 3.0]], array![[1.5, 2.0, 3.0]]];
         let bytes = cells.with_points(original, new[1].view(), new[0].view());
         assert_eq!(bytes, b"head\r7\t\t1,5\t -2,25\t\t3\t\rx");

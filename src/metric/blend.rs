@@ -97,7 +97,9 @@ impl<'a> Blend<'a> {
 
     /// A joint of the blend, like [`Blend::point`]. Both clips have the same points.
     pub fn joint(&self, offset: isize, joint: usize) -> DVec3 {
-        self.point(offset, self.clips[0].joints[joint])
+        let points = self.clips[0].joints.of(joint).iter();
+        let sum: DVec3 = points.clone().map(|p| self.point(offset, *p)).sum();
+        sum / points.len() as f64
     }
 
     /// The whole clip: a up to the transition, the cross-fade, the rest of b, with all points. Times are those of a, and go on
@@ -201,7 +203,7 @@ mod tests {
     #[test]
     fn what_one_clip_lacks_is_missing_only_where_it_counts() {
         let (a, mut b) = (stroll(30, 30.0, 0.0), stroll(30, 30.0, 0.0));
-        let hand = 3 * b.joints[joint::LHAND];
+        let hand = 3 * b.joints.of(joint::LHAND)[0];
         for t in [5, 14, 25] {
             b.poses.xyz[[t, hand]] = f64::NAN;
         }

@@ -38,10 +38,7 @@ impl BodyFramePoses {
     pub fn new(take: &Poses, rate: Option<f64>, map: &JointMap) -> Result<BodyFramePoses, String> {
         let points = map.find(&take.points)?;
         let frames = take.frames();
-        let at = |t: usize, j: usize| {
-            let p = 3 * points[j];
-            DVec3::new(take.xyz[[t, p]], take.xyz[[t, p + 1]], take.xyz[[t, p + 2]])
-        };
+        let at = |t: usize, j: usize| points.at(&take.xyz, t, j);
         let height = height(frames, at).ok_or(
             "shows no body height: no frame has both ends of each bone from the head to a foot",
         )?;

@@ -1,6 +1,6 @@
 //! A take that can be blended with others: its poses in the world, and where its joints are seen without a break.
 
-use super::joint_map::JointMap;
+use super::joint_map::{JOINTS, JointColumns, JointMap};
 use crate::pose::Poses;
 use glam::DVec3;
 use std::ops::Range;
@@ -11,7 +11,7 @@ pub struct Clip {
     /// Its poses in the world, cm.
     pub poses: Poses,
     /// Which points the sixteen joints are.
-    pub joints: [usize; 16],
+    pub joints: JointColumns,
     /// Frames a second.
     pub rate: f64,
     /// Runs of consecutive frames.
@@ -45,7 +45,10 @@ impl Clip {
 
     /// A joint in a frame, like [`Clip::point`].
     pub fn joint(&self, frame: isize, joint: usize) -> DVec3 {
-        self.point(frame, self.joints[joint])
+        match usize::try_from(frame) {
+            Ok(t) if t < self.poses.frames() => self.joints.at(&self.poses.xyz, t, joint),
+            _ => DVec3::NAN,
+        }
     }
 
     /// Frames of a stretch of time, at least one.
@@ -55,8 +58,7 @@ impl Clip {
 
     /// For each frame, whether the clip goes on for `half` frames before and after it and shows all joints in them.
     pub fn can_fade(&self, half: usize) -> Vec<bool> {
-        let is_whole =
-            |t: usize| (0..self.joints.len()).all(|j| self.joint(t as isize, j).is_finite());
+        let is_whole = |t: usize| (0..JOINTS.len()).all(|j| self.joint(t as isize, j).is_finite());
         let mut can = vec![false; self.poses.frames()];
         for run in &self.runs {
             let mut whole = 0;
@@ -111,7 +113,7 @@ pub(super) mod tests {
         assert_eq!(clip.can_fade(4).iter().filter(|c| **c).count(), 30 - 8);
         assert!(clip.can_fade(15).iter().all(|c| !c));
         for t in [5, 14, 25] {
-            clip.poses.xyz[[t, 3 * clip.joints[joint::LHAND]]] = f64::NAN;
+            clip.poses.xyz[[t, 3 * clip.joints.of(joint::LHAND)[0]]] = f64::NAN;
         }
         let can = clip.can_fade(4);
         let able: Vec<usize> = (0..30).filter(|t| can[*t]).collect();

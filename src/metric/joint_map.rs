@@ -1,5 +1,8 @@
 //! The sixteen joints of the pose descriptor (Chen et al., Fig. 1), and which points of a table they are.
 
+use crate::pose::{NameFinder, NameMap};
+use glam::DVec3;
+use ndarray::Array2;
 use std::collections::BTreeMap;
 
 /// The joints, in the order in which arrays hold them.
@@ -103,16 +106,47 @@ impl JointMap {
         &self.0
     }
 
-    /// The index of each joint among `points`.
+    /// The map of a shipped map of names, whose hand is a point beyond the wrist if there is one.
+    pub fn of_names(map: &NameMap) -> JointMap {
+        let name = |point: &str| map.joints.get(point).cloned();
+        let either = |points: &[&str]| {
+            let names = points.iter().filter_map(|p| name(p));
+            names.collect::<Vec<_>>().join("|")
+        };
+        let hips = ["lhipjoint", "rhipjoint"].map(|p| name(p).unwrap_or_default());
+        JointMap(std::array::from_fn(|j| match JOINTS[j] {
+            "Hip" => [name("root"), Some(hips.join("+"))]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join("|"),
+            trunk @ ("Chest" | "Neck" | "Head") => {
+                map.trunk.get(trunk).cloned().unwrap_or_default()
+            }
+            "LHand" => either(&["lwrist", "lradius"]),
+            "RHand" => either(&["rwrist", "rradius"]),
+            _ => either(&[CMU[j]]),
+        }))
+    }
+
+    /// The points of each joint among `points`. A name may be several with `|` between them, of which the first that is there counts,
+    /// and with `+` between them the middle of points. All may have one prefix, as in `mixamorig:Hips`.
     ///
     /// # Errors
-    /// The joints whose points are not there, as a phrase.
-    pub fn find(&self, points: &[String]) -> std::result::Result<[usize; 16], String> {
+    /// The joints whose points are not there, or those of two people, as a phrase.
+    pub fn find(&self, points: &[String]) -> std::result::Result<JointColumns, String> {
+        let singles = self.0.iter().flat_map(|name| name.split(['|', '+']));
+        let finder = NameFinder::new(points, singles);
+        if finder.is_ambiguous() {
+            return Err("has the joints of two people; part them".to_string());
+        }
         let mut missing = Vec::new();
-        let mut found = [0; 16];
-        for ((joint, name), found) in JOINTS.iter().zip(&self.0).zip(&mut found) {
-            match points.iter().position(|p| p == name) {
-                Some(index) => *found = index,
+        let mut found = JointColumns::default();
+        for ((joint, name), found) in JOINTS.iter().zip(&self.0).zip(&mut found.0) {
+            let literal = points.iter().position(|p| p == name).map(|p| vec![p]);
+            let middle = |names: &str| names.split('+').map(|n| finder.find(n)).collect();
+            match literal.or_else(|| name.split('|').find_map(middle)) {
+                Some(columns) => *found = columns,
                 None => missing.push(format!("\"{name}\" ({joint})")),
             }
         }
@@ -123,6 +157,27 @@ impl JointMap {
                 missing.join(", ")
             )),
         }
+    }
+}
+
+/// The points whose middle each joint is, in the order of [`JOINTS`].
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct JointColumns([Vec<usize>; 16]);
+
+impl JointColumns {
+    /// Where a joint is in a frame of points `xyz` (frames, 3 J); NaN where it is missing.
+    pub fn at(&self, xyz: &Array2<f64>, frame: usize, joint: usize) -> DVec3 {
+        let columns = &self.0[joint];
+        let at = |&p: &usize| DVec3::from_array([0, 1, 2].map(|c| xyz[[frame, 3 * p + c]]));
+        match columns[..] {
+            [one] => at(&one),
+            _ => columns.iter().map(at).sum::<DVec3>() / columns.len() as f64,
+        }
+    }
+
+    /// The points of a joint.
+    pub fn of(&self, joint: usize) -> &[usize] {
+        &self.0[joint]
     }
 }
 
@@ -141,8 +196,8 @@ mod tests {
     fn the_cmu_map_finds_all_joints() {
         let names = joints::cmu_names();
         let found = JointMap::cmu().find(&names).unwrap();
-        assert_eq!(names[found[joint::HEAD]], "head");
-        assert_eq!(names[found[joint::LFOOT]], "ltibia");
+        assert_eq!(names[found.of(joint::HEAD)[0]], "head");
+        assert_eq!(names[found.of(joint::LFOOT)[0]], "ltibia");
         let said = JointMap::cmu().find(&names[1..]).unwrap_err();
         assert!(
             said.contains("\"root\" (Hip)") && said.contains("--map"),
@@ -155,12 +210,46 @@ mod tests {
         let whole: BTreeMap<String, String> = JOINTS.map(|j| (j.into(), format!("my{j}"))).into();
         let names: Vec<String> = JOINTS.map(|j| format!("my{j}")).into();
         let map = JointMap::new(whole.clone()).unwrap();
-        assert_eq!(map.find(&names).unwrap(), std::array::from_fn(|k| k));
+        let found = map.find(&names).unwrap();
+        assert!((0..16).all(|j| found.of(j) == [j]));
         let mut without = whole.clone();
         without.remove("Head");
         assert!(JointMap::new(without).unwrap_err().contains("Head"));
         let mut with = whole;
         with.insert("Tail".into(), "x".into());
         assert!(JointMap::new(with).unwrap_err().contains("\"Tail\""));
+    }
+
+    #[test]
+    fn every_shipped_map_of_names_finds_its_joints() {
+        for map in NameMap::shipped() {
+            let names = map.joints.values().chain(map.trunk.values());
+            // The first of several names, the whole of a middle.
+            let names = names.flat_map(|n| n.split('|').next().unwrap_or(n).split('+'));
+            let mut points: Vec<String> = names.map(|n| format!("rig:{n}")).collect();
+            points.sort();
+            points.dedup();
+            let found = JointMap::of_names(map).find(&points);
+            let found = found.unwrap_or_else(|e| panic!("{}: {e}", map.name));
+            assert!((0..16).all(|j| !found.of(j).is_empty()), "{}", map.name);
+            let two: Vec<String> = points.iter().map(|p| p.replace("rig:", "two:")).collect();
+            let two = [points, two].concat();
+            assert!(JointMap::of_names(map).find(&two).is_err(), "{}", map.name);
+        }
+    }
+
+    #[test]
+    fn a_joint_may_be_in_the_middle_of_points() {
+        let map: BTreeMap<String, String> = JOINTS.map(|j| (j.into(), format!("my{j}"))).into();
+        let mut middle = map.clone();
+        middle.insert("Hip".into(), "pelvis|myLHip+myRHip".into());
+        let names: Vec<String> = map.values().filter(|n| *n != "myHip").cloned().collect();
+        let found = JointMap::new(middle).unwrap().find(&names).unwrap();
+        let xyz = Array2::from_shape_fn((1, 45), |(_, c)| c as f64);
+        let (left, right) = (
+            found.at(&xyz, 0, joint::LHIP),
+            found.at(&xyz, 0, joint::RHIP),
+        );
+        assert_eq!(found.at(&xyz, 0, joint::HIP), (left + right) / 2.0);
     }
 }

@@ -19,7 +19,7 @@ pub mod trimming;
 pub use body::Body;
 pub use bone_points::BonePoints;
 pub use kinematics::Space;
-pub use name_map::{NameMap, PointNaming};
+pub use name_map::{NameFinder, NameMap, PointNaming};
 pub use observation::Observation;
 pub use placement::Anchor;
 pub use poses::{Poses, Status};

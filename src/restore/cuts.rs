@@ -88,7 +88,8 @@ impl<'a> Jumps<'a> {
         )
     }
 
-    /// How far the points that are seen in frames a < b are from where their velocity leads, before a or after b, cm: the lesser.
+    /// How far the points that are seen in frames a < b are from where they were, or from where their velocity leads, before a or after b,
+    /// cm: the least. (Beside a jump, and at the end of a run, a velocity is none.)
     fn deviations<'s>(
         &'s self,
         a: usize,
@@ -103,8 +104,8 @@ impl<'a> Jumps<'a> {
             let known = [before, after].into_iter().flatten();
             let off = (known.filter(|v| v.is_finite()))
                 .map(|v| (moved - v * (b - a) as f64).length())
-                .reduce(f64::min);
-            Some(off.unwrap_or(moved.length())).filter(|d| d.is_finite())
+                .fold(moved.length(), f64::min);
+            Some(off).filter(|d| d.is_finite())
         })
     }
 

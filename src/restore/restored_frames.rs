@@ -2,7 +2,7 @@
 
 use super::gap::FillMethod;
 use super::loaded_model::LoadedModel;
-use crate::pose::Status;
+use crate::pose::{NameMap, Status};
 use crate::prior::EXACT_VARIANCE;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, ArrayView2};
@@ -64,9 +64,10 @@ impl<'a> BoundModel<'a> {
             let listed =
                 |list: &[String]| list.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
             let what = format!(
-                "the table has none of the model's points ({}, …); it has {}; convert the names, train a model with prior-train, or use --self: the take's own frames alone",
+                "the table has none of the model's points ({}, …); it has {}; {}; or train a model with prior-train, or use --self: the take's own frames alone",
                 listed(known),
-                listed(points)
+                listed(points),
+                NameMap::advice(points)
             );
             return Err(Error::data(Place::file(source), what));
         }

@@ -484,12 +484,14 @@ fn joints_may_have_any_name() {
             moved(&page.state()["pose"][name], &before["pose"][name]) > 2.0,
             "{name}"
         );
-        page.click_joint(name);
+        page.choose("#joint", name);
+        page.push("#pin");
         assert_eq!(names(&page.state()["pins"]), [name]);
         page.push("#unpin");
         assert_eq!(names(&page.state()["pins"]).len(), 0);
     }
     page.push("#table-part summary");
+    page.drag("root", [10.0, 0.0]);
     page.press_key("k");
     page.drag("toString", [-30.0, -40.0]);
     page.press_key("k");

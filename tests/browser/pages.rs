@@ -7,12 +7,14 @@ use std::path::{Path, PathBuf};
 
 /// Tests of pages: the name, what makes the page in a folder, and the elements that are drawn on it.
 macro_rules! pages {
-    ($($name:ident: $make:expr, $drawn:expr;)*) => { $(
-        #[test]
-        fn $name() {
-            opens(stringify!($name), $make, &$drawn);
-        }
-    )* };
+    ($($name:ident: $make:ident, $drawn:expr;)*) => {
+        mod each { $(
+            #[test]
+            fn $name() {
+                super::opens(stringify!($name), super::$make, &$drawn);
+            }
+        )* }
+    };
 }
 
 pages! {
@@ -21,7 +23,7 @@ pages! {
     plot_as_svg: svg, ["svg"];
     plot_of_meshes: plot_meshes, ["canvas.view"];
     pairs_to_label: pairs, ["section:nth-child(1) canvas", "section:nth-child(2) canvas", "section:nth-child(3) canvas", "section:nth-child(4) canvas"];
-    audit: audit, ["table", "svg"];
+    audit: audit, ["svg.takes", "section ul"];
     clean: clean, ["table"];
     evaluated_models: models, ["table", "figure svg", ".player .view"];
     evaluated_takes: evaluated_takes, ["table"];
@@ -52,17 +54,31 @@ fn opens(name: &str, make: fn(&Folder) -> PathBuf, drawn: &[&str]) {
         let Some(page) = Page::open(&address, screen) else {
             return;
         };
-        page.shot(&format!("{name}-{kind}"));
         for selector in drawn {
-            let look = page.look(selector);
-            assert!(look.ink > 0.001 && look.colors > 1, "{selector}: {look:?}");
+            page.shows(selector);
         }
+        page.eval("scrollTo(0, 0)");
+        page.shot(&format!("{name}-{kind}"));
         let wider = "document.body && document.documentElement.scrollWidth > document.documentElement.clientWidth";
         assert!(
             !page.holds(wider),
             "{name} is wider than the window, {kind}"
         );
         page.sound();
+        linked(&page);
+    }
+}
+
+/// Opens the first few pages that a page links to.
+fn linked(page: &Page) {
+    let links = page.eval(
+        "[...new Set([...document.querySelectorAll('a[href]')].map(a => new URL(a.getAttribute('href'), location).href.split('#')[0]))]
+           .filter(link => /^file:.*[.]html$/.test(link) && link !== location.href.split('#')[0]).slice(0, 3)",
+    );
+    for link in links.as_array().unwrap() {
+        let other = Page::open(link.as_str().unwrap(), WIDE).unwrap();
+        assert!(other.holds("document.body.innerText.length > 20"), "{link}");
+        other.sound();
     }
 }
 
@@ -106,7 +122,7 @@ fn one_pose(folder: &Folder) -> PathBuf {
     let page = folder.path("pose.html");
     run(
         "plot",
-        &["-q", "-o", text(&page)],
+        &["-q", "--fps", "120", "-o", text(&page)],
         &(first.join("\n") + "\n"),
     );
     page
@@ -146,7 +162,7 @@ fn audit(folder: &Folder) -> PathBuf {
     let page = folder.path("audit.html");
     // There are findings.
     let done = command("audit")
-        .args(["-q", "-o", text(&page), &gaps, &walk])
+        .args(["-q", "--max-gap", "0.2", "-o", text(&page), &gaps, &walk])
         .output();
     assert_eq!(done.unwrap().status.code(), Some(3));
     page
@@ -187,7 +203,12 @@ fn models(folder: &Folder) -> PathBuf {
 }
 
 fn tables(folder: &Folder) -> PathBuf {
-    let run_of = small(folder, "single", &["--models", "ksvd-omp:n=20,gaussian"]);
+    std::fs::create_dir(folder.path("tables")).unwrap();
+    let run_of = small(
+        folder,
+        "tables/single",
+        &["--models", "ksvd-omp:n=20,gaussian"],
+    );
     let out = folder.name("tables");
     run("evaluate", &["--paper", text(&run_of), "-o", &out], "");
     folder.path("tables/tables.html")

@@ -5,7 +5,7 @@ use super::places::{PlaceToSee, places};
 use super::record::Summary;
 use super::replaced::{ReplacedPosition, replaced};
 use super::sources::OutputFormat;
-use crate::audit::{Finding, FindingKind, TakeAudit, audit, flips};
+use crate::audit::{Finding, FindingKind, TakeAudit, audit, rotation_findings};
 use crate::cli::audit::kind_name;
 use crate::cli::motion_file::{MotionFile, Source};
 use crate::io::MotionFormat;
@@ -95,7 +95,8 @@ impl CleanSettings {
         };
         let mut takes = audit(&result, file.rate(), &self.limits);
         if let (true, Some(take)) = (keeps, takes.first_mut()) {
-            take.findings.extend(flips(&file.joint_angles()));
+            let found = rotation_findings(&file.joint_angles(), file.rate());
+            take.findings.extend(found);
         }
         let is_several = takes.len() > 1;
         let is_gap = |f: &&Finding| matches!(f.kind, FindingKind::LongGap | FindingKind::Missing);

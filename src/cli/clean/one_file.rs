@@ -36,6 +36,8 @@ pub struct CleanSettings {
     pub map: Option<NameMap>,
     /// How takes are restored.
     pub method: Clean,
+    /// Whether rotations that were held are missing.
+    pub held_is_missing: bool,
     /// What is still as it should be.
     pub limits: Limits,
     /// Whether bodies of no person's size are accepted.
@@ -148,6 +150,9 @@ impl CleanSettings {
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let before = audit_motion(&file, &self.limits);
+        if self.held_is_missing {
+            file.empty_held()?;
+        }
         let keeps = keeps_rotations(&file, to);
         if keeps && file.table.poses.points.is_empty() {
             file.notes
@@ -164,7 +169,7 @@ impl CleanSettings {
         let found = (redone, &before[..]);
         let mut summary = self.summary(&file, to, &naming, &restored, unheld, found);
         summary.notes.extend(notes);
-        summary.copied = is_copied(job, to, &file, &restored, capture);
+        summary.copied = self.is_copied(job, to, &file, &restored, capture);
         summary.notes.extend(page(job, &file, &restored, &summary)?);
         Record {
             command: "clean",
@@ -255,6 +260,29 @@ impl CleanSettings {
         Ok((restored, Some(note)))
     }
 
+    /// Whether the result is what the capture was: the same bytes, or, of positions none of which was taken for missing, the same numbers
+    /// in the same format.
+    fn is_copied(
+        &self,
+        job: &Job,
+        to: Option<OutputFormat>,
+        file: &MotionFile,
+        restored: &Restoration<'_>,
+        capture: &Capture,
+    ) -> bool {
+        if to.is_some_and(|to| !to.is(file.format)) {
+            return false;
+        }
+        let (was, is) = (&file.table.poses.xyz, restored.xyz());
+        let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
+        let is_emptied = self.zeros_are_missing || !self.redo.is_empty();
+        if !keeps_rotations(file, to) && !is_emptied {
+            return was.iter().zip(&is).all(is_same);
+        }
+        let written = Input::open(&job.output).and_then(|i| i.read_all(LARGEST_MOTION_FILE));
+        written.is_ok_and(|bytes| Fingerprint::of(&job.output, &bytes).sha256 == capture.sha256)
+    }
+
     /// What is known of the settings in a record: all that changes results.
     fn recorded(&self, read: &ReadFlags, to: Option<OutputFormat>) -> serde_json::Value {
         let mut out = json!({
@@ -269,6 +297,7 @@ impl CleanSettings {
             "outliers": self.method.outliers,
             "max_gap": self.method.max_gap,
             "zeros_are_missing": read.zeros_are_missing,
+            "held_is_missing": self.held_is_missing,
             "max_sd": self.method.max_sd,
             "limits": self.limits,
             "force": self.force,
@@ -382,26 +411,6 @@ pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
 
 fn bad_of(file: &str, what: String) -> Error {
     Error::data(Place::file(file), what)
-}
-
-/// Whether the result is what the capture was: the same bytes, or, of positions, the same numbers in the same format.
-fn is_copied(
-    job: &Job,
-    to: Option<OutputFormat>,
-    file: &MotionFile,
-    restored: &Restoration<'_>,
-    capture: &Capture,
-) -> bool {
-    if to.is_some_and(|to| !to.is(file.format)) {
-        return false;
-    }
-    let (was, is) = (&file.table.poses.xyz, restored.xyz());
-    let is_same = |(a, b): (&f64, &f64)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
-    if !keeps_rotations(file, to) {
-        return was.iter().zip(&is).all(is_same);
-    }
-    let written = Input::open(&job.output).and_then(|input| input.read_all(LARGEST_MOTION_FILE));
-    written.is_ok_and(|bytes| Fingerprint::of(&job.output, &bytes).sha256 == capture.sha256)
 }
 
 /// Writes the page of a take in which there is something to see; a line, where another file stands in its place.

@@ -1,6 +1,7 @@
 //! A file of motion of any format that is read, as a pose table, and the way back into its own format.
 
 mod bones;
+mod held;
 mod read_as;
 mod scoped;
 mod skeleton;
@@ -26,6 +27,7 @@ use crate::pose::{Channel, Poses, joints, kinematics::Space};
 use crate::{Error, Place, Result};
 use bytes::Bytes;
 use ndarray::{Array2, ArrayView2, Axis};
+use std::collections::BTreeSet;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
@@ -42,6 +44,8 @@ pub struct MotionFile {
     pub notes: Vec<String>,
     units: TableUnits,
     original: Original,
+    /// The frames and channels that were held and count as missing.
+    held: BTreeSet<(usize, usize)>,
 }
 
 /// What the way back needs.
@@ -213,6 +217,7 @@ fn of_markers(
         notes,
         units,
         original,
+        held: BTreeSet::new(),
     })
 }
 
@@ -224,12 +229,9 @@ fn of_bvh(
     flags: &ReadFlags,
 ) -> Result<MotionFile> {
     let rate = rate_of(bvh.rate(), flags);
-    if rate.is_none() && bvh.motion.nrows() > 1 {
-        let what = format!("Frame Time is {}; give the rate with --fps", bvh.frame_time);
-        return Err(Error::data(Place::file(path.display().to_string()), what));
-    }
+    let bad = |what| Error::data(Place::file(path.display().to_string()), what);
+    let value = bvh.rate_or(flags.fps).map_err(bad)?;
     let skeleton = BvhSkeleton::new(&bvh.joints, units.up.rotation(), true)?;
-    let value = rate.as_ref().map_or(1.0, |rate| rate.value);
     let mut poses = bvh.positions(&skeleton, BvhPoints::Origins, value);
     poses.take = Some(vec![take_name(path).into(); poses.frames()]);
     Ok(MotionFile {
@@ -239,6 +241,7 @@ fn of_bvh(
         notes: std::mem::take(&mut bvh.notes),
         units,
         original: Original::Bvh(bytes, Box::new(bvh)),
+        held: BTreeSet::new(),
     })
 }
 
@@ -292,6 +295,7 @@ fn of_amc(path: &Path, input: Input, bytes: Bytes, flags: &ReadFlags) -> Result<
         notes: dropped.into_iter().collect(),
         units,
         original: Original::Amc(bytes, angles),
+        held: BTreeSet::new(),
     })
 }
 
@@ -340,6 +344,7 @@ fn of_table(format: MotionFormat, input: Input, flags: &ReadFlags) -> Result<Mot
         notes: Vec::new(),
         units,
         original: Original::Table,
+        held: BTreeSet::new(),
         table,
     })
 }

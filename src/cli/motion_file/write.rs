@@ -9,7 +9,7 @@ use crate::cli::units::TableUnits;
 use crate::io::{MarkerTake, MotionFormat, Output};
 use crate::pose::Poses;
 use crate::restore::Restoration;
-use crate::restore::ik::{PositionSd, solve_missing_channels};
+use crate::restore::ik::{PositionSd, mix_with_paths, solve_missing_channels};
 use ndarray::{Array2, ArrayView2};
 use std::path::Path;
 
@@ -65,8 +65,9 @@ impl MotionFile {
                     sd: sd.view(),
                     most: max_sd,
                 };
-                let motion =
+                let mut motion =
                     solve_missing_channels(bvh, &poses, Some(sd), self.units.up.rotation())?;
+                mix_with_paths(bvh, |t, c| self.held.contains(&(t, c)), &mut motion);
                 left = motion.iter().filter(|v| v.is_nan()).count();
                 bvh.fill_missing(bytes, motion.view(), self.units.unit.centimetres())?
             }

@@ -24,7 +24,7 @@ pub fn draw(metrics: &[(String, PoseMetric)], searched: &TakeSet, queries: &Take
     for (name, metric) in metrics {
         let rows = rows(metric, searched, queries, &asked);
         out += &format!(
-            "<h3>{}</h3><figure>{}</figure>",
+            "<h3>{}</h3><figure class=\"wide\">{}</figure>",
             crate::evaluate::html::escape(name),
             strip(&rows)
         );

@@ -44,7 +44,7 @@ impl Motion {
     ) -> Result<Motion, String> {
         let points = map.find(&take.points)?;
         let joints = Array2::from_shape_fn((take.frames(), 48), |(t, c)| {
-            take.xyz[[t, 3 * points[c / 3] + c % 3]]
+            points.at(&take.xyz, t, c / 3)[c % 3]
         });
         let lowest = |row: ndarray::ArrayView1<'_, f64>| {
             let heights = row.iter().skip(1).step_by(3);

@@ -5,7 +5,7 @@
 //! an ASF turns by `L = C M C⁻¹` in the rest pose's axes, `G = G_parent L`, so the joint's rotation is L, the OFFSETs
 //! are the ASF's and the poses are equal.
 
-use super::{Bvh, Joint};
+use super::{Bvh, EndSite, Joint};
 use crate::pose::kinematics::Posture;
 use crate::pose::rotation::{Axis, decompose};
 use crate::pose::{Channel, Skeleton};
@@ -62,7 +62,10 @@ impl<'a> BvhExporter<'a> {
                 offset: bone.parent.map_or(DVec3::ZERO, |p| turn * all[p].offset),
                 channels,
                 ends: match children[i].is_empty() {
-                    true => vec![turn * bone.offset],
+                    true => vec![EndSite {
+                        offset: turn * bone.offset,
+                        after: 0,
+                    }],
                     false => Vec::new(),
                 },
             }

@@ -19,8 +19,8 @@ impl Bvh {
             .collect()
     }
 
-    /// The text of the file, `original`, with its missing values from `motion` (frames, channels; radians and centimetres); every other
-    /// byte stays. Lengths in the file are in units of `unit` centimetres. What `motion` does not have either stays missing.
+    /// The text of the file, `original`, with its missing values ([`Bvh::missing`]) from `motion` (frames, channels; radians and
+    /// centimetres); every other byte stays. Lengths in the file are in units of `unit` centimetres. What `motion` does not have either stays missing.
     ///
     /// # Errors
     /// [`Error::Data`]: `original` is no BVH file.
@@ -47,7 +47,11 @@ impl Bvh {
             let text = &rest[space..space + word];
             let (frame, channel) = (count / channels.len().max(1), count % channels.len().max(1));
             let value = motion.get([frame, channel]).copied();
-            match value.filter(|v| v.is_finite() && text.eq_ignore_ascii_case(b"nan")) {
+            let is_missing = self
+                .motion
+                .get([frame, channel])
+                .is_some_and(|v| v.is_nan());
+            match value.filter(|v| v.is_finite() && is_missing && word > 0) {
                 Some(value) => {
                     let value = match channels[channel].is_angle() {
                         true => value.to_degrees(),

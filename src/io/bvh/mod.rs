@@ -32,6 +32,9 @@ use glam::{DMat3, DVec3};
 use ndarray::Array2;
 use std::path::Path;
 
+/// The Frame Times that motion has, seconds. What lies outside is a damaged file, or another unit of time.
+pub const FRAME_TIMES: std::ops::RangeInclusive<f64> = 0.0001..=10.0;
+
 /// The most joints and End Sites a file may have: no skeleton has them.
 pub const MOST_JOINTS: usize = 4096;
 
@@ -46,12 +49,21 @@ pub struct Joint {
     pub offset: DVec3,
     /// The channels in the file's order.
     pub channels: Vec<Channel>,
-    /// The End Sites, from this joint, in this joint's frame, centimetres. Most joints have none or one.
-    pub ends: Vec<DVec3>,
+    /// The End Sites, in the file's order. Most joints have none or one.
+    pub ends: Vec<EndSite>,
+}
+
+/// Where a chain ends.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct EndSite {
+    /// Vector from its joint, in the joint's frame, centimetres.
+    pub offset: DVec3,
+    /// The number of child joints that stand before it in the file; most End Sites have none beside them.
+    pub after: usize,
 }
 
 /// A hierarchy and its motion, in the file's axes; centimetres and radians.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Bvh {
     /// The joints, depth first, as the file names them.
     pub joints: Vec<Joint>,
@@ -86,24 +98,35 @@ impl Bvh {
     }
 
     /// Frames a second, rounded to the exact rate that the Frame Time stands for (files often cut it to six decimals);
-    /// `None` where the Frame Time is zero.
+    /// `None` where the Frame Time is none of a motion: outside [`FRAME_TIMES`].
     pub fn rate(&self) -> Option<f64> {
-        let rate = 1.0 / self.frame_time;
-        (self.frame_time > 0.0 && rate.is_finite()).then(|| round_rate(rate))
+        let is_one = FRAME_TIMES.contains(&self.frame_time);
+        is_one.then(|| round_rate(1.0 / self.frame_time))
+    }
+
+    /// [`Bvh::rate`], else the rate given.
+    ///
+    /// # Errors
+    /// What is wrong with the Frame Time, as a phrase: neither is there. The Frame Time 0 of a single frame is no fault; its rate is 1.
+    pub fn rate_or(&self, given: Option<f64>) -> std::result::Result<f64, String> {
+        let is_still = self.motion.nrows() <= 1 && self.frame_time == 0.0;
+        let rate = self.rate().or(given).or(is_still.then_some(1.0));
+        let (least, most) = (FRAME_TIMES.start(), FRAME_TIMES.end());
+        rate.ok_or_else(|| {
+            format!(
+                "its Frame Time is {} s, outside {least} to {most} s; give the frames per second with --fps",
+                self.frame_time
+            )
+        })
     }
 
     /// The positions of the joints and End Sites (`NAME_end`), for a file whose y axis points up.
     ///
     /// # Errors
-    /// [`Error::Usage`]: the Frame Time is zero and there are several frames, or the joints are no tree.
+    /// [`Error::Usage`]: the Frame Time gives no rate ([`Bvh::rate_or`]), or the joints are no tree.
     pub fn to_poses(&self) -> Result<Poses> {
         let skeleton = BvhSkeleton::new(&self.joints, DMat3::IDENTITY, true)?;
-        let rate = match self.rate() {
-            None if self.motion.nrows() > 1 => {
-                return Err(Error::usage("the Frame Time is 0: the rate is unknown"));
-            }
-            rate => rate.unwrap_or(1.0),
-        };
+        let rate = self.rate_or(None).map_err(Error::usage)?;
         Ok(self.positions(&skeleton, BvhPoints::Origins, rate))
     }
 
@@ -160,7 +183,7 @@ mod tests {
         assert_eq!(names, ["Left Hip:x", "a", "b", "a_2"]);
         assert_eq!(bvh.motion.dim(), (2, 10));
         assert!((bvh.frame_time - 0.0083333).abs() <= 1e-15);
-        assert_eq!(bvh.joints[2].ends, [DVec3::ZERO]);
+        assert_eq!(bvh.joints[2].ends, [EndSite::default()]);
         let rig = BvhSkeleton::new(&bvh.joints, DMat3::IDENTITY, true).unwrap();
         let mut q = vec![0.0; rig.skeleton.dof_count()];
         rig.values(&bvh.motion.row(0).to_vec(), &mut q);
@@ -224,6 +247,47 @@ mod tests {
     }
 
     #[test]
+    fn frame_times_outside_of_motion_give_no_rate() {
+        let timed = |time: &str| {
+            let text = odd(&FRAME.repeat(2)).replace(".0083333", time);
+            load(text, false).unwrap()
+        };
+        for time in ["18446744073709551615", "0", "-0.01", "0.00001", "11"] {
+            let bvh = timed(time);
+            let fault = bvh.rate_or(None).unwrap_err();
+            assert!(
+                fault.contains("Frame Time") && fault.contains("--fps"),
+                "{fault}"
+            );
+            assert_eq!(bvh.rate_or(Some(30.0)), Ok(30.0));
+            assert!(bvh.to_poses().is_err());
+        }
+        assert_eq!(timed("0.0001").rate(), Some(10_000.0));
+        assert_eq!(timed("10").rate(), Some(0.1));
+        let still = |time: &str| load(odd(FRAME).replace(".0083333", time), false).unwrap();
+        assert_eq!(still("0").rate_or(None), Ok(1.0));
+        assert!(still("1e12").rate_or(None).is_err());
+    }
+
+    #[test]
+    fn a_root_called_joint_and_end_sites_after_children_keep_their_places() {
+        let text = "HIERARCHY\nJOINT a\n{\nOFFSET 0 0 0\nCHANNELS 3 Xrotation Yrotation Zrotation\nEnd Site\n{\nOFFSET 1 0 0\n}\n\
+            JOINT b\n{\nOFFSET 0 1 0\nCHANNELS 0\nEnd Site\n{\nOFFSET 2 0 0\n}\n}\nEnd Site\n{\nOFFSET 3 0 0\n}\n\
+            JOINT c\n{\nOFFSET 0 2 0\nCHANNELS 0\n}\nEnd Site\n{\nOFFSET 4 0 0\n}\n}\nMOTION\nFrames: 1\nFrame Time: 0.01\n0 0 0\n";
+        let bvh = load(text, false).unwrap();
+        let after: Vec<usize> = bvh.joints[0].ends.iter().map(|e| e.after).collect();
+        assert_eq!(after, [0, 1, 2]);
+        let written = String::from_utf8(bvh.to_bytes(1.0)).unwrap();
+        let bare = |text: &str| -> Vec<String> {
+            let head = text.split("MOTION").next().unwrap();
+            let lines = head.lines().map(|l| l.trim().replace(".000000", ""));
+            lines.map(|l| l.replace("JOINT a", "ROOT a")).collect()
+        };
+        assert_eq!(bare(&written), bare(text));
+        assert_eq!(load(written, false).unwrap(), bvh);
+    }
+
+    #[test]
     fn the_frame_count_of_the_header_is_not_trusted() {
         let three = load(odd(&FRAME.repeat(3)), false).unwrap();
         assert_eq!(three.motion.nrows(), 3);
@@ -264,6 +328,15 @@ mod tests {
         says(String::new(), "is empty");
         says("take,time\n".into(), "t.bvh:1: expected HIERARCHY");
         says(good[..good.find("MOTION").unwrap()].into(), "has no MOTION");
+        says("HIERARCHY\n".into(), "ends after its first line");
+        says(
+            good[..good.find("End site").unwrap()].into(),
+            "hierarchy is cut off",
+        );
+        says(
+            good[..good.find(".0083").unwrap()].into(),
+            "Frame Time: has no number",
+        );
         says(good.replace("}\nMOTION", "MOTION"), "} is missing");
         says(
             good.replace("OFFSET 1 2 3", "OFFSET 1 2 x"),
@@ -312,7 +385,10 @@ mod tests {
         let mut bvh = load(odd(&FRAME.repeat(2)), false).unwrap();
         // What the crate cannot read: names with spaces or colons, leaves without an End Site.
         bvh.joints[0].name = "root".into();
-        bvh.joints[3].ends.push(DVec3::X);
+        bvh.joints[3].ends.push(EndSite {
+            offset: DVec3::X,
+            after: 0,
+        });
         let text = bvh.to_bytes(2.54);
         let back = Bvh::read(
             Input::new("t", Cursor::new(text.clone())).unwrap(),
@@ -329,7 +405,7 @@ mod tests {
             );
             assert!(near(a.offset, b.offset));
             assert!(
-                a.ends.iter().zip(&b.ends).all(|(a, b)| near(*a, *b))
+                (a.ends.iter().zip(&b.ends)).all(|(a, b)| near(a.offset, b.offset))
                     && a.ends.len() == b.ends.len()
             );
         }

@@ -4,7 +4,7 @@
 //! read with a note (stray words and braces, a wrong count of frames, names that stand twice); everything else is an
 //! error with its line.
 
-use super::{Bvh, Joint, MOST_JOINTS};
+use super::{Bvh, EndSite, Joint, MOST_JOINTS};
 use crate::io::Input;
 use crate::io::text::{excerpt, parse_number};
 use crate::pose::Channel;
@@ -86,7 +86,7 @@ impl Bvh {
         }
         joints.iter_mut().for_each(|j| {
             j.offset *= unit;
-            j.ends.iter_mut().for_each(|e| *e *= unit);
+            j.ends.iter_mut().for_each(|e| e.offset *= unit);
         });
         let mut values = values;
         values.truncate(whole * width);
@@ -151,9 +151,10 @@ impl<'a> Parser<'a> {
         }
         loop {
             let Some((at, word)) = self.words.next() else {
-                let what = match self.stack.is_empty() {
-                    true => "has no MOTION; the file is cut off",
-                    false => "the hierarchy is cut off: a } is missing",
+                let what = match (self.stack.is_empty(), self.joints.is_empty()) {
+                    (true, true) => "the BVH file ends after its first line: it has no hierarchy",
+                    (true, false) => "has no MOTION; the file is cut off",
+                    (false, _) => "the hierarchy is cut off: a } is missing",
                 };
                 return Err(BvhFault(self.words.text.len(), what.into()));
             };
@@ -167,7 +168,11 @@ impl<'a> Parser<'a> {
                 "ROOT" if !self.joints.is_empty() => {
                     return fault("a second ROOT; write one skeleton per file");
                 }
-                "JOINT" if !matches!(self.stack.last(), Some(Open::Joint(..))) => {
+                // Some writers call the root JOINT.
+                "JOINT"
+                    if !self.joints.is_empty()
+                        && !matches!(self.stack.last(), Some(Open::Joint(..))) =>
+                {
                     return fault("JOINT is outside any joint");
                 }
                 "ROOT" | "JOINT" => self.open_joint(at)?,
@@ -267,7 +272,7 @@ impl<'a> Parser<'a> {
             }
             // An End Site without OFFSET ends where its joint stands.
             Some(Open::End(joint, false)) => {
-                self.joints[joint].ends.push(DVec3::ZERO);
+                self.end_site(joint, DVec3::ZERO);
                 Ok(())
             }
             Some(_) => Ok(()),
@@ -285,7 +290,8 @@ impl<'a> Parser<'a> {
             Some(Open::Joint(_, seen @ false, _)) => *seen = true,
             Some(Open::End(joint, seen @ false)) => {
                 *seen = true;
-                self.joints[*joint].ends.push(value);
+                let joint = *joint;
+                self.end_site(joint, value);
                 return Ok(());
             }
             Some(_) => return Err(BvhFault(at, "a second OFFSET in one joint".into())),
@@ -295,6 +301,12 @@ impl<'a> Parser<'a> {
             self.joints[*joint].offset = value;
         }
         Ok(())
+    }
+
+    fn end_site(&mut self, joint: usize, offset: DVec3) {
+        let children = self.joints.iter().filter(|j| j.parent == Some(joint));
+        let after = children.count();
+        self.joints[joint].ends.push(EndSite { offset, after });
     }
 
     fn channels(&mut self, at: usize) -> std::result::Result<(), BvhFault> {
@@ -425,7 +437,11 @@ fn labelled(
             if letters != wanted {
                 return Err(expected(at, word));
             }
-            return Ok((parse_number(value).map_err(|what| BvhFault(at, what))?, at));
+            let value = parse_number(value);
+            return Ok((
+                value.map_err(|what| BvhFault(at, format!("{shown} {what}")))?,
+                at,
+            ));
         }
     }
     let (mut at, mut word) = words.next().unwrap_or((words.text.len(), ""));
@@ -433,6 +449,10 @@ fn labelled(
         (at, word) = words.next().unwrap_or((words.text.len(), ""));
     }
     let word = word.strip_prefix(':').unwrap_or(word);
+    if word.is_empty() {
+        let what = format!("{shown} has no number; the file is cut off");
+        return Err(BvhFault(at, what));
+    }
     let value = parse_number(word).map_err(|what| BvhFault(at, format!("{shown} {what}")))?;
     Ok((value, start.unwrap_or(at)))
 }

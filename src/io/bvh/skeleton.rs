@@ -8,7 +8,7 @@ use super::{Bvh, Joint};
 use crate::Result;
 use crate::pose::{Bone, Channel, Dof, Skeleton};
 use glam::{DMat3, DVec3};
-use ndarray::{Array2, ArrayView2};
+use ndarray::{Array2, ArrayView1, ArrayView2};
 use std::collections::HashMap;
 
 /// The points of a table of this hierarchy.
@@ -27,7 +27,7 @@ pub struct BvhSkeleton {
     pub skeleton: Skeleton,
     /// The skeleton's value of each channel of a frame; `None` for one that does not move here.
     pub channels: Vec<Option<usize>>,
-    /// The number that a channel without a value holds: its OFFSET.
+    /// What is added to the value of each channel; of one without a value, all that it holds: its OFFSET.
     pub still: Vec<f64>,
     origins: Vec<(String, usize)>,
     ends: Vec<(String, usize)>,
@@ -43,6 +43,19 @@ impl BvhSkeleton {
     /// # Errors
     /// [`crate::Error::Usage`]: the joints are no tree.
     pub fn new(joints: &[Joint], turn: DMat3, sliding: bool) -> Result<BvhSkeleton> {
+        let trunk = trunk(joints);
+        BvhSkeleton::with_moving(joints, turn, |joint, _| match sliding || joint <= trunk {
+            true => Moving::FromOrigin,
+            false => Moving::No,
+        })
+    }
+
+    /// The skeleton in which each position channel (its joint and its number there) moves as `moving` says.
+    fn with_moving(
+        joints: &[Joint],
+        turn: DMat3,
+        moving: impl Fn(usize, usize) -> Moving,
+    ) -> Result<BvhSkeleton> {
         let mut builder = Builder::default();
         // By joint: the bone that turns with it; by place: the bone that ends there.
         let mut turning: Vec<usize> = Vec::with_capacity(joints.len());
@@ -53,18 +66,19 @@ impl BvhSkeleton {
         let (mut channels, mut still) = (Vec::new(), Vec::new());
         let mut origins = Vec::new();
         let mut end_sites = Vec::new();
-        let trunk = (0..joints.len()).find(|&i| {
-            let on = joints.iter().filter(|j| j.parent == Some(i)).count();
-            on + joints[i].ends.len() != 1
-        });
-        let trunk = trunk.unwrap_or(0);
         for (i, joint) in joints.iter().enumerate() {
-            let moves = |c: &Channel| c.is_angle() || sliding || i <= trunk;
-            let slides = joint.channels.iter().any(|c| !c.is_angle() && moves(c));
+            let kinds: Vec<Moving> = (joint.channels.iter().enumerate())
+                .map(|(c, channel)| match channel.is_angle() {
+                    true => Moving::FromOrigin,
+                    false => moving(i, c),
+                })
+                .collect();
+            let of_joint = || joint.channels.iter().copied().zip(&kinds);
+            let slides = of_joint().any(|(c, kind)| !c.is_angle() && *kind != Moving::No);
             // A position channel takes the place of its component.
             let mut fixed = joint.offset;
-            for channel in &joint.channels {
-                if let (Channel::Translate(axis), true) = (channel, moves(channel)) {
+            for (channel, kind) in of_joint() {
+                if let (Channel::Translate(axis), Moving::FromOrigin) = (channel, kind) {
                     fixed[axis.index()] = 0.0;
                 }
             }
@@ -90,36 +104,29 @@ impl BvhSkeleton {
                 }
             };
             let at = builder.bones.len();
-            let free: Vec<(usize, Channel)> = joint
-                .channels
-                .iter()
-                .copied()
-                .filter(moves)
-                .enumerate()
-                .collect();
-            let first = builder.values;
+            let free = of_joint().filter(|(_, kind)| **kind != Moving::No);
+            let mut dofs: Vec<Dof> = free.map(|(channel, _)| Dof::free(channel)).collect();
             // The last named turns first, and a skeleton's first.
-            let dofs: Vec<Dof> = free
-                .iter()
-                .rev()
-                .map(|&(_, channel)| Dof::free(channel))
-                .collect();
+            dofs.reverse();
+            let first = builder.values;
             let mut n = 0;
-            for channel in &joint.channels {
-                let value = moves(channel).then(|| {
+            for (channel, kind) in of_joint() {
+                let value = (*kind != Moving::No).then(|| {
                     n += 1;
                     first + dofs.len() - n
                 });
                 channels.push(value);
                 still.push(match channel {
-                    Channel::Translate(axis) => joint.offset[axis.index()],
+                    Channel::Translate(axis) if *kind != Moving::FromOrigin => {
+                        joint.offset[axis.index()]
+                    }
                     _ => 0.0,
                 });
             }
             builder.push(start, DVec3::ZERO, turn, dofs);
             turning.push(at);
             origins.push((joint.name.clone(), at));
-            for (n, &end) in joint.ends.iter().enumerate() {
+            for (n, end) in joint.ends.iter().map(|e| e.offset).enumerate() {
                 let key = (at, bits(end));
                 let bone = *places
                     .entry(key)
@@ -173,27 +180,66 @@ impl BvhSkeleton {
 
     /// A frame's channels as the skeleton's values.
     pub fn values(&self, frame: &[f64], q: &mut [f64]) {
-        for (value, channel) in frame.iter().zip(&self.channels) {
+        for ((value, channel), still) in frame.iter().zip(&self.channels).zip(&self.still) {
             if let Some(i) = channel {
-                q[*i] = *value;
+                q[*i] = *value - still;
             }
         }
     }
 
     /// The skeleton's values as a frame's channels.
     pub fn frame<'a>(&'a self, q: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
-        (self.channels.iter().zip(&self.still)).map(|(c, still)| c.map_or(*still, |i| q[i]))
+        let channels = self.channels.iter().zip(&self.still);
+        channels.map(|(c, still)| c.map_or(0.0, |i| q[i]) + still)
     }
 }
 
+/// How a position channel moves its joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Moving {
+    /// Not at all: the joint stays at its OFFSET.
+    No,
+    /// From the joint above, as the file's numbers count.
+    FromOrigin,
+    /// From the OFFSET, where a solver that knows no better leaves it.
+    FromOffset,
+}
+
+/// The first joint that carries no single other: position channels down to it move the body as a whole.
+fn trunk(joints: &[Joint]) -> usize {
+    let fork = (0..joints.len()).find(|&i| {
+        let on = joints.iter().filter(|j| j.parent == Some(i)).count();
+        on + joints[i].ends.len() != 1
+    });
+    fork.unwrap_or(0)
+}
+
 /// A BVH file whose hierarchy, offsets and channels another motion takes over.
+///
+/// Position channels take the place of OFFSETs: where those below the trunk hold one value in the file's own motion, that is the bone;
+/// where they vary, as stretched bones do, they are values of the skeleton too, about their mean. (Many files have OFFSETs of zero and
+/// all bones in position channels.)
 #[derive(Debug, Clone)]
 pub struct BvhTemplate {
     joints: Vec<Joint>,
+    /// The joints with the means of their position channels for OFFSETs.
+    bones: Vec<Joint>,
     /// Frames a second of the file's motion.
     rate: Option<f64>,
-    /// The kinematics of the joints; bones keep their lengths.
+    turn: DMat3,
+    /// The kinematics of the joints; bones keep their lengths, those apart whose position channels vary.
     pub skeleton: BvhSkeleton,
+}
+
+/// A position channel below the trunk that varies by more than this is solved for, cm.
+const VARIES: f64 = 0.01;
+
+/// The mean of values and by how much they vary at most; missing ones do not count.
+fn mean_and_range(values: ArrayView1<'_, f64>) -> Option<(f64, f64)> {
+    let known = || values.iter().copied().filter(|v| v.is_finite());
+    let count = known().count();
+    let (low, high) = known().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
+    (count > 0).then(|| (known().sum::<f64>() / count as f64, high - low))
 }
 
 impl BvhTemplate {
@@ -202,11 +248,52 @@ impl BvhTemplate {
     /// # Errors
     /// [`crate::Error::Usage`]: the joints are no tree.
     pub fn new(bvh: Bvh, turn: DMat3) -> Result<BvhTemplate> {
+        let trunk = trunk(&bvh.joints);
+        let mut bones = bvh.joints.clone();
+        let mut varies = Vec::with_capacity(bones.len());
+        let mut column = 0;
+        for (j, joint) in bones.iter_mut().enumerate() {
+            let mut of_joint = vec![false; joint.channels.len()];
+            for (c, channel) in joint.channels.iter().enumerate() {
+                let values = mean_and_range(bvh.motion.column(column + c));
+                if let (Channel::Translate(axis), Some((mean, range))) = (channel, values) {
+                    if j > trunk {
+                        joint.offset[axis.index()] = mean;
+                        of_joint[c] = range > VARIES;
+                    }
+                }
+            }
+            column += of_joint.len();
+            varies.push(of_joint);
+        }
+        let skeleton = BvhSkeleton::with_moving(&bones, turn, |j, c| match varies[j][c] {
+            _ if j <= trunk => Moving::FromOrigin,
+            true => Moving::FromOffset,
+            false => Moving::No,
+        })?;
         Ok(BvhTemplate {
-            skeleton: BvhSkeleton::new(&bvh.joints, turn, false)?,
+            skeleton,
             rate: bvh.rate(),
             joints: bvh.joints,
+            bones,
+            turn,
         })
+    }
+
+    /// The template with bones of fixed lengths: none of them slides.
+    ///
+    /// # Errors
+    /// As [`BvhTemplate::new`].
+    pub fn rigid(self) -> Result<BvhTemplate> {
+        Ok(BvhTemplate {
+            skeleton: BvhSkeleton::new(&self.bones, self.turn, false)?,
+            ..self
+        })
+    }
+
+    /// The joints of the hierarchy.
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
     }
 
     /// Frames a second of the file's own motion; `None` where its Frame Time is zero.
@@ -286,5 +373,56 @@ fn unique(points: &mut [(String, usize)]) {
             *name = free.unwrap_or_default();
             taken.insert(name.clone());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::Input;
+
+    /// A root, a spine and two arms whose bones are in position channels: OFFSETs are zero. `stretch` varies the right arm's.
+    fn template(stretch: f64) -> BvhTemplate {
+        let joint = |name: &str, inner: &str| {
+            format!(
+                "JOINT {name}\n{{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n{inner}}}\n"
+            )
+        };
+        let end = "End Site\n{\nOFFSET 0 9 0\n}\n";
+        let all = joint("root", &(joint("left", end) + &joint("right", end)));
+        let row = |t: usize| {
+            let right = 7.0 + stretch * t as f64;
+            format!("{t} 90 0 0 0 0 5 {t}e-9 0 0 0 0 -{right} 0 0 0 0 0\n")
+        };
+        let rows: String = (0..3).map(row).collect();
+        let text = format!("HIERARCHY\n{all}MOTION\nFrames: 3\nFrame Time: 0.01\n{rows}");
+        let input = Input::new("t", std::io::Cursor::new(text.into_bytes())).unwrap();
+        BvhTemplate::new(Bvh::read(input, 1.0, false).unwrap(), DMat3::IDENTITY).unwrap()
+    }
+
+    #[test]
+    fn bones_come_from_position_channels_and_those_that_vary_are_values() {
+        let rest = |t: &BvhTemplate| {
+            let skeleton = &t.skeleton.skeleton;
+            let ends = skeleton.posture(&vec![0.0; skeleton.dof_count()]).ends;
+            let points = t.skeleton.points(BvhPoints::Origins);
+            points.iter().map(|(_, b)| ends[*b]).collect::<Vec<_>>()
+        };
+        let still = template(0.0);
+        assert_eq!(still.skeleton.skeleton.dof_count(), 6 + 3 + 3);
+        assert!((rest(&still)[1] - DVec3::X * 5.0).length() < 1e-6);
+        assert!((rest(&still)[2] + DVec3::X * 7.0).length() < 1e-6);
+        let varied = template(0.5);
+        assert_eq!(varied.skeleton.skeleton.dof_count(), 6 + 3 + 4);
+        assert!((rest(&varied)[2] + DVec3::X * 7.5).length() < 1e-6);
+        // Channels there and back.
+        let frame: Vec<f64> = (0..18)
+            .map(|i| if i == 6 { 5.0 } else { f64::from(i % 7) })
+            .collect();
+        let mut q = vec![0.0; varied.skeleton.skeleton.dof_count()];
+        varied.skeleton.values(&frame, &mut q);
+        let back: Vec<f64> = varied.skeleton.frame(&q).collect();
+        assert!((back[12] - frame[12]).abs() < 1e-12 && (back[6] - 5.0).abs() < 1e-6);
+        assert_eq!(varied.rigid().unwrap().skeleton.skeleton.dof_count(), 12);
     }
 }

@@ -13,38 +13,7 @@ impl Bvh {
     /// The file's text: lengths in units of `unit` centimetres, angles in degrees.
     pub fn to_bytes(&self, unit: f64) -> Vec<u8> {
         let mut out = b"HIERARCHY\n".to_vec();
-        let mut depths: Vec<usize> = Vec::with_capacity(self.joints.len());
-        let mut open = 0;
-        for joint in &self.joints {
-            let depth = joint.parent.map_or(0, |p| depths[p] + 1);
-            while open > depth {
-                open -= 1;
-                put(&mut out, open, "}");
-            }
-            let keyword = if joint.parent.is_none() {
-                "ROOT"
-            } else {
-                "JOINT"
-            };
-            put(&mut out, depth, &format!("{keyword} {}", joint.name));
-            put(&mut out, depth, "{");
-            put(&mut out, depth + 1, &offset(joint.offset / unit));
-            let names: Vec<String> = joint.channels.iter().map(|c| channel_name(*c)).collect();
-            let line = format!("CHANNELS {} {}", names.len(), names.join(" "));
-            put(&mut out, depth + 1, line.trim_end());
-            for &end in &joint.ends {
-                put(&mut out, depth + 1, "End Site");
-                put(&mut out, depth + 1, "{");
-                put(&mut out, depth + 2, &offset(end / unit));
-                put(&mut out, depth + 1, "}");
-            }
-            depths.push(depth);
-            open = depth + 1;
-        }
-        while open > 0 {
-            open -= 1;
-            put(&mut out, open, "}");
-        }
+        self.put_hierarchy(&mut out, unit);
         let kinds: Vec<bool> = self
             .joints
             .iter()
@@ -74,6 +43,66 @@ impl Bvh {
         }
         out
     }
+}
+
+impl Bvh {
+    /// The joints, each with its End Sites where they stood among its children.
+    fn put_hierarchy(&self, out: &mut Vec<u8>, unit: f64) {
+        // The joints whose braces are open, and how many children and End Sites of each are written.
+        let mut open: Vec<(usize, usize, usize)> = Vec::new();
+        for (j, joint) in self.joints.iter().enumerate() {
+            while let Some(&(above, ..)) = open.last().filter(|o| Some(o.0) != joint.parent) {
+                self.close(out, unit, above, &mut open);
+            }
+            let depth = open.len();
+            if let Some((above, children, ends)) = open.last_mut() {
+                let due = self.joints[*above].ends[*ends..].iter();
+                let due = due.take_while(|end| end.after <= *children).count();
+                for end in &self.joints[*above].ends[*ends..*ends + due] {
+                    put_end_site(out, depth, end.offset / unit);
+                }
+                (*children, *ends) = (*children + 1, *ends + due);
+            }
+            let keyword = if joint.parent.is_none() {
+                "ROOT"
+            } else {
+                "JOINT"
+            };
+            put(out, depth, &format!("{keyword} {}", joint.name));
+            put(out, depth, "{");
+            put(out, depth + 1, &offset(joint.offset / unit));
+            let names: Vec<String> = joint.channels.iter().map(|c| channel_name(*c)).collect();
+            let line = format!("CHANNELS {} {}", names.len(), names.join(" "));
+            put(out, depth + 1, line.trim_end());
+            open.push((j, 0, 0));
+        }
+        while let Some(&(above, ..)) = open.last() {
+            self.close(out, unit, above, &mut open);
+        }
+    }
+
+    /// Closes the last joint that is open, after its other End Sites.
+    fn close(
+        &self,
+        out: &mut Vec<u8>,
+        unit: f64,
+        joint: usize,
+        open: &mut Vec<(usize, usize, usize)>,
+    ) {
+        let written = open.pop().map_or(0, |o| o.2);
+        let depth = open.len();
+        for end in &self.joints[joint].ends[written..] {
+            put_end_site(out, depth + 1, end.offset / unit);
+        }
+        put(out, depth, "}");
+    }
+}
+
+fn put_end_site(out: &mut Vec<u8>, depth: usize, end: DVec3) {
+    put(out, depth, "End Site");
+    put(out, depth, "{");
+    put(out, depth + 1, &offset(end));
+    put(out, depth, "}");
 }
 
 /// A line at a depth.

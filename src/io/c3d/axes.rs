@@ -143,7 +143,7 @@ mod tests {
         let down = up.map(|v| -v);
         assert_eq!(told(&names, &[down, down].concat()), Some(("z", false)));
         assert_eq!(told(&["LELB", "LHEE"], &[0., 0., 9., 0., 0., 0.]), None);
-        assert!(is_foot("L.Heel") && is_foot("RANK") && !is_foot("LSHANK") && !is_foot("Tank"));
+        assert!(is_foot("L.Heel") && is_foot("RANK") && !is_foot("LSHANK") && !is_foot("RFRANK"));
         assert!(is_head("HeadL") && is_head("rbhd") && !is_head("L_FibHead") && !is_head("RMT5"));
     }
 }

@@ -170,7 +170,7 @@ fn longer(count: Count, data: &[u8], bytes: usize, [first, last]: [u16; 2]) -> u
     if count.is_open && there > count.frames {
         let is_padding = |frame: &usize| {
             let at = (frame - 1) * bytes;
-            at + BLOCK > data.len() && data[at..at + bytes].iter().all(|b| *b == 0)
+            at + BLOCK >= data.len() && data[at..at + bytes].iter().all(|b| *b == 0)
         };
         let mut frames = there;
         while frames > count.frames && is_padding(&frames) {

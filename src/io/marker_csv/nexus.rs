@@ -65,7 +65,7 @@ fn trajectories(lines: &mut Lines<impl BufRead>, keep_whole: bool) -> Result<Mar
             "expected the names of the markers above X, Y, Z and their unit",
         )
     })?;
-    let Some(byte) = titles.separator.of_row(b"") else {
+    let Some(byte) = titles.separator.byte() else {
         return Err(bad(lines, "expected cells that commas or tabs part"));
     };
     let at: Vec<usize> = titles.points.iter().flat_map(|(_, at)| *at).collect();

@@ -77,7 +77,7 @@ struct Table<'a> {
 impl Table<'_> {
     /// A table with these titles, whose first row is `first`: a column of times that are no numbers is carried along.
     fn new<'a>(name: &'a str, titles: &'a PointTitles, first: Option<&Line>) -> Table<'a> {
-        let separator = titles.separator.of_row(b"").unwrap_or(b',');
+        let separator = titles.separator.byte().unwrap_or(b',');
         let cells = first.map(|(_, line)| texts_of(line, separator));
         let is_number = |column: usize| {
             let cell = cells.as_ref().and_then(|cells| cells.get(column));

@@ -27,7 +27,7 @@ use std::io::BufRead;
 pub fn read(input: Input, keep_whole: bool) -> Result<MarkerTake> {
     let name = input.name.clone();
     let other = recognized(input.first_bytes());
-    let mut lines = Lines::new(&name, input.into_reader());
+    let mut lines = Lines::new(&name, input.into_reader()).any_end();
     check_first(&mut lines, other)?;
     let header = Header::read(&mut lines)?;
     let separator = match header.has_commas {

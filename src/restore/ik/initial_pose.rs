@@ -69,12 +69,14 @@ impl<'a> InitialPose<'a> {
         }
     }
 
-    /// Whether every bone that turns is a ball joint, and the root alone slides: then no search is needed.
+    /// Whether every bone that turns is a ball joint: then no search is needed. (Bones that slide stay where the frame before had
+    /// them, which is where a solver starts best.)
     pub fn is_exact(&self) -> bool {
         let bones = self.skeleton.bones();
         bones.iter().enumerate().all(|(i, b)| {
             let turns = b.dofs.iter().filter(|d| d.channel.is_angle()).count();
-            (turns == 0 || turns == 3) && (i == 0 || turns == b.dofs.len())
+            let grows = b.dofs.iter().any(|d| d.channel == Channel::Length);
+            (turns == 0 || turns == 3) && !grows && (i == 0 || turns == 3 || b.dofs.is_empty())
         })
     }
 

@@ -3,14 +3,18 @@
 pub mod bone_normalization;
 mod channel_paths;
 pub mod correspondence;
+pub mod fit_quality;
 pub mod initial_pose;
 mod missing_channels;
+mod rotation_paths;
 pub mod sequence;
 pub mod skeleton_estimation;
 mod skeleton_fit;
 pub mod solver;
 mod tree_cholesky;
 
+pub use fit_quality::{FitQuality, FitVerdict};
 pub use missing_channels::{PositionSd, solve_missing_channels};
+pub use rotation_paths::mix_with_paths;
 pub use skeleton_estimation::estimate_skeleton;
 pub use skeleton_fit::{FittedTake, SkeletonFit};

@@ -55,6 +55,8 @@ pub struct SequenceFit {
     pub mean: f64,
     /// The largest.
     pub max: f64,
+    /// By target, the sum of its distances in cm and the number of frames that have it.
+    pub by_target: Vec<(f64, usize)>,
     /// The frame and target of the largest.
     pub worst: Option<(usize, usize)>,
     /// Frames in which a point is missing.
@@ -99,6 +101,7 @@ pub fn fit_sequence(
         values: Array2::zeros((xyz.nrows(), skeleton.dof_count())),
         mean: f64::NAN,
         max: f64::NAN,
+        by_target: vec![(0.0, 0); joints.len()],
         ..SequenceFit::default()
     };
     let Some(first) = fitter.most_complete_frame(xyz) else {
@@ -109,7 +112,6 @@ pub fn fit_sequence(
             .as_slice()
             .unwrap_or(&xyz.row(first).to_vec()),
     );
-    let (mut sum, mut count) = (0.0, 0u64);
     for (i, row) in xyz.rows().into_iter().enumerate() {
         let y = row.to_vec();
         fitter.solve_frame(&y, &mut out);
@@ -123,8 +125,8 @@ pub fn fit_sequence(
         for (t, (&joint, y)) in joints.iter().zip(y.chunks_exact(3)).enumerate() {
             let far = (posture.ends[joint] - DVec3::from_slice(y)).length();
             if far.is_finite() {
-                sum += far;
-                count += 1;
+                let (sum, count) = &mut out.by_target[t];
+                (*sum, *count) = (*sum + far, *count + 1);
                 if !(far <= out.max) {
                     out.max = far;
                     out.worst = Some((i, t));
@@ -134,10 +136,18 @@ pub fn fit_sequence(
         fitter.q = q;
         watch(i + 1);
     }
-    if count > 0 {
-        out.mean = sum / count as f64;
-    }
+    out.mean = out.mean_of(|_| true);
     Ok(out)
+}
+
+impl SequenceFit {
+    /// The mean distance of some of the targets, cm; NaN where no frame has one.
+    pub fn mean_of(&self, is_counted: impl Fn(usize) -> bool) -> f64 {
+        let counted = self.by_target.iter().enumerate();
+        let counted = counted.filter(|(t, _)| is_counted(*t)).map(|(_, own)| own);
+        let (sum, count) = counted.fold((0.0, 0), |(s, n), own| (s + own.0, n + own.1));
+        sum / count as f64
+    }
 }
 
 /// The state carried from frame to frame.

@@ -2,6 +2,7 @@
 
 use super::bone_normalization::BoneNormalizer;
 use super::correspondence::{Correspondence, match_points};
+use super::fit_quality::{FitQuality, drives, leg_length};
 use super::sequence::{SequenceFit, SequenceSettings, fit_sequence};
 use crate::io::Bvh;
 use crate::io::bvh::{BvhPoints, BvhTemplate};
@@ -125,15 +126,16 @@ fn bones_of_template(template: &BvhTemplate, poses: &Poses) -> Vec<Option<usize>
         let own = BoneNormalizer::for_skeleton(&template.skeleton.skeleton, &matched.joints);
         let measured = Body::measure(own.parents(), matched.xyz.view());
         let apart = own.lengths().iter().zip(&measured.lengths);
-        apart
-            .map(|(a, b)| (a - b).abs())
-            .filter(|d| d.is_finite())
-            .sum::<f64>()
+        let apart = apart.map(|(a, b)| (a - b).abs());
+        let apart: Vec<f64> = apart.filter(|d| d.is_finite()).collect();
+        // No length at all tells nothing: joints, as bvh2xyz writes.
+        (!apart.is_empty()).then(|| apart.iter().sum::<f64>())
     };
-    if template.has_end_site_among(&poses.points) || misfit(&origins) < misfit(&ends) {
-        origins
-    } else {
-        ends
+    let (by_origins, by_ends) = (misfit(&origins), misfit(&ends));
+    let is_ends = by_origins.is_some_and(|origins| by_ends.is_some_and(|ends| ends <= origins));
+    match is_ends && !template.has_end_site_among(&poses.points) {
+        true => ends,
+        false => origins,
     }
 }
 
@@ -153,6 +155,33 @@ impl FittedTake<'_> {
     /// (frames, degrees of freedom of the skeleton), radians and centimetres.
     pub fn values(&self) -> ArrayView2<'_, f64> {
         self.sequence.values.view()
+    }
+
+    /// How well the skeleton fits `poses`, the take that it was fitted to; `None` where the take shows none of its joints.
+    pub fn quality(&self, poses: &Poses) -> Option<FitQuality> {
+        let is_seen = |t: usize| self.sequence.by_target.get(t).is_some_and(|own| own.1 > 0);
+        let counted: Vec<bool> = self.points.iter().map(|name| drives(name)).collect();
+        let driving = self.sequence.mean_of(|t| counted[t]);
+        let mean = if driving.is_nan() {
+            self.sequence.mean
+        } else {
+            driving
+        };
+        let names: Vec<&String> = match self.target {
+            Target::Skeleton(skeleton) => skeleton.bones().iter().map(|b| &b.name).collect(),
+            Target::Template(template) => template.joints().iter().map(|j| &j.name).collect(),
+        };
+        let joints: Vec<_> = names.into_iter().filter(|name| drives(name)).collect();
+        let with_points = joints.iter().filter(|name| {
+            let mut points = self.points.iter().enumerate();
+            points.any(|(t, point)| point == **name && is_seen(t))
+        });
+        let with_points = with_points.count();
+        (!mean.is_nan()).then(|| FitQuality {
+            mean,
+            leg: leg_length(poses),
+            joints: (joints.len(), with_points),
+        })
     }
 
     /// The motion as a BVH with rotation channels Z, Y, X and the y axis up (a template keeps its own).
