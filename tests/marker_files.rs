@@ -471,7 +471,7 @@ fn tables_of_motive_and_qualisys_are_known_by_their_first_line() {
             MOTIVE,
             "no columns of expected markers",
         ),
-        (&[], "time,a.x,a.y\n0,1,2\n", "neither a Motive CSV file"),
+        (&[], "time,a.x,a.y\n0,1,2\n", "two dimensions"),
         (&[], TRC, "trc2xyz"),
         (&[], "", "is empty"),
     ] {

@@ -14,7 +14,7 @@ pub enum TextStart {
     OpenSim,
     /// Sections of Vicon Nexus.
     Nexus,
-    /// Points whose columns are not named as those of a pose table.
+    /// Points, of three dimensions or two, whose columns are not named as those of a pose table.
     Points,
     /// Points as a pose table has them.
     PoseTable,
@@ -40,8 +40,7 @@ pub fn of_lines(start: &[u8]) -> Option<TextStart> {
         return Some(TextStart::Nexus);
     }
     lines.truncate(MOST_ROWS);
-    let titles = PointTitles::read(&lines)?;
-    (!titles.points.is_empty()).then_some(TextStart::Points)
+    PointTitles::read(&lines).map(|_| TextStart::Points)
 }
 
 /// What an empty row of a spreadsheet consists of.
@@ -77,11 +76,11 @@ pub fn rate_of(line: &str) -> Option<f64> {
     (rate > 0.0 && rate.is_finite() && cells.all(is_unit)).then_some(rate)
 }
 
-/// Whether this is the header of a pose table: it has NAME.x, NAME.y and NAME.z.
+/// Whether this is the header of a pose table: it has NAME.x and NAME.y.
 fn is_pose_table(header: &str) -> bool {
     let cells = || header.split(',').map(|c| c.trim_matches(['"', ' ']));
     let axis = |axis: &str| cells().find_map(|c| c.strip_suffix(axis)).is_some();
-    axis(".x") && axis(".y") && axis(".z")
+    axis(".x") && axis(".y")
 }
 
 #[cfg(test)]
@@ -92,7 +91,9 @@ mod tests {
     fn tables_are_told_by_whole_lines() {
         for (text, want) in [
             ("time,a.x,a.y,a.z\n", Some(TextStart::PoseTable)),
+            ("a.x,a.y\n", Some(TextStart::PoseTable)),
             ("time,a.x,a.y,a.z", None),
+            ("bodyparts,a,a\ncoords,x,y\n", Some(TextStart::Points)),
             ("fnum,a_x,a_y,a_z\n", Some(TextStart::Points)),
             ("t,a.X,a.Y,a.Z\r\n", Some(TextStart::Points)),
             (",a,a,a\n,x,y,z\n", Some(TextStart::Points)),

@@ -293,8 +293,8 @@ mod tests {
         };
         fails(&ANIPOSE.replace("1.5", "x"), "x.csv:3: expected a number");
         fails(
-            &ANIPOSE.replace("1.5", "1.5,7"),
-            "x.csv:3: expected 9 cells",
+            &ANIPOSE.replace("0,1,2", "0,7,1,2"),
+            "x.csv:2: expected 9 cells",
         );
         fails("a_x,a_y,a_z\n", "has no frames");
         fails(

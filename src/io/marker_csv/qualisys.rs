@@ -209,7 +209,8 @@ mod tests {
             assert!(said.contains(part), "{said}");
         };
         let whole = format!("{HEAD}{TITLES}{ROWS}");
-        fails(&whole.replace("\t3D", "\t6D"), "holds 6D data");
+        fails(&whole.replace("\t3D", "\t6D"), "no line BODY_NAMES");
+        fails(&whole.replace("\t3D", "\tGAZE"), "holds GAZE data");
         fails(&whole.replace("MARKER_N", "BODY_N"), "no line MARKER_NAMES");
         fails(
             &whole.replace("FRAMES\t2", "FRAMES\t5"),
