@@ -31,7 +31,8 @@ fn shell(folder: &Path, line: &str) -> Output {
     let path = format!("{}:{}", bin().display(), std::env::var("PATH").unwrap());
     let mut sh = Command::new("sh");
     let sh = sh.args(["-c", line]).current_dir(folder).env("PATH", path);
-    sh.env_remove("OPENBLAS_NUM_THREADS").output().unwrap()
+    sh.env_remove("RUST_BACKTRACE");
+    sh.output().unwrap()
 }
 
 fn said(output: &Output) -> String {
@@ -49,7 +50,13 @@ fn corrupt(out: &Path, cwd: &Path) -> Child {
 /// The shell's own `kill`: small systems have no program of that name.
 fn kill(child: &Child, signal: &str) {
     let line = format!("kill -{signal} {}", child.id());
-    assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
+    assert!(
+        Command::new("sh")
+            .args(["-c", &line])
+            .status()
+            .unwrap()
+            .success()
+    );
 }
 
 /// Whether a process has a file of a folder open.
@@ -139,10 +146,16 @@ fn a_file_over_its_limit_is_an_error_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let rows = "1,2,3\n".repeat(100_000);
     fs::write(folder.path().join("t.csv"), format!("a.x,a.y,a.z\n{rows}")).unwrap();
-    let out = shell(folder.path(), "ulimit -f 64; exec corrupt --dense 0 -o x.csv t.csv");
+    let out = shell(
+        folder.path(),
+        "ulimit -f 64; exec corrupt --dense 0 -o x.csv t.csv",
+    );
     let said = said(&out);
     assert_eq!(out.status.code(), Some(1), "{said}");
-    assert!(said.contains("x.csv") && said.lines().count() == 1, "{said}");
+    assert!(
+        said.contains("x.csv") && said.lines().count() == 1,
+        "{said}"
+    );
     assert_eq!(names(folder.path()), ["t.csv"]);
 }
 
@@ -156,7 +169,11 @@ fn a_limit_of_memory_gives_a_result_or_an_error() {
                 true => ",,,".to_string(),
                 false => format!(",{},{},{}", 3 * p + t, 4 * p * p, (7 * p) % 5 + t / 3),
             };
-            format!("{:.4}{}\n", f64::from(t) / 120.0, (0..6).map(of).collect::<String>())
+            format!(
+                "{:.4}{}\n",
+                f64::from(t) / 120.0,
+                (0..6).map(of).collect::<String>()
+            )
         })
         .collect();
     let head: String = (0..6).map(|p| format!(",p{p}.x,p{p}.y,p{p}.z")).collect();
@@ -175,7 +192,10 @@ fn a_limit_of_memory_gives_a_result_or_an_error() {
             code => {
                 let said = said(&out);
                 assert_eq!(code, Some(1), "{limit}: {said}");
-                assert!(said.contains("memory") && said.lines().count() == 1, "{limit}: {said}");
+                assert!(
+                    said.contains("memory") && said.lines().count() == 1,
+                    "{limit}: {said}"
+                );
             }
         }
     }
@@ -197,7 +217,10 @@ fn a_closed_standard_output_is_told() {
         let out = shell(folder.path(), line);
         let said = said(&out);
         assert_eq!(out.status.code(), Some(1), "{line}: {said}");
-        assert!(said.contains("standard output") && said.lines().count() == 1, "{line}: {said}");
+        assert!(
+            said.contains("standard output") && said.lines().count() == 1,
+            "{line}: {said}"
+        );
     }
     for line in [
         "corrupt --dense 0 -o x.csv t.csv >&-",

@@ -217,9 +217,17 @@ mod tests {
             let goes_on = p % 3 != 0;
             for axis in 0..3 {
                 // Most go on together; others change places, nearly, or go anywhere.
-                let other = if p % 2 == 0 { p + 3 } else { p.saturating_sub(3) } % points;
+                let other = if p % 2 == 0 {
+                    p + 3
+                } else {
+                    p.saturating_sub(3)
+                } % points;
                 let from = if goes_on { p } else { other };
-                let off = if goes_on { 5.0 } else { rng.random_range(-3.0..3.0) };
+                let off = if goes_on {
+                    5.0
+                } else {
+                    rng.random_range(-3.0..3.0)
+                };
                 xyz[[1, 3 * p + axis]] = xyz[[0, 3 * from + axis]] + off;
             }
         }
@@ -236,9 +244,16 @@ mod tests {
         let few = may_swap(&take, 0, &all);
         let mut found: Vec<_> = few.iter().copied().filter(is_swap).collect();
         found.sort_unstable();
-        let pairs = all.iter().flat_map(|&a| (a + 1..points).map(move |b| (a, b)));
+        let pairs = all
+            .iter()
+            .flat_map(|&a| (a + 1..points).map(move |b| (a, b)));
         let want: Vec<_> = pairs.filter(is_swap).collect();
-        assert!(want.len() > 50 && few.len() < 10 * points, "{} {}", want.len(), few.len());
+        assert!(
+            want.len() > 50 && few.len() < 10 * points,
+            "{} {}",
+            want.len(),
+            few.len()
+        );
         assert_eq!(found, want);
     }
 }

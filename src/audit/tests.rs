@@ -135,7 +135,11 @@ fn faults_are_found_among_many_points_too() {
     let mut poses = Poses {
         points: (0..10 * bodies).map(|p| format!("p{p}")).collect(),
         xyz: Array2::from_shape_fn((FRAMES, 30 * bodies), |(t, c)| {
-            let beside = if c % 3 == 0 { 300.0 * (c / 30) as f64 } else { 0.0 };
+            let beside = if c % 3 == 0 {
+                300.0 * (c / 30) as f64
+            } else {
+                0.0
+            };
             body.xyz[[t, c % 30]] + beside
         }),
         ..body
@@ -163,5 +167,10 @@ fn faults_are_found_among_many_points_too() {
         assert!(found.contains(&only(kind, points)[0]), "{found:?}");
     }
     let is_drift = |f: &(FindingKind, Vec<String>)| f.0 == FindingKind::Drift;
-    assert!(found.iter().filter(|f| is_drift(f)).any(|f| f.1.contains(&"p309".to_string())));
+    assert!(
+        found
+            .iter()
+            .filter(|f| is_drift(f))
+            .any(|f| f.1.contains(&"p309".to_string()))
+    );
 }

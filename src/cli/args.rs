@@ -1,7 +1,7 @@
 //! Flags that several commands share.
 
-use super::{memory_limit, messages};
 use super::units::{TableUnits, Units, Up};
+use super::{memory_limit, messages};
 use crate::io::TableFormat;
 use crate::io::{ReadOptions, parse_point_names};
 use crate::pose::Poses;

@@ -199,13 +199,22 @@ mod tests {
     fn files_of_one_name_are_several_takes() {
         let mut names = TakeNames::default();
         let mut next = |file: &str| names.next(Path::new(file)).to_string();
-        let files = ["a/walk.csv", "b/walk.csv", "walk'.csv", "c/walk.amc", "run.csv"];
+        let files = [
+            "a/walk.csv",
+            "b/walk.csv",
+            "walk'.csv",
+            "c/walk.amc",
+            "run.csv",
+        ];
         let walks = files.map(&mut next);
         assert_eq!(walks, ["walk", "walk'", "walk''", "walk'''", "run"]);
         // Of many, names do not grow.
         let many: HashSet<String> = (0..20_000).map(|_| next("walk.csv")).collect();
         assert_eq!(many.len(), 20_000);
-        assert!(many.iter().all(|name| name.len() <= "walk".len() + MOST_QUOTES));
+        assert!(
+            many.iter()
+                .all(|name| name.len() <= "walk".len() + MOST_QUOTES)
+        );
         assert!(many.contains("walk'20000"));
     }
 }

@@ -178,7 +178,8 @@ impl<'t> Restoration<'t> {
 
     fn restored_gap(&self, gap: &Gap) -> RestoredGap {
         let point = gap.point;
-        let at = |t: usize| DVec3::from_array([0, 1, 2].map(|axis| self.xyz[[t, 3 * point + axis]]));
+        let at =
+            |t: usize| DVec3::from_array([0, 1, 2].map(|axis| self.xyz[[t, 3 * point + axis]]));
         let steps = (gap.before.unwrap_or(gap.frames.start)
             ..gap.after.map_or(gap.frames.end, |a| a + 1))
             .collect::<Vec<_>>();

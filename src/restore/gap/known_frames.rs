@@ -112,7 +112,16 @@ mod tests {
         });
         let mut known = KnownFrames::of(xyz.view());
         let is_known = |t: usize, p: usize| xyz[[t, 3 * p + 1]].is_finite();
-        for range in [0..300, 0..64, 63..65, 64..128, 5..6, 100..291, 7..7, 300..300] {
+        for range in [
+            0..300,
+            0..64,
+            63..65,
+            64..128,
+            5..6,
+            100..291,
+            7..7,
+            300..300,
+        ] {
             let both = known.all_known(&[0, 1], &range);
             let want: Vec<usize> = (range.clone())
                 .filter(|&t| is_known(t, 0) && is_known(t, 1))
@@ -121,7 +130,10 @@ mod tests {
             assert_eq!(both.len(), want.len());
             let with: Vec<usize> = want.into_iter().filter(|&t| is_known(t, 2)).collect();
             assert_eq!(known.count(2, &both), with.len());
-            assert_eq!(known.intersection(2, &both).frames().collect::<Vec<_>>(), with);
+            assert_eq!(
+                known.intersection(2, &both).frames().collect::<Vec<_>>(),
+                with
+            );
         }
         assert!(!known.has_all(0, 60..70));
         known.add(0, 60..70);

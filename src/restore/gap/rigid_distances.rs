@@ -70,7 +70,10 @@ impl TakeDistances {
     pub fn hold(&self, frame: &mut [f64], points: &[usize], variance: &mut [f64]) {
         let together = points.len() <= MOST_POINTS;
         let mut places = vec![None; frame.len() / 3];
-        points.iter().enumerate().for_each(|(k, p)| places[*p] = Some(k));
+        points
+            .iter()
+            .enumerate()
+            .for_each(|(k, p)| places[*p] = Some(k));
         let at = |frame: &[f64], p: usize| DVec3::from_slice(&frame[3 * p..3 * p + 3]);
         let pairs: Vec<(&Pair, [Option<usize>; 2])> = (self.0.iter())
             .map(|pair| (pair, pair.points.map(|p| places[p])))
@@ -124,7 +127,9 @@ impl TakeDistances {
             (pairs.iter().enumerate()).for_each(|(k, (p, _))| gain[[k, k]] += p.variance);
             let factor = Cholesky::new(gain);
             let solved = factor.and_then(|f| Some((f.solve(&rest)?, f)));
-            let Some((solved, factor)) = solved else { break };
+            let Some((solved, factor)) = solved else {
+                break;
+            };
             let change = weighted.t().dot(&solved);
             let here: Vec<DVec3> = points.iter().map(|p| at(frame, *p)).collect();
             let stepped = |share: f64| {
