@@ -21,7 +21,7 @@ pub enum Error {
     /// The arguments do not fit together or are out of range (exit 2).
     #[error("{0}")]
     Usage(String),
-    /// Reading or writing failed (exit 1; a closed standard output is no failure at all).
+    /// Reading or writing failed (exit 1; a reader that closes the pipe is no failure at all).
     #[error("{place}: {source}")]
     Io {
         /// The file, or `standard input` or `standard output`.

@@ -31,7 +31,8 @@ fn shell(folder: &Path, line: &str) -> Output {
     let path = format!("{}:{}", bin().display(), std::env::var("PATH").unwrap());
     let mut sh = Command::new("sh");
     let sh = sh.args(["-c", line]).current_dir(folder).env("PATH", path);
-    sh.env_remove("OPENBLAS_NUM_THREADS").output().unwrap()
+    sh.env_remove("RUST_BACKTRACE");
+    sh.output().unwrap()
 }
 
 fn said(output: &Output) -> String {

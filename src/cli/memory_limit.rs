@@ -1,8 +1,9 @@
 //! A limit of the address space, as `ulimit -v` sets it.
 //!
-//! OpenBLAS takes 128 MB of addresses for each thread that calls it, and tries again for ever where it gets none. So under a limit
-//! its own threads are switched off, which only the environment it starts in can do; there are as many threads of ours as the
-//! limit has room for; and their memory is taken before anything else.
+//! OpenBLAS takes 128 MB of addresses for each thread that calls it, and tries again for ever where it gets none; the C library takes
+//! 64 MB for the heap of each thread. So under a limit OpenBLAS's own threads are switched off and all threads have one heap, which
+//! only the environment that a program starts in can say; there are as many threads of ours as the limit has room for; and
+//! their memory is taken before anything else.
 
 use crate::numeric::linalg::cholesky_solve;
 use crate::{Error, Place, Result};
@@ -12,13 +13,13 @@ use std::os::unix::process::CommandExt;
 use std::process::Command;
 use std::sync::OnceLock;
 
-/// What OpenBLAS takes for a thread that calls it, with the thread's stack and heap; what else a command needs at least: bytes.
+/// What OpenBLAS takes for a thread that calls it, with the thread's stack; what else a command needs at least: bytes.
 const THREAD: u64 = 140 << 20;
 const BESIDE: u64 = 48 << 20;
 /// The size of a matrix that makes OpenBLAS take it.
 const LARGE: usize = 300;
-/// The number of threads of OpenBLAS.
-const OWN_THREADS: &str = "OPENBLAS_NUM_THREADS";
+/// The number of threads of OpenBLAS, and of heaps.
+const FRUGAL: [(&str, &str); 2] = [("OPENBLAS_NUM_THREADS", "1"), ("MALLOC_ARENA_MAX", "1")];
 
 /// The number of threads that a limit has room for; unset without one.
 static MOST_THREADS: OnceLock<usize> = OnceLock::new();
@@ -31,7 +32,9 @@ pub fn prepare() -> Result<()> {
     let Some(limit) = address_limit() else {
         return Ok(());
     };
-    if std::env::var_os(OWN_THREADS).is_none_or(|n| n != "1")
+    let is_frugal =
+        |(name, value): &(&str, &str)| std::env::var_os(name).is_some_and(|v| v == *value);
+    if !FRUGAL.iter().all(is_frugal)
         && let Ok(program) = std::env::current_exe()
     {
         let mut words = std::env::args_os();
@@ -39,7 +42,7 @@ pub fn prepare() -> Result<()> {
         again.arg0(words.next().unwrap_or_default());
         super::closed_stdout::pass_on();
         // Returns only where it fails.
-        let _ = again.args(words).env(OWN_THREADS, "1").exec();
+        let _ = again.args(words).envs(FRUGAL).exec();
     }
     let room = limit.saturating_sub(used_addresses());
     let threads = room.saturating_sub(BESIDE) / THREAD;

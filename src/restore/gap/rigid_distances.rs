@@ -69,10 +69,14 @@ impl TakeDistances {
     /// is that of each of their coordinates, cm², and becomes what is left of it. What else the frame lacks may be NaN.
     pub fn hold(&self, frame: &mut [f64], points: &[usize], variance: &mut [f64]) {
         let together = points.len() <= MOST_POINTS;
-        let place = |p: usize| points.iter().position(|q| *q == p);
+        let mut places = vec![None; frame.len() / 3];
+        points
+            .iter()
+            .enumerate()
+            .for_each(|(k, p)| places[*p] = Some(k));
         let at = |frame: &[f64], p: usize| DVec3::from_slice(&frame[3 * p..3 * p + 3]);
         let pairs: Vec<(&Pair, [Option<usize>; 2])> = (self.0.iter())
-            .map(|pair| (pair, pair.points.map(place)))
+            .map(|pair| (pair, pair.points.map(|p| places[p])))
             .filter(|(pair, places)| {
                 let missing = places.iter().flatten().count();
                 let is_known = pair.points.iter().all(|p| at(frame, *p).is_finite());
@@ -98,7 +102,7 @@ impl TakeDistances {
             moved.sum::<f64>() + missed.sum::<f64>()
         };
         let mut reached = objective(frame);
-        let mut explained = None;
+        let mut last = None;
         for _ in 0..STEPS {
             let mut jacobian = Array2::<f64>::zeros((pairs.len(), 3 * points.len()));
             let mut rest = Array2::<f64>::zeros((pairs.len(), 1));
@@ -122,8 +126,10 @@ impl TakeDistances {
             let mut gain = weighted.dot(&jacobian.t());
             (pairs.iter().enumerate()).for_each(|(k, (p, _))| gain[[k, k]] += p.variance);
             let factor = Cholesky::new(gain);
-            let both = factor.and_then(|f| Some((f.solve(&rest)?, f.half_solve(&weighted)?)));
-            let Some((solved, half)) = both else { break };
+            let solved = factor.and_then(|f| Some((f.solve(&rest)?, f)));
+            let Some((solved, factor)) = solved else {
+                break;
+            };
             let change = weighted.t().dot(&solved);
             let here: Vec<DVec3> = points.iter().map(|p| at(frame, *p)).collect();
             let stepped = |share: f64| {
@@ -141,14 +147,17 @@ impl TakeDistances {
                 .find(|(o, _)| *o < reached);
             let Some((found, moved)) = lower else { break };
             frame.copy_from_slice(&moved);
-            explained = Some(half.map_axis(Axis(0), |column| column.dot(&column)));
+            last = Some((factor, weighted));
             let is_converged = reached - found < CONVERGED;
             reached = found;
             if is_converged {
                 break;
             }
         }
-        let Some(explained) = explained else { return };
+        let Some(half) = last.and_then(|(f, weighted)| f.half_solve(&weighted)) else {
+            return;
+        };
+        let explained = half.map_axis(Axis(0), |column| column.dot(&column));
         (variance.iter_mut().zip(explained)).for_each(|(v, e)| *v = (*v - e).max(1e-3 * *v));
     }
 }
