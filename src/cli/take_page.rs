@@ -10,7 +10,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// What the titles of these pages begin with; by it they are known again.
-const TITLE: &str = "Take: ";
+const TITLE: &str = "Take in posing: ";
 /// The title of a page stands among its first bytes.
 const HEAD: u64 = 4096;
 /// Most bytes of coordinates in a page: of a longer take every few frames are shown.

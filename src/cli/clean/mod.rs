@@ -4,6 +4,7 @@ mod earlier_list;
 mod findings;
 mod list;
 mod one_file;
+mod page;
 mod places;
 mod record;
 mod redo;

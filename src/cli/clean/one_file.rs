@@ -1,5 +1,6 @@
 //! Cleaning one file: read, audited, restored, written back, recorded.
 
+use super::page::write_page;
 use super::places::PlaceToSee;
 use super::record::{
     Fingerprint, MadeFrom, Record, Summary, begin, give_up, has_result, leave_failure, may_write,
@@ -15,15 +16,12 @@ use crate::cli::body_size::check_body_size;
 use crate::cli::gap_report::gap_lines;
 use crate::cli::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags, skeleton_of};
 use crate::cli::new_take::NewTake;
-use crate::cli::take_page::{TakePage, page_beside, write_take_page};
 use crate::cli::units::{TableUnits, Units, Up};
-use crate::evaluate::scene::Figure;
 use crate::io::output::write_file;
 use crate::io::{Input, Model, MotionFormat};
 use crate::pose::{NameMap, PointNaming, Poses, joints};
 use crate::restore::{Clean, Restoration, Restorer};
 use crate::{Error, Place, Result};
-use ndarray::Array2;
 use serde_json::json;
 
 /// How files are cleaned.
@@ -170,7 +168,10 @@ impl CleanSettings {
         let mut summary = self.summary(&file, to, &naming, &restored, unheld, found);
         summary.notes.extend(notes);
         summary.copied = self.is_copied(job, to, &file, &restored, capture);
-        summary.notes.extend(page(job, &file, &restored, &summary)?);
+        summary.findings.extend(self.kept(&file, to, &restored));
+        summary
+            .notes
+            .extend(write_page(job, &file, &restored, &summary)?);
         Record {
             command: "clean",
             made_from,
@@ -235,6 +236,24 @@ impl CleanSettings {
             });
         }
         Ok((places, notes))
+    }
+
+    /// What a file of markers keeps of stretches that were to be done again, and could not be filled.
+    fn kept(
+        &self,
+        file: &MotionFile,
+        to: Option<OutputFormat>,
+        restored: &Restoration<'_>,
+    ) -> Option<String> {
+        let is_table = matches!(file.format, MotionFormat::Csv | MotionFormat::Npy);
+        let points = &file.table.poses.points;
+        let is_left = |stretch: &Stretch| {
+            let find = points.iter().position(|p| *p == stretch.point);
+            find.is_some_and(|p| restored.xyz().column(3 * p).iter().any(|v| v.is_nan()))
+        };
+        let is_kept = !is_table && to.is_none() && self.redo.iter().any(is_left);
+        let what = "redo: what could not be filled again stays in the file as it was measured";
+        is_kept.then(|| what.to_string())
     }
 
     /// The take after the low-pass filter, and a line on that.
@@ -411,50 +430,4 @@ pub fn keeps_rotations(file: &MotionFile, to: Option<OutputFormat>) -> bool {
 
 fn bad_of(file: &str, what: String) -> Error {
     Error::data(Place::file(file), what)
-}
-
-/// Writes the page of a take in which there is something to see; a line, where another file stands in its place.
-fn page(
-    job: &Job,
-    file: &MotionFile,
-    restored: &Restoration<'_>,
-    summary: &Summary,
-) -> Result<Option<String>> {
-    let path = page_beside(&job.output);
-    let is_seen = !summary.places.is_empty() || !summary.findings.is_empty() || summary.denoised;
-    let html = match is_seen {
-        true => take_page(&job.name, file, restored)?,
-        false => None,
-    };
-    let is_written = write_take_page(&path, html.as_deref())?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let in_the_way = || format!("no page of the take: {name} is there and is none of clean's");
-    Ok((html.is_some() && !is_written).then(in_the_way))
-}
-
-/// The page of a take: the capture, and the result beside it where that differs.
-fn take_page(name: &str, file: &MotionFile, restored: &Restoration<'_>) -> Result<Option<String>> {
-    let poses = &file.table.poses;
-    let shape = (poses.frames(), poses.points.len());
-    let status = Array2::from_shape_fn(shape, |(t, p)| restored.status(t, p));
-    let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
-    let method = Array2::from_shape_fn(shape, |(t, p)| restored.method(t, p));
-    let mut figures = vec![Figure::new("capture", poses.xyz.view())];
-    if restored.xyz() != poses.xyz {
-        figures.push(Figure {
-            status: Some(status.view()),
-            sd: Some(sd.view()),
-            method: Some(method.view()),
-            ..Figure::new("cleaned", restored.xyz())
-        });
-    }
-    TakePage {
-        name,
-        note: "The capture, and beside it the result where it differs. Centimetres, y up.",
-        poses,
-        rate: file.rate(),
-        bones: &file.bones()?,
-        figures,
-    }
-    .html()
 }
