@@ -10,8 +10,10 @@ use std::ops::Range;
 const MOST: f64 = 2e4;
 const MOST_LONG: f64 = 5e3;
 /// Least jump, cm, and least jump in medians of what the points of the take do otherwise.
-const LEAST: f64 = 3.0;
+const LEAST: f64 = 5.0;
 const UNUSUAL: f64 = 5.0;
+/// Least jump at an end of a run, cm, where another pose may stand before or behind the take.
+const LEAST_AT_END: f64 = 3.0;
 /// Share of the points that jump, and how many of them there must be.
 const SHARE: f64 = 0.8;
 const POINTS: usize = 3;
@@ -32,13 +34,16 @@ pub fn split_at_cuts(
         let mut start = run.start;
         let mut t = run.start + 1;
         while t < run.end {
+            let is_at_end = t - run.start <= back || run.end - t <= back;
+            let least = if is_at_end { LEAST_AT_END } else { LEAST };
+            let is_jump = |a, b| jumps.is_jump(a, b, run, least);
             // Dropouts are usual at cuts: the last frame that shows enough of the body counts.
             let seen = (start.max(t.saturating_sub(back + 1))..t).rev();
-            let before = seen.clone().find(|&a| jumps.is_jump(a, t, run).is_some());
-            if let Some(a) = before.filter(|&a| jumps.is_jump(a, t, run) == Some(true)) {
+            let before = seen.clone().find(|&a| is_jump(a, t).is_some());
+            if let Some(a) = before.filter(|&a| is_jump(a, t) == Some(true)) {
                 let until = run.end.min(t + back + 1);
                 let is_back = |s: &usize| {
-                    jumps.is_jump(a, *s, run) == Some(false) && jumps.is_nearer(a, t, *s)
+                    is_jump(a, *s) == Some(false) && (!is_at_end || jumps.is_nearer(a, t, *s))
                 };
                 match (t + 1..until).find(is_back) {
                     Some(returned) => t = returned,
@@ -129,10 +134,10 @@ impl<'a> Jumps<'a> {
 
     /// Whether the body as a whole cannot have moved from where it is in frame a to where it is in b; `None` where they show too
     /// little of it.
-    fn is_jump(&self, a: usize, b: usize, run: &Range<usize>) -> Option<bool> {
+    fn is_jump(&self, a: usize, b: usize, run: &Range<usize>, least: f64) -> Option<bool> {
         let seconds = (b - a) as f64 * self.step;
         let acceleration = if b - a == 1 { MOST } else { MOST_LONG };
-        let most = LEAST.max(UNUSUAL * self.usual) + acceleration * seconds * seconds;
+        let most = least.max(UNUSUAL * self.usual) + acceleration * seconds * seconds;
         let all: Vec<f64> = self.deviations(a, b, run).collect();
         let far = all.iter().filter(|d| **d > most).count();
         (all.len() >= POINTS).then_some(far as f64 >= SHARE * all.len() as f64)
