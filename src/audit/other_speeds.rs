@@ -8,11 +8,13 @@ use std::ops::Range;
 /// Points that are measured, at most: evenly chosen.
 const MOST: usize = 500;
 
+/// The points' speeds (cm a frame, in the median), in order.
+type Speeds = Vec<(f64, usize)>;
+
 /// The speeds of points in ranges of frames, each range measured once.
 pub struct OtherSpeeds<'a, 't> {
     take: &'a Take<'t>,
-    /// By range: the points' speeds (cm a frame, in the median), in order.
-    known: RefCell<HashMap<Range<usize>, Vec<(f64, usize)>>>,
+    known: RefCell<HashMap<Range<usize>, Speeds>>,
 }
 
 impl<'a, 't> OtherSpeeds<'a, 't> {
@@ -34,7 +36,7 @@ impl<'a, 't> OtherSpeeds<'a, 't> {
         middle.unwrap_or(0.0)
     }
 
-    fn measure(&self, frames: Range<usize>) -> Vec<(f64, usize)> {
+    fn measure(&self, frames: Range<usize>) -> Speeds {
         let step = |p: usize| {
             let steps = frames.clone().zip(frames.clone().skip(1));
             let steps = steps.filter_map(|(t, next)| {
@@ -44,7 +46,7 @@ impl<'a, 't> OtherSpeeds<'a, 't> {
         };
         let points = self.take.points.len();
         let every = points.div_ceil(MOST).max(1);
-        let mut all: Vec<(f64, usize)> = (0..points).step_by(every).filter_map(step).collect();
+        let mut all: Speeds = (0..points).step_by(every).filter_map(step).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         all
     }
