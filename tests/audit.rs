@@ -111,7 +111,7 @@ fn a_wrong_rate_unit_or_axis_is_told_with_its_remedy() {
     says(&[], &fast, "is the rate 2400.00 frames per second");
 }
 
-/// Captures and animations of many makers hold no rotations, but for one whose head is still for its first frames.
+/// Captures and animations of many makers have rests, pauses, and joints at their limits, but no held rotations.
 #[test]
 fn files_of_many_makers_have_no_held_rotations() {
     let Some(folder) = common::shared("data/formats/bvh") else {
@@ -121,11 +121,6 @@ fn files_of_many_makers_have_no_held_rotations() {
         let path = entry.unwrap().path();
         let done = common::command("audit").arg(&path).output().unwrap();
         let said = String::from_utf8_lossy(&done.stdout).into_owned();
-        let held: Vec<&str> = said
-            .lines()
-            .filter(|l| l.contains("while others turn"))
-            .collect();
-        let is_known = path.ends_with("Swagger.bvh");
-        assert_eq!(held.len(), usize::from(is_known), "{held:?}");
+        assert!(!said.contains("while others turn"), "{said}");
     }
 }
