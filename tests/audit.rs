@@ -195,7 +195,7 @@ fn a_point_far_off_is_a_stray_point_and_no_wrong_unit() {
     }
 }
 
-/// Captures and animations of many makers hold no rotations, but for one whose head is still for its first frames.
+/// Captures and animations of many makers have rests, pauses, and joints at their limits, but no held rotations.
 #[test]
 fn files_of_many_makers_have_no_held_rotations() {
     let Some(folder) = common::shared("data/formats/bvh") else {
@@ -205,11 +205,6 @@ fn files_of_many_makers_have_no_held_rotations() {
         let path = entry.unwrap().path();
         let done = common::command("audit").arg(&path).output().unwrap();
         let said = String::from_utf8_lossy(&done.stdout).into_owned();
-        let held: Vec<&str> = said
-            .lines()
-            .filter(|l| l.contains("while others turn"))
-            .collect();
-        let is_known = path.ends_with("Swagger.bvh");
-        assert_eq!(held.len(), usize::from(is_known), "{held:?}");
+        assert!(!said.contains("while others turn"), "{said}");
     }
 }

@@ -236,11 +236,12 @@ fn model_outputs_are_columns_of_their_own() {
         }
     }
     // They travel with the table, and the file keeps its own.
-    let into = command("xyz2c3d")
+    let done = command("xyz2c3d")
         .args(["-q", "--into", text(&path)])
-        .write_stdin(table);
-    let back = { into }.assert().success().get_output().stdout.clone();
-    assert_eq!(back, fs::read(&path).unwrap());
+        .write_stdin(table)
+        .assert()
+        .success();
+    assert_eq!(done.get_output().stdout, fs::read(&path).unwrap());
 }
 
 #[test]
@@ -286,8 +287,9 @@ fn texts_in_utf16_are_read() {
         let bytes: Vec<u8> = units.encode_utf16().flat_map(order).collect();
         let done = command("trc2xyz")
             .args(["-q", "--up", "y"])
-            .write_stdin(bytes.clone());
-        let done = { done }.assert().success();
+            .write_stdin(bytes.clone())
+            .assert()
+            .success();
         assert_eq!(String::from_utf8_lossy(&done.get_output().stdout), table);
         fs::write(&path, bytes).unwrap();
         let said = run_any("audit", &["--up", "y", text(&path)]);
