@@ -17,6 +17,8 @@ const RESTING: f64 = 0.3;
 const LONGEST: f64 = 0.5;
 /// An angle this near to its least or largest in the take, as a share of their distance, is at a limit of the joint.
 const AT_LIMIT: f64 = 1e-3;
+/// A step after a rest that is this many times as large as any within a motion ends a value that was held, at a limit too.
+const BREAK: f64 = 1.5;
 /// What the joint would have turned by meanwhile at its usual speed, radians, and how fast others turn, radians a second: less is a pause.
 const LEAST_TURN: f64 = 3.0 * PI / 180.0;
 const LEAST_SPEED: f64 = 10.0 * PI / 180.0;
@@ -146,6 +148,11 @@ impl JointMotion {
         let same = |t: &usize| self.steps[*t] <= SAME;
         let usual_turn = |r: &Range<usize>| self.typical * r.len() as f64;
         let leaps = |r: &Range<usize>| self.steps.get(r.end).is_none_or(|s| *s > self.typical);
+        let follows_rest = |t: usize| t > 0 && same(&(t - 1));
+        let in_motion = (0..self.steps.len()).filter(|t| !follows_rest(*t));
+        let largest = in_motion.fold(0.0, |most: f64, t| most.max(self.steps[t]));
+        // A joint leaves the limit of its hinge smoothly.
+        let breaks = |r: &Range<usize>| self.steps.get(r.end).is_some_and(|s| *s > BREAK * largest);
         let is_alone = |r: &Range<usize>| {
             let (all, own) = (self.steps.len() as f64, r.len() as f64);
             own <= LONGEST * all && self.still as f64 - own <= RESTING * (all - own)
@@ -153,7 +160,8 @@ impl JointMotion {
         let is_held = |r: &Range<usize>| {
             let is_long = r.len() as f64 > 0.5 * SECONDS * rate;
             // A hinge may rest where it likes, and leaves its rest smoothly; a ball joint never has the very same three angles.
-            let is_odd = !self.at_limit[r.start] && (!self.is_hinge || leaps(r));
+            let is_unusual = !self.at_limit[r.start] && (!self.is_hinge || leaps(r));
+            let is_odd = is_unusual || breaks(r);
             is_long && is_alone(r) && is_odd && usual_turn(r) >= LEAST_TURN
         };
         let still = ranges((0..self.steps.len()).filter(same)).into_iter();
@@ -204,6 +212,14 @@ mod tests {
             }
         };
         (0..count).map(joint).collect()
+    }
+
+    #[test]
+    fn a_leap_out_of_a_limit_ends_a_held_rotation() {
+        // The hold begins at the largest angle of the take.
+        let held = held_rotations(&swinging(1, 8, 1, 22..43), 60.0);
+        let frames: Vec<Range<usize>> = held.into_iter().map(|h| h.frames).collect();
+        assert_eq!(frames, [22..43]);
     }
 
     #[test]

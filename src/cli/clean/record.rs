@@ -58,6 +58,23 @@ pub struct MadeFrom {
     pub skeleton: Option<Fingerprint>,
 }
 
+impl MadeFrom {
+    /// Whether a result that was made from this is what would be made `now`. A stretch that somebody had done again stays so in later runs
+    /// that do not ask for any.
+    fn holds_for(&self, now: &MadeFrom) -> bool {
+        let mut was = self.clone();
+        let is_redone = was.settings.get("redo").is_some();
+        if is_redone && now.settings.get("redo").is_none() {
+            // `--redo` alone looks for no outliers elsewhere.
+            was.settings["outliers"] = now.settings["outliers"].clone();
+            if let Some(settings) = was.settings.as_object_mut() {
+                settings.remove("redo");
+            }
+        }
+        was == *now
+    }
+}
+
 /// What became of a file, in numbers.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -319,7 +336,8 @@ impl Record<'_> {
 /// What an earlier run says of a result that is still what it made of the same.
 pub fn unchanged(output: &Path, made_from: &MadeFrom) -> Option<Summary> {
     let earlier = Earlier::read(output)?;
-    let is_same = earlier.made_from.as_ref() == Some(made_from)
+    let is_made_from = |was: &MadeFrom| was.holds_for(made_from);
+    let is_same = earlier.made_from.as_ref().is_some_and(is_made_from)
         && Fingerprint::read(output).ok() == earlier.output;
     if is_same && earlier.error.is_some() {
         // Where it cannot be written, it says of an old failure what the result does not need.
