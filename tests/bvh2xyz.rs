@@ -130,7 +130,7 @@ fn impossible_frame_times_and_cut_files_are_told() {
     }
     for (cut, said) in [
         ("HIERARCHY\n".to_string(), "ends after its first line"),
-        (file("1")[..40].to_string(), "hierarchy is cut off"),
+        (file("1")[..40].to_string(), "the file is cut off"),
         (
             file("1").trim_end_matches(" 6\n").to_string(),
             "--keep-whole",

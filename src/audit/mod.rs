@@ -14,13 +14,21 @@ mod rotations;
 
 pub use gaps::{GapSummary, PointGaps};
 pub use held_rotations::{HeldRotations, held_rotations};
-pub use rotations::{JointAngles, rotation_findings};
+pub use rotations::JointAngles;
 
 use crate::pose::Poses;
 use crate::pose::stray::points_apart;
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::ops::Range;
+
+/// What is wrong with the rotations of a take: angles that jump though their joints hardly turn, and rotations that were held. `rate`: frames a second; without
+/// one, nothing is held.
+pub fn rotation_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
+    let mut out = rotations::flips(joints);
+    out.extend(held_rotations::held_findings(joints, rate));
+    out
+}
 
 /// What is still as it should be.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -1,6 +1,5 @@
 //! The rotations of a file as angles: where they jump though the joint hardly turns.
 
-use super::held_rotations::held_findings;
 use super::{Finding, FindingKind};
 use crate::pose::rotation::{Axis, angle_between, compose};
 use ndarray::Array2;
@@ -21,17 +20,9 @@ pub struct JointAngles {
     pub angles: Array2<f64>,
 }
 
-/// What is wrong with the rotations of a take: angles that [flip](flips), and rotations that were held. `rate`: frames a second; without
-/// one, nothing is held.
-pub fn rotation_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> {
-    let mut out = flips(joints);
-    out.extend(held_findings(joints, rate));
-    out
-}
-
 /// Joints whose angles jump, by a whole turn or through gimbal lock, while the joint itself hardly turns: what is interpolated between
 /// two such frames goes astray.
-fn flips(joints: &[JointAngles]) -> Vec<Finding> {
+pub fn flips(joints: &[JointAngles]) -> Vec<Finding> {
     joints.iter().filter_map(JointAngles::flips).collect()
 }
 

@@ -35,7 +35,7 @@ use std::process::ExitCode;
 #[command(
     name = "clean",
     version,
-    after_help = "Examples:\n  posing clean gait.c3d -o clean.c3d || echo see clean.c3d.json\n  posing clean captures/ -o cleaned/ --fps 120 --up y || echo see cleaned/clean.html\n  posing clean walk.bvh -o whole.bvh --max-gap 0.5 || echo see whole.bvh.json\n  posing clean captures/ -o cleaned/ --fps 120 --up c3d=z --up trc=y --new-only || echo see cleaned/clean.html\n  posing clean gait.c3d -o clean.c3d --redo LANK:1.2-1.9 || echo see clean.c3d.json"
+    after_help = "Examples:\n  posing clean gait.c3d -o clean.c3d || echo see clean.c3d.json\n  posing clean captures/ -o cleaned/ --fps 120 --up y || echo see cleaned/clean.html\n  posing clean walk.bvh -o whole.bvh --max-gap 0.5 || echo see whole.bvh.json\n  posing clean captures/ -o cleaned/ --fps 120 --up c3d=z --up trc=y --new-only || echo see cleaned/clean.html\n  posing clean gait.c3d -o clean.c3d --redo lfoot:1.2-1.9 || echo see clean.c3d.json"
 )]
 struct Args {
     /// Files, and folders that are searched for files

@@ -71,7 +71,7 @@ pub const COMMANDS: &[CommandEntry] = &[
     entry("xyz2trc", "Convert a pose table to a TRC file", false),
     entry(
         "csv2xyz",
-        "Convert a Motive CSV or Qualisys TSV file to a pose table",
+        "Convert a table of another program to a pose table",
         false,
     ),
     entry("xyz2amc", "Convert a pose table to an AMC take", false),

@@ -6,6 +6,7 @@ mod nexus;
 pub mod points;
 mod qualisys;
 mod qualisys_6d;
+mod qualisys_head;
 
 pub use motive::MotivePoints;
 

@@ -5,11 +5,11 @@
 //! missing, others `null`. So empty cells and words for "none" are missing, and zeros stay.
 
 use super::qualisys_6d;
+use super::qualisys_head::{Head, KEYS, value_of};
 use crate::io::marker_rows::{MarkerRows, Stated, is_missing};
 use crate::io::marker_take::MarkerTake;
 use crate::io::text::Lines;
 use crate::{Error, Place, Result};
-use std::collections::HashMap;
 use std::io::BufRead;
 
 /// Where the cells of a row are.
@@ -52,25 +52,6 @@ pub fn read(first: &str, mut lines: Lines<impl BufRead>, keep_whole: bool) -> Re
     take.cells.move_points(|cell| first + cell);
     Ok(take)
 }
-
-/// The values of the header by their names, which are of [`KEYS`].
-pub type Head = HashMap<&'static str, Vec<String>>;
-
-/// The first value of a name.
-pub fn value_of<'a>(head: &'a Head, key: &str) -> Option<&'a str> {
-    Some(head.get(key)?.first()?.as_str())
-}
-
-/// What is read of the header; other lines are passed over, however many there are.
-const KEYS: [&str; 7] = [
-    "NO_OF_FRAMES",
-    "NO_OF_MARKERS",
-    "FREQUENCY",
-    "DATA_INCLUDED",
-    "MARKER_NAMES",
-    "NO_OF_BODIES",
-    "BODY_NAMES",
-];
 
 /// What stands above the rows, and the first row.
 struct Header {

@@ -3,7 +3,7 @@
 //!
 //! A body that QTM could not compute has a residual of -1 and zeros.
 
-use super::qualisys::{Head, value_of};
+use super::qualisys_head::{Head, value_of};
 use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::{CarriedColumns, MarkerTake, unique_names};
 use crate::io::text::{Lines, excerpt};

@@ -52,7 +52,7 @@ const WAVE: usize = 4;
 /// In a take with more gaps of under [`WAVE`] frames than this, such gaps are interpolated over time: there are too many to learn
 /// each, and the path is nearly as good.
 const FLOOD: usize = 200;
-/// How often gaps of about a length are asked for, at most.
+/// How often a gap is asked for at most since others are filled from whose frames it would be learnt.
 const MOST_ROUNDS: usize = 16;
 /// Seconds on either side of a gap that are learnt from.
 const WINDOW: f64 = 25.0;
@@ -149,6 +149,31 @@ fn gaps_of(seen: ArrayView2<'_, f64>, run: &Range<usize>) -> Vec<Gap> {
     gaps
 }
 
+/// Ranges of frames, apart from one another and in their order.
+struct FrameRanges(Vec<Range<usize>>);
+
+impl FrameRanges {
+    /// The frames of some ranges.
+    fn of<'a>(ranges: impl Iterator<Item = &'a Range<usize>>) -> FrameRanges {
+        let mut ranges: Vec<Range<usize>> = ranges.cloned().collect();
+        ranges.sort_by_key(|range| range.start);
+        let mut out: Vec<Range<usize>> = Vec::new();
+        for range in ranges {
+            match out.last_mut() {
+                Some(last) if range.start <= last.end => last.end = last.end.max(range.end),
+                _ => out.push(range),
+            }
+        }
+        FrameRanges(out)
+    }
+
+    /// Whether some of them are within `frames`.
+    fn meet(&self, frames: &Range<usize>) -> bool {
+        let first = self.0.partition_point(|range| range.end <= frames.start);
+        self.0.get(first).is_some_and(|r| r.start < frames.end)
+    }
+}
+
 /// What the frames around gaps say, a gap each.
 pub struct GapAnswers {
     /// `None` for a gap that cannot be filled: there is nothing to learn from, or no body could follow the answer, and the
@@ -194,17 +219,18 @@ impl GapFiller<'_> {
         }
         for mut open in waves(gaps) {
             open.retain(|gap| filled[*gap].is_none());
-            // What is filled is known to the gaps for which too little was: they are asked again as long as that helps.
-            for _ in 0..MOST_ROUNDS {
-                let count = open.len();
-                let answers = self.ask(gaps, &open, &known, done);
+            let mut rounds = vec![0; gaps.len()];
+            let mut asked = open.clone();
+            while !asked.is_empty() {
+                let answers = self.ask(gaps, &asked, &known, done);
                 for (gap, answer) in answers {
                     match limits.allow(self.captured, &gaps[gap], &answer) {
                         true => filled[gap] = Some(answer),
                         false => refused[gap] = Some(answer),
                     }
                 }
-                for &gap in &open {
+                for &gap in &asked {
+                    rounds[gap] += 1;
                     if filled[gap].is_none() {
                         filled[gap] = self.by_path(&gaps[gap], &known);
                     }
@@ -212,10 +238,17 @@ impl GapFiller<'_> {
                         known.put(&gaps[gap], &answer.xyz);
                     }
                 }
+                let is_new = |gap: &&usize| filled[**gap].is_some();
+                let new = FrameRanges::of(asked.iter().filter(is_new).map(|g| &gaps[*g].frames));
                 open.retain(|gap| filled[*gap].is_none());
-                if open.is_empty() || open.len() == count {
-                    break;
-                }
+                // What is filled is known to the gaps for which too little was: those at the same frames are asked again, and, so
+                // often, those that learn from these frames.
+                let learns = |gap: &usize| {
+                    let frames = &gaps[*gap].frames;
+                    let is_early = rounds[*gap] < MOST_ROUNDS;
+                    new.meet(frames) || is_early && new.meet(&self.window(frames))
+                };
+                asked = open.iter().copied().filter(learns).collect();
             }
         }
         GapAnswers { filled, refused }
@@ -693,5 +726,52 @@ mod tests {
             filler.by_path(gap, &known);
         });
         assert_eq!(known.paths.len(), points);
+    }
+
+    #[test]
+    fn a_chain_of_gaps_is_filled_to_its_end() {
+        // Each gap lacks frames of the one before it: as many rounds as gaps, while one end is filled after the other.
+        let (points, chain, length, step) = (5, 30, 60, 40);
+        let frames = 800 + chain * step + 800;
+        let truth = Array2::from_shape_fn((frames, 3 * points), |(t, c)| {
+            let (t, i) = (t as f64, (c / 3) as f64);
+            let turn = 0.5 * (t / 9.0).sin() + 0.2 * (t / 3.7).sin();
+            let (x, z) = (10.0 * i.cos(), 9.0 * (1.7 * i).sin());
+            match c % 3 {
+                0 => {
+                    x * turn.cos() - z * turn.sin()
+                        + 30.0 * (t / 5.0).sin()
+                        + 15.0 * (t / 2.3).sin()
+                }
+                1 => 100.0 + 12.0 * (2.3 * i).sin() + 8.0 * (t / 3.1).sin(),
+                _ => x * turn.sin() + z * turn.cos() + 10.0 * (t / 4.0).cos(),
+            }
+        });
+        let mut captured = truth.clone();
+        for k in 0..chain {
+            let (start, p) = (800 + k * step, k % points);
+            let mut hidden = captured.slice_mut(s![start..start + length, 3 * p..3 * p + 3]);
+            hidden.fill(f64::NAN);
+        }
+        let names: Vec<String> = (0..points).map(|p| format!("p{p}")).collect();
+        let runs = [0..frames];
+        let filler = GapFiller {
+            names: &names,
+            captured: captured.view(),
+            runs: &runs,
+            rate: 100.0,
+            others: None,
+        };
+        let gaps = find_gaps(captured.view(), &runs);
+        let filled = filler.fill(&gaps, &|_| ()).filled;
+        for (gap, filled) in gaps.iter().zip(&filled) {
+            let filled = filled.as_ref().expect("a gap stays");
+            for (i, t) in gap.frames.clone().enumerate() {
+                for axis in 0..3 {
+                    let off = filled.xyz[[i, axis]] - truth[[t, 3 * gap.point + axis]];
+                    assert!(off.abs() < 0.1, "{gap:?}: {off}");
+                }
+            }
+        }
     }
 }
