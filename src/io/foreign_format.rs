@@ -61,14 +61,14 @@ const BEGINNINGS: &[Beginning] = &[
     (b"\xff\xd8\xff", "a JPEG image", NO_MOTION),
     (b"GIF8", "a GIF image", NO_MOTION),
     (b"RIFF", "a video or sound file", NO_MOTION),
-    (b"\xff\xfe", "UTF-16 text", UTF16),
-    (b"\xfe\xff", "UTF-16 text", UTF16),
+    (b"\xff\xfe\0\0", "UTF-32 text", UTF32),
+    (b"\0\0\xfe\xff", "UTF-32 text", UTF32),
 ];
 
 const MATLAB: &str =
     "save its positions as CSV (writetable) or as NPY (scipy.io.loadmat, numpy.save)";
 const TABLE: &str = "save its positions as CSV, which csv2xyz reads";
-const UTF16: &str = "save it as UTF-8 (iconv -f utf-16 -t utf-8)";
+const UTF32: &str = "save it as UTF-8 (iconv -f utf-32 -t utf-8)";
 const PICKLE: &str = "save its positions with numpy.save as NPY";
 
 /// Words that an XML file of a kind has near its beginning.
@@ -158,12 +158,6 @@ pub fn foreign(start: &[u8]) -> Option<String> {
         // Protocols 2 to 5, whose first instruction is a frame or an opcode of text.
         [0x80, 2..=5, ..] => Some(format!("is a Python pickle, which may run code: {PICKLE}")),
         [_, _, _, _, b'f', b't', b'y', b'p', ..] => Some(format!("is a video: {NO_MOTION}")),
-        // ASCII with a zero after or before each letter.
-        [a, 0, b, 0, c, 0, ..] | [0, a, 0, b, 0, c, ..]
-            if [a, b, c].iter().all(|c| c.is_ascii_graphic()) =>
-        {
-            Some(format!("is UTF-16 text: {UTF16}"))
-        }
         _ => None,
     }
 }
@@ -210,8 +204,8 @@ mod tests {
             (b"\xef\xbb\xbf<mvnx>", "MVNX", "C3D"),
             (b"<!DOCTYPE html><html>", "web page", "download"),
             (b"\x80\x04\x95abc", "pickle", "numpy.save"),
-            (b"\xff\xfeP\0a\0", "UTF-16", "UTF-8"),
-            (b"P\0a\0t\0h\0F\0i\0", "UTF-16", "UTF-8"),
+            (b"\xff\xfe\0\0P\0\0\0a\0\0\0", "UTF-32", "utf-32"),
+            (b"\0\0\xfe\xff\0\0\0P\0\0\0a", "UTF-32", "utf-32"),
             (b"\0\0\0\x20ftypisom", "video", "motion"),
             (
                 b"PK\x03\x04\x14\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x13\0\0\0[Content_Types].xml",
@@ -221,7 +215,7 @@ mod tests {
         ] {
             let said = foreign(start).unwrap_or_default();
             assert!(said.contains(what) && said.contains(way), "{start:?}: {said}");
-            assert!(what == "UTF-16" || !said.contains("iconv"), "{said}");
+            assert!(what == "UTF-32" || !said.contains("iconv"), "{said}");
         }
     }
 
@@ -235,6 +229,8 @@ mod tests {
             b"{\"skeleton\": 1}",
             b"PK\x03\x04\x14\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x08\0\0\0meta.npy",
             b"ply\nformat bi",
+            // UTF-16, which is read.
+            b"\xff\xfeP\0a\0t\0h\0",
             b"solid x\n",
             b"",
             b"P",

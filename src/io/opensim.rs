@@ -2,16 +2,14 @@
 //! forces, muscles' states and the like, and no positions of points: all columns are carried along.
 
 use super::input::Input;
-use super::marker_csv::points::rate_of;
+use super::marker_csv::points::rate_of_times;
 use super::marker_take::{CarriedColumns, MarkerTake};
 use super::motion_format::{MotionFormat, recognized};
 use super::text::{Lines, parse_number};
+use super::text_start::MOST_HEADER_LINES;
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 use std::io::BufRead;
-
-/// The most lines of a header.
-const MOST_HEADER_LINES: u64 = 10_000;
 
 /// Reads a file. Its take has no points; its times and its columns are the file's. With `keep_whole`, one that ends early gives the rows
 /// that it has.
@@ -73,7 +71,7 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
         name: name.clone(),
         xyz: Array2::zeros((times.len(), 0)),
         first_frame: 1,
-        rate: rate_of(&times),
+        rate: rate_of_times(&times),
         times: Some(times),
         notes,
         carried,
@@ -93,7 +91,7 @@ struct Header {
 impl Header {
     fn read(lines: &mut Lines<impl BufRead>) -> Result<Header> {
         let mut header = Header::default();
-        while lines.number < MOST_HEADER_LINES
+        while lines.number < MOST_HEADER_LINES as u64
             && let Some(line) = lines.next_line()?
         {
             let line = line.trim();
@@ -145,14 +143,9 @@ impl Header {
     }
 }
 
-/// The next line that is not empty.
+/// The next line that is not blank.
 fn next(lines: &mut Lines<impl BufRead>) -> Result<Option<String>> {
-    while let Some(line) = lines.next_line()? {
-        if !line.trim().is_empty() {
-            return Ok(Some(line.to_string()));
-        }
-    }
-    Ok(None)
+    Ok(lines.next_filled(char::is_whitespace)?.map(str::to_string))
 }
 
 /// The cells of a row: parted by tabs or, where these do not give the cells that are `expected`, by blanks.

@@ -3,6 +3,7 @@
 
 use super::marker_rows::is_missing;
 use super::row_cells::texts_of;
+use super::text::excerpt;
 use super::text_cells::Separator;
 use std::collections::HashMap;
 
@@ -25,22 +26,33 @@ pub struct PointTitles {
     pub points: Vec<(String, [usize; 3])>,
     /// The other columns.
     pub others: Vec<(String, usize)>,
-    /// The unit of length, where one stands with the axes.
-    pub units: Option<String>,
-    /// Whether there are points of x and y without z.
-    pub has_planar: bool,
+    /// The units that stand with the axes, each once.
+    pub units: Vec<String>,
+    /// What has x, y and z but is no position by its name or by a column w.
+    pub quantities: Vec<String>,
+    /// Points of x and y without z.
+    pub planar: Vec<String>,
 }
 
 impl PointTitles {
     /// Reads the titles that the first rows of a table, `lines`, begin with; `None` where they are no titles of points.
     pub fn read(lines: &[&str]) -> Option<PointTitles> {
+        PointTitles::of_lines(lines, Group::is_position)
+    }
+
+    /// Reads titles all of which are those of points, whatever their names are.
+    pub fn of_markers(lines: &[&str]) -> Option<PointTitles> {
+        PointTitles::of_lines(lines, |_| true)
+    }
+
+    fn of_lines(lines: &[&str], is_position: fn(&Group) -> bool) -> Option<PointTitles> {
         let separator = separator_of(lines.first()?)?;
         let byte = separator.byte()?;
         let of_line = |line: &&str| texts_of(line, byte).iter().map(|c| c.to_string()).collect();
         let rows: Vec<Vec<String>> = lines.iter().take(MOST_ROWS).map(of_line).collect();
         let mut titles = match Group::of_one_row(&rows[0]) {
-            groups if groups.iter().any(Group::is_point) => {
-                PointTitles::of_groups(groups, &rows[0], 1)
+            groups if groups.iter().any(|g| g.xyz().is_some()) => {
+                PointTitles::of_groups(groups, &rows[0], 1, is_position)
             }
             one => {
                 let axes = (1..rows.len().min(4)).find(|&r| is_axes(&rows[r]));
@@ -50,17 +62,62 @@ impl PointTitles {
                     let titles: Vec<String> = (0..names.len().max(rows[axes].len()))
                         .map(|c| joined(names.get(c), rows[axes].get(c)))
                         .collect();
-                    PointTitles::of_groups(groups, &titles, axes + 1)
+                    PointTitles::of_groups(groups, &titles, axes + 1, is_position)
                 });
-                of_rows.unwrap_or_else(|| PointTitles::of_groups(one, &rows[0], 1))
+                of_rows.unwrap_or_else(|| PointTitles::of_groups(one, &rows[0], 1, is_position))
             }
         };
         titles.separator = separator;
         titles.take_last_row(&rows);
-        (!titles.points.is_empty() || titles.has_planar).then_some(titles)
+        (!titles.points.is_empty() || !titles.planar.is_empty()).then_some(titles)
     }
 
-    fn of_groups(groups: Vec<Group>, titles: &[String], rows: usize) -> PointTitles {
+    /// The unit of length, if one is stated.
+    ///
+    /// # Errors
+    /// What is wrong: there are several.
+    pub fn unit(&self) -> Result<Option<String>, String> {
+        match &self.units[..] {
+            [one, other, ..] => Err(format!(
+                "has points in {} and in {}: convert them to one unit, or leave out those of the other",
+                excerpt(one),
+                excerpt(other)
+            )),
+            units => Ok(units.first().map(|unit| excerpt(unit))),
+        }
+    }
+
+    /// What stays among the other columns though it has axes, a line each.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if !self.quantities.is_empty() {
+            notes.push(format!(
+                "carried along, since they are no positions by their titles: {}",
+                list(&self.quantities)
+            ));
+        }
+        if !self.planar.is_empty() {
+            notes.push(format!(
+                "carried along, since they have x and y without z: {}",
+                list(&self.planar)
+            ));
+        }
+        notes
+    }
+
+    fn add_unit(&mut self, unit: &str) {
+        let is_known = |known: &String| known.eq_ignore_ascii_case(unit);
+        if !unit.is_empty() && !self.units.iter().any(is_known) {
+            self.units.push(unit.to_string());
+        }
+    }
+
+    fn of_groups(
+        groups: Vec<Group>,
+        titles: &[String],
+        rows: usize,
+        is_position: fn(&Group) -> bool,
+    ) -> PointTitles {
         let mut is_point = vec![false; titles.len()];
         let mut out = PointTitles {
             rows,
@@ -68,16 +125,15 @@ impl PointTitles {
             ..PointTitles::default()
         };
         for group in groups {
-            let [x, y, z] = group.axes;
-            if is_other_quantity(&group.name) {
-                continue;
-            }
-            if let (Some(x), Some(y), Some(z)) = (x, y, z) {
-                out.points.push((group.name, [x, y, z]));
-                [x, y, z].iter().for_each(|&c| is_point[c] = true);
-                out.units = out.units.or(group.unit);
-            } else {
-                out.has_planar |= x.is_some() && y.is_some();
+            match group.xyz() {
+                Some(xyz) if is_position(&group) => {
+                    xyz.iter().for_each(|&c| is_point[c] = true);
+                    group.units.iter().for_each(|unit| out.add_unit(unit));
+                    out.points.push((group.name, xyz));
+                }
+                Some(_) => out.quantities.push(group.name),
+                None if group.is_planar() && is_position(&group) => out.planar.push(group.name),
+                None => {}
             }
         }
         let others = titles.iter().enumerate().filter(|(c, _)| !is_point[*c]);
@@ -108,7 +164,7 @@ impl PointTitles {
             && row.first().is_some_and(|c| is_word(&c.as_str()))
             && row.iter().skip(1).all(String::is_empty);
         if !cells.is_empty() && cells.iter().all(is_word) {
-            self.units = self.units.take().or(cells.first().map(|c| c.to_string()));
+            cells.iter().for_each(|unit| self.add_unit(unit));
             self.rows += 1;
         } else if names_index {
             self.rows += 1;
@@ -116,33 +172,77 @@ impl PointTitles {
     }
 }
 
+/// Names for a note: not more than a line holds.
+fn list(names: &[String]) -> String {
+    const MOST: usize = 8;
+    let mut shown: Vec<String> = names.iter().take(MOST).map(|n| excerpt(n)).collect();
+    let unnamed = shown.iter_mut().filter(|name| name.is_empty());
+    unnamed.for_each(|name| *name = "points without a name".to_string());
+    if names.len() > MOST {
+        shown.push(format!("{} more", names.len() - MOST));
+    }
+    shown.join(", ")
+}
+
+/// Words that a name has whose x, y and z are no position; they may stand in the plural.
+const OTHER_QUANTITIES: [&str; 22] = [
+    "rot",
+    "rotation",
+    "euler",
+    "angle",
+    "orientation",
+    "quat",
+    "quaternion",
+    "vel",
+    "velocity",
+    "velocities",
+    "acc",
+    "accel",
+    "acceleration",
+    "gyro",
+    "mag",
+    "omega",
+    "force",
+    "grf",
+    "moment",
+    "torque",
+    "power",
+    "reaction",
+];
+/// Last words of a position, whatever is said before: the centre of rotation is one.
+const POSITIONS: [&str; 4] = ["pos", "position", "center", "centre"];
+
 /// Whether a name says that its x, y and z are no position.
 fn is_other_quantity(name: &str) -> bool {
-    const WORDS: [&str; 20] = [
-        "rot",
-        "rotation",
-        "euler",
-        "angle",
-        "angles",
-        "orientation",
-        "quat",
-        "quaternion",
-        "vel",
-        "velocity",
-        "acc",
-        "accel",
-        "acceleration",
-        "gyro",
-        "mag",
-        "omega",
-        "force",
-        "grf",
-        "moment",
-        "torque",
-    ];
-    let last = name.rsplit(|c: char| !c.is_alphanumeric()).next();
-    let last = last.unwrap_or_default().to_lowercase();
-    WORDS.contains(&last.as_str())
+    let words = words_of(name);
+    let is_of = |word: &String, list: &[&str]| {
+        let single = word.strip_suffix('s').unwrap_or(word);
+        list.contains(&word.as_str()) || list.contains(&single)
+    };
+    let is_position = words.last().is_some_and(|word| is_of(word, &POSITIONS));
+    !is_position && words.iter().any(|word| is_of(word, &OTHER_QUANTITIES))
+}
+
+/// The words of a name in small letters: `LKneeAngles_2` has l, knee, angles.
+fn words_of(name: &str) -> Vec<String> {
+    let letters: Vec<char> = name.chars().collect();
+    let mut words = vec![String::new()];
+    for (i, letter) in letters.iter().enumerate() {
+        let before = i.checked_sub(1).map(|b| letters[b]);
+        let is_small = |i: usize| letters.get(i).is_some_and(|c| c.is_lowercase());
+        // The plural of a word in capitals, such as GRFs, is one word.
+        let is_plural = letters.get(i + 1) == Some(&'s') && !is_small(i + 2);
+        let begins = letter.is_uppercase()
+            && (before.is_some_and(char::is_lowercase) || is_small(i + 1) && !is_plural);
+        if begins || !letter.is_alphabetic() {
+            words.push(String::new());
+        }
+        if let Some(word) = words.last_mut().filter(|_| letter.is_alphabetic()) {
+            word.extend(letter.to_lowercase());
+        }
+    }
+    words.retain(|word| !word.is_empty());
+    words
 }
 
 /// How the first row is parted: by what stands in it most often.
@@ -159,13 +259,32 @@ fn separator_of(line: &str) -> Option<Separator> {
 #[derive(Debug)]
 struct Group {
     name: String,
-    axes: [Option<usize>; 3],
-    unit: Option<String>,
+    /// The columns of x, y, z, and of w, which a quaternion has.
+    axes: [Option<usize>; 4],
+    /// What stands in brackets behind the axes.
+    units: Vec<String>,
 }
 
 impl Group {
-    fn is_point(&self) -> bool {
-        self.axes.iter().all(Option::is_some)
+    fn new(name: &str) -> Group {
+        Group {
+            name: name.to_string(),
+            axes: [None; 4],
+            units: Vec::new(),
+        }
+    }
+
+    fn xyz(&self) -> Option<[usize; 3]> {
+        let [x, y, z, _] = self.axes;
+        Some([x?, y?, z?])
+    }
+
+    fn is_planar(&self) -> bool {
+        self.axes[0].is_some() && self.axes[1].is_some()
+    }
+
+    fn is_position(&self) -> bool {
+        self.axes[3].is_none() && !is_other_quantity(&self.name)
     }
 
     /// The groups of a row of NAME_x, NAME_y, NAME_z.
@@ -177,34 +296,30 @@ impl Group {
                 continue;
             };
             let group = *by_key.entry(axis.key()).or_insert_with(|| {
-                groups.push(Group {
-                    name: axis.name.to_string(),
-                    axes: [None; 3],
-                    unit: axis.unit.map(str::to_string),
-                });
+                groups.push(Group::new(axis.name));
                 groups.len() - 1
             });
             groups[group].axes[axis.axis].get_or_insert(column);
+            groups[group].units.extend(axis.unit.map(str::to_string));
         }
         groups
     }
 
-    /// The groups of a row of axes below names, one a column. A name that comes again begins a new group.
+    /// The groups of a row of axes below names, one a column; before the first name there are none. A name that comes again begins a new
+    /// group.
     fn of_rows(names: &[String], axes: &[String]) -> Vec<Group> {
         let mut groups: Vec<Group> = Vec::new();
         let mut last: HashMap<&str, usize> = HashMap::new();
-        for (column, (name, axis)) in names.iter().zip(axes).enumerate() {
-            let Some(axis) = axis_of(axis).filter(|_| !name.is_empty()) else {
+        let named = names.iter().position(|name| !name.is_empty());
+        let columns = names.iter().zip(axes).enumerate();
+        for (column, (name, axis)) in columns.skip(named.unwrap_or(names.len())) {
+            let Some(axis) = axis_of(axis) else {
                 continue;
             };
             let open = last.get(name.as_str()).copied();
             let open = open.filter(|&g| groups[g].axes[axis].is_none());
             let group = open.unwrap_or_else(|| {
-                groups.push(Group {
-                    name: name.clone(),
-                    axes: [None; 3],
-                    unit: None,
-                });
+                groups.push(Group::new(name));
                 groups.len() - 1
             });
             last.insert(name, group);
@@ -257,10 +372,10 @@ fn without_unit(title: &str) -> (&str, Option<&str>) {
     (title, None)
 }
 
-/// The number of an axis.
+/// The number of an axis; w, the fourth number of a quaternion, is 3.
 fn axis_of(title: &str) -> Option<usize> {
     let is = |axis: &&str| title.eq_ignore_ascii_case(axis);
-    ["x", "y", "z"].iter().position(|axis| is(&axis))
+    ["x", "y", "z", "w"].iter().position(|axis| is(&axis))
 }
 
 /// Whether a row has axes below names: x and y at least.
@@ -270,34 +385,42 @@ fn is_axes(row: &[String]) -> bool {
 }
 
 /// The name of each column, from the row above the axes; with that of its person, from the rows above it where they differ. A name may
-/// stand above the first of its columns alone.
+/// stand above the first of its columns alone: it ends where an axis comes a second time, and what follows has no name.
 fn names_above(rows: &[Vec<String>], axes: usize) -> Vec<String> {
     let width = rows[axes].len();
-    let filled = |row: &Vec<String>| -> Vec<String> {
+    let filled = |row: &Vec<String>, ends: bool| -> Vec<String> {
         let mut last = String::new();
+        let mut seen = [false; 4];
         let cell = |c: usize| {
             match row.get(c).map(String::as_str) {
                 None | Some("") => {}
-                Some(name) => last = name.to_string(),
+                Some(name) => {
+                    last = name.to_string();
+                    seen = [false; 4];
+                }
+            }
+            if let Some(axis) = axis_of(&rows[axes][c])
+                && ends
+                && std::mem::replace(&mut seen[axis], true)
+            {
+                last.clear();
             }
             last.clone()
         };
         (0..width).map(cell).collect()
     };
-    let mut names = filled(&rows[axes - 1]);
-    if rows[axes - 1].first().is_some_and(String::is_empty) {
-        // Columns before the first name.
-        let first = rows[axes - 1].iter().position(|c| !c.is_empty());
-        names[..first.unwrap_or(width).min(width)].fill(String::new());
-    }
+    let mut names = filled(&rows[axes - 1], true);
+    // The first column is an index, unless it is a point's.
+    let index = usize::from(axis_of(&rows[axes][0]).is_none());
     for above in rows[..axes - 1].iter().rev() {
-        let mut known: Vec<&String> = above.iter().skip(1).filter(|c| !c.is_empty()).collect();
+        let known = above.iter().skip(index).filter(|c| !c.is_empty());
+        let mut known: Vec<&String> = known.collect();
         known.dedup();
         if known.len() < 2 {
             continue;
         }
-        let persons = filled(above);
-        let named = names.iter_mut().zip(&persons).skip(1);
+        let persons = filled(above, false);
+        let named = names.iter_mut().zip(&persons).skip(index);
         named
             .filter(|(name, person)| !name.is_empty() && !person.is_empty())
             .for_each(|(name, person)| *name = format!("{person}:{name}"));
@@ -342,8 +465,8 @@ mod tests {
             assert_eq!(titles.points[1].1, [5, 6, 7]);
             assert_eq!(titles.others[1], ("a_l_error".to_string(), 4));
             assert_eq!((titles.rows, titles.others.len()), (1, 2));
-            let units = row.contains("mm").then_some("mm");
-            assert_eq!(titles.units.as_deref(), units);
+            let units = row.contains("mm").then_some("mm".to_string());
+            assert_eq!(titles.unit(), Ok(units));
         }
         let apart = PointTitles::read(&["a_x,b_x,a_y,b_y,a_z,b_z"]).unwrap();
         assert_eq!(apart.points[1].1, [1, 3, 5]);
@@ -362,7 +485,7 @@ mod tests {
         ];
         let merged = PointTitles::read(&merged).unwrap();
         assert_eq!((names(&merged), merged.rows), (vec!["A", "B"], 3));
-        assert_eq!(merged.units.as_deref(), Some("mm"));
+        assert_eq!(merged.units, ["mm"]);
         assert_eq!(merged.others, [("Time".to_string(), 0)]);
         let labcut = [
             "scorer,s,s,s,s,s,s,s,s",
@@ -391,7 +514,44 @@ mod tests {
         assert_eq!(nexus.others[0], ("Frame".to_string(), 0));
         let planar = ["bodyparts,A,A,A", "coords,x,y,likelihood", "0,1,2,3"];
         let planar = PointTitles::read(&planar).unwrap();
-        assert!(planar.points.is_empty() && planar.has_planar);
+        assert!(planar.points.is_empty());
+        assert_eq!(planar.planar, ["A"]);
+        // Without an index, the first column has a person too.
+        let persons = [
+            "p,p,p,q,q,q",
+            "nose,nose,nose,nose,nose,nose",
+            "x,y,z,x,y,z",
+        ];
+        let persons = PointTitles::read(&persons).unwrap();
+        assert_eq!(names(&persons), ["p:nose", "q:nose"]);
+    }
+
+    #[test]
+    fn a_name_ends_with_its_axes() {
+        let rows = [",A,,,,,,B,,", ",x,y,z,error,x,y,x,y,z"];
+        let titles = PointTitles::read(&rows).unwrap();
+        assert_eq!(names(&titles), ["A", "B"]);
+        assert_eq!(titles.planar, [""]);
+        assert_eq!(titles.others[1], ("A_error".to_string(), 4));
+        let unnamed = PointTitles::read(&[",A,,,,,", ",x,y,z,x,y,z"]).unwrap();
+        assert_eq!(names(&unnamed), ["A", ""]);
+        let each = PointTitles::read(&[",A,A,A,A,A,A", ",x,y,z,x,y,z"]).unwrap();
+        assert_eq!(names(&each), ["A", "A"]);
+    }
+
+    #[test]
+    fn two_units_are_an_error() {
+        for rows in [
+            &["A_x (m),A_y (m),A_z (m),B_x (mm),B_y (mm),B_z (mm)"][..],
+            &["A_x (m),A_y (mm),A_z (m)"],
+            &["A,,,B,,", "x,y,z,x,y,z", "m,m,m,mm,mm,mm"],
+        ] {
+            let said = PointTitles::read(rows).unwrap().unit().unwrap_err();
+            assert!(said.contains("in m and in mm"), "{said}");
+        }
+        let same = "A_x (m),A_y (M),A_z (m),LAngle_x (deg),LAngle_y (deg),LAngle_z (deg)";
+        let same = PointTitles::read(&[same]).unwrap();
+        assert_eq!(same.unit(), Ok(Some("m".to_string())));
     }
 
     #[test]
@@ -399,7 +559,57 @@ mod tests {
         let row = "Hips_pos_x,Hips_pos_y,Hips_pos_z,Hips_rot_x,Hips_rot_y,Hips_rot_z,grf.x";
         let titles = PointTitles::read(&[row]).unwrap();
         assert_eq!((names(&titles), titles.others.len()), (vec!["Hips_pos"], 4));
+        assert_eq!(titles.quantities, ["Hips_rot"]);
         assert_eq!(PointTitles::read(&["t,acc_x,acc_y,acc_z"]), None);
+        assert_eq!(PointTitles::read(&[",A,A,A,A", ",x,y,z,w"]), None);
+        for other in [
+            "LKneeAngles",
+            "Hips_localRotation",
+            "rotation_hips",
+            "LGroundReactionForce",
+            "LKneeMoment",
+            "LKneePower",
+            "GRFs",
+            "acc1",
+            "Ann:L_ACC",
+            "Rotation:Hips",
+            "CenterOfMassVelocity",
+        ] {
+            assert!(is_other_quantity(other), "{other}");
+        }
+        for point in [
+            "LAnkle",
+            "Ann:LFHD",
+            "Forehead",
+            "LMAG",
+            "hip_rotation_center",
+            "GRF_position",
+            "Accra",
+            "RASIS",
+            "",
+        ] {
+            assert!(!is_other_quantity(point), "{point}");
+        }
+        let row = "q_x,q_y,q_z,q_w,LAngle_x,LAngle_y,LAngle_z,A_x,A_y,A_z,knee_x,knee_y";
+        let mixed = PointTitles::read(&[row]).unwrap();
+        assert_eq!(names(&mixed), ["A"]);
+        assert_eq!(mixed.quantities, ["q", "LAngle"]);
+        let notes = mixed.notes();
+        assert!(notes[0].ends_with(": q, LAngle") && notes[1].ends_with(": knee"));
+        assert_eq!(mixed.others.len(), 9);
+        let unity = [
+            ",Rotation,Rotation,Rotation,Position,Position,Position",
+            ",Hips,Hips,Hips,Hips,Hips,Hips",
+            ",x,y,z,x,y,z",
+        ];
+        let unity = PointTitles::read(&unity).unwrap();
+        assert_eq!(names(&unity), ["Position:Hips"]);
+        let markers = [",,Ann:ACC,,", "Frame,Sub Frame,X,Y,Z"];
+        assert_eq!(PointTitles::read(&markers), None);
+        assert_eq!(
+            names(&PointTitles::of_markers(&markers).unwrap()),
+            ["Ann:ACC"]
+        );
     }
 
     #[test]

@@ -114,6 +114,19 @@ impl<R: BufRead> Lines<R> {
         Ok(Some(&self.text))
     }
 
+    /// The next line in which not all characters are blank, or `None` at the end.
+    ///
+    /// # Errors
+    /// As of [`Lines::next_line`].
+    pub fn next_filled(&mut self, is_blank: impl Fn(char) -> bool) -> Result<Option<&str>> {
+        while self.next_line()?.is_some() {
+            if !self.text.chars().all(&is_blank) {
+                return Ok(Some(&self.text));
+            }
+        }
+        Ok(None)
+    }
+
     /// Reads a line with its end, or the start of one that is too long, into the buffer; how many bytes.
     fn read_until(&mut self, end: u8) -> Result<usize> {
         self.buffer.clear();

@@ -3,8 +3,8 @@
 use super::point_titles::{MOST_ROWS, PointTitles};
 
 /// The most lines of an OpenSim header.
-const MOST_HEADER_LINES: usize = 1000;
-/// A file that begins with another line of so many bytes is none of these.
+pub const MOST_HEADER_LINES: usize = 1000;
+/// The bytes in which the titles of a table must end.
 const MOST_LINE_BYTES: usize = 1 << 18;
 
 /// Which table of text it is.
@@ -36,11 +36,26 @@ pub fn of_lines(start: &[u8]) -> Option<TextStart> {
     if is_pose_table(first) {
         return Some(TextStart::PoseTable);
     }
-    if is_section(first) && lines.get(1).is_some_and(|line| rate_of(line).is_some()) {
+    if is_section(first)
+        && lines
+            .get(1)
+            .is_some_and(|line| section_rate(line).is_some())
+    {
         return Some(TextStart::Nexus);
     }
     lines.truncate(MOST_ROWS);
     PointTitles::read(&lines).map(|_| TextStart::Points)
+}
+
+/// What is wrong with a text that begins so, where its titles are longer than is read of them.
+pub fn too_long(start: &[u8]) -> Option<String> {
+    let start = start.get(..MOST_LINE_BYTES)?;
+    let lines = start.iter().filter(|b| matches!(b, b'\n' | b'\r')).count();
+    (lines < MOST_ROWS).then(|| {
+        format!(
+            "begins with lines that are longer than the {MOST_LINE_BYTES} bytes that are read of titles: split its columns"
+        )
+    })
 }
 
 /// What an empty row of a spreadsheet consists of.
@@ -69,7 +84,7 @@ const SECTIONS: [&str; 12] = [
 ];
 
 /// The rate of a section: the line below its title, such as `100` or `100,Hz`.
-pub fn rate_of(line: &str) -> Option<f64> {
+pub fn section_rate(line: &str) -> Option<f64> {
     let mut cells = line.split([',', ';', '\t']).map(|c| c.trim_matches(BLANK));
     let rate = cells.next()?.parse::<f64>().ok()?;
     let is_unit = |c: &str| c.is_empty() || c.eq_ignore_ascii_case("hz");
@@ -110,5 +125,10 @@ mod tests {
         ] {
             assert_eq!(of_lines(text.as_bytes()), want, "{text:?}");
         }
+        let long = format!("{}\n0\n", "name_x,name_y,name_z,".repeat(20_000));
+        assert_eq!(of_lines(long.as_bytes()), None);
+        assert!(too_long(long.as_bytes()).is_some_and(|what| what.contains("longer than")));
+        assert_eq!(too_long("a\n".repeat(200_000).as_bytes()), None);
+        assert_eq!(too_long(b"a_x"), None);
     }
 }

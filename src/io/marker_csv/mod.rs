@@ -14,7 +14,7 @@ use super::input::Input;
 use super::marker_take::MarkerTake;
 use super::motion_format::{MotionFormat, recognized};
 use super::text::Lines;
-use super::text_start::{TextStart, of_lines};
+use super::text_start::{TextStart, of_lines, too_long};
 use crate::{Error, Place, Result};
 
 /// Reads a file. `points` are what a Motive file's points shall be, instead of the first kind that it has. With `keep_whole`, a file
@@ -41,6 +41,7 @@ pub fn read(
     }
     let is_pose_table = of_lines(input.first_bytes()) == Some(TextStart::PoseTable);
     let is_empty = input.first_bytes().is_empty();
+    let too_long = too_long(input.first_bytes());
     let mut lines = Lines::new(&name, input.into_reader());
     let first = |lines: &mut Lines<_>| Ok(lines.next_line()?.unwrap_or_default().to_string());
     match format {
@@ -55,8 +56,12 @@ pub fn read(
             "is empty, expected a table of markers",
         )),
         MotionFormat::Csv => {
-            let what = other.unwrap_or("is neither a Motive CSV file (it begins with Format Version), a Qualisys TSV file (NO_OF_FRAMES or FILE_VERSION) nor a Vicon Nexus CSV file (Trajectories), and has no columns NAME_x, NAME_y, NAME_z");
-            Err(Error::data(Place::file(name), what))
+            let known = "is neither a Motive CSV file (it begins with Format Version), a Qualisys TSV file (NO_OF_FRAMES or FILE_VERSION), a Vicon Nexus CSV file (Trajectories), an OpenSim file (a line endheader), an NPY array nor an NPZ archive, and has no columns of positions NAME_x, NAME_y, NAME_z";
+            let what = other.map(str::to_string).or(too_long);
+            Err(Error::data(
+                Place::file(name),
+                what.unwrap_or(known.to_string()),
+            ))
         }
         _ => Err(Error::data(
             Place::file(name),

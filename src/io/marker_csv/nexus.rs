@@ -8,7 +8,7 @@ use crate::io::marker_take::MarkerTake;
 use crate::io::point_titles::PointTitles;
 use crate::io::row_cells::texts_of;
 use crate::io::text::Lines;
-use crate::io::text_start::{BLANK, is_section, rate_of};
+use crate::io::text_start::{BLANK, is_section, section_rate};
 use crate::{Error, Place, Result};
 use std::io::BufRead;
 
@@ -32,7 +32,8 @@ pub fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTa
             others.push(title.to_string());
         }
     }
-    let mut take = trajectories(&mut lines, keep_whole)?;
+    let (mut take, next) = trajectories(&mut lines, keep_whole)?;
+    others.extend(next);
     while let Some(line) = lines.next_line()? {
         if is_section(line) && others.len() < 8 {
             others.push(line.trim_matches(BLANK).to_string());
@@ -45,9 +46,12 @@ pub fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTa
     Ok(take)
 }
 
-/// Reads the section of markers, up to the empty line that ends it.
-fn trajectories(lines: &mut Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTake> {
-    let rate = lines.next_line()?.and_then(rate_of);
+/// Reads the section of markers, up to the title of the next section, which is given too. Blank lines may stand between its rows.
+fn trajectories(
+    lines: &mut Lines<impl BufRead>,
+    keep_whole: bool,
+) -> Result<(MarkerTake, Option<String>)> {
+    let rate = lines.next_line()?.and_then(section_rate);
     let bad = |lines: &Lines<_>, what: &str| Error::data(lines.here(), what);
     let rate = rate.ok_or_else(|| bad(lines, "expected the rate of the trajectories"))?;
     let mut head: Vec<String> = Vec::new();
@@ -58,7 +62,7 @@ fn trajectories(lines: &mut Lines<impl BufRead>, keep_whole: bool) -> Result<Mar
         head.push(line.to_string());
     }
     let of_head: Vec<&str> = head.iter().map(String::as_str).collect();
-    let titles = PointTitles::read(&of_head).filter(|t| !t.points.is_empty());
+    let titles = PointTitles::of_markers(&of_head).filter(|t| !t.points.is_empty());
     let titles = titles.ok_or_else(|| {
         bad(
             lines,
@@ -68,6 +72,8 @@ fn trajectories(lines: &mut Lines<impl BufRead>, keep_whole: bool) -> Result<Mar
     let Some(byte) = titles.separator.byte() else {
         return Err(bad(lines, "expected cells that commas or tabs part"));
     };
+    let units = titles.unit().map_err(|what| bad(lines, &what))?;
+    let width = titles.width;
     let at: Vec<usize> = titles.points.iter().flat_map(|(_, at)| *at).collect();
     let mut rows = MarkerRows::default();
     // The older programs have no row of units: the third line is a frame.
@@ -75,6 +81,10 @@ fn trajectories(lines: &mut Lines<impl BufRead>, keep_whole: bool) -> Result<Mar
     let first_row = lines.number - ahead.len() as u64 + 1;
     let mut number = first_row;
     let mut is_whole = lines.whole;
+    // How many whole rows lack cells of points, and the line of the first.
+    let (mut short, mut first_short) = (0, 0);
+    let mut next = None;
+    let last_point = at.iter().copied().max().unwrap_or_default();
     loop {
         let line = match ahead.is_empty() {
             false => ahead.remove(0),
@@ -83,27 +93,45 @@ fn trajectories(lines: &mut Lines<impl BufRead>, keep_whole: bool) -> Result<Mar
                 None => break,
             },
         };
-        if line.trim_matches(BLANK).is_empty() || is_section(&line) {
+        if is_section(&line) {
+            next = Some(line.trim_matches(BLANK).to_string());
             break;
+        }
+        if line.trim_matches(BLANK).is_empty() {
+            number += 1;
+            continue;
         }
         is_whole = lines.whole;
         let cells = texts_of(&line, byte);
+        let place = Place::line(&lines.name, number);
+        if cells.iter().skip(width).any(|c| !c.is_empty()) {
+            let what = format!("expected {width} cells, found {}", cells.len());
+            return Err(Error::data(place, what));
+        }
+        if cells.len() <= last_point && lines.whole {
+            first_short = if short == 0 { number } else { first_short };
+            short += 1;
+        }
         let chosen = at.iter().map_while(|&c| cells.get(c).map(|c| &**c));
         let pushed = rows.push(number, cells.first().map(|c| &**c), None, chosen);
-        let place = Place::line(&lines.name, number);
         pushed.map_err(|what| Error::data(place, what))?;
         number += 1;
     }
     let stated = Stated {
         labels: titles.points.iter().map(|(name, _)| name.clone()).collect(),
         rate: Some(rate),
-        units: titles.units,
+        units,
         ..Stated::default()
     };
     let mut take = rows.take(&lines.name, stated, is_whole, keep_whole)?;
     take.cells.separator = titles.separator;
     take.cells.move_points(|cell| at[cell]);
-    Ok(take)
+    if short > 0 {
+        take.notes.push(format!(
+            "has {short} rows of fewer than {width} cells, first in line {first_short}: what they lack is missing"
+        ));
+    }
+    Ok((take, next))
 }
 
 #[cfg(test)]
@@ -159,6 +187,7 @@ mod tests {
             format!("\n\n{section}\n"),
             section.replace(',', "\t"),
             section.replace('\n', "\r\n"),
+            section.replace("\n12,", "\n\n12,"),
             padded.clone() + "\n,,,,,,,\n",
             old.clone(),
         ] {
@@ -179,7 +208,28 @@ mod tests {
             .replace("1,2,3,4,5,6", "1,2,3,0,0,0,4,5,6,0,0,0")
             .replace("1.5,2,3,,,", "1.5,2,3,,,,,,,,,");
         let more = take(&more).unwrap();
-        assert_eq!((more.points, more.xyz[[0, 3]]), (plain.points, 4.0));
+        assert_eq!((more.points, more.xyz[[0, 3]]), (plain.points.clone(), 4.0));
+        // Names of markers are no quantities, and one without a name has a number.
+        let named = section.replace("Ann:A", "Ann:L_ACC").replace("Bob:A", "");
+        assert_eq!(take(&named).unwrap().points, ["Ann:L_ACC", "point2"]);
+        assert!(plain.notes.is_empty());
+        let short = section.replace("1.5,2,3,,,", "1.5,2,3\n");
+        let short = take(&short).unwrap();
+        assert_eq!(short.xyz.dim(), plain.xyz.dim());
+        let what = "has 1 rows of fewer than 8 cells, first in line 7";
+        assert!(short.notes[0].starts_with(what), "{:?}", short.notes);
+    }
+
+    #[test]
+    fn rows_go_on_after_a_blank_line() {
+        let blank = NEXUS.replace("\n12,0,1.5,2,3,,,\n", "\n\n,,,,,,,\n12,0,1.5,2,3,,,\n\n");
+        let read = take(&blank).unwrap();
+        assert_eq!(read.xyz.nrows(), 2);
+        assert_eq!(read.cells.lines, [Some(14), Some(17)]);
+        assert_eq!(
+            read.notes,
+            ["its other sections stay out: Devices, Model Outputs"]
+        );
     }
 
     #[test]
@@ -200,6 +250,14 @@ mod tests {
         fails(
             &NEXUS.replace("\n12,", "\n10,"),
             "frame 10 follows frame 11",
+        );
+        fails(
+            &NEXUS.replace("\n\nModel Outputs", "\n\nOther things"),
+            "x.csv:17: expected a frame's number, found \"Other things\"",
+        );
+        fails(
+            &NEXUS.replace("4,5,6\n", "4,5,6,7\n"),
+            "x.csv:14: expected 8 cells, found 9",
         );
         fails(
             NEXUS.split_once("\n11,0,1,2,3,4").unwrap().0,

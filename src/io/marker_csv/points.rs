@@ -4,7 +4,7 @@ use crate::io::marker_rows::{MarkerRows, Stated};
 use crate::io::marker_take::{CarriedColumns, MarkerTake};
 use crate::io::point_titles::{MOST_ROWS, PointTitles};
 use crate::io::row_cells::texts_of;
-use crate::io::text::{Lines, excerpt, parse_number};
+use crate::io::text::{Lines, parse_number};
 use crate::io::text_start::BLANK;
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
@@ -42,15 +42,11 @@ pub fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTa
     table.take(lines.whole, keep_whole)
 }
 
-/// The next line that is not empty.
+/// The next line that is not blank.
 fn next(lines: &mut Lines<impl BufRead>) -> Result<Option<Line>> {
-    while let Some(line) = lines.next_line()? {
-        if !line.trim_matches(BLANK).is_empty() {
-            let line = line.to_string();
-            return Ok(Some((lines.number, line)));
-        }
-    }
-    Ok(None)
+    let line = lines.next_filled(|c| BLANK.contains(&c))?;
+    let line = line.map(str::to_string);
+    Ok(line.map(|line| (lines.number, line)))
 }
 
 /// The rows that were read so far.
@@ -68,6 +64,8 @@ struct Table<'a> {
     others: Vec<usize>,
     rows: MarkerRows,
     times: Vec<f64>,
+    /// How often the time falls, and the line where it falls first.
+    falls: (usize, u64),
     carried: CarriedColumns,
     last_frame: Option<f64>,
     /// Frames whose number does not follow the one before.
@@ -109,6 +107,7 @@ impl Table<'_> {
             others: others.into_iter().map(|(_, column)| column).collect(),
             rows: MarkerRows::default(),
             times: Vec::new(),
+            falls: (0, 0),
             last_frame: None,
             jumps: 0,
         }
@@ -137,7 +136,16 @@ impl Table<'_> {
         if let Some((column, unit)) = self.time {
             let seconds = parse_number(cell(column).unwrap_or_default());
             let seconds = seconds.map_err(|what| bad(format!("time: {what}")))?;
-            self.times.push(seconds * unit);
+            let seconds = seconds * unit;
+            if self.times.last().is_some_and(|last| seconds < *last) {
+                let first = if self.falls.0 == 0 {
+                    number
+                } else {
+                    self.falls.1
+                };
+                self.falls = (self.falls.0 + 1, first);
+            }
+            self.times.push(seconds);
         }
         let others = self.others.iter().map(|&c| cell(c).unwrap_or_default());
         self.carried.push(number, others);
@@ -157,16 +165,24 @@ impl Table<'_> {
         let labels: Vec<String> = (self.titles.points.iter())
             .map(|(name, _)| name.clone())
             .collect();
+        let units = self.titles.unit();
+        let units = units.map_err(|what| Error::data(Place::file(self.name), what))?;
         let stated = Stated {
             labels,
-            units: self.titles.units.as_deref().map(excerpt),
+            units,
+            notes: self.titles.notes(),
             ..Stated::default()
         };
         let mut take = self.rows.take(self.name, stated, is_whole, keep_whole)?;
         let frames = take.xyz.nrows();
         if let Some(times) = &mut times {
             times.truncate(frames);
-            take.rate = rate_of(times);
+            take.rate = rate_of_times(times);
+        }
+        if let (falls @ 1.., line) = self.falls {
+            take.notes.push(format!(
+                "its time falls {falls} times, first in line {line}, but its rows are taken for one take: split a table of several trials"
+            ));
         }
         if times.is_none() && self.jumps > 0 {
             take.notes.push(format!(
@@ -184,18 +200,19 @@ impl Table<'_> {
 }
 
 /// Frames a second by their times.
-pub fn rate_of(times: &[f64]) -> Option<f64> {
+pub fn rate_of_times(times: &[f64]) -> Option<f64> {
     let rows = times.iter().map(|t| (Some(*t), None));
     Poses::without_points(rows).rate()
 }
 
-/// The seconds of the unit of a column of times, by its title.
+/// The seconds of the unit of a column of times, by its title. Timestamps without a unit may be of any: milliseconds, nanoseconds.
 fn seconds_of(title: &str) -> Option<f64> {
     let plain: String = title.to_ascii_lowercase();
     let plain: String = plain.chars().filter(char::is_ascii_alphanumeric).collect();
     match plain.as_str() {
+        "timestamps" if title.trim().eq_ignore_ascii_case("timestamps") => None,
         "time" | "times" | "t" | "timesec" | "timeseconds" | "timeins" | "seconds"
-        | "timestamps" | "timestamp" => Some(1.0),
+        | "timestamps" | "timestampsec" | "timestampseconds" => Some(1.0),
         "timems" | "timemsec" | "timemilliseconds" | "milliseconds" | "timestampms" => Some(1e-3),
         _ => None,
     }
@@ -268,6 +285,35 @@ mod tests {
         let clock = super::tests::take(&text.replace("33", "0:33").replace("3400", "0:3400"));
         let clock = clock.unwrap();
         assert_eq!((clock.times, clock.carried.names.len()), (None, 2));
+        for (title, factor) in [
+            ("timestamp", None),
+            ("Timestamps", None),
+            ("timestamp (s)", Some(3380.0)),
+            ("timestamp_ms", Some(3.0)),
+        ] {
+            let stamps = super::tests::take(&text.replace("Time (ms)", title)).unwrap();
+            let first = stamps.times.as_ref().map(|times| times[0].floor());
+            assert_eq!(first, factor, "{title}");
+            assert_eq!(
+                stamps.carried.names.len(),
+                1 + usize::from(factor.is_none())
+            );
+        }
+    }
+
+    #[test]
+    fn what_a_person_should_know_is_told() {
+        let falls = "t,a_x,a_y,a_z\n0,1,2,3\n1,1,2,3\n0,1,2,3\n1,1,2,3\n0,1,2,3\n";
+        let falls = take(falls).unwrap();
+        let what = "its time falls 2 times, first in line 4";
+        assert!(falls.notes[0].starts_with(what), "{:?}", falls.notes);
+        let mixed = "a_x,a_y,a_z,q_x,q_y,q_z,q_w,LAngle_x,LAngle_y,LAngle_z,b_x,b_y\n1,2,3,4,5,6,7,8,9,10,11,12\n";
+        let mixed = take(mixed).unwrap();
+        assert_eq!((mixed.points.len(), mixed.carried.names.len()), (1, 9));
+        assert!(mixed.notes[0].contains("q, LAngle"), "{:?}", mixed.notes);
+        assert!(mixed.notes[1].contains("without z: b"), "{:?}", mixed.notes);
+        let unnamed = take(",A,,,,,\n,x,y,z,x,y,z\n0,1,2,3,4,5,6\n").unwrap();
+        assert_eq!(unnamed.points, ["A", "point2"]);
     }
 
     #[test]
@@ -297,6 +343,8 @@ mod tests {
             "x.csv:2: expected 9 cells",
         );
         fails("a_x,a_y,a_z\n", "has no frames");
+        let units = "a_x (m),a_y (m),a_z (m),b_x (mm),b_y (mm),b_z (mm)\n1,2,3,4,5,6\n";
+        fails(units, "x.csv: has points in m and in mm: convert");
         fails(
             "time,a_x,a_y,a_z\n0,1,2,3\n,1,2,3\n",
             "x.csv:3: time: expected",

@@ -52,6 +52,7 @@ pub fn read(
                 &mut carried,
                 &cells,
                 (starts, axes),
+                frame_and_time(titles, starts),
                 lines.number,
             )
             .map_err(bad)?;
@@ -73,7 +74,10 @@ pub fn read(
     let mut take = rows.take(&name, stated, lines.whole, keep_whole)?;
     let starts = starts.unwrap_or_default();
     take.cells.move_points(|cell| starts[cell / 3] + cell % 3);
-    carried.rows.truncate(take.xyz.nrows());
+    // Frames that the file leaves out have no row.
+    carried
+        .rows
+        .truncate(take.cells.lines.iter().flatten().count());
     take.carried = carried;
     Ok(take)
 }
@@ -113,7 +117,19 @@ fn axes_of(titles: &[String]) -> [usize; 3] {
     }
 }
 
-/// Where each body begins in a row: by the titles, if they name all bodies, else by the number of cells. Between two bodies may stand an
+/// The columns of the frame's number and its time: by their titles, else the two before the first body.
+fn frame_and_time(titles: &[String], starts: &[usize]) -> [Option<usize>; 2] {
+    let before = starts.first().copied().unwrap_or_default();
+    let titles = titles.iter().take(before);
+    let titled = ["Frame", "Time"].map(|title| titles.clone().position(|t| t == title));
+    match titled {
+        [None, None] if before == 2 => [Some(0), Some(1)],
+        titled => titled,
+    }
+}
+
+/// Where each body begins in a row: by the titles, if they name all bodies, as far apart as bodies are, else by the number of cells. (The
+/// angles may have the titles of a position.) Between two bodies may stand an
 /// empty cell, and before the first the frame's number and time.
 fn starts_of(titles: &[String], cells: &[&str], bodies: usize) -> Option<Vec<usize>> {
     let titled = titles.iter().enumerate();
@@ -121,7 +137,11 @@ fn starts_of(titles: &[String], cells: &[&str], bodies: usize) -> Option<Vec<usi
         .filter(|(_, title)| *title == "X" || title.ends_with(" X"))
         .map(|(i, _)| i)
         .collect();
-    if titled.len() == bodies {
+    let is_body = |pair: &[usize]| (WIDTH..=WIDTH + 1).contains(&(pair[1] - pair[0]));
+    let fits = titled
+        .last()
+        .is_some_and(|last| last + WIDTH <= cells.len());
+    if titled.len() == bodies && titled.windows(2).all(is_body) && fits {
         return Some(titled);
     }
     let width = cells.iter().rposition(|c| !c.is_empty())? + 1;
@@ -145,6 +165,7 @@ fn push(
     carried: &mut CarriedColumns,
     cells: &[&str],
     (starts, axes): (&[usize], [usize; 3]),
+    [frame, time]: [Option<usize>; 2],
     number: u64,
 ) -> std::result::Result<(), String> {
     let cell = |at: usize| cells.get(at).copied().unwrap_or_default();
@@ -159,7 +180,8 @@ fn push(
     let positions = positions.flat_map(|(b, start)| (0..3).map(move |c| (b, start + c)));
     // A row that is cut off lacks its last cells.
     let positions = positions.take_while(|(_, at)| *at < cells.len());
-    rows.push(number, None, None, positions.map(seen))?;
+    let named = |at: Option<usize>| at.and_then(|at| cells.get(at).copied());
+    rows.push(number, named(frame), named(time), positions.map(seen))?;
     let angle = |start: usize, axis: usize| {
         let at = axes.iter().position(|a| *a == axis).unwrap_or(axis);
         start + ANGLES + at
@@ -214,8 +236,8 @@ mod tests {
             (format!("Frame\tTime\t{TITLES}"), "\t\t", "1\t0.0\t"),
             (String::new(), "\t\t", ""),
         ] {
-            let rows =
-                format!("{before}{first}{between}{second}\n{before}{first}{between}{lost}\n");
+            let next = before.replacen('1', "2", 1);
+            let rows = format!("{before}{first}{between}{second}\n{next}{first}{between}{lost}\n");
             let text = format!("{HEAD}{titles}\n{rows}");
             let read = take(&text).unwrap();
             assert_eq!(read.points, ["Foot Left", "Head"]);
@@ -237,6 +259,22 @@ mod tests {
             let at = text.rfind("0.000\t0.000\t0.000").unwrap();
             let wanted = format!("{}7.5{}", &text[..at], &text[at + 5..]);
             assert_eq!(String::from_utf8(bytes).unwrap(), wanted);
+        }
+        // Angles with the titles of a position.
+        let alike = TITLES.replace(" Roll\t Pitch\t Yaw", " X\t Y\t Z");
+        let read = take(&format!(
+            "{HEAD}{alike}\n{first}\t\t{second}\n{first}\t\t{lost}\n"
+        ));
+        let read = read.unwrap();
+        assert_eq!(read.xyz.row(0).to_vec(), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert_eq!(angles(&read, 0), ["10", "20", "30", "40", "50", "60"]);
+        // The numbers of frames are the file's.
+        for titles in [format!("Frame\tTime\t{TITLES}"), String::new()] {
+            let rows = format!("500\t4.99\t{first}\t\t{second}\n503\t5.02\t{first}\t\t{second}\n");
+            let read = take(&format!("{HEAD}{titles}\n{rows}")).unwrap();
+            assert_eq!((read.first_frame, read.xyz.nrows()), (500, 4));
+            assert_eq!((read.carried.rows.len(), read.xyz[[3, 3]]), (2, 4.0));
+            assert!(read.xyz[[1, 0]].is_nan());
         }
         let yaw_first = TITLES.replace(" Roll\t Pitch\t Yaw", " Yaw\t Pitch\t Roll");
         let rows = format!("{first}\t\t{second}\n{first}\t\t{lost}\n");

@@ -54,16 +54,11 @@ impl Header {
 
 /// The next line that is not blank.
 fn next_line(lines: &mut Lines<impl BufRead>) -> Result<String> {
-    loop {
-        match lines.next_line()? {
-            Some(line) if line.trim().is_empty() => {}
-            Some(line) => return Ok(line.to_string()),
-            None => {
-                let what = "the file ends within its header, before the names of its markers";
-                return Err(Error::data(lines.here(), what));
-            }
-        }
-    }
+    let line = lines.next_filled(char::is_whitespace)?.map(str::to_string);
+    line.ok_or_else(|| {
+        let what = "the file ends within its header, before the names of its markers";
+        Error::data(lines.here(), what)
+    })
 }
 
 /// The words of a line, whatever parts them.
