@@ -28,7 +28,7 @@ const LEAST_SPEED: f64 = 10.0 * PI / 180.0;
 pub struct HeldRotations {
     /// Their indices.
     pub joints: Vec<usize>,
-    /// The frames with one value; the first has it of right.
+    /// The frames with one value; the first frame's value is a measurement.
     pub frames: Range<usize>,
 }
 

@@ -42,24 +42,12 @@ struct Args {
     /// Frames per second of a table without times
     #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
     fps: Option<f64>,
-    /// Unit of length of the pose table
-    #[arg(
-        long,
-        value_enum,
-        value_name = "UNIT",
-        default_value = "cm",
-        help_heading = "Input"
-    )]
-    units: Units,
-    /// Axis of the pose table that points up
-    #[arg(
-        long,
-        value_enum,
-        value_name = "AXIS",
-        default_value = "y",
-        help_heading = "Input"
-    )]
-    up: Up,
+    /// Unit of length of the pose table [default: cm; of AMASS' markers m]
+    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
+    units: Option<Units>,
+    /// Axis of the pose table that points up [default: y; of AMASS' markers z]
+    #[arg(long, value_enum, value_name = "AXIS", help_heading = "Input")]
+    up: Option<Up>,
     /// Point names for a pose table in NPY: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     joints: Option<String>,

@@ -57,24 +57,12 @@ pub struct InputArgs {
     /// Point names for an array: 23 (the CMU joints), smpl (22, 24, 52 or 55 joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     pub joints: Option<String>,
-    /// Unit of length of the input
-    #[arg(
-        long,
-        value_enum,
-        value_name = "UNIT",
-        default_value = "cm",
-        help_heading = "Input"
-    )]
-    pub units: Units,
-    /// Axis of the input that points up
-    #[arg(
-        long,
-        value_enum,
-        value_name = "AXIS",
-        default_value = "y",
-        help_heading = "Input"
-    )]
-    pub up: Up,
+    /// Unit of length of the input [default: cm; of AMASS' markers m]
+    #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
+    pub units: Option<Units>,
+    /// Axis of the input that points up [default: y; of AMASS' markers z]
+    #[arg(long, value_enum, value_name = "AXIS", help_heading = "Input")]
+    pub up: Option<Up>,
 }
 
 impl InputArgs {
@@ -84,8 +72,8 @@ impl InputArgs {
             files,
             fps,
             joints: joints.clone(),
-            units: Units::Cm,
-            up: Up::Y,
+            units: None,
+            up: None,
         }
     }
 
@@ -110,8 +98,8 @@ impl InputArgs {
     /// The unit and the axis of the input.
     pub fn table_units(&self) -> TableUnits {
         TableUnits {
-            unit: self.units,
-            up: self.up,
+            unit: self.units.unwrap_or(Units::Cm),
+            up: self.up.unwrap_or(Up::Y),
         }
     }
 

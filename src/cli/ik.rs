@@ -49,9 +49,12 @@ pub fn fit<'a>(
     let bar = Progress::new("solving", poses.frames() as u64);
     let fitted = skeleton.fit_with_progress(poses, &mut |n| bar.set(n as u64))?;
     drop(bar);
-    let lines = fit_messages(&fitted.sequence, &fitted.points);
+    let quality = fitted.quality(poses);
+    // One mean for both lines: that of the points by which the fit is judged.
+    let mean = quality.map_or(fitted.sequence.mean, |quality| quality.mean);
+    let lines = fit_messages(&fitted.sequence, mean, &fitted.points);
     lines.iter().for_each(|line| messages::info(line));
-    let verdict = match fitted.quality(poses) {
+    let verdict = match quality {
         Some(quality) => judged(&quality, table, force)?,
         None => Outcome::Done,
     };
@@ -107,8 +110,8 @@ fn unmatched_message(matched: &Correspondence, table: &str) -> Option<String> {
     ))
 }
 
-/// How well a sequence fits; `names` are those of the points.
-fn fit_messages(fit: &SequenceFit, names: &[String]) -> Vec<String> {
+/// How well a sequence fits, with the mean distance `mean`, cm; `names` are those of the points.
+fn fit_messages(fit: &SequenceFit, mean: f64, names: &[String]) -> Vec<String> {
     let frames = |n: usize| {
         if n == 1 {
             "1 frame".into()
@@ -120,7 +123,7 @@ fn fit_messages(fit: &SequenceFit, names: &[String]) -> Vec<String> {
     match fit.worst {
         Some((frame, point)) => lines.push(format!(
             "fit: mean {} cm, max {} cm ({} in row {})",
-            length(fit.mean),
+            length(mean),
             length(fit.max),
             names.get(point).map_or("?", String::as_str),
             frame + 1
@@ -191,18 +194,17 @@ mod tests {
     #[test]
     fn a_fit_is_described() {
         let fit = SequenceFit {
-            mean: 0.5,
             max: 2.0,
             worst: Some((6, 0)),
             incomplete: 1,
             ..SequenceFit::default()
         };
-        let lines = fit_messages(&fit, &["lfoot".into()]);
+        let lines = fit_messages(&fit, 0.5, &["lfoot".into()]);
         assert_eq!(
             lines[0],
             "fit: mean 0.5000 cm, max 2.0000 cm (lfoot in row 7)"
         );
         assert_eq!(lines.len(), 2);
-        assert!(fit_messages(&SequenceFit::default(), &[])[0].contains("no point"));
+        assert!(fit_messages(&SequenceFit::default(), 0.0, &[])[0].contains("no point"));
     }
 }

@@ -3,7 +3,7 @@
 use super::args::InputArgs;
 use super::marker_units::{axis_of, unit_of};
 use super::messages;
-use super::units::{TableUnits, Units, Up};
+use super::units::TableUnits;
 use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
 use crate::io::{Input, Model};
 use crate::{Error, Place, Result};
@@ -143,7 +143,7 @@ impl<'a> RowStream<'a> {
     }
 }
 
-/// The unit and the axis of a table: those of an archive that says them (AMASS) unless flags do, else the flags'.
+/// The unit and the axis of a table: the flags', else those of an archive that has them by custom (AMASS), else centimetres, y up.
 fn units_of(reader: &RowReader, flags: &InputArgs) -> TableUnits {
     let given = flags.table_units();
     let Some(take) = reader.take() else {
@@ -154,10 +154,8 @@ fn units_of(reader: &RowReader, flags: &InputArgs) -> TableUnits {
     let unit = take.units.as_deref().and_then(unit_of);
     let up = take.up.as_deref().and_then(axis_of);
     TableUnits {
-        unit: unit
-            .filter(|_| given.unit == Units::Cm)
-            .unwrap_or(given.unit),
-        up: up.filter(|_| given.up == Up::Y).unwrap_or(given.up),
+        unit: flags.units.or(unit).unwrap_or(given.unit),
+        up: flags.up.or(up).unwrap_or(given.up),
     }
 }
 
@@ -168,7 +166,7 @@ fn is_without_unit(reader: &RowReader, flags: &InputArgs) -> bool {
         RowReader::Npy(_) => true,
         RowReader::Npz(_) => reader.take().is_some_and(|take| take.units.is_none()),
     };
-    says_none && flags.units == Units::Cm && reader.columns().points.len() >= FEW_POINTS
+    says_none && flags.units.is_none() && reader.columns().points.len() >= FEW_POINTS
 }
 
 /// Fewer points are no body.

@@ -67,6 +67,7 @@ impl MarkerUnitArgs {
         })?;
         if let (Some(given), Some(said)) = (self.units, said)
             && given != said
+            && !take.units_are_inferred
         {
             messages::info(&format!(
                 "{}: says that its unit is {}; it is taken for {}, as --units says",

@@ -175,8 +175,9 @@ impl PlotTable {
     /// The joints of a BVH file.
     fn of_bvh(input: Input, flags: &InputArgs) -> Result<PlotTable> {
         let file = input.name.clone();
-        let bvh = Bvh::read(input, flags.units.centimetres(), false)?;
-        let skeleton = BvhSkeleton::new(&bvh.joints, flags.up.rotation(), true)?;
+        let units = flags.table_units();
+        let bvh = Bvh::read(input, units.unit.centimetres(), false)?;
+        let skeleton = BvhSkeleton::new(&bvh.joints, units.up.rotation(), true)?;
         let bad = |what| Error::data(Place::file(&file), what);
         let rate = bvh.rate_or(flags.fps).map_err(bad)?;
         let which = BvhPoints::Origins;
@@ -194,7 +195,8 @@ impl PlotTable {
         let columns = stream.columns().clone();
         let file = stream.name().to_string();
         let (mut builder, mut row) = (PosesBuilder::new(&columns), Row::default());
-        let mut of_points = PointColumnsReader::new(&columns, input.units.centimetres());
+        let mut of_points =
+            PointColumnsReader::new(&columns, input.table_units().unit.centimetres());
         while stream.read(&mut row)? {
             builder.push(&row);
             of_points.push(&file, &row)?;

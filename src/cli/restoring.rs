@@ -74,7 +74,7 @@ pub struct RestoringArgs {
     /// CMU and of the built-in model (default: by names and lengths)
     #[arg(long, value_enum, value_name = "starts|ends", help_heading = "Input")]
     bones: Option<BonesFlag>,
-    /// Which points of the table are which of the model's: a shipped map (anatomical, bandai-namco, biped, cmu-bvh, hik, kinect,
+    /// Which points of the table are which of the model's: a shipped map (anatomical, bandai-namco, biped, cmu-bvh, hik, kinect, lafan,
     /// makehuman, mixamo, motive, neuron, openpose, plug-in-gait, poser, rokoko, smpl, unity, unreal), or a TOML file of lines such as
     /// lhumerus = "LeftForeArm", the model's point first (default: the names themselves, else the shipped map that fits best)
     #[arg(long, value_name = "NAME|FILE.toml", conflicts_with_all = ["bones", "take_alone"], help_heading = "Input")]

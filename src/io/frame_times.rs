@@ -74,13 +74,29 @@ impl TimeCells {
         let Some(&(from, first)) = self.seconds.first() else {
             return by_number(None);
         };
-        let step_back = self.seconds.windows(2).find(|pair| pair[1].1 <= pair[0].1);
-        if let Some(pair) = step_back {
+        if self.seconds.iter().any(|(_, t)| t.abs() > LATEST) {
+            return by_number(Some(
+                "its times are too large; those of the frames' numbers are taken".into(),
+            ));
+        }
+        if let Some(times) = rate.and_then(|rate| self.regular(frames, from, first, rate)) {
+            let is_usual = times[0] == (number.max(1) - 1) as f64 / rate.unwrap_or(1.0);
+            return FrameTimes {
+                times: (!is_usual).then_some(times),
+                ..FrameTimes::default()
+            };
+        }
+        let not_ascending = |frame: usize| {
             let what = format!(
                 "its times do not ascend (frame {}); those of the frames' numbers and the rate are taken",
-                number + pair[1].0 as u64
+                number + frame as u64
             );
-            return by_number(Some(what));
+            by_number(Some(what))
+        };
+        // Rounded times of frames that follow faster stand still, or step back by a digit.
+        let least = -1.01 * self.last_digit();
+        if let Some(frame) = self.steps_by(|step| step < least) {
+            return not_ascending(frame);
         }
         let own = self.own_rate();
         if let (Some((_, own)), Some(rate)) = (own, rate)
@@ -91,22 +107,13 @@ impl TimeCells {
             );
             return by_number(Some(what));
         }
-        if self.seconds.iter().any(|(_, t)| t.abs() > LATEST) {
-            return by_number(Some(
-                "its times are too large; those of the frames' numbers are taken".into(),
-            ));
-        }
         let contradicts = own
             .zip(rate)
             .filter(|((steps, own), rate)| *steps >= RATED_FRAMES && differ(*own, *rate));
-        if let Some(times) = rate.and_then(|rate| self.regular(frames, from, first, rate)) {
-            let is_usual = times[0] == (number.max(1) - 1) as f64 / rate.unwrap_or(1.0);
-            return FrameTimes {
-                times: (!is_usual).then_some(times),
-                ..FrameTimes::default()
-            };
-        }
         let regular = own.and_then(|(_, own)| self.regular(frames, from, first, own));
+        if let (None, Some(frame)) = (&regular, self.steps_by(|step| step <= 0.0)) {
+            return not_ascending(frame);
+        }
         let note = contradicts.map(|((_, own), rate)| {
             format!(
                 "says {rate} frames per second, but its times tell {own:.3}; the times are taken"
@@ -119,9 +126,21 @@ impl TimeCells {
         }
     }
 
+    /// What the last digit of the times counts, seconds.
+    fn last_digit(&self) -> f64 {
+        10_f64.powi(-(self.decimals.min(17) as i32)).max(1e-9)
+    }
+
+    /// The first frame to which the time steps so.
+    fn steps_by(&self, is_so: impl Fn(f64) -> bool) -> Option<usize> {
+        let mut pairs = self.seconds.windows(2);
+        let pair = pairs.find(|pair| is_so(pair[1].1 - pair[0].1))?;
+        Some(pair[1].0)
+    }
+
     /// Times of one step from the first on, if all cells agree with them up to their rounding.
     fn regular(&self, frames: usize, from: usize, first: f64, rate: f64) -> Option<Vec<f64>> {
-        let last_digit = 10_f64.powi(-(self.decimals.min(17) as i32)).max(1e-9);
+        let last_digit = self.last_digit();
         let count = first * rate - from as f64;
         // The first frame's time counts frames, where its rounding allows that.
         let whole = count.round();
@@ -188,6 +207,15 @@ mod tests {
         let uneven = of(&["1.00", "", "1.50", "1.60"], 1, 10.0).times.unwrap();
         assert_eq!(uneven, [1.0, 1.25, 1.5, 1.6]);
         assert_eq!(of(&["", ""], 1, 100.0), FrameTimes::default());
+        // Rounded to more than a frame, as some round them.
+        let rounded = of(
+            &["3.38", "3.38", "3.39", "3.40", "3.40", "3.40", "3.41"],
+            1,
+            200.0,
+        );
+        assert!(rounded.note.is_none() && (rounded.times.unwrap()[6] - 3.41).abs() < 1e-9);
+        let still = of(&["1.0", "1.5", "1.5", "1.7"], 1, 10.0);
+        assert!(still.times.is_none() && still.note.unwrap().contains("frame 3"));
     }
 
     #[test]
@@ -207,7 +235,7 @@ mod tests {
         let numbers: Vec<&str> = numbers.iter().map(String::as_str).collect();
         let frames = of(&numbers, 1, 100.0);
         assert!(frames.times.is_none() && frames.note.unwrap().contains("no seconds"));
-        let back = of(&["0", "0.01", "0.01", "0.02"], 5, 100.0);
+        let back = of(&["0", "0.01", "-0.01", "0.02"], 5, 100.0);
         assert!(back.times.is_none() && back.note.unwrap().contains("do not ascend (frame 7)"));
     }
 }

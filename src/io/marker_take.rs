@@ -20,6 +20,8 @@ pub struct MarkerTake {
     pub rate: Option<f64>,
     /// The unit of length, if the file says so: `mm`.
     pub units: Option<String>,
+    /// Whether the unit is a custom and not said, so that a flag goes before it.
+    pub units_are_inferred: bool,
     /// The axis that points up, if the file says so: `+Z`.
     pub up: Option<String>,
     /// Whether the axis is not said in so many words, so that a flag goes before it.

@@ -85,8 +85,8 @@ impl MotionFormat {
     }
 }
 
-/// What a file that begins so is instead of a pose table, and what to do with it; `None` for what may be a table. Of text the first lines
-/// tell more than the first bytes ([`look_ahead`](super::Input::look_ahead)).
+/// What a file that begins so is instead of a pose table, and what to do with it; `None` for what may be a table. The first lines of
+/// text tell more than its first bytes ([`look_ahead`](super::Input::look_ahead)).
 pub fn recognized(start: &[u8]) -> Option<&'static str> {
     Some(match MotionFormat::of(start) {
         MotionFormat::C3d => "is a C3D file: convert it with c3d2xyz",

@@ -5,10 +5,12 @@ use super::marker_take::{MarkerTake, unique_names};
 use super::npy::{Header, NpyReader, read_header, with_values};
 use super::row::{ReadOptions, Row};
 use super::text::excerpt;
+use crate::numeric::median::median;
 use crate::{Error, Place, Result};
 use bytes::Bytes;
 use ndarray::{Array2, ArrayView2};
 use std::io::{Cursor, Read};
+use std::ops::RangeInclusive;
 use zip::write::SimpleFileOptions;
 
 /// The largest archive that is read, bytes.
@@ -20,8 +22,8 @@ const MOST_PACKED: u64 = 100;
 const MOST_ENTRIES: usize = 4096;
 /// Entries that a message lists.
 const LISTED: usize = 8;
-/// A body larger than this, metres, is not in metres.
-const LARGEST_BODY: f64 = 30.0;
+/// The extent of a body's markers in metres, in whatever pose.
+const BODY: RangeInclusive<f64> = 0.2..=5.0;
 
 /// A take of an archive.
 #[derive(Debug, Clone)]
@@ -77,6 +79,11 @@ impl NpzTake {
         let is_metres = is_amass && is_metric(xyz.view());
         if is_metres {
             notes.push("taken as metres, z up, as markers of AMASS are by custom".into());
+        } else if is_amass {
+            notes.push(
+                "its markers' extent is no body's in metres, as markers of AMASS are by custom"
+                    .into(),
+            );
         }
         let rate = zipped.rate(&entries)?;
         Ok(NpzTake {
@@ -88,6 +95,8 @@ impl NpzTake {
                 rate,
                 units: is_metres.then(|| "m".to_string()),
                 up: is_metres.then(|| "+Z".to_string()),
+                units_are_inferred: is_metres,
+                up_is_inferred: is_metres,
                 notes,
                 ..MarkerTake::default()
             },
@@ -190,17 +199,20 @@ fn positions(
     Ok((points, xyz))
 }
 
-/// Whether a body of these positions may be in metres.
+/// Whether a body of these positions may be in metres: by the largest extent of the median frame.
 fn is_metric(xyz: ArrayView2<'_, f64>) -> bool {
-    xyz.rows().into_iter().all(|row| {
-        (0..3).all(|axis| {
+    let extents = xyz.rows().into_iter().filter_map(|row| {
+        let along = |axis: usize| {
             let values = row.iter().skip(axis).step_by(3).filter(|v| v.is_finite());
             let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), v| {
                 (low.min(*v), high.max(*v))
             });
-            high < low || high - low <= LARGEST_BODY
-        })
-    })
+            high - low
+        };
+        let extent = along(0).max(along(1)).max(along(2));
+        (extent >= 0.0).then_some(extent)
+    });
+    median(extents.collect()).is_some_and(|extent| BODY.contains(&extent))
 }
 
 /// An archive and its name in messages.
@@ -565,6 +577,7 @@ mod tests {
                 (Some("m"), Some("+Z"))
             );
             assert!(take.notes[0].contains("metres, z up"), "{:?}", take.notes);
+            assert!(take.units_are_inferred && take.up_is_inferred);
             assert!(take.xyz[[0, 5]].is_nan());
             let mut new = take.xyz.clone();
             new[[0, 5]] = 1.25;
@@ -595,6 +608,14 @@ mod tests {
         );
         let take = read(millimetres, None).unwrap().take;
         assert_eq!((take.units, take.points.len()), (None, 2));
+        assert!(!take.units_are_inferred && take.notes.concat().contains("no body's in metres"));
+        // A hand in centimetres, and a body of which one marker flew off.
+        let of = |values: &[f64]| {
+            is_metric(ArrayView2::from_shape((values.len() / 6, 6), values).unwrap())
+        };
+        assert!(!of(&[0., 0., 0., 0., 0., 18.]));
+        let (body, thrown) = ([0., 0., 0., 0., 0., 1.7], [0., 0., 0., 900., 0., 1.7]);
+        assert!(of(&[body, body, thrown].concat()) && !of(&[f64::NAN; 6]));
     }
 
     #[test]

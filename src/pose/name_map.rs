@@ -370,12 +370,17 @@ mod tests {
             &hik,
             ["Left", "Right"],
         );
-        assert_eq!(
-            fits(&lafan),
-            Some(("hik", vec!["LeftToeBase", "RightToeBase"]))
-        );
+        assert_eq!(fits(&lafan), Some(("lafan", vec![])));
+        let bases: Vec<String> = lafan.iter().map(|n| n.replace("Toe", "ToeBase")).collect();
+        assert_eq!(fits(&bases), Some(("hik", vec![])));
+        let without: Vec<String> = lafan
+            .iter()
+            .filter(|n| !n.contains("Toe"))
+            .cloned()
+            .collect();
+        assert_eq!(fits(&without).unwrap().0, "hik");
         let prefixed: Vec<String> = lafan.iter().map(|n| format!("mixamorig1_{n}")).collect();
-        assert_eq!(fits(&prefixed).unwrap().0, "hik");
+        assert_eq!(fits(&prefixed).unwrap().0, "lafan");
         // Pose2Sim: OpenPose's names with another middle hip, or with none.
         let openpose = [
             "|Hip",

@@ -94,7 +94,7 @@ impl<'a> Jumps<'a> {
     }
 
     /// How far the points that are seen in frames a < b are from where they were, or from where their velocity leads, before a or after b,
-    /// cm: the least. (Beside a jump, and at the end of a run, a velocity is none.)
+    /// cm: the least. (Beside a jump, and at the end of a run, velocities there are unreliable.)
     fn deviations<'s>(
         &'s self,
         a: usize,

@@ -178,10 +178,11 @@ fn of_markers(
     original: Original,
     flags: &ReadFlags,
 ) -> Result<MotionFile> {
+    let inferred = [take.units_are_inferred, take.up_is_inferred];
     let said = [
-        take.units.as_deref().and_then(unit_of).is_some(),
-        take.up.as_deref().and_then(axis_of).is_some()
-            && !(take.up_is_inferred && flags.up.is_some()),
+        take.units.as_deref().and_then(unit_of).is_some()
+            && !(inferred[0] && flags.units.is_some()),
+        take.up.as_deref().and_then(axis_of).is_some() && !(inferred[1] && flags.up.is_some()),
     ];
     let given = MarkerUnitArgs {
         units: flags.units.filter(|_| !said[0]),
@@ -198,7 +199,11 @@ fn of_markers(
     let value = value
         .or(is_timed.then_some(1.0))
         .ok_or_else(|| asked(take, "rate", None, "--fps F (frames per second)"))?;
-    let sources = said.map(|said| if said { Source::File } else { Source::Flag });
+    let sources = [0, 1].map(|i| match (said[i], inferred[i]) {
+        (true, true) => Source::Custom,
+        (true, false) => Source::File,
+        (false, _) => Source::Flag,
+    });
     let mut notes = take.notes.clone();
     let mut positions = take.only_positions();
     let others = take.points.len() - positions.points.len();

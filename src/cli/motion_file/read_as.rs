@@ -82,7 +82,7 @@ pub struct ReadFlags {
     pub keep_whole: bool,
     /// Whether positions at exactly 0 0 0 are missing (but those of rotations).
     pub zeros_are_missing: bool,
-    /// What the first three become of.
+    /// The flags from which fps, units and up are taken.
     scoped: ScopedFlags,
 }
 

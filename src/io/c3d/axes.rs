@@ -6,6 +6,10 @@ use ndarray::ArrayView2;
 
 /// Frames that are looked at, evenly spread over the take.
 const FRAMES: usize = 2000;
+/// The share of frames in which heads must be above feet.
+const LEAST_FRAMES: f64 = 0.8;
+/// The share of their distance by which they must be.
+const LEAST_SHARE: f64 = 1.0 / 3.0;
 
 /// The axis that points up, as `+Z`, else what the file says of it; and whether it was inferred, which is noted.
 pub fn up(
@@ -24,17 +28,25 @@ pub fn up(
     }
     let maker = ["MANUFACTURER:COMPANY", "MANUFACTURER:SOFTWARE"];
     let maker = maker.iter().find_map(|name| parameters.text(name));
-    let is_qualisys = maker.is_none_or(|m| {
+    let is_qualisys = maker.is_some_and(|m| {
         let m = m.to_ascii_lowercase();
         m.contains("qualisys") || m.contains("qtm")
     });
-    if word == "-Z" && matches!(right.to_ascii_uppercase().as_str(), "+X" | "X") && is_qualisys {
-        notes.push(
-            "POINT:Y_SCREEN is -Z and X_SCREEN +X, as Qualisys writes them: z is taken for up (--up changes it)".into(),
-        );
+    let is_custom = word == "-Z" && matches!(right.to_ascii_uppercase().as_str(), "+X" | "X");
+    let told = match is_custom && is_qualisys {
+        true => None,
+        false => told_by_points(points, xyz),
+    };
+    if told.is_none() && is_custom && (is_qualisys || maker.is_none()) {
+        let unnamed = match is_qualisys {
+            true => "",
+            false => ", the file names no maker and its points tell no axis",
+        };
+        notes.push(format!(
+            "POINT:Y_SCREEN is -Z and X_SCREEN +X, as Qualisys writes them{unnamed}: z is taken for up (--up changes it)"
+        ));
         return (Some("+Z".into()), true);
     }
-    let told = told_by_points(points, xyz);
     let says = match &said {
         Some(said) => format!("POINT:Y_SCREEN is {said}"),
         None => "POINT:Y_SCREEN is not there".into(),
@@ -57,7 +69,8 @@ pub fn up(
     }
 }
 
-/// The axis along which heads and feet are farthest apart in most frames, whether heads are above, and the share of these frames in percent.
+/// The axis, y or z, along which heads are above feet in most frames, or below them (`false`), and the share of these frames in percent.
+/// (x is up in no file: where heads and feet are apart along it, somebody lies.)
 fn told_by_points(
     points: &[String],
     xyz: ArrayView2<'_, f64>,
@@ -68,7 +81,10 @@ fn told_by_points(
         (0..points.len()).filter(is_one).collect()
     };
     let (heads, feet) = (is(is_head), is(is_foot));
-    let mut votes = [[0_usize; 2]; 3];
+    // By axis, the frames with heads below and above.
+    let (mut votes, mut all) = ([[0_usize; 2]; 3], 0_u32);
+    // By axis, the sum of the share of the distance that is along it.
+    let mut shares = [0.0_f64; 3];
     let step = (xyz.nrows() / FRAMES).max(1);
     for row in xyz.rows().into_iter().step_by(step) {
         let mean = |of: &[usize], c: usize| {
@@ -77,19 +93,25 @@ fn told_by_points(
             sum / count
         };
         let apart = [0, 1, 2].map(|c| mean(&heads, c) - mean(&feet, c));
-        let far = (0..3).max_by(|a, b| apart[*a].abs().total_cmp(&apart[*b].abs()))?;
-        if apart[far].is_finite() && apart[far] != 0.0 {
-            votes[far][usize::from(apart[far] > 0.0)] += 1;
+        let distance = apart.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if !(distance.is_finite() && distance > 0.0) {
+            continue;
+        }
+        all += 1;
+        for c in [1, 2] {
+            let share = apart[c] / distance;
+            shares[c] += share.abs();
+            if share.abs() >= LEAST_SHARE {
+                votes[c][usize::from(share > 0.0)] += 1;
+            }
         }
     }
-    let all: usize = votes.iter().flatten().sum();
-    let choices = (0..3).flat_map(|c| [(c, false), (c, true)]);
-    let (axis, above) = choices.max_by_key(|(c, above)| votes[*c][usize::from(*above)])?;
-    let most = votes[axis][usize::from(above)];
-    (2 * most > all).then(|| {
-        let share = 100.0 * most as f64 / all as f64;
-        (["x", "y", "z"][axis], above, share)
-    })
+    let choices = [(1, true), (2, true), (1, false), (2, false)].into_iter();
+    let count = |(c, above): (usize, bool)| votes[c][usize::from(above)] as f64;
+    let most = choices.filter(|choice| count(*choice) > LEAST_FRAMES * f64::from(all));
+    let (axis, above) = most.max_by(|a, b| shares[a.0].total_cmp(&shares[b.0]))?;
+    let share = 100.0 * count((axis, above)) / f64::from(all);
+    Some((["x", "y", "z"][axis], above, share))
 }
 
 /// The name without what stands before its last colon, letters alone, in lower case.
@@ -138,12 +160,43 @@ mod tests {
         let names = ["Ann:LFHD", "LHEE", "RTOE", "LELB"];
         let up = [1., 2., 170., 0., 0., 5., n, n, n, 9., 900., 9.];
         let lying = [170., 2., 3., 0., 0., 5., n, n, n, 9., 9., 9.];
-        assert_eq!(told(&names, &[up, up, lying].concat()), Some(("z", true)));
-        assert_eq!(told(&names, &[up, lying].concat()), None);
+        let most = [up, up, up, up, up, lying].concat();
+        assert_eq!(told(&names, &most), Some(("z", true)));
+        assert_eq!(told(&names, &[up, up, lying].concat()), None);
+        // Somebody who lies along x, or leans along y.
+        assert_eq!(told(&names, &[lying, lying].concat()), None);
+        let leaning = [1., 90., 170., 0., 0., 5., n, n, n, 9., 900., 9.];
+        assert_eq!(told(&names, &leaning), Some(("z", true)));
         let down = up.map(|v| -v);
         assert_eq!(told(&names, &[down, down].concat()), Some(("z", false)));
         assert_eq!(told(&["LELB", "LHEE"], &[0., 0., 9., 0., 0., 0.]), None);
         assert!(is_foot("L.Heel") && is_foot("RANK") && !is_foot("LSHANK") && !is_foot("RFRANK"));
         assert!(is_head("HeadL") && is_head("rbhd") && !is_head("L_FibHead") && !is_head("RMT5"));
+    }
+
+    #[test]
+    fn y_screen_of_minus_z_is_the_custom_of_qualisys() {
+        let up_of = |maker: &[u8], names: [&str; 2]| {
+            let mut section = vec![1, 0x50, 1, 84];
+            section.extend(b"\x05\xffPOINT\x03\0\0\x0c\xfeMANUFACTURER\x03\0\0");
+            section.extend(b"\x08\x01X_SCREEN\x07\0\xff\x01\x02+X");
+            section.extend(b"\x08\x01Y_SCREEN\x07\0\xff\x01\x02-Z");
+            section.extend([b"\x07\x02COMPANY\x0d\0\xff\x01\x08", maker, b"\0\0\0"].concat());
+            let parameters = Parameters::read(&section, super::super::numbers::Processor::Intel);
+            assert_eq!(parameters.text("POINT:Y_SCREEN"), Some("-Z"));
+            let xyz = Array2::from_shape_vec((1, 6), vec![0., 170., 0., 0., 5., 0.]).unwrap();
+            let mut notes = Vec::new();
+            let names = names.map(String::from);
+            let up = super::up(&parameters, &names, xyz.view(), &mut notes);
+            (up.0.unwrap(), notes.concat())
+        };
+        let (body, thing) = (["HEAD", "LHEE"], ["A", "B"]);
+        assert_eq!(up_of(b"Qualisys", body).0, "+Z");
+        let (up, note) = up_of(b"        ", body);
+        assert!(up == "+Y" && note.contains("100% of the frames"), "{note}");
+        let (up, note) = up_of(b"        ", thing);
+        assert!(up == "+Z" && note.contains("names no maker"), "{note}");
+        assert_eq!(up_of(b"Acme    ", thing).0, "-Z");
+        assert_eq!(up_of(b"Acme    ", body).0, "+Y");
     }
 }

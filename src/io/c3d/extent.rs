@@ -45,23 +45,48 @@ impl Extent {
         notes: &mut Vec<String>,
     ) -> Extent {
         let count = frames(words.frames, parameters);
+        let larger = larger(count, parameters);
         let bytes = |[points, analog]: [usize; 2]| (4 * points + analog) * width;
-        let fits = |shape: &[usize; 2]| {
-            let there = data.len() / bytes(*shape).max(1);
-            there >= count.frames
-                && (count.is_open || data.len() - count.frames * bytes(*shape) < BLOCK)
-        };
         let shapes = shapes(words, parameters);
-        let shape = *shapes.iter().find(|s| fits(s)).unwrap_or(&shapes[0]);
+        let fits = |shape: &[usize; 2]| {
+            let Some(rest) = data.get(count.frames * bytes(*shape)..) else {
+                return false;
+            };
+            // What is zero behind the header's frames is padding, however long.
+            let is_padding = || *shape == shapes[0] && rest.iter().all(|b| *b == 0);
+            count.is_open || rest.len() < BLOCK || is_padding()
+        };
+        let by_more = |shape: &[usize; 2]| {
+            let mut counts = larger.iter().copied();
+            counts.find(|(_, frames)| fills(count, *frames, data, bytes(*shape)))
+        };
+        let fitting = shapes.iter().find(|s| fits(s) || by_more(s).is_some());
+        let shape = *fitting.unwrap_or(&shapes[0]);
         if shape != shapes[0] {
             notes.push(contradiction(shapes[0], shape));
         }
-        let frames = longer(count, data, bytes(shape), words.frames);
-        if frames != count.frames {
-            notes.push(format!(
-                "counts {} frames, since 16 bits count no further; by its length it has {frames}, which are taken",
-                count.frames
-            ));
+        let frames = match by_more(&shape) {
+            Some((_, frames)) => frames,
+            None => longer(count, data, bytes(shape), words.frames),
+        };
+        let rest = data.get(frames * bytes(shape)..).unwrap_or_default();
+        let is_more = rest.len() >= BLOCK.max(bytes(shape)) && rest.iter().any(|b| *b != 0);
+        let [first, last] = words.frames;
+        let counted = count.frames;
+        match (by_more(&shape), larger.first()) {
+            _ if frames != counted && last < first => notes.push(format!(
+                "its last frame's number is below its first: {last}, {first}; by its length it has {frames} frames, which are taken"
+            )),
+            (Some((name, _)), _) => notes.push(format!(
+                "its header counts {counted} frames, {name} {frames}, which fit the file's length and are taken"
+            )),
+            _ if frames != counted => notes.push(format!(
+                "counts {counted} frames, since 16 bits count no further; by its length it has {frames}, which are taken"
+            )),
+            (None, Some((name, more))) if is_more => notes.push(format!(
+                "its header counts {counted} frames, which are taken, and {name} {more}; the file's length fits neither"
+            )),
+            _ => {}
         }
         Extent {
             points: shape[0],
@@ -70,6 +95,40 @@ impl Extent {
             first_frame: count.first,
         }
     }
+}
+
+/// The counts of frames among the parameters that are above the header's, with their names.
+fn larger(count: Count, parameters: &Parameters) -> Vec<(&'static str, usize)> {
+    let number = |name| (name, parameters.number(name));
+    let trial = trial(parameters).map(|(start, end)| f64::from(end) - f64::from(start) + 1.0);
+    let counts = [
+        number("POINT:LONG_FRAMES"),
+        number("POINT:FRAMES"),
+        ("TRIAL:ACTUAL_END_FIELD", trial),
+    ];
+    let is_larger = |n: &f64| *n > count.frames as f64 && *n < f64::from(u32::MAX);
+    let counts = counts
+        .into_iter()
+        .filter_map(|(name, n)| Some((name, n.filter(is_larger)? as usize)));
+    counts.collect()
+}
+
+/// Whether so many frames, more than are counted, fill the data to within a block. (What is zero and shorter than a block is no frame but
+/// fills the last block.)
+fn fills(count: Count, frames: usize, data: &[u8], bytes: usize) -> bool {
+    let end = frames * bytes;
+    let more = data.get(count.frames * bytes..end);
+    let is_frames = |more: &[u8]| more.len() >= BLOCK || more.iter().any(|b| *b != 0);
+    !count.is_open && more.is_some_and(is_frames) && data.len() - end < BLOCK
+}
+
+/// The numbers of the first and the last frame in TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, of two words each.
+fn trial(parameters: &Parameters) -> Option<(u32, u32)> {
+    let field = |name: &str| match parameters.numbers(name) {
+        [low, high, ..] => Some(u32::from(*low as u16) | u32::from(*high as u16) << 16),
+        _ => None,
+    };
+    field("TRIAL:ACTUAL_START_FIELD").zip(field("TRIAL:ACTUAL_END_FIELD"))
 }
 
 fn contradiction(said: [usize; 2], taken: [usize; 2]) -> String {
@@ -125,16 +184,10 @@ struct Count {
     is_open: bool,
 }
 
-/// What header and parameters count. The header counts to 65,535 only; TRIAL:ACTUAL_START_FIELD and ACTUAL_END_FIELD, of two words each,
-/// POINT:LONG_FRAMES and a real POINT:FRAMES go on.
+/// What header and parameters count. The header counts to 65,535 only; the fields of TRIAL, POINT:LONG_FRAMES and a real POINT:FRAMES go on.
 fn frames([first, last]: [u16; 2], parameters: &Parameters) -> Count {
     let is_full = last == u16::MAX;
-    let field = |name: &str| match parameters.numbers(name) {
-        [low, high, ..] => Some(u32::from(*low as u16) | u32::from(*high as u16) << 16),
-        _ => None,
-    };
-    let fields = field("TRIAL:ACTUAL_START_FIELD").zip(field("TRIAL:ACTUAL_END_FIELD"));
-    if let Some((start, end)) = fields {
+    if let Some((start, end)) = trial(parameters) {
         // Where header and fields agree as far as the header counts.
         let agrees = |field: u32, word: u16| word == u16::MAX || field as u16 == word;
         if agrees(start, first) && agrees(end, last) && end >= start {
@@ -227,6 +280,69 @@ mod tests {
         assert_eq!(frames_of([1, 10], &[1; 8]), 10);
         assert_eq!(frames_of([2, 1], &[]), 0);
         assert_eq!(frames_of([1, 65_535], &[1; 8 * 65_535]), 65_535);
+    }
+
+    /// Parameters with POINT:FRAMES 20 and ANALOG:USED 7.
+    fn parameters() -> Parameters {
+        let mut section = vec![1, 0x50, 1, 84];
+        section.extend(b"\x05\xffPOINT\x03\0\0\x06\xfeANALOG\x03\0\0");
+        section.extend(b"\x06\x01FRAMES\x06\0\x02\0\x14\0");
+        section.extend(b"\x04\x02USED\x06\0\x02\0\x07\0\0\0");
+        Parameters::read(&section, super::super::numbers::Processor::Intel)
+    }
+
+    #[test]
+    fn a_larger_count_that_fits_the_length_is_taken() {
+        let parameters = parameters();
+        assert_eq!(parameters.number("POINT:FRAMES"), Some(20.0));
+        // Five points as integers: 40 bytes a frame.
+        let read = |frames: [u16; 2], data: &[u8]| {
+            let words = Words {
+                points: 5,
+                frames,
+                ..WORDS
+            };
+            let mut notes = Vec::new();
+            let extent = Extent::read(words, &parameters, data, 2, &mut notes);
+            (extent.frames, extent.points, notes.join("; "))
+        };
+        let mut data = vec![1_u8; 20 * 40];
+        data.resize(1024, 0);
+        for frames in [[1, 10], [11, 20]] {
+            let (taken, points, note) = read(frames, &data);
+            assert_eq!((taken, points), (20, 5), "{note}");
+            assert!(note.contains("counts 10 frames, POINT:FRAMES 20"), "{note}");
+        }
+        assert_eq!(read([1, 20], &data), (20, 5, String::new()));
+        // Zeros that fill a block are no frames.
+        data.truncate(800);
+        data[400..].fill(0);
+        assert_eq!(read([1, 10], &data), (10, 5, String::new()));
+        // More than both say.
+        let (taken, _, note) = read([1, 10], &[1; 4000]);
+        assert!(taken == 10 && note.contains("fits neither"), "{note}");
+        let (taken, _, note) = read([65_530, 3], &[1; 400]);
+        assert!(
+            taken == 10 && note.contains("is below its first: 3, 65530; by its length it has 10"),
+            "{note}"
+        );
+    }
+
+    #[test]
+    fn zeros_behind_the_frames_are_padding() {
+        let read = |fill: u8| {
+            let words = Words {
+                samples: 1,
+                frames: [1, 20],
+                ..WORDS
+            };
+            let mut data = vec![1_u8; 20 * 8];
+            data.resize(20 * 2 * (4 + 7) + 511, fill);
+            let mut notes = Vec::new();
+            let extent = Extent::read(words, &parameters(), &data, 2, &mut notes);
+            (extent.analog, extent.frames, notes.len())
+        };
+        assert_eq!((read(0), read(1)), ((0, 20, 0), (7, 20, 1)));
     }
 
     #[test]

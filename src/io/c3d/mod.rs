@@ -25,6 +25,8 @@ use std::collections::HashMap;
 
 /// Larger files are refused, bytes.
 const LIMIT: u64 = 1 << 31;
+/// Rates that differ by a smaller share agree.
+const SAME_RATE: f64 = 0.01;
 /// The bytes of a block.
 const BLOCK: usize = 512;
 
@@ -81,8 +83,7 @@ impl C3d {
             return Err(bad("has frames where its parameters begin".into()));
         }
         let xyz = points::read(&bytes, &layout);
-        let rate = [layout.rate, parameters.number("POINT:RATE").unwrap_or(0.0)];
-        let rate = rate.into_iter().find(|r| r.is_finite() && *r > 0.0);
+        let rate = rate(layout.rate, &parameters, &mut notes);
         let labels = labels(&parameters, layout.points);
         let quantities = quantities(&parameters, &labels);
         let points = unique_names(labels);
@@ -140,6 +141,34 @@ fn parameter_section<'a>(
     Ok((processor, section))
 }
 
+/// Frames a second: the header's, else POINT:RATE. Where they differ, the one of which ANALOG:RATE is a whole multiple, else POINT:RATE.
+fn rate(header: f64, parameters: &Parameters, notes: &mut Vec<String>) -> Option<f64> {
+    let is_rate = |rate: &f64| rate.is_finite() && *rate > 0.0;
+    let own = parameters.number("POINT:RATE").filter(is_rate);
+    let (header, own) = match (Some(header).filter(is_rate), own) {
+        (Some(header), Some(own)) if (header - own).abs() > SAME_RATE * own => (header, own),
+        (header, own) => return header.or(own),
+    };
+    let analog = parameters.number("ANALOG:RATE").filter(is_rate);
+    let divides = |rate: f64| {
+        let times = analog.map_or(0.0, |analog| analog / rate);
+        times.round() >= 1.0 && (times - times.round()).abs() < 1e-3 * times
+    };
+    let (taken, which, why) = match (divides(header), divides(own)) {
+        (true, false) => (
+            header,
+            "the header's",
+            ", since ANALOG:RATE is a multiple of it",
+        ),
+        _ => (own, "POINT:RATE", ""),
+    };
+    let [header, own] = [header, own].map(|rate| (1e3 * rate).round() / 1e3);
+    notes.push(format!(
+        "its header says {header} frames per second, POINT:RATE {own}; {which} is taken{why}"
+    ));
+    Some(taken)
+}
+
 /// The labels of the points: POINT:LABELS, POINT:LABELS2 and so on.
 fn labels(parameters: &Parameters, points: usize) -> Vec<&str> {
     let mut labels: Vec<&str> = texts(parameters, "POINT:LABELS".to_string()).collect();
@@ -176,4 +205,35 @@ fn quantities(parameters: &Parameters, labels: &[&str]) -> Vec<Quantity> {
     }
     let quantity = |label: &&str| listed.get(label.trim()).copied().unwrap_or_default();
     labels.iter().map(quantity).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The rate that is taken of a header's, POINT:RATE and ANALOG:RATE, and how many notes there are.
+    fn rate_of(header: f64, own: f32, analog: f32) -> (Option<f64>, usize) {
+        let mut section = vec![1, 0x50, 1, 84];
+        section.extend(b"\x05\xffPOINT\x03\0\0\x06\xfeANALOG\x03\0\0");
+        for (group, rate) in [(1, own), (2, analog)] {
+            section.extend([&[4, group][..], b"RATE\x08\0\x04\0", &rate.to_le_bytes()].concat());
+        }
+        section.extend([0, 0]);
+        let parameters = Parameters::read(&section, Processor::Intel);
+        let mut notes = Vec::new();
+        (rate(header, &parameters, &mut notes), notes.len())
+    }
+
+    #[test]
+    fn rates_that_differ_are_told() {
+        assert_eq!(rate_of(50.0, 100.0, 0.0), (Some(100.0), 1));
+        assert_eq!(rate_of(50.0, 100.0, 1000.0), (Some(100.0), 1));
+        assert_eq!(rate_of(120.0, 100.0, 1200.0), (Some(100.0), 1));
+        assert_eq!(rate_of(120.0, 100.0, 960.0), (Some(120.0), 1));
+        assert_eq!(rate_of(119.88, 120.0, 0.0), (Some(119.88), 0));
+        assert_eq!(rate_of(0.0, 100.0, 0.0), (Some(100.0), 0));
+        assert_eq!(rate_of(f64::NAN, 100.0, 0.0), (Some(100.0), 0));
+        assert_eq!(rate_of(50.0, f32::NAN, 0.0), (Some(50.0), 0));
+        assert_eq!(rate_of(-1.0, 0.0, 0.0), (None, 0));
+    }
 }

@@ -17,7 +17,7 @@ pub fn read(bytes: &[u8], layout: &Layout) -> Array2<f64> {
     xyz
 }
 
-/// A point; `None` where its fourth word is below zero, whatever its value, or a coordinate is no number. (Makers write -1, -32768, or set
+/// A point; `None` where its fourth word is below zero, whatever its value, or it or a coordinate is no number. (Makers write -1, -32768, or set
 /// the sign bit beside cameras and residual. A real of -0 is not below zero: it is a residual of 0.)
 pub fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
     let width = layout.number_bytes();
@@ -30,7 +30,7 @@ pub fn decode(bytes: &[u8], layout: &Layout) -> Option<[f64; 3]> {
     };
     let scale = if layout.real { 1.0 } else { layout.scale };
     let point = [0, 1, 2].map(|c| number(c) * scale);
-    let is_hidden = number(3) < 0.0;
+    let is_hidden = number(3) < 0.0 || number(3).is_nan();
     (!is_hidden && point.iter().all(|v| v.is_finite())).then_some(point)
 }
 
@@ -102,6 +102,6 @@ mod tests {
             }
         }
         layout.real = true;
-        assert!(!is_there(-0.5, &layout));
+        assert!(!is_there(-0.5, &layout) && !is_there(f32::NAN, &layout));
     }
 }

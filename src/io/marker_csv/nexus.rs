@@ -40,7 +40,10 @@ pub fn read(mut lines: Lines<impl BufRead>, keep_whole: bool) -> Result<MarkerTa
         }
     }
     if !others.is_empty() {
-        let what = format!("its other sections stay out: {}", others.join(", "));
+        let what = format!(
+            "its other sections are not converted: {}",
+            others.join(", ")
+        );
         take.notes.push(what);
     }
     Ok(take)
@@ -161,7 +164,7 @@ mod tests {
         assert_eq!(take.xyz.nrows(), 2);
         assert_eq!(
             take.notes,
-            ["its other sections stay out: Devices, Model Outputs"]
+            ["its other sections are not converted: Devices, Model Outputs"]
         );
         let mut new = take.xyz.clone();
         new[[1, 4]] = -7.25;
