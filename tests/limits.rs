@@ -62,6 +62,14 @@ fn kill(child: &Child, signal: &str) {
     );
 }
 
+/// Whether a process has a file of a folder open.
+fn has_open(child: &Child, folder: &Path) -> bool {
+    let open = fs::read_dir(format!("/proc/{}/fd", child.id()));
+    let links = open.into_iter().flatten().flatten();
+    let mut links = links.filter_map(|entry| fs::read_link(entry.path()).ok());
+    links.any(|link| link.starts_with(folder))
+}
+
 /// Whether this process ignores a signal, as its children then do.
 fn is_ignored(number: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap();
@@ -87,20 +95,35 @@ fn names(folder: &Path) -> Vec<String> {
 fn a_signal_leaves_nothing_half_written() {
     let (folder, cwd) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let _alone = alone();
+    let mut held: Vec<fs::File> = Vec::new();
     // With so many files open, the unfinished one has a name, which the handler has to remove.
-    let held = (3..80).map(|_| fs::File::open("/dev/null").unwrap());
-    let held: Vec<fs::File> = held.collect();
-    for file in &held {
-        rustix::io::fcntl_setfd(file, rustix::io::FdFlags::empty()).unwrap();
-    }
-    for (signal, number) in ENDING.into_iter().filter(|s| !is_ignored(s.1)) {
-        let mut child = corrupt(&folder.path().join("x.csv"), cwd.path());
-        let mut pipe = child.stdin.take().unwrap();
-        pipe.write_all(b"a.x,a.y,a.z\n1,2,3\n").unwrap();
-        while names(folder.path()).is_empty() {
-            assert!(child.try_wait().unwrap().is_none(), "it ended before");
-            std::thread::sleep(std::time::Duration::from_millis(1));
+    let hold = |held: &mut Vec<fs::File>, count: usize| {
+        for _ in 0..count {
+            let file = fs::File::open("/dev/null").unwrap();
+            rustix::io::fcntl_setfd(&file, rustix::io::FdFlags::empty()).unwrap();
+            held.push(file);
         }
+    };
+    hold(&mut held, 77);
+    for (signal, number) in ENDING.into_iter().filter(|s| !is_ignored(s.1)) {
+        let mut start = || {
+            let mut child = corrupt(&folder.path().join("x.csv"), cwd.path());
+            let mut pipe = child.stdin.take().unwrap();
+            pipe.write_all(b"a.x,a.y,a.z\n1,2,3\n").unwrap();
+            while !has_open(&child, folder.path()) {
+                assert!(child.try_wait().unwrap().is_none(), "it ended before");
+                std::thread::sleep(std::time::Duration::from_millis(1));
+            }
+            if names(folder.path()).is_empty() {
+                // It got a low number, which another test had as the others were taken.
+                child.kill().unwrap();
+                child.wait().unwrap();
+                hold(&mut held, 5);
+                return None;
+            }
+            Some((child, pipe))
+        };
+        let (mut child, _pipe) = (0..50).find_map(|_| start()).unwrap();
         kill(&child, signal);
         assert_eq!(child.wait().unwrap().signal(), Some(number), "{signal}");
         assert_eq!(names(folder.path()), [""; 0], "{signal}");
