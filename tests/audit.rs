@@ -134,6 +134,23 @@ fn a_folder_is_searched() {
     command("audit").arg(root).assert().code(1);
     std::fs::create_dir(root.join("empty")).unwrap();
     command("audit").arg(root.join("empty")).assert().code(1);
+    // An empty folder stops no other; a file that is named may not say another rate.
+    let both = [root.join("empty"), root.join("a.csv")];
+    let done = command("audit").args(&both).assert().code(1);
+    let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
+    assert!(
+        text.contains("a.csv\n") && text.contains("no files of motion"),
+        "{text}"
+    );
+    let named = [root.join("deep/b.csv"), root.join("empty")];
+    let done = command("audit").args(["--fps", "50"]).args(&named).assert();
+    done.code(2);
+    let searched = [root.join("deep"), root.join("empty")];
+    let done = command("audit")
+        .args(["--fps", "50"])
+        .args(&searched)
+        .assert();
+    done.code(1);
 }
 
 #[test]
@@ -193,6 +210,15 @@ fn a_point_far_off_is_a_stray_point_and_no_wrong_unit() {
             assert!(!text.contains(word), "{text}");
         }
     }
+}
+
+#[test]
+fn a_far_point_that_moves_may_be_a_thing_and_stays() {
+    let table = walk(|t, row| (0..3).for_each(|c| row[6 + c] = (900 + 2 * t + c).to_string()));
+    let done = command("audit").write_stdin(table).assert().code(3);
+    let text = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
+    assert!(text.contains("far from all other points"), "{text}");
+    assert!(!text.contains("make its cells empty"), "{text}");
 }
 
 /// Captures and animations of many makers have rests, pauses, and joints at their limits, but no held rotations.

@@ -153,10 +153,7 @@ fn a_second_run_does_nothing_until_something_changes() {
     };
     let words = |a: &str, b: &str| (a.to_string(), b.to_string());
     let first = run(&[]);
-    assert!(
-        first.contains("left out, as none of motion or results: 1"),
-        "{first}"
-    );
+    assert!(first.contains("1 other file ignored"), "{first}");
     let time = || {
         fs::metadata(folder.at("out/deep/b.csv"))
             .unwrap()
@@ -258,43 +255,49 @@ fn a_bad_file_stops_no_other_and_is_told() {
 fn a_killed_run_goes_on_where_it_was() {
     let folder = Folder::new();
     let gaps = with_gaps();
-    for i in 0..6 {
+    const FILES: usize = 9;
+    for i in 0..FILES {
         folder.put(
             &format!("in/{i}.csv"),
             gaps.replace("07_01", &format!("walk{i}")),
         );
     }
-    let mut child = std::process::Command::new(bin().join("clean"))
-        .current_dir(folder.0.path())
-        .args(["in", "-o", "out", "--threads", "1"])
-        .stdout(Stdio::null())
-        .spawn()
-        .unwrap();
-    // A record has its result's digest once that is whole.
-    let is_done = |i: &usize| {
-        let record = fs::read_to_string(folder.at(&format!("out/{i}.csv.json")));
-        record.is_ok_and(|text| text.contains("\"output\""))
+    let killed = |out: &str| {
+        let mut child = std::process::Command::new(bin().join("clean"))
+            .current_dir(folder.0.path())
+            .args(["in", "-o", out, "--threads", "1"])
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        // A record has its result's digest once that is whole.
+        let is_done = |i: &usize| {
+            let record = fs::read_to_string(folder.at(&format!("{out}/{i}.csv.json")));
+            record.is_ok_and(|text| text.contains("\"output\""))
+        };
+        while !is_done(&1) && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        (0..FILES).filter(is_done).count()
     };
-    // Where this test got no time meanwhile, it may have ended.
-    while !is_done(&1) && child.try_wait().unwrap().is_none() {
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let done = (0..6).filter(is_done).count();
-    let (_, said) = folder.clean(&["in", "-o", "out"]);
+    // Where this test got no time meanwhile, a run may have ended before.
+    let outs: Vec<String> = (0..9).map(|i| format!("out{i}")).collect();
+    let runs = outs.iter().map(|out| (out, killed(out)));
+    let (out, done) = runs.into_iter().find(|run| run.1 < FILES).unwrap();
+    let (_, said) = folder.clean(&["in", "-o", out]);
     let count = |word: &str| said.lines().filter(|l| l.ends_with(word)).count();
     assert_eq!(
         (count("unchanged"), count("cleaned")),
-        (done, 6 - done),
+        (done, FILES - done),
         "{said}"
     );
     let once = folder.clean(&["in", "-o", "again"]);
     assert!(once.0 == 0 || once.0 == 3);
-    for i in 0..6 {
+    for i in 0..FILES {
         let name = format!("{i}.csv");
         let of = |out: &str| fs::read(folder.at(out).join(&name)).unwrap();
-        assert_eq!(of("out"), of("again"));
+        assert_eq!(of(out), of("again"));
     }
 }
 
@@ -586,6 +589,167 @@ fn only_what_is_new_is_told_with_new_only() {
     );
 }
 
+/// A finding of another capture is new, also where its words are those of the last one.
+#[test]
+fn a_new_capture_has_new_findings() {
+    let folder = Folder::new();
+    folder.put("in/h.csv", without(4));
+    folder.put("in/bad.c3d", "x");
+    let run = || folder.clean(&["in", "-o", "out", "--max-gap", "0.5", "--new-only"]);
+    run();
+    assert_eq!(run().0, 0);
+    folder.put("in/h.csv", without(4).replace("\nw,", "\nv,"));
+    let (code, said) = run();
+    assert!(
+        code == 3 && said.contains("p4") && !said.contains("bad"),
+        "{said}"
+    );
+    folder.put("in/bad.c3d", "y");
+    assert_eq!(run().0, 1);
+    let digest = folder.row("out", "h.csv")["sha256"].clone();
+    let made_from = folder.record("out/h.csv")["made_from"].clone();
+    assert_eq!(digest, made_from["input"]["sha256"]);
+}
+
+/// Where nobody reads the table, nothing counts as told, and the exit code is that of the run.
+#[test]
+fn a_reader_that_is_gone_was_told_nothing() {
+    let folder = Folder::new();
+    folder.put("in/h.csv", without(4));
+    folder.put("in/bad.c3d", "x");
+    let args = ["in", "-o", "out", "--max-gap", "0.5", "--new-only"];
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let done = std::process::Command::new(bin().join("clean"))
+        .current_dir(folder.0.path())
+        .args(args)
+        .stdout(writer)
+        .stderr(Stdio::null())
+        .status()
+        .unwrap();
+    assert_eq!(done.code(), Some(1));
+    assert!(!folder.at("out/clean.json").exists());
+    let (code, said) = folder.clean(&args);
+    assert!(code == 1 && said.contains("p4"), "{said}");
+}
+
+#[test]
+fn flags_that_would_do_harm_are_refused() {
+    let folder = Folder::new();
+    folder.put("in/a.csv", sound(|_, _| ()));
+    let (code, said) = folder.clean(&["in", "-o", "out", "--page", "p.json"]);
+    assert!(code == 2 && said.contains("--page"), "{said}");
+    let (code, said) = folder.clean(&["in/a.csv", "-o", "b.csv", "--new-only"]);
+    assert!(code == 2 && said.contains("--new-only"), "{said}");
+    assert!(!folder.at("b.csv").exists() && !folder.at("out").exists());
+}
+
+/// Runs `clean` in a folder with a limit of the size of files, in 512 bytes; its exit code.
+#[cfg(target_os = "linux")]
+fn clean_limited(folder: &Folder, limit: u32, args: &str) -> Option<i32> {
+    let clean = bin().join("clean");
+    let line = format!("ulimit -f {limit}; exec {} {args}", text(&clean));
+    let mut sh = std::process::Command::new("sh");
+    let sh = sh.args(["-c", &line]).current_dir(folder.0.path());
+    sh.stdout(Stdio::null()).stderr(Stdio::null());
+    sh.status().unwrap().code()
+}
+
+/// A result that could not be replaced keeps its record, by which it is known whether somebody changed it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_write_that_fails_leaves_the_record_of_what_is_there() {
+    let folder = Folder::new();
+    folder.put("a.csv", sound(|_, _| ()));
+    assert_eq!(folder.clean(&["a.csv", "-o", "b.csv"]).0, 0);
+    let record = folder.record("b.csv");
+    folder.put("a.csv", sound(|_, row| row[0] += "1"));
+    assert_eq!(clean_limited(&folder, 40, "a.csv -o b.csv"), Some(1));
+    let now = folder.record("b.csv");
+    assert!(now["error"].is_string(), "{now}");
+    assert_eq!(now["output"], record["output"]);
+    // What somebody changed is not made again after such a failure either.
+    folder.put("b.csv", "mine");
+    let again = clean_limited(&folder, 40, "a.csv -o b.csv --again");
+    assert_eq!(again, Some(1));
+    let (code, said) = folder.clean(&["a.csv", "-o", "b.csv"]);
+    assert!(code == 1 && said.contains("was changed since"), "{said}");
+    assert_eq!(fs::read(folder.at("b.csv")).unwrap(), b"mine");
+}
+
+/// What a killed run left is made again, but not what somebody put there since.
+#[test]
+fn a_killed_run_gives_no_file_of_somebody_away() {
+    let folder = Folder::new();
+    folder.put("a.csv", sound(|_, _| ()));
+    let run = |more: &[&str]| folder.clean(&[&["a.csv", "-o", "b.csv"], more].concat());
+    let stopped = |replaces: &Value| {
+        let record = folder.record("b.csv");
+        let bare = serde_json::json!({
+            "command": "clean", "made_from": record["made_from"], "replaces": replaces,
+        });
+        folder.put("b.csv.json", bare.to_string());
+    };
+    assert_eq!(run(&[]).0, 0);
+    let digest = folder.record("b.csv")["output"]["sha256"].clone();
+    // After the result, before its record.
+    stopped(&Value::Null);
+    assert_eq!(run(&[]).0, 0);
+    assert_eq!(folder.record("b.csv")["output"]["sha256"], digest);
+    // Before the result, which is to replace that.
+    folder.put("a.csv", sound(|_, row| row[0] += "1"));
+    stopped(&digest);
+    assert_eq!(run(&[]).0, 0);
+    assert_ne!(folder.record("b.csv")["output"]["sha256"], digest);
+    stopped(&digest);
+    folder.put("b.csv", "mine");
+    for _ in 0..2 {
+        let (code, said) = run(&[]);
+        assert!(code == 1 && said.contains("was stopped"), "{said}");
+        assert_eq!(fs::read(folder.at("b.csv")).unwrap(), b"mine");
+    }
+    assert_eq!(run(&["--again"]).0, 0);
+}
+
+/// The result and its record are whole where the page, which is larger, cannot be written.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_page_that_cannot_be_written_is_a_finding() {
+    let folder = Folder::new();
+    folder.put("a.csv", without(4));
+    assert_eq!(
+        folder
+            .clean(&["a.csv", "-o", "b.csv", "--max-gap", "0.5"])
+            .0,
+        3
+    );
+    let size = |name: &str| fs::metadata(folder.at(name)).unwrap().len();
+    let result = size("b.csv").max(size("b.csv.json"));
+    let limit = u32::try_from(result.div_ceil(512) + 2).unwrap();
+    assert!(size("b.csv.html") > u64::from(limit) * 512);
+    let code = clean_limited(&folder, limit, "a.csv -o c.csv --max-gap 0.5");
+    assert_eq!(code, Some(3));
+    assert_eq!(size("c.csv"), size("b.csv"));
+    let findings = folder.record("c.csv")["summary"]["findings"].to_string();
+    assert!(findings.contains("page: not written"), "{findings}");
+    assert!(!folder.at("c.csv.html").exists());
+}
+
+#[test]
+fn only_what_is_left_of_a_stretch_done_again_is_told() {
+    let folder = Folder::new();
+    let table = without(4);
+    folder.put("a.trc", run("xyz2trc", &["-q"], &table));
+    let redo = |out: &str, stretch: &str| {
+        let args = ["a.trc", "-o", out, "--up", "y", "--max-gap", "0.5"];
+        let (_, said) = folder.clean(&[&args[..], &["--redo", stretch]].concat());
+        said.contains("could not be filled again")
+    };
+    // The point is missing from .5 to 1.3 s.
+    assert!(!redo("b.trc", "p4:1.6-1.7"));
+    assert!(redo("c.trc", "p4:1.3-1.4"));
+}
+
 #[test]
 fn the_page_links_to_takes_records_and_places() {
     let folder = Folder::new();
@@ -601,6 +765,9 @@ fn the_page_links_to_takes_records_and_places() {
     has("Lab%201/a%23.csv.html#frame=60&amp;trail=p4");
     has("Lab%201/a%23.csv.json");
     has("c.c3d.json");
+    let row = folder.row("out", "Lab 1/a#.csv");
+    assert_eq!(row["result"], "Lab 1/a#.csv");
+    assert_eq!(row["page"], "Lab 1/a#.csv.html");
     let take = fs::read_to_string(folder.at("out/Lab 1/a#.csv.html")).unwrap();
     assert!(take.contains("<script type=\"application/json\">"));
     // A second run writes nothing but the page and the list.

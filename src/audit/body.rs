@@ -29,14 +29,28 @@ pub(super) fn size(take: &Take<'_>, apart: &[PointApart]) -> Option<[f64; 3]> {
 /// Points that stand far off all others, farther than any body is long.
 pub(super) fn stray(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
     let finding = |a: &PointApart| {
+        let remedy = match moves(take, a.point) {
+            true => "it is far from all other points",
+            false => "it is of no body; make its cells empty, or leave it out (trim --points)",
+        };
         let what = format!(
-            "{} stands {:.1} m from the middle of all points: it is of no body; make its cells empty, or leave it out (trim --points)",
+            "{} stands {:.1} m from the middle of all points: {remedy}",
             take.points[a.point],
             a.distance / 100.0
         );
         take.finding(FindingKind::Stray, &[a.point], None, what)
     };
     apart.iter().filter(|a| a.is_stray).map(finding).collect()
+}
+
+/// Whether a point moves by more than 10 cm along an axis.
+fn moves(take: &Take<'_>, point: usize) -> bool {
+    (0..3).any(|c| {
+        let seen = take.xyz.column(3 * point + c);
+        let seen = seen.iter().filter(|v| v.is_finite());
+        let (low, high) = seen.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
+        high - low > 10.0
+    })
 }
 
 /// Whether the points are as high as a person, and farther apart than one: several people, or props.

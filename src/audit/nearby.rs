@@ -1,4 +1,4 @@
-//! Pairs of points that may go together. Of many points, those that are near each other in some frame: what goes together is near.
+//! Pairs of points that may go together. Where there are many points, these are near each other in some frame: what goes together is near.
 
 use super::Take;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
@@ -18,10 +18,17 @@ pub fn pairs(take: &Take<'_>) -> Vec<(usize, usize)> {
         return (0..points).flat_map(later).collect();
     }
     let middle = |k: usize| (2 * k + 1) * take.xyz.nrows() / (2 * FRAMES);
-    let mut pairs: Vec<(usize, usize)> = (0..FRAMES)
-        .map(middle)
-        .flat_map(|frame| near_in(take, frame))
-        .collect();
+    let mut frames: Vec<usize> = (0..FRAMES).map(middle).collect();
+    // A point that none of these show is looked for in the middle of the frames that do.
+    for point in 0..points {
+        if !frames.iter().any(|&t| take.at(t, point).is_some()) {
+            let shows = |t: &usize| take.at(*t, point).is_some();
+            let seen: Vec<usize> = (0..take.xyz.nrows()).filter(shows).collect();
+            frames.extend(seen.get(seen.len() / 2));
+        }
+    }
+    let near = frames.iter().flat_map(|&frame| near_in(take, frame));
+    let mut pairs: Vec<(usize, usize)> = near.collect();
     pairs.sort_unstable();
     pairs.dedup();
     pairs
@@ -45,4 +52,32 @@ fn near_in(take: &Take<'_>, frame: usize) -> Vec<(usize, usize)> {
         out.extend(others.map(|other| (*point.min(&other), *point.max(&other))));
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::{Array2, s};
+
+    #[test]
+    fn points_that_are_seen_for_a_moment_have_pairs() {
+        let mut xyz = Array2::from_shape_fn((100, 3 * 600), |(_, c)| match c % 3 {
+            0 => 10.0 * (c / 3) as f64,
+            _ => 0.0,
+        });
+        xyz.slice_mut(s![..3, 15..21]).fill(f64::NAN);
+        xyz.slice_mut(s![6.., 15..21]).fill(f64::NAN);
+        let points: Vec<String> = (0..600).map(|p| format!("p{p}")).collect();
+        let take = Take {
+            points: &points,
+            xyz: xyz.view(),
+            time: None,
+            runs: std::iter::once(0..100).collect(),
+            rate: None,
+        };
+        let pairs = pairs(&take);
+        for pair in [(4, 5), (5, 6), (100, 101)] {
+            assert!(pairs.contains(&pair), "{pair:?}");
+        }
+    }
 }

@@ -52,7 +52,7 @@ fn main() -> ExitCode {
 fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     check_single_stdin(&args.files)?;
-    let (files, unreadable) = audit_inputs(&or_stdin(&args.files))?;
+    let (files, unreadable) = audit_inputs(&or_stdin(&args.files));
     let page_path = (args.output.as_deref()).filter(|path| {
         !args.json
             && path
@@ -63,7 +63,7 @@ fn work(args: &Args) -> Result<Outcome> {
         flags: args.read.flags()?,
         limits: args.limits.limits(),
         pages: page_path.map(AuditTakes::beside),
-        own_rates: args.files.iter().any(|path| path.is_dir()),
+        named: or_stdin(&args.files),
     };
     let one = |(i, path): (usize, &PathBuf)| auditor.audit(path, i + 1);
     let audits = files.iter().enumerate().map(one);

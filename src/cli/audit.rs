@@ -113,11 +113,13 @@ pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     takes
 }
 
-/// The files and those of folders, in order, and audits of the folders that cannot be read.
-///
-/// # Errors
-/// [`Error::Data`]: a folder has no files of motion.
-pub fn audit_inputs(paths: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<FileAudit>)> {
+/// The files and those of folders, in order, and audits of the folders that cannot be read or have no files of motion.
+pub fn audit_inputs(paths: &[PathBuf]) -> (Vec<PathBuf>, Vec<FileAudit>) {
+    let refused = |path: &Path, error: &Error| FileAudit {
+        file: path.display().to_string(),
+        error: Some(error.to_string()),
+        ..FileAudit::default()
+    };
     let (mut files, mut unreadable) = (Vec::new(), Vec::new());
     for path in paths {
         if !path.is_dir() {
@@ -127,21 +129,14 @@ pub fn audit_inputs(paths: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<FileAudit>)>
         let found = MotionFolder::search(path, None, |_| true);
         if found.files.is_empty() && found.unreadable.is_empty() {
             let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
-            return Err(Error::data(Place::file(path.display().to_string()), what));
+            let error = Error::data(Place::file(path.display().to_string()), what);
+            unreadable.push(refused(path, &error));
         }
         files.extend(found.files.into_iter().map(|(file, _)| file));
-        unreadable.extend(
-            found
-                .unreadable
-                .into_iter()
-                .map(|(within, error)| FileAudit {
-                    file: path.join(within).display().to_string(),
-                    error: Some(error.to_string()),
-                    ..FileAudit::default()
-                }),
-        );
+        let found = found.unreadable.iter();
+        unreadable.extend(found.map(|(folder, _, error)| refused(folder, error)));
     }
-    Ok((files, unreadable))
+    (files, unreadable)
 }
 
 /// How files are audited.
@@ -152,8 +147,8 @@ pub struct FileAuditor {
     pub limits: Limits,
     /// Where pages of takes go, if they are wanted.
     pub pages: Option<AuditTakes>,
-    /// Whether files that say another rate than the flag are taken at theirs: the flag is for those of a folder that do not say one.
-    pub own_rates: bool,
+    /// Files that a rate given by flag may not contradict; others are taken at their own.
+    pub named: Vec<PathBuf>,
 }
 
 impl FileAuditor {
@@ -186,7 +181,7 @@ impl FileAuditor {
     fn read(&self, path: &Path) -> Result<MotionFile> {
         let bytes = open(path)?.read_all(LARGEST_MOTION_FILE)?;
         let file = MotionFile::read(path, bytes, &self.flags)?;
-        if !self.own_rates {
+        if self.named.iter().any(|named| named == path) {
             check_rate(path, &file, &self.flags)?;
         }
         let said = |note: &String| messages::info(&format!("{}: {note}", file.table.name));
@@ -313,7 +308,7 @@ fn missing(gaps: &GapSummary, rate: Option<f64>) -> String {
 }
 
 /// A number of things: `1 point`, `2 points`.
-fn count(n: usize, what: &str) -> String {
+pub fn count(n: usize, what: &str) -> String {
     match n {
         1 => format!("1 {what}"),
         n => format!("{n} {what}s"),

@@ -1,6 +1,6 @@
 //! Whether standard output was closed when the program was started, as by `>&-`.
 //!
-//! Rust's runtime opens `/dev/null` in its place before `main`, where results would vanish. A file opened there is not told from one
+//! Rust's runtime opens `/dev/null` in its place before `main`, where results would vanish. A file opened there cannot be told from one
 //! that a parent opened so (Python's `subprocess.DEVNULL` is `/dev/null` for reading and writing too): so it is looked at before.
 
 use crate::{Error, Place, Result};

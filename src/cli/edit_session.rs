@@ -1,6 +1,6 @@
 //! The file that keeps the session of `edit`: one program at a time has it.
 
-use crate::io::output::write_file;
+use crate::io::output::{end_of_links, write_file};
 use crate::{Error, Place, Result};
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::ErrorKind;
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 pub struct SessionPath {
     path: PathBuf,
     lock_path: PathBuf,
-    _lock: File,
+    lock: File,
 }
 
 impl SessionPath {
@@ -50,7 +50,7 @@ impl SessionPath {
                 return Ok(SessionPath {
                     path: path.to_path_buf(),
                     lock_path,
-                    _lock: lock,
+                    lock,
                 });
             }
         }
@@ -92,14 +92,18 @@ impl SessionPath {
 
 impl Drop for SessionPath {
     fn drop(&mut self) {
-        // Before the lock goes. A file that stays behind does no harm.
-        let _ = fs::remove_file(&self.lock_path);
+        // Before the lock goes. A file that stays behind does no harm, and one with something in it is somebody's.
+        if self.lock.metadata().is_ok_and(|m| m.len() == 0) {
+            let _ = fs::remove_file(&self.lock_path);
+        }
     }
 }
 
 /// Where the lock of a file is, links resolved.
 fn lock_path(path: &Path) -> Option<PathBuf> {
-    let resolved = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let resolved = fs::canonicalize(path)
+        .or_else(|_| end_of_links(path))
+        .ok()?;
     let mut name = std::ffi::OsString::from(".");
     name.push(resolved.file_name()?);
     name.push(".lock");
@@ -137,6 +141,26 @@ mod tests {
         assert_eq!(again.read().unwrap().unwrap(), b"{}");
         drop(again);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+    }
+
+    #[test]
+    fn a_link_to_a_file_that_is_not_there_yet_has_its_lock() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("a.json"), folder.path().join("l.json"));
+        std::os::unix::fs::symlink("a.json", &link).unwrap();
+        let first = SessionPath::open(&link).unwrap();
+        assert!(SessionPath::open(&path).is_err());
+        drop(first);
+        assert!(SessionPath::open(&path).is_ok());
+    }
+
+    #[test]
+    fn a_lock_file_of_somebody_else_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let lock = folder.path().join(".a.json.lock");
+        fs::write(&lock, "mine").unwrap();
+        drop(SessionPath::open(&folder.path().join("a.json")).unwrap());
+        assert_eq!(fs::read(&lock).unwrap(), b"mine");
     }
 
     #[test]

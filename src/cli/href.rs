@@ -1,10 +1,17 @@
-//! Links from a page to other files, relative to the page's folder.
+//! Paths and links from a folder, or a page in it, to other files.
 
 use std::fmt::Write;
 use std::path::{Component, Path, PathBuf};
 
 /// The address of the file `to` from a page in `folder`.
 pub fn href(folder: &Path, to: &Path) -> String {
+    let path = relative(folder, to);
+    let parts: Vec<String> = path.split('/').map(encoded).collect();
+    parts.join("/")
+}
+
+/// The path of the file `to` from `folder`, with slashes.
+pub fn relative(folder: &Path, to: &Path) -> String {
     let own = absolute(folder);
     let parent = to.parent().map(absolute).unwrap_or_default();
     let shared = own
@@ -15,11 +22,11 @@ pub fn href(folder: &Path, to: &Path) -> String {
     let ups = own.components().skip(shared).map(|_| "..".to_string());
     let downs = parent.components().skip(shared);
     let names = downs.filter_map(|part| match part {
-        Component::Normal(name) => Some(encoded(&name.to_string_lossy())),
+        Component::Normal(name) => Some(name.to_string_lossy().into_owned()),
         _ => None,
     });
     let name = to.file_name().unwrap_or_default().to_string_lossy();
-    let parts: Vec<String> = ups.chain(names).chain([encoded(&name)]).collect();
+    let parts: Vec<String> = ups.chain(names).chain([name.into_owned()]).collect();
     parts.join("/")
 }
 
@@ -63,6 +70,7 @@ mod tests {
             "../a/b/%C3%A9%231%27.csv"
         );
         assert_eq!(href(&at("a/b"), &at("a/b/z")), "z");
+        assert_eq!(relative(&at("c"), &at("a/b/é#.csv")), "../a/b/é#.csv");
         Ok(())
     }
 }

@@ -15,8 +15,8 @@ pub const EXTENSIONS: [&str; 10] = [
 pub struct MotionFolder {
     /// The files and their paths within the folder, in the order of their names.
     pub files: Vec<(PathBuf, PathBuf)>,
-    /// Folders that cannot be read, by their paths within the folder.
-    pub unreadable: Vec<(PathBuf, Error)>,
+    /// Folders that cannot be read, with their paths within the folder, whose own is the given one.
+    pub unreadable: Vec<(PathBuf, PathBuf, Error)>,
     /// The number of files that are none of motion, or that were not wanted.
     pub left_out: usize,
 }
@@ -41,7 +41,12 @@ impl MotionFolder {
             let entries = match std::fs::read_dir(&next) {
                 Ok(entries) => entries,
                 Err(e) => {
-                    out.unreadable.push((within(&next), Error::io(&next, e)));
+                    let name = match next == folder {
+                        true => next.clone(),
+                        false => within(&next),
+                    };
+                    let error = Error::io(&next, e);
+                    out.unreadable.push((next, name, error));
                     continue;
                 }
             };
@@ -101,4 +106,17 @@ fn is_motion(path: &Path) -> bool {
     let path = unpacked(path);
     let is = |e: &std::ffi::OsStr| EXTENSIONS.iter().any(|x| e.eq_ignore_ascii_case(x));
     path.extension().is_some_and(is)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_that_cannot_be_read_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let none = folder.path().join("none");
+        let found = MotionFolder::search(&none, None, |_| true);
+        assert_eq!(found.unreadable[0].1, none);
+    }
 }

@@ -2,8 +2,8 @@
 
 use crate::io::output::remove_unfinished_files;
 use signal_hook::consts::{
-    SIGABRT, SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGQUIT, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM,
-    SIGXCPU, SIGXFSZ,
+    SIGABRT, SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGQUIT, SIGSYS, SIGTERM, SIGTRAP, SIGUSR1, SIGUSR2,
+    SIGVTALRM, SIGXCPU, SIGXFSZ,
 };
 use signal_hook::flag;
 use signal_hook::iterator::Signals;
@@ -13,9 +13,10 @@ use std::sync::{Arc, Mutex, Once, PoisonError, mpsc};
 
 type Stop = Box<dyn FnOnce() + Send>;
 
-/// The signals that end a process and can be handled.
-const ENDING: [i32; 10] = [
+/// The signals that end a process and are handled.
+const ENDING: [i32; 12] = [
     SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGALRM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGPROF, SIGXCPU,
+    SIGTRAP, SIGSYS,
 ];
 /// The stack of the thread that handles them, bytes.
 const STACK: usize = 256 << 10;

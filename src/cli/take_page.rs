@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 const TITLE: &str = "Take in posing: ";
 /// The title of a page stands among its first bytes.
 const HEAD: u64 = 4096;
-/// Most bytes of coordinates in a page: of a longer take every few frames are shown.
+/// Most bytes of coordinates in a page: a longer take is shown at every few frames.
 const MOST_BYTES: usize = 4_000_000;
 /// Bytes of a point of a frame and figure, as the page has it.
 const BYTES: usize = 16;
@@ -64,7 +64,7 @@ impl TakePage<'_> {
     }
 }
 
-/// The same figure, borrowed for less long.
+/// A figure, borrowed for less long.
 fn seen<'s>(figure: &'s Figure<'_>) -> Figure<'s> {
     Figure {
         name: figure.name,

@@ -220,6 +220,14 @@ fn resolved(path: &Path) -> io::Result<(PathBuf, Option<u32>)> {
     ))
 }
 
+/// Where a path leads, links followed also where nothing is there yet.
+///
+/// # Errors
+/// The links are too many, or a cycle.
+pub fn end_of_links(path: &Path) -> io::Result<PathBuf> {
+    resolved(path).map(|(path, _)| path)
+}
+
 /// The number of the open file of this process that a path leads to, links followed: 1 is standard output.
 pub fn file_descriptor(path: &Path) -> Option<u32> {
     resolved(path).ok()?.1

@@ -109,7 +109,16 @@ enum Whole {
 impl UnfinishedFile {
     /// Starts a file in the folder of `path`, with the mode that the file there has, or that a new one gets.
     pub fn create(path: PathBuf) -> io::Result<UnfinishedFile> {
-        let mode = mode(&path);
+        let (mode, old) = (mode(&path), fs::metadata(&path).ok());
+        let mut file = UnfinishedFile::start(path, mode)?;
+        if let Some(old) = old {
+            // The umask is for new files. Some file systems have no modes.
+            let _ = file.file().set_permissions(old.permissions());
+        }
+        Ok(file)
+    }
+
+    fn start(path: PathBuf, mode: u32) -> io::Result<UnfinishedFile> {
         #[cfg(target_os = "linux")]
         if let Some(file) = nameless(folder(&path), mode) {
             let file = Unfinished::Nameless(file);
@@ -230,6 +239,9 @@ fn replace(file: &File, path: &Path) -> io::Result<()> {
 #[cfg(target_os = "linux")]
 fn copy(mut file: File, path: &Path) -> io::Result<()> {
     let (mut copy, _name) = named(path, mode(path))?;
+    let _ = copy
+        .as_file()
+        .set_permissions(file.metadata()?.permissions());
     file.rewind()?;
     io::copy(&mut file, &mut copy)?;
     copy.as_file().sync_all()?;
@@ -304,10 +316,13 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a");
         fs::write(&path, b"").unwrap();
-        fs::set_permissions(&path, Permissions::from_mode(0o600)).unwrap();
-        let whole = written(&path, b"new").complete().unwrap();
-        whole.publish().unwrap();
-        assert_eq!(mode(&path) & 0o777, 0o600);
-        assert_eq!(fs::read(&path).unwrap(), b"new");
+        // The usual umask (022) would take a bit of the last two.
+        for kept in [0o600, 0o664, 0o666] {
+            fs::set_permissions(&path, Permissions::from_mode(kept)).unwrap();
+            let whole = written(&path, b"new").complete().unwrap();
+            whole.publish().unwrap();
+            assert_eq!(mode(&path) & 0o777, kept);
+            assert_eq!(fs::read(&path).unwrap(), b"new");
+        }
     }
 }

@@ -6,7 +6,7 @@ use ndarray::ArrayView2;
 
 /// Fewer points that stand together are no body.
 const FEWEST: usize = 7;
-/// Of so many points at most one stands apart: more are another body.
+/// One in so many points may stand apart with others: more are another body.
 const POINTS_TO_ONE: usize = 5;
 /// What stands apart is this many times as far from the middle as the farthest of the others.
 const FARTHER: f64 = 2.5;
@@ -39,13 +39,21 @@ pub fn points_apart(xyz: ArrayView2<'_, f64>, reach: f64) -> Vec<PointApart> {
         .collect();
     far.sort_by(|a, b| a.0.total_cmp(&b.0));
     let most = (far.len() / POINTS_TO_ONE).max(1);
-    let first = far.len().saturating_sub(most).max(FEWEST);
+    let place = |p: usize| places[p].map_or(DVec3::NAN, |(place, _)| place);
     let is_gap = |k: &usize| far[*k].0 > reach.max(FARTHER * far[k - 1].0);
-    let Some(first) = (first..far.len()).find(is_gap) else {
+    // Those of one direction, no farther from each other than a body reaches.
+    let are_few = |k: &usize| {
+        let is_near = |p: usize, q: usize| place(p).distance(place(q)) <= reach;
+        let near = |p: usize| far[*k..].iter().filter(|(_, q)| is_near(p, *q)).count();
+        let count = far.len() - k;
+        count <= most || count <= MOST_STRAY && far[*k..].iter().all(|&(_, p)| near(p) <= most)
+    };
+    // The middle is among the others, which are more.
+    let first = FEWEST.max(far.len() / 2 + 1);
+    let Some(first) = (first..far.len()).find(|k| is_gap(k) && are_few(k)) else {
         return Vec::new();
     };
     let apart = &far[first..];
-    let place = |p: usize| places[p].map_or(DVec3::NAN, |(place, _)| place);
     let is_with = |p: usize, q: usize| TOGETHER.contains(&place(p).distance(place(q)));
     let mut out: Vec<PointApart> = apart
         .iter()
@@ -87,7 +95,7 @@ fn places(xyz: ArrayView2<'_, f64>) -> Vec<Option<(DVec3, f64)>> {
     offsets.into_iter().map(of).collect()
 }
 
-/// The median of each coordinate; `None` of no places.
+/// The median of each coordinate; `None` if there are none.
 fn middle(places: impl Iterator<Item = DVec3> + Clone) -> Option<DVec3> {
     let axis = |c: usize| median(places.clone().map(|at| at[c]).collect());
     Some(DVec3::new(axis(0)?, axis(1)?, axis(2)?))
@@ -127,6 +135,11 @@ mod tests {
         put(&mut xyz, 9, [0.0, 4000.0, 0.0]);
         put(&mut xyz, 14, [0.0, 0.0, -700.0]);
         assert_eq!(apart(&xyz), [(3, true), (9, true), (14, true)]);
+        let mut few = body(11);
+        put(&mut few, 3, [900.0, 5.0, -400.0]);
+        put(&mut few, 6, [0.0, 4000.0, 0.0]);
+        put(&mut few, 9, [0.0, 0.0, -700.0]);
+        assert_eq!(apart(&few), [(3, true), (6, true), (9, true)]);
         // In metres that are taken for centimetres nothing is far.
         assert_eq!(apart(&(xyz * 0.01)), []);
     }

@@ -13,6 +13,9 @@ pub struct EarlierList(HashMap<String, EarlierRow>);
 struct EarlierRow {
     command: String,
     file: String,
+    /// The digest of the capture: what was told of another one is not told of this.
+    #[serde(default)]
+    sha256: Option<String>,
     findings: Vec<String>,
     error: Option<String>,
 }
@@ -38,14 +41,21 @@ impl EarlierList {
         Ok(EarlierList(named.collect()))
     }
 
-    /// Whether a file had this finding.
-    pub fn has(&self, file: &str, finding: &str) -> bool {
-        (self.0.get(file)).is_some_and(|row| row.findings.iter().any(|f| f == finding))
+    /// Whether a capture had this finding.
+    pub fn has(&self, file: &str, sha256: Option<&str>, finding: &str) -> bool {
+        let row = self.row(file, sha256);
+        row.is_some_and(|row| row.findings.iter().any(|f| f == finding))
     }
 
-    /// Whether a file failed in the same way.
-    pub fn has_failure(&self, file: &str, error: &str) -> bool {
-        (self.0.get(file)).is_some_and(|row| row.error.as_deref() == Some(error))
+    /// Whether a capture failed in the same way.
+    pub fn has_failure(&self, file: &str, sha256: Option<&str>, error: &str) -> bool {
+        let row = self.row(file, sha256);
+        row.is_some_and(|row| row.error.as_deref() == Some(error))
+    }
+
+    fn row(&self, file: &str, sha256: Option<&str>) -> Option<&EarlierRow> {
+        let row = self.0.get(file)?;
+        (row.sha256.as_deref() == sha256).then_some(row)
     }
 }
 
@@ -67,11 +77,13 @@ mod tests {
             std::fs::write(&path, other)?;
             assert!(EarlierList::read(&path).is_err(), "{other}");
         }
-        let own = "[{\"command\": \"clean\", \"file\": \"a.csv\", \"findings\": [\"x\"], \"error\": null}]";
+        let own = "[{\"command\": \"clean\", \"file\": \"a.csv\", \"sha256\": \"1f\", \"findings\": [\"x\"], \"error\": null}]";
         std::fs::write(&path, own)?;
         let list = EarlierList::read(&path).unwrap();
-        assert!(list.has("a.csv", "x") && !list.has("a.csv", "y") && !list.has("b.csv", "x"));
-        assert!(!list.has_failure("a.csv", "x"));
+        let has = |file, sha256, finding| list.has(file, Some(sha256), finding);
+        assert!(has("a.csv", "1f", "x") && !has("a.csv", "1f", "y") && !has("b.csv", "1f", "x"));
+        assert!(!has("a.csv", "20", "x") && !list.has("a.csv", None, "x"));
+        assert!(!list.has_failure("a.csv", Some("1f"), "x"));
         Ok(())
     }
 }

@@ -6,7 +6,7 @@ use super::record::Summary;
 use super::replaced::{ReplacedPosition, replaced};
 use super::sources::OutputFormat;
 use crate::audit::{Finding, FindingKind, TakeAudit, audit, rotation_findings};
-use crate::cli::audit::kind_name;
+use crate::cli::audit::{count, kind_name};
 use crate::cli::motion_file::{MotionFile, Source};
 use crate::io::MotionFormat;
 use crate::pose::{PointNaming, Poses};
@@ -154,11 +154,13 @@ fn left_open(left: usize, restored: &Restoration<'_>) -> Option<String> {
     points.sort_by_key(|(frames, _)| std::cmp::Reverse(*frames));
     let one = |(frames, p): &(usize, usize)| match *frames == poses.frames() {
         true => format!("{} always", poses.points[*p]),
-        false => format!("{} in {frames} frames", poses.points[*p]),
+        false => format!("{} in {}", poses.points[*p], count(*frames, "frame")),
     };
     (left > 0).then(|| {
         let some = listed(points.iter().map(one));
-        format!("missing: {left} positions are not filled ({some})")
+        let are = if left == 1 { "is" } else { "are" };
+        let positions = count(left, "position");
+        format!("missing: {positions} {are} not filled ({some})")
     })
 }
 

@@ -1,8 +1,8 @@
 //! The list of a run beside its page: a row for each file, for programs.
 
-use super::one_file::Fate;
+use super::one_file::FileOutcome;
 use super::row::Row;
-use crate::cli::href::href;
+use crate::cli::href::relative;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ pub fn list_path(page: &Path) -> PathBuf {
     page.with_extension("json")
 }
 
-/// The list as JSON; links are relative to `folder`.
+/// The list as JSON; paths are relative to `folder`.
 ///
 /// # Errors
 /// [`Error::Usage`]: never of such rows.
@@ -23,20 +23,21 @@ pub fn list(rows: &[Row<'_>], folder: &Path) -> Result<String> {
 }
 
 fn listed(row: &Row<'_>, folder: &Path) -> Value {
-    let link = |path: Option<PathBuf>| path.map(|path| href(folder, &path));
+    let place = |path: Option<PathBuf>| path.map(|path| relative(folder, &path));
     let mut out = json!({
         "command": "clean",
         "file": row.name,
+        "sha256": row.sha256,
         "outcome": row.fate.outcome(),
         "findings": [],
         "new_findings": row.new,
         "error": null,
-        "result": link(row.result()),
-        "record": link(row.record()),
-        "page": link(row.page()),
+        "result": place(row.result()),
+        "record": place(row.record()),
+        "page": place(row.page()),
     });
     match (row.fate, row.fate.summary()) {
-        (Fate::Failed { error, old_result }, _) => {
+        (FileOutcome::Failed { error, old_result }, _) => {
             out["error"] = json!(error.to_string());
             out["old_result"] = json!(old_result);
         }

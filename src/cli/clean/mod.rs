@@ -13,7 +13,7 @@ mod report;
 mod row;
 mod sources;
 
-pub use one_file::{CleanSettings, Fate};
+pub use one_file::{CleanSettings, FileOutcome};
 pub use redo::Stretch;
 pub use sources::OutputFormat;
 
@@ -62,26 +62,38 @@ pub fn clean(
         let what = "--redo is for a stretch of one take; give that file alone";
         return Err(Error::usage(what));
     }
+    if output.only_new && jobs.folder.is_none() && output.page.is_none() {
+        let what = "--new-only compares with the list of the last run, which a folder of results has; one file has it with --page";
+        return Err(Error::usage(what));
+    }
     let page = output.page.clone();
     let page = page.or_else(|| Some(jobs.folder.as_ref()?.join(PAGE)));
     let mut last = EarlierList::default();
     if let Some(page) = &page {
+        if page
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("json"))
+        {
+            let what = "--page: is a page, beside which the list gets the name with .json; give another name, such as clean.html";
+            return Err(Error::usage(what));
+        }
         jobs.check_page(page, report::is_page(page))?;
         last = EarlierList::read(&list_path(page))?;
         jobs.check_page(&list_path(page), true)?;
     }
     let mut fates = clean_all(&jobs.jobs, jobs.to, settings);
-    if jobs.folder.is_none() && matches!(fates[..], [Fate::Failed { .. }]) {
-        let error = fates.pop().and_then(Fate::into_error);
+    if jobs.folder.is_none() && matches!(fates[..], [(FileOutcome::Failed { .. }, _)]) {
+        let error = fates.pop().and_then(|(fate, _)| fate.into_error());
         return error.map_or(Ok(Outcome::Done), Err);
     }
     let mut names: Vec<String> = jobs.jobs.iter().map(|job| job.name.clone()).collect();
     for (name, error) in jobs.unreadable {
         names.push(name);
-        fates.push(Fate::Failed {
+        let fate = FileOutcome::Failed {
             error,
             old_result: false,
-        });
+        };
+        fates.push((fate, None));
     }
     let made = jobs.jobs.iter().map(Some).chain(std::iter::repeat(None));
     let rows = names.into_iter().zip(&fates).zip(made);
@@ -95,11 +107,12 @@ pub fn clean(
     })
 }
 
-/// Writes the page, the table and the list. What the list has counts as told, so it comes last.
+/// Writes the page, the table and the list. What the list has counts as told, so it comes last; where nobody reads the table any more,
+/// nothing new counts as told.
 fn tell(report: &CleanReport<'_>, is_alone: bool, page: Option<&Path>) -> Result<()> {
     report.tell_failures();
     if let (true, [row]) = (is_alone, &report.rows[..])
-        && let Fate::Cleaned(summary) = row.fate
+        && let FileOutcome::Cleaned(summary) = row.fate
     {
         summary.notes.iter().for_each(|note| messages::info(note));
     }
@@ -109,19 +122,26 @@ fn tell(report: &CleanReport<'_>, is_alone: bool, page: Option<&Path>) -> Result
         write_file(page, report.html(folder).as_bytes())?;
     }
     let told = super::streams::write_bytes(None, report.text().as_bytes(), false);
-    if told.as_ref().err().is_none_or(Error::is_closed_pipe)
-        && let Some(page) = page
+    let is_closed = told.as_ref().is_err_and(Error::is_closed_pipe);
+    if let Some(page) = page
+        && (told.is_ok() || is_closed && !report.only_new)
     {
         write_file(list_path(page), list(&report.rows, folder)?.as_bytes())?;
     }
-    told
+    // The outcome says whether files failed, also where nobody reads the table.
+    if is_closed { Ok(()) } else { told }
 }
 
-/// What became of each file. Threads of their own take a file each: the pool's are for the work within a file, which waits for them.
-fn clean_all(jobs: &[Job], to: Option<OutputFormat>, settings: &CleanSettings) -> Vec<Fate> {
+/// What became of each file, with the digest of the capture. Threads of their own take a file each: the pool's are for the work within a file, which waits for them.
+fn clean_all(
+    jobs: &[Job],
+    to: Option<OutputFormat>,
+    settings: &CleanSettings,
+) -> Vec<(FileOutcome, Option<String>)> {
     let bar = Progress::new("cleaning", jobs.len() as u64);
     let (next, finished) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let fates: Vec<Mutex<Option<Fate>>> = jobs.iter().map(|_| Mutex::new(None)).collect();
+    let fates: Vec<Mutex<Option<(FileOutcome, Option<String>)>>> =
+        jobs.iter().map(|_| Mutex::new(None)).collect();
     let work = || {
         loop {
             let at = next.fetch_add(1, Ordering::Relaxed);

@@ -3,8 +3,8 @@
 use super::page::write_page;
 use super::places::PlaceToSee;
 use super::record::{
-    Fingerprint, MadeFrom, Record, Summary, begin, give_up, has_result, leave_failure, may_write,
-    unchanged,
+    Fingerprint, MadeFrom, Record, Summary, begin, give_up, has_result, is_in_doubt, leave_failure,
+    may_write, unchanged,
 };
 use super::redo::Stretch;
 use super::replaced::replaced;
@@ -15,9 +15,10 @@ use crate::cli::audit::audit_motion;
 use crate::cli::body_size::check_body_size;
 use crate::cli::gap_report::gap_lines;
 use crate::cli::motion_file::{LARGEST_MOTION_FILE, MotionFile, ReadFlags, skeleton_of};
+use crate::cli::motion_folder::name_of;
 use crate::cli::new_take::NewTake;
 use crate::cli::units::{TableUnits, Units, Up};
-use crate::io::output::write_file;
+use crate::io::output::{TemporaryFile, write_file};
 use crate::io::{Input, Model, MotionFormat};
 use crate::pose::{NameMap, PointNaming, Poses, joints};
 use crate::restore::{Clean, Restoration, Restorer};
@@ -57,7 +58,7 @@ struct Capture {
 
 /// What became of a file.
 #[derive(Debug)]
-pub enum Fate {
+pub enum FileOutcome {
     /// The file was cleaned, or copied if there was nothing to change.
     Cleaned(Summary),
     /// The result was there, made from the same.
@@ -72,9 +73,12 @@ pub enum Fate {
 }
 
 impl CleanSettings {
-    /// Cleans a file.
-    pub fn clean(&self, job: &Job, to: Option<OutputFormat>) -> Fate {
-        let run = || self.try_clean(job, to);
+    /// Cleans a file; the digest of the capture, where it can be read, comes with what became of it.
+    pub fn clean(&self, job: &Job, to: Option<OutputFormat>) -> (FileOutcome, Option<String>) {
+        let packed = std::fs::read(&job.input).map_err(|e| Error::io(&job.input, e));
+        let input = packed.map(|packed| (Fingerprint::of(&job.input, &packed), packed));
+        let sha256 = input.as_ref().ok().map(|(input, _)| input.sha256.clone());
+        let run = || self.try_clean(job, to, input?);
         // A defect of ours in one file is to stop no other.
         let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(run));
         let broken = |_| {
@@ -84,19 +88,23 @@ impl CleanSettings {
                 what,
             ))
         };
-        done.unwrap_or_else(broken).unwrap_or_else(|error| {
+        let fate = done.unwrap_or_else(broken).unwrap_or_else(|error| {
             // Where no record can be left, the table has the error all the same.
             let _ = leave_failure(&job.output, &error.to_string());
-            Fate::Failed {
+            FileOutcome::Failed {
                 error,
                 old_result: has_result(&job.output),
             }
-        })
+        });
+        (fate, sha256)
     }
 
-    fn try_clean(&self, job: &Job, to: Option<OutputFormat>) -> Result<Fate> {
-        let packed = std::fs::read(&job.input).map_err(|e| Error::io(&job.input, e))?;
-        let input = Fingerprint::of(&job.input, &packed);
+    fn try_clean(
+        &self,
+        job: &Job,
+        to: Option<OutputFormat>,
+        (input, packed): (Fingerprint, Vec<u8>),
+    ) -> Result<FileOutcome> {
         let mut unpacked = Input::new(
             job.input.display().to_string(),
             std::io::Cursor::new(packed),
@@ -115,7 +123,7 @@ impl CleanSettings {
             skeleton,
         };
         if let Some(summary) = unchanged(&job.output, &made_from).filter(|_| !self.again) {
-            return Ok(Fate::Unchanged(summary));
+            return Ok(FileOutcome::Unchanged(summary));
         }
         may_write(&job.output, self.again)?;
         let is_utf16 = unpacked.is_utf16();
@@ -131,7 +139,7 @@ impl CleanSettings {
             file.notes.push(what);
         }
         self.restore(job, to, file, &made_from, &capture)
-            .map(Fate::Cleaned)
+            .map(FileOutcome::Cleaned)
     }
 
     fn restore(
@@ -161,17 +169,22 @@ impl CleanSettings {
         let restored = self.restored(&file, to, &naming)?;
         let (restored, smoothed) = self.smoothed(&file, keeps, restored)?;
         notes.extend(smoothed);
-        begin(&job.output, made_from)?;
+        if !self.again && is_in_doubt(&job.output) {
+            self.check_same(job, to, &file, &restored)?;
+        }
+        let old = begin(&job.output, made_from)?;
         let written = self.write(job, to, &file, &restored);
-        let unheld = written.inspect_err(|_| give_up(&job.output))?;
+        let unheld = written.inspect_err(|_| give_up(&job.output, old.as_deref()))?;
         let found = (redone, &before[..]);
         let mut summary = self.summary(&file, to, &naming, &restored, unheld, found);
         summary.notes.extend(notes);
         summary.copied = self.is_copied(job, to, &file, &restored, capture);
         summary.findings.extend(self.kept(&file, to, &restored));
-        summary
-            .notes
-            .extend(write_page(job, &file, &restored, &summary)?);
+        // The result is whole also where its page is not written.
+        match write_page(job, &file, &restored, &summary) {
+            Ok(note) => summary.notes.extend(note),
+            Err(e) => summary.findings.push(format!("page: not written: {e}")),
+        }
         Record {
             command: "clean",
             made_from,
@@ -249,7 +262,9 @@ impl CleanSettings {
         let points = &file.table.poses.points;
         let is_left = |stretch: &Stretch| {
             let find = points.iter().position(|p| *p == stretch.point);
-            find.is_some_and(|p| restored.xyz().column(3 * p).iter().any(|v| v.is_nan()))
+            let frames = stretch.frames(&file.table.poses, file.rate());
+            let is_open = |p: usize, t: &usize| restored.xyz()[[*t, 3 * p]].is_nan();
+            find.is_some_and(|p| frames.iter().any(|t| is_open(p, t)))
         };
         let is_kept = !is_table && to.is_none() && self.redo.iter().any(is_left);
         let what = "redo: what could not be filled again stays in the file as it was measured";
@@ -279,8 +294,8 @@ impl CleanSettings {
         Ok((restored, Some(note)))
     }
 
-    /// Whether the result is what the capture was: the same bytes, or, of positions none of which was taken for missing, the same numbers
-    /// in the same format.
+    /// Whether the result is what the capture was: the same bytes, or the same numbers in the same format where all are positions and none
+    /// was taken for missing.
     fn is_copied(
         &self,
         job: &Job,
@@ -362,7 +377,7 @@ impl CleanSettings {
         Clean {
             fps: file.rate().or(Some(1.0)),
             outliers: self.method.outliers && !keeps,
-            // Of rotations, the limit holds for both estimates together.
+            // For rotations, the limit holds for both estimates together.
             max_sd: if keeps {
                 f64::INFINITY
             } else {
@@ -375,6 +390,33 @@ impl CleanSettings {
             },
             ..self.method
         }
+    }
+
+    /// Fails where the file in the place of the result is not what is to be written there.
+    fn check_same(
+        &self,
+        job: &Job,
+        to: Option<OutputFormat>,
+        file: &MotionFile,
+        restored: &Restoration<'_>,
+    ) -> Result<()> {
+        // Its name ends as that of the result, which says how it is packed.
+        let suffix = format!("-{}", name_of(&job.output).display());
+        let made = TemporaryFile::new(&suffix, b"").map_err(|e| Error::io(&job.output, e))?;
+        let other = Job {
+            output: made.path().to_path_buf(),
+            ..job.clone()
+        };
+        self.write(&other, to, file, restored)?;
+        let digest = |path| Fingerprint::read(path).map(|of| of.sha256);
+        if digest(&other.output)? == digest(&job.output)? {
+            return Ok(());
+        }
+        let what = "a run was stopped as it wrote this, and somebody may have changed it since; move it, or make it again with --again";
+        Err(Error::data(
+            Place::file(job.output.display().to_string()),
+            what,
+        ))
     }
 
     /// Writes the result; how many positions, or values of a BVH file, it does not hold.

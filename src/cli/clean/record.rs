@@ -158,6 +158,8 @@ struct Earlier {
     command: String,
     /// A file that failed has none.
     made_from: Option<MadeFrom>,
+    /// The digest of what stood there as a run began to write the result.
+    replaces: Option<String>,
     /// Without it, `output` and `error`, a run was stopped while it wrote the result.
     summary: Option<Summary>,
     output: Option<Fingerprint>,
@@ -215,22 +217,39 @@ pub fn may_write(output: &Path, again: bool) -> Result<()> {
     Err(Error::data(Place::file(path.display().to_string()), what))
 }
 
-/// Says beside a result that it is being made, in a folder that is made if need be: what a stopped run left is known by that.
+/// Says beside a result that it is being made, in a folder that is made if need be: what a stopped run left is known by that. Returns
+/// the record that was there.
 ///
 /// # Errors
 /// [`Error::Io`]: writing fails.
-pub fn begin(output: &Path, made_from: &MadeFrom) -> Result<()> {
+pub fn begin(output: &Path, made_from: &MadeFrom) -> Result<Option<Vec<u8>>> {
     make_folder_of(output)?;
-    let json = json!({"command": "clean", "made_from": made_from});
-    write_file(record_path(output), format!("{json}\n").as_bytes())
+    let old = std::fs::read(record_path(output)).ok();
+    let replaces = Fingerprint::read(output).ok().map(|was| was.sha256);
+    let json = json!({"command": "clean", "made_from": made_from, "replaces": replaces});
+    write_file(record_path(output), format!("{json}\n").as_bytes())?;
+    Ok(old)
 }
 
-/// Takes back what [`begin`] said, where no result came of it.
-pub fn give_up(output: &Path) {
-    if !output.exists() {
-        // It is gone, or a later run finds that nothing was made.
-        let _ = std::fs::remove_file(record_path(output));
-    }
+/// Whether it is open who made the file in the place of a result: a run that was stopped, or somebody since.
+pub fn is_in_doubt(output: &Path) -> bool {
+    let is_changed = |earlier: Earlier| {
+        let now = Fingerprint::read(output).ok().map(|now| now.sha256);
+        let is_stopped = earlier.output.is_none() && earlier.error.is_none();
+        is_stopped && output.exists() && now != earlier.replaces
+    };
+    Earlier::read(output).is_some_and(is_changed)
+}
+
+/// Takes back what [`begin`] said, where no result came of it: the file that still stands there keeps its `old` record, by which it is
+/// known whether somebody changed it.
+pub fn give_up(output: &Path, old: Option<&[u8]>) {
+    let record = record_path(output);
+    // Where that fails, a later run finds that nothing was made.
+    let _ = match old.filter(|_| output.exists()) {
+        Some(old) => write_file(&record, old).is_ok(),
+        None => !output.exists() && std::fs::remove_file(&record).is_ok(),
+    };
 }
 
 /// Whether a result of an earlier run stands there.

@@ -34,6 +34,15 @@ impl Stretch {
         }
     }
 
+    /// The frames of the stretch. `rate` is that of a take without times.
+    pub fn frames(&self, poses: &Poses, rate: Option<f64>) -> Vec<usize> {
+        let [from, to] = self.seconds;
+        // Times may be given with fewer digits than the file has.
+        let near = 0.1 / rate.unwrap_or(1.0);
+        let is_in = |t: &usize| (from - near..=to + near).contains(&time_of(poses, rate, *t));
+        (0..poses.frames()).filter(is_in).collect()
+    }
+
     /// Makes the positions of the stretch missing. `rate` is that of a take without times. Returns the first frame, and how many
     /// positions were there.
     ///
@@ -47,19 +56,14 @@ impl Stretch {
                 "has not one take, and --redo is for one; part takes with trim --take".into(),
             );
         }
-        let rate = rate.unwrap_or(1.0);
-        let time = |t: usize| poses.time.as_ref().map_or(t as f64 / rate, |time| time[t]);
         let [from, to] = self.seconds;
-        // Times may be given with fewer digits than the file has.
-        let near = 0.1 / rate;
-        let is_in = |t: &usize| (from - near..=to + near).contains(&time(*t));
-        let frames: Vec<usize> = (0..poses.frames()).filter(is_in).collect();
+        let frames = self.frames(poses, rate);
         let Some(&first) = frames.first() else {
             let last = poses.frames().saturating_sub(1);
             return Err(format!(
                 "has no frame from {from} to {to} s (--redo): its times go from {} to {} s",
-                time(0),
-                time(last)
+                time_of(poses, rate, 0),
+                time_of(poses, rate, last)
             ));
         };
         let mut count = 0;
@@ -70,6 +74,11 @@ impl Stretch {
         }
         Ok((first, count))
     }
+}
+
+fn time_of(poses: &Poses, rate: Option<f64>, frame: usize) -> f64 {
+    let by_rate = frame as f64 / rate.unwrap_or(1.0);
+    poses.time.as_ref().map_or(by_rate, |time| time[frame])
 }
 
 #[cfg(test)]

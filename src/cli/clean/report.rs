@@ -1,6 +1,6 @@
 //! What became of many files: a table for the terminal, and one page.
 
-use super::one_file::Fate;
+use super::one_file::FileOutcome;
 use super::places::PlaceToSee;
 use super::row::Row;
 use crate::cli::href::{encoded, href};
@@ -39,11 +39,12 @@ pub struct CleanReport<'a> {
     /// The files.
     pub rows: Vec<Row<'a>>,
     left_out: usize,
-    only_new: bool,
+    /// Whether what the last run told is not told again.
+    pub only_new: bool,
 }
 
 impl<'a> CleanReport<'a> {
-    /// The report of files; `left_out` files of folders are none of motion. With `only_new`, what the last run told is not told again.
+    /// The report of files; `left_out` files of folders hold no motion, or are results. With `only_new`, what the last run told is not told again.
     pub fn new(rows: Vec<Row<'a>>, left_out: usize, only_new: bool) -> CleanReport<'a> {
         CleanReport {
             rows,
@@ -74,7 +75,7 @@ impl<'a> CleanReport<'a> {
     /// An error line for each file that could not be cleaned.
     pub fn tell_failures(&self) {
         for row in self.failures() {
-            if let Fate::Failed { error, .. } = row.fate {
+            if let FileOutcome::Failed { error, .. } = row.fate {
                 messages::error(&error.to_string());
             }
         }
@@ -127,11 +128,8 @@ impl<'a> CleanReport<'a> {
             let _ = write!(line, ", new in {}", count(&|r| !r.new.is_empty()));
         }
         if self.left_out > 0 {
-            let _ = write!(
-                line,
-                "; left out, as none of motion or results: {}",
-                self.left_out
-            );
+            let files = if self.left_out == 1 { "file" } else { "files" };
+            let _ = write!(line, "; {} other {files} ignored", self.left_out);
         }
         line
     }
@@ -179,7 +177,7 @@ fn cells(row: &Row<'_>) -> Vec<String> {
         None => out.extend(std::iter::repeat_n(String::new(), TITLES.len() - 2)),
     }
     out.push(match row.fate {
-        Fate::Failed {
+        FileOutcome::Failed {
             old_result: true, ..
         } => "failed, old result stays".to_string(),
         fate => fate.outcome().to_string(),
@@ -212,8 +210,8 @@ fn push_row(out: &mut String, row: &Row<'_>, folder: &Path) {
     *out += "</tr>\n";
     let item = |line: &String| format!("<li>{}</li>", escape(line));
     let more = match row.fate {
-        Fate::Failed { error, .. } => item(&error.to_string()),
-        Fate::Cleaned(s) | Fate::Unchanged(s) => {
+        FileOutcome::Failed { error, .. } => item(&error.to_string()),
+        FileOutcome::Cleaned(s) | FileOutcome::Unchanged(s) => {
             let notes = s.notes.iter();
             let notes = notes.map(|n| format!("<li class=\"note\">{}</li>", escape(n)));
             let findings: String = s.findings.iter().map(item).collect();

@@ -1,7 +1,7 @@
 //! A file of a run, and what became of it.
 
 use super::earlier_list::EarlierList;
-use super::one_file::Fate;
+use super::one_file::FileOutcome;
 use super::record::{Summary, has_record, record_path};
 use super::sources::Job;
 use crate::Error;
@@ -13,7 +13,9 @@ pub struct Row<'a> {
     /// Its name in tables.
     pub name: String,
     /// What became of it.
-    pub fate: &'a Fate,
+    pub fate: &'a FileOutcome,
+    /// The SHA-256 of the capture; none of what cannot be read.
+    pub sha256: Option<&'a str>,
     /// Its findings that the last run did not have.
     pub new: Vec<&'a str>,
     /// Whether it failed, and not in the same way in the last run.
@@ -24,15 +26,26 @@ pub struct Row<'a> {
 
 impl<'a> Row<'a> {
     /// A file, or a folder that cannot be read, which has no job.
-    pub fn new(name: String, fate: &'a Fate, job: Option<&'a Job>, last: &EarlierList) -> Row<'a> {
+    pub fn new(
+        name: String,
+        (fate, sha256): &'a (FileOutcome, Option<String>),
+        job: Option<&'a Job>,
+        last: &EarlierList,
+    ) -> Row<'a> {
+        let sha256 = sha256.as_deref();
         let findings = fate.summary().map_or(&[][..], |s| &s.findings);
-        let new = findings.iter().filter(|finding| !last.has(&name, finding));
+        let new = findings
+            .iter()
+            .filter(|finding| !last.has(&name, sha256, finding));
         let is_new_failure = match fate {
-            Fate::Failed { error, .. } => !last.has_failure(&name, &error.to_string()),
+            FileOutcome::Failed { error, .. } => {
+                !last.has_failure(&name, sha256, &error.to_string())
+            }
             _ => false,
         };
         Row {
             fate,
+            sha256,
             new: new.map(String::as_str).collect(),
             is_new_failure,
             output: job.map(|job| job.output.as_path()),
@@ -42,7 +55,7 @@ impl<'a> Row<'a> {
 
     /// Whether it failed.
     pub fn has_failed(&self) -> bool {
-        matches!(self.fate, Fate::Failed { .. })
+        matches!(self.fate, FileOutcome::Failed { .. })
     }
 
     /// Whether there is something that the last run did not tell.
@@ -53,7 +66,7 @@ impl<'a> Row<'a> {
     /// The result, where there is one.
     pub fn result(&self) -> Option<PathBuf> {
         let is_there = match self.fate {
-            Fate::Failed { old_result, .. } => *old_result,
+            FileOutcome::Failed { old_result, .. } => *old_result,
             _ => true,
         };
         self.output.filter(|_| is_there).map(Path::to_path_buf)
@@ -71,30 +84,30 @@ impl<'a> Row<'a> {
     }
 }
 
-impl Fate {
+impl FileOutcome {
     /// What became of the file, unless it failed.
     pub fn summary(&self) -> Option<&Summary> {
         match self {
-            Fate::Cleaned(summary) | Fate::Unchanged(summary) => Some(summary),
-            Fate::Failed { .. } => None,
+            FileOutcome::Cleaned(summary) | FileOutcome::Unchanged(summary) => Some(summary),
+            FileOutcome::Failed { .. } => None,
         }
     }
 
     /// Why the file could not be cleaned.
     pub fn into_error(self) -> Option<Error> {
         match self {
-            Fate::Failed { error, .. } => Some(error),
-            Fate::Cleaned(_) | Fate::Unchanged(_) => None,
+            FileOutcome::Failed { error, .. } => Some(error),
+            FileOutcome::Cleaned(_) | FileOutcome::Unchanged(_) => None,
         }
     }
 
     /// What became of it in one word: cleaned, copied, unchanged or failed.
     pub fn outcome(&self) -> &'static str {
         match self {
-            Fate::Cleaned(summary) if summary.copied => "copied",
-            Fate::Cleaned(_) => "cleaned",
-            Fate::Unchanged(_) => "unchanged",
-            Fate::Failed { .. } => "failed",
+            FileOutcome::Cleaned(summary) if summary.copied => "copied",
+            FileOutcome::Cleaned(_) => "cleaned",
+            FileOutcome::Unchanged(_) => "unchanged",
+            FileOutcome::Failed { .. } => "failed",
         }
     }
 }

@@ -168,7 +168,7 @@ impl Jobs {
     fn files_of(&mut self, folder: &Path, results: Option<&Path>) -> Vec<(PathBuf, PathBuf)> {
         let found = MotionFolder::search(folder, results, |path| !is_result(path));
         let unreadable = found.unreadable.into_iter();
-        let named = unreadable.map(|(within, error)| (within.display().to_string(), error));
+        let named = unreadable.map(|(_, name, error)| (name.display().to_string(), error));
         self.unreadable.extend(named);
         self.left_out += found.left_out;
         found.files
