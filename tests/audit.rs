@@ -221,7 +221,8 @@ fn a_far_point_that_moves_may_be_a_thing_and_stays() {
     assert!(!text.contains("make its cells empty"), "{text}");
 }
 
-/// Captures and animations of many makers have rests, pauses, and joints at their limits, but no held rotations.
+/// Captures and animations of many makers have rests, pauses, and joints at their limits, but no held rotations, except for one whose
+/// head stands still in its first frames and then leaps.
 #[test]
 fn files_of_many_makers_have_no_held_rotations() {
     let Some(folder) = common::shared("data/formats/bvh") else {
@@ -231,6 +232,8 @@ fn files_of_many_makers_have_no_held_rotations() {
         let path = entry.unwrap().path();
         let done = common::command("audit").arg(&path).output().unwrap();
         let said = String::from_utf8_lossy(&done.stdout).into_owned();
-        assert!(!said.contains("while others turn"), "{said}");
+        let held = said.matches("while others turn").count();
+        let is_known = path.ends_with("Swagger.bvh");
+        assert_eq!(held, usize::from(is_known), "{said}");
     }
 }

@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn shipped_maps_name_points_of_the_skeleton_on_both_sides() {
-        assert_eq!(NameMap::shipped().len(), 17);
+        assert_eq!(NameMap::shipped().len(), 18);
         let points = joints::cmu_names();
         for map in NameMap::shipped() {
             for (point, joint) in &map.joints {

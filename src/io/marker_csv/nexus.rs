@@ -231,7 +231,7 @@ mod tests {
         assert_eq!(read.cells.lines, [Some(14), Some(17)]);
         assert_eq!(
             read.notes,
-            ["its other sections stay out: Devices, Model Outputs"]
+            ["its other sections are not converted: Devices, Model Outputs"]
         );
     }
 
