@@ -219,7 +219,7 @@ mod tests {
         // The hold begins at the largest angle of the take.
         let held = held_rotations(&swinging(1, 8, 1, 22..43), 60.0);
         let frames: Vec<Range<usize>> = held.into_iter().map(|h| h.frames).collect();
-        assert_eq!(frames, [22..43]);
+        assert!(frames.len() == 1 && frames[0] == (22..43), "{frames:?}");
     }
 
     #[test]

@@ -238,7 +238,7 @@ mod tests {
             points: &names,
             xyz: xyz.view(),
             time: None,
-            runs: vec![0..2],
+            runs: std::iter::once(0..2).collect(),
             rate: None,
         };
         let all: Vec<usize> = (0..points).collect();

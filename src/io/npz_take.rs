@@ -325,7 +325,7 @@ impl Zipped<'_> {
                 .filter(is_scalar)
                 .find(|e| plain(&e.name) == **name)
         };
-        let Some(entry) = NAMES.iter().find_map(|name| find(&name)) else {
+        let Some(entry) = NAMES.iter().find_map(find) else {
             return Ok(None);
         };
         let value = number(&entry.header.descr, &self.values(entry)?);

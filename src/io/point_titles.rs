@@ -375,7 +375,7 @@ fn without_unit(title: &str) -> (&str, Option<&str>) {
 /// The number of an axis; w, the fourth number of a quaternion, is 3.
 fn axis_of(title: &str) -> Option<usize> {
     let is = |axis: &&str| title.eq_ignore_ascii_case(axis);
-    ["x", "y", "z", "w"].iter().position(|axis| is(&axis))
+    ["x", "y", "z", "w"].iter().position(is)
 }
 
 /// Whether a row has axes below names: x and y at least.

@@ -132,16 +132,14 @@ fn tell(report: &CleanReport<'_>, is_alone: bool, page: Option<&Path>) -> Result
     if is_closed { Ok(()) } else { told }
 }
 
-/// What became of each file, with the digest of the capture. Threads of their own take a file each: the pool's are for the work within a file, which waits for them.
-fn clean_all(
-    jobs: &[Job],
-    to: Option<OutputFormat>,
-    settings: &CleanSettings,
-) -> Vec<(FileOutcome, Option<String>)> {
+/// What became of a file, with the digest of the capture where it was read.
+type CleanedFile = (FileOutcome, Option<String>);
+
+/// What became of each file. Threads of their own take a file each: the pool's are for the work within a file, which waits for them.
+fn clean_all(jobs: &[Job], to: Option<OutputFormat>, settings: &CleanSettings) -> Vec<CleanedFile> {
     let bar = Progress::new("cleaning", jobs.len() as u64);
     let (next, finished) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let fates: Vec<Mutex<Option<(FileOutcome, Option<String>)>>> =
-        jobs.iter().map(|_| Mutex::new(None)).collect();
+    let fates: Vec<Mutex<Option<CleanedFile>>> = jobs.iter().map(|_| Mutex::new(None)).collect();
     let work = || {
         loop {
             let at = next.fetch_add(1, Ordering::Relaxed);

@@ -256,11 +256,11 @@ impl BvhTemplate {
             let mut of_joint = vec![false; joint.channels.len()];
             for (c, channel) in joint.channels.iter().enumerate() {
                 let values = mean_and_range(bvh.motion.column(column + c));
-                if let (Channel::Translate(axis), Some((mean, range))) = (channel, values) {
-                    if j > trunk {
-                        joint.offset[axis.index()] = mean;
-                        of_joint[c] = range > VARIES;
-                    }
+                if let (Channel::Translate(axis), Some((mean, range))) = (channel, values)
+                    && j > trunk
+                {
+                    joint.offset[axis.index()] = mean;
+                    of_joint[c] = range > VARIES;
                 }
             }
             column += of_joint.len();

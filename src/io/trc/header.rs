@@ -79,7 +79,7 @@ fn value(keys: &str, values: &str, key: &str) -> Option<String> {
     let is_key = |word: &&str| word.trim().eq_ignore_ascii_case(key);
     let (all, below) = (words(keys), words(values));
     let found = if all.len() == below.len() || !values.contains(['\t', ',']) {
-        below.get(all.iter().position(|k| is_key(&k))?).copied()
+        below.get(all.iter().position(&is_key)?).copied()
     } else {
         let separator = if values.contains('\t') { '\t' } else { ',' };
         let at = keys.split(separator).position(|k| is_key(&k))?;

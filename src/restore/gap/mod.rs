@@ -692,15 +692,15 @@ mod tests {
             }
         }
         let names: Vec<String> = (0..points).map(|p| format!("p{p}")).collect();
-        let runs = [0..frames];
+        let run = 0..frames;
         let filler = GapFiller {
             names: &names,
             captured: captured.view(),
-            runs: &runs,
+            runs: std::slice::from_ref(&run),
             rate: 120.0,
             others: None,
         };
-        let gaps = find_gaps(captured.view(), &runs);
+        let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         assert!(gaps.len() > 3000);
         let answers = filler.fill(&gaps, &|_| {});
         for (gap, filled) in gaps.iter().zip(&answers.filled) {
@@ -754,15 +754,15 @@ mod tests {
             hidden.fill(f64::NAN);
         }
         let names: Vec<String> = (0..points).map(|p| format!("p{p}")).collect();
-        let runs = [0..frames];
+        let run = 0..frames;
         let filler = GapFiller {
             names: &names,
             captured: captured.view(),
-            runs: &runs,
+            runs: std::slice::from_ref(&run),
             rate: 100.0,
             others: None,
         };
-        let gaps = find_gaps(captured.view(), &runs);
+        let gaps = find_gaps(captured.view(), std::slice::from_ref(&run));
         let filled = filler.fill(&gaps, &|_| ()).filled;
         for (gap, filled) in gaps.iter().zip(&filled) {
             let filled = filled.as_ref().expect("a gap stays");
