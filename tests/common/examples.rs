@@ -66,6 +66,14 @@ pub const SMALLER: &[(&str, &str)] = &[
     ("-k 2000 --branch 10", "-k 20 --branch 4"),
     ("-n 1000", "-n 20"),
     (
+        "evaluate --splits takes -o",
+        "evaluate --splits takes --seeds 1 --frames 20 --models pca -o",
+    ),
+    (
+        "evaluate --splits frames,takes -o",
+        "evaluate --splits frames,takes --seeds 1 --frames 20 --models pca -o",
+    ),
+    (
         "evaluate --splits takes --seeds 5",
         "evaluate --splits takes --seeds 1 --frames 20 --models pca",
     ),
