@@ -88,7 +88,9 @@ fn recipes(readme: &str) -> Vec<String> {
 /// A recipe in a form that ends: a server is stopped, and exit code 3, findings, is success.
 fn script(recipe: &str) -> String {
     if recipe.contains("posing edit") {
-        let lines = recipe.lines().map(until_ready);
+        // A comment at the end would hide what follows it.
+        let bare = |line: &str| line.split("  #").next().unwrap().to_string();
+        let lines = recipe.lines().map(|line| until_ready(&bare(line)));
         return lines.collect::<Vec<_>>().join("\n");
     }
     let finds = recipe.contains("posing clean") || recipe.contains("posing audit");

@@ -133,7 +133,7 @@ pub fn until_ready(line: &str) -> String {
     format!(
         "unset DISPLAY WAYLAND_DISPLAY
         {line} > address & server=$!
-        until grep -q token address; do kill -0 $server; sleep 0.1; done
+        until grep -q token address; do kill -0 $server || exit 1; sleep 0.1; done
         kill $server; wait $server"
     )
 }
