@@ -40,7 +40,7 @@ impl TakePage<'_> {
     /// The page; `None` of takes that cannot be played: without frames, or of very many points.
     ///
     /// # Errors
-    /// As [`player::page`].
+    /// The page, as [`player::page`] makes it.
     pub fn html(&self) -> Result<Option<String>> {
         let (frames, points) = (self.poses.frames(), self.poses.points.len());
         if frames == 0 || points == 0 || points > MOST_POINTS {

@@ -53,7 +53,7 @@ impl<R: BufRead> Lines<R> {
         }
     }
 
-    /// The same lines, which may end in CR alone too. [`Lines::waiting`] is not for them.
+    /// Accepts lines that end in CR alone too. [`Lines::waiting`] is not for them.
     pub fn any_end(mut self) -> Self {
         self.end = None;
         self
@@ -117,7 +117,7 @@ impl<R: BufRead> Lines<R> {
     /// The next line in which not all characters are blank, or `None` at the end.
     ///
     /// # Errors
-    /// As of [`Lines::next_line`].
+    /// Fails as [`Lines::next_line`] does.
     pub fn next_filled(&mut self, is_blank: impl Fn(char) -> bool) -> Result<Option<&str>> {
         while self.next_line()?.is_some() {
             if !self.text.chars().all(&is_blank) {

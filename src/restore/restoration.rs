@@ -144,10 +144,10 @@ impl<'t> Restoration<'t> {
         self.counts.cuts += cuts;
     }
 
-    /// The same with its values filtered ([`Poses::low_pass`]), and how many pieces are too short for that.
+    /// A copy with filtered values ([`Poses::low_pass`]), and the number of pieces that are too short for that.
     ///
     /// # Errors
-    /// As [`Poses::low_pass`].
+    /// Fails as [`Poses::low_pass`] does.
     pub fn low_passed(
         mut self,
         cutoff: f64,

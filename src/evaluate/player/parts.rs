@@ -28,7 +28,7 @@ pub(crate) enum Part {
 use Part::*;
 
 impl Part {
-    /// All parts in the order in which they stand in a script.
+    /// The parts, in the order in which they stand in a script.
     const ALL: [Part; 10] = [
         Time, Camera, Playback, Gestures, Edge, Fills, View, Curves, Gaps, Controls,
     ];

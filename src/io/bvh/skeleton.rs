@@ -283,7 +283,7 @@ impl BvhTemplate {
     /// The template with bones of fixed lengths: none of them slides.
     ///
     /// # Errors
-    /// As [`BvhTemplate::new`].
+    /// Fails as [`BvhTemplate::new`] does.
     pub fn rigid(self) -> Result<BvhTemplate> {
         Ok(BvhTemplate {
             skeleton: BvhSkeleton::new(&self.bones, self.turn, false)?,

@@ -16,11 +16,11 @@ const SHORTEST: f64 = 0.5;
 /// A skeleton as glTF has it: nodes that stand and turn in the world, and the straight pieces between them.
 struct Nodes {
     bones: Vec<Bone>,
-    /// Of each piece, the node that it turns with, and where it starts and ends in the rest pose, cm.
+    /// By piece: the node that it turns with, and where it starts and ends in the rest pose, cm.
     pieces: Vec<(usize, DVec3, DVec3)>,
-    /// Of each node, the bone that it turns with.
+    /// By node: the bone that it turns with.
     turning: Vec<usize>,
-    /// Of each node, the bone at whose start it stands, or else at whose end.
+    /// By node: the bone at whose start it stands, or else at whose end.
     at: Vec<(usize, bool)>,
 }
 
