@@ -27,8 +27,12 @@ lint: needs
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --no-deps
 
+# The program, and beside it a link for each command.
 build: needs
 	$(CARGO) build --release
+	@set -e; for name in $$($(BIN)/posing list); do \
+	  [ "$$(readlink $(BIN)/$$name)" = posing ] || ln -sf posing $(BIN)/$$name; \
+	done
 
 # Installs missing system packages.
 needs:
@@ -81,24 +85,25 @@ test-slurm: build
 bless: needs
 	POSING_BLESS=1 $(CARGO) test --release
 
-# `posing` goes into bin, every command into libexec/posing. Commands whose names no shell owns are linked into bin.
+# `posing` goes into bin, with links for the commands whose names no shell owns.
 ROOT := $(DESTDIR)$(PREFIX)
 EXAMPLES := $(addprefix testdata/examples/,clean.mk nightly.cron train.sh train.mk train.parallel.sh train.slurm evaluate.slurm)
 install: build
-	install -d "$(ROOT)/bin" "$(ROOT)/libexec/posing" "$(ROOT)/share/man/man1" "$(ROOT)/share/man/man5" "$(ROOT)/share/man/man7" \
+	install -d "$(ROOT)/bin" "$(ROOT)/share/man/man1" "$(ROOT)/share/man/man5" "$(ROOT)/share/man/man7" \
 	  "$(ROOT)/share/bash-completion/completions" "$(ROOT)/share/zsh/site-functions" \
 	  "$(ROOT)/share/fish/vendor_completions.d" "$(ROOT)/share/doc/posing/examples"
+	# Earlier versions kept a program for each command there.
+	rm -rf "$(ROOT)/libexec/posing"
 	install -m 644 $(EXAMPLES) "$(ROOT)/share/doc/posing/examples"
 	install -m 755 $(BIN)/posing "$(ROOT)/bin"
 	install -m 644 man/posing.1 "$(ROOT)/share/man/man1"
 	install -m 644 man/*.5 "$(ROOT)/share/man/man5"
 	install -m 644 man/*.7 "$(ROOT)/share/man/man7"
 	set -e; for name in $$($(BIN)/posing list); do \
-	  install -m 755 $(BIN)/$$name "$(ROOT)/libexec/posing"; \
 	  install -m 644 man/$$name.1 "$(ROOT)/share/man/man1/posing-$$name.1"; \
 	done
 	set -e; for name in $$($(BIN)/posing list --linked); do \
-	  ln -sf ../libexec/posing/$$name "$(ROOT)/bin/$$name"; \
+	  ln -sf posing "$(ROOT)/bin/$$name"; \
 	done
 	set -e; for name in '' $$($(BIN)/posing list --linked); do file=$${name:-posing}; \
 	  $(BIN)/posing completions bash $$name > "$(ROOT)/share/bash-completion/completions/$$file"; \
@@ -106,9 +111,9 @@ install: build
 	  $(BIN)/posing completions fish $$name > "$(ROOT)/share/fish/vendor_completions.d/$$file.fish"; \
 	done
 
-# Removes what `make install` wrote: the links are those that lead to libexec/posing.
+# Removes what `make install` wrote: the links are those that lead to posing.
 uninstall:
-	cd "$(ROOT)" && for name in bin/*; do case "$$(readlink "$$name")" in ../libexec/posing/*) \
+	cd "$(ROOT)" && for name in bin/*; do case "$$(readlink "$$name")" in posing | ../libexec/posing/*) \
 	  file=$${name#bin/}; rm -f "$$name" "share/bash-completion/completions/$$file" \
 	    "share/zsh/site-functions/_$$file" "share/fish/vendor_completions.d/$$file.fish" ;; esac; done
 	cd "$(ROOT)" && rm -rf libexec/posing share/doc/posing && rm -f bin/posing share/man/man1/posing.1 share/man/man1/posing-*.1 \

@@ -76,7 +76,7 @@
 //! | [`evaluate`] | corruption, scores, benchmark, report, figures and players of poses and meshes, page of pairs to label | `restore` |
 //! | [`cli`] | arguments, streams, messages, manual pages of the commands | all |
 //!
-//! A module may also import what its imports import; tests/architecture.rs checks this. Only [`cli`] and the binaries
+//! A module may also import what its imports import; tests/it/architecture.rs checks this. Only [`cli`] and the binaries
 //! read arguments, read standard input, or print.
 //!
 //! Random numbers are seeded, and parallel work is split into fixed chunks that are combined in order
@@ -84,8 +84,8 @@
 //!
 //! # Contributing
 //!
-//! A name runs through the tree: `src/bin/denoise.rs` parses the flags, `src/restore/denoise.rs` is the method,
-//! `tests/denoise.rs` tests the command, `man/denoise.1` is its manual page. A new pose model is a file in
+//! A name runs through the tree: `src/bin/posing/denoise.rs` parses the flags, `src/restore/denoise.rs` is the method,
+//! `tests/it/denoise.rs` tests the command, `man/denoise.1` is its manual page. A new pose model is a file in
 //! [`prior`] and a line in its registry. A new format is a file in [`io`].
 //!
 //! `make test` runs all tests, `make bless` writes manual pages and expected outputs again, `make bench` measures speed.

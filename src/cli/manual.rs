@@ -1,33 +1,23 @@
 //! Manual pages, made from the flags.
 
-use super::completions::Outline;
-use super::{commands, streams};
-use crate::Result;
 use clap::Command;
 use clap_mangen::Man;
 use clap_mangen::roff::{Roff, bold, roman};
 
-/// The hidden first argument on which every command prints its manual page.
-pub const MAN: &str = "--print-man-page";
-/// The hidden first argument on which every command prints its [`Outline`] as JSON.
-pub const OUTLINE: &str = "--print-outline";
-
-/// Answers the two hidden requests; `None` when the first argument is neither.
-pub fn answer_request(command: &Command) -> Option<Result<()>> {
-    let bytes = match std::env::args().nth(1)?.as_str() {
-        MAN => page(command.clone()),
-        OUTLINE => serde_json::to_vec(&Outline::of(&built(command.clone()))).unwrap_or_default(),
-        _ => return None,
-    };
-    Some(streams::write_bytes(None, &bytes, false))
+/// Commands that `posing` lists together.
+pub struct Group {
+    /// What they are for.
+    pub title: &'static str,
+    /// The commands.
+    pub commands: Vec<Command>,
 }
 
-/// The command as a user types it: `posing NAME`, where NAME is listed.
+/// The command as a user types it: `posing NAME`.
 pub fn typed(command: Command) -> Command {
     let name = command.get_name().to_string();
-    match commands::find(&name) {
-        Some(_) => command.bin_name(format!("posing {name}")),
-        None => command,
+    match &*name {
+        "posing" => command,
+        _ => command.bin_name(format!("posing {name}")),
     }
 }
 
@@ -38,39 +28,37 @@ fn built(mut command: Command) -> Command {
     command
 }
 
-/// The page as roff, called `posing-NAME(1)` for the command NAME.
-pub fn page(command: Command) -> Vec<u8> {
+/// The page as roff, called `posing-NAME(1)` for the command NAME; that of `posing` lists the `groups`.
+pub fn page(command: Command, groups: &[Group]) -> Vec<u8> {
     let command = built(typed(command));
-    let title = match commands::find(command.get_name()) {
-        Some(entry) => format!("posing-{}", entry.name),
-        None => command.get_name().to_string(),
+    let title = match command.get_name() {
+        "posing" => "posing".to_string(),
+        name => format!("posing-{name}"),
     };
-    let version = format!("posing {}", env!("CARGO_PKG_VERSION"));
-    let man = |command: &Command| {
-        Man::new(command.clone())
-            .title(title.to_uppercase())
-            .section("1")
-            .source(version.clone())
-            .manual("posing")
-    };
+    let head = Man::new(command.clone().display_name(title.clone()))
+        .title(title.to_uppercase())
+        .section("1")
+        .source(format!("posing {}", env!("CARGO_PKG_VERSION")))
+        .manual("posing");
     let mut out = Vec::new();
     // Writing to memory cannot fail.
-    let head = man(&command.clone().display_name(title.clone()));
     let _ = head.render_title(&mut out);
     let _ = head.render_name_section(&mut out);
     let _ = section("SYNOPSIS", &usage(&command)).to_writer(&mut out);
-    let _ = head.render_description_section(&mut out);
+    let _ = section("DESCRIPTION", &description(&command)).to_writer(&mut out);
+    for group in groups {
+        let _ = section(&group.title.to_uppercase(), "").to_writer(&mut out);
+        for listed in &group.commands {
+            let name = format!("posing-{}(1)", listed.get_name());
+            let _ = entry(&name, &about(listed)).to_writer(&mut out);
+        }
+    }
     let _ = head.render_options_section(&mut out);
     if command.has_subcommands() {
-        let _ = Roff::new().control("SH", ["COMMANDS"]).to_writer(&mut out);
+        let _ = section("COMMANDS", "").to_writer(&mut out);
     }
-    let mut subs: Vec<_> = command
-        .get_subcommands()
-        .filter(|sub| !sub.is_hide_set())
-        .collect();
-    subs.sort_by_key(|sub| !has_page(&command, sub));
-    for sub in subs {
-        let _ = subcommand(&command, sub).to_writer(&mut out);
+    for sub in command.get_subcommands().filter(|sub| !sub.is_hide_set()) {
+        let _ = subcommand(sub).to_writer(&mut out);
     }
     let help = command.get_after_long_help().or(command.get_after_help());
     for (heading, body) in sections(&help.map(ToString::to_string).unwrap_or_default()) {
@@ -83,9 +71,18 @@ pub fn page(command: Command) -> Vec<u8> {
     (preamble.clone() + &page.replace(&preamble, "")).into_bytes()
 }
 
-/// Whether `sub` is a command of the family in the launcher's list.
-fn has_page(command: &Command, sub: &Command) -> bool {
-    command.get_name() == "posing" && commands::find(sub.get_name()).is_some()
+/// The paragraphs of the long help below its first line, which the name section holds; that line where there are none.
+fn description(command: &Command) -> String {
+    let long = command.get_long_about().map(ToString::to_string);
+    let below = long.and_then(|text| Some(text.split_once("\n\n")?.1.to_string()));
+    below.unwrap_or_else(|| about(command))
+}
+
+fn about(command: &Command) -> String {
+    command
+        .get_about()
+        .map(ToString::to_string)
+        .unwrap_or_default()
 }
 
 /// `posing NAME [OPTIONS] [FILE]...`, a line for each form.
@@ -98,28 +95,27 @@ fn section(heading: &str, body: &str) -> Roff {
     let mut roff = Roff::new();
     roff.control("SH", [heading]);
     for line in body.lines() {
-        roff.text([roman(line)]);
+        match line {
+            "" => roff.control("PP", []),
+            _ => roff.text([roman(line)]),
+        };
     }
     roff
 }
 
-/// One entry below COMMANDS: a command with a page of its own, or a form of this one with its arguments.
-fn subcommand(command: &Command, sub: &Command) -> Roff {
+/// An entry of a list.
+fn entry(head: &str, text: &str) -> Roff {
     let mut roff = Roff::new();
-    let has_page = has_page(command, sub);
-    let head = match has_page {
-        true => format!("posing-{}(1)", sub.get_name()),
-        false => usage(sub),
-    };
     roff.control("TP", []);
     roff.text([bold(head)]);
-    roff.text([roman(
-        sub.get_about().map(ToString::to_string).unwrap_or_default(),
-    )]);
-    for arg in sub
-        .get_arguments()
-        .filter(|a| !has_page && !a.is_hide_set())
-    {
+    roff.text([roman(text)]);
+    roff
+}
+
+/// A form of a command, with its arguments.
+fn subcommand(sub: &Command) -> Roff {
+    let mut roff = entry(&usage(sub), &about(sub));
+    for arg in sub.get_arguments().filter(|a| !a.is_hide_set()) {
         if ["help", "version"].contains(&arg.get_id().as_str()) || arg.is_global_set() {
             continue;
         }

@@ -15,7 +15,6 @@ pub mod clean;
 pub mod closed_stdout;
 pub mod cluster;
 pub mod code_table;
-pub mod commands;
 pub mod completions;
 pub mod edit;
 pub mod edit_figure;
@@ -30,7 +29,6 @@ pub mod href;
 pub mod ik;
 pub mod input;
 pub mod ksvd;
-pub mod launcher;
 pub mod manual;
 pub mod marker_files;
 mod marker_units;
@@ -70,6 +68,7 @@ pub mod zeros;
 
 use crate::Result;
 use clap::{CommandFactory, FromArgMatches};
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// How a command ended that did not fail.
@@ -89,9 +88,9 @@ impl From<()> for Outcome {
     }
 }
 
-/// Parses the arguments, runs `work` and returns the exit code: 0 done (a reader that closes the pipe included), 1 bad data
-/// (also of some files of several), 2 wrong usage, 3 done with findings.
-pub fn run<A, O>(work: impl FnOnce(A) -> Result<O>) -> ExitCode
+/// Parses `words`, the command's name and its arguments, runs `work` and returns the exit code: 0 done (a reader that
+/// closes the pipe included), 1 bad data (also of some files of several), 2 wrong usage, 3 done with findings.
+pub fn run<A, O>(words: Vec<OsString>, work: impl FnOnce(&A) -> Result<O>) -> ExitCode
 where
     A: CommandFactory + FromArgMatches,
     O: Into<Outcome>,
@@ -104,17 +103,11 @@ where
         return exit_code(Err::<Outcome, _>(e));
     }
     signals::watch();
-    if let Some(answer) = manual::answer_request(&command) {
-        return exit_code(answer);
+    let parsed = command.try_get_matches_from(words);
+    match parsed.and_then(|matches| A::from_arg_matches(&matches)) {
+        Ok(args) => exit_code(work(&args)),
+        Err(e) => parse_failure(&typed, &e),
     }
-    let args = match command
-        .try_get_matches()
-        .and_then(|m| A::from_arg_matches(&m))
-    {
-        Ok(args) => args,
-        Err(e) => return parse_failure(&typed, &e),
-    };
-    exit_code(work(args))
 }
 
 /// The exit code of a command that ended; an error is told.

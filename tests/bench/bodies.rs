@@ -13,7 +13,7 @@ use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 use std::time::Instant;
 
-#[path = "../common/bodies.rs"]
+#[path = "../it/common/bodies.rs"]
 mod bodies;
 use bodies::{Bodies, errors, mean};
 

@@ -12,7 +12,7 @@ use rand_distr::StandardNormal;
 use std::collections::HashMap;
 use std::time::Instant;
 
-#[path = "../common/bodies.rs"]
+#[path = "../it/common/bodies.rs"]
 mod bodies;
 use bodies::mean;
 

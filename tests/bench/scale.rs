@@ -148,9 +148,8 @@ fn train(part: &Path) -> Command {
 }
 
 fn command(name: &str) -> Command {
-    let posing = Path::new(env!("CARGO_BIN_EXE_posing"));
-    let mut command = Command::new(posing.with_file_name(name));
-    command.arg("-q").stdin(Stdio::null());
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posing"));
+    command.args([name, "-q"]).stdin(Stdio::null());
     command
 }
 

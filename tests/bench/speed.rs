@@ -14,7 +14,7 @@ const RUNS: usize = 5;
 
 macro_rules! bin {
     ($name:literal) => {
-        Command::new(env!(concat!("CARGO_BIN_EXE_", $name)))
+        shared::command($name)
     };
 }
 

@@ -45,8 +45,15 @@ pub fn takes() -> Vec<Take> {
     subjects.iter().flat_map(of).collect()
 }
 
+/// A command of the project.
+pub fn command(name: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_posing"));
+    command.arg(name);
+    command
+}
+
 fn take(asf: &Path, amc: &Path) -> Take {
-    let done = Command::new(env!("CARGO_BIN_EXE_amc2xyz"))
+    let done = command("amc2xyz")
         .args(["-q", "--fps", "120", "--space", "body", "--asf"])
         .args([asf, amc])
         .output()

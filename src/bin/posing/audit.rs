@@ -1,0 +1,83 @@
+//! Says what is wrong in takes, and changes nothing.
+
+use clap::Parser;
+use posing::cli::args::CommonArgs;
+use posing::cli::audit::{FileAudit, FileAuditor, LimitArgs, audit_inputs};
+use posing::cli::audit_page::page;
+use posing::cli::audit_takes::AuditTakes;
+use posing::cli::input::{check_single_stdin, or_stdin};
+use posing::cli::motion_file::ReadArgs;
+use posing::cli::streams::write_bytes;
+use posing::cli::{Outcome, messages};
+use posing::{Error, Result};
+use std::path::PathBuf;
+
+/// Find what is wrong in takes: rate, unit, gaps, swaps, jumps
+///
+/// Reads takes of any format (C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC, pose tables) and reports, take by take: rate, size,
+/// what is missing by point and how long, and what is not as it should be. A rate or a unit by which people would move faster
+/// or be larger than they are; a body that lies; zeros that mean missing; points that change places, jump off their path, hold
+/// their last value, stand far off, or have fallen off; distances that drift; angles that flip. Nothing is changed. A folder is searched
+/// for such files. A page gets pages of the takes beside it, in a folder of its name with _takes, which play what was found.
+/// Exit code 3 if anything was found; 1 if a file could not be read, the others are read all the same.
+#[derive(Parser)]
+#[command(
+    name = "audit",
+    version,
+    after_help = "Examples:\n  posing audit walk.csv || echo look at it\n  posing audit -o audit.html walk.bvh gait.c3d || echo see audit.html\n  posing audit -o audit.html captures/ || echo see audit.html\n  posing audit --json -o audit.json a.csv b.csv || echo see audit.json\n  posing c3d2xyz gait.c3d | posing audit --max-gap 0.2 || echo look at it"
+)]
+pub struct Args {
+    /// Files of motion, of any format, and folders that are searched for them; - or nothing: standard input
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
+    #[command(flatten)]
+    read: ReadArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
+    /// Write JSON: a list of files, each with its takes
+    #[arg(long, help_heading = "Output")]
+    json: bool,
+    /// Write to FILE instead of standard output, as a page where it ends in .html; FILE appears only when it is complete
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+pub fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    check_single_stdin(&args.files)?;
+    let (files, unreadable) = audit_inputs(&or_stdin(&args.files));
+    let page_path = (args.output.as_deref()).filter(|path| {
+        !args.json
+            && path
+                .extension()
+                .is_some_and(|e| e.eq_ignore_ascii_case("html"))
+    });
+    let auditor = FileAuditor {
+        flags: args.read.flags()?,
+        limits: args.limits.limits(),
+        pages: page_path.map(AuditTakes::beside),
+        named: or_stdin(&args.files),
+    };
+    let one = |(i, path): (usize, &PathBuf)| auditor.audit(path, i + 1);
+    let audits = files.iter().enumerate().map(one);
+    let mut audits = audits.collect::<Result<Vec<FileAudit>>>()?;
+    audits.extend(unreadable);
+    let failed = audits.iter().filter_map(|audit| audit.error.as_ref());
+    failed.for_each(|error| messages::error(error));
+    let text = match (args.json, page_path.is_some()) {
+        (true, _) => {
+            let json = serde_json::to_string_pretty(&audits);
+            json.map_err(|e| Error::usage(e.to_string()))? + "\n"
+        }
+        (false, true) => page(&audits),
+        (false, false) => audits.iter().map(FileAudit::text).collect(),
+    };
+    write_bytes(args.output.as_deref(), text.as_bytes(), false)?;
+    Ok(match audits.iter().any(|audit| audit.error.is_some()) {
+        true => Outcome::Failed,
+        false if audits.iter().any(FileAudit::has_findings) => Outcome::Findings,
+        false => Outcome::Done,
+    })
+}

@@ -1,0 +1,144 @@
+//! Animates a body from a take of markers.
+
+use clap::Parser;
+use posing::body::BodyModel;
+use posing::body::Marker;
+use posing::body::animation::{MarkerFrame, Offsets};
+use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::body::{
+    check_points, columns_of, open_body, points_of, read_marker_map, read_shapes, write_rotations,
+    write_shapes,
+};
+use posing::cli::body_output::TakeOutput;
+use posing::cli::body_scan_markers::markers_on_scan;
+use posing::cli::body_take::{BodyTake, fit_take};
+use posing::cli::input;
+use posing::cli::units::{TableUnits, Units, Up, parse_length};
+use posing::io::Table;
+use posing::{Error, Result};
+use std::path::PathBuf;
+
+/// Animate a body from a take of markers
+///
+/// Fits one shape to the whole take, and the rotations of the parts to each frame, which starts from the one before. Which vertex
+/// each marker is on comes from --on; or it is learnt, with the marker's distance from the skin, from a mesh of the person (--scan) and
+/// the frame at which it was taken.
+///
+/// The meshes are the model's own (the predicted ones of body-fit): markers off the skin do not dent them. --shape moves the
+/// take to another body.
+#[derive(Parser)]
+#[command(
+    name = "body-animate",
+    version,
+    after_help = "Examples:\n  posing body-animate -m body.npz --on on.csv -o frames/ markers.csv\n  posing body-animate -m body.npz --on on.csv --shape 2 -o other.npz --rotations rotations.csv markers.csv",
+    after_long_help = "Files:\n  on.csv: point,vertex; the vertex that each point of the table is on, counted from 0\n\nExamples:\n  posing body-animate -m body.npz --on on.csv -o frames/ markers.csv\n  posing body-animate -m body.npz --on on.csv --shape 2 -o other.npz --rotations rotations.csv markers.csv"
+)]
+pub struct Args {
+    #[command(flatten)]
+    input: InputArgs,
+    /// Body model
+    #[arg(short, long, value_name = "BODY.npz")]
+    model: PathBuf,
+    /// The vertex that each point is on
+    #[arg(
+        long,
+        value_name = "MAP.csv",
+        required_unless_present = "scan",
+        conflicts_with = "scan"
+    )]
+    on: Option<PathBuf>,
+    /// Mesh of the person, of the model's topology (from mesh-register or body-scan), where the markers are at frame --scan-frame
+    #[arg(long, value_name = "MESH", requires_all = ["scan_frame", "scan_units"])]
+    scan: Option<PathBuf>,
+    /// Frame of the table, counted from 0, at which the scan was taken
+    #[arg(long, value_name = "N")]
+    scan_frame: Option<usize>,
+    /// Unit of length of the scan: its file has none
+    #[arg(long, value_enum, value_name = "UNIT")]
+    scan_units: Option<Units>,
+    /// Axis of the scan that points up
+    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    scan_up: Up,
+    /// Noise of the markers: standard deviation a coordinate, in cm or with a unit
+    #[arg(long, value_name = "LENGTH", default_value = "0.5", value_parser = parse_length)]
+    noise: f64,
+    /// Shape of another body: comma-separated numbers, or a table of one row
+    #[arg(long, value_name = "LIST|TABLE", allow_hyphen_values = true)]
+    shape: Option<String>,
+    /// Output: .npz; .glb, an animated body for Blender, Unreal and viewers; or a folder (ending in /) for a file a frame
+    #[arg(short, long, value_name = "FILE|DIR/", help_heading = "Output")]
+    output: PathBuf,
+    /// Format of the files of a folder [default: ply]
+    #[arg(long, value_name = "FORMAT", value_parser = ["obj", "ply", "stl"], help_heading = "Output")]
+    mesh_format: Option<String>,
+    /// Write the rotations and the root position as a table, for body-synth
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    rotations: Option<PathBuf>,
+    /// Write the shape as a table, for body-synth
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    shapes: Option<PathBuf>,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    args.common.apply()?;
+    let files = args.on.iter().chain(&args.scan);
+    input::check_single_stdin_with(&args.input, files.chain([&args.model]))?;
+    let output = TakeOutput::of(&args.output, args.mesh_format.as_deref(), TableUnits::CM_Y)?;
+    let body = open_body(&args.model)?;
+    let table = input::read_table(&args.input, false, false)?;
+    let fps = args.input.rate(&table.poses)?;
+    output.check_times(
+        table.poses.frames(),
+        table.poses.time.is_some() || fps.is_some(),
+    )?;
+    let other = args.shape.as_deref().map(|text| other_shape(text, &body));
+    let other = other.transpose()?;
+    let (markers, mut frames) = markers(args, &body, &table)?;
+    check_points(&body, &markers, &mut frames, &table.name)?;
+    let known = Offsets::Known;
+    let animation = fit_take(&body, &markers, &frames, args.noise, known, &table.name)?;
+    let mut take = BodyTake::of(&body, &animation, &table.poses, fps);
+    if let Some(shape) = other {
+        take = take.on_body(&body, vec![shape]);
+    }
+    if let Some(path) = &args.rotations {
+        write_rotations(path, &take.poses, body.template.parts(), &take.frames)?;
+    }
+    if let Some(path) = &args.shapes {
+        let shapes = vec![Some(take.shape(0).to_vec()); take.frames.len()];
+        write_shapes(path, &take.poses, take.shape(0).len(), &shapes)?;
+    }
+    output.write(&take, &body, TableUnits::CM_Y)
+}
+
+/// The one shape of a take.
+fn other_shape(text: &str, body: &BodyModel) -> Result<Vec<f64>> {
+    match &read_shapes(text, body.shape.len())?[..] {
+        [Some(shape)] => Ok(shape.clone()),
+        _ => Err(Error::usage("--shape: a take has one shape; give one row")),
+    }
+}
+
+/// The markers on the body, and where they are in each frame.
+fn markers(
+    args: &Args,
+    body: &BodyModel,
+    table: &Table,
+) -> Result<(Vec<Marker>, Vec<MarkerFrame>)> {
+    let (names, markers) = match (&args.on, &args.scan, args.scan_frame, args.scan_units) {
+        (_, Some(scan), Some(frame), Some(unit)) => {
+            let units = TableUnits {
+                unit,
+                up: args.scan_up,
+            };
+            markers_on_scan(body, scan, units, table, frame)?
+        }
+        (Some(on), ..) => read_marker_map(on, body.template.vertices.len())?,
+        _ => return Err(Error::usage("give --on MAP.csv or --scan MESH")),
+    };
+    let columns = columns_of(&table.poses, &names, "the map", &table.name)?;
+    let frames = (0..table.poses.frames()).map(|t| points_of(&table.poses, t, &columns));
+    Ok((markers, frames.collect()))
+}

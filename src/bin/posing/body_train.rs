@@ -1,0 +1,238 @@
+//! Learns a body from meshes.
+
+use clap::Parser;
+use glam::DVec3;
+use posing::body::fit::FEWEST;
+use posing::body::part_finding::find_parts;
+use posing::body::train::{Settings, train};
+use posing::body::{BodyModel, Template};
+use posing::cli::args::{CommonArgs, MeshUnitArgs};
+use posing::cli::body::{read_meshes, vertices};
+use posing::cli::pair_file::PairFile;
+use posing::cli::progress::Progress;
+use posing::cli::units::TableUnits;
+use posing::cli::{messages, streams};
+use posing::io::MeshSet;
+use posing::io::text::excerpt;
+use posing::prior::provenance::{digest, entry};
+use posing::{Error, Place, Result};
+use std::path::PathBuf;
+
+/// Learn a body's pose and shape from meshes
+///
+/// Learns how a surface follows its joints from poses of one person, and how bodies differ from meshes of people in any pose (SCAPE).
+/// All meshes have one topology: the same vertices and faces in the same order. The first pose is the template. body-synth makes
+/// meshes of the model, body-fit completes markers, body-animate takes of markers.
+///
+/// Rigid parts are found from the poses, or given by --parts; joints stand where parts meet.
+#[derive(Parser)]
+#[command(
+    name = "body-train",
+    version,
+    after_help = "Examples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz",
+    after_long_help = "Files:\n  meshes: OBJ, PLY, STL; folders of them, read in the order of their names; .npz with vertices (n, V, 3) and faces (F, 3)\n  parts.csv: vertex,part; both count from 0\n  joints.csv: part,joint; the point of a pose table at the joint where the part begins; in a second line of the same part, the point at its far end\n\nExamples:\n  posing body-train --units cm --poses poses.npz --shapes people.npz -o body.npz\n  posing body-train --units cm --poses poses/ --parts parts.csv -o body.npz"
+)]
+pub struct Args {
+    /// Meshes of one person in many poses; the first is the template
+    #[arg(long, value_name = "MESHES", num_args = 1.., required = true)]
+    poses: Vec<PathBuf>,
+    /// Meshes of people, one each; without them the body has one shape
+    #[arg(long, value_name = "MESHES", num_args = 1..)]
+    shapes: Vec<PathBuf>,
+    #[command(flatten)]
+    units: MeshUnitArgs,
+    /// The rigid part of each vertex (default: parts are found from the poses)
+    #[arg(long, value_name = "PARTS.csv")]
+    parts: Option<PathBuf>,
+    /// Number of parts to find
+    #[arg(long, value_name = "N", default_value_t = 16, conflicts_with = "parts", value_parser = clap::value_parser!(u16).range(2..=256))]
+    part_count: u16,
+    /// Points of a pose table at the joints where parts begin, for body-synth --pose
+    #[arg(long, value_name = "JOINTS.csv")]
+    joints: Option<PathBuf>,
+    /// Largest number of components of shape
+    #[arg(long, value_name = "K", default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=500))]
+    components: u16,
+    /// The model as published: two joints a part, components of the matrices; less accurate
+    #[arg(long)]
+    paper: bool,
+    /// Output file
+    #[arg(short, long, value_name = "BODY.npz")]
+    output: PathBuf,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    args.common.apply()?;
+    let units = args.units.table_units();
+    let poses = read_meshes(&args.poses, units)?;
+    let people = match args.shapes.is_empty() {
+        true => None,
+        false => Some(read_people(args, units, &poses)?),
+    };
+    report_findings(&poses);
+    let meshes = |set: &MeshSet| -> Vec<Vec<DVec3>> {
+        (0..set.names.len()).map(|k| vertices(set, k)).collect()
+    };
+    let (pose_meshes, people_meshes) = (meshes(&poses), people.as_ref().map_or(Vec::new(), meshes));
+    let template = template(args, &poses, &pose_meshes)?;
+    let settings = Settings {
+        components: usize::from(args.components),
+        ..match args.paper {
+            true => Settings::paper(),
+            false => Settings::default(),
+        }
+    };
+    let total = pose_meshes.len() + people_meshes.len();
+    let bar = Progress::new("meshes", total as u64);
+    let mut done = 0;
+    let mut body = train(
+        template,
+        &pose_meshes,
+        &people_meshes,
+        &settings,
+        &mut || {
+            done += 1;
+            bar.set(done);
+        },
+    )
+    .map_err(|what| Error::data(Place::file(&poses.names[0]), what))?;
+    drop(bar);
+    if let Some(path) = &args.joints {
+        body.joint_names = joint_names(path, body.template.parts())?;
+    }
+    messages::info(&format!(
+        "learnt from {} poses and {} people: {} vertices, {} parts, {} components of shape",
+        pose_meshes.len(),
+        people_meshes.len(),
+        body.template.vertices.len(),
+        body.template.parts(),
+        body.shape.len()
+    ));
+    save(args, &body, &settings, &poses, people.as_ref())
+}
+
+/// The people, of the topology of the poses.
+fn read_people(args: &Args, units: TableUnits, poses: &MeshSet) -> Result<MeshSet> {
+    let people = read_meshes(&args.shapes, units)?;
+    if people.faces != poses.faces || people.vertices.dim().1 != poses.vertices.dim().1 {
+        let what = format!(
+            "has {} vertices and {} faces, {} has {} and {}; poses and people need the same vertices and faces",
+            people.vertices.dim().1,
+            people.faces.len(),
+            poses.names[0],
+            poses.vertices.dim().1,
+            poses.faces.len()
+        );
+        return Err(Error::data(Place::file(&people.names[0]), what));
+    }
+    Ok(people)
+}
+
+/// Says what is odd about the template.
+fn report_findings(poses: &MeshSet) {
+    for finding in poses.mesh(0).check() {
+        messages::info(&format!("{}: {finding}", poses.names[0]));
+    }
+}
+
+fn template(args: &Args, poses: &MeshSet, meshes: &[Vec<DVec3>]) -> Result<Template> {
+    let name = &poses.names[0];
+    let fail = |what: String| Error::data(Place::file(name), what);
+    let faces: Vec<[usize; 3]> = (poses.faces.iter())
+        .map(|f| f.map(|v| v as usize))
+        .collect();
+    let first = meshes[0].clone();
+    let parts = match &args.parts {
+        Some(path) => read_parts(path, first.len())?,
+        None => {
+            let whole =
+                Template::new(first.clone(), faces.clone(), vec![0; first.len()]).map_err(fail)?;
+            let count = usize::from(args.part_count);
+            find_parts(&whole.vertices, &whole.faces, meshes, count).map_err(fail)?
+        }
+    };
+    Template::new(first, faces, parts).map_err(fail)
+}
+
+/// The part of each vertex (`vertex,part`).
+fn read_parts(path: &std::path::Path, vertices: usize) -> Result<Vec<usize>> {
+    const MOST_PARTS: usize = 2048;
+    let file = PairFile::read(path, ["vertex", "part"])?;
+    let mut parts = vec![usize::MAX; vertices];
+    for (line, vertex, part) in &file.rows {
+        let vertex = file.index(*line, vertex, "vertex", vertices)?;
+        let part = file.index(*line, part, "part", MOST_PARTS)?;
+        if parts[vertex] != usize::MAX && parts[vertex] != part {
+            let what = format!("gives vertex {vertex} a second part");
+            return Err(Error::data(Place::line(&file.name, *line), what));
+        }
+        parts[vertex] = part;
+    }
+    let fail = |what: String| Err(Error::data(Place::file(&file.name), what));
+    if let Some(v) = parts.iter().position(|p| *p == usize::MAX) {
+        return fail(format!(
+            "has no part for vertex {v}; the meshes have {vertices} vertices (counted from 0)"
+        ));
+    }
+    let count = parts.iter().max().map_or(0, |p| p + 1);
+    match (0..count).find(|p| !parts.contains(p)) {
+        Some(part) => fail(format!(
+            "has part {} but not part {part}: number the parts from 0 without gaps",
+            count - 1
+        )),
+        None => Ok(parts),
+    }
+}
+
+/// The points where parts begin, and of a second line end (`part,joint`).
+fn joint_names(path: &std::path::Path, parts: usize) -> Result<Vec<(usize, String)>> {
+    let file = PairFile::read(path, ["part", "joint"])?;
+    let mut names: Vec<(usize, String)> = Vec::new();
+    for (line, part, joint) in &file.rows {
+        let part = file.index(*line, part, "part", parts)?;
+        let wrong = |what: String| Err(Error::data(Place::line(&file.name, *line), what));
+        if names.iter().any(|(_, name)| name == joint) {
+            return wrong(format!(
+                "names the point \"{}\" a second time",
+                excerpt(joint)
+            ));
+        }
+        if names.iter().filter(|(p, _)| *p == part).count() == 2 {
+            return wrong(format!(
+                "gives part {part} a third point; it has one where it begins and one at its far end"
+            ));
+        }
+        names.push((part, joint.clone()));
+    }
+    if names.len() < FEWEST {
+        let what = format!("has {} points; a pose needs {FEWEST} or more", names.len());
+        return Err(Error::data(Place::file(&file.name), what));
+    }
+    Ok(names)
+}
+
+fn save(
+    args: &Args,
+    body: &BodyModel,
+    settings: &Settings,
+    poses: &MeshSet,
+    people: Option<&MeshSet>,
+) -> Result<()> {
+    let mut model = body.to_model();
+    let flags = [
+        ("paper", args.paper.to_string()),
+        ("components", settings.components.to_string()),
+        ("parts", body.template.parts().to_string()),
+        ("parts-given", args.parts.is_some().to_string()),
+    ];
+    let digest_of = |set: &MeshSet| {
+        let rows = (set.vertices.dim().0, 3 * set.vertices.dim().1);
+        let flat = set.vertices.to_shape(rows);
+        flat.map_or(String::new(), |flat| digest(&[], flat.view()))
+    };
+    let inputs = [poses].into_iter().chain(people).map(digest_of).collect();
+    model.meta.history.push(entry("body-train", &flags, inputs));
+    streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)
+}

@@ -1,0 +1,162 @@
+//! Cleans whole takes of any format, one or a folder of them.
+
+use clap::{Parser, ValueEnum};
+use posing::Result;
+use posing::cli::Outcome;
+use posing::cli::args::{CommonArgs, parse_hertz, parse_positive};
+use posing::cli::audit::MotionLimitArgs;
+use posing::cli::clean::{CleanOutput, CleanSettings, OutputFormat, Stretch, clean};
+use posing::cli::input::open_model_or_builtin;
+use posing::cli::motion_file::ReadArgs;
+use posing::cli::name_maps::name_map;
+use posing::cli::units::parse_length;
+use posing::io::Model;
+use posing::pose::joints;
+use posing::prior::provenance::hex;
+use posing::restore::Clean;
+use sha2::{Digest, Sha256};
+use std::path::PathBuf;
+
+/// Clean takes of any format: fill gaps, replace outliers, remove noise
+///
+/// Reads C3D, TRC, Motive CSV, Qualisys TSV, BVH, AMC and pose tables, and writes each in its own format, with all else that the
+/// file says. Gaps are filled as by complete, outliers replaced (the record keeps them), and takes with more noise than
+/// --noise-limit are denoised; all else stays to the last digit. In BVH files, missing values (the word nan) are filled and
+/// every other byte stays; AMC files, which cannot lack anything, are audited and copied. With --to, both become positions, which are cleaned as
+/// others are.
+///
+/// A folder is searched for such files; its results keep their places below DIR. Beside each result, RESULT.json says what it was
+/// made from, how the file was taken, what was found, and how each gap was filled. A file whose result is there and whose
+/// capture, settings and model are the same is not cleaned again, so that a run that was stopped goes on. One bad file stops
+/// no other. At the end, a table, and in DIR the page clean.html and the list clean.json; beside results in which there is something to
+/// see, RESULT.html plays the take. Exit code 1: a file failed; 3: none did, but there are findings to look at.
+#[derive(Parser)]
+#[command(
+    name = "clean",
+    version,
+    after_help = "Examples:\n  posing clean gait.c3d -o clean.c3d || echo see clean.c3d.json\n  posing clean captures/ -o cleaned/ --fps 120 --up y || echo see cleaned/clean.html\n  posing clean walk.bvh -o whole.bvh --max-gap 0.5 || echo see whole.bvh.json\n  posing clean captures/ -o cleaned/ --fps 120 --up c3d=z --up trc=y --new-only || echo see cleaned/clean.html\n  posing clean gait.c3d -o clean.c3d --redo lfoot:1.2-1.9 || echo see clean.c3d.json"
+)]
+pub struct Args {
+    /// Files, and folders that are searched for files
+    #[arg(value_name = "IN", required = true)]
+    inputs: Vec<PathBuf>,
+    /// Write the result of one file to OUT, results of several files into the folder DIR
+    #[arg(short, long, value_name = "OUT|DIR", help_heading = "Output")]
+    output: PathBuf,
+    /// Format of the results [default: that of each file, or by the extension of OUT]
+    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    to: Option<OutputFormat>,
+    /// Write the page to FILE [default: DIR/clean.html], and the list for programs beside it, with the ending .json
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    page: Option<PathBuf>,
+    /// Clean files again whose results are there, also where somebody changed these
+    #[arg(long, help_heading = "Output")]
+    again: bool,
+    /// Tell only findings and failures that the last run into DIR did not have; only these count for the exit code
+    #[arg(long, help_heading = "Output")]
+    new_only: bool,
+    #[command(flatten)]
+    read: ReadArgs,
+    /// Which points are which of the model's: a shipped map or a TOML file, as for complete [default: the shipped map that fits]
+    #[arg(
+        long,
+        value_name = "NAME|FILE.toml",
+        conflicts_with = "take_alone",
+        help_heading = "Input"
+    )]
+    map: Option<String>,
+    /// Take rotations of BVH files that stand still for over 0.2 s beside moving ones for missing ones: the last value was held. audit
+    /// finds them
+    #[arg(long, help_heading = "Input")]
+    held_is_missing: bool,
+    /// Go on with a body that is smaller or larger than people are
+    #[arg(long, help_heading = "Input")]
+    force: bool,
+    /// Model file (default: the built-in model)
+    #[arg(short, long, value_name = "MODEL.npz", help_heading = "Method")]
+    model: Option<PathBuf>,
+    /// Use no model: learn from each take's own frames alone
+    #[arg(long = "self", conflicts_with = "model", help_heading = "Method")]
+    take_alone: bool,
+    /// Noise of a coordinate over which a take is denoised, in cm or with a unit (1mm)
+    #[arg(long, value_name = "CM", default_value = "0.1", value_parser = parse_length, help_heading = "Method")]
+    noise_limit: f64,
+    /// Whether outliers are detected and replaced [default: auto; with --redo, which says what is bad, none]
+    #[arg(long, value_enum, help_heading = "Method")]
+    outliers: Option<Outliers>,
+    /// Longest gap to fill, in seconds (default: no limit)
+    #[arg(long, value_name = "SECONDS", value_parser = parse_positive, help_heading = "Method")]
+    max_gap: Option<f64>,
+    /// Largest standard deviation of what is filled, in cm or with a unit; a gap that is less sure stays, and is a finding
+    #[arg(long, value_name = "CM", default_value = "5", value_parser = parse_length, help_heading = "Method")]
+    max_sd: f64,
+    /// Take a stretch of a point for missing, in seconds as the file has them: LFHD:1.2-1.9 (several times, of one file)
+    #[arg(long, value_name = "NAME:FROM-TO", value_parser = Stretch::parse, help_heading = "Method")]
+    redo: Vec<Stretch>,
+    /// Smooth positions after all else: low-pass filter, as trim --butterworth
+    #[arg(long, value_name = "HZ", value_parser = parse_hertz, help_heading = "Method")]
+    butterworth: Option<f64>,
+    #[command(flatten)]
+    limits: MotionLimitArgs,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Outliers {
+    /// Detect and replace outliers
+    Auto,
+    /// Use every point as measured
+    None,
+}
+
+pub fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let output = CleanOutput {
+        path: args.output.clone(),
+        to: args.to,
+        page: args.page.clone(),
+        only_new: args.new_only,
+    };
+    clean(&args.inputs, &output, &settings(args)?)
+}
+
+fn settings(args: &Args) -> Result<CleanSettings> {
+    let model = model(args)?;
+    let known = model
+        .as_ref()
+        .map_or_else(joints::cmu_names, |(model, ..)| model.meta.points.clone());
+    let outliers = match args.redo.is_empty() {
+        true => args.outliers != Some(Outliers::None),
+        false => args.outliers == Some(Outliers::Auto),
+    };
+    let map = args.map.as_ref().map(|map| name_map(map, &known));
+    Ok(CleanSettings {
+        read: args.read.flags()?,
+        model,
+        map: map.transpose()?,
+        method: Clean {
+            noise_limit: args.noise_limit,
+            outliers,
+            max_gap: args.max_gap,
+            max_sd: args.max_sd,
+            fps: None,
+        },
+        held_is_missing: args.held_is_missing,
+        limits: args.limits.limits(),
+        force: args.force,
+        again: args.again,
+        redo: args.redo.clone(),
+        butterworth: args.butterworth,
+    })
+}
+
+/// The model, its name in messages and the digest of its bytes.
+fn model(args: &Args) -> Result<Option<(Model, String, String)>> {
+    if args.take_alone {
+        return Ok(None);
+    }
+    let (model, name) = open_model_or_builtin(args.model.as_deref())?;
+    let digest = hex(&Sha256::digest(model.to_bytes()?));
+    Ok(Some((model, name, digest)))
+}

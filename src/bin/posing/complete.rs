@@ -1,0 +1,59 @@
+//! Fills in what a capture did not see.
+
+use clap::Parser;
+use posing::Result;
+use posing::cli::args::{CommonArgs, parse_positive};
+use posing::cli::restoring::{RestoringArgs, Task, restore};
+use posing::io::parse_point_names;
+use posing::restore::Complete;
+use std::path::PathBuf;
+
+/// Fill gaps and missing points
+///
+/// Fills empty cells. Measured values are not changed. In a take (a table with times, or with --fps) a gap is learnt from the
+/// points that are seen, by the take's own frames, a pose model's training poses and time; what is filled joins the measured
+/// path at both ends and keeps distances that are rigid in the take, such as bone lengths. Without times, a pose model fills
+/// each frame by itself. A frame in which too little is seen keeps empty cells and is counted.
+///
+/// Outliers are ignored: points of a take that jump off their path and back, or that break rigid distances. They keep
+/// their values; --status marks them as rejected.
+#[derive(Parser)]
+#[command(
+    name = "complete",
+    version,
+    after_help = "Examples:\n  posing complete walk.csv > whole.csv\n  posing complete --status --max-gap 0.5 -o whole.csv walk.csv\n  posing complete --observe lclavicle,rclavicle,lwrist,rwrist,lfoot,rfoot walk.csv > from-six.csv"
+)]
+pub struct Args {
+    /// Comma-separated points to use; all others count as missing
+    #[arg(long, value_name = "LIST")]
+    observe: Option<String>,
+    /// Longest gap to fill, in seconds (default: no limit)
+    #[arg(long, value_name = "SECONDS", value_parser = parse_positive)]
+    max_gap: Option<f64>,
+    /// Also replace outliers by their estimate
+    #[arg(long)]
+    overwrite_observed: bool,
+    /// Write a list of all gaps to FILE: where each is, how it was filled, how sure that is. JSON if FILE ends in .json
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    restoring: RestoringArgs,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    args.common.apply()?;
+    let observe = args.observe.as_deref().map(parse_point_names).transpose()?;
+    let options = Complete {
+        max_gap: args.max_gap,
+        overwrite_outliers: args.overwrite_observed,
+        observe,
+        fps: args.restoring.input.fps,
+        per_frame: args.restoring.per_frame,
+    };
+    restore(
+        &args.restoring,
+        &Task::Complete(options, args.report.clone()),
+    )
+}

@@ -1,0 +1,96 @@
+//! Describes poses by geometric features.
+
+use clap::Parser;
+use ndarray::{Axis, concatenate};
+use posing::cli::args::{CommonArgs, Format, InputArgs};
+use posing::cli::feature_table::{self, body_frames, joint_map};
+use posing::cli::input;
+use posing::io::TableFormat;
+use posing::metric::{Family, Gpd};
+use posing::{Error, Result};
+use std::path::PathBuf;
+
+/// Describe poses by 1,683 geometric features
+///
+/// Writes a row a frame: distances, directions and angles of joints, lines and planes of the body, and how they move, without
+/// place, heading and size, after the columns take and time. Names have no comma, such as LL_a(LShoulder-LElbow:LElbow-LHand) and JJ_o(LHand:Head)_x.
+///
+/// Families: J_c, coordinates (46); JJ_d, JJ_o, distances and directions of two joints (120, 360); JL_d, LL_a, distances and
+/// angles of lines (420, 435); JP_d, LP_a, PP_a, of planes (65, 135, 10); J_k, velocities and accelerations (92).
+///
+/// Lengths are in body heights: the median lengths of the bones from head to hip and from hip joint to foot of each take, added
+/// up. Angles are in radians, times in seconds.
+#[derive(Parser)]
+#[command(
+    name = "gpd",
+    version,
+    after_help = "Examples:\n  posing gpd walk.csv > features.csv\n  posing gpd --static --features JJ_d,LL_a -o features.npy walk.csv\n  posing gpd --map joints.toml mine.csv",
+    after_long_help = "Files:\n  joints.toml: which point is which joint, sixteen lines (for CMU: Hip = \"root\", Chest = \"thorax\", Neck = \"lowerneck\", Head = \"head\", LShoulder = \"lclavicle\", LElbow = \"lhumerus\", LHand = \"lwrist\", LHip = \"lhipjoint\", LKnee = \"lfemur\", LFoot = \"ltibia\", and R for the right side)\n\nExamples:\n  posing gpd walk.csv > features.csv\n  posing gpd --static --features JJ_d,LL_a -o features.npy walk.csv\n  posing gpd --map joints.toml mine.csv"
+)]
+pub struct Args {
+    #[command(flatten)]
+    input: InputArgs,
+    /// Which points the sixteen joints are: CMU, a shipped map (posing complete --help lists them), or a TOML file
+    #[arg(
+        long,
+        value_name = "CMU|NAME|FILE.toml",
+        default_value = "CMU",
+        help_heading = "Input"
+    )]
+    map: String,
+    /// Comma-separated families of features (default: all)
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = family)]
+    features: Vec<Family>,
+    /// Leave out velocities and accelerations: 1,591 features, without a frame rate
+    #[arg(long = "static")]
+    is_static: bool,
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    output: Option<PathBuf>,
+    /// Output format (default: by FILE's extension, else csv)
+    #[arg(long, value_enum, value_name = "FORMAT", help_heading = "Output")]
+    to: Option<Format>,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+fn family(text: &str) -> std::result::Result<Family, String> {
+    let names = || Family::ALL.map(Family::name).join(", ");
+    Family::parse(text.trim()).ok_or_else(|| format!("expected families of {}", names()))
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    args.common.apply()?;
+    let mut families = match args.features.is_empty() {
+        true => Family::ALL.to_vec(),
+        false => args.features.clone(),
+    };
+    if args.is_static {
+        families.retain(|f| *f != Family::JointKinetics);
+    }
+    let gpd = Gpd::new(&families);
+    let map = joint_map(&args.map)?;
+    let table = input::read_table(&args.input, false, false)?;
+    let rates = args.input.rates(&table.poses)?;
+    if gpd.needs_rate() && rates.iter().any(Option::is_none) {
+        return Err(Error::usage(
+            "velocities need a frame rate, and the table's times give none; give it with --fps, or leave them out with --static",
+        ));
+    }
+    let takes = body_frames(&table.poses, &rates, &map, &table.name)?;
+    let described: Vec<_> = takes.iter().map(|take| gpd.describe(take)).collect();
+    let views: Vec<_> = described.iter().map(|d| d.view()).collect();
+    let features = concatenate(Axis(0), &views).unwrap_or_default();
+    let is_npy = match (args.to, &args.output) {
+        (Some(format), _) => format == Format::Npy,
+        (None, Some(path)) => TableFormat::of_path(path) == TableFormat::Npy,
+        (None, None) => false,
+    };
+    feature_table::write(
+        args.output.as_deref(),
+        is_npy,
+        &table.poses,
+        &gpd.names(),
+        &features,
+    )
+}

@@ -1,0 +1,130 @@
+//! Learns a prior of poses of any kind.
+
+use clap::{Parser, ValueEnum};
+use posing::Result;
+use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space, value_name};
+use posing::cli::progress::Progress;
+use posing::cli::training::{MultiscaleArgs, ready};
+use posing::cli::{messages, streams};
+use posing::prior::multiscale;
+use posing::prior::provenance::entry;
+use posing::prior::tuning::Tuning;
+use posing::prior::{HoldBack, Kind, TrainOptions};
+use std::path::PathBuf;
+
+/// Train a pose model
+///
+/// denoise and complete use the model (-m MODEL.npz). Its error model is tuned for each task on held-out poses; then the
+/// model is trained on all poses. Train on several takes: a single one cannot be held out. Frames with missing points
+/// are skipped and counted.
+#[derive(Parser)]
+#[command(
+    name = "prior-train",
+    version,
+    after_help = "Examples:\n  posing prior-train -o model.npz poses.csv\n  posing prior-train --kind gaussian --space body -o gaussian.npz poses.npy\n  posing denoise -m model.npz noisy.csv -o clean.csv"
+)]
+pub struct Args {
+    #[command(flatten)]
+    input: InputArgs,
+    /// Kind of model (default: multiscale, or nlm for more than 250 points, for which it would take too long)
+    #[arg(long, value_name = "KIND", value_parser = kinds())]
+    kind: Option<String>,
+    /// Poses to hold out for tuning: whole takes (for unseen motion) or random frames; multiscale holds out both
+    #[arg(long, value_enum, value_name = "WHAT", default_value = "takes")]
+    hold_back: HoldBackFlag,
+    /// Space in which poses are learnt
+    #[arg(long, value_enum, default_value = "world")]
+    space: Space,
+    #[command(flatten)]
+    size: MultiscaleArgs,
+    /// Credit line of the training data, stored in the model
+    #[arg(long, value_name = "TEXT")]
+    credit: Option<String>,
+    /// Output file
+    #[arg(short, long, value_name = "MODEL.npz")]
+    output: PathBuf,
+    #[command(flatten)]
+    seed: SeedArgs,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum HoldBackFlag {
+    /// Whole takes, about a fifth of the poses
+    Takes,
+    /// Random frames, a fifth of all
+    Frames,
+}
+
+/// The kinds, with what each is.
+fn kinds() -> clap::builder::PossibleValuesParser {
+    let value = |kind: Kind| {
+        let value = clap::builder::PossibleValue::new(kind.name()).help(kind.description());
+        match kind {
+            // Its former name.
+            Kind::Multiscale => value.alias("blocks"),
+            _ => value,
+        }
+    };
+    Kind::ALL.map(value).into()
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    args.common.apply()?;
+    let world = args.space == Space::World;
+    let poses = ready(&args.input, args.input.files.clone(), world, None)?;
+    let kind: Kind = match &args.kind {
+        Some(name) => name.parse()?,
+        None => Kind::for_points(poses.points.len()),
+    };
+    if args.kind.is_none() && kind != Kind::default() {
+        messages::info(&format!(
+            "{} points are too many for the kind {}: training {}; --kind says otherwise",
+            poses.points.len(),
+            Kind::default().name(),
+            kind.name()
+        ));
+    }
+    let hold_back = match args.hold_back {
+        HoldBackFlag::Takes => HoldBack::Takes,
+        HoldBackFlag::Frames => HoldBack::Frames,
+    };
+    let options = TrainOptions {
+        seed: args.seed.seed,
+        hold_back,
+    };
+    let bar = Progress::new("prior-train", 0);
+    let report = &mut |what: &str| {
+        bar.set_message(what.to_string());
+        messages::debug(what);
+    };
+    let mut model = match args.size.settings(kind)? {
+        Some(settings) => multiscale::model(&poses, &options, &settings, report)?,
+        None => kind.train_with_progress(&poses, &options, report)?,
+    };
+    drop(bar);
+    if Tuning::read(&model).is_some_and(|t| t.tested == 0) {
+        messages::info("too few poses to hold any out: the model is not tuned");
+    }
+    if kind == Kind::Multiscale && poses.takes.len() < 2 {
+        messages::info(
+            "a single take cannot be held out: all levels get equal weight and unlike poses are not reported; train on several takes",
+        );
+    }
+    model.meta.credit.clone_from(&args.credit);
+    let mut flags = vec![
+        ("kind", kind.name().to_string()),
+        ("hold-back", value_name(args.hold_back)),
+        ("space", value_name(args.space)),
+        ("seed", args.seed.seed.to_string()),
+    ];
+    if let Some(cells) = &args.size.cells {
+        let cells: Vec<String> = cells.iter().map(usize::to_string).collect();
+        flags.push(("cells", cells.join(",")));
+    }
+    flags.extend(args.size.leaves.map(|n| ("leaves", n.to_string())));
+    let step = entry("prior-train", &flags, poses.digests());
+    model.meta.history.push(step);
+    streams::write_bytes(Some(&args.output), &model.to_bytes()?, true)
+}

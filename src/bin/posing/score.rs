@@ -1,0 +1,103 @@
+//! Compares poses with the truth.
+
+use clap::Parser;
+use posing::cli::args::{CommonArgs, InputArgs, parse_rate, value_name};
+use posing::cli::input::{check_single_stdin, read_table};
+use posing::cli::messages;
+use posing::cli::streams::write_bytes;
+use posing::cli::units::Units;
+use posing::evaluate::Score;
+use posing::evaluate::frames::point_order;
+use posing::io::Table;
+use posing::{Error, Place, Result};
+use std::path::PathBuf;
+
+/// Compare poses with the truth
+///
+/// Prints, in total and for each point, the number of coordinates, their mean squared error (MSE) and its root (RMS), the
+/// mean distance of a point and the largest error of a coordinate; then the errors and variation of bone lengths, and
+/// accelerations (jitter raises them above the truth's). The frames must be the same; points are matched by name.
+/// Coordinates missing in TRUTH are left out; those missing in RESULT are counted as still missing.
+#[derive(Parser)]
+#[command(
+    name = "score",
+    version,
+    after_help = "Examples:\n  posing score truth.csv denoised.csv\n  posing score --damaged gaps.csv truth.csv completed.csv\n  posing denoise noisy.csv | posing score --units asf --json truth.csv -"
+)]
+pub struct Args {
+    /// True poses, CSV or NPY; - for standard input
+    #[arg(value_name = "TRUTH")]
+    truth: PathBuf,
+    /// Poses to score, CSV or NPY; - for standard input
+    #[arg(value_name = "RESULT")]
+    result: PathBuf,
+    /// The table that RESULT was restored from: adds the errors where it was missing (by gap length), observed and changed
+    #[arg(long, value_name = "TABLE")]
+    damaged: Option<PathBuf>,
+    /// Unit of the printed errors; the paper uses asf. Tables are in centimetres
+    #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
+    units: Units,
+    /// Print one JSON object with all digits
+    #[arg(long)]
+    json: bool,
+    /// Frames per second, for tables without times
+    #[arg(long, value_name = "F", value_parser = parse_rate, help_heading = "Input")]
+    fps: Option<f64>,
+    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
+    #[arg(long, value_name = "LIST", help_heading = "Input")]
+    joints: Option<String>,
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
+    #[arg(short, long, value_name = "FILE", help_heading = "Output")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    args.common.apply()?;
+    let files = [Some(&args.truth), Some(&args.result), args.damaged.as_ref()];
+    let inputs: Vec<InputArgs> = files
+        .into_iter()
+        .flatten()
+        .map(|file| InputArgs::plain(vec![file.clone()], args.fps, &args.joints))
+        .collect();
+    check_single_stdin(inputs.iter().flat_map(|t| &t.files))?;
+    let tables = inputs.iter().map(|input| read_table(input, true, false));
+    let tables: Vec<Table> = tables.collect::<Result<_>>()?;
+    let truth = &tables[0];
+    if truth.poses.frames() == 0 {
+        return Err(Error::data(
+            Place::file(&truth.name),
+            "has no frames to compare",
+        ));
+    }
+    for other in &tables[1..] {
+        point_order(&truth.poses, &other.poses).map_err(|what| {
+            let what = format!(
+                "{what} as in {}; tables to compare must have the same frames",
+                truth.name
+            );
+            Error::data(Place::file(&other.name), what)
+        })?;
+        let more = other.poses.points.len() - truth.poses.points.len();
+        if more > 0 {
+            let noun = if more == 1 { "point" } else { "points" };
+            let (name, truth) = (&other.name, &truth.name);
+            messages::info(&format!(
+                "{name}: ignored {more} {noun} that {truth} does not have"
+            ));
+        }
+    }
+    let score = Score::new(&truth.poses, &tables[1].poses)?;
+    let rates = inputs[0].rates(score.clock())?;
+    let mut score = score.with_rates(rates);
+    if let Some(damaged) = tables.get(2) {
+        score = score.by_gap(&damaged.poses)?;
+    }
+    let report = score.finish_in(&value_name(args.units), args.units.centimetres());
+    let mut out = report.to_string();
+    if args.json {
+        out = serde_json::to_string(&report).map_err(|e| Error::usage(e.to_string()))? + "\n";
+    }
+    write_bytes(args.output.as_deref(), out.as_bytes(), false)
+}

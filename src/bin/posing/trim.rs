@@ -1,0 +1,147 @@
+//! Chooses frames and points of takes, changes their rate, filters them.
+
+use clap::Parser;
+use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_rate};
+use posing::cli::input::read_table;
+use posing::cli::messages;
+use posing::cli::streams::write_table;
+use posing::cli::units::TableUnits;
+use posing::io::{Table, parse_point_names};
+use posing::pose::Poses;
+use posing::{Error, Place, Result};
+
+/// Choose frames, takes and points, resample, rename, filter
+///
+/// Several tables become one. First frames are chosen (--take, --from, --to), then values are filtered (--butterworth), then
+/// resampled, then points are chosen and renamed. Missing values stay missing, and nothing is interpolated across them. The
+/// result has the columns take, time and the points; other columns are left out.
+#[derive(Parser)]
+#[command(
+    name = "trim",
+    version,
+    after_help = "Examples:\n  posing trim --from 1.5 --to 4 walk.csv > part.csv\n  posing trim --butterworth 6Hz walk.csv > smooth.csv\n  posing trim --butterworth 12Hz --resample 30 walk.csv > walk30.csv\n  posing trim --points lwrist,rwrist --rename lwrist=left,rwrist=right walk.csv"
+)]
+pub struct Args {
+    #[command(flatten)]
+    input: InputArgs,
+    /// First time, in seconds as the table has it
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    from: Option<f64>,
+    /// Last time, in seconds as the table has it
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true)]
+    to: Option<f64>,
+    /// Comma-separated takes
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    take: Vec<String>,
+    /// Low-pass filter: Butterworth of second order, forwards and backwards (no lag, fourth order together), with half the power
+    /// left at this cutoff; below .4 of the rate
+    #[arg(long, value_name = "HZ", value_parser = parse_hertz)]
+    butterworth: Option<f64>,
+    /// Frames per second of the result, interpolated (PCHIP) between measured neighbours. For a lower rate, filter first: what is
+    /// faster than half of it turns into slow movement
+    #[arg(long, value_name = "F", value_parser = parse_rate)]
+    resample: Option<f64>,
+    /// Comma-separated points, in the order of the result
+    #[arg(long, value_name = "LIST")]
+    points: Option<String>,
+    /// Comma-separated new names of points
+    #[arg(long, value_name = "OLD=NEW,...", value_delimiter = ',', value_parser = parse_rename)]
+    rename: Vec<(String, String)>,
+    #[command(flatten)]
+    out: OutputArgs,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+fn parse_rename(text: &str) -> std::result::Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((old, new)) if !old.is_empty() && !new.is_empty() => Ok((old.into(), new.into())),
+        _ => Err("expected OLD=NEW".into()),
+    }
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    args.common.apply()?;
+    let table = read_table(&args.input, false, false)?;
+    let bad = |what: String| Error::data(Place::file(&table.name), what);
+    let fps = args.input.rate(&table.poses)?;
+    let mut poses = chosen(args, &table.poses).map_err(bad)?;
+    if let Some(cutoff) = args.butterworth {
+        let short = poses.low_pass(cutoff, fps).map_err(bad)?;
+        if short > 0 {
+            messages::info(&format!(
+                "{short} pieces of fewer than 10 frames are not filtered"
+            ));
+        }
+    }
+    if let Some(rate) = args.resample {
+        if fps.is_some_and(|fps| rate < fps) && args.butterworth.is_none() {
+            messages::info(
+                "a lower rate without --butterworth: what is faster than half of it turns into slow movement",
+            );
+        }
+        if let (None, Some(fps)) = (&poses.time, fps) {
+            poses.time = Some((0..poses.frames()).map(|t| t as f64 / fps).collect());
+        }
+        poses = poses.resampled(rate).map_err(bad)?;
+    }
+    if let Some(list) = &args.points {
+        let names = parse_point_names(list)?;
+        let with = poses.with_points(&names);
+        poses = with.map_err(|name| bad(format!("has no point \"{name}\"")))?;
+    }
+    rename(args, &mut poses).map_err(bad)?;
+    let mut result = Table::from_poses(poses);
+    result.name.clone_from(&table.name);
+    // The poses are in centimetres; the result is in the unit of the input.
+    let units = args.input.table_units();
+    let out = OutputArgs {
+        out_units: args.out.out_units.or(Some(units.unit)),
+        out_up: args.out.out_up.or(Some(units.up)),
+        ..args.out.clone()
+    };
+    let xyz = result.poses.xyz.view();
+    write_table(&out, TableUnits::CM_Y, &result, xyz, &[], |_| Vec::new())
+}
+
+/// The frames that the flags choose.
+fn chosen(args: &Args, poses: &Poses) -> std::result::Result<Poses, String> {
+    let names = poses.take.as_ref();
+    let unknown = |take: &&String| names.is_none_or(|names| !names.iter().any(|n| **n == ***take));
+    if let Some(take) = args.take.iter().find(unknown) {
+        return Err(format!("has no take \"{take}\""));
+    }
+    if (args.from.is_some() || args.to.is_some()) && poses.time.is_none() {
+        return Err("has no times: --from and --to need them".into());
+    }
+    let is_chosen = |t: usize| {
+        let time = poses.time.as_ref().map_or(0.0, |time| time[t]);
+        let in_take = args.take.is_empty()
+            || names.is_some_and(|names| args.take.iter().any(|take| **take == *names[t]));
+        in_take
+            && args.from.is_none_or(|from| time >= from - 1e-9)
+            && args.to.is_none_or(|to| time <= to + 1e-9)
+    };
+    let frames: Vec<usize> = (0..poses.frames()).filter(|&t| is_chosen(t)).collect();
+    if frames.is_empty() {
+        return Err("has no frame that was asked for".into());
+    }
+    Ok(poses.with_frames(&frames))
+}
+
+/// Gives points their new names, all at once: left and right may be exchanged.
+fn rename(args: &Args, poses: &mut Poses) -> std::result::Result<(), String> {
+    let mut names = poses.points.clone();
+    for (old, new) in &args.rename {
+        let at = poses.points.iter().position(|p| p == old);
+        let at = at.ok_or_else(|| format!("has no point \"{old}\" to rename"))?;
+        names[at].clone_from(new);
+    }
+    let mut sorted = names.clone();
+    sorted.sort();
+    if let Some(pair) = sorted.windows(2).find(|pair| pair[0] == pair[1]) {
+        return Err(format!("would have two points \"{}\"", pair[0]));
+    }
+    poses.points = names;
+    Ok(())
+}

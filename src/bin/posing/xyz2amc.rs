@@ -1,0 +1,92 @@
+//! Turns a pose table into an AMC take.
+
+use clap::Parser;
+use posing::Result;
+use posing::cli::Outcome;
+use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
+use posing::cli::ik::{fit, report_time_jumps};
+use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
+use posing::cli::one_take::{first_frame_number, one_take};
+use posing::cli::streams::write_bytes;
+use posing::cli::units::Units;
+use posing::io::{Amc, Asf};
+use posing::pose::BonePoints;
+use posing::pose::bone_points::bone_ends_of_starts;
+use posing::restore::ik::SkeletonFit;
+use std::path::PathBuf;
+
+/// Convert a pose table to an AMC take
+///
+/// Scales each pose to the skeleton's bone lengths and solves for the skeleton's degrees of freedom by inverse
+/// kinematics. A point is the end of the bone of the same name. Bones without a point stay at zero. Standard error
+/// reports the mean and largest distance between points and joints. Exit code 3: the mean over the points that drive the skeleton
+/// (not eyes, ears, heels and fingers) is over 5% of the leg or over 2 cm, or most of its bones have no points; over 25% or 10 cm is an
+/// error.
+#[derive(Parser)]
+#[command(
+    name = "xyz2amc",
+    version,
+    after_help = "Examples:\n  posing xyz2amc --asf 07.asf walk.csv > walk.amc\n  posing amc2xyz --asf 07.asf --fps 120 07_01.amc | posing complete | posing xyz2amc --asf 07.asf -o whole.amc"
+)]
+pub struct Args {
+    /// Pose tables, CSV or NPY; - or nothing: standard input
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Skeleton to fit (ASF)
+    #[arg(long, value_name = "SUBJECT.asf")]
+    asf: PathBuf,
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
+    #[arg(long)]
+    force: bool,
+    /// Take to write, if the table has several
+    #[arg(long, value_name = "NAME")]
+    take: Option<String>,
+    /// Respect the skeleton's joint limits, which captured motion often exceeds
+    #[arg(long)]
+    limits: bool,
+    /// Unit of the skeleton's lengths, if its :units section is wrong or missing
+    #[arg(long, value_enum, value_name = "UNIT")]
+    units: Option<Units>,
+    /// Frames per second, for a table without times; used only to number the frames
+    #[arg(long, value_name = "F", value_parser = parse_rate)]
+    fps: Option<f64>,
+    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
+    #[arg(long, value_name = "LIST")]
+    joints: Option<String>,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+pub fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let files = or_stdin(&args.files);
+    check_single_stdin(files.iter().chain([&args.asf]))?;
+    let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
+    let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
+    let table = read_table(&input, false, false)?;
+    let mut poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let points = BonePoints::of(&poses.points, poses.xyz.view());
+    if !args.force {
+        check_body_size(
+            &poses,
+            &points.bone_ends(&poses.points),
+            &table.name,
+            IN_CENTIMETRES,
+        )?;
+    }
+    if points == BonePoints::Starts {
+        poses.points = bone_ends_of_starts(&poses.points);
+    }
+    let rate = input.rate(&poses)?;
+    report_time_jumps(&poses, &table.name, "an AMC file");
+    let no_joint = format!("no point has the name of a bone in {}", args.asf.display());
+    let skeleton = SkeletonFit::new(&asf.skeleton).limits(args.limits);
+    let (fitted, outcome) = fit(&skeleton, &poses, &table.name, &no_joint, args.force)?;
+    let take = Amc::from_values(&asf, first_frame_number(&poses, rate), fitted.values());
+    write_bytes(args.output.as_deref(), &take.to_bytes(), false)?;
+    Ok(outcome)
+}

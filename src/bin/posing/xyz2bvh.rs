@@ -1,0 +1,175 @@
+//! Turns a pose table into a BVH file.
+
+use clap::Parser;
+use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
+use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
+use posing::cli::ik::{fit, report_time_jumps};
+use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
+use posing::cli::streams::write_bytes;
+use posing::cli::{Outcome, messages};
+use posing::io::bvh::LARGEST_FILE;
+use posing::io::{Bvh, Input, SkeletonFile};
+use posing::pose::BonePoints;
+use posing::pose::bone_points::bone_ends_of_starts;
+use posing::pose::rotation::{Axis, parse_order};
+
+use posing::cli::one_take::one_take;
+use posing::restore::ik::{SkeletonFit, estimate_skeleton, solve_missing_channels};
+use posing::{Error, Place, Result};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+/// Convert a pose table to a BVH file
+///
+/// Scales each pose to the skeleton's bone lengths and solves for the joint angles by inverse kinematics. A point is the
+/// end of the bone of the same name, or its start where names and lengths say so, as in the tables of bvh2xyz. In the BVH file, joint NAME is the start of bone NAME and rotates it; the last bone
+/// of a chain ends in an End Site. Bones without a point keep their rest pose. Standard error reports the mean and
+/// largest distance between points and joints. Exit code 3: the mean over the points that drive the skeleton (not eyes, ears, heels and
+/// fingers) is over 5% of the leg or over 2 cm, or most of its joints have no points; over 25% or 10 cm is an error.
+///
+/// Position channels of a BVH skeleton take the place of its OFFSETs, also below the root: where they hold one value in that file, that is
+/// the bone; where they vary, they are solved for.
+#[derive(Parser)]
+#[command(
+    name = "xyz2bvh",
+    version,
+    after_help = "Examples:\n  posing xyz2bvh -o walk.bvh walk.csv\n  posing xyz2bvh --skeleton 07.asf --order ZXY -o walk.bvh walk.csv\n  posing bvh2xyz old.bvh | posing denoise | posing xyz2bvh --skeleton old.bvh -o new.bvh\n  posing bvh2xyz old.bvh | posing complete | posing xyz2bvh --into old.bvh -o whole.bvh"
+)]
+pub struct Args {
+    /// Pose tables, CSV or NPY; - or nothing: standard input
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Skeleton to fit, ASF or BVH; a BVH file's hierarchy, offsets and channels are kept [default: measured from the
+    /// table, which needs the CMU joint names]
+    #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
+    skeleton: Option<PathBuf>,
+    /// BVH file whose missing values (the word nan) are filled from the table, which has its joints, as bvh2xyz writes them, and its
+    /// frames; every other byte of it stays
+    #[arg(long, value_name = "ORIGINAL.bvh", conflicts_with_all = ["skeleton", "order", "limits"])]
+    into: Option<PathBuf>,
+    /// Write to FILE instead of standard output; FILE appears only when it is complete
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Order of the rotation channels; the last is applied first [default: ZYX, or that of the BVH skeleton]
+    #[arg(long, value_name = "ORDER", value_parser = order)]
+    order: Option<[Axis; 3]>,
+    /// Respect the skeleton's joint limits, which captured motion often exceeds
+    #[arg(long)]
+    limits: bool,
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
+    #[arg(long)]
+    force: bool,
+    /// Take to write, if the table has several
+    #[arg(long, value_name = "NAME")]
+    take: Option<String>,
+    /// Frames per second, for a table without times
+    #[arg(long, value_name = "F", value_parser = parse_rate)]
+    fps: Option<f64>,
+    /// Point names for an NPY array: 23 (the CMU joints) or a comma-separated list
+    #[arg(long, value_name = "LIST")]
+    joints: Option<String>,
+    #[command(flatten)]
+    units: BvhUnitArgs,
+    #[command(flatten)]
+    common: CommonArgs,
+}
+
+fn order(text: &str) -> std::result::Result<[Axis; 3], String> {
+    parse_order(text).ok_or_else(|| "expected the three axes in some order, such as ZYX".into())
+}
+
+pub fn work(args: &Args) -> Result<Outcome> {
+    args.common.apply()?;
+    let files = or_stdin(&args.files);
+    check_single_stdin(files.iter().chain(&args.skeleton).chain(&args.into))?;
+    if let Some(original) = &args.into {
+        return fill(args, original).map(Outcome::from);
+    }
+    // First: an error in the skeleton should not wait for a long table to be read.
+    let given = args
+        .skeleton
+        .as_ref()
+        .map(|p| skeleton_file(args, p))
+        .transpose()?;
+    let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
+    let table = read_table(&input, false, false)?;
+    let mut poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    // A single frame has no rate of its own: it keeps that of the file it goes back to.
+    let of_file = |file: &SkeletonFile| match file {
+        SkeletonFile::Bvh(template) if poses.frames() == 1 => template.rate(),
+        _ => None,
+    };
+    let Some(rate) = (input.rate(&poses)?).or_else(|| given.as_ref().and_then(of_file)) else {
+        let what = format!("{}: has no frame rate; give it with --fps", table.name);
+        return Err(Error::usage(what));
+    };
+    let points = BonePoints::of(&poses.points, poses.xyz.view());
+    if !args.force {
+        check_body_size(
+            &poses,
+            &points.bone_ends(&poses.points),
+            &table.name,
+            IN_CENTIMETRES,
+        )?;
+    }
+    if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
+        poses.points = bone_ends_of_starts(&poses.points);
+    }
+    report_time_jumps(&poses, &table.name, "a BVH");
+    let estimated;
+    let skeleton = match &given {
+        Some(SkeletonFile::Bvh(template)) => SkeletonFit::with_template(template),
+        Some(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
+        None => {
+            estimated = estimate_skeleton(&poses)?;
+            SkeletonFit::new(&estimated)
+        }
+    };
+    let no_joint = "no point has the name of a joint of the skeleton";
+    let skeleton = skeleton.limits(args.limits);
+    let (fitted, outcome) = fit(&skeleton, &poses, &table.name, no_joint, args.force)?;
+    let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
+    let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
+    let text = bvh.to_bytes(args.units.centimetres());
+    write_bytes(args.output.as_deref(), &text, false)?;
+    Ok(outcome)
+}
+
+/// The original with its missing values.
+fn fill(args: &Args, original: &Path) -> Result<()> {
+    let unit = args.units.centimetres();
+    let bytes = open(original)?.read_all(LARGEST_FILE)?;
+    let input = Input::new(original.display().to_string(), Cursor::new(bytes.clone()))?;
+    let bvh = Bvh::read(input, unit, false)?;
+    let table = read_table(
+        &InputArgs::plain(args.files.clone(), args.fps, &args.joints),
+        false,
+        false,
+    )?;
+    let poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
+    let bad = |e: Error| match e {
+        Error::Usage(what) => Error::data(Place::file(&table.name), what),
+        other => other,
+    };
+    let motion = solve_missing_channels(&bvh, &poses, None, args.units.rotation()).map_err(bad)?;
+    let filled = bvh.fill_missing(&bytes, motion.view(), unit)?;
+    let missing = bvh.missing();
+    let left = missing.iter().filter(|at| motion[**at].is_nan()).count();
+    messages::info(&format!(
+        "filled {} of {} missing values",
+        missing.len() - left,
+        missing.len()
+    ));
+    write_bytes(args.output.as_deref(), &filled, false)
+}
+
+fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
+    let unit = args.units.centimetres();
+    let (file, notes) = SkeletonFile::read(open(path)?, unit, args.units.rotation())?;
+    notes.iter().for_each(|n| messages::info(n));
+    if matches!(file, SkeletonFile::Bvh(_)) && args.order.is_some() {
+        let what = "--order cannot be used with a BVH skeleton, which keeps its own order";
+        return Err(Error::usage(what));
+    }
+    Ok(file)
+}

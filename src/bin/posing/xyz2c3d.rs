@@ -1,0 +1,97 @@
+//! Turns a pose table into a C3D file, or puts its points into one that there is.
+
+use clap::Parser;
+use posing::cli::input::open;
+use posing::cli::marker_files::MarkerUnitArgs;
+use posing::cli::messages;
+use posing::cli::one_take_args::{OneTake, OneTakeArgs};
+use posing::cli::units::{TableUnits, Units, Up};
+use posing::io::C3d;
+use posing::{Error, Place, Result};
+use std::path::{Path, PathBuf};
+
+/// Convert a pose table to a C3D file
+///
+/// Writes points alone: Intel reals, millimetres, z up. With --into, the points of an existing file are replaced and all
+/// else stays as it is, byte for byte: analog channels, events, force plates, parameters, the first frame's number. A point
+/// whose coordinates do not change keeps its residual and cameras; one that was filled or changed gets a residual of 0, as
+/// the format has it for points that were not measured, and an empty one -1.
+#[derive(Parser)]
+#[command(
+    name = "xyz2c3d",
+    version,
+    after_help = "Examples:\n  posing xyz2c3d -o walk.c3d walk.csv\n  posing c3d2xyz gait.c3d | posing complete --self | posing xyz2c3d --into gait.c3d -o filled.c3d"
+)]
+pub struct Args {
+    /// C3D file whose points are replaced; frames and names must be the table's
+    #[arg(long, value_name = "ORIGINAL.c3d")]
+    into: Option<PathBuf>,
+    /// Unit of length of the file [default: mm, or what ORIGINAL says]
+    #[arg(long, value_enum, value_name = "UNIT")]
+    units: Option<Units>,
+    /// Axis of the file that points up [default: z, or what ORIGINAL says]
+    #[arg(long, value_enum, value_name = "AXIS")]
+    up: Option<Up>,
+    #[command(flatten)]
+    out: OneTakeArgs,
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    let one = args.out.read(args.into.as_ref())?;
+    let bytes = match &args.into {
+        Some(original) => into(args, one, original)?,
+        None => new(args, one)?,
+    };
+    args.out.write(&bytes, true)
+}
+
+/// The original with the points of the poses.
+fn into(args: &Args, one: OneTake, original: &Path) -> Result<Vec<u8>> {
+    let OneTake { poses, table } = one;
+    let original = C3d::read(open(original)?, true)?;
+    let said = |n: &String| messages::info(&format!("{}: {n}", original.take.name));
+    original.take.notes.iter().for_each(said);
+    let units = MarkerUnitArgs {
+        units: args.units,
+        up: args.up,
+    };
+    let units = units.table_units(&original.take)?;
+    let mut xyz = original.take.xyz.clone();
+    let bad = |what: String| Error::data(Place::file(&table), what);
+    if poses.frames() != xyz.nrows() {
+        return Err(bad(format!(
+            "has {} frames, {} has {}",
+            poses.frames(),
+            original.take.name,
+            xyz.nrows()
+        )));
+    }
+    let points = &original.take.points;
+    if let Some(unknown) = poses.points.iter().find(|p| !points.contains(p)) {
+        return Err(bad(format!(
+            "has a point \"{unknown}\", which {} does not have",
+            original.take.name
+        )));
+    }
+    for (i, point) in points.iter().enumerate() {
+        // A point that the table does not have stays as it is.
+        let Some(from) = poses.points.iter().position(|p| p == point) else {
+            continue;
+        };
+        for t in 0..poses.frames() {
+            let mut place = [0, 1, 2].map(|c| poses.xyz[[t, 3 * from + c]]);
+            units.write(&mut place);
+            (0..3).for_each(|c| xyz[[t, 3 * i + c]] = place[c]);
+        }
+    }
+    original.with_points(xyz.view())
+}
+
+/// A file of the poses alone.
+fn new(args: &Args, one: OneTake) -> Result<Vec<u8>> {
+    let units = TableUnits {
+        unit: args.units.unwrap_or(Units::Mm),
+        up: args.up.unwrap_or(Up::Z),
+    };
+    args.out.new_take(one, units, "C3D")?.c3d()
+}

@@ -1,0 +1,88 @@
+//! Turns a pose table into a skeleton that viewers play.
+
+use clap::Parser;
+use posing::Result;
+use posing::cli::args::BvhSkeletonArgs;
+use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
+use posing::cli::ik::fit;
+use posing::cli::input::open;
+use posing::cli::new_take::NewTake;
+use posing::cli::one_take_args::OneTakeArgs;
+use posing::cli::units::TableUnits;
+use posing::cli::{Outcome, messages};
+use posing::io::{SkeletonFile, SkinnedMesh};
+use posing::pose::BonePoints;
+use posing::pose::bone_points::bone_ends_of_starts;
+use posing::restore::ik::{SkeletonFit, estimate_skeleton};
+use std::path::{Path, PathBuf};
+
+/// Convert a pose table to binary glTF: a skeleton that viewers play
+///
+/// Fits a skeleton as xyz2bvh does, with the same exit codes, and writes it with its motion and a simple mesh, an octahedron a bone, so that viewers
+/// and browsers show it. Lengths are metres, y points up. For a body with skin, see body-synth; for FBX, see
+/// posing-formats(7).
+#[derive(Parser)]
+#[command(
+    name = "xyz2glb",
+    version,
+    after_help = "Examples:\n  posing xyz2glb -o walk.glb walk.csv\n  posing complete walk.csv | posing xyz2glb --skeleton 07.asf -o walk.glb\n  posing bvh2xyz walk.bvh | posing xyz2glb --skeleton walk.bvh -o walk.glb"
+)]
+pub struct Args {
+    /// Skeleton to fit, ASF or BVH [default: measured from the table, which needs the CMU joint names]
+    #[arg(long, value_name = "SUBJECT.asf|FILE.bvh")]
+    skeleton: Option<PathBuf>,
+    /// Go on with a body that is smaller or larger than people are, or that the skeleton does not fit
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    units: BvhSkeletonArgs,
+    #[command(flatten)]
+    take: OneTakeArgs,
+}
+
+pub fn work(args: &Args) -> Result<Outcome> {
+    let one = args.take.read(args.skeleton.as_ref())?;
+    let given = args.skeleton.as_deref().map(|p| skeleton_file(args, p));
+    let given = given.transpose()?;
+    let table = one.table.clone();
+    let NewTake {
+        mut poses, rate, ..
+    } = args.take.new_take(one, TableUnits::CM_Y, "GLB")?;
+    let points = BonePoints::of(&poses.points, poses.xyz.view());
+    if !args.force {
+        let names = points.bone_ends(&poses.points);
+        check_body_size(&poses, &names, &table, IN_CENTIMETRES)?;
+    }
+    if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
+        poses.points = bone_ends_of_starts(&poses.points);
+    }
+    let estimated;
+    let skeleton = match &given {
+        Some(SkeletonFile::Bvh(template)) => SkeletonFit::with_template(template),
+        Some(SkeletonFile::Asf(asf)) => SkeletonFit::new(&asf.skeleton),
+        None => {
+            estimated = estimate_skeleton(&poses)?;
+            SkeletonFit::new(&estimated)
+        }
+    };
+    let no_joint = "no point has the name of a bone of the skeleton";
+    let (fitted, outcome) = fit(&skeleton, &poses, &table, no_joint, args.force)?;
+    let times: Vec<f64> = (0..poses.frames()).map(|t| t as f64 / rate).collect();
+    let name = poses.take.as_ref().and_then(|take| take.first());
+    let name = name.map_or("take", |take| take);
+    let mesh = match &given {
+        Some(SkeletonFile::Bvh(template)) => {
+            SkinnedMesh::of_template(name, template, fitted.values(), &times)
+        }
+        _ => SkinnedMesh::of_skeleton(name, skeleton.skeleton(), fitted.values(), &times),
+    };
+    args.take.write(&mesh.to_glb()?, true)?;
+    Ok(outcome)
+}
+
+fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
+    let units = &args.units;
+    let (file, notes) = SkeletonFile::read(open(path)?, units.centimetres(), units.rotation())?;
+    notes.iter().for_each(|note| messages::info(note));
+    Ok(file)
+}

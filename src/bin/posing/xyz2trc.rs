@@ -1,0 +1,38 @@
+//! Turns a pose table into a TRC file.
+
+use clap::Parser;
+use posing::Result;
+use posing::cli::one_take_args::OneTakeArgs;
+use posing::cli::units::{TableUnits, Units, Up};
+
+/// Convert a pose table to a TRC file
+///
+/// Writes a tab-separated TRC file for OpenSim and others: millimetres, y up, the table's times, frames numbered from the first,
+/// every number as the shortest text that reads back. A missing point is three empty cells. TRC files state their unit, not
+/// their up axis; OpenSim takes y for up.
+#[derive(Parser)]
+#[command(
+    name = "xyz2trc",
+    version,
+    after_help = "Examples:\n  posing xyz2trc -o walk.trc walk.csv\n  posing trc2xyz --up y gait.trc | posing complete --self | posing xyz2trc -o filled.trc"
+)]
+pub struct Args {
+    /// Unit of length of the file
+    #[arg(long, value_enum, value_name = "UNIT", default_value = "mm")]
+    units: Units,
+    /// Axis of the file that points up
+    #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
+    up: Up,
+    #[command(flatten)]
+    out: OneTakeArgs,
+}
+
+pub fn work(args: &Args) -> Result<()> {
+    let one = args.out.read(None)?;
+    let units = TableUnits {
+        unit: args.units,
+        up: args.up,
+    };
+    let take = args.out.new_take(one, units, "TRC")?;
+    args.out.write(&take.trc()?, false)
+}
