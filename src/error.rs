@@ -3,6 +3,7 @@
 use std::fmt;
 use std::io;
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// A shorthand for results of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -11,7 +12,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The input holds something that cannot be used (exit 1).
-    #[error("{place}: {what}")]
+    #[error("{place}: {}", with_options(what))]
     Data {
         /// Where in the input.
         place: Place,
@@ -19,7 +20,7 @@ pub enum Error {
         what: String,
     },
     /// The arguments do not fit together or are out of range (exit 2).
-    #[error("{0}")]
+    #[error("{}", with_options(.0))]
     Usage(String),
     /// Reading or writing failed (exit 1; a reader that closes the pipe is no failure at all).
     #[error("{place}: {source}")]
@@ -108,5 +109,49 @@ impl Error {
     /// Whether the reader of our output has gone away, which ends a command with success.
     pub fn is_closed_pipe(&self) -> bool {
         matches!(self, Error::Io { source, .. } if source.kind() == io::ErrorKind::BrokenPipe)
+    }
+}
+
+/// Names an option for a user: set once by a program that has its own words for them.
+static OPTION_NAMES: OnceLock<fn(&str) -> String> = OnceLock::new();
+
+/// Lets messages name options as `name` does. A message of the library says ``the option `up z` ``, which is the field `up` of
+/// options with the value `z`; `name` gets what stands in the backquotes. A command names its flag instead.
+pub fn name_options(name: fn(&str) -> String) {
+    let _ = OPTION_NAMES.set(name);
+}
+
+/// The text of a message with its options named as [`name_options`] says.
+pub fn with_options(text: &str) -> String {
+    match OPTION_NAMES.get() {
+        Some(name) => replace_options(text, name),
+        None => text.to_string(),
+    }
+}
+
+fn replace_options(text: &str, name: impl Fn(&str) -> String) -> String {
+    let mut parts = text.split("the option `");
+    let mut out = parts.next().unwrap_or_default().to_string();
+    for part in parts {
+        match part.split_once('`') {
+            Some((option, rest)) => out += &(name(option) + rest),
+            None => out += part,
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::replace_options;
+
+    #[test]
+    fn options_get_the_names_that_a_program_has() {
+        let flag = |option: &str| format!("--{}", option.replace('_', "-"));
+        let text = "does not say its unit; give it with the option `units mm` (or cm), or the option `max_gap`";
+        assert_eq!(
+            replace_options(text, flag),
+            "does not say its unit; give it with --units mm (or cm), or --max-gap"
+        );
     }
 }

@@ -92,8 +92,10 @@
 
 pub mod audit;
 pub mod body;
+pub mod clean;
 pub mod cli;
 pub mod cluster;
+pub mod draw;
 pub mod edit;
 pub mod error;
 pub mod evaluate;

@@ -1,6 +1,6 @@
 //! Rotations that stand still beside moving ones: a value that was held while the joint was not seen.
 
-use super::rotations::JointAngles;
+use crate::pose::JointAngles;
 use super::{Finding, FindingKind, median, ranges};
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};

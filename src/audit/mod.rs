@@ -5,18 +5,24 @@
 
 mod body;
 mod distances;
+mod file;
 mod gaps;
 mod held_rotations;
 mod motion;
 mod nearby;
 mod other_speeds;
+mod page;
 mod rotations;
+mod take_pages;
 
+pub use file::{FileAudit, FileAuditor, files_to_audit};
+pub(crate) use file::{audit_motion, count, kind_name};
 pub use gaps::{GapSummary, PointGaps};
 pub use held_rotations::{HeldRotations, held_rotations};
-pub use rotations::JointAngles;
+pub use page::page;
+pub use take_pages::TakePages;
 
-use crate::pose::Poses;
+use crate::pose::{JointAngles, Poses};
 use crate::pose::stray::points_apart;
 use ndarray::{ArrayView2, s};
 use serde::Serialize;

@@ -1,24 +1,13 @@
 //! The rotations of a file as angles: where they jump though the joint hardly turns.
 
 use super::{Finding, FindingKind};
-use crate::pose::rotation::{Axis, angle_between, compose};
-use ndarray::Array2;
+use crate::pose::JointAngles;
+use crate::pose::rotation::{angle_between, compose};
 
 /// The smallest jump of an angle from one frame to the next that may be a flip, radians.
 const JUMP: f64 = std::f64::consts::FRAC_PI_2;
 /// A jump is a flip if the joint turns by less than this share of it.
 const TURN: f64 = 0.25;
-
-/// The angles of one joint.
-#[derive(Debug, Clone, PartialEq)]
-pub struct JointAngles {
-    /// The name of the joint.
-    pub joint: String,
-    /// The axes; the rotation is the product of those about each in turn.
-    pub axes: Vec<Axis>,
-    /// (frames, axes), radians; NaN is missing.
-    pub angles: Array2<f64>,
-}
 
 /// Joints whose angles jump, by a whole turn or through gimbal lock, while the joint itself hardly turns: what is interpolated between
 /// two such frames goes astray.
@@ -27,12 +16,6 @@ pub fn flips(joints: &[JointAngles]) -> Vec<Finding> {
 }
 
 impl JointAngles {
-    /// Reverses the order of the product.
-    pub fn reverse(&mut self) {
-        self.axes.reverse();
-        self.angles.invert_axis(ndarray::Axis(1));
-    }
-
     fn flips(&self) -> Option<Finding> {
         let jumps = (1..self.angles.nrows()).filter_map(|t| Some((t, self.flip_at(t)?)));
         let jumps: Vec<(usize, f64)> = jumps.collect();
@@ -70,7 +53,8 @@ impl JointAngles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::array;
+    use crate::pose::rotation::Axis;
+    use ndarray::{Array2, array};
     use std::f64::consts::PI;
 
     #[test]

@@ -1,9 +1,9 @@
 //! Flags that several commands share.
 
-use super::units::{TableUnits, Units, Up};
+use crate::pose::units::{Units, LengthUnit, UpAxis};
 use super::{memory_limit, messages};
 use crate::io::TableFormat;
-use crate::io::{ReadOptions, parse_point_names};
+use crate::io::{TableOptions, parse_point_names};
 use crate::pose::Poses;
 use crate::sparse::SelectionRule;
 use crate::{Error, Result};
@@ -59,10 +59,10 @@ pub struct InputArgs {
     pub joints: Option<String>,
     /// Unit of length of the input [default: cm; of AMASS' markers m]
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
-    pub units: Option<Units>,
+    pub units: Option<LengthUnit>,
     /// Axis of the input that points up [default: y; of AMASS' markers z]
     #[arg(long, value_enum, value_name = "AXIS", help_heading = "Input")]
-    pub up: Option<Up>,
+    pub up: Option<UpAxis>,
 }
 
 impl InputArgs {
@@ -86,9 +86,9 @@ impl InputArgs {
     }
 
     /// The options of the library's reader.
-    pub fn options(&self, planar: bool, cells: bool) -> Result<ReadOptions> {
+    pub fn options(&self, planar: bool, cells: bool) -> Result<TableOptions> {
         let joints = self.joints.as_deref().map(parse_point_names).transpose()?;
-        Ok(ReadOptions {
+        Ok(TableOptions {
             joints,
             planar,
             cells,
@@ -96,10 +96,10 @@ impl InputArgs {
     }
 
     /// The unit and the axis of the input.
-    pub fn table_units(&self) -> TableUnits {
-        TableUnits {
-            unit: self.units.unwrap_or(Units::Cm),
-            up: self.up.unwrap_or(Up::Y),
+    pub fn table_units(&self) -> Units {
+        Units {
+            unit: self.units.unwrap_or(LengthUnit::Cm),
+            up: self.up.unwrap_or(UpAxis::Y),
         }
     }
 
@@ -164,7 +164,7 @@ pub fn parse_hertz(text: &str) -> std::result::Result<f64, String> {
 pub struct MeshUnitArgs {
     /// Unit of length of the input: its files have none
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
-    units: Units,
+    units: LengthUnit,
     /// Axis of the input that points up
     #[arg(
         long,
@@ -173,13 +173,13 @@ pub struct MeshUnitArgs {
         default_value = "y",
         help_heading = "Input"
     )]
-    up: Up,
+    up: UpAxis,
 }
 
 impl MeshUnitArgs {
     /// The unit and the axis.
-    pub fn table_units(&self) -> TableUnits {
-        TableUnits {
+    pub fn table_units(&self) -> Units {
+        Units {
             unit: self.units,
             up: self.up,
         }
@@ -191,16 +191,16 @@ impl MeshUnitArgs {
 pub struct BvhUnitArgs {
     /// Unit of length of the BVH files written, and of a BVH skeleton
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
-    units: Units,
+    units: LengthUnit,
     /// Axis that points up in the BVH files written, and in a BVH skeleton
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    up: Up,
+    up: UpAxis,
 }
 
 impl BvhUnitArgs {
     /// The unit in centimetres.
-    pub fn centimetres(&self) -> f64 {
-        self.units.centimetres()
+    pub fn centimeters(&self) -> f64 {
+        self.units.centimeters()
     }
 
     /// The rotation that carries the files' axes to y up.
@@ -214,16 +214,16 @@ impl BvhUnitArgs {
 pub struct BvhSkeletonArgs {
     /// Unit of length of a BVH skeleton
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
-    units: Units,
+    units: LengthUnit,
     /// Axis that points up in a BVH skeleton
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    up: Up,
+    up: UpAxis,
 }
 
 impl BvhSkeletonArgs {
     /// The unit in centimetres.
-    pub fn centimetres(&self) -> f64 {
-        self.units.centimetres()
+    pub fn centimeters(&self) -> f64 {
+        self.units.centimeters()
     }
 
     /// The rotation that carries the file's axes to y up.
@@ -243,10 +243,10 @@ pub struct OutputArgs {
     pub to: Option<Format>,
     /// Unit of length of the output (default: that of an input table, else cm)
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Output")]
-    pub out_units: Option<Units>,
+    pub out_units: Option<LengthUnit>,
     /// Axis of the output that points up (default: that of an input table, else y)
     #[arg(long, value_enum, value_name = "AXIS", help_heading = "Output")]
-    pub out_up: Option<Up>,
+    pub out_up: Option<UpAxis>,
 }
 
 /// Formats of a table.
@@ -269,8 +269,8 @@ impl OutputArgs {
     }
 
     /// The unit and the axis of the output, given those of the input table.
-    pub fn table_units(&self, input: TableUnits) -> TableUnits {
-        TableUnits {
+    pub fn table_units(&self, input: Units) -> Units {
+        Units {
             unit: self.out_units.unwrap_or(input.unit),
             up: self.out_up.unwrap_or(input.up),
         }
@@ -311,4 +311,12 @@ pub struct SeedArgs {
     /// Seed of the random numbers; the same seed gives the same result
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Shared")]
     pub seed: u64,
+}
+
+/// The flag that takes positions at 0 0 0 for missing ones.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct ZeroArgs {
+    /// Take positions of exactly 0 0 0 for missing ones, as some programs write them (not those of BVH and AMC files)
+    #[arg(long)]
+    pub zeros_are_missing: bool,
 }

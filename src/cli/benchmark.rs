@@ -4,7 +4,7 @@ use super::args::InputArgs;
 use super::progress::Progress;
 use super::result_cache::{self, ResultCache};
 use super::toml_file;
-use super::units::parse_length;
+use crate::pose::units::parse_length;
 use super::{input, messages};
 use crate::evaluate::benchmark::leakage::Provenance;
 use crate::evaluate::benchmark::method::{ModelSource, PretrainedModel};

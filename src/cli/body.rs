@@ -2,7 +2,7 @@
 
 use super::number_table::{self, NumberTable};
 use super::pair_file::PairFile;
-use super::units::TableUnits;
+use crate::pose::units::Units;
 use super::{input, messages};
 use crate::body::file::part_name;
 use crate::body::{BodyModel, Marker};
@@ -32,7 +32,7 @@ pub fn open_body(path: &Path) -> Result<BodyModel> {
 ///
 /// # Errors
 /// [`Error::Data`]: no sound meshes, other topology than the first, faces without area, or a size that no body has.
-pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: TableUnits) -> Result<MeshSet> {
+pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: Units) -> Result<MeshSet> {
     let mut set = MeshSet::open(paths)?;
     for k in 0..set.names.len() {
         let mesh = set.mesh(k);
@@ -40,7 +40,7 @@ pub fn read_meshes<P: AsRef<Path>>(paths: &[P], units: TableUnits) -> Result<Mes
         if mesh.faces.is_empty() {
             return Err(Error::data(place(), "has no faces, expected a surface"));
         }
-        let scale = units.unit.centimetres() / 100.0;
+        let scale = units.unit.centimeters() / 100.0;
         mesh.plausible_height(scale)
             .map_err(|what| Error::data(place(), what))?;
     }

@@ -3,7 +3,7 @@
 use super::body_glb::save_glb;
 use super::body_take::BodyTake;
 use super::mesh_output::MeshOutput;
-use super::units::TableUnits;
+use crate::pose::units::Units;
 use crate::body::BodyModel;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -26,10 +26,10 @@ impl TakeOutput {
     /// # Errors
     /// [`Error::Usage`]: the extension is of no format, a `.glb` is asked for in other units than its own, metres and y up, or
     /// `format` is given without a folder.
-    pub fn of(path: &Path, format: Option<&str>, units: TableUnits) -> Result<TakeOutput> {
+    pub fn of(path: &Path, format: Option<&str>, units: Units) -> Result<TakeOutput> {
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
         let is_glb = extension.eq_ignore_ascii_case("glb");
-        if is_glb && units != TableUnits::CM_Y {
+        if is_glb && units != Units::CM_Y {
             return Err(Error::usage(
                 "a .glb is in metres, y up; leave --out-units and --out-up out",
             ));
@@ -64,7 +64,7 @@ impl TakeOutput {
     ///
     /// # Errors
     /// Those of [`MeshOutput::write`] and [`save_glb`].
-    pub fn write(&self, take: &BodyTake, body: &BodyModel, units: TableUnits) -> Result<()> {
+    pub fn write(&self, take: &BodyTake, body: &BodyModel, units: Units) -> Result<()> {
         let faces = body.template.surface();
         let (count, digits) = (take.frames.len(), take.frames.len().max(10_000));
         match self {

@@ -2,7 +2,7 @@
 
 use super::body::{points_of, read_meshes, vertices};
 use super::messages;
-use super::units::TableUnits;
+use crate::pose::units::Units;
 use crate::body::decomposition::fit_rotations;
 use crate::body::{BodyModel, Marker};
 use crate::io::Table;
@@ -21,7 +21,7 @@ const ON_BODY: f64 = 10.0;
 pub fn markers_on_scan(
     body: &BodyModel,
     scan: &Path,
-    units: TableUnits,
+    units: Units,
     table: &Table,
     frame: usize,
 ) -> Result<(Vec<String>, Vec<Marker>)> {

@@ -2,7 +2,7 @@
 
 use super::args::OutputArgs;
 use super::streams::create_table;
-use super::units::TableUnits;
+use crate::pose::units::Units;
 use crate::cluster::KMeans;
 use crate::io::output::CompleteOutput;
 use crate::io::{Row, Table, TableFormat};
@@ -62,7 +62,7 @@ pub struct SplitFolder<'a> {
     /// The format of the parts.
     pub out: &'a OutputArgs,
     /// The units of the table.
-    pub input: TableUnits,
+    pub input: Units,
 }
 
 impl SplitFolder<'_> {

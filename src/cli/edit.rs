@@ -3,7 +3,7 @@
 use super::edit_figure::Figure;
 use super::edit_server::{Answer, Refusal, Reply, Request, Route};
 use super::edit_session::SessionPath;
-use super::input::take_name;
+use crate::io::input::take_name;
 use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
 use crate::edit::{OpenedModel, Session};

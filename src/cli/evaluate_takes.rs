@@ -3,7 +3,7 @@
 use super::args::InputArgs;
 use super::benchmark::{sources, write};
 use super::progress::Progress;
-use super::units::parse_length;
+use crate::pose::units::parse_length;
 use super::{input, messages, streams};
 use crate::Result;
 use crate::evaluate::takes::{GapLength, TakesSettings, TestTakes, TestedModel};

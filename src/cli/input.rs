@@ -1,9 +1,9 @@
 //! The input of commands: files or standard input, tables row by row or whole, models.
 
 use super::args::InputArgs;
-use super::marker_units::{axis_of, unit_of};
 use super::messages;
-use super::units::TableUnits;
+use crate::io::input::take_name;
+use crate::pose::units::Units;
 use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
 use crate::io::{Input, Model};
 use crate::{Error, Place, Result};
@@ -11,6 +11,10 @@ use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// The remedy of commands that read centimeters alone.
+pub const IN_CENTIMETERS: &str =
+    "this command reads centimeters (complete and denoise convert: --units m --out-units cm)";
 
 /// Opens a file, or standard input for `-`.
 pub fn open(path: &Path) -> Result<Input> {
@@ -66,7 +70,7 @@ pub struct RowStream<'a> {
     reader: RowReader,
     columns: Columns,
     /// The unit and the axis of the file being read.
-    units: TableUnits,
+    units: Units,
     /// Whether the size of its first whole frame is still to be looked at.
     is_unmeasured: bool,
 }
@@ -144,18 +148,16 @@ impl<'a> RowStream<'a> {
 }
 
 /// The unit and the axis of a table: the flags', else those of an archive that has them by custom (AMASS), else centimetres, y up.
-fn units_of(reader: &RowReader, flags: &InputArgs) -> TableUnits {
+fn units_of(reader: &RowReader, flags: &InputArgs) -> Units {
     let given = flags.table_units();
     let Some(take) = reader.take() else {
         return given;
     };
     let said = |note: &String| messages::info(&format!("{}: {note}", take.name));
     take.notes.iter().for_each(said);
-    let unit = take.units.as_deref().and_then(unit_of);
-    let up = take.up.as_deref().and_then(axis_of);
-    TableUnits {
-        unit: flags.units.or(unit).unwrap_or(given.unit),
-        up: flags.up.or(up).unwrap_or(given.up),
+    Units {
+        unit: flags.units.or(take.unit()).unwrap_or(given.unit),
+        up: flags.up.or(take.up_axis()).unwrap_or(given.up),
     }
 }
 
@@ -193,12 +195,6 @@ pub fn or_stdin(files: &[PathBuf]) -> Vec<PathBuf> {
         [] => vec![PathBuf::from("-")],
         files => files.to_vec(),
     }
-}
-
-/// The name of a file as a take: without folder and last extension.
-pub fn take_name(path: &Path) -> String {
-    let stem = path.file_stem().unwrap_or_default();
-    stem.to_string_lossy().into_owned()
 }
 
 /// A name has at most so many `'`; then it is numbered.

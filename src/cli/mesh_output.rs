@@ -1,6 +1,6 @@
 //! Writing meshes as commands do: one file, an archive, or a folder of files.
 
-use super::units::TableUnits;
+use crate::pose::units::Units;
 use crate::io::npz::{NpzArray, NpzValues, npz_bytes};
 use crate::io::{Mesh, MeshFormat};
 use crate::{Error, Result};
@@ -50,7 +50,7 @@ impl MeshOutput {
         &self,
         meshes: &[Vec<DVec3>],
         faces: &[[usize; 3]],
-        units: TableUnits,
+        units: Units,
     ) -> Result<()> {
         match self {
             MeshOutput::Archive(path) => {
@@ -103,7 +103,7 @@ impl MeshOutput {
         most: usize,
         meshes: &[Vec<DVec3>],
         faces: &[[usize; 3]],
-        units: TableUnits,
+        units: Units,
     ) -> Result<()> {
         let MeshOutput::Folder(path, format) = self else {
             return Ok(());
@@ -119,7 +119,7 @@ impl MeshOutput {
 }
 
 /// A mesh in the unit and axis `units`, of vertices in centimetres.
-pub fn mesh(vertices: &[DVec3], faces: &[[usize; 3]], units: TableUnits) -> Mesh {
+pub fn mesh(vertices: &[DVec3], faces: &[[usize; 3]], units: Units) -> Mesh {
     let vertex = |v: &DVec3| {
         let mut xyz = v.to_array();
         units.write(&mut xyz);
@@ -132,7 +132,7 @@ pub fn mesh(vertices: &[DVec3], faces: &[[usize; 3]], units: TableUnits) -> Mesh
 }
 
 /// Vertices (n, V, 3) as an array of an archive; a mesh that is not there (empty) is NaN.
-pub fn vertex_array(name: &str, meshes: &[Vec<DVec3>], units: TableUnits) -> NpzArray {
+pub fn vertex_array(name: &str, meshes: &[Vec<DVec3>], units: Units) -> NpzArray {
     let count = meshes.iter().map(Vec::len).max().unwrap_or(0);
     let mut values = Vec::with_capacity(3 * count * meshes.len());
     for mesh in meshes {

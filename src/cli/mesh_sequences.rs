@@ -1,8 +1,8 @@
 //! Files of meshes as sequences: which files are meshes, and reading them.
 
 use super::plot::name_of;
-use super::units::TableUnits;
-use crate::evaluate::mesh_scene::MeshFigure;
+use crate::pose::units::Units;
+use crate::draw::mesh_scene::MeshFigure;
 use crate::io::input::ContentKind;
 use crate::io::{Input, MeshFormat, MeshSet};
 use crate::{Error, Place, Result};
@@ -78,7 +78,7 @@ pub struct MeshFiles<'a> {
     /// The arrays of archives to read, each as a sequence; empty: the usual one.
     pub arrays: &'a [String],
     /// Unit and axis of the files; meshes are turned y up. The unit is centimetres where it is not known.
-    pub units: TableUnits,
+    pub units: Units,
     /// Whether single files must have one topology; otherwise each is a set of its own.
     pub one_topology: bool,
 }

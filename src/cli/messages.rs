@@ -1,5 +1,6 @@
 //! Messages on standard error: one line each, after the command's name.
 
+use crate::error::with_options;
 use std::io::Write;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -68,7 +69,8 @@ fn cut_runs(text: &str, is_part: impl Fn(char) -> bool, most: usize) -> String {
 fn line(text: &str) {
     let name = NAME.get().map_or("posing", String::as_str);
     // A failure to write to standard error cannot be reported.
-    let _ = writeln!(std::io::stderr(), "{name}: {}", visible(text));
+    let text = visible(&with_options(text));
+    let _ = writeln!(std::io::stderr(), "{name}: {text}");
 }
 
 /// Prints why the command failed, at every verbosity.

@@ -46,7 +46,7 @@ pub fn read_takes(
         )));
     }
     let takes = body_frames(&table.poses, &rates, map, &table.name)?;
-    let own = input::take_name(Path::new(&table.name));
+    let own = crate::io::input::take_name(Path::new(&table.name));
     let name = |start: usize| match &table.poses.take {
         Some(takes) if !takes[start].is_empty() => takes[start].to_string(),
         _ => own.clone(),

@@ -1,17 +1,12 @@
 //! The parts that commands share: the wrapper around `main`, flags, input and output, progress, manual pages.
 
 pub mod args;
-pub mod audit;
-pub mod audit_page;
-pub mod audit_takes;
 pub mod benchmark;
 pub mod body;
 pub mod body_glb;
 pub mod body_output;
 pub mod body_scan_markers;
-pub mod body_size;
 pub mod body_take;
-pub mod clean;
 pub mod closed_stdout;
 pub mod cluster;
 pub mod code_table;
@@ -24,26 +19,19 @@ pub mod edit_session;
 pub mod evaluate_metric;
 pub mod evaluate_takes;
 pub mod feature_table;
-mod gap_report;
-pub mod href;
 pub mod ik;
 pub mod input;
 pub mod ksvd;
+pub mod limit_args;
 pub mod manual;
 pub mod marker_files;
-mod marker_units;
 mod memory_limit;
 pub mod mesh_output;
 pub mod mesh_sequences;
 pub mod messages;
 pub mod metric_takes;
-mod model_outputs;
-pub mod motion_file;
-pub mod motion_folder;
 pub mod name_maps;
-pub mod new_take;
 pub mod number_table;
-pub mod one_take;
 pub mod one_take_args;
 pub mod pair_file;
 pub mod pair_label;
@@ -51,6 +39,7 @@ pub mod plot;
 pub mod plot_meshes;
 pub mod point_columns;
 pub mod progress;
+pub mod read_args;
 pub mod registration_points;
 pub mod restoring;
 pub mod result_cache;
@@ -58,13 +47,11 @@ mod signals;
 pub mod streams;
 mod summary;
 pub mod take_classes;
-pub mod take_page;
 mod take_pairs;
 pub mod toml_file;
 pub mod training;
 pub mod transition;
-pub mod units;
-pub mod zeros;
+mod value_enums;
 
 use crate::Result;
 use clap::{CommandFactory, FromArgMatches};
@@ -99,6 +86,7 @@ where
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
     messages::set_name(command.get_name());
+    crate::error::name_options(flag);
     if let Err(e) = memory_limit::prepare() {
         return exit_code(Err::<Outcome, _>(e));
     }
@@ -108,6 +96,13 @@ where
         Ok(args) => exit_code(work(&args)),
         Err(e) => parse_failure(&typed, &e),
     }
+}
+
+/// The flag of an option of the library, with its value if it has one: `--max-gap 2` of `max_gap 2`.
+fn flag(option: &str) -> String {
+    let (name, value) = option.split_once(' ').unwrap_or((option, ""));
+    let flag = format!("--{} {value}", name.replace('_', "-"));
+    flag.trim_end().to_string()
 }
 
 /// The exit code of a command that ended; an error is told.

@@ -3,10 +3,10 @@
 use super::args::{CommonArgs, InputArgs, parse_rate};
 use super::ik::report_time_jumps;
 use super::input::{check_single_stdin, or_stdin, read_table};
-use super::new_take::NewTake;
-use super::one_take::one_take;
+use crate::io::NewTake;
+use crate::pose::one_take;
 use super::streams::write_bytes;
-use super::units::TableUnits;
+use crate::pose::units::Units;
 use crate::pose::Poses;
 use crate::{Error, Place, Result};
 use clap::Args;
@@ -57,7 +57,7 @@ impl OneTakeArgs {
     }
 
     /// What a new file of a `format` such as `TRC` says of the take.
-    pub fn new_take(&self, one: OneTake, units: TableUnits, format: &str) -> Result<NewTake> {
+    pub fn new_take(&self, one: OneTake, units: Units, format: &str) -> Result<NewTake> {
         let OneTake { poses, table } = one;
         let rate = match self.input().rate(&poses)? {
             Some(rate) => rate,

@@ -3,15 +3,14 @@
 use super::args::InputArgs;
 use super::input::{RowStream, open};
 use super::point_columns::{PointColumns, PointColumnsReader};
-use crate::evaluate::figure::{self, Layout};
-use crate::evaluate::frames::{point_order, timed_runs};
-use crate::evaluate::scene::{Run, Scene, Table, spread};
+use crate::draw::figure::{self, Layout};
+use crate::evaluate::alignment::point_order;
+use crate::draw::scene::{Scene, Table, spread};
 use crate::io::bvh::{BvhPoints, BvhSkeleton};
 use crate::io::csv::csv_fault;
 use crate::io::{Bvh, Input, PosesBuilder, Row};
-use crate::pose::{NameMap, Poses, joints};
+use crate::pose::{Poses, joints};
 use crate::{Error, Place, Result};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// A table of text is small.
@@ -176,13 +175,13 @@ impl PlotTable {
     fn of_bvh(input: Input, flags: &InputArgs) -> Result<PlotTable> {
         let file = input.name.clone();
         let units = flags.table_units();
-        let bvh = Bvh::read(input, units.unit.centimetres(), false)?;
+        let bvh = Bvh::read(input, units.unit.centimeters(), false)?;
         let skeleton = BvhSkeleton::new(&bvh.joints, units.up.rotation(), true)?;
         let bad = |what| Error::data(Place::file(&file), what);
         let rate = bvh.rate_or(flags.fps).map_err(bad)?;
         let which = BvhPoints::Origins;
         Ok(PlotTable {
-            bones: Some(bones_of(&skeleton, which)),
+            bones: Some(skeleton.bones(which)),
             poses: bvh.positions(&skeleton, which, rate),
             columns: PointColumns::default(),
             file,
@@ -196,7 +195,7 @@ impl PlotTable {
         let file = stream.name().to_string();
         let (mut builder, mut row) = (PosesBuilder::new(&columns), Row::default());
         let mut of_points =
-            PointColumnsReader::new(&columns, input.table_units().unit.centimetres());
+            PointColumnsReader::new(&columns, input.table_units().unit.centimeters());
         while stream.read(&mut row)? {
             builder.push(&row);
             of_points.push(&file, &row)?;
@@ -233,14 +232,6 @@ impl PlotTable {
     }
 }
 
-/// The pairs of points of a BVH file that its skeleton joins, the one nearer to the root first.
-pub fn bones_of(skeleton: &BvhSkeleton, which: BvhPoints) -> Vec<(usize, usize)> {
-    let points: Vec<usize> = skeleton.points(which).iter().map(|p| p.1).collect();
-    let parents = skeleton.skeleton.nearest_above(&points).into_iter();
-    let bones = parents.enumerate().filter_map(|(i, p)| Some((p?, i)));
-    bones.collect()
-}
-
 /// A file, if it is a BVH file.
 fn bvh(path: &Path) -> Result<Option<Input>> {
     if path == Path::new("-") {
@@ -271,27 +262,10 @@ pub fn name_of(path: &Path) -> String {
     name.into_owned()
 }
 
-/// The runs of a table; `rate` is that of takes without a rate of their own.
-pub fn runs(poses: &Poses, rate: f64) -> Vec<Run<'_>> {
-    let run = |(range, own): (Range<usize>, Option<f64>)| Run {
-        name: poses.take.as_ref().map_or("", |t| &t[range.start]),
-        first: range.start,
-        time: poses.time.as_ref().map_or(0.0, |t| t[range.start]),
-        rate: own.unwrap_or(rate),
-    };
-    let runs = timed_runs(poses, &poses.rates());
-    runs.into_iter().map(run).collect()
-}
-
-/// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of CMU's hierarchy, to which a shipped map of names
-/// may lead.
+/// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of [`joints::bones`].
 pub fn bones(list: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)>> {
     let Some(list) = list else {
-        let own = joints::parents_by_name(points);
-        let map = NameMap::fitting(points).filter(|_| own.iter().all(Option::is_none));
-        let parents = map.map_or(own, |map| joints::parents_by_name(&map.model_names(points)));
-        let known = parents.iter().enumerate();
-        return Ok(known.filter_map(|(i, p)| p.map(|p| (p, i))).collect());
+        return Ok(joints::bones(points));
     };
     let find = |name: &str| points.iter().position(|p| p == name);
     let bone = |pair: &str| {
@@ -329,40 +303,9 @@ pub fn text_table(path: &Path, caption: &str) -> Result<Table> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::Array2;
 
     fn points(list: &[&str]) -> Vec<String> {
         list.iter().map(|s| s.to_string()).collect()
-    }
-
-    #[test]
-    fn each_take_plays_at_its_own_rate() {
-        let takes = [("a", 0.1), ("a", 0.1), ("a", 0.5), ("b", 0.01), ("c", 1.0)];
-        let (mut time, mut frames) = (0.0, Vec::new());
-        for (take, step) in takes {
-            for _ in 0..3 {
-                time += step;
-                frames.push((Some(time), Some(take.into())));
-            }
-        }
-        frames.pop();
-        frames.pop();
-        let mut poses = Poses::without_points(frames.into_iter());
-        poses.xyz = Array2::zeros((13, 0));
-        let told: Vec<_> = runs(&poses, 7.0)
-            .iter()
-            .map(|run| (run.name, run.first, run.rate))
-            .collect();
-        // A run begins at each long step; a single frame has no rate.
-        let want = [
-            ("a", 0, 10.0),
-            ("a", 6, 10.0),
-            ("a", 7, 10.0),
-            ("a", 8, 10.0),
-            ("b", 9, 100.0),
-            ("c", 12, 7.0),
-        ];
-        assert_eq!(told, want);
     }
 
     #[test]

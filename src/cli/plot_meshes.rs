@@ -3,10 +3,10 @@
 use super::args::InputArgs;
 use super::mesh_sequences::{MeshFiles, Sequence};
 use super::plot::{PlotFormat, SvgArgs};
-use crate::evaluate::figure::mesh::{Row, Still, svg};
-use crate::evaluate::mesh_scene::MeshScene;
-use crate::evaluate::player::mesh::page;
-use crate::evaluate::scene::Table;
+use crate::draw::figure::mesh::{Row, Still, svg};
+use crate::draw::mesh_scene::MeshScene;
+use crate::draw::player::mesh::page;
+use crate::draw::scene::Table;
 use crate::{Error, Result};
 use clap::parser::ValueSource;
 

@@ -2,7 +2,7 @@
 
 use crate::io::{Columns, Row};
 use crate::pose::Status;
-use crate::restore::FillMethod;
+use crate::pose::FillMethod;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
 

@@ -22,6 +22,11 @@ impl Progress {
     pub fn set(&self, done: u64) {
         self.0.set_position(done);
     }
+    /// Sets the number of finished steps, and of all.
+    pub fn set_of(&self, done: u64, all: u64) {
+        self.0.set_length(all);
+        self.0.set_position(done);
+    }
     /// Changes the label.
     pub fn set_message(&self, what: String) {
         self.0.set_message(what);

@@ -1,7 +1,7 @@
 //! Hand-placed points for a registration: where vertices of the template are on the scan.
 
 use super::pair_file::{read_columns, whole_number};
-use super::units::TableUnits;
+use crate::pose::units::Units;
 use crate::body::registration::start;
 use crate::body::surface::Surface;
 use crate::io::text::excerpt;
@@ -28,7 +28,7 @@ impl RegistrationPoints {
     /// # Errors
     /// [`Error::Data`], with the line: no whole number, a vertex that is not there or is named twice, a coordinate that is not
     /// finite.
-    pub fn read(path: &Path, vertices: usize, units: TableUnits) -> Result<RegistrationPoints> {
+    pub fn read(path: &Path, vertices: usize, units: Units) -> Result<RegistrationPoints> {
         let (name, rows) = read_columns(path, ["vertex", "x", "y", "z"])?;
         let mut read = RegistrationPoints {
             name,

@@ -1,8 +1,8 @@
 //! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of frames.
 
 use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
-use super::body_size::check_body_size;
-use super::gap_report;
+use crate::restore::body_size::check_body_size;
+use crate::restore::gap_report;
 use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
 use super::messages;
 use super::name_maps::name_map;

@@ -1,8 +1,8 @@
 //! The report of `denoise` and `complete`: status columns of the table, and messages at the end.
 
 use super::messages;
-use super::streams::significant;
-use super::units::{TableUnits, Units};
+use crate::io::text::significant;
+use crate::pose::units::{Units, LengthUnit};
 use crate::io::Columns;
 use crate::io::csv::{AddedColumn, After};
 use crate::io::text::push_f64;
@@ -28,7 +28,7 @@ pub fn status_columns(status: bool, columns: &Columns) -> Vec<AddedColumn> {
 
 /// The cells of these columns for one frame of `points` points; none without the `units` of the output.
 pub fn status_cells(
-    units: Option<TableUnits>,
+    units: Option<Units>,
     restored: &Restoration<'_>,
     t: usize,
     points: usize,
@@ -42,7 +42,7 @@ pub fn status_cells(
         [
             restored.status(t, p).name().to_string(),
             match units.unit {
-                Units::Cm => number(sd),
+                LengthUnit::Cm => number(sd),
                 _ => significant(units.length(sd)),
             },
             method.to_string(),

@@ -6,7 +6,7 @@
 
 use super::error_breakdown::ErrorBreakdown;
 use super::error_stats::{ErrorStats, ErrorSums, point};
-use super::frames::{point_order, timed_runs};
+use super::alignment::point_order;
 use super::motion_quality::{Accelerations, BoneLengths};
 use crate::pose::Poses;
 use crate::{Error, Result};
@@ -147,7 +147,7 @@ impl<'a> Score<'a> {
                 rates.push(*rate);
             }
         }
-        let runs = timed_runs(self.clock, &self.rates);
+        let runs = self.clock.timed_runs(&self.rates);
         let named = points.iter().zip(&by_point);
         ScoreReport {
             units: units.to_string(),

@@ -2,7 +2,7 @@
 
 use super::error_stats::ErrorStats;
 use super::score::ScoreReport;
-use super::text_table::aligned;
+use crate::draw::text_table::aligned;
 use std::fmt::{self, Write};
 
 /// The cells of a line of errors.

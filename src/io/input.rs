@@ -257,6 +257,12 @@ fn kind_of(start: &[u8]) -> ContentKind {
     }
 }
 
+/// The name of a file as a take: without folder and last extension.
+pub fn take_name(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default();
+    stem.to_string_lossy().into_owned()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,11 @@
 //! What files of markers have in common: points over time, and what the file says of its rate, unit and axes.
 
+use super::csv::{AddedColumn, After};
 use super::row::Cells;
+use super::text::check_length;
 use super::text_cells::TextCells;
+use crate::pose::{LengthUnit, Poses, Units, UpAxis};
+use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
 use std::collections::{HashMap, HashSet};
 
@@ -78,6 +82,34 @@ impl CarriedColumns {
     }
 }
 
+/// The columns of a take that are carried along, frame by frame.
+pub struct CarriedRows<'a> {
+    columns: &'a CarriedColumns,
+    /// The row of each frame; `None` of a frame that the file leaves out.
+    rows: Vec<Option<usize>>,
+}
+
+impl CarriedRows<'_> {
+    /// The columns, behind all others.
+    pub fn columns(&self) -> Vec<AddedColumn> {
+        let names = self.columns.names.iter();
+        names
+            .map(|name| AddedColumn::new(name, After::All))
+            .collect()
+    }
+
+    /// The cells of a frame.
+    pub fn cells(&self, frame: usize) -> Vec<String> {
+        let row = self.rows.get(frame).copied().flatten();
+        let row = row.and_then(|row| self.columns.rows.get(row));
+        let text = |column: usize| {
+            let cell = row.and_then(|row| row.get(column)).unwrap_or_default();
+            String::from_utf8_lossy(cell).into_owned()
+        };
+        (0..self.columns.names.len()).map(text).collect()
+    }
+}
+
 /// What the three numbers of a point are: C3D files store what models compute as points too.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Quantity {
@@ -120,6 +152,82 @@ impl MarkerTake {
     pub fn positions(&self) -> Vec<usize> {
         let is_position = |p: &usize| self.quantity(*p) == Quantity::Position;
         (0..self.points.len()).filter(is_position).collect()
+    }
+
+    /// The unit of length, where the file says one that is known.
+    pub fn unit(&self) -> Option<LengthUnit> {
+        self.units.as_deref().and_then(LengthUnit::of_word)
+    }
+
+    /// The axis that points up, where the file says one.
+    pub fn up_axis(&self) -> Option<UpAxis> {
+        self.up.as_deref().and_then(UpAxis::of_word)
+    }
+
+    /// The unit and the axis: those given, else the file's.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: neither says one.
+    pub fn units_or(&self, unit: Option<LengthUnit>, up: Option<UpAxis>) -> Result<Units> {
+        let units = "units mm` (or cm, m, in)";
+        Ok(Units {
+            unit: (unit.or(self.unit()))
+                .ok_or_else(|| self.asked_for("unit", self.units.as_deref(), units))?,
+            up: (up.or(self.up_axis())).ok_or_else(|| {
+                self.asked_for("up axis", self.up.as_deref(), "up z` (or x, y)")
+            })?,
+        })
+    }
+
+    /// The error of something that the file does not say, or says in words that are not known, and that no option gives.
+    pub fn asked_for(&self, what: &str, said: Option<&str>, option: &str) -> Error {
+        let what = match said {
+            Some(said) => format!(
+                "says \"{said}\" of its {what}, which is not understood; give it with the option `{option}"
+            ),
+            None => format!("does not say its {what}; give it with the option `{option}"),
+        };
+        Error::data(Place::file(&self.name), what)
+    }
+
+    /// The points in centimeters, y up, a frame a row, as the take `name`, with `rate` frames per second.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: a coordinate is too large.
+    pub fn to_poses(&self, units: Units, rate: f64, name: &str) -> Result<Poses> {
+        let mut xyz = self.xyz.clone();
+        units.read_frames(&mut xyz);
+        for (t, row) in xyz.rows().into_iter().enumerate() {
+            let mut present = row.iter().filter(|v| !v.is_nan());
+            present.try_for_each(|v| check_length(*v).map(drop)).map_err(|what| {
+                let frame = format!("frame {}", u64::from(self.first_frame) + t as u64);
+                Error::data(Place::file(&self.name).part(frame), what)
+            })?;
+        }
+        let first = f64::from(self.first_frame) - 1.0;
+        let by_number = || (0..xyz.nrows()).map(|t| (first + t as f64) / rate);
+        let times = self.times.clone().unwrap_or_else(|| by_number().collect());
+        Ok(Poses {
+            points: self.points.clone(),
+            time: Some(times),
+            take: Some(vec![name.into(); xyz.nrows()]),
+            xyz,
+        })
+    }
+
+    /// The columns that are carried along, frame by frame.
+    pub fn carried_rows(&self) -> CarriedRows<'_> {
+        let mut row = 0..self.carried.rows.len();
+        let rows = match self.points.is_empty() {
+            true => row.map(Some).collect(),
+            false => (self.cells.lines.iter())
+                .map(|line| line.and_then(|_| row.next()))
+                .collect(),
+        };
+        CarriedRows {
+            columns: &self.carried,
+            rows,
+        }
     }
 
     /// The take without its points that are no positions.

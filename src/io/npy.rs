@@ -3,7 +3,7 @@
 
 use super::Input;
 use super::columns::Columns;
-use super::row::{ReadOptions, Row};
+use super::row::{TableOptions, Row};
 use super::text::{MAX_COORDINATE, check_length, excerpt};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
@@ -59,7 +59,7 @@ impl NpyReader {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no array of `<f4` or `<f8`, or not three columns a point.
-    pub fn new(input: Input, options: &ReadOptions) -> Result<NpyReader> {
+    pub fn new(input: Input, options: &TableOptions) -> Result<NpyReader> {
         let name = input.name.clone();
         let place = Place::file(&name);
         let mut reader = BufReader::with_capacity(BLOCK, input.into_reader());
@@ -415,7 +415,7 @@ mod tests {
         let joints = joints.map(|j| j.split(',').map(String::from).collect());
         Table::read(
             Input::new("t.npy", std::io::Cursor::new(bytes))?,
-            &ReadOptions {
+            &TableOptions {
                 joints,
                 ..Default::default()
             },

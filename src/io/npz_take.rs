@@ -3,7 +3,7 @@
 use super::input::Input;
 use super::marker_take::{MarkerTake, unique_names};
 use super::npy::{Header, NpyReader, read_header, with_values};
-use super::row::{ReadOptions, Row};
+use super::row::{TableOptions, Row};
 use super::text::excerpt;
 use crate::{Error, Place, Result};
 use bytes::Bytes;
@@ -178,9 +178,9 @@ fn positions(
     names: Option<Vec<String>>,
 ) -> Result<(Vec<String>, Array2<f64>)> {
     let input = Input::new(name, Cursor::new(content))?;
-    let options = ReadOptions {
+    let options = TableOptions {
         joints: names,
-        ..ReadOptions::default()
+        ..TableOptions::default()
     };
     let mut reader = NpyReader::new(input, &options)?;
     let (mut row, mut xyz) = (Row::default(), Vec::new());

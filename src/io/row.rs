@@ -20,7 +20,7 @@ pub struct Row {
 
 /// How a table is to be read.
 #[derive(Debug, Clone, Default)]
-pub struct ReadOptions {
+pub struct TableOptions {
     /// The points' names for an array without any.
     pub joints: Option<Vec<String>>,
     /// Read `NAME.x`, `NAME.y` without `NAME.z` as a point of two dimensions.

@@ -4,7 +4,7 @@ use super::columns::Columns;
 use super::csv;
 use super::input::Input;
 use super::output::Output;
-use super::row::{Cells, ReadOptions, Row};
+use super::row::{Cells, TableOptions, Row};
 use super::table_reader::RowReader;
 use super::table_writer::{TableFormat, TableWriter};
 use crate::Result;
@@ -48,9 +48,9 @@ impl Table {
     /// # Errors
     /// `Error::Io`: the file cannot be read. `Error::Data`: no table; the place has the line and the column.
     pub fn open(path: impl AsRef<Path>) -> Result<Table> {
-        let options = ReadOptions {
+        let options = TableOptions {
             cells: true,
-            ..ReadOptions::default()
+            ..TableOptions::default()
         };
         Table::read(Input::open(path)?, &options)
     }
@@ -59,7 +59,7 @@ impl Table {
     ///
     /// # Errors
     /// Those of [`Table::open`].
-    pub fn read(input: Input, options: &ReadOptions) -> Result<Table> {
+    pub fn read(input: Input, options: &TableOptions) -> Result<Table> {
         let mut reader = RowReader::new(input, options)?;
         let columns = reader.columns().clone();
         let mut builder = PosesBuilder::new(&columns);

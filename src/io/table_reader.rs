@@ -7,7 +7,7 @@ use super::marker_take::MarkerTake;
 use super::motion_format::recognized;
 use super::npy::NpyReader;
 use super::npz_take::NpzTake;
-use super::row::{ReadOptions, Row};
+use super::row::{TableOptions, Row};
 use crate::{Error, Place, Result};
 
 /// Rows of a table of either format, one at a time.
@@ -57,7 +57,7 @@ impl RowReader {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no table; the place has the line.
-    pub fn new(mut input: Input, options: &ReadOptions) -> Result<RowReader> {
+    pub fn new(mut input: Input, options: &TableOptions) -> Result<RowReader> {
         match input.kind() {
             ContentKind::Npy => NpyReader::new(input, options).map(|r| RowReader::Npy(Box::new(r))),
             ContentKind::Text => {

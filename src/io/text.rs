@@ -271,6 +271,14 @@ fn push_shortest(out: &mut Vec<u8>, value: impl zmij::Float + Into<f64> + Copy) 
     }
 }
 
+/// A standard deviation with five significant figures: more is noise of the conversion.
+pub fn significant(value: f64) -> String {
+    let rounded = format!("{value:.4e}").parse().unwrap_or(value);
+    let mut text = Vec::new();
+    push_f64(&mut text, rounded);
+    String::from_utf8(text).unwrap_or_default()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,6 +2,8 @@
 //!
 //! A joint is the end point of the bone of the same name; joint 1 is the root.
 
+use super::NameMap;
+
 /// The 23 joints in the paper's order: 69 numbers a pose.
 pub const CMU: [&str; 23] = [
     "root",
@@ -148,6 +150,15 @@ pub fn parents_by_name(names: &[String]) -> Vec<Option<usize>> {
             None
         })
         .collect()
+}
+
+/// The pairs of points to join: those of CMU's hierarchy, to which a shipped map of names may lead.
+pub fn bones(points: &[String]) -> Vec<(usize, usize)> {
+    let own = parents_by_name(points);
+    let map = NameMap::fitting(points).filter(|_| own.iter().all(Option::is_none));
+    let parents = map.map_or(own, |map| parents_by_name(&map.model_names(points)));
+    let known = parents.iter().enumerate();
+    known.filter_map(|(i, p)| p.map(|p| (p, i))).collect()
 }
 
 /// The counterpart of a left or right joint (`lfemur` and `rfemur`, `LeftArm` and `RightArm`), if `names` holds it.

@@ -62,6 +62,16 @@ impl Poses {
         rate_of(time, |i| self.same_take(frames.start + i))
     }
 
+    /// The runs of consecutive frames, each with the frames per second of its take; `rates` are those of the takes.
+    pub fn timed_runs(&self, rates: &[Option<f64>]) -> Vec<(Range<usize>, Option<f64>)> {
+        let takes = self.takes();
+        let timed = |run: Range<usize>| {
+            let take = takes.partition_point(|take| take.end <= run.start);
+            (run, rates.get(take).copied().flatten())
+        };
+        self.runs().into_iter().map(timed).collect()
+    }
+
     /// Frames a second of each of the [takes](Poses::takes), `None` where it has no times. The rounded times of a short
     /// take determine its rate badly: a take gets the rate of a longer take if its times are consistent with that rate. So
     /// many rates are compared at most: 64.
@@ -217,49 +227,6 @@ fn near_rate(rate: f64, share: f64) -> f64 {
         ntsc
     } else {
         rate
-    }
-}
-
-/// The result of a restoration for a point in a frame: the column `NAME.status` of a table.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub enum Status {
-    /// Measured, and left as it was.
-    #[default]
-    Observed,
-    /// Measured, and moved.
-    Changed,
-    /// Not measured: the model's estimate.
-    Inferred,
-    /// Measured, left as it was, and distrusted.
-    Rejected,
-    /// Nothing could be said.
-    Unknown,
-}
-
-impl Status {
-    /// Every status, in the order of their numbers in a page.
-    pub const ALL: [Status; 5] = [
-        Status::Observed,
-        Status::Changed,
-        Status::Inferred,
-        Status::Rejected,
-        Status::Unknown,
-    ];
-
-    /// The word that tables use.
-    pub fn name(self) -> &'static str {
-        match self {
-            Status::Observed => "observed",
-            Status::Changed => "changed",
-            Status::Inferred => "inferred",
-            Status::Rejected => "rejected",
-            Status::Unknown => "unknown",
-        }
-    }
-
-    /// The status that a table's word means; `None` for any other word.
-    pub fn from_name(name: &str) -> Option<Status> {
-        Status::ALL.into_iter().find(|status| status.name() == name)
     }
 }
 

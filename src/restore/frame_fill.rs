@@ -8,7 +8,8 @@
 
 use super::adaptive_smoothing::smooth_path;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
-use super::gap::{FillMethod, FilledGap, Gap, MotionLimits};
+use crate::pose::FillMethod;
+use super::gap::{FilledGap, Gap, MotionLimits};
 use super::noise_estimation::{exact_noise, noise_of_path};
 use crate::numeric::parallel;
 use glam::DVec3;

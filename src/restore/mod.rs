@@ -19,6 +19,7 @@
 
 mod adaptive_smoothing;
 pub mod body_adaptation;
+pub mod body_size;
 pub mod clean;
 pub mod complete;
 mod cuts;
@@ -26,6 +27,7 @@ pub mod denoise;
 mod frame_fill;
 pub mod frame_restorer;
 mod gap;
+pub mod gap_report;
 pub mod ik;
 mod kalman_smoother;
 mod loaded_model;
@@ -42,7 +44,6 @@ pub use clean::Clean;
 pub use complete::Complete;
 pub use denoise::Denoise;
 pub use frame_restorer::{FrameRestorer, RestoredFrame};
-pub use gap::FillMethod;
 pub(crate) use gap::{LocalPoses, local_anchor};
 pub use noise_estimation::typical_noise;
 pub use placed_prior::PlacedPrior;

@@ -1,6 +1,7 @@
 //! The result of restoring a table: its values in the table's order of points, and what became of each point.
 
-use super::gap::{FillMethod, Gap, find_gaps};
+use crate::pose::FillMethod;
+use super::gap::{Gap, find_gaps};
 use super::restored_frames::RestoredFrames;
 use crate::io::Table;
 use crate::pose::{Poses, Status};

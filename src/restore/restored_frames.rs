@@ -1,6 +1,6 @@
 //! Takes and their restored frames, and a model bound to the points of a table.
 
-use super::gap::FillMethod;
+use crate::pose::FillMethod;
 use super::loaded_model::LoadedModel;
 use crate::pose::{NameMap, Status};
 use crate::prior::EXACT_VARIANCE;

@@ -2,7 +2,7 @@
 //! one line that name the file.
 
 use posing::io::{Asf, Input, Model, amc};
-use posing::io::{ReadOptions, Table};
+use posing::io::{TableOptions, Table};
 use posing::numeric::parallel::rng;
 use posing::prior::rigid_pairs::RigidPairs;
 use rand::Rng;
@@ -163,7 +163,7 @@ fn takes() {
 }
 
 fn read_table(input: Input) -> posing::Result<bool> {
-    let options = ReadOptions {
+    let options = TableOptions {
         joints: Some(vec!["root".into(), "lwrist".into()]),
         planar: true,
         cells: true,

@@ -5,7 +5,7 @@
 use crate::common::{command, shared, text};
 use ndarray::{Array2, Axis};
 use posing::io::Input;
-use posing::io::{ReadOptions, Table};
+use posing::io::{TableOptions, Table};
 use posing::numeric::parallel::rng;
 use posing::pose::ASF_UNIT_CM;
 use posing::pose::joints::{CMU, PAPER_SIX};
@@ -37,7 +37,7 @@ fn shuffled(subject: &str, folder: &Path) -> Option<Array2<f64>> {
 }
 
 fn read(path: &Path) -> Array2<f64> {
-    Table::read(Input::open(path).unwrap(), &ReadOptions::default())
+    Table::read(Input::open(path).unwrap(), &TableOptions::default())
         .unwrap()
         .poses
         .xyz

@@ -2,10 +2,12 @@
 
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
-use posing::cli::input::{TakeNames, check_single_stdin, open, or_stdin, take_name};
+use posing::cli::input::{TakeNames, check_single_stdin, open, or_stdin};
+use posing::io::input::take_name;
 use posing::cli::messages;
-use posing::cli::streams::{TableSink, create_table};
-use posing::cli::units::{TableUnits, Units};
+use posing::cli::streams::create_table;
+use posing::io::unit_writer::UnitWriter;
+use posing::pose::units::{Units, LengthUnit};
 use posing::io::amc::{AmcFrames, AmcReader};
 use posing::io::{Asf, Columns, Row, parse_point_names};
 use posing::pose::kinematics::Space;
@@ -42,7 +44,7 @@ pub struct Args {
     joints: String,
     /// Unit of the skeleton's lengths, if its :units section is wrong or missing
     #[arg(long, value_enum, value_name = "UNIT")]
-    units: Option<Units>,
+    units: Option<LengthUnit>,
     /// Accept a take whose last frame is cut off; that frame is dropped
     #[arg(long)]
     keep_whole: bool,
@@ -66,13 +68,13 @@ pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let takes = or_stdin(&args.takes);
     check_single_stdin(takes.iter().chain([&args.asf]))?;
-    let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
+    let asf = Asf::read(open(&args.asf)?, args.units.map(LengthUnit::centimeters))?;
     let joints = joints(&asf, args)?;
     let bones = asf.skeleton.bones();
     let names = joints.iter().map(|&j| bones[j].name.clone()).collect();
     let mut sink = create_table(
         &args.out,
-        TableUnits::CM_Y,
+        Units::CM_Y,
         &Columns::for_points(names, true, true),
         &[],
     )?;
@@ -108,7 +110,7 @@ fn convert(
     asf: &Asf,
     joints: &[usize],
     (take, name): (&Path, Arc<str>),
-    sink: &mut TableSink,
+    sink: &mut UnitWriter,
 ) -> Result<()> {
     let space = match args.space {
         SpaceFlag::World => Space::World,

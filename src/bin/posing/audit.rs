@@ -1,14 +1,14 @@
 //! Says what is wrong in takes, and changes nothing.
 
 use clap::Parser;
+use posing::audit::{FileAudit, FileAuditor, TakePages, files_to_audit, page};
 use posing::cli::args::CommonArgs;
-use posing::cli::audit::{FileAudit, FileAuditor, LimitArgs, audit_inputs};
-use posing::cli::audit_page::page;
-use posing::cli::audit_takes::AuditTakes;
-use posing::cli::input::{check_single_stdin, or_stdin};
-use posing::cli::motion_file::ReadArgs;
+use posing::cli::input::{check_single_stdin, open, or_stdin};
+use posing::cli::limit_args::LimitArgs;
+use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
+use posing::io::motion_file::LARGEST_MOTION_FILE;
 use posing::{Error, Result};
 use std::path::PathBuf;
 
@@ -47,7 +47,7 @@ pub struct Args {
 pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     check_single_stdin(&args.files)?;
-    let (files, unreadable) = audit_inputs(&or_stdin(&args.files));
+    let (files, unreadable) = files_to_audit(&or_stdin(&args.files));
     let page_path = (args.output.as_deref()).filter(|path| {
         !args.json
             && path
@@ -55,12 +55,18 @@ pub fn work(args: &Args) -> Result<Outcome> {
                 .is_some_and(|e| e.eq_ignore_ascii_case("html"))
     });
     let auditor = FileAuditor {
-        flags: args.read.flags()?,
+        read: args.read.rules()?,
         limits: args.limits.limits(),
-        pages: page_path.map(AuditTakes::beside),
+        pages: page_path.map(TakePages::beside),
         named: or_stdin(&args.files),
     };
-    let one = |(i, path): (usize, &PathBuf)| auditor.audit(path, i + 1);
+    let one = |(i, path): (usize, &PathBuf)| {
+        let bytes = open(path).and_then(|input| input.read_all(LARGEST_MOTION_FILE));
+        let audit = auditor.audit(path, bytes, i + 1)?;
+        let said = |note: &String| messages::info(&format!("{}: {note}", audit.file));
+        audit.notes.iter().for_each(said);
+        Ok(audit)
+    };
     let audits = files.iter().enumerate().map(one);
     let mut audits = audits.collect::<Result<Vec<FileAudit>>>()?;
     audits.extend(unreadable);

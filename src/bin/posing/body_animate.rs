@@ -13,7 +13,7 @@ use posing::cli::body_output::TakeOutput;
 use posing::cli::body_scan_markers::markers_on_scan;
 use posing::cli::body_take::{BodyTake, fit_take};
 use posing::cli::input;
-use posing::cli::units::{TableUnits, Units, Up, parse_length};
+use posing::pose::units::{Units, LengthUnit, UpAxis, parse_length};
 use posing::io::Table;
 use posing::{Error, Result};
 use std::path::PathBuf;
@@ -55,10 +55,10 @@ pub struct Args {
     scan_frame: Option<usize>,
     /// Unit of length of the scan: its file has none
     #[arg(long, value_enum, value_name = "UNIT")]
-    scan_units: Option<Units>,
+    scan_units: Option<LengthUnit>,
     /// Axis of the scan that points up
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    scan_up: Up,
+    scan_up: UpAxis,
     /// Noise of the markers: standard deviation a coordinate, in cm or with a unit
     #[arg(long, value_name = "LENGTH", default_value = "0.5", value_parser = parse_length)]
     noise: f64,
@@ -85,7 +85,7 @@ pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let files = args.on.iter().chain(&args.scan);
     input::check_single_stdin_with(&args.input, files.chain([&args.model]))?;
-    let output = TakeOutput::of(&args.output, args.mesh_format.as_deref(), TableUnits::CM_Y)?;
+    let output = TakeOutput::of(&args.output, args.mesh_format.as_deref(), Units::CM_Y)?;
     let body = open_body(&args.model)?;
     let table = input::read_table(&args.input, false, false)?;
     let fps = args.input.rate(&table.poses)?;
@@ -110,7 +110,7 @@ pub fn work(args: &Args) -> Result<()> {
         let shapes = vec![Some(take.shape(0).to_vec()); take.frames.len()];
         write_shapes(path, &take.poses, take.shape(0).len(), &shapes)?;
     }
-    output.write(&take, &body, TableUnits::CM_Y)
+    output.write(&take, &body, Units::CM_Y)
 }
 
 /// The one shape of a take.
@@ -129,7 +129,7 @@ fn markers(
 ) -> Result<(Vec<Marker>, Vec<MarkerFrame>)> {
     let (names, markers) = match (&args.on, &args.scan, args.scan_frame, args.scan_units) {
         (_, Some(scan), Some(frame), Some(unit)) => {
-            let units = TableUnits {
+            let units = Units {
                 unit,
                 up: args.scan_up,
             };

@@ -12,7 +12,7 @@ use posing::cli::body::{
 use posing::cli::body_take::{report_missed, timed};
 use posing::cli::mesh_output::{MeshOutput, face_array, vertex_array};
 use posing::cli::progress::Progress;
-use posing::cli::units::{TableUnits, parse_length};
+use posing::pose::units::{Units, parse_length};
 use posing::cli::{input, messages, streams};
 use posing::io::MeshFormat;
 use posing::io::npz::{NpzArray, NpzValues, npz_bytes};
@@ -159,8 +159,8 @@ fn write(args: &Args, body: &BodyModel, fits: &[Option<(Fit, Completion)>]) -> R
     let completed = meshes(|c| &c.completed);
     let faces = body.template.surface();
     let bytes = npz_bytes(&[
-        vertex_array("completed", &completed, TableUnits::CM_Y),
-        vertex_array("predicted", &meshes(|c| &c.predicted), TableUnits::CM_Y),
+        vertex_array("completed", &completed, Units::CM_Y),
+        vertex_array("predicted", &meshes(|c| &c.predicted), Units::CM_Y),
         array("rotations", vec![fits.len(), parts, 3, 3], rotations),
         array("shape", vec![fits.len(), components], shapes),
         face_array(faces),
@@ -170,7 +170,7 @@ fn write(args: &Args, body: &BodyModel, fits: &[Option<(Fit, Completion)>]) -> R
         Some(folder) => MeshOutput::Folder(folder.clone(), MeshFormat::Ply).write(
             &completed,
             faces,
-            TableUnits::CM_Y,
+            Units::CM_Y,
         ),
         None => Ok(()),
     }

@@ -8,7 +8,7 @@ use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::open_body;
 use posing::cli::mesh_output::MeshOutput;
 use posing::cli::registration_points::RegistrationPoints;
-use posing::cli::units::TableUnits;
+use posing::pose::units::Units;
 use posing::cli::{input, messages};
 use posing::io::Mesh;
 use posing::{Error, Place, Result};
@@ -83,7 +83,7 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 /// The scan in centimetres, y up.
-fn read_scan(args: &Args, units: TableUnits) -> Result<Surface> {
+fn read_scan(args: &Args, units: Units) -> Result<Surface> {
     let mesh = Mesh::read(input::open(&args.scan)?)?;
     let point = |v: &[f64; 3]| {
         let mut xyz = *v;

@@ -6,7 +6,7 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::body::{open_body, read_rotations, read_shapes};
 use posing::cli::body_output::TakeOutput;
 use posing::cli::body_take::{BodyTake, pose_take};
-use posing::cli::units::{TableUnits, Units, Up};
+use posing::pose::units::{Units, LengthUnit, UpAxis};
 use posing::cli::{input, messages};
 use posing::{Error, Result};
 use std::path::PathBuf;
@@ -43,10 +43,10 @@ pub struct Args {
     fps: Option<f64>,
     /// Unit of length of the pose table [default: cm; of AMASS' markers m]
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
-    units: Option<Units>,
+    units: Option<LengthUnit>,
     /// Axis of the pose table that points up [default: y; of AMASS' markers z]
     #[arg(long, value_enum, value_name = "AXIS", help_heading = "Input")]
-    up: Option<Up>,
+    up: Option<UpAxis>,
     /// Point names for a pose table in NPY: 23 (the CMU joints) or a comma-separated list
     #[arg(long, value_name = "LIST", help_heading = "Input")]
     joints: Option<String>,
@@ -65,7 +65,7 @@ pub struct Args {
         default_value = "cm",
         help_heading = "Output"
     )]
-    out_units: Units,
+    out_units: LengthUnit,
     /// Axis of the meshes that points up
     #[arg(
         long,
@@ -74,7 +74,7 @@ pub struct Args {
         default_value = "y",
         help_heading = "Output"
     )]
-    out_up: Up,
+    out_up: UpAxis,
     #[command(flatten)]
     common: CommonArgs,
 }
@@ -83,7 +83,7 @@ pub fn work(args: &Args) -> Result<()> {
     args.common.apply()?;
     let tables = args.rotations.iter().chain(&args.pose);
     input::check_single_stdin(tables.chain([&args.model]))?;
-    let units = TableUnits {
+    let units = Units {
         unit: args.out_units,
         up: args.out_up,
     };

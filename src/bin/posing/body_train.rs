@@ -10,7 +10,7 @@ use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
 use posing::cli::pair_file::PairFile;
 use posing::cli::progress::Progress;
-use posing::cli::units::TableUnits;
+use posing::pose::units::Units;
 use posing::cli::{messages, streams};
 use posing::io::MeshSet;
 use posing::io::text::excerpt;
@@ -114,7 +114,7 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 /// The people, of the topology of the poses.
-fn read_people(args: &Args, units: TableUnits, poses: &MeshSet) -> Result<MeshSet> {
+fn read_people(args: &Args, units: Units, poses: &MeshSet) -> Result<MeshSet> {
     let people = read_meshes(&args.shapes, units)?;
     if people.faces != poses.faces || people.vertices.dim().1 != poses.vertices.dim().1 {
         let what = format!(

@@ -2,10 +2,11 @@
 
 use clap::Parser;
 use posing::cli::args::{CommonArgs, OutputArgs, parse_rate, value_name};
-use posing::cli::input::{open, take_name};
+use posing::cli::input::open;
+use posing::io::input::take_name;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
-use posing::cli::units::{TableUnits, Units, Up};
+use posing::pose::units::{Units, LengthUnit, UpAxis};
 use posing::io::bvh::{BvhPoints, BvhSkeleton};
 use posing::io::{Bvh, Table};
 use posing::{Error, Place, Result};
@@ -33,10 +34,10 @@ pub struct Args {
     ends: bool,
     /// Unit of length of the file [default: cm]
     #[arg(long, value_enum, value_name = "UNIT")]
-    units: Option<Units>,
+    units: Option<LengthUnit>,
     /// Axis of the file that points up [default: y]
     #[arg(long, value_enum, value_name = "AXIS")]
-    up: Option<Up>,
+    up: Option<UpAxis>,
     /// Frames per second, if the file's Frame Time is outside 0.0001 to 10 s
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
@@ -54,9 +55,9 @@ pub fn work(args: &Args) -> Result<()> {
     let path = args.file.clone().unwrap_or_else(|| PathBuf::from("-"));
     let input = open(&path)?;
     let name = input.name.clone();
-    let unit = args.units.unwrap_or(Units::Cm);
-    let up = args.up.unwrap_or(Up::Y);
-    let bvh = Bvh::read(input, unit.centimetres(), args.keep_whole)?;
+    let unit = args.units.unwrap_or(LengthUnit::Cm);
+    let up = args.up.unwrap_or(UpAxis::Y);
+    let bvh = Bvh::read(input, unit.centimeters(), args.keep_whole)?;
     bvh.notes.iter().for_each(|n| messages::info(n));
     if args.units.is_none() || args.up.is_none() {
         messages::info(&format!(
@@ -78,7 +79,7 @@ pub fn work(args: &Args) -> Result<()> {
     let table = Table::from_poses(poses);
     write_table(
         &args.out,
-        TableUnits::CM_Y,
+        Units::CM_Y,
         &table,
         table.poses.xyz.view(),
         &[],

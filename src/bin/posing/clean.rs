@@ -1,15 +1,17 @@
 //! Cleans whole takes of any format, one or a folder of them.
 
 use clap::{Parser, ValueEnum};
-use posing::Result;
-use posing::cli::Outcome;
+use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, Stretch, clean};
 use posing::cli::args::{CommonArgs, parse_hertz, parse_positive};
-use posing::cli::audit::MotionLimitArgs;
-use posing::cli::clean::{CleanOutput, CleanSettings, OutputFormat, Stretch, clean};
 use posing::cli::input::open_model_or_builtin;
-use posing::cli::motion_file::ReadArgs;
+use posing::cli::limit_args::MotionLimitArgs;
+use posing::cli::progress::Progress;
+use posing::cli::read_args::ReadArgs;
+use posing::cli::streams::write_bytes;
+use posing::cli::{Outcome, messages};
+use posing::{Error, Result};
 use posing::cli::name_maps::name_map;
-use posing::cli::units::parse_length;
+use posing::pose::units::parse_length;
 use posing::io::Model;
 use posing::pose::joints;
 use posing::prior::provenance::hex;
@@ -118,7 +120,31 @@ pub fn work(args: &Args) -> Result<Outcome> {
         page: args.page.clone(),
         only_new: args.new_only,
     };
-    clean(&args.inputs, &output, &settings(args)?)
+    let bar = Progress::new("cleaning", 0);
+    let progress = |done: usize, all: usize| bar.set_of(done as u64, all as u64);
+    let report = clean(&args.inputs, &output, &settings(args)?, &progress)?;
+    drop(bar);
+    tell(&report)?;
+    Ok(match (report.has_failures(), report.has_findings()) {
+        (true, _) => Outcome::Failed,
+        (_, true) => Outcome::Findings,
+        _ => Outcome::Done,
+    })
+}
+
+/// Writes the page, the table and the list. What the list has counts as told, so it comes last; where nobody reads the table any
+/// more, nothing new counts as told.
+fn tell(report: &CleanReport) -> Result<()> {
+    report.errors().for_each(|e| messages::error(&e.to_string()));
+    report.notes().iter().for_each(|note| messages::info(note));
+    report.write_page()?;
+    let told = write_bytes(None, report.text().as_bytes(), false);
+    let is_closed = told.as_ref().is_err_and(Error::is_closed_pipe);
+    if told.is_ok() || is_closed && !report.only_new {
+        report.write_list()?;
+    }
+    // The outcome says whether files failed, also where nobody reads the table.
+    if is_closed { Ok(()) } else { told }
 }
 
 fn settings(args: &Args) -> Result<CleanSettings> {
@@ -132,7 +158,7 @@ fn settings(args: &Args) -> Result<CleanSettings> {
     };
     let map = args.map.as_ref().map(|map| name_map(map, &known));
     Ok(CleanSettings {
-        read: args.read.flags()?,
+        read: args.read.rules()?,
         model,
         map: map.transpose()?,
         method: Clean {

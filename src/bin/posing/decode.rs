@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::cli::args::{CommonArgs, OutputArgs};
 use posing::cli::input::{check_single_stdin, open, open_model};
 use posing::cli::streams::create_table;
-use posing::cli::units::TableUnits;
+use posing::pose::units::Units;
 use posing::io::csv::csv_fault;
 use posing::io::text::parse_number;
 use posing::io::{Columns, Row};
@@ -58,7 +58,7 @@ pub fn work(args: &Args) -> Result<()> {
         ));
     }
     let columns = Columns::for_points(model.meta.points.clone(), false, false);
-    let mut sink = create_table(&args.out, TableUnits::CM_Y, &columns, &[])?;
+    let mut sink = create_table(&args.out, Units::CM_Y, &columns, &[])?;
     for record in reader.records() {
         let record = record.map_err(|e| csv_fault(&name, &e))?;
         let line = record.position().map_or(0, csv::Position::line);

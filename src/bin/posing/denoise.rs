@@ -4,7 +4,7 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::args::CommonArgs;
 use posing::cli::restoring::{RestoringArgs, Task, restore};
-use posing::cli::units::parse_length;
+use posing::pose::units::parse_length;
 use posing::restore::Denoise;
 
 /// Remove noise and outliers from poses

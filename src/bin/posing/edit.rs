@@ -3,7 +3,8 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs};
-use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
+use posing::cli::input::IN_CENTIMETERS;
+use posing::restore::body_size::check_body_size;
 use posing::cli::edit::{EditSource, Editor};
 use posing::cli::edit_figure::Figure;
 use posing::cli::edit_page;
@@ -108,7 +109,7 @@ fn table(args: &Args, path: &Path) -> Result<Table> {
     let mut table = read_table(&input, false, false)?;
     let points = BonePoints::of(&table.poses.points, table.poses.xyz.view());
     let names = points.bone_ends(&table.poses.points);
-    check_body_size(&table.poses, &names, &table.name, IN_CENTIMETRES)?;
+    check_body_size(&table.poses, &names, &table.name, IN_CENTIMETERS)?;
     if points == BonePoints::Starts && args.skeleton.is_none() {
         table.poses.points = bone_ends_of_starts(&table.poses.points);
     }
@@ -117,7 +118,7 @@ fn table(args: &Args, path: &Path) -> Result<Table> {
 
 /// The skeleton given, or one measured from the table, or from the model.
 fn figure(args: &Args, model: &OpenedModel, table: Option<&Table>) -> Result<Figure> {
-    let (unit, turn) = (args.units.centimetres(), args.units.rotation());
+    let (unit, turn) = (args.units.centimeters(), args.units.rotation());
     let figure = match (&args.skeleton, table) {
         (Some(path), _) => {
             let (file, notes) = SkeletonFile::read(open(path)?, unit, turn)?;

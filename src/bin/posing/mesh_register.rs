@@ -10,7 +10,7 @@ use posing::cli::body::{read_meshes, vertices};
 use posing::cli::mesh_output::mesh;
 use posing::cli::progress::Progress;
 use posing::cli::registration_points::RegistrationPoints;
-use posing::cli::units::{TableUnits, Units, Up};
+use posing::pose::units::{Units, LengthUnit, UpAxis};
 use posing::cli::{input, messages};
 use posing::io::{Mesh, MeshFormat};
 use posing::{Error, Place, Result};
@@ -44,7 +44,7 @@ pub struct Args {
     units: MeshUnitArgs,
     /// Unit of length of the template (default: that of the scan)
     #[arg(long, value_enum, value_name = "UNIT", help_heading = "Input")]
-    template_units: Option<Units>,
+    template_units: Option<LengthUnit>,
     /// Output mesh: .obj, .ply or .stl
     #[arg(short, long, value_name = "MESH")]
     output: PathBuf,
@@ -74,8 +74,8 @@ pub fn work(args: &Args) -> Result<()> {
 }
 
 /// The template, as a body of one part.
-fn read_template(path: &Path, unit: Units) -> Result<Template> {
-    let set = read_meshes(&[path], TableUnits { unit, up: Up::Y })?;
+fn read_template(path: &Path, unit: LengthUnit) -> Result<Template> {
+    let set = read_meshes(&[path], Units { unit, up: UpAxis::Y })?;
     let fail = |what: String| Error::data(Place::file(&set.names[0]), what);
     if set.names.len() != 1 {
         return Err(fail(format!(
@@ -89,7 +89,7 @@ fn read_template(path: &Path, unit: Units) -> Result<Template> {
 }
 
 /// The scan in centimetres, y up.
-fn read_scan(path: &Path, units: TableUnits) -> Result<Surface> {
+fn read_scan(path: &Path, units: Units) -> Result<Surface> {
     let scan = Mesh::read(input::open(path)?)?;
     let vertex = |v: &[f64; 3]| {
         let mut xyz = *v;

@@ -5,11 +5,12 @@ use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::input::{check_single_stdin, or_stdin};
 use posing::cli::mesh_sequences::are_meshes;
 use posing::cli::messages;
-use posing::cli::plot::{PlotFormat, PlotTable, SvgArgs, bones, name_of, runs, text_table};
+use posing::cli::plot::{PlotFormat, PlotTable, SvgArgs, bones, name_of, text_table};
+use posing::draw::scene::runs;
 use posing::cli::plot_meshes::{MeshArgs, MeshPlot, UnitsTyped};
 use posing::cli::streams::write_bytes;
-use posing::evaluate::player;
-use posing::evaluate::scene::{Figure, Scene};
+use posing::draw::player;
+use posing::draw::scene::{Figure, Scene};
 use posing::{Error, Result};
 use std::path::PathBuf;
 

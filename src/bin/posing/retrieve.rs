@@ -5,7 +5,8 @@ use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::metric_takes::{MetricTakes, read_takes};
 use posing::cli::take_classes::{self, TakeClass};
 use posing::cli::{input, messages, streams};
-use posing::evaluate::figure::strip::{StripPose, strip};
+use posing::draw::figure::strip::{StripPose, strip};
+use posing::evaluate::metric::SIXTEEN_JOINTS;
 use posing::io::text::push_f32;
 use posing::metric::nearest::Neighbour;
 use posing::metric::{FrameRef, PoseDatabase, PoseMetric};
@@ -203,7 +204,7 @@ impl Answers<'_> {
     /// Some queries and what was found for them, as SVG.
     fn picture(&self) -> String {
         let pose = |takes: &MetricTakes, at: FrameRef, is_right| StripPose {
-            joints: takes.takes[at.take].frame(at.frame),
+            joints: takes.takes[at.take].frame(at.frame).to_vec(),
             caption: format!("{} {}", takes.names[at.take], at.frame),
             is_right,
         };
@@ -215,6 +216,6 @@ impl Answers<'_> {
                 found.map(|n| pose(self.database, self.rows[n.row], self.is_right(query, n)));
             [own].into_iter().chain(found).collect()
         });
-        strip(&rows.collect::<Vec<_>>())
+        strip(&rows.collect::<Vec<_>>(), SIXTEEN_JOINTS)
     }
 }

@@ -5,9 +5,9 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate, value_name};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::messages;
 use posing::cli::streams::write_bytes;
-use posing::cli::units::Units;
+use posing::pose::units::LengthUnit;
 use posing::evaluate::Score;
-use posing::evaluate::frames::point_order;
+use posing::evaluate::alignment::point_order;
 use posing::io::Table;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
@@ -36,7 +36,7 @@ pub struct Args {
     damaged: Option<PathBuf>,
     /// Unit of the printed errors; the paper uses asf. Tables are in centimetres
     #[arg(long, value_enum, value_name = "UNIT", default_value = "cm")]
-    units: Units,
+    units: LengthUnit,
     /// Print one JSON object with all digits
     #[arg(long)]
     json: bool,
@@ -94,7 +94,7 @@ pub fn work(args: &Args) -> Result<()> {
     if let Some(damaged) = tables.get(2) {
         score = score.by_gap(&damaged.poses)?;
     }
-    let report = score.finish_in(&value_name(args.units), args.units.centimetres());
+    let report = score.finish_in(&value_name(args.units), args.units.centimeters());
     let mut out = report.to_string();
     if args.json {
         out = serde_json::to_string(&report).map_err(|e| Error::usage(e.to_string()))? + "\n";

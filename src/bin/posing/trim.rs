@@ -5,7 +5,7 @@ use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_ra
 use posing::cli::input::read_table;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
-use posing::cli::units::TableUnits;
+use posing::pose::units::Units;
 use posing::io::{Table, parse_point_names};
 use posing::pose::Poses;
 use posing::{Error, Place, Result};
@@ -101,7 +101,7 @@ pub fn work(args: &Args) -> Result<()> {
         ..args.out.clone()
     };
     let xyz = result.poses.xyz.view();
-    write_table(&out, TableUnits::CM_Y, &result, xyz, &[], |_| Vec::new())
+    write_table(&out, Units::CM_Y, &result, xyz, &[], |_| Vec::new())
 }
 
 /// The frames that the flags choose.

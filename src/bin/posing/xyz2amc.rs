@@ -4,12 +4,13 @@ use clap::Parser;
 use posing::Result;
 use posing::cli::Outcome;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
-use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
+use posing::cli::input::IN_CENTIMETERS;
+use posing::restore::body_size::check_body_size;
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
-use posing::cli::one_take::{first_frame_number, one_take};
+use posing::pose::one_take::{first_frame_number, one_take};
 use posing::cli::streams::write_bytes;
-use posing::cli::units::Units;
+use posing::pose::units::LengthUnit;
 use posing::io::{Amc, Asf};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
@@ -50,7 +51,7 @@ pub struct Args {
     limits: bool,
     /// Unit of the skeleton's lengths, if its :units section is wrong or missing
     #[arg(long, value_enum, value_name = "UNIT")]
-    units: Option<Units>,
+    units: Option<LengthUnit>,
     /// Frames per second, for a table without times; used only to number the frames
     #[arg(long, value_name = "F", value_parser = parse_rate)]
     fps: Option<f64>,
@@ -65,7 +66,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
     args.common.apply()?;
     let files = or_stdin(&args.files);
     check_single_stdin(files.iter().chain([&args.asf]))?;
-    let asf = Asf::read(open(&args.asf)?, args.units.map(Units::centimetres))?;
+    let asf = Asf::read(open(&args.asf)?, args.units.map(LengthUnit::centimeters))?;
     let input = InputArgs::plain(args.files.clone(), args.fps, &args.joints);
     let table = read_table(&input, false, false)?;
     let mut poses = one_take(table.poses, args.take.as_deref(), &table.name)?;
@@ -75,7 +76,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
             &poses,
             &points.bone_ends(&poses.points),
             &table.name,
-            IN_CENTIMETRES,
+            IN_CENTIMETERS,
         )?;
     }
     if points == BonePoints::Starts {

@@ -2,7 +2,8 @@
 
 use clap::Parser;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
-use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
+use posing::cli::input::IN_CENTIMETERS;
+use posing::restore::body_size::check_body_size;
 use posing::cli::ik::{fit, report_time_jumps};
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
@@ -13,7 +14,7 @@ use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::rotation::{Axis, parse_order};
 
-use posing::cli::one_take::one_take;
+use posing::pose::one_take;
 use posing::restore::ik::{SkeletonFit, estimate_skeleton, solve_missing_channels};
 use posing::{Error, Place, Result};
 use std::io::Cursor;
@@ -109,7 +110,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
             &poses,
             &points.bone_ends(&poses.points),
             &table.name,
-            IN_CENTIMETRES,
+            IN_CENTIMETERS,
         )?;
     }
     if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
@@ -130,14 +131,14 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let (fitted, outcome) = fit(&skeleton, &poses, &table.name, no_joint, args.force)?;
     let order = args.order.unwrap_or([Axis::Z, Axis::Y, Axis::X]);
     let bvh = fitted.to_bvh_with(order, args.units.rotation(), rate)?;
-    let text = bvh.to_bytes(args.units.centimetres());
+    let text = bvh.to_bytes(args.units.centimeters());
     write_bytes(args.output.as_deref(), &text, false)?;
     Ok(outcome)
 }
 
 /// The original with its missing values.
 fn fill(args: &Args, original: &Path) -> Result<()> {
-    let unit = args.units.centimetres();
+    let unit = args.units.centimeters();
     let bytes = open(original)?.read_all(LARGEST_FILE)?;
     let input = Input::new(original.display().to_string(), Cursor::new(bytes.clone()))?;
     let bvh = Bvh::read(input, unit, false)?;
@@ -164,7 +165,7 @@ fn fill(args: &Args, original: &Path) -> Result<()> {
 }
 
 fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
-    let unit = args.units.centimetres();
+    let unit = args.units.centimeters();
     let (file, notes) = SkeletonFile::read(open(path)?, unit, args.units.rotation())?;
     notes.iter().for_each(|n| messages::info(n));
     if matches!(file, SkeletonFile::Bvh(_)) && args.order.is_some() {

@@ -5,7 +5,7 @@ use posing::cli::input::open;
 use posing::cli::marker_files::MarkerUnitArgs;
 use posing::cli::messages;
 use posing::cli::one_take_args::{OneTake, OneTakeArgs};
-use posing::cli::units::{TableUnits, Units, Up};
+use posing::pose::units::{Units, LengthUnit, UpAxis};
 use posing::io::C3d;
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
@@ -28,10 +28,10 @@ pub struct Args {
     into: Option<PathBuf>,
     /// Unit of length of the file [default: mm, or what ORIGINAL says]
     #[arg(long, value_enum, value_name = "UNIT")]
-    units: Option<Units>,
+    units: Option<LengthUnit>,
     /// Axis of the file that points up [default: z, or what ORIGINAL says]
     #[arg(long, value_enum, value_name = "AXIS")]
-    up: Option<Up>,
+    up: Option<UpAxis>,
     #[command(flatten)]
     out: OneTakeArgs,
 }
@@ -89,9 +89,9 @@ fn into(args: &Args, one: OneTake, original: &Path) -> Result<Vec<u8>> {
 
 /// A file of the poses alone.
 fn new(args: &Args, one: OneTake) -> Result<Vec<u8>> {
-    let units = TableUnits {
-        unit: args.units.unwrap_or(Units::Mm),
-        up: args.up.unwrap_or(Up::Z),
+    let units = Units {
+        unit: args.units.unwrap_or(LengthUnit::Mm),
+        up: args.up.unwrap_or(UpAxis::Z),
     };
     args.out.new_take(one, units, "C3D")?.c3d()
 }

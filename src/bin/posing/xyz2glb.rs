@@ -3,12 +3,13 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::BvhSkeletonArgs;
-use posing::cli::body_size::{IN_CENTIMETRES, check_body_size};
+use posing::cli::input::IN_CENTIMETERS;
+use posing::restore::body_size::check_body_size;
 use posing::cli::ik::fit;
 use posing::cli::input::open;
-use posing::cli::new_take::NewTake;
+use posing::io::NewTake;
 use posing::cli::one_take_args::OneTakeArgs;
-use posing::cli::units::TableUnits;
+use posing::pose::units::Units;
 use posing::cli::{Outcome, messages};
 use posing::io::{SkeletonFile, SkinnedMesh};
 use posing::pose::BonePoints;
@@ -47,11 +48,11 @@ pub fn work(args: &Args) -> Result<Outcome> {
     let table = one.table.clone();
     let NewTake {
         mut poses, rate, ..
-    } = args.take.new_take(one, TableUnits::CM_Y, "GLB")?;
+    } = args.take.new_take(one, Units::CM_Y, "GLB")?;
     let points = BonePoints::of(&poses.points, poses.xyz.view());
     if !args.force {
         let names = points.bone_ends(&poses.points);
-        check_body_size(&poses, &names, &table, IN_CENTIMETRES)?;
+        check_body_size(&poses, &names, &table, IN_CENTIMETERS)?;
     }
     if points == BonePoints::Starts && !matches!(given, Some(SkeletonFile::Bvh(_))) {
         poses.points = bone_ends_of_starts(&poses.points);
@@ -82,7 +83,7 @@ pub fn work(args: &Args) -> Result<Outcome> {
 
 fn skeleton_file(args: &Args, path: &Path) -> Result<SkeletonFile> {
     let units = &args.units;
-    let (file, notes) = SkeletonFile::read(open(path)?, units.centimetres(), units.rotation())?;
+    let (file, notes) = SkeletonFile::read(open(path)?, units.centimeters(), units.rotation())?;
     notes.iter().for_each(|note| messages::info(note));
     Ok(file)
 }

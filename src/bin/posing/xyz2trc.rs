@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::one_take_args::OneTakeArgs;
-use posing::cli::units::{TableUnits, Units, Up};
+use posing::pose::units::{Units, LengthUnit, UpAxis};
 
 /// Convert a pose table to a TRC file
 ///
@@ -19,17 +19,17 @@ use posing::cli::units::{TableUnits, Units, Up};
 pub struct Args {
     /// Unit of length of the file
     #[arg(long, value_enum, value_name = "UNIT", default_value = "mm")]
-    units: Units,
+    units: LengthUnit,
     /// Axis of the file that points up
     #[arg(long, value_enum, value_name = "AXIS", default_value = "y")]
-    up: Up,
+    up: UpAxis,
     #[command(flatten)]
     out: OneTakeArgs,
 }
 
 pub fn work(args: &Args) -> Result<()> {
     let one = args.out.read(None)?;
-    let units = TableUnits {
+    let units = Units {
         unit: args.units,
         up: args.up,
     };

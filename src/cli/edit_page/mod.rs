@@ -1,13 +1,13 @@
 //! The page of `posing edit`: HTML, complete in itself; it talks to the program that served it and to nothing else.
 
-use crate::evaluate::player::parts::{PAPER, Part, parts};
+use crate::draw::player::parts::{PAPER, Part, parts};
 use base64::prelude::{BASE64_STANDARD, Engine};
 use sha2::{Digest, Sha256};
 use std::sync::LazyLock;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = concat!(
-    include_str!("../../evaluate/player/player.css"),
+    include_str!("../../draw/player/player.css"),
     include_str!("page.css"),
 );
 /// The scripts of this page alone.

@@ -2,7 +2,8 @@
 
 use super::score;
 use super::takes::TakeSet;
-use crate::evaluate::figure::strip::{StripPose, strip};
+use crate::draw::figure::strip::{StripJoints, StripPose, strip};
+use crate::metric::joint_map::{JOINTS, PARENTS};
 use crate::metric::{FrameRef, PoseDatabase, PoseMetric};
 
 /// Queries of one picture, and poses found for each.
@@ -25,12 +26,18 @@ pub fn draw(metrics: &[(String, PoseMetric)], searched: &TakeSet, queries: &Take
         let rows = rows(metric, searched, queries, &asked);
         out += &format!(
             "<h3>{}</h3><figure class=\"wide\">{}</figure>",
-            crate::evaluate::html::escape(name),
-            strip(&rows)
+            crate::draw::html::escape(name),
+            strip(&rows, SIXTEEN_JOINTS)
         );
     }
     out
 }
+
+/// The joints of the poses.
+pub const SIXTEEN_JOINTS: StripJoints<'static> = StripJoints {
+    names: &JOINTS,
+    parents: &PARENTS,
+};
 
 fn rows(
     metric: &PoseMetric,
@@ -41,7 +48,7 @@ fn rows(
     let (at, vectors) = metric.embed_takes(&searched.takes, score::step);
     let database = PoseDatabase::new(vectors, metric.norm);
     let pose = |set: &TakeSet, at: FrameRef, class: Option<&str>| StripPose {
-        joints: set.takes[at.take].frame(at.frame),
+        joints: set.takes[at.take].frame(at.frame).to_vec(),
         caption: set.about[at.take].class.clone(),
         is_right: class.map(|class| set.about[at.take].class == class),
     };

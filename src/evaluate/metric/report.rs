@@ -3,10 +3,10 @@
 use super::labels::LabelRule;
 use super::methods::StepSeconds;
 use super::score::Precision;
-use crate::evaluate::html::{escape, table};
-use crate::evaluate::plain_page::PlainPage;
+use crate::draw::html::{escape, table};
+use crate::draw::plain_page::PlainPage;
 use crate::evaluate::report::quoted;
-use crate::evaluate::text_table::aligned;
+use crate::draw::text_table::aligned;
 use serde_json::{Value, json};
 use std::fmt::Write;
 

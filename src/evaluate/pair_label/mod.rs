@@ -5,9 +5,9 @@
 
 mod motion;
 
-use super::html::{escape, fill, script_json};
-use super::player::parts::{PAPER, Part, parts};
-use super::player::policy_hash;
+use crate::draw::html::{escape, fill, script_json};
+use crate::draw::player::parts::{PAPER, Part, parts};
+use crate::draw::player::policy_hash;
 use crate::metric::joint_map::{JOINTS, PARENTS, joint};
 use crate::metric::pair_proposal::{ProposedPair, TakeFrame};
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -19,8 +19,8 @@ use std::sync::LazyLock;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = concat!(
-    include_str!("../player/player.css"),
-    include_str!("../player/page.css"),
+    include_str!("../../draw/player/player.css"),
+    include_str!("../../draw/player/page.css"),
     include_str!("label.css"),
 );
 static SCRIPT: LazyLock<String> = LazyLock::new(|| {

@@ -13,8 +13,8 @@ use super::benchmark::result::{BenchmarkResult, SD_LEVELS};
 use super::benchmark::runner::Benchmark;
 use super::benchmark::splits::Split;
 use super::benchmark::summary::{SummaryRow, summarize};
-use super::html::{fill, script_json};
-use super::player;
+use crate::draw::html::{fill, script_json};
+use crate::draw::player;
 use crate::Result;
 use crate::pose::ASF_UNIT_CM;
 use serde_json::json;
@@ -24,7 +24,7 @@ pub(super) use tables::{quoted, short};
 const PAGE: &str = include_str!("report.html");
 /// The style of the page and of the players in it.
 const STYLE: &str = concat!(
-    include_str!("../player/player.css"),
+    include_str!("../../draw/player/player.css"),
     include_str!("report.css")
 );
 /// Elements and tables, for the scripts of both pages.

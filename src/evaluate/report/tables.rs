@@ -4,7 +4,7 @@ use super::BenchmarkReport;
 use crate::evaluate::benchmark::result::{BenchmarkResult, ONE_AND_TWO_SD, SD_LEVELS};
 use crate::evaluate::benchmark::splits::Split;
 use crate::evaluate::benchmark::summary::{Interval, SummaryRow, interval};
-use crate::evaluate::text_table::aligned;
+use crate::draw::text_table::aligned;
 use crate::numeric::parallel;
 use crate::pose::ASF_UNIT_CM;
 use crate::{Error, Result};

@@ -2,10 +2,10 @@
 
 use super::{GapCell, NoiseCell, RESTORED};
 use crate::evaluate::benchmark::result::{ONE_AND_TWO_SD, SD_LEVELS};
-use crate::evaluate::html::{escape, table};
-use crate::evaluate::plain_page::PlainPage;
+use crate::draw::html::{escape, table};
+use crate::draw::plain_page::PlainPage;
 use crate::evaluate::report::short;
-use crate::evaluate::text_table::aligned;
+use crate::draw::text_table::aligned;
 use std::fmt::Write;
 
 /// The results of a test.

@@ -178,6 +178,14 @@ impl BvhSkeleton {
         }
     }
 
+    /// The pairs of points that the skeleton joins, the one nearer to the root first.
+    pub fn bones(&self, which: BvhPoints) -> Vec<(usize, usize)> {
+        let points: Vec<usize> = self.points(which).iter().map(|p| p.1).collect();
+        let parents = self.skeleton.nearest_above(&points).into_iter();
+        let bones = parents.enumerate().filter_map(|(i, p)| Some((p?, i)));
+        bones.collect()
+    }
+
     /// A frame's channels as the skeleton's values.
     pub fn values(&self, frame: &[f64], q: &mut [f64]) {
         for ((value, channel), still) in frame.iter().zip(&self.channels).zip(&self.still) {

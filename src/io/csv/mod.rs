@@ -9,7 +9,7 @@ pub use writer::{AddedColumn, After, CsvFormat, push_cell};
 use super::Input;
 use super::block_reader::{BLOCK, BlockReader};
 use super::columns::Columns;
-use super::row::{Cells, ReadOptions, Row};
+use super::row::{Cells, TableOptions, Row};
 use super::text::{check_length, excerpt};
 use crate::{Error, Place, Result};
 use block::RowFormat;
@@ -43,11 +43,11 @@ impl CsvReader {
     ///
     /// # Errors
     /// [`Error::Io`]: reading fails. [`Error::Data`]: no header of a pose table.
-    pub fn new(input: Input, options: &ReadOptions) -> Result<CsvReader> {
+    pub fn new(input: Input, options: &TableOptions) -> Result<CsvReader> {
         CsvReader::with_block(input, options, BLOCK)
     }
 
-    fn with_block(input: Input, options: &ReadOptions, block: usize) -> Result<CsvReader> {
+    fn with_block(input: Input, options: &TableOptions, block: usize) -> Result<CsvReader> {
         let name = input.name.clone();
         let mut records = Records::new(BufReader::with_capacity(block, input.into_reader()));
         let mut header = Cells::default();
@@ -267,10 +267,10 @@ mod tests {
         cells: &[String],
         change: impl Fn(&mut Vec<f64>),
     ) -> String {
-        let options = ReadOptions {
+        let options = TableOptions {
             cells: true,
             planar: true,
-            ..ReadOptions::default()
+            ..TableOptions::default()
         };
         let mut reader = CsvReader::new(input(text), &options).unwrap();
         let writer = CsvFormat::new(&reader.columns, added);
@@ -310,7 +310,7 @@ mod tests {
     fn a_column_name_that_is_no_text_is_refused() {
         let latin = b"a.x,a.y,a.z,h\xf6he\n1,2,3,4\n".to_vec();
         let input = Input::new("t.csv", std::io::Cursor::new(latin)).unwrap();
-        let message = CsvReader::new(input, &ReadOptions::default())
+        let message = CsvReader::new(input, &TableOptions::default())
             .err()
             .unwrap();
         assert!(
@@ -332,7 +332,7 @@ mod tests {
             let latin = table.into_bytes().into_iter().filter(|b| *b != 0xc3);
             let input =
                 Input::new("t.csv", std::io::Cursor::new(latin.collect::<Vec<_>>())).unwrap();
-            let mut reader = CsvReader::new(input, &ReadOptions::default()).unwrap();
+            let mut reader = CsvReader::new(input, &TableOptions::default()).unwrap();
             let mut row = Row::default();
             assert!(reader.read(&mut row).unwrap());
             let message = reader.read(&mut row).unwrap_err().to_string();
@@ -347,13 +347,13 @@ mod tests {
     fn points_without_z_are_read_and_given_one() {
         let out = through("a.x,a.y\n1,2\n", &[], &[], |xyz| xyz[2] = 5.0);
         assert_eq!(out, "a.x,a.y,a.z\n1,2,5\n");
-        assert!(CsvReader::new(input("a.x,a.y\n1,2\n"), &ReadOptions::default()).is_err());
+        assert!(CsvReader::new(input("a.x,a.y\n1,2\n"), &TableOptions::default()).is_err());
     }
 
     #[test]
     fn bad_tables_are_refused_with_their_place() {
         let says = |text: &str, part: &str| {
-            let e = Table::read(input(text), &ReadOptions::default())
+            let e = Table::read(input(text), &TableOptions::default())
                 .unwrap_err()
                 .to_string();
             assert!(e.contains(part) && e.lines().count() == 1, "{e}");
@@ -377,7 +377,7 @@ mod tests {
     #[test]
     fn takes_and_times_are_read() {
         let text = "take,time,a.x,a.y,a.z\nw,0,1,2,3\nw,0.5,,nan,3\nv,0,1,2,3\n";
-        let table = Table::read(input(text), &ReadOptions::default()).unwrap();
+        let table = Table::read(input(text), &TableOptions::default()).unwrap();
         assert_eq!(table.poses.frames(), 3);
         assert_eq!(table.poses.takes(), [0..2, 2..3]);
         assert_eq!(table.poses.rate(), Some(2.0));
@@ -386,9 +386,9 @@ mod tests {
 
     /// The rows of a table, and how it ends: read one at a time, or ahead in blocks.
     fn all(text: &[u8], block: Option<(usize, usize)>) -> (Vec<String>, String) {
-        let options = ReadOptions {
+        let options = TableOptions {
             cells: true,
-            ..ReadOptions::default()
+            ..TableOptions::default()
         };
         let input = Input::new("t.csv", std::io::Cursor::new(text.to_vec())).unwrap();
         let size = block.map_or(BLOCK, |(size, _)| size);

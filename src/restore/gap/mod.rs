@@ -29,6 +29,7 @@ use glam::DVec3;
 use known_frames::KnownFrames;
 pub(crate) use local_poses::{LocalPoses, anchor as local_anchor};
 pub use motion_limits::MotionLimits;
+use crate::pose::FillMethod;
 use ndarray::{Array2, ArrayView2, s};
 use path::PathVariances;
 use regression::{OtherPoses, Regression};
@@ -72,40 +73,6 @@ pub struct Gap {
     pub before: Option<usize>,
     /// The frame after, where the point is seen.
     pub after: Option<usize>,
-}
-
-/// How a point was filled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FillMethod {
-    /// By the other points, as the take and the model's training poses relate them.
-    Regression,
-    /// By its own path.
-    Interpolation,
-    /// By the model, frame by frame.
-    Model,
-}
-
-impl FillMethod {
-    /// Every method, in the order of their numbers in a page.
-    pub const ALL: [FillMethod; 3] = [
-        FillMethod::Regression,
-        FillMethod::Interpolation,
-        FillMethod::Model,
-    ];
-
-    /// The method that a table's word means; `None` for any other word.
-    pub fn from_name(name: &str) -> Option<FillMethod> {
-        FillMethod::ALL.into_iter().find(|m| m.name() == name)
-    }
-
-    /// Its name in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            FillMethod::Regression => "regression",
-            FillMethod::Interpolation => "pchip",
-            FillMethod::Model => "model",
-        }
-    }
 }
 
 /// A filled gap.

@@ -97,7 +97,7 @@ fn at(xyz: ArrayView2<'_, f64>, t: usize, point: usize) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::FillMethod;
+    use crate::pose::FillMethod;
     use super::*;
     use ndarray::Array2;
 

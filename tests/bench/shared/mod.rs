@@ -2,7 +2,7 @@
 #![allow(dead_code)] // Every bench uses a part of it.
 
 use ndarray::Array2;
-use posing::io::ReadOptions;
+use posing::io::TableOptions;
 use posing::io::{Input, Table};
 use posing::numeric::parallel;
 use posing::sparse::Dictionary;
@@ -60,7 +60,7 @@ fn take(asf: &Path, amc: &Path) -> Take {
         .expect("amc2xyz runs");
     assert!(done.status.success(), "{}: no take", amc.display());
     let input = Input::new("a take", std::io::Cursor::new(done.stdout)).expect("a table");
-    let table = Table::read(input, &ReadOptions::default()).expect("a table of poses");
+    let table = Table::read(input, &TableOptions::default()).expect("a table of poses");
     Take {
         xyz: table.poses.xyz.mapv(|v| v as f32),
         points: table.columns.points,

@@ -2,15 +2,15 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use posing::io::{ReadOptions, Table};
+use posing::io::{TableOptions, Table};
 use posing_fuzz::{accepted, input, same, slow_input, use_one_thread};
 
 fuzz_target!(init: use_one_thread(), |bytes: &[u8]| {
     for planar in [false, true] {
-        let options = ReadOptions {
+        let options = TableOptions {
             planar,
             cells: true,
-            ..ReadOptions::default()
+            ..TableOptions::default()
         };
         let whole = input("t.csv", bytes).and_then(|i| Table::read(i, &options));
         let slow = slow_input("t.csv", bytes).and_then(|i| Table::read(i, &options));

@@ -1,0 +1,253 @@
+//! The audit of files of motion, and its text.
+
+use super::take_pages::TakePages;
+use super::{Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit, rotation_findings};
+use crate::io::MotionFile;
+use crate::io::motion_file::{ReadRules, format_of};
+use crate::io::motion_folder::{EXTENSIONS, MotionFolder};
+use crate::{Error, Place, Result};
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// Points whose gaps are listed, and findings of one kind.
+const LISTED: usize = 5;
+
+/// How files are audited.
+pub struct FileAuditor {
+    /// What is taken for files that do not say it.
+    pub read: ReadRules,
+    /// What is still as it should be.
+    pub limits: Limits,
+    /// Where pages of takes go, if they are wanted.
+    pub pages: Option<TakePages>,
+    /// Files that a given rate may not contradict; others are taken at their own.
+    pub named: Vec<PathBuf>,
+}
+
+impl FileAuditor {
+    /// The audit of a file, the `number`th, whose bytes, unpacked, are `bytes`; one that cannot be read stops no other. Where
+    /// something was found, or is missing, its page is written.
+    ///
+    /// # Errors
+    /// [`Error::Usage`], for all files alike; [`Error::Io`]: a page cannot be written.
+    pub fn audit(&self, path: &Path, bytes: Result<Vec<u8>>, number: usize) -> Result<FileAudit> {
+        let mut out = FileAudit {
+            file: match path == Path::new("-") {
+                true => "standard input".to_string(),
+                false => path.display().to_string(),
+            },
+            ..FileAudit::default()
+        };
+        match bytes.and_then(|bytes| self.read(path, bytes)) {
+            Ok(file) => {
+                out.takes = audit_motion(&file, &self.limits);
+                out.notes.clone_from(&file.notes);
+                if let Some(pages) = self.pages.as_ref().filter(|_| out.has_something()) {
+                    out.page = pages.write(number, &out.file, &file)?;
+                }
+            }
+            Err(wrong @ Error::Usage(_)) => return Err(wrong),
+            Err(e) => out.error = Some(e.to_string()),
+        }
+        Ok(out)
+    }
+
+    fn read(&self, path: &Path, bytes: Vec<u8>) -> Result<MotionFile> {
+        let options = self.read.of(path, format_of(&bytes));
+        let file = MotionFile::read(path, bytes, &options)?;
+        let is_named = self.named.iter().any(|named| named == path);
+        match (file.rate(), options.fps.filter(|_| is_named)) {
+            (Some(own), Some(fps)) if (own - fps).abs() > 1e-4 * own => Err(Error::usage(format!(
+                "the option `fps {fps}` contradicts {}, which has {own} frames per second; leave it out",
+                file.table.name
+            ))),
+            _ => Ok(file),
+        }
+    }
+}
+
+/// The audit of what a file holds: its positions, and its angles if it has some.
+pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
+    let mut takes = audit(&file.table.poses, file.rate(), limits);
+    // Only files of one take have angles.
+    if let Some(take) = takes.first_mut() {
+        let found = rotation_findings(&file.joint_angles(), file.rate());
+        take.findings.extend(found);
+    }
+    takes
+}
+
+/// The files and those of folders, in order, and audits of the folders that cannot be read or have no files of motion.
+pub fn files_to_audit(paths: &[PathBuf]) -> (Vec<PathBuf>, Vec<FileAudit>) {
+    let refused = |path: &Path, error: &Error| FileAudit {
+        file: path.display().to_string(),
+        error: Some(error.to_string()),
+        ..FileAudit::default()
+    };
+    let (mut files, mut unreadable) = (Vec::new(), Vec::new());
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let found = MotionFolder::search(path, None, |_| true);
+        if found.files.is_empty() && found.unreadable.is_empty() {
+            let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
+            let error = Error::data(Place::file(path.display().to_string()), what);
+            unreadable.push(refused(path, &error));
+        }
+        files.extend(found.files.into_iter().map(|(file, _)| file));
+        let found = found.unreadable.iter();
+        unreadable.extend(found.map(|(folder, _, error)| refused(folder, error)));
+    }
+    (files, unreadable)
+}
+
+/// The audit of one file.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct FileAudit {
+    /// The file's name.
+    pub file: String,
+    /// Why it could not be read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// The takes of the file.
+    pub takes: Vec<TakeAudit>,
+    /// What was odd in it, a line each.
+    #[serde(skip)]
+    pub notes: Vec<String>,
+    /// The address of the page that plays it, from the page of the audit.
+    #[serde(skip)]
+    pub page: Option<String>,
+}
+
+impl FileAudit {
+    /// Whether something was found.
+    pub fn has_findings(&self) -> bool {
+        self.takes.iter().any(|take| !take.findings.is_empty())
+    }
+
+    /// Whether something was found or is missing.
+    fn has_something(&self) -> bool {
+        let has_gaps = |take: &TakeAudit| !take.gaps.by_point.is_empty();
+        self.has_findings() || self.takes.iter().any(has_gaps)
+    }
+
+    /// A take in one line: its frames, rate, points and size, and what is missing.
+    pub fn line(take: &TakeAudit) -> String {
+        let mut out = count(take.frames, "frame");
+        if let Some(rate) = take.rate {
+            let _ = write!(
+                out,
+                " at {} a second, {:.1} s",
+                (1e3 * rate).round() / 1e3,
+                take.frames as f64 / rate
+            );
+        }
+        let _ = write!(out, "; {}", count(take.points, "point"));
+        if let Some(size) = take.size {
+            let _ = write!(out, ", {size:.0} cm");
+        }
+        let _ = write!(out, "; {}", missing(&take.gaps, take.rate));
+        out
+    }
+
+    /// The audit as text.
+    pub fn text(&self) -> String {
+        let mut out = format!("{}\n", self.file);
+        if let Some(error) = &self.error {
+            let _ = writeln!(out, "  not read: {error}");
+        }
+        for take in &self.takes {
+            push_take(&mut out, take);
+        }
+        out
+    }
+}
+
+fn push_take(out: &mut String, take: &TakeAudit) {
+    let name = take
+        .take
+        .as_deref()
+        .map_or(String::new(), |name| format!("{name}: "));
+    let _ = writeln!(out, "  {name}{}", FileAudit::line(take));
+    let mut kinds: Vec<FindingKind> = Vec::new();
+    for finding in &take.findings {
+        if !kinds.contains(&finding.kind) {
+            kinds.push(finding.kind);
+        }
+    }
+    for kind in kinds {
+        let alike: Vec<&Finding> = take.findings.iter().filter(|f| f.kind == kind).collect();
+        for finding in alike.iter().take(LISTED) {
+            let _ = writeln!(out, "    {}: {}", kind_name(kind), finding.what);
+        }
+        if alike.len() > LISTED {
+            let _ = writeln!(
+                out,
+                "    {}: {} more",
+                kind_name(kind),
+                alike.len() - LISTED
+            );
+        }
+    }
+    if take.findings.is_empty() {
+        let _ = writeln!(out, "    nothing found");
+    }
+}
+
+/// What is missing, the points with most first.
+fn missing(gaps: &GapSummary, rate: Option<f64>) -> String {
+    if gaps.by_point.is_empty() {
+        return "nothing is missing".to_string();
+    }
+    let mut points: Vec<_> = gaps.by_point.iter().collect();
+    points.sort_by_key(|p| std::cmp::Reverse(p.frames));
+    let one = |p: &&PointGaps| {
+        let longest = p.longest[1] - p.longest[0];
+        let longest = match rate {
+            Some(rate) => format!("{:.2} s", longest as f64 / rate),
+            None => format!("{longest} frames"),
+        };
+        format!("{} {}, up to {longest}", p.point, count(p.gaps, "gap"))
+    };
+    let some: Vec<String> = points.iter().take(LISTED).map(one).collect();
+    let more = match points.len().saturating_sub(LISTED) {
+        0 => String::new(),
+        n => format!(", and {}", count(n, "more point")),
+    };
+    format!(
+        "{:.1}% is missing ({}{more})",
+        100.0 * gaps.missing,
+        some.join(", ")
+    )
+}
+
+/// A number of things: `1 point`, `2 points`.
+pub fn count(n: usize, what: &str) -> String {
+    match n {
+        1 => format!("1 {what}"),
+        n => format!("{n} {what}s"),
+    }
+}
+
+/// The name of a kind in text.
+pub fn kind_name(kind: FindingKind) -> &'static str {
+    match kind {
+        FindingKind::Time => "time",
+        FindingKind::Rate => "rate",
+        FindingKind::Unit => "unit",
+        FindingKind::UpAxis => "up axis",
+        FindingKind::Stray => "stray point",
+        FindingKind::LongGap => "long gap",
+        FindingKind::Missing => "missing",
+        FindingKind::Zeros => "zeros",
+        FindingKind::Swap => "swap",
+        FindingKind::Jump => "jump",
+        FindingKind::Held => "held value",
+        FindingKind::Fallen => "fallen",
+        FindingKind::Drift => "drift",
+        FindingKind::EulerFlip => "Euler flip",
+    }
+}

@@ -1,0 +1,208 @@
+//! What became of a file, and what of its result somebody should look at.
+
+use super::one_file::{CleanSettings, keeps_rotations};
+use super::places::{PlaceToSee, places};
+use super::record::Summary;
+use super::replaced::{ReplacedPosition, replaced};
+use super::sources::OutputFormat;
+use crate::audit::{Finding, FindingKind, TakeAudit, audit, count, kind_name, rotation_findings};
+use crate::io::motion_file::Source;
+use crate::io::{MotionFile, MotionFormat};
+use crate::pose::{PointNaming, Poses};
+use crate::restore::{Restoration, typical_noise};
+use ndarray::ArrayView2;
+
+/// Points and gaps that a finding lists.
+const LISTED: usize = 4;
+
+impl CleanSettings {
+    /// What became of a file, of which `unheld` positions or values are not in the result; `redone` are the places that were done
+    /// again, `before` the audit of the capture.
+    pub(super) fn summary(
+        &self,
+        file: &MotionFile,
+        to: Option<OutputFormat>,
+        naming: &PointNaming,
+        restored: &Restoration<'_>,
+        unheld: usize,
+        (redone, before): (Vec<PlaceToSee>, &[TakeAudit]),
+    ) -> Summary {
+        let poses = &file.table.poses;
+        let keeps = keeps_rotations(file, to);
+        let missing = |xyz: ArrayView2<'_, f64>| {
+            let rows = xyz.rows().into_iter();
+            rows.map(|row| count_missing(&row.to_vec())).sum::<usize>()
+        };
+        let noise = typical_noise(poses.xyz.view(), &poses.runs());
+        let denoised = restored.counts().mean_noise() > 0.0;
+        let (mut findings, found) = self.remaining(file, keeps, restored);
+        let (lacking, left) = (missing(poses.xyz.view()), missing(restored.xyz()));
+        findings.extend(left_open(left, restored));
+        let noise_stays = noise > self.method.noise_limit && keeps;
+        if noise_stays {
+            findings.push(format!(
+                "noise: {noise:.2} cm stay, since the file holds rotations (denoise, then xyz2bvh or xyz2amc, makes new ones)"
+            ));
+        }
+        let moved = replaced(restored);
+        let doubtful = restored.counts().rejected.saturating_sub(moved.len());
+        if self.method.outliers && !keeps && doubtful > 0 {
+            findings.push(format!(
+                "outliers: {doubtful} more are not replaced, as too little is known there"
+            ));
+        }
+        let mut filled = lacking - left;
+        match (unheld, keeps) {
+            (0, _) => {}
+            (n, true) => findings.push(format!("missing: {n} values of the file are still nan")),
+            (n, false) => {
+                filled = filled.saturating_sub(n);
+                let what = "do not fit into the file's integers: they stay as they were";
+                findings.push(format!("range: {n} positions {what}"));
+            }
+        }
+        let mut notes = notes(file, naming, restored);
+        notes.extend(replacements(&moved));
+        Summary {
+            format: file.format.name().to_string(),
+            frames: poses.frames(),
+            points: poses.points.len(),
+            rate: file.rate(),
+            missing: lacking,
+            filled,
+            outliers: moved.len(),
+            noise,
+            denoised,
+            noise_stays,
+            copied: false,
+            findings,
+            notes,
+            places: places(redone.into_iter().chain(found).collect(), before, &moved),
+        }
+    }
+
+    /// What is wrong in the result, missing points aside, and where.
+    fn remaining(
+        &self,
+        file: &MotionFile,
+        keeps: bool,
+        restored: &Restoration<'_>,
+    ) -> (Vec<String>, Vec<PlaceToSee>) {
+        let result = Poses {
+            xyz: restored.xyz().to_owned(),
+            ..file.table.poses.clone()
+        };
+        let mut takes = audit(&result, file.rate(), &self.limits);
+        if let (true, Some(take)) = (keeps, takes.first_mut()) {
+            let found = rotation_findings(&file.joint_angles(), file.rate());
+            take.findings.extend(found);
+        }
+        let is_several = takes.len() > 1;
+        let is_gap = |f: &&Finding| matches!(f.kind, FindingKind::LongGap | FindingKind::Missing);
+        let (mut lines, mut places) = (Vec::new(), Vec::new());
+        let mut first = 0;
+        for take in &takes {
+            let name = take.take.as_deref().filter(|_| is_several);
+            let name = name.map_or(String::new(), |name| format!("{name}: "));
+            for finding in take.findings.iter().filter(|f| !is_gap(f)) {
+                let kind = kind_name(finding.kind);
+                lines.push(format!("{name}{kind}: {}", finding.what));
+                places.extend(finding.frames.map(|[start, _]| PlaceToSee {
+                    what: kind.to_string(),
+                    point: finding.points.first().cloned(),
+                    frame: first + start,
+                }));
+            }
+            first += take.frames;
+        }
+        (lines, places)
+    }
+}
+
+/// The replaced positions in one line; the record has all.
+fn replacements(moved: &[ReplacedPosition]) -> Option<String> {
+    let one =
+        |m: &ReplacedPosition| format!("{} in frame {} by {:.1} cm", m.point, m.frame, m.moved);
+    (!moved.is_empty()).then(|| {
+        let some = listed(moved.iter().map(one));
+        format!(
+            "outliers: {} replaced ({some}); the record has them as they were",
+            moved.len()
+        )
+    })
+}
+
+/// The points of a frame that have a missing coordinate.
+fn count_missing(row: &[f64]) -> usize {
+    let points = row.chunks_exact(3);
+    points.filter(|p| p.iter().any(|v| v.is_nan())).count()
+}
+
+/// What was not filled.
+fn left_open(left: usize, restored: &Restoration<'_>) -> Option<String> {
+    let poses = &restored.source().poses;
+    let xyz = restored.xyz();
+    let frames_of = |p: usize| {
+        let is_missing = |t: &usize| (0..3).any(|c| xyz[[*t, 3 * p + c]].is_nan());
+        (0..poses.frames()).filter(is_missing).count()
+    };
+    let mut points: Vec<(usize, usize)> = (0..poses.points.len())
+        .map(|p| (frames_of(p), p))
+        .filter(|(frames, _)| *frames > 0)
+        .collect();
+    points.sort_by_key(|(frames, _)| std::cmp::Reverse(*frames));
+    let one = |(frames, p): &(usize, usize)| match *frames == poses.frames() {
+        true => format!("{} always", poses.points[*p]),
+        false => format!("{} in {}", poses.points[*p], count(*frames, "frame")),
+    };
+    (left > 0).then(|| {
+        let some = listed(points.iter().map(one));
+        let are = if left == 1 { "is" } else { "are" };
+        let positions = count(left, "position");
+        format!("missing: {positions} {are} not filled ({some})")
+    })
+}
+
+/// Some of a list.
+fn listed(all: impl ExactSizeIterator<Item = String>) -> String {
+    let count = all.len();
+    let some: Vec<String> = all.take(LISTED).collect();
+    match count - some.len() {
+        0 => some.join(", "),
+        more => format!("{} and {more} more", some.join(", ")),
+    }
+}
+
+/// What a person should know of how the file was taken.
+fn notes(file: &MotionFile, naming: &PointNaming, restored: &Restoration<'_>) -> Vec<String> {
+    let mut out = file.notes.clone();
+    let (unit, up) = (&file.read_as.unit, &file.read_as.up);
+    if file.format == MotionFormat::Bvh
+        && (unit.from == Source::Custom || up.from == Source::Custom)
+    {
+        out.push(format!(
+            "taken as {} and {} up, as BVH files are by custom",
+            unit.value, up.value
+        ));
+    }
+    let is_custom = matches!(
+        file.format,
+        MotionFormat::Bvh | MotionFormat::Csv | MotionFormat::Npy
+    );
+    if is_custom && (unit.from == Source::Option || up.from == Source::Option) {
+        out.push(format!(
+            "taken as {} and {} up, by the flags",
+            unit.value, up.value
+        ));
+    }
+    if let PointNaming::Map(map) = naming {
+        out.push(format!("the points have the names of the map {}", map.name));
+    }
+    match restored.counts().cuts {
+        0 => {}
+        n => out.push(format!(
+            "the whole body jumps ({n}): nothing is joined across"
+        )),
+    }
+    out
+}

@@ -1,0 +1,65 @@
+//! The list of a run beside its page: a row for each file, for programs.
+
+use super::one_file::FileOutcome;
+use super::row::Row;
+use crate::draw::href::relative;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// The place of the list beside a page.
+pub fn list_path(page: &Path) -> PathBuf {
+    page.with_extension("json")
+}
+
+/// The list as JSON; paths are relative to `folder`.
+///
+/// # Errors
+/// [`Error::Usage`]: never of such rows.
+pub fn list(rows: &[Row], folder: &Path) -> Result<String> {
+    let rows: Vec<Value> = rows.iter().map(|row| listed(row, folder)).collect();
+    let json = serde_json::to_string_pretty(&rows).map_err(|e| Error::usage(e.to_string()))?;
+    Ok(json + "\n")
+}
+
+fn listed(row: &Row, folder: &Path) -> Value {
+    let place = |path: Option<PathBuf>| path.map(|path| relative(folder, &path));
+    let mut out = json!({
+        "command": "clean",
+        "file": row.name,
+        "sha256": row.sha256,
+        "outcome": row.fate.outcome(),
+        "findings": [],
+        "new_findings": row.new,
+        "error": null,
+        "result": place(row.result()),
+        "record": place(row.record()),
+        "page": place(row.page()),
+    });
+    match (&row.fate, row.fate.summary()) {
+        (FileOutcome::Failed { error, old_result }, _) => {
+            out["error"] = json!(error.to_string());
+            out["old_result"] = json!(old_result);
+        }
+        (_, Some(s)) => {
+            out["findings"] = json!(s.findings);
+            out["notes"] = json!(s.notes);
+            out["format"] = json!(s.format);
+            for (key, value) in [
+                ("frames", s.frames),
+                ("points", s.points),
+                ("missing", s.missing),
+                ("filled", s.filled),
+                ("outliers", s.outliers),
+            ] {
+                out[key] = json!(value);
+            }
+            out["rate"] = json!(s.rate);
+            out["noise"] = json!(s.noise);
+            out["denoised"] = json!(s.denoised);
+            out["copied"] = json!(s.copied);
+        }
+        _ => {}
+    }
+    out
+}

@@ -1,0 +1,139 @@
+//! Whole takes of any format, cleaned: files and folders in, the same out, a record beside each.
+
+mod earlier_list;
+mod findings;
+mod held;
+mod list;
+mod one_file;
+mod page;
+mod places;
+mod record;
+mod redo;
+mod replaced;
+mod report;
+mod row;
+mod sources;
+
+pub use one_file::{CleanSettings, FileOutcome};
+pub use redo::Stretch;
+pub use report::CleanReport;
+pub use sources::OutputFormat;
+
+use self::earlier_list::EarlierList;
+use self::list::list_path;
+use self::row::Row;
+use self::sources::Job;
+use crate::{Error, Result};
+use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// The page that a folder of results gets.
+const PAGE: &str = "clean.html";
+
+/// Where results go.
+#[derive(Debug)]
+pub struct CleanOutput {
+    /// The result of one file, else the folder of the results.
+    pub path: PathBuf,
+    /// The format of the results; `None`: that of each file, or by the name of the one result.
+    pub to: Option<OutputFormat>,
+    /// The page of all; `None`: in the folder of the results, if it is one. A list for programs stands beside it.
+    pub page: Option<PathBuf>,
+    /// Whether only that is told which the last run did not tell.
+    pub only_new: bool,
+}
+
+/// Cleans files, and those of folders; `progress` hears how many are done, and of how many.
+///
+/// # Errors
+/// [`Error::Usage`] and [`Error::Io`] of what is asked for altogether; of one file alone, its own error. One of several that cannot
+/// be cleaned stops no other: the report says so.
+pub fn clean(
+    inputs: &[PathBuf],
+    output: &CleanOutput,
+    settings: &CleanSettings,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<CleanReport> {
+    let jobs = sources::jobs(inputs, &output.path, output.to)?;
+    if jobs.jobs.len() != 1 && !settings.redo.is_empty() {
+        let what = "the option `redo` is for a stretch of one take; give that file alone";
+        return Err(Error::usage(what));
+    }
+    if output.only_new && jobs.folder.is_none() && output.page.is_none() {
+        let what = "the option `new_only` compares with the list of the last run, which a folder of results has; one file has it with the option `page`";
+        return Err(Error::usage(what));
+    }
+    let page = output.page.clone();
+    let page = page.or_else(|| Some(jobs.folder.as_ref()?.join(PAGE)));
+    let mut last = EarlierList::default();
+    if let Some(page) = &page {
+        if page
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("json"))
+        {
+            let what = "the option `page` is for a page, beside which the list gets the name with .json; give another name, such as clean.html";
+            return Err(Error::usage(what));
+        }
+        jobs.check_page(page, report::is_page(page))?;
+        last = EarlierList::read(&list_path(page))?;
+        jobs.check_page(&list_path(page), true)?;
+    }
+    let mut cleaned = clean_all(&jobs.jobs, jobs.to, settings, progress);
+    let is_one = jobs.folder.is_none();
+    if is_one
+        && matches!(cleaned[..], [(FileOutcome::Failed { .. }, _)])
+        && let Some(error) = cleaned.pop().and_then(|(fate, _)| fate.into_error())
+    {
+        return Err(error);
+    }
+    let files = jobs.jobs.iter().zip(cleaned);
+    let files = files.map(|(job, fate)| Row::new(job.name.clone(), fate, Some(job), &last));
+    let unreadable = jobs.unreadable.into_iter().map(|(name, error)| {
+        let old_result = false;
+        let fate = FileOutcome::Failed { error, old_result };
+        Row::new(name, (fate, None), None, &last)
+    });
+    Ok(CleanReport {
+        rows: files.chain(unreadable).collect(),
+        left_out: jobs.left_out,
+        only_new: output.only_new,
+        page,
+        is_one,
+    })
+}
+
+/// What became of a file, with the digest of the capture where it was read.
+type CleanedFile = (FileOutcome, Option<String>);
+
+/// What became of each file. Threads of their own take a file each: the pool's are for the work within a file, which waits for them.
+fn clean_all(
+    jobs: &[Job],
+    to: Option<OutputFormat>,
+    settings: &CleanSettings,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Vec<CleanedFile> {
+    let (next, finished) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let fates: Vec<Mutex<Option<CleanedFile>>> = jobs.iter().map(|_| Mutex::new(None)).collect();
+    let work = || {
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            let (Some(job), Some(place)) = (jobs.get(at), fates.get(at)) else {
+                break;
+            };
+            let fate = settings.clean(job, to);
+            *place.lock().unwrap_or_else(|e| e.into_inner()) = Some(fate);
+            progress(1 + finished.fetch_add(1, Ordering::Relaxed), jobs.len());
+        }
+    };
+    std::thread::scope(|scope| {
+        let threads = rayon::current_num_threads().min(jobs.len());
+        for _ in 0..threads {
+            scope.spawn(work);
+        }
+    });
+    let fates = fates.into_iter();
+    fates
+        .filter_map(|fate| fate.into_inner().unwrap_or_else(|e| e.into_inner()))
+        .collect()
+}

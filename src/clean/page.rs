@@ -1,0 +1,59 @@
+//! The page of a take beside its result.
+
+use super::record::Summary;
+use super::sources::Job;
+use crate::Result;
+use crate::io::MotionFile;
+use crate::draw::take_page::{TakePage, page_beside, write_take_page};
+use crate::draw::scene::Figure;
+use crate::restore::Restoration;
+use ndarray::Array2;
+
+/// Writes the page of a take in which there is something to see; a line, where another file stands in its place.
+///
+/// # Errors
+/// [`crate::Error::Io`]: writing fails.
+pub fn write_page(
+    job: &Job,
+    file: &MotionFile,
+    restored: &Restoration<'_>,
+    summary: &Summary,
+) -> Result<Option<String>> {
+    let path = page_beside(&job.output);
+    let is_seen = !summary.places.is_empty() || !summary.findings.is_empty() || summary.denoised;
+    let html = match is_seen {
+        true => take_page(&job.name, file, restored)?,
+        false => None,
+    };
+    let is_written = write_take_page(&path, html.as_deref())?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let in_the_way = || format!("no page of the take: {name} is there and is none of clean's");
+    Ok((html.is_some() && !is_written).then(in_the_way))
+}
+
+/// The page of a take: the capture, and the result beside it where that differs.
+fn take_page(name: &str, file: &MotionFile, restored: &Restoration<'_>) -> Result<Option<String>> {
+    let poses = &file.table.poses;
+    let shape = (poses.frames(), poses.points.len());
+    let status = Array2::from_shape_fn(shape, |(t, p)| restored.status(t, p));
+    let sd = Array2::from_shape_fn(shape, |(t, p)| restored.sd(t, p));
+    let method = Array2::from_shape_fn(shape, |(t, p)| restored.method(t, p));
+    let mut figures = vec![Figure::new("capture", poses.xyz.view())];
+    if restored.xyz() != poses.xyz {
+        figures.push(Figure {
+            status: Some(status.view()),
+            sd: Some(sd.view()),
+            method: Some(method.view()),
+            ..Figure::new("cleaned", restored.xyz())
+        });
+    }
+    TakePage {
+        name,
+        note: "The capture, and beside it the result where it differs. Centimetres, y up.",
+        poses,
+        rate: file.rate(),
+        bones: &file.bones()?,
+        figures,
+    }
+    .html()
+}

@@ -1,0 +1,115 @@
+//! A file of a run, and what became of it.
+
+use super::earlier_list::EarlierList;
+use super::one_file::FileOutcome;
+use super::record::{Summary, has_record, record_path};
+use super::sources::Job;
+use crate::Error;
+use crate::draw::take_page::{is_take_page, page_beside};
+use std::path::PathBuf;
+
+/// A file and what became of it.
+pub struct Row {
+    /// Its name in tables.
+    pub name: String,
+    /// What became of it.
+    pub fate: FileOutcome,
+    /// The SHA-256 of the capture; none of what cannot be read.
+    pub sha256: Option<String>,
+    /// Its findings that the last run did not have.
+    pub new: Vec<String>,
+    /// Whether it failed, and not in the same way in the last run.
+    pub is_new_failure: bool,
+    /// The place of its result; a folder that cannot be read has none.
+    output: Option<PathBuf>,
+}
+
+impl Row {
+    /// A file, or a folder that cannot be read, which has no job.
+    pub fn new(
+        name: String,
+        (fate, sha256): (FileOutcome, Option<String>),
+        job: Option<&Job>,
+        last: &EarlierList,
+    ) -> Row {
+        let digest = sha256.as_deref();
+        let findings = fate.summary().map_or(&[][..], |s| &s.findings);
+        let new = (findings.iter())
+            .filter(|finding| !last.has(&name, digest, finding))
+            .cloned()
+            .collect();
+        let is_new_failure = match &fate {
+            FileOutcome::Failed { error, .. } => {
+                !last.has_failure(&name, digest, &error.to_string())
+            }
+            _ => false,
+        };
+        Row {
+            output: job.map(|job| job.output.clone()),
+            name,
+            fate,
+            sha256,
+            new,
+            is_new_failure,
+        }
+    }
+
+    /// Whether it failed.
+    pub fn has_failed(&self) -> bool {
+        matches!(self.fate, FileOutcome::Failed { .. })
+    }
+
+    /// Whether there is something that the last run did not tell.
+    pub fn has_news(&self) -> bool {
+        !self.new.is_empty() || self.is_new_failure
+    }
+
+    /// The result, where there is one.
+    pub fn result(&self) -> Option<PathBuf> {
+        let is_there = match self.fate {
+            FileOutcome::Failed { old_result, .. } => old_result,
+            _ => true,
+        };
+        self.output.clone().filter(|_| is_there)
+    }
+
+    /// Its record, where there is one.
+    pub fn record(&self) -> Option<PathBuf> {
+        let output = self.output.as_deref();
+        output.filter(|o| has_record(o)).map(record_path)
+    }
+
+    /// The page of the take, where there is one.
+    pub fn page(&self) -> Option<PathBuf> {
+        let page = page_beside(&self.result()?);
+        is_take_page(&page).then_some(page)
+    }
+}
+
+impl FileOutcome {
+    /// What became of the file, unless it failed.
+    pub fn summary(&self) -> Option<&Summary> {
+        match self {
+            FileOutcome::Cleaned(summary) | FileOutcome::Unchanged(summary) => Some(summary),
+            FileOutcome::Failed { .. } => None,
+        }
+    }
+
+    /// Why the file could not be cleaned.
+    pub fn into_error(self) -> Option<Error> {
+        match self {
+            FileOutcome::Failed { error, .. } => Some(error),
+            FileOutcome::Cleaned(_) | FileOutcome::Unchanged(_) => None,
+        }
+    }
+
+    /// What became of it in one word: cleaned, copied, unchanged or failed.
+    pub fn outcome(&self) -> &'static str {
+        match self {
+            FileOutcome::Cleaned(summary) if summary.copied => "copied",
+            FileOutcome::Cleaned(_) => "cleaned",
+            FileOutcome::Unchanged(_) => "unchanged",
+            FileOutcome::Failed { .. } => "failed",
+        }
+    }
+}

@@ -1,0 +1,304 @@
+//! Which files are cleaned, and where each result goes.
+
+use super::record::{may_write, record_path};
+use crate::io::motion_folder::{EXTENSIONS, MotionFolder, is_special, name_of, unpacked};
+use crate::io::{MotionFormat, TableFormat};
+use crate::{Error, Place, Result};
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// Other formats that somebody may ask for.
+const OTHERS: [&str; 5] = ["glb", "gltf", "fbx", "json", "html"];
+
+/// The formats that a result can have instead of the file's own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OutputFormat {
+    /// C3D, millimetres, z up
+    C3d,
+    /// TRC, millimetres, y up
+    Trc,
+    /// A pose table as CSV
+    Csv,
+    /// A pose table as NPY, which holds coordinates only
+    Npy,
+}
+
+impl OutputFormat {
+    /// All formats.
+    pub const ALL: [OutputFormat; 4] = [
+        OutputFormat::C3d,
+        OutputFormat::Trc,
+        OutputFormat::Csv,
+        OutputFormat::Npy,
+    ];
+
+    /// The extension of files of this format.
+    pub fn extension(self) -> &'static str {
+        match self {
+            OutputFormat::C3d => "c3d",
+            OutputFormat::Trc => "trc",
+            OutputFormat::Csv => "csv",
+            OutputFormat::Npy => "npy",
+        }
+    }
+
+    /// The table that it is, if it is one.
+    pub fn table(self) -> Option<TableFormat> {
+        match self {
+            OutputFormat::Csv => Some(TableFormat::Csv),
+            OutputFormat::Npy => Some(TableFormat::Npy),
+            OutputFormat::C3d | OutputFormat::Trc => None,
+        }
+    }
+
+    /// Whether a file of this format is of it already.
+    pub fn is(self, format: MotionFormat) -> bool {
+        matches!(
+            (self, format),
+            (OutputFormat::C3d, MotionFormat::C3d)
+                | (OutputFormat::Trc, MotionFormat::Trc)
+                | (OutputFormat::Csv, MotionFormat::Csv)
+                | (OutputFormat::Npy, MotionFormat::Npy)
+        )
+    }
+}
+
+/// A file to clean.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Job {
+    /// The name in tables: without the path of the folder that was given.
+    pub name: String,
+    /// The capture.
+    pub input: PathBuf,
+    /// The result.
+    pub output: PathBuf,
+}
+
+/// The files to clean, in order.
+#[derive(Debug, Default)]
+pub struct Jobs {
+    /// The files.
+    pub jobs: Vec<Job>,
+    /// The folder of the results, where there is one.
+    pub folder: Option<PathBuf>,
+    /// Folders that cannot be read, by their names in tables.
+    pub unreadable: Vec<(String, Error)>,
+    /// The number of files of folders that are none of motion, or results of an earlier run.
+    pub left_out: usize,
+    /// The format of all results, by the flag or the name of the result.
+    pub to: Option<OutputFormat>,
+}
+
+/// The files and those of folders, with the places of their results: `output` itself of one file, else below `output`, where the files of
+/// a folder keep their places within it.
+///
+/// # Errors
+/// [`Error::Usage`]: a result would be written over a capture or over another result, or in a format that it cannot have.
+/// [`Error::Data`]: there is nothing to clean.
+pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
+    let is_stream = |path: &Path| path == Path::new("-") || is_special(path);
+    if inputs.iter().any(|p| is_stream(p)) || is_stream(output) {
+        let what = "clean reads and writes files, since a record stands beside each result";
+        return Err(Error::usage(what));
+    }
+    let is_output =
+        |p: &&PathBuf| p.is_dir() && p.canonicalize().ok() == output.canonicalize().ok();
+    if let Some(folder) = inputs.iter().find(is_output) {
+        let what = format!("{}: is the folder of the captures; results need one of their own", folder.display());
+        return Err(Error::usage(what));
+    }
+    let ends_in_slash = output.as_os_str().to_string_lossy().ends_with(['/', '\\']);
+    let is_one = inputs.len() == 1 && !inputs[0].is_dir() && !output.is_dir() && !ends_in_slash;
+    let out = match is_one {
+        true => Jobs::one(&inputs[0], output, to)?,
+        false => Jobs::into_folder(inputs, output, to),
+    };
+    if out.jobs.is_empty() && out.unreadable.is_empty() {
+        let folders: Vec<String> = inputs.iter().map(|p| p.display().to_string()).collect();
+        let what = format!("no files of motion in it ({})", EXTENSIONS.join(", "));
+        return Err(Error::data(Place::file(folders.join(", ")), what));
+    }
+    out.check()?;
+    Ok(out)
+}
+
+impl Jobs {
+    fn one(input: &Path, output: &Path, to: Option<OutputFormat>) -> Result<Jobs> {
+        let job = Job {
+            name: input.display().to_string(),
+            input: input.to_path_buf(),
+            output: output.to_path_buf(),
+        };
+        Ok(Jobs {
+            jobs: vec![job],
+            to: match to {
+                Some(to) => Some(to),
+                None => by_extension(input, output)?,
+            },
+            ..Jobs::default()
+        })
+    }
+
+    fn into_folder(inputs: &[PathBuf], folder: &Path, to: Option<OutputFormat>) -> Jobs {
+        let mut out = Jobs {
+            to,
+            folder: Some(folder.to_path_buf()),
+            ..Jobs::default()
+        };
+        let results = folder.canonicalize().ok();
+        let mut taken: HashSet<PathBuf> = HashSet::new();
+        for input in inputs {
+            let files = match input.is_dir() {
+                true => out.files_of(input, results.as_deref()),
+                false => vec![(input.clone(), name_of(input))],
+            };
+            for (input, within) in files {
+                let mut output = renamed(&folder.join(&within), to);
+                // Exports of one take in two formats.
+                if let (Some(to), true) = (to, taken.contains(&output)) {
+                    let name = name_of(&within);
+                    output.set_file_name(format!("{}.{}", name.display(), to.extension()));
+                }
+                taken.insert(output.clone());
+                out.jobs.push(Job {
+                    name: within.display().to_string(),
+                    input,
+                    output,
+                });
+            }
+        }
+        out
+    }
+
+    /// The files of motion below a folder but not below `results`, with their paths within it.
+    fn files_of(&mut self, folder: &Path, results: Option<&Path>) -> Vec<(PathBuf, PathBuf)> {
+        let found = MotionFolder::search(folder, results, |path| !is_result(path));
+        let unreadable = found.unreadable.into_iter();
+        let named = unreadable.map(|(_, name, error)| (name.display().to_string(), error));
+        self.unreadable.extend(named);
+        self.left_out += found.left_out;
+        found.files
+    }
+
+    /// Fails where a result would be written over a capture or over another result.
+    fn check(&self) -> Result<()> {
+        let captures: HashSet<PathBuf> = self.jobs.iter().map(|j| canonical(&j.input)).collect();
+        let mut results: HashMap<PathBuf, &Path> = HashMap::new();
+        for job in &self.jobs {
+            for path in [job.output.clone(), record_path(&job.output)] {
+                if captures.contains(&canonical(&path)) {
+                    let what = "is a capture and would be written over; give another place with the option `output`";
+                    return Err(Error::data(Place::file(path.display().to_string()), what));
+                }
+                if let Some(other) = results.insert(path.clone(), &job.input) {
+                    let what = format!(
+                        "{} and {} would both become {}",
+                        other.display(),
+                        job.input.display(),
+                        path.display()
+                    );
+                    return Err(Error::usage(what));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Fails where the page would be written over a capture, a result, or a file that is no such page, as `is_page` says.
+    pub fn check_page(&self, page: &Path, is_page: bool) -> Result<()> {
+        let own = canonical(page);
+        let is_of = |job: &Job| {
+            let paths = [&job.input, &job.output, &record_path(&job.output)];
+            paths.iter().any(|path| canonical(path) == own)
+        };
+        if page.exists() && !is_page || self.jobs.iter().any(is_of) {
+            let what = "is there and is no page or list of clean; give another place with the option `page`";
+            return Err(Error::data(Place::file(page.display().to_string()), what));
+        }
+        Ok(())
+    }
+}
+
+/// The path without links, where it exists.
+fn canonical(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or(path.to_path_buf())
+}
+
+/// Whether a file was made by `clean`.
+fn is_result(path: &Path) -> bool {
+    record_path(path).exists() && may_write(path, false).is_ok()
+}
+
+/// The format that the name of a result asks for, where it is another than that of the capture's name.
+fn by_extension(input: &Path, output: &Path) -> Result<Option<OutputFormat>> {
+    let extension = |path: &Path| {
+        let path = unpacked(path);
+        path.extension()
+            .map(|e| e.to_string_lossy().to_ascii_lowercase())
+    };
+    let (own, asked) = (extension(input), extension(output));
+    let Some(asked) = asked.filter(|asked| own.as_ref() != Some(asked)) else {
+        return Ok(None);
+    };
+    let mut formats = OutputFormat::ALL.into_iter();
+    let format = formats.find(|f| f.extension() == asked);
+    let is_other = EXTENSIONS.contains(&asked.as_str()) || OTHERS.contains(&asked.as_str());
+    match format {
+        None if is_other => Err(Error::usage(format!(
+            "{}: clean writes a file in its own format, or as c3d, trc, csv or npy; write a table (.csv) and convert that",
+            output.display()
+        ))),
+        format => Ok(format),
+    }
+}
+
+/// The path of a result of another format.
+fn renamed(path: &Path, to: Option<OutputFormat>) -> PathBuf {
+    match to {
+        Some(to) => unpacked(path).with_extension(to.extension()),
+        None => path.to_path_buf(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    #[test]
+    fn files_of_folders_keep_their_places() -> std::io::Result<()> {
+        let folder = tempfile::tempdir()?;
+        let at = |name: &str| folder.path().join(name);
+        fs::create_dir_all(at("in/deep"))?;
+        fs::create_dir_all(at("in/out"))?;
+        for name in [
+            "in/b.C3D",
+            "in/deep/a.trc.gz",
+            "in/notes.txt",
+            "in/out/b.C3D",
+            "in/.x.csv",
+        ] {
+            fs::write(at(name), "x")?;
+        }
+        let jobs = jobs(&[at("in")], &at("in/out"), None).unwrap();
+        let outputs: Vec<PathBuf> = jobs.jobs.iter().map(|j| j.output.clone()).collect();
+        assert_eq!(outputs, [at("in/out/b.C3D"), at("in/out/deep/a.trc.gz")]);
+        assert_eq!(jobs.left_out, 2);
+        let one = |input: &str, output: &str| super::jobs(&[at(input)], &at(output), None);
+        assert_eq!(
+            one("in/b.C3D", "x.csv").unwrap().to,
+            Some(OutputFormat::Csv)
+        );
+        assert_eq!(one("in/b.C3D", "x.c3d").unwrap().to, None);
+        assert_eq!(
+            one("in/b.C3D", "in/out").unwrap().jobs[0].output,
+            at("in/out/b.C3D")
+        );
+        assert!(one("in/b.C3D", "in/b.C3D").is_err());
+        let twice = [at("in/b.C3D"), at("in/out/b.C3D")];
+        assert!(super::jobs(&twice, &at("o/"), None).is_err());
+        let to = super::jobs(&[at("in")], &at("o"), Some(OutputFormat::Csv)).unwrap();
+        assert_eq!(to.jobs[1].output, at("o/deep/a.csv"));
+        Ok(())
+    }
+}

@@ -1,0 +1,79 @@
+//! The limits of `audit` and `clean` as flags.
+
+use crate::audit::Limits;
+use clap::Args;
+
+/// What is still as it should be.
+#[derive(Debug, Clone, Args)]
+pub struct LimitArgs {
+    /// Longest gap, in seconds
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 0.5,
+        help_heading = "Limits"
+    )]
+    max_gap: f64,
+    /// Largest share of a point's frames that are missing, 0 to 1
+    #[arg(
+        long,
+        value_name = "SHARE",
+        default_value_t = 0.1,
+        help_heading = "Limits"
+    )]
+    max_missing: f64,
+    #[command(flatten)]
+    motion: MotionLimitArgs,
+}
+
+/// What of the movement is still as it should be.
+#[derive(Debug, Clone, Args)]
+pub struct MotionLimitArgs {
+    /// Largest speed of a point, in metres per second (99% of its steps)
+    #[arg(
+        long,
+        value_name = "M/S",
+        default_value_t = 15.0,
+        help_heading = "Limits"
+    )]
+    max_speed: f64,
+    /// Farthest jump of a point off its path, in centimetres
+    #[arg(
+        long,
+        value_name = "CM",
+        default_value_t = 3.0,
+        help_heading = "Limits"
+    )]
+    max_jump: f64,
+    /// Largest drift of a distance between points that go together, in centimetres
+    #[arg(
+        long,
+        value_name = "CM",
+        default_value_t = 2.0,
+        help_heading = "Limits"
+    )]
+    max_drift: f64,
+}
+
+impl LimitArgs {
+    /// The limits of the library.
+    pub fn limits(&self) -> Limits {
+        Limits {
+            gap: self.max_gap,
+            missing: self.max_missing,
+            ..self.motion.limits()
+        }
+    }
+}
+
+impl MotionLimitArgs {
+    /// The limits of the library.
+    pub fn limits(&self) -> Limits {
+        Limits {
+            speed: 100.0 * self.max_speed,
+            jump: self.max_jump,
+            drift: self.max_drift,
+            ..Limits::default()
+        }
+    }
+}

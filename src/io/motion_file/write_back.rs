@@ -1,0 +1,133 @@
+//! The way back into the file's own format, or into a table.
+
+use super::{MotionFile, Original};
+use crate::Result;
+use crate::io::marker_take::MarkerTake;
+use crate::io::motion_format::MotionFormat;
+use crate::io::output::{Output, write_file};
+use crate::io::table_writer::TableFormat;
+use crate::io::unit_writer::UnitWriter;
+use crate::pose::Units;
+use ndarray::{Array2, ArrayView2};
+use std::path::Path;
+
+impl MotionFile {
+    /// Whether a file of rotations lacks none.
+    pub fn is_whole(&self) -> bool {
+        self.bvh().is_none_or(|bvh| bvh.missing().is_empty())
+    }
+
+    /// Writes the file anew, in its own format and with all that it says, with its points at `xyz`
+    /// (frames, 3 P; centimeters, y up). A file of rotations stays as it is: see [`MotionFile::write_channels`]. Returns how
+    /// many positions the numbers of the format do not hold, which stay as they were.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`]: writing fails. [`crate::Error::Data`]: the format does not hold the new values.
+    pub fn write_back(&self, path: &Path, xyz: ArrayView2<'_, f64>) -> Result<usize> {
+        let mut left = 0;
+        let bytes = match &self.original {
+            Original::C3d(c3d) => {
+                let holds = |point| {
+                    let holds = c3d.holds(point);
+                    left += usize::from(!holds);
+                    holds
+                };
+                c3d.with_points(self.in_file(&c3d.take, xyz, holds).view())?
+            }
+            Original::Text(bytes, take) => {
+                let new = self.in_file(take, xyz, |_| true);
+                take.cells.with_points(bytes, take.xyz.view(), new.view())
+            }
+            Original::Npz(npz) => {
+                let new = self.in_file(&npz.take, xyz, |_| true);
+                npz.with_points(new.view())?
+            }
+            Original::Bvh(bytes, _) | Original::Amc(bytes, _) => bytes.to_vec(),
+            Original::Table => {
+                let format = match self.format {
+                    MotionFormat::Npy => TableFormat::Npy,
+                    _ => TableFormat::Csv,
+                };
+                return self.write_table(path, format, xyz).map(|()| 0);
+            }
+        };
+        write_file(path, &bytes).map(|()| left)
+    }
+
+    /// Writes a BVH file with the missing values of its channels at `motion` (frames, channels; centimeters, radians); NaN stays
+    /// missing, and every other byte of the file stays. Another file stays as it is.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`]: writing fails. [`crate::Error::Data`]: the file has no such values.
+    pub fn write_channels(&self, path: &Path, motion: ArrayView2<'_, f64>) -> Result<()> {
+        let bytes = match &self.original {
+            Original::Bvh(bytes, bvh) => {
+                bvh.fill_missing(bytes, motion, self.units.unit.centimeters())?
+            }
+            _ => return self.write_back(path, self.table.poses.xyz.view()).map(drop),
+        };
+        write_file(path, &bytes)
+    }
+
+    /// Writes its points as a pose table, with them at `xyz`: of a table in its units, else in centimeters, y up.
+    ///
+    /// # Errors
+    /// [`crate::Error::Io`]: writing fails.
+    pub fn write_table(
+        &self,
+        path: &Path,
+        format: TableFormat,
+        xyz: ArrayView2<'_, f64>,
+    ) -> Result<()> {
+        let units = match self.original {
+            Original::Table => self.units,
+            _ => Units::CM_Y,
+        };
+        let carried = match (&self.original, format) {
+            (Original::Text(_, take), TableFormat::Csv) => Some(take.carried_rows()),
+            _ => None,
+        };
+        let added = carried.as_ref().map_or(Vec::new(), |c| c.columns());
+        let output = Output::file(path)?;
+        UnitWriter::new(output, format, [units, units], &self.table.columns, &added)?
+            .write_table(&self.table, xyz, |frame| {
+                carried.as_ref().map_or(Vec::new(), |c| c.cells(frame))
+            })
+    }
+
+    /// The points of a take, in the file's unit and axes; those that did not move, or that the file does not hold, have the numbers that
+    /// they had.
+    fn in_file(
+        &self,
+        take: &MarkerTake,
+        xyz: ArrayView2<'_, f64>,
+        mut holds: impl FnMut([f64; 3]) -> bool,
+    ) -> Array2<f64> {
+        let mut out = take.xyz.clone();
+        let was = &self.table.poses.xyz;
+        for (column, p) in take.positions().into_iter().enumerate() {
+            for t in 0..xyz.nrows() {
+                let at = [0, 1, 2].map(|c| [t, 3 * column + c]);
+                let mut place = at.map(|at| xyz[at]);
+                let is_new = at.iter().any(|at| xyz[*at].to_bits() != was[*at].to_bits());
+                if !is_new || place.iter().any(|v| v.is_nan()) {
+                    continue;
+                }
+                self.units.write(&mut place);
+                if !holds(place) {
+                    continue;
+                }
+                // A coordinate that did not move has the digits that it had.
+                let mut old = at.map(|at| was[at]);
+                self.units.write(&mut old);
+                for c in 0..3 {
+                    let own = &mut out[[t, 3 * p + c]];
+                    if own.is_nan() || old[c].to_bits() != place[c].to_bits() {
+                        *own = place[c];
+                    }
+                }
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,74 @@
+//! New files of markers from a take.
+
+use super::c3d::NewC3d;
+use super::trc::NewTrc;
+use crate::Result;
+use crate::pose::one_take::first_frame_number;
+use crate::pose::{Poses, Units, UpAxis};
+
+/// What a new file says of a take.
+#[derive(Debug)]
+pub struct NewTake {
+    /// The frames, in the unit and axes of the file.
+    pub poses: Poses,
+    /// Frames a second.
+    pub rate: f64,
+    /// The number of the first frame, from 1.
+    pub first_frame: u32,
+    units: Units,
+}
+
+impl NewTake {
+    /// The take `poses` (cm, y up) for a file in `units`.
+    pub fn new(mut poses: Poses, rate: f64, units: Units) -> NewTake {
+        let number = first_frame_number(&poses, Some(rate));
+        units.write_frames(&mut poses.xyz);
+        NewTake {
+            poses,
+            rate,
+            first_frame: u32::try_from(number).unwrap_or(1).max(1),
+            units,
+        }
+    }
+
+    /// The bytes of a C3D file.
+    ///
+    /// # Errors
+    /// As [`NewC3d::bytes`].
+    pub fn c3d(&self) -> Result<Vec<u8>> {
+        let up = format!("+{}", self.units.up.name().to_uppercase());
+        let right = if self.units.up == UpAxis::X { "+Y" } else { "+X" };
+        NewC3d {
+            points: &self.poses.points,
+            rate: self.rate,
+            first_frame: self.first_frame,
+            units: self.units.unit.name(),
+            screen: [right, &up],
+        }
+        .bytes(self.poses.xyz.view())
+    }
+
+    /// The bytes of a TRC file.
+    ///
+    /// # Errors
+    /// As [`NewTrc::bytes`].
+    pub fn trc(&self) -> Result<Vec<u8>> {
+        let name = self.poses.take.as_ref().and_then(|names| names.first());
+        NewTrc {
+            name: &format!("{}.trc", name.map_or("take", |n| &**n)),
+            points: &self.poses.points,
+            rate: self.rate,
+            first_frame: self.first_frame,
+            times: self.times(),
+            units: self.units.unit.name(),
+        }
+        .bytes(self.poses.xyz.view())
+    }
+
+    /// The times of the frames, where they ascend.
+    fn times(&self) -> Option<&[f64]> {
+        let times = self.poses.time.as_deref()?;
+        let ascend = times.windows(2).all(|pair| pair[0] < pair[1]);
+        ascend.then_some(times)
+    }
+}
