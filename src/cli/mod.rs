@@ -66,6 +66,7 @@ pub mod toml_file;
 pub mod training;
 pub mod transition;
 pub mod units;
+pub mod version;
 pub mod zeros;
 
 use crate::Result;
