@@ -1,7 +1,7 @@
 # make demo    restores a damaged walk: installs what is missing, builds, restores, writes an HTML page
 # make test    runs the tests: installs what is missing, then cargo test; lists skipped tests at the end
 # make lint    checks formatting, clippy and documentation for warnings
-# The rest is for developers; see README.md.
+# The rest is for developers; see CONTRIBUTING.md.
 
 CARGO  ?= cargo
 PREFIX ?= /usr/local
@@ -11,7 +11,10 @@ CMU    ?=
 # make tables QUICK=1: a few frames of a few subjects.
 QUICK  ?=
 
-.PHONY: demo test lint build needs model tables bench bench-peers scale fuzz test-slurm bless install uninstall clean
+# What `posing --version` names beside the version; nothing outside a checkout.
+export POSING_COMMIT := $(shell [ -e .git ] && git rev-parse --short=7 HEAD 2>/dev/null)
+
+.PHONY: demo test lint build needs model tables bench bench-peers scale fuzz test-slurm bless install uninstall archive clean
 
 demo: needs build
 	@POSING_BIN=$(BIN) sh testdata/examples/demo.sh target/demo
@@ -120,6 +123,10 @@ uninstall:
 	  share/bash-completion/completions/posing share/zsh/site-functions/_posing \
 	  share/fish/vendor_completions.d/posing.fish
 	for page in man/*.[57]; do rm -f "$(ROOT)/share/man/man$${page##*.}/$${page#man/}"; done
+
+# Makes target/archive/posing-VERSION-TARGET.tar.gz of this machine's program, as a release does.
+archive: build
+	@sh .github/archive.sh "$$(rustc -vV | sed -n 's/^host: //p')" $(BIN) target/archive
 
 clean:
 	$(CARGO) clean

@@ -1,7 +1,9 @@
 //! The audit of files of motion, and its text.
 
 use super::take_pages::TakePages;
-use super::{Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit, rotation_findings};
+use super::{
+    Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit, rotation_findings,
+};
 use crate::io::MotionFile;
 use crate::io::motion_file::{ReadRules, format_of};
 use crate::io::motion_folder::{EXTENSIONS, MotionFolder};

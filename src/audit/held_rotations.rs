@@ -1,7 +1,7 @@
 //! Rotations that stand still beside moving ones: a value that was held while the joint was not seen.
 
-use crate::pose::JointAngles;
 use super::{Finding, FindingKind, median, ranges};
+use crate::pose::JointAngles;
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;

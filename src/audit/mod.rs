@@ -22,8 +22,8 @@ pub use held_rotations::{HeldRotations, held_rotations};
 pub use page::page;
 pub use take_pages::TakePages;
 
-use crate::pose::{JointAngles, Poses};
 use crate::pose::stray::points_apart;
+use crate::pose::{JointAngles, Poses};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::ops::Range;

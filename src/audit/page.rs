@@ -1,8 +1,8 @@
 //! The audit as a page: a take a section, its gaps and findings over time.
 
 use super::file::{FileAudit, kind_name};
-use crate::draw::href::encoded;
 use super::{Finding, PointGaps, TakeAudit};
+use crate::draw::href::encoded;
 use crate::draw::html::escape;
 use crate::draw::plain_page::PlainPage;
 use std::cmp::Reverse;

@@ -29,7 +29,8 @@ pub fn empty_held(file: &mut MotionFile) -> Result<()> {
         let of = names.join(", ");
         if held.frames.start == 0 || held.frames.end == last {
             let what = "at an end of the take, where nothing leads a way: they stay";
-            file.notes.push(format!("held rotations of {of} are {what}"));
+            file.notes
+                .push(format!("held rotations of {of} are {what}"));
             continue;
         }
         let frames = held.frames.start + 1..held.frames.end;

@@ -1,5 +1,6 @@
 //! Cleaning one file: read, audited, restored, written back, recorded.
 
+use super::held::empty_held;
 use super::page::write_page;
 use super::places::PlaceToSee;
 use super::record::{
@@ -10,7 +11,6 @@ use super::redo::Stretch;
 use super::replaced::replaced;
 use super::sources::{Job, OutputFormat};
 use crate::audit::{Limits, audit_motion};
-use super::held::empty_held;
 use crate::io::motion_file::{LARGEST_MOTION_FILE, ReadOptions, ReadRules, skeleton_of};
 use crate::io::motion_folder::name_of;
 use crate::io::output::{TemporaryFile, write_file};
@@ -282,7 +282,8 @@ impl CleanSettings {
             return Ok((restored, None));
         };
         if keeps {
-            let what = "not smoothed, since the file holds rotations; as csv, its positions would be";
+            let what =
+                "not smoothed, since the file holds rotations; as csv, its positions would be";
             return Ok((restored, Some(what.to_string())));
         }
         let (restored, short) = (restored.low_passed(cutoff, file.rate()))
@@ -477,8 +478,7 @@ impl CleanSettings {
             ..file.table.poses.clone()
         };
         if poses.takes().len() > 1 {
-            let what =
-                "has several takes, which one file of markers cannot hold; clean it with the option `to csv`";
+            let what = "has several takes, which one file of markers cannot hold; clean it with the option `to csv`";
             return Err(Error::data(Place::file(&file.table.name), what));
         }
         let take = NewTake::new(poses, file.rate().unwrap_or(1.0), units);

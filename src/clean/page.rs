@@ -3,9 +3,9 @@
 use super::record::Summary;
 use super::sources::Job;
 use crate::Result;
-use crate::io::MotionFile;
-use crate::draw::take_page::{TakePage, page_beside, write_take_page};
 use crate::draw::scene::Figure;
+use crate::draw::take_page::{TakePage, page_beside, write_take_page};
+use crate::io::MotionFile;
 use crate::restore::Restoration;
 use ndarray::Array2;
 

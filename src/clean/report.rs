@@ -1,7 +1,9 @@
 //! What became of many files: a table for the terminal, and one page.
 
+use super::list::{list, list_path};
 use super::one_file::FileOutcome;
 use super::places::PlaceToSee;
+use super::record::make_folder_of;
 use super::row::Row;
 use crate::draw::href::{encoded, href};
 use crate::draw::html::escape;
@@ -9,8 +11,6 @@ use crate::draw::plain_page::PlainPage;
 use crate::draw::text_table::aligned;
 use crate::io::output::write_file;
 use crate::{Error, Result};
-use super::list::{list, list_path};
-use super::record::make_folder_of;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 

@@ -104,7 +104,10 @@ pub fn jobs(inputs: &[PathBuf], output: &Path, to: Option<OutputFormat>) -> Resu
     let is_output =
         |p: &&PathBuf| p.is_dir() && p.canonicalize().ok() == output.canonicalize().ok();
     if let Some(folder) = inputs.iter().find(is_output) {
-        let what = format!("{}: is the folder of the captures; results need one of their own", folder.display());
+        let what = format!(
+            "{}: is the folder of the captures; results need one of their own",
+            folder.display()
+        );
         return Err(Error::usage(what));
     }
     let ends_in_slash = output.as_os_str().to_string_lossy().ends_with(['/', '\\']);

@@ -1,10 +1,10 @@
 //! Flags that several commands share.
 
-use crate::pose::units::{Units, LengthUnit, UpAxis};
 use super::{memory_limit, messages};
 use crate::io::TableFormat;
 use crate::io::{TableOptions, parse_point_names};
 use crate::pose::Poses;
+use crate::pose::units::{LengthUnit, Units, UpAxis};
 use crate::sparse::SelectionRule;
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};

@@ -4,7 +4,6 @@ use super::args::InputArgs;
 use super::progress::Progress;
 use super::result_cache::{self, ResultCache};
 use super::toml_file;
-use crate::pose::units::parse_length;
 use super::{input, messages};
 use crate::evaluate::benchmark::leakage::Provenance;
 use crate::evaluate::benchmark::method::{ModelSource, PretrainedModel};
@@ -16,6 +15,7 @@ use crate::evaluate::benchmark::{
 use crate::evaluate::report::BenchmarkReport;
 use crate::evaluate::report::paper::{Comparison, FinishedRun};
 use crate::pose::Poses;
+use crate::pose::units::parse_length;
 use crate::prior::provenance::hex;
 use crate::prior::{self, OpenOptions};
 use crate::{Error, Place, Result};

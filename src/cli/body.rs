@@ -2,7 +2,6 @@
 
 use super::number_table::{self, NumberTable};
 use super::pair_file::PairFile;
-use crate::pose::units::Units;
 use super::{input, messages};
 use crate::body::file::part_name;
 use crate::body::{BodyModel, Marker};
@@ -11,6 +10,7 @@ use crate::io::text::excerpt;
 use crate::numeric::median::median;
 use crate::pose::Poses;
 use crate::pose::rotation::{from_rotation_vector, rotation_vector};
+use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;

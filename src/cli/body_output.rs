@@ -3,8 +3,8 @@
 use super::body_glb::save_glb;
 use super::body_take::BodyTake;
 use super::mesh_output::MeshOutput;
-use crate::pose::units::Units;
 use crate::body::BodyModel;
+use crate::pose::units::Units;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 

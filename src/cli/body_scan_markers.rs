@@ -2,10 +2,10 @@
 
 use super::body::{points_of, read_meshes, vertices};
 use super::messages;
-use crate::pose::units::Units;
 use crate::body::decomposition::fit_rotations;
 use crate::body::{BodyModel, Marker};
 use crate::io::Table;
+use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 

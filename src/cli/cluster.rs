@@ -2,10 +2,10 @@
 
 use super::args::OutputArgs;
 use super::streams::create_table;
-use crate::pose::units::Units;
 use crate::cluster::KMeans;
 use crate::io::output::CompleteOutput;
 use crate::io::{Row, Table, TableFormat};
+use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};

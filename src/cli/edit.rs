@@ -3,11 +3,11 @@
 use super::edit_figure::Figure;
 use super::edit_server::{Answer, Refusal, Reply, Request, Route};
 use super::edit_session::SessionPath;
-use crate::io::input::take_name;
 use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
 use crate::edit::{OpenedModel, Session};
 use crate::io::Table;
+use crate::io::input::take_name;
 use crate::{Error, Place, Result};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;

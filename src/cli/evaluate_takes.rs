@@ -3,10 +3,10 @@
 use super::args::InputArgs;
 use super::benchmark::{sources, write};
 use super::progress::Progress;
-use crate::pose::units::parse_length;
 use super::{input, messages, streams};
 use crate::Result;
 use crate::evaluate::takes::{GapLength, TakesSettings, TestTakes, TestedModel};
+use crate::pose::units::parse_length;
 use clap::Args;
 use std::path::PathBuf;
 

@@ -3,9 +3,9 @@
 use super::args::InputArgs;
 use super::messages;
 use crate::io::input::take_name;
-use crate::pose::units::Units;
 use crate::io::{Columns, PosesBuilder, Row, RowReader, Table};
 use crate::io::{Input, Model};
+use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use std::collections::{HashMap, HashSet};
 use std::io;

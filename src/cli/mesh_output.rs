@@ -1,8 +1,8 @@
 //! Writing meshes as commands do: one file, an archive, or a folder of files.
 
-use crate::pose::units::Units;
 use crate::io::npz::{NpzArray, NpzValues, npz_bytes};
 use crate::io::{Mesh, MeshFormat};
+use crate::pose::units::Units;
 use crate::{Error, Result};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -46,12 +46,7 @@ impl MeshOutput {
     ///
     /// # Errors
     /// [`Error::Usage`]: several meshes for one file. [`Error::Io`]: a file cannot be written.
-    pub fn write(
-        &self,
-        meshes: &[Vec<DVec3>],
-        faces: &[[usize; 3]],
-        units: Units,
-    ) -> Result<()> {
+    pub fn write(&self, meshes: &[Vec<DVec3>], faces: &[[usize; 3]], units: Units) -> Result<()> {
         match self {
             MeshOutput::Archive(path) => {
                 let bytes =

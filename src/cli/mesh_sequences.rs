@@ -1,10 +1,10 @@
 //! Files of meshes as sequences: which files are meshes, and reading them.
 
 use super::plot::name_of;
-use crate::pose::units::Units;
 use crate::draw::mesh_scene::MeshFigure;
 use crate::io::input::ContentKind;
 use crate::io::{Input, MeshFormat, MeshSet};
+use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 

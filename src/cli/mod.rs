@@ -75,14 +75,19 @@ impl From<()> for Outcome {
     }
 }
 
-/// Parses `words`, the command's name and its arguments, runs `work` and returns the exit code: 0 done (a reader that
+/// Parses `words`, the command's name and its arguments, runs `work` and returns the exit code (`version` is what
+/// `--version` says): 0 done (a reader that
 /// closes the pipe included), 1 bad data (also of some files of several), 2 wrong usage, 3 done with findings.
-pub fn run<A, O>(words: Vec<OsString>, work: impl FnOnce(&A) -> Result<O>) -> ExitCode
+pub fn run<A, O>(
+    words: Vec<OsString>,
+    version: String,
+    work: impl FnOnce(&A) -> Result<O>,
+) -> ExitCode
 where
     A: CommandFactory + FromArgMatches,
     O: Into<Outcome>,
 {
-    let command = manual::typed(A::command());
+    let command = manual::typed(A::command()).version(version);
     let typed = command.get_bin_name().unwrap_or(command.get_name());
     let typed = typed.to_string();
     messages::set_name(command.get_name());

@@ -3,11 +3,11 @@
 use super::args::{CommonArgs, InputArgs, parse_rate};
 use super::ik::report_time_jumps;
 use super::input::{check_single_stdin, or_stdin, read_table};
-use crate::io::NewTake;
-use crate::pose::one_take;
 use super::streams::write_bytes;
-use crate::pose::units::Units;
+use crate::io::NewTake;
 use crate::pose::Poses;
+use crate::pose::one_take;
+use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use clap::Args;
 use std::path::PathBuf;

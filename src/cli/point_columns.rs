@@ -1,8 +1,8 @@
 //! What the columns of `--status` say of each point: `NAME.status`, `NAME.sd`, `NAME.method`.
 
 use crate::io::{Columns, Row};
-use crate::pose::Status;
 use crate::pose::FillMethod;
+use crate::pose::Status;
 use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
 

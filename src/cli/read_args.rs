@@ -75,7 +75,9 @@ fn parse_scoped_rate(text: &str) -> std::result::Result<Scoped<f64>, String> {
 
 fn parse_scoped_units(text: &str) -> std::result::Result<Scoped<LengthUnit>, String> {
     let expected = |_| "expected cm, m, mm, in or asf".to_string();
-    parse_scoped(text, |text| LengthUnit::from_str(text, true).map_err(expected))
+    parse_scoped(text, |text| {
+        LengthUnit::from_str(text, true).map_err(expected)
+    })
 }
 
 fn parse_scoped_up(text: &str) -> std::result::Result<Scoped<UpAxis>, String> {
@@ -90,7 +92,10 @@ mod tests {
     #[test]
     fn a_value_stands_behind_its_format() {
         let scoped = parse_scoped_up("c3d=z").unwrap();
-        assert_eq!((scoped.scope, scoped.value), (Scope::Format("c3d".into()), UpAxis::Z));
+        assert_eq!(
+            (scoped.scope, scoped.value),
+            (Scope::Format("c3d".into()), UpAxis::Z)
+        );
         for bad in ["w", "c3d=w", "c4d=z", "=z", "c3d="] {
             assert!(parse_scoped_up(bad).is_err(), "{bad}");
         }

@@ -1,10 +1,10 @@
 //! Hand-placed points for a registration: where vertices of the template are on the scan.
 
 use super::pair_file::{read_columns, whole_number};
-use crate::pose::units::Units;
 use crate::body::registration::start;
 use crate::body::surface::Surface;
 use crate::io::text::excerpt;
+use crate::pose::units::Units;
 use crate::{Error, Place, Result};
 use glam::DVec3;
 use std::path::Path;

@@ -1,8 +1,6 @@
 //! `denoise` and `complete` around the library: their flags, the model, whole takes or batches of frames.
 
 use super::args::{InputArgs, OutputArgs, PursuitFlag, Space};
-use crate::restore::body_size::check_body_size;
-use crate::restore::gap_report;
 use super::input::{RowStream, check_single_stdin_with, open_model_or_builtin, read_table};
 use super::messages;
 use super::name_maps::name_map;
@@ -13,6 +11,8 @@ use crate::io::text::excerpt;
 use crate::io::{Model, PosesBuilder, Row, Table};
 use crate::pose::{BonePoints, NameMap, PointNaming, Poses, joints};
 use crate::prior::OpenOptions;
+use crate::restore::body_size::check_body_size;
+use crate::restore::gap_report;
 use crate::restore::{Complete, Denoise, Restoration, RestorationCounts, Restorer};
 use crate::{Error, Result};
 use clap::{Args, ValueEnum};

@@ -3,11 +3,11 @@
 use super::args::OutputArgs;
 use super::closed_stdout::open_stdout;
 use super::messages;
-use crate::pose::units::Units;
 use crate::io::csv::AddedColumn;
 use crate::io::output::file_descriptor;
 use crate::io::unit_writer::UnitWriter;
 use crate::io::{Columns, Output, Table, TableFormat};
+use crate::pose::units::Units;
 use crate::{Error, Result};
 use std::io::{self, BufWriter, IsTerminal};
 use std::path::Path;
@@ -48,7 +48,13 @@ pub fn create_table(
         tell_lost_columns(columns);
     }
     let output = open_output(args.output.as_deref(), format == TableFormat::Npy)?;
-    UnitWriter::new(output, format, [input, args.table_units(input)], columns, added)
+    UnitWriter::new(
+        output,
+        format,
+        [input, args.table_units(input)],
+        columns,
+        added,
+    )
 }
 
 /// Says which columns an array does not hold.

@@ -1,11 +1,11 @@
 //! The report of `denoise` and `complete`: status columns of the table, and messages at the end.
 
 use super::messages;
-use crate::io::text::significant;
-use crate::pose::units::{Units, LengthUnit};
 use crate::io::Columns;
 use crate::io::csv::{AddedColumn, After};
 use crate::io::text::push_f64;
+use crate::io::text::significant;
+use crate::pose::units::{LengthUnit, Units};
 use crate::restore::{Restoration, RestorationCounts};
 
 /// The columns that `--status` adds.

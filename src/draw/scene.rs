@@ -2,9 +2,9 @@
 //!
 //! [`figure::svg`](super::figure::svg) and [`player::page`](super::player::page) draw the same [`Scene`].
 
-pub use crate::pose::Status;
 pub use crate::pose::FillMethod;
 use crate::pose::Poses;
+pub use crate::pose::Status;
 use crate::{Error, Result};
 use ndarray::ArrayView2;
 use std::ops::Range;

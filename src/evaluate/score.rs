@@ -4,9 +4,9 @@
 //! of coordinates, MSE = mean of (r - t)², as in the paper's tables (there in asf²). A coordinate that is missing in t does
 //! not count. One that is missing in r counts as still missing and is in no mean.
 
+use super::alignment::point_order;
 use super::error_breakdown::ErrorBreakdown;
 use super::error_stats::{ErrorStats, ErrorSums, point};
-use super::alignment::point_order;
 use super::motion_quality::{Accelerations, BoneLengths};
 use crate::pose::Poses;
 use crate::{Error, Result};

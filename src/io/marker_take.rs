@@ -173,9 +173,8 @@ impl MarkerTake {
         Ok(Units {
             unit: (unit.or(self.unit()))
                 .ok_or_else(|| self.asked_for("unit", self.units.as_deref(), units))?,
-            up: (up.or(self.up_axis())).ok_or_else(|| {
-                self.asked_for("up axis", self.up.as_deref(), "up z` (or x, y)")
-            })?,
+            up: (up.or(self.up_axis()))
+                .ok_or_else(|| self.asked_for("up axis", self.up.as_deref(), "up z` (or x, y)"))?,
         })
     }
 
@@ -199,10 +198,12 @@ impl MarkerTake {
         units.read_frames(&mut xyz);
         for (t, row) in xyz.rows().into_iter().enumerate() {
             let mut present = row.iter().filter(|v| !v.is_nan());
-            present.try_for_each(|v| check_length(*v).map(drop)).map_err(|what| {
-                let frame = format!("frame {}", u64::from(self.first_frame) + t as u64);
-                Error::data(Place::file(&self.name).part(frame), what)
-            })?;
+            present
+                .try_for_each(|v| check_length(*v).map(drop))
+                .map_err(|what| {
+                    let frame = format!("frame {}", u64::from(self.first_frame) + t as u64);
+                    Error::data(Place::file(&self.name).part(frame), what)
+                })?;
         }
         let first = f64::from(self.first_frame) - 1.0;
         let by_number = || (0..xyz.nrows()).map(|t| (first + t as f64) / rate);

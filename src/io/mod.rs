@@ -59,7 +59,7 @@ pub use motion_format::MotionFormat;
 pub use new_take::NewTake;
 pub use npz_take::{NpzTake, read_npy};
 pub use output::Output;
-pub use row::{Cells, TableOptions, Row};
+pub use row::{Cells, Row, TableOptions};
 pub use skeleton_file::SkeletonFile;
 pub use table::{PosesBuilder, Table};
 pub use table_reader::RowReader;

@@ -37,7 +37,11 @@ impl NewTake {
     /// As [`NewC3d::bytes`].
     pub fn c3d(&self) -> Result<Vec<u8>> {
         let up = format!("+{}", self.units.up.name().to_uppercase());
-        let right = if self.units.up == UpAxis::X { "+Y" } else { "+X" };
+        let right = if self.units.up == UpAxis::X {
+            "+Y"
+        } else {
+            "+X"
+        };
         NewC3d {
             points: &self.poses.points,
             rate: self.rate,

@@ -3,7 +3,7 @@
 
 use super::Input;
 use super::columns::Columns;
-use super::row::{TableOptions, Row};
+use super::row::{Row, TableOptions};
 use super::text::{MAX_COORDINATE, check_length, excerpt};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;

@@ -3,7 +3,7 @@
 use super::input::Input;
 use super::marker_take::{MarkerTake, unique_names};
 use super::npy::{Header, NpyReader, read_header, with_values};
-use super::row::{TableOptions, Row};
+use super::row::{Row, TableOptions};
 use super::text::excerpt;
 use crate::{Error, Place, Result};
 use bytes::Bytes;

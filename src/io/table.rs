@@ -4,7 +4,7 @@ use super::columns::Columns;
 use super::csv;
 use super::input::Input;
 use super::output::Output;
-use super::row::{Cells, TableOptions, Row};
+use super::row::{Cells, Row, TableOptions};
 use super::table_reader::RowReader;
 use super::table_writer::{TableFormat, TableWriter};
 use crate::Result;

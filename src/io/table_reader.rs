@@ -7,7 +7,7 @@ use super::marker_take::MarkerTake;
 use super::motion_format::recognized;
 use super::npy::NpyReader;
 use super::npz_take::NpzTake;
-use super::row::{TableOptions, Row};
+use super::row::{Row, TableOptions};
 use crate::{Error, Place, Result};
 
 /// Rows of a table of either format, one at a time.

@@ -43,7 +43,10 @@ pub fn one_take(poses: Poses, wanted: Option<&str>, name: &str) -> Result<Poses>
     match (wanted, &poses.take) {
         (None, _) if names.len() <= 1 => Ok(poses),
         (None, _) => {
-            let what = format!("has several takes ({}); choose one with the option `take`", listed());
+            let what = format!(
+                "has several takes ({}); choose one with the option `take`",
+                listed()
+            );
             Err(Error::data(Place::file(name), what))
         }
         (Some(wanted), Some(takes)) if names.iter().any(|n| **n == *wanted) => {
@@ -110,7 +113,10 @@ mod tests {
     fn one_of_several_is_chosen_by_name() {
         let two = || poses(Some(&["w", "w", "v"]));
         let e = one_take(two(), None, "x.csv").unwrap_err().to_string();
-        assert_eq!(e, "x.csv: has several takes (w, v); choose one with the option `take`");
+        assert_eq!(
+            e,
+            "x.csv: has several takes (w, v); choose one with the option `take`"
+        );
         let v = one_take(two(), Some("v"), "x").unwrap();
         assert_eq!((v.frames(), v.xyz[[0, 0]]), (1, 6.0));
         assert!(one_take(two(), Some("u"), "x").is_err());

@@ -1,9 +1,9 @@
 //! A body of an absurd size is a table in another unit.
 
+use super::typical_noise;
 use crate::pose::Poses;
 use crate::pose::body::stature;
 use crate::pose::stray::points_apart;
-use super::typical_noise;
 use crate::{Error, Place, Result};
 use ndarray::s;
 

@@ -8,10 +8,10 @@
 
 use super::adaptive_smoothing::smooth_path;
 use super::frame_restorer::{FrameRestorer, RestoredFrame};
-use crate::pose::FillMethod;
 use super::gap::{FilledGap, Gap, MotionLimits};
 use super::noise_estimation::{exact_noise, noise_of_path};
 use crate::numeric::parallel;
+use crate::pose::FillMethod;
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2, s};
 use std::collections::{BTreeMap, BTreeSet};

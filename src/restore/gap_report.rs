@@ -1,7 +1,7 @@
 //! The report of `complete`: every gap of a table, as text or JSON.
 
-use crate::io::Output;
 use super::{Restoration, RestoredGap};
+use crate::io::Output;
 use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;

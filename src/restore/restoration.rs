@@ -1,9 +1,9 @@
 //! The result of restoring a table: its values in the table's order of points, and what became of each point.
 
-use crate::pose::FillMethod;
 use super::gap::{Gap, find_gaps};
 use super::restored_frames::RestoredFrames;
 use crate::io::Table;
+use crate::pose::FillMethod;
 use crate::pose::{Poses, Status};
 use glam::DVec3;
 use ndarray::{Array2, ArrayView2};

@@ -1,7 +1,7 @@
 //! Takes and their restored frames, and a model bound to the points of a table.
 
-use crate::pose::FillMethod;
 use super::loaded_model::LoadedModel;
+use crate::pose::FillMethod;
 use crate::pose::{NameMap, Status};
 use crate::prior::EXACT_VARIANCE;
 use crate::{Error, Place, Result};

@@ -2,7 +2,7 @@
 //! one line that name the file.
 
 use posing::io::{Asf, Input, Model, amc};
-use posing::io::{TableOptions, Table};
+use posing::io::{Table, TableOptions};
 use posing::numeric::parallel::rng;
 use posing::prior::rigid_pairs::RigidPairs;
 use rand::Rng;

@@ -2,9 +2,9 @@
 
 use crate::common::command;
 use posing::cluster::KMeans;
+use posing::draw::figure;
 use posing::evaluate::benchmark::Settings;
 use posing::evaluate::corruption::Corruption;
-use posing::draw::figure;
 use posing::prior::multiscale::TrainSettings;
 use posing::prior::{OpenOptions, TrainOptions};
 use posing::restore::Denoise;

@@ -33,6 +33,7 @@ fn a_command_runs_by_its_own_name_and_as_a_word() {
         let version = asked(&name, &["--version"]);
         assert!(version.starts_with(&format!("{name} ")), "{version}");
         assert_eq!(asked("posing", &[&name, "--version"]), version);
+        assert!(version.contains(env!("CARGO_PKG_VERSION")), "{version}");
         assert_eq!(asked("posing", &[&name, "-h"]), asked(&name, &["-h"]));
     }
 }

@@ -5,7 +5,7 @@
 use crate::common::{command, shared, text};
 use ndarray::{Array2, Axis};
 use posing::io::Input;
-use posing::io::{TableOptions, Table};
+use posing::io::{Table, TableOptions};
 use posing::numeric::parallel::rng;
 use posing::pose::ASF_UNIT_CM;
 use posing::pose::joints::{CMU, PAPER_SIX};

@@ -3,14 +3,14 @@
 use clap::{Parser, ValueEnum};
 use posing::cli::args::{CommonArgs, OutputArgs, parse_rate};
 use posing::cli::input::{TakeNames, check_single_stdin, open, or_stdin};
-use posing::io::input::take_name;
 use posing::cli::messages;
 use posing::cli::streams::create_table;
-use posing::io::unit_writer::UnitWriter;
-use posing::pose::units::{Units, LengthUnit};
 use posing::io::amc::{AmcFrames, AmcReader};
+use posing::io::input::take_name;
+use posing::io::unit_writer::UnitWriter;
 use posing::io::{Asf, Columns, Row, parse_point_names};
 use posing::pose::kinematics::Space;
+use posing::pose::units::{LengthUnit, Units};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -13,8 +13,8 @@ use posing::cli::body_output::TakeOutput;
 use posing::cli::body_scan_markers::markers_on_scan;
 use posing::cli::body_take::{BodyTake, fit_take};
 use posing::cli::input;
-use posing::pose::units::{Units, LengthUnit, UpAxis, parse_length};
 use posing::io::Table;
+use posing::pose::units::{LengthUnit, Units, UpAxis, parse_length};
 use posing::{Error, Result};
 use std::path::PathBuf;
 

@@ -12,12 +12,12 @@ use posing::cli::body::{
 use posing::cli::body_take::{report_missed, timed};
 use posing::cli::mesh_output::{MeshOutput, face_array, vertex_array};
 use posing::cli::progress::Progress;
-use posing::pose::units::{Units, parse_length};
 use posing::cli::{input, messages, streams};
 use posing::io::MeshFormat;
 use posing::io::npz::{NpzArray, NpzValues, npz_bytes};
 use posing::numeric::median::median;
 use posing::numeric::parallel;
+use posing::pose::units::{Units, parse_length};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 

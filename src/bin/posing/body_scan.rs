@@ -8,9 +8,9 @@ use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::open_body;
 use posing::cli::mesh_output::MeshOutput;
 use posing::cli::registration_points::RegistrationPoints;
-use posing::pose::units::Units;
 use posing::cli::{input, messages};
 use posing::io::Mesh;
+use posing::pose::units::Units;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 

@@ -6,8 +6,8 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::body::{open_body, read_rotations, read_shapes};
 use posing::cli::body_output::TakeOutput;
 use posing::cli::body_take::{BodyTake, pose_take};
-use posing::pose::units::{Units, LengthUnit, UpAxis};
 use posing::cli::{input, messages};
+use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Result};
 use std::path::PathBuf;
 

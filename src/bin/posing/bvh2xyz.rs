@@ -3,12 +3,12 @@
 use clap::Parser;
 use posing::cli::args::{CommonArgs, OutputArgs, parse_rate, value_name};
 use posing::cli::input::open;
-use posing::io::input::take_name;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
-use posing::pose::units::{Units, LengthUnit, UpAxis};
 use posing::io::bvh::{BvhPoints, BvhSkeleton};
+use posing::io::input::take_name;
 use posing::io::{Bvh, Table};
+use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -5,17 +5,17 @@ use posing::clean::{CleanOutput, CleanReport, CleanSettings, OutputFormat, Stret
 use posing::cli::args::{CommonArgs, parse_hertz, parse_positive};
 use posing::cli::input::open_model_or_builtin;
 use posing::cli::limit_args::MotionLimitArgs;
+use posing::cli::name_maps::name_map;
 use posing::cli::progress::Progress;
 use posing::cli::read_args::ReadArgs;
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
-use posing::{Error, Result};
-use posing::cli::name_maps::name_map;
-use posing::pose::units::parse_length;
 use posing::io::Model;
 use posing::pose::joints;
+use posing::pose::units::parse_length;
 use posing::prior::provenance::hex;
 use posing::restore::Clean;
+use posing::{Error, Result};
 use sha2::{Digest, Sha256};
 use std::path::PathBuf;
 
@@ -135,7 +135,9 @@ pub fn work(args: &Args) -> Result<Outcome> {
 /// Writes the page, the table and the list. What the list has counts as told, so it comes last; where nobody reads the table any
 /// more, nothing new counts as told.
 fn tell(report: &CleanReport) -> Result<()> {
-    report.errors().for_each(|e| messages::error(&e.to_string()));
+    report
+        .errors()
+        .for_each(|e| messages::error(&e.to_string()));
     report.notes().iter().for_each(|note| messages::info(note));
     report.write_page()?;
     let told = write_bytes(None, report.text().as_bytes(), false);

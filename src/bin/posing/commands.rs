@@ -18,6 +18,16 @@ pub struct Entry {
     pub run: fn(Vec<OsString>) -> ExitCode,
 }
 
+/// What `--version` says: the version, and the commit where `make` built it in a checkout. Only here, so that pages, models
+/// and records stay the same from commit to commit.
+pub fn version() -> String {
+    let version = env!("CARGO_PKG_VERSION");
+    match option_env!("POSING_COMMIT").filter(|commit| !commit.is_empty()) {
+        Some(commit) => format!("{version} ({commit})"),
+        None => version.to_string(),
+    }
+}
+
 /// The entry of the command in the module $module.
 macro_rules! entry {
     ($name:literal, $module:ident) => {
@@ -28,7 +38,7 @@ macro_rules! entry {
             name: $name,
             linked: $linked,
             command: <crate::$module::Args as CommandFactory>::command,
-            run: |words| run(words, crate::$module::work),
+            run: |words| run(words, version(), crate::$module::work),
         }
     };
 }

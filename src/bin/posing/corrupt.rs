@@ -6,10 +6,10 @@ use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs, parse_posit
 use posing::cli::input::{RowStream, read_table};
 use posing::cli::messages;
 use posing::cli::streams::{create_table, write_table};
-use posing::pose::units::parse_length;
 use posing::evaluate::corruption::Corruption;
 use posing::evaluate::gap_injection::GapInjection;
 use posing::io::{Row, parse_point_names};
+use posing::pose::units::parse_length;
 use posing::{Error, Place, Result};
 
 /// Add noise, outliers or gaps to poses, for tests

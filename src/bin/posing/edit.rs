@@ -3,12 +3,11 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs};
-use posing::cli::input::IN_CENTIMETERS;
-use posing::restore::body_size::check_body_size;
 use posing::cli::edit::{EditSource, Editor};
 use posing::cli::edit_figure::Figure;
 use posing::cli::edit_page;
 use posing::cli::edit_server::{Page, browser, serve};
+use posing::cli::input::IN_CENTIMETERS;
 use posing::cli::input::{check_single_stdin, open, open_model, read_table};
 use posing::cli::messages;
 use posing::cli::name_maps::name_map;
@@ -17,6 +16,7 @@ use posing::edit::OpenedModel;
 use posing::io::{Model, SkeletonFile, Table};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
+use posing::restore::body_size::check_body_size;
 use std::path::{Path, PathBuf};
 
 /// Pose a figure by hand: drag joints on a local page

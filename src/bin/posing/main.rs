@@ -44,7 +44,7 @@ mod xyz2trc;
 
 use clap::builder::PossibleValuesParser;
 use clap::{Command, CommandFactory, Parser, Subcommand};
-use commands::{Entry, GROUPS, all, find};
+use commands::{Entry, GROUPS, all, find, version};
 use posing::cli::completions::{self, Shell};
 use posing::cli::manual::{self, Group};
 use posing::cli::{run, streams};
@@ -111,7 +111,7 @@ fn main() -> ExitCode {
         words.remove(0);
         return (entry.run)(words);
     }
-    run(words, answer)
+    run(words, version(), answer)
 }
 
 fn answer(args: &Args) -> Result<()> {

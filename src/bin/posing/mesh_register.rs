@@ -10,9 +10,9 @@ use posing::cli::body::{read_meshes, vertices};
 use posing::cli::mesh_output::mesh;
 use posing::cli::progress::Progress;
 use posing::cli::registration_points::RegistrationPoints;
-use posing::pose::units::{Units, LengthUnit, UpAxis};
 use posing::cli::{input, messages};
 use posing::io::{Mesh, MeshFormat};
+use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
@@ -75,7 +75,13 @@ pub fn work(args: &Args) -> Result<()> {
 
 /// The template, as a body of one part.
 fn read_template(path: &Path, unit: LengthUnit) -> Result<Template> {
-    let set = read_meshes(&[path], Units { unit, up: UpAxis::Y })?;
+    let set = read_meshes(
+        &[path],
+        Units {
+            unit,
+            up: UpAxis::Y,
+        },
+    )?;
     let fail = |what: String| Error::data(Place::file(&set.names[0]), what);
     if set.names.len() != 1 {
         return Err(fail(format!(

@@ -5,10 +5,10 @@ use posing::cli::args::{CommonArgs, InputArgs, parse_rate, value_name};
 use posing::cli::input::{check_single_stdin, read_table};
 use posing::cli::messages;
 use posing::cli::streams::write_bytes;
-use posing::pose::units::LengthUnit;
 use posing::evaluate::Score;
 use posing::evaluate::alignment::point_order;
 use posing::io::Table;
+use posing::pose::units::LengthUnit;
 use posing::{Error, Place, Result};
 use std::path::PathBuf;
 

@@ -5,9 +5,9 @@ use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, parse_hertz, parse_ra
 use posing::cli::input::read_table;
 use posing::cli::messages;
 use posing::cli::streams::write_table;
-use posing::pose::units::Units;
 use posing::io::{Table, parse_point_names};
 use posing::pose::Poses;
+use posing::pose::units::Units;
 use posing::{Error, Place, Result};
 
 /// Choose frames, takes and points, resample, rename, filter

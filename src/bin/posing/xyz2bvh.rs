@@ -2,9 +2,8 @@
 
 use clap::Parser;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs, parse_rate};
-use posing::cli::input::IN_CENTIMETERS;
-use posing::restore::body_size::check_body_size;
 use posing::cli::ik::{fit, report_time_jumps};
+use posing::cli::input::IN_CENTIMETERS;
 use posing::cli::input::{check_single_stdin, open, or_stdin, read_table};
 use posing::cli::streams::write_bytes;
 use posing::cli::{Outcome, messages};
@@ -13,6 +12,7 @@ use posing::io::{Bvh, Input, SkeletonFile};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
 use posing::pose::rotation::{Axis, parse_order};
+use posing::restore::body_size::check_body_size;
 
 use posing::pose::one_take;
 use posing::restore::ik::{SkeletonFit, estimate_skeleton, solve_missing_channels};

@@ -5,8 +5,8 @@ use posing::cli::input::open;
 use posing::cli::marker_files::MarkerUnitArgs;
 use posing::cli::messages;
 use posing::cli::one_take_args::{OneTake, OneTakeArgs};
-use posing::pose::units::{Units, LengthUnit, UpAxis};
 use posing::io::C3d;
+use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 

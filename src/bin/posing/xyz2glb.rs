@@ -3,17 +3,17 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::BvhSkeletonArgs;
-use posing::cli::input::IN_CENTIMETERS;
-use posing::restore::body_size::check_body_size;
 use posing::cli::ik::fit;
+use posing::cli::input::IN_CENTIMETERS;
 use posing::cli::input::open;
-use posing::io::NewTake;
 use posing::cli::one_take_args::OneTakeArgs;
-use posing::pose::units::Units;
 use posing::cli::{Outcome, messages};
+use posing::io::NewTake;
 use posing::io::{SkeletonFile, SkinnedMesh};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
+use posing::pose::units::Units;
+use posing::restore::body_size::check_body_size;
 use posing::restore::ik::{SkeletonFit, estimate_skeleton};
 use std::path::{Path, PathBuf};
 

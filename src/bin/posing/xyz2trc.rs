@@ -3,7 +3,7 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::one_take_args::OneTakeArgs;
-use posing::pose::units::{Units, LengthUnit, UpAxis};
+use posing::pose::units::{LengthUnit, Units, UpAxis};
 
 /// Convert a pose table to a TRC file
 ///

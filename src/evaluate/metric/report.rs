@@ -5,8 +5,8 @@ use super::methods::StepSeconds;
 use super::score::Precision;
 use crate::draw::html::{escape, table};
 use crate::draw::plain_page::PlainPage;
-use crate::evaluate::report::quoted;
 use crate::draw::text_table::aligned;
+use crate::evaluate::report::quoted;
 use serde_json::{Value, json};
 use std::fmt::Write;
 

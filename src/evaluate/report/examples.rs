@@ -4,12 +4,12 @@
 use super::BenchmarkReport;
 use super::tables::short;
 use crate::Result;
-use crate::evaluate::benchmark::dataset::Dataset;
-use crate::evaluate::benchmark::examples::{ExampleKind, ExamplePoses};
-use crate::evaluate::benchmark::task::{DamagedPoses, Task};
 use crate::draw::html::escape;
 use crate::draw::player;
 use crate::draw::scene::{Figure, Scene, Status};
+use crate::evaluate::benchmark::dataset::Dataset;
+use crate::evaluate::benchmark::examples::{ExampleKind, ExamplePoses};
+use crate::evaluate::benchmark::task::{DamagedPoses, Task};
 use crate::pose::joints;
 use ndarray::{Array2, ArrayView2, Axis};
 use std::fmt::Write;

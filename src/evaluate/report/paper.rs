@@ -5,11 +5,11 @@
 
 use super::tables::quoted;
 use super::{HELPERS, STYLE};
+use crate::draw::html::{fill, script_json};
+use crate::draw::player;
 use crate::evaluate::benchmark::splits::Split;
 use crate::evaluate::benchmark::summary::SummaryRow;
 use crate::evaluate::benchmark::task::Task;
-use crate::draw::html::{fill, script_json};
-use crate::draw::player;
 use crate::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};

@@ -1,10 +1,10 @@
 //! Results as text, CSV and JSON. Run times have a CSV file of their own, since no two runs have the same.
 
 use super::BenchmarkReport;
+use crate::draw::text_table::aligned;
 use crate::evaluate::benchmark::result::{BenchmarkResult, ONE_AND_TWO_SD, SD_LEVELS};
 use crate::evaluate::benchmark::splits::Split;
 use crate::evaluate::benchmark::summary::{Interval, SummaryRow, interval};
-use crate::draw::text_table::aligned;
 use crate::numeric::parallel;
 use crate::pose::ASF_UNIT_CM;
 use crate::{Error, Result};

@@ -1,11 +1,11 @@
 //! The results as text, CSV, and one HTML page.
 
 use super::{GapCell, NoiseCell, RESTORED};
-use crate::evaluate::benchmark::result::{ONE_AND_TWO_SD, SD_LEVELS};
 use crate::draw::html::{escape, table};
 use crate::draw::plain_page::PlainPage;
-use crate::evaluate::report::short;
 use crate::draw::text_table::aligned;
+use crate::evaluate::benchmark::result::{ONE_AND_TWO_SD, SD_LEVELS};
+use crate::evaluate::report::short;
 use std::fmt::Write;
 
 /// The results of a test.

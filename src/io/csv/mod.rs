@@ -9,7 +9,7 @@ pub use writer::{AddedColumn, After, CsvFormat, push_cell};
 use super::Input;
 use super::block_reader::{BLOCK, BlockReader};
 use super::columns::Columns;
-use super::row::{Cells, TableOptions, Row};
+use super::row::{Cells, Row, TableOptions};
 use super::text::{check_length, excerpt};
 use crate::{Error, Place, Result};
 use block::RowFormat;

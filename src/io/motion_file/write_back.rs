@@ -89,10 +89,11 @@ impl MotionFile {
         };
         let added = carried.as_ref().map_or(Vec::new(), |c| c.columns());
         let output = Output::file(path)?;
-        UnitWriter::new(output, format, [units, units], &self.table.columns, &added)?
-            .write_table(&self.table, xyz, |frame| {
-                carried.as_ref().map_or(Vec::new(), |c| c.cells(frame))
-            })
+        UnitWriter::new(output, format, [units, units], &self.table.columns, &added)?.write_table(
+            &self.table,
+            xyz,
+            |frame| carried.as_ref().map_or(Vec::new(), |c| c.cells(frame)),
+        )
     }
 
     /// The points of a take, in the file's unit and axes; those that did not move, or that the file does not hold, have the numbers that

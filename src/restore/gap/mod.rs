@@ -24,12 +24,12 @@ mod rigid_distances;
 mod weights;
 
 use crate::numeric::parallel;
+use crate::pose::FillMethod;
 use estimates::Targets;
 use glam::DVec3;
 use known_frames::KnownFrames;
 pub(crate) use local_poses::{LocalPoses, anchor as local_anchor};
 pub use motion_limits::MotionLimits;
-use crate::pose::FillMethod;
 use ndarray::{Array2, ArrayView2, s};
 use path::PathVariances;
 use regression::{OtherPoses, Regression};

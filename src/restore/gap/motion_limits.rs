@@ -97,8 +97,8 @@ fn at(xyz: ArrayView2<'_, f64>, t: usize, point: usize) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
-    use crate::pose::FillMethod;
     use super::*;
+    use crate::pose::FillMethod;
     use ndarray::Array2;
 
     #[test]

@@ -2,9 +2,9 @@
 //!
 //! A point that rests on either side of a short gap rests in it. Else a path is smooth enough where going straight on from one end misses the other by at most 4 cm, as in commercial practice.
 
-use crate::pose::FillMethod;
 use super::{FilledGap, Gap};
 use crate::numeric::pchip::pchip;
+use crate::pose::FillMethod;
 use ndarray::{Array2, ArrayView2};
 use std::collections::HashMap;
 use std::ops::Range;

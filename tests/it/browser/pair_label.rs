@@ -1,8 +1,8 @@
 //! The page on which pairs are labelled.
 
 use super::chromium::{Page, WIDE};
-use crate::common::evaluations::Folder;
 use super::pages::{address, pairs};
+use crate::common::evaluations::Folder;
 
 #[test]
 fn pairs_are_played_answered_saved_and_read() {

@@ -1,9 +1,9 @@
 //! The pages that play: time goes on, curves and gaps lead to frames, meshes turn.
 
 use super::chromium::{Page, Screen, WIDE};
+use super::pages::address;
 use crate::common::evaluations::Folder;
 use crate::common::{run, text};
-use super::pages::address;
 use serde_json::json;
 use std::f64::consts::TAU;
 
