@@ -31,7 +31,9 @@ pub(super) fn stray(take: &Take<'_>, apart: &[PointApart]) -> Vec<Finding> {
     let finding = |a: &PointApart| {
         let remedy = match moves(take, a.point) {
             true => "it is far from all other points",
-            false => "it is of no body; make its cells empty, or leave it out (trim --points)",
+            false => {
+                "it is of no body; make its cells empty, or leave it out (trim, the option `points`)"
+            }
         };
         let what = format!(
             "{} stands {:.1} m from the middle of all points: {remedy}",
@@ -70,7 +72,7 @@ pub(super) fn wrong_unit(size: Option<[f64; 3]>, limits: &Limits) -> Option<Find
         points: Vec::new(),
         frames: None,
         what: format!(
-            "the body measures {longest:.1} cm (people: {low:.0} to {high:.0}): give the unit of the file with --units"
+            "the body measures {longest:.1} cm (people: {low:.0} to {high:.0}): give the unit of the file with the option `units`"
         ),
     })
 }
@@ -85,7 +87,7 @@ pub(super) fn wrong_axis(size: Option<[f64; 3]>, limits: &Limits) -> Option<Find
         points: Vec::new(),
         frames: None,
         what: format!(
-            "the body measures {y:.0} cm along y and {longest:.0} cm along {axis}: it lies, or {axis} is up (--up {axis})"
+            "the body measures {y:.0} cm along y and {longest:.0} cm along {axis}: it lies, or {axis} is up (the option `up {axis}`)"
         ),
     })
 }

@@ -4,6 +4,7 @@ use super::take_pages::TakePages;
 use super::{
     Finding, FindingKind, GapSummary, Limits, PointGaps, TakeAudit, audit, rotation_findings,
 };
+use crate::error::with_options;
 use crate::io::MotionFile;
 use crate::io::motion_file::{ReadRules, format_of};
 use crate::io::motion_folder::{EXTENSIONS, MotionFolder};
@@ -76,6 +77,9 @@ pub fn audit_motion(file: &MotionFile, limits: &Limits) -> Vec<TakeAudit> {
     if let Some(take) = takes.first_mut() {
         let found = rotation_findings(&file.joint_angles(), file.rate());
         take.findings.extend(found);
+    }
+    for finding in takes.iter_mut().flat_map(|take| &mut take.findings) {
+        finding.what = with_options(&finding.what);
     }
     takes
 }

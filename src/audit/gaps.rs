@@ -101,7 +101,7 @@ pub(super) fn zeros(take: &Take<'_>) -> Vec<Finding> {
             continue;
         }
         let what = format!(
-            "{} is exactly 0, 0, 0 in {} frames: if that means missing, make these cells empty (--zeros-are-missing)",
+            "{} is exactly 0, 0, 0 in {} frames: if that means missing, make these cells empty (the option `zeros_are_missing`)",
             take.points[p],
             zeros.len()
         );

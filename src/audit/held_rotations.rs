@@ -71,7 +71,7 @@ pub fn held_findings(joints: &[JointAngles], rate: Option<f64>) -> Vec<Finding> 
             kind: FindingKind::Held,
             frames: Some([held.frames.start, held.frames.end]),
             what: format!(
-                "{} {verb} still in frames {} to {} while others turn: {own} held (clean --held-is-missing fills BVH files)",
+                "{} {verb} still in frames {} to {} while others turn: {own} held (clean fills them in BVH files with the option `held_is_missing`)",
                 names.join(", "),
                 held.frames.start,
                 held.frames.end - 1

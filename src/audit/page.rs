@@ -128,7 +128,7 @@ fn findings(take: &TakeAudit, link: &Link<'_>) -> String {
     let items: String = take.findings.iter().take(FINDINGS).map(item).collect();
     let more = match take.findings.len().saturating_sub(FINDINGS) {
         0 => String::new(),
-        n => format!("<p>{n} more findings; audit --json has all.</p>"),
+        n => format!("<p>{n} more findings; as JSON the audit has all.</p>"),
     };
     format!("<ul>{items}</ul>{more}")
 }

@@ -6,6 +6,7 @@ use super::record::Summary;
 use super::replaced::{ReplacedPosition, replaced};
 use super::sources::OutputFormat;
 use crate::audit::{Finding, FindingKind, TakeAudit, audit, count, kind_name, rotation_findings};
+use crate::error::with_options;
 use crate::io::motion_file::Source;
 use crate::io::{MotionFile, MotionFormat};
 use crate::pose::{PointNaming, Poses};
@@ -75,8 +76,8 @@ impl CleanSettings {
             denoised,
             noise_stays,
             copied: false,
-            findings,
-            notes,
+            findings: findings.iter().map(|line| with_options(line)).collect(),
+            notes: notes.iter().map(|line| with_options(line)).collect(),
             places: places(redone.into_iter().chain(found).collect(), before, &moved),
         }
     }

@@ -68,7 +68,7 @@ impl Rig {
         }
         if points.iter().flatten().count() < FEWEST_KNOWN {
             return Err(Error::usage(format!(
-                "the model knows fewer than {FEWEST_KNOWN} joints of the skeleton; say with --map which joints are its points ({}, ...)",
+                "the model knows fewer than {FEWEST_KNOWN} joints of the skeleton; say with the option `map` which joints are its points ({}, ...)",
                 model_points[..model_points.len().min(4)].join(", ")
             )));
         }

@@ -72,7 +72,9 @@ impl Corruption {
         }
         if !(0.0..=1.0).contains(&self.share) {
             let share = self.share;
-            return Err(Error::usage(format!("--share {share}: expected 0 to 1")));
+            return Err(Error::usage(format!(
+                "the option `share {share}`: expected 0 to 1"
+            )));
         }
         let mut hidden = vec![self.keep.is_some(); points.len()];
         for name in self.keep.iter().flatten() {

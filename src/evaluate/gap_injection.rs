@@ -33,7 +33,7 @@ fn frames_in(seconds: f64, rate: f64) -> Result<usize> {
     let frames = (seconds * rate).round();
     if frames.is_nan() || frames < 1.0 {
         return Err(Error::usage(format!(
-            "--length {seconds} is less than half a frame at {rate} frames a second"
+            "the option `length {seconds}` is less than half a frame at {rate} frames a second"
         )));
     }
     // The cast saturates; a gap longer than any take is reported later.
@@ -88,7 +88,7 @@ impl GapInjection {
             }
             if fit < self.count {
                 return fail(format!(
-                    "{name}: only {fit} of {} gaps of {frames} frames in {} points fit; use fewer --gaps, a shorter --length or fewer --points",
+                    "{name}: only {fit} of {} gaps of {frames} frames in {} points fit; use fewer gaps, a shorter length or fewer points",
                     self.count, self.points
                 ));
             }
@@ -96,7 +96,7 @@ impl GapInjection {
             with_gaps += 1;
         }
         match with_gaps == 0 && !takes.is_empty() {
-            true => fail("no take is as long as a gap; use a shorter --length".into()),
+            true => fail("no take is as long as a gap; use a shorter length".into()),
             false => Ok(()),
         }
     }
@@ -110,11 +110,13 @@ impl GapInjection {
     fn inject_take(&self, take: &mut Poses, frames: usize, index: u64) -> Result<InjectedGaps> {
         let (asked, points) = (self.points, take.points.len());
         if self.count == 0 || frames == 0 {
-            return Err(Error::usage("--gaps and --length: expected at least one"));
+            return Err(Error::usage(
+                "the option `gaps` and the option `length`: expected at least one",
+            ));
         }
         if asked == 0 || asked > points {
             return Err(Error::usage(format!(
-                "--points {asked}: expected 1 to {points} (the table's points)"
+                "the option `points {asked}`: expected 1 to {points} (the table's points)"
             )));
         }
         let runs = take.runs();

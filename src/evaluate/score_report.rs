@@ -3,6 +3,7 @@
 use super::error_stats::ErrorStats;
 use super::score::ScoreReport;
 use crate::draw::text_table::aligned;
+use crate::error::with_options;
 use std::fmt::{self, Write};
 
 /// The cells of a line of errors.
@@ -32,7 +33,7 @@ const PRINTED_RATES: usize = 5;
 impl fmt::Display for ScoreReport {
     /// Aligned columns of text, in several lines.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&text(self))
+        f.write_str(&with_options(&text(self)))
     }
 }
 
@@ -40,7 +41,9 @@ fn text(report: &ScoreReport) -> String {
     let unit = &report.units;
     let rates: Vec<String> = report.rates.iter().map(f64::to_string).collect();
     let rate = match rates.is_empty() {
-        true => "no frame rate: gap lengths in frames, no accelerations (give --fps)".into(),
+        true => {
+            "no frame rate: gap lengths in frames, no accelerations (give the option `fps`)".into()
+        }
         false => {
             let (some, rest) = rates.split_at(rates.len().min(PRINTED_RATES));
             let more = match rest.len() {

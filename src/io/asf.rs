@@ -277,7 +277,7 @@ impl Parser {
             return fail("has no :hierarchy; the file is cut off".into());
         }
         let Some(unit) = unit.or(self.unit) else {
-            return fail("states no length in :units; give --units".into());
+            return fail("states no length in :units; give the option `units`".into());
         };
         if self.root_order.is_empty() {
             return fail("has no order in :root".into());

@@ -97,7 +97,7 @@ impl Columns {
             Some(names) if 3 * names.len() == width => names.to_vec(),
             Some(names) => {
                 let what = format!(
-                    "--joints names {} points, the array has {width} columns",
+                    "the option `joints` names {} points, the array has {width} columns",
                     names.len()
                 );
                 return Err(Error::data(place.clone(), what));
@@ -107,7 +107,7 @@ impl Columns {
                 let of_smpl = smpl_names(width / 3).is_some();
                 let way = if of_smpl { " (smpl for SMPL's)" } else { "" };
                 let what = format!(
-                    "has {width} columns, not the 69 of CMU's joints; name the points with --joints{way}"
+                    "has {width} columns, not the 69 of CMU's joints; name the points with the option `joints`{way}"
                 );
                 return Err(Error::data(place.clone(), what));
             }
@@ -128,7 +128,7 @@ const SMPL: &str = "smpl";
 fn smpl(width: usize, place: &Place) -> Result<Vec<String>> {
     smpl_names(width / 3).ok_or_else(|| {
         let what = format!(
-            "has {} points: arrays of SMPL's joints have 22 (the body), 24, 52 (SMPL-H) or 55 (SMPL-X); name the points with --joints A,B,...",
+            "has {} points: arrays of SMPL's joints have 22 (the body), 24, 52 (SMPL-H) or 55 (SMPL-X); name the points with the option `joints A,B,...`",
             width / 3
         );
         Error::data(place.clone(), what)

@@ -168,7 +168,7 @@ impl MarkerRows {
         let promised = stated.frames.filter(|_| !stated.rows_count || is_cut);
         if let Some(what) = self.ends_early(promised, is_cut) {
             if !keep_whole {
-                return Err(bad(format!("{what}; --keep-whole reads those")));
+                return Err(bad(format!("{what}; the option `keep_whole` reads those")));
             }
             stated.notes.push(what);
         }

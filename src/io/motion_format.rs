@@ -91,18 +91,24 @@ pub fn recognized(start: &[u8]) -> Option<&'static str> {
     Some(match MotionFormat::of(start) {
         MotionFormat::C3d => "is a C3D file: convert it with c3d2xyz",
         MotionFormat::Bvh => "is a BVH file: convert it with bvh2xyz",
-        MotionFormat::Amc => "is an AMC file: convert it with amc2xyz --asf SUBJECT.asf --fps F",
+        MotionFormat::Amc => {
+            "is an AMC file: convert it with amc2xyz, with the option `asf SUBJECT.asf` and the option `fps F`"
+        }
         MotionFormat::Asf => {
-            "is an ASF skeleton: give it to amc2xyz --asf, together with an AMC take"
+            "is an ASF skeleton: give it to amc2xyz with the option `asf`, together with an AMC take"
         }
-        MotionFormat::Trc => "is a TRC file: convert it with trc2xyz --up y",
-        MotionFormat::MotiveCsv => "is a Motive CSV file: convert it with csv2xyz --up y",
+        MotionFormat::Trc => "is a TRC file: convert it with trc2xyz, with the option `up y`",
+        MotionFormat::MotiveCsv => {
+            "is a Motive CSV file: convert it with csv2xyz, with the option `up y`"
+        }
         MotionFormat::QualisysTsv => {
-            "is a Qualisys TSV file: convert it with csv2xyz --units mm --up z"
+            "is a Qualisys TSV file: convert it with csv2xyz, with the option `units mm` and the option `up z`"
         }
-        MotionFormat::NexusCsv => "is a Vicon Nexus CSV file: convert it with csv2xyz --up z",
+        MotionFormat::NexusCsv => {
+            "is a Vicon Nexus CSV file: convert it with csv2xyz, with the option `up z`"
+        }
         MotionFormat::PointTable => {
-            "is a table of points of another program: convert it with csv2xyz, with its --units, --up and --fps"
+            "is a table of points of another program: convert it with csv2xyz, with the option `units`, the option `up` and the option `fps`"
         }
         MotionFormat::OpenSim => {
             "is an OpenSim file (.mot, .sto), which holds columns and no points: csv2xyz makes a table of them"

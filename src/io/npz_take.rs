@@ -419,7 +419,7 @@ fn without_positions(entries: &[Entry]) -> String {
     let arrays = listed(entries.iter());
     match has("poses") || has("body_pose") || has("pose_body") || has("smpl_poses") {
         true => format!(
-            "holds parameters of a SMPL body and no positions ({arrays}): a body model (smplx in Python) turns them into joints; save these with numpy.save and read them with --joints smpl"
+            "holds parameters of a SMPL body and no positions ({arrays}): a body model (smplx in Python) turns them into joints; save these with numpy.save and read them with the option `joints` smpl"
         ),
         false => format!(
             "holds no array of positions (frames, points, 3) of <f4 or <f8; it has {arrays}"

@@ -56,7 +56,7 @@ pub fn read(mut input: Input, keep_whole: bool) -> Result<MarkerTake> {
     }
     let early = header.ends_early(times.len(), is_cut);
     if let Some(what) = early.as_ref().filter(|_| !keep_whole) {
-        return Err(bad(format!("{what}; --keep-whole reads those")));
+        return Err(bad(format!("{what}; the option `keep_whole` reads those")));
     }
     if times.is_empty() {
         return Err(bad("has no rows".into()));

@@ -153,7 +153,7 @@ impl JointMap {
         match missing.is_empty() {
             true => Ok(found),
             false => Err(format!(
-                "has no point {}; say with --map which points the joints are",
+                "has no point {}; say with the option `map` which points the joints are",
                 missing.join(", ")
             )),
         }

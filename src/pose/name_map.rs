@@ -87,7 +87,7 @@ impl NameMap {
     /// Says what may help points that no model knows: the nearest shipped map, and the flag.
     pub fn advice(points: &[String]) -> String {
         let shipped: Vec<&str> = SHIPPED.iter().map(|map| map.name.as_str()).collect();
-        let flag = "say which are which with --map NAME|FILE.toml";
+        let flag = "say which are which with the option `map NAME|FILE.toml`";
         match NameMap::nearest(points) {
             None => format!("{flag} (shipped maps: {})", shipped.join(", ")),
             Some((map, _)) if map.finder(points).is_ambiguous() => format!(

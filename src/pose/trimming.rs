@@ -123,10 +123,10 @@ impl Poses {
         let filter = |own: Option<f64>| {
             let rate = own
                 .or(fps)
-                .ok_or("has no times, and a filter needs a rate; give it with --fps")?;
+                .ok_or("has no times, and a filter needs a rate; give it with the option `fps`")?;
             let low_pass = LowPass::new(cutoff, rate);
             let low_pass = low_pass.ok_or_else(|| {
-                format!("has {rate} frames per second: --butterworth {cutoff} has to be below .4 of that")
+                format!("has {rate} frames per second: the option `butterworth {cutoff}` has to be below .4 of that")
             })?;
             Ok((rate, low_pass))
         };

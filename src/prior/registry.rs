@@ -211,7 +211,12 @@ impl FromStr for Kind {
             return Ok(Kind::Multiscale);
         }
         let found = Kind::ALL.into_iter().find(|k| k.name() == name);
-        found.ok_or_else(|| Error::usage(format!("--kind {name}: expected one of {}", names())))
+        found.ok_or_else(|| {
+            Error::usage(format!(
+                "the option `kind {name}`: expected one of {}",
+                names()
+            ))
+        })
     }
 }
 

@@ -64,7 +64,7 @@ impl<'a> BoundModel<'a> {
             let listed =
                 |list: &[String]| list.iter().take(3).cloned().collect::<Vec<_>>().join(", ");
             let what = format!(
-                "the table has none of the model's points ({}, …); it has {}; {}; or train a model with prior-train, or use --self: the take's own frames alone",
+                "the table has none of the model's points ({}, …); it has {}; {}; or train a model with prior-train, or use the option `self`: the take's own frames alone",
                 listed(known),
                 listed(points),
                 NameMap::advice(points)

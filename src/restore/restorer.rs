@@ -265,7 +265,7 @@ fn no_rate(table: &Table) -> Error {
 /// What to say where only a model would do.
 fn no_model() -> Error {
     Error::usage(
-        "without a model only whole takes can be restored: a frame by itself says nothing of what it lacks (--fps sets a table's frame rate)",
+        "without a model only whole takes can be restored: a frame by itself says nothing of what it lacks (the option `fps` sets a table's frame rate)",
     )
 }
 

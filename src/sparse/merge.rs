@@ -65,9 +65,9 @@ impl DictionaryMerge {
     /// [`Error::Usage`] if a parameter is out of its range.
     pub fn check(&self) -> Result<()> {
         match self.prune {
-            Some(c) if !(c > 0.0 && c <= 1.0) => {
-                Err(Error::usage(format!("--prune {c}: expected above 0 to 1")))
-            }
+            Some(c) if !(c > 0.0 && c <= 1.0) => Err(Error::usage(format!(
+                "the option `prune {c}`: expected above 0 to 1"
+            ))),
             _ => Ok(()),
         }
     }

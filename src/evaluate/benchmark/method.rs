@@ -98,7 +98,7 @@ impl Method {
         let kind: Kind = kind.parse().map_err(|_| {
             let known = Method::default_names().join(", ");
             Error::usage(format!(
-                "--models {name}: expected one of {known} (or a file after -m)"
+                "the option `models {name}`: expected one of {known} (or a file after -m)"
             ))
         })?;
         let mut atoms = None;
@@ -116,7 +116,7 @@ impl Method {
                 Some(("k", Some(k))) if is_sparse && k <= 1000 => choice.sparsity = Some(k),
                 _ => {
                     return Err(Error::usage(format!(
-                        "--models {name}: \"{part}\" is neither n=ATOMS nor k=SPARSITY (1 to 1000) of a sparse model"
+                        "the option `models {name}`: \"{part}\" is neither n=ATOMS nor k=SPARSITY (1 to 1000) of a sparse model"
                     )));
                 }
             }

@@ -88,7 +88,7 @@ impl<'a> Benchmark<'a> {
         let mut observe = settings.observe.iter();
         let unknown = observe.find(|n| !dataset.points.contains(n));
         if let (Some(name), true) = (unknown, settings.tasks.contains(&Task::Complete)) {
-            let what = format!("--observe: the takes have no point \"{name}\"");
+            let what = format!("the option `observe`: the takes have no point \"{name}\"");
             return Err(Error::usage(what));
         }
         let example_split = ExamplePoses::split(&settings.splits).filter(|_| settings.examples);

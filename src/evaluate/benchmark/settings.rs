@@ -58,20 +58,23 @@ impl Settings {
     pub fn check(&self) -> Result<()> {
         let usage = |what: String| Err(Error::usage(what));
         if !(1..=MAX_SEEDS).contains(&self.seeds) {
-            return usage(format!("--seeds {}: expected 1 to {MAX_SEEDS}", self.seeds));
+            return usage(format!(
+                "the option `seeds {}`: expected 1 to {MAX_SEEDS}",
+                self.seeds
+            ));
         }
         if self.first_seed.checked_add(self.seeds).is_none() {
-            return usage(format!("--seed {}: too large", self.first_seed));
+            return usage(format!("the option `seed {}`: too large", self.first_seed));
         }
         if self.frames == 0 {
-            return usage("--frames 0: expected at least 1".into());
+            return usage("the option `frames 0`: expected at least 1".into());
         }
         let most = MAX_BASE * ASF_UNIT_CM;
         if let Some(bad) = self.base.iter().find(|b| !(0.0..=most).contains(*b)) {
-            return usage(format!("--base {bad}: expected 0 to {most} cm"));
+            return usage(format!("the option `base {bad}`: expected 0 to {most} cm"));
         }
         if self.methods.is_empty() {
-            return usage("no model given; use --models or -m".into());
+            return usage("no model given; use the option `models` or -m".into());
         }
         if self.tasks.is_empty() || self.base.is_empty() {
             return usage("at least one task and one base noise are needed".into());

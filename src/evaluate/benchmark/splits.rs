@@ -40,7 +40,7 @@ impl Split {
         let found = Split::ALL.into_iter().find(|s| s.name() == name);
         found.ok_or_else(|| {
             Error::usage(format!(
-                "--splits {name}: expected frames, takes or subjects"
+                "the option `splits {name}`: expected frames, takes or subjects"
             ))
         })
     }
@@ -89,7 +89,10 @@ impl Partition {
         seed: u64,
     ) -> Result<Partition> {
         if let Some(why) = split.impossible(data, twins) {
-            return Err(Error::usage(format!("--splits {}: {why}", split.name())));
+            return Err(Error::usage(format!(
+                "the option `splits {}`: {why}",
+                split.name()
+            )));
         }
         let frames = data.xyz.nrows();
         let mut tested = vec![false; frames];

@@ -47,7 +47,7 @@ impl Task {
         let found = Task::ALL.into_iter().find(|t| t.name() == name);
         found.ok_or_else(|| {
             Error::usage(format!(
-                "--tasks {name}: expected dense, sparse or complete"
+                "the option `tasks {name}`: expected dense, sparse or complete"
             ))
         })
     }

@@ -52,7 +52,7 @@ pub fn test(
     let [learnt, tested] = set.split(&settings.tested);
     if learnt.takes.is_empty() || tested.takes.is_empty() {
         return Err(format!(
-            "has takes of {}; distances learn from some subjects and are tested on others (--test names them)",
+            "has takes of {}; distances learn from some subjects and are tested on others (the option `test` names them)",
             set.subjects().join(", ")
         ));
     }

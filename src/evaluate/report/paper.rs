@@ -117,7 +117,9 @@ impl<'a> Comparison<'a> {
     /// [`Error::Usage`] without a run.
     pub fn new(runs: &'a [FinishedRun]) -> Result<Comparison<'a>> {
         if runs.is_empty() {
-            return Err(Error::usage("--paper: name at least one finished run"));
+            return Err(Error::usage(
+                "the option `paper`: name at least one finished run",
+            ));
         }
         let tables: PrintedTables =
             toml::from_str(DATA).map_err(|e| Error::usage(e.to_string()))?;

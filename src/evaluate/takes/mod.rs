@@ -111,8 +111,7 @@ impl TestTakes {
         }
         match out.takes.is_empty() {
             true => {
-                let what =
-                    "has no take with a frame rate; gaps have a length in time (--fps gives it)";
+                let what = "has no take with a frame rate; gaps have a length in time (the option `fps` gives it)";
                 Err(Error::data(Place::file(first), what))
             }
             false => Ok(out),
@@ -147,7 +146,7 @@ impl TestTakes {
         settings.check(self.takes[0].poses.points.len())?;
         if matches!(model, TestedModel::OthersOnly) && self.subjects.len() < 2 {
             let what = format!(
-                "all takes are of subject \"{}\", and no other is left to learn from; give takes of more subjects (a take's subject is its name up to the first _), a model that does not know these with -m, or --self",
+                "all takes are of subject \"{}\", and no other is left to learn from; give takes of more subjects (a take's subject is its name up to the first _), a model that does not know these with -m, or the option `self`",
                 self.subjects[0]
             );
             return Err(Error::usage(what));
@@ -230,11 +229,11 @@ struct OthersModel {
 impl TakesSettings {
     fn check(&self, points: usize) -> Result<()> {
         if self.gaps == 0 {
-            return Err(Error::usage("--gaps: expected at least one"));
+            return Err(Error::usage("the option `gaps`: expected at least one"));
         }
         if let Some(count) = self.points.iter().find(|p| **p == 0 || **p >= points) {
             return Err(Error::usage(format!(
-                "--points {count}: expected 1 to {} (one of the table's {points} points is to stay)",
+                "the option `points {count}`: expected 1 to {} (one of the table's {points} points is to stay)",
                 points - 1
             )));
         }

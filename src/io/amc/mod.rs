@@ -403,7 +403,7 @@ impl<'a> AmcReader<'a> {
         }
         let what = if self.whole > 0 {
             format!(
-                "the take is cut off in frame {number} ({why}) after {} complete frames; use --keep-whole to keep them",
+                "the take is cut off in frame {number} ({why}) after {} complete frames; use the option `keep_whole` to keep them",
                 self.whole
             )
         } else {

@@ -114,7 +114,7 @@ impl Bvh {
         let (least, most) = (FRAME_TIMES.start(), FRAME_TIMES.end());
         rate.ok_or_else(|| {
             format!(
-                "its Frame Time is {} s, outside {least} to {most} s; give the frames per second with --fps",
+                "its Frame Time is {} s, outside {least} to {most} s; give the frames per second with the option `fps`",
                 self.frame_time
             )
         })

@@ -61,7 +61,7 @@ impl Bvh {
         let whole = values.len().checked_div(width).unwrap_or(0);
         if whole * width != values.len() && !keep_whole {
             let what = format!(
-                "ends in frame {} ({} of {width} values) after {whole} complete frames; use --keep-whole to keep them",
+                "ends in frame {} ({} of {width} values) after {whole} complete frames; use the option `keep_whole` to keep them",
                 whole + 1,
                 values.len() - whole * width
             );

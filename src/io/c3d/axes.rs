@@ -43,7 +43,7 @@ pub fn up(
             false => ", the file names no maker and its points tell no axis",
         };
         notes.push(format!(
-            "POINT:Y_SCREEN is -Z and X_SCREEN +X, as Qualisys writes them{unnamed}: z is taken for up (--up changes it)"
+            "POINT:Y_SCREEN is -Z and X_SCREEN +X, as Qualisys writes them{unnamed}: z is taken for up (the option `up` changes it)"
         ));
         return (Some("+Z".into()), true);
     }
@@ -54,7 +54,7 @@ pub fn up(
     match told {
         Some((axis, true, share)) => {
             notes.push(format!(
-                "{says}: {axis} is taken for up, since the head is above the feet along it in {share:.0}% of the frames (--up changes it)"
+                "{says}: {axis} is taken for up, since the head is above the feet along it in {share:.0}% of the frames (the option `up` changes it)"
             ));
             (Some(format!("+{}", axis.to_uppercase())), true)
         }

@@ -88,7 +88,7 @@ impl Layout {
         if there < promised {
             let what = format!("ends after {there} of its {promised} frames");
             if !keep_whole || there == 0 {
-                return Err(format!("{what}; --keep-whole reads those"));
+                return Err(format!("{what}; the option `keep_whole` reads those"));
             }
             notes.push(what);
             layout.frames = there;

@@ -34,7 +34,7 @@ pub fn read(
     let other = recognized(input.first_bytes());
     if points.is_some() && format != MotionFormat::MotiveCsv {
         let what = format!(
-            "is no Motive CSV file but {}: leave --points out",
+            "is no Motive CSV file but {}: leave the option `points` out",
             format.name()
         );
         return Err(Error::data(Place::file(name), what));

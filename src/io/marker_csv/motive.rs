@@ -132,7 +132,7 @@ fn left_out(columns: &Columns, kind: MotivePoints) -> Vec<String> {
     match others.is_empty() {
         true => Vec::new(),
         false => vec![format!(
-            "{} {} are converted; {} are not (see --points)",
+            "{} {} are converted; {} are not (see the option `points`)",
             count(kind),
             kind.name(),
             others.join(", ")

@@ -207,8 +207,11 @@ impl Mesh {
         let (least, most) = BODY_METRES.into_inner();
         let fits = |(_, unit): &&(&str, f64)| BODY_METRES.contains(&(extent * unit));
         let remedy = match UNITS.iter().find(fits) {
-            Some((name, unit)) => format!("with --units {name} it is {:.2} m", extent * unit),
-            None => "give the unit of the file with --units".into(),
+            Some((name, unit)) => format!(
+                "with the option `units {name}` it is {:.2} m",
+                extent * unit
+            ),
+            None => "give the unit of the file with the option `units`".into(),
         };
         let size = if (0.01..1e5).contains(&metres) {
             format!("{metres:.2}")

@@ -350,7 +350,7 @@ fn of_bvh(
 fn of_amc(path: &Path, input: Input, bytes: Bytes, options: &ReadOptions) -> Result<MotionFile> {
     let bad = |what: &str| Error::data(Place::file(path.display().to_string()), what);
     let rate = options.fps.ok_or_else(|| {
-        bad("an AMC file does not say its rate; give it with --fps F (frames per second)")
+        bad("an AMC file does not say its rate; give it with the option `fps F` (frames per second)")
     })?;
     let asf = Asf::read(Input::open(skeleton_of(path, options)?)?, None)?;
     let mut reader = AmcReader::new(&asf, input, options.keep_whole)?;

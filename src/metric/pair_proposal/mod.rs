@@ -64,17 +64,20 @@ impl PairRules {
     /// A phrase that names the flag and its limits.
     pub fn check(&self) -> Result<(), String> {
         if !(1..=MOST).contains(&self.count) {
-            return Err(format!("--count {}: expected 1 to {MOST}", self.count));
+            return Err(format!(
+                "the option `count {}`: expected 1 to {MOST}",
+                self.count
+            ));
         }
         if !(self.near > SAME_POSE && self.near <= 1000.0) {
             return Err(format!(
-                "--near {}: expected above {SAME_POSE} to 1000 cm",
+                "the option `near {}`: expected above {SAME_POSE} to 1000 cm",
                 self.near
             ));
         }
         if !(0.1..=5.0).contains(&self.margin) {
             return Err(format!(
-                "--seconds {}: expected 0.1 to 5 seconds",
+                "the option `seconds {}`: expected 0.1 to 5 seconds",
                 self.margin
             ));
         }
@@ -133,9 +136,10 @@ pub fn propose(
         ));
     }
     let rates: Option<Vec<f64>> = takes.iter().map(|t| t.rate).collect();
-    let rates = rates.ok_or("the times of a take give no frame rate; give it with --fps")?;
+    let rates =
+        rates.ok_or("the times of a take give no frame rate; give it with the option `fps`")?;
     if rules.other_takes && takes.len() < 2 {
-        return Err("has one take, and --other-takes needs two".into());
+        return Err("has one take, and the option `other_takes` needs two".into());
     }
     let height = median(takes.iter().map(|t| t.height).collect()).ok_or("has no frames")?;
     let sample = Sample::new(takes, &rates, height, rules.margin);
@@ -169,7 +173,7 @@ fn too_short(takes: &[BodyFramePoses], rates: &[f64], margin: f64) -> String {
     let longest = longest(takes, rates);
     match longest < 2.0 * margin {
         true => format!(
-            "the longest unbroken motion lasts {longest:.2} s, and a pose needs {margin} s before and after it; see --seconds"
+            "the longest unbroken motion lasts {longest:.2} s, and a pose needs {margin} s before and after it; see the option `seconds`"
         ),
         false => format!(
             "no frame with {margin} s of motion before and after it has all 16 joints; fill gaps with complete"
@@ -182,7 +186,7 @@ fn nothing_near(takes: &[BodyFramePoses], rates: &[f64], rules: &PairRules) -> S
     let (needed, lasts) = (2.0 * rules.margin + APART, longest(takes, rates));
     if takes.len() == 1 && takes[0].runs.len() == 1 && lasts < needed {
         return format!(
-            "one take of {lasts:.2} s is too short: poses {APART} s apart with {} s around them need {needed} s; see --seconds",
+            "one take of {lasts:.2} s is too short: poses {APART} s apart with {} s around them need {needed} s; see the option `seconds`",
             rules.margin
         );
     }
@@ -191,7 +195,7 @@ fn nothing_near(takes: &[BodyFramePoses], rates: &[f64], rules: &PairRules) -> S
         false => format!("of different takes or {APART} s apart"),
     };
     format!(
-        "no two poses {where_from} that differ are within {} cm; see --near",
+        "no two poses {where_from} that differ are within {} cm; see the option `near`",
         rules.near
     )
 }

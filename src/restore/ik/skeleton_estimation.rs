@@ -42,7 +42,7 @@ pub fn estimate_skeleton(poses: &Poses) -> Result<Skeleton> {
     let root = (0..names.len()).rev().max_by_key(|&k| below[k]);
     let Some(root) = root.filter(|&r| below[r] > 1) else {
         return Err(Error::usage(
-            "no skeleton is known for these point names; give --skeleton SUBJECT.asf or FILE.bvh",
+            "no skeleton is known for these point names; give the option `skeleton SUBJECT.asf` (or FILE.bvh)",
         ));
     };
     let at = |k: usize| {
