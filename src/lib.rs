@@ -106,6 +106,7 @@ pub mod pose;
 pub mod prelude;
 pub mod prior;
 pub mod restore;
+pub mod server;
 pub mod sparse;
 
 pub use error::{Error, Place, Result};

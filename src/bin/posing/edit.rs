@@ -3,20 +3,20 @@
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{BvhUnitArgs, CommonArgs, InputArgs};
-use posing::cli::edit::{EditSource, Editor};
-use posing::cli::edit_figure::Figure;
-use posing::cli::edit_page;
-use posing::cli::edit_server::{Page, browser, serve};
 use posing::cli::input::IN_CENTIMETERS;
 use posing::cli::input::{check_single_stdin, open, open_model, read_table};
 use posing::cli::messages;
 use posing::cli::name_maps::name_map;
 use posing::cli::streams::write_bytes;
+use posing::cli::{browser, signals};
 use posing::edit::OpenedModel;
 use posing::io::{Model, SkeletonFile, Table};
 use posing::pose::BonePoints;
 use posing::pose::bone_points::bone_ends_of_starts;
 use posing::restore::body_size::check_body_size;
+use posing::server::editor::{EditSource, Editor};
+use posing::server::figure::Figure;
+use posing::server::{Page, page, serve};
 use std::path::{Path, PathBuf};
 
 /// Pose a figure by hand: drag joints on a local page
@@ -88,13 +88,14 @@ pub fn work(args: &Args) -> Result<()> {
         table,
     };
     let page = Page {
-        html: edit_page::page(),
-        policy: edit_page::policy(),
+        html: page::page(),
+        policy: page::policy(),
     };
     // Removed when the server has ended.
     let mut redirecting = None;
     let answerer = move || Editor::open(source);
-    serve(args.port, page, answerer, |address| {
+    serve(args.port, page, answerer, |address, running| {
+        signals::on_stop(move || drop(running));
         write_bytes(None, format!("{address}\n").as_bytes(), false)?;
         if !args.no_open {
             redirecting = browser::open(address);

@@ -1,13 +1,13 @@
 //! Turns a pose table into a C3D file, or puts its points into one that there is.
 
 use clap::Parser;
+use posing::Result;
 use posing::cli::input::open;
 use posing::cli::marker_files::MarkerUnitArgs;
 use posing::cli::messages;
 use posing::cli::one_take_args::{OneTake, OneTakeArgs};
 use posing::io::C3d;
 use posing::pose::units::{LengthUnit, Units, UpAxis};
-use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
 /// Convert a pose table to a C3D file
@@ -56,35 +56,7 @@ fn into(args: &Args, one: OneTake, original: &Path) -> Result<Vec<u8>> {
         up: args.up,
     };
     let units = units.table_units(&original.take)?;
-    let mut xyz = original.take.xyz.clone();
-    let bad = |what: String| Error::data(Place::file(&table), what);
-    if poses.frames() != xyz.nrows() {
-        return Err(bad(format!(
-            "has {} frames, {} has {}",
-            poses.frames(),
-            original.take.name,
-            xyz.nrows()
-        )));
-    }
-    let points = &original.take.points;
-    if let Some(unknown) = poses.points.iter().find(|p| !points.contains(p)) {
-        return Err(bad(format!(
-            "has a point \"{unknown}\", which {} does not have",
-            original.take.name
-        )));
-    }
-    for (i, point) in points.iter().enumerate() {
-        // A point that the table does not have stays as it is.
-        let Some(from) = poses.points.iter().position(|p| p == point) else {
-            continue;
-        };
-        for t in 0..poses.frames() {
-            let mut place = [0, 1, 2].map(|c| poses.xyz[[t, 3 * from + c]]);
-            units.write(&mut place);
-            (0..3).for_each(|c| xyz[[t, 3 * i + c]] = place[c]);
-        }
-    }
-    original.with_points(xyz.view())
+    original.with_poses(&poses, units, &table)
 }
 
 /// A file of the poses alone.

@@ -22,6 +22,7 @@ use super::marker_take::{MarkerTake, Quantity, unique_names};
 use super::motion_format::recognized;
 use crate::{Error, Place, Result};
 use std::collections::HashMap;
+use std::path::Path;
 
 /// Larger files are refused, bytes.
 const LIMIT: u64 = 1 << 31;
@@ -48,6 +49,14 @@ impl C3d {
     /// Whether the numbers of the file hold a point (in its units and axes).
     pub fn holds(&self, point: [f64; 3]) -> bool {
         points::encode(Some(point), &self.layout).is_ok()
+    }
+
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// Those of [`C3d::read`].
+    pub fn open(path: impl AsRef<Path>) -> Result<C3d> {
+        C3d::read(Input::open(path)?, false)
     }
 
     /// Reads a file. With `keep_whole`, one that ends early gives the frames that it has.

@@ -4,9 +4,12 @@ use super::header::Layout;
 use super::numbers::Processor;
 use super::points;
 use super::{BLOCK, C3d};
+use crate::io::output::write_file;
 use crate::io::text::excerpt;
+use crate::pose::{Poses, Units};
 use crate::{Error, Place, Result};
 use ndarray::ArrayView2;
+use std::path::Path;
 
 /// The most blocks of parameters.
 const MOST_BLOCKS: usize = 255;
@@ -56,6 +59,46 @@ impl C3d {
             }
         }
         Ok(bytes)
+    }
+
+    /// The bytes of the file with the points of `poses` (centimeters, y up), by their names, in the file's `units`; points that
+    /// `poses` does not have stay. An empty position becomes an invalid one. `name` is that of the poses in messages.
+    ///
+    /// # Errors
+    /// [`Error::Data`]: the frames differ, or the file has no such point; those of [`C3d::with_points`].
+    pub fn with_poses(&self, poses: &Poses, units: Units, name: &str) -> Result<Vec<u8>> {
+        let mut xyz = self.take.xyz.clone();
+        let bad = |what: String| Error::data(Place::file(name), what);
+        if poses.frames() != xyz.nrows() {
+            return Err(bad(format!(
+                "has {} frames, {} has {}",
+                poses.frames(),
+                self.take.name,
+                xyz.nrows()
+            )));
+        }
+        for (from, point) in poses.points.iter().enumerate() {
+            let Some(to) = self.take.points.iter().position(|p| p == point) else {
+                return Err(bad(format!(
+                    "has a point \"{point}\", which {} does not have",
+                    self.take.name
+                )));
+            };
+            for t in 0..poses.frames() {
+                let mut place = [0, 1, 2].map(|c| poses.xyz[[t, 3 * from + c]]);
+                units.write(&mut place);
+                (0..3).for_each(|c| xyz[[t, 3 * to + c]] = place[c]);
+            }
+        }
+        self.with_points(xyz.view())
+    }
+
+    /// Writes the file with the points that its take has now; see [`C3d::with_points`].
+    ///
+    /// # Errors
+    /// Those of [`C3d::with_points`]; [`Error::Io`]: writing fails.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        write_file(path, &self.with_points(self.take.xyz.view())?)
     }
 }
 

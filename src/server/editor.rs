@@ -1,8 +1,8 @@
 //! What answers the requests of the page of `edit`: a session, and the files that it becomes.
 
-use super::edit_figure::Figure;
-use super::edit_server::{Answer, Refusal, Reply, Request, Route};
-use super::edit_session::SessionPath;
+use super::figure::Figure;
+use super::session_file::SessionPath;
+use super::{Answer, Refusal, Reply, Request, Route};
 use crate::edit::keys::RATE;
 use crate::edit::protocol::{Action, PhotographRequest, SolveRequest};
 use crate::edit::{OpenedModel, Session};

@@ -4,13 +4,15 @@
 //! so that a slow client or a long computation does not keep others waiting for a connection.
 
 pub mod answerer;
-pub mod browser;
+pub mod editor;
+pub mod figure;
 mod guard;
 mod impatient;
+pub mod page;
+mod session_file;
 
 pub use answerer::{Answer, Refusal, Reply, Request, Route};
 
-use super::signals;
 use crate::edit::LARGEST_SESSION;
 use crate::{Error, Place, Result};
 use answerer::{AnswererThread, Queue};
@@ -65,8 +67,11 @@ struct Shared {
     queue: Arc<Queue>,
 }
 
-/// Serves a page until SIGINT or SIGTERM. `make` builds what answers its requests, on the thread where that stays;
-/// `on_ready` is told the address, token included, once requests are answered.
+/// A server that runs until this is dropped.
+pub struct Running(#[allow(dead_code)] oneshot::Sender<()>);
+
+/// Serves a page. `make` builds what answers its requests, on the thread where that stays; `on_ready` is told the address, token
+/// included, once requests are answered.
 ///
 /// # Errors
 /// The port is taken, or `make`, `on_ready` or [`Answer::finish`] fails.
@@ -74,7 +79,7 @@ pub fn serve<A: Answer>(
     port: u16,
     page: Page,
     make: impl FnOnce() -> Result<A> + Send + 'static,
-    on_ready: impl FnOnce(&str) -> Result<()>,
+    on_ready: impl FnOnce(&str, Running) -> Result<()>,
 ) -> Result<()> {
     let mut runtime = tokio::runtime::Builder::new_current_thread();
     let runtime = runtime.enable_all().build().map_err(failed)?;
@@ -89,9 +94,8 @@ pub fn serve<A: Answer>(
     });
     let thread = AnswererThread::start(Arc::clone(&queue), make)?;
     let (stop, stopped) = oneshot::channel::<()>();
-    signals::on_stop(move || drop(stop));
     runtime.block_on(async {
-        let told = on_ready(&shared.guard.address());
+        let told = on_ready(&shared.guard.address(), Running(stop));
         let connections = Arc::new(GracefulShutdown::new());
         let accepting = accept(listener, router(&shared), Arc::clone(&connections));
         let accepting = tokio::spawn(accepting);
@@ -120,7 +124,7 @@ fn bind(port: u16) -> Result<TcpListener> {
     let address = (Ipv4Addr::LOCALHOST, port);
     let listener = std::net::TcpListener::bind(address).map_err(|e| match e.kind() {
         io::ErrorKind::AddrInUse => {
-            let what = "is in use by another program; give another --port, or leave it out";
+            let what = "is in use by another program; give another with the option `port`, or leave it out";
             Error::data(Place::file(format!("port {port}")), what)
         }
         _ => Error::io(format!("port {port}"), e),
