@@ -2,7 +2,7 @@
 
 use super::args::InputArgs;
 use super::progress::Progress;
-use super::result_cache::{self, ResultCache};
+use crate::evaluate::benchmark::result_cache::{self, ResultCache};
 use super::toml_file;
 use super::{input, messages};
 use crate::evaluate::benchmark::leakage::Provenance;

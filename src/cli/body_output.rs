@@ -1,9 +1,10 @@
 //! Writing takes of bodies: meshes, or an animated body.
 
-use super::body_glb::save_glb;
-use super::body_take::BodyTake;
-use super::mesh_output::MeshOutput;
+use super::messages;
 use crate::body::BodyModel;
+use crate::body::glb::SkinnedTake;
+use crate::body::take::BodyTake;
+use crate::io::mesh_output::MeshOutput;
 use crate::pose::units::Units;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
@@ -81,4 +82,17 @@ impl TakeOutput {
             TakeOutput::Meshes(output) => output.write(&take.meshes(body), faces, units),
         }
     }
+}
+
+fn save_glb(path: &Path, body: &BodyModel, take: &BodyTake) -> Result<()> {
+    let skinned = SkinnedTake::new(body, take, &path.display().to_string())?;
+    skinned.mesh.save(path)?;
+    messages::info(&format!(
+        "{}: {} frames; linear skinning with {} corrective shapes is {:.2} mm from the model (mean)",
+        path.display(),
+        skinned.frames,
+        skinned.corrections,
+        skinned.error_mm
+    ));
+    Ok(())
 }

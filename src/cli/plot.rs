@@ -246,22 +246,6 @@ fn bvh(path: &Path) -> Result<Option<Input>> {
         .then_some(input))
 }
 
-/// What a figure is called: the file's name without folder and endings.
-pub fn name_of(path: &Path) -> String {
-    if path == Path::new("-") {
-        return "standard input".into();
-    }
-    let mut name = path.file_name().unwrap_or_default().to_string_lossy();
-    for ending in [
-        ".gz", ".zst", ".csv", ".npy", ".bvh", ".npz", ".obj", ".ply", ".stl",
-    ] {
-        if let Some(stem) = name.strip_suffix(ending).filter(|stem| !stem.is_empty()) {
-            name = stem.to_string().into();
-        }
-    }
-    name.into_owned()
-}
-
 /// The pairs of points to join: those of a list such as `a-b,c-d`, by default those of [`joints::bones`].
 pub fn bones(list: Option<&str>, points: &[String]) -> Result<Vec<(usize, usize)>> {
     let Some(list) = list else {
@@ -316,19 +300,6 @@ mod tests {
         assert_eq!(said, [(0, 2), (2, 1)]);
         for bad in ["", "root", "root-x", "root-lfemur,"] {
             assert_eq!(bones(Some(bad), &names).unwrap_err().exit_code(), 2);
-        }
-    }
-
-    #[test]
-    fn figures_are_named_after_files() {
-        for (path, name) in [
-            ("a/walk.csv", "walk"),
-            ("walk.csv.gz", "walk"),
-            ("x.npy", "x"),
-            (".csv", ".csv"),
-            ("-", "standard input"),
-        ] {
-            assert_eq!(name_of(Path::new(path)), name);
         }
     }
 }

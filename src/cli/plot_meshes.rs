@@ -1,7 +1,7 @@
 //! `plot` around the library, for meshes: flags, the scene, the rows of a picture.
 
 use super::args::InputArgs;
-use super::mesh_sequences::{MeshFiles, Sequence};
+use crate::draw::mesh_sequences::{MeshFiles, Sequence};
 use super::plot::{PlotFormat, SvgArgs};
 use crate::draw::figure::mesh::{Row, Still, svg};
 use crate::draw::mesh_scene::MeshScene;

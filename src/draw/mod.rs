@@ -4,6 +4,7 @@ pub mod figure;
 pub(crate) mod href;
 pub(crate) mod html;
 pub mod mesh_scene;
+pub mod mesh_sequences;
 pub(crate) mod plain_page;
 pub mod player;
 pub mod scene;

@@ -16,6 +16,7 @@ mod marker_rows;
 pub mod marker_take;
 mod matrix;
 pub mod mesh;
+pub mod mesh_output;
 pub mod model;
 pub mod model_outputs;
 pub mod motion_file;

@@ -11,7 +11,8 @@ use posing::cli::body::{
 };
 use posing::cli::body_output::TakeOutput;
 use posing::cli::body_scan_markers::markers_on_scan;
-use posing::cli::body_take::{BodyTake, fit_take};
+use posing::body::take::BodyTake;
+use posing::cli::body::fit_take;
 use posing::cli::input;
 use posing::io::Table;
 use posing::pose::units::{LengthUnit, Units, UpAxis, parse_length};

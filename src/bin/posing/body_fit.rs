@@ -9,8 +9,9 @@ use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::body::{
     check_points, columns_of, open_body, points_of, read_marker_map, write_rotations, write_shapes,
 };
-use posing::cli::body_take::{report_missed, timed};
-use posing::cli::mesh_output::{MeshOutput, face_array, vertex_array};
+use posing::body::take::timed;
+use posing::cli::body::report_missed;
+use posing::io::mesh_output::{MeshOutput, face_array, vertex_array};
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages, streams};
 use posing::io::MeshFormat;

@@ -6,7 +6,7 @@ use posing::body::scan_fit::fit_scan;
 use posing::body::surface::Surface;
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::open_body;
-use posing::cli::mesh_output::MeshOutput;
+use posing::io::mesh_output::MeshOutput;
 use posing::cli::registration_points::RegistrationPoints;
 use posing::cli::{input, messages};
 use posing::io::Mesh;

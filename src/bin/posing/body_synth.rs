@@ -5,7 +5,8 @@ use posing::body::BodyModel;
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
 use posing::cli::body::{open_body, read_rotations, read_shapes};
 use posing::cli::body_output::TakeOutput;
-use posing::cli::body_take::{BodyTake, pose_take};
+use posing::body::take::{BodyTake, frames_of};
+use posing::cli::body::pose_take;
 use posing::cli::{input, messages};
 use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Result};
@@ -110,7 +111,8 @@ fn take(args: &Args, body: &BodyModel) -> Result<BodyTake> {
         None => Ok(BodyTake::at_rest(body)),
         Some(path) => {
             let table = read_rotations(path, body.template.parts())?;
-            Ok(BodyTake::of_rotations(table, args.fps))
+            let poses = frames_of(table.frames.len(), table.table.time, table.table.take);
+            Ok(BodyTake::of_rotations(&poses, table.frames, args.fps))
         }
     }
 }

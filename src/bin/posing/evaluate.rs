@@ -5,7 +5,7 @@ use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::benchmark::{self, BenchmarkArgs, sources};
 use posing::cli::evaluate_metric::{EvaluateMetricArgs, evaluate_metric};
 use posing::cli::evaluate_takes::{EvaluateTakesArgs, evaluate_takes};
-use posing::cli::result_cache::ResultCache;
+use posing::evaluate::benchmark::result_cache::ResultCache;
 use posing::cli::streams;
 use posing::evaluate::benchmark::{Benchmark, Dataset, Share};
 use posing::evaluate::report::BenchmarkReport;

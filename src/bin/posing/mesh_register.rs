@@ -7,7 +7,7 @@ use posing::body::registration::{ROUNDS, Registration, register};
 use posing::body::surface::Surface;
 use posing::cli::args::{CommonArgs, MeshUnitArgs};
 use posing::cli::body::{read_meshes, vertices};
-use posing::cli::mesh_output::mesh;
+use posing::io::mesh_output::mesh;
 use posing::cli::progress::Progress;
 use posing::cli::registration_points::RegistrationPoints;
 use posing::cli::{input, messages};

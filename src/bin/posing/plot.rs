@@ -3,9 +3,10 @@
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::input::{check_single_stdin, or_stdin};
-use posing::cli::mesh_sequences::are_meshes;
+use posing::draw::mesh_sequences::are_meshes;
 use posing::cli::messages;
-use posing::cli::plot::{PlotFormat, PlotTable, SvgArgs, bones, name_of, text_table};
+use posing::cli::plot::{PlotFormat, PlotTable, SvgArgs, bones, text_table};
+use posing::draw::mesh_sequences::name_of;
 use posing::cli::plot_meshes::{MeshArgs, MeshPlot, UnitsTyped};
 use posing::cli::streams::write_bytes;
 use posing::draw::player;

@@ -12,6 +12,7 @@ pub mod examples;
 pub mod leakage;
 pub mod method;
 pub mod result;
+pub mod result_cache;
 pub mod runner;
 pub mod settings;
 pub mod share;

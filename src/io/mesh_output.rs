@@ -1,7 +1,8 @@
 //! Writing meshes as commands do: one file, an archive, or a folder of files.
 
-use crate::io::npz::{NpzArray, NpzValues, npz_bytes};
-use crate::io::{Mesh, MeshFormat};
+use super::mesh::{Mesh, MeshFormat};
+use super::npz::{NpzArray, NpzValues, npz_bytes};
+use super::output::write_file;
 use crate::pose::units::Units;
 use crate::{Error, Result};
 use glam::DVec3;
@@ -51,7 +52,7 @@ impl MeshOutput {
             MeshOutput::Archive(path) => {
                 let bytes =
                     npz_bytes(&[vertex_array("vertices", meshes, units), face_array(faces)])?;
-                super::streams::write_bytes(Some(path), &bytes, true)
+                write_file(path, &bytes)
             }
             MeshOutput::File(path) => match meshes {
                 [one] => mesh(one, faces, units).save(path),

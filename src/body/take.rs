@@ -1,21 +1,12 @@
 //! A take as rotations and places of a body, and the meshes of it.
 
-use super::args::InputArgs;
-use super::body::{RotationTable, check_points, columns_of, points_of};
-use super::{input, messages};
-use crate::body::animation::{Animation, MarkerFrame, Offsets, animate};
-use crate::body::joint_markers::joint_markers;
-use crate::body::{BodyModel, Marker, MarkerModel};
-use crate::numeric::median::median;
+use super::BodyModel;
+use super::animation::Animation;
 use crate::numeric::parallel;
 use crate::pose::Poses;
-use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
 use ndarray::Array2;
 use std::sync::Arc;
-
-/// How far joints of a pose table stand from those of a body, centimetres: a skeleton's are not where the mesh has them.
-const JOINT_NOISE: f64 = 2.0;
 
 /// Rotations of the parts and place of the root, frame by frame.
 #[derive(Debug, Clone)]
@@ -58,12 +49,15 @@ impl BodyTake {
         }
     }
 
-    /// The frames of a table of rotations.
-    pub fn of_rotations(table: RotationTable, fps: Option<f64>) -> BodyTake {
-        let poses = frames_of(table.frames.len(), table.table.time, table.table.take);
+    /// A take of rotations and places, with the times and takes of `poses`, or else `fps` frames per second.
+    pub fn of_rotations(
+        poses: &Poses,
+        frames: Vec<Option<(Vec<DMat3>, DVec3)>>,
+        fps: Option<f64>,
+    ) -> BodyTake {
         BodyTake {
-            poses: timed(&poses, fps),
-            frames: table.frames,
+            poses: timed(poses, fps),
+            frames,
             shapes: vec![Vec::new()],
         }
     }
@@ -158,7 +152,7 @@ impl BodyTake {
 }
 
 /// Frames without points.
-fn frames_of(count: usize, time: Option<Vec<f64>>, take: Option<Vec<Arc<str>>>) -> Poses {
+pub fn frames_of(count: usize, time: Option<Vec<f64>>, take: Option<Vec<Arc<str>>>) -> Poses {
     Poses {
         points: Vec::new(),
         xyz: Array2::zeros((count, 0)),
@@ -179,70 +173,3 @@ pub fn timed(poses: &Poses, fps: Option<f64>) -> Poses {
     frames_of(poses.frames(), time, poses.take.clone())
 }
 
-/// Fits a take of markers; says how near they are.
-///
-/// # Errors
-/// [`Error::Data`]: no frame has markers enough.
-pub fn fit_take(
-    body: &BodyModel,
-    markers: &[Marker],
-    frames: &[MarkerFrame],
-    noise: f64,
-    offsets: Offsets,
-    source: &str,
-) -> Result<Animation> {
-    let model = MarkerModel::new(body, markers);
-    let mut prior = body.fit_prior();
-    prior.noise = noise;
-    let animation = animate(&model, &prior, frames, offsets)
-        .map_err(|what| Error::data(Place::file(source), what))?;
-    let rms: Vec<f64> = animation.fits.iter().flatten().map(|f| f.rms).collect();
-    let missed = frames.len() - rms.len();
-    let worst = rms.iter().copied().fold(0.0, f64::max);
-    messages::info(&format!(
-        "{} frames: points are {:.2} cm from the body (median), {worst:.2} at most",
-        rms.len(),
-        median(rms).unwrap_or_default()
-    ));
-    report_missed(missed);
-    Ok(animation)
-}
-
-/// Says how many frames have no body.
-pub fn report_missed(missed: usize) {
-    if missed > 0 {
-        messages::info(&format!(
-            "no body in {missed} frames, which have fewer than four points"
-        ));
-    }
-}
-
-/// The take of a pose table whose joints the body's model names.
-///
-/// # Errors
-/// The table cannot be read, lacks joints or is of another unit, or the model has no names of joints.
-pub fn pose_take(body: &BodyModel, flags: &InputArgs) -> Result<BodyTake> {
-    if body.joint_names.is_empty() {
-        return Err(Error::usage(
-            "the body does not know which joints its parts begin at; train it with body-train --joints JOINTS.csv",
-        ));
-    }
-    let table = input::read_table(flags, false, false)?;
-    let names: Vec<String> = body.joint_names.iter().map(|(_, n)| n.clone()).collect();
-    let columns = columns_of(&table.poses, &names, "the body", &table.name)?;
-    let mut frames: Vec<MarkerFrame> = (0..table.poses.frames())
-        .map(|t| points_of(&table.poses, t, &columns))
-        .collect();
-    let markers = joint_markers(&body.template, &body.joint_names);
-    check_points(body, &markers, &mut frames, &table.name)?;
-    let animation = fit_take(
-        body,
-        &markers,
-        &frames,
-        JOINT_NOISE,
-        Offsets::Learnt,
-        &table.name,
-    )?;
-    let fps = flags.rate(&table.poses)?;
-    Ok(BodyTake::of(body, &animation, &table.poses, fps))
-}

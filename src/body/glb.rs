@@ -1,14 +1,12 @@
 //! A take of a body as binary glTF: one skinned mesh, with corrective shapes, shapes of people, and an animation a take.
 
-use super::body_take::BodyTake;
-use super::messages;
-use crate::body::file::part_name;
-use crate::body::skinning::{Frame, Sample};
-use crate::body::{BodyModel, Skinning, Template};
+use super::file::part_name;
+use super::skinning::{Frame, Sample};
+use super::take::BodyTake;
+use super::{BodyModel, Skinning, Template};
 use crate::io::glb::{Animation, Bone, Shape, SkinnedMesh};
 use crate::{Error, Place, Result};
 use glam::{DMat3, DVec3};
-use std::path::Path;
 
 /// Corrective shapes of the skin.
 const CORRECTIONS: usize = 20;
@@ -17,36 +15,47 @@ const SAMPLES: usize = 100;
 /// Components of shape that become morph targets.
 const PEOPLE: usize = 5;
 
-/// Writes a take; says how much the skin errs against the model.
-///
-/// # Errors
-/// [`Error::Usage`]: the take has no times or several shapes. [`Error::Io`]: the file cannot be written.
-pub fn save_glb(path: &Path, body: &BodyModel, take: &BodyTake) -> Result<()> {
-    if take.shapes.len() != 1 {
-        let what = "a .glb holds one body; give one shape, or write a folder";
-        return Err(Error::usage(what));
+/// A take as a skinned mesh.
+pub struct SkinnedTake {
+    /// The mesh and its animations.
+    pub mesh: SkinnedMesh,
+    /// How many frames have a body.
+    pub frames: usize,
+    /// The number of corrective shapes.
+    pub corrections: usize,
+    /// The mean distance of the skinned mesh from the model, mm.
+    pub error_mm: f64,
+}
+
+impl SkinnedTake {
+    /// The skinned mesh of a take, which messages call `name`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`]: the take has several shapes, or frames without times. [`Error::Data`]: no skin fits it.
+    pub fn new(body: &BodyModel, take: &BodyTake, name: &str) -> Result<SkinnedTake> {
+        if take.shapes.len() != 1 {
+            let what = "a .glb holds one body; give one shape, or write a folder";
+            return Err(Error::usage(what));
+        }
+        if take.poses.time.is_none() && take.frames.len() > 1 {
+            let what = "the table has no times, which an animation needs; give the rate with the option `fps`";
+            return Err(Error::usage(what));
+        }
+        let skin = fit_skin(body, take).map_err(|what| Error::data(Place::file(name), what))?;
+        let mut mesh = skinned_mesh(body, take.shape(0), &skin);
+        if !take.is_at_rest() {
+            mesh.animations = animations(take, &skin, &mesh);
+        }
+        mesh.unit_weights();
+        let frames = skin.frames.len();
+        let errors = skin.frames.iter().map(|(_, f)| f.error_mm);
+        Ok(SkinnedTake {
+            mesh,
+            frames,
+            corrections: skin.skinning.shapes.len(),
+            error_mm: errors.sum::<f64>() / frames.max(1) as f64,
+        })
     }
-    if take.poses.time.is_none() && take.frames.len() > 1 {
-        return Err(Error::usage(
-            "the table has no times, which an animation needs; give the rate with --fps",
-        ));
-    }
-    let skin = fit_skin(body, take)
-        .map_err(|what| Error::data(Place::file(path.display().to_string()), what))?;
-    let mut mesh = skinned_mesh(body, take.shape(0), &skin);
-    if !take.is_at_rest() {
-        mesh.animations = animations(take, &skin, &mesh);
-    }
-    mesh.unit_weights();
-    mesh.save(path)?;
-    let count = skin.frames.len();
-    let error = skin.frames.iter().map(|(_, f)| f.error_mm).sum::<f64>() / count.max(1) as f64;
-    messages::info(&format!(
-        "{}: {count} frames; linear skinning with {} corrective shapes is {error:.2} mm from the model (mean)",
-        path.display(),
-        skin.skinning.shapes.len()
-    ));
-    Ok(())
 }
 
 /// A skin, and the frames of a take that it follows.

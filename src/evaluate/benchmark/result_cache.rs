@@ -1,7 +1,7 @@
 //! The file `cells.jsonl` of a run's folder: finished results, a line of JSON each, from which the next run goes on.
 
-use crate::evaluate::benchmark::BenchmarkResult;
-use crate::evaluate::benchmark::runner::Results;
+use super::BenchmarkResult;
+use super::runner::Results;
 use crate::{Error, Place, Result};
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
@@ -112,7 +112,7 @@ fn parse(lines: &[u8], path: &Path) -> Result<Results> {
     for (i, line) in lines.filter(|(_, l)| !l.is_empty()) {
         let line: CacheLine<BenchmarkResult> = serde_json::from_slice(line).map_err(|e| {
             let name = path.display().to_string();
-            let what = format!("is not a cached result ({e}); remove the file, or use --fresh");
+            let what = format!("is not a cached result ({e}); remove the file, or use the option `fresh`");
             Error::data(Place::line(name, i as u64 + 1), what)
         })?;
         results.insert(line.key, line.result);

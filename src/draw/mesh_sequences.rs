@@ -1,7 +1,6 @@
 //! Files of meshes as sequences: which files are meshes, and reading them.
 
-use super::plot::name_of;
-use crate::draw::mesh_scene::MeshFigure;
+use super::mesh_scene::MeshFigure;
 use crate::io::input::ContentKind;
 use crate::io::{Input, MeshFormat, MeshSet};
 use crate::pose::units::Units;
@@ -185,6 +184,22 @@ fn labels(names: &[String]) -> Vec<String> {
     names.iter().map(|n| name_of(Path::new(n))).collect()
 }
 
+/// What a figure is called: the file's name without folder and endings.
+pub fn name_of(path: &Path) -> String {
+    if path == Path::new("-") {
+        return "standard input".into();
+    }
+    let mut name = path.file_name().unwrap_or_default().to_string_lossy();
+    for ending in [
+        ".gz", ".zst", ".csv", ".npy", ".bvh", ".npz", ".obj", ".ply", ".stl",
+    ] {
+        if let Some(stem) = name.strip_suffix(ending).filter(|stem| !stem.is_empty()) {
+            name = stem.to_string().into();
+        }
+    }
+    name.into_owned()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -210,5 +225,18 @@ mod tests {
         let both = are_meshes(&[meshes[0].clone(), tables[0].clone()]).unwrap_err();
         assert!(both.to_string().contains("e.csv a table"), "{both}");
         assert!(are_meshes(&[folder.path().join("none.csv")]).is_err());
+    }
+
+    #[test]
+    fn figures_are_named_after_files() {
+        for (path, name) in [
+            ("a/walk.csv", "walk"),
+            ("walk.csv.gz", "walk"),
+            ("x.npy", "x"),
+            (".csv", ".csv"),
+            ("-", "standard input"),
+        ] {
+            assert_eq!(name_of(Path::new(path)), name);
+        }
     }
 }
