@@ -172,4 +172,3 @@ pub fn timed(poses: &Poses, fps: Option<f64>) -> Poses {
     let time = poses.time.clone().or_else(|| fps.map(by_rate));
     frames_of(poses.frames(), time, poses.take.clone())
 }
-

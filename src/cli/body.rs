@@ -1,8 +1,8 @@
 //! What the commands of bodies share: models, meshes in centimetres, maps, tables of rotations and shapes.
 
+use super::args::InputArgs;
 use super::number_table::{self, NumberTable};
 use super::pair_file::PairFile;
-use super::args::InputArgs;
 use super::{input, messages};
 use crate::body::animation::{Animation, MarkerFrame, Offsets, animate};
 use crate::body::file::part_name;

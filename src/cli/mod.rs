@@ -1,21 +1,14 @@
 //! The parts that commands share: the wrapper around `main`, flags, input and output, progress, manual pages.
 
 pub mod args;
-pub mod benchmark;
 pub mod body;
 pub mod body_output;
-pub mod body_scan_markers;
 pub mod browser;
 pub mod closed_stdout;
-pub mod cluster;
-pub mod code_table;
 pub mod completions;
-pub mod evaluate_metric;
-pub mod evaluate_takes;
 pub mod feature_table;
 pub mod ik;
 pub mod input;
-pub mod ksvd;
 pub mod limit_args;
 pub mod manual;
 pub mod marker_files;
@@ -26,10 +19,6 @@ pub mod name_maps;
 pub mod number_table;
 pub mod one_take_args;
 pub mod pair_file;
-pub mod pair_label;
-pub mod plot;
-pub mod plot_meshes;
-pub mod point_columns;
 pub mod progress;
 pub mod read_args;
 pub mod registration_points;
@@ -38,10 +27,8 @@ pub mod signals;
 pub mod streams;
 mod summary;
 pub mod take_classes;
-mod take_pairs;
 pub mod toml_file;
 pub mod training;
-pub mod transition;
 mod value_enums;
 
 use crate::Result;

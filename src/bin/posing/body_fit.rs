@@ -4,17 +4,17 @@ use clap::Parser;
 use glam::{DMat3, DVec3};
 use posing::body::completion::{Completion, complete};
 use posing::body::fit::{Fit, FitProblem};
+use posing::body::take::timed;
 use posing::body::{BodyModel, MarkerModel};
 use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::body::report_missed;
 use posing::cli::body::{
     check_points, columns_of, open_body, points_of, read_marker_map, write_rotations, write_shapes,
 };
-use posing::body::take::timed;
-use posing::cli::body::report_missed;
-use posing::io::mesh_output::{MeshOutput, face_array, vertex_array};
 use posing::cli::progress::Progress;
 use posing::cli::{input, messages, streams};
 use posing::io::MeshFormat;
+use posing::io::mesh_output::{MeshOutput, face_array, vertex_array};
 use posing::io::npz::{NpzArray, NpzValues, npz_bytes};
 use posing::numeric::median::median;
 use posing::numeric::parallel;

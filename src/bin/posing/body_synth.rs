@@ -2,11 +2,11 @@
 
 use clap::Parser;
 use posing::body::BodyModel;
+use posing::body::take::{BodyTake, frames_of};
 use posing::cli::args::{CommonArgs, InputArgs, parse_rate};
+use posing::cli::body::pose_take;
 use posing::cli::body::{open_body, read_rotations, read_shapes};
 use posing::cli::body_output::TakeOutput;
-use posing::body::take::{BodyTake, frames_of};
-use posing::cli::body::pose_take;
 use posing::cli::{input, messages};
 use posing::pose::units::{LengthUnit, Units, UpAxis};
 use posing::{Error, Result};

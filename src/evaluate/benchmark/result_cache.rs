@@ -112,7 +112,8 @@ fn parse(lines: &[u8], path: &Path) -> Result<Results> {
     for (i, line) in lines.filter(|(_, l)| !l.is_empty()) {
         let line: CacheLine<BenchmarkResult> = serde_json::from_slice(line).map_err(|e| {
             let name = path.display().to_string();
-            let what = format!("is not a cached result ({e}); remove the file, or use the option `fresh`");
+            let what =
+                format!("is not a cached result ({e}); remove the file, or use the option `fresh`");
             Error::data(Place::line(name, i as u64 + 1), what)
         })?;
         results.insert(line.key, line.result);

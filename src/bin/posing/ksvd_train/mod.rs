@@ -1,9 +1,11 @@
 //! Learns a dictionary of poses by K-SVD.
 
+mod training;
+
+use self::training::{KsvdArgs, TrainingRun};
 use clap::{ArgGroup, Parser};
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs, Space};
-use posing::cli::ksvd::{KsvdArgs, TrainingRun};
 use posing::cli::training::ready;
 use posing::cli::{input, messages, streams};
 use posing::prior::provenance::{digest, entry};

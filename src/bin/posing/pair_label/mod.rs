@@ -1,11 +1,13 @@
 //! Proposes pairs of poses, and makes the page on which a person labels them.
 
+mod output;
+
+use self::output::{PairFormat, PairSet};
 use clap::Parser;
 use posing::Result;
 use posing::cli::args::{CommonArgs, InputArgs, SeedArgs};
 use posing::cli::feature_table::joint_map;
 use posing::cli::metric_takes::read_takes;
-use posing::cli::pair_label::{PairFormat, PairSet};
 use posing::cli::streams::write_bytes;
 use posing::metric::pair_proposal::PairRules;
 use std::path::PathBuf;

@@ -1,8 +1,10 @@
 //! Turns poses into sparse codes.
 
+mod code_table;
+
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, PursuitFlag};
-use posing::cli::code_table;
+
 use posing::cli::input::{RowStream, check_single_stdin_with, open_model};
 use posing::cli::streams::open_output;
 use posing::prior::sparse_coding::dictionary;

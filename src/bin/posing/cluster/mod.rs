@@ -1,8 +1,10 @@
 //! Groups poses by hierarchical k-means.
 
+mod split;
+
+use self::split::{KMeansArgs, SplitFolder};
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs, OutputArgs, SeedArgs};
-use posing::cli::cluster::{KMeansArgs, SplitFolder};
 use posing::cli::progress::Progress;
 use posing::cli::streams;
 use posing::cli::{input, messages};

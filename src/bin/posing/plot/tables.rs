@@ -1,16 +1,16 @@
 //! `plot` around the library: pose tables with statuses, bones by name, a table of text, the flags of an SVG.
 
-use super::args::InputArgs;
-use super::input::{RowStream, open};
 use super::point_columns::{PointColumns, PointColumnsReader};
-use crate::draw::figure::{self, Layout};
-use crate::draw::scene::{Scene, Table, spread};
-use crate::evaluate::alignment::point_order;
-use crate::io::bvh::{BvhPoints, BvhSkeleton};
-use crate::io::csv::csv_fault;
-use crate::io::{Bvh, Input, PosesBuilder, Row};
-use crate::pose::{Poses, joints};
-use crate::{Error, Place, Result};
+use posing::cli::args::InputArgs;
+use posing::cli::input::{RowStream, open};
+use posing::draw::figure::{self, Layout};
+use posing::draw::scene::{Scene, Table, spread};
+use posing::evaluate::alignment::point_order;
+use posing::io::bvh::{BvhPoints, BvhSkeleton};
+use posing::io::csv::csv_fault;
+use posing::io::{Bvh, Input, PosesBuilder, Row};
+use posing::pose::{Poses, joints};
+use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
 /// A table of text is small.

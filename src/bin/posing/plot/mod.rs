@@ -1,14 +1,18 @@
 //! Draws tables or meshes as SVG, or as a page that plays them.
 
+mod meshes;
+mod point_columns;
+mod tables;
+
+use self::meshes::{MeshArgs, MeshPlot, UnitsTyped};
+use self::tables::{PlotFormat, PlotTable, SvgArgs, bones, text_table};
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::input::{check_single_stdin, or_stdin};
-use posing::draw::mesh_sequences::are_meshes;
 use posing::cli::messages;
-use posing::cli::plot::{PlotFormat, PlotTable, SvgArgs, bones, text_table};
-use posing::draw::mesh_sequences::name_of;
-use posing::cli::plot_meshes::{MeshArgs, MeshPlot, UnitsTyped};
 use posing::cli::streams::write_bytes;
+use posing::draw::mesh_sequences::are_meshes;
+use posing::draw::mesh_sequences::name_of;
 use posing::draw::player;
 use posing::draw::scene::runs;
 use posing::draw::scene::{Figure, Scene};

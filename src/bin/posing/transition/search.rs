@@ -1,19 +1,19 @@
 //! Transitions between the takes of a table: which pairs of takes, their candidate frames, whether these are good, the table
 //! of them, and the blended take.
 
-use super::args::{InputArgs, OutputArgs};
-use super::metric_takes::MetricTakes;
 use super::take_pairs::{check_rates, take_pairs};
-use super::{messages, streams};
-use crate::io::Table;
-use crate::io::text::{excerpt, push_f32};
-use crate::metric::transition::candidates;
-use crate::metric::{
+use ndarray::Array2;
+use posing::cli::args::{InputArgs, OutputArgs};
+use posing::cli::metric_takes::MetricTakes;
+use posing::cli::{messages, streams};
+use posing::io::Table;
+use posing::io::text::{excerpt, push_f32};
+use posing::metric::transition::candidates;
+use posing::metric::{
     Blend, BlendQuality, Candidate, Clip, ClipRange, FrameRef, PoseMetric, TransitionSearch,
 };
-use crate::numeric::parallel;
-use crate::{Error, Place, Result};
-use ndarray::Array2;
+use posing::numeric::parallel;
+use posing::{Error, Place, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 

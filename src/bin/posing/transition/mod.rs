@@ -1,9 +1,12 @@
 //! Finds frames at which one take can go over into another, and blends takes there.
 
+mod search;
+mod take_pairs;
+
+use self::search::{Transition, TransitionSettings, Transitions};
 use clap::Parser;
 use posing::cli::args::{CommonArgs, InputArgs};
 use posing::cli::metric_takes::{MetricTakes, read_takes};
-use posing::cli::transition::{Transition, TransitionSettings, Transitions};
 use posing::cli::{feature_table, input, messages};
 use posing::metric::train::Learner;
 use posing::metric::{JointMap, PoseFeatures, PoseMetric, TrainSettings, train};

@@ -1,18 +1,20 @@
 //! Animates a body from a take of markers.
 
+mod scan_markers;
+
+use self::scan_markers::markers_on_scan;
 use clap::Parser;
 use posing::body::BodyModel;
 use posing::body::Marker;
 use posing::body::animation::{MarkerFrame, Offsets};
+use posing::body::take::BodyTake;
 use posing::cli::args::{CommonArgs, InputArgs};
+use posing::cli::body::fit_take;
 use posing::cli::body::{
     check_points, columns_of, open_body, points_of, read_marker_map, read_shapes, write_rotations,
     write_shapes,
 };
 use posing::cli::body_output::TakeOutput;
-use posing::cli::body_scan_markers::markers_on_scan;
-use posing::body::take::BodyTake;
-use posing::cli::body::fit_take;
 use posing::cli::input;
 use posing::io::Table;
 use posing::pose::units::{LengthUnit, Units, UpAxis, parse_length};

@@ -1,12 +1,12 @@
 //! `cluster` around the library: its flags, and a folder with one table a cluster.
 
-use super::args::OutputArgs;
-use super::streams::create_table;
-use crate::cluster::KMeans;
-use crate::io::output::CompleteOutput;
-use crate::io::{Row, Table, TableFormat};
-use crate::pose::units::Units;
-use crate::{Error, Place, Result};
+use posing::cli::args::OutputArgs;
+use posing::cli::streams::create_table;
+use posing::cluster::KMeans;
+use posing::io::output::CompleteOutput;
+use posing::io::{Row, Table, TableFormat};
+use posing::pose::units::Units;
+use posing::{Error, Place, Result};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 

@@ -1,25 +1,25 @@
 //! `evaluate` around the library: its flags and TOML file, its tables and models, the cache of results, the progress bar.
 
-use super::args::InputArgs;
-use super::progress::Progress;
-use crate::evaluate::benchmark::result_cache::{self, ResultCache};
-use super::toml_file;
-use super::{input, messages};
-use crate::evaluate::benchmark::leakage::Provenance;
-use crate::evaluate::benchmark::method::{ModelSource, PretrainedModel};
-use crate::evaluate::benchmark::result::Case;
-use crate::evaluate::benchmark::runner::{Event, Results};
-use crate::evaluate::benchmark::{
+use clap::Args;
+use posing::cli::args::InputArgs;
+use posing::cli::progress::Progress;
+use posing::cli::toml_file;
+use posing::cli::{input, messages};
+use posing::evaluate::benchmark::leakage::Provenance;
+use posing::evaluate::benchmark::method::{ModelSource, PretrainedModel};
+use posing::evaluate::benchmark::result::Case;
+use posing::evaluate::benchmark::result_cache::{self, ResultCache};
+use posing::evaluate::benchmark::runner::{Event, Results};
+use posing::evaluate::benchmark::{
     Benchmark, BenchmarkResult, Method, Settings, Share, Split, Task,
 };
-use crate::evaluate::report::BenchmarkReport;
-use crate::evaluate::report::paper::{Comparison, FinishedRun};
-use crate::pose::Poses;
-use crate::pose::units::parse_length;
-use crate::prior::provenance::hex;
-use crate::prior::{self, OpenOptions};
-use crate::{Error, Place, Result};
-use clap::Args;
+use posing::evaluate::report::BenchmarkReport;
+use posing::evaluate::report::paper::{Comparison, FinishedRun};
+use posing::pose::Poses;
+use posing::pose::units::parse_length;
+use posing::prior::provenance::hex;
+use posing::prior::{self, OpenOptions};
+use posing::{Error, Place, Result};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 use sha2::{Digest, Sha256};
@@ -308,7 +308,7 @@ fn run_cases(
 pub fn write(folder: &Path, files: &[(&str, String)]) -> Result<()> {
     fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
     for (name, text) in files {
-        crate::io::output::write_file(folder.join(name), text.as_bytes())?;
+        posing::io::output::write_file(folder.join(name), text.as_bytes())?;
     }
     Ok(())
 }

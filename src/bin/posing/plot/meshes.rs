@@ -1,14 +1,14 @@
 //! `plot` around the library, for meshes: flags, the scene, the rows of a picture.
 
-use super::args::InputArgs;
-use crate::draw::mesh_sequences::{MeshFiles, Sequence};
-use super::plot::{PlotFormat, SvgArgs};
-use crate::draw::figure::mesh::{Row, Still, svg};
-use crate::draw::mesh_scene::MeshScene;
-use crate::draw::player::mesh::page;
-use crate::draw::scene::Table;
-use crate::{Error, Result};
+use super::tables::{PlotFormat, SvgArgs};
 use clap::parser::ValueSource;
+use posing::cli::args::InputArgs;
+use posing::draw::figure::mesh::{Row, Still, svg};
+use posing::draw::mesh_scene::MeshScene;
+use posing::draw::mesh_sequences::{MeshFiles, Sequence};
+use posing::draw::player::mesh::page;
+use posing::draw::scene::Table;
+use posing::{Error, Result};
 
 /// The largest number of meshes in a row of an SVG, some 10 MB of bodies.
 const MOST_STILLS: usize = 100;

@@ -1,12 +1,12 @@
 //! `pair-label` around the library: the format of the output, the motion of takes, the pairs as CSV, messages.
 
-use super::messages;
-use super::metric_takes::MetricTakes;
-use crate::evaluate::pair_label::{self, Motion};
-use crate::io::csv::push_cell;
-use crate::metric::JointMap;
-use crate::metric::pair_proposal::{NEAR_COPY, PairRules, Proposal, propose};
-use crate::{Error, Place, Result};
+use posing::cli::messages;
+use posing::cli::metric_takes::MetricTakes;
+use posing::evaluate::pair_label::{self, Motion};
+use posing::io::csv::push_cell;
+use posing::metric::JointMap;
+use posing::metric::pair_proposal::{NEAR_COPY, PairRules, Proposal, propose};
+use posing::{Error, Place, Result};
 use std::path::Path;
 
 /// The format of the proposed pairs.

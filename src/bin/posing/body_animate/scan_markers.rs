@@ -1,12 +1,12 @@
 //! Which vertex each marker is on, learnt from a mesh of the person.
 
-use super::body::{points_of, read_meshes, vertices};
-use super::messages;
-use crate::body::decomposition::fit_rotations;
-use crate::body::{BodyModel, Marker};
-use crate::io::Table;
-use crate::pose::units::Units;
-use crate::{Error, Place, Result};
+use posing::body::decomposition::fit_rotations;
+use posing::body::{BodyModel, Marker};
+use posing::cli::body::{points_of, read_meshes, vertices};
+use posing::cli::messages;
+use posing::io::Table;
+use posing::pose::units::Units;
+use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
 /// A point farther than this from the skin is on no body, centimetres.
@@ -60,7 +60,7 @@ pub fn markers_on_scan(
             _ => left_out.push(name.as_str()),
         }
     }
-    if markers.len() < crate::body::fit::FEWEST {
+    if markers.len() < posing::body::fit::FEWEST {
         return fail(format!(
             "has only {} points of frame {frame} within {ON_BODY} cm; check --scan-units and --scan-frame",
             markers.len()

@@ -1,18 +1,18 @@
 //! `evaluate metric` around the library: its flags, the classes of takes, its files.
 
-use super::args::InputArgs;
 use super::benchmark::write;
-use super::feature_table::joint_map;
-use super::metric_takes::{MetricTakes, read_takes};
-use super::progress::Progress;
-use super::take_classes;
-use super::{input, messages, streams};
-use crate::evaluate::metric::{ClassifiedTake, LabelRule, MetricSettings, TakeSet, test};
-use crate::metric::JointMap;
-use crate::metric::blend_test::ClipRange;
-use crate::metric::clip::Clip;
-use crate::{Error, Place, Result};
 use clap::Args;
+use posing::cli::args::InputArgs;
+use posing::cli::feature_table::joint_map;
+use posing::cli::metric_takes::{MetricTakes, read_takes};
+use posing::cli::progress::Progress;
+use posing::cli::take_classes;
+use posing::cli::{input, messages, streams};
+use posing::evaluate::metric::{ClassifiedTake, LabelRule, MetricSettings, TakeSet, test};
+use posing::metric::JointMap;
+use posing::metric::blend_test::ClipRange;
+use posing::metric::clip::Clip;
+use posing::{Error, Place, Result};
 use std::path::{Path, PathBuf};
 
 /// Steps of the progress bar.

@@ -1,12 +1,16 @@
 //! Compares models on poses they have not learnt from.
 
+mod benchmark;
+mod metric;
+mod takes;
+
+use self::benchmark::{BenchmarkArgs, sources};
+use self::metric::{EvaluateMetricArgs, evaluate_metric};
+use self::takes::{EvaluateTakesArgs, evaluate_takes};
 use clap::{Parser, Subcommand};
 use posing::cli::args::{CommonArgs, InputArgs};
-use posing::cli::benchmark::{self, BenchmarkArgs, sources};
-use posing::cli::evaluate_metric::{EvaluateMetricArgs, evaluate_metric};
-use posing::cli::evaluate_takes::{EvaluateTakesArgs, evaluate_takes};
-use posing::evaluate::benchmark::result_cache::ResultCache;
 use posing::cli::streams;
+use posing::evaluate::benchmark::result_cache::ResultCache;
 use posing::evaluate::benchmark::{Benchmark, Dataset, Share};
 use posing::evaluate::report::BenchmarkReport;
 use posing::{Error, Result};
@@ -35,7 +39,7 @@ use std::path::PathBuf;
     version,
     args_conflicts_with_subcommands = true,
     after_help = "Examples:\n  posing evaluate --splits takes --seeds 5 -o bench 01.csv 02.csv 07.csv\n  posing evaluate --models sparse,ksvd:n=500:k=5,ksvd-omp --tasks dense,complete --base 0,0.05asf 07.csv\n  posing evaluate --splits takes -m mine.npz my-takes.csv\n  posing evaluate --splits takes --seeds 5 --cells 3/8 -o cells/3 01.csv 02.csv 07.csv\n  posing evaluate --splits takes --seeds 5 01.csv 02.csv 07.csv --merge cells/* -o bench\n  posing evaluate --config bench.toml\n  posing evaluate takes -o bench two-people.csv\n  posing evaluate metric --classes classes.csv takes.csv",
-    after_long_help = include_str!("evaluate_help.txt")
+    after_long_help = include_str!("help.txt")
 )]
 pub struct Args {
     #[command(subcommand)]

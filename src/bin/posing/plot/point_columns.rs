@@ -1,10 +1,10 @@
 //! What the columns of `--status` say of each point: `NAME.status`, `NAME.sd`, `NAME.method`.
 
-use crate::io::{Columns, Row};
-use crate::pose::FillMethod;
-use crate::pose::Status;
-use crate::{Error, Place, Result};
 use ndarray::{Array2, Axis};
+use posing::io::{Columns, Row};
+use posing::pose::FillMethod;
+use posing::pose::Status;
+use posing::{Error, Place, Result};
 
 /// Frames x points each; `None` where the table has no such columns.
 #[derive(Debug, Clone, Default)]

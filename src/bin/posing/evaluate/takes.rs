@@ -1,13 +1,13 @@
 //! `evaluate takes` around the library: its flags, its model, its files.
 
-use super::args::InputArgs;
 use super::benchmark::{sources, write};
-use super::progress::Progress;
-use super::{input, messages, streams};
-use crate::Result;
-use crate::evaluate::takes::{GapLength, TakesSettings, TestTakes, TestedModel};
-use crate::pose::units::parse_length;
 use clap::Args;
+use posing::Result;
+use posing::cli::args::InputArgs;
+use posing::cli::progress::Progress;
+use posing::cli::{input, messages, streams};
+use posing::evaluate::takes::{GapLength, TakesSettings, TestTakes, TestedModel};
+use posing::pose::units::parse_length;
 use std::path::PathBuf;
 
 /// Steps of the progress bar.
@@ -54,7 +54,7 @@ pub struct EvaluateTakesArgs {
 fn gap_length(text: &str) -> std::result::Result<GapLength, String> {
     match text.trim() {
         "end" => Ok(GapLength::ToTheEnd),
-        text => super::args::parse_positive(text).map(GapLength::Seconds),
+        text => posing::cli::args::parse_positive(text).map(GapLength::Seconds),
     }
 }
 

@@ -1,17 +1,17 @@
 //! `ksvd-train` around the library: its flags, the log, the checkpoint, the progress bar.
 
-use super::args::{InputArgs, PursuitFlag, Space, parse_positive, value_name};
-use super::progress::Progress;
-use super::{input, messages};
-use crate::io::input::ContentKind;
-use crate::io::{Input, Model, Table};
-use crate::prior::provenance::digest;
-use crate::prior::{TrainingSet, sparse_coding};
-use crate::sparse::{
+use ndarray::ArrayView2;
+use posing::cli::args::{InputArgs, PursuitFlag, Space, parse_positive, value_name};
+use posing::cli::progress::Progress;
+use posing::cli::{input, messages};
+use posing::io::input::ContentKind;
+use posing::io::{Input, Model, Table};
+use posing::prior::provenance::digest;
+use posing::prior::{TrainingSet, sparse_coding};
+use posing::sparse::{
     Dictionary, Encoder, GrowthSearch, IterationStats, Ksvd, TrainingState, random_atoms,
 };
-use crate::{Error, Place, Result};
-use ndarray::ArrayView2;
+use posing::{Error, Place, Result};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -327,7 +327,7 @@ mod tests {
     #[test]
     fn a_log_ends_with_the_iteration_of_the_checkpoint() {
         let log = "{\"iteration\":1,\"rms\":2.0}\n{\"iteration\":2}\n{\"iteration\":3}\n{\"iter";
-        let kept = super::lines_up_to(log, 2);
+        let kept = posing::cli::lines_up_to(log, 2);
         assert_eq!(kept, "{\"iteration\":1,\"rms\":2.0}\n{\"iteration\":2}\n");
     }
 }

@@ -1,8 +1,8 @@
 //! Which pairs of a table's takes a command is about, and whether they have one rate.
 
-use super::metric_takes::MetricTakes;
-use crate::io::text::excerpt;
-use crate::{Error, Place, Result};
+use posing::cli::metric_takes::MetricTakes;
+use posing::io::text::excerpt;
+use posing::{Error, Place, Result};
 
 /// Most names that an error lists.
 const LISTED: usize = 8;

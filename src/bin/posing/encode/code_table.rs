@@ -1,13 +1,13 @@
 //! The table of sparse codes that `encode` writes: `atom1,coef1,…,atomK,coefK,rms`.
 
-use super::input::RowStream;
-use super::messages;
-use crate::io::text::{push_f32, push_f64, push_integer};
-use crate::io::{Output, Row};
-use crate::numeric::parallel;
-use crate::sparse::{Encoder, SparseCodes};
-use crate::{Error, Result};
 use ndarray::Array2;
+use posing::cli::input::RowStream;
+use posing::cli::messages;
+use posing::io::text::{push_f32, push_f64, push_integer};
+use posing::io::{Output, Row};
+use posing::numeric::parallel;
+use posing::sparse::{Encoder, SparseCodes};
+use posing::{Error, Result};
 use std::ops::Range;
 
 /// Poses that all threads encode together, while the next are read: enough for the first batch to build the search index.
