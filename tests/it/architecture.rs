@@ -26,24 +26,31 @@ const MAY_NAME: &[(&str, &[&str])] = &[
             "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "io",
         ],
     ),
+    ("draw", &["pose", "numeric", "io"]),
     (
         "evaluate",
         &[
             "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore", "io",
+            "draw",
         ],
     ),
-    ("audit", &["pose", "numeric", "restore"]),
+    ("audit", &["pose", "numeric", "restore", "io", "draw"]),
+    (
+        "clean",
+        &["pose", "numeric", "prior", "restore", "io", "draw", "audit"],
+    ),
     (
         "edit",
         &[
             "pose", "numeric", "cluster", "sparse", "metric", "body", "prior", "restore", "io",
         ],
     ),
+    ("server", &["pose", "restore", "io", "draw", "edit"]),
     (
         "cli",
         &[
             "pose", "numeric", "io", "cluster", "sparse", "metric", "body", "prior", "restore",
-            "evaluate", "edit", "audit",
+            "draw", "evaluate", "edit", "audit", "clean", "server",
         ],
     ),
 ];
@@ -51,11 +58,18 @@ const MAY_NAME: &[(&str, &[&str])] = &[
 /// Rooms that know only some types of io: data that they are made from or turned into.
 const IO_TYPES: &[(&str, &[&str])] = &[
     ("metric", &["io::Model"]),
-    ("body", &["io::Model"]),
+    ("body", &["io::Model", "io::glb"]),
     ("prior", &["io::Model", "io::model"]),
     (
         "restore",
-        &["io::Model", "io::model", "io::Table", "io::Bvh", "io::bvh"],
+        &[
+            "io::Model",
+            "io::model",
+            "io::Table",
+            "io::Bvh",
+            "io::bvh",
+            "io::Output",
+        ],
     ),
     // What is tested restores tables with a model.
     ("evaluate", &["io::Model", "io::Table"]),
